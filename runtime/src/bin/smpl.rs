@@ -1,0 +1,2 @@
+//! The `smpl` command.
+fn main() {}
