@@ -1,1 +1,4 @@
-//! smpl-compiler
+//! smpl-compiler: from the syntax tree to machine code.
+
+pub mod ir;
+pub mod model;

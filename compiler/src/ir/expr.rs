@@ -1,0 +1,661 @@
+//! Nodes, their arena, and the constructors that simplify while they build.
+
+use std::collections::HashMap;
+use std::fmt;
+
+use cranelift_entity::{PrimaryMap, entity_impl};
+use serde::{Deserialize, Serialize};
+
+use super::VarId;
+
+/// A node of the graph.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct ExprId(u32);
+entity_impl!(ExprId, "e");
+
+/// Deepest nest of loops.
+pub const MAX_DEPTH: usize = 4;
+
+/// Counter of the loop at a depth, from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct LoopVar(pub u8);
+
+/// Element of an array as an affine function of the loop counters: `offset + Σ strides[d]·l_d`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Affine {
+    /// Constant part, in elements.
+    pub offset: i64,
+    /// Factor of each loop counter, in elements.
+    pub strides: [i64; MAX_DEPTH],
+}
+
+impl Affine {
+    /// The constant address.
+    #[must_use]
+    pub fn constant(offset: i64) -> Self {
+        Affine { offset, strides: [0; MAX_DEPTH] }
+    }
+
+    /// `offset + stride·l_depth`
+    #[must_use]
+    pub fn along(offset: i64, depth: LoopVar, stride: i64) -> Self {
+        let mut a = Self::constant(offset);
+        a.strides[depth.0 as usize] = stride;
+        a
+    }
+
+    /// Sum of two addresses.
+    #[must_use]
+    pub fn plus(self, other: Affine) -> Self {
+        let mut a = self;
+        a.offset += other.offset;
+        for (s, o) in a.strides.iter_mut().zip(other.strides) {
+            *s += o;
+        }
+        a
+    }
+
+    /// The address times a number.
+    #[must_use]
+    pub fn times(self, factor: i64) -> Self {
+        Affine { offset: self.offset * factor, strides: self.strides.map(|s| s * factor) }
+    }
+
+    /// Whether no loop counter occurs.
+    #[must_use]
+    pub fn is_constant(&self) -> bool {
+        self.strides == [0; MAX_DEPTH]
+    }
+
+    /// One more than the deepest loop that occurs; 0 for a constant.
+    #[must_use]
+    pub fn depth(&self) -> u8 {
+        (0..MAX_DEPTH).rev().find(|&d| self.strides[d] != 0).map_or(0, |d| d as u8 + 1)
+    }
+
+    /// The element at given counters.
+    #[must_use]
+    pub fn at(&self, counters: &[i64; MAX_DEPTH]) -> i64 {
+        self.offset + self.strides.iter().zip(counters).map(|(s, c)| s * c).sum::<i64>()
+    }
+}
+
+/// Which copy of a variable a load reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum Flavour {
+    /// The present value.
+    Value,
+    /// The time derivative of a state.
+    Derivative,
+    /// The value at the start of the episode.
+    Initial,
+    /// The value at the end of the step before.
+    Previous,
+    /// The value at the steady state.
+    Steady,
+}
+
+/// Functions of one number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[allow(missing_docs, reason = "the names say it")]
+pub enum UnaryFn {
+    Neg,
+    Abs,
+    /// -1, 0 or 1
+    Sign,
+    Sqrt,
+    Exp,
+    Ln,
+    Log10,
+    Sin,
+    Cos,
+    Tan,
+    Asin,
+    Acos,
+    Atan,
+    Sinh,
+    Cosh,
+    Tanh,
+    Floor,
+    Ceil,
+    /// To the nearest integer, ties to even.
+    Round,
+}
+
+/// Functions of two numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[allow(missing_docs, reason = "the names say it")]
+pub enum BinaryFn {
+    Add,
+    Sub,
+    Mul,
+    Div,
+    Pow,
+    Min,
+    Max,
+    Atan2,
+}
+
+/// Comparisons; their result is a truth value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[allow(missing_docs, reason = "the names say it")]
+pub enum Compare {
+    Lt,
+    Le,
+    Eq,
+    Ne,
+}
+
+/// Reductions over a loop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[allow(missing_docs, reason = "the names say it")]
+pub enum ReduceFn {
+    Sum,
+    Product,
+    Min,
+    Max,
+}
+
+/// A node. Those marked *truth* have a truth value, all others a number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum Expr {
+    /// A number, by its bits (so that equal means identical).
+    Const(u64),
+    /// *truth*: a constant.
+    Truth(bool),
+    /// The independent variable.
+    Time,
+    /// A loop counter as a number.
+    Counter(LoopVar),
+    /// An element of a variable.
+    Load { var: VarId, flavour: Flavour, at: Affine },
+    /// A function of one number.
+    Unary(UnaryFn, ExprId),
+    /// A function of two numbers.
+    Binary(BinaryFn, ExprId, ExprId),
+    /// A whole power.
+    PowInt(ExprId, i32),
+    /// *truth*: a comparison.
+    Compare(Compare, ExprId, ExprId),
+    /// *truth*: conjunction.
+    And(ExprId, ExprId),
+    /// *truth*: disjunction.
+    Or(ExprId, ExprId),
+    /// *truth*: negation.
+    Not(ExprId),
+    /// The second where the first (a truth value) holds, else the third. Both are evaluated.
+    Select(ExprId, ExprId, ExprId),
+    /// Reduction of `body` over the loop at `depth`, of `extent` passes; `body` may use that counter, nothing outside may.
+    Reduce { op: ReduceFn, depth: LoopVar, extent: u32, body: ExprId },
+}
+
+/// The arena of nodes; equal nodes are one.
+#[derive(Clone, Default)]
+pub struct Exprs {
+    nodes: PrimaryMap<ExprId, Expr>,
+    depths: PrimaryMap<ExprId, u8>,
+    index: HashMap<Expr, ExprId>,
+}
+
+impl fmt::Debug for Exprs {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_map().entries(self.nodes.iter()).finish()
+    }
+}
+
+impl Exprs {
+    /// The node of an id.
+    #[must_use]
+    pub fn node(&self, id: ExprId) -> Expr {
+        self.nodes[id]
+    }
+
+    /// Number of nodes.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Whether there is no node.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    /// One more than the deepest *free* loop counter; 0 where the value is one number for a whole nest.
+    #[must_use]
+    pub fn depth(&self, id: ExprId) -> u8 {
+        self.depths[id]
+    }
+
+    /// The number of a constant.
+    #[must_use]
+    pub fn as_const(&self, id: ExprId) -> Option<f64> {
+        match self.nodes[id] {
+            Expr::Const(bits) => Some(f64::from_bits(bits)),
+            _ => None,
+        }
+    }
+
+    /// Whether the node has a truth value.
+    #[must_use]
+    pub fn is_truth(&self, id: ExprId) -> bool {
+        matches!(self.nodes[id], Expr::Truth(_) | Expr::Compare(..) | Expr::And(..) | Expr::Or(..) | Expr::Not(_))
+    }
+
+    /// The nodes that a node uses directly.
+    #[must_use]
+    pub fn operands(&self, id: ExprId) -> impl Iterator<Item = ExprId> + use<> {
+        let (n, ops) = match self.nodes[id] {
+            Expr::Const(_) | Expr::Truth(_) | Expr::Time | Expr::Counter(_) | Expr::Load { .. } => (0, [id; 3]),
+            Expr::Unary(_, a) | Expr::PowInt(a, _) | Expr::Not(a) => (1, [a; 3]),
+            Expr::Binary(_, a, b) | Expr::Compare(_, a, b) | Expr::And(a, b) | Expr::Or(a, b) => (2, [a, b, b]),
+            Expr::Select(c, a, b) => (3, [c, a, b]),
+            Expr::Reduce { body, .. } => (1, [body; 3]),
+        };
+        ops.into_iter().take(n)
+    }
+
+    fn intern(&mut self, node: Expr) -> ExprId {
+        if let Some(&id) = self.index.get(&node) {
+            return id;
+        }
+        let id = self.nodes.push(node);
+        let depth = match node {
+            Expr::Counter(v) => v.0 + 1,
+            Expr::Load { at, .. } => at.depth(),
+            Expr::Reduce { depth, body, .. } => self.depth_below(body, depth.0),
+            _ => self.operands(id).map(|o| self.depths[o]).max().unwrap_or(0),
+        };
+        self.depths.push(depth);
+        self.index.insert(node, id);
+        id
+    }
+
+    /// Depth of `body` with the counters at `bound` and deeper taken away.
+    fn depth_below(&self, body: ExprId, bound: u8) -> u8 {
+        if self.depths[body] <= bound {
+            return self.depths[body];
+        }
+        match self.nodes[body] {
+            Expr::Counter(v) => if v.0 >= bound { 0 } else { v.0 + 1 },
+            Expr::Load { at, .. } => {
+                (0..bound as usize).rev().find(|&d| at.strides[d] != 0).map_or(0, |d| d as u8 + 1)
+            }
+            _ => self.operands(body).map(|o| self.depth_below(o, bound)).max().unwrap_or(0),
+        }
+    }
+
+    /// Builds any node without simplifying (for passes that copy).
+    pub fn raw(&mut self, node: Expr) -> ExprId {
+        self.intern(node)
+    }
+
+    /// A number.
+    pub fn constant(&mut self, value: f64) -> ExprId {
+        // One zero only: -0.0 would make two nodes of one number.
+        let value = if value == 0.0 { 0.0 } else { value };
+        self.intern(Expr::Const(value.to_bits()))
+    }
+
+    /// A truth value.
+    pub fn truth(&mut self, value: bool) -> ExprId {
+        self.intern(Expr::Truth(value))
+    }
+
+    /// The independent variable.
+    pub fn time(&mut self) -> ExprId {
+        self.intern(Expr::Time)
+    }
+
+    /// A loop counter as a number.
+    pub fn counter(&mut self, v: LoopVar) -> ExprId {
+        self.intern(Expr::Counter(v))
+    }
+
+    /// An element of a variable.
+    pub fn load(&mut self, var: VarId, flavour: Flavour, at: Affine) -> ExprId {
+        self.intern(Expr::Load { var, flavour, at })
+    }
+
+    /// A function of one number.
+    pub fn unary(&mut self, f: UnaryFn, a: ExprId) -> ExprId {
+        if let Some(x) = self.as_const(a) {
+            return self.constant(f.apply(x));
+        }
+        match (f, self.nodes[a]) {
+            (UnaryFn::Neg, Expr::Unary(UnaryFn::Neg, inner)) => inner,
+            (UnaryFn::Neg, Expr::Binary(BinaryFn::Sub, x, y)) => self.binary(BinaryFn::Sub, y, x),
+            _ => self.intern(Expr::Unary(f, a)),
+        }
+    }
+
+    /// A function of two numbers. Only rewrites that keep every bit (or drop an exact 0 or 1) are made.
+    pub fn binary(&mut self, f: BinaryFn, a: ExprId, b: ExprId) -> ExprId {
+        let (ca, cb) = (self.as_const(a), self.as_const(b));
+        if let (Some(x), Some(y)) = (ca, cb) {
+            return self.constant(f.apply(x, y));
+        }
+        match f {
+            BinaryFn::Add => match (ca, cb) {
+                (Some(0.0), _) => return b,
+                (_, Some(0.0)) => return a,
+                _ => {
+                    if let Expr::Unary(UnaryFn::Neg, n) = self.nodes[b] {
+                        return self.binary(BinaryFn::Sub, a, n);
+                    }
+                    if let Expr::Unary(UnaryFn::Neg, n) = self.nodes[a] {
+                        return self.binary(BinaryFn::Sub, b, n);
+                    }
+                }
+            },
+            BinaryFn::Sub => {
+                if cb == Some(0.0) {
+                    return a;
+                }
+                if ca == Some(0.0) {
+                    return self.unary(UnaryFn::Neg, b);
+                }
+                if a == b {
+                    return self.constant(0.0);
+                }
+                if let Expr::Unary(UnaryFn::Neg, n) = self.nodes[b] {
+                    return self.binary(BinaryFn::Add, a, n);
+                }
+            }
+            BinaryFn::Mul => {
+                if ca == Some(0.0) || cb == Some(0.0) {
+                    return self.constant(0.0);
+                }
+                if ca == Some(1.0) {
+                    return b;
+                }
+                if cb == Some(1.0) {
+                    return a;
+                }
+                if ca == Some(-1.0) {
+                    return self.unary(UnaryFn::Neg, b);
+                }
+                if cb == Some(-1.0) {
+                    return self.unary(UnaryFn::Neg, a);
+                }
+            }
+            BinaryFn::Div => {
+                if ca == Some(0.0) {
+                    return a;
+                }
+                if cb == Some(1.0) {
+                    return a;
+                }
+                if cb == Some(-1.0) {
+                    return self.unary(UnaryFn::Neg, a);
+                }
+            }
+            BinaryFn::Pow => {
+                if let Some(n) = cb {
+                    if n == 0.5 {
+                        return self.unary(UnaryFn::Sqrt, a);
+                    }
+                    if n.fract() == 0.0 && n.abs() <= 32.0 {
+                        return self.powi(a, n as i32);
+                    }
+                }
+            }
+            BinaryFn::Min | BinaryFn::Max if a == b => return a,
+            BinaryFn::Min | BinaryFn::Max | BinaryFn::Atan2 => {}
+        }
+        // Commutative operations have one order, so that a*b and b*a are one node.
+        let (a, b) = match f {
+            BinaryFn::Add | BinaryFn::Mul if b < a => (b, a),
+            _ => (a, b),
+        };
+        self.intern(Expr::Binary(f, a, b))
+    }
+
+    /// `a + b`
+    pub fn add(&mut self, a: ExprId, b: ExprId) -> ExprId {
+        self.binary(BinaryFn::Add, a, b)
+    }
+
+    /// `a - b`
+    pub fn sub(&mut self, a: ExprId, b: ExprId) -> ExprId {
+        self.binary(BinaryFn::Sub, a, b)
+    }
+
+    /// `a · b`
+    pub fn mul(&mut self, a: ExprId, b: ExprId) -> ExprId {
+        self.binary(BinaryFn::Mul, a, b)
+    }
+
+    /// `a / b`
+    pub fn div(&mut self, a: ExprId, b: ExprId) -> ExprId {
+        self.binary(BinaryFn::Div, a, b)
+    }
+
+    /// `-a`
+    pub fn neg(&mut self, a: ExprId) -> ExprId {
+        self.unary(UnaryFn::Neg, a)
+    }
+
+    /// `a^n`
+    pub fn powi(&mut self, a: ExprId, n: i32) -> ExprId {
+        match n {
+            0 => self.constant(1.0),
+            1 => a,
+            _ => match self.as_const(a) {
+                Some(x) => self.constant(x.powi(n)),
+                None => self.intern(Expr::PowInt(a, n)),
+            },
+        }
+    }
+
+    /// A comparison.
+    pub fn compare(&mut self, op: Compare, a: ExprId, b: ExprId) -> ExprId {
+        match (self.as_const(a), self.as_const(b)) {
+            (Some(x), Some(y)) => self.truth(op.apply(x, y)),
+            _ => self.intern(Expr::Compare(op, a, b)),
+        }
+    }
+
+    /// Conjunction.
+    pub fn and(&mut self, a: ExprId, b: ExprId) -> ExprId {
+        match (self.nodes[a], self.nodes[b]) {
+            (Expr::Truth(false), _) | (_, Expr::Truth(true)) => a,
+            (Expr::Truth(true), _) | (_, Expr::Truth(false)) => b,
+            _ if a == b => a,
+            _ => self.intern(Expr::And(a, b)),
+        }
+    }
+
+    /// Disjunction.
+    pub fn or(&mut self, a: ExprId, b: ExprId) -> ExprId {
+        match (self.nodes[a], self.nodes[b]) {
+            (Expr::Truth(true), _) | (_, Expr::Truth(false)) => a,
+            (Expr::Truth(false), _) | (_, Expr::Truth(true)) => b,
+            _ if a == b => a,
+            _ => self.intern(Expr::Or(a, b)),
+        }
+    }
+
+    /// Negation.
+    pub fn not(&mut self, a: ExprId) -> ExprId {
+        match self.nodes[a] {
+            Expr::Truth(v) => self.truth(!v),
+            Expr::Not(inner) => inner,
+            _ => self.intern(Expr::Not(a)),
+        }
+    }
+
+    /// `if c then a else b`, for numbers and for truth values.
+    pub fn select(&mut self, c: ExprId, a: ExprId, b: ExprId) -> ExprId {
+        if a == b {
+            return a;
+        }
+        if let Expr::Truth(v) = self.nodes[c] {
+            return if v { a } else { b };
+        }
+        if self.is_truth(a) || self.is_truth(b) {
+            let not_c = self.not(c);
+            let (x, y) = (self.and(c, a), self.and(not_c, b));
+            return self.or(x, y);
+        }
+        self.intern(Expr::Select(c, a, b))
+    }
+
+    /// A truth value as 1 or 0.
+    pub fn number(&mut self, truth: ExprId) -> ExprId {
+        if !self.is_truth(truth) {
+            return truth;
+        }
+        let (one, zero) = (self.constant(1.0), self.constant(0.0));
+        self.select(truth, one, zero)
+    }
+
+    /// A reduction over a loop.
+    pub fn reduce(&mut self, op: ReduceFn, depth: LoopVar, extent: u32, body: ExprId) -> ExprId {
+        if extent == 1 {
+            return self.shift(body, depth, 0);
+        }
+        self.intern(Expr::Reduce { op, depth, extent, body })
+    }
+
+    /// The body of a loop at one value of its counter: `l_depth := value`.
+    pub fn shift(&mut self, e: ExprId, depth: LoopVar, value: i64) -> ExprId {
+        let d = depth.0 as usize;
+        self.rewrite(e, &mut HashMap::new(), &mut |exprs, node| match node {
+            Expr::Counter(v) if v == depth => Some(exprs.constant(value as f64)),
+            Expr::Load { var, flavour, mut at } if at.strides[d] != 0 => {
+                at.offset += at.strides[d] * value;
+                at.strides[d] = 0;
+                Some(exprs.load(var, flavour, at))
+            }
+            _ => None,
+        })
+    }
+
+    /// Copies `e` with leaves replaced: `replace` is asked for every node, outermost first; `None` means go on inside.
+    /// `done` holds what was already rewritten and may be kept for several calls with the same replacement.
+    pub fn rewrite(
+        &mut self,
+        e: ExprId,
+        done: &mut HashMap<ExprId, ExprId>,
+        replace: &mut dyn FnMut(&mut Exprs, Expr) -> Option<ExprId>,
+    ) -> ExprId {
+        if let Some(&r) = done.get(&e) {
+            return r;
+        }
+        let node = self.nodes[e];
+        let r = match replace(self, node) {
+            Some(r) => r,
+            None => match node {
+                Expr::Const(_) | Expr::Truth(_) | Expr::Time | Expr::Counter(_) | Expr::Load { .. } => e,
+                Expr::Unary(f, a) => {
+                    let a = self.rewrite(a, done, replace);
+                    self.unary(f, a)
+                }
+                Expr::PowInt(a, n) => {
+                    let a = self.rewrite(a, done, replace);
+                    self.powi(a, n)
+                }
+                Expr::Not(a) => {
+                    let a = self.rewrite(a, done, replace);
+                    self.not(a)
+                }
+                Expr::Binary(f, a, b) => {
+                    let (a, b) = (self.rewrite(a, done, replace), self.rewrite(b, done, replace));
+                    self.binary(f, a, b)
+                }
+                Expr::Compare(f, a, b) => {
+                    let (a, b) = (self.rewrite(a, done, replace), self.rewrite(b, done, replace));
+                    self.compare(f, a, b)
+                }
+                Expr::And(a, b) => {
+                    let (a, b) = (self.rewrite(a, done, replace), self.rewrite(b, done, replace));
+                    self.and(a, b)
+                }
+                Expr::Or(a, b) => {
+                    let (a, b) = (self.rewrite(a, done, replace), self.rewrite(b, done, replace));
+                    self.or(a, b)
+                }
+                Expr::Select(c, a, b) => {
+                    let c = self.rewrite(c, done, replace);
+                    let (a, b) = (self.rewrite(a, done, replace), self.rewrite(b, done, replace));
+                    self.select(c, a, b)
+                }
+                Expr::Reduce { op, depth, extent, body } => {
+                    let body = self.rewrite(body, done, replace);
+                    self.reduce(op, depth, extent, body)
+                }
+            },
+        };
+        done.insert(e, r);
+        r
+    }
+}
+
+impl UnaryFn {
+    /// The function's value.
+    #[must_use]
+    pub fn apply(self, x: f64) -> f64 {
+        match self {
+            UnaryFn::Neg => -x,
+            UnaryFn::Abs => x.abs(),
+            UnaryFn::Sign => {
+                if x > 0.0 {
+                    1.0
+                } else if x < 0.0 {
+                    -1.0
+                } else {
+                    x
+                }
+            }
+            UnaryFn::Sqrt => x.sqrt(),
+            UnaryFn::Exp => x.exp(),
+            UnaryFn::Ln => x.ln(),
+            UnaryFn::Log10 => x.log10(),
+            UnaryFn::Sin => x.sin(),
+            UnaryFn::Cos => x.cos(),
+            UnaryFn::Tan => x.tan(),
+            UnaryFn::Asin => x.asin(),
+            UnaryFn::Acos => x.acos(),
+            UnaryFn::Atan => x.atan(),
+            UnaryFn::Sinh => x.sinh(),
+            UnaryFn::Cosh => x.cosh(),
+            UnaryFn::Tanh => x.tanh(),
+            UnaryFn::Floor => x.floor(),
+            UnaryFn::Ceil => x.ceil(),
+            UnaryFn::Round => x.round_ties_even(),
+        }
+    }
+}
+
+impl BinaryFn {
+    /// The function's value.
+    #[must_use]
+    pub fn apply(self, x: f64, y: f64) -> f64 {
+        match self {
+            BinaryFn::Add => x + y,
+            BinaryFn::Sub => x - y,
+            BinaryFn::Mul => x * y,
+            BinaryFn::Div => x / y,
+            BinaryFn::Pow => x.powf(y),
+            // A NaN must come through: a box test or a clip must not hide it.
+            BinaryFn::Min => if x.is_nan() || x < y { x } else { y },
+            BinaryFn::Max => if x.is_nan() || x > y { x } else { y },
+            BinaryFn::Atan2 => x.atan2(y),
+        }
+    }
+}
+
+impl Compare {
+    /// The comparison's value; any comparison with NaN but `Ne` is false.
+    #[must_use]
+    pub fn apply(self, x: f64, y: f64) -> bool {
+        match self {
+            Compare::Lt => x < y,
+            Compare::Le => x <= y,
+            Compare::Eq => x == y,
+            Compare::Ne => x != y,
+        }
+    }
+}
