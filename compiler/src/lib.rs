@@ -1,4 +1,5 @@
 //! smpl-compiler: from the syntax tree to machine code.
 
+pub mod elaborate;
 pub mod ir;
 pub mod model;
