@@ -1,4 +1,9 @@
 //! smpl-dsl: the text of a model. Grammar, syntax tree with spans, diagnostics, formatter, units of measure.
 
+pub mod diagnostic;
+mod layout;
+mod parse;
 pub mod span;
 pub mod syntax;
+
+pub use parse::{Parsed, parse};
