@@ -5,5 +5,6 @@ mod layout;
 mod parse;
 pub mod span;
 pub mod syntax;
+pub mod units;
 
 pub use parse::{Parsed, parse};
