@@ -374,6 +374,7 @@ impl<'t> Scanner<'t> {
                 }
                 self.close_top();
             }
+            None if self.frames.len() > floor => self.mismatched(),
             None => self.unmatched(),
         }
     }
@@ -396,6 +397,14 @@ impl<'t> Scanner<'t> {
             let body = RawBody { open: block.open, close, statements: block.statements };
             self.push_statement(RawStatement { body: Some(body), ..block.owner });
         }
+    }
+
+    /// A bracket closed by one of another kind: taken for the right one.
+    fn mismatched(&mut self) {
+        let top = self.frames.len() - 1;
+        self.report_unclosed(top, self.at..self.at + 1, "closed by this");
+        self.truncate_frames(top);
+        self.token(self.at + 1, false);
     }
 
     fn unmatched(&mut self) {

@@ -47,6 +47,7 @@ fn shown(token: &str) -> String {
     }
 }
 
+/// What could have stood there, in at most a few words.
 fn expectation(error: &Error<Rule>) -> String {
     let ErrorVariant::ParsingError { positives, .. } = &error.variant else { return "something else".to_owned() };
     let mut phrases: Vec<&str> = Vec::new();
@@ -55,9 +56,18 @@ fn expectation(error: &Error<Rule>) -> String {
             phrases.push(phrase);
         }
     }
-    if phrases.len() > 1 {
-        phrases.retain(|phrase| *phrase != "an operator");
+    if phrases.len() > 3 && phrases.contains(&OPERATOR) {
+        phrases.retain(|phrase| [OPERATOR, END].contains(phrase));
     }
+    for (general, covered) in [(EXPRESSION, "a name"), ("a unit", EXPRESSION)] {
+        if phrases.contains(&general) {
+            phrases.retain(|phrase| *phrase != covered);
+        }
+    }
+    if phrases.len() > 1 {
+        phrases.retain(|phrase| *phrase != BRACKETS);
+    }
+    phrases.sort_by_key(|phrase| *phrase == END);
     phrases.truncate(5);
     match phrases.split_last() {
         None => "something else".to_owned(),
@@ -66,11 +76,16 @@ fn expectation(error: &Error<Rule>) -> String {
     }
 }
 
+const EXPRESSION: &str = "an expression";
+const OPERATOR: &str = "an operator";
+const END: &str = "the end of the statement";
+const BRACKETS: &str = "a unit in brackets";
+
 /// A rule as a reader would name it; empty where naming it would only distract.
 pub(super) fn describe(rule: Rule) -> &'static str {
     match rule {
-        Rule::expr | Rule::number | Rule::paren | Rule::prefix | Rule::if_expr | Rule::derivative | Rule::region => "an expression",
-        Rule::infix => "an operator",
+        Rule::expr | Rule::number | Rule::paren | Rule::prefix | Rule::if_expr | Rule::derivative | Rule::region => EXPRESSION,
+        Rule::infix => OPERATOR,
         Rule::index | Rule::member | Rule::as_unit | Rule::kw_as | Rule::arguments | Rule::unit_operator | Rule::unit_power => "",
         Rule::name | Rule::place => "a name",
         Rule::option => "an option",
@@ -86,7 +101,7 @@ pub(super) fn describe(rule: Rule) -> &'static str {
         Rule::open | Rule::set_names => "`{`",
         Rule::close => "`}`",
         Rule::unit | Rule::unit_symbol | Rule::unit_group | Rule::unit_of => "a unit",
-        Rule::unit_brackets => "a unit in brackets",
+        Rule::unit_brackets => BRACKETS,
         Rule::kw_at => "`at`",
         Rule::kw_bounds => "`bounds`",
         Rule::kw_columns => "`columns:`",
@@ -108,7 +123,7 @@ pub(super) fn describe(rule: Rule) -> &'static str {
         Rule::kw_delay | Rule::delay => "`delay`",
         Rule::kw_noise | Rule::noise => "`noise`",
         Rule::kw_named | Rule::named => "`named`",
-        Rule::time_kind => "`until`, `from` or `linear`",
+        Rule::time_kind => "a word such as `until`",
         Rule::indices | Rule::table_sets => "an index list",
         Rule::parameters => "a parameter list",
         Rule::instance_arguments | Rule::structural => "`(`",
@@ -124,7 +139,7 @@ pub(super) fn describe(rule: Rule) -> &'static str {
         Rule::observation | Rule::observed_name => "what is observed",
         Rule::observation_clause => "a clause such as `in low..high`",
         Rule::instance => "the name of an instance",
-        Rule::EOI => "the end of the statement",
+        Rule::EOI => END,
         _ => "",
     }
 }
