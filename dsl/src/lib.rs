@@ -1,6 +1,7 @@
 //! smpl-dsl: the text of a model. Grammar, syntax tree with spans, diagnostics, formatter, units of measure.
 
 pub mod diagnostic;
+pub mod format;
 mod layout;
 mod parse;
 pub mod span;
