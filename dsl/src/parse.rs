@@ -15,7 +15,7 @@ use pest::Parser;
 use pest::iterators::{Pair, Pairs};
 
 use crate::diagnostic::{Diagnostic, codes, did_you_mean};
-use crate::layout::{KEYWORDS, RawStatement, has_block, is_reserved, layout, span};
+use crate::layout::{KEYWORDS, MAX_FAULTS, RawStatement, has_block, is_reserved, layout, span};
 use crate::span::{FileId, Span};
 use crate::syntax::{File, Ident, Statement, StatementKind};
 
@@ -55,6 +55,7 @@ pub fn parse(text: &str, file: FileId) -> Parsed {
     let statements = parser.statements(&layout.statements);
     let mut diagnostics = parser.diagnostics;
     diagnostics.sort_by_key(|fault| fault.primary.span.start);
+    diagnostics.truncate(MAX_FAULTS);
     Parsed { file: File { statements }, diagnostics }
 }
 
@@ -86,7 +87,8 @@ impl StatementParser<'_> {
         let span = span(self.file, raw.start, end);
         match self.kinds(raw, body) {
             Ok(kinds) => into.extend(kinds.into_iter().map(|kind| Statement { span, kind })),
-            Err(fault) => self.diagnostics.push(*fault),
+            Err(fault) if self.diagnostics.len() < 2 * MAX_FAULTS => self.diagnostics.push(*fault),
+            Err(_) => {}
         }
     }
 

@@ -44,7 +44,7 @@ fn models_and_examples_keep_their_meaning() {
 #[test]
 fn declarations_of_one_role_are_aligned() {
     let text = "param q_in : m^3/min=0.1 \"feed\"\nparam  r:m = 0.219 in 0.05..5   \"radius\"\n\n\n\nlet a=2*x+ 1 # why\n";
-    let expected = "param q_in : m^3/min = 0.1                 \"feed\"\nparam r    : m       = 0.219  in 0.05..5    \"radius\"\n\nlet a = 2*x + 1    # why\n";
+    let expected = "param q_in : m^3/min = 0.1                  \"feed\"\nparam r    : m       = 0.219  in 0.05..5    \"radius\"\n\nlet a = 2*x + 1    # why\n";
     assert_eq!(format(text).as_deref(), Ok(expected));
 }
 

@@ -22,7 +22,8 @@ pub fn models() -> Vec<(String, String)> {
 /// The code blocks of a Markdown file.
 pub fn blocks(path: &str, fence: &str) -> Vec<String> {
     let text = std::fs::read_to_string(repository().join(path)).expect("a Markdown file");
-    let mut parts = text.split(&format!("{fence}\n")).skip(1);
+    let opening = format!("{fence}\n");
+    let mut parts = text.split(opening.as_str()).skip(1);
     let mut blocks = Vec::new();
     while let Some(part) = parts.next() {
         blocks.push(part.split("```").next().unwrap_or("").to_owned());
