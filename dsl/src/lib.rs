@@ -2,6 +2,7 @@
 
 pub mod diagnostic;
 pub mod format;
+pub mod latex;
 mod layout;
 mod parse;
 pub mod span;
