@@ -131,14 +131,14 @@ invariant column = m_col + m_collected rate F_out*(c_buf - col.outlet.c)
 
 # ---- Steady state and start ----
 
-param d = 0.05 in 0..1    "half width of the initial distribution, relative to the steady state"
+param spread = 0.05 in 0..1    "half width of the initial distribution, relative to the steady state"
 
 steady { V1 = 3000, V2 = 2976.932623327295, h = 15, col.c = 0, col.cp = 0, col.q1 = 0, col.q2 = 0, acc = 0 }
 
-initial x ~ value(steady(x)) * uniform(1 - d, 1 + d) clip inner_low(x)..inner_high(x)
+initial x ~ value(steady(x)) * uniform(1 - spread, 1 + spread) clip inner_low(x)..inner_high(x)
         for x in (Xv1, Xt1, GLC1, GLN1, LAC1, AMM1, mAb1, V1, Xv2, Xt2, GLC2, GLN2, LAC2, AMM2, mAb2, V2, T, h, c_buf)
 when start_clip = legacy {
-  initial x ~ value(steady(x)) * uniform(1 - d, 1 + d)
+  initial x ~ value(steady(x)) * uniform(1 - spread, 1 + spread)
           for x in (Xv1, Xt1, GLC1, GLN1, LAC1, AMM1, mAb1, V1, Xv2, Xt2, GLC2, GLN2, LAC2, AMM2, mAb2, V2, T, h, c_buf)
 }
 
