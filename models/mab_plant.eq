@@ -24,11 +24,11 @@ when chain = integrated {
   # ---- Units ----
 
   use AffinityColumn as col[k in 1..2]
-  use Bed          as VI(L = 60 [dm], V = 500 [L], D_v = 0.29 [dm], n = 60)      # virus inactivation
+  use Bed          as VI(L = 60 [dm], V = 500 [L], D_v = 0.29 [dm], n_z = 60)      # virus inactivation
   use LumpedColumn as CEX(L = 1 [dm], V = 50 [L], D_v = 0.011 [dm], eps = 0.34, q_max = 150200 [mg/L], k = 0.99 [1/min],
-                          H_0 = 6.9e-4, beta = 8.5, c_s_floor = 0.09 [M], n = 100)
-  use Bed          as LOOP(L = 60 [dm], V = 500 [L], D_v = 0.29 [dm], n = 60)    # conditioning
-  use Bed          as AEX(L = 1 [dm], V = 50 [L], D_v = 0.016 [dm], eps = 0.34, n = 40)
+                          H_0 = 6.9e-4, beta = 8.5, c_s_floor = 0.09 [M], n_z = 100)
+  use Bed          as LOOP(L = 60 [dm], V = 500 [L], D_v = 0.29 [dm], n_z = 60)    # conditioning
+  use Bed          as AEX(L = 1 [dm], V = 50 [L], D_v = 0.016 [dm], eps = 0.34, n_z = 40)
 
   # ---- Schedule of one batch ----
 

@@ -310,7 +310,7 @@ let q_g   : m^3/s  = Fg                                                         
 let N_s   : 1/s    = RPM                                                                    "stirrer speed"
 let D_imp : m      = 2*r_imp                                                                "diameter of an impeller"
 let P_u   : W      = n_imp * Po * rho_b * N_s^3 * D_imp^5                                   "power without air"
-let P_g   : kW     = 0.706*(value(P_u)^2*value(N_s)*value(D_imp)^3/value(q_g)^0.56)^0.45 as [W]    "power with air †"
+let P_g   : kW     = (0.706*(value(P_u)^2*value(N_s)*value(D_imp)^3/value(q_g)^0.56)^0.45) as [W]    "power with air †"
 let v_s   : m/s    = q_g / A_v                                                              "superficial gas velocity"
 let P_air : kW     = v_s*R_gas*T*V_m/(V_mol*h_b) * ln(1 + g_bar*rho_b*h_b/p_top)            "power of the air"
 let P_t   : kW     = P_g + P_air                                                            "total power"
@@ -318,7 +318,7 @@ let kLa   : 1/h    = alpha_kla * value(v_s)^a_kla * (value(P_t)/value(V_m))^b_kl
                    * (value(visc_e)/100)^c_kla * (1 - (value(Foil)/value(V))^d_kla)         "oxygen transfer coefficient †"
 let OTR   : mg/(L h) = kLa * (DO_sat - DO2)                                                 "oxygen transfer"
 let V_g   : m^3    = eps_gas * V_m                                                          "gas volume"
-let H_CO2 : bar % L/mg = exp(11.25 - 395.9 [K]/(T - 175.9 [K]))/4400 as [bar % L/mg]        "Henry constant of CO2"
+let H_CO2 : bar % L/mg = (exp(11.25 - 395.9 [K]/(T - 175.9 [K]))/4400) as [bar % L/mg]      "Henry constant of CO2"
 
 eq d/dt DO2    = -Y_O2X*dX_charged - m_O2X*X - Y_O2P*dP_charged + OTR - k_dil*DO2
 eq d/dt O2     = (c_O2*q_g*O2_in_d - c_O2*q_g*(N2_in/(1 - O2 - CO2out))*O2 - 0.06*OTR*V_m) / (V_g*rho_air)
@@ -341,8 +341,8 @@ eq d/dt H = g_H + k_pH*((-B + sqrt(sq(B) + 4*K_w))/2 - H)
 
 # ---- Heat ----
 
-def jacket(F, T_i) = alpha_1/1000 * value(F)^(beta_T + 1) * (value(T) - value(T_i))
-                   / (value(F)/1000 + alpha_1*(value(F)/1000)^beta_T/2 * value(rho_b)*value(C_ps)) as [kJ/h]    # †
+def jacket(F, T_i) = (alpha_1/1000 * value(F)^(beta_T + 1) * (value(T) - value(T_i))
+                   / (value(F)/1000 + alpha_1*(value(F)/1000)^beta_T/2 * value(rho_b)*value(C_ps))) as [kJ/h]    # †
 
 let Q_r : kJ/h = max(0 [kJ/h], Y_QX*V_m*(Y_O2X*dX_charged + Y_O2P*dP_charged))               "heat of respiration"
 eq d/dt Q = Fs*rho_f*C_ps*(T_feed - T) + water*rho_w*C_pw*(T_w - T)

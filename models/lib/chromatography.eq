@@ -7,9 +7,9 @@ component Bed "transport alone: a loop (eps = 1), a column in flow-through" {
   param V    : L           "volume with the packing"
   param D_v  : dm          "axial dispersion over superficial velocity"
   param eps  = 1           "void"
-  param n                  "cells"
+  param n_z                "cells"
   port inlet, outlet : Liquid
-  domain z in 0..L cells n scheme upwind
+  domain z in 0..L cells n_z scheme upwind
   state c[z]   : mg/L = 0 in 0..inf scale 1       "product"
   state c_s[z] : M    = 0 in 0..inf scale 0.01    "modifier"
   let  A = V / L
@@ -34,9 +34,9 @@ component LumpedColumn "binding in one lumped step, with a Henry factor that fal
   param H_0                "Henry factor at 1 M"
   param beta               "its exponent"
   param c_s_floor : M = 0  "the Henry factor does not grow below"
-  param n                  "cells"
+  param n_z                "cells"
   port inlet, outlet : Liquid
-  domain z in 0..L cells n scheme upwind
+  domain z in 0..L cells n_z scheme upwind
   state c[z]   : mg/L = 0 in 0..inf scale 1       "product, mobile"
   state q[z]   : mg/L = 0 in 0..inf scale 1       "product, bound"
   state c_s[z] : M    = 0 in 0..inf scale 0.01    "modifier"

@@ -13,12 +13,12 @@ phase flow_through for 180 [min]   then done
 phase done
 
 table over phase {
-  columns: scaled [1], first_e [1]
-  elute:        60/16.7,   0.31
-  load_cex:     11.1/16.7, 1
-  elute_cex:    5.6/16.7,  0.34
-  flow_through: 22.2/16.7, 1
-  done:         0,         1
+  columns: scaled [1]
+  elute:        60/16.7
+  load_cex:     11.1/16.7
+  elute_cex:    5.6/16.7
+  flow_through: 22.2/16.7
+  done:         0
 }
 let flow : L/min = F * scaled[phase]
 
