@@ -88,8 +88,8 @@ component CaptureColumn "general rate model: axial dispersion, film, pore diffus
   when axial_scheme  = legacy { domain z in 0..z_end cells n_z scheme downwind }
   when axial_cells   = legacy { param z_end : dm = L*n_z/(n_z + 1) }
   when bead_cells    = legacy {
-    domain r in 0..r_p cells n_r scheme central
-           faces (k + 1)*r_p/(n_r + 1) areas ((k + 1)*r_p/(n_r + 1))^2 volumes (k*r_p/(n_r + 1))^2 * r_p/(n_r + 1)
+    param d_r : dm = r_p/(n_r + 1)
+    domain r in 0..r_p cells n_r scheme central faces (k + 1)*d_r areas ((k + 1)*d_r)^2 volumes (k*d_r)^2 * d_r
     let c_surf[z] = cp[z, r.last]
     let ball = r_p^3/3
   }

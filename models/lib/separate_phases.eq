@@ -68,8 +68,8 @@ component CationExchanger {
   var Q : L/min
   var c_in : mg/L
   domain z in 0..L*n_z/(n_z + 1) cells n_z scheme downwind
-  domain r in 0..r_p cells n_r scheme central
-         faces (k + 1)*r_p/(n_r + 1) areas ((k + 1)*r_p/(n_r + 1))^2 volumes (k*r_p/(n_r + 1))^2 * r_p/(n_r + 1)
+  param d_r : dm = r_p/(n_r + 1)
+  domain r in 0..r_p cells n_r scheme central faces (k + 1)*d_r areas ((k + 1)*d_r)^2 volumes (k*d_r)^2 * d_r
   state c[z]     : mg/L = 0 in -inf..inf scale 1
   state cp[z, r] : mg/L = 0 in -inf..inf scale 1
   state q[z]     : mg/L = 0 in -inf..inf scale 1
