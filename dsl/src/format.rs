@@ -132,7 +132,8 @@ impl Formatter<'_> {
     /// Blanks between the keyword and what follows: one, unless the author has aligned the line with the one before or after it.
     fn keyword_padding(&self, siblings: &[RawStatement], index: usize) -> usize {
         let Some((keyword, offset)) = self.second_token(&siblings[index]) else { return 1 };
-        let neighbours = [index.checked_sub(1), Some(index + 1)].into_iter().flatten().filter_map(|other| siblings.get(other).map(|raw| (other, raw)));
+        let neighbours =
+            [index.checked_sub(1), Some(index + 1)].into_iter().flatten().filter_map(|other| siblings.get(other).map(|raw| (other, raw)));
         let adjacent = neighbours.filter(|(other, _)| {
             let (first, second) = (&siblings[index.min(*other)], &siblings[index.max(*other)]);
             self.text[end_of(first)..second.start].matches('\n').count() == 1

@@ -85,8 +85,12 @@ fn built(expr: &Expr) -> (String, Level) {
         ExprKind::Bool(value) => (format!("\\text{{{value}}}"), Level::Atom),
         ExprKind::Name(_) | ExprKind::Member(..) | ExprKind::Index(..) => (symbol(expr), Level::Atom),
         ExprKind::Call { function, arguments } => (call(function, arguments), call_level(function)),
-        ExprKind::Reduce { function, body, binders, condition } => (reduction(function, body, binders, condition.as_deref()), Level::Product),
-        ExprKind::Derivative(inner) => (format!("\\frac{{\\mathrm{{d}} {}}}{{\\mathrm{{d}} t}}", typeset(inner, Level::Atom)), Level::Product),
+        ExprKind::Reduce { function, body, binders, condition } => {
+            (reduction(function, body, binders, condition.as_deref()), Level::Product)
+        }
+        ExprKind::Derivative(inner) => {
+            (format!("\\frac{{\\mathrm{{d}} {}}}{{\\mathrm{{d}} t}}", typeset(inner, Level::Atom)), Level::Product)
+        }
         ExprKind::Unary(op, inner) => unary(*op, inner),
         ExprKind::Binary(op, left, right) => binary(*op, left, right),
         ExprKind::If(..) => (cases(expr), Level::Product),

@@ -109,11 +109,8 @@ impl StatementParser<'_> {
         let text = &self.text[raw.start..raw.end];
         let end = raw.start + word.len().max(text.chars().next().map_or(0, char::len_utf8));
         let place = span(self.file, raw.start, end);
-        let message = if word.is_empty() {
-            "a statement begins with a keyword".to_owned()
-        } else {
-            format!("`{word}` begins no statement")
-        };
+        let message =
+            if word.is_empty() { "a statement begins with a keyword".to_owned() } else { format!("`{word}` begins no statement") };
         Diagnostic::error(codes::UNKNOWN_STATEMENT, message, place)
             .label("expected a keyword such as `param`, `state`, `let` or `eq`")
             .maybe_help(message::statement_hint(word, text).or_else(|| did_you_mean(word, KEYWORDS.iter().copied())))

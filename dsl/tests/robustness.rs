@@ -33,7 +33,35 @@ fn timed(text: &str) -> Duration {
 #[test]
 fn a_megabyte_of_anything_parses_in_two_seconds() {
     let model = &common::models()[0].1;
-    let units = ["(", "[", "{", "a + ", "eq x = (\n", "if ", "# c\n", "\"", "x[", "let a = 1 +\n# c\n", "- ", "a.", "^x", "table t[a] = {\n", "}\n", "1..", "variant a {\n", "steady { a = 1\n", "param a = 1, ", "sum(x for i in s, ", "f(", "é", "}", "; ", "x = 1; ", "\\", "\"\" "];
+    let units = [
+        "(",
+        "[",
+        "{",
+        "a + ",
+        "eq x = (\n",
+        "if ",
+        "# c\n",
+        "\"",
+        "x[",
+        "let a = 1 +\n# c\n",
+        "- ",
+        "a.",
+        "^x",
+        "table t[a] = {\n",
+        "}\n",
+        "1..",
+        "variant a {\n",
+        "steady { a = 1\n",
+        "param a = 1, ",
+        "sum(x for i in s, ",
+        "f(",
+        "é",
+        "}",
+        "; ",
+        "x = 1; ",
+        "\\",
+        "\"\" ",
+    ];
     for unit in units {
         let text = unit.repeat((1 << 20) / unit.len());
         let time = timed(&text);
@@ -64,11 +92,15 @@ fn nesting_beyond_reason_is_refused() {
 }
 
 #[test]
-fn deep_trees_fit_the_stack_of_a_thread() {
+fn the_deepest_trees_fit_a_megabyte_of_stack() {
     let parenthesised = format!("let a = {}x{}", "(".repeat(195), ")".repeat(195));
     let calls = format!("let a = {}x{}", "f(1 + x[".repeat(95), "])".repeat(95));
     let sum = format!("let a = x{}", " + x".repeat(900));
-    assert!([parenthesised, calls, sum].iter().all(|text| parse(text, FileId(0)).is_ok()));
+    let conditions = format!("let a = {}x", "(if a then b else ".repeat(95)) + &")".repeat(95);
+    let texts = [parenthesised, calls, sum, conditions];
+    let all = move || texts.iter().all(|text| parse(text, FileId(0)).is_ok() && format(text).is_ok());
+    let thread = std::thread::Builder::new().stack_size(1 << 20).spawn(all).expect("a thread");
+    assert!(thread.join().expect("no overflow"));
 }
 
 #[test]

@@ -31,7 +31,8 @@ pub(super) struct Token<'t> {
 const PAIRS: &[&str] = &["..", "->", "==", "!=", "<=", ">="];
 
 /// Words before which an expression has not begun, so that a sign behind them belongs to a number.
-const BEFORE_EXPRESSION: &[&str] = &["at", "scale", "every", "delay", "noise", "until", "when", "event", "rate", "cells", "default", "clip"];
+const BEFORE_EXPRESSION: &[&str] =
+    &["at", "scale", "every", "delay", "noise", "until", "when", "event", "rate", "cells", "default", "clip"];
 
 /// The tokens of a range of the text; comments are tokens too.
 pub(super) fn tokens<'t>(text: &'t str, range: Range<usize>, comments: &[Range<usize>]) -> Vec<Token<'t>> {
@@ -129,7 +130,9 @@ fn spaced_by_kind(previous: &Token<'_>, next: &Token<'_>) -> bool {
         (Kind::Operator(blank), _) | (_, Kind::Operator(blank)) => blank,
         (Kind::Number, Kind::Symbol) if next.text == "[" => true,
         (Kind::Word, Kind::Symbol) if is_reserved(previous.text) => true,
-        (Kind::Word, Kind::Symbol) | (Kind::Symbol, Kind::Symbol) if matches!(next.text, "(" | "[") && !is_infix(previous.text) => next.blank_before,
+        (Kind::Word, Kind::Symbol) | (Kind::Symbol, Kind::Symbol) if matches!(next.text, "(" | "[") && !is_infix(previous.text) => {
+            next.blank_before
+        }
         _ => true,
     }
 }

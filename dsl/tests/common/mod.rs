@@ -61,7 +61,8 @@ pub fn expression() -> BoxedStrategy<String> {
     leaf.prop_recursive(4, 32, 3, |inner| {
         let operator = one_of(&["+", "-", "*", "/", "^", " < ", " and ", " == ", " or "]);
         prop_oneof![
-            (inner.clone(), blank(), operator, blank(), inner.clone()).prop_map(|(a, left, op, right, b)| format!("({a}){left}{op}{right}({b})")),
+            (inner.clone(), blank(), operator, blank(), inner.clone())
+                .prop_map(|(a, left, op, right, b)| format!("({a}){left}{op}{right}({b})")),
             (inner.clone(), blank(), inner.clone()).prop_map(|(a, gap, b)| format!("{a}{gap}*{gap}{b}")),
             inner.clone().prop_map(|a| format!("-{a}")),
             inner.clone().prop_map(|a| format!("exp( {a} )")),
