@@ -38,6 +38,7 @@ use items::{Item, Selection};
 use names::{Names, ScopeId, SymbolId};
 use quantity::{Measure, Value};
 
+pub use blocks::for_each_element;
 pub use equations::{Equation, EquationForm};
 
 /// What a compilation is asked for beside the text.
@@ -106,7 +107,7 @@ pub(crate) struct Place {
 }
 
 /// What kind of text an expression belongs to: decides which functions have a meaning.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Site {
     /// Equations, `let`s, fluxes.
     Dynamics,

@@ -193,6 +193,7 @@ impl<'a> Elaborator<'a> {
                 ),
             },
             Bound::Cell(domain, cell) => self.cell_centre(*domain, *cell),
+            Bound::Face(domain, face) => self.face_position_value(*domain, *face),
             Bound::Alias(e, scope) => {
                 let mut inner = place.clone();
                 inner.scope = *scope;

@@ -431,11 +431,21 @@ impl<'a> Elaborator<'a> {
         let mut list = Vec::new();
         for symbol in self.in_text_order() {
             match self.names.symbols[symbol].kind.clone() {
-                SymbolKind::Variable { var, .. }
+                SymbolKind::Variable { var, axes, .. }
                     if self.vars[var].role == Role::Algebraic && !self.port_variables.contains(&var) =>
                 {
                     let Some(q) = self.quantities.get(&var).cloned() else { continue };
                     let len = self.vars[var].len;
+                    if axes.iter().all(|a| matches!(a, Axis::Set(_))) {
+                        // Element by element, so that each definition can be substituted.
+                        for i in 0..i64::from(len) {
+                            let value = self.exprs.load(var, crate::ir::Flavour::Value, Affine::constant(i));
+                            scalars.push(store(Memory::Out, Affine::constant(at), value));
+                            at += 1;
+                        }
+                        list.push(q);
+                        continue;
+                    }
                     let piece = if len == 1 { (Vec::new(), Affine::default()) } else { (vec![len], Affine::along(0, LoopVar(0), 1)) };
                     let value = self.exprs.load(var, crate::ir::Flavour::Value, piece.1);
                     let s = store(Memory::Out, Affine::constant(at).plus(piece.1), value);
