@@ -314,17 +314,14 @@ impl<'a> Elaborator<'a> {
             self.model.interface.has_steady = true;
             let place = self.place(scope, Site::Instant);
             for (target, value) in entries {
-                let v = self.value(target, &place);
-                let Some((var, at)) = self.element(&v, target.span) else { continue };
-                if !matches!(self.vars[var].role, Role::Action | Role::State) {
-                    self.report(
-                        Diagnostic::error(codes::WRONG_KIND, "`steady` gives actions, and states that the equations leave free", target.span),
-                    );
-                    continue;
-                }
-                let unit = v.unit.unit();
+                let Some((symbol, at)) = self.target(target, &place, &[Role::Action, Role::State]) else { continue };
+                let SymbolKind::Variable { var, unit, .. } = self.names.symbols[symbol].kind.clone() else { continue };
                 let expr = self.number_in(value, &unit, "the steady value", target.span, &place);
-                given.insert((var, at.offset), expr);
+                let elements = match at {
+                    Some(at) => at.offset..at.offset + 1,
+                    None => 0..i64::from(self.vars[var].len),
+                };
+                given.extend(elements.map(|i| ((var, i), expr)));
             }
         }
         let mut stores = Vec::new();

@@ -871,6 +871,11 @@ impl Elaborator<'_> {
                     .map(|i| BinderValue::One(Bound::Member(set, (i - first) as usize)))
                     .collect()
             }
+            _ if self.names.sets.values().any(|s| s.name == format!("{a}..{b}")) => {
+                let name = format!("{a}..{b}");
+                let set = self.names.sets.iter().find(|(_, s)| s.name == name).map(|(id, _)| id);
+                set.map_or_else(Vec::new, |set| (0..=(b - a) as usize).map(|i| BinderValue::One(Bound::Member(set, i))).collect())
+            }
             _ => {
                 if b - a >= 10_000 {
                     self.report(
@@ -885,6 +890,22 @@ impl Elaborator<'_> {
         }
     }
 
+    /// The set of integers behind `k in 1..4` in a declaration; equal ranges are one set.
+    fn anonymous_set(&mut self, binder: &Binder, low: &Expr, high: &Expr, place: &Place) -> Option<super::names::SetId> {
+        let (a, b) = (self.integer(low, place)?, self.integer(high, place)?);
+        if a > b || b - a >= 100_000 {
+            let d = Diagnostic::error(codes::EMPTY_SET, format!("an index from {a} to {b}"), binder.span);
+            self.report(d.label("must have between one and a hundred thousand members"));
+            return None;
+        }
+        let name = format!("{a}..{b}");
+        let known = self.names.sets.iter().find(|(_, s)| s.name == name).map(|(id, _)| id);
+        Some(known.unwrap_or_else(|| {
+            let labels = (a..=b).map(|i| i.to_string()).collect();
+            self.names.sets.push(super::names::Set { name, labels, first: Some(a) })
+        }))
+    }
+
     /// Axes and binder names of an index list (`i in species, z`).
     pub(super) fn axes(&mut self, binders: &[Binder], place: &Place) -> Option<(Vec<Axis>, Vec<String>)> {
         let mut axes = Vec::with_capacity(binders.len());
@@ -893,7 +914,13 @@ impl Elaborator<'_> {
             let set = match &binder.over {
                 BinderSet::Set(name) => name,
                 BinderSet::Itself => &binder.name,
-                _ => {
+                BinderSet::Range(low, high) => {
+                    let set = self.anonymous_set(binder, low, high, place)?;
+                    axes.push(Axis::Set(set));
+                    names.push(binder.name.text.clone());
+                    continue;
+                }
+                BinderSet::Tuple(_) => {
                     self.report(Diagnostic::error(codes::BAD_BINDER, "an index of a declaration runs over a set or a domain", binder.span));
                     return None;
                 }

@@ -128,6 +128,15 @@ impl<'a> Elaborator<'a> {
             self.observe_states(out);
             return;
         }
+        // `observe x for x in states`
+        if let ([Binder { name: x, over: BinderSet::Set(set), .. }], ExprKind::Name(n)) = (o.binders.as_slice(), &o.value.kind)
+            && x.text == n.text
+            && set.text == "states"
+            && self.names.lookup(place.scope, "states").is_none()
+        {
+            self.observe_states(out);
+            return;
+        }
         if o.binders.is_empty()
             && let Some((symbol, axes)) = self.whole_array(&o.value, place)
         {
