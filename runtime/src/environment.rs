@@ -7,6 +7,7 @@
 //! carries nothing over from one step to the next.
 
 mod interval;
+mod invariants;
 mod reset;
 mod verdict;
 
@@ -15,6 +16,7 @@ use std::sync::Arc;
 use smpl_compiler::compiled::{Memory, Region};
 use smpl_compiler::ir::Builtin;
 
+pub use invariants::Drift;
 pub use reset::{ResetError, ResetOptions, Start, StateInput};
 
 use crate::catalogue::Catalogue;
@@ -110,6 +112,8 @@ pub struct Environment {
     finish: Vec<f64>,
     scratch: Vec<f64>,
     statistics: Statistics,
+    /// Drifts of the invariants; empty unless they are watched.
+    drifts: Vec<Drift>,
     /// Stepping goes on after the end of an episode.
     keep_going: bool,
 }
@@ -153,6 +157,7 @@ impl Environment {
             finish: vec![0.0; counts.iter().map(|&c| c as usize).sum()],
             scratch: vec![0.0; unknowns],
             statistics: Statistics::default(),
+            drifts: Vec::new(),
             keep_going: false,
             replay: Vec::new(),
             progress,

@@ -127,7 +127,11 @@ impl Environment {
 
     fn advance(&mut self, t: f64, end: f64) -> Result<Advance, SolveError> {
         self.integrator.restart(&mut self.system, t, &self.progress.y, Some(&self.progress.yp))?;
-        self.integrator.advance(&mut self.system, end)
+        if self.drifts.is_empty() {
+            self.integrator.advance(&mut self.system, end)
+        } else {
+            self.advance_watched(t, end)
+        }
     }
 
     pub(super) fn take_state(&mut self) {

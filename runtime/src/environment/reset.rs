@@ -102,6 +102,7 @@ impl Environment {
         self.progress.next_key = key.next();
         self.statistics = Statistics::default();
         self.integrator.forget();
+        self.drifts.fill(super::Drift::default());
         let setup = std::sync::Arc::clone(&self.setup);
         self.system.restore(setup.system.memory());
 
