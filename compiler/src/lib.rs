@@ -1,4 +1,11 @@
 //! smpl-compiler: from the syntax tree to machine code.
 
+pub mod compiled;
+pub mod differentiate;
+pub mod generate;
+pub mod hoist;
+pub mod interpret;
 pub mod ir;
+pub mod kernels;
+pub mod layout;
 pub mod model;
