@@ -22,6 +22,9 @@ pub(crate) const MAX_NESTING: usize = 200;
 /// Largest file in bytes.
 pub(crate) const MAX_BYTES: usize = 16 << 20;
 
+/// Faults that are worth reporting in one run.
+pub(crate) const MAX_FAULTS: usize = 1000;
+
 /// What the layout pass found.
 #[derive(Debug, Default)]
 pub(crate) struct Layout {
@@ -242,10 +245,10 @@ impl<'t> Scanner<'t> {
     }
 
     fn quoted(&mut self) {
-        let line = self.bytes[self.at + 1..].iter().take_while(|b| **b != b'\n').count();
-        let rest = &self.bytes[self.at + 1..self.at + 1 + line];
-        if let Some(length) = rest.iter().position(|b| *b == b'"') {
-            self.token(self.at + length + 2, false);
+        let rest = &self.bytes[self.at + 1..];
+        let line = rest.iter().position(|b| matches!(b, b'"' | b'\n')).unwrap_or(rest.len());
+        if rest.get(line) == Some(&b'"') {
+            self.token(self.at + line + 2, false);
             return;
         }
         let start = self.at;
@@ -414,7 +417,7 @@ impl<'t> Scanner<'t> {
             .label("no bracket is open here")
             .help("remove it, or open the bracket before it");
         if self.pending.is_none() {
-            self.diagnostics.push(fault);
+            self.push_fault(fault);
             self.at += 1;
         } else {
             self.token(range.end, false);
@@ -511,7 +514,13 @@ impl<'t> Scanner<'t> {
         if let Some(pending) = &mut self.pending {
             pending.damaged = true;
         }
-        self.diagnostics.push(fault);
+        self.push_fault(fault);
+    }
+
+    fn push_fault(&mut self, fault: Diagnostic) {
+        if self.diagnostics.len() < MAX_FAULTS {
+            self.diagnostics.push(fault);
+        }
     }
 
     fn blank(&mut self, range: Range<usize>) {

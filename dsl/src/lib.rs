@@ -1,6 +1,8 @@
 //! smpl-dsl: the text of a model. Grammar, syntax tree with spans, diagnostics, formatter, units of measure.
 
 pub mod diagnostic;
+pub mod format;
+pub mod latex;
 mod layout;
 mod parse;
 pub mod span;

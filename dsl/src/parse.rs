@@ -15,7 +15,7 @@ use pest::Parser;
 use pest::iterators::{Pair, Pairs};
 
 use crate::diagnostic::{Diagnostic, codes, did_you_mean};
-use crate::layout::{KEYWORDS, RawStatement, has_block, is_reserved, layout, span};
+use crate::layout::{KEYWORDS, MAX_FAULTS, RawStatement, has_block, is_reserved, layout, span};
 use crate::span::{FileId, Span};
 use crate::syntax::{File, Ident, Statement, StatementKind};
 
@@ -55,6 +55,7 @@ pub fn parse(text: &str, file: FileId) -> Parsed {
     let statements = parser.statements(&layout.statements);
     let mut diagnostics = parser.diagnostics;
     diagnostics.sort_by_key(|fault| fault.primary.span.start);
+    diagnostics.truncate(MAX_FAULTS);
     Parsed { file: File { statements }, diagnostics }
 }
 
@@ -86,7 +87,8 @@ impl StatementParser<'_> {
         let span = span(self.file, raw.start, end);
         match self.kinds(raw, body) {
             Ok(kinds) => into.extend(kinds.into_iter().map(|kind| Statement { span, kind })),
-            Err(fault) => self.diagnostics.push(*fault),
+            Err(fault) if self.diagnostics.len() < 2 * MAX_FAULTS => self.diagnostics.push(*fault),
+            Err(_) => {}
         }
     }
 
@@ -107,11 +109,8 @@ impl StatementParser<'_> {
         let text = &self.text[raw.start..raw.end];
         let end = raw.start + word.len().max(text.chars().next().map_or(0, char::len_utf8));
         let place = span(self.file, raw.start, end);
-        let message = if word.is_empty() {
-            "a statement begins with a keyword".to_owned()
-        } else {
-            format!("`{word}` begins no statement")
-        };
+        let message =
+            if word.is_empty() { "a statement begins with a keyword".to_owned() } else { format!("`{word}` begins no statement") };
         Diagnostic::error(codes::UNKNOWN_STATEMENT, message, place)
             .label("expected a keyword such as `param`, `state`, `let` or `eq`")
             .maybe_help(message::statement_hint(word, text).or_else(|| did_you_mean(word, KEYWORDS.iter().copied())))

@@ -36,6 +36,7 @@ pub struct Statement {
 /// The kinds of statement, each introduced by its own keyword.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[allow(missing_docs, reason = "the example beside each kind names its fields")]
+#[allow(clippy::large_enum_variant, reason = "statements are few and are moved once")]
 pub enum StatementKind {
     /// `model Reactor "text"`
     Model { name: Ident, text: Option<String> },

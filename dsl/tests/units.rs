@@ -1,5 +1,7 @@
 //! Units of measure: conversions against published values, and the algebra against its laws.
 
+#![allow(clippy::result_large_err, reason = "the callback gives diagnostics")]
+
 use proptest::prelude::*;
 use smpl_dsl::parse;
 use smpl_dsl::span::FileId;
@@ -100,7 +102,13 @@ fn dimensions_are_described_in_words() {
 
 #[test]
 fn unknown_units_come_with_what_was_meant() {
-    let cases = [("sec", "did you mean `s`?"), ("m3", "a power is written `m^3`"), ("kgm", "did you mean"), ("Kmol", "did you mean `kmol`?"), ("minn", "did you mean `min`?")];
+    let cases = [
+        ("sec", "did you mean `s`?"),
+        ("m3", "a power is written `m^3`"),
+        ("kgm", "did you mean"),
+        ("Kmol", "did you mean `kmol`?"),
+        ("minn", "did you mean `min`?"),
+    ];
     for (text, help) in cases {
         let fault = resolve(&written(text), &mut |_| Ok(Unit::one())).expect_err(text);
         assert_eq!(fault.code.id(), "E0301-unknown-unit");

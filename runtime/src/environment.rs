@@ -13,7 +13,7 @@ mod verdict;
 
 use std::sync::Arc;
 
-use smpl_compiler::compiled::{Memory, Region};
+use smpl_compiler::layout::{Memory, Part, Region};
 use smpl_compiler::ir::Builtin;
 
 pub use invariants::Drift;
@@ -338,7 +338,7 @@ impl Environment {
     /// The steady state of the episode's parameters, in the order of `y`.
     #[must_use]
     pub fn steady_state(&self) -> &[f64] {
-        self.system.region(Region::Steady(smpl_compiler::compiled::Part::Y))
+        self.system.region(Region::Steady(Part::Y))
     }
 
     /// Work done since the last reset.

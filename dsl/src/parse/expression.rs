@@ -268,7 +268,8 @@ fn reduce(context: &Context<'_>, function: Ident, body: Expr, pair: Pair<'_, Rul
 fn conditional(context: &Context<'_>, pair: Pair<'_, Rule>, depth: usize) -> Fallible<Expr> {
     let end = context.span(&pair).end;
     let branches = pair.clone().into_inner().filter(|part| part.as_rule() == Rule::kw_if).count();
-    let starts: Vec<Span> = pair.clone().into_inner().filter(|part| part.as_rule() == Rule::kw_if).map(|part| context.span(&part)).collect();
+    let starts: Vec<Span> =
+        pair.clone().into_inner().filter(|part| part.as_rule() == Rule::kw_if).map(|part| context.span(&part)).collect();
     let mut parts = list(context, pair, depth + branches)?;
     let mut result = parts.pop().ok_or_else(|| Box::new(Diagnostic::error(codes::SYNTAX, "expected an expression", Span::default())))?;
     for start in starts.into_iter().rev() {
@@ -286,7 +287,11 @@ fn region(context: &Context<'_>, pair: Pair<'_, Rule>, depth: usize) -> Fallible
     let argument = Climber { context, depth: depth + pairs.len(), pairs }.operand()?;
     let span = word.as_ref().map_or(argument.span, |word| Span { end: context.span(word).start + 7, ..context.span(word) });
     let inside = word.is_some_and(|word| word.as_str().starts_with("inside"));
-    let function = if inside { Ident { text: "inside".into(), span: Span { end: span.start + 6, ..span } } } else { Ident { text: "outside".into(), span } };
+    let function = if inside {
+        Ident { text: "inside".into(), span: Span { end: span.start + 6, ..span } }
+    } else {
+        Ident { text: "outside".into(), span }
+    };
     Ok(ExprKind::Call { function, arguments: vec![argument] })
 }
 

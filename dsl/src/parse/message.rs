@@ -25,7 +25,9 @@ pub(super) fn syntax_error(error: &Error<Rule>, text: &str, context: &Context<'_
     if !context.keyword.is_empty() {
         fault = fault.secondary(keyword, format!("in this `{}`", context.keyword));
     }
-    fault.maybe_help(slip(&text[..at], &text[at..], context.keyword).or_else(|| form(context.keyword).map(|form| format!("the form is `{form}`"))))
+    fault.maybe_help(
+        slip(&text[..at], &text[at..], context.keyword).or_else(|| form(context.keyword).map(|form| format!("the form is `{form}`"))),
+    )
 }
 
 /// The token that a text begins with.
@@ -34,7 +36,10 @@ fn token(text: &str) -> &str {
     let length = match first {
         '"' => text[1..].find('"').map_or(text.len(), |end| end + 2),
         c if c.is_ascii_alphanumeric() => text.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(text.len()),
-        c => ["->", "..", ":=", "**", "==", "<=", ">=", "!="].iter().find(|pair| text.starts_with(**pair)).map_or(c.len_utf8(), |pair| pair.len()),
+        c => ["->", "..", ":=", "**", "==", "<=", ">=", "!="]
+            .iter()
+            .find(|pair| text.starts_with(**pair))
+            .map_or(c.len_utf8(), |pair| pair.len()),
     };
     &text[..length]
 }
@@ -151,9 +156,11 @@ fn slip(before: &str, after: &str, keyword: &str) -> Option<String> {
     let next = found.chars().next().unwrap_or(' ');
     let hint = match found {
         ":=" => "write `=`; there is no `:=`",
-        "*" if after.starts_with("**") || last == '*' => "a power is written `^`: `x^2`",
+        "=" if last == ':' => "write `=`; there is no `:=`",
+        "**" | "*" if found == "**" || last == '*' => "a power is written `^`: `x^2`",
         "=" if matches!(keyword, "fail" | "success" | "constraint" | "event" | "clamp" | "reward" | "let") => "to compare write `==`",
         "{" if matches!(keyword, "eq" | "let" | "param") => "group with parentheses",
+        "" if keyword == "eq" && before.contains("==") => "here `=` defines; `==` compares",
         "==" => "here `=` defines; `==` compares",
         "&" | "&&" => "write `and`",
         "|" => "write `or`",

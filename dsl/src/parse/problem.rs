@@ -170,7 +170,18 @@ fn observation(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Observat
 
 fn bare(value: Expr) -> Observation {
     let span = value.span;
-    Observation { name: None, unit: None, value, binders: Vec::new(), bounds: None, noise: None, every: None, delay: None, text: None, span }
+    Observation {
+        name: None,
+        unit: None,
+        value,
+        binders: Vec::new(),
+        bounds: None,
+        noise: None,
+        every: None,
+        delay: None,
+        text: None,
+        span,
+    }
 }
 
 /// `pH : unit = expr`, or a variable with the unit in which it is observed.

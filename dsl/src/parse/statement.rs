@@ -108,7 +108,8 @@ fn instance(context: &Context<'_>, component: &Ident, pair: Pair<'_, Rule>) -> F
     let mut children = Children::new(pair);
     let name = children.name(context)?;
     let indices = declaration::indices(context, &mut children)?;
-    let arguments = children.take(Rule::instance_arguments).map_or_else(|| Ok(Vec::new()), |pair| arguments(context, Children::new(pair)))?;
+    let arguments =
+        children.take(Rule::instance_arguments).map_or_else(|| Ok(Vec::new()), |pair| arguments(context, Children::new(pair)))?;
     Ok(StatementKind::Instance { component: component.clone(), name, indices, arguments })
 }
 

@@ -99,5 +99,8 @@ fn multiply(context: &Context<'_>, pair: &Pair<'_, Rule>, a: Exponent, b: Expone
 
 fn overflow(context: &Context<'_>, pair: &Pair<'_, Rule>) -> Box<Diagnostic> {
     let message = "this exponent of a unit cannot be represented";
-    Box::new(Diagnostic::error(codes::UNIT_OVERFLOW, message, context.span(pair)).help("write a small rational number such as `^2.5` or `^(1/3)`"))
+    Box::new(
+        Diagnostic::error(codes::UNIT_OVERFLOW, message, context.span(pair))
+            .help("write a small rational number such as `^2.5` or `^(1/3)`"),
+    )
 }

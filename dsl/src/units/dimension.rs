@@ -54,7 +54,7 @@ impl Dimension {
     pub fn multiply(&self, other: &Self) -> Option<Self> {
         let mut product = *self;
         for (slot, exponent) in product.exponents.iter_mut().zip(other.exponents) {
-            *slot = small(slot.add(exponent)?)?;
+            *slot = small(slot.plus(exponent)?)?;
         }
         Some(product)
     }
@@ -100,7 +100,8 @@ impl Dimension {
     /// `mass length^2 per time^3`
     fn spelled_out(&self) -> String {
         let part = |negative: bool| {
-            let factors = BASES.iter().zip(self.exponents).filter(|(_, exponent)| (exponent.numerator() < 0) == negative && !exponent.is_zero());
+            let factors =
+                BASES.iter().zip(self.exponents).filter(|(_, exponent)| (exponent.numerator() < 0) == negative && !exponent.is_zero());
             let words = factors.map(|((name, _), exponent)| raised(name, if negative { exponent.negate() } else { exponent }));
             words.collect::<Vec<_>>().join(" ")
         };

@@ -1,5 +1,7 @@
 //! From a unit as written to what it means.
 
+#![allow(clippy::result_large_err, reason = "faults of units are rare and end the compilation")]
+
 use super::{Rational, Unit, table};
 use crate::diagnostic::{Diagnostic, codes, suggest};
 use crate::span::Span;

@@ -189,7 +189,7 @@ fn add_factor(factors: &mut Vec<(String, Rational)>, symbol: String, exponent: R
         factors.push((symbol, exponent));
         return Some(());
     };
-    factors[index].1 = factors[index].1.add(exponent)?;
+    factors[index].1 = factors[index].1.plus(exponent)?;
     if factors[index].1.is_zero() {
         factors.remove(index);
     }

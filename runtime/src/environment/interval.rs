@@ -1,6 +1,6 @@
 //! From one sampling instant to the next.
 
-use smpl_compiler::compiled::{Part, Region};
+use smpl_compiler::layout::{Part, Region};
 use smpl_compiler::ir::Builtin;
 use smpl_compiler::model::RootAction;
 

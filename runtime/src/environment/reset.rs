@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use smpl_compiler::compiled::{Part, Region};
+use smpl_compiler::layout::{Part, Region};
 use smpl_compiler::ir::Builtin;
 
 use super::{Environment, Phase};
