@@ -219,3 +219,6 @@ fn make_isa(effort: Effort) -> Result<OwnedTargetIsa, String> {
         .finish(settings::Flags::new(flags))
         .map_err(|e| e.to_string())
 }
+
+#[cfg(test)]
+mod tests;

@@ -650,12 +650,7 @@ impl Emitter<'_> {
     }
 
     fn store(&mut self, block: BlockId, sink: Sink, value: ExprId) {
-        let truth = self.exprs.is_truth(value);
-        let mut value = self.operand(block, value);
-        if truth {
-            let (one, zero) = (self.number(block, 1.0), self.number(block, 0.0));
-            value = self.select(self.is_two(block), value, one, zero);
-        }
+        let value = self.as_number(block, value);
         match sink {
             Sink::Out(at) => self.store_at(block, Base::Out, at, value),
             Sink::Var(var, at) => {
@@ -692,6 +687,16 @@ impl Emitter<'_> {
                 }
             }
         }
+    }
+
+    /// The value of an operand, a truth value as 1 or 0.
+    pub(super) fn as_number(&mut self, block: BlockId, expr: ExprId) -> Value {
+        let value = self.operand(block, expr);
+        if !self.exprs.is_truth(expr) {
+            return value;
+        }
+        let (one, zero) = (self.number(block, 1.0), self.number(block, 0.0));
+        self.select(self.is_two(block), value, one, zero)
     }
 
     fn store_at(&mut self, block: BlockId, base: Base, at: Affine, value: Value) {

@@ -4,6 +4,7 @@
 //! columns of working memory, array kernels are applied to whole columns, the next phase goes on. What an earlier phase
 //! computed and a later one needs is kept in a column too; loads are repeated.
 
+use cranelift_codegen::ir::condcodes::FloatCC;
 use cranelift_codegen::ir::{InstBuilder, MemFlagsData, Value, types};
 
 use super::body::{Emitter, Lanes, WORD, pow_entry};
@@ -234,8 +235,9 @@ impl Emitter<'_> {
                         .contains(&expr)
                         .then(|| phases.column.get(&expr))
                         .flatten();
-                    if let (Some(&column), Some(&value)) = (kept, self.values[block].get(&expr)) {
-                        self.write_column(block, column, value);
+                    if let Some(&column) = kept {
+                        let number = self.as_number(block, expr);
+                        self.write_column(block, column, number);
                     }
                 }
                 Item::Store(..) => self.item(block, *item),
@@ -255,7 +257,7 @@ impl Emitter<'_> {
             self.node(block, expr)
         } else if earlier {
             match phases.column.get(&expr) {
-                Some(&column) => self.read_column(block, column),
+                Some(&column) => self.read_column(block, column, expr),
                 None => return,
             }
         } else {
@@ -272,7 +274,7 @@ impl Emitter<'_> {
         at
     }
 
-    fn read_column(&mut self, block: BlockId, column: u32) -> Value {
+    fn read_column(&mut self, block: BlockId, column: u32, expr: ExprId) -> Value {
         let at = self.column_at(block, column);
         let (pointer, offset) = self.pointer(block, Base::Work, at);
         let kind = if self.is_two(block) {
@@ -281,9 +283,12 @@ impl Emitter<'_> {
             types::F64
         };
         // Columns change between phases.
-        self.b
-            .ins()
-            .load(kind, MemFlagsData::new().with_notrap(), pointer, offset)
+        let number = self.b.ins().load(kind, MemFlagsData::new().with_notrap(), pointer, offset);
+        if !self.exprs.is_truth(expr) {
+            return number;
+        }
+        let zero = self.number(block, 0.0);
+        self.b.ins().fcmp(FloatCC::NotEqual, number, zero)
     }
 
     fn write_column(&mut self, block: BlockId, column: u32, value: Value) {
