@@ -1,5 +1,7 @@
 //! smpl-compiler: from the syntax tree to machine code.
 
+pub mod elaborate;
+pub mod front;
 pub mod compiled;
 pub mod differentiate;
 pub mod generate;
@@ -9,3 +11,4 @@ pub mod ir;
 pub mod kernels;
 pub mod layout;
 pub mod model;
+pub mod structure;
