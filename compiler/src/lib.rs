@@ -1,9 +1,9 @@
 //! smpl-compiler: from the syntax tree to machine code.
 
-pub mod elaborate;
-pub mod front;
 pub mod compiled;
 pub mod differentiate;
+pub mod elaborate;
+pub mod front;
 pub mod generate;
 pub mod hoist;
 pub mod interpret;

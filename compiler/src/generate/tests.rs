@@ -8,9 +8,7 @@ use smpl_dsl::span::Span;
 use super::schedule::{Access, Job, Sink, Task};
 use super::{CompiledFn, Effort, Executable, Generator, Surroundings};
 use crate::interpret::{Tape, View};
-use crate::ir::{
-    Affine, BinaryFn, Compare, ExprId, Flavour, LoopVar, MAX_DEPTH, ReduceFn, Role, UnaryFn, VarId,
-};
+use crate::ir::{Affine, BinaryFn, Compare, ExprId, Flavour, LoopVar, MAX_DEPTH, ReduceFn, Role, UnaryFn, VarId};
 use crate::kernels;
 use crate::layout::{Layout, Memory};
 use crate::model::{Model, Variable};
@@ -34,9 +32,7 @@ struct World {
 impl World {
     fn new() -> World {
         let mut model = Model::default();
-        let mut variable = |name: &str, role, len| {
-            model.vars.push(Variable { name: name.into(), role, len, span: Span::default() })
-        };
+        let mut variable = |name: &str, role, len| model.vars.push(Variable { name: name.into(), role, len, span: Span::default() });
         let state = variable("x", Role::State, LEN);
         let discrete = variable("d", Role::Discrete, LEN);
         model.unknowns.push(state);
@@ -63,15 +59,37 @@ impl World {
             4 => e.time(),
             5 | 6 => {
                 let all = [
-                    UnaryFn::Neg, UnaryFn::Abs, UnaryFn::Sign, UnaryFn::Sqrt, UnaryFn::Exp, UnaryFn::Ln, UnaryFn::Log10,
-                    UnaryFn::Sin, UnaryFn::Cos, UnaryFn::Tan, UnaryFn::Asin, UnaryFn::Acos, UnaryFn::Atan, UnaryFn::Sinh,
-                    UnaryFn::Cosh, UnaryFn::Tanh, UnaryFn::Floor, UnaryFn::Ceil, UnaryFn::Round,
+                    UnaryFn::Neg,
+                    UnaryFn::Abs,
+                    UnaryFn::Sign,
+                    UnaryFn::Sqrt,
+                    UnaryFn::Exp,
+                    UnaryFn::Ln,
+                    UnaryFn::Log10,
+                    UnaryFn::Sin,
+                    UnaryFn::Cos,
+                    UnaryFn::Tan,
+                    UnaryFn::Asin,
+                    UnaryFn::Acos,
+                    UnaryFn::Atan,
+                    UnaryFn::Sinh,
+                    UnaryFn::Cosh,
+                    UnaryFn::Tanh,
+                    UnaryFn::Floor,
+                    UnaryFn::Ceil,
+                    UnaryFn::Round,
                 ];
                 e.unary(all[usize::from(k) % all.len()], a)
             }
             7..=9 => {
                 let all = [
-                    BinaryFn::Add, BinaryFn::Sub, BinaryFn::Mul, BinaryFn::Div, BinaryFn::Pow, BinaryFn::Min, BinaryFn::Max,
+                    BinaryFn::Add,
+                    BinaryFn::Sub,
+                    BinaryFn::Mul,
+                    BinaryFn::Div,
+                    BinaryFn::Pow,
+                    BinaryFn::Min,
+                    BinaryFn::Max,
                     BinaryFn::Atan2,
                 ];
                 e.binary(all[usize::from(k) % all.len()], a, b)
