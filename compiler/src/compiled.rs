@@ -163,20 +163,9 @@ impl CompiledModel {
             // SAFETY: the piece was generated with this signature.
             Some(unsafe { std::mem::transmute::<*const u8, CompiledFn>(address) })
         });
-        let surroundings = Surroundings {
-            kernels: *kernels::table(),
-            tables: parts.tables.as_ptr(),
-        };
+        let surroundings = Surroundings { kernels: *kernels::table(), tables: parts.tables.as_ptr() };
         let derivatives = Default::default();
-        Ok(CompiledModel {
-            parts,
-            layout: Arc::new(layout),
-            tapes,
-            functions,
-            surroundings,
-            derivatives,
-            executable,
-        })
+        Ok(CompiledModel { parts, layout: Arc::new(layout), tapes, functions, surroundings, derivatives, executable })
     }
 
     pub(crate) fn parts(&self) -> &Parts {
@@ -272,12 +261,7 @@ impl CompiledModel {
                 let Some(offset) = quantity.var.and_then(|v| self.layout.offset(v)) else {
                     continue;
                 };
-                for (i, slot) in numbers
-                    .iter_mut()
-                    .skip(offset)
-                    .take(quantity.len())
-                    .enumerate()
-                {
+                for (i, slot) in numbers.iter_mut().skip(offset).take(quantity.len()).enumerate() {
                     let default = Quantity::pick(&quantity.default, i);
                     *slot = if default.is_nan() { 0.0 } else { default };
                 }
