@@ -1,8 +1,10 @@
 //! smpl-compiler: from the syntax tree to machine code.
 
+pub mod artefact;
 pub mod compiled;
 pub mod differentiate;
 pub mod elaborate;
+pub mod emit;
 pub mod front;
 pub mod generate;
 pub mod hoist;
