@@ -3,8 +3,8 @@
     import gymnasium, smpl
     env = gymnasium.make("smpl/Reactor-v0")
 
-Importing the package registers the environments. `smpl.compile` makes a model of any `.eq` file and `smpl.Env(model)` an
-environment of it.
+Importing the package registers the environments. `smpl.compile` makes a model of any `.eq` file and `smpl.Env(model)`
+an environment of it.
 """
 
 from smpl._native import CompileError, Diagnostic, ScenarioError, SimulationError, __version__

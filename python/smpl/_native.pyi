@@ -89,10 +89,10 @@ class Start:
     def __init__(
         self,
         mode: str,
-        state: Sequence[tuple[int, float]],
-        discrete: Sequence[tuple[int, float]],
-        parameters: Sequence[tuple[int, float]],
-        disturbances: Sequence[tuple[int, FloatArray]],
+        state: Mapping[str, float] | FloatArray | None,
+        discrete: Mapping[str, float],
+        parameters: Mapping[str, float],
+        disturbances: Mapping[str, FloatArray],
     ) -> None: ...
 
 class Snapshot:
@@ -106,7 +106,7 @@ class Env:
     def __init__(
         self, model: Model, normalize: bool, dense_reward: bool, info_state: bool, max_steps: int | None
     ) -> None: ...
-    def reset(self, seed: int, episode: int, start: Start | None) -> tuple[Observation, Info]: ...
+    def reset(self, seed: int | None, start: Start | None) -> tuple[Observation, Info]: ...
     def step(self, action: FloatArray) -> tuple[Observation, float, bool, bool, Info]: ...
     def values(self, role: Role) -> FloatArray: ...
     time: float
@@ -120,9 +120,7 @@ class Env:
     def restore(self, snapshot: Snapshot) -> None: ...
 
 # time, success, failure, constraints (names first), cost, rewards (names first), state
-BatchInfo = tuple[
-    FloatArray, BoolArray, list[str] | None, FloatArray, FloatArray, FloatArray, FloatArray | None
-]
+BatchInfo = tuple[FloatArray, BoolArray, list[str] | None, FloatArray, FloatArray, FloatArray, FloatArray | None]
 
 class Batch:
     """Environments of one model, stepped together by threads."""
@@ -139,11 +137,12 @@ class Batch:
     ) -> None: ...
     constraint_names: list[str]
     def reset(
-        self, mask: BoolArray, seeds: npt.NDArray[np.uint64], episodes: npt.NDArray[np.uint64], start: Start | None
+        self, mask: BoolArray, seeds: Sequence[int | None] | None, start: Start | None
     ) -> tuple[Observation, BatchInfo]: ...
     def step(
         self, actions: FloatArray, active: BoolArray
     ) -> tuple[Observation, FloatArray, BoolArray, BoolArray, BatchInfo]: ...
     def values(self, role: Role) -> FloatArray: ...
+    def seeds(self) -> list[int]: ...
 
 def main(arguments: Sequence[str]) -> int: ...

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from smpl import _native
-from smpl.model import Model, _pairs, as_vector, check_names
+from smpl.model import FloatArray, Model, as_vector, check_names
 
 OPTIONS = ("state", "discrete", "parameters", "disturbances", "start")
 _STARTS = ("sampled", "nominal", "steady")
@@ -40,40 +41,43 @@ def start_from_options(model: Model, options: Mapping[str, Any] | None) -> _nati
     )
 
 
-def _state(model: Model, given: Any) -> list[tuple[int, float]]:
-    if given is None or isinstance(given, Mapping):
+def _state(model: Model, given: Any) -> dict[str, float] | FloatArray | None:
+    if given is None:
+        return None
+    if isinstance(given, Mapping):
         return _named("state", given, model.state_names)
     values = as_vector("options['state']", given, len(model.state_names))
-    return _finite("state", list(enumerate(values.tolist())))
+    _check_finite("state", values)
+    return values
 
 
-def _named(key: str, given: Any, names: tuple[str, ...]) -> list[tuple[int, float]]:
+def _named(key: str, given: Any, names: tuple[str, ...]) -> dict[str, float]:
     if given is None:
-        return []
+        return {}
     if not isinstance(given, Mapping):
         raise ValueError(f"options[{key!r}] must be a mapping from names to values, got {type(given).__name__}")
-    return _finite(key, _pairs(f"options[{key!r}]", given, names))
+    check_names(f"options[{key!r}]", given, names)
+    values = {name: float(value) for name, value in given.items()}
+    _check_finite(key, list(values.values()))
+    return values
 
 
-def _finite(key: str, pairs: list[tuple[int, float]]) -> list[tuple[int, float]]:
-    if not np.all(np.isfinite([value for _, value in pairs])):
-        raise ValueError(f"options[{key!r}] has a value that is not finite")
-    return pairs
-
-
-def _disturbances(model: Model, given: Any) -> list[tuple[int, np.ndarray[Any, np.dtype[np.float64]]]]:
+def _disturbances(model: Model, given: Any) -> dict[str, FloatArray]:
     if given is None:
-        return []
+        return {}
     if not isinstance(given, Mapping):
         raise ValueError("options['disturbances'] must be a mapping from names to sequences")
-    names = model.disturbance_names
-    check_names("options['disturbances']", given, names)
-    sequences = []
+    check_names("options['disturbances']", given, model.disturbance_names)
+    sequences = {}
     for name, values in given.items():
         sequence = np.ascontiguousarray(values, dtype=np.float64)
-        if sequence.ndim != 1 or not np.all(np.isfinite(sequence)):
-            raise ValueError(
-                f"options['disturbances'][{name!r}] has shape {sequence.shape}, expected (steps,) with finite values"
-            )
-        sequences.append((names.index(name), sequence))
+        if sequence.ndim != 1 or sequence.size == 0:
+            raise ValueError(f"options['disturbances'][{name!r}] has shape {sequence.shape}, expected (steps,)")
+        _check_finite("disturbances", sequence)
+        sequences[name] = sequence
     return sequences
+
+
+def _check_finite(key: str, values: npt.ArrayLike) -> None:
+    if not np.all(np.isfinite(values)):
+        raise ValueError(f"options[{key!r}] has a value that is not finite")

@@ -67,8 +67,8 @@ class Transitions:
 class LegacyRows:
     """Rows of the original's data sets: one more than steps in each episode.
 
-    Row t holds observation t, the action chosen from it, and the reward and flags received before it (0 and false in row
-    0); the last row holds the final observation and an unused action. `terminals` is set at time-outs too.
+    Row t holds observation t, the action chosen from it, and the reward and flags received before it (0 and false in
+    row 0); the last row holds the final observation and an unused action. `terminals` is set at time-outs too.
     """
 
     observations: Float32Array
@@ -107,8 +107,8 @@ def legacy_rows(episodes: Sequence[Episode]) -> LegacyRows:
 def to_d3rlpy(episodes: Sequence[Episode]) -> MDPDataset:
     """Episodes as a data set of d3rlpy (extra `d3rlpy`).
 
-    d3rlpy drops the last transition of a truncated episode, since it has no next observation there: such an episode gets one
-    more row with the final observation, zero action and reward, and the time-out is marked on it.
+    d3rlpy drops the last transition of a truncated episode, since it has no next observation there: such an episode
+    gets one more row with the final observation, zero action and reward, and the time-out is marked on it.
 
     Raises:
         ImportError: d3rlpy is missing.
@@ -145,8 +145,8 @@ def to_minari(identifier: str, episodes: Sequence[Episode], env: Any, **descript
         identifier: such as `smpl/reactor/nmpc-v0`.
         episodes: the episodes, each complete.
         env: the environment or its id.
-        description: passed on: `algorithm_name`, `author`, `author_email`, `code_permalink`, `description`, `ref_min_score`,
-            `ref_max_score` (give both or none), `data_format`, `requirements`.
+        description: passed on: `algorithm_name`, `author`, `author_email`, `code_permalink`, `description`,
+            `ref_min_score`, `ref_max_score` (give both or none), `data_format`, `requirements`.
 
     Raises:
         ImportError: Minari is missing.

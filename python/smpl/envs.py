@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -57,7 +57,7 @@ class Interface(Named):
         return (2 * values - (self.action_high + self.action_low)) / (self.action_high - self.action_low)
 
 
-class Env(Interface, gymnasium.Env[Observation, npt.NDArray[Any]]):
+class Env(Interface, gymnasium.Env[Any, Any]):
     """A process model as a Gymnasium environment.
 
     Actions and observations are `float32` boxes: [-1, 1] with `normalize=True`, else physical units. Arithmetic is in
@@ -81,7 +81,10 @@ class Env(Interface, gymnasium.Env[Observation, npt.NDArray[Any]]):
         action_low, action_high, observation_low, observation_high: bounds in physical units.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "ansi"], "render_fps": 10}
+    metadata: dict[str, Any] = {  # noqa: RUF012 - Gymnasium's own declaration
+        "render_modes": ["rgb_array", "ansi"],
+        "render_fps": 10,
+    }
 
     def __init__(
         self,
@@ -106,8 +109,7 @@ class Env(Interface, gymnasium.Env[Observation, npt.NDArray[Any]]):
         self._native = _native.Env(compiled.native, normalize, dense_reward, info_state, check_limit(max_steps))
         self.constraint_names = tuple(self._native.constraint_names)
         self.max_steps = self._native.max_steps
-        self._seed: int | None = None
-        self._episode = 0
+        self._seeded = False
         self._history: Any = None
         if render_mode is not None:
             from smpl.rendering import History
@@ -133,18 +135,15 @@ class Env(Interface, gymnasium.Env[Observation, npt.NDArray[Any]]):
         """
         start = start_from_options(self.model, options)
         super().reset(seed=seed)
-        if seed is not None:
-            self._seed, self._episode = int(seed) & SEED_MASK, 0
-        elif self._seed is None:
-            self._seed = int(self.np_random.integers(2**63))
-        else:
-            self._episode += 1
-        result = self._native.reset(self._seed, self._episode, start)
+        if seed is None and not self._seeded:
+            seed = int(self.np_random.integers(2**63))
+        self._seeded = True
+        result = self._native.reset(None if seed is None else int(seed) & SEED_MASK, start)
         if self._history is not None:
             self._history.start()
         return result
 
-    def step(self, action: npt.ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:  # type: ignore[override]
+    def step(self, action: npt.ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Apply an action over one sampling interval.
 
         Raises:

@@ -106,9 +106,7 @@ class Model(Named):
         size = len(self.unknown_names)
         return csc_matrix((data, rows, columns), shape=(size, size))
 
-    def rhs(
-        self, t: float, y: npt.ArrayLike, u: npt.ArrayLike, p: Mapping[str, float] | None = None
-    ) -> FloatArray:
+    def rhs(self, t: float, y: npt.ArrayLike, u: npt.ArrayLike, p: Mapping[str, float] | None = None) -> FloatArray:
         """Right-hand side dy/dt of a model that is explicit and has no algebraic unknowns.
 
         Raises:
@@ -141,7 +139,7 @@ class Model(Named):
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Linearisation at (y, u) as A, B, C, D; algebraic unknowns are eliminated.
 
-        d(dx)/dt = A dx + B du, dz = C dx + D du with the states x, the actions u and the observations z, physical units.
+        d(dx)/dt = A dx + B du, dz = C dx + D du with states x, actions u and observations z, physical units.
         """
         return self.native.linearize(self._y(y), self._u(u), self._given(p))
 

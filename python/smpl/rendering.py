@@ -67,7 +67,9 @@ class History:
     def text(self) -> str:
         """One line a quantity."""
         env = self._env
-        lines = [f"{env.model.name}  step {len(self.actions)}  time {env.time:g} {env.model.time_unit}  {self.end}".rstrip()]
+        lines = [
+            f"{env.model.name}  step {len(self.actions)}  time {env.time:g} {env.model.time_unit}  {self.end}".rstrip()
+        ]
         for name, unit, value in zip(env.state_names, env.state_units, self._last(self.states), strict=False):
             lines.append(f"  {name:24} {value: .6g} {unit}")
         for name, unit, value in zip(env.action_names, env.action_units, self._last(self.actions), strict=False):
@@ -87,7 +89,7 @@ class History:
         columns = 3 if len(panels) > 4 else 2
         rows = -(-len(panels) // columns)
         figure = Figure(figsize=(3.2 * columns, 2.0 * rows + 0.3), dpi=100, layout="constrained")
-        canvas = FigureCanvasAgg(figure)
+        canvas: Any = FigureCanvasAgg(figure)
         figure.suptitle(f"{self._env.model.name}, time [{self._env.model.time_unit}] {self.end}", fontsize=9)
         for index, panel in enumerate(panels):
             _plot(figure.add_subplot(rows, columns, index + 1), panel)
@@ -124,13 +126,19 @@ class History:
             title = f"{name} [{env.action_units[i]}]"
             panels.append(Panel(title, times[1:], actions[:, i], *bounds, None, held=True, colour=_COLOURS[1]))
         rewards = np.asarray(self.rewards)
-        panels.append(Panel(env.model.reward, times[1:], rewards, -np.inf, np.inf, None, held=False, colour=_COLOURS[2]))
+        panels.append(
+            Panel(env.model.reward, times[1:], rewards, -np.inf, np.inf, None, held=False, colour=_COLOURS[2])
+        )
         return panels
 
 
 def _plot(axes: Any, panel: Panel) -> None:
     """Draw a panel into matplotlib axes; bounds only where they are near enough to leave the curve readable."""
-    style = {"color": tuple(c / 255 for c in panel.colour), "linewidth": 1.2, "marker": "." if len(panel.times) < 3 else None}
+    style = {
+        "color": tuple(c / 255 for c in panel.colour),
+        "linewidth": 1.2,
+        "marker": "." if len(panel.times) < 3 else None,
+    }
     if panel.held:
         axes.step(panel.times, panel.values, where="pre", **style)
     else:

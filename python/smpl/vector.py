@@ -1,4 +1,4 @@
-"""The vector environment: many environments of one model stepped together, in threads and without the interpreter lock."""
+"""The vector environment: many environments of one model stepped together, in threads, without the interpreter lock."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from smpl.envs import SEED_MASK, Env, Interface, Observation, check_limit, choos
 from smpl.model import FloatArray, Model, Setting, check_names
 
 if TYPE_CHECKING:
-    from gymnasium.vector import AutoresetMode
+    from gymnasium.vector import AutoresetMode as AutoresetMode
 else:
     try:
         from gymnasium.vector import AutoresetMode
@@ -36,7 +36,7 @@ BoolArray = npt.NDArray[np.bool_]
 StepResult = tuple[Observation, FloatArray, BoolArray, BoolArray, dict[str, Any]]
 
 
-class VectorEnv(Interface, gymnasium.vector.VectorEnv[Observation, npt.NDArray[Any], npt.NDArray[Any]]):
+class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
     """Environments of one model behind Gymnasium's vector interface.
 
     Sub-environment i of `reset(seed=s)` gives, bit for bit, what `smpl.Env` gives with seed s + i, for every number of
@@ -90,8 +90,7 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Observation, npt.NDArray[A
             compiled.native, num_envs, normalize, dense_reward, info_state, limit, self.num_threads
         )
         self.constraint_names = tuple(self._native.constraint_names)
-        self._seeds: npt.NDArray[np.uint64] | None = None
-        self._episodes = np.zeros(num_envs, dtype=np.uint64)
+        self._seeded = False
         self._ended = np.zeros(num_envs, dtype=np.bool_)
 
     def reset(
@@ -110,8 +109,7 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Observation, npt.NDArray[A
         mask = self._reset_mask(options.pop("reset_mask", None))
         start = self._start(options)
         super().reset(seed=seed if isinstance(seed, (int, np.integer)) else None)
-        self._advance(mask, self._given_seeds(seed))
-        observations, info = self._native.reset(mask, self._seeds_or_drawn(), self._episodes, start)
+        observations, info = self._native.reset(mask, self._given_seeds(seed), start)
         self._ended[mask] = False
         return observations, self._infos(info, mask)
 
@@ -162,11 +160,6 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Observation, npt.NDArray[A
         """A copy of the differential states, physical units, shape (environments, states)."""
         return self._native.values("state")
 
-    @property
-    def seeds(self) -> tuple[int, ...] | None:
-        """Seed of each sub-environment; none before the first reset."""
-        return None if self._seeds is None else tuple(self._seeds.tolist())
-
     # Episodes and seeds.
 
     def _start(self, options: Mapping[str, Any]) -> _native.Start | None:
@@ -184,45 +177,31 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Observation, npt.NDArray[A
         mask = np.asarray(given)
         if mask.shape != (self.num_envs,) or mask.dtype != np.bool_:
             raise ValueError(
-                f"options['reset_mask'] has shape {mask.shape} and type {mask.dtype}, expected ({self.num_envs},) and bool"
+                f"options['reset_mask'] has shape {mask.shape} and type {mask.dtype}, "
+                f"expected ({self.num_envs},) and bool"
             )
         if not mask.any():
             raise ValueError("options['reset_mask'] selects no environment")
-        return mask.copy()
+        return np.array(mask, dtype=np.bool_)
 
-    def _given_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+    def _given_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None] | None:
+        """A seed for each sub-environment, none for its next episode; drawn where none was ever given."""
+        if seed is None and self._seeded:
+            return None
+        self._seeded = True
         if seed is None:
-            return [None] * self.num_envs
+            seed = int(self.np_random.integers(2**63))
         if isinstance(seed, (int, np.integer)):
-            return [int(seed) + i for i in range(self.num_envs)]
+            return [(int(seed) + i) & SEED_MASK for i in range(self.num_envs)]
         if len(seed) != self.num_envs:
             raise ValueError(f"seed has {len(seed)} entries, expected {self.num_envs}")
-        return list(seed)
-
-    def _seeds_or_drawn(self) -> npt.NDArray[np.uint64]:
-        """The seeds; drawn from `np_random` where none was ever given."""
-        if self._seeds is None:
-            first = int(self.np_random.integers(2**63))
-            self._seeds = np.array([(first + i) & SEED_MASK for i in range(self.num_envs)], dtype=np.uint64)
-        return self._seeds
-
-    def _advance(self, mask: BoolArray, given: list[int | None]) -> None:
-        """Next episode where the mask says so: the first of a given seed, else the next of the same seed."""
-        fresh = self._seeds is None
-        seeds = self._seeds_or_drawn()
-        if not fresh:
-            self._episodes[mask] += np.uint64(1)
-        for index, seed in enumerate(given):
-            if seed is not None and mask[index]:
-                seeds[index] = int(seed) & SEED_MASK
-                self._episodes[index] = 0
+        return [None if one is None else int(one) & SEED_MASK for one in seed]
 
     def _restart(
         self, mask: BoolArray, observations: Observation, infos: dict[str, Any]
     ) -> tuple[Observation, dict[str, Any]]:
         """Reset what the mask says and put its observations and infos in place of the old ones."""
-        self._advance(mask, [None] * self.num_envs)
-        first, info = self._native.reset(mask, self._seeds_or_drawn(), self._episodes, None)
+        first, info = self._native.reset(mask, None, None)
         selected = mask[:, np.newaxis]
         return np.where(selected, first, observations), _merge(mask, self._infos(info, mask), infos)
 

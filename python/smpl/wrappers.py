@@ -41,7 +41,7 @@ class SafetyGymnasium:
 class AroundNominal(gymnasium.ActionWrapper[Observation, Action, Action]):
     """Actions in [-1, 1] around the nominal ones: 0 is nominal, -1 and 1 are the bounds; linear on each side.
 
-    A policy that starts at zero then starts at the nominal operating point, which lies in the middle of the box only by chance.
+    A policy that starts at zero then starts at the nominal operating point, which is seldom the middle of the box.
 
     Example:
         >>> env = AroundNominal(gymnasium.make("smpl/Reactor-v0"))  # doctest: +SKIP

@@ -73,9 +73,7 @@ class ReactorNMPC:
     def action(self, env: Env) -> FloatArray:
         """First action of the optimal sequence, clipped to the box."""
         guess = self._first_guess() if self._guess is None else self._guess
-        solution = self._solver(
-            x0=guess, p=env.state, lbx=self._lower, ubx=self._upper, lbg=0.0, ubg=0.0
-        )
+        solution = self._solver(x0=guess, p=env.state, lbx=self._lower, ubx=self._upper, lbg=0.0, ubg=0.0)
         values = np.asarray(solution["x"]).ravel()
         if self._solver.stats()["success"]:
             self._guess = self._shifted(values)
