@@ -90,7 +90,8 @@ class History:
         rows = -(-len(panels) // columns)
         figure = Figure(figsize=(3.2 * columns, 2.0 * rows + 0.3), dpi=100, layout="constrained")
         canvas: Any = FigureCanvasAgg(figure)
-        figure.suptitle(f"{self._env.model.name}, time [{self._env.model.time_unit}] {self.end}", fontsize=9)
+        title = f"{self._env.model.name}, time in {self._env.model.time_unit}"
+        figure.suptitle(f"{title}: {self.end}" if self.end else title, fontsize=9)
         for index, panel in enumerate(panels):
             _plot(figure.add_subplot(rows, columns, index + 1), panel)
         canvas.draw()
@@ -146,10 +147,23 @@ def _plot(axes: Any, panel: Panel) -> None:
     for bound in (panel.low, panel.high):
         if np.isfinite(bound):
             axes.axhline(bound, color="0.7", linewidth=0.8, linestyle=":")
+    axes.set_ylim(*_limits(panel))
     if panel.target is not None:
         axes.axhline(panel.target, color="0.4", linewidth=0.8, linestyle="--")
     axes.set_title(panel.title, fontsize=8)
     axes.tick_params(labelsize=7)
+
+
+def _limits(panel: Panel) -> tuple[float | None, float | None]:
+    """Vertical limits that show the curve, but no more than half a range beyond the bounds."""
+    values = panel.values[np.isfinite(panel.values)]
+    if values.size == 0 or not np.isfinite(panel.high - panel.low):
+        return None, None
+    reach = 0.5 * (panel.high - panel.low)
+    marks = [*values.tolist(), *([] if panel.target is None else [panel.target])]
+    bottom, top = max(min(marks), panel.low - reach), min(max(marks), panel.high + reach)
+    margin = 0.05 * ((top - bottom) or (panel.high - panel.low))
+    return bottom - margin, top + margin
 
 
 def draw(panels: Sequence[Panel], width: int = 240, height: int = 120) -> Picture:

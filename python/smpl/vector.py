@@ -87,11 +87,17 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.num_threads = num_threads or os.cpu_count() or 1
         limit = check_limit(max_episode_steps if max_steps is None else max_steps)
         self._native = _native.Batch(
-            compiled.native, num_envs, normalize, dense_reward, info_state, limit, self.num_threads
+            compiled.native,
+            num_envs,
+            normalize,
+            dense_reward,
+            info_state,
+            limit,
+            self.num_threads,
+            str(self.autoreset_mode.value),
         )
         self.constraint_names = tuple(self._native.constraint_names)
         self._seeded = False
-        self._ended = np.zeros(num_envs, dtype=np.bool_)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -110,35 +116,23 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         start = self._start(options)
         super().reset(seed=seed if isinstance(seed, (int, np.integer)) else None)
         observations, info = self._native.reset(mask, self._given_seeds(seed), start)
-        self._ended[mask] = False
         return observations, self._infos(info, mask)
 
     def step(self, actions: npt.ArrayLike) -> StepResult:
         """Step all sub-environments; those that have ended are dealt with as `autoreset_mode` says.
 
         Raises:
-            ValueError: wrong shape or a NaN action; nothing is stepped then. With autoreset disabled also where a
-                sub-environment that has ended was not reset.
+            ValueError: wrong shape or a NaN action; nothing is stepped then.
+            SimulationError: with autoreset disabled, a sub-environment that has ended was not reset.
         """
         values = np.ascontiguousarray(actions, dtype=np.float64)
         expected = (self.num_envs, len(self.action_names))
         if values.shape != expected:
             raise ValueError(f"actions has shape {values.shape}, expected {expected}")
-        waiting = self._ended
-        any_waiting = bool(waiting.any())
-        if any_waiting and self.autoreset_mode == AutoresetMode.DISABLED:
-            raise ValueError("sub-environments have ended: reset them by reset(options={'reset_mask': ...}) first")
-        observations, rewards, terminated, truncated, info = self._native.step(values, ~waiting)
+        observations, rewards, terminated, truncated, info, final = self._native.step(values)
         infos = self._infos(info, np.ones(self.num_envs, dtype=np.bool_))
-        if any_waiting:
-            observations, infos = self._restart(waiting, observations, infos)
-        ended = terminated | truncated
-        if self.autoreset_mode == AutoresetMode.SAME_STEP and ended.any():
-            final = (observations, infos)
-            observations, infos = self._restart(ended, observations, infos)
-            infos.update(_final(ended, *final))
-            ended = np.zeros(self.num_envs, dtype=np.bool_)
-        self._ended = ended
+        if final is not None:
+            infos.update(self._final(*final))
         return observations, rewards, terminated, truncated, infos
 
     def close_extras(self, **kwargs: Any) -> None:
@@ -197,13 +191,17 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
             raise ValueError(f"seed has {len(seed)} entries, expected {self.num_envs}")
         return [None if one is None else int(one) & SEED_MASK for one in seed]
 
-    def _restart(
-        self, mask: BoolArray, observations: Observation, infos: dict[str, Any]
-    ) -> tuple[Observation, dict[str, Any]]:
-        """Reset what the mask says and put its observations and infos in place of the old ones."""
-        first, info = self._native.reset(mask, None, None)
-        selected = mask[:, np.newaxis]
-        return np.where(selected, first, observations), _merge(mask, self._infos(info, mask), infos)
+    def _final(self, ended: BoolArray, observations: Observation, info: _native.BatchInfo) -> dict[str, Any]:
+        """Last observations and infos of the episodes that have ended."""
+        final = np.full(self.num_envs, None, dtype=object)
+        for index in np.flatnonzero(ended):
+            final[index] = observations[index]
+        return {
+            "final_obs": final,
+            "_final_obs": ended,
+            "final_info": self._infos(info, ended),
+            "_final_info": ended.copy(),
+        }
 
     def _infos(self, info: _native.BatchInfo, mask: BoolArray) -> dict[str, Any]:
         """Arrays of the compiled module as Gymnasium's vector info."""
@@ -255,41 +253,3 @@ def _with_masks(values: dict[str, Any], mask: BoolArray) -> dict[str, Any]:
 
 def _nested(names: Sequence[str], rows: FloatArray, mask: BoolArray) -> dict[str, Any]:
     return _with_masks({name: rows[index] for index, name in enumerate(names)}, mask)
-
-
-def _merge(mask: BoolArray, new: dict[str, Any], old: dict[str, Any]) -> dict[str, Any]:
-    """`new` where the mask says so, else `old`; masks are united."""
-    merged: dict[str, Any] = {}
-    for key, value in new.items():
-        if isinstance(value, dict):
-            merged[key] = _merge(mask, value, old[key])
-        elif key.startswith("_"):
-            merged[key] = value | old[key]
-        else:
-            selected = mask if value.ndim == 1 else mask[:, np.newaxis]
-            merged[key] = np.where(selected, value, old[key])
-    return merged
-
-
-def _final(ended: BoolArray, observations: Observation, infos: dict[str, Any]) -> dict[str, Any]:
-    """Last observations and infos of the episodes that have ended."""
-    final = np.full(len(ended), None, dtype=object)
-    for index in np.flatnonzero(ended):
-        final[index] = observations[index].copy()
-    return {
-        "final_obs": final,
-        "_final_obs": ended.copy(),
-        "final_info": _masked(ended, infos),
-        "_final_info": ended.copy(),
-    }
-
-
-def _masked(mask: BoolArray, infos: dict[str, Any]) -> dict[str, Any]:
-    """Infos whose masks are restricted to `mask`."""
-    result: dict[str, Any] = {}
-    for key, value in infos.items():
-        if isinstance(value, dict):
-            result[key] = _masked(mask, value)
-        else:
-            result[key] = value & mask if key.startswith("_") else value
-    return result
