@@ -18,7 +18,11 @@ pub fn vector<'py, T: Element + Copy>(
 }
 
 /// A new matrix of zeros in row order, and its elements.
-pub fn matrix<'py, T: Element + Copy>(py: Python<'py>, rows: usize, columns: usize) -> Bound<'py, PyArray2<T>> {
+pub fn matrix<'py, T: Element + Copy>(
+    py: Python<'py>,
+    rows: usize,
+    columns: usize,
+) -> Bound<'py, PyArray2<T>> {
     PyArray2::<T>::zeros(py, [rows, columns], false)
 }
 

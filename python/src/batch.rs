@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use smpl_runtime::batch::{self, Autoreset, BatchError, BatchOptions, Info, StepArrays};
@@ -29,7 +29,14 @@ type InfoArrays<'py> = (
 );
 /// Which episodes ended, their last observations and infos.
 type Final<'py> = (Flags<'py>, Observations<'py>, InfoArrays<'py>);
-type Step<'py> = (Observations<'py>, Vector<'py>, Flags<'py>, Flags<'py>, InfoArrays<'py>, Option<Final<'py>>);
+type Step<'py> = (
+    Observations<'py>,
+    Vector<'py>,
+    Flags<'py>,
+    Flags<'py>,
+    InfoArrays<'py>,
+    Option<Final<'py>>,
+);
 
 /// Environments of one model, stepped together by threads.
 #[pyclass(module = "smpl._native")]
@@ -52,7 +59,10 @@ struct Sizes {
 #[pymethods]
 impl Batch {
     #[new]
-    #[expect(clippy::too_many_arguments, reason = "the arguments of the Python class, one by one")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "the arguments of the Python class, one by one"
+    )]
     fn new(
         model: &Model,
         num_envs: usize,
@@ -67,14 +77,26 @@ impl Batch {
             "NextStep" => Autoreset::NextStep,
             "SameStep" => Autoreset::SameStep,
             "Disabled" => Autoreset::Disabled,
-            _ => return Err(PyValueError::new_err(format!("unknown autoreset mode `{autoreset}`"))),
+            _ => {
+                return Err(PyValueError::new_err(format!(
+                    "unknown autoreset mode `{autoreset}`"
+                )));
+            }
         };
         let setup = model.setup(dense_reward, max_steps)?;
         let reset = ResetOptions::default();
-        let options = BatchOptions { autoreset, threads: num_threads, normalised: normalize, reset };
-        let batch = guarded(|| batch::Batch::new(&setup, num_envs, options))?.map_err(|e| batch_error(&e))?;
+        let options = BatchOptions {
+            autoreset,
+            threads: num_threads,
+            normalised: normalize,
+            reset,
+        };
+        let batch = guarded(|| batch::Batch::new(&setup, num_envs, options))?
+            .map_err(|e| batch_error(&e))?;
         let Some(first) = batch.environment(0) else {
-            return Err(PyValueError::new_err("num_envs is 0, expected a positive integer"));
+            return Err(PyValueError::new_err(
+                "num_envs is 0, expected a positive integer",
+            ));
         };
         let sizes = Sizes {
             observations: first.observation_len(),
@@ -83,7 +105,12 @@ impl Batch {
             states: first.catalogue().states.len(),
         };
         let constraints = first.constraint_names().map(str::to_owned).collect();
-        Ok(Self { constraints, sizes, with_state: info_state, batch: Mutex::new(batch) })
+        Ok(Self {
+            constraints,
+            sizes,
+            with_state: info_state,
+            batch: Mutex::new(batch),
+        })
     }
 
     #[getter]
@@ -108,17 +135,30 @@ impl Batch {
         // What an episode was started from does not hold for those that begin by themselves later.
         batch.set_reset_options(ResetOptions::default());
         result?.map_err(|e| batch_error(&e))?;
-        let infos = info_arrays(py, batch, self.sizes, self.constraints.len(), self.with_state, batch::Batch::info);
+        let infos = info_arrays(
+            py,
+            batch,
+            self.sizes,
+            self.constraints.len(),
+            self.with_state,
+            batch::Batch::info,
+        );
         Ok((observations, infos))
     }
 
     /// Takes a step in every environment.
-    fn step<'py>(&mut self, py: Python<'py>, actions: PyReadonlyArray2<'py, f64>) -> PyResult<Step<'py>> {
+    fn step<'py>(
+        &mut self,
+        py: Python<'py>,
+        actions: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Step<'py>> {
         let batch = self.batch.get_mut().unwrap_or_else(PoisonError::into_inner);
         let count = batch.len();
         let given = actions.as_slice()?;
         if given.len() != count * self.sizes.actions {
-            return Err(PyValueError::new_err("actions has a wrong number of entries"));
+            return Err(PyValueError::new_err(
+                "actions has a wrong number of entries",
+            ));
         }
         let observations = matrix::<f32>(py, count, self.sizes.observations);
         let rewards = PyArray1::<f64>::zeros(py, [count], false);
@@ -131,7 +171,14 @@ impl Batch {
         };
         guarded(|| py.detach(|| batch.step(given, arrays)))?.map_err(|e| batch_error(&e))?;
         let constraints = self.constraints.len();
-        let infos = info_arrays(py, batch, self.sizes, constraints, self.with_state, batch::Batch::info);
+        let infos = info_arrays(
+            py,
+            batch,
+            self.sizes,
+            constraints,
+            self.with_state,
+            batch::Batch::info,
+        );
         let last = self.last(py);
         Ok((observations, rewards, terminated, truncated, infos, last))
     }
@@ -167,15 +214,27 @@ impl Batch {
             }
         });
         let observations = matrix::<f32>(py, count, self.sizes.observations);
-        for (i, out) in elements(&observations).chunks_exact_mut(self.sizes.observations.max(1)).enumerate() {
-            for (out, &value) in out.iter_mut().zip(batch.final_info(i).map_or(&[][..], |(values, _)| values)) {
+        for (i, out) in elements(&observations)
+            .chunks_exact_mut(self.sizes.observations.max(1))
+            .enumerate()
+        {
+            for (out, &value) in out
+                .iter_mut()
+                .zip(batch.final_info(i).map_or(&[][..], |(values, _)| values))
+            {
                 *out = value as f32;
             }
         }
         let pick = |batch: &'_ batch::Batch, i| batch.final_info(i).map(|(_, info)| info.clone());
         let infos: Vec<Option<Info>> = (0..count).map(|i| pick(batch, i)).collect();
         let sizes = self.sizes;
-        let infos = fill_infos(py, &infos.iter().map(Option::as_ref).collect::<Vec<_>>(), sizes, self.constraints.len(), self.with_state);
+        let infos = fill_infos(
+            py,
+            &infos.iter().map(Option::as_ref).collect::<Vec<_>>(),
+            sizes,
+            self.constraints.len(),
+            self.with_state,
+        );
         Some((ended, observations, infos))
     }
 }
@@ -191,7 +250,10 @@ fn reset(
         return batch.reset(None, Some(mask), observations);
     };
     let select = |seeded: bool| -> Vec<bool> {
-        mask.iter().zip(seeds).map(|(&chosen, seed)| chosen && seed.is_some() == seeded).collect()
+        mask.iter()
+            .zip(seeds)
+            .map(|(&chosen, seed)| chosen && seed.is_some() == seeded)
+            .collect()
     };
     let unseeded = select(false);
     if unseeded.contains(&true) {
@@ -239,7 +301,12 @@ fn fill_infos<'py>(
         }
     });
     let failed = infos.iter().flatten().any(|info| !info.failure.is_empty());
-    let failures = failed.then(|| infos.iter().map(|info| info.map_or(String::new(), |i| i.failure.clone())).collect());
+    let failures = failed.then(|| {
+        infos
+            .iter()
+            .map(|info| info.map_or(String::new(), |i| i.failure.clone()))
+            .collect()
+    });
     let rows = |len: usize, of: fn(&Info) -> &[f64]| {
         let array = matrix::<f64>(py, len, count);
         let out = elements(&array);
@@ -252,7 +319,10 @@ fn fill_infos<'py>(
     };
     let states = with_state.then(|| {
         let array = matrix::<f64>(py, count, sizes.states);
-        for (out, info) in elements(&array).chunks_exact_mut(sizes.states.max(1)).zip(infos) {
+        for (out, info) in elements(&array)
+            .chunks_exact_mut(sizes.states.max(1))
+            .zip(infos)
+        {
             if let Some(info) = info {
                 out.copy_from_slice(&info.state);
             }

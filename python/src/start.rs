@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use numpy::{PyReadonlyArray1, PyArrayMethods};
+use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use smpl_runtime::environment::{ResetOptions, Start as Mode, StateInput};
@@ -42,6 +42,14 @@ impl Start {
             Some(GivenState::Named(named)) => StateInput::Named(named),
             Some(GivenState::Array(array)) => StateInput::Array(array.as_array().to_vec()),
         };
-        Ok(Self { options: ResetOptions { start, state, discrete, parameters, disturbances } })
+        Ok(Self {
+            options: ResetOptions {
+                start,
+                state,
+                discrete,
+                parameters,
+                disturbances,
+            },
+        })
     }
 }
