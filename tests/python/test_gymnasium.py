@@ -8,10 +8,10 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
-from conftest import ENVIRONMENTS
 from gymnasium.utils.env_checker import check_env
 
 import smpl
+from conftest import ENVIRONMENTS
 
 
 def test_the_environments_of_all_shipped_models_are_registered():

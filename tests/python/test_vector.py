@@ -48,7 +48,8 @@ def test_episodes_follow_one_another_as_with_the_vectoriser_of_gymnasium(mode):
         pytest.skip("this gymnasium has no AutoresetMode")
     native = make(3, mode, max_steps=6)
     reference = gymnasium.vector.SyncVectorEnv(
-        [lambda: gymnasium.make("smpl/Reactor-v0", max_steps=6) for _ in range(3)], autoreset_mode=parse_autoreset_mode(mode)
+        [lambda: gymnasium.make("smpl/Reactor-v0", max_steps=6) for _ in range(3)],
+        autoreset_mode=parse_autoreset_mode(mode),
     )
     for a, b in zip(native.reset(seed=4), reference.reset(seed=4), strict=True):
         assert_same(a, b)
