@@ -99,7 +99,7 @@ def test_same_step_keeps_the_final_observation_and_info():
         last, *_ = single.step(np.zeros(2))
     assert truncated.all() and infos["_final_obs"].all()
     np.testing.assert_array_equal(infos["final_obs"][0], last)
-    np.testing.assert_array_equal(infos["final_info"]["time"], [0.3, 0.3])
+    np.testing.assert_allclose(infos["final_info"]["time"], [0.3, 0.3])
     np.testing.assert_array_equal(infos["time"], [0.0, 0.0])
     np.testing.assert_array_equal(observations[0], single.reset()[0])
 
