@@ -13,7 +13,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -168,8 +167,9 @@ def own_peer() -> Peer:
             if x is not last[0]:  # a new episode; otherwise the environment carries its own state
                 env.reset(options={"state": x})
             env.step(u)
-            last[0] = env.state
-            return last[0]
+            after = env.state
+            last[0] = after
+            return after
 
         return step
 
@@ -192,7 +192,7 @@ def measure(peer: Peer, actions: FloatArray, exact: FloatArray, repeats: int) ->
 
 
 def at_error(runs: list[Run], target: float) -> float | None:
-    """Time a step at the error `target`, between two tolerances by interpolation of the logarithms; none if not reached."""
+    """Time a step at the error `target`, interpolated between tolerances; none where it is not reached."""
     ordered = sorted(runs, key=lambda run: run.error)
     if not ordered or ordered[0].error > target:
         return None
