@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use smpl_runtime::batch::{self, Autoreset, BatchError, BatchOptions, Info, StepArrays};
 use smpl_runtime::environment::{Environment, ResetOptions};
 
-use crate::arrays::{elements, matrix, vector};
+use crate::arrays::Fresh;
 use crate::environment::gather;
 use crate::errors::{SimulationError, guarded, reset_error, setup_error, step_error};
 use crate::model::{Model, role_error};
@@ -128,8 +128,8 @@ impl Batch {
     ) -> PyResult<(Observations<'py>, InfoArrays<'py>)> {
         let batch = self.batch.get_mut().unwrap_or_else(PoisonError::into_inner);
         let mask = mask.as_array().to_vec();
-        let observations = matrix::<f32>(py, batch.len(), self.sizes.observations);
-        let out = elements(&observations);
+        let mut observations = Fresh::matrix(py, batch.len(), self.sizes.observations);
+        let out = observations.elements();
         batch.set_reset_options(start.map(|start| start.options.clone()).unwrap_or_default());
         let result = guarded(|| py.detach(|| reset(batch, &mask, seeds.as_deref(), out)));
         // What an episode was started from does not hold for those that begin by themselves later.
@@ -143,7 +143,7 @@ impl Batch {
             self.with_state,
             batch::Batch::info,
         );
-        Ok((observations, infos))
+        Ok((observations.done(), infos))
     }
 
     /// Takes a step in every environment.
@@ -160,14 +160,14 @@ impl Batch {
                 "actions has a wrong number of entries",
             ));
         }
-        let observations = matrix::<f32>(py, count, self.sizes.observations);
-        let rewards = PyArray1::<f64>::zeros(py, [count], false);
-        let (terminated, truncated) = (flags(py, count), flags(py, count));
+        let mut observations = Fresh::matrix(py, count, self.sizes.observations);
+        let mut rewards = Fresh::vector(py, count);
+        let (mut terminated, mut truncated) = (Fresh::vector(py, count), Fresh::vector(py, count));
         let arrays = StepArrays {
-            observations: elements(&observations),
-            rewards: elements(&rewards),
-            terminated: elements(&terminated),
-            truncated: elements(&truncated),
+            observations: observations.elements(),
+            rewards: rewards.elements(),
+            terminated: terminated.elements(),
+            truncated: truncated.elements(),
         };
         guarded(|| py.detach(|| batch.step(given, arrays)))?.map_err(|e| batch_error(&e))?;
         let constraints = self.constraints.len();
@@ -180,7 +180,7 @@ impl Batch {
             batch::Batch::info,
         );
         let last = self.last(py);
-        Ok((observations, rewards, terminated, truncated, infos, last))
+        Ok((observations.done(), rewards.done(), terminated.done(), truncated.done(), infos, last))
     }
 
     /// Values by role, a row an environment: `state`, `discrete`, `disturbance`, `action`, `parameter`.
@@ -190,13 +190,13 @@ impl Batch {
             Some(first) => width(first, role).ok_or_else(|| role_error(role))?,
             None => 0,
         };
-        let values = matrix::<f64>(py, batch.len(), width);
-        for (index, out) in elements(&values).chunks_exact_mut(width.max(1)).enumerate() {
+        let mut values = Fresh::matrix(py, batch.len(), width);
+        for (index, out) in values.elements().chunks_exact_mut(width.max(1)).enumerate() {
             if let Some(environment) = batch.environment(index) {
                 write(environment, role, out);
             }
         }
-        Ok(values)
+        Ok(values.done())
     }
 }
 
@@ -208,14 +208,13 @@ impl Batch {
         if !(0..count).any(|i| batch.final_info(i).is_some()) {
             return None;
         }
-        let ended = vector(py, count, |out| {
+        let ended = Fresh::vector(py, count).filled(|out| {
             for (i, out) in out.iter_mut().enumerate() {
                 *out = batch.final_info(i).is_some();
             }
         });
-        let observations = matrix::<f32>(py, count, self.sizes.observations);
-        for (i, out) in elements(&observations)
-            .chunks_exact_mut(self.sizes.observations.max(1))
+        let mut observations = Fresh::matrix(py, count, self.sizes.observations);
+        for (i, out) in observations.elements().chunks_exact_mut(self.sizes.observations.max(1))
             .enumerate()
         {
             for (out, &value) in out
@@ -235,7 +234,7 @@ impl Batch {
             self.constraints.len(),
             self.with_state,
         );
-        Some((ended, observations, infos))
+        Some((ended, observations.done(), infos))
     }
 }
 
@@ -263,10 +262,6 @@ fn reset(
     batch.reset(Some(&values), Some(&select(true)), observations)
 }
 
-fn flags(py: Python<'_>, count: usize) -> Flags<'_> {
-    PyArray1::<bool>::zeros(py, [count], false)
-}
-
 /// The infos that `read` finds for each environment.
 fn info_arrays<'py>(
     py: Python<'py>,
@@ -289,13 +284,13 @@ fn fill_infos<'py>(
 ) -> InfoArrays<'py> {
     let count = infos.len();
     let column = |of: fn(&Info) -> f64| {
-        vector(py, count, |out| {
+        Fresh::vector(py, count).filled(|out| {
             for (out, info) in out.iter_mut().zip(infos) {
                 *out = info.map_or(0.0, of);
             }
         })
     };
-    let success = vector(py, count, |out| {
+    let success = Fresh::vector(py, count).filled(|out| {
         for (out, info) in out.iter_mut().zip(infos) {
             *out = info.is_some_and(|info| info.success);
         }
@@ -308,26 +303,25 @@ fn fill_infos<'py>(
             .collect()
     });
     let rows = |len: usize, of: fn(&Info) -> &[f64]| {
-        let array = matrix::<f64>(py, len, count);
-        let out = elements(&array);
+        let mut array = Fresh::matrix(py, len, count);
+        let out = array.elements();
         for (i, info) in infos.iter().enumerate() {
             for (row, &value) in info.map_or(&[][..], of).iter().enumerate().take(len) {
                 out[row * count + i] = value;
             }
         }
-        array
+        array.done()
     };
     let states = with_state.then(|| {
-        let array = matrix::<f64>(py, count, sizes.states);
-        for (out, info) in elements(&array)
-            .chunks_exact_mut(sizes.states.max(1))
+        let mut array = Fresh::matrix(py, count, sizes.states);
+        for (out, info) in array.elements().chunks_exact_mut(sizes.states.max(1))
             .zip(infos)
         {
             if let Some(info) = info {
                 out.copy_from_slice(&info.state);
             }
         }
-        array
+        array.done()
     });
     (
         column(|info| info.time),

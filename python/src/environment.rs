@@ -10,7 +10,7 @@ use smpl_runtime::catalogue::{Element, Family};
 use smpl_runtime::environment::{self, Environment};
 use smpl_runtime::observe::denormalise;
 
-use crate::arrays;
+use crate::arrays::Fresh;
 use crate::errors::{guarded, reset_error, step_error};
 use crate::info::Keys;
 use crate::model::{Model, role_error};
@@ -139,9 +139,7 @@ impl Env {
                 known.join(", ")
             )));
         };
-        Ok(arrays::vector(py, setup.catalogue.actions.len(), |out| {
-            environment.policy(index, out)
-        }))
+        Ok(Fresh::vector(py, setup.catalogue.actions.len()).filled(|out| environment.policy(index, out)))
     }
 
     #[getter]
@@ -169,9 +167,7 @@ impl Env {
                 .interface()
                 .has_steady
                 .then(|| environment.steady_state())?;
-            Some(arrays::vector(py, states.len(), |out| {
-                gather(states, steady, out)
-            }))
+            Some(Fresh::vector(py, states.len()).filled(|out| gather(states, steady, out)))
         })
     }
 
@@ -185,9 +181,7 @@ impl Env {
                 .interface()
                 .has_steady
                 .then(|| setup.steady_action())?;
-            Some(arrays::vector(py, actions.len(), |out| {
-                gather(actions, steady, out)
-            }))
+            Some(Fresh::vector(py, actions.len()).filled(|out| gather(actions, steady, out)))
         })
     }
 
@@ -251,9 +245,7 @@ fn observation<'py>(
     environment: &Environment,
     normalise: bool,
 ) -> Observation<'py> {
-    arrays::vector(py, environment.observation_len(), |out| {
-        environment.observe(normalise, out)
-    })
+    Fresh::vector(py, environment.observation_len()).filled(|out| environment.observe(normalise, out))
 }
 
 /// Values of a role in the order of the outside.
@@ -265,14 +257,12 @@ fn values<'py>(
     let setup = environment.setup().clone();
     let catalogue = &setup.catalogue;
     let region = |family: &Family, values: &[f64]| {
-        arrays::vector(py, family.len(), |out| gather(family, values, out))
+        Fresh::vector(py, family.len()).filled(|out| gather(family, values, out))
     };
     Ok(match role {
-        "state" => arrays::vector(py, catalogue.states.len(), |out| environment.state(out)),
+        "state" => Fresh::vector(py, catalogue.states.len()).filled(|out| environment.state(out)),
         "solved" => region(&catalogue.solved, environment.unknowns()),
-        "algebraic" => arrays::vector(py, catalogue.algebraics.len(), |out| {
-            environment.algebraics(out)
-        }),
+        "algebraic" => Fresh::vector(py, catalogue.algebraics.len()).filled(|out| environment.algebraics(out)),
         "discrete" => region(&catalogue.discretes, environment.discretes()),
         "disturbance" => region(&catalogue.disturbances, environment.disturbances()),
         "action" => region(&catalogue.actions, environment.actions()),

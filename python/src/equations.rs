@@ -104,10 +104,6 @@ impl Equations {
     }
 
     /// Values, rows and column pointers of dF/dy + cj dF/dy'.
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "the arguments of the mathematical function"
-    )]
     pub fn jacobian(
         &mut self,
         t: f64,

@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 use smpl_runtime::environment::Environment;
 
-use crate::arrays;
+use crate::arrays::Fresh;
 
 /// Keys of the mappings in `info`, made once.
 pub struct Keys {
@@ -61,7 +61,7 @@ impl Keys {
             let states = env.catalogue().states.len();
             info.set_item(
                 intern!(py, "state"),
-                arrays::vector(py, states, |out| env.state(out)),
+                Fresh::vector(py, states).filled(|out| env.state(out)),
             )?;
         }
         Ok(info)

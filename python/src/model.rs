@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use smpl_runtime::catalogue::{Catalogue, Element, Family};
 use smpl_runtime::setup::{EnvironmentOptions, Setup};
 
-use crate::arrays;
+use crate::arrays::Fresh;
 use crate::equations::{Equations, Given};
 use crate::errors::{guarded, setup_error};
 use crate::load::{self, Loaded};
@@ -19,6 +19,9 @@ type Matrix<'py> = Bound<'py, PyArray2<f64>>;
 type Indices<'py> = Bound<'py, PyArray1<i32>>;
 type Input<'py> = PyReadonlyArray1<'py, f64>;
 
+/// By dense reward and time limit.
+type Setups = HashMap<(bool, Option<u32>), Arc<Setup>>;
+
 /// A compiled model.
 #[pyclass(frozen, module = "smpl._native")]
 pub struct Model {
@@ -26,8 +29,8 @@ pub struct Model {
     catalogue: Catalogue,
     /// Made at the first evaluation.
     equations: Mutex<Option<Equations>>,
-    /// What environments share, by dense reward and time limit.
-    setups: Mutex<HashMap<(bool, Option<u32>), Arc<Setup>>>,
+    /// What environments share.
+    setups: Mutex<Setups>,
 }
 
 #[pymethods]
@@ -225,9 +228,9 @@ impl Model {
         given: Given,
     ) -> PyResult<Vector<'py>> {
         let (y, yp, u) = (y.as_slice()?, yp.as_slice()?, u.as_slice()?);
-        let out = PyArray1::<f64>::zeros(py, [y.len()], false);
-        self.evaluate(|equations| equations.residual(t, y, yp, u, &given, arrays::elements(&out)))?;
-        Ok(out)
+        let mut out = Fresh::vector(py, y.len());
+        self.evaluate(|equations| equations.residual(t, y, yp, u, &given, out.elements()))?;
+        Ok(out.done())
     }
 
     /// Values, rows and column pointers of the Jacobian at a point.
@@ -265,9 +268,9 @@ impl Model {
         given: Given,
     ) -> PyResult<Vector<'py>> {
         let (y, u) = (y.as_slice()?, u.as_slice()?);
-        let out = PyArray1::<f64>::zeros(py, [self.states()], false);
-        self.evaluate(|equations| equations.rhs(t, y, u, &given, arrays::elements(&out)))?;
-        Ok(out)
+        let mut out = Fresh::vector(py, self.states());
+        self.evaluate(|equations| equations.rhs(t, y, u, &given, out.elements()))?;
+        Ok(out.done())
     }
 
     /// Steady state at given actions.
@@ -294,11 +297,11 @@ impl Model {
         let (y, u) = (y.as_slice()?, u.as_slice()?);
         let found = self.evaluate(|equations| equations.linearize(y, u, &given))?;
         let matrix = |(rows, columns): (usize, usize), get: &dyn Fn(usize, usize) -> f64| {
-            let array = arrays::matrix::<f64>(py, rows, columns);
-            for (i, out) in arrays::elements(&array).iter_mut().enumerate() {
-                *out = get(i / columns, i % columns);
-            }
-            array
+            Fresh::matrix(py, rows, columns).filled(|out| {
+                for (i, out) in out.iter_mut().enumerate() {
+                    *out = get(i / columns, i % columns);
+                }
+            })
         };
         Ok((
             matrix(found.a.shape(), &|i, j| found.a[(i, j)]),
