@@ -180,7 +180,14 @@ impl Batch {
             batch::Batch::info,
         );
         let last = self.last(py);
-        Ok((observations.done(), rewards.done(), terminated.done(), truncated.done(), infos, last))
+        Ok((
+            observations.done(),
+            rewards.done(),
+            terminated.done(),
+            truncated.done(),
+            infos,
+            last,
+        ))
     }
 
     /// Values by role, a row an environment: `state`, `discrete`, `disturbance`, `action`, `parameter`.
@@ -214,7 +221,9 @@ impl Batch {
             }
         });
         let mut observations = Fresh::matrix(py, count, self.sizes.observations);
-        for (i, out) in observations.elements().chunks_exact_mut(self.sizes.observations.max(1))
+        for (i, out) in observations
+            .elements()
+            .chunks_exact_mut(self.sizes.observations.max(1))
             .enumerate()
         {
             for (out, &value) in out
@@ -314,7 +323,9 @@ fn fill_infos<'py>(
     };
     let states = with_state.then(|| {
         let mut array = Fresh::matrix(py, count, sizes.states);
-        for (out, info) in array.elements().chunks_exact_mut(sizes.states.max(1))
+        for (out, info) in array
+            .elements()
+            .chunks_exact_mut(sizes.states.max(1))
             .zip(infos)
         {
             if let Some(info) = info {

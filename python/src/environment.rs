@@ -139,7 +139,8 @@ impl Env {
                 known.join(", ")
             )));
         };
-        Ok(Fresh::vector(py, setup.catalogue.actions.len()).filled(|out| environment.policy(index, out)))
+        Ok(Fresh::vector(py, setup.catalogue.actions.len())
+            .filled(|out| environment.policy(index, out)))
     }
 
     #[getter]
@@ -245,7 +246,8 @@ fn observation<'py>(
     environment: &Environment,
     normalise: bool,
 ) -> Observation<'py> {
-    Fresh::vector(py, environment.observation_len()).filled(|out| environment.observe(normalise, out))
+    Fresh::vector(py, environment.observation_len())
+        .filled(|out| environment.observe(normalise, out))
 }
 
 /// Values of a role in the order of the outside.
@@ -262,7 +264,9 @@ fn values<'py>(
     Ok(match role {
         "state" => Fresh::vector(py, catalogue.states.len()).filled(|out| environment.state(out)),
         "solved" => region(&catalogue.solved, environment.unknowns()),
-        "algebraic" => Fresh::vector(py, catalogue.algebraics.len()).filled(|out| environment.algebraics(out)),
+        "algebraic" => {
+            Fresh::vector(py, catalogue.algebraics.len()).filled(|out| environment.algebraics(out))
+        }
         "discrete" => region(&catalogue.discretes, environment.discretes()),
         "disturbance" => region(&catalogue.disturbances, environment.disturbances()),
         "action" => region(&catalogue.actions, environment.actions()),

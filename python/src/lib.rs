@@ -19,7 +19,7 @@ use pyo3::prelude::*;
 /// Runs the command line; `arguments` begin with the program's name. Returns the exit status.
 #[pyfunction]
 fn main(py: Python<'_>, arguments: Vec<String>) -> PyResult<i32> {
-    errors::guarded(|| py.detach(|| smpl_runtime::cli::run(arguments)))
+    errors::guarded(|| py.detach(|| smpl_runtime::cli::run(arguments.into_iter().map(Into::into))))
 }
 
 /// The compiled part of the package `smpl`.
