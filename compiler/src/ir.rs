@@ -9,9 +9,12 @@
 //! back end compiles and what the interpreter runs.
 
 mod expr;
+pub(crate) mod hash;
 mod program;
 
-pub use expr::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, Flavour, LoopVar, MAX_DEPTH, ReduceFn, UnaryFn};
+pub use expr::{
+    Affine, BinaryFn, Compare, Expr, ExprId, Exprs, Flavour, LoopVar, MAX_DEPTH, ReduceFn, UnaryFn,
+};
 pub use program::{Nest, Place, Program, Store, Target};
 
 use cranelift_entity::entity_impl;
@@ -69,7 +72,9 @@ pub enum Builtin {
     ActionExcess = 5,
     /// Random episode time: reserved, always 0.
     Reserved = 6,
+    /// Factor of the derivatives in the Jacobian (an argument of that function, not memory).
+    DerivativeFactor = 7,
 }
 
 /// Number of elements of the builtin variable.
-pub const BUILTIN_COUNT: u32 = 7;
+pub const BUILTIN_COUNT: u32 = 8;

@@ -11,11 +11,12 @@ use crate::ir::{Affine, ExprId, Exprs, Program, Role, VarId};
 use cranelift_entity::PrimaryMap;
 
 /// A flat model with its expressions.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Model {
     /// All expressions.
     pub exprs: Exprs,
     /// All variables.
+    #[serde(with = "vars_as_list")]
     pub vars: PrimaryMap<VarId, Variable>,
     /// Unknowns in internal order: states, then solved algebraic variables.
     pub unknowns: Vec<VarId>,
@@ -35,6 +36,27 @@ pub struct Model {
     pub slots: Vec<Vec<u32>>,
     /// Names, units, bounds, settings: all that is seen from outside.
     pub interface: Interface,
+}
+
+/// Writes the map of variables as a list.
+mod vars_as_list {
+    use super::{PrimaryMap, VarId, Variable};
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(
+        vars: &PrimaryMap<VarId, Variable>,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(vars.values())
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<PrimaryMap<VarId, Variable>, D::Error> {
+        Ok(Vec::<Variable>::deserialize(deserializer)?
+            .into_iter()
+            .collect())
+    }
 }
 
 /// A variable of the flat model.
@@ -355,13 +377,25 @@ pub struct Solver {
 
 impl Default for Episode {
     fn default() -> Self {
-        Episode { step: 1.0, integrate: 1.0, max_steps: 100, error_reward: -1000.0, end_is_success: false }
+        Episode {
+            step: 1.0,
+            integrate: 1.0,
+            max_steps: 100,
+            error_reward: -1000.0,
+            end_is_success: false,
+        }
     }
 }
 
 impl Default for Solver {
     fn default() -> Self {
-        Solver { rtol: 1e-8, atol_factor: 0.01, max_order: 5, max_steps: 20_000, linear_solver: "auto".into() }
+        Solver {
+            rtol: 1e-8,
+            atol_factor: 0.01,
+            max_order: 5,
+            max_steps: 20_000,
+            linear_solver: "auto".into(),
+        }
     }
 }
 

@@ -1,4 +1,12 @@
 //! smpl-dsl: the text of a model. Grammar, syntax tree with spans, diagnostics, formatter, units of measure.
 
+pub mod diagnostic;
+pub mod format;
+pub mod latex;
+mod layout;
+mod parse;
 pub mod span;
 pub mod syntax;
+pub mod units;
+
+pub use parse::{Parsed, parse};

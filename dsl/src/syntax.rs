@@ -35,6 +35,8 @@ pub struct Statement {
 
 /// The kinds of statement, each introduced by its own keyword.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs, reason = "the example beside each kind names its fields")]
+#[allow(clippy::large_enum_variant, reason = "statements are few and are moved once")]
 pub enum StatementKind {
     /// `model Reactor "text"`
     Model { name: Ident, text: Option<String> },
@@ -367,6 +369,7 @@ pub struct Expr {
 
 /// The kinds of expression.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs, reason = "the example beside each kind names its fields")]
 pub enum ExprKind {
     /// `3.5`, `3.5 [m]`
     Number { value: f64, unit: Option<UnitExpr> },

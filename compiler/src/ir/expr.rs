@@ -7,6 +7,8 @@ use cranelift_entity::{PrimaryMap, entity_impl};
 use serde::{Deserialize, Serialize};
 
 use super::VarId;
+use super::hash::FastMap;
+use crate::kernels;
 
 /// A node of the graph.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -21,7 +23,9 @@ pub const MAX_DEPTH: usize = 4;
 pub struct LoopVar(pub u8);
 
 /// Element of an array as an affine function of the loop counters: `offset + Σ strides[d]·l_d`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize,
+)]
 pub struct Affine {
     /// Constant part, in elements.
     pub offset: i64,
@@ -33,7 +37,10 @@ impl Affine {
     /// The constant address.
     #[must_use]
     pub fn constant(offset: i64) -> Self {
-        Affine { offset, strides: [0; MAX_DEPTH] }
+        Affine {
+            offset,
+            strides: [0; MAX_DEPTH],
+        }
     }
 
     /// `offset + stride·l_depth`
@@ -58,7 +65,10 @@ impl Affine {
     /// The address times a number.
     #[must_use]
     pub fn times(self, factor: i64) -> Self {
-        Affine { offset: self.offset * factor, strides: self.strides.map(|s| s * factor) }
+        Affine {
+            offset: self.offset * factor,
+            strides: self.strides.map(|s| s * factor),
+        }
     }
 
     /// Whether no loop counter occurs.
@@ -70,13 +80,22 @@ impl Affine {
     /// One more than the deepest loop that occurs; 0 for a constant.
     #[must_use]
     pub fn depth(&self) -> u8 {
-        (0..MAX_DEPTH).rev().find(|&d| self.strides[d] != 0).map_or(0, |d| d as u8 + 1)
+        (0..MAX_DEPTH)
+            .rev()
+            .find(|&d| self.strides[d] != 0)
+            .map_or(0, |d| d as u8 + 1)
     }
 
     /// The element at given counters.
     #[must_use]
     pub fn at(&self, counters: &[i64; MAX_DEPTH]) -> i64 {
-        self.offset + self.strides.iter().zip(counters).map(|(s, c)| s * c).sum::<i64>()
+        self.offset
+            + self
+                .strides
+                .iter()
+                .zip(counters)
+                .map(|(s, c)| s * c)
+                .sum::<i64>()
     }
 }
 
@@ -168,7 +187,11 @@ pub enum Expr {
     /// A loop counter as a number.
     Counter(LoopVar),
     /// An element of a variable.
-    Load { var: VarId, flavour: Flavour, at: Affine },
+    Load {
+        var: VarId,
+        flavour: Flavour,
+        at: Affine,
+    },
     /// A function of one number.
     Unary(UnaryFn, ExprId),
     /// A function of two numbers.
@@ -186,15 +209,42 @@ pub enum Expr {
     /// The second where the first (a truth value) holds, else the third. Both are evaluated.
     Select(ExprId, ExprId, ExprId),
     /// Reduction of `body` over the loop at `depth`, of `extent` passes; `body` may use that counter, nothing outside may.
-    Reduce { op: ReduceFn, depth: LoopVar, extent: u32, body: ExprId },
+    Reduce {
+        op: ReduceFn,
+        depth: LoopVar,
+        extent: u32,
+        body: ExprId,
+    },
 }
 
 /// The arena of nodes; equal nodes are one.
 #[derive(Clone, Default)]
 pub struct Exprs {
     nodes: PrimaryMap<ExprId, Expr>,
-    depths: PrimaryMap<ExprId, u8>,
-    index: HashMap<Expr, ExprId>,
+    /// Free loop counters of each node, one bit a depth.
+    free: PrimaryMap<ExprId, u8>,
+    index: FastMap<Expr, ExprId>,
+}
+
+/// Only the nodes are written; what follows from them is computed again when they are read.
+impl Serialize for Exprs {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.nodes.values())
+    }
+}
+
+impl<'de> Deserialize<'de> for Exprs {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let nodes = Vec::<Expr>::deserialize(deserializer)?;
+        let mut exprs = Exprs::default();
+        for node in nodes {
+            let next = ExprId(exprs.nodes.len() as u32);
+            if Exprs::operands_of(node).any(|o| o >= next) || exprs.intern(node) != next {
+                return Err(serde::de::Error::custom("expressions out of order"));
+            }
+        }
+        Ok(exprs)
+    }
 }
 
 impl fmt::Debug for Exprs {
@@ -225,7 +275,13 @@ impl Exprs {
     /// One more than the deepest *free* loop counter; 0 where the value is one number for a whole nest.
     #[must_use]
     pub fn depth(&self, id: ExprId) -> u8 {
-        self.depths[id]
+        (u8::BITS - self.free[id].leading_zeros()) as u8
+    }
+
+    /// The *free* loop counters, bit `d` for the counter at depth `d`.
+    #[must_use]
+    pub fn free(&self, id: ExprId) -> u8 {
+        self.free[id]
     }
 
     /// The number of a constant.
@@ -240,16 +296,27 @@ impl Exprs {
     /// Whether the node has a truth value.
     #[must_use]
     pub fn is_truth(&self, id: ExprId) -> bool {
-        matches!(self.nodes[id], Expr::Truth(_) | Expr::Compare(..) | Expr::And(..) | Expr::Or(..) | Expr::Not(_))
+        matches!(
+            self.nodes[id],
+            Expr::Truth(_) | Expr::Compare(..) | Expr::And(..) | Expr::Or(..) | Expr::Not(_)
+        )
     }
 
     /// The nodes that a node uses directly.
     #[must_use]
     pub fn operands(&self, id: ExprId) -> impl Iterator<Item = ExprId> + use<> {
-        let (n, ops) = match self.nodes[id] {
-            Expr::Const(_) | Expr::Truth(_) | Expr::Time | Expr::Counter(_) | Expr::Load { .. } => (0, [id; 3]),
+        Self::operands_of(self.nodes[id])
+    }
+
+    fn operands_of(node: Expr) -> impl Iterator<Item = ExprId> {
+        let (n, ops) = match node {
+            Expr::Const(_) | Expr::Truth(_) | Expr::Time | Expr::Counter(_) | Expr::Load { .. } => {
+                (0, [ExprId(0); 3])
+            }
             Expr::Unary(_, a) | Expr::PowInt(a, _) | Expr::Not(a) => (1, [a; 3]),
-            Expr::Binary(_, a, b) | Expr::Compare(_, a, b) | Expr::And(a, b) | Expr::Or(a, b) => (2, [a, b, b]),
+            Expr::Binary(_, a, b) | Expr::Compare(_, a, b) | Expr::And(a, b) | Expr::Or(a, b) => {
+                (2, [a, b, b])
+            }
             Expr::Select(c, a, b) => (3, [c, a, b]),
             Expr::Reduce { body, .. } => (1, [body; 3]),
         };
@@ -260,30 +327,19 @@ impl Exprs {
         if let Some(&id) = self.index.get(&node) {
             return id;
         }
-        let id = self.nodes.push(node);
-        let depth = match node {
-            Expr::Counter(v) => v.0 + 1,
-            Expr::Load { at, .. } => at.depth(),
-            Expr::Reduce { depth, body, .. } => self.depth_below(body, depth.0),
-            _ => self.operands(id).map(|o| self.depths[o]).max().unwrap_or(0),
+        let free = match node {
+            Expr::Counter(v) => 1 << v.0,
+            Expr::Load { at, .. } => (0..MAX_DEPTH)
+                .filter(|&d| at.strides[d] != 0)
+                .map(|d| 1 << d)
+                .sum(),
+            Expr::Reduce { depth, body, .. } => self.free[body] & !(1 << depth.0),
+            _ => Self::operands_of(node).fold(0, |mask, o| mask | self.free[o]),
         };
-        self.depths.push(depth);
+        let id = self.nodes.push(node);
+        self.free.push(free);
         self.index.insert(node, id);
         id
-    }
-
-    /// Depth of `body` with the counters at `bound` and deeper taken away.
-    fn depth_below(&self, body: ExprId, bound: u8) -> u8 {
-        if self.depths[body] <= bound {
-            return self.depths[body];
-        }
-        match self.nodes[body] {
-            Expr::Counter(v) => if v.0 >= bound { 0 } else { v.0 + 1 },
-            Expr::Load { at, .. } => {
-                (0..bound as usize).rev().find(|&d| at.strides[d] != 0).map_or(0, |d| d as u8 + 1)
-            }
-            _ => self.operands(body).map(|o| self.depth_below(o, bound)).max().unwrap_or(0),
-        }
     }
 
     /// Builds any node without simplifying (for passes that copy).
@@ -443,7 +499,7 @@ impl Exprs {
             0 => self.constant(1.0),
             1 => a,
             _ => match self.as_const(a) {
-                Some(x) => self.constant(x.powi(n)),
+                Some(x) => self.constant(kernels::powi(x, n)),
                 None => self.intern(Expr::PowInt(a, n)),
             },
         }
@@ -516,15 +572,28 @@ impl Exprs {
         if extent == 1 {
             return self.shift(body, depth, 0);
         }
-        self.intern(Expr::Reduce { op, depth, extent, body })
+        self.intern(Expr::Reduce {
+            op,
+            depth,
+            extent,
+            body,
+        })
     }
 
     /// The body of a loop at one value of its counter: `l_depth := value`.
     pub fn shift(&mut self, e: ExprId, depth: LoopVar, value: i64) -> ExprId {
         let d = depth.0 as usize;
         self.rewrite(e, &mut HashMap::new(), &mut |exprs, node| match node {
+            // A reduction may bind the same counter again: inside, it is another one.
+            Expr::Reduce {
+                body, depth: bound, ..
+            } if bound == depth || exprs.free(body) & (1 << d) == 0 => Some(exprs.raw(node)),
             Expr::Counter(v) if v == depth => Some(exprs.constant(value as f64)),
-            Expr::Load { var, flavour, mut at } if at.strides[d] != 0 => {
+            Expr::Load {
+                var,
+                flavour,
+                mut at,
+            } if at.strides[d] != 0 => {
                 at.offset += at.strides[d] * value;
                 at.strides[d] = 0;
                 Some(exprs.load(var, flavour, at))
@@ -541,55 +610,51 @@ impl Exprs {
         done: &mut HashMap<ExprId, ExprId>,
         replace: &mut dyn FnMut(&mut Exprs, Expr) -> Option<ExprId>,
     ) -> ExprId {
-        if let Some(&r) = done.get(&e) {
-            return r;
+        // An explicit stack: expressions may be thousands of nodes deep.
+        let mut stack = vec![(e, false)];
+        while let Some((id, entered)) = stack.pop() {
+            if done.contains_key(&id) {
+                continue;
+            }
+            let node = self.nodes[id];
+            if entered {
+                let copy = self.rebuild(node, |o| done.get(&o).copied().unwrap_or(o));
+                done.insert(id, copy);
+            } else if let Some(replaced) = replace(self, node) {
+                done.insert(id, replaced);
+            } else {
+                stack.push((id, true));
+                stack.extend(
+                    Self::operands_of(node)
+                        .filter(|o| !done.contains_key(o))
+                        .map(|o| (o, false)),
+                );
+            }
         }
-        let node = self.nodes[e];
-        let r = match replace(self, node) {
-            Some(r) => r,
-            None => match node {
-                Expr::Const(_) | Expr::Truth(_) | Expr::Time | Expr::Counter(_) | Expr::Load { .. } => e,
-                Expr::Unary(f, a) => {
-                    let a = self.rewrite(a, done, replace);
-                    self.unary(f, a)
-                }
-                Expr::PowInt(a, n) => {
-                    let a = self.rewrite(a, done, replace);
-                    self.powi(a, n)
-                }
-                Expr::Not(a) => {
-                    let a = self.rewrite(a, done, replace);
-                    self.not(a)
-                }
-                Expr::Binary(f, a, b) => {
-                    let (a, b) = (self.rewrite(a, done, replace), self.rewrite(b, done, replace));
-                    self.binary(f, a, b)
-                }
-                Expr::Compare(f, a, b) => {
-                    let (a, b) = (self.rewrite(a, done, replace), self.rewrite(b, done, replace));
-                    self.compare(f, a, b)
-                }
-                Expr::And(a, b) => {
-                    let (a, b) = (self.rewrite(a, done, replace), self.rewrite(b, done, replace));
-                    self.and(a, b)
-                }
-                Expr::Or(a, b) => {
-                    let (a, b) = (self.rewrite(a, done, replace), self.rewrite(b, done, replace));
-                    self.or(a, b)
-                }
-                Expr::Select(c, a, b) => {
-                    let c = self.rewrite(c, done, replace);
-                    let (a, b) = (self.rewrite(a, done, replace), self.rewrite(b, done, replace));
-                    self.select(c, a, b)
-                }
-                Expr::Reduce { op, depth, extent, body } => {
-                    let body = self.rewrite(body, done, replace);
-                    self.reduce(op, depth, extent, body)
-                }
-            },
-        };
-        done.insert(e, r);
-        r
+        done.get(&e).copied().unwrap_or(e)
+    }
+
+    /// The node with other operands, simplified; leaves as they are.
+    pub fn rebuild(&mut self, node: Expr, operand: impl Fn(ExprId) -> ExprId) -> ExprId {
+        match node {
+            Expr::Const(_) | Expr::Truth(_) | Expr::Time | Expr::Counter(_) | Expr::Load { .. } => {
+                self.intern(node)
+            }
+            Expr::Unary(f, a) => self.unary(f, operand(a)),
+            Expr::PowInt(a, n) => self.powi(operand(a), n),
+            Expr::Not(a) => self.not(operand(a)),
+            Expr::Binary(f, a, b) => self.binary(f, operand(a), operand(b)),
+            Expr::Compare(f, a, b) => self.compare(f, operand(a), operand(b)),
+            Expr::And(a, b) => self.and(operand(a), operand(b)),
+            Expr::Or(a, b) => self.or(operand(a), operand(b)),
+            Expr::Select(c, a, b) => self.select(operand(c), operand(a), operand(b)),
+            Expr::Reduce {
+                op,
+                depth,
+                extent,
+                body,
+            } => self.reduce(op, depth, extent, operand(body)),
+        }
     }
 }
 
@@ -610,21 +675,10 @@ impl UnaryFn {
                 }
             }
             UnaryFn::Sqrt => x.sqrt(),
-            UnaryFn::Exp => x.exp(),
-            UnaryFn::Ln => x.ln(),
-            UnaryFn::Log10 => x.log10(),
-            UnaryFn::Sin => x.sin(),
-            UnaryFn::Cos => x.cos(),
-            UnaryFn::Tan => x.tan(),
-            UnaryFn::Asin => x.asin(),
-            UnaryFn::Acos => x.acos(),
-            UnaryFn::Atan => x.atan(),
-            UnaryFn::Sinh => x.sinh(),
-            UnaryFn::Cosh => x.cosh(),
-            UnaryFn::Tanh => x.tanh(),
             UnaryFn::Floor => x.floor(),
             UnaryFn::Ceil => x.ceil(),
             UnaryFn::Round => x.round_ties_even(),
+            _ => kernels::unary(self, x),
         }
     }
 }
@@ -638,11 +692,23 @@ impl BinaryFn {
             BinaryFn::Sub => x - y,
             BinaryFn::Mul => x * y,
             BinaryFn::Div => x / y,
-            BinaryFn::Pow => x.powf(y),
+            BinaryFn::Pow => kernels::pow(x, y),
             // A NaN must come through: a box test or a clip must not hide it.
-            BinaryFn::Min => if x.is_nan() || x < y { x } else { y },
-            BinaryFn::Max => if x.is_nan() || x > y { x } else { y },
-            BinaryFn::Atan2 => x.atan2(y),
+            BinaryFn::Min => {
+                if x.is_nan() || x < y {
+                    x
+                } else {
+                    y
+                }
+            }
+            BinaryFn::Max => {
+                if x.is_nan() || x > y {
+                    x
+                } else {
+                    y
+                }
+            }
+            BinaryFn::Atan2 => kernels::atan2(x, y),
         }
     }
 }

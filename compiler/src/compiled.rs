@@ -1,0 +1,287 @@
+//! A model ready to run: interface, pattern, memory layout, machine code, and tapes for what runs rarely.
+
+use std::io;
+use std::sync::{Arc, OnceLock};
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::differentiate::DifferentiateError;
+use crate::differentiate::pattern::Pattern;
+use crate::generate::schedule::{Job, ScheduleError};
+use crate::generate::{Code, CompiledFn, Executable, GenerateError, Surroundings};
+use crate::interpret::Tape;
+use crate::ir::{Builtin, VarId};
+use crate::kernels;
+use crate::layout::{Layout, Memory, Region};
+use crate::model::{Interface, Model, Quantity, Root};
+
+mod build;
+mod call;
+mod derivative;
+
+pub use build::{BackEndSettings, CompileStatistics};
+use derivative::Derivative;
+pub use derivative::{Derived, Triplet, WithRespectTo};
+
+/// Failures of the back end.
+#[derive(Debug, Error)]
+pub enum BackEndError {
+    /// An equation cannot be differentiated.
+    #[error(transparent)]
+    Differentiate(#[from] DifferentiateError),
+    /// A program addresses what it cannot have: a fault of elaboration.
+    #[error(transparent)]
+    Schedule(#[from] ScheduleError),
+    /// No machine code.
+    #[error(transparent)]
+    Generate(#[from] GenerateError),
+    /// No executable memory.
+    #[error("no executable memory: {0}")]
+    Executable(#[from] io::Error),
+    /// The unknowns and the rows do not match.
+    #[error("{unknowns} unknowns but {rows} equations")]
+    NotSquare {
+        /// Elements of unknowns.
+        unknowns: usize,
+        /// Rows.
+        rows: usize,
+    },
+}
+
+/// Functions that are compiled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Function {
+    PrepareStep,
+    Residual,
+    Jacobian,
+    Roots,
+    Quadratures,
+    Start,
+    End,
+    Finish,
+    Outputs,
+    Disturb,
+}
+
+impl Function {
+    pub(crate) const ALL: [Function; 10] = [
+        Function::PrepareStep,
+        Function::Residual,
+        Function::Jacobian,
+        Function::Roots,
+        Function::Quadratures,
+        Function::Start,
+        Function::End,
+        Function::Finish,
+        Function::Outputs,
+        Function::Disturb,
+    ];
+
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Function::PrepareStep => "prepare_step",
+            Function::Residual => "residual",
+            Function::Jacobian => "jacobian",
+            Function::Roots => "roots",
+            Function::Quadratures => "quadratures",
+            Function::Start => "start",
+            Function::End => "end",
+            Function::Finish => "finish",
+            Function::Outputs => "outputs",
+            Function::Disturb => "disturb",
+        }
+    }
+}
+
+/// Functions that are interpreted.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Tapes {
+    pub(crate) prepare_parameters: Tape,
+    pub(crate) parameters: Tape,
+    pub(crate) initial_states: Tape,
+    pub(crate) initial_discretes: Tape,
+    pub(crate) steady: Tape,
+    pub(crate) invariants: Tape,
+    pub(crate) boxes: Tape,
+    pub(crate) events: Vec<Tape>,
+    pub(crate) policies: Vec<Tape>,
+}
+
+/// What an artefact holds: all that the passes made; the rest follows from it at once.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct Parts {
+    pub(crate) model: Model,
+    pub(crate) pattern: Pattern,
+    /// Position tables of all compiled functions.
+    pub(crate) tables: Vec<u32>,
+    /// Code of each function of [`Function::ALL`].
+    pub(crate) codes: Vec<Code>,
+    /// Fills the caches that depend on parameters; interpreted.
+    pub(crate) prepare_parameters: Job,
+    pub(crate) statistics: CompileStatistics,
+}
+
+/// A model ready to run; shared by many instances, each with its own [`Memory`].
+pub struct CompiledModel {
+    parts: Parts,
+    layout: Arc<Layout>,
+    tapes: Tapes,
+    functions: [Option<CompiledFn>; Function::ALL.len()],
+    surroundings: Surroundings,
+    /// Tapes of derivatives, made when first asked for.
+    derivatives: [OnceLock<Result<Derivative, BackEndError>>; 8],
+    /// Holds the code that `functions` point to.
+    executable: Executable,
+}
+
+// SAFETY: the pointers go to `parts.tables` and into `executable`, both owned by this value and never changed after construction.
+unsafe impl Send for CompiledModel {}
+// SAFETY: as above; compiled functions write only to what the caller passes.
+unsafe impl Sync for CompiledModel {}
+
+impl CompiledModel {
+    /// Compiles a flat model.
+    ///
+    /// # Errors
+    /// If an equation cannot be differentiated, a program addresses what it cannot have, or no code can be made.
+    pub fn build(model: Model, settings: &BackEndSettings) -> Result<CompiledModel, BackEndError> {
+        let parts = build::passes(model, settings)?;
+        CompiledModel::assemble(parts)
+    }
+
+    /// Maps the code and prepares the tapes.
+    pub(crate) fn assemble(parts: Parts) -> Result<CompiledModel, BackEndError> {
+        let columns = parts.codes.iter().map(|c| c.columns).max().unwrap_or(0);
+        let layout = Layout::new(&parts.model, columns);
+        let tapes = build::tapes(&parts, &layout)?;
+        let pieces: Vec<&[u8]> = parts.codes.iter().map(|c| c.bytes.as_slice()).collect();
+        let executable = Executable::new(&pieces)?;
+        let functions = Function::ALL.map(|f| {
+            let address = executable.address(f as usize)?;
+            // SAFETY: the piece was generated with this signature.
+            Some(unsafe { std::mem::transmute::<*const u8, CompiledFn>(address) })
+        });
+        let surroundings = Surroundings {
+            kernels: *kernels::table(),
+            tables: parts.tables.as_ptr(),
+        };
+        let derivatives = Default::default();
+        Ok(CompiledModel {
+            parts,
+            layout: Arc::new(layout),
+            tapes,
+            functions,
+            surroundings,
+            derivatives,
+            executable,
+        })
+    }
+
+    pub(crate) fn parts(&self) -> &Parts {
+        &self.parts
+    }
+
+    /// Names, units, bounds, settings.
+    #[must_use]
+    pub fn interface(&self) -> &Interface {
+        &self.parts.model.interface
+    }
+
+    /// The flat model, with the caches that hoisting added.
+    #[must_use]
+    pub fn model(&self) -> &Model {
+        &self.parts.model
+    }
+
+    /// Length of `y`.
+    #[must_use]
+    pub fn unknowns(&self) -> usize {
+        self.layout.unknowns()
+    }
+
+    /// Leading part of `y` that is differential.
+    #[must_use]
+    pub fn states(&self) -> usize {
+        self.layout.states()
+    }
+
+    /// Every state's row is `f(t, y) - y'`, and no algebraic row mentions a derivative.
+    #[must_use]
+    pub fn explicit(&self) -> bool {
+        self.parts.model.explicit
+    }
+
+    /// Non-zeros of the Jacobian.
+    #[must_use]
+    pub fn pattern(&self) -> &Pattern {
+        &self.parts.pattern
+    }
+
+    /// The root functions.
+    #[must_use]
+    pub fn roots_info(&self) -> &[Root] {
+        &self.parts.model.roots
+    }
+
+    /// Number of quadratures.
+    #[must_use]
+    pub fn quadratures(&self) -> usize {
+        self.parts.model.quadratures.len()
+    }
+
+    /// What compiling took and gave.
+    #[must_use]
+    pub fn statistics(&self) -> &CompileStatistics {
+        &self.parts.statistics
+    }
+
+    /// Where everything lies.
+    #[must_use]
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Offset of a variable inside its region, of an unknown in `y`; `None` for a variable without memory.
+    #[must_use]
+    pub fn offset(&self, var: VarId) -> Option<usize> {
+        self.layout.offset(var)
+    }
+
+    /// Bytes of executable memory.
+    #[must_use]
+    pub fn code_len(&self) -> usize {
+        self.executable.len()
+    }
+
+    /// A workspace with parameters, actions, discrete variables and disturbances at their defaults, all else zero.
+    #[must_use]
+    pub fn memory(&self) -> Memory {
+        let mut memory = Memory::new(Arc::clone(&self.layout));
+        let interface = self.interface();
+        memory.region_mut(Region::Builtin)[Builtin::StepLength as usize] = interface.episode.step;
+        for (region, quantities) in [
+            (Region::Param, &interface.parameters),
+            (Region::Action, &interface.actions),
+            (Region::Discrete, &interface.discretes),
+            (Region::Disturbance, &interface.disturbances),
+        ] {
+            let numbers = memory.region_mut(region);
+            for quantity in quantities {
+                let Some(offset) = quantity.var.and_then(|v| self.layout.offset(v)) else {
+                    continue;
+                };
+                for (i, slot) in numbers
+                    .iter_mut()
+                    .skip(offset)
+                    .take(quantity.len())
+                    .enumerate()
+                {
+                    let default = Quantity::pick(&quantity.default, i);
+                    *slot = if default.is_nan() { 0.0 } else { default };
+                }
+            }
+        }
+        memory
+    }
+}

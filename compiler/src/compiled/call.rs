@@ -1,0 +1,303 @@
+//! The functions of a compiled model, with their lengths checked.
+
+use super::{CompiledModel, Function, build};
+use crate::interpret::{Tape, View};
+use crate::layout::Memory;
+
+/// What a call reads and writes, checked.
+struct Call<'a> {
+    t: f64,
+    factor: f64,
+    y: *mut f64,
+    yp: *const f64,
+    memory: &'a mut Memory,
+    out: *mut f64,
+}
+
+impl CompiledModel {
+    /// Panics if a vector has the wrong length: compiled code does not check.
+    #[track_caller]
+    fn check(&self, m: &Memory, y: &[f64], yp: &[f64]) {
+        self.check_memory(m);
+        assert_eq!(y.len(), self.unknowns(), "length of y");
+        assert_eq!(yp.len(), self.unknowns(), "length of y'");
+    }
+
+    #[track_caller]
+    fn check_memory(&self, m: &Memory) {
+        assert_eq!(
+            m.layout().len(),
+            self.layout.len(),
+            "memory of another model"
+        );
+    }
+
+    fn call(&self, function: Function, call: Call<'_>) {
+        let Some(code) = self.functions[function as usize] else {
+            return;
+        };
+        let work = call.memory.all_mut().as_mut_ptr();
+        // SAFETY: the code was generated for these lengths, which the callers have checked; it writes to `out` and the workspace, and
+        // to `y` only in functions that take it mutably; every address in it was checked against its variable's extent.
+        unsafe {
+            code(
+                call.t,
+                call.factor,
+                call.y,
+                call.yp,
+                work,
+                call.out,
+                &raw const self.surroundings,
+            )
+        }
+    }
+
+    fn evaluate(
+        &self,
+        function: Function,
+        memory: &mut Memory,
+        (t, factor): (f64, f64),
+        (y, yp): (&[f64], &[f64]),
+        out: &mut [f64],
+    ) {
+        self.check(memory, y, yp);
+        let call = Call {
+            t,
+            factor,
+            y: y.as_ptr().cast_mut(),
+            yp: yp.as_ptr(),
+            memory,
+            out: out.as_mut_ptr(),
+        };
+        self.call(function, call);
+    }
+
+    fn in_place(&self, function: Function, memory: &mut Memory, t: f64, y: &mut [f64]) {
+        self.check(memory, y, y);
+        let call = Call {
+            t,
+            factor: 0.0,
+            y: y.as_mut_ptr(),
+            yp: std::ptr::null(),
+            memory,
+            out: std::ptr::null_mut(),
+        };
+        self.call(function, call);
+    }
+
+    fn interpret(
+        &self,
+        tape: &Tape,
+        m: &mut Memory,
+        t: f64,
+        y: &mut [f64],
+        yp: &[f64],
+        out: &mut [f64],
+    ) {
+        self.check_memory(m);
+        let tables = &self.parts.tables;
+        tape.run(&mut View {
+            time: t,
+            factor: 0.0,
+            y,
+            yp,
+            work: m.all_mut(),
+            out,
+            tables,
+        });
+    }
+
+    /// Fills the caches that depend on parameters and random numbers drawn at reset. Call after parameters have changed.
+    pub fn prepare_parameters(&self, m: &mut Memory) {
+        self.interpret(
+            &self.tapes.prepare_parameters,
+            m,
+            0.0,
+            &mut [],
+            &[],
+            &mut [],
+        );
+    }
+
+    /// Fills the caches that depend on actions, discrete variables, disturbances, frames and builtins. Call after any of them has
+    /// changed, and after [`CompiledModel::prepare_parameters`].
+    pub fn prepare_step(&self, m: &mut Memory) {
+        self.check_memory(m);
+        let (y, yp, out) = (std::ptr::null_mut(), std::ptr::null(), std::ptr::null_mut());
+        self.call(
+            Function::PrepareStep,
+            Call {
+                t: 0.0,
+                factor: 0.0,
+                y,
+                yp,
+                memory: m,
+                out,
+            },
+        );
+    }
+
+    /// `out = F(t, y, y')`, one number a row, rows in the order of `y`.
+    ///
+    /// # Panics
+    /// If a vector's length is not [`CompiledModel::unknowns`]; likewise below.
+    pub fn residual(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        assert_eq!(out.len(), self.unknowns(), "length of the residual");
+        self.evaluate(Function::Residual, m, (t, 0.0), (y, yp), out);
+    }
+
+    /// `values = ∂F/∂y + cj ∂F/∂y'` in the order of [`CompiledModel::pattern`].
+    pub fn jacobian(
+        &self,
+        m: &mut Memory,
+        t: f64,
+        y: &[f64],
+        yp: &[f64],
+        cj: f64,
+        values: &mut [f64],
+    ) {
+        assert_eq!(
+            values.len(),
+            self.pattern().nonzeros(),
+            "length of the Jacobian's values"
+        );
+        self.evaluate(Function::Jacobian, m, (t, cj), (y, yp), values);
+    }
+
+    /// Values of the root functions.
+    pub fn roots(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        assert_eq!(out.len(), self.roots_info().len(), "number of roots");
+        self.evaluate(Function::Roots, m, (t, 0.0), (y, yp), out);
+    }
+
+    /// Integrands of the quadratures.
+    pub fn quadrature_rates(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        assert_eq!(out.len(), self.quadratures(), "number of quadratures");
+        self.evaluate(Function::Quadratures, m, (t, 0.0), (y, yp), out);
+    }
+
+    /// Failures, successes, constraints, rewards, observations, as [`crate::model::Finish`] lays them out.
+    pub fn finish(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        assert_eq!(
+            out.len(),
+            self.finish_len(),
+            "length of the finishing values"
+        );
+        self.evaluate(Function::Finish, m, (t, 0.0), (y, yp), out);
+    }
+
+    /// Algebraic outputs, all elements in the order of [`crate::model::Interface::algebraics`].
+    pub fn outputs(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        let expected = self
+            .interface()
+            .algebraics
+            .iter()
+            .map(crate::model::Quantity::len)
+            .sum::<usize>();
+        assert_eq!(out.len(), expected, "number of algebraic outputs");
+        self.evaluate(Function::Outputs, m, (t, 0.0), (y, yp), out);
+    }
+
+    /// Length of the output of [`CompiledModel::finish`].
+    #[must_use]
+    pub fn finish_len(&self) -> usize {
+        build::finish_len(&self.parts.model)
+    }
+
+    /// Updates at the start of a step: discrete variables, resets of `y`.
+    pub fn start(&self, m: &mut Memory, t: f64, y: &mut [f64]) {
+        self.in_place(Function::Start, m, t, y);
+    }
+
+    /// Updates at the end of a step: discrete variables, clamps of `y`.
+    pub fn end(&self, m: &mut Memory, t: f64, y: &mut [f64]) {
+        self.in_place(Function::End, m, t, y);
+    }
+
+    /// Next values of the disturbances.
+    pub fn disturb(&self, m: &mut Memory, t: f64) {
+        self.check_memory(m);
+        let (y, yp, out) = (std::ptr::null_mut(), std::ptr::null(), std::ptr::null_mut());
+        self.call(
+            Function::Disturb,
+            Call {
+                t,
+                factor: 0.0,
+                y,
+                yp,
+                memory: m,
+                out,
+            },
+        );
+    }
+
+    /// Computed and drawn parameters.
+    pub fn parameters(&self, m: &mut Memory) {
+        self.interpret(&self.tapes.parameters, m, 0.0, &mut [], &[], &mut []);
+    }
+
+    /// Initial values of the states, into `y`.
+    pub fn initial_states(&self, m: &mut Memory, y: &mut [f64]) {
+        self.check(m, y, y);
+        self.interpret(&self.tapes.initial_states, m, 0.0, y, &[], &mut []);
+    }
+
+    /// Initial values of discrete variables and disturbances.
+    pub fn initial_discretes(&self, m: &mut Memory, y: &mut [f64]) {
+        self.check(m, y, y);
+        self.interpret(&self.tapes.initial_discretes, m, 0.0, y, &[], &mut []);
+    }
+
+    /// What the steady problem fixes: one number an action element, then one a state of `steady_fixed`.
+    pub fn steady(&self, m: &mut Memory, y: &mut [f64], out: &mut [f64]) {
+        self.check(m, y, y);
+        let expected = self.actions_len() + self.interface().steady_fixed.len();
+        assert_eq!(out.len(), expected, "numbers of the steady problem");
+        self.interpret(&self.tapes.steady, m, 0.0, y, &[], out);
+    }
+
+    /// Runs an event program in place.
+    pub fn event(&self, index: usize, m: &mut Memory, t: f64, y: &mut [f64]) {
+        self.check(m, y, y);
+        self.interpret(&self.tapes.events[index], m, t, y, &[], &mut []);
+    }
+
+    /// The actions of a named policy.
+    pub fn policy(&self, index: usize, m: &mut Memory, t: f64, y: &[f64], out: &mut [f64]) {
+        self.check(m, y, y);
+        assert_eq!(out.len(), self.actions_len(), "number of actions");
+        self.interpret(&self.tapes.policies[index], m, t, &mut y.to_vec(), &[], out);
+    }
+
+    /// Value and rate of each invariant.
+    pub fn invariants(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        self.check(m, y, yp);
+        assert_eq!(
+            out.len(),
+            2 * self.interface().invariants.len(),
+            "values and rates of invariants"
+        );
+        self.interpret(&self.tapes.invariants, m, t, &mut y.to_vec(), yp, out);
+    }
+
+    /// The value of each item of each failure that is a box.
+    pub fn boxes(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        self.check(m, y, yp);
+        let expected = self
+            .interface()
+            .failures
+            .iter()
+            .map(|f| f.items.len())
+            .sum::<usize>();
+        assert_eq!(out.len(), expected, "number of box items");
+        self.interpret(&self.tapes.boxes, m, t, &mut y.to_vec(), yp, out);
+    }
+
+    fn actions_len(&self) -> usize {
+        self.interface()
+            .actions
+            .iter()
+            .map(crate::model::Quantity::len)
+            .sum()
+    }
+}

@@ -1,0 +1,169 @@
+//! Sparse derivatives for linearisation and sensitivities: interpreted, made when first asked for.
+
+use super::{BackEndError, CompiledModel, build};
+use crate::differentiate::{self, Column, Entry, Rows};
+use crate::generate::schedule::{Access, Job, Sink, Task};
+use crate::interpret::{Tape, View};
+use crate::ir::{Affine, Flavour, Place, Role, VarId};
+use crate::layout::Memory;
+
+/// What is differentiated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Derived {
+    /// The residual; rows in the order of `y`.
+    Rows,
+    /// The observations of the `finish` program; rows in their order.
+    Observations,
+}
+
+/// What it is differentiated with respect to; columns are positions in the region of that role.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WithRespectTo {
+    /// `y`
+    Unknowns,
+    /// `y'`
+    Derivatives,
+    /// Actions.
+    Actions,
+    /// Parameters, as far as they occur in the equations themselves.
+    Parameters,
+}
+
+/// Row, column, value.
+pub type Triplet = (usize, usize, f64);
+
+/// A derivative ready to be evaluated.
+pub(super) struct Derivative {
+    tape: Tape,
+    places: Vec<(usize, usize)>,
+}
+
+impl CompiledModel {
+    /// Non-zero pattern entries of a derivative with their values; a place may occur several times, its values are to be added.
+    ///
+    /// # Errors
+    /// If an expression cannot be differentiated.
+    pub fn derivative(
+        &self,
+        of: Derived,
+        with_respect_to: WithRespectTo,
+        m: &mut Memory,
+        t: f64,
+        (y, yp): (&[f64], &[f64]),
+    ) -> Result<Vec<Triplet>, &BackEndError> {
+        let cell = &self.derivatives[of as usize * 4 + with_respect_to as usize];
+        let derivative = cell
+            .get_or_init(|| self.make_derivative(of, with_respect_to))
+            .as_ref()?;
+        let mut values = vec![0.0; derivative.places.len()];
+        let (mut y, work) = (y.to_vec(), m.all_mut());
+        derivative.tape.run(&mut View {
+            time: t,
+            factor: 1.0,
+            y: &mut y,
+            yp,
+            work,
+            out: &mut values,
+            tables: &[],
+        });
+        Ok(derivative
+            .places
+            .iter()
+            .zip(values)
+            .map(|(&(row, column), value)| (row, column, value))
+            .collect())
+    }
+
+    fn make_derivative(
+        &self,
+        of: Derived,
+        with_respect_to: WithRespectTo,
+    ) -> Result<Derivative, BackEndError> {
+        let mut model = self.parts.model.clone();
+        let layout = &self.layout;
+        let (roles, flavour): (&[Role], Flavour) = match with_respect_to {
+            WithRespectTo::Unknowns => (&[Role::State, Role::Algebraic], Flavour::Value),
+            WithRespectTo::Derivatives => (&[Role::State, Role::Algebraic], Flavour::Derivative),
+            WithRespectTo::Actions => (&[Role::Action], Flavour::Value),
+            WithRespectTo::Parameters => (&[Role::Param], Flavour::Value),
+        };
+        let vars = model.vars.clone();
+        let column_of = |var: VarId, f: Flavour| {
+            let wanted = f == flavour && roles.contains(&vars[var].role);
+            let first = layout.offset(var).filter(|_| wanted)? as u32;
+            Some(Column {
+                first,
+                factor: None,
+            })
+        };
+        let mut rows = match of {
+            Derived::Rows => build::rows(&mut model)?,
+            Derived::Observations => observation_rows(&model),
+        };
+        for row in &mut rows {
+            row.value = differentiate::normalise(
+                &mut model.exprs,
+                row.extents.len(),
+                row.value,
+                &column_of,
+            )?;
+        }
+        let entries = differentiate::entries(&mut model.exprs, &rows, &column_of);
+        let (job, places) = list(&entries);
+        let access = Access {
+            name: "derivative",
+            y: true,
+            yp: true,
+            out: places.len(),
+        };
+        Ok(Derivative {
+            tape: Tape::new(&job, &model.exprs, layout, access)?,
+            places,
+        })
+    }
+}
+
+/// The stores of `finish` that are observations.
+fn observation_rows(model: &crate::model::Model) -> Vec<Rows> {
+    let first = build::finish_len(model) as i64 - i64::from(model.interface.finish.observations);
+    let mut rows = vec![];
+    for nest in &model.programs.finish.nests {
+        let observed = nest
+            .stores
+            .iter()
+            .filter(|s| s.target.place == Place::Out && s.target.at.offset >= first);
+        rows.extend(observed.map(|s| Rows {
+            extents: nest.extents.clone(),
+            row: s.target.at.plus(Affine::constant(-first)),
+            value: s.value,
+        }));
+    }
+    rows
+}
+
+/// A job that writes the values of entries one after another, and their places.
+fn list(entries: &[Entry]) -> (Job, Vec<(usize, usize)>) {
+    let mut places = vec![];
+    let tasks = entries.iter().map(|entry| {
+        let at = differentiate::pattern::row_major(&entry.loops)
+            .plus(Affine::constant(places.len() as i64));
+        differentiate::pattern::each(&entry.loops, |counters| {
+            places.push((
+                entry.row.at(counters) as usize,
+                entry.column.at(counters) as usize,
+            ));
+        });
+        Task {
+            loops: entry.loops.clone(),
+            stores: vec![(Sink::Out(at), entry.value)],
+        }
+    });
+    let stages = vec![tasks.collect()];
+    (
+        Job {
+            stages,
+            in_place: false,
+        },
+        places,
+    )
+}

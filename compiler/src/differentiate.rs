@@ -1,0 +1,387 @@
+//! Derivatives of expressions with respect to variables, as loops.
+//!
+//! Forward and symbolic: the derivative of a node is a list of terms, one for each element pattern ([`Leaf`]) of the variables of
+//! interest that it depends on; lists are kept for each node, so that rows share what they have in common. A sum over a loop
+//! whose counter a leaf uses becomes an entry with one more loop: matrices are never scalarised.
+//!
+//! At points where a derivative is infinite (`sqrt(x)` and `x^a`, a < 1, at x = 0) zero is returned: a Newton iteration then goes
+//! on from the rest of the row instead of failing at once.
+
+use std::cmp::Ordering;
+use std::collections::HashMap;
+use std::rc::Rc;
+
+use thiserror::Error;
+
+use crate::ir::hash::FastMap;
+use crate::ir::{
+    Affine, BinaryFn, Expr, ExprId, Exprs, Flavour, LoopVar, MAX_DEPTH, ReduceFn, VarId,
+};
+
+pub mod pattern;
+mod rules;
+
+/// Reductions that are no sums are written out up to this many passes to be differentiated.
+const LONGEST_UNROLLED: u32 = 64;
+/// Sums are written out up to this many passes, if the result stays small.
+const SHORT_SUM: u32 = 8;
+/// Largest number of nodes of a sum that is written out.
+const SHORT_SUM_NODES: usize = 256;
+
+/// Failures of differentiation.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum DifferentiateError {
+    /// Loops nest too deeply.
+    #[error("sums inside of arrays nest deeper than {MAX_DEPTH} loops")]
+    TooDeep,
+    /// A long product, minimum or maximum over unknowns.
+    #[error(
+        "a {op:?} over {extent} elements that depend on unknowns cannot be differentiated (at most {LONGEST_UNROLLED})"
+    )]
+    LongReduction {
+        /// The reduction.
+        op: ReduceFn,
+        /// Its passes.
+        extent: u32,
+    },
+}
+
+/// Rows of a nest: an expression and where it stands.
+#[derive(Clone, Debug)]
+pub struct Rows {
+    /// Extents of the loops.
+    pub extents: Vec<u32>,
+    /// The row as a function of the counters.
+    pub row: Affine,
+    /// Its expression.
+    pub value: ExprId,
+}
+
+/// Entries of a matrix over a nest of loops; entries of several nests at one place are added.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entry {
+    /// Counter and passes of each loop.
+    pub loops: Vec<(u8, u32)>,
+    /// The row.
+    pub row: Affine,
+    /// The column.
+    pub column: Affine,
+    /// The value.
+    pub value: ExprId,
+}
+
+/// The column of a variable's first element, and what the derivative is multiplied with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Column {
+    /// First column.
+    pub first: u32,
+    /// Factor; `None` for 1.
+    pub factor: Option<ExprId>,
+}
+
+/// A column pattern: elements along loop counters, of which those of sums are `bound` to extents.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Leaf {
+    column: Affine,
+    bound: [u32; MAX_DEPTH],
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Term {
+    leaf: Leaf,
+    value: ExprId,
+}
+
+type Terms = Rc<[Term]>;
+
+/// Which loads are differentiated for.
+pub type ColumnOf<'a> = dyn Fn(VarId, Flavour) -> Option<Column> + 'a;
+
+/// Brings the reductions of a row into the form that [`entries`] wants: each binds a counter that is free in its surroundings, short
+/// sums and other reductions over what depends on the columns are written out.
+///
+/// # Errors
+/// If loops nest too deeply or a reduction is too long to be written out.
+pub fn normalise(
+    exprs: &mut Exprs,
+    depth: usize,
+    value: ExprId,
+    column_of: &ColumnOf<'_>,
+) -> Result<ExprId, DifferentiateError> {
+    let mut map = [0; MAX_DEPTH];
+    map.iter_mut().zip(0..).for_each(|(m, d)| *m = d);
+    renumber(exprs, value, map, depth as u8, column_of)
+}
+
+fn renumber(
+    exprs: &mut Exprs,
+    value: ExprId,
+    map: [u8; MAX_DEPTH],
+    next: u8,
+    column_of: &ColumnOf<'_>,
+) -> Result<ExprId, DifferentiateError> {
+    let identity = map.iter().zip(0..).all(|(&m, d)| m == d);
+    let mut failure = None;
+    let renamed = exprs.rewrite(value, &mut HashMap::new(), &mut |exprs, node| match node {
+        Expr::Counter(v) if !identity => Some(exprs.counter(LoopVar(map[v.0 as usize]))),
+        Expr::Load { var, flavour, at } if !identity => {
+            let mut moved = Affine::constant(at.offset);
+            for (d, stride) in at.strides.into_iter().enumerate() {
+                moved.strides[map[d] as usize] += stride;
+            }
+            Some(exprs.load(var, flavour, moved))
+        }
+        Expr::Reduce {
+            op,
+            depth,
+            extent,
+            body,
+        } => match renumber_reduce(exprs, (op, depth, extent, body), map, next, column_of) {
+            Ok(reduced) => Some(reduced),
+            Err(error) => {
+                failure = Some(error);
+                Some(body)
+            }
+        },
+        _ => None,
+    });
+    failure.map_or(Ok(renamed), Err)
+}
+
+fn renumber_reduce(
+    exprs: &mut Exprs,
+    (op, depth, extent, body): (ReduceFn, LoopVar, u32, ExprId),
+    mut map: [u8; MAX_DEPTH],
+    next: u8,
+    column_of: &ColumnOf<'_>,
+) -> Result<ExprId, DifferentiateError> {
+    if usize::from(next) >= MAX_DEPTH {
+        return Err(DifferentiateError::TooDeep);
+    }
+    map[depth.0 as usize] = next;
+    let body = renumber(exprs, body, map, next + 1, column_of)?;
+    let (size, depends) = survey(exprs, body, column_of);
+    let short =
+        op == ReduceFn::Sum && extent <= SHORT_SUM && size * extent as usize <= SHORT_SUM_NODES;
+    if extent == 0 || !(short || (op != ReduceFn::Sum && depends)) {
+        return Ok(exprs.reduce(op, LoopVar(next), extent, body));
+    }
+    if extent > LONGEST_UNROLLED {
+        return Err(DifferentiateError::LongReduction { op, extent });
+    }
+    let combine = match op {
+        ReduceFn::Sum => BinaryFn::Add,
+        ReduceFn::Product => BinaryFn::Mul,
+        ReduceFn::Min => BinaryFn::Min,
+        ReduceFn::Max => BinaryFn::Max,
+    };
+    let first = exprs.shift(body, LoopVar(next), 0);
+    Ok((1..extent).fold(first, |sum, i| {
+        let item = exprs.shift(body, LoopVar(next), i64::from(i));
+        exprs.binary(combine, sum, item)
+    }))
+}
+
+/// Number of nodes, and whether any is a load of a column.
+fn survey(exprs: &Exprs, root: ExprId, column_of: &ColumnOf<'_>) -> (usize, bool) {
+    let mut seen = crate::ir::hash::FastSet::default();
+    let (mut stack, mut depends) = (vec![root], false);
+    while let Some(e) = stack.pop() {
+        if seen.insert(e) {
+            if let Expr::Load { var, flavour, .. } = exprs.node(e) {
+                depends |= column_of(var, flavour).is_some();
+            }
+            stack.extend(exprs.operands(e));
+        }
+    }
+    (seen.len(), depends)
+}
+
+/// The matrix of derivatives of normalised rows.
+pub fn entries(exprs: &mut Exprs, rows: &[Rows], column_of: &ColumnOf<'_>) -> Vec<Entry> {
+    let mut pass = Differentiator {
+        exprs,
+        column_of,
+        known: FastMap::default(),
+        nothing: Rc::from([]),
+    };
+    let mut entries = vec![];
+    for row in rows {
+        let terms = pass.terms(row.value);
+        for term in terms.iter() {
+            let mut loops: Vec<(u8, u32)> = (0..).zip(row.extents.iter().copied()).collect();
+            loops.extend((0..).zip(term.leaf.bound).filter(|&(_, extent)| extent > 0));
+            entries.push(Entry {
+                loops,
+                row: row.row,
+                column: term.leaf.column,
+                value: term.value,
+            });
+        }
+    }
+    entries
+}
+
+struct Differentiator<'a, 'c> {
+    exprs: &'a mut Exprs,
+    column_of: &'a ColumnOf<'c>,
+    known: FastMap<ExprId, Terms>,
+    nothing: Terms,
+}
+
+impl Differentiator<'_, '_> {
+    /// Derivatives of a node, those of its operands first.
+    fn terms(&mut self, root: ExprId) -> Terms {
+        let mut stack = vec![(root, false)];
+        while let Some((expr, entered)) = stack.pop() {
+            if self.known.contains_key(&expr) {
+                continue;
+            }
+            if entered {
+                let terms = self.derive(expr);
+                self.known.insert(expr, terms);
+            } else {
+                stack.push((expr, true));
+                stack.extend(self.exprs.operands(expr).map(|o| (o, false)));
+            }
+        }
+        self.of(root)
+    }
+
+    fn of(&self, expr: ExprId) -> Terms {
+        self.known.get(&expr).unwrap_or(&self.nothing).clone()
+    }
+
+    fn derive(&mut self, expr: ExprId) -> Terms {
+        match self.exprs.node(expr) {
+            Expr::Load { var, flavour, at } => self.load(var, flavour, at),
+            Expr::Unary(f, a) => self.unary(expr, f, a),
+            Expr::Binary(f, a, b) => self.binary(expr, f, a, b),
+            Expr::PowInt(a, n) => {
+                let terms = self.of(a);
+                if terms.is_empty() {
+                    return terms;
+                }
+                let (power, n) = (self.exprs.powi(a, n - 1), self.exprs.constant(f64::from(n)));
+                let factor = self.exprs.mul(n, power);
+                self.scaled(&terms, factor)
+            }
+            Expr::Select(c, a, b) => {
+                let (a, b) = (self.of(a), self.of(b));
+                self.select(c, &a, &b)
+            }
+            Expr::Reduce {
+                depth,
+                extent,
+                body,
+                ..
+            } => self.sum(depth, extent, body),
+            _ => self.nothing.clone(),
+        }
+    }
+
+    fn load(&mut self, var: VarId, flavour: Flavour, at: Affine) -> Terms {
+        let Some(column) = (self.column_of)(var, flavour) else {
+            return self.nothing.clone();
+        };
+        let leaf = Leaf {
+            column: at.plus(Affine::constant(i64::from(column.first))),
+            bound: [0; MAX_DEPTH],
+        };
+        let value = column.factor.unwrap_or_else(|| self.exprs.constant(1.0));
+        Rc::from([Term { leaf, value }])
+    }
+
+    /// Other reductions have been written out where they depend on columns.
+    fn sum(&mut self, depth: LoopVar, extent: u32, body: ExprId) -> Terms {
+        let d = depth.0 as usize;
+        let mut terms = vec![];
+        for &term in self.of(body).iter() {
+            let mut term = term;
+            if term.leaf.column.strides[d] != 0 {
+                term.leaf.bound[d] = extent;
+            } else {
+                term.value = self.exprs.reduce(ReduceFn::Sum, depth, extent, term.value);
+            }
+            terms.push(term);
+        }
+        terms.sort_by_key(|t| t.leaf);
+        Rc::from(terms)
+    }
+
+    /// Terms times a factor.
+    fn scaled(&mut self, terms: &Terms, factor: ExprId) -> Terms {
+        match self.exprs.as_const(factor) {
+            Some(1.0) => return terms.clone(),
+            Some(0.0) => return self.nothing.clone(),
+            _ => {}
+        }
+        terms
+            .iter()
+            .map(|t| Term {
+                leaf: t.leaf,
+                value: self.exprs.mul(factor, t.value),
+            })
+            .collect()
+    }
+
+    fn negated(&mut self, terms: &Terms) -> Terms {
+        terms
+            .iter()
+            .map(|t| Term {
+                leaf: t.leaf,
+                value: self.exprs.neg(t.value),
+            })
+            .collect()
+    }
+
+    fn added(&mut self, a: &Terms, b: &Terms) -> Terms {
+        if a.is_empty() {
+            return b.clone();
+        }
+        self.merged(a, b, |exprs, x, y| match (x, y) {
+            (Some(x), Some(y)) => exprs.add(x, y),
+            (Some(one), None) | (None, Some(one)) => one,
+            (None, None) => exprs.constant(0.0),
+        })
+    }
+
+    fn select(&mut self, c: ExprId, a: &Terms, b: &Terms) -> Terms {
+        let zero = self.exprs.constant(0.0);
+        self.merged(a, b, |exprs, x, y| {
+            exprs.select(c, x.unwrap_or(zero), y.unwrap_or(zero))
+        })
+    }
+
+    /// Both lists, leaf by leaf.
+    fn merged(
+        &mut self,
+        a: &Terms,
+        b: &Terms,
+        join: impl Fn(&mut Exprs, Option<ExprId>, Option<ExprId>) -> ExprId,
+    ) -> Terms {
+        let (mut i, mut k) = (0, 0);
+        let mut terms = Vec::with_capacity(a.len().max(b.len()));
+        while i < a.len() || k < b.len() {
+            let order = match (a.get(i), b.get(k)) {
+                (Some(x), Some(y)) => x.leaf.cmp(&y.leaf),
+                (Some(_), None) => Ordering::Less,
+                _ => Ordering::Greater,
+            };
+            let (x, y) = (
+                a.get(i).filter(|_| order.is_le()),
+                b.get(k).filter(|_| order.is_ge()),
+            );
+            let Some(leaf) = x.or(y).map(|t| t.leaf) else {
+                break;
+            };
+            i += usize::from(x.is_some());
+            k += usize::from(y.is_some());
+            let value = join(self.exprs, x.map(|t| t.value), y.map(|t| t.value));
+            if self.exprs.as_const(value) != Some(0.0) {
+                terms.push(Term { leaf, value });
+            }
+        }
+        Rc::from(terms)
+    }
+}

@@ -1,0 +1,360 @@
+//! Elaboration: from syntax trees to the flat indexed model.
+//!
+//! One pass does what belongs together at the place of writing: names are looked up, shapes and units are checked on what was
+//! written, functions and `let`s are expanded, indices over enumerated sets are written out, and equations over the cells of a
+//! domain become loops. Where a stencil meets the end of a domain, the loop is split on demand: [`cells`] elaborates a body
+//! over a range of cells and starts again with a cut where the body asked for one, so that the first, the inner and the
+//! last cells each get their own equation, however large the grid is.
+//!
+//! Faults are collected; a faulty expression becomes *poison*, which fits everywhere and causes no further report.
+
+mod blocks;
+mod cells;
+mod control;
+mod declare;
+mod equations;
+mod expression;
+mod functions;
+mod indices;
+mod items;
+mod names;
+mod outputs;
+mod quantity;
+mod space;
+mod units;
+
+use std::collections::{BTreeMap, HashMap, HashSet};
+use std::rc::Rc;
+
+use cranelift_entity::PrimaryMap;
+use smpl_dsl::diagnostic::{Code, Diagnostic, Severity, codes};
+use smpl_dsl::span::Span;
+use smpl_dsl::syntax::{self, Expr};
+use smpl_dsl::units::Unit;
+
+use crate::ir::{ExprId, Exprs, Role, VarId};
+use crate::model::{Draw, Model, Quantity, Variable};
+use items::{Item, Selection};
+use names::{Names, ScopeId, SymbolId};
+use quantity::{Measure, Value};
+
+pub use blocks::for_each_element;
+pub use equations::{Equation, EquationForm};
+
+/// What a compilation is asked for beside the text.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Variants that are on and options of choices: name and option (`true` for a variant).
+    pub variants: Vec<(String, String)>,
+    /// Values of parameters, in their declared units; they replace default and distribution.
+    pub parameters: BTreeMap<String, f64>,
+    /// Settings by name: a parameter, a choice, a grid size, or an entry of `episode` or `solver`.
+    pub settings: BTreeMap<String, Setting>,
+    /// Replacements of initial values: `name -> text of an expression` from a scenario.
+    pub initial: BTreeMap<String, f64>,
+    /// Observation level; `None` is `default`.
+    pub observation: Option<String>,
+    /// Reward that is the default.
+    pub reward: Option<String>,
+    /// Overrides `max_steps`.
+    pub max_steps: Option<u32>,
+}
+
+/// Value of a setting.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Setting {
+    /// A number.
+    Number(f64),
+    /// An option of a choice.
+    Text(String),
+}
+
+/// Result of elaboration: the model before structure analysis, and its equations.
+#[derive(Debug)]
+pub struct Elaborated {
+    /// The model; rows are still empty.
+    pub model: Model,
+    /// All equations.
+    pub equations: Vec<Equation>,
+    /// Warnings.
+    pub warnings: Vec<Diagnostic>,
+}
+
+/// Elaborates the main file `files[0]`; `imports` tells which file a `use "path"` means.
+///
+/// # Errors
+/// All independent faults of the model.
+pub fn elaborate(
+    files: &[syntax::File],
+    imports: &HashMap<String, usize>,
+    options: &Options,
+) -> Result<Elaborated, Vec<Diagnostic>> {
+    let mut elaborator = Elaborator::new(files, imports, options);
+    elaborator.run();
+    elaborator.finish()
+}
+
+/// Where an expression stands, and what is bound there.
+#[derive(Clone, Debug)]
+pub(crate) struct Place {
+    scope: ScopeId,
+    bindings: Option<Rc<Binding>>,
+    /// Number of loops around.
+    depth: u8,
+    /// The face at which field values are taken, inside a flux.
+    face: Option<cells::Face>,
+    site: Site,
+}
+
+/// What kind of text an expression belongs to: decides which functions have a meaning.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Site {
+    /// Equations, `let`s, fluxes.
+    Dynamics,
+    /// Parameters, initial values: random numbers drawn at reset.
+    Reset,
+    /// Update of a disturbance: random numbers drawn at each step.
+    Disturb,
+    /// Sampling instants, rewards, conditions, policies, observations.
+    Instant,
+}
+
+/// An index, argument or tuple element that is bound to a name.
+#[derive(Debug)]
+pub(crate) struct Binding {
+    name: String,
+    to: Bound,
+    next: Option<Rc<Binding>>,
+}
+
+/// What a name is bound to.
+#[derive(Clone, Debug)]
+pub(crate) enum Bound {
+    /// A member of a set.
+    Member(names::SetId, usize),
+    /// A cell of a domain.
+    Cell(names::DomainId, cells::Cell),
+    /// The face at which a flux is taken.
+    Face(names::DomainId, cells::Cell),
+    /// A value: argument of a function.
+    Value(Value),
+    /// An expression at its own place: element of a tuple.
+    Alias(Expr, ScopeId),
+    /// An element of a variable, by its linear address: element of `states` and the like.
+    Element(SymbolId, crate::ir::Affine),
+    /// A whole number: face or cell number of a prescribed grid.
+    Number(ExprId),
+}
+
+pub(crate) struct Elaborator<'a> {
+    files: &'a [syntax::File],
+    imports: &'a HashMap<String, usize>,
+    options: &'a Options,
+    selection: Selection,
+    diagnostics: Vec<Diagnostic>,
+    reported: HashSet<(Code, Span)>,
+    names: Names<'a>,
+    exprs: Exprs,
+    vars: PrimaryMap<VarId, Variable>,
+    /// What is seen of each declared variable from outside.
+    quantities: HashMap<VarId, Quantity>,
+    /// Components by name with their declaring statement.
+    components: HashMap<&'a str, &'a syntax::Statement>,
+    connectors: HashMap<&'a str, &'a syntax::Statement>,
+    /// Items of every scope in the order of instances; the file first.
+    blocks: Vec<(ScopeId, Vec<Item<'a>>)>,
+    time_unit: Unit,
+    time_name: String,
+    builtins: VarId,
+    draws_var: VarId,
+    draws: Vec<Draw>,
+    quadratures_var: VarId,
+    quadratures: Vec<ExprId>,
+    param_given: VarId,
+    /// Numeric defaults of parameters, for constant evaluation.
+    known: HashMap<(VarId, i64), f64>,
+    expanding: Vec<SymbolId>,
+    memo: HashMap<(SymbolId, Vec<indices::IndexKey>, Site), Value>,
+    random_site: Option<(String, crate::model::Instant)>,
+    loops: Vec<cells::Loop>,
+    equations: Vec<Equation>,
+    model: Model,
+    uses_steady: bool,
+    outcome: Option<control::Outcome>,
+    used_parameters: HashSet<String>,
+    symbol_of: HashMap<VarId, SymbolId>,
+    /// Members of ports: connections, not outputs.
+    port_variables: HashSet<VarId>,
+    /// Arguments of instances.
+    given: HashMap<(ScopeId, String), (&'a Expr, Place)>,
+    /// Observed numbers with their boxes, for failures on the observation box.
+    observed_members: Vec<(crate::model::BoxItem, ExprId)>,
+    /// Parameters whose default is being worked out.
+    knowing: HashSet<VarId>,
+}
+
+impl<'a> Elaborator<'a> {
+    fn new(files: &'a [syntax::File], imports: &'a HashMap<String, usize>, options: &'a Options) -> Self {
+        let mut vars = PrimaryMap::new();
+        let mut hidden = |name: &str, role| {
+            vars.push(Variable { name: name.to_owned(), role, len: 0, span: Span::default() })
+        };
+        let builtins = hidden("builtin", Role::Builtin);
+        let draws_var = hidden("draw", Role::Draw);
+        let quadratures_var = hidden("quadrature", Role::Quadrature);
+        let param_given = hidden("given", Role::ParamGiven);
+        vars[builtins].len = crate::ir::BUILTIN_COUNT;
+        Elaborator {
+            files,
+            imports,
+            options,
+            selection: Selection::default(),
+            diagnostics: Vec::new(),
+            reported: HashSet::new(),
+            names: Names::default(),
+            exprs: Exprs::default(),
+            vars,
+            quantities: HashMap::new(),
+            components: HashMap::new(),
+            connectors: HashMap::new(),
+            blocks: Vec::new(),
+            time_unit: Unit::one(),
+            time_name: "t".to_owned(),
+            builtins,
+            draws_var,
+            draws: Vec::new(),
+            quadratures_var,
+            quadratures: Vec::new(),
+            param_given,
+            known: HashMap::new(),
+            expanding: Vec::new(),
+            memo: HashMap::new(),
+            random_site: None,
+            loops: Vec::new(),
+            equations: Vec::new(),
+            model: Model::default(),
+            uses_steady: false,
+            outcome: None,
+            used_parameters: HashSet::new(),
+            symbol_of: HashMap::new(),
+            port_variables: HashSet::new(),
+            given: HashMap::new(),
+            observed_members: Vec::new(),
+            knowing: HashSet::new(),
+        }
+    }
+
+    fn run(&mut self) {
+        self.select_variants();
+        self.declare_file();
+        if self.has_errors() {
+            return;
+        }
+        self.declare_defaults();
+        self.elaborate_equations();
+        self.elaborate_control();
+    }
+
+    fn finish(mut self) -> Result<Elaborated, Vec<Diagnostic>> {
+        self.diagnostics.sort_by_key(|d| (d.primary.span.file, d.primary.span.start, d.primary.span.end));
+        if self.has_errors() {
+            return Err(self.diagnostics);
+        }
+        self.vars[self.draws_var].len = self.draws.len() as u32;
+        self.vars[self.quadratures_var].len = self.quadratures.len() as u32;
+        self.vars[self.param_given].len =
+            self.vars.values().filter(|v| v.role == Role::Param).map(|v| v.len).sum();
+        let mut model = self.model;
+        model.interface.draws = self.draws;
+        model.quadratures = self.quadratures;
+        model.exprs = self.exprs;
+        model.vars = self.vars;
+        Ok(Elaborated { model, equations: self.equations, warnings: self.diagnostics })
+    }
+
+    fn has_errors(&self) -> bool {
+        self.diagnostics.iter().any(|d| d.severity == Severity::Error)
+    }
+
+    /// Reports a fault once: the same fault at the same place, met again in another cell or instance, is not repeated.
+    fn report(&mut self, diagnostic: Diagnostic) {
+        if self.reported.insert((diagnostic.code, diagnostic.primary.span)) {
+            self.diagnostics.push(diagnostic);
+        }
+    }
+
+    fn poison(&mut self) -> Value {
+        Value { expr: self.exprs.constant(f64::NAN), unit: Measure::Poison }
+    }
+
+    fn fault(&mut self, diagnostic: Diagnostic) -> Value {
+        self.report(diagnostic);
+        self.poison()
+    }
+
+    fn place(&self, scope: ScopeId, site: Site) -> Place {
+        Place { scope, bindings: None, depth: 0, face: None, site }
+    }
+
+    /// The number that an expression of constants and parameters has with the parameters' defaults and means of random numbers.
+    fn constant_value(&mut self, e: ExprId) -> Option<f64> {
+        if let Some(x) = self.exprs.as_const(e) {
+            return Some(x);
+        }
+        for var in self.parameters_in(e) {
+            if let Some(&symbol) = self.symbol_of.get(&var) {
+                self.know(symbol);
+            }
+        }
+        let known = &self.known;
+        let draws = &self.draws;
+        let (param_role, draws_var) = (&self.vars, self.draws_var);
+        let mut exprs = std::mem::take(&mut self.exprs);
+        let folded = exprs.rewrite(e, &mut HashMap::new(), &mut |exprs, node| match node {
+            crate::ir::Expr::Load { var, at, .. } if at.is_constant() => {
+                if var == draws_var {
+                    let mean = match draws.get(at.offset as usize).map(|d| d.kind) {
+                        Some(crate::model::Variate::Uniform) => 0.5,
+                        _ => 0.0,
+                    };
+                    return Some(exprs.constant(mean));
+                }
+                if param_role[var].role != Role::Param {
+                    return None;
+                }
+                known.get(&(var, at.offset)).map(|&x| exprs.constant(x))
+            }
+            _ => None,
+        });
+        let value = exprs.as_const(folded);
+        self.exprs = exprs;
+        value
+    }
+
+    fn missing_value(&mut self, what: &str, span: Span) {
+        self.report(
+            Diagnostic::error(codes::MISSING_DEFAULT, format!("{what} must be known when the model is compiled"), span)
+                .label("depends on something that is not"),
+        );
+    }
+}
+
+impl Place {
+    /// The place with one more name bound.
+    fn bind(&self, name: &str, to: Bound) -> Place {
+        let mut place = self.clone();
+        place.bindings = Some(Rc::new(Binding { name: name.to_owned(), to, next: self.bindings.clone() }));
+        place
+    }
+
+    fn bound(&self, name: &str) -> Option<&Bound> {
+        let mut at = self.bindings.as_ref();
+        while let Some(binding) = at {
+            if binding.name == name {
+                return Some(&binding.to);
+            }
+            at = binding.next.as_ref();
+        }
+        None
+    }
+}

@@ -1,0 +1,480 @@
+//! Nests of loops over binders, the order of declarations, and the numbers that declarations give.
+
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::span::Span;
+use smpl_dsl::syntax::{Binder, BinderSet, Declaration, Expr, ExprKind, StatementKind};
+use smpl_dsl::units::Unit;
+
+use super::functions::BinderValue;
+use super::items::Item;
+use super::names::{Axis, ScopeId, SymbolId, SymbolKind};
+use super::{Bound, Elaborator, Place, Setting, Site, units};
+use crate::ir::{Affine, Expr as Node, ExprId, LoopVar, Role, VarId};
+use crate::model::{self, Quantity};
+
+/// Something elaborated inside a nest of loops.
+#[derive(Clone, Debug)]
+pub struct Piece<T> {
+    /// Extents of the loops, the outermost first.
+    pub extents: Vec<u32>,
+    /// What was made.
+    pub value: T,
+}
+
+impl<'a> Elaborator<'a> {
+    /// Elaborates `body` for everything that the binders run over: sets written out, cells as loops.
+    pub(super) fn nest<T>(
+        &mut self,
+        binders: &[Binder],
+        place: &Place,
+        body: &mut dyn FnMut(&mut Self, &Place) -> T,
+    ) -> Vec<Piece<T>> {
+        let Some((binder, rest)) = binders.split_first() else {
+            return vec![Piece { extents: Vec::new(), value: body(self, place) }];
+        };
+        let mut out = Vec::new();
+        for value in self.bindings_of(binder, place) {
+            let (low, high) = match &value {
+                BinderValue::One(bound) => {
+                    let inner = place.bind(&binder.name.text, bound.clone());
+                    out.extend(self.nest(rest, &inner, body));
+                    continue;
+                }
+                BinderValue::Cells(_, low, high) => (*low, *high),
+                BinderValue::Elements(_, len) => (0, len - 1),
+            };
+            let pieces = self.cells(low, high, binder.span, place, &mut |s, cell, inner| {
+                let bound = match &value {
+                    BinderValue::Elements(symbol, _) => Bound::Element(*symbol, cell.affine()),
+                    BinderValue::Cells(domain, ..) => Bound::Cell(*domain, cell),
+                    BinderValue::One(bound) => bound.clone(),
+                };
+                s.nest(rest, &inner.bind(&binder.name.text, bound), body)
+            });
+            for (cell, list) in pieces {
+                for piece in list {
+                    let mut extents = Vec::with_capacity(piece.extents.len() + 1);
+                    extents.extend(cell.along.map(|_| cell.count as u32));
+                    extents.extend(piece.extents);
+                    out.push(Piece { extents, value: piece.value });
+                }
+            }
+        }
+        out
+    }
+
+    /// Address of the element that bound index names mean.
+    fn bound_address(&self, axes: &[Axis], indices: &[Binder], place: &Place) -> Affine {
+        let mut at = Affine::default();
+        for (&axis, binder) in axes.iter().zip(indices) {
+            let part = match place.bound(&binder.name.text) {
+                Some(Bound::Member(_, i)) => Affine::constant(*i as i64),
+                Some(Bound::Cell(_, c)) => c.affine(),
+                _ => Affine::default(),
+            };
+            at = at.times(self.names.axis_len(axis)).plus(part);
+        }
+        at
+    }
+
+    /// Symbols of variables and outputs in the order of the text, instances where they stand.
+    pub(super) fn in_text_order(&self) -> Vec<SymbolId> {
+        let mut out = Vec::new();
+        self.walk(ScopeId::from_u32(0), &mut out);
+        out
+    }
+
+    fn walk(&self, scope: ScopeId, out: &mut Vec<SymbolId>) {
+        let Some((_, items)) = self.blocks.iter().find(|(s, _)| *s == scope) else {
+            // A port: its members in the order of declaration.
+            let mut members: Vec<SymbolId> = self.names.scopes[scope].names.values().copied().collect();
+            members.sort_unstable();
+            out.extend(members);
+            return;
+        };
+        let own = |name: &str| self.names.scopes[scope].names.get(name).copied();
+        for item in items {
+            match item {
+                Item::Declare(_, d) => out.extend(own(&d.name.text)),
+                Item::Other(statement) => match &statement.kind {
+                    StatementKind::Instance { name, .. } => match own(&name.text).map(|s| &self.names.symbols[s].kind) {
+                        Some(SymbolKind::Instance(inner)) => self.walk(*inner, out),
+                        Some(SymbolKind::Instances(list)) => {
+                            for (_, inner) in list {
+                                self.walk(*inner, out);
+                            }
+                        }
+                        _ => {}
+                    },
+                    StatementKind::Port { names, .. } => {
+                        for name in names {
+                            if let Some(SymbolKind::Instance(port)) = own(&name.text).map(|s| &self.names.symbols[s].kind) {
+                                self.walk(*port, out);
+                            }
+                        }
+                    }
+                    _ => {}
+                },
+                _ => {}
+            }
+        }
+    }
+
+    /// Numbers of every declared variable: bounds, default, scale. Parameters come first, since others may depend on them.
+    pub(super) fn declare_defaults(&mut self) {
+        let symbols: Vec<(SymbolId, VarId)> = self
+            .names
+            .symbols
+            .iter()
+            .filter_map(|(id, s)| match s.kind {
+                SymbolKind::Variable { var, .. } => Some((id, var)),
+                _ => None,
+            })
+            .collect();
+        for &(symbol, var) in &symbols {
+            if self.vars[var].role == Role::Param {
+                self.know(symbol);
+            }
+        }
+        for (symbol, var) in symbols {
+            let quantity = self.quantity(symbol);
+            self.quantities.insert(var, quantity);
+        }
+        self.check_settings();
+    }
+
+    /// Settings that nothing used are faults.
+    fn check_settings(&mut self) {
+        let unused: Vec<String> = self
+            .options
+            .settings
+            .keys()
+            .chain(self.options.parameters.keys())
+            .filter(|k| !self.used_parameters.contains(*k))
+            .cloned()
+            .collect();
+        for name in unused {
+            let entries = ["max_steps", "error_reward", "step", "integrate", "rtol", "atol_factor", "max_order", "linear_solver", "max_internal_steps"];
+            if entries.contains(&name.as_str()) {
+                continue;
+            }
+            let mut known: Vec<&str> = self
+                .names
+                .symbols
+                .values()
+                .filter(|s| matches!(&s.kind, SymbolKind::Variable { var, .. } if self.vars[*var].role == Role::Param))
+                .map(|s| s.path.as_str())
+                .collect();
+            known.extend(self.selection.chosen.keys().map(String::as_str));
+            let hint = smpl_dsl::diagnostic::did_you_mean(&name, known);
+            let text = match hint {
+                Some(hint) => format!("unknown parameter or setting `{name}`: {hint}"),
+                None => format!("unknown parameter or setting `{name}`"),
+            };
+            self.scenario_fault(text);
+        }
+    }
+
+    /// Value set from outside for a parameter or an element of it.
+    fn override_of(&mut self, path: &str) -> Option<f64> {
+        let number = match self.options.settings.get(path) {
+            Some(Setting::Number(x)) => Some(*x),
+            Some(Setting::Text(text)) => {
+                self.used_parameters.insert(path.to_owned());
+                self.scenario_fault(format!("the parameter `{path}` takes a number, not `{text}`"));
+                None
+            }
+            None => self.options.parameters.get(path).copied(),
+        };
+        if number.is_some() {
+            self.used_parameters.insert(path.to_owned());
+        }
+        number
+    }
+
+    /// Definition of a parameter, state or discrete variable: for each piece of its elements the address and the value in its unit.
+    pub(super) fn default_pieces(&mut self, symbol: SymbolId, site: Site) -> Vec<Piece<(Affine, ExprId)>> {
+        let SymbolKind::Variable { var, axes, unit, declaration } = self.names.symbols[symbol].kind.clone() else {
+            return Vec::new();
+        };
+        let (path, scope, span) = {
+            let s = &self.names.symbols[symbol];
+            (s.path.clone(), s.scope, s.span)
+        };
+        if self.vars[var].role == Role::Param
+            && let Some(x) = self.override_of(&path)
+        {
+            let value = self.exprs.constant(x);
+            return vec![self.whole(var, value)];
+        }
+        let given = self.given.get(&(scope, declaration.name.text.clone())).cloned();
+        let (e, place) = match given {
+            Some((e, outer)) => (e, outer),
+            None => match &declaration.value {
+                Some(e) => (e, self.place(scope, site)),
+                None => {
+                    let value = match self.vars[var].role {
+                        Role::Algebraic | Role::Disturbance => 0.0,
+                        role => {
+                            self.missing_default(&path, role, span);
+                            f64::NAN
+                        }
+                    };
+                    let value = self.exprs.constant(value);
+                    return vec![self.whole(var, value)];
+                }
+            },
+        };
+        let what = format!("`{path}`");
+        if axes.is_empty() || !mentions(e, &declaration.indices) {
+            let value = self.number_in(e, &unit, &what, span, &place);
+            return vec![self.whole(var, value)];
+        }
+        let mut place = place;
+        place.scope = scope;
+        self.nest(&declaration.indices, &place, &mut |s, inner| {
+            let at = s.bound_address(&axes, &declaration.indices, inner);
+            (at, s.number_in(e, &unit, &what, span, inner))
+        })
+    }
+
+    fn missing_default(&mut self, path: &str, role: Role, span: Span) {
+        let (what, help) = match role {
+            Role::Param => ("no value", "write `= value`, or give it where the component is used"),
+            Role::State => ("no initial value", "write `= value`"),
+            Role::Action => ("no nominal value", "write `= value`"),
+            _ => ("no initial value", "write `= value`"),
+        };
+        self.report(Diagnostic::error(codes::MISSING_DEFAULT, format!("`{path}` has {what}"), span).help(help));
+    }
+
+    /// One value for all elements of a variable.
+    pub(super) fn whole(&self, var: VarId, value: ExprId) -> Piece<(Affine, ExprId)> {
+        match self.vars[var].len {
+            1 => Piece { extents: Vec::new(), value: (Affine::default(), value) },
+            len => Piece { extents: vec![len], value: (Affine::along(0, LoopVar(0), 1), value) },
+        }
+    }
+
+    /// Makes the default of a parameter known to constant evaluation.
+    pub(super) fn know(&mut self, symbol: SymbolId) {
+        let SymbolKind::Variable { var, .. } = self.names.symbols[symbol].kind else { return };
+        if self.known.contains_key(&(var, 0)) || !self.knowing.insert(var) {
+            return;
+        }
+        let outer = self.random_site.replace((String::new(), model::Instant::Reset));
+        for piece in self.default_pieces(symbol, Site::Reset) {
+            let (at, value) = piece.value;
+            let Some(x) = self.constant_value(value) else { continue };
+            if piece.extents.is_empty() {
+                self.known.insert((var, at.offset), x);
+            } else {
+                for i in 0..i64::from(self.vars[var].len) {
+                    self.known.insert((var, i), x);
+                }
+            }
+        }
+        self.random_site = outer;
+    }
+
+    /// Bounds, default and scale of a variable as numbers.
+    fn quantity(&mut self, symbol: SymbolId) -> Quantity {
+        let SymbolKind::Variable { var, axes, unit, declaration } = self.names.symbols[symbol].kind.clone() else {
+            return empty_quantity();
+        };
+        let path = self.names.symbols[symbol].path.clone();
+        let role = self.vars[var].role;
+        let is_port = self.port_variables.contains(&var);
+        let mut default = vec![f64::NAN];
+        if !is_port && !matches!(role, Role::Discrete) {
+            let pieces = self.default_pieces(symbol, Site::Reset);
+            default = self.numbers(var, pieces);
+        }
+        let bounds = declaration.bounds.as_ref();
+        let low = self.declared_number(symbol, &axes, &unit, declaration, bounds.map(|b| &b.0), f64::NEG_INFINITY);
+        let high = self.declared_number(symbol, &axes, &unit, declaration, bounds.map(|b| &b.1), f64::INFINITY);
+        if let Some((a, b)) = bounds
+            && low.iter().zip(&high).any(|(l, h)| l > h)
+        {
+            self.report(Diagnostic::error(codes::BAD_SETTING, format!("the bounds of `{path}` are the wrong way round"), a.span.to(b.span)));
+        }
+        let difference = units::difference(&unit);
+        let mut scale = self.declared_number(symbol, &axes, &difference, declaration, declaration.scale.as_ref(), f64::NAN);
+        let n = scale.len().max(low.len()).max(high.len());
+        if scale.iter().any(|s| s.is_nan()) {
+            scale = (0..n)
+                .map(|i| {
+                    let range = Quantity::pick(&high, i) - Quantity::pick(&low, i);
+                    if range.is_finite() && range > 0.0 { range } else { 1.0 }
+                })
+                .collect();
+        }
+        if role == Role::Action {
+            self.check_action(&path, declaration, &low, &high, &default);
+        }
+        Quantity {
+            var: Some(var),
+            name: path,
+            axes: self.model_axes(&axes),
+            pattern: declaration.pattern.clone(),
+            unit: unit.to_string(),
+            text: declaration.text.clone().unwrap_or_default(),
+            low,
+            high,
+            default,
+            scale,
+            affine_unit: units::is_point(&unit),
+        }
+    }
+
+    fn check_action(&mut self, path: &str, d: &Declaration, low: &[f64], high: &[f64], nominal: &[f64]) {
+        if !low.iter().chain(high).all(|x| x.is_finite()) {
+            self.report(
+                Diagnostic::error(codes::MISSING_CLAUSE, format!("the action `{path}` needs finite bounds"), d.name.span)
+                    .help("write `in low..high`"),
+            );
+        } else if nominal.iter().enumerate().any(|(i, &x)| x < Quantity::pick(low, i) || x > Quantity::pick(high, i)) {
+            self.report(
+                Diagnostic::warning(codes::BAD_SETTING, format!("the nominal value of `{path}` lies outside its bounds"), d.name.span),
+            );
+        }
+    }
+
+    pub(super) fn model_axes(&self, axes: &[Axis]) -> Vec<model::Axis> {
+        axes.iter()
+            .map(|&axis| match axis {
+                Axis::Domain(d) => model::Axis::Numbers { first: 1, count: self.names.domains[d].cells as u32 },
+                Axis::Set(s) => {
+                    let set = &self.names.sets[s];
+                    match set.first {
+                        Some(first) => model::Axis::Numbers { first, count: set.labels.len() as u32 },
+                        None => model::Axis::Names(set.labels.clone()),
+                    }
+                }
+            })
+            .collect()
+    }
+
+    /// Numbers of the elements; one for all where they are equal.
+    fn numbers(&mut self, var: VarId, pieces: Vec<Piece<(Affine, ExprId)>>) -> Vec<f64> {
+        if let [piece] = pieces.as_slice() {
+            let value = piece.value.1;
+            return vec![self.constant_value(value).unwrap_or(f64::NAN)];
+        }
+        let mut out = vec![f64::NAN; self.vars[var].len as usize];
+        for piece in pieces {
+            let (at, value) = piece.value;
+            let Some(x) = self.constant_value(value) else { continue };
+            for_each_element(&piece.extents, at, &mut |i| {
+                if let Some(slot) = out.get_mut(i as usize) {
+                    *slot = x;
+                }
+            });
+        }
+        out
+    }
+
+    fn declared_number(
+        &mut self,
+        symbol: SymbolId,
+        axes: &[Axis],
+        unit: &Unit,
+        d: &Declaration,
+        e: Option<&Expr>,
+        absent: f64,
+    ) -> Vec<f64> {
+        let Some(e) = e else { return vec![absent] };
+        let SymbolKind::Variable { var, .. } = self.names.symbols[symbol].kind else { return vec![absent] };
+        let place = self.place(self.names.symbols[symbol].scope, Site::Dynamics);
+        let what = format!("`{}`", d.name.text);
+        let mut pieces = Vec::new();
+        if axes.is_empty() || !mentions(e, &d.indices) {
+            let value = self.number_in(e, unit, &what, d.span, &place);
+            pieces.push(self.whole(var, value));
+        } else {
+            pieces = self.nest(&d.indices, &place, &mut |s, inner| {
+                (s.bound_address(axes, &d.indices, inner), s.number_in(e, unit, &what, d.span, inner))
+            });
+        }
+        let numbers = self.numbers(var, pieces);
+        if numbers.iter().any(|x| x.is_nan()) && !self.has_errors() {
+            self.missing_value("a bound or scale", e.span);
+        }
+        numbers
+    }
+
+    /// Parameters that an expression loads.
+    pub(super) fn parameters_in(&self, e: ExprId) -> Vec<VarId> {
+        let mut seen = std::collections::HashSet::new();
+        let mut stack = vec![e];
+        let mut out = Vec::new();
+        while let Some(e) = stack.pop() {
+            if !seen.insert(e) {
+                continue;
+            }
+            if let Node::Load { var, .. } = self.exprs.node(e)
+                && self.vars[var].role == Role::Param
+                && !out.contains(&var)
+            {
+                out.push(var);
+            }
+            stack.extend(self.exprs.operands(e));
+        }
+        out
+    }
+}
+
+/// Calls `f` with the address of every pass of a nest.
+pub fn for_each_element(extents: &[u32], at: Affine, f: &mut dyn FnMut(i64)) {
+    fn pass(extents: &[u32], depth: usize, at: i64, strides: &[i64], f: &mut dyn FnMut(i64)) {
+        match extents.get(depth) {
+            None => f(at),
+            Some(&n) => {
+                for i in 0..i64::from(n) {
+                    pass(extents, depth + 1, at + i * strides[depth], strides, f);
+                }
+            }
+        }
+    }
+    pass(extents, 0, at.offset, &at.strides, f);
+}
+
+/// Whether an expression uses one of the index names.
+fn mentions(e: &Expr, binders: &[Binder]) -> bool {
+    let any = |list: &[Expr]| list.iter().any(|e| mentions(e, binders));
+    match &e.kind {
+        ExprKind::Number { .. } | ExprKind::Bool(_) => false,
+        ExprKind::Name(n) => binders.iter().any(|b| b.name.text == n.text),
+        ExprKind::Member(a, _) | ExprKind::Derivative(a) | ExprKind::Unary(_, a) | ExprKind::As(a, _) => mentions(a, binders),
+        ExprKind::Index(a, list) => mentions(a, binders) || any(list),
+        ExprKind::Call { arguments, .. } | ExprKind::Tuple(arguments) => any(arguments),
+        ExprKind::Reduce { body, binders: own, condition, .. } => {
+            mentions(body, binders)
+                || condition.as_ref().is_some_and(|c| mentions(c, binders))
+                || own.iter().any(|b| match &b.over {
+                    BinderSet::Range(a, b) => mentions(a, binders) || mentions(b, binders),
+                    BinderSet::Tuple(list) => any(list),
+                    _ => false,
+                })
+        }
+        ExprKind::Binary(_, a, b) => mentions(a, binders) || mentions(b, binders),
+        ExprKind::If(c, a, b) => mentions(c, binders) || mentions(a, binders) || mentions(b, binders),
+    }
+}
+
+/// A quantity of nothing.
+fn empty_quantity() -> Quantity {
+    Quantity {
+        var: None,
+        name: String::new(),
+        axes: Vec::new(),
+        pattern: None,
+        unit: String::new(),
+        text: String::new(),
+        low: Vec::new(),
+        high: Vec::new(),
+        default: Vec::new(),
+        scale: Vec::new(),
+        affine_unit: false,
+    }
+}

@@ -1,0 +1,150 @@
+//! Equations and connections.
+
+use std::collections::BTreeMap;
+
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::span::Span;
+use smpl_dsl::syntax::{Binder, Expr, StatementKind};
+
+use super::items::Item;
+use super::names::{Axis, ScopeId, SymbolId, SymbolKind};
+use super::quantity::Measure;
+use super::{Elaborator, Site, units};
+use crate::ir::{Affine, Expr as Node, ExprId, Flavour, LoopVar, Role, VarId};
+
+/// An equation over a nest of loops.
+#[derive(Clone, Debug)]
+pub struct Equation {
+    /// Extents of its loops.
+    pub extents: Vec<u32>,
+    /// What it says.
+    pub form: EquationForm,
+    /// Where it stands.
+    pub span: Span,
+}
+
+/// Forms of equation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum EquationForm {
+    /// `d/dt var[at] = value`
+    Rate { var: VarId, at: Affine, value: ExprId },
+    /// `var[at] = value`, `var` algebraic
+    Definition { var: VarId, at: Affine, value: ExprId },
+    /// `0 = residual`
+    Implicit { residual: ExprId },
+}
+
+impl<'a> Elaborator<'a> {
+    pub(super) fn elaborate_equations(&mut self) {
+        let blocks = std::mem::take(&mut self.blocks);
+        for (scope, items) in &blocks {
+            for item in items {
+                let Item::Other(statement) = item else { continue };
+                match &statement.kind {
+                    StatementKind::Equation { lhs, rhs, binders } => self.equation(*scope, lhs, rhs, binders, statement.span),
+                    StatementKind::Connect { chain } => self.connect(*scope, chain, statement.span),
+                    _ => {}
+                }
+            }
+        }
+        self.blocks = blocks;
+    }
+
+    fn equation(&mut self, scope: ScopeId, lhs: &Expr, rhs: &Expr, binders: &[Binder], span: Span) {
+        let place = self.place(scope, Site::Dynamics);
+        let pieces = self.nest(binders, &place, &mut |s, inner| {
+            let left = s.value(lhs, inner);
+            let right = s.value(rhs, inner);
+            if left.is_poison() || right.is_poison() {
+                return None;
+            }
+            let (left, right) = match (&left.unit, &right.unit) {
+                (Measure::Truth, _) | (_, Measure::Truth) => {
+                    s.report(
+                        Diagnostic::error(codes::WRONG_KIND, "an equation has a number on each side, this is a condition", span)
+                            .help("write `if condition then 1 else 0`"),
+                    );
+                    return None;
+                }
+                (Measure::Zero, _) | (_, Measure::Zero) => (left.expr, right.expr),
+                (m, n) => {
+                    let (ul, ur) = (m.unit(), n.unit());
+                    match s.convert(right.expr, &ur, &ul) {
+                        Some(converted) => (left.expr, converted),
+                        None => {
+                            s.report(units::sides(&ul, lhs.span, &ur, rhs.span));
+                            return None;
+                        }
+                    }
+                }
+            };
+            Some(s.form(left, right))
+        });
+        for piece in pieces {
+            if let Some(form) = piece.value {
+                self.equations.push(Equation { extents: piece.extents, form, span });
+            }
+        }
+    }
+
+    fn form(&mut self, left: ExprId, right: ExprId) -> EquationForm {
+        for (own, value) in [(left, right), (right, left)] {
+            match self.exprs.node(own) {
+                Node::Load { var, flavour: Flavour::Derivative, at } => return EquationForm::Rate { var, at, value },
+                Node::Load { var, flavour: Flavour::Value, at } if self.vars[var].role == Role::Algebraic => {
+                    return EquationForm::Definition { var, at, value };
+                }
+                _ => {}
+            }
+        }
+        EquationForm::Implicit { residual: self.exprs.sub(left, right) }
+    }
+
+    /// `connect a -> b`: every member of `b` equals that of `a`.
+    fn connect(&mut self, scope: ScopeId, chain: &[Expr], span: Span) {
+        let place = self.place(scope, Site::Dynamics);
+        for pair in chain.windows(2) {
+            let (Some(from), Some(to)) = (self.scope_of(&pair[0], &place), self.scope_of(&pair[1], &place)) else { continue };
+            let members = |s: &Self, scope: ScopeId| -> BTreeMap<String, SymbolId> {
+                s.names.scopes[scope].names.iter().map(|(n, &id)| (n.clone(), id)).collect()
+            };
+            let (sources, targets) = (members(self, from), members(self, to));
+            if sources.keys().ne(targets.keys()) {
+                self.report(Diagnostic::error(codes::WRONG_SHAPE, "two ports of different connectors are connected", span)
+                    .secondary(pair[0].span, "this one")
+                    .secondary(pair[1].span, "and this one"));
+                continue;
+            }
+            for (name, source) in sources {
+                if let Some(&target) = targets.get(&name) {
+                    self.join(source, target, span);
+                }
+            }
+        }
+    }
+
+    fn join(&mut self, source: SymbolId, target: SymbolId, span: Span) {
+        let (SymbolKind::Variable { var: from, axes: source_axes, unit, .. }, SymbolKind::Variable { var: to, axes, unit: wanted, .. }) =
+            (self.names.symbols[source].kind.clone(), self.names.symbols[target].kind.clone())
+        else {
+            self.report(Diagnostic::error(codes::WRONG_KIND, "only ports are connected", span));
+            return;
+        };
+        if self.vars[from].len != self.vars[to].len || source_axes.len() != axes.len() {
+            self.report(Diagnostic::error(codes::WRONG_SHAPE, "two ports of different sizes are connected", span));
+            return;
+        }
+        let len = i64::from(self.vars[to].len);
+        let written_out = axes.iter().all(|a| matches!(a, Axis::Set(_)));
+        let addresses: Vec<(Vec<u32>, Affine)> = if written_out {
+            (0..len).map(|i| (Vec::new(), Affine::constant(i))).collect()
+        } else {
+            vec![(vec![len as u32], Affine::along(0, LoopVar(0), 1))]
+        };
+        for (extents, at) in addresses {
+            let load = self.exprs.load(from, Flavour::Value, at);
+            let Some(value) = self.convert(load, &unit, &wanted) else { continue };
+            self.equations.push(Equation { extents, form: EquationForm::Definition { var: to, at, value }, span });
+        }
+    }
+}

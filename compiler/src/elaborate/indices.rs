@@ -1,0 +1,424 @@
+//! Index expressions: members, cells, whole numbers, and the addresses they make.
+
+use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
+use smpl_dsl::span::Span;
+use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, UnaryOp};
+
+use super::cells::Cell;
+use super::names::{Axis, DomainId, ScopeId, SetId, SymbolId, SymbolKind};
+use super::quantity::Value;
+use super::{Bound, Elaborator, Place};
+use crate::ir::{Affine, LoopVar};
+
+/// An index as a key of what was expanded for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum IndexKey {
+    /// Member of a set.
+    Member(usize),
+    /// Cells of a loop.
+    Cell(i64, i64, Option<LoopVar>),
+}
+
+impl IndexKey {
+    /// The key of a bound index.
+    pub fn of(bound: &Bound) -> Self {
+        match bound {
+            Bound::Member(_, i) => IndexKey::Member(*i),
+            Bound::Cell(_, c) | Bound::Face(_, c) => IndexKey::Cell(c.first, c.count, c.along),
+            _ => IndexKey::Member(usize::MAX),
+        }
+    }
+}
+
+/// What a path such as `R1.inlet` or `col[2].c` leads to.
+pub enum Target {
+    /// A symbol.
+    Symbol(SymbolId),
+    /// Already a value.
+    Value(Value),
+    /// An error was reported.
+    Nothing,
+}
+
+impl Elaborator<'_> {
+    /// `a.b.c`, `a[i].b[j, k]`
+    pub(super) fn reference(&mut self, e: &Expr, place: &Place) -> Value {
+        let (base, index): (&Expr, &[Expr]) = match &e.kind {
+            ExprKind::Index(base, index) => (base, index),
+            _ => (e, &[]),
+        };
+        match self.resolve(base, place) {
+            Target::Symbol(symbol) => self.symbol_value(symbol, index, e.span, place),
+            Target::Value(v) if index.is_empty() => v,
+            Target::Value(v) if v.is_poison() => v,
+            Target::Value(_) => self.fault(
+                Diagnostic::error(codes::WRONG_SHAPE, "an index after something that has none", e.span)
+                    .help("multiply with `*`"),
+            ),
+            Target::Nothing => self.poison(),
+        }
+    }
+
+    /// The symbol at the end of a path.
+    pub(super) fn resolve(&mut self, e: &Expr, place: &Place) -> Target {
+        match &e.kind {
+            ExprKind::Name(name) => {
+                match place.bound(&name.text).cloned() {
+                    Some(Bound::Alias(inner, scope)) => {
+                        let mut there = place.clone();
+                        there.scope = scope;
+                        there.bindings = None;
+                        return self.resolve(&inner, &there);
+                    }
+                    Some(_) => return Target::Value(self.name(name, place)),
+                    None => {}
+                }
+                match self.names.lookup(place.scope, &name.text) {
+                    Some(symbol) => Target::Symbol(symbol),
+                    None => Target::Value(self.name(name, place)),
+                }
+            }
+            ExprKind::Member(base, member) => {
+                if let Some(v) = self.domain_member(base, &member.text, place) {
+                    return Target::Value(v);
+                }
+                let Some(scope) = self.scope_of(base, place) else { return Target::Nothing };
+                match self.names.scopes[scope].names.get(&member.text) {
+                    Some(&symbol) => Target::Symbol(symbol),
+                    None => {
+                        let known: Vec<&str> = self.names.scopes[scope].names.keys().map(String::as_str).collect();
+                        let help = did_you_mean(&member.text, known);
+                        let prefix = self.names.scopes[scope].prefix.trim_end_matches('.').to_owned();
+                        self.report(
+                            Diagnostic::error(codes::UNKNOWN_NAME, format!("`{prefix}` has no `{}`", member.text), member.span)
+                                .label("not declared there")
+                                .maybe_help(help),
+                        );
+                        Target::Nothing
+                    }
+                }
+            }
+            _ => Target::Value(self.value(e, place)),
+        }
+    }
+
+    /// The scope that a path names: an instance or a port.
+    pub(super) fn scope_of(&mut self, e: &Expr, place: &Place) -> Option<ScopeId> {
+        let (base, index) = match &e.kind {
+            ExprKind::Index(base, index) => (&**base, index.as_slice()),
+            _ => (e, &[][..]),
+        };
+        let symbol = match self.resolve(base, place) {
+            Target::Symbol(symbol) => symbol,
+            Target::Value(v) if v.is_poison() => return None,
+            Target::Value(_) => {
+                self.report(Diagnostic::error(codes::WRONG_KIND, "only components and ports have members", e.span));
+                return None;
+            }
+            Target::Nothing => return None,
+        };
+        match self.names.symbols[symbol].kind.clone() {
+            SymbolKind::Instance(scope) if index.is_empty() => Some(scope),
+            SymbolKind::Instances(list) if index.len() == 1 => {
+                let label = self.instance_label(&index[0], place)?;
+                match list.iter().find(|(l, _)| *l == label) {
+                    Some((_, scope)) => Some(*scope),
+                    None => {
+                        self.report(Diagnostic::error(
+                            codes::OUT_OF_RANGE,
+                            format!("there is no instance `{label}`"),
+                            index[0].span,
+                        ));
+                        None
+                    }
+                }
+            }
+            _ => {
+                let path = self.names.symbols[symbol].path.clone();
+                self.report(Diagnostic::error(codes::WRONG_KIND, format!("`{path}` has no members"), e.span));
+                None
+            }
+        }
+    }
+
+    fn instance_label(&mut self, e: &Expr, place: &Place) -> Option<String> {
+        if let ExprKind::Name(name) = &e.kind {
+            return Some(match place.bound(&name.text) {
+                Some(Bound::Member(set, i)) => self.names.sets[*set].labels[*i].clone(),
+                _ => name.text.clone(),
+            });
+        }
+        self.integer(e, place).map(|n| n.to_string())
+    }
+
+    /// `z.first`, `z.last`, `z.cells` as numbers.
+    fn domain_member(&mut self, base: &Expr, member: &str, place: &Place) -> Option<Value> {
+        if !matches!(member, "first" | "last" | "cells") {
+            return None;
+        }
+        let domain = self.domain_of(base, place)?;
+        let number = if member == "first" { 1 } else { self.names.domains[domain].cells };
+        let expr = self.exprs.constant(number as f64);
+        Some(Value::bare(expr))
+    }
+
+    /// The domain that a path names, without a report where it names something else.
+    pub(super) fn domain_of(&mut self, e: &Expr, place: &Place) -> Option<DomainId> {
+        let symbol = match &e.kind {
+            ExprKind::Name(name) => match place.bound(&name.text) {
+                Some(Bound::Cell(domain, _) | Bound::Face(domain, _)) => return Some(*domain),
+                Some(_) => return None,
+                None => self.names.lookup(place.scope, &name.text)?,
+            },
+            ExprKind::Member(base, member) => {
+                let ExprKind::Name(first) = &base.kind else { return None };
+                let outer = self.names.lookup(place.scope, &first.text)?;
+                let SymbolKind::Instance(scope) = self.names.symbols[outer].kind else { return None };
+                *self.names.scopes[scope].names.get(&member.text)?
+            }
+            _ => return None,
+        };
+        match self.names.symbols[symbol].kind {
+            SymbolKind::Domain(domain) => Some(domain),
+            _ => None,
+        }
+    }
+
+    /// Address of an element of an array, and what its indices are bound to.
+    pub(super) fn address(
+        &mut self,
+        symbol: SymbolId,
+        axes: &[Axis],
+        index: &[Expr],
+        span: Span,
+        place: &Place,
+    ) -> Option<(Affine, Vec<Bound>)> {
+        if axes.len() != index.len() {
+            let path = self.names.symbols[symbol].path.clone();
+            let declared = self.names.symbols[symbol].span;
+            let wanted: Vec<&str> = axes.iter().map(|&a| self.names.axis_name(a)).collect();
+            let message = match (axes.len(), index.len()) {
+                (0, _) => format!("`{path}` is a scalar, it takes no index"),
+                (n, 0) => format!("`{path}` is an array and needs {n} ind{}", if n == 1 { "ex" } else { "ices" }),
+                (n, m) => format!("`{path}` takes {n} ind{}, not {m}", if n == 1 { "ex" } else { "ices" }),
+            };
+            let mut d = Diagnostic::error(codes::WRONG_SHAPE, message, span).secondary(declared, "declared here");
+            if !wanted.is_empty() {
+                d = d.help(format!("write `{path}[{}]`", wanted.join(", ")));
+            }
+            self.report(d);
+            return None;
+        }
+        let mut at = Affine::default();
+        let mut bounds = Vec::with_capacity(axes.len());
+        for (&axis, e) in axes.iter().zip(index) {
+            let len = self.names.axis_len(axis);
+            let (part, bound) = match axis {
+                Axis::Set(set) => {
+                    let i = self.member(set, e, place)?;
+                    (Affine::constant(i as i64), Bound::Member(set, i))
+                }
+                Axis::Domain(domain) => {
+                    let bound = self.cell(domain, e, place)?;
+                    let Bound::Cell(_, c) = bound else {
+                        bounds.push(bound);
+                        continue;
+                    };
+                    if c.first < 0 || c.last() >= len {
+                        self.out_of_domain(domain, c, e.span);
+                        return None;
+                    }
+                    (c.affine(), bound)
+                }
+            };
+            at = at.times(len).plus(part);
+            bounds.push(bound);
+        }
+        Some((at, bounds))
+    }
+
+    fn out_of_domain(&mut self, domain: DomainId, c: Cell, span: Span) {
+        let (name, cells) = (self.names.domains[domain].name.clone(), self.names.domains[domain].cells);
+        let number = if c.first < 0 { c.first + 1 } else { c.last() + 1 };
+        self.report(
+            Diagnostic::error(codes::OUT_OF_RANGE, format!("cell {number} of `{name}` does not exist: its cells are 1 to {cells}"), span)
+                .label("reaches beyond the domain")
+                .help(format!("restrict the equation, `for {name} in 2..{name}.last`, and write the end cells separately")),
+        );
+    }
+
+    /// Position of a member in its set.
+    pub(super) fn member(&mut self, set: SetId, e: &Expr, place: &Place) -> Option<usize> {
+        if let ExprKind::Name(name) = &e.kind {
+            match place.bound(&name.text) {
+                Some(Bound::Member(other, i)) => {
+                    let label = self.names.sets[*other].labels[*i].clone();
+                    return self.labelled(set, &label, e.span);
+                }
+                Some(_) => {}
+                None => {
+                    if let Some(i) = self.names.sets[set].labels.iter().position(|l| *l == name.text) {
+                        return Some(i);
+                    }
+                    if self.names.sets[set].first.is_none() {
+                        return self.labelled(set, &name.text, e.span);
+                    }
+                }
+            }
+        }
+        let n = self.integer(e, place)?;
+        self.labelled(set, &n.to_string(), e.span)
+    }
+
+    fn labelled(&mut self, set: SetId, label: &str, span: Span) -> Option<usize> {
+        let found = self.names.sets[set].labels.iter().position(|l| l == label);
+        if found.is_none() {
+            let name = self.names.sets[set].name.clone();
+            let help = did_you_mean(label, self.names.sets[set].labels.iter().map(String::as_str));
+            self.report(
+                Diagnostic::error(codes::OUT_OF_RANGE, format!("`{label}` is no member of `{name}`"), span)
+                    .label("not in the set")
+                    .maybe_help(help),
+            );
+        }
+        found
+    }
+
+    /// A cell (or the face at which a flux is taken) of a domain.
+    fn cell(&mut self, domain: DomainId, e: &Expr, place: &Place) -> Option<Bound> {
+        if let ExprKind::Name(name) = &e.kind {
+            match place.bound(&name.text) {
+                Some(Bound::Cell(other, c)) => {
+                    if self.same_cells(*other, domain) {
+                        return Some(Bound::Cell(domain, *c));
+                    }
+                    let (a, b) = (self.names.domains[*other].name.clone(), self.names.domains[domain].name.clone());
+                    self.report(Diagnostic::error(codes::WRONG_SHAPE, format!("a cell of `{a}` where one of `{b}` is needed"), e.span));
+                    return None;
+                }
+                Some(Bound::Face(other, c)) if *other == domain => return Some(Bound::Face(domain, *c)),
+                None if self.names.domains[domain].name == name.text => {
+                    let z = &name.text;
+                    self.report(
+                        Diagnostic::error(codes::WRONG_SHAPE, format!("`{z}` is not bound here"), e.span)
+                            .help(format!("add `for {z}` to the statement, or name a cell: `{z}.last`")),
+                    );
+                    return None;
+                }
+                _ => {}
+            }
+        }
+        if let ExprKind::Binary(op @ (BinaryOp::Add | BinaryOp::Sub), a, b) = &e.kind {
+            if self.is_cell(a, place) {
+                let Some(Bound::Cell(_, c)) = self.cell(domain, a, place) else { return None };
+                let by = self.integer(b, place)?;
+                return Some(Bound::Cell(domain, c.shifted(if *op == BinaryOp::Add { by } else { -by })));
+            }
+            if *op == BinaryOp::Add && self.is_cell(b, place) {
+                let Some(Bound::Cell(_, c)) = self.cell(domain, b, place) else { return None };
+                return Some(Bound::Cell(domain, c.shifted(self.integer(a, place)?)));
+            }
+        }
+        let n = self.integer(e, place)?;
+        Some(Bound::Cell(domain, Cell::single(n - 1)))
+    }
+
+    fn same_cells(&self, a: DomainId, b: DomainId) -> bool {
+        a == b || self.names.domains[a].cells == self.names.domains[b].cells
+    }
+
+    fn is_cell(&self, e: &Expr, place: &Place) -> bool {
+        match &e.kind {
+            ExprKind::Name(name) => matches!(place.bound(&name.text), Some(Bound::Cell(..))),
+            ExprKind::Binary(BinaryOp::Add | BinaryOp::Sub, a, b) => self.is_cell(a, place) || self.is_cell(b, place),
+            _ => false,
+        }
+    }
+
+    /// A whole number known to the compiler.
+    pub(super) fn integer(&mut self, e: &Expr, place: &Place) -> Option<i64> {
+        match self.integer_quietly(e, place) {
+            Some(n) => Some(n),
+            None => {
+                let v = self.value(e, place);
+                if !v.is_poison() {
+                    self.report(
+                        Diagnostic::error(codes::WRONG_KIND, "a whole number known to the compiler is needed here", e.span)
+                            .label("not a whole number"),
+                    );
+                }
+                None
+            }
+        }
+    }
+
+    fn integer_quietly(&mut self, e: &Expr, place: &Place) -> Option<i64> {
+        match &e.kind {
+            ExprKind::Number { value, unit: None } if value.fract() == 0.0 && value.abs() < 1e15 => Some(*value as i64),
+            ExprKind::Unary(UnaryOp::Neg, a) => Some(-self.integer_quietly(a, place)?),
+            ExprKind::Binary(op, a, b) => {
+                let (a, b) = (self.integer_quietly(a, place)?, self.integer_quietly(b, place)?);
+                match op {
+                    BinaryOp::Add => a.checked_add(b),
+                    BinaryOp::Sub => a.checked_sub(b),
+                    BinaryOp::Mul => a.checked_mul(b),
+                    BinaryOp::Div if b != 0 && a % b == 0 => Some(a / b),
+                    _ => None,
+                }
+            }
+            _ => {
+                let reports = self.diagnostics.len();
+                let v = self.value(e, place);
+                if v.is_poison() || self.diagnostics.len() != reports {
+                    return None;
+                }
+                let x = self.constant_value(v.expr)?;
+                (x.fract() == 0.0 && x.abs() < 1e15).then_some(x as i64)
+            }
+        }
+    }
+
+    /// `i == water`, `scheme == upwind`: comparison of names. Outer `None`: not one; inner `None`: reported.
+    pub(super) fn name_comparison(&mut self, a: &Expr, b: &Expr, place: &Place) -> Option<Option<bool>> {
+        let (left, right) = (self.label(a, place), self.label(b, place));
+        let label = |e: &Expr| match &e.kind {
+            ExprKind::Name(n) => Some(n.text.clone()),
+            ExprKind::Bool(b) => Some(b.to_string()),
+            _ => None,
+        };
+        match (left, right) {
+            (Some((x, _)), Some((y, _))) => Some(Some(x == y)),
+            (Some((x, options)), None) | (None, Some((x, options))) => {
+                let other = if self.label(a, place).is_some() { b } else { a };
+                let name = label(other)?;
+                if options.contains(&name) {
+                    return Some(Some(x == name));
+                }
+                let help = did_you_mean(&name, options.iter().map(String::as_str));
+                self.report(
+                    Diagnostic::error(codes::UNKNOWN_NAME, format!("`{name}` is none of {}", options.join(", ")), other.span)
+                        .maybe_help(help),
+                );
+                Some(None)
+            }
+            _ => None,
+        }
+    }
+
+    fn label(&self, e: &Expr, place: &Place) -> Option<(String, Vec<String>)> {
+        let ExprKind::Name(name) = &e.kind else { return None };
+        if let Some(bound) = place.bound(&name.text) {
+            let Bound::Member(set, i) = bound else { return None };
+            let set = &self.names.sets[*set];
+            return set.first.is_none().then(|| (set.labels[*i].clone(), set.labels.clone()));
+        }
+        let symbol = self.names.lookup(place.scope, &name.text)?;
+        match &self.names.symbols[symbol].kind {
+            SymbolKind::Choice { options, chosen } => {
+                let options: Vec<String> = options.iter().map(|o| o.text.clone()).collect();
+                Some((options.get(*chosen)?.clone(), options))
+            }
+            _ => None,
+        }
+    }
+}

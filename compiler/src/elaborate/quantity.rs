@@ -1,0 +1,66 @@
+//! Values with their units while an expression is built.
+
+use smpl_dsl::units::Unit;
+
+use crate::ir::ExprId;
+
+/// A value under construction.
+#[derive(Clone, Debug)]
+pub struct Value {
+    /// The node.
+    pub expr: ExprId,
+    /// What is known of its unit.
+    pub unit: Measure,
+}
+
+/// What is known of the unit of a value.
+#[derive(Clone, Debug)]
+pub enum Measure {
+    /// Part of an error already reported: fits everywhere.
+    Poison,
+    /// A truth value.
+    Truth,
+    /// The number 0 without a unit: fits every unit.
+    Zero,
+    /// A pure number in which no declared quantity occurs: a place that declares a unit may take it as a number of that unit.
+    Bare,
+    /// A quantity; the number counts this unit.
+    Of(Unit),
+}
+
+impl Value {
+    /// A value with a unit.
+    pub fn of(expr: ExprId, unit: Unit) -> Self {
+        Value { expr, unit: Measure::Of(unit) }
+    }
+
+    /// A truth value.
+    pub fn truth(expr: ExprId) -> Self {
+        Value { expr, unit: Measure::Truth }
+    }
+
+    /// A pure number.
+    pub fn bare(expr: ExprId) -> Self {
+        Value { expr, unit: Measure::Bare }
+    }
+
+    /// Whether an error was already reported for it.
+    pub fn is_poison(&self) -> bool {
+        matches!(self.unit, Measure::Poison)
+    }
+}
+
+impl Measure {
+    /// The unit of a number (poison, zero and bare numbers count as dimensionless).
+    pub fn unit(&self) -> Unit {
+        match self {
+            Measure::Of(unit) => unit.clone(),
+            _ => Unit::one(),
+        }
+    }
+
+    /// Whether the value is a pure number or fits everywhere.
+    pub fn is_plain(&self) -> bool {
+        matches!(self, Measure::Poison | Measure::Zero | Measure::Bare)
+    }
+}

@@ -1,0 +1,221 @@
+//! Machine code by Cranelift: one function a job, position-independent, without relocations.
+//!
+//! `schedule` decides what is computed in which loop; `body` walks the schedule and emits scalar code and loops; `wide` emits innermost
+//! loops two lanes at a time, with elementary functions taken out into array kernels over columns of working memory.
+//! Loops stay loops: the size of the code does not depend on extents.
+
+pub mod schedule;
+
+mod body;
+mod executable;
+mod wide;
+
+use std::sync::OnceLock;
+
+use cranelift_codegen::ir::{AbiParam, Function, Signature, UserFuncName, types};
+use cranelift_codegen::isa::{CallConv, OwnedTargetIsa};
+use cranelift_codegen::settings::{self, Configurable};
+use cranelift_codegen::{Context, control::ControlPlane};
+use cranelift_frontend::{FunctionBuilder, FunctionBuilderContext};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+pub use executable::Executable;
+
+use crate::ir::Exprs;
+use crate::kernels::KernelTable;
+use crate::layout::Layout;
+use schedule::{Access, Job, ScheduleError};
+
+/// What compiled code calls and reads beside its arguments.
+#[derive(Clone, Copy)]
+#[repr(C)]
+pub struct Surroundings {
+    /// Elementary functions.
+    pub kernels: KernelTable,
+    /// Position tables.
+    pub tables: *const u32,
+}
+
+/// A compiled function: time, factor of derivatives, unknowns, their derivatives, workspace, output, surroundings.
+pub type CompiledFn =
+    unsafe extern "C" fn(f64, f64, *mut f64, *const f64, *mut f64, *mut f64, *const Surroundings);
+
+/// Failures of code generation.
+#[derive(Debug, Error)]
+pub enum GenerateError {
+    /// A fault of the passes before.
+    #[error(transparent)]
+    Schedule(#[from] ScheduleError),
+    /// Cranelift does not know this processor.
+    #[error("no code generator for this processor: {0}")]
+    Processor(String),
+    /// Cranelift refused a function.
+    #[error("code generation of `{function}` failed: {message}")]
+    Refused {
+        /// The function.
+        function: &'static str,
+        /// Its words.
+        message: String,
+    },
+    /// The code would hold addresses.
+    #[error("code of `{function}` holds {count} relocations")]
+    Relocations {
+        /// The function.
+        function: &'static str,
+        /// How many.
+        count: usize,
+    },
+}
+
+/// Effort of code generation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Effort {
+    /// For functions of the inner loop of the solver: optimised.
+    Hot,
+    /// For functions of a step: quickly compiled.
+    Lukewarm,
+}
+
+/// A piece of machine code.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Code {
+    /// Position-independent instructions and constants.
+    pub bytes: Vec<u8>,
+    /// Numbers of working memory that the function uses.
+    pub columns: u32,
+    /// Intermediate text, if asked for.
+    pub clif: String,
+    /// Assembly, if asked for.
+    pub assembly: String,
+}
+
+/// Generates functions; keeps Cranelift's buffers between them.
+pub struct Generator {
+    context: Context,
+    builder: FunctionBuilderContext,
+    control: ControlPlane,
+    /// Texts of the code are wanted.
+    texts: bool,
+}
+
+impl Generator {
+    /// A generator; with `texts` it also writes intermediate text and assembly.
+    #[must_use]
+    pub fn new(texts: bool) -> Generator {
+        let mut context = Context::new();
+        context.set_disasm(texts);
+        Generator {
+            context,
+            builder: FunctionBuilderContext::new(),
+            control: ControlPlane::default(),
+            texts,
+        }
+    }
+
+    /// Compiles a job; an empty one gives no code.
+    ///
+    /// # Errors
+    /// If the job addresses what it cannot have, or Cranelift refuses.
+    pub fn compile(
+        &mut self,
+        job: &Job,
+        exprs: &Exprs,
+        layout: &Layout,
+        access: Access,
+        effort: Effort,
+    ) -> Result<Code, GenerateError> {
+        if job.is_empty() {
+            return Ok(Code::default());
+        }
+        let isa = isa(effort)?;
+        let schedules = job.schedules(exprs, layout, access)?;
+        self.context.clear();
+        self.context.func = Function::with_name_signature(
+            UserFuncName::default(),
+            signature(isa.default_call_conv()),
+        );
+        let builder = FunctionBuilder::new(&mut self.context.func, &mut self.builder);
+        let columns = body::emit(
+            builder,
+            &schedules,
+            exprs,
+            layout,
+            isa.as_ref(),
+            job.in_place,
+        );
+        let mut code = Code {
+            columns,
+            ..Code::default()
+        };
+        if self.texts {
+            code.clif = self.context.func.display().to_string();
+        }
+        self.finish(isa, access.name, code)
+    }
+
+    fn finish(
+        &mut self,
+        isa: &OwnedTargetIsa,
+        function: &'static str,
+        mut code: Code,
+    ) -> Result<Code, GenerateError> {
+        let refused = |message: String| GenerateError::Refused { function, message };
+        let compiled = self
+            .context
+            .compile(isa.as_ref(), &mut self.control)
+            .map_err(|e| refused(format!("{:?}", e.inner)))?;
+        let count = compiled.buffer.relocs().len();
+        if count > 0 {
+            return Err(GenerateError::Relocations { function, count });
+        }
+        code.bytes = compiled.code_buffer().to_vec();
+        code.assembly = compiled.vcode.clone().unwrap_or_default();
+        Ok(code)
+    }
+}
+
+fn signature(convention: CallConv) -> Signature {
+    let mut signature = Signature::new(convention);
+    signature
+        .params
+        .extend([types::F64, types::F64].map(AbiParam::new));
+    signature.params.extend([types::I64; 5].map(AbiParam::new));
+    signature
+}
+
+/// The target of this processor at an effort, made once.
+fn isa(effort: Effort) -> Result<&'static OwnedTargetIsa, GenerateError> {
+    static TARGETS: [OnceLock<Result<OwnedTargetIsa, String>>; 2] =
+        [OnceLock::new(), OnceLock::new()];
+    let target = TARGETS[effort as usize].get_or_init(|| make_isa(effort));
+    target
+        .as_ref()
+        .map_err(|message| GenerateError::Processor(message.clone()))
+}
+
+fn make_isa(effort: Effort) -> Result<OwnedTargetIsa, String> {
+    let mut flags = settings::builder();
+    let options = match effort {
+        Effort::Hot => [
+            ("opt_level", "speed"),
+            ("regalloc_algorithm", "backtracking"),
+        ],
+        Effort::Lukewarm => [("opt_level", "none"), ("regalloc_algorithm", "single_pass")],
+    };
+    let verify = if cfg!(any(test, debug_assertions)) {
+        "true"
+    } else {
+        "false"
+    };
+    for (name, value) in options
+        .into_iter()
+        .chain([("enable_verifier", verify), ("is_pic", "true")])
+    {
+        flags.set(name, value).map_err(|e| e.to_string())?;
+    }
+    let builder = cranelift_native::builder()?;
+    builder
+        .finish(settings::Flags::new(flags))
+        .map_err(|e| e.to_string())
+}

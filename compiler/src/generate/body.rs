@@ -1,0 +1,753 @@
+//! Scalar code and loops.
+
+use cranelift_codegen::ir::condcodes::{FloatCC, IntCC};
+use cranelift_codegen::ir::{
+    AbiParam, InstBuilder, MemFlagsData, SigRef, Signature, Type, Value, types,
+};
+use cranelift_codegen::isa::TargetIsa;
+use cranelift_frontend::FunctionBuilder;
+
+use super::schedule::{BlockId, Item, Schedule, Sink};
+use crate::interpret::identity;
+use crate::ir::hash::FastMap;
+use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, Flavour, ReduceFn, UnaryFn};
+use crate::kernels::{self, KernelTable, UNARY_COUNT};
+use crate::layout::{Base, Layout};
+
+/// Bytes of a number, a pointer.
+pub(super) const WORD: i64 = 8;
+
+/// Arguments of the function.
+#[derive(Clone, Copy)]
+pub(super) struct Arguments {
+    time: Value,
+    factor: Value,
+    y: Value,
+    yp: Value,
+    pub(super) work: Value,
+    out: Value,
+    surroundings: Value,
+}
+
+/// Lanes of the code that is being written.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Lanes {
+    /// One number.
+    One,
+    /// Two neighbours along the counter of the block.
+    Two(BlockId),
+}
+
+/// Writes one function.
+pub(super) struct Emitter<'a> {
+    pub(super) b: FunctionBuilder<'a>,
+    pub(super) exprs: &'a Exprs,
+    pub(super) layout: &'a Layout,
+    pub(super) schedule: &'a Schedule,
+    pub(super) arguments: Arguments,
+    pub(super) lanes: Lanes,
+    /// Values by block; those of a block are forgotten when its code ends.
+    pub(super) values: Vec<FastMap<ExprId, Value>>,
+    /// Two equal lanes of values from outside of the loop of lanes.
+    pub(super) splats: FastMap<(BlockId, ExprId), Value>,
+    /// Loop counters by block.
+    pub(super) counters: Vec<Option<Value>>,
+    /// Pointers by block: memory and strides that they already contain.
+    pub(super) pointers: Vec<FastMap<(Base, [i64; 4]), Value>>,
+    signatures: FastMap<(usize, bool), SigRef>,
+    pub(super) in_place: bool,
+    rounding: bool,
+    /// Numbers of working memory used.
+    pub(super) columns: u32,
+}
+
+/// Writes the code of all schedules; returns the numbers of working memory it uses.
+pub(super) fn emit(
+    mut builder: FunctionBuilder<'_>,
+    schedules: &[Schedule],
+    exprs: &Exprs,
+    layout: &Layout,
+    isa: &dyn TargetIsa,
+    in_place: bool,
+) -> u32 {
+    let entry = builder.create_block();
+    builder.append_block_params_for_function_params(entry);
+    builder.switch_to_block(entry);
+    let p = builder.block_params(entry);
+    let arguments = Arguments {
+        time: p[0],
+        factor: p[1],
+        y: p[2],
+        yp: p[3],
+        work: p[4],
+        out: p[5],
+        surroundings: p[6],
+    };
+    let rounding = has_rounding(isa);
+    let mut columns = 0;
+    let mut rest = Some(builder);
+    for schedule in schedules {
+        let Some(b) = rest.take() else { break };
+        let blocks = schedule.blocks.len();
+        let mut emitter = Emitter {
+            b,
+            exprs,
+            layout,
+            schedule,
+            arguments,
+            lanes: Lanes::One,
+            values: vec![FastMap::default(); blocks],
+            splats: FastMap::default(),
+            counters: vec![None; blocks],
+            pointers: vec![FastMap::default(); blocks],
+            signatures: FastMap::default(),
+            in_place,
+            rounding,
+            columns: 0,
+        };
+        emitter.block(0);
+        columns = columns.max(emitter.columns);
+        rest = Some(emitter.b);
+    }
+    if let Some(mut b) = rest {
+        b.ins().return_(&[]);
+        b.seal_all_blocks();
+        b.finalize(isa.frontend_config());
+    }
+    columns
+}
+
+/// Whether rounding is an instruction; elsewhere Cranelift would call a library.
+fn has_rounding(isa: &dyn TargetIsa) -> bool {
+    let by_flag = isa
+        .isa_flags()
+        .iter()
+        .any(|f| f.name == "has_sse41" && f.as_bool() == Some(true));
+    by_flag
+        || !matches!(
+            isa.triple().architecture,
+            target_lexicon::Architecture::X86_64
+        )
+}
+
+impl Emitter<'_> {
+    /// Writes the items of a block, then the loops in it.
+    pub(super) fn block(&mut self, block: BlockId) {
+        let schedule = self.schedule;
+        for item in &schedule.blocks[block].items {
+            self.item(block, *item);
+        }
+        for &child in &schedule.blocks[block].children {
+            if self.is_wide(child) {
+                self.wide_loop(child);
+            } else {
+                self.scalar_loop(child);
+            }
+        }
+    }
+
+    fn scalar_loop(&mut self, block: BlockId) {
+        let extent = i64::from(self.schedule.blocks[block].extent);
+        self.counted(0, extent, 1, &mut |emitter, counter| {
+            emitter.counters[block] = Some(counter);
+            emitter.block(block);
+            emitter.forget(block);
+        });
+    }
+
+    /// A loop of counters `from, from + step, …` below `to`; at least one pass.
+    pub(super) fn counted(
+        &mut self,
+        from: i64,
+        to: i64,
+        step: i64,
+        pass: &mut dyn FnMut(&mut Self, Value),
+    ) {
+        let start = self.b.ins().iconst(types::I64, from);
+        if from + step >= to {
+            pass(self, start);
+            return;
+        }
+        let (body, exit) = (self.b.create_block(), self.b.create_block());
+        let counter = self.b.append_block_param(body, types::I64);
+        self.b.ins().jump(body, &[start.into()]);
+        self.b.switch_to_block(body);
+        pass(self, counter);
+        let next = self.b.ins().iadd_imm_s(counter, step);
+        let more = self.b.ins().icmp_imm_s(IntCC::SignedLessThan, next, to);
+        self.b.ins().brif(more, body, &[next.into()], exit, &[]);
+        self.b.switch_to_block(exit);
+    }
+
+    /// Forgets what was computed in a block and inside of it.
+    pub(super) fn forget(&mut self, block: BlockId) {
+        for b in 0..self.schedule.blocks.len() {
+            if self.schedule.is_inside(b, block) {
+                self.values[b].clear();
+                self.pointers[b].clear();
+                self.counters[b] = None;
+            }
+        }
+    }
+
+    pub(super) fn item(&mut self, block: BlockId, item: Item) {
+        match item {
+            Item::Eval(expr) => {
+                let value = self.node(block, expr);
+                self.values[block].insert(expr, value);
+            }
+            Item::Reduce {
+                expr,
+                op,
+                body,
+                block: inner,
+            } => {
+                let value = self.reduce(op, body, inner);
+                self.values[block].insert(expr, value);
+            }
+            Item::Store(sink, value) => self.store(block, sink, value),
+        }
+    }
+
+    /// The type of numbers in a block.
+    fn number_type(&self, block: BlockId) -> Type {
+        if self.is_two(block) {
+            types::F64X2
+        } else {
+            types::F64
+        }
+    }
+
+    /// Whether values of a block have two lanes.
+    pub(super) fn is_two(&self, block: BlockId) -> bool {
+        match self.lanes {
+            Lanes::One => false,
+            Lanes::Two(outer) => self.schedule.is_inside(block, outer),
+        }
+    }
+
+    fn reduce(&mut self, op: ReduceFn, body: ExprId, inner: BlockId) -> Value {
+        let here = &self.schedule.blocks[inner];
+        let start = self.number(inner, identity(op));
+        if here.extent == 0 {
+            return start;
+        }
+        let extent = i64::from(here.extent);
+        let (pass, exit) = (self.b.create_block(), self.b.create_block());
+        let counter = self.b.append_block_param(pass, types::I64);
+        let number = self.number_type(inner);
+        let sum = self.b.append_block_param(pass, number);
+        let result = self.b.append_block_param(exit, number);
+        let zero = self.b.ins().iconst(types::I64, 0);
+        self.b.ins().jump(pass, &[zero.into(), start.into()]);
+        self.b.switch_to_block(pass);
+        self.counters[inner] = Some(counter);
+        for item in &self.schedule.blocks[inner].items {
+            self.item(inner, *item);
+        }
+        let value = self.operand(inner, body);
+        let sum = match op {
+            ReduceFn::Sum => self.b.ins().fadd(sum, value),
+            ReduceFn::Product => self.b.ins().fmul(sum, value),
+            ReduceFn::Min => self.choose(FloatCC::LessThan, sum, value),
+            ReduceFn::Max => self.choose(FloatCC::GreaterThan, sum, value),
+        };
+        self.forget(inner);
+        let next = self.b.ins().iadd_imm_s(counter, 1);
+        let more = self.b.ins().icmp_imm_s(IntCC::SignedLessThan, next, extent);
+        self.b
+            .ins()
+            .brif(more, pass, &[next.into(), sum.into()], exit, &[sum.into()]);
+        self.b.switch_to_block(exit);
+        result
+    }
+
+    /// A constant in the lanes of a block.
+    pub(super) fn number(&mut self, block: BlockId, x: f64) -> Value {
+        let one = self.b.ins().f64const(x);
+        if self.is_two(block) {
+            self.b.ins().splat(types::F64X2, one)
+        } else {
+            one
+        }
+    }
+
+    /// The value of an operand in the lanes of a block.
+    pub(super) fn operand(&mut self, block: BlockId, expr: ExprId) -> Value {
+        match self.exprs.node(expr) {
+            Expr::Const(bits) => return self.number(block, f64::from_bits(bits)),
+            Expr::Truth(truth) => return self.truth(block, truth),
+            _ => {}
+        }
+        let home = self.schedule.home(self.exprs, block, expr);
+        if self.is_two(block) && !self.is_two(home) {
+            return self.splat(home, expr);
+        }
+        match self.values[home].get(&expr) {
+            Some(&value) => value,
+            // The schedule places operands before users.
+            None => self.number(block, f64::NAN),
+        }
+    }
+
+    fn truth(&mut self, block: BlockId, truth: bool) -> Value {
+        if self.is_two(block) {
+            let mask = self.b.ins().iconst(types::I64, -i64::from(truth));
+            return self.b.ins().splat(types::I64X2, mask);
+        }
+        self.b.ins().iconst(types::I8, i64::from(truth))
+    }
+
+    /// A value from outside of the loop of lanes, in both lanes.
+    pub(super) fn splat(&mut self, home: BlockId, expr: ExprId) -> Value {
+        if let Some(&value) = self.splats.get(&(home, expr)) {
+            return value;
+        }
+        let Some(&one) = self.values[home].get(&expr) else {
+            let nan = self.b.ins().f64const(f64::NAN);
+            return self.b.ins().splat(types::F64X2, nan);
+        };
+        let value = if self.exprs.is_truth(expr) {
+            let (yes, no) = (
+                self.b.ins().iconst(types::I64, -1),
+                self.b.ins().iconst(types::I64, 0),
+            );
+            let mask = self.b.ins().select(one, yes, no);
+            self.b.ins().splat(types::I64X2, mask)
+        } else {
+            self.b.ins().splat(types::F64X2, one)
+        };
+        self.splats.insert((home, expr), value);
+        value
+    }
+
+    /// Writes the computation of a node whose operands have values.
+    pub(super) fn node(&mut self, block: BlockId, expr: ExprId) -> Value {
+        let two = self.is_two(block);
+        match self.exprs.node(expr) {
+            Expr::Const(bits) => self.number(block, f64::from_bits(bits)),
+            Expr::Truth(truth) => self.truth(block, truth),
+            Expr::Time => self.arguments.time,
+            Expr::Counter(v) => self.counter_number(block, v.0),
+            Expr::Load { var, flavour, at } => {
+                if self.layout.is_factor(var, at.offset) {
+                    return self.arguments.factor;
+                }
+                match self.layout.address(var, flavour) {
+                    Some(a) => self.load(
+                        block,
+                        a.base,
+                        at.plus(Affine::constant(i64::from(a.offset))),
+                    ),
+                    // The schedule has refused variables without memory.
+                    None => self.number(block, f64::NAN),
+                }
+            }
+            Expr::Unary(f, a) => {
+                let a = self.operand(block, a);
+                self.unary(block, f, a)
+            }
+            Expr::PowInt(a, n) => {
+                let a = self.operand(block, a);
+                self.whole_power(block, a, n)
+            }
+            Expr::Binary(f, a, b) => {
+                let (a, b) = (self.operand(block, a), self.operand(block, b));
+                self.binary(block, f, a, b)
+            }
+            Expr::Compare(op, a, b) => {
+                let (a, b) = (self.operand(block, a), self.operand(block, b));
+                let condition = match op {
+                    Compare::Lt => FloatCC::LessThan,
+                    Compare::Le => FloatCC::LessThanOrEqual,
+                    Compare::Eq => FloatCC::Equal,
+                    Compare::Ne => FloatCC::NotEqual,
+                };
+                self.b.ins().fcmp(condition, a, b)
+            }
+            Expr::And(a, b) => {
+                let (a, b) = (self.operand(block, a), self.operand(block, b));
+                self.b.ins().band(a, b)
+            }
+            Expr::Or(a, b) => {
+                let (a, b) = (self.operand(block, a), self.operand(block, b));
+                self.b.ins().bor(a, b)
+            }
+            Expr::Not(a) => {
+                let a = self.operand(block, a);
+                if two {
+                    self.b.ins().bnot(a)
+                } else {
+                    self.b.ins().bxor_imm_u(a, 1)
+                }
+            }
+            Expr::Select(c, a, b) => {
+                let c = self.operand(block, c);
+                let (a, b) = (self.operand(block, a), self.operand(block, b));
+                self.select(two, c, a, b)
+            }
+            // Reductions are items of their own.
+            Expr::Reduce { .. } => self.number(block, f64::NAN),
+        }
+    }
+
+    fn select(&mut self, two: bool, c: Value, a: Value, b: Value) -> Value {
+        if !two {
+            return self.b.ins().select(c, a, b);
+        }
+        let mask = self.b.ins().bitcast(types::F64X2, MemFlagsData::new(), c);
+        self.b.ins().bitselect(mask, a, b)
+    }
+
+    fn counter_number(&mut self, block: BlockId, counter: u8) -> Value {
+        let mut bound = Some(block);
+        while let Some(b) = bound.filter(|&b| self.schedule.blocks[b].counter != Some(counter)) {
+            bound = self.schedule.blocks[b].parent;
+        }
+        let counter = match bound.and_then(|b| self.counters[b]) {
+            Some(counter) => counter,
+            None => self.b.ins().iconst(types::I64, 0),
+        };
+        let first = self.b.ins().fcvt_from_sint(types::F64, counter);
+        if !self.is_two(block) {
+            return first;
+        }
+        let both = self.b.ins().splat(types::F64X2, first);
+        // Only the counter of the loop of lanes differs between them.
+        if bound.map(Lanes::Two) != Some(self.lanes) {
+            return both;
+        }
+        let one = self.b.ins().f64const(1.0);
+        let second = self.b.ins().fadd(first, one);
+        self.b.ins().insertlane(both, second, 1u8)
+    }
+
+    fn unary(&mut self, block: BlockId, f: UnaryFn, a: Value) -> Value {
+        match f {
+            UnaryFn::Neg => self.b.ins().fneg(a),
+            UnaryFn::Abs => self.b.ins().fabs(a),
+            UnaryFn::Sqrt => self.b.ins().sqrt(a),
+            UnaryFn::Floor if self.rounding => self.b.ins().floor(a),
+            UnaryFn::Ceil if self.rounding => self.b.ins().ceil(a),
+            UnaryFn::Round if self.rounding => self.b.ins().nearest(a),
+            UnaryFn::Sign => {
+                let two = self.is_two(block);
+                let (zero, one, minus) = (
+                    self.number(block, 0.0),
+                    self.number(block, 1.0),
+                    self.number(block, -1.0),
+                );
+                let (up, down) = (
+                    self.b.ins().fcmp(FloatCC::GreaterThan, a, zero),
+                    self.b.ins().fcmp(FloatCC::LessThan, a, zero),
+                );
+                let lower = self.select(two, down, minus, a);
+                self.select(two, up, one, lower)
+            }
+            _ => match kernels::index(f) {
+                Some(i) => self.call(block, i as i64, &[a]),
+                None => a,
+            },
+        }
+    }
+
+    fn whole_power(&mut self, block: BlockId, a: Value, n: i32) -> Value {
+        let power = kernels::power_chain(n.unsigned_abs(), a, |x, y| self.b.ins().fmul(x, y));
+        let one = self.number(block, 1.0);
+        let power = power.unwrap_or(one);
+        if n < 0 {
+            self.b.ins().fdiv(one, power)
+        } else {
+            power
+        }
+    }
+
+    fn binary(&mut self, block: BlockId, f: BinaryFn, a: Value, b: Value) -> Value {
+        match f {
+            BinaryFn::Add => self.b.ins().fadd(a, b),
+            BinaryFn::Sub => self.b.ins().fsub(a, b),
+            BinaryFn::Mul => self.b.ins().fmul(a, b),
+            BinaryFn::Div => self.b.ins().fdiv(a, b),
+            BinaryFn::Min => self.choose(FloatCC::LessThan, a, b),
+            BinaryFn::Max => self.choose(FloatCC::GreaterThan, a, b),
+            BinaryFn::Pow => self.call(block, pow_entry(), &[a, b]),
+            BinaryFn::Atan2 => self.call(block, pow_entry() + 1, &[a, b]),
+        }
+    }
+
+    /// `a` where it is NaN or compares so with `b`, else `b`.
+    fn choose(&mut self, condition: FloatCC, a: Value, b: Value) -> Value {
+        let two = self.b.func.dfg.value_type(a) == types::F64X2;
+        let compares = self.b.ins().fcmp(condition, a, b);
+        let nan = self.b.ins().fcmp(FloatCC::Unordered, a, a);
+        let first = self.b.ins().bor(compares, nan);
+        self.select(two, first, a, b)
+    }
+
+    /// Calls a kernel of numbers by its place in the table, once a lane.
+    fn call(&mut self, block: BlockId, entry: i64, arguments: &[Value]) -> Value {
+        if !self.is_two(block) {
+            return self.call_scalar(entry, arguments);
+        }
+        let mut both = None;
+        for lane in [0u8, 1] {
+            let numbers: Vec<Value> = arguments
+                .iter()
+                .map(|a| self.b.ins().extractlane(*a, lane))
+                .collect();
+            let result = self.call_scalar(entry, &numbers);
+            both = Some(match both {
+                None => self.b.ins().splat(types::F64X2, result),
+                Some(first) => self.b.ins().insertlane(first, result, lane),
+            });
+        }
+        both.unwrap_or(arguments[0])
+    }
+
+    fn call_scalar(&mut self, entry: i64, arguments: &[Value]) -> Value {
+        let signature = self.signature(arguments.len(), true);
+        let callee = self.kernel(entry);
+        let call = self.b.ins().call_indirect(signature, callee, arguments);
+        self.b.inst_results(call)[0]
+    }
+
+    /// Calls an array kernel by its place in the table: pointers, then the number of elements.
+    pub(super) fn call_array(&mut self, entry: i64, pointers: &[Value], n: u32) {
+        let count = self.b.ins().iconst(types::I64, i64::from(n));
+        let mut arguments = pointers.to_vec();
+        arguments.push(count);
+        let signature = self.signature(arguments.len(), false);
+        let callee = self.kernel(entry);
+        self.b.ins().call_indirect(signature, callee, &arguments);
+    }
+
+    fn kernel(&mut self, entry: i64) -> Value {
+        let offset = (entry * WORD) as i32;
+        self.b.ins().load(
+            types::I64,
+            constant_memory(),
+            self.arguments.surroundings,
+            offset,
+        )
+    }
+
+    fn signature(&mut self, arguments: usize, numbers: bool) -> SigRef {
+        if let Some(&known) = self.signatures.get(&(arguments, numbers)) {
+            return known;
+        }
+        let mut signature = Signature::new(self.b.func.signature.call_conv);
+        let kind = if numbers { types::F64 } else { types::I64 };
+        signature
+            .params
+            .extend((0..arguments).map(|_| AbiParam::new(kind)));
+        if numbers {
+            signature.returns.push(AbiParam::new(types::F64));
+        }
+        let known = self.b.import_signature(signature);
+        self.signatures.insert((arguments, numbers), known);
+        known
+    }
+
+    /// Properties of loads: in place, memory changes under the function.
+    pub(super) fn flags(&self, two: bool) -> MemFlagsData {
+        let flags = MemFlagsData::new().with_notrap();
+        let flags = if self.in_place {
+            flags
+        } else {
+            flags.with_readonly().with_can_move()
+        };
+        if two { flags } else { flags.with_aligned() }
+    }
+
+    fn load(&mut self, block: BlockId, base: Base, at: Affine) -> Value {
+        let two = self.is_two(block);
+        let flags = self.flags(two);
+        let (pointer, offset) = self.pointer(block, base, at);
+        if !two {
+            return self.b.ins().load(types::F64, flags, pointer, offset);
+        }
+        match self.lane_stride(at) {
+            1 => self.b.ins().load(types::F64X2, flags, pointer, offset),
+            0 => {
+                let one = self.b.ins().load(types::F64, flags, pointer, offset);
+                self.b.ins().splat(types::F64X2, one)
+            }
+            stride => {
+                let first = self.b.ins().load(types::F64, flags, pointer, offset);
+                let (pointer, offset) =
+                    self.pointer(block, base, at.plus(Affine::constant(stride)));
+                let second = self.b.ins().load(types::F64, flags, pointer, offset);
+                let both = self.b.ins().splat(types::F64X2, first);
+                self.b.ins().insertlane(both, second, 1u8)
+            }
+        }
+    }
+
+    /// Stride of an address along the lanes.
+    pub(super) fn lane_stride(&self, at: Affine) -> i64 {
+        let Lanes::Two(block) = self.lanes else {
+            return 0;
+        };
+        self.schedule.blocks[block]
+            .counter
+            .map_or(0, |c| at.strides[c as usize])
+    }
+
+    /// Pointer and constant offset in bytes of an element of 8 bytes.
+    pub(super) fn pointer(&mut self, block: BlockId, base: Base, at: Affine) -> (Value, i32) {
+        let start = match base {
+            Base::Y => self.arguments.y,
+            Base::Yp => self.arguments.yp,
+            Base::Work | Base::Factor => self.arguments.work,
+            Base::Out => self.arguments.out,
+        };
+        let key = (base, at.strides);
+        let mut pointer = match self.pointers[block].get(&key) {
+            Some(&known) => known,
+            None => {
+                let made = self.advance(block, start, at.strides, WORD);
+                self.pointers[block].insert(key, made);
+                made
+            }
+        };
+        let bytes = at.offset * WORD;
+        let offset = i32::try_from(bytes).unwrap_or_else(|_| {
+            pointer = self.b.ins().iadd_imm_s(pointer, bytes);
+            0
+        });
+        (pointer, offset)
+    }
+
+    /// `start + size · Σ strides·counters`, outer loops first so that what does not change stays outside.
+    fn advance(&mut self, block: BlockId, start: Value, strides: [i64; 4], size: i64) -> Value {
+        let mut chain = vec![];
+        let (mut at, mut seen) = (Some(block), 0u8);
+        while let Some(here) = at {
+            if let Some(counter) = self.schedule.blocks[here].counter
+                && seen & (1 << counter) == 0
+            {
+                seen |= 1 << counter;
+                chain.push((here, strides[counter as usize]));
+            }
+            at = self.schedule.blocks[here].parent;
+        }
+        let mut pointer = start;
+        for (here, stride) in chain.into_iter().rev().filter(|(_, stride)| *stride != 0) {
+            let Some(counter) = self.counters[here] else {
+                continue;
+            };
+            let bytes = stride * size;
+            let distance = if bytes > 0 && bytes.count_ones() == 1 {
+                self.b
+                    .ins()
+                    .ishl_imm_u(counter, i64::from(bytes.trailing_zeros()))
+            } else {
+                self.b.ins().imul_imm_s(counter, bytes)
+            };
+            pointer = self.b.ins().iadd(pointer, distance);
+        }
+        pointer
+    }
+
+    fn store(&mut self, block: BlockId, sink: Sink, value: ExprId) {
+        let truth = self.exprs.is_truth(value);
+        let mut value = self.operand(block, value);
+        if truth {
+            let (one, zero) = (self.number(block, 1.0), self.number(block, 0.0));
+            value = self.select(self.is_two(block), value, one, zero);
+        }
+        match sink {
+            Sink::Out(at) => self.store_at(block, Base::Out, at, value),
+            Sink::Var(var, at) => {
+                if let Some(a) = self.layout.address(var, Flavour::Value) {
+                    self.store_at(
+                        block,
+                        a.base,
+                        at.plus(Affine::constant(i64::from(a.offset))),
+                        value,
+                    );
+                }
+            }
+            Sink::Table {
+                table,
+                index,
+                plus,
+                add,
+            } => {
+                let index = index.plus(Affine::constant(i64::from(table)));
+                if !self.is_two(block) {
+                    self.store_slot(block, index, plus, add, value);
+                    return;
+                }
+                for lane in [0u8, 1] {
+                    let step = |at: Affine, stride: i64| {
+                        at.plus(Affine::constant(stride * i64::from(lane)))
+                    };
+                    let number = self.b.ins().extractlane(value, lane);
+                    let (index, plus) = (
+                        step(index, self.lane_stride(index)),
+                        step(plus, self.lane_stride(plus)),
+                    );
+                    self.store_slot(block, index, plus, add, number);
+                }
+            }
+        }
+    }
+
+    fn store_at(&mut self, block: BlockId, base: Base, at: Affine, value: Value) {
+        let flags = MemFlagsData::new().with_notrap();
+        let (pointer, offset) = self.pointer(block, base, at);
+        if !self.is_two(block) || self.lane_stride(at) == 1 {
+            self.b.ins().store(flags, value, pointer, offset);
+            return;
+        }
+        let stride = self.lane_stride(at);
+        for lane in [0u8, 1] {
+            let (pointer, offset) = self.pointer(
+                block,
+                base,
+                at.plus(Affine::constant(stride * i64::from(lane))),
+            );
+            let number = self.b.ins().extractlane(value, lane);
+            self.b.ins().store(flags, number, pointer, offset);
+        }
+    }
+
+    /// Stores at `tables[index] + plus` of the output, or adds there.
+    fn store_slot(&mut self, block: BlockId, index: Affine, plus: Affine, add: bool, value: Value) {
+        let tables_at = (std::mem::size_of::<KernelTable>()) as i32;
+        let tables = self.b.ins().load(
+            types::I64,
+            constant_memory(),
+            self.arguments.surroundings,
+            tables_at,
+        );
+        let entry = self.advance(block, tables, index.strides, 4);
+        let entry = self.b.ins().iadd_imm_s(entry, index.offset * 4);
+        let slot = self.b.ins().uload32(constant_memory(), entry, 0);
+        let (pointer, offset) = self.pointer(block, Base::Out, plus);
+        let bytes = self.b.ins().ishl_imm_u(slot, 3);
+        let pointer = self.b.ins().iadd(pointer, bytes);
+        let flags = MemFlagsData::new().with_notrap();
+        let value = if add {
+            let old = self.b.ins().load(types::F64, flags, pointer, offset);
+            self.b.ins().fadd(old, value)
+        } else {
+            value
+        };
+        self.b.ins().store(flags, value, pointer, offset);
+    }
+}
+
+/// Memory that never changes.
+fn constant_memory() -> MemFlagsData {
+    MemFlagsData::new()
+        .with_notrap()
+        .with_readonly()
+        .with_can_move()
+}
+
+/// Place of `pow` in the table of kernels; `atan2` and the two array versions follow.
+pub(super) fn pow_entry() -> i64 {
+    2 * UNARY_COUNT as i64
+}

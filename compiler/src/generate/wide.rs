@@ -1,0 +1,365 @@
+//! Innermost loops, two lanes at a time.
+//!
+//! Elementary functions are taken out of the loop: the loop is split into phases, a phase writes the arguments of the functions to
+//! columns of working memory, array kernels are applied to whole columns, the next phase goes on. What an earlier phase
+//! computed and a later one needs is kept in a column too; loads are repeated.
+
+use cranelift_codegen::ir::{InstBuilder, MemFlagsData, Value, types};
+
+use super::body::{Emitter, Lanes, WORD, pow_entry};
+use super::schedule::{BlockId, Item, is_immediate};
+use crate::ir::hash::{FastMap, FastSet};
+use crate::ir::{Affine, BinaryFn, Expr, ExprId, UnaryFn};
+use crate::kernels::{self, UNARY_COUNT};
+use crate::layout::Base;
+
+/// Shorter loops stay scalar.
+const SHORTEST: u32 = 4;
+/// Columns start at cache lines.
+const LINE: u32 = 8;
+
+/// How the items of a loop are spread over phases.
+#[derive(Default)]
+struct Phases {
+    /// Phase in which each item is first computed (for functions: in which their argument is).
+    of: FastMap<ExprId, usize>,
+    /// Results of functions.
+    functions: Vec<ExprId>,
+    /// Other values that a later phase needs.
+    kept: FastSet<ExprId>,
+    /// Number of phases.
+    count: usize,
+    /// Column of each function's result (and its last argument) and of each kept value.
+    column: FastMap<ExprId, u32>,
+    /// Column of the first of two arguments.
+    first: FastMap<ExprId, u32>,
+}
+
+impl Emitter<'_> {
+    /// Whether a loop is written in lanes.
+    pub(super) fn is_wide(&self, block: BlockId) -> bool {
+        let here = &self.schedule.blocks[block];
+        here.leaf && here.children.is_empty() && here.extent >= SHORTEST && !self.in_place
+    }
+
+    /// Writes an innermost loop in lanes.
+    pub(super) fn wide_loop(&mut self, block: BlockId) {
+        let extent = self.schedule.blocks[block].extent;
+        let phases = self.phases(block);
+        self.columns = self
+            .columns
+            .max((phases.column.len() + phases.first.len()) as u32 * column_length(extent));
+        for phase in 0..phases.count {
+            self.spread(block, &phases, phase);
+            let pairs = i64::from(extent & !1);
+            self.lanes = Lanes::Two(block);
+            self.counted(0, pairs, 2, &mut |emitter, counter| {
+                emitter.pass(block, &phases, phase, counter)
+            });
+            self.lanes = Lanes::One;
+            if extent % 2 == 1 {
+                let last = self.b.ins().iconst(types::I64, pairs);
+                self.pass(block, &phases, phase, last);
+            }
+            for &function in phases.functions.iter().filter(|f| phases.of[f] == phase) {
+                self.apply(block, &phases, function);
+            }
+        }
+        self.splats.clear();
+    }
+
+    /// Finds the phase of every item.
+    fn phases(&self, block: BlockId) -> Phases {
+        let mut phases = Phases {
+            count: 1,
+            ..Phases::default()
+        };
+        for item in &self.schedule.blocks[block].items {
+            let expr = match *item {
+                Item::Eval(expr) | Item::Reduce { expr, .. } => expr,
+                Item::Store(..) => continue,
+            };
+            let phase = self
+                .needs(block, *item)
+                .into_iter()
+                .map(|o| self.ready(&phases, o))
+                .max()
+                .unwrap_or(0);
+            phases.of.insert(expr, phase);
+            if is_function(self.exprs.node(expr)) {
+                phases.functions.push(expr);
+            }
+            phases.count = phases.count.max(self.ready(&phases, expr) + 1);
+        }
+        self.keep(block, &mut phases);
+        let length = column_length(self.schedule.blocks[block].extent);
+        let start = self.layout.columns();
+        let results = phases.functions.iter().chain(&phases.kept).copied();
+        phases.column = results
+            .zip(0u32..)
+            .map(|(expr, i)| (expr, start + i * length))
+            .collect();
+        let pairs = phases
+            .functions
+            .iter()
+            .copied()
+            .filter(|f| matches!(self.exprs.node(*f), Expr::Binary(..)));
+        let next = phases.column.len() as u32;
+        phases.first = pairs
+            .zip(next..)
+            .map(|(expr, i)| (expr, start + i * length))
+            .collect();
+        phases
+    }
+
+    /// First phase in which a value can be used.
+    fn ready(&self, phases: &Phases, expr: ExprId) -> usize {
+        phases
+            .of
+            .get(&expr)
+            .map_or(0, |p| p + usize::from(is_function(self.exprs.node(expr))))
+    }
+
+    /// Marks the values that have to live from one phase to a later one.
+    fn keep(&self, block: BlockId, phases: &mut Phases) {
+        let mut kept = FastSet::default();
+        for item in &self.schedule.blocks[block].items {
+            let phase = self.phase_of(phases, *item);
+            for needed in self.needs(block, *item) {
+                let node = self.exprs.node(needed);
+                let elsewhere = is_repeated(node) || is_function(node);
+                if !elsewhere && phases.of.get(&needed).is_some_and(|&p| p < phase) {
+                    kept.insert(needed);
+                }
+            }
+        }
+        phases.kept = kept;
+    }
+
+    /// Phase in which an item is done.
+    fn phase_of(&self, phases: &Phases, item: Item) -> usize {
+        match item {
+            Item::Eval(expr) | Item::Reduce { expr, .. } => {
+                phases.of.get(&expr).copied().unwrap_or(0)
+            }
+            Item::Store(_, value) => self.ready(phases, value),
+        }
+    }
+
+    /// The values of the loop that an item uses, also inside of reductions.
+    fn needs(&self, block: BlockId, item: Item) -> Vec<ExprId> {
+        let here = |e: &ExprId| {
+            !is_immediate(self.exprs.node(*e)) && self.schedule.home(self.exprs, block, *e) == block
+        };
+        match item {
+            Item::Eval(expr) => self.exprs.operands(expr).filter(here).collect(),
+            Item::Store(_, value) => Some(value).into_iter().filter(here).collect(),
+            Item::Reduce {
+                body, block: inner, ..
+            } => {
+                let mut needed = vec![];
+                let mut visit = |from: BlockId, e: ExprId| {
+                    if !is_immediate(self.exprs.node(e))
+                        && self.schedule.home(self.exprs, from, e) == block
+                    {
+                        needed.push(e);
+                    }
+                };
+                let mut blocks = vec![(inner, body)];
+                while let Some((inner, body)) = blocks.pop() {
+                    visit(inner, body);
+                    for item in &self.schedule.blocks[inner].items {
+                        match *item {
+                            Item::Eval(expr) => {
+                                self.exprs.operands(expr).for_each(|o| visit(inner, o))
+                            }
+                            Item::Reduce { body, block, .. } => blocks.push((block, body)),
+                            Item::Store(..) => {}
+                        }
+                    }
+                }
+                needed
+            }
+        }
+    }
+
+    /// Puts values from outside into both lanes ahead of the loop.
+    fn spread(&mut self, block: BlockId, phases: &Phases, phase: usize) {
+        let mut blocks = vec![block];
+        while let Some(inner) = blocks.pop() {
+            for item in &self.schedule.blocks[inner].items {
+                if inner == block && self.phase_of(phases, *item) != phase {
+                    continue;
+                }
+                let operands: Vec<ExprId> = match *item {
+                    Item::Eval(expr) => self.exprs.operands(expr).collect(),
+                    Item::Store(_, value) => vec![value],
+                    Item::Reduce { body, block, .. } => {
+                        blocks.push(block);
+                        vec![body]
+                    }
+                };
+                for operand in operands {
+                    let home = self.schedule.home(self.exprs, inner, operand);
+                    let outside = !self.schedule.is_inside(home, block);
+                    if outside && !is_immediate(self.exprs.node(operand)) {
+                        self.splat(home, operand);
+                    }
+                }
+            }
+        }
+    }
+
+    /// One pass of one phase.
+    fn pass(&mut self, block: BlockId, phases: &Phases, phase: usize, counter: Value) {
+        self.counters[block] = Some(counter);
+        let schedule = self.schedule;
+        for item in &schedule.blocks[block].items {
+            if self.phase_of(phases, *item) != phase {
+                continue;
+            }
+            for needed in self.needs(block, *item) {
+                self.fetch(block, phases, phase, needed);
+            }
+            match *item {
+                Item::Eval(expr) if is_function(self.exprs.node(expr)) => {
+                    self.write_arguments(block, phases, expr)
+                }
+                // Loads are written when they are needed, in each phase.
+                Item::Eval(expr) if is_repeated(self.exprs.node(expr)) => {}
+                Item::Eval(expr) | Item::Reduce { expr, .. } => {
+                    self.item(block, *item);
+                    let kept = phases
+                        .kept
+                        .contains(&expr)
+                        .then(|| phases.column.get(&expr))
+                        .flatten();
+                    if let (Some(&column), Some(&value)) = (kept, self.values[block].get(&expr)) {
+                        self.write_column(block, column, value);
+                    }
+                }
+                Item::Store(..) => self.item(block, *item),
+            }
+        }
+        self.forget(block);
+    }
+
+    /// Makes a value of the loop available in this phase.
+    fn fetch(&mut self, block: BlockId, phases: &Phases, phase: usize, expr: ExprId) {
+        if self.values[block].contains_key(&expr) {
+            return;
+        }
+        let node = self.exprs.node(expr);
+        let earlier = phases.of.get(&expr).is_some_and(|&p| p < phase);
+        let value = if is_repeated(node) {
+            self.node(block, expr)
+        } else if earlier {
+            match phases.column.get(&expr) {
+                Some(&column) => self.read_column(block, column),
+                None => return,
+            }
+        } else {
+            return;
+        };
+        self.values[block].insert(expr, value);
+    }
+
+    fn column_at(&self, block: BlockId, column: u32) -> Affine {
+        let mut at = Affine::constant(i64::from(column));
+        if let Some(counter) = self.schedule.blocks[block].counter {
+            at.strides[counter as usize] = 1;
+        }
+        at
+    }
+
+    fn read_column(&mut self, block: BlockId, column: u32) -> Value {
+        let at = self.column_at(block, column);
+        let (pointer, offset) = self.pointer(block, Base::Work, at);
+        let kind = if self.is_two(block) {
+            types::F64X2
+        } else {
+            types::F64
+        };
+        // Columns change between phases.
+        self.b
+            .ins()
+            .load(kind, MemFlagsData::new().with_notrap(), pointer, offset)
+    }
+
+    fn write_column(&mut self, block: BlockId, column: u32, value: Value) {
+        let at = self.column_at(block, column);
+        let (pointer, offset) = self.pointer(block, Base::Work, at);
+        self.b
+            .ins()
+            .store(MemFlagsData::new().with_notrap(), value, pointer, offset);
+    }
+
+    fn write_arguments(&mut self, block: BlockId, phases: &Phases, expr: ExprId) {
+        let columns = [phases.first.get(&expr), phases.column.get(&expr)];
+        let operands: Vec<ExprId> = self.exprs.operands(expr).collect();
+        // The last argument shares the column of the result.
+        for (&operand, column) in operands.iter().rev().zip(columns.into_iter().rev()) {
+            let value = self.operand(block, operand);
+            if let Some(&column) = column {
+                self.write_column(block, column, value);
+            }
+        }
+    }
+
+    fn column_pointer(&mut self, column: Option<&u32>) -> Option<Value> {
+        column.map(|&c| {
+            self.b
+                .ins()
+                .iadd_imm_s(self.arguments.work, i64::from(c) * WORD)
+        })
+    }
+
+    fn apply(&mut self, block: BlockId, phases: &Phases, expr: ExprId) {
+        let extent = self.schedule.blocks[block].extent;
+        let Some(to) = self.column_pointer(phases.column.get(&expr)) else {
+            return;
+        };
+        match self.exprs.node(expr) {
+            Expr::Unary(f, _) => {
+                let Some(entry) = kernels::index(f) else {
+                    return;
+                };
+                self.call_array((UNARY_COUNT + entry) as i64, &[to, to], extent);
+            }
+            Expr::Binary(f, ..) => {
+                let Some(first) = self.column_pointer(phases.first.get(&expr)) else {
+                    return;
+                };
+                let entry = pow_entry() + 2 + i64::from(f == BinaryFn::Atan2);
+                self.call_array(entry, &[first, to, to], extent);
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Numbers between the starts of two columns.
+fn column_length(extent: u32) -> u32 {
+    extent.next_multiple_of(LINE)
+}
+
+/// Whether a node is taken out of the loop as a call of an array kernel.
+fn is_function(node: Expr) -> bool {
+    match node {
+        // Rounding and signs are a few instructions.
+        Expr::Unary(f, _) => {
+            kernels::index(f).is_some()
+                && !matches!(
+                    f,
+                    UnaryFn::Floor | UnaryFn::Ceil | UnaryFn::Round | UnaryFn::Sign
+                )
+        }
+        Expr::Binary(f, ..) => matches!(f, BinaryFn::Pow | BinaryFn::Atan2),
+        _ => false,
+    }
+}
+
+/// Whether a node is written again in each phase.
+fn is_repeated(node: Expr) -> bool {
+    matches!(node, Expr::Load { .. } | Expr::Counter(_))
+}

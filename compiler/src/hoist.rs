@@ -1,0 +1,248 @@
+//! Moves what does not change between calls out of the functions of the inner loop.
+//!
+//! Every node has a [`Stage`]: when its value can first be known. Maximal sub-expressions that are known before a function runs
+//! become loads of cache variables, which two preparing functions fill: one when parameters are set, one at the start of each step.
+
+use crate::generate::schedule::{Job, Sink, Task};
+use crate::ir::hash::FastMap;
+use crate::ir::{Affine, Builtin, Expr, ExprId, Flavour, MAX_DEPTH, Role, UnaryFn, VarId};
+use crate::model::{Instant, Model, Variable};
+use smpl_dsl::span::Span;
+
+/// Largest cache for one sub-expression.
+const LARGEST_CACHE: u32 = 1 << 20;
+
+/// When a value is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Stage {
+    /// Always.
+    Constant,
+    /// Once parameters are set.
+    Parameter,
+    /// Once a step's inputs are set.
+    Step,
+    /// At a time and state.
+    Dynamic,
+}
+
+/// The pass: rewrites jobs and collects what the preparing functions compute.
+pub struct Hoister<'a> {
+    model: &'a mut Model,
+    stages: Vec<Stage>,
+    caches: FastMap<(ExprId, Extents), VarId>,
+    rewritten: FastMap<(ExprId, Extents, Stage), ExprId>,
+    /// Fills the caches that depend on parameters.
+    pub parameter: Vec<Task>,
+    /// Fills the caches that depend on a step's inputs.
+    pub step: Vec<Task>,
+}
+
+/// Passes of the loops around, by counter; 0 where there is none.
+type Extents = [u32; MAX_DEPTH];
+
+impl<'a> Hoister<'a> {
+    /// A pass over a model; caches become variables of it.
+    #[must_use]
+    pub fn new(model: &'a mut Model) -> Self {
+        Hoister {
+            model,
+            stages: vec![],
+            caches: FastMap::default(),
+            rewritten: FastMap::default(),
+            parameter: vec![],
+            step: vec![],
+        }
+    }
+
+    /// The job with what is known at `limit` loaded from caches.
+    #[must_use]
+    pub fn job(&mut self, job: &Job, limit: Stage) -> Job {
+        let mut job = job.clone();
+        for task in job.stages.iter_mut().flatten() {
+            let mut extents = [0; MAX_DEPTH];
+            task.loops
+                .iter()
+                .for_each(|&(counter, extent)| extents[counter as usize] = extent);
+            for (_, value) in &mut task.stores {
+                *value = self.rewrite(*value, extents, limit);
+            }
+        }
+        job
+    }
+
+    /// The filling jobs, parameters first.
+    #[must_use]
+    pub fn finish(self) -> (Job, Job) {
+        let job = |tasks: Vec<Task>| Job {
+            stages: vec![tasks],
+            in_place: false,
+        };
+        (job(self.parameter), job(self.step))
+    }
+
+    /// Copies an expression with caches in it; only reductions recurse.
+    fn rewrite(&mut self, root: ExprId, extents: Extents, limit: Stage) -> ExprId {
+        let mut stack = vec![(root, false)];
+        while let Some((expr, entered)) = stack.pop() {
+            if self.rewritten.contains_key(&(expr, extents, limit)) {
+                continue;
+            }
+            let node = self.model.exprs.node(expr);
+            let copy = if entered {
+                let done = &self.rewritten;
+                self.model.exprs.rebuild(node, |o| {
+                    done.get(&(o, extents, limit)).copied().unwrap_or(o)
+                })
+            } else if let Some(load) = self.hoisted(expr, node, extents, limit) {
+                load
+            } else if let Expr::Reduce {
+                op,
+                depth,
+                extent,
+                body,
+            } = node
+            {
+                let mut inner = extents;
+                inner[depth.0 as usize] = extent;
+                let body = self.rewrite(body, inner, limit);
+                self.model.exprs.reduce(op, depth, extent, body)
+            } else {
+                stack.push((expr, true));
+                stack.extend(self.model.exprs.operands(expr).map(|o| (o, false)));
+                continue;
+            };
+            self.rewritten.insert((expr, extents, limit), copy);
+        }
+        self.rewritten
+            .get(&(root, extents, limit))
+            .copied()
+            .unwrap_or(root)
+    }
+
+    /// The load that replaces a node, if it is worth a cache.
+    fn hoisted(
+        &mut self,
+        expr: ExprId,
+        node: Expr,
+        extents: Extents,
+        limit: Stage,
+    ) -> Option<ExprId> {
+        let stage = self.stage(expr).max(Stage::Parameter);
+        if stage > limit || !self.is_worth_it(expr, node) {
+            return None;
+        }
+        let free = self.model.exprs.free(expr);
+        let mut shape = [0; MAX_DEPTH];
+        let mut at = Affine::default();
+        let mut len = 1u32;
+        for d in (0..MAX_DEPTH).rev().filter(|d| free & (1 << d) != 0) {
+            shape[d] = extents[d];
+            at.strides[d] = i64::from(len);
+            len = len
+                .checked_mul(extents[d])
+                .filter(|&l| l > 0 && l <= LARGEST_CACHE)?;
+        }
+        let cache = match self.caches.get(&(expr, shape)) {
+            Some(&cache) => cache,
+            None => self.make_cache(expr, shape, len, at, stage),
+        };
+        Some(self.model.exprs.load(cache, Flavour::Value, at))
+    }
+
+    fn make_cache(
+        &mut self,
+        expr: ExprId,
+        shape: Extents,
+        len: u32,
+        at: Affine,
+        stage: Stage,
+    ) -> VarId {
+        let name = format!("cache {}", self.caches.len());
+        let cache = self.model.vars.push(Variable {
+            name,
+            role: Role::Cache,
+            len,
+            span: Span::default(),
+        });
+        self.caches.insert((expr, shape), cache);
+        let value = if stage == Stage::Step {
+            self.rewrite(expr, shape, Stage::Parameter)
+        } else {
+            expr
+        };
+        let loops = (0..).zip(shape).filter(|&(_, extent)| extent > 0).collect();
+        let task = Task {
+            loops,
+            stores: vec![(Sink::Var(cache, at), value)],
+        };
+        if stage == Stage::Step {
+            self.step.push(task)
+        } else {
+            self.parameter.push(task)
+        }
+        cache
+    }
+
+    /// Truth values and what a load would not shorten stay where they are.
+    fn is_worth_it(&self, expr: ExprId, node: Expr) -> bool {
+        let exprs = &self.model.exprs;
+        match node {
+            Expr::Const(_) | Expr::Truth(_) | Expr::Time | Expr::Counter(_) | Expr::Load { .. } => {
+                false
+            }
+            Expr::Unary(UnaryFn::Neg, a) if exprs.free(expr) != 0 => {
+                !matches!(exprs.node(a), Expr::Load { .. })
+            }
+            _ => !exprs.is_truth(expr),
+        }
+    }
+
+    /// Stage of a node; those of new nodes are found from operands to users.
+    fn stage(&mut self, expr: ExprId) -> Stage {
+        use cranelift_entity::EntityRef;
+        let exprs = &self.model.exprs;
+        for i in self.stages.len()..=expr.index() {
+            let id = ExprId::new(i);
+            let stage = match exprs.node(id) {
+                Expr::Time => Stage::Dynamic,
+                Expr::Load { var, flavour, at } => self.stage_of_load(var, flavour, at),
+                _ => exprs
+                    .operands(id)
+                    .map(|o| self.stages[o.index()])
+                    .max()
+                    .unwrap_or(Stage::Constant),
+            };
+            self.stages.push(stage);
+        }
+        self.stages[expr.index()]
+    }
+
+    fn stage_of_load(&self, var: VarId, flavour: Flavour, at: Affine) -> Stage {
+        let role = self.model.vars[var].role;
+        match (flavour, role) {
+            // Frames are filled after the parameters are prepared, also the steady one.
+            (Flavour::Initial | Flavour::Previous | Flavour::Steady, _) => Stage::Step,
+            (_, Role::Param | Role::ParamGiven) => Stage::Parameter,
+            (_, Role::Draw) => {
+                let draws = &self.model.interface.draws;
+                let drawn = usize::try_from(at.offset)
+                    .ok()
+                    .filter(|_| at.is_constant())
+                    .and_then(|i| draws.get(i));
+                if drawn.is_some_and(|d| d.instant == Instant::Reset) {
+                    Stage::Parameter
+                } else {
+                    Stage::Step
+                }
+            }
+            (_, Role::Builtin) => {
+                let factor = at.offset == Builtin::DerivativeFactor as i64 || !at.is_constant();
+                if factor { Stage::Dynamic } else { Stage::Step }
+            }
+            (_, Role::Action | Role::Discrete | Role::Disturbance) => Stage::Step,
+            (_, Role::State | Role::Algebraic | Role::Quadrature | Role::Cache | Role::Scratch) => {
+                Stage::Dynamic
+            }
+        }
+    }
+}

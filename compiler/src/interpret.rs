@@ -1,0 +1,477 @@
+//! Evaluation without machine code: for programs that run rarely, for constants, and as the oracle of the code generator.
+//!
+//! A [`Tape`] is a schedule with a register for each value; it visits nodes in the order of the compiled code.
+
+use crate::generate::schedule::{Access, BlockId, Item, Job, Schedule, ScheduleError, Sink};
+use crate::ir::hash::FastMap;
+use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, Flavour, MAX_DEPTH, ReduceFn, VarId};
+use crate::kernels;
+use crate::layout::{Base, Layout};
+
+/// What a tape reads and writes.
+#[derive(Debug)]
+pub struct View<'a> {
+    /// Time.
+    pub time: f64,
+    /// Factor of the derivatives (Jacobian only).
+    pub factor: f64,
+    /// The unknowns.
+    pub y: &'a mut [f64],
+    /// Their derivatives.
+    pub yp: &'a [f64],
+    /// The workspace.
+    pub work: &'a mut [f64],
+    /// The output.
+    pub out: &'a mut [f64],
+    /// Position tables.
+    pub tables: &'a [u32],
+}
+
+/// A function ready to be interpreted.
+#[derive(Clone, Debug, Default)]
+pub struct Tape {
+    steps: Vec<Step>,
+    registers: usize,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Operand {
+    Const(f64),
+    Register(u32),
+}
+
+#[derive(Clone, Debug)]
+enum Step {
+    Eval {
+        to: u32,
+        node: Expr,
+        operands: [Operand; 3],
+        source: Option<(Base, Affine)>,
+    },
+    Reduce {
+        to: u32,
+        op: ReduceFn,
+        counter: u8,
+        extent: u32,
+        body: Vec<Step>,
+        value: Operand,
+    },
+    Loop {
+        counter: u8,
+        extent: u32,
+        body: Vec<Step>,
+    },
+    Store {
+        to: Destination,
+        value: Operand,
+    },
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Destination {
+    Place(Base, Affine),
+    Table {
+        table: u32,
+        index: Affine,
+        plus: Affine,
+        add: bool,
+    },
+}
+
+impl Tape {
+    /// Prepares a function.
+    ///
+    /// # Errors
+    /// If it addresses what it cannot have.
+    pub fn new(
+        job: &Job,
+        exprs: &Exprs,
+        layout: &Layout,
+        access: Access,
+    ) -> Result<Tape, ScheduleError> {
+        let mut tape = Tape::default();
+        for schedule in job.schedules(exprs, layout, access)? {
+            let mut recorder = Recorder {
+                exprs,
+                layout,
+                schedule: &schedule,
+                registers: FastMap::default(),
+                next: 0,
+            };
+            let steps = recorder.block(0);
+            tape.registers = tape.registers.max(recorder.next as usize);
+            tape.steps.extend(steps);
+        }
+        Ok(tape)
+    }
+
+    /// Whether it does nothing.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.steps.is_empty()
+    }
+
+    /// Runs the function.
+    pub fn run(&self, view: &mut View<'_>) {
+        let mut machine = Machine {
+            registers: vec![0.0; self.registers],
+            counters: [0; MAX_DEPTH],
+            view,
+        };
+        machine.run(&self.steps);
+    }
+}
+
+struct Recorder<'a> {
+    exprs: &'a Exprs,
+    layout: &'a Layout,
+    schedule: &'a Schedule,
+    registers: FastMap<(BlockId, ExprId), u32>,
+    next: u32,
+}
+
+impl Recorder<'_> {
+    fn block(&mut self, block: BlockId) -> Vec<Step> {
+        let here = &self.schedule.blocks[block];
+        let mut steps: Vec<Step> = here
+            .items
+            .iter()
+            .map(|item| self.item(block, *item))
+            .collect();
+        for &child in &here.children {
+            let Some(counter) = self.schedule.blocks[child].counter else {
+                continue;
+            };
+            let extent = self.schedule.blocks[child].extent;
+            steps.push(Step::Loop {
+                counter,
+                extent,
+                body: self.block(child),
+            });
+        }
+        steps
+    }
+
+    fn item(&mut self, block: BlockId, item: Item) -> Step {
+        match item {
+            Item::Eval(expr) => {
+                let node = self.exprs.node(expr);
+                let mut operands = [Operand::Const(0.0); 3];
+                for (slot, o) in operands.iter_mut().zip(self.exprs.operands(expr)) {
+                    *slot = self.operand(block, o);
+                }
+                let source = match node {
+                    Expr::Load { var, flavour, at } => self.source(var, flavour, at),
+                    _ => None,
+                };
+                Step::Eval {
+                    to: self.register(block, expr),
+                    node,
+                    operands,
+                    source,
+                }
+            }
+            Item::Reduce {
+                expr,
+                op,
+                body,
+                block: inner,
+            } => {
+                let steps = self.block(inner);
+                let value = self.operand(inner, body);
+                let here = &self.schedule.blocks[inner];
+                let to = self.register(block, expr);
+                Step::Reduce {
+                    to,
+                    op,
+                    counter: here.counter.unwrap_or(0),
+                    extent: here.extent,
+                    body: steps,
+                    value,
+                }
+            }
+            Item::Store(sink, value) => Step::Store {
+                to: self.destination(sink),
+                value: self.operand(block, value),
+            },
+        }
+    }
+
+    fn source(&self, var: VarId, flavour: Flavour, at: Affine) -> Option<(Base, Affine)> {
+        if self.layout.is_factor(var, at.offset) {
+            return Some((Base::Factor, at));
+        }
+        let address = self.layout.address(var, flavour)?;
+        Some((
+            address.base,
+            at.plus(Affine::constant(i64::from(address.offset))),
+        ))
+    }
+
+    fn destination(&self, sink: Sink) -> Destination {
+        match sink {
+            Sink::Out(at) => Destination::Place(Base::Out, at),
+            Sink::Var(var, at) => match self.source(var, Flavour::Value, at) {
+                Some((base, at)) => Destination::Place(base, at),
+                // The schedule has refused variables without memory.
+                None => Destination::Place(Base::Out, at),
+            },
+            Sink::Table {
+                table,
+                index,
+                plus,
+                add,
+            } => Destination::Table {
+                table,
+                index,
+                plus,
+                add,
+            },
+        }
+    }
+
+    fn register(&mut self, block: BlockId, expr: ExprId) -> u32 {
+        let register = self.next;
+        self.next += 1;
+        self.registers.insert((block, expr), register);
+        register
+    }
+
+    fn operand(&self, block: BlockId, expr: ExprId) -> Operand {
+        match self.exprs.node(expr) {
+            Expr::Const(bits) => Operand::Const(f64::from_bits(bits)),
+            Expr::Truth(t) => Operand::Const(f64::from(u8::from(t))),
+            _ => {
+                let home = self.schedule.home(self.exprs, block, expr);
+                // Every value is placed before its use; NaN would show a fault at once.
+                self.registers
+                    .get(&(home, expr))
+                    .map_or(Operand::Const(f64::NAN), |&r| Operand::Register(r))
+            }
+        }
+    }
+}
+
+struct Machine<'a, 'v> {
+    registers: Vec<f64>,
+    counters: [i64; MAX_DEPTH],
+    view: &'a mut View<'v>,
+}
+
+impl Machine<'_, '_> {
+    fn run(&mut self, steps: &[Step]) {
+        for step in steps {
+            match step {
+                Step::Eval {
+                    to,
+                    node,
+                    operands,
+                    source,
+                } => {
+                    let value = self.eval(*node, operands, *source);
+                    self.registers[*to as usize] = value;
+                }
+                Step::Reduce {
+                    to,
+                    op,
+                    counter,
+                    extent,
+                    body,
+                    value,
+                } => {
+                    let mut sum = identity(*op);
+                    let outer = self.counters[*counter as usize];
+                    for i in 0..*extent {
+                        self.counters[*counter as usize] = i64::from(i);
+                        self.run(body);
+                        sum = accumulate(*op, sum, self.get(*value));
+                    }
+                    self.counters[*counter as usize] = outer;
+                    self.registers[*to as usize] = sum;
+                }
+                Step::Loop {
+                    counter,
+                    extent,
+                    body,
+                } => {
+                    for i in 0..*extent {
+                        self.counters[*counter as usize] = i64::from(i);
+                        self.run(body);
+                    }
+                }
+                Step::Store { to, value } => self.store(*to, *value),
+            }
+        }
+    }
+
+    fn get(&self, operand: Operand) -> f64 {
+        match operand {
+            Operand::Const(x) => x,
+            Operand::Register(r) => self.registers[r as usize],
+        }
+    }
+
+    fn eval(&self, node: Expr, operands: &[Operand; 3], source: Option<(Base, Affine)>) -> f64 {
+        match node {
+            Expr::Time => self.view.time,
+            Expr::Counter(v) => self.counters[v.0 as usize] as f64,
+            Expr::Load { .. } => source.map_or(f64::NAN, |(base, at)| self.load(base, at)),
+            _ => apply(node, operands.map(|o| self.get(o))),
+        }
+    }
+
+    fn load(&self, base: Base, at: Affine) -> f64 {
+        let i = at.at(&self.counters) as usize;
+        match base {
+            Base::Y => self.view.y[i],
+            Base::Yp => self.view.yp[i],
+            Base::Work => self.view.work[i],
+            Base::Out => self.view.out[i],
+            Base::Factor => self.view.factor,
+        }
+    }
+
+    fn store(&mut self, to: Destination, value: Operand) {
+        let value = self.get(value);
+        match to {
+            Destination::Place(base, at) => {
+                let i = at.at(&self.counters) as usize;
+                match base {
+                    Base::Y => self.view.y[i] = value,
+                    Base::Work => self.view.work[i] = value,
+                    Base::Out => self.view.out[i] = value,
+                    Base::Yp | Base::Factor => {}
+                }
+            }
+            Destination::Table {
+                table,
+                index,
+                plus,
+                add,
+            } => {
+                let entry = self.view.tables[table as usize + index.at(&self.counters) as usize];
+                let slot =
+                    &mut self.view.out[(i64::from(entry) + plus.at(&self.counters)) as usize];
+                *slot = if add { *slot + value } else { value };
+            }
+        }
+    }
+}
+
+/// The reduction of nothing.
+#[must_use]
+pub fn identity(op: ReduceFn) -> f64 {
+    match op {
+        ReduceFn::Sum => 0.0,
+        ReduceFn::Product => 1.0,
+        ReduceFn::Min => f64::INFINITY,
+        ReduceFn::Max => f64::NEG_INFINITY,
+    }
+}
+
+/// One step of a reduction.
+#[must_use]
+pub fn accumulate(op: ReduceFn, sum: f64, value: f64) -> f64 {
+    match op {
+        ReduceFn::Sum => sum + value,
+        ReduceFn::Product => sum * value,
+        ReduceFn::Min => BinaryFn::Min.apply(sum, value),
+        ReduceFn::Max => BinaryFn::Max.apply(sum, value),
+    }
+}
+
+/// The value of an expression of constants and of what `value_of` knows (variable, copy, element); `None` if it uses anything else.
+///
+/// Meant for parameters whose numbers are known while the model is built: extents, bounds, exponents.
+#[must_use]
+pub fn eval_constant(
+    exprs: &Exprs,
+    expr: ExprId,
+    value_of: &dyn Fn(VarId, Flavour, i64) -> Option<f64>,
+) -> Option<f64> {
+    let mut known = FastMap::default();
+    evaluate(exprs, expr, &mut [0; MAX_DEPTH], value_of, &mut known)
+}
+
+/// Evaluates at given counters; `known` holds the values at these counters. Only reductions recurse, at most as deep as loops nest.
+fn evaluate(
+    exprs: &Exprs,
+    expr: ExprId,
+    counters: &mut [i64; MAX_DEPTH],
+    value_of: &dyn Fn(VarId, Flavour, i64) -> Option<f64>,
+    known: &mut FastMap<ExprId, f64>,
+) -> Option<f64> {
+    let mut stack = vec![expr];
+    while let Some(&top) = stack.last() {
+        if known.contains_key(&top) {
+            stack.pop();
+            continue;
+        }
+        let node = exprs.node(top);
+        let missing = |o: &ExprId| !known.contains_key(o);
+        let waits = match node {
+            Expr::Reduce { .. } => None,
+            _ => exprs.operands(top).find(missing),
+        };
+        if let Some(operand) = waits {
+            stack.push(operand);
+            continue;
+        }
+        let mut operands = [0.0; 3];
+        for (slot, o) in operands.iter_mut().zip(exprs.operands(top)) {
+            *slot = known.get(&o).copied().unwrap_or(f64::NAN);
+        }
+        let value = match node {
+            Expr::Const(bits) => f64::from_bits(bits),
+            Expr::Truth(t) => f64::from(u8::from(t)),
+            Expr::Time => return None,
+            Expr::Counter(v) => counters[v.0 as usize] as f64,
+            Expr::Load { var, flavour, at } => value_of(var, flavour, at.at(counters))?,
+            Expr::Reduce {
+                op,
+                depth,
+                extent,
+                body,
+            } => {
+                let d = depth.0 as usize;
+                let outer = counters[d];
+                let mut sum = identity(op);
+                for i in 0..extent {
+                    counters[d] = i64::from(i);
+                    sum = accumulate(
+                        op,
+                        sum,
+                        evaluate(exprs, body, counters, value_of, &mut FastMap::default())?,
+                    );
+                }
+                counters[d] = outer;
+                sum
+            }
+            _ => apply(node, operands),
+        };
+        known.insert(top, value);
+    }
+    known.get(&expr).copied()
+}
+
+/// A node's value from its operands' values; NaN for leaves and reductions, which have none.
+fn apply(node: Expr, [a, b, c]: [f64; 3]) -> f64 {
+    let truth = |t: bool| f64::from(u8::from(t));
+    match node {
+        Expr::Unary(f, _) => f.apply(a),
+        Expr::Binary(f, ..) => f.apply(a, b),
+        Expr::PowInt(_, n) => kernels::powi(a, n),
+        Expr::Compare(op, ..) => truth(op.apply(a, b)),
+        Expr::And(..) => truth(a != 0.0 && b != 0.0),
+        Expr::Or(..) => truth(a != 0.0 || b != 0.0),
+        Expr::Not(_) => truth(a == 0.0),
+        Expr::Select(..) if a != 0.0 => b,
+        Expr::Select(..) => c,
+        Expr::Const(_)
+        | Expr::Truth(_)
+        | Expr::Time
+        | Expr::Counter(_)
+        | Expr::Load { .. }
+        | Expr::Reduce { .. } => f64::NAN,
+    }
+}

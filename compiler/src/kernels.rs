@@ -1,0 +1,95 @@
+//! Elementary functions of one and of many numbers, with the same bits everywhere.
+//!
+//! Constant folding, the interpreter, compiled scalar code and compiled loops all end here, so that a model gives the same
+//! numbers whichever way it is run. `exp`, `ln`, `log10`, `pow` and `tanh` are polynomial versions written with fused
+//! multiply-add (`math`): one copy is compiled for AVX2 with FMA, where loops over arrays run four lanes wide, another for any
+//! processor; both round alike because a fused multiply-add is exact on either. Other functions are the standard library's.
+
+mod math;
+mod table;
+
+pub use table::{ArrayKernel, BinaryArrayKernel, BinaryKernel, KernelTable, ScalarKernel, table};
+
+use crate::ir::UnaryFn;
+
+/// Number of functions in [`KernelTable::unary`].
+pub const UNARY_COUNT: usize = 16;
+
+/// Position of a function in [`KernelTable::unary`]; `None` for those that are single machine instructions.
+#[must_use]
+pub fn index(f: UnaryFn) -> Option<usize> {
+    Some(match f {
+        UnaryFn::Exp => 0,
+        UnaryFn::Ln => 1,
+        UnaryFn::Log10 => 2,
+        UnaryFn::Tanh => 3,
+        UnaryFn::Sin => 4,
+        UnaryFn::Cos => 5,
+        UnaryFn::Tan => 6,
+        UnaryFn::Asin => 7,
+        UnaryFn::Acos => 8,
+        UnaryFn::Atan => 9,
+        UnaryFn::Sinh => 10,
+        UnaryFn::Cosh => 11,
+        UnaryFn::Floor => 12,
+        UnaryFn::Ceil => 13,
+        UnaryFn::Round => 14,
+        UnaryFn::Sign => 15,
+        UnaryFn::Neg | UnaryFn::Abs | UnaryFn::Sqrt => return None,
+    })
+}
+
+/// A function of one number, the same bits as in compiled code.
+#[must_use]
+pub fn unary(f: UnaryFn, x: f64) -> f64 {
+    match (index(f), f) {
+        (Some(i), _) => (table().unary[i])(x),
+        (None, UnaryFn::Neg) => -x,
+        (None, UnaryFn::Abs) => x.abs(),
+        (None, _) => x.sqrt(),
+    }
+}
+
+/// `x^y`, the same bits as in compiled code.
+#[must_use]
+pub fn pow(x: f64, y: f64) -> f64 {
+    (table().pow)(x, y)
+}
+
+/// Angle of the point `(x, y)`: `atan2(y, x)` in the usual order of arguments.
+#[must_use]
+pub fn atan2(y: f64, x: f64) -> f64 {
+    (table().atan2)(y, x)
+}
+
+/// `x^n` by squaring: the order of multiplications that compiled code uses too.
+#[must_use]
+pub fn powi(x: f64, n: i32) -> f64 {
+    let power = power_chain(n.unsigned_abs(), x, |a, b| a * b).unwrap_or(1.0);
+    if n < 0 { 1.0 / power } else { power }
+}
+
+/// The multiplications of `x^n` by squaring, with any multiplication; `None` for n = 0.
+pub(crate) fn power_chain<T: Copy>(
+    mut n: u32,
+    x: T,
+    mut multiply: impl FnMut(T, T) -> T,
+) -> Option<T> {
+    let (mut square, mut result) = (x, None);
+    while n > 0 {
+        if n & 1 == 1 {
+            result = Some(match result {
+                None => square,
+                Some(r) => multiply(r, square),
+            });
+        }
+        n >>= 1;
+        if n > 0 {
+            square = multiply(square, square);
+        }
+    }
+    result
+}
+
+#[cfg(test)]
+mod tests;

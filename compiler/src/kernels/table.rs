@@ -1,0 +1,172 @@
+//! Tables of function pointers, one for each kind of processor.
+
+use super::{UNARY_COUNT, math};
+
+/// A function of one number.
+pub type ScalarKernel = extern "C" fn(f64) -> f64;
+/// A function of two numbers.
+pub type BinaryKernel = extern "C" fn(f64, f64) -> f64;
+/// A function of each of `n` numbers: source, destination (may be the source), n.
+pub type ArrayKernel = unsafe extern "C" fn(*const f64, *mut f64, usize);
+/// A function of each of `n` pairs: first and second source, destination (may be a source), n.
+pub type BinaryArrayKernel = unsafe extern "C" fn(*const f64, *const f64, *mut f64, usize);
+
+/// What compiled code calls; its address is an argument of every compiled function, so that code holds no addresses.
+#[derive(Clone, Copy)]
+#[repr(C)]
+pub struct KernelTable {
+    /// Functions of one number, by [`super::index`].
+    pub unary: [ScalarKernel; UNARY_COUNT],
+    /// The same over arrays.
+    pub unary_array: [ArrayKernel; UNARY_COUNT],
+    /// `x^y`
+    pub pow: BinaryKernel,
+    /// `atan2(y, x)`
+    pub atan2: BinaryKernel,
+    /// `x^y` over arrays.
+    pub pow_array: BinaryArrayKernel,
+    /// `atan2(y, x)` over arrays.
+    pub atan2_array: BinaryArrayKernel,
+}
+
+/// The table for this processor.
+#[must_use]
+pub fn table() -> &'static KernelTable {
+    #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
+        return &wide::TABLE;
+    }
+    &portable::TABLE
+}
+
+/// The table without instructions beyond the platform's base.
+#[cfg(test)]
+pub(super) fn portable_table() -> &'static KernelTable {
+    &portable::TABLE
+}
+
+macro_rules! kernels {
+    ($module:ident, $feature:meta, $($scalar:ident $array:ident = $of:expr;)*) => {
+        mod $module {
+            use super::*;
+
+            $(
+                extern "C" fn $scalar(x: f64) -> f64 {
+                    #[$feature]
+                    fn inner(x: f64) -> f64 {
+                        $of(x)
+                    }
+                    // SAFETY: this table is used only where the processor has the instructions.
+                    #[allow(unused_unsafe, reason = "the portable copy needs no instructions")]
+                    unsafe { inner(x) }
+                }
+
+                unsafe extern "C" fn $array(from: *const f64, to: *mut f64, n: usize) {
+                    #[$feature]
+                    unsafe fn inner(from: *const f64, to: *mut f64, n: usize) {
+                        if std::ptr::eq(from, to) {
+                            // SAFETY: valid for n numbers, by the contract of `ArrayKernel`.
+                            let values = unsafe { std::slice::from_raw_parts_mut(to, n) };
+                            values.iter_mut().for_each(|v| *v = $of(*v));
+                        } else {
+                            // SAFETY: valid for n numbers and apart, by the contract of `ArrayKernel`.
+                            let (from, to) = unsafe {
+                                (std::slice::from_raw_parts(from, n), std::slice::from_raw_parts_mut(to, n))
+                            };
+                            to.iter_mut().zip(from).for_each(|(v, x)| *v = $of(*x));
+                        }
+                    }
+                    // SAFETY: the instructions are there, see above; the pointers are the caller's promise.
+                    unsafe { inner(from, to, n) }
+                }
+            )*
+
+            extern "C" fn pow(x: f64, y: f64) -> f64 {
+                #[$feature]
+                fn inner(x: f64, y: f64) -> f64 {
+                    math::pow(x, y)
+                }
+                // SAFETY: this table is used only where the processor has the instructions.
+                #[allow(unused_unsafe, reason = "the portable copy needs no instructions")]
+                unsafe { inner(x, y) }
+            }
+
+            extern "C" fn atan2(y: f64, x: f64) -> f64 {
+                y.atan2(x)
+            }
+
+            unsafe extern "C" fn pow_array(x: *const f64, y: *const f64, to: *mut f64, n: usize) {
+                #[$feature]
+                unsafe fn inner(x: *const f64, y: *const f64, to: *mut f64, n: usize) {
+                    // SAFETY: valid for n numbers, by the contract; raw reads because `to` may be a source.
+                    let ordinary = (0..n).fold(true, |all, i| all & unsafe { math::is_ordinary(*x.add(i), *y.add(i)) });
+                    let mut chunk = [0.0; 64];
+                    let mut start = 0;
+                    while start < n {
+                        let len = chunk.len().min(n - start);
+                        // SAFETY: start + len <= n.
+                        let (xs, ys) = unsafe {
+                            (std::slice::from_raw_parts(x.add(start), len), std::slice::from_raw_parts(y.add(start), len))
+                        };
+                        let values = chunk.iter_mut().zip(xs.iter().zip(ys));
+                        if ordinary {
+                            values.for_each(|(v, (x, y))| *v = math::pow_ordinary(*x, *y));
+                        } else {
+                            values.for_each(|(v, (x, y))| *v = math::pow(*x, *y));
+                        }
+                        // SAFETY: start + len <= n, and the sources of this chunk are no longer borrowed.
+                        unsafe { std::ptr::copy_nonoverlapping(chunk.as_ptr(), to.add(start), len) };
+                        start += len;
+                    }
+                }
+                // SAFETY: the instructions are there, see above; the pointers are the caller's promise.
+                unsafe { inner(x, y, to, n) }
+            }
+
+            unsafe extern "C" fn atan2_array(y: *const f64, x: *const f64, to: *mut f64, n: usize) {
+                for i in 0..n {
+                    // SAFETY: valid for n numbers, by the contract.
+                    unsafe { *to.add(i) = (*y.add(i)).atan2(*x.add(i)) };
+                }
+            }
+
+            pub(super) static TABLE: KernelTable = KernelTable {
+                unary: [$($scalar),*],
+                unary_array: [$($array),*],
+                pow,
+                atan2,
+                pow_array,
+                atan2_array,
+            };
+        }
+    };
+}
+
+/// One table; the functions stand in the order of [`super::index`].
+macro_rules! table {
+    ($module:ident, $feature:meta) => {
+        kernels! {
+            $module, $feature,
+            exp exp_array = math::exp;
+            ln ln_array = math::ln;
+            log10 log10_array = math::log10;
+            tanh tanh_array = math::tanh;
+            sin sin_array = f64::sin;
+            cos cos_array = f64::cos;
+            tan tan_array = f64::tan;
+            asin asin_array = f64::asin;
+            acos acos_array = f64::acos;
+            atan atan_array = f64::atan;
+            sinh sinh_array = f64::sinh;
+            cosh cosh_array = f64::cosh;
+            floor floor_array = f64::floor;
+            ceil ceil_array = f64::ceil;
+            round round_array = f64::round_ties_even;
+            sign sign_array = math::sign;
+        }
+    };
+}
+
+table!(portable, inline);
+#[cfg(target_arch = "x86_64")]
+table!(wide, target_feature(enable = "avx2,fma"));

@@ -1,0 +1,134 @@
+//! Accuracy against the platform's library, agreement of both tables, values at the edges.
+
+use super::table::portable_table;
+use super::*;
+use proptest::prelude::*;
+
+/// Distance in units of the last place.
+fn ulps(a: f64, b: f64) -> u64 {
+    if a == b || (a.is_nan() && b.is_nan()) {
+        return 0;
+    }
+    let ordered = |x: f64| {
+        let bits = x.to_bits() as i64;
+        if bits < 0 { i64::MIN - bits } else { bits }
+    };
+    ordered(a).abs_diff(ordered(b))
+}
+
+#[test]
+fn polynomial_functions_are_within_two_units_of_the_platforms() {
+    let checks: [(UnaryFn, fn(f64) -> f64, f64, f64); 4] = [
+        (UnaryFn::Exp, f64::exp, -745.0, 709.7),
+        (UnaryFn::Ln, f64::ln, 1e-3, 1e3),
+        (UnaryFn::Log10, f64::log10, 1e-3, 1e3),
+        (UnaryFn::Tanh, f64::tanh, -25.0, 25.0),
+    ];
+    for (f, reference, low, high) in checks {
+        for i in 0..200_000 {
+            let x = low + (high - low) * (f64::from(i) + 0.37) / 200_000.0;
+            let distance = ulps(unary(f, x), reference(x));
+            assert!(distance <= 2, "{f:?}({x:e}): {distance} units");
+        }
+    }
+}
+
+#[test]
+fn edges_are_exact() {
+    let (inf, nan) = (f64::INFINITY, f64::NAN);
+    let same = |a: f64, b: f64| assert_eq!(ulps(a, b), 0, "{a:e} is not {b:e}");
+    for (f, x, value) in [
+        (UnaryFn::Exp, 0.0, 1.0),
+        (UnaryFn::Exp, inf, inf),
+        (UnaryFn::Exp, -inf, 0.0),
+        (UnaryFn::Exp, 710.0, inf),
+        (UnaryFn::Exp, -746.0, 0.0),
+        (UnaryFn::Exp, nan, nan),
+        (UnaryFn::Ln, 1.0, 0.0),
+        (UnaryFn::Ln, 0.0, -inf),
+        (UnaryFn::Ln, -1.0, nan),
+        (UnaryFn::Ln, inf, inf),
+        (UnaryFn::Ln, nan, nan),
+        (UnaryFn::Ln, 5e-324, -744.440_071_921_381_2),
+        (UnaryFn::Log10, 1000.0, 3.0),
+        (UnaryFn::Log10, 1e-300, -300.0),
+        (UnaryFn::Tanh, 7570.0, 1.0),
+        (UnaryFn::Tanh, -7570.0, -1.0),
+        (UnaryFn::Tanh, 1e-300, 1e-300),
+        (UnaryFn::Tanh, 5e-324, 5e-324),
+        (UnaryFn::Tanh, inf, 1.0),
+        (UnaryFn::Tanh, nan, nan),
+    ] {
+        same(unary(f, x), value);
+    }
+    for (x, y) in [
+        (0.0, 2.5),
+        (0.0, -1.0),
+        (0.0, 0.0),
+        (-0.0, 3.0),
+        (-2.0, 3.0),
+        (-2.0, 2.0),
+        (-2.0, 0.5),
+        (inf, 1.5),
+        (inf, -1.5),
+        (1.0, inf),
+        (2.0, inf),
+        (0.5, inf),
+        (nan, 0.0),
+        (nan, 1.0),
+        (1.0, nan),
+        (2.0, 1024.0),
+        (2.0, -1080.0),
+        (2.0, 10.0),
+        (10.0, 3.0),
+        (1e-310, 0.5),
+        (9.0, 0.5),
+        (-inf, 3.0),
+    ] {
+        same(pow(x, y), x.powf(y));
+    }
+}
+
+fn wide_range() -> impl Strategy<Value = f64> {
+    prop_oneof![any::<f64>(), -800.0..800.0, -1.0..1.0, 0.0..1e-300]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(4000))]
+
+    #[test]
+    fn both_tables_and_arrays_agree_to_the_bit(xs in prop::collection::vec(wide_range(), 1..40), y in -20.0..20.0) {
+        let (here, portable) = (table(), portable_table());
+        let same = |a: f64, b: f64| a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan());
+        let mut out = vec![0.0; xs.len()];
+        for i in 0..UNARY_COUNT {
+            // SAFETY: both slices have the length given.
+            unsafe { (here.unary_array[i])(xs.as_ptr(), out.as_mut_ptr(), xs.len()) };
+            for (x, o) in xs.iter().zip(&out) {
+                prop_assert!(same(*o, (here.unary[i])(*x)) && same(*o, (portable.unary[i])(*x)), "function {i} at {x:e}");
+            }
+        }
+        let ys = vec![y; xs.len()];
+        // SAFETY: all slices have the length given.
+        unsafe { (here.pow_array)(xs.as_ptr(), ys.as_ptr(), out.as_mut_ptr(), xs.len()) };
+        for (x, o) in xs.iter().zip(&out) {
+            prop_assert!(same(*o, (here.pow)(*x, y)) && same(*o, (portable.pow)(*x, y)), "pow({x:e}, {y})");
+        }
+    }
+
+    #[test]
+    fn functions_stay_close_to_the_platforms_on_any_argument(x in wide_range(), y in -300.0..300.0) {
+        prop_assert!(ulps(unary(UnaryFn::Exp, x), x.exp()) <= 1);
+        prop_assert!(ulps(unary(UnaryFn::Ln, x), x.ln()) <= 1);
+        prop_assert!(ulps(unary(UnaryFn::Log10, x), x.log10()) <= 2);
+        prop_assert!(ulps(unary(UnaryFn::Tanh, x), x.tanh()) <= 2);
+        prop_assert!(ulps(pow(x.abs(), y), x.abs().powf(y)) <= 1, "pow({:e}, {y})", x.abs());
+    }
+
+    #[test]
+    fn whole_powers_equal_repeated_multiplication(x in -4.0..4.0, n in -12i32..12) {
+        let product = (0..n.unsigned_abs()).fold(1.0, |p, _| p * x);
+        let expected = if n < 0 { 1.0 / product } else { product };
+        prop_assert!((powi(x, n) - expected).abs() <= 4e-15 * expected.abs());
+    }
+}

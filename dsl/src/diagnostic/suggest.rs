@@ -1,0 +1,69 @@
+//! "Did you mean": the nearest known name by edit distance.
+
+/// The candidate nearest to `name`, if one is near enough to be what was meant (a third of its length, at least one edit;
+/// a difference of case or of underscores alone always is). Names of one or two letters are matched only so.
+#[must_use]
+pub fn suggest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let limit = if name.chars().count() < 3 { 0 } else { (name.chars().count() / 3).max(1) };
+    let folded = fold(name);
+    candidates
+        .into_iter()
+        .filter(|candidate| *candidate != name)
+        .map(|candidate| (if fold(candidate) == folded { 0 } else { distance(name, candidate) }, candidate))
+        .filter(|(edits, _)| *edits <= limit)
+        .min_by(|a, b| a.0.cmp(&b.0).then_with(|| a.1.cmp(b.1)))
+        .map(|(_, candidate)| candidate)
+}
+
+/// "did you mean `k_0`?" for the nearest candidate.
+#[must_use]
+pub fn did_you_mean<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
+    suggest(name, candidates).map(|candidate| format!("did you mean `{candidate}`?"))
+}
+
+fn fold(name: &str) -> String {
+    name.chars().filter(|c| *c != '_').flat_map(char::to_lowercase).collect()
+}
+
+/// Edits (insert, delete, replace, swap neighbours) between two words. Words that are longer than any name are as far as they are long.
+fn distance(a: &str, b: &str) -> usize {
+    let a: Vec<char> = a.chars().collect();
+    let b: Vec<char> = b.chars().collect();
+    if a.len().abs_diff(b.len()) > 8 || a.len() > 64 || b.len() > 64 {
+        return a.len().max(b.len());
+    }
+    let mut rows = vec![vec![0; b.len() + 1]; a.len() + 1];
+    for (i, row) in rows.iter_mut().enumerate() {
+        row[0] = i;
+    }
+    rows[0] = (0..=b.len()).collect();
+    for i in 1..=a.len() {
+        for j in 1..=b.len() {
+            let replace = rows[i - 1][j - 1] + usize::from(a[i - 1] != b[j - 1]);
+            let mut best = replace.min(rows[i - 1][j] + 1).min(rows[i][j - 1] + 1);
+            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
+                best = best.min(rows[i - 2][j - 2] + 1);
+            }
+            rows[i][j] = best;
+        }
+    }
+    rows[a.len()][b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_underscore_or_swapped_letters_find_the_name() {
+        assert_eq!(suggest("k0", ["k_1", "k_0"]), Some("k_0"));
+        assert_eq!(suggest("parma", ["state", "param"]), Some("param"));
+        assert_eq!(suggest("q_Out", ["q_in", "q_out"]), Some("q_out"));
+    }
+
+    #[test]
+    fn unrelated_names_are_not_suggested() {
+        assert_eq!(suggest("T", ["V", "h"]), None);
+        assert_eq!(suggest("pressure", ["volume", "c_A"]), None);
+    }
+}

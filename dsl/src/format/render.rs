@@ -1,0 +1,165 @@
+//! Lines of one statement: blanks between tokens, the author's line breaks, indentation.
+
+use super::tokens::{Kind, Token, spaced};
+use super::{GAP, INDENT};
+
+/// An open bracket.
+struct Open {
+    bracket: u8,
+    /// Column behind the bracket.
+    content: usize,
+    /// Indentation of the line on which it stands.
+    indent: usize,
+    /// Whether the line ends right behind it.
+    hanging: bool,
+}
+
+struct Writer {
+    lines: Vec<String>,
+    indent: usize,
+    line_indent: usize,
+    open: Vec<Open>,
+    /// Column behind the first `=` of the statement or entry, outside all brackets but braces.
+    assigned: Option<usize>,
+    padding: usize,
+    table: bool,
+}
+
+/// The lines of a statement, the first one indented too; `padding` blanks follow the keyword.
+pub(super) fn lines(tokens: &[Token<'_>], indent: usize, padding: usize) -> Vec<String> {
+    let mut writer = Writer {
+        lines: vec![" ".repeat(indent)],
+        indent,
+        line_indent: indent,
+        open: Vec::new(),
+        assigned: None,
+        padding,
+        table: tokens.first().is_some_and(|token| token.text == "table"),
+    };
+    for (index, token) in tokens.iter().enumerate() {
+        let previous = index.checked_sub(1).map(|before| &tokens[before]);
+        writer.write(previous, token, tokens.get(index + 1), index == 1);
+    }
+    writer.lines
+}
+
+/// The text of tokens on one line; a clause `for` at the end stands apart.
+pub(super) fn inline(tokens: &[Token<'_>], clause: Option<usize>) -> String {
+    let mut text = String::new();
+    for (index, token) in tokens.iter().enumerate() {
+        if Some(index) == clause {
+            text.push_str(&" ".repeat(GAP));
+        } else if index > 0 && spaced(&tokens[index - 1], token, false) {
+            text.push(' ');
+        }
+        text.push_str(token.text);
+    }
+    text
+}
+
+impl Writer {
+    fn write(&mut self, previous: Option<&Token<'_>>, token: &Token<'_>, next: Option<&Token<'_>>, second: bool) {
+        let after_comment = previous.is_some_and(|previous| previous.kind == Kind::Comment);
+        if let Some(previous) = previous {
+            if token.newline_before || after_comment {
+                self.break_line(previous, token);
+            } else {
+                self.push_gap(previous, token, second);
+            }
+        }
+        self.track(token, next);
+        self.push(token.text);
+        if matches!(token.text, "(" | "[" | "{") && token.kind == Kind::Symbol {
+            let hanging = next.is_some_and(|next| next.newline_before || next.kind == Kind::Comment);
+            let bracket = token.text.as_bytes().first().copied().unwrap_or(b'(');
+            self.open.push(Open { bracket, content: self.column(), indent: self.line_indent, hanging });
+        }
+    }
+
+    fn push_gap(&mut self, previous: &Token<'_>, token: &Token<'_>, second: bool) {
+        let blanks = match token.kind {
+            Kind::Comment => GAP,
+            _ if second && previous.kind == Kind::Word => self.padding,
+            _ => usize::from(spaced(previous, token, self.table && self.in_braces())),
+        };
+        self.push(&" ".repeat(blanks));
+    }
+
+    /// Closing brackets and separators end what has been tracked.
+    fn track(&mut self, token: &Token<'_>, next: Option<&Token<'_>>) {
+        if token.kind != Kind::Symbol {
+            return;
+        }
+        match token.text {
+            ")" | "]" | "}" => {
+                self.open.pop();
+            }
+            "=" | "~" | ":" if self.assigned.is_none() && self.outside_parentheses() => {
+                let wide = next.is_none_or(|next| next.newline_before);
+                self.assigned = (!wide).then_some(self.column() + 2);
+            }
+            "," if self.in_braces() => self.assigned = None,
+            "{" => self.assigned = None,
+            _ => {}
+        }
+    }
+
+    fn break_line(&mut self, previous: &Token<'_>, token: &Token<'_>) {
+        let column = self.break_column(previous, token);
+        if let Some(line) = self.lines.last_mut() {
+            line.truncate(line.trim_end().len());
+        }
+        self.lines.push(" ".repeat(column));
+        self.line_indent = column;
+    }
+
+    fn break_column(&mut self, previous: &Token<'_>, token: &Token<'_>) -> usize {
+        let Some(open) = self.open.last() else { return self.continuation(self.indent, token) };
+        let closing = matches!(token.text, ")" | "]" | "}") && token.kind == Kind::Symbol;
+        match (open.bracket, closing) {
+            (_, true) if open.hanging || open.bracket == b'{' => open.indent,
+            (b'{', _) => self.entry_column(open.indent + INDENT, previous, token),
+            _ if open.hanging => open.indent + INDENT,
+            _ => open.content,
+        }
+    }
+
+    /// A new entry of a block, or the continuation of one.
+    fn entry_column(&mut self, indent: usize, previous: &Token<'_>, token: &Token<'_>) -> usize {
+        let unfinished = previous.kind == Kind::Symbol && !matches!(previous.text, "," | "{" | ")" | "]" | "}")
+            || matches!(previous.kind, Kind::Operator(_) | Kind::Sign)
+            || matches!(previous.text, "then" | "else" | "and" | "or");
+        let continued = matches!(token.text, "then" | "else" | "and" | "or" | "for")
+            || matches!(token.kind, Kind::Operator(_) | Kind::Text)
+            || token.kind == Kind::Symbol && !matches!(token.text, "(" | "[" | "{");
+        if (unfinished || continued) && token.kind != Kind::Comment {
+            return self.continuation(indent, token);
+        }
+        self.assigned = None;
+        indent
+    }
+
+    /// A continued line stands behind the `=`, unless that is far to the right or the line is a clause of its own.
+    fn continuation(&self, indent: usize, token: &Token<'_>) -> usize {
+        let clause = token.kind == Kind::Text || token.text == "for";
+        self.assigned.filter(|column| !clause && *column <= 40).unwrap_or(indent + 2 * INDENT)
+    }
+
+    fn in_braces(&self) -> bool {
+        self.open.last().is_some_and(|open| open.bracket == b'{')
+    }
+
+    fn outside_parentheses(&self) -> bool {
+        self.open.last().is_none_or(|open| open.bracket == b'{')
+    }
+
+    fn column(&self) -> usize {
+        self.lines.last().map_or(0, |line| line.chars().count())
+    }
+
+    fn push(&mut self, text: &str) {
+        if let Some(line) = self.lines.last_mut() {
+            line.push_str(text);
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! Words that the layout of a text depends on.
+
+/// First words of statements.
+pub(crate) const KEYWORDS: &[&str] = &[
+    "model",
+    "use",
+    "time",
+    "set",
+    "table",
+    "def",
+    "param",
+    "action",
+    "state",
+    "var",
+    "let",
+    "discrete",
+    "disturbance",
+    "random",
+    "eq",
+    "domain",
+    "flux",
+    "connector",
+    "component",
+    "port",
+    "connect",
+    "initial",
+    "steady",
+    "observe",
+    "level",
+    "reward",
+    "fail",
+    "success",
+    "constraint",
+    "invariant",
+    "episode",
+    "solver",
+    "policy",
+    "at",
+    "next",
+    "reset",
+    "clamp",
+    "event",
+    "phase",
+    "variant",
+    "choice",
+    "when",
+];
+
+/// Words that cannot be names.
+pub(crate) const RESERVED: &[&str] = &["if", "then", "else", "and", "or", "not", "for", "in", "as", "true", "false"];
+
+/// Words that may follow a name inside a statement, so that a keyword before them is an ordinary name.
+const CLAUSES: &[&str] = &[
+    "if", "then", "else", "and", "or", "for", "in", "as", "every", "delay", "noise", "scale", "clip", "named", "default", "when", "rate",
+    "until", "over", "cells",
+];
+
+/// Whether the word cannot be a name.
+pub(crate) fn is_reserved(word: &str) -> bool {
+    RESERVED.contains(&word)
+}
+
+/// Whether statements that begin with this word hold statements in braces.
+pub(crate) fn has_block(keyword: &str) -> bool {
+    matches!(keyword, "component" | "at" | "variant" | "when" | "level" | "phase")
+}
+
+/// Whether a line cannot end after this word.
+pub(super) fn continues_line(word: &str) -> bool {
+    is_reserved(word) && !matches!(word, "true" | "false")
+}
+
+/// Whether a line that begins so goes on with the statement of the line before.
+pub(super) fn continues_statement(line: &str) -> bool {
+    match line.as_bytes() {
+        [b'+' | b'-' | b'*' | b'/' | b'^' | b'<' | b'>' | b'=' | b'|' | b'~' | b'"', ..] => true,
+        [b'!', b'=', ..] | [b'.', b'.', ..] => true,
+        _ => matches!(leading_word(line), "for" | "else" | "then" | "and" | "or" | "in" | "as"),
+    }
+}
+
+/// Whether a line begins as only a statement does: a keyword, then another word, a block or a path.
+pub(super) fn begins_statement(line: &str) -> bool {
+    let keyword = leading_word(line);
+    if !KEYWORDS.contains(&keyword) {
+        return false;
+    }
+    let rest = line[keyword.len()..].trim_start_matches([' ', '\t']);
+    let blank = rest.len() < line.len() - keyword.len();
+    match rest.as_bytes().first() {
+        Some(b'{') => matches!(keyword, "steady" | "episode" | "solver"),
+        Some(b'"') => keyword == "use",
+        Some(byte) if byte.is_ascii_alphabetic() && blank => !CLAUSES.contains(&leading_word(rest)),
+        _ => false,
+    }
+}
+
+/// The name that a line begins with; empty where it begins with something else.
+pub(super) fn leading_word(line: &str) -> &str {
+    let length = line.bytes().take_while(|b| b.is_ascii_alphanumeric() || *b == b'_').count();
+    &line[..length]
+}
+
+/// What to write in place of a character that the language does not use.
+pub(super) fn character_help(character: char) -> String {
+    let instead = match character {
+        '\u{b0}' => "write `degC` for a temperature in degrees Celsius",
+        '\u{b5}' | '\u{3bc}' => "write `u` for the prefix micro and `mu` for the letter",
+        '\u{d7}' | '\u{b7}' | '\u{22c5}' => "write `*` to multiply",
+        '\u{2212}' | '\u{2013}' | '\u{2014}' => "write `-` for minus",
+        '\u{2264}' => "write `<=`",
+        '\u{2265}' => "write `>=`",
+        '\u{2260}' => "write `!=`",
+        '\u{b2}' | '\u{b3}' => "write a power as `^2`",
+        '\u{201c}' | '\u{201d}' | '\u{201e}' | '\'' | '`' => "texts stand between straight double quotes",
+        '\u{a0}' | '\u{202f}' | '\u{2009}' => "this is a special blank; write an ordinary one",
+        '&' => "write `and`",
+        '@' | '$' | '?' | '\\' => "remove it",
+        _ => "names are made of the letters a to z, digits and `_`",
+    };
+    instead.to_owned()
+}

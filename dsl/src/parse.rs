@@ -1,0 +1,224 @@
+//! From text to syntax tree: layout, then the grammar, statement by statement.
+//!
+//! A statement that cannot be parsed is reported once and left out; the others are not touched by its fault. So all independent errors
+//! of a file come in one run.
+
+mod declaration;
+mod expression;
+mod message;
+mod problem;
+mod statement;
+mod table;
+mod unit;
+
+use pest::Parser;
+use pest::iterators::{Pair, Pairs};
+
+use crate::diagnostic::{Diagnostic, codes, did_you_mean};
+use crate::layout::{KEYWORDS, MAX_FAULTS, RawStatement, has_block, is_reserved, layout, span};
+use crate::span::{FileId, Span};
+use crate::syntax::{File, Ident, Statement, StatementKind};
+
+/// The parser that pest makes of `grammar.pest`.
+mod grammar {
+    #![allow(missing_docs, reason = "generated")]
+    /// The grammar of statements and expressions.
+    #[derive(pest_derive::Parser)]
+    #[grammar = "grammar.pest"]
+    pub(super) struct Grammar;
+}
+
+use grammar::{Grammar, Rule};
+
+/// What parsing one file gives: the statements that could be read, and all faults found.
+#[derive(Clone, Debug, Default)]
+pub struct Parsed {
+    /// The syntax tree; statements at fault are left out.
+    pub file: File,
+    /// Faults in the order of the text.
+    pub diagnostics: Vec<Diagnostic>,
+}
+
+impl Parsed {
+    /// Whether nothing was at fault.
+    #[must_use]
+    pub fn is_ok(&self) -> bool {
+        self.diagnostics.is_empty()
+    }
+}
+
+/// Parses the text of one file. Never fails and never panics: what is wrong is in [`Parsed::diagnostics`].
+#[must_use]
+pub fn parse(text: &str, file: FileId) -> Parsed {
+    let layout = layout(text, file);
+    let mut parser = StatementParser { text: &layout.text, file, diagnostics: layout.diagnostics };
+    let statements = parser.statements(&layout.statements);
+    let mut diagnostics = parser.diagnostics;
+    diagnostics.sort_by_key(|fault| fault.primary.span.start);
+    diagnostics.truncate(MAX_FAULTS);
+    Parsed { file: File { statements }, diagnostics }
+}
+
+/// A fault ends its statement. Boxed, since it is rare and large.
+type Fallible<T> = Result<T, Box<Diagnostic>>;
+
+struct StatementParser<'t> {
+    text: &'t str,
+    file: FileId,
+    diagnostics: Vec<Diagnostic>,
+}
+
+impl StatementParser<'_> {
+    fn statements(&mut self, raw: &[RawStatement]) -> Vec<Statement> {
+        let mut statements = Vec::with_capacity(raw.len());
+        for statement in raw {
+            self.statement(statement, &mut statements);
+        }
+        statements
+    }
+
+    /// Reads one statement. Its block is read even where its head is at fault, for the faults within.
+    fn statement(&mut self, raw: &RawStatement, into: &mut Vec<Statement>) {
+        let body = raw.body.as_ref().map(|body| self.statements(&body.statements));
+        if raw.damaged {
+            return;
+        }
+        let end = raw.body.as_ref().map_or(raw.end, |body| body.close);
+        let span = span(self.file, raw.start, end);
+        match self.kinds(raw, body) {
+            Ok(kinds) => into.extend(kinds.into_iter().map(|kind| Statement { span, kind })),
+            Err(fault) if self.diagnostics.len() < 2 * MAX_FAULTS => self.diagnostics.push(*fault),
+            Err(_) => {}
+        }
+    }
+
+    fn kinds(&self, raw: &RawStatement, body: Option<Vec<Statement>>) -> Fallible<Vec<StatementKind>> {
+        let text = &self.text[raw.start..raw.end];
+        let keyword = leading_word(text);
+        let known = KEYWORDS.iter().find(|known| **known == keyword);
+        let Some(keyword) = known else { return Err(Box::new(self.unknown_statement(raw, keyword))) };
+        check_block(keyword, raw, self.file)?;
+        let rest = text[keyword.len()..].trim_start();
+        let context = Context { file: self.file, offset: raw.end - rest.len(), keyword };
+        let pairs = Grammar::parse(statement::rule(keyword, rest), rest)
+            .map_err(|error| Box::new(message::syntax_error(&error, rest, &context, raw.start)))?;
+        statement::lower(&context, Children::of_statement(pairs), body.unwrap_or_default())
+    }
+
+    fn unknown_statement(&self, raw: &RawStatement, word: &str) -> Diagnostic {
+        let text = &self.text[raw.start..raw.end];
+        let end = raw.start + word.len().max(text.chars().next().map_or(0, char::len_utf8));
+        let place = span(self.file, raw.start, end);
+        let message =
+            if word.is_empty() { "a statement begins with a keyword".to_owned() } else { format!("`{word}` begins no statement") };
+        Diagnostic::error(codes::UNKNOWN_STATEMENT, message, place)
+            .label("expected a keyword such as `param`, `state`, `let` or `eq`")
+            .maybe_help(message::statement_hint(word, text).or_else(|| did_you_mean(word, KEYWORDS.iter().copied())))
+    }
+}
+
+/// Statements that must have a block, and where the brace is missing.
+fn check_block(keyword: &str, raw: &RawStatement, file: FileId) -> Fallible<()> {
+    if raw.body.is_some() || !has_block(keyword) || keyword == "phase" {
+        return Ok(());
+    }
+    let place = span(file, raw.end, raw.end);
+    let message = format!("`{keyword}` needs a block of statements");
+    let fault = Diagnostic::error(codes::MISPLACED_BLOCK, message, place).label("expected `{` here");
+    Err(Box::new(fault.help("write the statements between `{` and `}`")))
+}
+
+/// The name or keyword that a text begins with.
+fn leading_word(text: &str) -> &str {
+    let length = text.bytes().take_while(|b| b.is_ascii_alphanumeric() || *b == b'_').count();
+    &text[..length]
+}
+
+/// What lowering needs to know about the statement at hand.
+struct Context<'t> {
+    file: FileId,
+    /// Byte of the file at which the parsed text begins.
+    offset: usize,
+    keyword: &'t str,
+}
+
+impl Context<'_> {
+    fn span(&self, pair: &Pair<'_, Rule>) -> Span {
+        let at = pair.as_span();
+        span(self.file, self.offset + at.start(), self.offset + at.end())
+    }
+
+    /// A name; reserved words are refused.
+    fn ident(&self, pair: &Pair<'_, Rule>) -> Fallible<Ident> {
+        let ident = self.word(pair);
+        if is_reserved(&ident.text) {
+            let message = format!("`{}` is a reserved word and cannot be a name", ident.text);
+            let fault = Diagnostic::error(codes::RESERVED_WORD, message, ident.span).label("expected a name or an expression");
+            return Err(Box::new(fault));
+        }
+        Ok(ident)
+    }
+
+    /// A word, reserved or not.
+    fn word(&self, pair: &Pair<'_, Rule>) -> Ident {
+        Ident { text: pair.as_str().to_owned(), span: self.span(pair) }
+    }
+
+    /// The text between the quotes.
+    fn text(pair: &Pair<'_, Rule>) -> String {
+        pair.as_str().trim_matches('"').to_owned()
+    }
+}
+
+/// The parts of a rule, taken in their order.
+struct Children<'t> {
+    pairs: Pairs<'t, Rule>,
+    /// Whole text of the rule, for faults that have no better place.
+    whole: Option<Pair<'t, Rule>>,
+}
+
+impl<'t> Children<'t> {
+    fn new(pair: Pair<'t, Rule>) -> Self {
+        Self { pairs: pair.clone().into_inner(), whole: Some(pair) }
+    }
+
+    fn of_statement(mut pairs: Pairs<'t, Rule>) -> Self {
+        match pairs.next() {
+            Some(pair) => Self::new(pair),
+            None => Self { pairs, whole: None },
+        }
+    }
+
+    fn peek(&self) -> Option<Rule> {
+        self.pairs.peek().map(|pair| pair.as_rule())
+    }
+
+    /// The next part if it is of this rule.
+    fn take(&mut self, rule: Rule) -> Option<Pair<'t, Rule>> {
+        if self.peek() == Some(rule) { self.pairs.next() } else { None }
+    }
+
+    /// Takes a marker such as `=` and says whether it was there.
+    fn skip(&mut self, rule: Rule) -> bool {
+        self.take(rule).is_some()
+    }
+
+    /// The next part, which the grammar demands to be of this rule.
+    fn expect(&mut self, context: &Context<'_>, rule: Rule) -> Fallible<Pair<'t, Rule>> {
+        self.take(rule).ok_or_else(|| self.mismatch(context, rule))
+    }
+
+    fn mismatch(&self, context: &Context<'_>, rule: Rule) -> Box<Diagnostic> {
+        let place = self.whole.as_ref().map_or_else(|| span(context.file, context.offset, context.offset), |pair| context.span(pair));
+        let message = format!("expected {} in `{}`", message::describe(rule), context.keyword);
+        Box::new(Diagnostic::error(codes::SYNTAX, message, place))
+    }
+
+    fn name(&mut self, context: &Context<'_>) -> Fallible<Ident> {
+        context.ident(&self.expect(context, Rule::name)?)
+    }
+
+    fn text(&mut self) -> Option<String> {
+        self.take(Rule::text).map(|pair| Context::text(&pair))
+    }
+}

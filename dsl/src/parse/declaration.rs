@@ -1,0 +1,81 @@
+//! Declarations and their clauses.
+
+use pest::iterators::Pair;
+
+use super::{Children, Context, Fallible, Rule, expression, unit};
+use crate::syntax::{Binder, Clip, Declaration, Expr};
+
+/// `name[i in set] named "n{}" : unit = value ~ sample clip bounds in low..high scale s "text"`
+pub(super) fn declaration(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Declaration> {
+    let span = context.span(&pair);
+    let mut children = Children::new(pair);
+    Ok(Declaration {
+        name: children.name(context)?,
+        indices: indices(context, &mut children)?,
+        pattern: children.take(Rule::named).and_then(|named| {
+            let mut inner = Children::new(named);
+            inner.skip(Rule::kw_named);
+            inner.text()
+        }),
+        unit: unit::declared(context, &mut children)?,
+        value: clause(context, &mut children, Rule::value)?,
+        sample: clause(context, &mut children, Rule::sample)?,
+        clip: clip(context, &mut children)?,
+        bounds: bounds(context, &mut children)?,
+        scale: clause(context, &mut children, Rule::scale)?,
+        text: children.text(),
+        span,
+    })
+}
+
+/// All declarations among the parts of a rule.
+pub(super) fn declarations(context: &Context<'_>, children: Children<'_>) -> Fallible<Vec<Declaration>> {
+    let parts = children.pairs.filter(|part| part.as_rule() == Rule::declaration);
+    parts.map(|part| declaration(context, part)).collect()
+}
+
+/// `[i in species, z]`, where it was written.
+pub(super) fn indices(context: &Context<'_>, children: &mut Children<'_>) -> Fallible<Vec<Binder>> {
+    children.take(Rule::indices).map_or_else(|| Ok(Vec::new()), |pair| expression::binders(context, pair))
+}
+
+/// The one expression of a clause, where the clause was written.
+pub(super) fn clause(context: &Context<'_>, children: &mut Children<'_>, rule: Rule) -> Fallible<Option<Expr>> {
+    children.take(rule).map(|pair| only_expr(context, pair)).transpose()
+}
+
+/// The one expression among the parts of a rule.
+pub(super) fn only_expr(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Expr> {
+    let mut children = Children::new(pair);
+    while children.peek().is_some_and(|rule| rule != Rule::expr) {
+        children.pairs.next();
+    }
+    expression::expr(context, children.expect(context, Rule::expr)?)
+}
+
+/// `low..high`, standing next.
+pub(super) fn range(context: &Context<'_>, children: &mut Children<'_>) -> Fallible<(Expr, Expr)> {
+    let low = expression::expr(context, children.expect(context, Rule::expr)?)?;
+    children.expect(context, Rule::dots)?;
+    Ok((low, expression::expr(context, children.expect(context, Rule::expr)?)?))
+}
+
+/// `in low..high`, where it was written.
+pub(super) fn bounds(context: &Context<'_>, children: &mut Children<'_>) -> Fallible<Option<(Expr, Expr)>> {
+    let Some(pair) = children.take(Rule::bounds) else { return Ok(None) };
+    let mut inner = Children::new(pair);
+    inner.skip(Rule::kw_in);
+    range(context, &mut inner).map(Some)
+}
+
+/// `clip bounds` or `clip low..high`, where it was written.
+pub(super) fn clip(context: &Context<'_>, children: &mut Children<'_>) -> Fallible<Option<Clip>> {
+    let Some(pair) = children.take(Rule::clip) else { return Ok(None) };
+    let mut inner = Children::new(pair);
+    inner.skip(Rule::kw_clip);
+    if let Some(word) = inner.take(Rule::kw_bounds) {
+        return Ok(Some(Clip::Bounds(context.span(&word))));
+    }
+    let (low, high) = range(context, &mut inner)?;
+    Ok(Some(Clip::Range(low, high)))
+}

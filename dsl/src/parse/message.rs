@@ -1,0 +1,253 @@
+//! Syntax errors in words: what was expected, what stands there, and what the slip probably was.
+
+use pest::error::{Error, ErrorVariant, InputLocation};
+
+use super::{Context, Rule};
+use crate::diagnostic::{Diagnostic, codes};
+use crate::layout::span;
+
+/// The diagnostic of a statement that the grammar refused.
+pub(super) fn syntax_error(error: &Error<Rule>, text: &str, context: &Context<'_>, start: usize) -> Diagnostic {
+    let at = match error.location {
+        InputLocation::Pos(at) | InputLocation::Span((at, _)) => at.min(text.len()),
+    };
+    let found = token(&text[at..]);
+    let place = if found.is_empty() || found == "\n" {
+        span(context.file, context.offset + at, context.offset + at)
+    } else {
+        span(context.file, context.offset + at, context.offset + at + found.len())
+    };
+    let expected = expectation(error);
+    let described = if found.is_empty() { "the end of the statement".to_owned() } else { shown(found) };
+    let message = format!("expected {expected}, found {described}");
+    let keyword = span(context.file, start, start + context.keyword.len());
+    let mut fault = Diagnostic::error(codes::SYNTAX, message, place).label(format!("expected {expected}"));
+    if !context.keyword.is_empty() {
+        fault = fault.secondary(keyword, format!("in this `{}`", context.keyword));
+    }
+    fault.maybe_help(
+        slip(&text[..at], &text[at..], context.keyword).or_else(|| form(context.keyword).map(|form| format!("the form is `{form}`"))),
+    )
+}
+
+/// The token that a text begins with.
+fn token(text: &str) -> &str {
+    let Some(first) = text.chars().next() else { return "" };
+    let length = match first {
+        '"' => text[1..].find('"').map_or(text.len(), |end| end + 2),
+        c if c.is_ascii_alphanumeric() => text.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(text.len()),
+        c => ["->", "..", ":=", "**", "==", "<=", ">=", "!="]
+            .iter()
+            .find(|pair| text.starts_with(**pair))
+            .map_or(c.len_utf8(), |pair| pair.len()),
+    };
+    &text[..length]
+}
+
+fn shown(token: &str) -> String {
+    match token {
+        "\n" => "the end of the line".to_owned(),
+        _ if token.starts_with('"') => "a text".to_owned(),
+        _ => format!("`{token}`"),
+    }
+}
+
+/// What could have stood there, in at most a few words.
+fn expectation(error: &Error<Rule>) -> String {
+    let ErrorVariant::ParsingError { positives, .. } = &error.variant else { return "something else".to_owned() };
+    let mut phrases: Vec<&str> = Vec::new();
+    for phrase in positives.iter().map(|rule| describe(*rule)).filter(|phrase| !phrase.is_empty()) {
+        if !phrases.contains(&phrase) {
+            phrases.push(phrase);
+        }
+    }
+    if phrases.len() > 3 && phrases.contains(&OPERATOR) {
+        phrases.retain(|phrase| [OPERATOR, END].contains(phrase));
+    }
+    for (general, covered) in [(EXPRESSION, "a name"), ("a unit", EXPRESSION)] {
+        if phrases.contains(&general) {
+            phrases.retain(|phrase| *phrase != covered);
+        }
+    }
+    if phrases.len() > 1 {
+        phrases.retain(|phrase| *phrase != BRACKETS);
+    }
+    phrases.sort_by_key(|phrase| *phrase == END);
+    phrases.truncate(5);
+    match phrases.split_last() {
+        None => "something else".to_owned(),
+        Some((last, [])) => (*last).to_owned(),
+        Some((last, others)) => format!("{} or {last}", others.join(", ")),
+    }
+}
+
+const EXPRESSION: &str = "an expression";
+const OPERATOR: &str = "an operator";
+const END: &str = "the end of the statement";
+const BRACKETS: &str = "a unit in brackets";
+
+/// A rule as a reader would name it; empty where naming it would only distract.
+pub(super) fn describe(rule: Rule) -> &'static str {
+    match rule {
+        Rule::expr | Rule::number | Rule::paren | Rule::prefix | Rule::if_expr | Rule::derivative | Rule::region => EXPRESSION,
+        Rule::infix => OPERATOR,
+        Rule::index | Rule::member | Rule::as_unit | Rule::kw_as | Rule::arguments | Rule::unit_operator | Rule::unit_power => "",
+        Rule::name | Rule::place => "a name",
+        Rule::option => "an option",
+        Rule::integer | Rule::signed => "a number",
+        Rule::text => "a text in quotes",
+        Rule::equals | Rule::value => "`=`",
+        Rule::tilde | Rule::sample => "`~`",
+        Rule::colon => "`:`",
+        Rule::declared_unit => "`: unit`",
+        Rule::dots => "`..`",
+        Rule::arrow => "`->`",
+        Rule::bar => "`|`",
+        Rule::open | Rule::set_names => "`{`",
+        Rule::close => "`}`",
+        Rule::unit | Rule::unit_symbol | Rule::unit_group | Rule::unit_of => "a unit",
+        Rule::unit_brackets => BRACKETS,
+        Rule::kw_at => "`at`",
+        Rule::kw_bounds => "`bounds`",
+        Rule::kw_columns => "`columns:`",
+        Rule::kw_event => "`event`",
+        Rule::kw_if => "`if`",
+        Rule::kw_then => "`then`",
+        Rule::kw_else => "`else`",
+        Rule::kw_in | Rule::bounds => "`in`",
+        Rule::kw_for | Rule::for_clause | Rule::reduction | Rule::phase_for | Rule::observation_for => "`for`",
+        Rule::kw_over => "`over`",
+        Rule::kw_rate => "`rate`",
+        Rule::kw_scale | Rule::scale => "`scale`",
+        Rule::kw_clip | Rule::clip => "`clip`",
+        Rule::kw_when => "`when`",
+        Rule::kw_until | Rule::phase_until => "`until`",
+        Rule::phase_then => "`then`",
+        Rule::kw_default | Rule::table_default => "`default`",
+        Rule::kw_every | Rule::every => "`every`",
+        Rule::kw_delay | Rule::delay => "`delay`",
+        Rule::kw_noise | Rule::noise => "`noise`",
+        Rule::kw_named | Rule::named => "`named`",
+        Rule::time_kind => "a word such as `until`",
+        Rule::indices | Rule::table_sets => "an index list",
+        Rule::parameters => "a parameter list",
+        Rule::instance_arguments | Rule::structural => "`(`",
+        Rule::binder | Rule::set_binder => "an index",
+        Rule::binder_tuple => "a list in parentheses",
+        Rule::declaration => "a declaration",
+        Rule::argument | Rule::place_entry | Rule::structural_parameter => "`name = value`",
+        Rule::row | Rule::sparse_cell => "a row of the table",
+        Rule::time_entry => "`time: value`",
+        Rule::column => "a column",
+        Rule::domain_clause | Rule::domain_word | Rule::domain_choice => "`cells`, `scheme` or another clause",
+        Rule::flux_end | Rule::flux_side => "`low =` or `high =`",
+        Rule::observation | Rule::observed_name => "what is observed",
+        Rule::observation_clause => "a clause such as `in low..high`",
+        Rule::instance => "the name of an instance",
+        Rule::EOI => END,
+        _ => "",
+    }
+}
+
+/// The slip that most probably led here.
+fn slip(before: &str, after: &str, keyword: &str) -> Option<String> {
+    let found = token(after);
+    let last = before.trim_end().chars().last().unwrap_or(' ');
+    let next = found.chars().next().unwrap_or(' ');
+    let hint = match found {
+        ":=" => "write `=`; there is no `:=`",
+        "=" if last == ':' => "write `=`; there is no `:=`",
+        "**" | "*" if found == "**" || last == '*' => "a power is written `^`: `x^2`",
+        "=" if matches!(keyword, "fail" | "success" | "constraint" | "event" | "clamp" | "reward" | "let") => "to compare write `==`",
+        "{" if matches!(keyword, "eq" | "let" | "param") => "group with parentheses",
+        "" if keyword == "eq" && before.contains("==") => "here `=` defines; `==` compares",
+        "==" => "here `=` defines; `==` compares",
+        "&" | "&&" => "write `and`",
+        "|" => "write `or`",
+        "!" => "write `not`",
+        ";" => "entries are separated by commas or newlines",
+        "." if last.is_ascii_digit() => "a number has digits on both sides of the point: `1.0`",
+        "." => "a number begins with a digit: `0.5`",
+        "/" if before.trim_end().ends_with("d") || after.starts_with("/dt") => "a rate is written `d/dt x`",
+        _ if is_rate_slip(before, after) => "a rate is written `d/dt x`",
+        _ if last.is_ascii_digit() && next.is_ascii_alphabetic() => {
+            return Some(format!("to multiply write `*`; a unit stands in brackets: `[{found}]`"));
+        }
+        "(" if last == ')' || last.is_ascii_digit() => "to multiply write `*`",
+        _ if last == ')' && (next.is_ascii_alphanumeric()) => "to multiply write `*`",
+        _ if next.is_ascii_digit() && (last.is_ascii_alphanumeric() || last == ')') => "to multiply write `*`",
+        _ => return None,
+    };
+    Some(hint.to_owned())
+}
+
+/// `d x/dt` and `dx/dt = ...` are read as names and divisions.
+fn is_rate_slip(before: &str, after: &str) -> bool {
+    let before = before.trim_end();
+    before == "d" && after.contains("/dt")
+}
+
+/// What to say of a line that begins with no keyword.
+pub(super) fn statement_hint(word: &str, text: &str) -> Option<String> {
+    let rest = text[word.len()..].trim_start();
+    let equation = text.starts_with("d/dt") || text.starts_with("der(");
+    if equation {
+        return Some("an equation begins with `eq`: `eq d/dt x = ...`".to_owned());
+    }
+    let hint = match word {
+        "parameter" | "parameters" | "const" | "constant" => "parameters are declared with `param`",
+        "variable" | "algebraic" => "algebraic variables are declared with `var`",
+        "equation" | "equations" => "an equation begins with `eq`",
+        "input" | "control" => "inputs that are manipulated are declared with `action`",
+        "output" => "what is seen is listed with `observe`",
+        "function" | "fn" => "a function is declared with `def`",
+        "import" | "include" => "a file is imported with `use \"file.eq\"`",
+        "init" => "initial values are set with `initial`",
+        "else" => "a `when` has no `else`; write a second `when`",
+        _ if word.is_empty() => return None,
+        _ if rest.starts_with(":=") => "write `let name = expression`; there is no `:=`",
+        _ if rest.starts_with('=') && !rest.starts_with("==") => {
+            return Some(format!("to define write `let {word} = ...`; an equation begins with `eq`"));
+        }
+        _ => return None,
+    };
+    Some(hint.to_owned())
+}
+
+/// How a statement is formed, by an example.
+fn form(keyword: &str) -> Option<&'static str> {
+    Some(match keyword {
+        "model" => "model Name \"text\"",
+        "time" => "time t : min",
+        "set" => "set species = { a, b }",
+        "def" => "def f(a, b) = expression",
+        "param" => "param p : unit = value in low..high \"text\"",
+        "action" => "action u : unit = nominal in low..high \"text\"",
+        "state" => "state x : unit = initial in low..high \"text\"",
+        "eq" => "eq left = right for i in species",
+        "domain" => "domain z in 0..L cells n scheme upwind",
+        "flux" => "flux J[z] = inner, low = value, high = value",
+        "port" => "port inlet, outlet : Stream",
+        "connect" => "connect M1.outlet -> R1.inlet",
+        "use" => "use Component as name(parameter = value)",
+        "initial" => "initial x ~ uniform(0, 1) clip bounds",
+        "steady" | "episode" | "solver" => "name = value, between `{` and `}`",
+        "policy" => "policy name { action = expression }",
+        "reward" => "reward name default = expression \"text\"",
+        "fail" => "fail name when condition",
+        "success" => "success name when condition",
+        "constraint" => "constraint name when condition",
+        "event" => "event name when condition",
+        "invariant" => "invariant name = expression rate expression",
+        "next" => "next x = expression",
+        "reset" => "reset x = expression",
+        "clamp" => "clamp x at value when condition",
+        "phase" => "phase name for 60 [min] then other",
+        "choice" => "choice name = first | second",
+        "when" => "when choice = option { statements }",
+        "variant" => "variant name \"text\" { statements }",
+        "at" => "at start { statements }",
+        "level" => "level name { observe x }",
+        _ => return None,
+    })
+}

@@ -1,0 +1,217 @@
+//! Statements of the control problem: what is set, seen, wanted and forbidden, and what happens at sampling instants.
+
+use pest::iterators::Pair;
+
+use super::statement::{arguments, fill};
+use super::{Children, Context, Fallible, Rule, declaration, expression, unit};
+use crate::syntax::{Binder, BinderSet, Expr, ExprKind, Observation, Phase, Statement, StatementKind};
+
+/// The statement that `context.keyword` introduces.
+pub(super) fn lower(context: &Context<'_>, mut children: Children<'_>, body: Vec<Statement>) -> Fallible<StatementKind> {
+    match context.keyword {
+        "initial" => initial(context, children),
+        "steady" => Ok(StatementKind::Steady { entries: place_entries(context, children)? }),
+        "observe" => Ok(StatementKind::Observe { items: observations(context, children)? }),
+        "level" => Ok(StatementKind::Level { name: children.name(context)?, text: children.text(), body }),
+        "reward" => reward(context, children),
+        "fail" => fail(context, children),
+        "success" | "constraint" | "event" => conditional(context, children),
+        "invariant" => invariant(context, children),
+        "episode" => Ok(StatementKind::Episode { entries: arguments(context, children)? }),
+        "solver" => Ok(StatementKind::Solver { entries: arguments(context, children)? }),
+        "policy" => Ok(StatementKind::Policy { name: children.name(context)?, entries: place_entries(context, children)? }),
+        "at" => Ok(StatementKind::At { instant: children.name(context)?, body }),
+        "clamp" => clamp(context, children),
+        "phase" => phase(context, children, body),
+        _ => update(context, children),
+    }
+}
+
+fn initial(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
+    let target = expression::place(context, children.expect(context, Rule::place)?)?;
+    let random = children.skip(Rule::tilde);
+    children.skip(Rule::equals);
+    let value = expression::expr(context, children.expect(context, Rule::expr)?)?;
+    let clip = declaration::clip(context, &mut children)?;
+    Ok(StatementKind::Initial { target, random, value, clip, binders: expression::for_clause(context, &mut children)? })
+}
+
+fn place_entries(context: &Context<'_>, children: Children<'_>) -> Fallible<Vec<(Expr, Expr)>> {
+    let lower = |part: Pair<'_, Rule>| {
+        let mut children = Children::new(part);
+        let place = expression::place(context, children.expect(context, Rule::place)?)?;
+        children.skip(Rule::equals);
+        Ok((place, expression::expr(context, children.expect(context, Rule::expr)?)?))
+    };
+    children.pairs.filter(|part| part.as_rule() == Rule::place_entry).map(lower).collect()
+}
+
+fn reward(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
+    let name = children.name(context)?;
+    let unit = unit::declared(context, &mut children)?;
+    let default = children.skip(Rule::kw_default);
+    children.skip(Rule::equals);
+    let value = expression::expr(context, children.expect(context, Rule::expr)?)?;
+    Ok(StatementKind::Reward { name, unit, default, value, text: children.text() })
+}
+
+fn fail(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
+    let name = children.name(context)?;
+    let event = children.skip(Rule::kw_event);
+    children.skip(Rule::kw_when);
+    let condition = expression::expr(context, children.expect(context, Rule::expr)?)?;
+    Ok(StatementKind::Fail { name, event, condition, text: children.text() })
+}
+
+fn conditional(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
+    let name = children.name(context)?;
+    children.skip(Rule::kw_when);
+    let condition = expression::expr(context, children.expect(context, Rule::expr)?)?;
+    let text = children.text();
+    Ok(match context.keyword {
+        "success" => StatementKind::Success { name, condition, text },
+        "event" => StatementKind::Event { name, condition, text },
+        _ => StatementKind::Constraint { name, condition, text },
+    })
+}
+
+fn invariant(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
+    let name = children.name(context)?;
+    children.skip(Rule::equals);
+    let value = expression::expr(context, children.expect(context, Rule::expr)?)?;
+    let rate = if children.skip(Rule::kw_rate) { Some(expression::expr(context, children.expect(context, Rule::expr)?)?) } else { None };
+    Ok(StatementKind::Invariant { name, value, rate, text: children.text() })
+}
+
+/// `next` and `reset`
+fn update(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
+    let target = expression::place(context, children.expect(context, Rule::place)?)?;
+    children.skip(Rule::equals);
+    let value = expression::expr(context, children.expect(context, Rule::expr)?)?;
+    let binders = expression::for_clause(context, &mut children)?;
+    Ok(if context.keyword == "next" {
+        StatementKind::Next { target, value, binders }
+    } else {
+        StatementKind::Reset { target, value, binders }
+    })
+}
+
+fn clamp(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
+    let target = expression::place(context, children.expect(context, Rule::place)?)?;
+    children.skip(Rule::kw_at);
+    let value = expression::expr(context, children.expect(context, Rule::expr)?)?;
+    children.skip(Rule::kw_when);
+    let condition = expression::expr(context, children.expect(context, Rule::expr)?)?;
+    Ok(StatementKind::Clamp { target, value, condition, binders: expression::for_clause(context, &mut children)? })
+}
+
+fn phase(context: &Context<'_>, mut children: Children<'_>, body: Vec<Statement>) -> Fallible<StatementKind> {
+    let name = children.name(context)?;
+    let duration = declaration::clause(context, &mut children, Rule::phase_for)?;
+    let until = declaration::clause(context, &mut children, Rule::phase_until)?;
+    let then = children.take(Rule::phase_then);
+    let next = then.and_then(|pair| pair.into_inner().find(|part| part.as_rule() == Rule::name));
+    let next = next.map(|name| context.ident(&name)).transpose()?;
+    Ok(StatementKind::Phase(Phase { name, duration, until, next, body }))
+}
+
+fn observations(context: &Context<'_>, children: Children<'_>) -> Fallible<Vec<Observation>> {
+    let mut items: Vec<Observation> = Vec::new();
+    for part in children.pairs.filter(|part| part.as_rule() == Rule::observation) {
+        let item = observation(context, part)?;
+        match items.last_mut() {
+            Some(previous) => match binder_of(previous, &item) {
+                Some(binder) => previous.binders.push(binder),
+                None => items.push(item),
+            },
+            None => items.push(item),
+        }
+    }
+    Ok(items)
+}
+
+/// In `observe c[i, z] for i in species, z` the last `z` is an index of the observation before it, since that one mentions it as such.
+fn binder_of(previous: &Observation, item: &Observation) -> Option<Binder> {
+    let ExprKind::Name(name) = &item.value.kind else { return None };
+    let bare = item.name.is_none() && item.unit.is_none() && item.text.is_none();
+    if previous.binders.is_empty() || !bare || !indexed_by(&previous.value, &name.text) {
+        return None;
+    }
+    let over = match &item.bounds {
+        Some((low, high)) => BinderSet::Range(Box::new(low.clone()), Box::new(high.clone())),
+        None => BinderSet::Itself,
+    };
+    Some(Binder { name: name.clone(), over, span: item.span })
+}
+
+fn indexed_by(value: &Expr, name: &str) -> bool {
+    match &value.kind {
+        ExprKind::Index(base, indices) => {
+            indexed_by(base, name) || indices.iter().any(|index| matches!(&index.kind, ExprKind::Name(ident) if ident.text == name))
+        }
+        ExprKind::Member(base, _) => indexed_by(base, name),
+        _ => false,
+    }
+}
+
+fn observation(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Observation> {
+    let span = context.span(&pair);
+    let mut children = Children::new(pair);
+    let mut item = match children.take(Rule::observed_name) {
+        Some(named) => observed_name(context, named)?,
+        None => bare(expression::expr(context, children.expect(context, Rule::expr)?)?),
+    };
+    item.span = span;
+    for clause in children.pairs {
+        observation_clause(context, &mut item, clause)?;
+    }
+    Ok(item)
+}
+
+fn bare(value: Expr) -> Observation {
+    let span = value.span;
+    Observation {
+        name: None,
+        unit: None,
+        value,
+        binders: Vec::new(),
+        bounds: None,
+        noise: None,
+        every: None,
+        delay: None,
+        text: None,
+        span,
+    }
+}
+
+/// `pH : unit = expr`, or a variable with the unit in which it is observed.
+fn observed_name(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Observation> {
+    let mut children = Children::new(pair);
+    let name = children.name(context)?;
+    let unit = unit::declared(context, &mut children)?;
+    if children.skip(Rule::equals) {
+        let value = expression::expr(context, children.expect(context, Rule::expr)?)?;
+        return Ok(Observation { name: Some(name), unit, ..bare(value) });
+    }
+    Ok(Observation { unit, ..bare(Expr { span: name.span, kind: ExprKind::Name(name) }) })
+}
+
+fn observation_clause(context: &Context<'_>, item: &mut Observation, pair: Pair<'_, Rule>) -> Fallible<()> {
+    let mut children = Children::new(pair.clone());
+    let Some(clause) = children.pairs.next() else { return Ok(()) };
+    match clause.as_rule() {
+        Rule::bounds => {
+            let mut inner = Children::new(clause);
+            inner.skip(Rule::kw_in);
+            fill(context, &mut item.bounds, declaration::range(context, &mut inner)?, "in", &pair)
+        }
+        Rule::noise => fill(context, &mut item.noise, declaration::only_expr(context, clause)?, "noise", &pair),
+        Rule::every => fill(context, &mut item.every, declaration::only_expr(context, clause)?, "every", &pair),
+        Rule::delay => fill(context, &mut item.delay, declaration::only_expr(context, clause)?, "delay", &pair),
+        Rule::text => fill(context, &mut item.text, Context::text(&clause), "text", &pair),
+        _ => {
+            item.binders.extend(expression::binders(context, clause)?);
+            Ok(())
+        }
+    }
+}

@@ -1,0 +1,267 @@
+//! Statements: which rule of the grammar reads which keyword, and the kinds that describe the process.
+//!
+//! The control problem is in `problem`, tables are in `table`.
+
+use pest::iterators::Pair;
+
+use super::{Children, Context, Fallible, Rule, declaration, expression, problem, table, unit};
+use crate::diagnostic::{Diagnostic, codes};
+use crate::syntax::{Domain, Expr, Flux, Ident, Role, Statement, StatementKind};
+
+/// The rule that reads the rest of a statement behind its keyword.
+pub(super) fn rule(keyword: &str, rest: &str) -> Rule {
+    match keyword {
+        "model" => Rule::model,
+        "use" if rest.starts_with('"') => Rule::import,
+        "use" => Rule::instances,
+        "time" => Rule::time,
+        "set" => Rule::set,
+        "table" => Rule::table,
+        "def" => Rule::def,
+        "eq" => Rule::eq,
+        "domain" => Rule::domain,
+        "flux" => Rule::flux,
+        "connector" => Rule::connector,
+        "component" => Rule::component,
+        "port" => Rule::port,
+        "connect" => Rule::connect,
+        "initial" => Rule::initial,
+        "steady" => Rule::steady,
+        "observe" => Rule::observe,
+        "level" => Rule::level,
+        "reward" => Rule::reward,
+        "fail" => Rule::fail,
+        "success" | "constraint" | "event" => Rule::conditional,
+        "invariant" => Rule::invariant,
+        "episode" | "solver" => Rule::settings,
+        "policy" => Rule::policy,
+        "at" => Rule::at,
+        "next" | "reset" => Rule::next,
+        "clamp" => Rule::clamp,
+        "phase" => Rule::phase,
+        "variant" => Rule::variant,
+        "choice" => Rule::choice,
+        "when" => Rule::when,
+        _ => Rule::declarations,
+    }
+}
+
+/// The statement, or the several that one line stands for (`use Mixer as M1, M2`).
+pub(super) fn lower(context: &Context<'_>, children: Children<'_>, body: Vec<Statement>) -> Fallible<Vec<StatementKind>> {
+    if context.keyword == "use" {
+        return instances(context, children);
+    }
+    let kind = match role(context.keyword) {
+        Some(role) => StatementKind::Declare { role, declarations: declaration::declarations(context, children)? },
+        None => single(context, children, body)?,
+    };
+    Ok(vec![kind])
+}
+
+fn role(keyword: &str) -> Option<Role> {
+    Some(match keyword {
+        "param" => Role::Param,
+        "action" => Role::Action,
+        "state" => Role::State,
+        "var" => Role::Var,
+        "let" => Role::Let,
+        "discrete" => Role::Discrete,
+        "disturbance" => Role::Disturbance,
+        "random" => Role::Random,
+        _ => return None,
+    })
+}
+
+fn single(context: &Context<'_>, mut children: Children<'_>, body: Vec<Statement>) -> Fallible<StatementKind> {
+    match context.keyword {
+        "model" => Ok(StatementKind::Model { name: children.name(context)?, text: children.text() }),
+        "time" => time(context, children),
+        "set" => table::set(context, children),
+        "table" => table::table(context, children),
+        "def" => def(context, children),
+        "eq" => equation(context, children),
+        "domain" => domain(context, children),
+        "flux" => flux(context, children),
+        "connector" => {
+            Ok(StatementKind::Connector { name: children.name(context)?, members: declaration::declarations(context, children)? })
+        }
+        "component" => component(context, children, body),
+        "port" => port(context, children),
+        "connect" => connect(context, children),
+        "choice" => choice(context, children),
+        "variant" => Ok(StatementKind::Variant { name: children.name(context)?, text: children.text(), body }),
+        "when" => when(context, children, body),
+        _ => problem::lower(context, children, body),
+    }
+}
+
+fn instances(context: &Context<'_>, mut children: Children<'_>) -> Fallible<Vec<StatementKind>> {
+    if let Some(path) = children.take(Rule::text) {
+        return Ok(vec![StatementKind::Import { path: Context::text(&path), path_span: context.span(&path) }]);
+    }
+    let component = children.name(context)?;
+    let parts = children.pairs.filter(|part| part.as_rule() == Rule::instance);
+    parts.map(|part| instance(context, &component, part)).collect()
+}
+
+fn instance(context: &Context<'_>, component: &Ident, pair: Pair<'_, Rule>) -> Fallible<StatementKind> {
+    let mut children = Children::new(pair);
+    let name = children.name(context)?;
+    let indices = declaration::indices(context, &mut children)?;
+    let arguments =
+        children.take(Rule::instance_arguments).map_or_else(|| Ok(Vec::new()), |pair| arguments(context, Children::new(pair)))?;
+    Ok(StatementKind::Instance { component: component.clone(), name, indices, arguments })
+}
+
+/// `name = expr`, several.
+pub(super) fn arguments(context: &Context<'_>, children: Children<'_>) -> Fallible<Vec<(Ident, Expr)>> {
+    let parts = children.pairs.filter(|part| part.as_rule() == Rule::argument);
+    parts.map(|part| Ok((Children::new(part.clone()).name(context)?, declaration::only_expr(context, part)?))).collect()
+}
+
+fn time(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
+    let name = children.name(context)?;
+    children.skip(Rule::colon);
+    Ok(StatementKind::Time { name, unit: unit::unit(context, children.expect(context, Rule::unit)?)? })
+}
+
+fn def(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
+    let name = children.name(context)?;
+    let parameters = table::names(context, children.expect(context, Rule::parameters)?)?;
+    children.skip(Rule::equals);
+    Ok(StatementKind::Def { name, parameters, body: expression::expr(context, children.expect(context, Rule::expr)?)? })
+}
+
+fn equation(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
+    let lhs = expression::expr(context, children.expect(context, Rule::expr)?)?;
+    children.skip(Rule::equals);
+    let rhs = expression::expr(context, children.expect(context, Rule::expr)?)?;
+    Ok(StatementKind::Equation { lhs, rhs, binders: expression::for_clause(context, &mut children)? })
+}
+
+fn domain(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
+    let name = children.name(context)?;
+    children.skip(Rule::kw_in);
+    let range = declaration::range(context, &mut children)?;
+    let mut clauses = DomainClauses::default();
+    while let Some(clause) = children.take(Rule::domain_clause) {
+        clauses.add(context, clause)?;
+    }
+    let Some(cells) = clauses.cells else {
+        let fault = Diagnostic::error(codes::MISSING_CLAUSE, format!("domain `{}` has no number of cells", name.text), name.span);
+        return Err(Box::new(fault.label("declared here").help("add `cells 20` after the range")));
+    };
+    let DomainClauses { scheme, geometry, stretch, faces, volumes, areas, .. } = clauses;
+    Ok(StatementKind::Domain(Domain { name, range, cells, scheme, geometry, stretch, faces, volumes, areas, text: children.text() }))
+}
+
+#[derive(Default)]
+struct DomainClauses {
+    cells: Option<Expr>,
+    scheme: Option<Ident>,
+    geometry: Option<Ident>,
+    stretch: Option<Expr>,
+    faces: Option<Expr>,
+    volumes: Option<Expr>,
+    areas: Option<Expr>,
+}
+
+impl DomainClauses {
+    fn add(&mut self, context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<()> {
+        let place = pair.clone();
+        let mut children = Children::new(pair);
+        if let Some(word) = children.take(Rule::domain_choice) {
+            let slot = if word.as_str() == "scheme" { &mut self.scheme } else { &mut self.geometry };
+            return fill(context, slot, children.name(context)?, word.as_str(), &place);
+        }
+        let word = children.expect(context, Rule::domain_word)?;
+        let slot = match word.as_str() {
+            "cells" => &mut self.cells,
+            "stretch" => &mut self.stretch,
+            "faces" => &mut self.faces,
+            "areas" => &mut self.areas,
+            _ => &mut self.volumes,
+        };
+        let value = expression::expr(context, children.expect(context, Rule::expr)?)?;
+        fill(context, slot, value, word.as_str(), &place)
+    }
+}
+
+/// Sets a clause that may be given once.
+pub(super) fn fill<T>(context: &Context<'_>, slot: &mut Option<T>, value: T, name: &str, pair: &Pair<'_, Rule>) -> Fallible<()> {
+    if slot.replace(value).is_some() {
+        let fault = Diagnostic::error(codes::DUPLICATE_CLAUSE, format!("`{name}` is given twice"), context.span(pair));
+        return Err(Box::new(fault.label("a second time").help("keep one of the two")));
+    }
+    Ok(())
+}
+
+fn flux(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
+    let name = children.name(context)?;
+    let indices = declaration::indices(context, &mut children)?;
+    let unit = unit::declared(context, &mut children)?;
+    children.skip(Rule::equals);
+    let inner = expression::expr(context, children.expect(context, Rule::expr)?)?;
+    let (mut low, mut high) = (None, None);
+    while let Some(end) = children.take(Rule::flux_end) {
+        let place = end.clone();
+        let side = Children::new(end.clone()).expect(context, Rule::flux_side)?;
+        let slot = if side.as_str() == "low" { &mut low } else { &mut high };
+        fill(context, slot, declaration::only_expr(context, end)?, side.as_str(), &place)?;
+    }
+    Ok(StatementKind::Flux(Flux { name, indices, unit, inner, low, high }))
+}
+
+fn component(context: &Context<'_>, mut children: Children<'_>, body: Vec<Statement>) -> Fallible<StatementKind> {
+    let name = children.name(context)?;
+    let parameters = children.take(Rule::structural).map_or_else(|| Ok(Vec::new()), |pair| structural(context, pair))?;
+    Ok(StatementKind::Component { name, parameters, text: children.text(), body })
+}
+
+fn structural(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Vec<(Ident, Option<Expr>)>> {
+    let lower = |part| {
+        let mut children = Children::new(part);
+        Ok((children.name(context)?, declaration::clause(context, &mut children, Rule::value)?))
+    };
+    pair.into_inner().map(lower).collect()
+}
+
+fn port(context: &Context<'_>, children: Children<'_>) -> Fallible<StatementKind> {
+    let mut names = Vec::new();
+    let mut pairs = children.pairs.filter(|part| matches!(part.as_rule(), Rule::name)).peekable();
+    while let Some(part) = pairs.next() {
+        let name = context.ident(&part)?;
+        if pairs.peek().is_none() {
+            return Ok(StatementKind::Port { names, connector: name });
+        }
+        names.push(name);
+    }
+    let place = crate::layout::span(context.file, context.offset, context.offset);
+    Err(Box::new(Diagnostic::error(codes::SYNTAX, "expected `port name : Connector`", place)))
+}
+
+fn connect(context: &Context<'_>, children: Children<'_>) -> Fallible<StatementKind> {
+    let places = children.pairs.filter(|part| part.as_rule() == Rule::place);
+    Ok(StatementKind::Connect { chain: places.map(|part| expression::place(context, part)).collect::<Fallible<_>>()? })
+}
+
+fn choice(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
+    let name = children.name(context)?;
+    let mut options = Vec::new();
+    let mut text = None;
+    for part in children.pairs {
+        match part.as_rule() {
+            Rule::option => options.push(context.word(&part)),
+            Rule::text => text = Some(Context::text(&part)),
+            _ => {}
+        }
+    }
+    Ok(StatementKind::Choice { name, options, text })
+}
+
+fn when(context: &Context<'_>, mut children: Children<'_>, body: Vec<Statement>) -> Fallible<StatementKind> {
+    let choice = children.name(context)?;
+    children.skip(Rule::equals);
+    let option = context.word(&children.expect(context, Rule::option)?);
+    Ok(StatementKind::When { choice, option, body })
+}

@@ -1,0 +1,127 @@
+//! Sets, tables and time tables.
+
+use pest::iterators::Pair;
+
+use super::{Children, Context, Fallible, Rule, declaration, expression, unit};
+use crate::syntax::{Ident, SetMembers, StatementKind, Table, TableCells, TableColumn, TableRow, TimeTable, TimeTableKind};
+
+/// `set species = { a, b }`, `set class = 1..9`
+pub(super) fn set(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
+    let name = children.name(context)?;
+    children.skip(Rule::equals);
+    let members = match children.take(Rule::set_names) {
+        Some(names) => SetMembers::Names(self::names(context, names)?),
+        None => {
+            let (low, high) = declaration::range(context, &mut children)?;
+            SetMembers::Range(low, high)
+        }
+    };
+    Ok(StatementKind::Set { name, members, text: children.text() })
+}
+
+/// All names among the parts of a rule.
+pub(super) fn names(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Vec<Ident>> {
+    pair.into_inner().filter(|part| part.as_rule() == Rule::name).map(|part| context.ident(&part)).collect()
+}
+
+/// The three forms of `table`.
+pub(super) fn table(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
+    children.skip(Rule::kw_over);
+    let name = children.name(context)?;
+    if let Some(pair) = children.take(Rule::time_table) {
+        let mut table = time_table(context, name, pair)?;
+        table.text = children.text();
+        return Ok(StatementKind::TimeTable(table));
+    }
+    let mut table = match children.take(Rule::columns_table) {
+        Some(pair) => columns_table(context, name, pair)?,
+        None => plain_table(context, name, children.expect(context, Rule::plain_table)?)?,
+    };
+    table.text = table.text.or(children.text());
+    Ok(StatementKind::Table(table))
+}
+
+fn columns_table(context: &Context<'_>, set: Ident, pair: Pair<'_, Rule>) -> Fallible<Table> {
+    let mut children = Children::new(pair);
+    let text = children.text();
+    let mut columns = Vec::new();
+    let mut rows = Vec::new();
+    for part in children.pairs {
+        match part.as_rule() {
+            Rule::column => columns.push(column(context, part)?),
+            Rule::row => rows.push(row(context, part)?),
+            _ => {}
+        }
+    }
+    Ok(Table { columns, indices: vec![set], default: None, rows, text })
+}
+
+fn column(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<TableColumn> {
+    let mut children = Children::new(pair);
+    let name = children.name(context)?;
+    let unit = children.take(Rule::unit_brackets).map(|pair| unit::brackets(context, pair)).transpose()?;
+    Ok(TableColumn { name, unit })
+}
+
+fn plain_table(context: &Context<'_>, name: Ident, pair: Pair<'_, Rule>) -> Fallible<Table> {
+    let mut children = Children::new(pair);
+    let indices = names(context, children.expect(context, Rule::table_sets)?)?;
+    let unit = unit::declared(context, &mut children)?;
+    let default = declaration::clause(context, &mut children, Rule::table_default)?;
+    let text = children.text();
+    let rows = children.pairs.filter(|part| part.as_rule() == Rule::row);
+    let rows = rows.map(|part| row(context, part)).collect::<Fallible<Vec<_>>>()?;
+    Ok(Table { columns: vec![TableColumn { name, unit }], indices, default, rows, text })
+}
+
+fn row(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<TableRow> {
+    let span = context.span(&pair);
+    let mut children = Children::new(pair);
+    let label = label(context, &mut children)?;
+    children.skip(Rule::colon);
+    let cells = if children.peek() == Some(Rule::sparse_cell) {
+        TableCells::Sparse(children.pairs.map(|part| sparse_cell(context, part)).collect::<Fallible<_>>()?)
+    } else {
+        TableCells::Values(children.pairs.map(|part| expression::expr(context, part)).collect::<Fallible<_>>()?)
+    };
+    Ok(TableRow { label, cells, span })
+}
+
+/// The member that a row or cell belongs to: a name, or an integer of a numbered set.
+fn label(context: &Context<'_>, children: &mut Children<'_>) -> Fallible<Ident> {
+    match children.take(Rule::integer) {
+        Some(integer) => Ok(context.word(&integer)),
+        None => children.name(context),
+    }
+}
+
+fn sparse_cell(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<(Ident, crate::syntax::Expr)> {
+    let mut children = Children::new(pair);
+    let label = label(context, &mut children)?;
+    children.skip(Rule::equals);
+    Ok((label, expression::expr(context, children.expect(context, Rule::expr)?)?))
+}
+
+fn time_table(context: &Context<'_>, name: Ident, pair: Pair<'_, Rule>) -> Fallible<TimeTable> {
+    let mut children = Children::new(pair);
+    let unit = unit::declared(context, &mut children)?;
+    children.skip(Rule::kw_over);
+    children.skip(Rule::name);
+    children.skip(Rule::colon);
+    let time_unit = unit::unit(context, children.expect(context, Rule::unit)?)?;
+    let kind = match children.expect(context, Rule::time_kind)?.as_str() {
+        "until" => TimeTableKind::Until,
+        "from" => TimeTableKind::From,
+        _ => TimeTableKind::Linear,
+    };
+    let entries = children.pairs.filter(|part| part.as_rule() == Rule::time_entry);
+    let entries = entries.map(|part| time_entry(context, part)).collect::<Fallible<Vec<_>>>()?;
+    Ok(TimeTable { name, unit, time_unit, kind, entries, text: None })
+}
+
+fn time_entry(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<(crate::syntax::Expr, crate::syntax::Expr)> {
+    let mut children = Children::new(pair);
+    let time = expression::expr(context, children.expect(context, Rule::expr)?)?;
+    children.skip(Rule::colon);
+    Ok((time, expression::expr(context, children.expect(context, Rule::expr)?)?))
+}

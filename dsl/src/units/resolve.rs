@@ -1,0 +1,77 @@
+//! From a unit as written to what it means.
+
+#![allow(clippy::result_large_err, reason = "faults of units are rare and end the compilation")]
+
+use super::{Rational, Unit, table};
+use crate::diagnostic::{Diagnostic, codes, suggest};
+use crate::span::Span;
+use crate::syntax::{Expr, Ident, UnitBase, UnitExpr, UnitFactor};
+
+/// The unit that an expression of units stands for. `unit_of` gives the unit of differences of the expression in `unit(x)`.
+///
+/// # Errors
+/// A symbol that is not in the table (with the one probably meant), or exponents and factors beyond what can be represented.
+pub fn resolve(written: &UnitExpr, unit_of: &mut dyn FnMut(&Expr) -> Result<Unit, Diagnostic>) -> Result<Unit, Diagnostic> {
+    if let [UnitFactor { base: UnitBase::Symbol(symbol), exponent: (1, 1) }] = written.factors.as_slice() {
+        return named(symbol);
+    }
+    let mut product = Unit::one();
+    for factor in &written.factors {
+        let base = base(&factor.base, unit_of)?;
+        let exponent = Rational::new(factor.exponent.0.into(), factor.exponent.1.into());
+        let power = exponent.and_then(|exponent| base.power(exponent));
+        product = power.and_then(|power| product.multiply(&power)).ok_or_else(|| overflow(written.span))?;
+    }
+    Ok(product)
+}
+
+fn base(base: &UnitBase, unit_of: &mut dyn FnMut(&Expr) -> Result<Unit, Diagnostic>) -> Result<Unit, Diagnostic> {
+    match base {
+        UnitBase::Symbol(symbol) => named(symbol),
+        UnitBase::Of(expr) => unit_of(expr).map(|unit| unit.difference()),
+        UnitBase::Number(value, span) => Unit::number(*value).ok_or_else(|| overflow(*span)),
+    }
+}
+
+fn named(symbol: &Ident) -> Result<Unit, Diagnostic> {
+    Unit::named(&symbol.text).ok_or_else(|| {
+        let message = format!("unknown unit `{}`", symbol.text);
+        Diagnostic::error(codes::UNKNOWN_UNIT, message, symbol.span).label("not a unit").maybe_help(meant(&symbol.text))
+    })
+}
+
+fn overflow(span: Span) -> Diagnostic {
+    Diagnostic::error(codes::UNIT_OVERFLOW, "this unit has exponents or factors beyond what can be represented", span)
+}
+
+/// What an unknown symbol was probably meant to be.
+fn meant(symbol: &str) -> Option<String> {
+    if let Some((_, known)) = table::SYNONYMS.iter().find(|(other, _)| *other == symbol) {
+        return Some(format!("did you mean `{known}`?"));
+    }
+    let letters = symbol.trim_end_matches(|c: char| c.is_ascii_digit());
+    if letters.len() < symbol.len() && Unit::named(letters).is_some() {
+        return Some(format!("a power is written `{letters}^{}`", &symbol[letters.len()..]));
+    }
+    split(symbol).or_else(|| nearest(symbol))
+}
+
+/// `molL` is probably `mol L`.
+fn split(symbol: &str) -> Option<String> {
+    let known = |part: &str| part.len() > 1 && Unit::named(part).is_some();
+    (2..symbol.len().saturating_sub(1)).filter(|at| symbol.is_char_boundary(*at)).find_map(|at| {
+        let (left, right) = symbol.split_at(at);
+        (known(left) && known(right)).then(|| format!("a product is written with a blank: `{left} {right}`"))
+    })
+}
+
+fn nearest(symbol: &str) -> Option<String> {
+    let candidates: Vec<String> = table::symbols().iter().flat_map(spellings).collect();
+    suggest(symbol, candidates.iter().map(String::as_str)).map(|candidate| format!("did you mean `{candidate}`?"))
+}
+
+/// A unit alone and with its usual prefixes.
+fn spellings(unit: &table::Symbol) -> Vec<String> {
+    let prefixes: &[&str] = if unit.prefixed { &["", "k", "m", "u", "c", "n", "M"] } else { &[""] };
+    prefixes.iter().map(|prefix| format!("{prefix}{}", unit.symbol)).collect()
+}

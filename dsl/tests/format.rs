@@ -1,0 +1,69 @@
+//! The formatter changes nothing but layout, and a second pass changes nothing at all.
+
+mod common;
+
+use proptest::prelude::*;
+use serde_json::Value;
+use smpl_dsl::format::format;
+use smpl_dsl::parse;
+use smpl_dsl::span::FileId;
+
+/// The syntax tree without places.
+fn tree(text: &str) -> Value {
+    let mut value = serde_json::to_value(parse(text, FileId(0)).file).expect("a tree");
+    strip(&mut value);
+    value
+}
+
+fn strip(value: &mut Value) {
+    match value {
+        Value::Object(fields) if fields.contains_key("file") && fields.contains_key("start") => *value = Value::Null,
+        Value::Object(fields) => fields.values_mut().for_each(strip),
+        Value::Array(items) => items.iter_mut().for_each(strip),
+        _ => {}
+    }
+}
+
+fn comments(text: &str) -> Vec<String> {
+    let comments = text.lines().filter_map(|line| line.rsplit_once('#')).map(|(_, comment)| comment.trim().to_owned());
+    comments.collect()
+}
+
+fn check(text: &str) {
+    let Ok(once) = format(text) else { return };
+    assert_eq!(tree(&once), tree(text), "the tree changed:\n{text}\n----\n{once}");
+    assert_eq!(comments(&once).len(), comments(text).len(), "comments were lost:\n{text}\n----\n{once}");
+    assert_eq!(format(&once).as_deref(), Ok(once.as_str()), "a second pass changed:\n{text}");
+}
+
+#[test]
+fn models_and_examples_keep_their_meaning() {
+    common::corpus().iter().for_each(|text| check(text));
+}
+
+#[test]
+fn declarations_of_one_role_are_aligned() {
+    let text = "param q_in : m^3/min=0.1 \"feed\"\nparam  r:m = 0.219 in 0.05..5   \"radius\"\n\n\n\nlet a=2*x+ 1 # why\n";
+    let expected = "param q_in : m^3/min = 0.1                  \"feed\"\nparam r    : m       = 0.219  in 0.05..5    \"radius\"\n\nlet a = 2*x + 1    # why\n";
+    assert_eq!(format(text).as_deref(), Ok(expected));
+}
+
+#[test]
+fn blocks_are_indented_and_long_lines_keep_their_breaks() {
+    let text = "component A(n=3)  \"text\"{\nparam V:mL\nlet d = max(a,\n b)\nat start { next x=1 ;next y = 2 }\n}\npolicy p {\nT = if a then b\n else c\n}";
+    let expected = "component A(n = 3) \"text\" {\n  param V : mL\n  let d = max(a,\n              b)\n  at start { next x = 1; next y = 2 }\n}\npolicy p {\n  T = if a then b\n      else c\n}\n";
+    assert_eq!(format(text).as_deref(), Ok(expected));
+}
+
+#[test]
+fn a_text_with_faults_is_not_formatted() {
+    assert_eq!(format("param = 3").map_err(|faults| faults.len()), Err(1));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+    #[test]
+    fn generated_programs_keep_their_meaning(text in common::program()) {
+        check(&text);
+    }
+}

@@ -1,0 +1,177 @@
+//! Units of measure: conversions against published values, and the algebra against its laws.
+
+#![allow(clippy::result_large_err, reason = "the callback gives diagnostics")]
+
+use proptest::prelude::*;
+use smpl_dsl::parse;
+use smpl_dsl::span::FileId;
+use smpl_dsl::syntax::{StatementKind, UnitExpr};
+use smpl_dsl::units::{Rational, Unit, resolve, symbols};
+
+fn written(text: &str) -> UnitExpr {
+    let source = format!("time t : {text}");
+    let parsed = parse(&source, FileId(0));
+    assert!(parsed.is_ok(), "{text}: {:?}", parsed.diagnostics);
+    match &parsed.file.statements[0].kind {
+        StatementKind::Time { unit, .. } => unit.clone(),
+        other => panic!("not a time: {other:?}"),
+    }
+}
+
+fn unit(text: &str) -> Unit {
+    resolve(&written(text), &mut |_| Ok(Unit::one())).unwrap_or_else(|fault| panic!("{text}: {fault:?}"))
+}
+
+#[test]
+fn factors_agree_with_published_values() {
+    // NIST Special Publication 811 (2008), appendix B; CODATA for the calorie.
+    let table = [
+        ("atm", "Pa", 101_325.0),
+        ("bar", "atm", 1.0 / 1.01325),
+        ("cal", "J", 4.184),
+        ("cP", "Pa s", 1e-3),
+        ("L", "m^3", 1e-3),
+        ("M", "mol/m^3", 1000.0),
+        ("mM", "mol/L", 1e-3),
+        ("kmol/m^3", "mol/L", 1.0),
+        ("h", "s", 3600.0),
+        ("week", "d", 7.0),
+        ("kJ/(min m^2 K)", "W/(m^2 K)", 1000.0 / 60.0),
+        ("g h/L", "kg s/m^3", 3600.0),
+        ("t/ha", "kg/m^2", 0.1),
+        ("ppm", "%", 1e-4),
+        ("mL/min", "m^3/s", 1e-6 / 60.0),
+        ("kcal/(mol K)", "J/(kmol K)", 4.184e6),
+        ("degF", "K", 5.0 / 9.0),
+        ("m^2.5/min", "dm^(5/2)/min", 10_f64.powf(2.5)),
+        ("deg", "rad", std::f64::consts::PI / 180.0),
+        ("100 mL", "L", 0.1),
+    ];
+    for (from, to, expected) in table {
+        let factor = unit(from).factor_to(&unit(to)).unwrap_or(f64::NAN);
+        assert!((factor / expected - 1.0).abs() < 1e-15, "{from} in {to}: {factor}, expected {expected}");
+    }
+}
+
+#[test]
+fn temperatures_agree_with_the_fixed_points_of_the_scales() {
+    // Water boils at 100 degC = 212 degF = 373.15 K; the scales meet at -40.
+    let convert = |from: &str, to: &str, value: f64| {
+        let conversion = unit(from).conversion_to(&unit(to)).unwrap_or_else(|| panic!("{from} to {to}"));
+        conversion.factor * value + conversion.offset
+    };
+    assert_eq!(convert("degC", "K", 100.0), 373.15);
+    assert!((convert("degC", "degF", 100.0) - 212.0).abs() < 1e-10);
+    assert!((convert("degF", "degC", -40.0) + 40.0).abs() < 1e-10);
+    assert_eq!(convert("K", "degC", 273.15), 0.0);
+}
+
+#[test]
+fn a_point_unit_in_a_product_stands_for_differences() {
+    assert!(unit("degC").is_point());
+    assert!(!unit("W/(m^2 degC)").is_point());
+    assert_eq!(unit("W/(m^2 degC)"), unit("W/(m^2 K)"));
+    assert_eq!(unit("degC").difference(), unit("K"));
+}
+
+#[test]
+fn a_slash_divides_by_the_next_factor_only() {
+    assert_eq!(unit("g h/L"), unit("g h L^-1"));
+    assert_eq!(unit("m/s kg"), unit("m kg/s"));
+    assert_eq!(unit("1/h"), unit("h^-1"));
+}
+
+#[test]
+fn units_are_shown_as_they_are_written() {
+    assert_eq!(unit("kmol/(m^3 min)").to_string(), "kmol/(m^3 min)");
+    assert_eq!(unit("m^2.5/min").to_string(), "m^2.5/min");
+    assert_eq!(unit("1/h").to_string(), "1/h");
+    assert_eq!(unit("1").to_string(), "1");
+    let product = unit("kmol/m^3").multiply(&unit("m^3/min"));
+    assert_eq!(product.map(|unit| unit.to_string()).as_deref(), Some("kmol/min"));
+}
+
+#[test]
+fn dimensions_are_described_in_words() {
+    assert_eq!(unit("K/min").describe(), "temperature per time [K/min]");
+    assert_eq!(unit("kPa").describe(), "pressure [kPa]");
+    assert_eq!(unit("1").describe(), "dimensionless");
+    assert_eq!(unit("mol/(L h)").describe(), "concentration per time [mol/(L h)]");
+    assert_eq!(unit("m^2.5/min").describe(), "length^2.5 per time [m^2.5/min]");
+}
+
+#[test]
+fn unknown_units_come_with_what_was_meant() {
+    let cases = [
+        ("sec", "did you mean `s`?"),
+        ("m3", "a power is written `m^3`"),
+        ("kgm", "did you mean"),
+        ("Kmol", "did you mean `kmol`?"),
+        ("minn", "did you mean `min`?"),
+    ];
+    for (text, help) in cases {
+        let fault = resolve(&written(text), &mut |_| Ok(Unit::one())).expect_err(text);
+        assert_eq!(fault.code.id(), "E0301-unknown-unit");
+        assert!(fault.help.as_deref().is_some_and(|given| given.starts_with(help)), "{text}: {:?}", fault.help);
+    }
+}
+
+#[test]
+fn absurd_exponents_are_refused_not_wrapped() {
+    let fault = resolve(&written("m^900 m^900"), &mut |_| Ok(Unit::one())).expect_err("too large");
+    assert_eq!(fault.code.id(), "E0305-unit-overflow");
+    assert!(resolve(&written("km^999"), &mut |_| Ok(Unit::one())).is_err());
+}
+
+fn any_unit() -> impl Strategy<Value = Unit> {
+    let count = symbols().len();
+    proptest::collection::vec((0..count, -3_i32..=3), 0..4).prop_map(|parts| {
+        parts.into_iter().fold(Unit::one(), |product, (index, exponent)| {
+            let unit = Unit::named(symbols()[index].symbol).and_then(|unit| unit.power(Rational::integer(exponent)));
+            unit.and_then(|unit| product.multiply(&unit)).unwrap_or(product)
+        })
+    })
+}
+
+fn close(a: f64, b: f64) -> bool {
+    (a / b - 1.0).abs() < 1e-12
+}
+
+proptest! {
+    #[test]
+    fn a_unit_over_itself_is_one(unit in any_unit()) {
+        let quotient = unit.divide(&unit).expect("in range");
+        prop_assert!(quotient.dimension().is_none());
+        prop_assert!(close(quotient.scale().value(), 1.0));
+        prop_assert_eq!(quotient.to_string(), "1");
+        prop_assert_eq!(unit.factor_to(&unit), Some(1.0));
+    }
+
+    #[test]
+    fn products_commute_and_quotients_undo_them(a in any_unit(), b in any_unit()) {
+        let (ab, ba) = (a.multiply(&b).expect("in range"), b.multiply(&a).expect("in range"));
+        prop_assert_eq!(ab.dimension(), ba.dimension());
+        prop_assert!(close(ab.scale().value(), ba.scale().value()));
+        let back = ab.divide(&b).expect("in range");
+        prop_assert_eq!(back.dimension(), a.dimension());
+        prop_assert!(close(back.scale().value(), a.scale().value()));
+    }
+
+    #[test]
+    fn powers_of_powers_multiply_their_exponents(unit in any_unit(), p in -3_i32..=3, q in 1_i32..=3) {
+        let (p, q) = (Rational::integer(p), Rational::integer(q));
+        let twice = unit.power(p).and_then(|power| power.power(q)).expect("in range");
+        let once = unit.power(p.multiply(q).expect("in range")).expect("in range");
+        prop_assert_eq!(twice.dimension(), once.dimension());
+        prop_assert!(close(twice.scale().value(), once.scale().value()));
+    }
+
+    #[test]
+    fn factors_there_and_back_cancel(a in any_unit(), b in any_unit()) {
+        if let (Some(there), Some(back)) = (a.factor_to(&b), b.factor_to(&a)) {
+            prop_assert!(close(there * back, 1.0));
+        } else {
+            prop_assert!(!a.commensurable(&b));
+        }
+    }
+}

@@ -1,0 +1,427 @@
+//! Many instances of one environment, stepped together into the caller's arrays.
+//!
+//! Instance i of a batch with seed s is, bit for bit, the single environment with seed s + i, on any number of threads: instances share
+//! nothing that changes. Threads are used only where a step of the batch is worth waking them.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use rayon::ThreadPool;
+use rayon::prelude::*;
+
+use crate::environment::{Environment, ResetError, ResetOptions, StepError, StepResult};
+use crate::observe::{Number, denormalise};
+use crate::setup::{Setup, SetupError};
+
+/// When an instance whose episode is over begins the next one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Autoreset {
+    /// In the next step, which ignores the action, has reward 0 and no flags.
+    #[default]
+    NextStep,
+    /// In the same step; the final observation and info are kept beside.
+    SameStep,
+    /// When the caller says so.
+    Disabled,
+}
+
+/// How a batch is run.
+#[derive(Clone, Debug)]
+pub struct BatchOptions {
+    /// When episodes begin anew.
+    pub autoreset: Autoreset,
+    /// Threads; 1 runs everything on the caller's.
+    pub threads: usize,
+    /// Actions and observations are in [-1, 1].
+    pub normalised: bool,
+    /// What resets use.
+    pub reset: ResetOptions,
+}
+
+impl Default for BatchOptions {
+    fn default() -> Self {
+        Self { autoreset: Autoreset::NextStep, threads: 1, normalised: true, reset: ResetOptions::default() }
+    }
+}
+
+/// Why a batch cannot be stepped or reset.
+#[derive(Debug, thiserror::Error)]
+pub enum BatchError {
+    /// An array has the wrong length.
+    #[error("{name} has {given} entries, expected {expected}")]
+    Length {
+        /// Which array.
+        name: &'static str,
+        /// Its length.
+        given: usize,
+        /// The right length.
+        expected: usize,
+    },
+    /// An instance refuses its action; no instance was stepped.
+    #[error("environment {index}: {error}")]
+    Step {
+        /// Number of the instance.
+        index: usize,
+        /// Its error.
+        error: StepError,
+    },
+    /// An instance cannot begin an episode.
+    #[error("environment {index}: {error}")]
+    Reset {
+        /// Number of the instance.
+        index: usize,
+        /// Its error.
+        error: ResetError,
+    },
+    /// No threads.
+    #[error("thread pool: {0}")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
+    /// The environment cannot be made.
+    #[error(transparent)]
+    Setup(#[from] SetupError),
+}
+
+/// Arrays that a step writes, instance after instance: n × observations, and n of each other.
+pub struct StepArrays<'a, T> {
+    /// Observations; after a reset within the step those of the new episode.
+    pub observations: &'a mut [T],
+    /// Rewards.
+    pub rewards: &'a mut [f64],
+    /// Ended by failure or success.
+    pub terminated: &'a mut [bool],
+    /// Ended by the time limit.
+    pub truncated: &'a mut [bool],
+}
+
+/// What is known of a step of one instance beyond its flags.
+#[derive(Clone, Debug, Default)]
+pub struct Info {
+    /// Time.
+    pub time: f64,
+    /// Success.
+    pub success: bool,
+    /// Message of the failure, empty when none.
+    pub failure: String,
+    /// Sum of the violations.
+    pub cost: f64,
+    /// Violations, in the order of [`Environment::constraint_names`].
+    pub violations: Vec<f64>,
+    /// All rewards.
+    pub rewards: Vec<f64>,
+    /// The state in the order of the outside.
+    pub state: Vec<f64>,
+}
+
+impl Info {
+    /// The info of an instance's last step (or reset).
+    pub fn of(environment: &mut Environment) -> Self {
+        let mut info = Self::sized(environment);
+        info.fill(environment);
+        info
+    }
+
+    fn sized(environment: &Environment) -> Self {
+        Self {
+            violations: vec![0.0; environment.violations().len()],
+            rewards: vec![0.0; environment.rewards().len()],
+            state: vec![0.0; environment.catalogue().states.len()],
+            ..Self::default()
+        }
+    }
+
+    /// Overwrites; allocates only for the message of a failure.
+    fn fill(&mut self, environment: &mut Environment) {
+        let last = environment.last().copied();
+        self.time = environment.time();
+        self.success = last.is_some_and(|r| r.success);
+        self.cost = last.map_or(0.0, |r| r.cost);
+        self.violations.copy_from_slice(environment.violations());
+        self.rewards.copy_from_slice(environment.rewards());
+        environment.state(&mut self.state);
+        self.failure.clear();
+        if last.is_some_and(|r| r.failure.is_some()) {
+            self.failure = environment.failure_message();
+        }
+    }
+}
+
+/// One instance with what belongs to it.
+struct Member {
+    environment: Environment,
+    /// The episode is over and the next step begins anew.
+    pending: bool,
+    action: Vec<f64>,
+    info: Info,
+    /// Final observation (as reported) and info of an episode that ended in the last step.
+    final_observation: Vec<f64>,
+    final_info: Info,
+    ended: bool,
+    fault: Option<Fault>,
+}
+
+enum Fault {
+    Step(StepError),
+    Reset(ResetError),
+}
+
+/// Many instances of one environment.
+pub struct Batch {
+    members: Vec<Member>,
+    options: BatchOptions,
+    pool: Option<ThreadPool>,
+    /// What a step of all instances took of late on one thread.
+    serial_cost: Duration,
+}
+
+/// Work that is worth waking other threads.
+const WORTH_THREADS: Duration = Duration::from_micros(80);
+
+impl Batch {
+    /// `count` instances; they want a [`reset`](Self::reset) first.
+    ///
+    /// # Errors
+    /// When the solver refuses the system, or no threads can be made.
+    pub fn new(setup: &Arc<Setup>, count: usize, options: BatchOptions) -> Result<Self, BatchError> {
+        let members: Result<Vec<Member>, SetupError> = (0..count).map(|_| Member::new(Arc::clone(setup))).collect();
+        let threads = options.threads.min(count).max(1);
+        let pool = match threads {
+            1 => None,
+            n => Some(rayon::ThreadPoolBuilder::new().num_threads(n).thread_name(|i| format!("smpl-{i}")).build()?),
+        };
+        Ok(Self { members: members?, options, pool, serial_cost: Duration::ZERO })
+    }
+
+    /// Number of instances.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.members.len()
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.members.is_empty()
+    }
+
+    /// An instance.
+    #[must_use]
+    pub fn environment(&self, index: usize) -> Option<&Environment> {
+        self.members.get(index).map(|m| &m.environment)
+    }
+
+    /// An instance, to be changed.
+    pub fn environment_mut(&mut self, index: usize) -> Option<&mut Environment> {
+        self.members.get_mut(index).map(|m| &mut m.environment)
+    }
+
+    /// Info of the last step (or reset) of an instance.
+    #[must_use]
+    pub fn info(&self, index: usize) -> Option<&Info> {
+        self.members.get(index).map(|m| &m.info)
+    }
+
+    /// With [`Autoreset::SameStep`], observation (as reported) and info of the end of the episode that ended in the last step.
+    #[must_use]
+    pub fn final_info(&self, index: usize) -> Option<(&[f64], &Info)> {
+        let member = self.members.get(index).filter(|m| m.ended)?;
+        Some((&member.final_observation, &member.final_info))
+    }
+
+    /// What resets use from now on.
+    pub fn set_reset_options(&mut self, options: ResetOptions) {
+        self.options.reset = options;
+    }
+
+    /// Resets all instances, or those of the mask; writes the present observations of all. `seeds` has one entry an
+    /// instance; without one the instance goes on with its next episode.
+    ///
+    /// # Errors
+    /// Wrong lengths, or an instance that cannot begin.
+    pub fn reset<T: Number>(
+        &mut self,
+        seeds: Option<&[u64]>,
+        mask: Option<&[bool]>,
+        observations: &mut [T],
+    ) -> Result<(), BatchError> {
+        let n = self.members.len();
+        length("seeds", seeds.map_or(n, <[u64]>::len), n)?;
+        length("reset_mask", mask.map_or(n, <[bool]>::len), n)?;
+        let width = self.observation_len();
+        length("observations", observations.len(), n * width)?;
+        let options = &self.options;
+        let task = |(index, (member, out)): (usize, (&mut Member, &mut [T]))| {
+            if mask.is_none_or(|mask| mask[index]) {
+                member.reset(seeds.map(|s| s[index]), &options.reset);
+            }
+            member.environment.observe(options.normalised, out);
+        };
+        let members = &mut self.members;
+        match &self.pool {
+            Some(pool) => pool.install(|| {
+                members.par_iter_mut().zip(observations.par_chunks_exact_mut(width.max(1))).enumerate().for_each(task);
+            }),
+            None => members.iter_mut().zip(observations.chunks_exact_mut(width.max(1))).enumerate().for_each(task),
+        }
+        self.first_fault()
+    }
+
+    /// Seeds `seed`, `seed + 1`, ... for all instances.
+    #[must_use]
+    pub fn seeds(&self, seed: u64) -> Vec<u64> {
+        (0..self.members.len() as u64).map(|i| seed.wrapping_add(i)).collect()
+    }
+
+    /// Steps all instances. `actions` has n × actions entries.
+    ///
+    /// # Errors
+    /// Wrong lengths, a NaN or an episode that is over with autoreset disabled: then no instance was stepped. An instance that cannot
+    /// begin its next episode.
+    pub fn step<T: Number>(&mut self, actions: &[f64], arrays: StepArrays<'_, T>) -> Result<(), BatchError> {
+        let n = self.members.len();
+        let (width, inputs) = (self.observation_len(), self.action_len());
+        length("actions", actions.len(), n * inputs)?;
+        length("observations", arrays.observations.len(), n * width)?;
+        length("rewards", arrays.rewards.len(), n)?;
+        length("terminated", arrays.terminated.len(), n)?;
+        length("truncated", arrays.truncated.len(), n)?;
+        self.check(actions, inputs)?;
+        let options = &self.options;
+        let members = &mut self.members;
+        let StepArrays { observations, rewards, terminated, truncated } = arrays;
+        let task = |((((index, member), out), reward), (terminated, truncated)): Slot<'_, T>| {
+            let result = member.step(&actions[index * inputs..(index + 1) * inputs], options);
+            (*reward, *terminated, *truncated) = result;
+            member.environment.observe(options.normalised, out);
+        };
+        let parallel = self.pool.as_ref().filter(|_| self.serial_cost > WORTH_THREADS);
+        let begin = Instant::now();
+        match parallel {
+            Some(pool) => pool.install(|| {
+                members
+                    .par_iter_mut()
+                    .enumerate()
+                    .zip(observations.par_chunks_exact_mut(width.max(1)))
+                    .zip(rewards.par_iter_mut())
+                    .zip(terminated.par_iter_mut().zip(truncated.par_iter_mut()))
+                    .for_each(task);
+            }),
+            None => members
+                .iter_mut()
+                .enumerate()
+                .zip(observations.chunks_exact_mut(width.max(1)))
+                .zip(rewards.iter_mut())
+                .zip(terminated.iter_mut().zip(truncated.iter_mut()))
+                .for_each(task),
+        }
+        let threads = parallel.map_or(1, ThreadPool::current_num_threads) as u32;
+        self.serial_cost = (self.serial_cost * 7 + begin.elapsed() * threads) / 8;
+        self.first_fault()
+    }
+
+    /// Refuses before anything is stepped.
+    fn check(&self, actions: &[f64], inputs: usize) -> Result<(), BatchError> {
+        for (index, member) in self.members.iter().enumerate() {
+            if member.pending {
+                continue;
+            }
+            let row = &actions[index * inputs..(index + 1) * inputs];
+            member.environment.check(row).map_err(|error| BatchError::Step { index, error })?;
+        }
+        Ok(())
+    }
+
+    fn first_fault(&mut self) -> Result<(), BatchError> {
+        for (index, member) in self.members.iter_mut().enumerate() {
+            match member.fault.take() {
+                Some(Fault::Step(error)) => return Err(BatchError::Step { index, error }),
+                Some(Fault::Reset(error)) => return Err(BatchError::Reset { index, error }),
+                None => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn observation_len(&self) -> usize {
+        self.members.first().map_or(0, |m| m.environment.observation_len())
+    }
+
+    fn action_len(&self) -> usize {
+        self.members.first().map_or(0, |m| m.environment.catalogue().actions.len())
+    }
+}
+
+/// What a task of a step gets: instance, its observations, reward and flags.
+type Slot<'a, T> = ((((usize, &'a mut Member), &'a mut [T]), &'a mut f64), (&'a mut bool, &'a mut bool));
+
+impl Member {
+    fn new(setup: Arc<Setup>) -> Result<Self, SetupError> {
+        let environment = Environment::new(setup)?;
+        let info = Info::sized(&environment);
+        Ok(Self {
+            pending: false,
+            action: vec![0.0; environment.catalogue().actions.len()],
+            final_observation: vec![0.0; environment.observation_len()],
+            final_info: info.clone(),
+            info,
+            ended: false,
+            fault: None,
+            environment,
+        })
+    }
+
+    fn reset(&mut self, seed: Option<u64>, options: &ResetOptions) {
+        self.pending = false;
+        self.ended = false;
+        if let Err(error) = self.environment.reset(seed, options) {
+            self.fault = Some(Fault::Reset(error));
+        }
+        self.info.fill(&mut self.environment);
+    }
+
+    /// Reward, terminated, truncated.
+    fn step(&mut self, action: &[f64], options: &BatchOptions) -> (f64, bool, bool) {
+        self.ended = false;
+        if self.pending {
+            self.reset(None, &options.reset);
+            return (0.0, false, false);
+        }
+        let result = match self.take_step(action, options.normalised) {
+            Ok(result) => result,
+            Err(error) => {
+                self.fault = Some(Fault::Step(error));
+                return (f64::NAN, false, false);
+            }
+        };
+        self.info.fill(&mut self.environment);
+        if result.terminated || result.truncated {
+            match options.autoreset {
+                Autoreset::NextStep => self.pending = true,
+                Autoreset::SameStep => self.begin_anew(options),
+                Autoreset::Disabled => {}
+            }
+        }
+        (result.reward, result.terminated, result.truncated)
+    }
+
+    fn take_step(&mut self, action: &[f64], normalised: bool) -> Result<StepResult, StepError> {
+        if !normalised {
+            return self.environment.step(action);
+        }
+        let elements = self.environment.catalogue().actions.elements();
+        for ((out, &value), element) in self.action.iter_mut().zip(action).zip(elements) {
+            *out = denormalise(value, element.low, element.high);
+        }
+        self.environment.step(&self.action)
+    }
+
+    fn begin_anew(&mut self, options: &BatchOptions) {
+        self.environment.observe(options.normalised, &mut self.final_observation);
+        std::mem::swap(&mut self.info, &mut self.final_info);
+        self.reset(None, &options.reset);
+        self.ended = true;
+    }
+}
+
+fn length(name: &'static str, given: usize, expected: usize) -> Result<(), BatchError> {
+    if given == expected { Ok(()) } else { Err(BatchError::Length { name, given, expected }) }
+}

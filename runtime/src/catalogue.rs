@@ -1,0 +1,201 @@
+//! Names of the single numbers of a model, and where each is kept.
+//!
+//! The compiler speaks of arrays; people and files speak of `R1.c[tropine,3]`. A [`Family`] holds the elements of one role in the order
+//! of the outside and finds them by name.
+
+use std::collections::HashMap;
+
+use smpl_compiler::compiled::CompiledModel;
+use smpl_compiler::model::{Interface, Quantity};
+use smpl_dsl::diagnostic::suggest;
+
+/// One number of a model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Element {
+    /// Flattened name.
+    pub name: String,
+    /// Unit as declared.
+    pub unit: String,
+    /// Its place: in `y` (states, solved variables), in its region (parameters, actions, discretes, disturbances) or in the
+    /// output vector (algebraic outputs).
+    pub at: usize,
+    /// Lower bound, -inf where none.
+    pub low: f64,
+    /// Upper bound, +inf where none.
+    pub high: f64,
+    /// Default, nominal or initial value.
+    pub default: f64,
+    /// Magnitude for tolerances.
+    pub scale: f64,
+}
+
+impl Element {
+    /// Width of the bounds; 1 where they are open, so that relative excesses stay meaningful.
+    #[must_use]
+    pub fn range(&self) -> f64 {
+        let range = self.high - self.low;
+        if range.is_finite() && range > 0.0 { range } else { 1.0 }
+    }
+}
+
+/// The elements of one role, in the order of the outside.
+#[derive(Clone, Debug, Default)]
+pub struct Family {
+    elements: Vec<Element>,
+    index: HashMap<String, usize>,
+}
+
+impl Family {
+    fn new(elements: Vec<Element>) -> Self {
+        let index = elements.iter().enumerate().map(|(i, e)| (e.name.clone(), i)).collect();
+        Self { elements, index }
+    }
+
+    /// The elements.
+    #[must_use]
+    pub fn elements(&self) -> &[Element] {
+        &self.elements
+    }
+
+    /// Number of elements.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.elements.len()
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.elements.is_empty()
+    }
+
+    /// Position of a flattened name in the order of the outside.
+    #[must_use]
+    pub fn position(&self, name: &str) -> Option<usize> {
+        self.index.get(name).copied()
+    }
+
+    /// The element of a flattened name.
+    #[must_use]
+    pub fn find(&self, name: &str) -> Option<&Element> {
+        self.position(name).map(|i| &self.elements[i])
+    }
+
+    /// The element of a name, or an error that says which names there are.
+    ///
+    /// # Errors
+    /// [`UnknownName`] if no element has the name.
+    pub fn get(&self, name: &str, kind: &'static str) -> Result<&Element, UnknownName> {
+        self.find(name).ok_or_else(|| UnknownName::new(kind, name, self.names()))
+    }
+
+    /// The flattened names.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.elements.iter().map(|e| e.name.as_str())
+    }
+}
+
+/// A name that the model does not have.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("unknown {kind} `{name}`; {advice}")]
+pub struct UnknownName {
+    /// What it should have been the name of.
+    pub kind: &'static str,
+    /// The name.
+    pub name: String,
+    /// The nearest name, and the list of the right ones.
+    pub advice: String,
+}
+
+impl UnknownName {
+    /// The error for `name` where `known` are the right names.
+    pub fn new<'a>(kind: &'static str, name: &str, known: impl Iterator<Item = &'a str>) -> Self {
+        let known: Vec<&str> = known.collect();
+        let guess = suggest(name, known.iter().copied()).map(|n| format!("did you mean `{n}`? ")).unwrap_or_default();
+        Self { kind, name: name.into(), advice: format!("{guess}{}", list(&known)) }
+    }
+}
+
+/// "known: a, b, c", cut after a dozen.
+fn list(known: &[&str]) -> String {
+    const SHOWN: usize = 12;
+    match known.len() {
+        0 => "the model has none".into(),
+        n if n <= SHOWN => format!("known: {}", known.join(", ")),
+        n => format!("known: {}, ... ({n} in all)", known[..SHOWN].join(", ")),
+    }
+}
+
+/// The elements of all roles.
+#[derive(Clone, Debug, Default)]
+pub struct Catalogue {
+    /// Differential states, places in `y`.
+    pub states: Family,
+    /// Solved algebraic variables, places in `y`.
+    pub solved: Family,
+    /// Algebraic outputs, places in the output vector.
+    pub algebraics: Family,
+    /// Discrete variables, places in their region; so the following.
+    pub discretes: Family,
+    /// Actions.
+    pub actions: Family,
+    /// Disturbances.
+    pub disturbances: Family,
+    /// Parameters.
+    pub parameters: Family,
+}
+
+impl Catalogue {
+    /// The catalogue of a model.
+    #[must_use]
+    pub fn new(model: &CompiledModel) -> Self {
+        let interface = model.interface();
+        let region = |quantities: &[Quantity]| {
+            family(quantities, |quantity, element, running| {
+                quantity.var.map_or(running, |var| model.offset(var) + element)
+            })
+        };
+        Self {
+            states: states(interface),
+            solved: family(&interface.solved, |_, _, running| model.states() + running),
+            algebraics: family(&interface.algebraics, |_, _, running| running),
+            discretes: region(&interface.discretes),
+            actions: region(&interface.actions),
+            disturbances: region(&interface.disturbances),
+            parameters: region(&interface.parameters),
+        }
+    }
+}
+
+fn states(interface: &Interface) -> Family {
+    let order = interface.state_order.as_deref();
+    family(&interface.states, |_, _, running| {
+        order.and_then(|order| order.get(running)).map_or(running, |&at| at as usize)
+    })
+}
+
+/// Flattens quantities; `place` gets the quantity, the element in it, and the running number.
+fn family(quantities: &[Quantity], place: impl Fn(&Quantity, usize, usize) -> usize) -> Family {
+    let mut elements = Vec::with_capacity(quantities.iter().map(Quantity::len).sum());
+    for quantity in quantities {
+        for element in 0..quantity.len() {
+            let pick = |values: &[f64]| Quantity::pick(values, element);
+            elements.push(Element {
+                name: quantity.element_name(element),
+                unit: quantity.unit.clone(),
+                at: place(quantity, element, elements.len()),
+                low: pick(&quantity.low),
+                high: pick(&quantity.high),
+                default: pick(&quantity.default),
+                scale: pick(&quantity.scale),
+            });
+        }
+    }
+    Family::new(elements)
+}
+
+/// Name and unit of time as a message shows them: `min`.
+#[must_use]
+pub fn time_unit(interface: &Interface) -> &str {
+    &interface.time.1
+}

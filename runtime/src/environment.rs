@@ -1,0 +1,377 @@
+//! One instance of an environment: episodes of a model, step by step.
+//!
+//! A step runs in the order of the language reference, "Sampling instants": the action is applied; disturbances take their values; `at start`
+//! programs run; the integrator restarts consistently and goes to the end of the interval, stopping at events; `at end` programs
+//! run; then failures, successes, rewards and observations are evaluated. A failure wins over success, success over the time limit.
+//! A step allocates nothing, and depends on nothing but the state, the action and the episode's key: the integrator
+//! carries nothing over from one step to the next.
+
+mod interval;
+mod reset;
+mod verdict;
+
+use std::sync::Arc;
+
+use smpl_compiler::compiled::{Memory, Region};
+use smpl_compiler::ir::Builtin;
+
+pub use reset::{ResetError, ResetOptions, Start, StateInput};
+
+use crate::catalogue::Catalogue;
+use crate::failure::{BOX_SLACK, Failure, SolverFailure};
+use crate::observe::{Number, Sensors};
+use crate::random::EpisodeKey;
+use crate::setup::{Setup, SetupError};
+use crate::solver::{Ida, Integrator, Statistics};
+use crate::system::CompiledSystem;
+
+/// What a step ended in. Times are in the model's unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepResult {
+    /// The chosen reward (dense or sparse).
+    pub reward: f64,
+    /// A failure or a success ended the episode.
+    pub terminated: bool,
+    /// The time limit ended it.
+    pub truncated: bool,
+    /// A success condition holds, or a batch of fixed length is over.
+    pub success: bool,
+    /// The first failure, in the order action box, solver, then as declared.
+    pub failure: Option<Failure>,
+    /// Sum of the violations.
+    pub cost: f64,
+    /// Completed steps times the sampling interval.
+    pub time: f64,
+}
+
+/// Why a step cannot be taken. Nothing was stepped.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum StepError {
+    /// The action has the wrong length.
+    #[error("action has {given} entries, expected {expected}")]
+    Length {
+        /// Its length.
+        given: usize,
+        /// The number of actions.
+        expected: usize,
+    },
+    /// The action is not a number.
+    #[error("action `{name}` is NaN")]
+    NotANumber {
+        /// Which one.
+        name: String,
+    },
+    /// There is no running episode.
+    #[error("the episode is over (or has not begun): call reset first")]
+    EpisodeOver,
+}
+
+/// Where an instance is in its episode.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// Before the first reset.
+    New,
+    Running,
+    Over,
+}
+
+/// All that changes from step to step, apart from the memory of the compiled model: what a snapshot holds.
+#[derive(Clone, Debug)]
+struct Progress {
+    key: EpisodeKey,
+    next_key: EpisodeKey,
+    steps: u32,
+    phase: Phase,
+    y: Vec<f64>,
+    yp: Vec<f64>,
+    sensors: Sensors,
+    /// Rewards of the last step, failing ones already replaced.
+    rewards: Vec<f64>,
+    /// Violations: the action box, declared failures, constraints.
+    violations: Vec<f64>,
+    /// Which declared failures hold.
+    failing: Vec<bool>,
+    /// Sum of the chosen reward over the episode.
+    sum: f64,
+    last: Option<StepResult>,
+    solver_failure: Option<SolverFailure>,
+    action_excess: f64,
+}
+
+/// One instance of an environment.
+pub struct Environment {
+    setup: Arc<Setup>,
+    system: CompiledSystem,
+    integrator: Box<dyn Integrator>,
+    progress: Progress,
+    /// Disturbances that replace drawn ones: place in the region and the values of the steps.
+    replay: Vec<(usize, Vec<f64>)>,
+    /// Output of the `finish` program.
+    finish: Vec<f64>,
+    scratch: Vec<f64>,
+    statistics: Statistics,
+    /// Stepping goes on after the end of an episode.
+    keep_going: bool,
+}
+
+/// A point of an episode to return to; it belongs to environments of the same [`Setup`].
+#[derive(Clone)]
+pub struct Snapshot {
+    memory: Memory,
+    progress: Progress,
+    replay: Vec<(usize, Vec<f64>)>,
+}
+
+impl Environment {
+    /// An instance; it wants a [`reset`](Self::reset) first.
+    ///
+    /// # Errors
+    /// When the solver refuses the system.
+    pub fn new(setup: Arc<Setup>) -> Result<Self, SetupError> {
+        let system = setup.system.clone();
+        let interface = setup.model().interface();
+        let (unknowns, layout) = (setup.model().unknowns(), interface.finish);
+        let counts = [2 * layout.failures, layout.successes, layout.constraints, layout.rewards, layout.observations];
+        let progress = Progress {
+            key: EpisodeKey::default(),
+            next_key: EpisodeKey::default(),
+            steps: 0,
+            phase: Phase::New,
+            y: vec![0.0; unknowns],
+            yp: vec![0.0; unknowns],
+            sensors: Sensors::new(&interface.observations, &setup.noise),
+            rewards: vec![0.0; layout.rewards as usize],
+            violations: vec![0.0; 1 + (layout.failures + layout.constraints) as usize],
+            failing: vec![false; layout.failures as usize],
+            sum: 0.0,
+            last: None,
+            solver_failure: None,
+            action_excess: 0.0,
+        };
+        Ok(Self {
+            integrator: Box::new(Ida::new(&system, setup.settings.clone())?),
+            finish: vec![0.0; counts.iter().map(|&c| c as usize).sum()],
+            scratch: vec![0.0; unknowns],
+            statistics: Statistics::default(),
+            keep_going: false,
+            replay: Vec::new(),
+            progress,
+            system,
+            setup,
+        })
+    }
+
+    /// Takes one step with an action in physical units, in the order of the actions.
+    ///
+    /// # Errors
+    /// A NaN, a wrong length, or no running episode; nothing is stepped then.
+    pub fn step(&mut self, action: &[f64]) -> Result<StepResult, StepError> {
+        self.check(action)?;
+        let excess = self.action_excess(action);
+        let outcome = if action.iter().all(|a| a.is_finite()) {
+            self.run_interval(action)
+        } else {
+            // Nothing can be integrated with an infinite input; the state stays.
+            interval::Outcome::NotRun
+        };
+        Ok(self.judge(outcome, excess))
+    }
+
+    /// Goes on stepping after the end of an episode (off by default).
+    pub fn set_keep_going(&mut self, keep_going: bool) {
+        self.keep_going = keep_going;
+    }
+
+    pub(crate) fn check(&self, action: &[f64]) -> Result<(), StepError> {
+        let actions = self.setup.catalogue.actions.elements();
+        if action.len() != actions.len() {
+            return Err(StepError::Length { given: action.len(), expected: actions.len() });
+        }
+        if let Some(at) = action.iter().position(|a| a.is_nan()) {
+            return Err(StepError::NotANumber { name: actions[at].name.clone() });
+        }
+        match self.progress.phase {
+            Phase::Running => Ok(()),
+            Phase::Over if self.keep_going => Ok(()),
+            _ => Err(StepError::EpisodeOver),
+        }
+    }
+
+    /// Largest excess of an action over its box, relative to its range; 0 within the slack.
+    fn action_excess(&self, action: &[f64]) -> f64 {
+        let actions = self.setup.catalogue.actions.elements().iter();
+        let excess = actions
+            .zip(action)
+            .map(|(element, &a)| (a - element.high).max(element.low - a) / element.range())
+            .fold(0.0, f64::max);
+        if excess > BOX_SLACK { excess } else { 0.0 }
+    }
+
+    fn set_builtin(&mut self, which: Builtin, value: f64) {
+        self.system.region_mut(Region::Builtin)[which as usize] = value;
+    }
+
+    /// The setup that this is an instance of.
+    #[must_use]
+    pub fn setup(&self) -> &Arc<Setup> {
+        &self.setup
+    }
+
+    /// Names and places.
+    #[must_use]
+    pub fn catalogue(&self) -> &Catalogue {
+        &self.setup.catalogue
+    }
+
+    /// The key of the running episode.
+    #[must_use]
+    pub fn key(&self) -> EpisodeKey {
+        self.progress.key
+    }
+
+    /// Completed steps.
+    #[must_use]
+    pub fn steps(&self) -> u32 {
+        self.progress.steps
+    }
+
+    /// Completed steps times the sampling interval.
+    #[must_use]
+    pub fn time(&self) -> f64 {
+        f64::from(self.progress.steps) * self.setup.model().interface().episode.step
+    }
+
+    /// Whether a step may be taken without a reset.
+    #[must_use]
+    pub fn is_running(&self) -> bool {
+        self.progress.phase == Phase::Running
+    }
+
+    /// What the last step ended in; `None` after a reset.
+    #[must_use]
+    pub fn last(&self) -> Option<&StepResult> {
+        self.progress.last.as_ref()
+    }
+
+    /// All rewards of the last step, as declared; the error reward on a failing step. Zero after a reset.
+    #[must_use]
+    pub fn rewards(&self) -> &[f64] {
+        &self.progress.rewards
+    }
+
+    /// Violations of the last step, in the order of [`constraint_names`](Self::constraint_names): the largest excess over the range, 0
+    /// when kept.
+    #[must_use]
+    pub fn violations(&self) -> &[f64] {
+        &self.progress.violations
+    }
+
+    /// Names of all limits: `action_box`, the declared failures, the declared constraints.
+    pub fn constraint_names(&self) -> impl Iterator<Item = &str> {
+        let interface = self.setup.model().interface();
+        let failures = interface.failures.iter().map(|f| f.name.as_str());
+        std::iter::once(crate::failure::ACTION_BOX)
+            .chain(failures)
+            .chain(interface.constraints.iter().map(String::as_str))
+    }
+
+    /// Number of observations.
+    #[must_use]
+    pub fn observation_len(&self) -> usize {
+        self.progress.sensors.readings().len()
+    }
+
+    /// Writes the observation, clipped to its box: physical units, or [-1, 1].
+    pub fn observe<T: Number>(&self, normalised: bool, out: &mut [T]) {
+        self.progress.sensors.write(normalised, out);
+    }
+
+    /// The unknowns `y`: states, then solved algebraic variables, in internal order.
+    #[must_use]
+    pub fn unknowns(&self) -> &[f64] {
+        &self.progress.y
+    }
+
+    /// Writes the states in the order of the outside, physical units.
+    pub fn state(&self, out: &mut [f64]) {
+        for (element, out) in self.setup.catalogue.states.elements().iter().zip(out) {
+            *out = self.progress.y[element.at];
+        }
+    }
+
+    /// Writes the algebraic outputs that belong to the present state and action.
+    pub fn algebraics(&mut self, out: &mut [f64]) {
+        let t = self.time();
+        let (model, memory) = self.system.parts();
+        model.outputs(memory, t, &self.progress.y, &self.progress.yp, out);
+    }
+
+    /// Discrete variables, by the places of the catalogue; so the following.
+    #[must_use]
+    pub fn discretes(&self) -> &[f64] {
+        self.system.region(Region::Discrete)
+    }
+
+    /// Present disturbances.
+    #[must_use]
+    pub fn disturbances(&self) -> &[f64] {
+        self.system.region(Region::Disturbance)
+    }
+
+    /// Parameters of the episode.
+    #[must_use]
+    pub fn parameters(&self) -> &[f64] {
+        self.system.region(Region::Param)
+    }
+
+    /// Present actions.
+    #[must_use]
+    pub fn actions(&self) -> &[f64] {
+        self.system.region(Region::Action)
+    }
+
+    /// The steady state of the episode's parameters, in the order of `y`.
+    #[must_use]
+    pub fn steady_state(&self) -> &[f64] {
+        self.system.region(Region::Steady(smpl_compiler::compiled::Part::Y))
+    }
+
+    /// Work done since the last reset.
+    #[must_use]
+    pub fn statistics(&self) -> Statistics {
+        self.statistics
+    }
+
+    /// Runs a declared open-loop policy for the coming step; `out` has one number an action, in their order.
+    pub fn policy(&mut self, index: usize, out: &mut [f64]) {
+        let (steps, t) = (f64::from(self.progress.steps), self.time());
+        self.set_builtin(Builtin::Steps, steps);
+        self.set_builtin(Builtin::Clock, t);
+        let (model, memory) = self.system.parts();
+        model.policy(index, memory, t, &self.progress.y, out);
+    }
+
+    /// Invariants: value and rate of each, at the present state.
+    pub fn invariants(&mut self, out: &mut [f64]) {
+        let t = self.time();
+        let (model, memory) = self.system.parts();
+        model.invariants(memory, t, &self.progress.y, &self.progress.yp, out);
+    }
+
+    /// Keeps the present point of the episode.
+    #[must_use]
+    pub fn snapshot(&self) -> Snapshot {
+        Snapshot {
+            memory: self.system.memory().clone(),
+            progress: self.progress.clone(),
+            replay: self.replay.clone(),
+        }
+    }
+
+    /// Returns to a point kept before: from there on every bit is the same.
+    pub fn restore(&mut self, snapshot: &Snapshot) {
+        self.system.restore(&snapshot.memory);
+        self.progress.clone_from(&snapshot.progress);
+        self.replay.clone_from(&snapshot.replay);
+    }
+}

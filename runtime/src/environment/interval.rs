@@ -1,0 +1,225 @@
+//! From one sampling instant to the next.
+
+use smpl_compiler::compiled::{Part, Region};
+use smpl_compiler::ir::Builtin;
+use smpl_compiler::model::RootAction;
+
+use super::Environment;
+use crate::failure::{Cause, SolverFailure};
+use crate::observe::variate;
+use crate::random::Stream;
+use crate::solver::{Advance, SolveError, Statistics};
+
+/// How an interval ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Outcome {
+    /// At its end.
+    Completed,
+    /// At an event that is a failure, by its index.
+    Event(u32),
+    /// The integrator gave up; the state is as before.
+    Solver,
+    /// It was not run; the state is as before.
+    NotRun,
+}
+
+/// Events within one interval beyond which something chatters.
+const MAX_EVENTS: u32 = 1000;
+
+impl Environment {
+    /// Applies a finite action and integrates to the end of the interval, or to what ends it.
+    pub(super) fn run_interval(&mut self, action: &[f64]) -> Outcome {
+        self.begin(action);
+        let outcome = self.integrate();
+        match outcome {
+            Outcome::Solver => self.go_back(),
+            _ => {
+                let integrals = self.integrator.quadratures();
+                self.system.region_mut(Region::Quadrature).copy_from_slice(integrals);
+                if self.setup.has_end && outcome == Outcome::Completed {
+                    self.run_end();
+                }
+            }
+        }
+        outcome
+    }
+
+    /// Time at the start of the interval.
+    fn begin_time(&self) -> f64 {
+        self.time()
+    }
+
+    /// Time at its end, as integrated.
+    pub(super) fn end_time(&self) -> f64 {
+        self.time() + self.setup.model().interface().episode.integrate
+    }
+
+    fn begin(&mut self, action: &[f64]) {
+        let (t0, steps) = (self.begin_time(), self.progress.steps);
+        self.system.keep(&self.progress.y, Region::Previous);
+        let region = self.system.region_mut(Region::Action);
+        for (element, &value) in self.setup.catalogue.actions.elements().iter().zip(action) {
+            region[element.at] = value;
+        }
+        self.set_builtin(Builtin::Steps, f64::from(steps));
+        self.set_builtin(Builtin::Clock, t0);
+        self.set_builtin(Builtin::Failed, 0.0);
+        self.set_builtin(Builtin::ActionExcess, 0.0);
+        self.disturb(t0);
+        let (model, memory) = self.system.parts();
+        if self.setup.has_start {
+            model.start(memory, t0, &mut self.progress.y);
+        }
+        model.prepare_step(memory);
+    }
+
+    /// New values of the disturbances: drawn, then replaced by recorded ones.
+    fn disturb(&mut self, t0: f64) {
+        let step = self.progress.steps + 1;
+        for draw in self.setup.draws.iter().filter(|d| d.each_step) {
+            let stream = Stream::from_hash(self.progress.key, draw.stream);
+            let value = variate(&stream, draw.kind, step, draw.element);
+            self.system.region_mut(Region::Draw)[draw.at] = value;
+        }
+        if self.setup.has_disturbances {
+            let (model, memory) = self.system.parts();
+            model.disturb(memory, t0);
+        }
+        let row = self.progress.steps as usize;
+        for (at, values) in &self.replay {
+            if let Some(&value) = values.get(row).or(values.last()) {
+                self.system.region_mut(Region::Disturbance)[*at] = value;
+            }
+        }
+    }
+
+    fn integrate(&mut self) -> Outcome {
+        // What earlier steps left behind would make results depend on history (order of pivots).
+        self.collect_statistics();
+        self.integrator.forget();
+        let end = self.end_time();
+        let mut t = self.begin_time();
+        for _ in 0..MAX_EVENTS {
+            match self.advance(t, end) {
+                Ok(Advance::Reached) => {
+                    self.take_state();
+                    return Outcome::Completed;
+                }
+                Ok(Advance::Event) => {
+                    self.take_state();
+                    t = self.integrator.time();
+                    if let Some(failure) = self.handle_events(t) {
+                        return Outcome::Event(failure);
+                    }
+                    if t >= end {
+                        return Outcome::Completed;
+                    }
+                }
+                Err(error) => {
+                    self.progress.solver_failure = Some(blame(&error, t));
+                    return Outcome::Solver;
+                }
+            }
+        }
+        self.progress.solver_failure = Some(SolverFailure { time: t, cause: Cause::TooManyEvents, unknown: None });
+        Outcome::Solver
+    }
+
+    fn advance(&mut self, t: f64, end: f64) -> Result<Advance, SolveError> {
+        self.integrator.restart(&mut self.system, t, &self.progress.y, Some(&self.progress.yp))?;
+        self.integrator.advance(&mut self.system, end)
+    }
+
+    pub(super) fn take_state(&mut self) {
+        self.progress.y.copy_from_slice(self.integrator.state());
+        self.progress.yp.copy_from_slice(self.integrator.derivative());
+    }
+
+    /// Does what the fired events ask for; the index of a failure if one of them is.
+    fn handle_events(&mut self, t: f64) -> Option<u32> {
+        let mut changed = false;
+        for index in 0..self.integrator.events().len() {
+            let fired = self.integrator.events()[index];
+            let root = &self.setup.model().roots_info()[index];
+            if fired == 0 || i32::from(root.direction) * fired < 0 {
+                continue;
+            }
+            match root.action {
+                RootAction::Fail(failure) => return Some(failure),
+                RootAction::Run(program) => {
+                    let (model, memory) = self.system.parts();
+                    model.event(program as usize, memory, t, &mut self.progress.y);
+                    changed = true;
+                }
+                RootAction::Restart => changed = true,
+            }
+        }
+        if changed {
+            let (model, memory) = self.system.parts();
+            model.prepare_step(memory);
+        }
+        None
+    }
+
+    /// `at end`, and what depends on the states that it changed.
+    fn run_end(&mut self) {
+        let t = self.end_time();
+        self.scratch.copy_from_slice(&self.progress.y);
+        let (model, memory) = self.system.parts();
+        model.end(memory, t, &mut self.progress.y);
+        let moved = self.scratch != self.progress.y;
+        if moved && (model.unknowns() > model.states() || self.setup.derivatives_at_end) {
+            model.prepare_step(memory);
+            // A failure to find consistent algebraic variables will show in the restart of the next step.
+            if self.integrator.restart(&mut self.system, t, &self.progress.y, Some(&self.progress.yp)).is_ok() {
+                self.take_state();
+            }
+        }
+    }
+
+    /// The state as before the step.
+    fn go_back(&mut self) {
+        self.progress.y.copy_from_slice(self.system.region(Region::Previous(Part::Y)));
+        self.system.copy(Region::Previous(Part::Discrete), Region::Discrete);
+        let (model, memory) = self.system.parts();
+        model.prepare_step(memory);
+    }
+
+    fn collect_statistics(&mut self) {
+        add(&mut self.statistics, &self.integrator.statistics());
+    }
+}
+
+fn add(sum: &mut Statistics, part: &Statistics) {
+    sum.steps += part.steps;
+    sum.residuals += part.residuals;
+    sum.jacobians += part.jacobians;
+    sum.factorisations += part.factorisations;
+    sum.linear_solves += part.linear_solves;
+    sum.error_test_failures += part.error_test_failures;
+    sum.nonlinear_failures += part.nonlinear_failures;
+    sum.not_finite += part.not_finite;
+    sum.restarts += part.restarts;
+}
+
+/// The failure that an error of the solver is; `start` is where the attempt began.
+pub(super) fn blame(error: &SolveError, start: f64) -> SolverFailure {
+    let (time, cause, unknown) = match error {
+        SolveError::TooManySteps { time, .. } => (*time, Cause::TooManySteps, None),
+        SolveError::StepTooSmall { time, .. }
+        | SolveError::ErrorTestFailures { time, .. }
+        | SolveError::ConvergenceFailures { time, .. } => (*time, Cause::NoConvergence, None),
+        SolveError::NotFinite { time, row } | SolveError::JacobianNotFinite { time, row, .. } => {
+            (*time, Cause::NotFinite, Some(*row))
+        }
+        SolveError::SingularJacobian { time, column } => (*time, Cause::Singular, *column),
+        SolveError::InitialConditions { time, .. } | SolveError::ImplicitInitialConditions { time, .. } => {
+            (*time, Cause::Inconsistent, None)
+        }
+        SolveError::Panicked { time } => (*time, Cause::Panicked, None),
+        SolveError::Other { time, flag } => (*time, Cause::Other(flag.value), None),
+        SolveError::Setup { flag, .. } => (start, Cause::Other(flag.value), None),
+        _ => (start, Cause::Other(0), None),
+    };
+    SolverFailure { time, cause, unknown }
+}

@@ -1,0 +1,292 @@
+//! The beginning of an episode.
+
+use std::collections::BTreeMap;
+
+use smpl_compiler::compiled::{Part, Region};
+use smpl_compiler::ir::Builtin;
+
+use super::{Environment, Phase};
+use crate::catalogue::UnknownName;
+use crate::failure::{SolverFailure, describe_solver};
+use crate::observe::variate;
+use crate::random::{AT_RESET, EpisodeKey, Stream};
+use crate::setup::{fill_means, set_parameters};
+use crate::solver::Statistics;
+use crate::steady::{self, SteadyError};
+
+/// Where an episode starts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Start {
+    /// Drawn by the model's distributions.
+    #[default]
+    Sampled,
+    /// Every random number at its mean.
+    Nominal,
+    /// The steady state of parameters at their means.
+    Steady,
+}
+
+/// A state given from outside, physical units.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum StateInput {
+    /// As the start says.
+    #[default]
+    Start,
+    /// Some states by flattened name; the others as the start says.
+    Named(BTreeMap<String, f64>),
+    /// All states in the order of the outside.
+    Array(Vec<f64>),
+}
+
+/// What can be given at a reset. What is given is what is simulated, neither clipped nor tested.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ResetOptions {
+    /// Where to start.
+    pub start: Start,
+    /// States.
+    pub state: StateInput,
+    /// Discrete variables by name.
+    pub discrete: BTreeMap<String, f64>,
+    /// Parameters of this episode by name; they override draws.
+    pub parameters: BTreeMap<String, f64>,
+    /// Recorded disturbances by name, one value a step; the last one holds from there on.
+    pub disturbances: BTreeMap<String, Vec<f64>>,
+}
+
+/// Why an episode cannot begin.
+#[derive(Debug, thiserror::Error)]
+pub enum ResetError {
+    /// A name that the model does not have.
+    #[error(transparent)]
+    UnknownName(#[from] UnknownName),
+    /// The state has the wrong length.
+    #[error("state has {given} entries, expected {expected}")]
+    Length {
+        /// Its length.
+        given: usize,
+        /// The number of states.
+        expected: usize,
+    },
+    /// A value is NaN or infinite.
+    #[error("{what} must be finite")]
+    NotFinite {
+        /// Which.
+        what: String,
+    },
+    /// A recorded sequence without values.
+    #[error("the recorded disturbance `{name}` has no values")]
+    Empty {
+        /// Which.
+        name: String,
+    },
+    /// The steady state of the episode's parameters was not found.
+    #[error("steady state: {0}")]
+    Steady(#[from] SteadyError),
+    /// The algebraic equations have no solution at the start.
+    #[error("initial state: {message}")]
+    Inconsistent {
+        /// What failed and where.
+        message: String,
+    },
+}
+
+impl Environment {
+    /// Begins an episode: that of the seed, or the next one of the last seed.
+    ///
+    /// # Errors
+    /// Unknown names, wrong lengths, numbers that are none, no steady state, no consistent start. The instance then needs another reset.
+    pub fn reset(&mut self, seed: Option<u64>, options: &ResetOptions) -> Result<(), ResetError> {
+        let key = seed.map_or(self.progress.next_key, EpisodeKey::seeded);
+        self.progress.phase = Phase::New;
+        self.progress.key = key;
+        self.progress.next_key = key.next();
+        self.statistics = Statistics::default();
+        self.integrator.forget();
+        let setup = std::sync::Arc::clone(&self.setup);
+        self.system.restore(setup.system.memory());
+
+        let given = self.given_parameters(options)?;
+        self.draw(options.start);
+        set_parameters(&mut self.system, &given);
+        self.find_steady_state(options.start)?;
+        self.initial_states(options)?;
+        self.initial_rest(options)?;
+        self.set_replay(&options.disturbances)?;
+        self.make_consistent()?;
+        self.first_observation();
+        self.progress.phase = Phase::Running;
+        Ok(())
+    }
+
+    fn given_parameters(&self, options: &ResetOptions) -> Result<Vec<(usize, f64)>, ResetError> {
+        finite(&options.parameters, "parameter")?;
+        let all = self.setup.options.parameters.iter().chain(&options.parameters);
+        Ok(self.setup.given_parameters(all.map(|(name, value)| (name.as_str(), *value)))?)
+    }
+
+    fn draw(&mut self, start: Start) {
+        fill_means(&mut self.system, &self.setup.draws);
+        if start != Start::Sampled {
+            return;
+        }
+        for draw in self.setup.draws.iter().filter(|d| !d.each_step) {
+            let stream = Stream::from_hash(self.progress.key, draw.stream);
+            let value = variate(&stream, draw.kind, AT_RESET, draw.element);
+            self.system.region_mut(Region::Draw)[draw.at] = value;
+        }
+    }
+
+    /// Solves for the steady state unless it is that of the nominal parameters. The search always begins there, so that
+    /// the result does not depend on earlier episodes.
+    fn find_steady_state(&mut self, start: Start) -> Result<(), ResetError> {
+        let setup = &self.setup;
+        let has_steady = setup.model().interface().has_steady;
+        let nominal = self.system.region(Region::Param) == setup.system.region(Region::Param);
+        if has_steady && !nominal {
+            steady::solve_declared(&mut self.system, &setup.catalogue, setup.steady_state())?;
+        }
+        if !has_steady && start == Start::Steady {
+            let guess = steady::guess(&self.system, &setup.catalogue);
+            steady::solve_declared(&mut self.system, &setup.catalogue, &guess)?;
+        }
+        Ok(())
+    }
+
+    fn initial_states(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
+        let setup = std::sync::Arc::clone(&self.setup);
+        let states = &setup.catalogue.states;
+        for element in states.elements().iter().chain(setup.catalogue.solved.elements()) {
+            self.progress.y[element.at] = if element.default.is_finite() { element.default } else { 0.0 };
+        }
+        if setup.model().interface().has_steady || options.start == Start::Steady {
+            // The algebraic part of the steady state is the best guess there is.
+            let first = setup.model().states();
+            let steady = self.system.region(Region::Steady(Part::Y));
+            self.progress.y[first..].copy_from_slice(&steady[first..]);
+        }
+        let (model, memory) = self.system.parts();
+        if options.start == Start::Steady {
+            self.progress.y.copy_from_slice(memory.region(Region::Steady(Part::Y)));
+        } else {
+            model.initial_states(memory, &mut self.progress.y);
+        }
+        for (name, &value) in &setup.options.initial {
+            if let Some(state) = states.find(name) {
+                self.progress.y[state.at] = value;
+            }
+        }
+        match &options.state {
+            StateInput::Start => {}
+            StateInput::Named(named) => {
+                finite(named, "state")?;
+                for (name, &value) in named {
+                    self.progress.y[states.get(name, "state")?.at] = value;
+                }
+            }
+            StateInput::Array(values) => {
+                if values.len() != states.len() {
+                    return Err(ResetError::Length { given: values.len(), expected: states.len() });
+                }
+                if let Some(at) = values.iter().position(|v| !v.is_finite()) {
+                    return Err(ResetError::NotFinite { what: format!("state `{}`", states.elements()[at].name) });
+                }
+                for (element, &value) in states.elements().iter().zip(values) {
+                    self.progress.y[element.at] = value;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Actions, builtins and discrete variables.
+    fn initial_rest(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
+        let setup = std::sync::Arc::clone(&self.setup);
+        let catalogue = &setup.catalogue;
+        for element in catalogue.actions.elements() {
+            self.system.region_mut(Region::Action)[element.at] = element.default;
+        }
+        self.progress.steps = 0;
+        for builtin in [Builtin::Steps, Builtin::Clock, Builtin::LastStep, Builtin::Failed, Builtin::ActionExcess] {
+            self.set_builtin(builtin, 0.0);
+        }
+        let (model, memory) = self.system.parts();
+        model.initial_discretes(memory, &mut self.progress.y);
+        for (name, &value) in &setup.options.initial {
+            if let Some(discrete) = catalogue.discretes.find(name) {
+                self.system.region_mut(Region::Discrete)[discrete.at] = value;
+            }
+        }
+        finite(&options.discrete, "discrete variable")?;
+        for (name, &value) in &options.discrete {
+            let at = catalogue.discretes.get(name, "discrete variable")?.at;
+            self.system.region_mut(Region::Discrete)[at] = value;
+        }
+        Ok(())
+    }
+
+    fn set_replay(&mut self, recorded: &BTreeMap<String, Vec<f64>>) -> Result<(), ResetError> {
+        let setup = &self.setup;
+        self.replay.clear();
+        let standing = setup.options.disturbances.iter().filter(|(name, _)| !recorded.contains_key(*name));
+        for (name, values) in standing.chain(recorded) {
+            let at = setup.catalogue.disturbances.get(name, "disturbance")?.at;
+            if values.is_empty() {
+                return Err(ResetError::Empty { name: name.clone() });
+            }
+            if values.iter().any(|v| !v.is_finite()) {
+                return Err(ResetError::NotFinite { what: format!("disturbance `{name}`") });
+            }
+            self.replay.push((at, values.clone()));
+        }
+        Ok(())
+    }
+
+    /// Algebraic unknowns and derivatives that belong to the initial states at the nominal action.
+    fn make_consistent(&mut self) -> Result<(), ResetError> {
+        let (model, memory) = self.system.parts();
+        model.prepare_step(memory);
+        let needed = model.unknowns() > model.states() || self.setup.derivatives_at_end;
+        self.progress.yp.fill(0.0);
+        if needed {
+            match self.integrator.restart(&mut self.system, 0.0, &self.progress.y, None) {
+                Ok(()) => self.take_state(),
+                Err(error) => {
+                    let failure: SolverFailure = super::interval::blame(&error, 0.0);
+                    let setup = &self.setup;
+                    let message = describe_solver(&failure, setup.model(), &setup.catalogue, setup.sources());
+                    return Err(ResetError::Inconsistent { message });
+                }
+            }
+        }
+        self.system.keep(&self.progress.y, Region::Initial);
+        self.system.keep(&self.progress.y, Region::Previous);
+        // Caches may depend on the initial frame.
+        let (model, memory) = self.system.parts();
+        model.prepare_step(memory);
+        if needed && self.integrator.restart(&mut self.system, 0.0, &self.progress.y, Some(&self.progress.yp)).is_ok() {
+            self.progress.yp.copy_from_slice(self.integrator.derivative());
+        }
+        Ok(())
+    }
+
+    fn first_observation(&mut self) {
+        let progress = &mut self.progress;
+        progress.rewards.fill(0.0);
+        progress.violations.fill(0.0);
+        progress.failing.fill(false);
+        progress.sum = 0.0;
+        progress.last = None;
+        progress.solver_failure = None;
+        progress.action_excess = 0.0;
+        self.evaluate_finish(0.0);
+        let observations = self.part(4);
+        self.progress.sensors.reset(self.progress.key, &self.finish[observations]);
+    }
+}
+
+fn finite(values: &BTreeMap<String, f64>, kind: &str) -> Result<(), ResetError> {
+    match values.iter().find(|(_, value)| !value.is_finite()) {
+        Some((name, _)) => Err(ResetError::NotFinite { what: format!("{kind} `{name}`") }),
+        None => Ok(()),
+    }
+}

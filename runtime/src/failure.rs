@@ -1,0 +1,215 @@
+//! Why an episode fails, in words.
+
+use smpl_compiler::compiled::CompiledModel;
+use smpl_compiler::ir::{Affine, MAX_DEPTH};
+use smpl_compiler::model::{BoxItem, Interface, Row};
+use smpl_dsl::diagnostic::SourceMap;
+
+use crate::catalogue::Catalogue;
+
+/// Identifier of the failure of an action outside its box.
+pub const ACTION_BOX: &str = "action_box";
+/// Identifier of the failure of the integrator.
+pub const SOLVER: &str = "solver";
+/// Identifier of the failure of a reward that is no number although nothing else failed.
+pub const NOT_FINITE: &str = "not_finite";
+
+/// A failure of a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Failure {
+    /// An action outside its box.
+    ActionBox,
+    /// The integrator gave up.
+    Solver,
+    /// A failure that the model declares, by its index.
+    Declared(u32),
+    /// The reward is not finite.
+    NotFinite,
+}
+
+impl Failure {
+    /// Its identifier.
+    #[must_use]
+    pub fn name(self, interface: &Interface) -> &str {
+        match self {
+            Failure::ActionBox => ACTION_BOX,
+            Failure::Solver => SOLVER,
+            Failure::NotFinite => NOT_FINITE,
+            Failure::Declared(index) => interface.failures.get(index as usize).map_or("", |f| &f.name),
+        }
+    }
+}
+
+/// What made the integrator give up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SolverFailure {
+    /// Time at which it happened, in the model's unit.
+    pub time: f64,
+    /// What happened.
+    pub cause: Cause,
+    /// The unknown (place in `y`) whose equation is to blame, where one is known.
+    pub unknown: Option<usize>,
+}
+
+/// Causes of a solver failure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// An equation gave NaN or infinity.
+    NotFinite,
+    /// The error test or Newton's iteration failed at the smallest step.
+    NoConvergence,
+    /// More internal steps than allowed.
+    TooManySteps,
+    /// The iteration matrix is singular.
+    Singular,
+    /// No consistent algebraic variables at the start of the interval.
+    Inconsistent,
+    /// Events followed one another without end.
+    TooManyEvents,
+    /// A function of the model panicked (a fault of the compiler).
+    Panicked,
+    /// Anything else; the solver's return code.
+    Other(i32),
+}
+
+/// The message of a solver failure: `equation at reactor.eq:41, d/dt T, became NaN at t = 3.2 min`.
+#[must_use]
+pub fn describe_solver(
+    failure: &SolverFailure,
+    model: &CompiledModel,
+    catalogue: &Catalogue,
+    sources: Option<&SourceMap>,
+) -> String {
+    let when = format!("at t = {} {}", Short(failure.time), model.interface().time.1);
+    let equation = failure.unknown.map(|unknown| describe_equation(unknown, model, catalogue, sources));
+    let subject = |verb: &str| match &equation {
+        Some(equation) => format!("{equation}, {verb} {when}"),
+        None => format!("the integration {verb} {when}"),
+    };
+    match failure.cause {
+        Cause::NotFinite => subject("became NaN"),
+        Cause::NoConvergence => subject("could not be integrated (no convergence at the smallest step)"),
+        Cause::TooManySteps => subject("took more internal steps than `solver { max_steps }` allows"),
+        Cause::Singular => subject("met a singular iteration matrix"),
+        Cause::Inconsistent => subject("has no consistent algebraic variables"),
+        Cause::TooManyEvents => subject("stopped at too many events"),
+        Cause::Panicked => subject("was ended by a panic inside a model function"),
+        Cause::Other(code) => subject(&format!("failed (IDA code {code})")),
+    }
+}
+
+/// `equation at reactor.eq:41, d/dt T`.
+#[must_use]
+pub fn describe_equation(
+    unknown: usize,
+    model: &CompiledModel,
+    catalogue: &Catalogue,
+    sources: Option<&SourceMap>,
+) -> String {
+    let state = catalogue.states.elements().iter().find(|e| e.at == unknown);
+    let name = match state {
+        Some(state) => format!("d/dt {}", state.name),
+        None => catalogue.solved.elements().iter().find(|e| e.at == unknown).map(|e| e.name.clone()).unwrap_or_default(),
+    };
+    match (row_of(unknown, model), sources) {
+        (Some(row), Some(sources)) => {
+            format!("equation at {}:{}, {name}", sources.name(row.span.file), sources.locate(row.span).line)
+        }
+        _ => format!("equation of {name}"),
+    }
+}
+
+/// The nest of rows that holds the row of an unknown.
+fn row_of(unknown: usize, model: &CompiledModel) -> Option<&Row> {
+    model.model().rows.iter().find(|row| {
+        let base = model.offset(row.var) as i64;
+        covers(&row.extents, &row.at, unknown as i64 - base)
+    })
+}
+
+/// Whether some counters of the nest address the element.
+fn covers(extents: &[u32], at: &Affine, element: i64) -> bool {
+    let mut counters = [0; MAX_DEPTH];
+    loop {
+        if at.at(&counters) == element {
+            return true;
+        }
+        let Some(depth) = (0..extents.len()).rev().find(|&d| counters[d] + 1 < i64::from(extents[d])) else {
+            return false;
+        };
+        counters[depth] += 1;
+        counters[depth + 1..].fill(0);
+    }
+}
+
+/// What is wrong with a member of a box, or nothing when it is inside by the slack of 1e-6 of the range.
+#[must_use]
+pub fn describe_item(item: &BoxItem, value: f64) -> Option<String> {
+    let slack = BOX_SLACK * (item.high - item.low).abs();
+    let slack = if slack.is_finite() { slack } else { 0.0 };
+    let unit = if item.unit == "1" { String::new() } else { format!(" {}", item.unit) };
+    if !value.is_finite() {
+        Some(format!("{} is not finite", item.name))
+    } else if value > item.high + slack {
+        Some(format!("{} = {}{unit} is above {}{unit}", item.name, Short(value), Short(item.high)))
+    } else if value < item.low - slack {
+        Some(format!("{} = {}{unit} is below {}{unit}", item.name, Short(value), Short(item.low)))
+    } else {
+        None
+    }
+}
+
+/// What counts as inside a box: a value beyond a bound by at most this part of the range.
+pub const BOX_SLACK: f64 = 1e-6;
+
+/// A number as a message shows it: up to seven significant digits.
+#[derive(Clone, Copy, Debug)]
+pub struct Short(pub f64);
+
+impl std::fmt::Display for Short {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let x = self.0;
+        if x == 0.0 || !x.is_finite() {
+            return write!(f, "{x}");
+        }
+        let exponent = x.abs().log10().floor() as i32;
+        if !(-4..9).contains(&exponent) {
+            let text = format!("{x:.6e}");
+            let (mantissa, power) = text.split_once('e').unwrap_or((&text, "0"));
+            return write!(f, "{}e{power}", trim(mantissa));
+        }
+        let decimals = (6 - exponent).max(0) as usize;
+        f.write_str(trim(&format!("{x:.decimals$}")))
+    }
+}
+
+/// Without zeros at the end of the decimals.
+fn trim(text: &str) -> &str {
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { text }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn short_numbers_keep_seven_digits_and_no_idle_zeros() {
+        let texts: Vec<String> = [3.2, 0.1 + 0.2, 1e-8, 123_456_789.0, 2.5e12, -0.05].map(|x| Short(x).to_string()).into();
+        assert_eq!(texts, ["3.2", "0.3", "1e-8", "123456789", "2.5e12", "-0.05"]);
+    }
+
+    #[test]
+    fn a_value_beyond_a_bound_by_a_millionth_of_the_range_is_inside() {
+        let item = BoxItem { name: "q".into(), unit: "m^3/min".into(), low: 0.05, high: 0.2 };
+        assert_eq!(describe_item(&item, f64::from(0.2_f32)), None);
+        assert_eq!(describe_item(&item, 0.21).as_deref(), Some("q = 0.21 m^3/min is above 0.2 m^3/min"));
+        assert!(describe_item(&item, f64::NAN).is_some());
+    }
+
+    #[test]
+    fn a_nest_covers_the_elements_that_its_counters_reach() {
+        let at = Affine::along(3, smpl_compiler::ir::LoopVar(0), 2);
+        assert!(covers(&[4], &at, 9) && !covers(&[4], &at, 4) && !covers(&[4], &at, 11));
+        assert!(covers(&[], &Affine::constant(5), 5) && !covers(&[], &Affine::constant(5), 4));
+    }
+}

@@ -1,0 +1,121 @@
+//! Linearisation about a point: dx/dt = A x + B u, observations = C x + D u, in deviations.
+//!
+//! Algebraic unknowns z are eliminated: with E dx/dt = F_x x + F_z z + F_u u and 0 = G_x x + G_z z + G_u u the matrices follow from
+//! z = -G_z^-1 (G_x x + G_u u). Dense linear algebra: meant for models of up to some thousand unknowns.
+
+use nalgebra::{Complex, DMatrix, Schur};
+use smpl_compiler::compiled::{Derived, WithRespectTo};
+
+use crate::catalogue::Catalogue;
+use crate::solver::System;
+use crate::system::CompiledSystem;
+
+/// The matrices of a linearisation; states and actions in the order of the outside, units as declared.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Linearization {
+    /// States by states, per unit of time.
+    pub a: DMatrix<f64>,
+    /// States by actions.
+    pub b: DMatrix<f64>,
+    /// Observations by states.
+    pub c: DMatrix<f64>,
+    /// Observations by actions.
+    pub d: DMatrix<f64>,
+}
+
+/// The equations cannot be solved for the rates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the linearisation is singular: {part} cannot be solved for")]
+pub struct SingularLinearization {
+    /// The algebraic variables or the rates.
+    part: &'static str,
+}
+
+/// Linearises an instance (its present actions, parameters, discrete variables) at the unknowns `y`.
+///
+/// # Errors
+/// When the algebraic equations are singular there.
+pub fn linearize(
+    system: &mut CompiledSystem,
+    catalogue: &Catalogue,
+    t: f64,
+    y: &[f64],
+) -> Result<Linearization, SingularLinearization> {
+    let (n, nx) = (system.model().unknowns(), system.model().states());
+    let yp = vec![0.0; n];
+    let by_y = jacobian(system, t, y, 0.0);
+    // The Jacobian is affine in the weight of the derivatives.
+    let mass = &by_y - jacobian(system, t, y, 1.0);
+    let (model, memory) = system.parts();
+    let actions = catalogue.actions.len();
+    let observations = model.interface().observations.len();
+    let mut derivative = |of, with, rows, columns| {
+        let mut matrix = DMatrix::zeros(rows, columns);
+        for (row, column, value) in model.derivative(of, with, memory, t, y, &yp) {
+            matrix[(row, column)] += value;
+        }
+        matrix
+    };
+    let by_u = derivative(Derived::Rows, WithRespectTo::Actions, n, actions);
+    let seen_y = derivative(Derived::Observations, WithRespectTo::Unknowns, observations, n);
+    let seen_u = derivative(Derived::Observations, WithRespectTo::Actions, observations, actions);
+
+    // z = zx x + zu u
+    let nz = n - nx;
+    let (zx, zu) = if nz == 0 {
+        (DMatrix::zeros(0, nx), DMatrix::zeros(0, actions))
+    } else {
+        let lu = by_y.view((nx, nx), (nz, nz)).clone_owned().lu();
+        let solve = |right: DMatrix<f64>| lu.solve(&right).map(|x| -x).ok_or(SingularLinearization { part: "an algebraic variable" });
+        (solve(by_y.view((nx, 0), (nz, nx)).clone_owned())?, solve(by_u.rows(nx, nz).clone_owned())?)
+    };
+    let rates_x = by_y.view((0, 0), (nx, nx)) + by_y.view((0, nx), (nx, nz)) * &zx;
+    let rates_u = by_u.rows(0, nx) + by_y.view((0, nx), (nx, nz)) * &zu;
+    let mass = mass.view((0, 0), (nx, nx)).clone_owned().lu();
+    let singular = SingularLinearization { part: "a rate" };
+    let (a, b) = (mass.solve(&rates_x).ok_or(singular)?, mass.solve(&rates_u).ok_or(singular)?);
+    let c = seen_y.columns(0, nx) + seen_y.columns(nx, nz) * zx;
+    let d = seen_u + seen_y.columns(nx, nz) * zu;
+    Ok(outside(catalogue, &a, &b, &c, &d))
+}
+
+/// Eigenvalues of A, those with the largest real part first; `None` where A is not finite or the iteration does not end.
+#[must_use]
+pub fn eigenvalues(a: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
+    if a.is_empty() {
+        return Some(Vec::new());
+    }
+    if a.iter().any(|x| !x.is_finite()) {
+        return None;
+    }
+    let schur = Schur::try_new(a.clone(), f64::EPSILON, 100 * a.nrows())?;
+    let mut values: Vec<Complex<f64>> = schur.complex_eigenvalues().iter().copied().collect();
+    values.sort_by(|p, q| q.re.total_cmp(&p.re).then(q.im.total_cmp(&p.im)));
+    Some(values)
+}
+
+/// The Jacobian as a full matrix.
+fn jacobian(system: &mut CompiledSystem, t: f64, y: &[f64], cj: f64) -> DMatrix<f64> {
+    let yp = vec![0.0; y.len()];
+    let mut values = vec![0.0; system.pattern().entries()];
+    system.jacobian(t, y, &yp, cj, &mut values);
+    let pattern = system.pattern();
+    let mut matrix = DMatrix::zeros(y.len(), y.len());
+    for column in 0..y.len() {
+        for entry in pattern.column(column) {
+            matrix[(pattern.rows()[entry], column)] = values[entry];
+        }
+    }
+    matrix
+}
+
+/// From internal order to the order of the outside.
+fn outside(catalogue: &Catalogue, a: &DMatrix<f64>, b: &DMatrix<f64>, c: &DMatrix<f64>, d: &DMatrix<f64>) -> Linearization {
+    let x: Vec<usize> = catalogue.states.elements().iter().map(|e| e.at).collect();
+    let u: Vec<usize> = catalogue.actions.elements().iter().map(|e| e.at).collect();
+    let y: Vec<usize> = (0..c.nrows()).collect();
+    let pick = |m: &DMatrix<f64>, rows: &[usize], columns: &[usize]| {
+        DMatrix::from_fn(rows.len(), columns.len(), |i, j| m[(rows[i], columns[j])])
+    };
+    Linearization { a: pick(a, &x, &x), b: pick(b, &x, &u), c: pick(c, &y, &x), d: pick(d, &y, &u) }
+}

@@ -1,0 +1,269 @@
+//! From a file to a model ready to run.
+//!
+//! This is the one place that calls the front end: source text, scenario, variants and settings go in, a compiled model and the options of
+//! its environments come out. A compiled model written by `smpl compile` is read as it is; it takes parameters, but no variants.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use smpl_compiler::compiled::CompiledModel;
+use smpl_dsl::diagnostic::{Diagnostic, SourceMap, suggest};
+use smpl_dsl::span::FileId;
+
+use crate::catalogue::Catalogue;
+use crate::scenario::{self, Disturbances, Noise, Recorded, Scenario, Value, Variant};
+use crate::setup::EnvironmentOptions;
+
+/// Ending of files that hold a compiled model.
+pub const ARTEFACT_EXTENSION: &str = "smplc";
+
+/// What is asked of a model beside its text.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LoadOptions {
+    /// Name or path of a scenario; `None` and `default` are the model as it is.
+    pub scenario: Option<String>,
+    /// Variants, after those of the scenario.
+    pub variants: Vec<Variant>,
+    /// Parameters and settings; they override those of the scenario.
+    pub settings: BTreeMap<String, Value>,
+    /// The reward that is returned.
+    pub reward: Option<String>,
+    /// Level of observation.
+    pub observation: Option<String>,
+}
+
+/// A model ready to run.
+pub struct Loaded {
+    /// The compiled model.
+    pub model: Arc<CompiledModel>,
+    /// What its environments take from the scenario and the settings.
+    pub options: EnvironmentOptions,
+    /// All texts.
+    pub sources: Arc<SourceMap>,
+    /// Warnings of the compilation.
+    pub warnings: Vec<Diagnostic>,
+}
+
+/// Why a model cannot be loaded.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// A file cannot be read.
+    #[error("{}: {message}{advice}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        message: String,
+        /// What to do; may be empty.
+        advice: String,
+    },
+    /// Faults in the model or the scenario.
+    #[error("{}", summary(diagnostics))]
+    Diagnostics {
+        /// The texts.
+        sources: Arc<SourceMap>,
+        /// The faults.
+        diagnostics: Vec<Diagnostic>,
+    },
+    /// A setting that the model does not have, or that cannot have that value.
+    #[error("{message}")]
+    Setting {
+        /// What is wrong and what would be right.
+        message: String,
+    },
+    /// A compiled model that cannot be used.
+    #[error("{}: {message}", path.display())]
+    Artefact {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        message: String,
+    },
+}
+
+fn summary(diagnostics: &[Diagnostic]) -> String {
+    let texts: Vec<&str> = diagnostics.iter().filter(|d| d.is_error()).map(|d| d.message.as_str()).collect();
+    texts.join("; ")
+}
+
+/// Loads a model from a file: text (`.eq`) or a compiled model.
+///
+/// # Errors
+/// See [`LoadError`].
+pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
+    let bytes = read(path)?;
+    if path.extension().is_some_and(|e| e == ARTEFACT_EXTENSION) {
+        return load_artefact(path, &bytes, options);
+    }
+    let text = String::from_utf8(bytes).map_err(|error| LoadError::Read {
+        path: path.to_owned(),
+        message: format!("not UTF-8 at byte {}", error.utf8_error().valid_up_to()),
+        advice: String::new(),
+    })?;
+    load_text(path, text, options)
+}
+
+/// Loads a model from text; `path` names it and says where scenarios and imports are looked for.
+///
+/// # Errors
+/// See [`LoadError`].
+pub fn load_text(path: &Path, text: String, options: &LoadOptions) -> Result<Loaded, LoadError> {
+    let mut sources = SourceMap::new();
+    let main = sources.add(path.display().to_string(), text);
+    let scenario = match load_scenario(path, options, &mut sources) {
+        Ok(scenario) => scenario,
+        Err(ScenarioFault::Load(error)) => return Err(error),
+        Err(ScenarioFault::Diagnostic(d)) => {
+            return Err(LoadError::Diagnostics { sources: Arc::new(sources), diagnostics: vec![*d] });
+        }
+    };
+    match front_end(&mut sources, main, &scenario, options) {
+        Ok((model, warnings)) => finish(model, warnings, sources, &scenario, options),
+        Err(diagnostics) => Err(LoadError::Diagnostics { sources: Arc::new(sources), diagnostics }),
+    }
+}
+
+/// Compiles a text with everything that the scenario and the options say about it.
+fn front_end(
+    sources: &mut SourceMap,
+    main: FileId,
+    scenario: &Scenario,
+    options: &LoadOptions,
+) -> Result<(CompiledModel, Vec<Diagnostic>), Vec<Diagnostic>> {
+    use smpl_dsl::diagnostic::Code;
+    use smpl_dsl::span::Span;
+    let _ = (scenario, options);
+    let text = sources.file(main).map_or("", |f| f.text()).to_owned();
+    let parsed = smpl_dsl::parse(&text, main);
+    if parsed.diagnostics.iter().any(Diagnostic::is_error) {
+        return Err(parsed.diagnostics);
+    }
+    let code = Code::new("E0900-no-front-end", "the passes from syntax to the flat model are missing");
+    Err(vec![Diagnostic::error(code, "this build cannot compile text", Span { file: main, start: 0, end: 0 })])
+}
+
+fn load_artefact(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded, LoadError> {
+    let model = CompiledModel::from_bytes(bytes)
+        .map_err(|error| LoadError::Artefact { path: path.to_owned(), message: error.to_string() })?;
+    if !options.variants.is_empty() || options.scenario.as_deref().is_some_and(|s| s != "default") {
+        let message = "a compiled model takes neither scenario nor variants: give the `.eq` file".into();
+        return Err(LoadError::Artefact { path: path.to_owned(), message });
+    }
+    finish(model, Vec::new(), SourceMap::new(), &Scenario::default(), options)
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, LoadError> {
+    fs::read(path).map_err(|error| LoadError::Read { path: path.to_owned(), message: plain(&error), advice: String::new() })
+}
+
+/// The error without the operating system's number.
+fn plain(error: &std::io::Error) -> String {
+    match error.kind() {
+        std::io::ErrorKind::NotFound => "no such file".into(),
+        std::io::ErrorKind::PermissionDenied => "permission denied".into(),
+        std::io::ErrorKind::IsADirectory => "is a directory".into(),
+        _ => error.to_string(),
+    }
+}
+
+enum ScenarioFault {
+    Load(LoadError),
+    Diagnostic(Box<Diagnostic>),
+}
+
+fn load_scenario(model: &Path, options: &LoadOptions, sources: &mut SourceMap) -> Result<Scenario, ScenarioFault> {
+    let Some(name) = options.scenario.as_deref().filter(|name| *name != "default") else {
+        return Ok(Scenario::default());
+    };
+    let path = scenario::find_file(model, name);
+    let text = fs::read_to_string(&path).map_err(|error| {
+        let known = scenario::beside(model);
+        let guess = suggest(name, known.iter().map(String::as_str)).map(|n| format!("did you mean `{n}`? "));
+        let advice = format!("; {}scenarios of this model: {}", guess.unwrap_or_default(), known.join(", "));
+        ScenarioFault::Load(LoadError::Read { message: format!("unknown scenario `{name}`: {}", plain(&error)), path: path.clone(), advice })
+    })?;
+    let file = sources.add(path.display().to_string(), text);
+    Scenario::parse(sources, file).map_err(ScenarioFault::Diagnostic)
+}
+
+/// Options of the environments: what of scenario and settings is not in the compiled model.
+fn finish(
+    model: CompiledModel,
+    warnings: Vec<Diagnostic>,
+    sources: SourceMap,
+    scenario: &Scenario,
+    options: &LoadOptions,
+) -> Result<Loaded, LoadError> {
+    let catalogue = Catalogue::new(&model);
+    let mut environment = EnvironmentOptions {
+        reward: options.reward.clone().or_else(|| scenario.reward.clone()),
+        max_steps: scenario.max_steps,
+        rtol: scenario.solver.rtol,
+        atol_factor: scenario.solver.atol_factor,
+        max_order: scenario.solver.max_order,
+        solver_steps: scenario.solver.max_steps,
+        linear_solver: scenario.solver.linear_solver.clone(),
+        ..EnvironmentOptions::default()
+    };
+    for (name, value) in scenario.parameters.iter().chain(&options.settings) {
+        match (catalogue.parameters.find(name), value.number()) {
+            (Some(_), Some(number)) => {
+                environment.parameters.insert(name.clone(), number);
+            }
+            (Some(element), None) if options.settings.contains_key(name) => {
+                let message = format!("parameter `{name}` must be a number (in {}), not `{value}`", element.unit);
+                return Err(LoadError::Setting { message });
+            }
+            _ => {}
+        }
+    }
+    for (name, value) in &scenario.initial {
+        if let Some(number) = value.number() {
+            environment.initial.insert(name.clone(), number);
+        }
+    }
+    environment.disturbances = recorded(scenario, &catalogue);
+    environment.noise = match &scenario.noise {
+        None | Some(Noise::Switch(true)) => BTreeMap::new(),
+        Some(Noise::Switch(false)) => model.interface().observations.iter().map(|o| (o.name.clone(), 0.0)).collect(),
+        Some(Noise::Deviations(deviations)) => deviations.clone(),
+    };
+    let known = |name: &str| knows_setting(&model, &catalogue, name);
+    if let Some(name) = options.settings.keys().find(|name| !known(name)) {
+        return Err(LoadError::Setting { message: unknown_setting(&model, &catalogue, name) });
+    }
+    Ok(Loaded { model: Arc::new(model), options: environment, sources: Arc::new(sources), warnings })
+}
+
+fn recorded(scenario: &Scenario, catalogue: &Catalogue) -> BTreeMap<String, Vec<f64>> {
+    match &scenario.disturbances {
+        None | Some(Disturbances::Switch(true)) => BTreeMap::new(),
+        Some(Disturbances::Switch(false)) => {
+            let elements = catalogue.disturbances.elements().iter();
+            elements.map(|e| (e.name.clone(), vec![if e.default.is_finite() { e.default } else { 0.0 }])).collect()
+        }
+        Some(Disturbances::Values(values)) => values
+            .iter()
+            .map(|(name, recorded)| match recorded {
+                Recorded::Constant(x) => (name.clone(), vec![*x]),
+                Recorded::Sequence(xs) => (name.clone(), xs.clone()),
+            })
+            .collect(),
+    }
+}
+
+/// Whether the compiled model has a parameter, choice or variant of that name. Names of grids were settled by the front end.
+fn knows_setting(model: &CompiledModel, catalogue: &Catalogue, name: &str) -> bool {
+    let interface = model.interface();
+    catalogue.parameters.find(name).is_some()
+        || interface.choices.iter().any(|(n, ..)| n == name)
+        || interface.variants.iter().any(|(n, _)| n == name)
+}
+
+fn unknown_setting(model: &CompiledModel, catalogue: &Catalogue, name: &str) -> String {
+    let interface = model.interface();
+    let choices = interface.choices.iter().map(|(n, ..)| n.as_str());
+    crate::catalogue::UnknownName::new("setting", name, choices.chain(catalogue.parameters.names())).to_string()
+}

@@ -1,0 +1,210 @@
+//! From what the process is to what an agent sees: sampling interval, noise, delay, clipping, normalisation.
+
+use smpl_compiler::model::{Observed, Variate};
+
+use crate::random::{AT_RESET, EpisodeKey, Stream, hash};
+
+/// The measuring chain of one instance.
+#[derive(Clone, Debug)]
+pub(crate) struct Sensors {
+    channels: Vec<Channel>,
+    /// No channel samples, delays or adds noise.
+    plain: bool,
+    /// Present readings, physical units, unclipped.
+    readings: Vec<f64>,
+    /// Values on their way to be reported, channel after channel.
+    pipeline: Vec<f64>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Channel {
+    low: f64,
+    high: f64,
+    every: u32,
+    /// Place and length of the channel's ring in the pipeline.
+    ring: (usize, usize),
+    noise: f64,
+    stream: u64,
+}
+
+impl Sensors {
+    pub fn new(observations: &[Observed], noise: &[f64]) -> Self {
+        let mut start = 0;
+        let channels: Vec<Channel> = observations
+            .iter()
+            .zip(noise)
+            .map(|(o, &noise)| {
+                let length = o.delay as usize;
+                let channel = Channel {
+                    low: o.low,
+                    high: o.high,
+                    every: o.every.max(1),
+                    ring: (start, length),
+                    noise,
+                    stream: hash(&format!("noise:{}", o.name)),
+                };
+                start += length;
+                channel
+            })
+            .collect();
+        let plain = channels.iter().all(|c| c.every == 1 && c.ring.1 == 0 && c.noise == 0.0);
+        Self { plain, readings: vec![0.0; channels.len()], pipeline: vec![0.0; start], channels }
+    }
+
+    /// First readings of an episode; a delayed channel reports them until its first sample arrives.
+    pub fn reset(&mut self, key: EpisodeKey, values: &[f64]) {
+        for (i, (channel, &value)) in self.channels.iter().zip(values).enumerate() {
+            let reading = value + channel.error(key, AT_RESET);
+            self.readings[i] = reading;
+            self.pipeline[channel.ring.0..channel.ring.0 + channel.ring.1].fill(reading);
+        }
+    }
+
+    /// Readings after `steps` completed steps.
+    pub fn read(&mut self, key: EpisodeKey, steps: u32, values: &[f64]) {
+        if self.plain {
+            self.readings.copy_from_slice(values);
+            return;
+        }
+        for (i, (channel, &value)) in self.channels.iter().zip(values).enumerate() {
+            let (start, delay) = channel.ring;
+            let due = |step: u32| step % channel.every == 0;
+            if delay == 0 {
+                if due(steps) {
+                    self.readings[i] = value + channel.error(key, steps);
+                }
+                continue;
+            }
+            // The slot of this step holds what was sampled `delay` steps ago.
+            let slot = start + steps as usize % delay;
+            if steps as usize >= delay && due(steps - delay as u32) {
+                self.readings[i] = self.pipeline[slot];
+            }
+            self.pipeline[slot] = value + if due(steps) { channel.error(key, steps) } else { 0.0 };
+        }
+    }
+
+    /// Readings in physical units, unclipped.
+    pub fn readings(&self) -> &[f64] {
+        &self.readings
+    }
+
+    /// Writes the readings, clipped to their boxes.
+    pub fn write<T: Number>(&self, normalised: bool, out: &mut [T]) {
+        for ((channel, &reading), out) in self.channels.iter().zip(&self.readings).zip(out) {
+            let value = channel.clip(reading);
+            *out = T::from_f64(if normalised { normalise(value, channel.low, channel.high) } else { value }, channel.within(normalised));
+        }
+    }
+}
+
+impl Channel {
+    fn error(&self, key: EpisodeKey, step: u32) -> f64 {
+        if self.noise == 0.0 { 0.0 } else { self.noise * Stream::from_hash(key, self.stream).normal(step, 0) }
+    }
+
+    /// Inside the box; NaN is reported as the lower bound, since an observation must be a number.
+    fn clip(&self, value: f64) -> f64 {
+        if value > self.high {
+            self.high
+        } else if value >= self.low {
+            value
+        } else if self.low.is_finite() {
+            self.low
+        } else {
+            0.0
+        }
+    }
+
+    fn within(&self, normalised: bool) -> (f64, f64) {
+        if normalised && (self.high - self.low).is_finite() { (-1.0, 1.0) } else { (self.low, self.high) }
+    }
+}
+
+/// A value in [-1, 1]; unchanged where the bounds are open.
+#[must_use]
+pub fn normalise(value: f64, low: f64, high: f64) -> f64 {
+    let range = high - low;
+    if range.is_finite() && range > 0.0 { (2.0 * value - (high + low)) / range } else { value }
+}
+
+/// The inverse of [`normalise`].
+#[must_use]
+pub fn denormalise(value: f64, low: f64, high: f64) -> f64 {
+    let range = high - low;
+    if range.is_finite() && range > 0.0 { (value * range + high + low) / 2.0 } else { value }
+}
+
+/// Numbers that observations are written as.
+pub trait Number: Copy + Send + Sync {
+    /// The nearest number inside the box that a caller would form of (low, high) by rounding.
+    fn from_f64(value: f64, within: (f64, f64)) -> Self;
+}
+
+impl Number for f64 {
+    fn from_f64(value: f64, within: (f64, f64)) -> Self {
+        if value > within.1 { within.1 } else if value < within.0 { within.0 } else { value }
+    }
+}
+
+impl Number for f32 {
+    fn from_f64(value: f64, within: (f64, f64)) -> Self {
+        let (low, high) = (within.0 as f32, within.1 as f32);
+        let value = value as f32;
+        if value > high { high } else if value < low { low } else { value }
+    }
+}
+
+/// One variate of a stream.
+pub(crate) fn variate(stream: &Stream, kind: Variate, step: u32, element: u32) -> f64 {
+    match kind {
+        Variate::Uniform => stream.uniform(step, element),
+        Variate::Normal => stream.normal(step, element),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn observed(every: u32, delay: u32) -> Observed {
+        Observed { name: "x".into(), unit: "1".into(), low: 0.0, high: 10.0, every, delay, noise: 0.0 }
+    }
+
+    fn readings(every: u32, delay: u32, steps: u32) -> Vec<f64> {
+        let mut sensors = Sensors::new(&[observed(every, delay)], &[0.0]);
+        sensors.reset(EpisodeKey::default(), &[0.0]);
+        (1..=steps)
+            .map(|step| {
+                sensors.read(EpisodeKey::default(), step, &[f64::from(step)]);
+                sensors.readings()[0]
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_delayed_channel_reports_what_was_some_steps_ago() {
+        assert_eq!(readings(1, 2, 5), [0.0, 0.0, 1.0, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn a_sampled_channel_holds_its_value() {
+        assert_eq!(readings(3, 0, 7), [0.0, 0.0, 3.0, 3.0, 3.0, 6.0, 6.0]);
+    }
+
+    #[test]
+    fn a_sample_arrives_late_and_is_held() {
+        assert_eq!(readings(3, 2, 9), [0.0, 0.0, 0.0, 0.0, 3.0, 3.0, 3.0, 6.0, 6.0]);
+    }
+
+    #[test]
+    fn observations_are_clipped_to_their_box_and_never_nan() {
+        let mut sensors = Sensors::new(&[observed(1, 0)], &[0.0]);
+        for (value, expected) in [(12.0, 1.0), (-1.0, -1.0), (f64::NAN, -1.0), (2.5, -0.5)] {
+            sensors.reset(EpisodeKey::default(), &[value]);
+            let mut out = [0.0_f32];
+            sensors.write(true, &mut out);
+            assert_eq!(f64::from(out[0]), expected);
+        }
+    }
+}

@@ -1,0 +1,369 @@
+//! Scenarios: YAML files that say under which circumstances a model is run.
+//!
+//! A scenario `legacy` of `models/reactor.eq` is `models/reactor.legacy.yaml`. Names inside are checked against the model after it is compiled;
+//! keys of the scenario itself are checked here, with their place in the file.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes, did_you_mean};
+use smpl_dsl::span::{FileId, Span};
+
+/// A value of a setting, a parameter or an initial value.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(untagged)]
+pub enum Value {
+    /// `true` or `false`.
+    Flag(bool),
+    /// A number.
+    Number(f64),
+    /// A name of a choice, or an expression of the language.
+    Text(String),
+}
+
+impl Value {
+    /// What a command line means: a number, a flag, otherwise text.
+    #[must_use]
+    pub fn parse(text: &str) -> Self {
+        match (text, text.parse::<f64>()) {
+            ("true", _) => Value::Flag(true),
+            ("false", _) => Value::Flag(false),
+            (_, Ok(number)) => Value::Number(number),
+            _ => Value::Text(text.to_owned()),
+        }
+    }
+
+    /// The number, if it is one.
+    #[must_use]
+    pub fn number(&self) -> Option<f64> {
+        match self {
+            Value::Number(x) => Some(*x),
+            _ => None,
+        }
+    }
+}
+
+impl std::fmt::Display for Value {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Value::Flag(flag) => write!(f, "{flag}"),
+            Value::Number(x) => write!(f, "{x}"),
+            Value::Text(text) => f.write_str(text),
+        }
+    }
+}
+
+/// A variant that is on: a switch, or a choice with its option.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Variant {
+    /// Name of the switch or the choice.
+    pub name: String,
+    /// The option of a choice.
+    pub option: Option<String>,
+}
+
+impl Variant {
+    /// From `NAME` or `NAME=OPTION`.
+    #[must_use]
+    pub fn parse(text: &str) -> Self {
+        match text.split_once('=') {
+            Some((name, option)) => Self { name: name.trim().into(), option: Some(option.trim().into()) },
+            None => Self { name: text.trim().into(), option: None },
+        }
+    }
+}
+
+/// An entry of `variants`: `vacuole_flux`, `axial_scheme=legacy` or `axial_scheme: legacy`.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(untagged)]
+enum VariantEntry {
+    Name(String),
+    Choice(BTreeMap<String, Value>),
+}
+
+/// Disturbances of a scenario: on or off, or values that replace the drawn ones.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(untagged)]
+pub enum Disturbances {
+    /// All drawn (`true`) or all at their initial values (`false`).
+    Switch(bool),
+    /// One value for all steps, or one a step, by name.
+    Values(BTreeMap<String, Recorded>),
+}
+
+/// A recorded disturbance.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(untagged)]
+pub enum Recorded {
+    /// The same in all steps.
+    Constant(f64),
+    /// One value a step; the last one holds from there on.
+    Sequence(Vec<f64>),
+}
+
+/// Noise of observations: on or off, or standard deviations.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(untagged)]
+pub enum Noise {
+    /// As the model declares (`true`) or none (`false`).
+    Switch(bool),
+    /// Standard deviations by observation.
+    Deviations(BTreeMap<String, f64>),
+}
+
+/// Solver settings that a scenario may change.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SolverOverrides {
+    /// Relative tolerance.
+    pub rtol: Option<f64>,
+    /// Absolute tolerance over rtol times the scale.
+    pub atol_factor: Option<f64>,
+    /// Highest order.
+    pub max_order: Option<u32>,
+    /// Most internal steps within a step.
+    pub max_steps: Option<u32>,
+    /// `auto`, `dense` or `klu`.
+    pub linear_solver: Option<String>,
+}
+
+/// The file as it is written.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    #[serde(default)]
+    parameters: BTreeMap<String, Value>,
+    #[serde(default)]
+    settings: BTreeMap<String, Value>,
+    #[serde(default)]
+    variants: Vec<VariantEntry>,
+    #[serde(default)]
+    grid: BTreeMap<String, u32>,
+    #[serde(default)]
+    initial: BTreeMap<String, Value>,
+    disturbances: Option<Disturbances>,
+    reward: Option<String>,
+    observation: Option<String>,
+    noise: Option<Noise>,
+    #[serde(default)]
+    solver: SolverOverrides,
+    max_steps: Option<u32>,
+}
+
+const KEYS: [&str; 11] = [
+    "parameters",
+    "settings",
+    "variants",
+    "grid",
+    "initial",
+    "disturbances",
+    "reward",
+    "observation",
+    "noise",
+    "solver",
+    "max_steps",
+];
+const SOLVER_KEYS: [&str; 5] = ["rtol", "atol_factor", "max_order", "max_steps", "linear_solver"];
+
+/// Under which circumstances a model is run.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Scenario {
+    /// Parameters: numbers, or expressions.
+    pub parameters: BTreeMap<String, Value>,
+    /// Settings.
+    pub settings: BTreeMap<String, Value>,
+    /// Variants that are on.
+    pub variants: Vec<Variant>,
+    /// Numbers of cells.
+    pub grid: BTreeMap<String, u32>,
+    /// Initial values or distributions.
+    pub initial: BTreeMap<String, Value>,
+    /// Disturbances.
+    pub disturbances: Option<Disturbances>,
+    /// The reward that is returned.
+    pub reward: Option<String>,
+    /// Level of observation.
+    pub observation: Option<String>,
+    /// Noise of observations.
+    pub noise: Option<Noise>,
+    /// Solver settings.
+    pub solver: SolverOverrides,
+    /// Time limit in steps.
+    pub max_steps: Option<u32>,
+    /// The file it comes from; the default scenario has none.
+    pub file: Option<FileId>,
+}
+
+impl Scenario {
+    /// Reads a scenario whose text is in the source map.
+    ///
+    /// # Errors
+    /// One diagnostic that points into the file.
+    pub fn parse(sources: &SourceMap, file: FileId) -> Result<Self, Box<Diagnostic>> {
+        let text = sources.file(file).map_or("", |f| f.text());
+        if text.lines().all(|line| line.trim().is_empty() || line.trim_start().starts_with('#')) {
+            return Ok(Self { file: Some(file), ..Self::default() });
+        }
+        let raw: File = serde_yaml::from_str(text).map_err(|error| Box::new(diagnose(&error, text, file)))?;
+        Ok(Self {
+            parameters: raw.parameters,
+            settings: raw.settings,
+            variants: raw.variants.into_iter().flat_map(VariantEntry::into_variants).collect(),
+            grid: raw.grid,
+            initial: raw.initial,
+            disturbances: raw.disturbances,
+            reward: raw.reward,
+            observation: raw.observation,
+            noise: raw.noise,
+            solver: raw.solver,
+            max_steps: raw.max_steps,
+            file: Some(file),
+        })
+    }
+
+    /// A diagnostic at a name in the scenario's file: `help` lists what is right.
+    #[must_use]
+    pub fn fault(&self, sources: &SourceMap, name: &str, message: impl Into<String>, help: impl Into<String>) -> Diagnostic {
+        let file = self.file.unwrap_or_default();
+        let text = sources.file(file).map_or("", |f| f.text());
+        let span = find_name(text, name, file);
+        Diagnostic::error(codes::BAD_SCENARIO, message, span).help(help)
+    }
+}
+
+impl VariantEntry {
+    fn into_variants(self) -> Vec<Variant> {
+        match self {
+            VariantEntry::Name(text) => vec![Variant::parse(&text)],
+            VariantEntry::Choice(choices) => choices
+                .into_iter()
+                .map(|(name, option)| match option {
+                    Value::Flag(true) => Variant { name, option: None },
+                    option => Variant { name, option: Some(option.to_string()) },
+                })
+                .collect(),
+        }
+    }
+}
+
+/// The file of a scenario: a path as it is, or a name beside the model.
+#[must_use]
+pub fn find_file(model: &Path, scenario: &str) -> PathBuf {
+    let is_path = scenario.ends_with(".yaml") || scenario.ends_with(".yml") || scenario.contains(std::path::is_separator);
+    if is_path {
+        return PathBuf::from(scenario);
+    }
+    let stem = model.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    model.with_file_name(format!("{stem}.{scenario}.yaml"))
+}
+
+/// Names of the scenarios that stand beside a model, `default` first.
+#[must_use]
+pub fn beside(model: &Path) -> Vec<String> {
+    let stem = model.file_stem().map(|s| format!("{}.", s.to_string_lossy())).unwrap_or_default();
+    let folder = match model.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    let mut names: Vec<String> = std::fs::read_dir(folder)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter_map(|entry| {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            Some(name.strip_prefix(&stem)?.strip_suffix(".yaml")?.to_owned())
+        })
+        .collect();
+    names.sort();
+    names.insert(0, "default".into());
+    names
+}
+
+/// What the YAML reader says, as a diagnostic of ours.
+fn diagnose(error: &serde_yaml::Error, text: &str, file: FileId) -> Diagnostic {
+    let full = error.to_string();
+    let message = full.split(" at line ").next().unwrap_or(&full).to_owned();
+    if let Some(key) = message.split('`').nth(1).filter(|_| message.contains("unknown field")) {
+        let in_solver = message.contains("atol_factor");
+        let known: &[&str] = if in_solver { &SOLVER_KEYS } else { &KEYS };
+        let span = find_name(text, key, file);
+        let place = if in_solver { " in `solver`" } else { "" };
+        return Diagnostic::error(codes::BAD_SCENARIO, format!("unknown key `{key}`{place}"), span)
+            .label("not a key of a scenario")
+            .help(
+                did_you_mean(key, known.iter().copied())
+                    .unwrap_or_else(|| format!("the keys are {}", known.join(", "))),
+            );
+    }
+    let at = error.location().map_or(0, |l| l.index()).min(text.len());
+    let end = text[at..].find('\n').map_or(text.len(), |n| at + n).max(at + usize::from(at < text.len()));
+    let span = Span { file, start: at as u32, end: end as u32 };
+    let message = message.replace("data did not match any variant of untagged enum", "a value of the wrong kind:");
+    Diagnostic::error(codes::BAD_SCENARIO, message, span)
+}
+
+/// Where a name stands in the text as a word of its own; the beginning if it does not.
+fn find_name(text: &str, name: &str, file: FileId) -> Span {
+    let is_word = |c: char| c.is_alphanumeric() || c == '_';
+    let at = text.match_indices(name).map(|(at, _)| at).find(|&at| {
+        let line = text[..at].rfind('\n').map_or(0, |n| n + 1);
+        let comment = text[line..at].contains('#');
+        !comment && !text[..at].ends_with(is_word) && !text[at + name.len()..].starts_with(is_word)
+    });
+    let (start, end) = at.map_or((0, 0), |at| (at, at + name.len()));
+    Span { file, start: start as u32, end: end as u32 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<Scenario, (String, usize, usize, Option<String>)> {
+        let mut sources = SourceMap::new();
+        let file = sources.add("s.yaml", text);
+        Scenario::parse(&sources, file).map_err(|d| {
+            let at = sources.locate(d.primary.span);
+            (d.message.clone(), at.line, at.column, d.help.clone())
+        })
+    }
+
+    #[test]
+    fn all_keys_of_the_contract_are_read() {
+        let text = "parameters: {k_0: 7.2e10}\nsettings:\n  paa_schedule: minutes\n  disturbances: false\nvariants: [a, b=c, {d: e}]\ngrid: {n_z: 30}\ninitial: {h: 0.5}\n\
+                    disturbances: {z: [0.1, 0.2]}\nreward: r\nobservation: full\nnoise: {T: 0.1}\nsolver: {rtol: 1.0e-6}\nmax_steps: 101\n";
+        let scenario = parse(text).expect("valid");
+        assert_eq!(scenario.parameters["k_0"], Value::Number(7.2e10));
+        assert_eq!(scenario.settings["disturbances"], Value::Flag(false));
+        let variants: Vec<_> = scenario.variants.iter().map(|v| (v.name.as_str(), v.option.as_deref())).collect();
+        assert_eq!(variants, [("a", None), ("b", Some("c")), ("d", Some("e"))]);
+        assert_eq!((scenario.grid["n_z"], scenario.max_steps, scenario.solver.rtol), (30, Some(101), Some(1e-6)));
+    }
+
+    #[test]
+    fn an_unknown_key_is_refused_at_its_place_with_a_suggestion() {
+        let (message, line, column, help) = parse("# scenario\nmax_steps: 3\nparamters: {a: 1}\n").unwrap_err();
+        assert_eq!((message.as_str(), line, column), ("unknown key `paramters`", 3, 1));
+        assert_eq!(help.as_deref(), Some("did you mean `parameters`?"));
+        let (message, line, column, _) = parse("solver:\n  rtoll: 1\n").unwrap_err();
+        assert_eq!((message.as_str(), line, column), ("unknown key `rtoll` in `solver`", 2, 3));
+    }
+
+    #[test]
+    fn a_value_of_the_wrong_kind_is_refused() {
+        assert!(parse("max_steps: many\n").is_err());
+        assert!(parse("parameters: [1, 2]\n").is_err());
+        assert!(parse(": : :\n  - x\n y").is_err());
+    }
+
+    #[test]
+    fn an_empty_file_is_the_default_scenario() {
+        assert_eq!(parse("# nothing\n\n").map(|s| s.variants.len()), Ok(0));
+    }
+
+    #[test]
+    fn a_name_stands_beside_the_model_and_a_path_for_itself() {
+        assert_eq!(find_file(Path::new("models/reactor.eq"), "legacy"), Path::new("models/reactor.legacy.yaml"));
+        assert_eq!(find_file(Path::new("models/reactor.eq"), "my/s.yaml"), Path::new("my/s.yaml"));
+    }
+}

@@ -1,0 +1,334 @@
+//! What all instances of an environment share: the model, names, settings, the nominal steady state.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use smpl_compiler::compiled::{CompiledModel, Part, Region};
+use smpl_compiler::ir::{Builtin, Expr, ExprId, Flavour};
+use smpl_compiler::model::Variate;
+use smpl_dsl::diagnostic::SourceMap;
+
+use crate::catalogue::{Catalogue, UnknownName};
+use crate::random;
+use crate::solver::{LinearSolver, PatternError, Quadratures, Settings, SolveError};
+use crate::steady::{self, SteadyError};
+use crate::system::CompiledSystem;
+
+/// What can be chosen when an environment is made; all else stands in the model.
+#[derive(Clone, Debug, Default)]
+pub struct EnvironmentOptions {
+    /// The reward that `step` returns; the model's default if `None`.
+    pub reward: Option<String>,
+    /// The reward comes at the end of the episode, as the sum over it.
+    pub sparse: bool,
+    /// Time limit in steps in place of the model's.
+    pub max_steps: Option<u32>,
+    /// Parameters in their declared units; they override defaults and draws in every episode.
+    pub parameters: BTreeMap<String, f64>,
+    /// Initial values of states and discrete variables; they override those of the model in every episode.
+    pub initial: BTreeMap<String, f64>,
+    /// Standard deviation of the noise of observations.
+    pub noise: BTreeMap<String, f64>,
+    /// Recorded disturbances in place of drawn ones, one value a step; the last one holds from there on.
+    pub disturbances: BTreeMap<String, Vec<f64>>,
+    /// Relative tolerance.
+    pub rtol: Option<f64>,
+    /// Absolute tolerance of an unknown over rtol times its scale.
+    pub atol_factor: Option<f64>,
+    /// Highest order of the integration.
+    pub max_order: Option<u32>,
+    /// Most internal steps within a step.
+    pub solver_steps: Option<u32>,
+    /// `auto`, `dense` or `klu`.
+    pub linear_solver: Option<String>,
+}
+
+/// Why an environment cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum SetupError {
+    /// A name that the model does not have.
+    #[error(transparent)]
+    UnknownName(#[from] UnknownName),
+    /// A value that is none.
+    #[error("{what} must be {expected}, not {value}")]
+    Value {
+        /// Which setting.
+        what: String,
+        /// What it should be.
+        expected: &'static str,
+        /// What it is.
+        value: String,
+    },
+    /// The Jacobian's pattern.
+    #[error("pattern of the Jacobian: {0}")]
+    Pattern(#[from] PatternError),
+    /// The solver refuses its settings or the system.
+    #[error(transparent)]
+    Solver(#[from] SolveError),
+    /// The steady state that the model starts from was not found.
+    #[error("steady state: {0}")]
+    Steady(#[from] SteadyError),
+}
+
+/// One stream of random numbers, ready to be drawn from.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Drawn {
+    /// Place in the region of draws.
+    pub at: usize,
+    /// Hash of the stream's name.
+    pub stream: u64,
+    /// Number within the stream.
+    pub element: u32,
+    /// Distribution.
+    pub kind: Variate,
+    /// Drawn at every step, not at reset.
+    pub each_step: bool,
+}
+
+/// What all instances of an environment share.
+pub struct Setup {
+    pub(crate) system: CompiledSystem,
+    /// Names and places.
+    pub catalogue: Catalogue,
+    pub(crate) options: EnvironmentOptions,
+    pub(crate) settings: Settings,
+    pub(crate) draws: Vec<Drawn>,
+    pub(crate) reward: usize,
+    pub(crate) max_steps: u32,
+    /// `finish` reads time derivatives, which then must be those of the final state.
+    pub(crate) derivatives_at_end: bool,
+    pub(crate) has_start: bool,
+    pub(crate) has_end: bool,
+    pub(crate) has_disturbances: bool,
+    pub(crate) sources: Option<Arc<SourceMap>>,
+    pub(crate) noise: Vec<f64>,
+}
+
+impl Setup {
+    /// Prepares a model. `sources` are the texts that it was compiled from, for messages.
+    ///
+    /// # Errors
+    /// Unknown names, values out of range, or no steady state where the model starts from one.
+    pub fn new(
+        model: Arc<CompiledModel>,
+        options: EnvironmentOptions,
+        sources: Option<Arc<SourceMap>>,
+    ) -> Result<Arc<Self>, SetupError> {
+        let catalogue = Catalogue::new(&model);
+        let interface = model.interface();
+        let settings = solver_settings(&model, &catalogue, &options)?;
+        let reward = match &options.reward {
+            None => interface.default_reward as usize,
+            Some(name) => interface.rewards.iter().position(|r| r.name == *name).ok_or_else(|| {
+                UnknownName::new("reward", name, interface.rewards.iter().map(|r| r.name.as_str()))
+            })?,
+        };
+        let noise = noise(&model, &options)?;
+        check_names(&catalogue, &options)?;
+        let max_steps = options.max_steps.unwrap_or(interface.episode.max_steps);
+        if max_steps == 0 {
+            return Err(SetupError::Value { what: "max_steps".into(), expected: "at least 1", value: "0".into() });
+        }
+        let programs = &model.model().programs;
+        let mut setup = Self {
+            settings,
+            draws: draws(&model),
+            reward,
+            max_steps,
+            derivatives_at_end: finish_reads_derivatives(&model),
+            has_start: !programs.start.nests.is_empty(),
+            has_end: !programs.end.nests.is_empty(),
+            has_disturbances: !programs.disturb.nests.is_empty(),
+            sources,
+            noise,
+            catalogue,
+            options,
+            system: CompiledSystem::new(model)?,
+        };
+        setup.prepare_nominal()?;
+        Ok(Arc::new(setup))
+    }
+
+    /// The model.
+    #[must_use]
+    pub fn model(&self) -> &Arc<CompiledModel> {
+        self.system.model()
+    }
+
+    /// Time limit in steps.
+    #[must_use]
+    pub fn max_steps(&self) -> u32 {
+        self.max_steps
+    }
+
+    /// The texts that the model was compiled from.
+    #[must_use]
+    pub fn sources(&self) -> Option<&SourceMap> {
+        self.sources.as_deref()
+    }
+
+    /// The steady state that belongs to parameters at their means: unknowns in the order of `y`.
+    #[must_use]
+    pub fn steady_state(&self) -> &[f64] {
+        self.system.region(Region::Steady(Part::Y))
+    }
+
+    /// The actions of that steady state.
+    #[must_use]
+    pub fn steady_action(&self) -> &[f64] {
+        self.system.region(Region::Steady(Part::Action))
+    }
+
+    /// Parameters at their means with the given ones in place, and their steady state.
+    fn prepare_nominal(&mut self) -> Result<(), SetupError> {
+        let draws = self.draws.clone();
+        let given = self.given_parameters(self.options.parameters.iter().map(|(n, v)| (n.as_str(), *v)))?;
+        let step = self.model().interface().episode.step;
+        self.system.region_mut(Region::Builtin)[Builtin::StepLength as usize] = step;
+        fill_means(&mut self.system, &draws);
+        set_parameters(&mut self.system, &given);
+        if self.model().interface().has_steady {
+            let guess = steady::guess(&self.system, &self.catalogue);
+            steady::solve_declared(&mut self.system, &self.catalogue, &guess)?;
+        }
+        Ok(())
+    }
+
+    /// Places and values of named parameters.
+    pub(crate) fn given_parameters<'a>(
+        &self,
+        named: impl Iterator<Item = (&'a str, f64)>,
+    ) -> Result<Vec<(usize, f64)>, UnknownName> {
+        named.map(|(name, value)| Ok((self.catalogue.parameters.get(name, "parameter")?.at, value))).collect()
+    }
+}
+
+/// Puts every random number at its mean.
+pub(crate) fn fill_means(system: &mut CompiledSystem, draws: &[Drawn]) {
+    let region = system.region_mut(Region::Draw);
+    for draw in draws {
+        region[draw.at] = match draw.kind {
+            Variate::Uniform => 0.5,
+            Variate::Normal => 0.0,
+        };
+    }
+}
+
+/// Sets the given parameters, computes the others, and prepares what depends on them.
+pub(crate) fn set_parameters(system: &mut CompiledSystem, given: &[(usize, f64)]) {
+    for &(at, value) in given {
+        system.region_mut(Region::Param)[at] = value;
+        system.region_mut(Region::ParamGiven)[at] = 1.0;
+    }
+    let (model, memory) = system.parts();
+    model.parameters(memory);
+    model.prepare_parameters(memory);
+}
+
+fn solver_settings(
+    model: &CompiledModel,
+    catalogue: &Catalogue,
+    options: &EnvironmentOptions,
+) -> Result<Settings, SetupError> {
+    let declared = &model.interface().solver;
+    let rtol = options.rtol.unwrap_or(declared.rtol);
+    let factor = options.atol_factor.unwrap_or(declared.atol_factor);
+    let positive = |what: &str, value: f64| {
+        if value.is_finite() && value > 0.0 {
+            return Ok(());
+        }
+        Err(SetupError::Value { what: what.into(), expected: "a positive number", value: value.to_string() })
+    };
+    positive("rtol", rtol)?;
+    positive("atol_factor", factor)?;
+    let mut atol = vec![factor * rtol; model.unknowns()];
+    for element in catalogue.states.elements().iter().chain(catalogue.solved.elements()) {
+        if element.scale.is_finite() && element.scale > 0.0 {
+            atol[element.at] = factor * rtol * element.scale;
+        }
+    }
+    let mut settings = Settings::new(rtol, atol);
+    settings.max_order = options.max_order.unwrap_or(declared.max_order);
+    settings.max_steps = options.solver_steps.unwrap_or(declared.max_steps);
+    settings.linear_solver = linear_solver(options.linear_solver.as_deref().unwrap_or(&declared.linear_solver))?;
+    if model.model().quadrature_error_control {
+        settings.quadratures = Quadratures::Checked { rtol, atol: factor * rtol };
+    }
+    Ok(settings)
+}
+
+fn linear_solver(name: &str) -> Result<LinearSolver, SetupError> {
+    match name {
+        "auto" | "" => Ok(LinearSolver::Auto),
+        "dense" => Ok(LinearSolver::Dense),
+        "klu" => Ok(LinearSolver::Klu),
+        _ => Err(SetupError::Value { what: "linear_solver".into(), expected: "`auto`, `dense` or `klu`", value: format!("`{name}`") }),
+    }
+}
+
+fn noise(model: &CompiledModel, options: &EnvironmentOptions) -> Result<Vec<f64>, SetupError> {
+    let observations = &model.interface().observations;
+    let mut noise: Vec<f64> = observations.iter().map(|o| o.noise).collect();
+    for (name, &deviation) in &options.noise {
+        let at = observations.iter().position(|o| o.name == *name).ok_or_else(|| {
+            UnknownName::new("observation", name, observations.iter().map(|o| o.name.as_str()))
+        })?;
+        if !(deviation.is_finite() && deviation >= 0.0) {
+            return Err(SetupError::Value { what: format!("noise of {name}"), expected: "a standard deviation", value: deviation.to_string() });
+        }
+        noise[at] = deviation;
+    }
+    Ok(noise)
+}
+
+fn check_names(catalogue: &Catalogue, options: &EnvironmentOptions) -> Result<(), UnknownName> {
+    for name in options.disturbances.keys() {
+        catalogue.disturbances.get(name, "disturbance")?;
+    }
+    for name in options.initial.keys() {
+        if catalogue.discretes.find(name).is_none() {
+            catalogue.states.get(name, "state or discrete variable")?;
+        }
+    }
+    Ok(())
+}
+
+fn draws(model: &CompiledModel) -> Vec<Drawn> {
+    use smpl_compiler::model::Instant;
+    let mut counts: BTreeMap<&str, u32> = BTreeMap::new();
+    let number = |(at, draw): (usize, &'_ smpl_compiler::model::Draw), element| Drawn {
+        at,
+        stream: random::hash(&draw.stream),
+        element,
+        kind: draw.kind,
+        each_step: draw.instant == Instant::Step,
+    };
+    let draws = model.interface().draws.iter().enumerate();
+    draws
+        .map(|(at, draw)| {
+            let count = counts.entry(draw.stream.as_str()).or_default();
+            let element = *count;
+            *count += 1;
+            number((at, draw), element)
+        })
+        .collect()
+}
+
+/// Whether `finish` or the algebraic outputs read a time derivative.
+fn finish_reads_derivatives(model: &CompiledModel) -> bool {
+    let model = model.model();
+    let programs = [&model.programs.finish, &model.programs.outputs];
+    let mut todo: Vec<ExprId> =
+        programs.iter().flat_map(|p| &p.nests).flat_map(|n| &n.stores).map(|s| s.value).collect();
+    let mut seen = std::collections::HashSet::new();
+    while let Some(e) = todo.pop() {
+        if !seen.insert(e) {
+            continue;
+        }
+        if matches!(model.exprs.node(e), Expr::Load { flavour: Flavour::Derivative, .. }) {
+            return true;
+        }
+        todo.extend(model.exprs.operands(e));
+    }
+    false
+}

@@ -1,0 +1,354 @@
+//! What IDA calls back: the system's functions, the error weights, the linear solver and the message handler.
+//!
+//! All of them find their data in one [`Bridge`], whose address IDA holds as user data. No panic leaves a callback (it
+//! would end the process); it is caught, noted and returned as a failure.
+
+use std::ffi::CStr;
+use std::os::raw::{c_char, c_int, c_void};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::ptr::{self, NonNull};
+
+use sundials_sys::{
+    _generic_SUNLinearSolver, _generic_SUNLinearSolver_Ops, _generic_SUNMatrix,
+    _generic_SUNMatrix_Ops, IDAGetCurrentTime, IDAGetLastStep, N_Vector, SUNContext,
+    SUNLinearSolver, SUNLinearSolver_ID, SUNLinearSolver_ID_SUNLINEARSOLVER_CUSTOM,
+    SUNLinearSolver_Type, SUNLinearSolver_Type_SUNLINEARSOLVER_DIRECT, SUNMatrix, SUNMatrix_ID,
+    SUNMatrix_ID_SUNMATRIX_CUSTOM,
+};
+
+use super::kernels::Block;
+use super::linear::Factorisation;
+use super::vector::{self, Operations, entries, entries_mut};
+use super::{Statistics, System};
+
+/// Returned to IDA: try again with a smaller step.
+const RECOVERABLE: c_int = 1;
+
+/// Returned to IDA: give up.
+const FATAL: c_int = -1;
+
+/// Accepted steps after which a failed evaluation no longer counts as the cause of a later end.
+const MEMORY: u32 = 10;
+
+/// Steps in a row at the roundoff of time after which the integration is given up.
+const TINY_STEPS: u32 = 20;
+
+/// Bytes kept of IDA's last message.
+const MESSAGE: usize = 256;
+
+/// What went wrong in a callback.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Trouble {
+    /// This row of the residual is not finite.
+    Residual { time: f64, row: usize },
+    /// This entry of the Jacobian's pattern is not finite.
+    Jacobian { time: f64, entry: usize },
+    /// The Newton matrix is singular.
+    Singular { time: f64, column: Option<usize> },
+    /// The steps came down to the roundoff of time.
+    TinySteps { step: f64 },
+    /// A function of the system panicked.
+    Panic,
+}
+
+/// What the callbacks work with.
+pub(crate) struct Bridge {
+    /// The system, while it is lent.
+    system: Option<NonNull<dyn System>>,
+    pub memory: *mut c_void,
+    pub operations: Operations,
+    pub rtol: f64,
+    /// Absolute tolerances, filled up with infinity.
+    pub atol: Box<[Block]>,
+    /// Entries of the Newton matrix.
+    pub values: Box<[f64]>,
+    pub factorisation: Factorisation,
+    pub counts: Statistics,
+    pub trouble: Option<Trouble>,
+    steps_since_trouble: u32,
+    tiny_steps: u32,
+    /// Length of the last step that was followed by another.
+    pub last_step: f64,
+    message: [u8; MESSAGE],
+    message_length: usize,
+}
+
+impl Bridge {
+    pub fn new(
+        operations: Operations,
+        rtol: f64,
+        atol: &[f64],
+        entries: usize,
+        factorisation: Factorisation,
+    ) -> Self {
+        let mut blocks = vector::zeroed_blocks(atol.len());
+        let all = blocks.iter_mut().flat_map(|block| block.0.iter_mut());
+        let filled = atol.iter().copied().chain(std::iter::repeat(f64::INFINITY));
+        all.zip(filled).for_each(|(to, from)| *to = from);
+        Self {
+            system: None,
+            memory: ptr::null_mut(),
+            operations,
+            rtol,
+            atol: blocks,
+            values: vec![0.0; entries].into_boxed_slice(),
+            factorisation,
+            counts: Statistics::default(),
+            trouble: None,
+            steps_since_trouble: 0,
+            tiny_steps: 0,
+            last_step: 0.0,
+            message: [0; MESSAGE],
+            message_length: 0,
+        }
+    }
+
+    /// Lends the system to the callbacks until [`take_back`](Self::take_back).
+    pub fn lend(&mut self, system: &mut dyn System) {
+        let system: NonNull<dyn System + '_> = NonNull::from(system);
+        // SAFETY: only the lifetime changes; the pointer is taken back before the borrow ends.
+        self.system = Some(unsafe { std::mem::transmute::<NonNull<dyn System + '_>, NonNull<dyn System>>(system) });
+    }
+
+    pub fn take_back(&mut self) {
+        self.system = None;
+    }
+
+    /// Clears what belongs to the time before a call of IDA.
+    pub fn begin(&mut self) {
+        self.trouble = None;
+        self.tiny_steps = 0;
+        self.message_length = 0;
+    }
+
+    /// IDA's last message.
+    pub fn message(&self) -> String {
+        String::from_utf8_lossy(&self.message[..self.message_length]).trim().to_owned()
+    }
+
+    fn note(&mut self, trouble: Trouble) {
+        self.trouble = Some(trouble);
+        self.steps_since_trouble = 0;
+    }
+
+    /// Runs `call` on the system; no panic gets out.
+    fn guarded(&mut self, call: impl FnOnce(&mut dyn System)) -> Result<(), c_int> {
+        let Some(mut system) = self.system else { return Err(FATAL) };
+        // SAFETY: the lender holds the exclusive borrow as long as the pointer is here.
+        let system = unsafe { system.as_mut() };
+        catch_unwind(AssertUnwindSafe(|| call(system))).map_err(|_| {
+            self.note(Trouble::Panic);
+            FATAL
+        })
+    }
+
+    /// Evaluates the residual at `y`, `yp` into `out`.
+    pub fn residual(&mut self, time: f64, y: N_Vector, yp: N_Vector, out: N_Vector) -> Result<(), c_int> {
+        self.counts.residuals += 1;
+        self.guarded(|system| unsafe {
+            system.residual(time, entries(y), entries(yp), entries_mut(out));
+        })?;
+        if self.operations.all_finite(unsafe { vector::block_slice(out) }) {
+            return Ok(());
+        }
+        self.counts.not_finite += 1;
+        let row = unsafe { entries(out) }.iter().position(|x| !x.is_finite()).unwrap_or(0);
+        self.note(Trouble::Residual { time, row });
+        Err(RECOVERABLE)
+    }
+
+    /// Evaluates the Jacobian into `values`.
+    pub fn jacobian(&mut self, time: f64, cj: f64, y: N_Vector, yp: N_Vector) -> Result<(), c_int> {
+        self.counts.jacobians += 1;
+        let mut values = std::mem::take(&mut self.values);
+        let done = self.guarded(|system| unsafe {
+            system.jacobian(time, entries(y), entries(yp), cj, &mut values);
+        });
+        self.values = values;
+        done?;
+        // The sum of 0 * x is zero unless an entry is not finite.
+        if self.values.iter().map(|x| x * 0.0).sum::<f64>() == 0.0 {
+            return Ok(());
+        }
+        let entry = self.values.iter().position(|x| !x.is_finite()).unwrap_or(0);
+        self.note(Trouble::Jacobian { time, entry });
+        Err(RECOVERABLE)
+    }
+
+    fn factorise(&mut self) -> c_int {
+        self.counts.factorisations += 1;
+        match self.factorisation.factorise(&self.values) {
+            Ok(()) => 0,
+            Err(singular) => {
+                let mut time = 0.0;
+                unsafe { IDAGetCurrentTime(self.memory, &mut time) };
+                self.note(Trouble::Singular { time, column: singular.column });
+                RECOVERABLE
+            }
+        }
+    }
+
+    /// Looks at the step that was just accepted; an error when the steps have become too small to get anywhere.
+    fn step_accepted(&mut self) -> Result<(), c_int> {
+        let (mut step, mut time) = (0.0, 0.0);
+        unsafe {
+            IDAGetLastStep(self.memory, &mut step);
+            IDAGetCurrentTime(self.memory, &mut time);
+        }
+        if step > 0.0 {
+            self.last_step = step;
+            self.steps_since_trouble += 1;
+            if self.steps_since_trouble > MEMORY {
+                self.trouble = None;
+            }
+        }
+        let tiny = step > 0.0 && step <= 4.0 * f64::EPSILON * time.abs();
+        self.tiny_steps = if tiny { self.tiny_steps + 1 } else { 0 };
+        if self.tiny_steps < TINY_STEPS {
+            return Ok(());
+        }
+        // Where equations stopped being finite, that is the cause.
+        self.trouble.get_or_insert(Trouble::TinySteps { step });
+        Err(FATAL)
+    }
+}
+
+/// The bridge behind IDA's user data.
+///
+/// # Safety
+/// `user_data` is the address given to `IDASetUserData`, and nobody else uses the bridge during the call.
+unsafe fn bridge<'a>(user_data: *mut c_void) -> &'a mut Bridge {
+    unsafe { &mut *user_data.cast() }
+}
+
+fn code(result: Result<(), c_int>) -> c_int {
+    result.err().unwrap_or(0)
+}
+
+pub(crate) unsafe extern "C" fn residual(t: f64, y: N_Vector, yp: N_Vector, out: N_Vector, data: *mut c_void) -> c_int {
+    code(unsafe { bridge(data) }.residual(t, y, yp, out))
+}
+
+#[expect(clippy::too_many_arguments, reason = "IDA's signature")]
+pub(crate) unsafe extern "C" fn jacobian(
+    t: f64,
+    cj: f64,
+    y: N_Vector,
+    yp: N_Vector,
+    _residual: N_Vector,
+    _matrix: SUNMatrix,
+    data: *mut c_void,
+    _work: N_Vector,
+    _work2: N_Vector,
+    _work3: N_Vector,
+) -> c_int {
+    code(unsafe { bridge(data) }.jacobian(t, cj, y, yp))
+}
+
+pub(crate) unsafe extern "C" fn roots(t: f64, y: N_Vector, yp: N_Vector, out: *mut f64, data: *mut c_void) -> c_int {
+    let done = unsafe { bridge(data) }.guarded(|system| {
+        let out = unsafe { std::slice::from_raw_parts_mut(out, system.root_count()) };
+        system.roots(t, unsafe { entries(y) }, unsafe { entries(yp) }, out);
+    });
+    code(done)
+}
+
+pub(crate) unsafe extern "C" fn quadratures(t: f64, y: N_Vector, yp: N_Vector, out: N_Vector, data: *mut c_void) -> c_int {
+    let done = unsafe { bridge(data) }.guarded(|system| unsafe {
+        system.quadratures(t, entries(y), entries(yp), entries_mut(out));
+    });
+    code(done)
+}
+
+/// Error weights; IDA asks for them once a step, which also makes it the place to watch the steps.
+pub(crate) unsafe extern "C" fn error_weights(y: N_Vector, weights: N_Vector, data: *mut c_void) -> c_int {
+    let bridge = unsafe { bridge(data) };
+    unsafe { bridge.operations.error_weights(bridge.rtol, y, &bridge.atol, weights) };
+    code(bridge.step_accepted())
+}
+
+/// Keeps the last message in place of printing it.
+pub(crate) unsafe extern "C" fn message(
+    _code: c_int,
+    _module: *const c_char,
+    _function: *const c_char,
+    text: *mut c_char,
+    data: *mut c_void,
+) {
+    let bridge = unsafe { bridge(data) };
+    let text = unsafe { CStr::from_ptr(text) }.to_bytes();
+    let length = text.len().min(MESSAGE);
+    bridge.message[..length].copy_from_slice(&text[..length]);
+    bridge.message_length = length;
+}
+
+unsafe extern "C" fn solver_type(_: SUNLinearSolver) -> SUNLinearSolver_Type {
+    SUNLinearSolver_Type_SUNLINEARSOLVER_DIRECT
+}
+
+unsafe extern "C" fn solver_id(_: SUNLinearSolver) -> SUNLinearSolver_ID {
+    SUNLinearSolver_ID_SUNLINEARSOLVER_CUSTOM
+}
+
+unsafe extern "C" fn solver_initialize(_: SUNLinearSolver) -> c_int {
+    0
+}
+
+unsafe extern "C" fn solver_setup(solver: SUNLinearSolver, _: SUNMatrix) -> c_int {
+    unsafe { bridge((*solver).content) }.factorise()
+}
+
+unsafe extern "C" fn solver_solve(solver: SUNLinearSolver, _: SUNMatrix, x: N_Vector, b: N_Vector, _: f64) -> c_int {
+    let bridge = unsafe { bridge((*solver).content) };
+    bridge.counts.linear_solves += 1;
+    let x = unsafe { entries_mut(x) };
+    x.copy_from_slice(unsafe { entries(b) });
+    bridge.factorisation.solve(x);
+    0
+}
+
+unsafe extern "C" fn solver_last_flag(_: SUNLinearSolver) -> i64 {
+    0
+}
+
+static SOLVER: _generic_SUNLinearSolver_Ops = _generic_SUNLinearSolver_Ops {
+    gettype: Some(solver_type),
+    getid: Some(solver_id),
+    initialize: Some(solver_initialize),
+    setup: Some(solver_setup),
+    solve: Some(solver_solve),
+    lastflag: Some(solver_last_flag),
+    // SAFETY: every other field is an optional function pointer, for which all zeros mean `None`.
+    ..unsafe { std::mem::zeroed() }
+};
+
+unsafe extern "C" fn matrix_id(_: SUNMatrix) -> SUNMatrix_ID {
+    SUNMatrix_ID_SUNMATRIX_CUSTOM
+}
+
+/// The Jacobian's function writes every entry, so there is nothing to clear.
+unsafe extern "C" fn matrix_zero(_: SUNMatrix) -> c_int {
+    0
+}
+
+static MATRIX: _generic_SUNMatrix_Ops = _generic_SUNMatrix_Ops {
+    getid: Some(matrix_id),
+    zero: Some(matrix_zero),
+    // SAFETY: as above.
+    ..unsafe { std::mem::zeroed() }
+};
+
+/// The linear solver and the matrix as IDA knows them; the numbers are the bridge's.
+pub(crate) struct LinearObjects {
+    pub solver: Box<_generic_SUNLinearSolver>,
+    pub matrix: Box<_generic_SUNMatrix>,
+}
+
+impl LinearObjects {
+    pub fn new(bridge: *mut Bridge, sunctx: SUNContext) -> Self {
+        // SUNDIALS only reads the tables.
+        let solver = _generic_SUNLinearSolver { content: bridge.cast(), ops: ptr::from_ref(&SOLVER).cast_mut(), sunctx };
+        let matrix = _generic_SUNMatrix { content: bridge.cast(), ops: ptr::from_ref(&MATRIX).cast_mut(), sunctx };
+        Self { solver: Box::new(solver), matrix: Box::new(matrix) }
+    }
+}

@@ -1,0 +1,256 @@
+//! Where an integration begins: consistent values, derivatives and the first step of an explicit system.
+//!
+//! With y the differential and z the algebraic unknowns of y' = f(t, y, z), 0 = g(t, y, z):
+//!
+//! * z by Newton's method on g alone, damped by the natural monotonicity test (Deuflhard, *Newton Methods for Nonlinear
+//!   Problems*, 2004, section 3.3);
+//! * y' = f, and z' from g_z z' = −(g_t + g_y y'), so that IDA's first prediction is right to first order in z too;
+//! * y'' = f_t + f_y y' + f_z z', which gives the local error of a first step of order one, h² y''/2, beforehand.
+
+use sundials_sys::{N_VWrmsNorm, SUNContext};
+
+use super::callbacks::Bridge;
+use super::linear::Factorisation;
+use super::vector::{Operations, Vector};
+use super::{LinearSolver, Pattern, SolveError, System};
+
+/// Newton iterations at most.
+const MAX_ITERATIONS: u32 = 40;
+
+/// A correction below this many tolerances is the last: the next one would be its square.
+const LAST_CORRECTION: f64 = 1e-3;
+
+/// Smallest fraction of a Newton correction that is tried.
+const MIN_DAMPING: f64 = 1e-4;
+
+/// Why no consistent state was found.
+pub(crate) enum Inconsistent {
+    /// A callback failed; the bridge knows how.
+    Callback,
+    /// g_z is singular in this unknown.
+    Singular(Option<usize>),
+    /// Newton's method did not converge.
+    Diverged { iterations: u32, correction: f64 },
+}
+
+/// Space for the computations above.
+pub(crate) struct Consistent {
+    /// The algebraic unknowns.
+    algebraic: Box<[usize]>,
+    differential: Box<[bool]>,
+    pattern: Pattern,
+    /// For each entry of g_z, by columns, its place in the Jacobian's pattern.
+    block_entries: Box<[usize]>,
+    block_values: Box<[f64]>,
+    block: Option<Factorisation>,
+    correction: Box<[f64]>,
+    /// A trial state; then ∂F/∂t, then y''.
+    work: Vector,
+    residual: Vector,
+    weights: Vector,
+    /// Newton correction with zeros in the differential unknowns.
+    spread: Vector,
+    start: Box<[f64]>,
+}
+
+impl Consistent {
+    pub fn new(system: &dyn System, operations: Operations, context: SUNContext) -> Result<Self, SolveError> {
+        let n = system.dimension();
+        let differential: Box<[bool]> = system.differential().into();
+        let pattern = system.pattern().clone();
+        let algebraic: Box<[usize]> = (0..n).filter(|&i| !differential[i]).collect();
+        let mut number = vec![usize::MAX; n];
+        algebraic.iter().enumerate().for_each(|(k, &i)| number[i] = k);
+        let (mut starts, mut rows, mut block_entries) = (vec![0], vec![], vec![]);
+        for &column in &algebraic {
+            for entry in pattern.column(column) {
+                let row = pattern.rows()[entry];
+                if !differential[row] {
+                    rows.push(number[row]);
+                    block_entries.push(entry);
+                }
+            }
+            starts.push(rows.len());
+        }
+        let block_pattern = Pattern::new(starts, rows)?;
+        let block = match algebraic.len() {
+            0 => None,
+            _ => Some(Factorisation::new(&block_pattern, LinearSolver::Auto)?),
+        };
+        let zeros = || Vector::zeros(n, operations, context);
+        Ok(Self {
+            correction: vec![0.0; algebraic.len()].into(),
+            start: vec![0.0; algebraic.len()].into(),
+            algebraic,
+            differential,
+            pattern,
+            block_values: vec![0.0; block_entries.len()].into(),
+            block_entries: block_entries.into(),
+            block,
+            work: zeros(),
+            residual: zeros(),
+            weights: zeros(),
+            spread: zeros(),
+        })
+    }
+
+    pub fn forget(&mut self) {
+        if let Some(block) = &mut self.block {
+            block.forget();
+        }
+    }
+
+    /// Makes the algebraic unknowns of `y` consistent and sets the differential entries of `yp`, the others to zero.
+    pub fn initialise(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &mut Vector) -> Result<(), Inconsistent> {
+        yp.entries_mut().fill(0.0);
+        self.evaluate(bridge, t, y, yp)?;
+        if !self.algebraic.is_empty() {
+            self.solve_algebraic(bridge, t, y, yp)?;
+        }
+        let derivative = yp.entries_mut();
+        for (i, &differential) in self.differential.iter().enumerate() {
+            derivative[i] = if differential { self.residual.entries()[i] } else { 0.0 };
+        }
+        Ok(())
+    }
+
+    fn evaluate(&mut self, bridge: &mut Bridge, t: f64, y: &Vector, yp: &Vector) -> Result<(), Inconsistent> {
+        bridge.residual(t, y.raw(), yp.raw(), self.residual.raw()).map_err(|_| Inconsistent::Callback)
+    }
+
+    /// Newton's method on the algebraic rows; leaves the residual of the solution.
+    fn solve_algebraic(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &Vector) -> Result<(), Inconsistent> {
+        self.factorise_block(bridge, t, y, yp)?;
+        let mut size = self.correct(bridge, y);
+        for iterations in 1..=MAX_ITERATIONS {
+            if size == 0.0 {
+                return Ok(());
+            }
+            let last = size <= LAST_CORRECTION;
+            let next = self.damped_step(bridge, t, y, yp, size)
+                .ok_or(Inconsistent::Diverged { iterations, correction: size })?;
+            if last {
+                return Ok(());
+            }
+            // The correction just computed used the old g_z; a fresh one makes the convergence quadratic.
+            size = if next <= LAST_CORRECTION {
+                next
+            } else {
+                self.factorise_block(bridge, t, y, yp)?;
+                self.correct(bridge, y)
+            };
+        }
+        Err(Inconsistent::Diverged { iterations: MAX_ITERATIONS, correction: size })
+    }
+
+    fn factorise_block(&mut self, bridge: &mut Bridge, t: f64, y: &Vector, yp: &Vector) -> Result<(), Inconsistent> {
+        bridge.jacobian(t, 0.0, y.raw(), yp.raw()).map_err(|_| Inconsistent::Callback)?;
+        for (value, &entry) in self.block_values.iter_mut().zip(&self.block_entries) {
+            *value = bridge.values[entry];
+        }
+        let Some(block) = &mut self.block else { return Ok(()) };
+        block
+            .factorise(&self.block_values)
+            .map_err(|singular| Inconsistent::Singular(singular.column.map(|k| self.algebraic[k])))
+    }
+
+    /// Sets the correction from the residual and returns its size in tolerances.
+    fn correct(&mut self, bridge: &Bridge, y: &Vector) -> f64 {
+        for (correction, &i) in self.correction.iter_mut().zip(&self.algebraic) {
+            *correction = -self.residual.entries()[i];
+        }
+        if let Some(block) = &mut self.block {
+            block.solve(&mut self.correction);
+        }
+        let spread = self.spread.entries_mut();
+        self.algebraic.iter().zip(&self.correction).for_each(|(&i, &value)| spread[i] = value);
+        self.norm(bridge, y, &self.spread)
+    }
+
+    /// Weighted root mean square of `x` with the error weights at `y`.
+    fn norm(&self, bridge: &Bridge, y: &Vector, x: &Vector) -> f64 {
+        unsafe {
+            bridge.operations.error_weights(bridge.rtol, y.raw(), &bridge.atol, self.weights.raw());
+            N_VWrmsNorm(x.raw(), self.weights.raw())
+        }
+    }
+
+    /// Moves `y` along the correction so far that the next correction, with the same g_z, gets smaller; returns its size.
+    fn damped_step(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &Vector, size: f64) -> Option<f64> {
+        self.work.entries_mut().copy_from_slice(self.spread.entries());
+        for (start, &i) in self.start.iter_mut().zip(&self.algebraic) {
+            *start = y.entries()[i];
+        }
+        let mut damping = 1.0;
+        while damping >= MIN_DAMPING {
+            for (start, &i) in self.start.iter().zip(&self.algebraic) {
+                y.entries_mut()[i] = start + damping * self.work.entries()[i];
+            }
+            if self.evaluate(bridge, t, y, yp).is_ok() {
+                let next = self.correct(bridge, y);
+                // Below the last correction only roundoff is left.
+                if next <= (1.0 - 0.5 * damping) * size || next <= LAST_CORRECTION {
+                    return Some(next);
+                }
+            }
+            damping *= 0.5;
+        }
+        None
+    }
+
+    /// Sets the algebraic entries of `yp` and returns the first step whose estimated local error is `safety` tolerances
+    /// (infinite if y'' is zero). `span` is the time over which a change of the equations counts.
+    pub fn first_step(
+        &mut self,
+        bridge: &mut Bridge,
+        t: f64,
+        span: f64,
+        y: &Vector,
+        yp: &mut Vector,
+        safety: f64,
+    ) -> Result<f64, Inconsistent> {
+        self.factorise_block(bridge, t, y, yp)?;
+        self.time_derivative(bridge, t, span, y, yp)?;
+        self.accumulate(bridge, yp, |differential, row_differential| differential && !row_differential);
+        if let Some(block) = &mut self.block {
+            for (correction, &i) in self.correction.iter_mut().zip(&self.algebraic) {
+                *correction = -self.work.entries()[i];
+            }
+            block.solve(&mut self.correction);
+            let derivative = yp.entries_mut();
+            self.algebraic.iter().zip(&self.correction).for_each(|(&i, &value)| derivative[i] = value);
+        }
+        self.accumulate(bridge, yp, |_, row_differential| row_differential);
+        let second = self.work.entries_mut();
+        self.algebraic.iter().for_each(|&i| second[i] = 0.0);
+        let size = self.norm(bridge, y, &self.work);
+        Ok((2.0 * safety / size).sqrt())
+    }
+
+    /// Leaves ∂F/∂t in `work`: zero to the bit in rows where time does not occur.
+    fn time_derivative(&mut self, bridge: &mut Bridge, t: f64, span: f64, y: &Vector, yp: &Vector) -> Result<(), Inconsistent> {
+        let later = t + (1e-7 * span).max(1e-8 * t.abs());
+        bridge
+            .residual(t, y.raw(), yp.raw(), self.residual.raw())
+            .and_then(|()| bridge.residual(later, y.raw(), yp.raw(), self.work.raw()))
+            .map_err(|_| Inconsistent::Callback)?;
+        let work = self.work.entries_mut();
+        for (work, &now) in work.iter_mut().zip(self.residual.entries()) {
+            *work = (*work - now) / (later - t);
+        }
+        Ok(())
+    }
+
+    /// Adds ∂F/∂y `yp` to `work`, over the entries where `takes(column is differential, row is differential)`.
+    fn accumulate(&mut self, bridge: &Bridge, yp: &Vector, takes: impl Fn(bool, bool) -> bool) {
+        let work = self.work.entries_mut();
+        for (column, &slope) in yp.entries().iter().enumerate() {
+            for entry in self.pattern.column(column) {
+                let row = self.pattern.rows()[entry];
+                if takes(self.differential[column], self.differential[row]) {
+                    work[row] = bridge.values[entry].mul_add(slope, work[row]);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! Why an integration failed.
+
+use std::fmt;
+
+use thiserror::Error;
+
+use super::PatternError;
+
+/// A return value of IDA, with the message that came with it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct IdaFlag {
+    /// The constant `IDA_...`, negative.
+    pub value: i32,
+    /// What IDA said; empty when it said nothing.
+    pub message: String,
+}
+
+impl fmt::Display for IdaFlag {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "IDA {}", self.value)?;
+        if !self.message.is_empty() {
+            write!(f, ": {}", self.message)?;
+        }
+        Ok(())
+    }
+}
+
+/// Why an integration failed. Times are in the model's unit; rows and unknowns count from 0.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum SolveError {
+    /// The step limit was reached.
+    #[error("{steps} steps were not enough: stopped at t = {time}")]
+    TooManySteps {
+        /// Last time reached.
+        time: f64,
+        /// The limit.
+        steps: u32,
+    },
+    /// The step shrank to nothing: the solution is singular there, or the tolerances are too tight.
+    #[error("the step shrank to {step} at t = {time}")]
+    StepTooSmall {
+        /// Last time reached.
+        time: f64,
+        /// The last step.
+        step: f64,
+    },
+    /// The error test failed repeatedly, or at the smallest step.
+    #[error("the error test failed repeatedly at t = {time} ({flag})")]
+    ErrorTestFailures {
+        /// Last time reached.
+        time: f64,
+        /// What IDA returned.
+        flag: IdaFlag,
+    },
+    /// The Newton iteration failed repeatedly, or at the smallest step.
+    #[error("the Newton iteration did not converge at t = {time} ({flag})")]
+    ConvergenceFailures {
+        /// Last time reached.
+        time: f64,
+        /// What IDA returned.
+        flag: IdaFlag,
+    },
+    /// An equation is not finite where the solution leads.
+    #[error("equation {row} is not finite at t = {time}")]
+    NotFinite {
+        /// Where it was evaluated.
+        time: f64,
+        /// First row that is not finite.
+        row: usize,
+    },
+    /// The Jacobian has an entry that is not finite.
+    #[error("the Jacobian has an entry that is not finite at t = {time}, row {row}, column {column}")]
+    JacobianNotFinite {
+        /// Where it was evaluated.
+        time: f64,
+        /// Row of the first such entry.
+        row: usize,
+        /// Its column.
+        column: usize,
+    },
+    /// The Newton matrix is singular.
+    #[error("the Jacobian is singular at t = {time}{}", column.map_or(String::new(), |c| format!(", unknown {c}")))]
+    SingularJacobian {
+        /// Where it was evaluated.
+        time: f64,
+        /// The unknown without a pivot, where known.
+        column: Option<usize>,
+    },
+    /// No consistent initial condition was found.
+    #[error("no consistent initial condition at t = {time}: {iterations} Newton iterations leave a correction of {correction} tolerances")]
+    InitialConditions {
+        /// Time of the restart.
+        time: f64,
+        /// Iterations made.
+        iterations: u32,
+        /// Norm of the last correction, in tolerances (weighted root mean square).
+        correction: f64,
+    },
+    /// IDA found no consistent initial condition of an implicit system.
+    #[error("no consistent initial condition at t = {time} ({flag})")]
+    ImplicitInitialConditions {
+        /// Time of the restart.
+        time: f64,
+        /// What IDA returned.
+        flag: IdaFlag,
+    },
+    /// A function of the system panicked.
+    #[error("a model function panicked at t = {time}")]
+    Panicked {
+        /// Last time reached.
+        time: f64,
+    },
+    /// Any other return of IDA.
+    #[error("integration failed at t = {time} ({flag})")]
+    Other {
+        /// Last time reached.
+        time: f64,
+        /// What IDA returned.
+        flag: IdaFlag,
+    },
+    /// An array has the wrong length.
+    #[error("{name} has {given} entries in place of {expected}")]
+    Length {
+        /// Which array.
+        name: &'static str,
+        /// Its length.
+        given: usize,
+        /// The length it should have.
+        expected: usize,
+    },
+    /// A state or a time given to the integrator is not finite, or the end is not after the beginning.
+    #[error("cannot advance from t = {from} to t = {to}")]
+    Interval {
+        /// Present time.
+        from: f64,
+        /// Time asked for.
+        to: f64,
+    },
+    /// `advance` was called before `restart`, or after a failure.
+    #[error("the integrator needs a restart first")]
+    NotStarted,
+    /// A setting is out of its range.
+    #[error("solver setting: {message}")]
+    Settings {
+        /// What should hold.
+        message: &'static str,
+    },
+    /// The pattern of a Jacobian is not what it should be.
+    #[error("pattern of the Jacobian: {0}")]
+    Pattern(#[from] PatternError),
+    /// An explicit system's pattern lacks the diagonal entry of a differential row, or the dimension is wrong.
+    #[error("pattern of the Jacobian: row {row} lacks its diagonal entry")]
+    Diagonal {
+        /// The first such row.
+        row: usize,
+    },
+    /// SUNDIALS or KLU could not allocate or refused its input.
+    #[error("{function} failed ({flag})")]
+    Setup {
+        /// The function that failed.
+        function: &'static str,
+        /// What it returned.
+        flag: IdaFlag,
+    },
+}

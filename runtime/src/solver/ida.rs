@@ -1,0 +1,496 @@
+//! IDA behind the [`Integrator`] trait.
+
+use std::os::raw::{c_int, c_long, c_void};
+use std::ptr;
+
+use sundials_sys::*;
+
+use super::callbacks::{self, Bridge, LinearObjects, Trouble};
+use super::consistent::{Consistent, Inconsistent};
+use super::linear::{Factorisation, Method};
+use super::vector::{Operations, Vector};
+use super::{
+    Advance, FirstStep, IdaFlag, Integrator, Quadratures, Settings, SolveError, Statistics, System,
+};
+
+/// Counters that IDA keeps from one restart to the next.
+#[derive(Clone, Copy, Default)]
+struct IdaCounts {
+    steps: c_long,
+    error_test_failures: c_long,
+    nonlinear_failures: c_long,
+}
+
+/// Where an instance stands.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// A restart is needed.
+    Idle,
+    /// Initial values are set; IDA has not seen them.
+    Restarted,
+    /// IDA is under way.
+    Running,
+}
+
+/// SUNDIALS' variable-order, variable-step BDF integrator IDA.
+///
+/// Each instance owns its SUNDIALS context and memory: instances may be moved to and used on any thread, one at a time.
+/// Everything is allocated when it is made, except for KLU's factors, which are allocated at the first factorisation, and
+/// again where their pivots no longer serve or are [forgotten](Integrator::forget).
+pub struct Ida {
+    // Freed in the order of `Drop` below; vectors and the bridge outlive `memory`.
+    memory: *mut c_void,
+    bridge: *mut Bridge,
+    _linear: LinearObjects,
+    y: Vector,
+    yp: Vector,
+    quadratures: Option<Vector>,
+    _identity: Option<Vector>,
+    consistent: Option<Consistent>,
+    context: Context,
+    settings: Settings,
+    differential: Box<[bool]>,
+    rows_of_entries: (Box<[usize]>, Box<[usize]>),
+    events: Box<[c_int]>,
+    time: f64,
+    phase: Phase,
+    counted: IdaCounts,
+    /// The last step before the restart, zero if none.
+    last_step: f64,
+    last_interval: f64,
+}
+
+/// A SUNDIALS context, freed last.
+struct Context(SUNContext);
+
+impl Drop for Context {
+    fn drop(&mut self) {
+        unsafe { SUNContext_Free(&mut self.0) };
+    }
+}
+
+// SAFETY: all pointers are to objects that this instance alone owns, and SUNDIALS keeps no state outside of them.
+unsafe impl Send for Ida {}
+
+impl Ida {
+    /// An integrator for systems of this one's dimension, pattern and counts.
+    ///
+    /// # Errors
+    /// A setting out of range, a pattern that does not fit, or SUNDIALS out of memory.
+    pub fn new(system: &dyn System, settings: Settings) -> Result<Self, SolveError> {
+        Self::with_operations(system, settings, Operations::detect())
+    }
+
+    /// As [`new`](Self::new), without the instructions that only some processors have. Same results, for tests.
+    pub fn portable(system: &dyn System, settings: Settings) -> Result<Self, SolveError> {
+        Self::with_operations(system, settings, Operations::Portable)
+    }
+
+    fn with_operations(system: &dyn System, settings: Settings, operations: Operations) -> Result<Self, SolveError> {
+        let n = system.dimension();
+        settings.validate(n)?;
+        check_shape(system)?;
+        let mut raw = ptr::null_mut();
+        check("SUNContext_Create", unsafe { SUNContext_Create(comm_no_mpi(), &mut raw) })?;
+        let context = Context(raw);
+        let factorisation = Factorisation::new(system.pattern(), settings.linear_solver)?;
+        let entries = system.pattern().entries();
+        let bridge = Bridge::new(operations, settings.rtol, &settings.atol, entries, factorisation);
+        let consistent = match system.is_explicit() {
+            true => Some(Consistent::new(system, operations, context.0)?),
+            false => None,
+        };
+        let vector = |length| Vector::zeros(length, operations, context.0);
+        let quadratures = (system.quadrature_count() > 0).then(|| vector(system.quadrature_count()));
+        let (y, yp) = (vector(n), vector(n));
+        let identity = (!system.is_explicit()).then(|| vector(n));
+        let pattern = system.pattern();
+        let columns = (0..n).flat_map(|column| pattern.column(column).map(move |_| column)).collect();
+        let bridge = Box::into_raw(Box::new(bridge));
+        let mut ida = Self {
+            memory: unsafe { IDACreate(context.0) },
+            bridge,
+            _linear: LinearObjects::new(bridge, context.0),
+            y,
+            yp,
+            quadratures,
+            _identity: identity,
+            consistent,
+            context,
+            settings,
+            differential: system.differential().into(),
+            rows_of_entries: (pattern.rows().into(), columns),
+            events: vec![0; system.root_count()].into(),
+            time: 0.0,
+            phase: Phase::Idle,
+            counted: IdaCounts::default(),
+            last_step: 0.0,
+            last_interval: 1.0,
+        };
+        ida.bridge().memory = ida.memory;
+        ida.configure()?;
+        Ok(ida)
+    }
+
+    /// Tells IDA everything that does not change.
+    fn configure(&mut self) -> Result<(), SolveError> {
+        let memory = self.memory;
+        let data: *mut c_void = self.bridge.cast();
+        unsafe {
+            check("IDASetErrHandlerFn", IDASetErrHandlerFn(memory, Some(callbacks::message), data))?;
+            check("IDASetUserData", IDASetUserData(memory, data))?;
+            check("IDAInit", IDAInit(memory, Some(callbacks::residual), 0.0, self.y.raw(), self.yp.raw()))?;
+            check("IDAWFtolerances", IDAWFtolerances(memory, Some(callbacks::error_weights)))?;
+            let (solver, matrix) = (&mut *self._linear.solver, &mut *self._linear.matrix);
+            check("IDASetLinearSolver", IDASetLinearSolver(memory, solver, matrix))?;
+            check("IDASetJacFn", IDASetJacFn(memory, Some(callbacks::jacobian)))?;
+            check("IDASetMaxOrd", IDASetMaxOrd(memory, self.settings.max_order as c_int))?;
+            check("IDASetMaxNumSteps", IDASetMaxNumSteps(memory, c_long::from(self.settings.max_steps)))?;
+            if self.settings.max_step.is_finite() {
+                check("IDASetMaxStep", IDASetMaxStep(memory, self.settings.max_step))?;
+            }
+            if self.settings.min_step > 0.0 {
+                check("IDASetMinStep", IDASetMinStep(memory, self.settings.min_step))?;
+            }
+            if !self.events.is_empty() {
+                check("IDARootInit", IDARootInit(memory, self.events.len() as c_int, Some(callbacks::roots)))?;
+                check("IDASetNoInactiveRootWarn", IDASetNoInactiveRootWarn(memory))?;
+            }
+        }
+        self.configure_identity()?;
+        self.configure_quadratures()
+    }
+
+    /// Implicit systems: which unknowns are differential.
+    fn configure_identity(&mut self) -> Result<(), SolveError> {
+        let Some(identity) = &mut self._identity else { return Ok(()) };
+        for (entry, &differential) in identity.entries_mut().iter_mut().zip(&self.differential) {
+            *entry = f64::from(u8::from(differential));
+        }
+        check("IDASetId", unsafe { IDASetId(self.memory, identity.raw()) })
+    }
+
+    fn configure_quadratures(&mut self) -> Result<(), SolveError> {
+        let Some(vector) = &self.quadratures else { return Ok(()) };
+        let function = Some(callbacks::quadratures as unsafe extern "C" fn(_, _, _, _, _) -> _);
+        check("IDAQuadInit", unsafe { IDAQuadInit(self.memory, function, vector.raw()) })?;
+        if let Quadratures::Checked { rtol, atol } = self.settings.quadratures {
+            check("IDAQuadSStolerances", unsafe { IDAQuadSStolerances(self.memory, rtol, atol) })?;
+            check("IDASetQuadErrCon", unsafe { IDASetQuadErrCon(self.memory, 1) })?;
+        }
+        Ok(())
+    }
+
+    /// The linear solver in use.
+    pub fn method(&self) -> Method {
+        // SAFETY: outside of IDA's calls nobody else uses the bridge.
+        unsafe { (*self.bridge).factorisation.method() }
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    fn bridge(&mut self) -> &mut Bridge {
+        // SAFETY: outside of IDA's calls nobody else uses the bridge.
+        unsafe { &mut *self.bridge }
+    }
+
+    /// Runs `call` with the system lent to the callbacks.
+    fn lending<R>(&mut self, system: &mut dyn System, call: impl FnOnce(&mut Self) -> R) -> R {
+        self.bridge().lend(system);
+        let result = call(self);
+        self.bridge().take_back();
+        result
+    }
+
+    fn flag(&mut self, value: c_int) -> IdaFlag {
+        IdaFlag { value, message: self.bridge().message() }
+    }
+
+    fn initialise(&mut self) -> Result<(), SolveError> {
+        let bridge = unsafe { &mut *self.bridge };
+        bridge.begin();
+        match &mut self.consistent {
+            Some(consistent) => consistent
+                .initialise(bridge, self.time, &mut self.y, &mut self.yp)
+                .map_err(|cause| self.inconsistent(cause)),
+            None => self.calculate_initial_condition(),
+        }
+    }
+
+    /// IDA's own search for y' and the algebraic unknowns of an implicit system.
+    fn calculate_initial_condition(&mut self) -> Result<(), SolveError> {
+        let value = unsafe {
+            let mut value = IDAReInit(self.memory, self.time, self.y.raw(), self.yp.raw());
+            if value == IDA_SUCCESS {
+                value = IDACalcIC(self.memory, IDA_YA_YDP_INIT, self.time + self.last_interval);
+            }
+            if value == IDA_SUCCESS {
+                value = IDAGetConsistentIC(self.memory, self.y.raw(), self.yp.raw());
+            }
+            value
+        };
+        if value == IDA_SUCCESS {
+            return Ok(());
+        }
+        let flag = self.flag(value);
+        Err(self.trouble().unwrap_or(SolveError::ImplicitInitialConditions { time: self.time, flag }))
+    }
+
+    fn inconsistent(&mut self, cause: Inconsistent) -> SolveError {
+        let time = self.time;
+        match cause {
+            Inconsistent::Callback => self.trouble().unwrap_or(SolveError::Panicked { time }),
+            Inconsistent::Singular(column) => SolveError::SingularJacobian { time, column },
+            Inconsistent::Diverged { iterations, correction } => {
+                SolveError::InitialConditions { time, iterations, correction }
+            }
+        }
+    }
+
+    /// What the callbacks noted, as an error.
+    fn trouble(&mut self) -> Option<SolveError> {
+        let time = self.time;
+        Some(match self.bridge().trouble? {
+            Trouble::Residual { time, row } => SolveError::NotFinite { time, row },
+            Trouble::Jacobian { time, entry } => {
+                let (rows, columns) = &self.rows_of_entries;
+                SolveError::JacobianNotFinite { time, row: rows[entry], column: columns[entry] }
+            }
+            Trouble::Singular { time, column } => SolveError::SingularJacobian { time, column },
+            Trouble::TinySteps { step } => SolveError::StepTooSmall { time, step },
+            Trouble::Panic => SolveError::Panicked { time },
+        })
+    }
+
+    /// Chooses the first step and hands the initial values to IDA.
+    fn start(&mut self, t_end: f64) -> Result<(), SolveError> {
+        let interval = t_end - self.time;
+        let step = self.first_step(interval)?.min(interval).max(0.0);
+        unsafe {
+            check("IDASetInitStep", IDASetInitStep(self.memory, step))?;
+            check("IDAReInit", IDAReInit(self.memory, self.time, self.y.raw(), self.yp.raw()))?;
+            if let Some(quadratures) = &mut self.quadratures {
+                quadratures.entries_mut().fill(0.0);
+                check("IDAQuadReInit", IDAQuadReInit(self.memory, quadratures.raw()))?;
+            }
+        }
+        self.counted = IdaCounts::default();
+        self.phase = Phase::Running;
+        Ok(())
+    }
+
+    /// The first step, or zero for IDA's rule.
+    fn first_step(&mut self, interval: f64) -> Result<f64, SolveError> {
+        let bridge = unsafe { &mut *self.bridge };
+        let time = self.time;
+        Ok(match (self.settings.first_step, &mut self.consistent) {
+            (FirstStep::Fixed(step), _) => step,
+            (FirstStep::Scaled { factor }, _) => factor * self.last_step,
+            (FirstStep::Estimated { safety }, Some(consistent)) => consistent
+                .first_step(bridge, time, interval, &self.y, &mut self.yp, safety)
+                .map_err(|cause| self.inconsistent(cause))?,
+            _ => 0.0,
+        })
+    }
+
+    fn solve(&mut self, t_end: f64) -> Result<Advance, SolveError> {
+        self.bridge().begin();
+        if self.phase == Phase::Restarted {
+            self.start(t_end)?;
+        }
+        self.last_interval = t_end - self.time;
+        let value = unsafe {
+            let (memory, y, yp) = (self.memory, self.y.raw(), self.yp.raw());
+            check("IDASetStopTime", IDASetStopTime(memory, t_end))?;
+            IDASolve(memory, t_end, &mut self.time, y, yp, IDA_NORMAL)
+        };
+        self.count();
+        let advance = match value {
+            IDA_SUCCESS | IDA_TSTOP_RETURN => {
+                self.time = t_end;
+                Advance::Reached
+            }
+            IDA_ROOT_RETURN => {
+                check("IDAGetRootInfo", unsafe { IDAGetRootInfo(self.memory, self.events.as_mut_ptr()) })?;
+                Advance::Event
+            }
+            failure => return Err(self.failure(failure)),
+        };
+        if let Some(quadratures) = &self.quadratures {
+            let mut time = self.time;
+            check("IDAGetQuad", unsafe { IDAGetQuad(self.memory, &mut time, quadratures.raw()) })?;
+        }
+        Ok(advance)
+    }
+
+    /// Adds what IDA counted since the last time, and notes the step.
+    fn count(&mut self) {
+        let before = self.counted;
+        let (mut residuals, mut setups, mut last_order, mut order) = (0, 0, 0, 0);
+        let (mut first, mut last, mut next, mut time) = (0.0, 0.0, 0.0, 0.0);
+        let mut now = IdaCounts::default();
+        unsafe {
+            IDAGetIntegratorStats(
+                self.memory,
+                &mut now.steps,
+                &mut residuals,
+                &mut setups,
+                &mut now.error_test_failures,
+                &mut last_order,
+                &mut order,
+                &mut first,
+                &mut last,
+                &mut next,
+                &mut time,
+            );
+            IDAGetNumNonlinSolvConvFails(self.memory, &mut now.nonlinear_failures);
+        }
+        self.counted = now;
+        let bridge = self.bridge();
+        bridge.counts.steps += (now.steps - before.steps) as u64;
+        bridge.counts.error_test_failures += (now.error_test_failures - before.error_test_failures) as u64;
+        bridge.counts.nonlinear_failures += (now.nonlinear_failures - before.nonlinear_failures) as u64;
+        // The very last step may be a short one, cut at the stop time; the one before it was free.
+        let free = if now.steps > 1 { bridge.last_step } else { 0.0 };
+        self.last_step = last.max(free);
+    }
+
+    fn failure(&mut self, value: c_int) -> SolveError {
+        if let Some(error) = self.trouble() {
+            return error;
+        }
+        let (time, flag) = (self.time, self.flag(value));
+        match value {
+            IDA_TOO_MUCH_WORK => SolveError::TooManySteps { time, steps: self.settings.max_steps },
+            IDA_ERR_FAIL => SolveError::ErrorTestFailures { time, flag },
+            IDA_CONV_FAIL => SolveError::ConvergenceFailures { time, flag },
+            _ => SolveError::Other { time, flag },
+        }
+    }
+}
+
+impl Integrator for Ida {
+    fn restart(&mut self, system: &mut dyn System, t0: f64, y: &[f64], yp: Option<&[f64]>) -> Result<(), SolveError> {
+        self.phase = Phase::Idle;
+        let n = self.differential.len();
+        let lengths = [("system", system.dimension()), ("y", y.len()), ("yp", yp.map_or(n, <[f64]>::len))];
+        if let Some((name, given)) = lengths.into_iter().find(|&(_, given)| given != n) {
+            return Err(SolveError::Length { name, given, expected: n });
+        }
+        if !t0.is_finite() {
+            return Err(SolveError::Interval { from: t0, to: t0 });
+        }
+        self.time = t0;
+        self.y.entries_mut().copy_from_slice(y);
+        match yp {
+            Some(yp) => self.yp.entries_mut().copy_from_slice(yp),
+            None => self.yp.entries_mut().fill(0.0),
+        }
+        if let Some(quadratures) = &mut self.quadratures {
+            quadratures.entries_mut().fill(0.0);
+        }
+        self.lending(system, Self::initialise)?;
+        self.bridge().counts.restarts += 1;
+        self.phase = Phase::Restarted;
+        Ok(())
+    }
+
+    fn advance(&mut self, system: &mut dyn System, t_end: f64) -> Result<Advance, SolveError> {
+        if self.phase == Phase::Idle {
+            return Err(SolveError::NotStarted);
+        }
+        let from = self.time;
+        let least = 4.0 * f64::EPSILON * (from.abs() + t_end.abs());
+        if t_end == from {
+            return Ok(Advance::Reached);
+        }
+        if !t_end.is_finite() || t_end - from <= least {
+            return Err(SolveError::Interval { from, to: t_end });
+        }
+        let n = self.differential.len();
+        if system.dimension() != n {
+            return Err(SolveError::Length { name: "system", given: system.dimension(), expected: n });
+        }
+        let result = self.lending(system, |ida| ida.solve(t_end));
+        if result.is_err() {
+            self.phase = Phase::Idle;
+        }
+        result
+    }
+
+    fn forget(&mut self) {
+        self.phase = Phase::Idle;
+        self.last_step = 0.0;
+        self.last_interval = 1.0;
+        if let Some(consistent) = &mut self.consistent {
+            consistent.forget();
+        }
+        let bridge = self.bridge();
+        bridge.factorisation.forget();
+        bridge.counts = Statistics::default();
+    }
+
+    fn time(&self) -> f64 {
+        self.time
+    }
+
+    fn state(&self) -> &[f64] {
+        self.y.entries()
+    }
+
+    fn derivative(&self) -> &[f64] {
+        self.yp.entries()
+    }
+
+    fn quadratures(&self) -> &[f64] {
+        self.quadratures.as_ref().map_or(&[], Vector::entries)
+    }
+
+    fn events(&self) -> &[i32] {
+        &self.events
+    }
+
+    fn statistics(&self) -> Statistics {
+        // SAFETY: outside of IDA's calls nobody else uses the bridge.
+        unsafe { (*self.bridge).counts }
+    }
+}
+
+impl Drop for Ida {
+    fn drop(&mut self) {
+        unsafe {
+            if !self.memory.is_null() {
+                IDAFree(&mut self.memory);
+            }
+            drop(Box::from_raw(self.bridge));
+        }
+        let _ = &self.context; // freed after this, with the vectors
+    }
+}
+
+/// Turns the return value of a setup function into a result.
+fn check(function: &'static str, value: c_int) -> Result<(), SolveError> {
+    if value >= 0 {
+        return Ok(());
+    }
+    Err(SolveError::Setup { function, flag: IdaFlag { value, message: String::new() } })
+}
+
+/// The pattern has the system's dimension, and a diagonal where derivatives are explicit.
+fn check_shape(system: &dyn System) -> Result<(), SolveError> {
+    let (n, pattern) = (system.dimension(), system.pattern());
+    let lengths = [("pattern", pattern.dimension()), ("differential", system.differential().len())];
+    if let Some((name, given)) = lengths.into_iter().find(|&(_, given)| given != n) {
+        return Err(SolveError::Length { name, given, expected: n });
+    }
+    let lacks_diagonal = |&i: &usize| {
+        system.differential()[i] && !pattern.rows()[pattern.column(i)].contains(&i)
+    };
+    match (0..n).find(lacks_diagonal) {
+        Some(row) if system.is_explicit() => Err(SolveError::Diagonal { row }),
+        _ => Ok(()),
+    }
+}

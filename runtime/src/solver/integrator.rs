@@ -1,0 +1,83 @@
+//! Stepping, seen from the environments.
+
+use super::{SolveError, System};
+
+/// How an [`advance`](Integrator::advance) ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Advance {
+    /// At the time asked for, exactly.
+    Reached,
+    /// Before it, where root functions changed sign; [`Integrator::events`] tells which.
+    Event,
+}
+
+/// What an integrator has done since it was made (or since [`Integrator::forget`]).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Statistics {
+    /// Steps taken and accepted.
+    pub steps: u64,
+    /// Evaluations of the residual, those of restarts included.
+    pub residuals: u64,
+    /// Evaluations of the Jacobian, those of restarts included.
+    pub jacobians: u64,
+    /// Factorisations of the Newton matrix.
+    pub factorisations: u64,
+    /// Solves with a factorised Newton matrix (Newton iterations).
+    pub linear_solves: u64,
+    /// Steps rejected by the error test.
+    pub error_test_failures: u64,
+    /// Newton iterations that did not converge.
+    pub nonlinear_failures: u64,
+    /// Residuals that were not finite.
+    pub not_finite: u64,
+    /// Calls of [`Integrator::restart`] that succeeded.
+    pub restarts: u64,
+}
+
+/// A method that steps a [`System`] through time.
+///
+/// An integrator is made for one system's dimension and pattern; the system itself is lent to it call by call, so that
+/// inputs and parameters may be changed in between (followed by a [`restart`](Self::restart)).
+pub trait Integrator: Send {
+    /// Begins anew at time `t0` and state `y` (length n): makes algebraic unknowns and derivatives consistent and sets the
+    /// quadratures to zero. `yp` is a first guess of the derivatives where the system is implicit, otherwise not needed.
+    ///
+    /// # Errors
+    /// [`SolveError::InitialConditions`] and its like when no consistent state is found near `y`.
+    fn restart(
+        &mut self,
+        system: &mut dyn System,
+        t0: f64,
+        y: &[f64],
+        yp: Option<&[f64]>,
+    ) -> Result<(), SolveError>;
+
+    /// Steps to `t_end`, exactly, or to the first event before it.
+    ///
+    /// # Errors
+    /// Why the integration ended early; [`time`](Self::time) and [`state`](Self::state) are then those of the last
+    /// accepted step, and the integrator needs a restart.
+    fn advance(&mut self, system: &mut dyn System, t_end: f64) -> Result<Advance, SolveError>;
+
+    /// Forgets what was carried over from earlier restarts (last step, order of pivots) and sets the statistics to zero:
+    /// from here on, results are those of a new instance. To be called where an episode begins.
+    fn forget(&mut self);
+
+    /// Present time.
+    fn time(&self) -> f64;
+
+    /// Unknowns at the present time.
+    fn state(&self) -> &[f64];
+
+    /// Their derivatives.
+    fn derivative(&self) -> &[f64];
+
+    /// Integrals since the last restart.
+    fn quadratures(&self) -> &[f64];
+
+    /// After [`Advance::Event`], for each root function: 1 if it rose through zero, −1 if it fell, 0 if it did not fire.
+    fn events(&self) -> &[i32];
+
+    /// Counts of the work done.
+    fn statistics(&self) -> Statistics;
+}

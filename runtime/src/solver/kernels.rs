@@ -1,0 +1,198 @@
+//! Loops over vectors, written once and compiled for several processors.
+//!
+//! Data live in [`Block`]s of eight numbers on a cache line of their own; the last block is filled up with zeros, so that
+//! no loop has a tail. Each loop is `#[inline(always)]` and takes on the instruction set of the function that calls
+//! it. Every product that is summed goes through [`f64::mul_add`], which rounds once with or without hardware support, and
+//! every sum runs over the same 32 partial sums in the same order: the results are the same bits on every processor.
+//!
+//! Operands may be the same vector as the result: a block is read whole before it is written.
+
+/// Numbers in a [`Block`].
+pub(crate) const LANES: usize = 8;
+
+/// Independent blocks of partial sums in a reduction; hides the latency of the additions.
+const ACCUMULATORS: usize = 4;
+
+/// Eight neighbouring entries of a vector.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct Block(pub [f64; LANES]);
+
+impl Block {
+    /// Eight zeros.
+    pub const ZERO: Self = Self([0.0; LANES]);
+
+    #[inline(always)]
+    fn map(self, f: impl Fn(f64) -> f64) -> Self {
+        let mut out = [0.0; LANES];
+        for lane in 0..LANES {
+            out[lane] = f(self.0[lane]);
+        }
+        Self(out)
+    }
+
+    #[inline(always)]
+    fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
+        let mut out = [0.0; LANES];
+        for lane in 0..LANES {
+            out[lane] = f(self.0[lane], other.0[lane]);
+        }
+        Self(out)
+    }
+
+    /// `factor * self + addend`, rounded once.
+    #[inline(always)]
+    fn scaled_plus(self, factor: f64, addend: Self) -> Self {
+        self.zip(addend, |x, y| factor.mul_add(x, y))
+    }
+
+    /// Sum of the eight entries in a fixed order.
+    #[inline(always)]
+    fn sum(self) -> f64 {
+        let l = self.0;
+        ((l[0] + l[4]) + (l[2] + l[6])) + ((l[1] + l[5]) + (l[3] + l[7]))
+    }
+}
+
+/// `z = f(x)` entry by entry.
+///
+/// # Safety
+/// `x` and `z` point to `blocks` blocks each.
+#[inline(always)]
+pub(crate) unsafe fn map(blocks: usize, x: *const Block, z: *mut Block, f: impl Fn(f64) -> f64) {
+    for i in 0..blocks {
+        unsafe { z.add(i).write(x.add(i).read().map(&f)) };
+    }
+}
+
+/// `z = f(x, y)` entry by entry.
+///
+/// # Safety
+/// `x`, `y` and `z` point to `blocks` blocks each.
+#[inline(always)]
+pub(crate) unsafe fn zip(
+    blocks: usize,
+    x: *const Block,
+    y: *const Block,
+    z: *mut Block,
+    f: impl Fn(f64, f64) -> f64,
+) {
+    for i in 0..blocks {
+        unsafe { z.add(i).write(x.add(i).read().zip(y.add(i).read(), &f)) };
+    }
+}
+
+/// `z = a x + b y`.
+///
+/// # Safety
+/// `x`, `y` and `z` point to `blocks` blocks each.
+#[inline(always)]
+pub(crate) unsafe fn linear_sum(
+    blocks: usize,
+    (a, x): (f64, *const Block),
+    (b, y): (f64, *const Block),
+    z: *mut Block,
+) {
+    // A factor of one (IDA's usual case) is exact either way round: the other product is the one to fuse.
+    let ((a, x), (b, y)) = if b.abs() == 1.0 { ((b, y), (a, x)) } else { ((a, x), (b, y)) };
+    unsafe { zip(blocks, x, y, z, |x, y| b.mul_add(y, a * x)) };
+}
+
+/// `z = sum over k of c[k] x[k]`, in the order of `k`.
+///
+/// # Safety
+/// `z` and each of `x` point to `blocks` blocks; `c` and `x` have the same length, at least one.
+#[inline(always)]
+pub(crate) unsafe fn linear_combination(
+    blocks: usize,
+    c: &[f64],
+    x: &[*const Block],
+    z: *mut Block,
+) {
+    for i in 0..blocks {
+        let mut sum = Block::ZERO;
+        for (&c, &x) in c.iter().zip(x) {
+            sum = unsafe { x.add(i).read() }.scaled_plus(c, sum);
+        }
+        unsafe { z.add(i).write(sum) };
+    }
+}
+
+/// Sum over all entries of `term(x, y, partial)`, which adds the entry's term to a partial sum.
+///
+/// # Safety
+/// `x` and `y` point to `blocks` blocks each.
+#[inline(always)]
+pub(crate) unsafe fn reduce(
+    blocks: usize,
+    x: *const Block,
+    y: *const Block,
+    term: impl Fn(f64, f64, f64) -> f64,
+) -> f64 {
+    let add = |i: usize, sum: Block| {
+        let (x, y) = unsafe { (x.add(i).read(), y.add(i).read()) };
+        let mut out = [0.0; LANES];
+        for lane in 0..LANES {
+            out[lane] = term(x.0[lane], y.0[lane], sum.0[lane]);
+        }
+        Block(out)
+    };
+    let mut sums = [Block::ZERO; ACCUMULATORS];
+    let whole = blocks - blocks % ACCUMULATORS;
+    let mut first = 0;
+    while first < whole {
+        for (k, sum) in sums.iter_mut().enumerate() {
+            *sum = add(first + k, *sum);
+        }
+        first += ACCUMULATORS;
+    }
+    for (k, sum) in sums.iter_mut().enumerate() {
+        if whole + k < blocks {
+            *sum = add(whole + k, *sum);
+        }
+    }
+    if blocks == 1 {
+        return sums[0].sum(); // the other partial sums are zero
+    }
+    let plus = |x: f64, y: f64| x + y;
+    sums[0].zip(sums[2], plus).zip(sums[1].zip(sums[3], plus), plus).sum()
+}
+
+/// Sum of `(x w)^2`.
+///
+/// # Safety
+/// `x` and `w` point to `blocks` blocks each.
+#[inline(always)]
+pub(crate) unsafe fn weighted_square_sum(blocks: usize, x: *const Block, w: *const Block) -> f64 {
+    unsafe {
+        reduce(blocks, x, w, |x, w, sum| {
+            let product = x * w;
+            product.mul_add(product, sum)
+        })
+    }
+}
+
+/// Whether all entries are finite.
+///
+/// # Safety
+/// `x` points to `blocks` blocks.
+#[inline(always)]
+pub(crate) unsafe fn all_finite(blocks: usize, x: *const Block) -> bool {
+    // 0 * x is zero for finite x and NaN otherwise.
+    unsafe { reduce(blocks, x, x, |x, _, sum| x.mul_add(0.0, sum)) == 0.0 }
+}
+
+/// Error weights `w = 1 / (rtol |y| + atol)`.
+///
+/// # Safety
+/// `y`, `atol` and `w` point to `blocks` blocks each.
+#[inline(always)]
+pub(crate) unsafe fn error_weights(
+    blocks: usize,
+    rtol: f64,
+    y: *const Block,
+    atol: *const Block,
+    w: *mut Block,
+) {
+    unsafe { zip(blocks, y, atol, w, |y, atol| 1.0 / rtol.mul_add(y.abs(), atol)) };
+}

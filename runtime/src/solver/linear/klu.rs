@@ -1,0 +1,150 @@
+//! Sparse LU by SuiteSparse's KLU.
+
+use std::os::raw::c_long;
+use std::ptr;
+
+use sundials_sys::{
+    klu_l_analyze, klu_l_common, klu_l_condest, klu_l_defaults, klu_l_factor, klu_l_free_numeric,
+    klu_l_free_symbolic, klu_l_numeric, klu_l_rcond, klu_l_refactor, klu_l_solve, klu_l_symbolic,
+};
+
+use super::super::{IdaFlag, Pattern, SolveError};
+use super::Singular;
+
+// sundials-sys declares KLU's functions but leaves the linking to SUNDIALS' own KLU module.
+#[link(name = "klu")]
+unsafe extern "C" {}
+
+/// Reciprocal condition below which old pivots are not trusted (SUNDIALS' own bound, roundoff to the power 2/3).
+const ILL_CONDITIONED: f64 = 3.7e-11;
+
+/// A sparse matrix, analysed once, factorised with pivoting once, and then again with the same pivots as long as they serve.
+pub(crate) struct Klu {
+    n: c_long,
+    column_starts: Box<[c_long]>,
+    rows: Box<[c_long]>,
+    common: Box<klu_l_common>,
+    symbolic: *mut klu_l_symbolic,
+    numeric: *mut klu_l_numeric,
+    /// Whether the next factorisation chooses its pivots anew.
+    pivot: bool,
+    values: Box<[f64]>,
+}
+
+// SAFETY: the objects behind the pointers are owned, and KLU has no global state.
+unsafe impl Send for Klu {}
+
+impl Klu {
+    pub fn new(pattern: &Pattern) -> Result<Self, SolveError> {
+        let signed = |from: &[usize]| from.iter().map(|&i| i as c_long).collect::<Box<[_]>>();
+        let mut klu = Self {
+            n: pattern.dimension() as c_long,
+            column_starts: signed(pattern.column_starts()),
+            rows: signed(pattern.rows()),
+            // SAFETY: numbers, pointers and optional functions; `klu_l_defaults` sets every field.
+            common: Box::new(unsafe { std::mem::zeroed() }),
+            symbolic: ptr::null_mut(),
+            numeric: ptr::null_mut(),
+            pivot: true,
+            values: vec![0.0; pattern.entries()].into_boxed_slice(),
+        };
+        unsafe {
+            klu_l_defaults(&mut *klu.common);
+            klu.symbolic = klu_l_analyze(
+                klu.n,
+                klu.column_starts.as_mut_ptr(),
+                klu.rows.as_mut_ptr(),
+                &mut *klu.common,
+            );
+        }
+        if klu.symbolic.is_null() {
+            let message = "structurally singular, or out of memory".to_owned();
+            let flag = IdaFlag { value: klu.common.status as i32, message };
+            return Err(SolveError::Setup { function: "klu_l_analyze", flag });
+        }
+        Ok(klu)
+    }
+
+    pub fn forget(&mut self) {
+        self.pivot = true;
+    }
+
+    pub fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
+        self.values.copy_from_slice(values);
+        if !self.pivot && self.refactorise() {
+            return Ok(());
+        }
+        self.pivot = true;
+        self.factorise_with_pivoting()?;
+        self.pivot = false;
+        Ok(())
+    }
+
+    /// Factorises with the pivots of the last time; false if they do not serve.
+    fn refactorise(&mut self) -> bool {
+        unsafe {
+            let done = klu_l_refactor(
+                self.column_starts.as_mut_ptr(),
+                self.rows.as_mut_ptr(),
+                self.values.as_mut_ptr(),
+                self.symbolic,
+                self.numeric,
+                &mut *self.common,
+            );
+            done == 1 && self.common.status == 0 && self.is_well_conditioned()
+        }
+    }
+
+    /// A cheap estimate of the condition first, a better one where that is alarming.
+    unsafe fn is_well_conditioned(&mut self) -> bool {
+        unsafe {
+            klu_l_rcond(self.symbolic, self.numeric, &mut *self.common);
+            if self.common.rcond >= ILL_CONDITIONED {
+                return true;
+            }
+            klu_l_condest(
+                self.column_starts.as_mut_ptr(),
+                self.values.as_mut_ptr(),
+                self.symbolic,
+                self.numeric,
+                &mut *self.common,
+            );
+            self.common.condest <= 1.0 / ILL_CONDITIONED
+        }
+    }
+
+    fn factorise_with_pivoting(&mut self) -> Result<(), Singular> {
+        unsafe {
+            if !self.numeric.is_null() {
+                klu_l_free_numeric(&mut self.numeric, &mut *self.common);
+            }
+            self.numeric = klu_l_factor(
+                self.column_starts.as_mut_ptr(),
+                self.rows.as_mut_ptr(),
+                self.values.as_mut_ptr(),
+                self.symbolic,
+                &mut *self.common,
+            );
+        }
+        if self.numeric.is_null() {
+            let column = usize::try_from(self.common.singular_col).ok();
+            return Err(Singular { column: column.filter(|&c| c < self.n as usize) });
+        }
+        Ok(())
+    }
+
+    pub fn solve(&mut self, b: &mut [f64]) {
+        unsafe {
+            klu_l_solve(self.symbolic, self.numeric, self.n, 1, b.as_mut_ptr(), &mut *self.common);
+        }
+    }
+}
+
+impl Drop for Klu {
+    fn drop(&mut self) {
+        unsafe {
+            klu_l_free_numeric(&mut self.numeric, &mut *self.common);
+            klu_l_free_symbolic(&mut self.symbolic, &mut *self.common);
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! Time integration of differential–algebraic systems, F(t, y, y') = 0.
+//!
+//! This layer knows nothing of the compiler: a model is anything that implements [`System`], and stepping stands behind the
+//! narrow trait [`Integrator`]. [`Ida`] implements it by SUNDIALS' variable-order BDF code IDA, with
+//!
+//! * vectors of our own (`vector`, `kernels`), the same bits on every processor;
+//! * linear solvers of our own (`linear`): dense LU for small systems, KLU for large ones;
+//! * consistent initial conditions and a first step computed from the model's exact Jacobian (`consistent`).
+//!
+//! A control step is a [`restart`](Integrator::restart) at the state and inputs of its beginning and an
+//! [`advance`](Integrator::advance) to its end, which is hit exactly:
+//!
+//! ```
+//! use smpl_runtime::solver::{Advance, Ida, Integrator, Settings, problems};
+//!
+//! let mut system = problems::robertson();
+//! let settings = Settings::new(1e-6, vec![1e-10; 3]);
+//! let mut ida = Ida::new(&system, settings)?;
+//! ida.restart(&mut system, 0.0, &[1.0, 0.0, 0.0], None)?;
+//! assert_eq!(ida.advance(&mut system, 40.0)?, Advance::Reached);
+//! assert!((ida.state()[0] - 0.7158).abs() < 1e-4);
+//! # Ok::<(), smpl_runtime::solver::SolveError>(())
+//! ```
+//!
+//! Results depend on the system, the settings and what was integrated since the last
+//! [`forget`](Integrator::forget), and on nothing else: not on the thread, the processor's vector width or what an
+//! instance computed before.
+
+mod callbacks;
+mod consistent;
+mod error;
+mod ida;
+mod integrator;
+mod kernels;
+pub(crate) mod linear;
+pub mod problems;
+mod settings;
+mod system;
+mod vector;
+
+pub use error::{IdaFlag, SolveError};
+pub use ida::Ida;
+pub use integrator::{Advance, Integrator, Statistics};
+pub use linear::Method;
+pub use settings::{FirstStep, LinearSolver, Quadratures, Settings};
+pub use system::{Pattern, PatternError, System};

@@ -1,0 +1,127 @@
+//! What can be set.
+
+use super::SolveError;
+
+/// Settings of an integrator. Begin with [`Settings::new`] and change fields.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Relative tolerance of the local error.
+    pub rtol: f64,
+    /// Absolute tolerance of the local error of each unknown, in its unit, positive.
+    pub atol: Vec<f64>,
+    /// Maximum order of the BDF, 1 to 5. Default 5.
+    pub max_order: u32,
+    /// First step after a restart. Default [`FirstStep::Estimated`].
+    pub first_step: FirstStep,
+    /// Most steps within one advance. Default 10 000.
+    pub max_steps: u32,
+    /// Smallest step. Default 0, which leaves the roundoff of time as the bound.
+    pub min_step: f64,
+    /// Largest step. Default infinite.
+    pub max_step: f64,
+    /// Linear solver. Default [`LinearSolver::Auto`].
+    pub linear_solver: LinearSolver,
+    /// Tolerances of the quadratures. Default [`Quadratures::Unchecked`].
+    pub quadratures: Quadratures,
+}
+
+/// How the first step after a restart is chosen. It never exceeds the interval.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FirstStep {
+    /// From y'' by the exact Jacobian: the step whose estimated local error at order one is `safety` of the
+    /// tolerance. Depends on nothing but the present state. Systems that are not explicit in
+    /// their derivatives use IDA's rule.
+    Estimated {
+        /// Fraction of the tolerance. Default 0.25.
+        safety: f64,
+    },
+    /// `factor` times the last step before the restart; IDA's rule where there was none.
+    Scaled {
+        /// Usually 0.03 to 0.1.
+        factor: f64,
+    },
+    /// This step, in units of time.
+    Fixed(f64),
+    /// IDA's rule: a thousandth of the interval, or less where that would change y by half its tolerance.
+    Ida,
+}
+
+impl Default for FirstStep {
+    fn default() -> Self {
+        Self::Estimated { safety: 0.25 }
+    }
+}
+
+/// Which linear solver the Newton iteration uses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LinearSolver {
+    /// By dimension and density.
+    #[default]
+    Auto,
+    /// LU with partial pivoting of the full matrix.
+    Dense,
+    /// SuiteSparse's KLU.
+    Klu,
+}
+
+/// Whether the error of quadratures is controlled.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Quadratures {
+    /// Integrated with the steps that the unknowns need.
+    #[default]
+    Unchecked,
+    /// Part of the error test.
+    Checked {
+        /// Relative tolerance.
+        rtol: f64,
+        /// Absolute tolerance of every quadrature, positive.
+        atol: f64,
+    },
+}
+
+impl Settings {
+    /// The defaults with these tolerances (`atol` has one entry an unknown).
+    pub fn new(rtol: f64, atol: Vec<f64>) -> Self {
+        Self {
+            rtol,
+            atol,
+            max_order: 5,
+            first_step: FirstStep::default(),
+            max_steps: 10_000,
+            min_step: 0.0,
+            max_step: f64::INFINITY,
+            linear_solver: LinearSolver::default(),
+            quadratures: Quadratures::default(),
+        }
+    }
+
+    /// Checks the settings for a system of this dimension.
+    pub(crate) fn validate(&self, dimension: usize) -> Result<(), SolveError> {
+        let positive = |x: f64| x.is_finite() && x > 0.0;
+        let not_negative = |x: f64| x.is_finite() && x >= 0.0;
+        let first_step = match self.first_step {
+            FirstStep::Estimated { safety: x } | FirstStep::Scaled { factor: x } => positive(x),
+            FirstStep::Fixed(step) => positive(step),
+            FirstStep::Ida => true,
+        };
+        let quadratures = match self.quadratures {
+            Quadratures::Unchecked => true,
+            Quadratures::Checked { rtol, atol } => not_negative(rtol) && positive(atol),
+        };
+        let checks = [
+            (not_negative(self.rtol), "rtol must be finite and not negative"),
+            (self.atol.len() == dimension, "atol must have one entry an unknown"),
+            (self.atol.iter().all(|&x| positive(x)), "atol must be finite and positive"),
+            ((1..=5).contains(&self.max_order), "max_order must be 1 to 5"),
+            (first_step, "first_step must be finite and positive"),
+            (self.max_steps > 0, "max_steps must be positive"),
+            (not_negative(self.min_step), "min_step must be finite and not negative"),
+            (self.max_step > self.min_step, "max_step must exceed min_step"),
+            (quadratures, "tolerances of the quadratures must be finite and positive"),
+        ];
+        match checks.into_iter().find(|(holds, _)| !holds) {
+            Some((_, message)) => Err(SolveError::Settings { message }),
+            None => Ok(()),
+        }
+    }
+}

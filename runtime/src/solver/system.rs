@@ -1,0 +1,130 @@
+//! What is integrated: the equations, seen from the integrator.
+
+use thiserror::Error;
+
+/// A system F(t, y, y') = 0 of `n` equations in `n` unknowns, index 1 at most.
+///
+/// Rows come in the order of the unknowns: row i is the equation of unknown i. Time and unknowns are in the model's units.
+/// Functions may write NaN or infinity where the model is not defined; the integrator then tries a smaller step.
+/// A panic in one of them ends the integration with [`SolveError::Panicked`](super::SolveError::Panicked).
+pub trait System {
+    /// Number of unknowns, n.
+    fn dimension(&self) -> usize {
+        self.differential().len()
+    }
+
+    /// For each unknown, whether its derivative occurs. The others are algebraic.
+    fn differential(&self) -> &[bool];
+
+    /// Whether derivatives are given explicitly: F = f(t, y) − y' on differential rows, g(t, y) on algebraic ones.
+    fn is_explicit(&self) -> bool;
+
+    /// Structure of the Jacobian ∂F/∂y + c ∂F/∂y'.
+    fn pattern(&self) -> &Pattern;
+
+    /// Writes F(t, y, y') to `out` (length n).
+    fn residual(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]);
+
+    /// Writes ∂F/∂y + `cj` ∂F/∂y' to `values`, in the order of [`pattern`](Self::pattern).
+    fn jacobian(&mut self, t: f64, y: &[f64], yp: &[f64], cj: f64, values: &mut [f64]);
+
+    /// Number of root functions.
+    fn root_count(&self) -> usize {
+        0
+    }
+
+    /// Writes the root functions to `out`: [`advance`](super::Integrator::advance) stops where one changes its sign.
+    fn roots(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        let _ = (t, y, yp, out);
+    }
+
+    /// Number of quadratures.
+    fn quadrature_count(&self) -> usize {
+        0
+    }
+
+    /// Writes the integrands to `out`: quadratures are their integrals since the last restart.
+    fn quadratures(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        let _ = (t, y, yp, out);
+    }
+}
+
+/// Structure of a square sparse matrix by compressed columns.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Pattern {
+    column_starts: Vec<usize>,
+    rows: Vec<usize>,
+}
+
+/// A pattern that is none.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum PatternError {
+    /// `column_starts` must begin with 0, never fall and end with the number of rows given.
+    #[error("column starts do not run from 0 to the number of entries, {entries}")]
+    ColumnStarts {
+        /// Number of entries.
+        entries: usize,
+    },
+    /// Rows within a column must rise and be smaller than the dimension.
+    #[error("rows of column {column} do not rise within 0..{dimension}")]
+    Rows {
+        /// The first column at fault.
+        column: usize,
+        /// Number of rows of the matrix.
+        dimension: usize,
+    },
+}
+
+impl Pattern {
+    /// A pattern from its columns' beginnings (n + 1) and the row of each entry, rising within a column.
+    pub fn new(column_starts: Vec<usize>, rows: Vec<usize>) -> Result<Self, PatternError> {
+        let entries = rows.len();
+        let bounded = column_starts.first() == Some(&0) && column_starts.last() == Some(&entries);
+        if !bounded || !column_starts.is_sorted() {
+            return Err(PatternError::ColumnStarts { entries });
+        }
+        let pattern = Self { column_starts, rows };
+        let dimension = pattern.dimension();
+        for column in 0..dimension {
+            let rows = &pattern.rows[pattern.column(column)];
+            let rise = rows.windows(2).all(|pair| pair[0] < pair[1]);
+            if !rise || rows.last().is_some_and(|&row| row >= dimension) {
+                return Err(PatternError::Rows { column, dimension });
+            }
+        }
+        Ok(pattern)
+    }
+
+    /// The pattern of a full matrix.
+    pub fn full(dimension: usize) -> Self {
+        Self {
+            column_starts: (0..=dimension).map(|column| column * dimension).collect(),
+            rows: (0..dimension).flat_map(|_| 0..dimension).collect(),
+        }
+    }
+
+    /// Number of rows and columns.
+    pub fn dimension(&self) -> usize {
+        self.column_starts.len() - 1
+    }
+
+    /// Number of entries.
+    pub fn entries(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Where the entries of a column stand.
+    pub fn column(&self, column: usize) -> std::ops::Range<usize> {
+        self.column_starts[column]..self.column_starts[column + 1]
+    }
+
+    /// Beginning of each column, and the end of the last.
+    pub fn column_starts(&self) -> &[usize] {
+        &self.column_starts
+    }
+
+    /// Row of each entry.
+    pub fn rows(&self) -> &[usize] {
+        &self.rows
+    }
+}

@@ -1,0 +1,355 @@
+//! SUNDIALS vectors with content and operations of our own.
+//!
+//! IDA sees a vector as a content pointer and a table of operations. Debian's serial vectors run scalar loops, which
+//! take four fifths of a solve with 1700 unknowns; here the table points to the vectorised loops of
+//! [`kernels`](super::kernels). There are two tables of the same functions: one compiled for AVX2 and FMA, one for any
+//! processor. Both give the same bits.
+
+use std::os::raw::{c_int, c_void};
+use std::ptr;
+
+use sundials_sys::{
+    _generic_N_Vector, _generic_N_Vector_Ops, N_Vector, N_Vector_ID,
+    N_Vector_ID_SUNDIALS_NVEC_CUSTOM, SUNContext,
+};
+
+use super::kernels::{Block, LANES};
+
+/// What the content pointer of a vector points to.
+struct Content {
+    length: usize,
+    /// `length` entries; the rest of the last block is zero whatever IDA does with the vector.
+    blocks: Box<[Block]>,
+}
+
+/// Vectors that one fused operation takes (IDA's: its maximum order plus one).
+const MAX_FUSED: usize = 16;
+
+fn content(vector: N_Vector) -> *mut Content {
+    unsafe { (*vector).content.cast() }
+}
+
+#[inline(always)]
+fn block_count(vector: N_Vector) -> usize {
+    unsafe { (&(*content(vector)).blocks).len() }
+}
+
+#[inline(always)]
+fn blocks(vector: N_Vector) -> *mut Block {
+    unsafe { (*content(vector)).blocks.as_mut_ptr() }
+}
+
+/// The entries of a vector that SUNDIALS hands to a callback.
+///
+/// # Safety
+/// `vector` was made by [`Vector`], and nobody writes it while the slice lives.
+pub(crate) unsafe fn entries<'a>(vector: N_Vector) -> &'a [f64] {
+    unsafe { std::slice::from_raw_parts(blocks(vector).cast(), (*content(vector)).length) }
+}
+
+/// The entries of a vector that SUNDIALS hands to a callback to be written.
+///
+/// # Safety
+/// `vector` was made by [`Vector`], and nobody else reads or writes it while the slice lives.
+pub(crate) unsafe fn entries_mut<'a>(vector: N_Vector) -> &'a mut [f64] {
+    unsafe { std::slice::from_raw_parts_mut(blocks(vector).cast(), (*content(vector)).length) }
+}
+
+/// The blocks of a vector.
+///
+/// # Safety
+/// As for [`entries`].
+pub(crate) unsafe fn block_slice<'a>(vector: N_Vector) -> &'a [Block] {
+    unsafe { &(*content(vector)).blocks }
+}
+
+/// `length` numbers in whole blocks, all zero.
+pub(crate) fn zeroed_blocks(length: usize) -> Box<[Block]> {
+    vec![Block::ZERO; length.div_ceil(LANES)].into_boxed_slice()
+}
+
+fn allocate(length: usize, ops: *mut _generic_N_Vector_Ops, sunctx: SUNContext) -> N_Vector {
+    let content = Box::into_raw(Box::new(Content { length, blocks: zeroed_blocks(length) }));
+    Box::into_raw(Box::new(_generic_N_Vector { content: content.cast(), ops, sunctx }))
+}
+
+unsafe extern "C" fn vector_id(_: N_Vector) -> N_Vector_ID {
+    N_Vector_ID_SUNDIALS_NVEC_CUSTOM
+}
+
+unsafe extern "C" fn clone(x: N_Vector) -> N_Vector {
+    unsafe { allocate((*content(x)).length, (*x).ops, (*x).sunctx) }
+}
+
+unsafe extern "C" fn destroy(x: N_Vector) {
+    unsafe {
+        drop(Box::from_raw(content(x)));
+        drop(Box::from_raw(x));
+    }
+}
+
+unsafe extern "C" fn array_pointer(x: N_Vector) -> *mut f64 {
+    blocks(x).cast()
+}
+
+unsafe extern "C" fn length(x: N_Vector) -> i64 {
+    unsafe { (*content(x)).length as i64 }
+}
+
+unsafe extern "C" fn communicator(_: N_Vector) -> *mut c_void {
+    ptr::null_mut()
+}
+
+// The operations from here to the macro write a number other than zero where zeros stand, so they keep to the length.
+
+unsafe extern "C" fn constant(c: f64, z: N_Vector) {
+    unsafe { entries_mut(z) }.fill(c);
+}
+
+unsafe extern "C" fn divide(x: N_Vector, y: N_Vector, z: N_Vector) {
+    for_each(z, |i| unsafe { entry(x, i) / entry(y, i) });
+}
+
+unsafe extern "C" fn invert(x: N_Vector, z: N_Vector) {
+    for_each(z, |i| unsafe { 1.0 / entry(x, i) });
+}
+
+unsafe extern "C" fn add_constant(x: N_Vector, b: f64, z: N_Vector) {
+    for_each(z, |i| unsafe { entry(x, i) + b });
+}
+
+unsafe extern "C" fn minimum(x: N_Vector) -> f64 {
+    unsafe { entries(x) }.iter().fold(f64::MAX, |least, &value| least.min(value))
+}
+
+unsafe extern "C" fn maximum_norm(x: N_Vector) -> f64 {
+    unsafe { entries(x) }.iter().fold(0.0, |most: f64, value| most.max(value.abs()))
+}
+
+unsafe fn entry(x: N_Vector, i: usize) -> f64 {
+    unsafe { *blocks(x).cast::<f64>().add(i) }
+}
+
+fn for_each(z: N_Vector, value: impl Fn(usize) -> f64) {
+    for i in 0..unsafe { (*content(z)).length } {
+        unsafe { *blocks(z).cast::<f64>().add(i) = value(i) };
+    }
+}
+
+/// Defines a module with the operations compiled under the given attribute, and their `TABLE`.
+macro_rules! operations {
+    ($module:ident $(, #[$feature:meta])?) => {
+        mod $module {
+            use super::*;
+            use crate::solver::kernels;
+
+            $(#[$feature])?
+            unsafe extern "C" fn linear_sum(a: f64, x: N_Vector, b: f64, y: N_Vector, z: N_Vector) {
+                unsafe { kernels::linear_sum(block_count(z), (a, blocks(x)), (b, blocks(y)), blocks(z)) }
+            }
+
+            $(#[$feature])?
+            unsafe extern "C" fn multiply(x: N_Vector, y: N_Vector, z: N_Vector) {
+                unsafe { kernels::zip(block_count(z), blocks(x), blocks(y), blocks(z), |x, y| x * y) }
+            }
+
+            $(#[$feature])?
+            unsafe extern "C" fn scale(c: f64, x: N_Vector, z: N_Vector) {
+                unsafe { kernels::map(block_count(z), blocks(x), blocks(z), |x| c * x) }
+            }
+
+            $(#[$feature])?
+            unsafe extern "C" fn absolute(x: N_Vector, z: N_Vector) {
+                unsafe { kernels::map(block_count(z), blocks(x), blocks(z), f64::abs) }
+            }
+
+            $(#[$feature])?
+            unsafe extern "C" fn dot_product(x: N_Vector, y: N_Vector) -> f64 {
+                unsafe { kernels::reduce(block_count(x), blocks(x), blocks(y), |x, y, sum| x.mul_add(y, sum)) }
+            }
+
+            $(#[$feature])?
+            unsafe extern "C" fn wrms_norm(x: N_Vector, w: N_Vector) -> f64 {
+                let sum = unsafe { kernels::weighted_square_sum(block_count(x), blocks(x), blocks(w)) };
+                (sum / unsafe { (*content(x)).length } as f64).sqrt()
+            }
+
+            $(#[$feature])?
+            unsafe extern "C" fn weighted_l2_norm(x: N_Vector, w: N_Vector) -> f64 {
+                unsafe { kernels::weighted_square_sum(block_count(x), blocks(x), blocks(w)) }.sqrt()
+            }
+
+            $(#[$feature])?
+            unsafe extern "C" fn l1_norm(x: N_Vector) -> f64 {
+                unsafe { kernels::reduce(block_count(x), blocks(x), blocks(x), |x, _, sum| x.abs() + sum) }
+            }
+
+            $(#[$feature])?
+            unsafe extern "C" fn linear_combination(n: c_int, c: *mut f64, x: *mut N_Vector, z: N_Vector) -> c_int {
+                let n = n as usize;
+                if n > MAX_FUSED {
+                    return -1;
+                }
+                let mut terms = [ptr::null::<Block>(); MAX_FUSED];
+                for (k, term) in terms[..n].iter_mut().enumerate() {
+                    *term = blocks(unsafe { *x.add(k) });
+                }
+                let c = unsafe { std::slice::from_raw_parts(c, n) };
+                unsafe { kernels::linear_combination(block_count(z), c, &terms[..n], blocks(z)) };
+                0
+            }
+
+            $(#[$feature])?
+            unsafe extern "C" fn linear_sums(
+                n: c_int, a: f64, x: *mut N_Vector, b: f64, y: *mut N_Vector, z: *mut N_Vector,
+            ) -> c_int {
+                for k in 0..n as usize {
+                    unsafe { linear_sum(a, *x.add(k), b, *y.add(k), *z.add(k)) };
+                }
+                0
+            }
+
+            $(#[$feature])?
+            unsafe extern "C" fn scales(n: c_int, c: *mut f64, x: *mut N_Vector, z: *mut N_Vector) -> c_int {
+                for k in 0..n as usize {
+                    unsafe { scale(*c.add(k), *x.add(k), *z.add(k)) };
+                }
+                0
+            }
+
+            $(#[$feature])?
+            pub(super) unsafe fn error_weights(rtol: f64, y: N_Vector, atol: &[Block], w: N_Vector) {
+                unsafe { kernels::error_weights(atol.len(), rtol, blocks(y), atol.as_ptr(), blocks(w)) }
+            }
+
+            $(#[$feature])?
+            pub(super) unsafe fn all_finite(x: &[Block]) -> bool {
+                unsafe { kernels::all_finite(x.len(), x.as_ptr()) }
+            }
+
+            pub(super) static TABLE: _generic_N_Vector_Ops = _generic_N_Vector_Ops {
+                nvlinearsum: Some(linear_sum),
+                nvprod: Some(multiply),
+                nvscale: Some(scale),
+                nvabs: Some(absolute),
+                nvdotprod: Some(dot_product),
+                nvwrmsnorm: Some(wrms_norm),
+                nvwl2norm: Some(weighted_l2_norm),
+                nvl1norm: Some(l1_norm),
+                nvlinearcombination: Some(linear_combination),
+                nvlinearsumvectorarray: Some(linear_sums),
+                nvscalevectorarray: Some(scales),
+                ..COMMON
+            };
+        }
+    };
+}
+
+operations!(portable);
+#[cfg(target_arch = "x86_64")]
+operations!(avx2, #[target_feature(enable = "avx2,fma")]);
+
+/// Which compilation of the operations a vector uses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Operations {
+    /// Any processor.
+    Portable,
+    /// Processors with AVX2 and fused multiply-add.
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+}
+
+impl Operations {
+    /// The fastest that this processor runs.
+    pub fn detect() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            return Self::Avx2;
+        }
+        Self::Portable
+    }
+
+    fn table(self) -> &'static _generic_N_Vector_Ops {
+        match self {
+            Self::Portable => &portable::TABLE,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => &avx2::TABLE,
+        }
+    }
+
+    /// `w = 1 / (rtol |y| + atol)`; infinite where `atol` is filled up, so that the weights there are zero.
+    ///
+    /// # Safety
+    /// `y` and `w` were made by [`Vector`] with as many blocks as `atol`.
+    #[inline]
+    pub unsafe fn error_weights(self, rtol: f64, y: N_Vector, atol: &[Block], w: N_Vector) {
+        match self {
+            Self::Portable => unsafe { portable::error_weights(rtol, y, atol, w) },
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => unsafe { avx2::error_weights(rtol, y, atol, w) },
+        }
+    }
+
+    /// Whether every number is finite.
+    #[inline]
+    pub fn all_finite(self, x: &[Block]) -> bool {
+        match self {
+            Self::Portable => unsafe { portable::all_finite(x) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: this variant is made only where the processor has both features.
+            Self::Avx2 => unsafe { avx2::all_finite(x) },
+        }
+    }
+}
+
+/// A vector that SUNDIALS can work on; freed with its owner.
+pub(crate) struct Vector {
+    raw: N_Vector,
+}
+
+impl Vector {
+    /// A vector of zeros.
+    pub fn zeros(length: usize, operations: Operations, context: SUNContext) -> Self {
+        let table = ptr::from_ref(operations.table()).cast_mut(); // SUNDIALS only reads it
+        Self { raw: allocate(length, table, context) }
+    }
+
+    /// The handle that SUNDIALS takes.
+    pub fn raw(&self) -> N_Vector {
+        self.raw
+    }
+
+    /// The entries.
+    pub fn entries(&self) -> &[f64] {
+        unsafe { entries(self.raw) }
+    }
+
+    /// The entries, to be written.
+    pub fn entries_mut(&mut self) -> &mut [f64] {
+        unsafe { entries_mut(self.raw) }
+    }
+}
+
+impl Drop for Vector {
+    fn drop(&mut self) {
+        unsafe { destroy(self.raw) }
+    }
+}
+
+/// The operations that need no second compilation, and none where IDA does without.
+const COMMON: _generic_N_Vector_Ops = _generic_N_Vector_Ops {
+    nvgetvectorid: Some(vector_id),
+    nvclone: Some(clone),
+    nvdestroy: Some(destroy),
+    nvgetarraypointer: Some(array_pointer),
+    nvgetcommunicator: Some(communicator),
+    nvgetlength: Some(length),
+    nvconst: Some(constant),
+    nvdiv: Some(divide),
+    nvinv: Some(invert),
+    nvaddconst: Some(add_constant),
+    nvmin: Some(minimum),
+    nvmaxnorm: Some(maximum_norm),
+    // SAFETY: every other field is an optional function pointer, for which all zeros mean `None`.
+    ..unsafe { std::mem::zeroed() }
+};

@@ -1,0 +1,157 @@
+//! Steady states: F(y, y' = 0) = 0 with given actions.
+//!
+//! States that the equations leave free (an integrating level) are fixed by the caller, and their rows are dropped. The search
+//! is Newton's method, damped by the natural monotonicity test (Deuflhard, Newton Methods for Nonlinear Problems, section 3.3), with the
+//! exact Jacobian. Where it does not converge, pseudo-transient continuation (Kelley and Keyes, SIAM J. Numer. Anal. 35 (1998) 508-523)
+//! follows the process itself to rest first, so that what is found is a stable state near the guess.
+
+mod newton;
+
+use smpl_compiler::compiled::{CompiledModel, Region};
+
+use crate::catalogue::{Catalogue, UnknownName};
+use crate::solver::SolveError;
+use crate::system::CompiledSystem;
+use newton::Search;
+
+/// How well a steady state was found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SteadyReport {
+    /// Euclidean norm of all rows of the residual, those of fixed states included, in the model's units.
+    pub residual_norm: f64,
+    /// Newton iterations and pseudo-time steps.
+    pub iterations: u32,
+}
+
+/// Why no steady state was found.
+#[derive(Debug, thiserror::Error)]
+pub enum SteadyError {
+    /// Neither Newton's method nor the process itself came to rest.
+    #[error("no steady state was found: after {iterations} iterations the largest residual is {residual:e}, in the {equation}; give a better initial value, or fix a state that integrates")]
+    NotFound {
+        /// Iterations made.
+        iterations: u32,
+        /// Largest residual.
+        residual: f64,
+        /// Its equation.
+        equation: String,
+    },
+    /// The equations do not determine all unknowns.
+    #[error("the steady state is not determined{}: fix a state that integrates (`steady {{ h = ... }}`, `--fix h=...`)", unknown.as_ref().map_or(String::new(), |u| format!(" (unknown `{u}`)")))]
+    Undetermined {
+        /// An unknown that is free, where known.
+        unknown: Option<String>,
+    },
+    /// An equation is NaN or infinite at the first guess.
+    #[error("the {equation} is not finite at the first guess")]
+    NotFinite {
+        /// The equation.
+        equation: String,
+    },
+    /// A name that the model does not have.
+    #[error(transparent)]
+    UnknownName(#[from] UnknownName),
+    /// The linear solver.
+    #[error(transparent)]
+    Solver(#[from] SolveError),
+}
+
+/// A first guess: the declared values of states and solved variables.
+#[must_use]
+pub fn guess(system: &CompiledSystem, catalogue: &Catalogue) -> Vec<f64> {
+    let mut y = vec![0.0; system.model().unknowns()];
+    for element in catalogue.states.elements().iter().chain(catalogue.solved.elements()) {
+        if element.default.is_finite() {
+            y[element.at] = element.default;
+        }
+    }
+    y
+}
+
+/// The actions and fixed states (places in `y` and values) of the model's `steady` block; nominal actions without one.
+#[must_use]
+pub fn declared(system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut [f64]) -> (Vec<f64>, Vec<(usize, f64)>) {
+    let (model, memory) = system.parts();
+    let interface = model.interface();
+    let actions = catalogue.actions.elements();
+    if !interface.has_steady {
+        return (actions.iter().map(|a| a.default).collect(), Vec::new());
+    }
+    let mut out = vec![0.0; actions.len() + interface.steady_fixed.len()];
+    model.steady(memory, y, &mut out);
+    let states = out.split_off(actions.len());
+    (out, interface.steady_fixed.iter().map(|&at| at as usize).zip(states).collect())
+}
+
+/// Finds the model's own steady state and keeps it in the steady frame of the instance. The instance's actions and
+/// discrete variables are those of the steady state afterwards.
+///
+/// # Errors
+/// See [`SteadyError`].
+pub fn solve_declared(
+    system: &mut CompiledSystem,
+    catalogue: &Catalogue,
+    guess: &[f64],
+) -> Result<SteadyReport, SteadyError> {
+    let mut y = guess.to_vec();
+    let (actions, fixed) = declared(system, catalogue, &mut y);
+    let report = solve(system, catalogue, &actions, &fixed, &mut y)?;
+    system.keep(&y, Region::Steady);
+    Ok(report)
+}
+
+/// Finds a steady state near `y` for actions (in their order) and fixed states (places in `y` and values).
+///
+/// # Errors
+/// See [`SteadyError`].
+pub fn solve(
+    system: &mut CompiledSystem,
+    catalogue: &Catalogue,
+    actions: &[f64],
+    fixed: &[(usize, f64)],
+    y: &mut [f64],
+) -> Result<SteadyReport, SteadyError> {
+    let region = system.region_mut(Region::Action);
+    for (element, &value) in catalogue.actions.elements().iter().zip(actions) {
+        region[element.at] = value;
+    }
+    let mut is_fixed = vec![false; y.len()];
+    for &(at, value) in fixed {
+        y[at] = value;
+        is_fixed[at] = true;
+    }
+    let mut search = Search::new(system, catalogue, &is_fixed)?;
+    let mut iterations = 0;
+    // Discrete variables may start from the states: a second round settles them.
+    for _ in 0..3 {
+        let before = system.region(Region::Discrete).to_vec();
+        let (model, memory) = system.parts();
+        model.initial_discretes(memory, y);
+        model.prepare_step(memory);
+        if iterations > 0 && before == system.region(Region::Discrete) {
+            break;
+        }
+        iterations += search.run(system, catalogue, y)?;
+        if before.is_empty() {
+            break;
+        }
+    }
+    Ok(SteadyReport { residual_norm: residual_norm(system, y), iterations })
+}
+
+fn residual_norm(system: &mut CompiledSystem, y: &[f64]) -> f64 {
+    let (zero, mut out) = (vec![0.0; y.len()], vec![0.0; y.len()]);
+    let (model, memory) = system.parts();
+    model.residual(memory, 0.0, y, &zero, &mut out);
+    out.iter().map(|r| r * r).sum::<f64>().sqrt()
+}
+
+/// Name of the unknown at a place in `y`.
+fn unknown_name(catalogue: &Catalogue, at: usize) -> Option<String> {
+    let mut all = catalogue.states.elements().iter().chain(catalogue.solved.elements());
+    all.find(|e| e.at == at).map(|e| e.name.clone())
+}
+
+fn equation_name(model: &CompiledModel, catalogue: &Catalogue, at: usize) -> String {
+    crate::failure::describe_equation(at, model, catalogue, None)
+}

@@ -1,0 +1,136 @@
+//! A compiled model with the memory of one instance, as the solver sees it.
+
+use std::sync::Arc;
+
+use smpl_compiler::compiled::{CompiledModel, Memory, Part, Region};
+
+use crate::solver::{Pattern, PatternError, System};
+
+/// What the solver asks for again and again; shared by all instances of a model.
+#[derive(Debug)]
+struct Shape {
+    pattern: Pattern,
+    differential: Vec<bool>,
+    roots: usize,
+    quadratures: usize,
+}
+
+/// A compiled model and everything that one instance of it holds but its unknowns. A clone is a snapshot.
+#[derive(Clone)]
+pub struct CompiledSystem {
+    model: Arc<CompiledModel>,
+    shape: Arc<Shape>,
+    memory: Memory,
+}
+
+impl CompiledSystem {
+    /// An instance with parameters at their defaults and nominal actions.
+    ///
+    /// # Errors
+    /// When the model's Jacobian has no proper pattern (a fault of the compiler or a damaged artefact).
+    pub fn new(model: Arc<CompiledModel>) -> Result<Self, PatternError> {
+        let pattern = model.pattern();
+        let shape = Shape {
+            pattern: Pattern::new(pattern.column_pointers.clone(), pattern.row_indices.clone())?,
+            differential: (0..model.unknowns()).map(|i| i < model.states()).collect(),
+            roots: model.roots_info().len(),
+            quadratures: model.quadratures(),
+        };
+        let memory = model.memory();
+        Ok(Self { model, shape: Arc::new(shape), memory })
+    }
+
+    /// The model.
+    #[must_use]
+    pub fn model(&self) -> &Arc<CompiledModel> {
+        &self.model
+    }
+
+    /// Model and memory at once, for calls of compiled functions.
+    pub fn parts(&mut self) -> (&CompiledModel, &mut Memory) {
+        (&self.model, &mut self.memory)
+    }
+
+    /// A region, to be read.
+    #[must_use]
+    pub fn region(&self, region: Region) -> &[f64] {
+        self.memory.region(region)
+    }
+
+    /// A region, to be written.
+    pub fn region_mut(&mut self, region: Region) -> &mut [f64] {
+        self.memory.region_mut(region)
+    }
+
+    /// The memory of the instance.
+    #[must_use]
+    pub fn memory(&self) -> &Memory {
+        &self.memory
+    }
+
+    /// Puts back a memory that was cloned before, without allocating where that is possible.
+    pub fn restore(&mut self, memory: &Memory) {
+        self.memory.clone_from(memory);
+    }
+
+    /// Keeps the present unknowns, actions, discrete variables and disturbances as those of another instant.
+    pub fn keep(&mut self, y: &[f64], instant: fn(Part) -> Region) {
+        self.memory.region_mut(instant(Part::Y)).copy_from_slice(y);
+        for (part, present) in PRESENT {
+            self.copy(present, instant(part));
+        }
+    }
+
+    /// Copies one region over another of the same length.
+    pub fn copy(&mut self, from: Region, to: Region) {
+        for i in 0..self.memory.region(from).len() {
+            let value = self.memory.region(from)[i];
+            self.memory.region_mut(to)[i] = value;
+        }
+    }
+}
+
+/// The present values that a frame keeps beside `y`.
+const PRESENT: [(Part, Region); 3] = [
+    (Part::Action, Region::Action),
+    (Part::Discrete, Region::Discrete),
+    (Part::Disturbance, Region::Disturbance),
+];
+
+impl System for CompiledSystem {
+    fn differential(&self) -> &[bool] {
+        &self.shape.differential
+    }
+
+    fn is_explicit(&self) -> bool {
+        self.model.explicit()
+    }
+
+    fn pattern(&self) -> &Pattern {
+        &self.shape.pattern
+    }
+
+    fn residual(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        self.model.residual(&mut self.memory, t, y, yp, out);
+    }
+
+    fn jacobian(&mut self, t: f64, y: &[f64], yp: &[f64], cj: f64, values: &mut [f64]) {
+        self.model.jacobian(&mut self.memory, t, y, yp, cj, values);
+    }
+
+    fn root_count(&self) -> usize {
+        self.shape.roots
+    }
+
+    fn roots(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        self.model.roots(&mut self.memory, t, y, yp, out);
+    }
+
+    fn quadrature_count(&self) -> usize {
+        self.shape.quadratures
+    }
+
+    fn quadratures(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        self.model.quadrature_rates(&mut self.memory, t, y, yp, out);
+    }
+}

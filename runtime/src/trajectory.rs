@@ -1,0 +1,158 @@
+//! Tables: the trajectory that a simulation writes, and the actions, initial states and disturbances that it reads.
+//!
+//! A table is written to a file beside its destination and renamed when it is complete: nothing is ever half written.
+
+mod format;
+mod parquet;
+mod read;
+mod record;
+
+pub use format::seventeen_digits;
+pub use read::{DataError, Sequences, read_actions, read_disturbances, read_initial};
+pub use record::Recorder;
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// Kind of a column.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Whole numbers.
+    Integer,
+    /// Numbers.
+    Number,
+    /// `true` or `false`.
+    Flag,
+}
+
+/// One cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Cell {
+    /// Nothing.
+    Empty,
+    /// A whole number.
+    Integer(i64),
+    /// A number.
+    Number(f64),
+    /// A flag.
+    Flag(bool),
+}
+
+/// A table in memory, row after row.
+#[derive(Clone, Debug, Default)]
+pub struct Table {
+    columns: Vec<(String, Kind)>,
+    cells: Vec<Cell>,
+}
+
+impl Table {
+    /// An empty table with these columns.
+    #[must_use]
+    pub fn new(columns: Vec<(String, Kind)>) -> Self {
+        Self { columns, cells: Vec::new() }
+    }
+
+    /// Names and kinds of the columns.
+    #[must_use]
+    pub fn columns(&self) -> &[(String, Kind)] {
+        &self.columns
+    }
+
+    /// Number of rows.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.cells.len() / self.columns.len().max(1)
+    }
+
+    /// Whether there is no row.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.cells.is_empty()
+    }
+
+    /// Adds a row; cells beyond the columns are dropped, missing ones are empty.
+    pub fn push(&mut self, row: impl IntoIterator<Item = Cell>) {
+        let end = self.cells.len() + self.columns.len();
+        self.cells.extend(row);
+        self.cells.resize(end, Cell::Empty);
+    }
+
+    /// The cells of a row.
+    #[must_use]
+    pub fn row(&self, index: usize) -> &[Cell] {
+        let width = self.columns.len();
+        self.cells.get(index * width..(index + 1) * width).unwrap_or(&[])
+    }
+
+    /// The numbers of a column, empty cells as NaN; `None` if there is no such column.
+    #[must_use]
+    pub fn numbers(&self, name: &str) -> Option<Vec<f64>> {
+        let column = self.columns.iter().position(|(n, _)| n == name)?;
+        let number = |cell: &Cell| match cell {
+            Cell::Empty => f64::NAN,
+            Cell::Integer(i) => *i as f64,
+            Cell::Number(x) => *x,
+            Cell::Flag(b) => f64::from(u8::from(*b)),
+        };
+        Some((0..self.len()).map(|row| number(&self.row(row)[column])).collect())
+    }
+
+    /// Writes the table: Parquet where the name ends in `.parquet`, CSV otherwise.
+    ///
+    /// # Errors
+    /// [`WriteError`] with the path.
+    pub fn write(&self, path: &Path) -> Result<(), WriteError> {
+        let is_parquet = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("parquet"));
+        write_whole(path, |out| if is_parquet { parquet::write(self, out) } else { self.write_csv(out) })
+    }
+
+    fn write_csv(&self, out: &mut dyn Write) -> io::Result<()> {
+        let mut writer = csv::WriterBuilder::new().terminator(csv::Terminator::Any(b'\n')).from_writer(out);
+        writer.write_record(self.columns.iter().map(|(name, _)| name))?;
+        let mut text = String::new();
+        for row in 0..self.len() {
+            for cell in self.row(row) {
+                text.clear();
+                format::cell(*cell, &mut text);
+                writer.write_field(&text)?;
+            }
+            writer.write_record(None::<&[u8]>)?;
+        }
+        writer.flush()
+    }
+}
+
+/// A file that could not be written.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write {}: {source}", path.display())]
+pub struct WriteError {
+    /// The file.
+    pub path: PathBuf,
+    /// Why.
+    pub source: io::Error,
+}
+
+/// Writes a file whole or not at all.
+///
+/// # Errors
+/// [`WriteError`] with the path; nothing is left behind then.
+pub fn write_whole(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), WriteError> {
+    let error = |source| WriteError { path: path.to_owned(), source };
+    let name = path.file_name().ok_or_else(|| error(io::Error::from(io::ErrorKind::IsADirectory)))?;
+    let mut temporary_name = std::ffi::OsString::from(".");
+    temporary_name.push(name);
+    temporary_name.push(format!(".{}.part", std::process::id()));
+    let temporary = path.with_file_name(temporary_name);
+    let written = File::create(&temporary).and_then(|file| {
+        let mut out = BufWriter::new(file);
+        fill(&mut out)?;
+        out.flush()
+    });
+    let done = written.and_then(|()| fs::rename(&temporary, path));
+    if done.is_err() {
+        // The failure itself is reported; a temporary file that cannot be removed either adds nothing to it.
+        let _ = fs::remove_file(&temporary);
+    }
+    done.map_err(error)
+}

@@ -1,0 +1,81 @@
+//! Parquet files without a detour through Arrow.
+
+use std::io::{self, Write};
+use std::sync::Arc;
+
+use parquet::basic::{Repetition, Type as PhysicalType};
+use parquet::data_type::{BoolType, DataType, DoubleType, Int64Type};
+use parquet::errors::ParquetError;
+use parquet::file::properties::WriterProperties;
+use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
+use parquet::schema::types::{Type, TypePtr};
+
+use super::{Cell, Kind, Table};
+
+/// Writes a table as one row group; empty cells are null.
+pub(super) fn write(table: &Table, out: &mut dyn Write) -> io::Result<()> {
+    write_group(table, out).map_err(io::Error::other)
+}
+
+fn write_group(table: &Table, out: &mut dyn Write) -> Result<(), ParquetError> {
+    // The writer wants a `Send` sink of its own.
+    let mut bytes = Vec::new();
+    let properties = Arc::new(WriterProperties::builder().build());
+    let mut file = SerializedFileWriter::new(&mut bytes, schema(table)?, properties)?;
+    let mut group = file.next_row_group()?;
+    for (column, (_, kind)) in table.columns().iter().enumerate() {
+        match kind {
+            Kind::Integer => {
+                column_of::<Int64Type, _>(&mut group, table, column, |cell| match cell {
+                    Cell::Integer(i) => Some(i),
+                    _ => None,
+                })?;
+            }
+            Kind::Number => {
+                column_of::<DoubleType, _>(&mut group, table, column, |cell| match cell {
+                    Cell::Number(x) => Some(x),
+                    _ => None,
+                })?;
+            }
+            Kind::Flag => {
+                column_of::<BoolType, _>(&mut group, table, column, |cell| match cell {
+                    Cell::Flag(b) => Some(b),
+                    _ => None,
+                })?;
+            }
+        }
+    }
+    group.close()?;
+    file.close()?;
+    out.write_all(&bytes)?;
+    Ok(())
+}
+
+fn column_of<D: DataType, F: Fn(Cell) -> Option<D::T>>(
+    group: &mut SerializedRowGroupWriter<'_, &mut Vec<u8>>,
+    table: &Table,
+    column: usize,
+    take: F,
+) -> Result<(), ParquetError> {
+    let cells: Vec<Option<D::T>> = (0..table.len()).map(|row| take(table.row(row)[column])).collect();
+    let present: Vec<i16> = cells.iter().map(|cell| i16::from(cell.is_some())).collect();
+    let values: Vec<D::T> = cells.into_iter().flatten().collect();
+    let Some(mut writer) = group.next_column()? else {
+        return Err(ParquetError::General("more columns than the schema has".into()));
+    };
+    writer.typed::<D>().write_batch(&values, Some(&present), None)?;
+    writer.close()
+}
+
+fn schema(table: &Table) -> Result<TypePtr, ParquetError> {
+    let field = |(name, kind): &(String, Kind)| {
+        let physical = match kind {
+            Kind::Integer => PhysicalType::INT64,
+            Kind::Number => PhysicalType::DOUBLE,
+            Kind::Flag => PhysicalType::BOOLEAN,
+        };
+        Ok(Arc::new(Type::primitive_type_builder(name, physical).with_repetition(Repetition::OPTIONAL).build()?))
+    };
+    let fields: Result<Vec<TypePtr>, ParquetError> = table.columns().iter().map(field).collect();
+    Ok(Arc::new(Type::group_type_builder("trajectory").with_fields(fields?).build()?))
+}

@@ -1,0 +1,212 @@
+//! Reading of actions, initial states and disturbances.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use crate::catalogue::{Catalogue, Family, UnknownName};
+
+/// Named sequences, one value a step.
+pub type Sequences = BTreeMap<String, Vec<f64>>;
+
+/// A data file that is missing or at fault. Lines count from 1, the heading included.
+#[derive(Debug, thiserror::Error)]
+pub enum DataError {
+    /// It cannot be opened or read.
+    #[error("{}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// It is no CSV table.
+    #[error("{}:{line}: {message}", path.display())]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// Line.
+        line: u64,
+        /// What is wrong.
+        message: String,
+    },
+    /// A cell is no number.
+    #[error("{}:{line}: column `{column}`: {} is no finite number", path.display(), quoted(text))]
+    NotANumber {
+        /// The file.
+        path: PathBuf,
+        /// Line.
+        line: u64,
+        /// Column.
+        column: String,
+        /// The cell.
+        text: String,
+    },
+    /// Columns are missing.
+    #[error("{}:1: missing column{} {}; the file has: {}", path.display(), if names.len() == 1 { "" } else { "s" }, names.join(", "), present.join(", "))]
+    MissingColumns {
+        /// The file.
+        path: PathBuf,
+        /// The missing names.
+        names: Vec<String>,
+        /// The names there are.
+        present: Vec<String>,
+    },
+    /// A column that the model does not have.
+    #[error("{}:1: {error}", path.display())]
+    UnknownColumn {
+        /// The file.
+        path: PathBuf,
+        /// The name, and the right ones.
+        error: UnknownName,
+    },
+    /// A table without rows.
+    #[error("{}: no rows", path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+}
+
+fn quoted(text: &str) -> String {
+    if text.is_empty() { "an empty cell".into() } else { format!("`{text}`") }
+}
+
+/// A table of text with the line of each row.
+struct RawTable {
+    path: PathBuf,
+    names: Vec<String>,
+    rows: Vec<(u64, csv::StringRecord)>,
+}
+
+impl RawTable {
+    fn read(path: &Path) -> Result<Self, DataError> {
+        let file = File::open(path).map_err(|source| DataError::Read { path: path.to_owned(), source })?;
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
+        let fault = |error: csv::Error| fault(path, error);
+        let names: Vec<String> = reader
+            .headers()
+            .map_err(fault)?
+            .iter()
+            .map(|name| name.trim_start_matches('\u{feff}').trim_matches('"').to_owned())
+            .collect();
+        let mut rows = Vec::new();
+        for record in reader.records() {
+            let record = record.map_err(fault)?;
+            rows.push((record.position().map_or(0, csv::Position::line), record));
+        }
+        if rows.is_empty() {
+            return Err(DataError::Empty { path: path.to_owned() });
+        }
+        Ok(Self { path: path.to_owned(), names, rows })
+    }
+
+    fn column(&self, name: &str) -> Option<usize> {
+        self.names.iter().position(|n| n == name)
+    }
+
+    fn number(&self, row: usize, column: usize) -> Result<f64, DataError> {
+        let (line, record) = &self.rows[row];
+        let text = record.get(column).unwrap_or_default();
+        match text.parse::<f64>() {
+            Ok(x) if x.is_finite() => Ok(x),
+            _ => Err(DataError::NotANumber {
+                path: self.path.clone(),
+                line: *line,
+                column: self.names.get(column).cloned().unwrap_or_default(),
+                text: text.into(),
+            }),
+        }
+    }
+
+    fn is_blank(&self, row: usize, columns: &[usize]) -> bool {
+        columns.iter().all(|&c| self.rows[row].1.get(c).is_none_or(str::is_empty))
+    }
+}
+
+fn fault(path: &Path, error: csv::Error) -> DataError {
+    let line = error.position().map_or(1, csv::Position::line);
+    let message = match error.kind() {
+        csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
+            format!("the row has {len} cells, the heading has {expected_len}")
+        }
+        csv::ErrorKind::Utf8 { .. } => "the text is not UTF-8".into(),
+        _ => match error.into_kind() {
+            csv::ErrorKind::Io(source) => return DataError::Read { path: path.to_owned(), source },
+            _ => "the file is no CSV table".into(),
+        },
+    };
+    DataError::Malformed { path: path.to_owned(), line, message }
+}
+
+/// Actions of the steps 1, 2, ...: one row a step with one number an action in their order. A first row without actions is row 0
+/// and skipped; other columns are ignored.
+///
+/// # Errors
+/// See [`DataError`].
+pub fn read_actions(path: &Path, catalogue: &Catalogue) -> Result<Vec<Vec<f64>>, DataError> {
+    let table = RawTable::read(path)?;
+    let columns = required(&table, &catalogue.actions)?;
+    let first = usize::from(!columns.is_empty() && table.is_blank(0, &columns));
+    (first..table.rows.len()).map(|row| columns.iter().map(|&c| table.number(row, c)).collect()).collect()
+}
+
+fn required(table: &RawTable, family: &Family) -> Result<Vec<usize>, DataError> {
+    let found: Vec<Option<usize>> = family.names().map(|name| table.column(name)).collect();
+    let missing: Vec<String> =
+        family.names().zip(&found).filter(|(_, f)| f.is_none()).map(|(name, _)| name.to_owned()).collect();
+    if missing.is_empty() {
+        Ok(found.into_iter().flatten().collect())
+    } else {
+        Err(DataError::MissingColumns { path: table.path.clone(), names: missing, present: table.names.clone() })
+    }
+}
+
+/// Recorded disturbances, row 1 is step 1: the columns named as disturbances. Other columns are ignored, but there must be one. A first row
+/// without them is row 0 and skipped.
+///
+/// # Errors
+/// See [`DataError`].
+pub fn read_disturbances(path: &Path, catalogue: &Catalogue) -> Result<Sequences, DataError> {
+    let table = RawTable::read(path)?;
+    let names: Vec<&str> = catalogue.disturbances.names().filter(|name| table.column(name).is_some()).collect();
+    let columns: Vec<usize> = names.iter().filter_map(|name| table.column(name)).collect();
+    if columns.is_empty() {
+        let names = catalogue.disturbances.names().map(str::to_owned).collect();
+        return Err(DataError::MissingColumns { path: table.path.clone(), names, present: table.names.clone() });
+    }
+    let first = usize::from(table.is_blank(0, &columns));
+    let sequence = |&c: &usize| (first..table.rows.len()).map(|row| table.number(row, c)).collect::<Result<_, _>>();
+    names.iter().zip(&columns).map(|(name, c)| Ok(((*name).to_owned(), sequence(c)?))).collect()
+}
+
+/// One row of initial values: states and discrete variables by name. Empty cells are left out.
+///
+/// # Errors
+/// See [`DataError`]; a column that names neither is one.
+pub fn read_initial(
+    path: &Path,
+    catalogue: &Catalogue,
+) -> Result<(BTreeMap<String, f64>, BTreeMap<String, f64>), DataError> {
+    let table = RawTable::read(path)?;
+    if table.rows.len() > 1 {
+        let message = format!("one row of initial values expected, found {}", table.rows.len());
+        return Err(DataError::Malformed { path: table.path, line: table.rows[1].0, message });
+    }
+    let (mut states, mut discretes) = (BTreeMap::new(), BTreeMap::new());
+    for (column, name) in table.names.iter().enumerate() {
+        let into = match (catalogue.states.find(name), catalogue.discretes.find(name)) {
+            (Some(_), _) => &mut states,
+            (None, Some(_)) => &mut discretes,
+            (None, None) => {
+                let known = catalogue.states.names().chain(catalogue.discretes.names());
+                let error = UnknownName::new("state or discrete variable", name, known);
+                return Err(DataError::UnknownColumn { path: table.path.clone(), error });
+            }
+        };
+        if !table.is_blank(0, &[column]) {
+            into.insert(name.clone(), table.number(0, column)?);
+        }
+    }
+    Ok((states, discretes))
+}
