@@ -29,14 +29,7 @@ type InfoArrays<'py> = (
 );
 /// Which episodes ended, their last observations and infos.
 type Final<'py> = (Flags<'py>, Observations<'py>, InfoArrays<'py>);
-type Step<'py> = (
-    Observations<'py>,
-    Vector<'py>,
-    Flags<'py>,
-    Flags<'py>,
-    InfoArrays<'py>,
-    Option<Final<'py>>,
-);
+type Step<'py> = (Observations<'py>, Vector<'py>, Flags<'py>, Flags<'py>, InfoArrays<'py>, Option<Final<'py>>);
 
 /// Environments of one model, stepped together by threads.
 #[pyclass(module = "smpl._native")]
@@ -59,10 +52,7 @@ struct Sizes {
 #[pymethods]
 impl Batch {
     #[new]
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "the arguments of the Python class, one by one"
-    )]
+    #[expect(clippy::too_many_arguments, reason = "the arguments of the Python class, one by one")]
     fn new(
         model: &Model,
         num_envs: usize,
@@ -78,25 +68,15 @@ impl Batch {
             "SameStep" => Autoreset::SameStep,
             "Disabled" => Autoreset::Disabled,
             _ => {
-                return Err(PyValueError::new_err(format!(
-                    "unknown autoreset mode `{autoreset}`"
-                )));
+                return Err(PyValueError::new_err(format!("unknown autoreset mode `{autoreset}`")));
             }
         };
         let setup = model.setup(dense_reward, max_steps)?;
         let reset = ResetOptions::default();
-        let options = BatchOptions {
-            autoreset,
-            threads: num_threads,
-            normalised: normalize,
-            reset,
-        };
-        let batch = guarded(|| batch::Batch::new(&setup, num_envs, options))?
-            .map_err(|e| batch_error(&e))?;
+        let options = BatchOptions { autoreset, threads: num_threads, normalised: normalize, reset };
+        let batch = guarded(|| batch::Batch::new(&setup, num_envs, options))?.map_err(|e| batch_error(&e))?;
         let Some(first) = batch.environment(0) else {
-            return Err(PyValueError::new_err(
-                "num_envs is 0, expected a positive integer",
-            ));
+            return Err(PyValueError::new_err("num_envs is 0, expected a positive integer"));
         };
         let sizes = Sizes {
             observations: first.observation_len(),
@@ -105,12 +85,7 @@ impl Batch {
             states: first.catalogue().states.len(),
         };
         let constraints = first.constraint_names().map(str::to_owned).collect();
-        Ok(Self {
-            constraints,
-            sizes,
-            with_state: info_state,
-            batch: Mutex::new(batch),
-        })
+        Ok(Self { constraints, sizes, with_state: info_state, batch: Mutex::new(batch) })
     }
 
     #[getter]
@@ -135,30 +110,17 @@ impl Batch {
         // What an episode was started from does not hold for those that begin by themselves later.
         batch.set_reset_options(ResetOptions::default());
         result?.map_err(|e| batch_error(&e))?;
-        let infos = info_arrays(
-            py,
-            batch,
-            self.sizes,
-            self.constraints.len(),
-            self.with_state,
-            batch::Batch::info,
-        );
+        let infos = info_arrays(py, batch, self.sizes, self.constraints.len(), self.with_state, batch::Batch::info);
         Ok((observations.done(), infos))
     }
 
     /// Takes a step in every environment.
-    fn step<'py>(
-        &mut self,
-        py: Python<'py>,
-        actions: PyReadonlyArray2<'py, f64>,
-    ) -> PyResult<Step<'py>> {
+    fn step<'py>(&mut self, py: Python<'py>, actions: PyReadonlyArray2<'py, f64>) -> PyResult<Step<'py>> {
         let batch = self.batch.get_mut().unwrap_or_else(PoisonError::into_inner);
         let count = batch.len();
         let given = actions.as_slice()?;
         if given.len() != count * self.sizes.actions {
-            return Err(PyValueError::new_err(
-                "actions has a wrong number of entries",
-            ));
+            return Err(PyValueError::new_err("actions has a wrong number of entries"));
         }
         let mut observations = Fresh::matrix(py, count, self.sizes.observations);
         let mut rewards = Fresh::vector(py, count);
@@ -171,23 +133,9 @@ impl Batch {
         };
         guarded(|| py.detach(|| batch.step(given, arrays)))?.map_err(|e| batch_error(&e))?;
         let constraints = self.constraints.len();
-        let infos = info_arrays(
-            py,
-            batch,
-            self.sizes,
-            constraints,
-            self.with_state,
-            batch::Batch::info,
-        );
+        let infos = info_arrays(py, batch, self.sizes, constraints, self.with_state, batch::Batch::info);
         let last = self.last(py);
-        Ok((
-            observations.done(),
-            rewards.done(),
-            terminated.done(),
-            truncated.done(),
-            infos,
-            last,
-        ))
+        Ok((observations.done(), rewards.done(), terminated.done(), truncated.done(), infos, last))
     }
 
     /// Values by role, a row an environment: `state`, `discrete`, `disturbance`, `action`, `parameter`.
@@ -221,48 +169,25 @@ impl Batch {
             }
         });
         let mut observations = Fresh::matrix(py, count, self.sizes.observations);
-        for (i, out) in observations
-            .elements()
-            .chunks_exact_mut(self.sizes.observations.max(1))
-            .enumerate()
-        {
-            for (out, &value) in out
-                .iter_mut()
-                .zip(batch.final_info(i).map_or(&[][..], |(values, _)| values))
-            {
+        for (i, out) in observations.elements().chunks_exact_mut(self.sizes.observations.max(1)).enumerate() {
+            for (out, &value) in out.iter_mut().zip(batch.final_info(i).map_or(&[][..], |(values, _)| values)) {
                 *out = value as f32;
             }
         }
         let pick = |batch: &'_ batch::Batch, i| batch.final_info(i).map(|(_, info)| info.clone());
         let infos: Vec<Option<Info>> = (0..count).map(|i| pick(batch, i)).collect();
         let sizes = self.sizes;
-        let infos = fill_infos(
-            py,
-            &infos.iter().map(Option::as_ref).collect::<Vec<_>>(),
-            sizes,
-            self.constraints.len(),
-            self.with_state,
-        );
+        let infos = fill_infos(py, &infos.iter().map(Option::as_ref).collect::<Vec<_>>(), sizes, self.constraints.len(), self.with_state);
         Some((ended, observations.done(), infos))
     }
 }
 
 /// Resets what the mask says: those with a seed to its first episode, the others to their next one.
-fn reset(
-    batch: &mut batch::Batch,
-    mask: &[bool],
-    seeds: Option<&[Option<u64>]>,
-    observations: &mut [f32],
-) -> Result<(), BatchError> {
+fn reset(batch: &mut batch::Batch, mask: &[bool], seeds: Option<&[Option<u64>]>, observations: &mut [f32]) -> Result<(), BatchError> {
     let Some(seeds) = seeds else {
         return batch.reset(None, Some(mask), observations);
     };
-    let select = |seeded: bool| -> Vec<bool> {
-        mask.iter()
-            .zip(seeds)
-            .map(|(&chosen, seed)| chosen && seed.is_some() == seeded)
-            .collect()
-    };
+    let select = |seeded: bool| -> Vec<bool> { mask.iter().zip(seeds).map(|(&chosen, seed)| chosen && seed.is_some() == seeded).collect() };
     let unseeded = select(false);
     if unseeded.contains(&true) {
         batch.reset(None, Some(&unseeded), observations)?;
@@ -284,13 +209,7 @@ fn info_arrays<'py>(
     fill_infos(py, &infos, sizes, constraints, with_state)
 }
 
-fn fill_infos<'py>(
-    py: Python<'py>,
-    infos: &[Option<&Info>],
-    sizes: Sizes,
-    constraints: usize,
-    with_state: bool,
-) -> InfoArrays<'py> {
+fn fill_infos<'py>(py: Python<'py>, infos: &[Option<&Info>], sizes: Sizes, constraints: usize, with_state: bool) -> InfoArrays<'py> {
     let count = infos.len();
     let column = |of: fn(&Info) -> f64| {
         Fresh::vector(py, count).filled(|out| {
@@ -305,12 +224,7 @@ fn fill_infos<'py>(
         }
     });
     let failed = infos.iter().flatten().any(|info| !info.failure.is_empty());
-    let failures = failed.then(|| {
-        infos
-            .iter()
-            .map(|info| info.map_or(String::new(), |i| i.failure.clone()))
-            .collect()
-    });
+    let failures = failed.then(|| infos.iter().map(|info| info.map_or(String::new(), |i| i.failure.clone())).collect());
     let rows = |len: usize, of: fn(&Info) -> &[f64]| {
         let mut array = Fresh::matrix(py, len, count);
         let out = array.elements();
@@ -323,11 +237,7 @@ fn fill_infos<'py>(
     };
     let states = with_state.then(|| {
         let mut array = Fresh::matrix(py, count, sizes.states);
-        for (out, info) in array
-            .elements()
-            .chunks_exact_mut(sizes.states.max(1))
-            .zip(infos)
-        {
+        for (out, info) in array.elements().chunks_exact_mut(sizes.states.max(1)).zip(infos) {
             if let Some(info) = info {
                 out.copy_from_slice(&info.state);
             }

@@ -40,17 +40,9 @@ pub struct Snapshot {
 #[pymethods]
 impl Env {
     #[new]
-    fn new(
-        py: Python<'_>,
-        model: &Model,
-        normalize: bool,
-        dense_reward: bool,
-        info_state: bool,
-        max_steps: Option<u32>,
-    ) -> PyResult<Self> {
+    fn new(py: Python<'_>, model: &Model, normalize: bool, dense_reward: bool, info_state: bool, max_steps: Option<u32>) -> PyResult<Self> {
         let setup = model.setup(dense_reward, max_steps)?;
-        let environment =
-            guarded(|| Environment::new(setup))?.map_err(|e| crate::errors::setup_error(&e))?;
+        let environment = guarded(|| Environment::new(setup))?.map_err(|e| crate::errors::setup_error(&e))?;
         Ok(Self {
             keys: Keys::new(py, &environment, info_state),
             action: vec![0.0; environment.catalogue().actions.len()],
@@ -69,34 +61,17 @@ impl Env {
     ) -> PyResult<(Observation<'py>, Bound<'py, PyDict>)> {
         let default = environment::ResetOptions::default();
         let options = start.map_or(&default, |start| &start.options);
-        let environment = self
-            .environment
-            .get_mut()
-            .unwrap_or_else(PoisonError::into_inner);
+        let environment = self.environment.get_mut().unwrap_or_else(PoisonError::into_inner);
         guarded(|| py.detach(|| environment.reset(seed, options)))?.map_err(|e| reset_error(&e))?;
-        Ok((
-            observation(py, environment, self.normalise),
-            self.keys.info(py, environment)?,
-        ))
+        Ok((observation(py, environment, self.normalise), self.keys.info(py, environment)?))
     }
 
     /// Takes a step.
-    fn step<'py>(
-        &mut self,
-        py: Python<'py>,
-        action: PyReadonlyArray1<'py, f64>,
-    ) -> PyResult<Step<'py>> {
-        let environment = self
-            .environment
-            .get_mut()
-            .unwrap_or_else(PoisonError::into_inner);
+    fn step<'py>(&mut self, py: Python<'py>, action: PyReadonlyArray1<'py, f64>) -> PyResult<Step<'py>> {
+        let environment = self.environment.get_mut().unwrap_or_else(PoisonError::into_inner);
         let given = action.as_array();
         if given.len() != self.action.len() {
-            let message = format!(
-                "action has shape ({},), expected ({},)",
-                given.len(),
-                self.action.len()
-            );
+            let message = format!("action has shape ({},), expected ({},)", given.len(), self.action.len());
             return Err(PyValueError::new_err(message));
         }
         let actions = environment.catalogue().actions.elements();
@@ -104,8 +79,7 @@ impl Env {
             *out = physical(value, element, self.normalise);
         }
         let action = &self.action;
-        let result =
-            guarded(|| py.detach(|| environment.step(action)))?.map_err(|e| step_error(&e))?;
+        let result = guarded(|| py.detach(|| environment.step(action)))?.map_err(|e| step_error(&e))?;
         Ok((
             observation(py, environment, self.normalise),
             result.reward,
@@ -117,30 +91,20 @@ impl Env {
 
     /// Values by role: `state`, `algebraic`, `discrete`, `disturbance`, `action`, `parameter`.
     fn values<'py>(&mut self, py: Python<'py>, role: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let environment = self
-            .environment
-            .get_mut()
-            .unwrap_or_else(PoisonError::into_inner);
+        let environment = self.environment.get_mut().unwrap_or_else(PoisonError::into_inner);
         values(py, environment, role)
     }
 
     /// Actions of the model's policy of that name for the coming step, physical units.
     fn policy<'py>(&mut self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let environment = self
-            .environment
-            .get_mut()
-            .unwrap_or_else(PoisonError::into_inner);
+        let environment = self.environment.get_mut().unwrap_or_else(PoisonError::into_inner);
         let setup = environment.setup().clone();
         let policies = &setup.model().model().programs.policies;
         let Some(index) = policies.iter().position(|(known, _)| known == name) else {
             let known: Vec<&str> = policies.iter().map(|(known, _)| known.as_str()).collect();
-            return Err(PyValueError::new_err(format!(
-                "unknown policy `{name}`; there are: {}",
-                known.join(", ")
-            )));
+            return Err(PyValueError::new_err(format!("unknown policy `{name}`; there are: {}", known.join(", "))));
         };
-        Ok(Fresh::vector(py, setup.catalogue.actions.len())
-            .filled(|out| environment.policy(index, out)))
+        Ok(Fresh::vector(py, setup.catalogue.actions.len()).filled(|out| environment.policy(index, out)))
     }
 
     #[getter]
@@ -163,11 +127,7 @@ impl Env {
         self.with(|environment| {
             let setup = environment.setup();
             let states = &setup.catalogue.states;
-            let steady = setup
-                .model()
-                .interface()
-                .has_steady
-                .then(|| environment.steady_state())?;
+            let steady = setup.model().interface().has_steady.then(|| environment.steady_state())?;
             Some(Fresh::vector(py, states.len()).filled(|out| gather(states, steady, out)))
         })
     }
@@ -177,11 +137,7 @@ impl Env {
         self.with(|environment| {
             let setup = environment.setup();
             let actions = &setup.catalogue.actions;
-            let steady = setup
-                .model()
-                .interface()
-                .has_steady
-                .then(|| setup.steady_action())?;
+            let steady = setup.model().interface().has_steady.then(|| setup.steady_action())?;
             Some(Fresh::vector(py, actions.len()).filled(|out| gather(actions, steady, out)))
         })
     }
@@ -205,16 +161,10 @@ impl Env {
     }
 
     fn restore(&mut self, snapshot: &Snapshot) -> PyResult<()> {
-        let environment = self
-            .environment
-            .get_mut()
-            .unwrap_or_else(PoisonError::into_inner);
+        let environment = self.environment.get_mut().unwrap_or_else(PoisonError::into_inner);
         let name = &environment.setup().model().interface().name;
         if snapshot.unknowns != environment.unknowns().len() || snapshot.model != *name {
-            let message = format!(
-                "the snapshot is of {}, the environment of {name}",
-                snapshot.model
-            );
+            let message = format!("the snapshot is of {}, the environment of {name}", snapshot.model);
             return Err(PyValueError::new_err(message));
         }
         guarded(|| environment.restore(&snapshot.snapshot))
@@ -223,50 +173,28 @@ impl Env {
 
 impl Env {
     fn with<T>(&self, read: impl FnOnce(&Environment) -> T) -> T {
-        read(
-            &self
-                .environment
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner),
-        )
+        read(&self.environment.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 
 /// An action in physical units.
 pub fn physical(value: f64, element: &Element, normalised: bool) -> f64 {
-    if normalised {
-        denormalise(value, element.low, element.high)
-    } else {
-        value
-    }
+    if normalised { denormalise(value, element.low, element.high) } else { value }
 }
 
-fn observation<'py>(
-    py: Python<'py>,
-    environment: &Environment,
-    normalise: bool,
-) -> Observation<'py> {
-    Fresh::vector(py, environment.observation_len())
-        .filled(|out| environment.observe(normalise, out))
+fn observation<'py>(py: Python<'py>, environment: &Environment, normalise: bool) -> Observation<'py> {
+    Fresh::vector(py, environment.observation_len()).filled(|out| environment.observe(normalise, out))
 }
 
 /// Values of a role in the order of the outside.
-fn values<'py>(
-    py: Python<'py>,
-    environment: &mut Environment,
-    role: &str,
-) -> PyResult<Bound<'py, PyArray1<f64>>> {
+fn values<'py>(py: Python<'py>, environment: &mut Environment, role: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let setup = environment.setup().clone();
     let catalogue = &setup.catalogue;
-    let region = |family: &Family, values: &[f64]| {
-        Fresh::vector(py, family.len()).filled(|out| gather(family, values, out))
-    };
+    let region = |family: &Family, values: &[f64]| Fresh::vector(py, family.len()).filled(|out| gather(family, values, out));
     Ok(match role {
         "state" => Fresh::vector(py, catalogue.states.len()).filled(|out| environment.state(out)),
         "solved" => region(&catalogue.solved, environment.unknowns()),
-        "algebraic" => {
-            Fresh::vector(py, catalogue.algebraics.len()).filled(|out| environment.algebraics(out))
-        }
+        "algebraic" => Fresh::vector(py, catalogue.algebraics.len()).filled(|out| environment.algebraics(out)),
         "discrete" => region(&catalogue.discretes, environment.discretes()),
         "disturbance" => region(&catalogue.disturbances, environment.disturbances()),
         "action" => region(&catalogue.actions, environment.actions()),

@@ -47,29 +47,17 @@ impl Equations {
     /// A model whose steady state is not found, or a fault of the compiler.
     pub fn new(model: &Arc<CompiledModel>, parameters: &[(usize, f64)]) -> PyResult<Self> {
         let catalogue = Catalogue::new(model);
-        let mut nominal = CompiledSystem::new(model.clone())
-            .map_err(|e| SimulationError::new_err(e.to_string()))?;
+        let mut nominal = CompiledSystem::new(model.clone()).map_err(|e| SimulationError::new_err(e.to_string()))?;
         let draws = &model.interface().draws;
         for (at, draw) in nominal.region_mut(Region::Draw).iter_mut().zip(draws) {
-            *at = if draw.kind == Variate::Uniform {
-                0.5
-            } else {
-                0.0
-            };
+            *at = if draw.kind == Variate::Uniform { 0.5 } else { 0.0 };
         }
         set_parameters(&mut nominal, parameters.iter().copied());
         if model.interface().has_steady {
             let guess = steady::guess(&nominal, &catalogue);
-            steady::solve_declared(&mut nominal, &catalogue, &guess)
-                .map_err(|e| steady_error(&e))?;
+            steady::solve_declared(&mut nominal, &catalogue, &guess).map_err(|e| steady_error(&e))?;
         }
-        let order: Vec<usize> = catalogue
-            .states
-            .elements()
-            .iter()
-            .chain(catalogue.solved.elements())
-            .map(|e| e.at)
-            .collect();
+        let order: Vec<usize> = catalogue.states.elements().iter().chain(catalogue.solved.elements()).map(|e| e.at).collect();
         let n = model.unknowns();
         Ok(Self {
             jacobian: Columns::new(&nominal, &order),
@@ -85,15 +73,7 @@ impl Equations {
     }
 
     /// Residual at a point.
-    pub fn residual(
-        &mut self,
-        t: f64,
-        y: &[f64],
-        yp: &[f64],
-        u: &[f64],
-        given: &Given,
-        out: &mut [f64],
-    ) -> PyResult<()> {
+    pub fn residual(&mut self, t: f64, y: &[f64], yp: &[f64], u: &[f64], given: &Given, out: &mut [f64]) -> PyResult<()> {
         self.prepare(t, y, Some(yp), u, given)?;
         let (model, memory) = self.work.parts();
         model.residual(memory, t, &self.y, &self.yp, &mut self.out);
@@ -116,33 +96,15 @@ impl Equations {
         self.prepare(t, y, Some(yp), u, given)?;
         let (model, memory) = self.work.parts();
         model.jacobian(memory, t, &self.y, &self.yp, cj, &mut self.values);
-        let values = self
-            .jacobian
-            .entries
-            .iter()
-            .map(|&entry| self.values[entry])
-            .collect();
-        Ok((
-            values,
-            self.jacobian.rows.clone(),
-            self.jacobian.pointers.clone(),
-        ))
+        let values = self.jacobian.entries.iter().map(|&entry| self.values[entry]).collect();
+        Ok((values, self.jacobian.rows.clone(), self.jacobian.pointers.clone()))
     }
 
     /// Rates of the states of an explicit model.
-    pub fn rhs(
-        &mut self,
-        t: f64,
-        y: &[f64],
-        u: &[f64],
-        given: &Given,
-        out: &mut [f64],
-    ) -> PyResult<()> {
+    pub fn rhs(&mut self, t: f64, y: &[f64], u: &[f64], given: &Given, out: &mut [f64]) -> PyResult<()> {
         let model = self.work.model().clone();
         if !model.explicit() {
-            return Err(PyValueError::new_err(
-                "the model is not explicit in its rates: use residual",
-            ));
+            return Err(PyValueError::new_err("the model is not explicit in its rates: use residual"));
         }
         self.prepare(t, y, None, u, given)?;
         let (model, memory) = self.work.parts();
@@ -154,12 +116,7 @@ impl Equations {
     }
 
     /// Steady state at the actions `u`; `fixed` are positions of states and their values, those of the model if there are none.
-    pub fn steady_state(
-        &mut self,
-        u: &[f64],
-        given: &Given,
-        fixed: &[(usize, f64)],
-    ) -> PyResult<Vec<f64>> {
+    pub fn steady_state(&mut self, u: &[f64], given: &Given, fixed: &[(usize, f64)]) -> PyResult<Vec<f64>> {
         self.work.restore(self.nominal.memory());
         let guess = self.first_guess();
         self.y.copy_from_slice(&guess);
@@ -168,43 +125,29 @@ impl Equations {
         let (_, declared) = steady::declared(&mut self.work, &self.catalogue, &mut y);
         let fixed: Vec<(usize, f64)> = match fixed {
             [] => declared,
-            some => some
-                .iter()
-                .map(|&(i, value)| (self.order[i], value))
-                .collect(),
+            some => some.iter().map(|&(i, value)| (self.order[i], value)).collect(),
         };
-        steady::solve(&mut self.work, &self.catalogue, u, &fixed, &mut y)
-            .map_err(|e| steady_error(&e))?;
+        steady::solve(&mut self.work, &self.catalogue, u, &fixed, &mut y).map_err(|e| steady_error(&e))?;
         Ok(self.order.iter().map(|&at| y[at]).collect())
     }
 
     /// Linearisation at a point.
     pub fn linearize(&mut self, y: &[f64], u: &[f64], given: &Given) -> PyResult<Linearization> {
         self.prepare(0.0, y, None, u, given)?;
-        linearize::linearize(&mut self.work, &self.catalogue, 0.0, &self.y)
-            .map_err(|e| SimulationError::new_err(e.to_string()))
+        linearize::linearize(&mut self.work, &self.catalogue, 0.0, &self.y).map_err(|e| SimulationError::new_err(e.to_string()))
     }
 
     /// The model's steady state where it has one, else its declared values.
     fn first_guess(&self) -> Vec<f64> {
         if self.nominal.model().interface().has_steady {
-            self.nominal
-                .region(Region::Steady(smpl_compiler::compiled::Part::Y))
-                .to_vec()
+            self.nominal.region(Region::Steady(smpl_compiler::compiled::Part::Y)).to_vec()
         } else {
             steady::guess(&self.nominal, &self.catalogue)
         }
     }
 
     /// Puts a point into the instance.
-    fn prepare(
-        &mut self,
-        t: f64,
-        y: &[f64],
-        yp: Option<&[f64]>,
-        u: &[f64],
-        given: &Given,
-    ) -> PyResult<()> {
+    fn prepare(&mut self, t: f64, y: &[f64], yp: Option<&[f64]>, u: &[f64], given: &Given) -> PyResult<()> {
         self.work.restore(self.nominal.memory());
         self.yp.fill(0.0);
         for (i, &at) in self.order.iter().enumerate() {
@@ -239,10 +182,7 @@ impl Equations {
         let mut y = self.y.clone();
         let (model, memory) = self.work.parts();
         model.initial_discretes(memory, &mut y);
-        for (region, values) in [
-            (Region::Discrete, discrete_values),
-            (Region::Disturbance, disturbance_values),
-        ] {
+        for (region, values) in [(Region::Discrete, discrete_values), (Region::Disturbance, disturbance_values)] {
             for (at, value) in values {
                 self.work.region_mut(region)[at] = value;
             }
@@ -253,14 +193,10 @@ impl Equations {
     /// Places and values of what is given for a role.
     fn places(&self, role: &str, family: &Family, given: &Given) -> PyResult<Vec<(usize, f64)>> {
         let mine = given.iter().filter(|(of, _, _)| of == role);
-        mine.map(
-            |&(_, element, value)| match family.elements().get(element) {
-                Some(found) => Ok((found.at, value)),
-                None => Err(PyValueError::new_err(format!(
-                    "there is no {role} number {element}"
-                ))),
-            },
-        )
+        mine.map(|&(_, element, value)| match family.elements().get(element) {
+            Some(found) => Ok((found.at, value)),
+            None => Err(PyValueError::new_err(format!("there is no {role} number {element}"))),
+        })
         .collect()
     }
 }
@@ -272,23 +208,12 @@ impl Columns {
         for (i, &at) in order.iter().enumerate() {
             outside[at] = i;
         }
-        let mut columns = Self {
-            pointers: vec![0],
-            rows: Vec::new(),
-            entries: Vec::new(),
-        };
+        let mut columns = Self { pointers: vec![0], rows: Vec::new(), entries: Vec::new() };
         for &column in order {
-            let mut entries: Vec<(usize, usize)> = pattern
-                .column(column)
-                .map(|entry| (outside[pattern.rows()[entry]], entry))
-                .collect();
+            let mut entries: Vec<(usize, usize)> = pattern.column(column).map(|entry| (outside[pattern.rows()[entry]], entry)).collect();
             entries.sort_unstable();
-            columns
-                .rows
-                .extend(entries.iter().map(|&(row, _)| row as i32));
-            columns
-                .entries
-                .extend(entries.iter().map(|&(_, entry)| entry));
+            columns.rows.extend(entries.iter().map(|&(row, _)| row as i32));
+            columns.entries.extend(entries.iter().map(|&(_, entry)| entry));
             columns.pointers.push(columns.rows.len() as i32);
         }
         columns

@@ -9,24 +9,9 @@ use pyo3::prelude::*;
 use smpl_runtime::environment::{ResetError, StepError};
 use smpl_runtime::setup::SetupError;
 
-create_exception!(
-    smpl,
-    CompileError,
-    PyException,
-    "The model is at fault; `diagnostics` says where and why."
-);
-create_exception!(
-    smpl,
-    ScenarioError,
-    PyValueError,
-    "The scenario, a variant or a setting is at fault."
-);
-create_exception!(
-    smpl,
-    SimulationError,
-    PyRuntimeError,
-    "The equations could not be solved where there is no episode that could fail."
-);
+create_exception!(smpl, CompileError, PyException, "The model is at fault; `diagnostics` says where and why.");
+create_exception!(smpl, ScenarioError, PyValueError, "The scenario, a variant or a setting is at fault.");
+create_exception!(smpl, SimulationError, PyRuntimeError, "The equations could not be solved where there is no episode that could fail.");
 
 /// One finding of the compiler; positions are 1-based and count characters.
 #[pyclass(frozen, get_all, module = "smpl")]
@@ -55,10 +40,7 @@ pub struct Diagnostic {
 #[pymethods]
 impl Diagnostic {
     fn __str__(&self) -> String {
-        format!(
-            "{}:{}:{}: {} [{}]",
-            self.file, self.line, self.column, self.message, self.code
-        )
+        format!("{}:{}:{}: {} [{}]", self.file, self.line, self.column, self.message, self.code)
     }
 
     fn __repr__(&self) -> String {
@@ -80,18 +62,14 @@ pub fn compile_error(py: Python<'_>, diagnostics: Vec<Diagnostic>) -> PyErr {
 pub fn step_error(error: &StepError) -> PyErr {
     match error {
         StepError::EpisodeOver => SimulationError::new_err(error.to_string()),
-        StepError::Length { .. } | StepError::NotANumber { .. } => {
-            PyValueError::new_err(error.to_string())
-        }
+        StepError::Length { .. } | StepError::NotANumber { .. } => PyValueError::new_err(error.to_string()),
     }
 }
 
 /// The exception of an environment that cannot be made.
 pub fn setup_error(error: &SetupError) -> PyErr {
     match error {
-        SetupError::UnknownName(_) | SetupError::Value { .. } => {
-            ScenarioError::new_err(error.to_string())
-        }
+        SetupError::UnknownName(_) | SetupError::Value { .. } => ScenarioError::new_err(error.to_string()),
         _ => SimulationError::new_err(error.to_string()),
     }
 }
@@ -99,9 +77,7 @@ pub fn setup_error(error: &SetupError) -> PyErr {
 /// The exception of an episode that cannot begin.
 pub fn reset_error(error: &ResetError) -> PyErr {
     match error {
-        ResetError::Steady(_) | ResetError::Inconsistent { .. } => {
-            SimulationError::new_err(error.to_string())
-        }
+        ResetError::Steady(_) | ResetError::Inconsistent { .. } => SimulationError::new_err(error.to_string()),
         _ => PyValueError::new_err(error.to_string()),
     }
 }
@@ -113,8 +89,6 @@ pub fn guarded<T>(work: impl FnOnce() -> T) -> PyResult<T> {
 
 fn internal(cause: &(dyn Any + Send)) -> PyErr {
     let text = cause.downcast_ref::<String>().map(String::as_str);
-    let text = text
-        .or_else(|| cause.downcast_ref::<&str>().copied())
-        .unwrap_or("unknown cause");
+    let text = text.or_else(|| cause.downcast_ref::<&str>().copied()).unwrap_or("unknown cause");
     SimulationError::new_err(format!("internal error of smpl, please report it: {text}"))
 }

@@ -27,52 +27,25 @@ impl Keys {
     }
 
     /// A new dictionary about the present point of the episode.
-    pub fn info<'py>(
-        &self,
-        py: Python<'py>,
-        env: &mut Environment,
-    ) -> PyResult<Bound<'py, PyDict>> {
+    pub fn info<'py>(&self, py: Python<'py>, env: &mut Environment) -> PyResult<Bound<'py, PyDict>> {
         let info = PyDict::new(py);
         let failed = env.last().is_some_and(|last| last.failure.is_some());
-        let failure = if failed {
-            env.failure_message()
-        } else {
-            String::new()
-        };
+        let failure = if failed { env.failure_message() } else { String::new() };
         info.set_item(intern!(py, "time"), env.time())?;
         info.set_item(intern!(py, "failure"), failure)?;
-        info.set_item(
-            intern!(py, "success"),
-            env.last().is_some_and(|last| last.success),
-        )?;
-        info.set_item(
-            intern!(py, "constraints"),
-            mapping(py, &self.constraints, env.violations())?,
-        )?;
-        info.set_item(
-            intern!(py, "cost"),
-            env.last().map_or(0.0, |last| last.cost),
-        )?;
-        info.set_item(
-            intern!(py, "rewards"),
-            mapping(py, &self.rewards, env.rewards())?,
-        )?;
+        info.set_item(intern!(py, "success"), env.last().is_some_and(|last| last.success))?;
+        info.set_item(intern!(py, "constraints"), mapping(py, &self.constraints, env.violations())?)?;
+        info.set_item(intern!(py, "cost"), env.last().map_or(0.0, |last| last.cost))?;
+        info.set_item(intern!(py, "rewards"), mapping(py, &self.rewards, env.rewards())?)?;
         if self.with_state {
             let states = env.catalogue().states.len();
-            info.set_item(
-                intern!(py, "state"),
-                Fresh::vector(py, states).filled(|out| env.state(out)),
-            )?;
+            info.set_item(intern!(py, "state"), Fresh::vector(py, states).filled(|out| env.state(out)))?;
         }
         Ok(info)
     }
 }
 
-fn mapping<'py>(
-    py: Python<'py>,
-    keys: &[Py<PyString>],
-    values: &[f64],
-) -> PyResult<Bound<'py, PyDict>> {
+fn mapping<'py>(py: Python<'py>, keys: &[Py<PyString>], values: &[f64]) -> PyResult<Bound<'py, PyDict>> {
     let mapping = PyDict::new(py);
     for (key, value) in keys.iter().zip(values) {
         mapping.set_item(key, value)?;

@@ -40,16 +40,8 @@ pub struct Request {
 pub fn load(py: Python<'_>, request: Request) -> PyResult<Loaded> {
     let options = LoadOptions {
         scenario: request.scenario,
-        variants: request
-            .variants
-            .iter()
-            .map(|text| Variant::parse(text))
-            .collect(),
-        settings: request
-            .settings
-            .iter()
-            .map(|(name, text)| (name.clone(), Value::parse(text)))
-            .collect(),
+        variants: request.variants.iter().map(|text| Variant::parse(text)).collect(),
+        settings: request.settings.iter().map(|(name, text)| (name.clone(), Value::parse(text))).collect(),
         reward: request.reward,
         observation: request.level,
     };
@@ -66,25 +58,15 @@ pub fn load(py: Python<'_>, request: Request) -> PyResult<Loaded> {
 
 fn load_error(py: Python<'_>, model: &Path, error: &LoadError) -> PyErr {
     match error {
-        LoadError::Read { path, .. } if path == model => {
-            PyFileNotFoundError::new_err(error.to_string())
-        }
-        LoadError::Read { .. } | LoadError::Setting { .. } => {
-            ScenarioError::new_err(error.to_string())
-        }
+        LoadError::Read { path, .. } if path == model => PyFileNotFoundError::new_err(error.to_string()),
+        LoadError::Read { .. } | LoadError::Setting { .. } => ScenarioError::new_err(error.to_string()),
         LoadError::Artefact { .. } => SimulationError::new_err(error.to_string()),
-        LoadError::Diagnostics {
-            sources,
-            diagnostics,
-        } => {
+        LoadError::Diagnostics { sources, diagnostics } => {
             let first = diagnostics.iter().find(|d| d.is_error());
             if first.is_some_and(|d| d.code == codes::BAD_SCENARIO) {
                 return ScenarioError::new_err(describe(diagnostics, sources));
             }
-            compile_error(
-                py,
-                diagnostics.iter().map(|d| resolve(d, sources)).collect(),
-            )
+            compile_error(py, diagnostics.iter().map(|d| resolve(d, sources)).collect())
         }
     }
 }
@@ -95,14 +77,8 @@ fn describe(diagnostics: &[diagnostic::Diagnostic], sources: &SourceMap) -> Stri
         .iter()
         .map(|d| {
             let found = resolve(d, sources);
-            let help = found
-                .help
-                .map(|help| format!(" ({help})"))
-                .unwrap_or_default();
-            format!(
-                "{}:{}:{}: {}{help}",
-                found.file, found.line, found.column, found.message
-            )
+            let help = found.help.map(|help| format!(" ({help})")).unwrap_or_default();
+            format!("{}:{}:{}: {}{help}", found.file, found.line, found.column, found.message)
         })
         .collect();
     texts.join("\n")

@@ -37,10 +37,7 @@ pub struct Model {
 impl Model {
     #[new]
     #[pyo3(signature = (path, source, scenario, variants, settings, observation, reward))]
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "the arguments of the Python class, one by one"
-    )]
+    #[expect(clippy::too_many_arguments, reason = "the arguments of the Python class, one by one")]
     fn new(
         py: Python<'_>,
         path: Option<String>,
@@ -52,22 +49,9 @@ impl Model {
         reward: Option<String>,
     ) -> PyResult<Self> {
         let level = (observation != "default").then(|| observation.to_owned());
-        let request = load::Request {
-            path,
-            source,
-            scenario,
-            variants,
-            settings,
-            level,
-            reward,
-        };
+        let request = load::Request { path, source, scenario, variants, settings, level, reward };
         let loaded = load::load(py, request)?;
-        Ok(Self {
-            catalogue: Catalogue::new(&loaded.model),
-            loaded,
-            equations: Mutex::new(None),
-            setups: Mutex::new(HashMap::new()),
-        })
+        Ok(Self { catalogue: Catalogue::new(&loaded.model), loaded, equations: Mutex::new(None), setups: Mutex::new(HashMap::new()) })
     }
 
     #[getter]
@@ -114,16 +98,8 @@ impl Model {
     #[getter]
     fn reward(&self) -> String {
         let interface = self.loaded.model.interface();
-        let default = interface
-            .rewards
-            .get(interface.default_reward as usize)
-            .map(|r| r.name.clone());
-        self.loaded
-            .options
-            .reward
-            .clone()
-            .or(default)
-            .unwrap_or_default()
+        let default = interface.rewards.get(interface.default_reward as usize).map(|r| r.name.clone());
+        self.loaded.options.reward.clone().or(default).unwrap_or_default()
     }
 
     #[getter]
@@ -134,14 +110,7 @@ impl Model {
     /// Names of the open-loop policies.
     #[getter]
     fn policies(&self) -> Vec<String> {
-        self.loaded
-            .model
-            .model()
-            .programs
-            .policies
-            .iter()
-            .map(|(name, _)| name.clone())
-            .collect()
+        self.loaded.model.model().programs.policies.iter().map(|(name, _)| name.clone()).collect()
     }
 
     #[getter]
@@ -151,27 +120,16 @@ impl Model {
 
     #[getter]
     fn max_steps(&self) -> u32 {
-        self.loaded
-            .options
-            .max_steps
-            .unwrap_or(self.loaded.model.interface().episode.max_steps)
+        self.loaded.options.max_steps.unwrap_or(self.loaded.model.interface().episode.max_steps)
     }
 
     /// Flattened names of a role.
     fn names(&self, role: &str) -> PyResult<Vec<String>> {
         let interface = self.loaded.model.interface();
         match role {
-            "observation" => Ok(interface
-                .observations
-                .iter()
-                .map(|o| o.name.clone())
-                .collect()),
+            "observation" => Ok(interface.observations.iter().map(|o| o.name.clone()).collect()),
             "reward" => Ok(interface.rewards.iter().map(|r| r.name.clone()).collect()),
-            _ => Ok(self
-                .elements(role)?
-                .iter()
-                .map(|e| e.name.clone())
-                .collect()),
+            _ => Ok(self.elements(role)?.iter().map(|e| e.name.clone()).collect()),
         }
     }
 
@@ -179,30 +137,16 @@ impl Model {
     fn units(&self, role: &str) -> PyResult<Vec<String>> {
         let interface = self.loaded.model.interface();
         match role {
-            "observation" => Ok(interface
-                .observations
-                .iter()
-                .map(|o| o.unit.clone())
-                .collect()),
+            "observation" => Ok(interface.observations.iter().map(|o| o.unit.clone()).collect()),
             "reward" => Ok(interface.rewards.iter().map(|r| r.unit.clone()).collect()),
-            _ => Ok(self
-                .elements(role)?
-                .iter()
-                .map(|e| e.unit.clone())
-                .collect()),
+            _ => Ok(self.elements(role)?.iter().map(|e| e.unit.clone()).collect()),
         }
     }
 
     /// Lower and upper bounds of a role.
     fn bounds<'py>(&self, py: Python<'py>, role: &str) -> PyResult<(Vector<'py>, Vector<'py>)> {
         let (low, high): (Vec<f64>, Vec<f64>) = if role == "observation" {
-            self.loaded
-                .model
-                .interface()
-                .observations
-                .iter()
-                .map(|o| (o.low, o.high))
-                .unzip()
+            self.loaded.model.interface().observations.iter().map(|o| (o.low, o.high)).unzip()
         } else {
             self.elements(role)?.iter().map(|e| (e.low, e.high)).unzip()
         };
@@ -211,22 +155,11 @@ impl Model {
 
     /// Default, nominal or initial values of a role.
     fn defaults<'py>(&self, py: Python<'py>, role: &str) -> PyResult<Vector<'py>> {
-        Ok(PyArray1::from_iter(
-            py,
-            self.elements(role)?.iter().map(|e| e.default),
-        ))
+        Ok(PyArray1::from_iter(py, self.elements(role)?.iter().map(|e| e.default)))
     }
 
     /// Residual at a point.
-    fn residual<'py>(
-        &self,
-        py: Python<'py>,
-        t: f64,
-        y: Input<'py>,
-        yp: Input<'py>,
-        u: Input<'py>,
-        given: Given,
-    ) -> PyResult<Vector<'py>> {
+    fn residual<'py>(&self, py: Python<'py>, t: f64, y: Input<'py>, yp: Input<'py>, u: Input<'py>, given: Given) -> PyResult<Vector<'py>> {
         let (y, yp, u) = (y.as_slice()?, yp.as_slice()?, u.as_slice()?);
         let mut out = Fresh::vector(py, y.len());
         self.evaluate(|equations| equations.residual(t, y, yp, u, &given, out.elements()))?;
@@ -234,10 +167,7 @@ impl Model {
     }
 
     /// Values, rows and column pointers of the Jacobian at a point.
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "the arguments of the mathematical function"
-    )]
+    #[expect(clippy::too_many_arguments, reason = "the arguments of the mathematical function")]
     fn jacobian<'py>(
         &self,
         py: Python<'py>,
@@ -249,24 +179,12 @@ impl Model {
         given: Given,
     ) -> PyResult<(Vector<'py>, Indices<'py>, Indices<'py>)> {
         let (y, yp, u) = (y.as_slice()?, yp.as_slice()?, u.as_slice()?);
-        let (values, rows, pointers) =
-            self.evaluate(|equations| equations.jacobian(t, y, yp, u, cj, &given))?;
-        Ok((
-            PyArray1::from_vec(py, values),
-            PyArray1::from_vec(py, rows),
-            PyArray1::from_vec(py, pointers),
-        ))
+        let (values, rows, pointers) = self.evaluate(|equations| equations.jacobian(t, y, yp, u, cj, &given))?;
+        Ok((PyArray1::from_vec(py, values), PyArray1::from_vec(py, rows), PyArray1::from_vec(py, pointers)))
     }
 
     /// Rates of the states of an explicit model.
-    fn rhs<'py>(
-        &self,
-        py: Python<'py>,
-        t: f64,
-        y: Input<'py>,
-        u: Input<'py>,
-        given: Given,
-    ) -> PyResult<Vector<'py>> {
+    fn rhs<'py>(&self, py: Python<'py>, t: f64, y: Input<'py>, u: Input<'py>, given: Given) -> PyResult<Vector<'py>> {
         let (y, u) = (y.as_slice()?, u.as_slice()?);
         let mut out = Fresh::vector(py, self.states());
         self.evaluate(|equations| equations.rhs(t, y, u, &given, out.elements()))?;
@@ -274,13 +192,7 @@ impl Model {
     }
 
     /// Steady state at given actions.
-    fn steady_state<'py>(
-        &self,
-        py: Python<'py>,
-        u: Input<'py>,
-        given: Given,
-        fixed: Vec<(usize, f64)>,
-    ) -> PyResult<Vector<'py>> {
+    fn steady_state<'py>(&self, py: Python<'py>, u: Input<'py>, given: Given, fixed: Vec<(usize, f64)>) -> PyResult<Vector<'py>> {
         let u = u.as_slice()?;
         let y = self.evaluate(|equations| equations.steady_state(u, &given, &fixed))?;
         Ok(PyArray1::from_vec(py, y))
@@ -324,30 +236,19 @@ impl Model {
         }
         let base = self.loaded.options.clone();
         let max = max_steps.or(base.max_steps);
-        let options = EnvironmentOptions {
-            sparse: !dense_reward,
-            max_steps: max,
-            ..base
-        };
+        let options = EnvironmentOptions { sparse: !dense_reward, max_steps: max, ..base };
         let (model, sources) = (self.loaded.model.clone(), Some(self.loaded.sources.clone()));
-        let setup =
-            guarded(|| Setup::new(model, options, sources))?.map_err(|e| setup_error(&e))?;
+        let setup = guarded(|| Setup::new(model, options, sources))?.map_err(|e| setup_error(&e))?;
         setups.insert((dense_reward, max_steps), setup.clone());
         Ok(setup)
     }
 
     /// Runs `work` on the equations; a panic in it becomes an exception.
     fn evaluate<T>(&self, work: impl FnOnce(&mut Equations) -> PyResult<T>) -> PyResult<T> {
-        let mut equations = self
-            .equations
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let mut equations = self.equations.lock().unwrap_or_else(PoisonError::into_inner);
         guarded(|| {
             if equations.is_none() {
-                *equations = Some(Equations::new(
-                    &self.loaded.model,
-                    &self.given_parameters(),
-                )?);
+                *equations = Some(Equations::new(&self.loaded.model, &self.given_parameters())?);
             }
             match equations.as_mut() {
                 Some(equations) => work(equations),
@@ -359,10 +260,7 @@ impl Model {
     /// Parameters of the scenario and the settings, by place.
     fn given_parameters(&self) -> Vec<(usize, f64)> {
         let parameters = &self.loaded.options.parameters;
-        parameters
-            .iter()
-            .filter_map(|(name, &v)| Some((self.catalogue.parameters.find(name)?.at, v)))
-            .collect()
+        parameters.iter().filter_map(|(name, &v)| Some((self.catalogue.parameters.find(name)?.at, v))).collect()
     }
 
     fn elements(&self, role: &str) -> PyResult<&[Element]> {

@@ -42,14 +42,6 @@ impl Start {
             Some(GivenState::Named(named)) => StateInput::Named(named),
             Some(GivenState::Array(array)) => StateInput::Array(array.as_array().to_vec()),
         };
-        Ok(Self {
-            options: ResetOptions {
-                start,
-                state,
-                discrete,
-                parameters,
-                disturbances,
-            },
-        })
+        Ok(Self { options: ResetOptions { start, state, discrete, parameters, disturbances } })
     }
 }
