@@ -152,7 +152,8 @@ impl Catalogue {
         let interface = model.interface();
         let region = |quantities: &[Quantity]| {
             family(quantities, |quantity, element, running| {
-                quantity.var.map_or(running, |var| model.offset(var) + element)
+                let first = quantity.var.and_then(|var| model.offset(var));
+                first.map_or(running, |first| first + element)
             })
         };
         Self {

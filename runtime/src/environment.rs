@@ -7,14 +7,16 @@
 //! carries nothing over from one step to the next.
 
 mod interval;
+mod invariants;
 mod reset;
 mod verdict;
 
 use std::sync::Arc;
 
-use smpl_compiler::compiled::{Memory, Region};
+use smpl_compiler::layout::{Memory, Part, Region};
 use smpl_compiler::ir::Builtin;
 
+pub use invariants::Drift;
 pub use reset::{ResetError, ResetOptions, Start, StateInput};
 
 use crate::catalogue::Catalogue;
@@ -110,6 +112,8 @@ pub struct Environment {
     finish: Vec<f64>,
     scratch: Vec<f64>,
     statistics: Statistics,
+    /// Drifts of the invariants; empty unless they are watched.
+    drifts: Vec<Drift>,
     /// Stepping goes on after the end of an episode.
     keep_going: bool,
 }
@@ -153,6 +157,7 @@ impl Environment {
             finish: vec![0.0; counts.iter().map(|&c| c as usize).sum()],
             scratch: vec![0.0; unknowns],
             statistics: Statistics::default(),
+            drifts: Vec::new(),
             keep_going: false,
             replay: Vec::new(),
             progress,
@@ -333,7 +338,7 @@ impl Environment {
     /// The steady state of the episode's parameters, in the order of `y`.
     #[must_use]
     pub fn steady_state(&self) -> &[f64] {
-        self.system.region(Region::Steady(smpl_compiler::compiled::Part::Y))
+        self.system.region(Region::Steady(Part::Y))
     }
 
     /// Work done since the last reset.

@@ -122,8 +122,8 @@ pub fn describe_equation(
 /// The nest of rows that holds the row of an unknown.
 fn row_of(unknown: usize, model: &CompiledModel) -> Option<&Row> {
     model.model().rows.iter().find(|row| {
-        let base = model.offset(row.var) as i64;
-        covers(&row.extents, &row.at, unknown as i64 - base)
+        let first = model.offset(row.var).map(|first| first as i64);
+        first.is_some_and(|first| covers(&row.extents, &row.at, unknown as i64 - first))
     })
 }
 

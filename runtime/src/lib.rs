@@ -8,11 +8,14 @@
 
 pub mod batch;
 pub mod catalogue;
+pub mod cli;
+pub mod document;
 pub mod environment;
 pub mod failure;
 pub mod linearize;
 pub mod load;
 pub mod observe;
+pub mod plot;
 pub mod random;
 pub mod scenario;
 pub mod setup;

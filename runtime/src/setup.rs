@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use smpl_compiler::compiled::{CompiledModel, Part, Region};
-use smpl_compiler::ir::{Builtin, Expr, ExprId, Flavour};
+use smpl_compiler::compiled::CompiledModel;
+use smpl_compiler::layout::{Part, Region};
+use smpl_compiler::ir::{Expr, ExprId, Flavour};
 use smpl_compiler::model::Variate;
 use smpl_dsl::diagnostic::SourceMap;
 
@@ -183,8 +184,6 @@ impl Setup {
     fn prepare_nominal(&mut self) -> Result<(), SetupError> {
         let draws = self.draws.clone();
         let given = self.given_parameters(self.options.parameters.iter().map(|(n, v)| (n.as_str(), *v)))?;
-        let step = self.model().interface().episode.step;
-        self.system.region_mut(Region::Builtin)[Builtin::StepLength as usize] = step;
         fill_means(&mut self.system, &draws);
         set_parameters(&mut self.system, &given);
         if self.model().interface().has_steady {

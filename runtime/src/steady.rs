@@ -7,7 +7,8 @@
 
 mod newton;
 
-use smpl_compiler::compiled::{CompiledModel, Region};
+use smpl_compiler::compiled::CompiledModel;
+use smpl_compiler::layout::Region;
 
 use crate::catalogue::{Catalogue, UnknownName};
 use crate::solver::SolveError;

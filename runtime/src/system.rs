@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use smpl_compiler::compiled::{CompiledModel, Memory, Part, Region};
+use smpl_compiler::compiled::CompiledModel;
+use smpl_compiler::layout::{Memory, Part, Region};
 
 use crate::solver::{Pattern, PatternError, System};
 

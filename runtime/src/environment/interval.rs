@@ -1,6 +1,6 @@
 //! From one sampling instant to the next.
 
-use smpl_compiler::compiled::{Part, Region};
+use smpl_compiler::layout::{Part, Region};
 use smpl_compiler::ir::Builtin;
 use smpl_compiler::model::RootAction;
 
@@ -127,7 +127,11 @@ impl Environment {
 
     fn advance(&mut self, t: f64, end: f64) -> Result<Advance, SolveError> {
         self.integrator.restart(&mut self.system, t, &self.progress.y, Some(&self.progress.yp))?;
-        self.integrator.advance(&mut self.system, end)
+        if self.drifts.is_empty() {
+            self.integrator.advance(&mut self.system, end)
+        } else {
+            self.advance_watched(t, end)
+        }
     }
 
     pub(super) fn take_state(&mut self) {

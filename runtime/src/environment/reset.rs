@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use smpl_compiler::compiled::{Part, Region};
+use smpl_compiler::layout::{Part, Region};
 use smpl_compiler::ir::Builtin;
 
 use super::{Environment, Phase};
@@ -102,6 +102,7 @@ impl Environment {
         self.progress.next_key = key.next();
         self.statistics = Statistics::default();
         self.integrator.forget();
+        self.drifts.fill(super::Drift::default());
         let setup = std::sync::Arc::clone(&self.setup);
         self.system.restore(setup.system.memory());
 

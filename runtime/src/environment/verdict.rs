@@ -1,6 +1,6 @@
 //! What a step ended in: failures, successes, rewards, observations, in numbers and in words.
 
-use smpl_compiler::compiled::Region;
+use smpl_compiler::layout::Region;
 use smpl_compiler::ir::Builtin;
 
 use super::interval::Outcome;
