@@ -5,7 +5,9 @@ use std::sync::Arc;
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use smpl_compiler::compiled::{CompiledModel, Region};
+use smpl_compiler::compiled::CompiledModel;
+use smpl_compiler::ir::Builtin;
+use smpl_compiler::layout::{Part, Region};
 use smpl_compiler::model::Variate;
 use smpl_runtime::catalogue::{Catalogue, Family};
 use smpl_runtime::linearize::{self, Linearization};
@@ -44,7 +46,7 @@ impl Equations {
     /// The equations of a model; `parameters` are in place of the defaults.
     ///
     /// # Errors
-    /// A model whose steady state is not found, or a fault of the compiler.
+    /// A fault of the compiler.
     pub fn new(model: &Arc<CompiledModel>, parameters: &[(usize, f64)]) -> PyResult<Self> {
         let catalogue = Catalogue::new(model);
         let mut nominal = CompiledSystem::new(model.clone()).map_err(|e| SimulationError::new_err(e.to_string()))?;
@@ -55,7 +57,9 @@ impl Equations {
         set_parameters(&mut nominal, parameters.iter().copied());
         if model.interface().has_steady {
             let guess = steady::guess(&nominal, &catalogue);
-            steady::solve_declared(&mut nominal, &catalogue, &guess).map_err(|e| steady_error(&e))?;
+            if steady::solve_declared(&mut nominal, &catalogue, &guess).is_err() {
+                forget_steady_state(&mut nominal);
+            }
         }
         let order: Vec<usize> = catalogue.states.elements().iter().chain(catalogue.solved.elements()).map(|e| e.at).collect();
         let n = model.unknowns();
@@ -139,8 +143,9 @@ impl Equations {
 
     /// The model's steady state where it has one, else its declared values.
     fn first_guess(&self) -> Vec<f64> {
-        if self.nominal.model().interface().has_steady {
-            self.nominal.region(Region::Steady(smpl_compiler::compiled::Part::Y)).to_vec()
+        let steady = self.nominal.region(Region::Steady(Part::Y));
+        if self.nominal.model().interface().has_steady && steady.iter().all(|x| x.is_finite()) {
+            steady.to_vec()
         } else {
             steady::guess(&self.nominal, &self.catalogue)
         }
@@ -161,7 +166,7 @@ impl Equations {
             self.work.region_mut(Region::Action)[element.at] = value;
         }
         self.set_given(given)?;
-        self.work.region_mut(Region::Builtin)[smpl_compiler::ir::Builtin::Clock as usize] = t;
+        self.work.region_mut(Region::Builtin)[Builtin::Clock as usize] = t;
         let (model, memory) = self.work.parts();
         model.prepare_step(memory);
         Ok(())
@@ -217,6 +222,13 @@ impl Columns {
             columns.pointers.push(columns.rows.len() as i32);
         }
         columns
+    }
+}
+
+/// Makes everything that refers to the steady state NaN: there is none, yet the equations may do without.
+fn forget_steady_state(system: &mut CompiledSystem) {
+    for part in [Part::Y, Part::Action, Part::Discrete, Part::Disturbance] {
+        system.region_mut(Region::Steady(part)).fill(f64::NAN);
     }
 }
 

@@ -51,7 +51,8 @@ def test_the_reactor_follows_the_reference(reference, name, failure):
     assert error.max() < 1e-6
     assert last[4]["failure"].startswith(failure) and bool(last[4]["failure"]) == bool(failure)
     assert last[2] == bool(failure)
-    tolerance = 1e-5 * np.abs(table["setpoint.tight"][1:rows]) + 1e-9
+    # A reward divides the error of a state by its initial distance from the set-point.
+    tolerance = 1e-4 * np.abs(table["setpoint.tight"][1:rows]) + 1e-7
     if name != "reactor_extra_steady":
         assert np.all(np.abs(rewards[: rows - 1] - table["setpoint.tight"][1:rows]) <= tolerance)
 
