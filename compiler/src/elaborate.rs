@@ -56,6 +56,8 @@ pub struct Options {
     pub observation: Option<String>,
     /// Reward that is the default.
     pub reward: Option<String>,
+    /// Statements that replace those of the model with the same key, as a variant does.
+    pub overlay: Vec<syntax::Statement>,
     /// Overrides `max_steps`.
     pub max_steps: Option<u32>,
 }

@@ -7,7 +7,7 @@ use smpl_dsl::syntax::{
 };
 use smpl_dsl::units::Unit;
 
-use super::items::{Item, items};
+use super::items::{Item, items, overlay};
 use super::names::{Axis, Domain, Geometry, Scheme, Scope, ScopeId, Set, SetId, Symbol, SymbolId, SymbolKind};
 use super::{Bound, Elaborator, Setting, Site};
 use crate::ir::{Role, VarId};
@@ -92,6 +92,7 @@ impl<'a> Elaborator<'a> {
         let mut list = Vec::new();
         let mut seen = vec![false; self.files.len()];
         self.gather(0, &mut seen, &mut list);
+        overlay(&mut list, items(&self.options.overlay, &self.selection));
         for item in &list {
             if let Item::Other(statement) = item {
                 self.register(statement);
