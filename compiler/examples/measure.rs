@@ -71,6 +71,8 @@ fn main() {
         let finite = (out.iter().filter(|x| !x.is_finite()).count(), values.iter().filter(|x| !x.is_finite()).count());
         let s = compiled.statistics();
         println!("{path}: {n} unknowns, {} non-zeros, front {front:.1?}, back {back:.1?} {s:?}", s.nonzeros);
-        println!("    residual {residual:.0} ns, Jacobian {jacobian:.0} ns, prepare {prepare:.0} / {parameters:.0} ns, not finite {finite:?}");
+        println!(
+            "    residual {residual:.0} ns, Jacobian {jacobian:.0} ns, prepare {prepare:.0} / {parameters:.0} ns, not finite {finite:?}"
+        );
     }
 }

@@ -148,6 +148,17 @@ fn signature(convention: CallConv) -> Signature {
     signature
 }
 
+/// Platform and processor features that generated code relies on.
+///
+/// # Errors
+/// If Cranelift does not know this processor.
+pub fn target() -> Result<String, GenerateError> {
+    let isa = isa(Effort::Hot)?;
+    let features = isa.isa_flags();
+    let names = features.iter().filter(|f| f.as_bool() == Some(true)).map(|f| f.name);
+    Ok(std::iter::once(isa.triple().to_string()).chain(names.map(str::to_owned)).collect::<Vec<_>>().join(" "))
+}
+
 /// The target of this processor at an effort, made once.
 fn isa(effort: Effort) -> Result<&'static OwnedTargetIsa, GenerateError> {
     static TARGETS: [OnceLock<Result<OwnedTargetIsa, String>>; 2] = [OnceLock::new(), OnceLock::new()];

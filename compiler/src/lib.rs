@@ -8,9 +8,11 @@
 //! 4. [`differentiate`], [`hoist`], [`layout`], [`generate`]: derivatives, caches, memory, machine code;
 //! 5. [`compiled`]: the result, with [`interpret`] for what runs rarely.
 
+pub mod artefact;
 pub mod compiled;
 pub mod differentiate;
 pub mod elaborate;
+pub mod emit;
 pub mod front;
 pub mod generate;
 pub mod hoist;
