@@ -19,6 +19,7 @@ mod indices;
 mod items;
 mod names;
 mod outputs;
+mod phases;
 mod quantity;
 mod space;
 mod units;
@@ -184,6 +185,9 @@ pub(crate) struct Elaborator<'a> {
     uses_steady: bool,
     outcome: Option<control::Outcome>,
     used_parameters: HashSet<String>,
+    schedule: Option<phases::Schedule<'a>>,
+    /// Assignments happen only where this holds: in the transition of a phase.
+    guard: Option<ExprId>,
     symbol_of: HashMap<VarId, SymbolId>,
     /// Members of ports: connections, not outputs.
     port_variables: HashSet<VarId>,
@@ -238,6 +242,8 @@ impl<'a> Elaborator<'a> {
             uses_steady: false,
             outcome: None,
             used_parameters: HashSet::new(),
+            schedule: None,
+            guard: None,
             symbol_of: HashMap::new(),
             port_variables: HashSet::new(),
             given: HashMap::new(),

@@ -29,9 +29,15 @@ pub fn markdown(model: &CompiledModel, equations: &str) -> String {
 /// The equations of a file in LaTeX, one a line.
 #[must_use]
 pub fn latex(file: &smpl_dsl::syntax::File) -> String {
-    // Typesetting belongs to the syntax tree's own crate.
-    let _ = file;
-    String::new()
+    use smpl_dsl::syntax::StatementKind;
+    let mut lines = String::new();
+    for statement in &file.statements {
+        if let StatementKind::Equation { lhs, rhs, binders } = &statement.kind {
+            lines.push_str(&smpl_dsl::latex::equation(lhs, rhs, binders));
+            lines.push('\n');
+        }
+    }
+    lines
 }
 
 fn section(page: &mut String, title: &str, lines: Vec<String>) {

@@ -13,6 +13,7 @@ use smpl_compiler::elaborate::{Options, Setting};
 use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes, suggest};
 use smpl_dsl::span::{FileId, Span};
 
+use crate::artefact;
 use crate::catalogue::Catalogue;
 use crate::scenario::{self, Disturbances, Noise, Recorded, Scenario, Value, Variant};
 use crate::setup::EnvironmentOptions;
@@ -191,7 +192,7 @@ fn compile_options(sources: &mut SourceMap, scenario: &Scenario, options: &LoadO
 }
 
 fn load_artefact(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded, LoadError> {
-    let model = CompiledModel::from_bytes(bytes)
+    let model = artefact::from_bytes(bytes)
         .map_err(|error| LoadError::Artefact { path: path.to_owned(), message: error.to_string() })?;
     if !options.variants.is_empty() || options.scenario.as_deref().is_some_and(|s| s != "default") {
         let message = "a compiled model takes neither scenario nor variants: give the `.eq` file".into();

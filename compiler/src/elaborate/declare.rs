@@ -190,6 +190,7 @@ impl<'a> Elaborator<'a> {
 
     /// Declares a block: sets and scalars first, since sizes of domains may need them, then what is indexed, then instances.
     pub(super) fn declare_block(&mut self, scope: ScopeId, list: Vec<Item<'a>>, depth: usize) {
+        self.declare_phases(scope, &list);
         for item in &list {
             if let Item::Other(statement) = item {
                 self.declare_set(scope, statement);
@@ -302,7 +303,7 @@ impl<'a> Elaborator<'a> {
 
     fn set_named(&mut self, scope: ScopeId, name: &Ident) -> Option<SetId> {
         match self.names.lookup(scope, &name.text).map(|s| self.names.symbols[s].kind.clone()) {
-            Some(SymbolKind::Set(set)) => Some(set),
+            Some(SymbolKind::Set(set) | SymbolKind::Phase(set)) => Some(set),
             _ => {
                 let known: Vec<String> = self.names.sets.values().map(|s| s.name.clone()).collect();
                 let help = did_you_mean(&name.text, known.iter().map(String::as_str));

@@ -825,7 +825,7 @@ impl Elaborator<'_> {
             return Vec::new();
         };
         match self.names.symbols[symbol].kind {
-            SymbolKind::Set(set) => {
+            SymbolKind::Set(set) | SymbolKind::Phase(set) => {
                 (0..self.names.sets[set].labels.len()).map(|i| BinderValue::One(Bound::Member(set, i))).collect()
             }
             SymbolKind::Domain(domain) => vec![BinderValue::Cells(domain, 0, self.names.domains[domain].cells - 1)],
@@ -926,7 +926,7 @@ impl Elaborator<'_> {
                 }
             };
             let axis = match self.names.lookup(place.scope, &set.text).map(|s| self.names.symbols[s].kind.clone()) {
-                Some(SymbolKind::Set(set)) => Axis::Set(set),
+                Some(SymbolKind::Set(set) | SymbolKind::Phase(set)) => Axis::Set(set),
                 Some(SymbolKind::Domain(domain)) => Axis::Domain(domain),
                 _ => {
                     self.bindings_of_name(set, place);

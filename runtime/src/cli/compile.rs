@@ -10,6 +10,7 @@ use smpl_compiler::model::Quantity;
 
 use super::report::Failed;
 use super::{ModelArguments, say};
+use crate::artefact;
 use crate::catalogue::{Catalogue, Family};
 use crate::load::ARTEFACT_EXTENSION;
 use crate::solver::{LinearSolver, System};
@@ -64,12 +65,12 @@ pub(super) fn run(arguments: &CompileArguments) -> Result<(), Failed> {
     match arguments.emit {
         Some(Stage::Ir) => return say(format!("{:#?}\n", loaded.model.model())),
         Some(Stage::Json) => return say(interface_json(&loaded.model)? + "\n"),
-        Some(Stage::Clif) => return say(loaded.model.clif()),
-        Some(Stage::Asm) => return say(loaded.model.asm()),
+        Some(Stage::Clif) => return say(artefact::clif(&loaded.model)?),
+        Some(Stage::Asm) => return say(artefact::assembly(&loaded.model)?),
         Some(Stage::Ast | Stage::Latex) | None => {}
     }
     let out = arguments.output.clone().unwrap_or_else(|| arguments.file.with_extension(ARTEFACT_EXTENSION));
-    let bytes = loaded.model.to_bytes();
+    let bytes = artefact::to_bytes(&loaded.model)?;
     write_whole(&out, |file| file.write_all(&bytes))?;
     say(summary(&loaded.model, &out)?)
 }
@@ -89,7 +90,12 @@ fn summary(model: &std::sync::Arc<CompiledModel>, out: &Path) -> Result<String, 
     let _ = writeln!(text, "  observations          {}", interface.observations.len());
     let _ = writeln!(text, "  parameters            {}", count(&interface.parameters));
     let _ = writeln!(text, "  Jacobian              {} nonzeros, {}", model.pattern().row_indices.len(), method(model)?);
-    for (phase, duration) in &statistics.phases {
+    let phases = [
+        ("differentiation", statistics.differentiate),
+        ("hoisting, layout", statistics.hoist),
+        ("code generation", statistics.generate),
+    ];
+    for (phase, duration) in phases {
         let _ = writeln!(text, "  {phase:<21} {:.2} ms", duration.as_secs_f64() * 1e3);
     }
     let _ = writeln!(text, "  code                  {} bytes", statistics.code_bytes);

@@ -55,7 +55,7 @@ pub(super) fn format(arguments: &FormatArguments) -> Result<(), Failed> {
 /// Whether the file's layout is (or was) not the canonical one.
 fn format_file(file: &Path, check: bool) -> Result<bool, Failed> {
     let text = read(file)?;
-    let formatted = smpl_dsl::format(&text).map_err(|diagnostics| {
+    let formatted = smpl_dsl::format::format(&text).map_err(|diagnostics| {
         let mut sources = SourceMap::new();
         sources.add(file.display().to_string(), text.clone());
         Failed::Diagnostics(diagnostics, Arc::new(sources))

@@ -62,7 +62,7 @@ macro_rules! failed_by_message {
         })*
     };
 }
-failed_by_message!(SetupError, ResetError, StepError, WriteError, crate::steady::SteadyError, crate::catalogue::UnknownName);
+failed_by_message!(crate::artefact::Unavailable, SetupError, ResetError, StepError, WriteError, crate::steady::SteadyError, crate::catalogue::UnknownName);
 
 const BAD_DATA: Code = Code::new("E0702-bad-data", "a data file with missing columns or cells that are no numbers");
 
