@@ -13,7 +13,8 @@ use crate::generate::{Code, CompiledFn, Executable, GenerateError, Surroundings}
 use crate::interpret::Tape;
 use crate::ir::{Builtin, VarId};
 use crate::kernels;
-use crate::layout::{Layout, Memory, Region};
+use crate::layout::Layout;
+pub use crate::layout::{Memory, Part, Region};
 use crate::model::{Interface, Model, Quantity, Root};
 
 mod build;
@@ -162,20 +163,9 @@ impl CompiledModel {
             // SAFETY: the piece was generated with this signature.
             Some(unsafe { std::mem::transmute::<*const u8, CompiledFn>(address) })
         });
-        let surroundings = Surroundings {
-            kernels: *kernels::table(),
-            tables: parts.tables.as_ptr(),
-        };
+        let surroundings = Surroundings { kernels: *kernels::table(), tables: parts.tables.as_ptr() };
         let derivatives = Default::default();
-        Ok(CompiledModel {
-            parts,
-            layout: Arc::new(layout),
-            tapes,
-            functions,
-            surroundings,
-            derivatives,
-            executable,
-        })
+        Ok(CompiledModel { parts, layout: Arc::new(layout), tapes, functions, surroundings, derivatives, executable })
     }
 
     pub(crate) fn parts(&self) -> &Parts {
@@ -271,12 +261,7 @@ impl CompiledModel {
                 let Some(offset) = quantity.var.and_then(|v| self.layout.offset(v)) else {
                     continue;
                 };
-                for (i, slot) in numbers
-                    .iter_mut()
-                    .skip(offset)
-                    .take(quantity.len())
-                    .enumerate()
-                {
+                for (i, slot) in numbers.iter_mut().skip(offset).take(quantity.len()).enumerate() {
                     let default = Quantity::pick(&quantity.default, i);
                     *slot = if default.is_nan() { 0.0 } else { default };
                 }

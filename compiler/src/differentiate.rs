@@ -14,9 +14,7 @@ use std::rc::Rc;
 use thiserror::Error;
 
 use crate::ir::hash::FastMap;
-use crate::ir::{
-    Affine, BinaryFn, Expr, ExprId, Exprs, Flavour, LoopVar, MAX_DEPTH, ReduceFn, VarId,
-};
+use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, Flavour, LoopVar, MAX_DEPTH, ReduceFn, VarId};
 
 pub mod pattern;
 mod rules;
@@ -35,9 +33,7 @@ pub enum DifferentiateError {
     #[error("sums inside of arrays nest deeper than {MAX_DEPTH} loops")]
     TooDeep,
     /// A long product, minimum or maximum over unknowns.
-    #[error(
-        "a {op:?} over {extent} elements that depend on unknowns cannot be differentiated (at most {LONGEST_UNROLLED})"
-    )]
+    #[error("a {op:?} over {extent} elements that depend on unknowns cannot be differentiated (at most {LONGEST_UNROLLED})")]
     LongReduction {
         /// The reduction.
         op: ReduceFn,
@@ -102,12 +98,7 @@ pub type ColumnOf<'a> = dyn Fn(VarId, Flavour) -> Option<Column> + 'a;
 ///
 /// # Errors
 /// If loops nest too deeply or a reduction is too long to be written out.
-pub fn normalise(
-    exprs: &mut Exprs,
-    depth: usize,
-    value: ExprId,
-    column_of: &ColumnOf<'_>,
-) -> Result<ExprId, DifferentiateError> {
+pub fn normalise(exprs: &mut Exprs, depth: usize, value: ExprId, column_of: &ColumnOf<'_>) -> Result<ExprId, DifferentiateError> {
     let mut map = [0; MAX_DEPTH];
     map.iter_mut().zip(0..).for_each(|(m, d)| *m = d);
     renumber(exprs, value, map, depth as u8, column_of)
@@ -131,12 +122,7 @@ fn renumber(
             }
             Some(exprs.load(var, flavour, moved))
         }
-        Expr::Reduce {
-            op,
-            depth,
-            extent,
-            body,
-        } => match renumber_reduce(exprs, (op, depth, extent, body), map, next, column_of) {
+        Expr::Reduce { op, depth, extent, body } => match renumber_reduce(exprs, (op, depth, extent, body), map, next, column_of) {
             Ok(reduced) => Some(reduced),
             Err(error) => {
                 failure = Some(error);
@@ -161,8 +147,7 @@ fn renumber_reduce(
     map[depth.0 as usize] = next;
     let body = renumber(exprs, body, map, next + 1, column_of)?;
     let (size, depends) = survey(exprs, body, column_of);
-    let short =
-        op == ReduceFn::Sum && extent <= SHORT_SUM && size * extent as usize <= SHORT_SUM_NODES;
+    let short = op == ReduceFn::Sum && extent <= SHORT_SUM && size * extent as usize <= SHORT_SUM_NODES;
     if extent == 0 || !(short || (op != ReduceFn::Sum && depends)) {
         return Ok(exprs.reduce(op, LoopVar(next), extent, body));
     }
@@ -199,24 +184,14 @@ fn survey(exprs: &Exprs, root: ExprId, column_of: &ColumnOf<'_>) -> (usize, bool
 
 /// The matrix of derivatives of normalised rows.
 pub fn entries(exprs: &mut Exprs, rows: &[Rows], column_of: &ColumnOf<'_>) -> Vec<Entry> {
-    let mut pass = Differentiator {
-        exprs,
-        column_of,
-        known: FastMap::default(),
-        nothing: Rc::from([]),
-    };
+    let mut pass = Differentiator { exprs, column_of, known: FastMap::default(), nothing: Rc::from([]) };
     let mut entries = vec![];
     for row in rows {
         let terms = pass.terms(row.value);
         for term in terms.iter() {
             let mut loops: Vec<(u8, u32)> = (0..).zip(row.extents.iter().copied()).collect();
             loops.extend((0..).zip(term.leaf.bound).filter(|&(_, extent)| extent > 0));
-            entries.push(Entry {
-                loops,
-                row: row.row,
-                column: term.leaf.column,
-                value: term.value,
-            });
+            entries.push(Entry { loops, row: row.row, column: term.leaf.column, value: term.value });
         }
     }
     entries
@@ -270,12 +245,7 @@ impl Differentiator<'_, '_> {
                 let (a, b) = (self.of(a), self.of(b));
                 self.select(c, &a, &b)
             }
-            Expr::Reduce {
-                depth,
-                extent,
-                body,
-                ..
-            } => self.sum(depth, extent, body),
+            Expr::Reduce { depth, extent, body, .. } => self.sum(depth, extent, body),
             _ => self.nothing.clone(),
         }
     }
@@ -284,10 +254,7 @@ impl Differentiator<'_, '_> {
         let Some(column) = (self.column_of)(var, flavour) else {
             return self.nothing.clone();
         };
-        let leaf = Leaf {
-            column: at.plus(Affine::constant(i64::from(column.first))),
-            bound: [0; MAX_DEPTH],
-        };
+        let leaf = Leaf { column: at.plus(Affine::constant(i64::from(column.first))), bound: [0; MAX_DEPTH] };
         let value = column.factor.unwrap_or_else(|| self.exprs.constant(1.0));
         Rc::from([Term { leaf, value }])
     }
@@ -316,23 +283,11 @@ impl Differentiator<'_, '_> {
             Some(0.0) => return self.nothing.clone(),
             _ => {}
         }
-        terms
-            .iter()
-            .map(|t| Term {
-                leaf: t.leaf,
-                value: self.exprs.mul(factor, t.value),
-            })
-            .collect()
+        terms.iter().map(|t| Term { leaf: t.leaf, value: self.exprs.mul(factor, t.value) }).collect()
     }
 
     fn negated(&mut self, terms: &Terms) -> Terms {
-        terms
-            .iter()
-            .map(|t| Term {
-                leaf: t.leaf,
-                value: self.exprs.neg(t.value),
-            })
-            .collect()
+        terms.iter().map(|t| Term { leaf: t.leaf, value: self.exprs.neg(t.value) }).collect()
     }
 
     fn added(&mut self, a: &Terms, b: &Terms) -> Terms {
@@ -348,18 +303,11 @@ impl Differentiator<'_, '_> {
 
     fn select(&mut self, c: ExprId, a: &Terms, b: &Terms) -> Terms {
         let zero = self.exprs.constant(0.0);
-        self.merged(a, b, |exprs, x, y| {
-            exprs.select(c, x.unwrap_or(zero), y.unwrap_or(zero))
-        })
+        self.merged(a, b, |exprs, x, y| exprs.select(c, x.unwrap_or(zero), y.unwrap_or(zero)))
     }
 
     /// Both lists, leaf by leaf.
-    fn merged(
-        &mut self,
-        a: &Terms,
-        b: &Terms,
-        join: impl Fn(&mut Exprs, Option<ExprId>, Option<ExprId>) -> ExprId,
-    ) -> Terms {
+    fn merged(&mut self, a: &Terms, b: &Terms, join: impl Fn(&mut Exprs, Option<ExprId>, Option<ExprId>) -> ExprId) -> Terms {
         let (mut i, mut k) = (0, 0);
         let mut terms = Vec::with_capacity(a.len().max(b.len()));
         while i < a.len() || k < b.len() {
@@ -368,10 +316,7 @@ impl Differentiator<'_, '_> {
                 (Some(_), None) => Ordering::Less,
                 _ => Ordering::Greater,
             };
-            let (x, y) = (
-                a.get(i).filter(|_| order.is_le()),
-                b.get(k).filter(|_| order.is_ge()),
-            );
+            let (x, y) = (a.get(i).filter(|_| order.is_le()), b.get(k).filter(|_| order.is_ge()));
             let Some(leaf) = x.or(y).map(|t| t.leaf) else {
                 break;
             };

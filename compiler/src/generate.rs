@@ -38,8 +38,7 @@ pub struct Surroundings {
 }
 
 /// A compiled function: time, factor of derivatives, unknowns, their derivatives, workspace, output, surroundings.
-pub type CompiledFn =
-    unsafe extern "C" fn(f64, f64, *mut f64, *const f64, *mut f64, *mut f64, *const Surroundings);
+pub type CompiledFn = unsafe extern "C" fn(f64, f64, *mut f64, *const f64, *mut f64, *mut f64, *const Surroundings);
 
 /// Failures of code generation.
 #[derive(Debug, Error)]
@@ -105,66 +104,33 @@ impl Generator {
     pub fn new(texts: bool) -> Generator {
         let mut context = Context::new();
         context.set_disasm(texts);
-        Generator {
-            context,
-            builder: FunctionBuilderContext::new(),
-            control: ControlPlane::default(),
-            texts,
-        }
+        Generator { context, builder: FunctionBuilderContext::new(), control: ControlPlane::default(), texts }
     }
 
     /// Compiles a job; an empty one gives no code.
     ///
     /// # Errors
     /// If the job addresses what it cannot have, or Cranelift refuses.
-    pub fn compile(
-        &mut self,
-        job: &Job,
-        exprs: &Exprs,
-        layout: &Layout,
-        access: Access,
-        effort: Effort,
-    ) -> Result<Code, GenerateError> {
+    pub fn compile(&mut self, job: &Job, exprs: &Exprs, layout: &Layout, access: Access, effort: Effort) -> Result<Code, GenerateError> {
         if job.is_empty() {
             return Ok(Code::default());
         }
         let isa = isa(effort)?;
         let schedules = job.schedules(exprs, layout, access)?;
         self.context.clear();
-        self.context.func = Function::with_name_signature(
-            UserFuncName::default(),
-            signature(isa.default_call_conv()),
-        );
+        self.context.func = Function::with_name_signature(UserFuncName::default(), signature(isa.default_call_conv()));
         let builder = FunctionBuilder::new(&mut self.context.func, &mut self.builder);
-        let columns = body::emit(
-            builder,
-            &schedules,
-            exprs,
-            layout,
-            isa.as_ref(),
-            job.in_place,
-        );
-        let mut code = Code {
-            columns,
-            ..Code::default()
-        };
+        let columns = body::emit(builder, &schedules, exprs, layout, isa.as_ref(), job.in_place);
+        let mut code = Code { columns, ..Code::default() };
         if self.texts {
             code.clif = self.context.func.display().to_string();
         }
         self.finish(isa, access.name, code)
     }
 
-    fn finish(
-        &mut self,
-        isa: &OwnedTargetIsa,
-        function: &'static str,
-        mut code: Code,
-    ) -> Result<Code, GenerateError> {
+    fn finish(&mut self, isa: &OwnedTargetIsa, function: &'static str, mut code: Code) -> Result<Code, GenerateError> {
         let refused = |message: String| GenerateError::Refused { function, message };
-        let compiled = self
-            .context
-            .compile(isa.as_ref(), &mut self.control)
-            .map_err(|e| refused(format!("{:?}", e.inner)))?;
+        let compiled = self.context.compile(isa.as_ref(), &mut self.control).map_err(|e| refused(format!("{:?}", e.inner)))?;
         let count = compiled.buffer.relocs().len();
         if count > 0 {
             return Err(GenerateError::Relocations { function, count });
@@ -177,45 +143,42 @@ impl Generator {
 
 fn signature(convention: CallConv) -> Signature {
     let mut signature = Signature::new(convention);
-    signature
-        .params
-        .extend([types::F64, types::F64].map(AbiParam::new));
+    signature.params.extend([types::F64, types::F64].map(AbiParam::new));
     signature.params.extend([types::I64; 5].map(AbiParam::new));
     signature
 }
 
+/// Platform and processor features that generated code relies on.
+///
+/// # Errors
+/// If Cranelift does not know this processor.
+pub fn target() -> Result<String, GenerateError> {
+    let isa = isa(Effort::Hot)?;
+    let features = isa.isa_flags();
+    let names = features.iter().filter(|f| f.as_bool() == Some(true)).map(|f| f.name);
+    Ok(std::iter::once(isa.triple().to_string()).chain(names.map(str::to_owned)).collect::<Vec<_>>().join(" "))
+}
+
 /// The target of this processor at an effort, made once.
 fn isa(effort: Effort) -> Result<&'static OwnedTargetIsa, GenerateError> {
-    static TARGETS: [OnceLock<Result<OwnedTargetIsa, String>>; 2] =
-        [OnceLock::new(), OnceLock::new()];
+    static TARGETS: [OnceLock<Result<OwnedTargetIsa, String>>; 2] = [OnceLock::new(), OnceLock::new()];
     let target = TARGETS[effort as usize].get_or_init(|| make_isa(effort));
-    target
-        .as_ref()
-        .map_err(|message| GenerateError::Processor(message.clone()))
+    target.as_ref().map_err(|message| GenerateError::Processor(message.clone()))
 }
 
 fn make_isa(effort: Effort) -> Result<OwnedTargetIsa, String> {
     let mut flags = settings::builder();
     let options = match effort {
-        Effort::Hot => [
-            ("opt_level", "speed"),
-            ("regalloc_algorithm", "backtracking"),
-        ],
+        Effort::Hot => [("opt_level", "speed"), ("regalloc_algorithm", "backtracking")],
         Effort::Lukewarm => [("opt_level", "none"), ("regalloc_algorithm", "single_pass")],
     };
-    let verify = if cfg!(any(test, debug_assertions)) {
-        "true"
-    } else {
-        "false"
-    };
-    for (name, value) in options
-        .into_iter()
-        .chain([("enable_verifier", verify), ("is_pic", "true")])
-    {
+    let verify = if cfg!(any(test, debug_assertions)) { "true" } else { "false" };
+    for (name, value) in options.into_iter().chain([("enable_verifier", verify), ("is_pic", "true")]) {
         flags.set(name, value).map_err(|e| e.to_string())?;
     }
     let builder = cranelift_native::builder()?;
-    builder
-        .finish(settings::Flags::new(flags))
-        .map_err(|e| e.to_string())
+    builder.finish(settings::Flags::new(flags)).map_err(|e| e.to_string())
 }
+
+#[cfg(test)]
+mod tests;

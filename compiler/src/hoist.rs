@@ -44,14 +44,7 @@ impl<'a> Hoister<'a> {
     /// A pass over a model; caches become variables of it.
     #[must_use]
     pub fn new(model: &'a mut Model) -> Self {
-        Hoister {
-            model,
-            stages: vec![],
-            caches: FastMap::default(),
-            rewritten: FastMap::default(),
-            parameter: vec![],
-            step: vec![],
-        }
+        Hoister { model, stages: vec![], caches: FastMap::default(), rewritten: FastMap::default(), parameter: vec![], step: vec![] }
     }
 
     /// The job with what is known at `limit` loaded from caches.
@@ -60,9 +53,7 @@ impl<'a> Hoister<'a> {
         let mut job = job.clone();
         for task in job.stages.iter_mut().flatten() {
             let mut extents = [0; MAX_DEPTH];
-            task.loops
-                .iter()
-                .for_each(|&(counter, extent)| extents[counter as usize] = extent);
+            task.loops.iter().for_each(|&(counter, extent)| extents[counter as usize] = extent);
             for (_, value) in &mut task.stores {
                 *value = self.rewrite(*value, extents, limit);
             }
@@ -73,10 +64,7 @@ impl<'a> Hoister<'a> {
     /// The filling jobs, parameters first.
     #[must_use]
     pub fn finish(self) -> (Job, Job) {
-        let job = |tasks: Vec<Task>| Job {
-            stages: vec![tasks],
-            in_place: false,
-        };
+        let job = |tasks: Vec<Task>| Job { stages: vec![tasks], in_place: false };
         (job(self.parameter), job(self.step))
     }
 
@@ -90,18 +78,10 @@ impl<'a> Hoister<'a> {
             let node = self.model.exprs.node(expr);
             let copy = if entered {
                 let done = &self.rewritten;
-                self.model.exprs.rebuild(node, |o| {
-                    done.get(&(o, extents, limit)).copied().unwrap_or(o)
-                })
+                self.model.exprs.rebuild(node, |o| done.get(&(o, extents, limit)).copied().unwrap_or(o))
             } else if let Some(load) = self.hoisted(expr, node, extents, limit) {
                 load
-            } else if let Expr::Reduce {
-                op,
-                depth,
-                extent,
-                body,
-            } = node
-            {
+            } else if let Expr::Reduce { op, depth, extent, body } = node {
                 let mut inner = extents;
                 inner[depth.0 as usize] = extent;
                 let body = self.rewrite(body, inner, limit);
@@ -113,20 +93,11 @@ impl<'a> Hoister<'a> {
             };
             self.rewritten.insert((expr, extents, limit), copy);
         }
-        self.rewritten
-            .get(&(root, extents, limit))
-            .copied()
-            .unwrap_or(root)
+        self.rewritten.get(&(root, extents, limit)).copied().unwrap_or(root)
     }
 
     /// The load that replaces a node, if it is worth a cache.
-    fn hoisted(
-        &mut self,
-        expr: ExprId,
-        node: Expr,
-        extents: Extents,
-        limit: Stage,
-    ) -> Option<ExprId> {
+    fn hoisted(&mut self, expr: ExprId, node: Expr, extents: Extents, limit: Stage) -> Option<ExprId> {
         let stage = self.stage(expr).max(Stage::Parameter);
         if stage > limit || !self.is_worth_it(expr, node) {
             return None;
@@ -138,9 +109,7 @@ impl<'a> Hoister<'a> {
         for d in (0..MAX_DEPTH).rev().filter(|d| free & (1 << d) != 0) {
             shape[d] = extents[d];
             at.strides[d] = i64::from(len);
-            len = len
-                .checked_mul(extents[d])
-                .filter(|&l| l > 0 && l <= LARGEST_CACHE)?;
+            len = len.checked_mul(extents[d]).filter(|&l| l > 0 && l <= LARGEST_CACHE)?;
         }
         let cache = match self.caches.get(&(expr, shape)) {
             Some(&cache) => cache,
@@ -149,32 +118,13 @@ impl<'a> Hoister<'a> {
         Some(self.model.exprs.load(cache, Flavour::Value, at))
     }
 
-    fn make_cache(
-        &mut self,
-        expr: ExprId,
-        shape: Extents,
-        len: u32,
-        at: Affine,
-        stage: Stage,
-    ) -> VarId {
+    fn make_cache(&mut self, expr: ExprId, shape: Extents, len: u32, at: Affine, stage: Stage) -> VarId {
         let name = format!("cache {}", self.caches.len());
-        let cache = self.model.vars.push(Variable {
-            name,
-            role: Role::Cache,
-            len,
-            span: Span::default(),
-        });
+        let cache = self.model.vars.push(Variable { name, role: Role::Cache, len, span: Span::default() });
         self.caches.insert((expr, shape), cache);
-        let value = if stage == Stage::Step {
-            self.rewrite(expr, shape, Stage::Parameter)
-        } else {
-            expr
-        };
+        let value = if stage == Stage::Step { self.rewrite(expr, shape, Stage::Parameter) } else { expr };
         let loops = (0..).zip(shape).filter(|&(_, extent)| extent > 0).collect();
-        let task = Task {
-            loops,
-            stores: vec![(Sink::Var(cache, at), value)],
-        };
+        let task = Task { loops, stores: vec![(Sink::Var(cache, at), value)] };
         if stage == Stage::Step {
             self.step.push(task)
         } else {
@@ -187,12 +137,8 @@ impl<'a> Hoister<'a> {
     fn is_worth_it(&self, expr: ExprId, node: Expr) -> bool {
         let exprs = &self.model.exprs;
         match node {
-            Expr::Const(_) | Expr::Truth(_) | Expr::Time | Expr::Counter(_) | Expr::Load { .. } => {
-                false
-            }
-            Expr::Unary(UnaryFn::Neg, a) if exprs.free(expr) != 0 => {
-                !matches!(exprs.node(a), Expr::Load { .. })
-            }
+            Expr::Const(_) | Expr::Truth(_) | Expr::Time | Expr::Counter(_) | Expr::Load { .. } => false,
+            Expr::Unary(UnaryFn::Neg, a) if exprs.free(expr) != 0 => !matches!(exprs.node(a), Expr::Load { .. }),
             _ => !exprs.is_truth(expr),
         }
     }
@@ -206,11 +152,7 @@ impl<'a> Hoister<'a> {
             let stage = match exprs.node(id) {
                 Expr::Time => Stage::Dynamic,
                 Expr::Load { var, flavour, at } => self.stage_of_load(var, flavour, at),
-                _ => exprs
-                    .operands(id)
-                    .map(|o| self.stages[o.index()])
-                    .max()
-                    .unwrap_or(Stage::Constant),
+                _ => exprs.operands(id).map(|o| self.stages[o.index()]).max().unwrap_or(Stage::Constant),
             };
             self.stages.push(stage);
         }
@@ -225,24 +167,15 @@ impl<'a> Hoister<'a> {
             (_, Role::Param | Role::ParamGiven) => Stage::Parameter,
             (_, Role::Draw) => {
                 let draws = &self.model.interface.draws;
-                let drawn = usize::try_from(at.offset)
-                    .ok()
-                    .filter(|_| at.is_constant())
-                    .and_then(|i| draws.get(i));
-                if drawn.is_some_and(|d| d.instant == Instant::Reset) {
-                    Stage::Parameter
-                } else {
-                    Stage::Step
-                }
+                let drawn = usize::try_from(at.offset).ok().filter(|_| at.is_constant()).and_then(|i| draws.get(i));
+                if drawn.is_some_and(|d| d.instant == Instant::Reset) { Stage::Parameter } else { Stage::Step }
             }
             (_, Role::Builtin) => {
                 let factor = at.offset == Builtin::DerivativeFactor as i64 || !at.is_constant();
                 if factor { Stage::Dynamic } else { Stage::Step }
             }
             (_, Role::Action | Role::Discrete | Role::Disturbance) => Stage::Step,
-            (_, Role::State | Role::Algebraic | Role::Quadrature | Role::Cache | Role::Scratch) => {
-                Stage::Dynamic
-            }
+            (_, Role::State | Role::Algebraic | Role::Quadrature | Role::Cache | Role::Scratch) => Stage::Dynamic,
         }
     }
 }

@@ -42,40 +42,16 @@ enum Operand {
 
 #[derive(Clone, Debug)]
 enum Step {
-    Eval {
-        to: u32,
-        node: Expr,
-        operands: [Operand; 3],
-        source: Option<(Base, Affine)>,
-    },
-    Reduce {
-        to: u32,
-        op: ReduceFn,
-        counter: u8,
-        extent: u32,
-        body: Vec<Step>,
-        value: Operand,
-    },
-    Loop {
-        counter: u8,
-        extent: u32,
-        body: Vec<Step>,
-    },
-    Store {
-        to: Destination,
-        value: Operand,
-    },
+    Eval { to: u32, node: Expr, operands: [Operand; 3], source: Option<(Base, Affine)> },
+    Reduce { to: u32, op: ReduceFn, counter: u8, extent: u32, body: Vec<Step>, value: Operand },
+    Loop { counter: u8, extent: u32, body: Vec<Step> },
+    Store { to: Destination, value: Operand },
 }
 
 #[derive(Clone, Copy, Debug)]
 enum Destination {
     Place(Base, Affine),
-    Table {
-        table: u32,
-        index: Affine,
-        plus: Affine,
-        add: bool,
-    },
+    Table { table: u32, index: Affine, plus: Affine, add: bool },
 }
 
 impl Tape {
@@ -83,21 +59,10 @@ impl Tape {
     ///
     /// # Errors
     /// If it addresses what it cannot have.
-    pub fn new(
-        job: &Job,
-        exprs: &Exprs,
-        layout: &Layout,
-        access: Access,
-    ) -> Result<Tape, ScheduleError> {
+    pub fn new(job: &Job, exprs: &Exprs, layout: &Layout, access: Access) -> Result<Tape, ScheduleError> {
         let mut tape = Tape::default();
         for schedule in job.schedules(exprs, layout, access)? {
-            let mut recorder = Recorder {
-                exprs,
-                layout,
-                schedule: &schedule,
-                registers: FastMap::default(),
-                next: 0,
-            };
+            let mut recorder = Recorder { exprs, layout, schedule: &schedule, registers: FastMap::default(), next: 0 };
             let steps = recorder.block(0);
             tape.registers = tape.registers.max(recorder.next as usize);
             tape.steps.extend(steps);
@@ -113,11 +78,7 @@ impl Tape {
 
     /// Runs the function.
     pub fn run(&self, view: &mut View<'_>) {
-        let mut machine = Machine {
-            registers: vec![0.0; self.registers],
-            counters: [0; MAX_DEPTH],
-            view,
-        };
+        let mut machine = Machine { registers: vec![0.0; self.registers], counters: [0; MAX_DEPTH], view };
         machine.run(&self.steps);
     }
 }
@@ -133,21 +94,13 @@ struct Recorder<'a> {
 impl Recorder<'_> {
     fn block(&mut self, block: BlockId) -> Vec<Step> {
         let here = &self.schedule.blocks[block];
-        let mut steps: Vec<Step> = here
-            .items
-            .iter()
-            .map(|item| self.item(block, *item))
-            .collect();
+        let mut steps: Vec<Step> = here.items.iter().map(|item| self.item(block, *item)).collect();
         for &child in &here.children {
             let Some(counter) = self.schedule.blocks[child].counter else {
                 continue;
             };
             let extent = self.schedule.blocks[child].extent;
-            steps.push(Step::Loop {
-                counter,
-                extent,
-                body: self.block(child),
-            });
+            steps.push(Step::Loop { counter, extent, body: self.block(child) });
         }
         steps
     }
@@ -164,36 +117,16 @@ impl Recorder<'_> {
                     Expr::Load { var, flavour, at } => self.source(var, flavour, at),
                     _ => None,
                 };
-                Step::Eval {
-                    to: self.register(block, expr),
-                    node,
-                    operands,
-                    source,
-                }
+                Step::Eval { to: self.register(block, expr), node, operands, source }
             }
-            Item::Reduce {
-                expr,
-                op,
-                body,
-                block: inner,
-            } => {
+            Item::Reduce { expr, op, body, block: inner } => {
                 let steps = self.block(inner);
                 let value = self.operand(inner, body);
                 let here = &self.schedule.blocks[inner];
                 let to = self.register(block, expr);
-                Step::Reduce {
-                    to,
-                    op,
-                    counter: here.counter.unwrap_or(0),
-                    extent: here.extent,
-                    body: steps,
-                    value,
-                }
+                Step::Reduce { to, op, counter: here.counter.unwrap_or(0), extent: here.extent, body: steps, value }
             }
-            Item::Store(sink, value) => Step::Store {
-                to: self.destination(sink),
-                value: self.operand(block, value),
-            },
+            Item::Store(sink, value) => Step::Store { to: self.destination(sink), value: self.operand(block, value) },
         }
     }
 
@@ -202,10 +135,7 @@ impl Recorder<'_> {
             return Some((Base::Factor, at));
         }
         let address = self.layout.address(var, flavour)?;
-        Some((
-            address.base,
-            at.plus(Affine::constant(i64::from(address.offset))),
-        ))
+        Some((address.base, at.plus(Affine::constant(i64::from(address.offset)))))
     }
 
     fn destination(&self, sink: Sink) -> Destination {
@@ -216,17 +146,7 @@ impl Recorder<'_> {
                 // The schedule has refused variables without memory.
                 None => Destination::Place(Base::Out, at),
             },
-            Sink::Table {
-                table,
-                index,
-                plus,
-                add,
-            } => Destination::Table {
-                table,
-                index,
-                plus,
-                add,
-            },
+            Sink::Table { table, index, plus, add } => Destination::Table { table, index, plus, add },
         }
     }
 
@@ -244,9 +164,7 @@ impl Recorder<'_> {
             _ => {
                 let home = self.schedule.home(self.exprs, block, expr);
                 // Every value is placed before its use; NaN would show a fault at once.
-                self.registers
-                    .get(&(home, expr))
-                    .map_or(Operand::Const(f64::NAN), |&r| Operand::Register(r))
+                self.registers.get(&(home, expr)).map_or(Operand::Const(f64::NAN), |&r| Operand::Register(r))
             }
         }
     }
@@ -262,23 +180,11 @@ impl Machine<'_, '_> {
     fn run(&mut self, steps: &[Step]) {
         for step in steps {
             match step {
-                Step::Eval {
-                    to,
-                    node,
-                    operands,
-                    source,
-                } => {
+                Step::Eval { to, node, operands, source } => {
                     let value = self.eval(*node, operands, *source);
                     self.registers[*to as usize] = value;
                 }
-                Step::Reduce {
-                    to,
-                    op,
-                    counter,
-                    extent,
-                    body,
-                    value,
-                } => {
+                Step::Reduce { to, op, counter, extent, body, value } => {
                     let mut sum = identity(*op);
                     let outer = self.counters[*counter as usize];
                     for i in 0..*extent {
@@ -289,11 +195,7 @@ impl Machine<'_, '_> {
                     self.counters[*counter as usize] = outer;
                     self.registers[*to as usize] = sum;
                 }
-                Step::Loop {
-                    counter,
-                    extent,
-                    body,
-                } => {
+                Step::Loop { counter, extent, body } => {
                     for i in 0..*extent {
                         self.counters[*counter as usize] = i64::from(i);
                         self.run(body);
@@ -343,15 +245,9 @@ impl Machine<'_, '_> {
                     Base::Yp | Base::Factor => {}
                 }
             }
-            Destination::Table {
-                table,
-                index,
-                plus,
-                add,
-            } => {
+            Destination::Table { table, index, plus, add } => {
                 let entry = self.view.tables[table as usize + index.at(&self.counters) as usize];
-                let slot =
-                    &mut self.view.out[(i64::from(entry) + plus.at(&self.counters)) as usize];
+                let slot = &mut self.view.out[(i64::from(entry) + plus.at(&self.counters)) as usize];
                 *slot = if add { *slot + value } else { value };
             }
         }
@@ -384,11 +280,7 @@ pub fn accumulate(op: ReduceFn, sum: f64, value: f64) -> f64 {
 ///
 /// Meant for parameters whose numbers are known while the model is built: extents, bounds, exponents.
 #[must_use]
-pub fn eval_constant(
-    exprs: &Exprs,
-    expr: ExprId,
-    value_of: &dyn Fn(VarId, Flavour, i64) -> Option<f64>,
-) -> Option<f64> {
+pub fn eval_constant(exprs: &Exprs, expr: ExprId, value_of: &dyn Fn(VarId, Flavour, i64) -> Option<f64>) -> Option<f64> {
     let mut known = FastMap::default();
     evaluate(exprs, expr, &mut [0; MAX_DEPTH], value_of, &mut known)
 }
@@ -427,22 +319,13 @@ fn evaluate(
             Expr::Time => return None,
             Expr::Counter(v) => counters[v.0 as usize] as f64,
             Expr::Load { var, flavour, at } => value_of(var, flavour, at.at(counters))?,
-            Expr::Reduce {
-                op,
-                depth,
-                extent,
-                body,
-            } => {
+            Expr::Reduce { op, depth, extent, body } => {
                 let d = depth.0 as usize;
                 let outer = counters[d];
                 let mut sum = identity(op);
                 for i in 0..extent {
                     counters[d] = i64::from(i);
-                    sum = accumulate(
-                        op,
-                        sum,
-                        evaluate(exprs, body, counters, value_of, &mut FastMap::default())?,
-                    );
+                    sum = accumulate(op, sum, evaluate(exprs, body, counters, value_of, &mut FastMap::default())?);
                 }
                 counters[d] = outer;
                 sum
@@ -467,11 +350,6 @@ fn apply(node: Expr, [a, b, c]: [f64; 3]) -> f64 {
         Expr::Not(_) => truth(a == 0.0),
         Expr::Select(..) if a != 0.0 => b,
         Expr::Select(..) => c,
-        Expr::Const(_)
-        | Expr::Truth(_)
-        | Expr::Time
-        | Expr::Counter(_)
-        | Expr::Load { .. }
-        | Expr::Reduce { .. } => f64::NAN,
+        Expr::Const(_) | Expr::Truth(_) | Expr::Time | Expr::Counter(_) | Expr::Load { .. } | Expr::Reduce { .. } => f64::NAN,
     }
 }

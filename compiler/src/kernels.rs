@@ -70,11 +70,7 @@ pub fn powi(x: f64, n: i32) -> f64 {
 }
 
 /// The multiplications of `x^n` by squaring, with any multiplication; `None` for n = 0.
-pub(crate) fn power_chain<T: Copy>(
-    mut n: u32,
-    x: T,
-    mut multiply: impl FnMut(T, T) -> T,
-) -> Option<T> {
+pub(crate) fn power_chain<T: Copy>(mut n: u32, x: T, mut multiply: impl FnMut(T, T) -> T) -> Option<T> {
     let (mut square, mut result) = (x, None);
     while n > 0 {
         if n & 1 == 1 {

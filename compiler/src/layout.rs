@@ -59,16 +59,8 @@ pub enum Part {
     Disturbance,
 }
 
-const SIMPLE: [Role; 8] = [
-    Role::Builtin,
-    Role::Param,
-    Role::ParamGiven,
-    Role::Action,
-    Role::Discrete,
-    Role::Disturbance,
-    Role::Draw,
-    Role::Quadrature,
-];
+const SIMPLE: [Role; 8] =
+    [Role::Builtin, Role::Param, Role::ParamGiven, Role::Action, Role::Discrete, Role::Disturbance, Role::Draw, Role::Quadrature];
 const PARTS: usize = 4;
 const REGIONS: usize = SIMPLE.len() + 3 * PARTS;
 
@@ -265,16 +257,10 @@ impl Layout {
         };
         let start = match (flavour, part) {
             (Flavour::Value, Some(Part::Y)) => {
-                return Some(Address {
-                    base: Base::Y,
-                    offset,
-                });
+                return Some(Address { base: Base::Y, offset });
             }
             (Flavour::Derivative, Some(Part::Y)) => {
-                return Some(Address {
-                    base: Base::Yp,
-                    offset,
-                });
+                return Some(Address { base: Base::Yp, offset });
             }
             (Flavour::Derivative, _) => return None,
             (Flavour::Value, _) => match role {
@@ -288,16 +274,12 @@ impl Layout {
             // What does not change within an episode is its own copy at any instant.
             (_, None) => self.regions[SIMPLE.iter().position(|&r| r == role)?].0,
         };
-        Some(Address {
-            base: Base::Work,
-            offset: start + offset,
-        })
+        Some(Address { base: Base::Work, offset: start + offset })
     }
 
     /// Whether a load of that element of a variable is the Jacobian's scalar argument.
     #[must_use]
     pub fn is_factor(&self, var: VarId, element: i64) -> bool {
-        matches!(self.roles[var], Some((Role::Builtin, _)))
-            && element == Builtin::DerivativeFactor as i64
+        matches!(self.roles[var], Some((Role::Builtin, _))) && element == Builtin::DerivativeFactor as i64
     }
 }

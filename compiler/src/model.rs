@@ -43,19 +43,12 @@ mod vars_as_list {
     use super::{PrimaryMap, VarId, Variable};
     use serde::{Deserialize, Deserializer, Serializer};
 
-    pub(super) fn serialize<S: Serializer>(
-        vars: &PrimaryMap<VarId, Variable>,
-        serializer: S,
-    ) -> Result<S::Ok, S::Error> {
+    pub(super) fn serialize<S: Serializer>(vars: &PrimaryMap<VarId, Variable>, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_seq(vars.values())
     }
 
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(
-        deserializer: D,
-    ) -> Result<PrimaryMap<VarId, Variable>, D::Error> {
-        Ok(Vec::<Variable>::deserialize(deserializer)?
-            .into_iter()
-            .collect())
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<PrimaryMap<VarId, Variable>, D::Error> {
+        Ok(Vec::<Variable>::deserialize(deserializer)?.into_iter().collect())
     }
 }
 
@@ -377,25 +370,13 @@ pub struct Solver {
 
 impl Default for Episode {
     fn default() -> Self {
-        Episode {
-            step: 1.0,
-            integrate: 1.0,
-            max_steps: 100,
-            error_reward: -1000.0,
-            end_is_success: false,
-        }
+        Episode { step: 1.0, integrate: 1.0, max_steps: 100, error_reward: -1000.0, end_is_success: false }
     }
 }
 
 impl Default for Solver {
     fn default() -> Self {
-        Solver {
-            rtol: 1e-8,
-            atol_factor: 0.01,
-            max_order: 5,
-            max_steps: 20_000,
-            linear_solver: "auto".into(),
-        }
+        Solver { rtol: 1e-8, atol_factor: 0.01, max_order: 5, max_steps: 20_000, linear_solver: "auto".into() }
     }
 }
 

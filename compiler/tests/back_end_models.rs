@@ -19,13 +19,7 @@ fn ready(model: &CompiledModel) -> Memory {
 }
 
 /// Dense Jacobian, column by column, by central differences of the residual.
-fn differences(
-    model: &CompiledModel,
-    m: &mut Memory,
-    y: &[f64],
-    yp: &[f64],
-    cj: f64,
-) -> Vec<Vec<f64>> {
+fn differences(model: &CompiledModel, m: &mut Memory, y: &[f64], yp: &[f64], cj: f64) -> Vec<Vec<f64>> {
     let n = model.unknowns();
     let (mut up, mut down) = (vec![0.0; n], vec![0.0; n]);
     (0..n)
@@ -41,10 +35,7 @@ fn differences(
             model.residual(m, 0.3, &y1, &yp1, &mut up);
             let (y0, yp0) = shifted(-1.0);
             model.residual(m, 0.3, &y0, &yp0, &mut down);
-            up.iter()
-                .zip(&down)
-                .map(|(u, d)| (u - d) / (2.0 * h))
-                .collect()
+            up.iter().zip(&down).map(|(u, d)| (u - d) / (2.0 * h)).collect()
         })
         .collect()
 }
@@ -57,15 +48,9 @@ fn assert_jacobian(model: &CompiledModel, y: &[f64], yp: &[f64], cj: f64, tolera
     for (column, rows) in expected.iter().enumerate() {
         let scale = rows.iter().fold(1e-3f64, |s, v| s.max(v.abs()));
         for (row, expected) in rows.iter().enumerate() {
-            let value = model
-                .pattern()
-                .position(row, column)
-                .map_or(0.0, |p| values[p]);
+            let value = model.pattern().position(row, column).map_or(0.0, |p| values[p]);
             let off = (value - expected).abs();
-            assert!(
-                off <= tolerance * scale,
-                "entry ({row}, {column}): {value} against {expected}"
-            );
+            assert!(off <= tolerance * scale, "entry ({row}, {column}): {value} against {expected}");
         }
     }
 }
@@ -107,10 +92,7 @@ const REACTOR_POINTS: [[f64; 8]; 3] = [
 #[test]
 fn reactor_residual_equals_the_reference_rates() {
     let model = build(reactor());
-    assert_eq!(
-        (model.unknowns(), model.states(), model.explicit()),
-        (3, 3, true)
-    );
+    assert_eq!((model.unknowns(), model.states(), model.explicit()), (3, 3, true));
     for point in REACTOR_POINTS {
         let mut m = ready(&model);
         m.region_mut(Region::Action).copy_from_slice(&point[3..5]);
@@ -119,11 +101,7 @@ fn reactor_residual_equals_the_reference_rates() {
         model.residual(&mut m, 0.0, &point[..3], &yp, &mut out);
         for i in 0..3 {
             let rate = out[i] + yp[i];
-            assert!(
-                (rate - point[5 + i]).abs() <= 1e-12 * point[5 + i].abs().max(1.0),
-                "{rate} {}",
-                point[5 + i]
-            );
+            assert!((rate - point[5 + i]).abs() <= 1e-12 * point[5 + i].abs().max(1.0), "{rate} {}", point[5 + i]);
         }
     }
 }
@@ -156,51 +134,17 @@ fn reactor_derivatives_for_inputs_equal_closed_formulas() {
     let model = build(reactor());
     let mut m = ready(&model);
     let (y, yp) = ([0.55, 72.0, 0.64], [0.0; 3]);
-    let actions = model
-        .derivative(
-            Derived::Rows,
-            WithRespectTo::Actions,
-            &mut m,
-            0.0,
-            (&y, &yp),
-        )
-        .expect("smooth");
+    let actions = model.derivative(Derived::Rows, WithRespectTo::Actions, &mut m, 0.0, (&y, &yp)).expect("smooth");
     let area = std::f64::consts::PI * 0.219 * 0.219;
     let wall = 2.0 * 54.94 / (0.219 * 1000.0 * 0.239);
-    let find = |row, column| {
-        actions
-            .iter()
-            .filter(|t| (t.0, t.1) == (row, column))
-            .map(|t| t.2)
-            .sum::<f64>()
-    };
+    let find = |row, column| actions.iter().filter(|t| (t.0, t.1) == (row, column)).map(|t| t.2).sum::<f64>();
     assert!((find(1, 0) - wall).abs() < 1e-13 && (find(2, 1) + 1.0 / area).abs() < 1e-13);
     assert_eq!(actions.len(), 2);
-    let parameters = model
-        .derivative(
-            Derived::Rows,
-            WithRespectTo::Parameters,
-            &mut m,
-            0.0,
-            (&y, &yp),
-        )
-        .expect("smooth");
+    let parameters = model.derivative(Derived::Rows, WithRespectTo::Parameters, &mut m, 0.0, (&y, &yp)).expect("smooth");
     let volume = area * 0.64 + 1e-8;
-    let feed: f64 = parameters
-        .iter()
-        .filter(|t| (t.0, t.1) == (0, 2))
-        .map(|t| t.2)
-        .sum();
+    let feed: f64 = parameters.iter().filter(|t| (t.0, t.1) == (0, 2)).map(|t| t.2).sum();
     assert!((feed - 0.1 / volume).abs() < 1e-14);
-    let rates = model
-        .derivative(
-            Derived::Rows,
-            WithRespectTo::Derivatives,
-            &mut m,
-            0.0,
-            (&y, &yp),
-        )
-        .expect("smooth");
+    let rates = model.derivative(Derived::Rows, WithRespectTo::Derivatives, &mut m, 0.0, (&y, &yp)).expect("smooth");
     assert_eq!(rates, [(0, 0, -1.0), (1, 1, -1.0), (2, 2, -1.0)]);
 }
 
@@ -227,8 +171,7 @@ fn advection_reaction_rates(n: usize, y: &[f64]) -> Vec<f64> {
         let rate = 1e6 * (-6000.0 / t).exp() * a * b;
         for s in 0..4 {
             let before = if z == 0 { feed[s] } else { y[s * n + z - 1] };
-            rates[s * n + z] =
-                n as f64 * (before - y[s * n + z]) + [-1.0, -1.0, 1.0, 40.0][s] * rate;
+            rates[s * n + z] = n as f64 * (before - y[s * n + z]) + [-1.0, -1.0, 1.0, 40.0][s] * rate;
         }
     }
     rates
@@ -243,10 +186,7 @@ fn advection_reaction_residual_equals_the_formula_for_odd_and_even_cells() {
         let mut out = vec![f64::NAN; 4 * n];
         model.residual(&mut m, 0.0, &y, &yp, &mut out);
         for (i, rate) in advection_reaction_rates(n, &y).into_iter().enumerate() {
-            assert!(
-                (out[i] - (rate - yp[i])).abs() <= 1e-13 * rate.abs().max(100.0),
-                "n = {n}, row {i}"
-            );
+            assert!((out[i] - (rate - yp[i])).abs() <= 1e-13 * rate.abs().max(100.0), "n = {n}, row {i}");
         }
     }
 }
@@ -267,10 +207,7 @@ fn advection_reaction_jacobian_equals_differences_and_has_no_superfluous_entry()
 fn code_size_does_not_depend_on_the_number_of_cells() {
     let bytes = |n| build(advection_reaction(n)).statistics().code_bytes as f64;
     let (small, large) = (bytes(40), bytes(4000));
-    assert!(
-        large <= small * 1.1,
-        "{small} bytes for 40 cells, {large} for 4000"
-    );
+    assert!(large <= small * 1.1, "{small} bytes for 40 cells, {large} for 4000");
 }
 
 #[test]
@@ -284,10 +221,6 @@ fn a_compiled_model_is_shared_by_threads() {
     let here = run();
     std::thread::scope(|scope| {
         let others: Vec<_> = (0..4).map(|_| scope.spawn(run)).collect();
-        assert!(
-            others
-                .into_iter()
-                .all(|o| o.join().is_ok_and(|o| o == here))
-        );
+        assert!(others.into_iter().all(|o| o.join().is_ok_and(|o| o == here)));
     });
 }

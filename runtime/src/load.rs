@@ -8,9 +8,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use smpl_compiler::compiled::CompiledModel;
-use smpl_dsl::diagnostic::{Diagnostic, SourceMap, suggest};
-use smpl_dsl::span::FileId;
+use smpl_compiler::compiled::{BackEndSettings, CompiledModel};
+use smpl_compiler::elaborate::{Options, Setting};
+use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes, suggest};
+use smpl_dsl::span::{FileId, Span};
 
 use crate::artefact;
 use crate::catalogue::Catalogue;
@@ -143,27 +144,61 @@ fn front_end(
     scenario: &Scenario,
     options: &LoadOptions,
 ) -> Result<(CompiledModel, Vec<Diagnostic>), Vec<Diagnostic>> {
-    use smpl_dsl::diagnostic::Code;
-    use smpl_dsl::span::Span;
-    let _ = (scenario, options);
-    let text = sources.file(main).map_or("", |f| f.text()).to_owned();
-    let parsed = smpl_dsl::parse(&text, main);
-    if parsed.diagnostics.iter().any(Diagnostic::is_error) {
-        return Err(parsed.diagnostics);
+    let folder = Path::new(sources.name(main)).parent().map(Path::to_owned).unwrap_or_default();
+    let asked = compile_options(sources, scenario, options)?;
+    let mut loader = |path: &str| import(&folder, path);
+    let (model, warnings) = smpl_compiler::front::flatten(sources, main, &mut loader, &asked)?;
+    let built = CompiledModel::build(model, &BackEndSettings::default());
+    let whole = Span { file: main, start: 0, end: 0 };
+    built.map(|model| (model, warnings)).map_err(|e| vec![Diagnostic::error(codes::BACK_END, e.to_string(), whole)])
+}
+
+/// The text that `use "path"` means: a file beside the model or in the library (`SMPL_LIBRARY`), never outside them.
+fn import(folder: &Path, path: &str) -> Option<(String, String)> {
+    let library = std::env::var_os("SMPL_LIBRARY").map(PathBuf::from);
+    let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    [Some(here.to_owned()), library].into_iter().flatten().find_map(|root| {
+        let root = root.canonicalize().ok()?;
+        let file = root.join(path).canonicalize().ok()?;
+        let text = file.starts_with(&root).then(|| fs::read_to_string(&file).ok())??;
+        Some((folder.join(path).display().to_string(), text))
+    })
+}
+
+/// What scenario and options ask of the front end; later ones win.
+fn compile_options(sources: &mut SourceMap, scenario: &Scenario, options: &LoadOptions) -> Result<Options, Vec<Diagnostic>> {
+    let mut out = Options { observation: options.observation.clone().or_else(|| scenario.observation.clone()), ..Options::default() };
+    out.reward = options.reward.clone().or_else(|| scenario.reward.clone());
+    out.max_steps = scenario.max_steps;
+    for variant in scenario.variants.iter().chain(&options.variants) {
+        out.variants.push((variant.name.clone(), variant.option.clone().unwrap_or_else(|| "true".into())));
     }
-    let code = Code::new(
-        "E0900-no-front-end",
-        "the passes from syntax to the flat model are missing",
-    );
-    Err(vec![Diagnostic::error(
-        code,
-        "this build cannot compile text",
-        Span {
-            file: main,
-            start: 0,
-            end: 0,
-        },
-    )])
+    for (name, cells) in &scenario.grid {
+        out.settings.insert(name.clone(), Setting::Number(f64::from(*cells)));
+    }
+    for (name, value) in scenario.parameters.iter().chain(&scenario.settings).chain(&options.settings) {
+        let setting = value.number().map_or_else(|| Setting::Text(value.to_string()), Setting::Number);
+        out.settings.insert(name.clone(), setting);
+    }
+    // Distributions of a scenario are statements of the language.
+    let mut text = String::new();
+    for (name, value) in &scenario.initial {
+        match value.number() {
+            Some(number) => {
+                out.initial.insert(name.clone(), number);
+            }
+            None => text.push_str(&format!("initial {name} ~ {value}\n")),
+        }
+    }
+    if !text.is_empty() {
+        let file = sources.add("initial of the scenario", text.clone());
+        let parsed = smpl_dsl::parse(&text, file);
+        if parsed.diagnostics.iter().any(Diagnostic::is_error) {
+            return Err(parsed.diagnostics);
+        }
+        out.overlay = parsed.file.statements;
+    }
+    Ok(out)
 }
 
 fn load_artefact(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded, LoadError> {
@@ -275,11 +310,6 @@ fn finish(
                 return Err(LoadError::Setting { message });
             }
             _ => {}
-        }
-    }
-    for (name, value) in &scenario.initial {
-        if let Some(number) = value.number() {
-            environment.initial.insert(name.clone(), number);
         }
     }
     environment.disturbances = recorded(scenario, &catalogue);

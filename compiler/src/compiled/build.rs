@@ -69,11 +69,7 @@ pub(super) fn passes(mut model: Model, settings: &BackEndSettings) -> Result<Par
     let mut codes = Vec::with_capacity(jobs.len());
     for (function, job) in &jobs {
         let access = access(*function, &model, unknowns, pattern.nonzeros());
-        let effort = if settings.quick {
-            Effort::Lukewarm
-        } else {
-            effort(*function)
-        };
+        let effort = if settings.quick { Effort::Lukewarm } else { effort(*function) };
         codes.push(generator.compile(job, &model.exprs, &layout, access, effort)?);
     }
     let statistics = CompileStatistics {
@@ -83,39 +79,15 @@ pub(super) fn passes(mut model: Model, settings: &BackEndSettings) -> Result<Par
         code_bytes: codes.iter().map(|c| c.bytes.len()).sum(),
         nonzeros: pattern.nonzeros(),
         expressions: model.exprs.len(),
-        cached: model
-            .vars
-            .values()
-            .filter(|v| v.role == Role::Cache)
-            .map(|v| v.len as usize)
-            .sum(),
+        cached: model.vars.values().filter(|v| v.role == Role::Cache).map(|v| v.len as usize).sum(),
     };
-    Ok(Parts {
-        model,
-        pattern,
-        tables,
-        codes,
-        prepare_parameters,
-        statistics,
-    })
+    Ok(Parts { model, pattern, tables, codes, prepare_parameters, statistics })
 }
 
 fn check_square(model: &Model) -> Result<usize, BackEndError> {
-    let unknowns = model
-        .unknowns
-        .iter()
-        .map(|v| model.vars[*v].len as usize)
-        .sum();
-    let rows = model
-        .rows
-        .iter()
-        .map(|r| r.extents.iter().map(|&e| e as usize).product::<usize>())
-        .sum();
-    if unknowns == rows {
-        Ok(unknowns)
-    } else {
-        Err(BackEndError::NotSquare { unknowns, rows })
-    }
+    let unknowns = model.unknowns.iter().map(|v| model.vars[*v].len as usize).sum();
+    let rows = model.rows.iter().map(|r| r.extents.iter().map(|&e| e as usize).product::<usize>()).sum();
+    if unknowns == rows { Ok(unknowns) } else { Err(BackEndError::NotSquare { unknowns, rows }) }
 }
 
 /// Position in `y` of each unknown's first element.
@@ -136,23 +108,11 @@ pub(super) fn rows(model: &mut Model) -> Result<Vec<Rows>, BackEndError> {
     for row in &model.rows {
         let column_of = |var: VarId, flavour: Flavour| {
             let wanted = matches!(flavour, Flavour::Value | Flavour::Derivative);
-            positions[var].filter(|_| wanted).map(|first| Column {
-                first,
-                factor: None,
-            })
+            positions[var].filter(|_| wanted).map(|first| Column { first, factor: None })
         };
-        let value = differentiate::normalise(
-            &mut model.exprs,
-            row.extents.len(),
-            row.residual,
-            &column_of,
-        )?;
+        let value = differentiate::normalise(&mut model.exprs, row.extents.len(), row.residual, &column_of)?;
         let first = i64::from(positions[row.var].unwrap_or(0));
-        rows.push(Rows {
-            extents: row.extents.clone(),
-            row: row.at.plus(Affine::constant(first)),
-            value,
-        });
+        rows.push(Rows { extents: row.extents.clone(), row: row.at.plus(Affine::constant(first)), value });
     }
     Ok(rows)
 }
@@ -165,14 +125,8 @@ fn jacobian_entries(model: &mut Model, rows: &[Rows]) -> Vec<differentiate::Entr
     let column_of = |var: VarId, flavour: Flavour| {
         let first = positions[var]?;
         match flavour {
-            Flavour::Value => Some(Column {
-                first,
-                factor: None,
-            }),
-            Flavour::Derivative => Some(Column {
-                first,
-                factor: Some(factor),
-            }),
+            Flavour::Value => Some(Column { first, factor: None }),
+            Flavour::Derivative => Some(Column { first, factor: Some(factor) }),
             _ => None,
         }
     };
@@ -180,60 +134,32 @@ fn jacobian_entries(model: &mut Model, rows: &[Rows]) -> Vec<differentiate::Entr
 }
 
 fn builtin_variable(model: &mut Model) -> VarId {
-    let known = model
-        .vars
-        .iter()
-        .find(|(_, v)| v.role == Role::Builtin)
-        .map(|(id, _)| id);
+    let known = model.vars.iter().find(|(_, v)| v.role == Role::Builtin).map(|(id, _)| id);
     known.unwrap_or_else(|| {
         let name = "builtin".into();
-        model.vars.push(Variable {
-            name,
-            role: Role::Builtin,
-            len: BUILTIN_COUNT,
-            span: Span::default(),
-        })
+        model.vars.push(Variable { name, role: Role::Builtin, len: BUILTIN_COUNT, span: Span::default() })
     })
 }
 
 /// One number each, in order.
 fn numbers(values: impl Iterator<Item = ExprId>) -> Job {
-    let stores = (0..)
-        .zip(values)
-        .map(|(i, value)| (Sink::Out(Affine::constant(i)), value))
-        .collect();
-    Job {
-        stages: vec![vec![Task {
-            loops: vec![],
-            stores,
-        }]],
-        in_place: false,
-    }
+    let stores = (0..).zip(values).map(|(i, value)| (Sink::Out(Affine::constant(i)), value)).collect();
+    Job { stages: vec![vec![Task { loops: vec![], stores }]], in_place: false }
 }
 
 /// The compiled functions but the one that fills caches, in the order of [`Function::ALL`].
 fn jobs(model: &Model, rows: &[Rows], jacobian: Job) -> Vec<(Function, Job)> {
-    let residual = rows.iter().map(|row| Task {
-        loops: (0..).zip(row.extents.iter().copied()).collect(),
-        stores: vec![(Sink::Out(row.row), row.value)],
-    });
-    let residual = Job {
-        stages: vec![residual.collect()],
-        in_place: false,
-    };
+    let residual = rows
+        .iter()
+        .map(|row| Task { loops: (0..).zip(row.extents.iter().copied()).collect(), stores: vec![(Sink::Out(row.row), row.value)] });
+    let residual = Job { stages: vec![residual.collect()], in_place: false };
     let programs = &model.programs;
     let program = |program: &Program| rebase(program.job(), model);
     vec![
         (Function::Residual, residual),
         (Function::Jacobian, jacobian),
-        (
-            Function::Roots,
-            numbers(model.roots.iter().map(|r| r.value)),
-        ),
-        (
-            Function::Quadratures,
-            numbers(model.quadratures.iter().copied()),
-        ),
+        (Function::Roots, numbers(model.roots.iter().map(|r| r.value))),
+        (Function::Quadratures, numbers(model.quadratures.iter().copied())),
         (Function::Start, program(&programs.start)),
         (Function::End, program(&programs.end)),
         (Function::Finish, program(&programs.finish)),
@@ -246,12 +172,7 @@ fn jobs(model: &Model, rows: &[Rows], jacobian: Job) -> Vec<(Function, Job)> {
 fn rebase(mut job: Job, model: &Model) -> Job {
     for (sink, _) in job.stages.iter_mut().flatten().flat_map(|t| &mut t.stores) {
         if let Sink::Table { table, .. } = sink {
-            *table = model
-                .slots
-                .iter()
-                .take(*table as usize)
-                .map(|s| s.len() as u32)
-                .sum();
+            *table = model.slots.iter().take(*table as usize).map(|s| s.len() as u32).sum();
         }
     }
     job
@@ -260,18 +181,14 @@ fn rebase(mut job: Job, model: &Model) -> Job {
 /// Caches that a function may use: discrete variables may have changed since the step was prepared.
 fn limit(function: Function) -> Stage {
     match function {
-        Function::Residual | Function::Jacobian | Function::Roots | Function::Quadratures => {
-            Stage::Step
-        }
+        Function::Residual | Function::Jacobian | Function::Roots | Function::Quadratures => Stage::Step,
         _ => Stage::Parameter,
     }
 }
 
 fn effort(function: Function) -> Effort {
     match function {
-        Function::Residual | Function::Jacobian | Function::Roots | Function::Quadratures => {
-            Effort::Hot
-        }
+        Function::Residual | Function::Jacobian | Function::Roots | Function::Quadratures => Effort::Hot,
         _ => Effort::Lukewarm,
     }
 }
@@ -286,12 +203,7 @@ pub(super) fn finish_len(model: &Model) -> usize {
     (2 * f.failures + f.successes + f.constraints + f.rewards + f.observations) as usize
 }
 
-pub(super) fn access(
-    function: Function,
-    model: &Model,
-    unknowns: usize,
-    nonzeros: usize,
-) -> Access {
+pub(super) fn access(function: Function, model: &Model, unknowns: usize, nonzeros: usize) -> Access {
     let name = function.name();
     let (y, yp, out) = match function {
         Function::PrepareStep | Function::Disturb => (false, false, 0),
@@ -309,49 +221,21 @@ pub(super) fn access(
 /// Prepares what is interpreted.
 pub(super) fn tapes(parts: &Parts, layout: &Layout) -> Result<Tapes, BackEndError> {
     let (model, programs) = (&parts.model, &parts.model.programs);
-    let tape = |name: &'static str, job: &Job, y: bool, yp: bool, out: usize| {
-        Tape::new(job, &model.exprs, layout, Access { name, y, yp, out })
-    };
-    let program =
-        |name, program: &Program, y, yp, out| tape(name, &rebase(program.job(), model), y, yp, out);
+    let tape =
+        |name: &'static str, job: &Job, y: bool, yp: bool, out: usize| Tape::new(job, &model.exprs, layout, Access { name, y, yp, out });
+    let program = |name, program: &Program, y, yp, out| tape(name, &rebase(program.job(), model), y, yp, out);
     let actions = elements(&model.interface.actions);
     let boxed = model.interface.failures.iter().map(|f| f.items.len()).sum();
     let steady = actions + model.interface.steady_fixed.len();
     Ok(Tapes {
-        prepare_parameters: tape(
-            "prepare_parameters",
-            &parts.prepare_parameters,
-            false,
-            false,
-            0,
-        )?,
+        prepare_parameters: tape("prepare_parameters", &parts.prepare_parameters, false, false, 0)?,
         parameters: program("parameters", &programs.parameters, false, false, 0)?,
         initial_states: program("initial_states", &programs.initial_states, true, false, 0)?,
-        initial_discretes: program(
-            "initial_discretes",
-            &programs.initial_discretes,
-            true,
-            false,
-            0,
-        )?,
+        initial_discretes: program("initial_discretes", &programs.initial_discretes, true, false, 0)?,
         steady: program("steady", &programs.steady, true, false, steady)?,
-        invariants: program(
-            "invariants",
-            &programs.invariants,
-            true,
-            true,
-            2 * model.interface.invariants.len(),
-        )?,
+        invariants: program("invariants", &programs.invariants, true, true, 2 * model.interface.invariants.len())?,
         boxes: program("boxes", &programs.boxes, true, true, boxed)?,
-        events: programs
-            .events
-            .iter()
-            .map(|p| program("event", p, true, false, 0))
-            .collect::<Result<_, _>>()?,
-        policies: programs
-            .policies
-            .iter()
-            .map(|(_, p)| program("policy", p, true, false, actions))
-            .collect::<Result<_, _>>()?,
+        events: programs.events.iter().map(|p| program("event", p, true, false, 0)).collect::<Result<_, _>>()?,
+        policies: programs.policies.iter().map(|(_, p)| program("policy", p, true, false, actions)).collect::<Result<_, _>>()?,
     })
 }

@@ -25,11 +25,7 @@ impl CompiledModel {
 
     #[track_caller]
     fn check_memory(&self, m: &Memory) {
-        assert_eq!(
-            m.layout().len(),
-            self.layout.len(),
-            "memory of another model"
-        );
+        assert_eq!(m.layout().len(), self.layout.len(), "memory of another model");
     }
 
     fn call(&self, function: Function, call: Call<'_>) {
@@ -39,84 +35,30 @@ impl CompiledModel {
         let work = call.memory.all_mut().as_mut_ptr();
         // SAFETY: the code was generated for these lengths, which the callers have checked; it writes to `out` and the workspace, and
         // to `y` only in functions that take it mutably; every address in it was checked against its variable's extent.
-        unsafe {
-            code(
-                call.t,
-                call.factor,
-                call.y,
-                call.yp,
-                work,
-                call.out,
-                &raw const self.surroundings,
-            )
-        }
+        unsafe { code(call.t, call.factor, call.y, call.yp, work, call.out, &raw const self.surroundings) }
     }
 
-    fn evaluate(
-        &self,
-        function: Function,
-        memory: &mut Memory,
-        (t, factor): (f64, f64),
-        (y, yp): (&[f64], &[f64]),
-        out: &mut [f64],
-    ) {
+    fn evaluate(&self, function: Function, memory: &mut Memory, (t, factor): (f64, f64), (y, yp): (&[f64], &[f64]), out: &mut [f64]) {
         self.check(memory, y, yp);
-        let call = Call {
-            t,
-            factor,
-            y: y.as_ptr().cast_mut(),
-            yp: yp.as_ptr(),
-            memory,
-            out: out.as_mut_ptr(),
-        };
+        let call = Call { t, factor, y: y.as_ptr().cast_mut(), yp: yp.as_ptr(), memory, out: out.as_mut_ptr() };
         self.call(function, call);
     }
 
     fn in_place(&self, function: Function, memory: &mut Memory, t: f64, y: &mut [f64]) {
         self.check(memory, y, y);
-        let call = Call {
-            t,
-            factor: 0.0,
-            y: y.as_mut_ptr(),
-            yp: std::ptr::null(),
-            memory,
-            out: std::ptr::null_mut(),
-        };
+        let call = Call { t, factor: 0.0, y: y.as_mut_ptr(), yp: std::ptr::null(), memory, out: std::ptr::null_mut() };
         self.call(function, call);
     }
 
-    fn interpret(
-        &self,
-        tape: &Tape,
-        m: &mut Memory,
-        t: f64,
-        y: &mut [f64],
-        yp: &[f64],
-        out: &mut [f64],
-    ) {
+    fn interpret(&self, tape: &Tape, m: &mut Memory, t: f64, y: &mut [f64], yp: &[f64], out: &mut [f64]) {
         self.check_memory(m);
         let tables = &self.parts.tables;
-        tape.run(&mut View {
-            time: t,
-            factor: 0.0,
-            y,
-            yp,
-            work: m.all_mut(),
-            out,
-            tables,
-        });
+        tape.run(&mut View { time: t, factor: 0.0, y, yp, work: m.all_mut(), out, tables });
     }
 
     /// Fills the caches that depend on parameters and random numbers drawn at reset. Call after parameters have changed.
     pub fn prepare_parameters(&self, m: &mut Memory) {
-        self.interpret(
-            &self.tapes.prepare_parameters,
-            m,
-            0.0,
-            &mut [],
-            &[],
-            &mut [],
-        );
+        self.interpret(&self.tapes.prepare_parameters, m, 0.0, &mut [], &[], &mut []);
     }
 
     /// Fills the caches that depend on actions, discrete variables, disturbances, frames and builtins. Call after any of them has
@@ -124,17 +66,7 @@ impl CompiledModel {
     pub fn prepare_step(&self, m: &mut Memory) {
         self.check_memory(m);
         let (y, yp, out) = (std::ptr::null_mut(), std::ptr::null(), std::ptr::null_mut());
-        self.call(
-            Function::PrepareStep,
-            Call {
-                t: 0.0,
-                factor: 0.0,
-                y,
-                yp,
-                memory: m,
-                out,
-            },
-        );
+        self.call(Function::PrepareStep, Call { t: 0.0, factor: 0.0, y, yp, memory: m, out });
     }
 
     /// `out = F(t, y, y')`, one number a row, rows in the order of `y`.
@@ -147,20 +79,8 @@ impl CompiledModel {
     }
 
     /// `values = ∂F/∂y + cj ∂F/∂y'` in the order of [`CompiledModel::pattern`].
-    pub fn jacobian(
-        &self,
-        m: &mut Memory,
-        t: f64,
-        y: &[f64],
-        yp: &[f64],
-        cj: f64,
-        values: &mut [f64],
-    ) {
-        assert_eq!(
-            values.len(),
-            self.pattern().nonzeros(),
-            "length of the Jacobian's values"
-        );
+    pub fn jacobian(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], cj: f64, values: &mut [f64]) {
+        assert_eq!(values.len(), self.pattern().nonzeros(), "length of the Jacobian's values");
         self.evaluate(Function::Jacobian, m, (t, cj), (y, yp), values);
     }
 
@@ -178,22 +98,13 @@ impl CompiledModel {
 
     /// Failures, successes, constraints, rewards, observations, as [`crate::model::Finish`] lays them out.
     pub fn finish(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
-        assert_eq!(
-            out.len(),
-            self.finish_len(),
-            "length of the finishing values"
-        );
+        assert_eq!(out.len(), self.finish_len(), "length of the finishing values");
         self.evaluate(Function::Finish, m, (t, 0.0), (y, yp), out);
     }
 
     /// Algebraic outputs, all elements in the order of [`crate::model::Interface::algebraics`].
     pub fn outputs(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
-        let expected = self
-            .interface()
-            .algebraics
-            .iter()
-            .map(crate::model::Quantity::len)
-            .sum::<usize>();
+        let expected = self.interface().algebraics.iter().map(crate::model::Quantity::len).sum::<usize>();
         assert_eq!(out.len(), expected, "number of algebraic outputs");
         self.evaluate(Function::Outputs, m, (t, 0.0), (y, yp), out);
     }
@@ -218,17 +129,7 @@ impl CompiledModel {
     pub fn disturb(&self, m: &mut Memory, t: f64) {
         self.check_memory(m);
         let (y, yp, out) = (std::ptr::null_mut(), std::ptr::null(), std::ptr::null_mut());
-        self.call(
-            Function::Disturb,
-            Call {
-                t,
-                factor: 0.0,
-                y,
-                yp,
-                memory: m,
-                out,
-            },
-        );
+        self.call(Function::Disturb, Call { t, factor: 0.0, y, yp, memory: m, out });
     }
 
     /// Computed and drawn parameters.
@@ -272,32 +173,19 @@ impl CompiledModel {
     /// Value and rate of each invariant.
     pub fn invariants(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
         self.check(m, y, yp);
-        assert_eq!(
-            out.len(),
-            2 * self.interface().invariants.len(),
-            "values and rates of invariants"
-        );
+        assert_eq!(out.len(), 2 * self.interface().invariants.len(), "values and rates of invariants");
         self.interpret(&self.tapes.invariants, m, t, &mut y.to_vec(), yp, out);
     }
 
     /// The value of each item of each failure that is a box.
     pub fn boxes(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
         self.check(m, y, yp);
-        let expected = self
-            .interface()
-            .failures
-            .iter()
-            .map(|f| f.items.len())
-            .sum::<usize>();
+        let expected = self.interface().failures.iter().map(|f| f.items.len()).sum::<usize>();
         assert_eq!(out.len(), expected, "number of box items");
         self.interpret(&self.tapes.boxes, m, t, &mut y.to_vec(), yp, out);
     }
 
     fn actions_len(&self) -> usize {
-        self.interface()
-            .actions
-            .iter()
-            .map(crate::model::Quantity::len)
-            .sum()
+        self.interface().actions.iter().map(crate::model::Quantity::len).sum()
     }
 }

@@ -52,33 +52,14 @@ impl CompiledModel {
         (y, yp): (&[f64], &[f64]),
     ) -> Result<Vec<Triplet>, &BackEndError> {
         let cell = &self.derivatives[of as usize * 4 + with_respect_to as usize];
-        let derivative = cell
-            .get_or_init(|| self.make_derivative(of, with_respect_to))
-            .as_ref()?;
+        let derivative = cell.get_or_init(|| self.make_derivative(of, with_respect_to)).as_ref()?;
         let mut values = vec![0.0; derivative.places.len()];
         let (mut y, work) = (y.to_vec(), m.all_mut());
-        derivative.tape.run(&mut View {
-            time: t,
-            factor: 1.0,
-            y: &mut y,
-            yp,
-            work,
-            out: &mut values,
-            tables: &[],
-        });
-        Ok(derivative
-            .places
-            .iter()
-            .zip(values)
-            .map(|(&(row, column), value)| (row, column, value))
-            .collect())
+        derivative.tape.run(&mut View { time: t, factor: 1.0, y: &mut y, yp, work, out: &mut values, tables: &[] });
+        Ok(derivative.places.iter().zip(values).map(|(&(row, column), value)| (row, column, value)).collect())
     }
 
-    fn make_derivative(
-        &self,
-        of: Derived,
-        with_respect_to: WithRespectTo,
-    ) -> Result<Derivative, BackEndError> {
+    fn make_derivative(&self, of: Derived, with_respect_to: WithRespectTo) -> Result<Derivative, BackEndError> {
         let mut model = self.parts.model.clone();
         let layout = &self.layout;
         let (roles, flavour): (&[Role], Flavour) = match with_respect_to {
@@ -91,35 +72,19 @@ impl CompiledModel {
         let column_of = |var: VarId, f: Flavour| {
             let wanted = f == flavour && roles.contains(&vars[var].role);
             let first = layout.offset(var).filter(|_| wanted)? as u32;
-            Some(Column {
-                first,
-                factor: None,
-            })
+            Some(Column { first, factor: None })
         };
         let mut rows = match of {
             Derived::Rows => build::rows(&mut model)?,
             Derived::Observations => observation_rows(&model),
         };
         for row in &mut rows {
-            row.value = differentiate::normalise(
-                &mut model.exprs,
-                row.extents.len(),
-                row.value,
-                &column_of,
-            )?;
+            row.value = differentiate::normalise(&mut model.exprs, row.extents.len(), row.value, &column_of)?;
         }
         let entries = differentiate::entries(&mut model.exprs, &rows, &column_of);
         let (job, places) = list(&entries);
-        let access = Access {
-            name: "derivative",
-            y: true,
-            yp: true,
-            out: places.len(),
-        };
-        Ok(Derivative {
-            tape: Tape::new(&job, &model.exprs, layout, access)?,
-            places,
-        })
+        let access = Access { name: "derivative", y: true, yp: true, out: places.len() };
+        Ok(Derivative { tape: Tape::new(&job, &model.exprs, layout, access)?, places })
     }
 }
 
@@ -128,10 +93,7 @@ fn observation_rows(model: &crate::model::Model) -> Vec<Rows> {
     let first = build::finish_len(model) as i64 - i64::from(model.interface.finish.observations);
     let mut rows = vec![];
     for nest in &model.programs.finish.nests {
-        let observed = nest
-            .stores
-            .iter()
-            .filter(|s| s.target.place == Place::Out && s.target.at.offset >= first);
+        let observed = nest.stores.iter().filter(|s| s.target.place == Place::Out && s.target.at.offset >= first);
         rows.extend(observed.map(|s| Rows {
             extents: nest.extents.clone(),
             row: s.target.at.plus(Affine::constant(-first)),
@@ -145,25 +107,12 @@ fn observation_rows(model: &crate::model::Model) -> Vec<Rows> {
 fn list(entries: &[Entry]) -> (Job, Vec<(usize, usize)>) {
     let mut places = vec![];
     let tasks = entries.iter().map(|entry| {
-        let at = differentiate::pattern::row_major(&entry.loops)
-            .plus(Affine::constant(places.len() as i64));
+        let at = differentiate::pattern::row_major(&entry.loops).plus(Affine::constant(places.len() as i64));
         differentiate::pattern::each(&entry.loops, |counters| {
-            places.push((
-                entry.row.at(counters) as usize,
-                entry.column.at(counters) as usize,
-            ));
+            places.push((entry.row.at(counters) as usize, entry.column.at(counters) as usize));
         });
-        Task {
-            loops: entry.loops.clone(),
-            stores: vec![(Sink::Out(at), entry.value)],
-        }
+        Task { loops: entry.loops.clone(), stores: vec![(Sink::Out(at), entry.value)] }
     });
     let stages = vec![tasks.collect()];
-    (
-        Job {
-            stages,
-            in_place: false,
-        },
-        places,
-    )
+    (Job { stages, in_place: false }, places)
 }

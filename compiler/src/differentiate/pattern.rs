@@ -25,14 +25,8 @@ impl Pattern {
     /// Position of an entry among the values.
     #[must_use]
     pub fn position(&self, row: usize, column: usize) -> Option<usize> {
-        let (start, end) = (
-            *self.column_pointers.get(column)?,
-            *self.column_pointers.get(column + 1)?,
-        );
-        self.row_indices[start..end]
-            .binary_search(&row)
-            .ok()
-            .map(|i| start + i)
+        let (start, end) = (*self.column_pointers.get(column)?, *self.column_pointers.get(column + 1)?);
+        self.row_indices[start..end].binary_search(&row).ok().map(|i| start + i)
     }
 
     /// The pattern of entries in a matrix of `columns` columns.
@@ -40,9 +34,7 @@ impl Pattern {
     pub fn new(entries: &[Entry], columns: usize) -> Pattern {
         let mut counts = vec![0usize; columns + 1];
         for entry in entries {
-            each(&entry.loops, |counters| {
-                counts[entry.column.at(counters) as usize + 1] += 1
-            });
+            each(&entry.loops, |counters| counts[entry.column.at(counters) as usize + 1] += 1);
         }
         for c in 0..columns {
             counts[c + 1] += counts[c];
@@ -56,10 +48,7 @@ impl Pattern {
                 *place += 1;
             });
         }
-        let mut pattern = Pattern {
-            column_pointers: vec![0],
-            row_indices: Vec::with_capacity(rows.len()),
-        };
+        let mut pattern = Pattern { column_pointers: vec![0], row_indices: Vec::with_capacity(rows.len()) };
         for c in 0..columns {
             let column = &mut rows[counts[c]..counts[c + 1]];
             column.sort_unstable();
@@ -106,43 +95,26 @@ pub fn job(entries: &[Entry], pattern: &Pattern, exprs: &mut Exprs, tables: &mut
     for entry in entries {
         let mut slots = vec![];
         each(&entry.loops, |counters| {
-            let position = pattern.position(
-                entry.row.at(counters) as usize,
-                entry.column.at(counters) as usize,
-            );
+            let position = pattern.position(entry.row.at(counters) as usize, entry.column.at(counters) as usize);
             slots.push(position.unwrap_or(0) as u32);
         });
         let mut shared = false;
         for &slot in &slots {
             shared |= std::mem::replace(&mut taken[slot as usize], true);
         }
-        let task = |sink, value| Task {
-            loops: entry.loops.clone(),
-            stores: vec![(sink, value)],
-        };
+        let task = |sink, value| Task { loops: entry.loops.clone(), stores: vec![(sink, value)] };
         if shared {
             // Another entry writes to one of these places: all is added to zeros.
             let (table, index) = (tables.len() as u32, row_major(&entry.loops));
             tables.extend(&slots);
-            let placed = |add| Sink::Table {
-                table,
-                index,
-                plus: Affine::default(),
-                add,
-            };
+            let placed = |add| Sink::Table { table, index, plus: Affine::default(), add };
             cleared.push(task(placed(false), zero));
             added.push(task(placed(true), entry.value));
         } else {
             stored.push(task(sink(&entry.loops, &slots, tables), entry.value));
         }
     }
-    Job {
-        stages: [cleared, stored, added]
-            .into_iter()
-            .filter(|s| !s.is_empty())
-            .collect(),
-        in_place: false,
-    }
+    Job { stages: [cleared, stored, added].into_iter().filter(|s| !s.is_empty()).collect(), in_place: false }
 }
 
 /// Number of a pass as a function of the counters.
@@ -174,25 +146,13 @@ fn sink(loops: &[(u8, u32)], slots: &[u32], tables: &mut Vec<u32>) -> Sink {
         let index = row_major(outer);
         let starts: Vec<u32> = slots.iter().step_by(extent as usize).copied().collect();
         let start = |counters: &[i64; MAX_DEPTH]| i64::from(starts[index.at(counters) as usize]);
-        if !outer.is_empty()
-            && matches(loops, slots, |counters| start(counters) + plus.at(counters))
-        {
+        if !outer.is_empty() && matches(loops, slots, |counters| start(counters) + plus.at(counters)) {
             tables.extend(starts);
-            return Sink::Table {
-                table,
-                index,
-                plus,
-                add: false,
-            };
+            return Sink::Table { table, index, plus, add: false };
         }
     }
     tables.extend(slots);
-    Sink::Table {
-        table,
-        index: order,
-        plus: Affine::default(),
-        add: false,
-    }
+    Sink::Table { table, index: order, plus: Affine::default(), add: false }
 }
 
 fn matches(loops: &[(u8, u32)], slots: &[u32], at: impl Fn(&[i64; MAX_DEPTH]) -> i64) -> bool {

@@ -128,6 +128,15 @@ impl<'a> Elaborator<'a> {
             self.observe_states(out);
             return;
         }
+        // `observe x for x in states`
+        if let ([Binder { name: x, over: BinderSet::Set(set), .. }], ExprKind::Name(n)) = (o.binders.as_slice(), &o.value.kind)
+            && x.text == n.text
+            && set.text == "states"
+            && self.names.lookup(place.scope, "states").is_none()
+        {
+            self.observe_states(out);
+            return;
+        }
         if o.binders.is_empty()
             && let Some((symbol, axes)) = self.whole_array(&o.value, place)
         {
@@ -431,11 +440,21 @@ impl<'a> Elaborator<'a> {
         let mut list = Vec::new();
         for symbol in self.in_text_order() {
             match self.names.symbols[symbol].kind.clone() {
-                SymbolKind::Variable { var, .. }
+                SymbolKind::Variable { var, axes, .. }
                     if self.vars[var].role == Role::Algebraic && !self.port_variables.contains(&var) =>
                 {
                     let Some(q) = self.quantities.get(&var).cloned() else { continue };
                     let len = self.vars[var].len;
+                    if axes.iter().all(|a| matches!(a, Axis::Set(_))) {
+                        // Element by element, so that each definition can be substituted.
+                        for i in 0..i64::from(len) {
+                            let value = self.exprs.load(var, crate::ir::Flavour::Value, Affine::constant(i));
+                            scalars.push(store(Memory::Out, Affine::constant(at), value));
+                            at += 1;
+                        }
+                        list.push(q);
+                        continue;
+                    }
                     let piece = if len == 1 { (Vec::new(), Affine::default()) } else { (vec![len], Affine::along(0, LoopVar(0), 1)) };
                     let value = self.exprs.load(var, crate::ir::Flavour::Value, piece.1);
                     let s = store(Memory::Out, Affine::constant(at).plus(piece.1), value);
@@ -507,7 +526,8 @@ impl<'a> Elaborator<'a> {
             list.into_iter().filter_map(|v| quantity(s, v)).collect()
         };
         let lists = [Role::State, Role::Discrete, Role::Action, Role::Disturbance, Role::Param].map(|r| of(self, r));
-        let [states, discretes, actions, disturbances, parameters] = lists;
+        let [states, mut discretes, actions, disturbances, parameters] = lists;
+        discretes.extend(self.schedule_quantities());
         if states.is_empty() && !self.has_errors() {
             self.report(
                 Diagnostic::error(codes::UNDERDETERMINED, "the model has no state", smpl_dsl::span::Span::default())

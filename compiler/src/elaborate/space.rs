@@ -115,6 +115,13 @@ impl Elaborator<'_> {
         Value::of(expr, unit)
     }
 
+    /// Position of a face: what `z` means as a number inside a flux.
+    pub(super) fn face_position_value(&mut self, domain: DomainId, face: Cell) -> Value {
+        let unit = self.ends(domain).0;
+        let expr = self.face_position(domain, face);
+        Value::of(expr, unit)
+    }
+
     /// `width(z)`
     pub(super) fn cell_width(&mut self, domain: DomainId, cell: Cell) -> Value {
         let unit = self.ends(domain).0;

@@ -1,9 +1,7 @@
 //! Scalar code and loops.
 
 use cranelift_codegen::ir::condcodes::{FloatCC, IntCC};
-use cranelift_codegen::ir::{
-    AbiParam, InstBuilder, MemFlagsData, SigRef, Signature, Type, Value, types,
-};
+use cranelift_codegen::ir::{AbiParam, InstBuilder, MemFlagsData, SigRef, Signature, Type, Value, types};
 use cranelift_codegen::isa::TargetIsa;
 use cranelift_frontend::FunctionBuilder;
 
@@ -74,15 +72,7 @@ pub(super) fn emit(
     builder.append_block_params_for_function_params(entry);
     builder.switch_to_block(entry);
     let p = builder.block_params(entry);
-    let arguments = Arguments {
-        time: p[0],
-        factor: p[1],
-        y: p[2],
-        yp: p[3],
-        work: p[4],
-        out: p[5],
-        surroundings: p[6],
-    };
+    let arguments = Arguments { time: p[0], factor: p[1], y: p[2], yp: p[3], work: p[4], out: p[5], surroundings: p[6] };
     let rounding = has_rounding(isa);
     let mut columns = 0;
     let mut rest = Some(builder);
@@ -119,15 +109,8 @@ pub(super) fn emit(
 
 /// Whether rounding is an instruction; elsewhere Cranelift would call a library.
 fn has_rounding(isa: &dyn TargetIsa) -> bool {
-    let by_flag = isa
-        .isa_flags()
-        .iter()
-        .any(|f| f.name == "has_sse41" && f.as_bool() == Some(true));
-    by_flag
-        || !matches!(
-            isa.triple().architecture,
-            target_lexicon::Architecture::X86_64
-        )
+    let by_flag = isa.isa_flags().iter().any(|f| f.name == "has_sse41" && f.as_bool() == Some(true));
+    by_flag || !matches!(isa.triple().architecture, target_lexicon::Architecture::X86_64)
 }
 
 impl Emitter<'_> {
@@ -156,13 +139,7 @@ impl Emitter<'_> {
     }
 
     /// A loop of counters `from, from + step, …` below `to`; at least one pass.
-    pub(super) fn counted(
-        &mut self,
-        from: i64,
-        to: i64,
-        step: i64,
-        pass: &mut dyn FnMut(&mut Self, Value),
-    ) {
+    pub(super) fn counted(&mut self, from: i64, to: i64, step: i64, pass: &mut dyn FnMut(&mut Self, Value)) {
         let start = self.b.ins().iconst(types::I64, from);
         if from + step >= to {
             pass(self, start);
@@ -196,12 +173,7 @@ impl Emitter<'_> {
                 let value = self.node(block, expr);
                 self.values[block].insert(expr, value);
             }
-            Item::Reduce {
-                expr,
-                op,
-                body,
-                block: inner,
-            } => {
+            Item::Reduce { expr, op, body, block: inner } => {
                 let value = self.reduce(op, body, inner);
                 self.values[block].insert(expr, value);
             }
@@ -211,11 +183,7 @@ impl Emitter<'_> {
 
     /// The type of numbers in a block.
     fn number_type(&self, block: BlockId) -> Type {
-        if self.is_two(block) {
-            types::F64X2
-        } else {
-            types::F64
-        }
+        if self.is_two(block) { types::F64X2 } else { types::F64 }
     }
 
     /// Whether values of a block have two lanes.
@@ -255,9 +223,7 @@ impl Emitter<'_> {
         self.forget(inner);
         let next = self.b.ins().iadd_imm_s(counter, 1);
         let more = self.b.ins().icmp_imm_s(IntCC::SignedLessThan, next, extent);
-        self.b
-            .ins()
-            .brif(more, pass, &[next.into(), sum.into()], exit, &[sum.into()]);
+        self.b.ins().brif(more, pass, &[next.into(), sum.into()], exit, &[sum.into()]);
         self.b.switch_to_block(exit);
         result
     }
@@ -265,11 +231,7 @@ impl Emitter<'_> {
     /// A constant in the lanes of a block.
     pub(super) fn number(&mut self, block: BlockId, x: f64) -> Value {
         let one = self.b.ins().f64const(x);
-        if self.is_two(block) {
-            self.b.ins().splat(types::F64X2, one)
-        } else {
-            one
-        }
+        if self.is_two(block) { self.b.ins().splat(types::F64X2, one) } else { one }
     }
 
     /// The value of an operand in the lanes of a block.
@@ -308,10 +270,7 @@ impl Emitter<'_> {
             return self.b.ins().splat(types::F64X2, nan);
         };
         let value = if self.exprs.is_truth(expr) {
-            let (yes, no) = (
-                self.b.ins().iconst(types::I64, -1),
-                self.b.ins().iconst(types::I64, 0),
-            );
+            let (yes, no) = (self.b.ins().iconst(types::I64, -1), self.b.ins().iconst(types::I64, 0));
             let mask = self.b.ins().select(one, yes, no);
             self.b.ins().splat(types::I64X2, mask)
         } else {
@@ -334,11 +293,7 @@ impl Emitter<'_> {
                     return self.arguments.factor;
                 }
                 match self.layout.address(var, flavour) {
-                    Some(a) => self.load(
-                        block,
-                        a.base,
-                        at.plus(Affine::constant(i64::from(a.offset))),
-                    ),
+                    Some(a) => self.load(block, a.base, at.plus(Affine::constant(i64::from(a.offset)))),
                     // The schedule has refused variables without memory.
                     None => self.number(block, f64::NAN),
                 }
@@ -375,11 +330,7 @@ impl Emitter<'_> {
             }
             Expr::Not(a) => {
                 let a = self.operand(block, a);
-                if two {
-                    self.b.ins().bnot(a)
-                } else {
-                    self.b.ins().bxor_imm_u(a, 1)
-                }
+                if two { self.b.ins().bnot(a) } else { self.b.ins().bxor_imm_u(a, 1) }
             }
             Expr::Select(c, a, b) => {
                 let c = self.operand(block, c);
@@ -432,15 +383,8 @@ impl Emitter<'_> {
             UnaryFn::Round if self.rounding => self.b.ins().nearest(a),
             UnaryFn::Sign => {
                 let two = self.is_two(block);
-                let (zero, one, minus) = (
-                    self.number(block, 0.0),
-                    self.number(block, 1.0),
-                    self.number(block, -1.0),
-                );
-                let (up, down) = (
-                    self.b.ins().fcmp(FloatCC::GreaterThan, a, zero),
-                    self.b.ins().fcmp(FloatCC::LessThan, a, zero),
-                );
+                let (zero, one, minus) = (self.number(block, 0.0), self.number(block, 1.0), self.number(block, -1.0));
+                let (up, down) = (self.b.ins().fcmp(FloatCC::GreaterThan, a, zero), self.b.ins().fcmp(FloatCC::LessThan, a, zero));
                 let lower = self.select(two, down, minus, a);
                 self.select(two, up, one, lower)
             }
@@ -455,11 +399,7 @@ impl Emitter<'_> {
         let power = kernels::power_chain(n.unsigned_abs(), a, |x, y| self.b.ins().fmul(x, y));
         let one = self.number(block, 1.0);
         let power = power.unwrap_or(one);
-        if n < 0 {
-            self.b.ins().fdiv(one, power)
-        } else {
-            power
-        }
+        if n < 0 { self.b.ins().fdiv(one, power) } else { power }
     }
 
     fn binary(&mut self, block: BlockId, f: BinaryFn, a: Value, b: Value) -> Value {
@@ -491,10 +431,7 @@ impl Emitter<'_> {
         }
         let mut both = None;
         for lane in [0u8, 1] {
-            let numbers: Vec<Value> = arguments
-                .iter()
-                .map(|a| self.b.ins().extractlane(*a, lane))
-                .collect();
+            let numbers: Vec<Value> = arguments.iter().map(|a| self.b.ins().extractlane(*a, lane)).collect();
             let result = self.call_scalar(entry, &numbers);
             both = Some(match both {
                 None => self.b.ins().splat(types::F64X2, result),
@@ -523,12 +460,7 @@ impl Emitter<'_> {
 
     fn kernel(&mut self, entry: i64) -> Value {
         let offset = (entry * WORD) as i32;
-        self.b.ins().load(
-            types::I64,
-            constant_memory(),
-            self.arguments.surroundings,
-            offset,
-        )
+        self.b.ins().load(types::I64, constant_memory(), self.arguments.surroundings, offset)
     }
 
     fn signature(&mut self, arguments: usize, numbers: bool) -> SigRef {
@@ -537,9 +469,7 @@ impl Emitter<'_> {
         }
         let mut signature = Signature::new(self.b.func.signature.call_conv);
         let kind = if numbers { types::F64 } else { types::I64 };
-        signature
-            .params
-            .extend((0..arguments).map(|_| AbiParam::new(kind)));
+        signature.params.extend((0..arguments).map(|_| AbiParam::new(kind)));
         if numbers {
             signature.returns.push(AbiParam::new(types::F64));
         }
@@ -551,11 +481,7 @@ impl Emitter<'_> {
     /// Properties of loads: in place, memory changes under the function.
     pub(super) fn flags(&self, two: bool) -> MemFlagsData {
         let flags = MemFlagsData::new().with_notrap();
-        let flags = if self.in_place {
-            flags
-        } else {
-            flags.with_readonly().with_can_move()
-        };
+        let flags = if self.in_place { flags } else { flags.with_readonly().with_can_move() };
         if two { flags } else { flags.with_aligned() }
     }
 
@@ -574,8 +500,7 @@ impl Emitter<'_> {
             }
             stride => {
                 let first = self.b.ins().load(types::F64, flags, pointer, offset);
-                let (pointer, offset) =
-                    self.pointer(block, base, at.plus(Affine::constant(stride)));
+                let (pointer, offset) = self.pointer(block, base, at.plus(Affine::constant(stride)));
                 let second = self.b.ins().load(types::F64, flags, pointer, offset);
                 let both = self.b.ins().splat(types::F64X2, first);
                 self.b.ins().insertlane(both, second, 1u8)
@@ -588,9 +513,7 @@ impl Emitter<'_> {
         let Lanes::Two(block) = self.lanes else {
             return 0;
         };
-        self.schedule.blocks[block]
-            .counter
-            .map_or(0, |c| at.strides[c as usize])
+        self.schedule.blocks[block].counter.map_or(0, |c| at.strides[c as usize])
     }
 
     /// Pointer and constant offset in bytes of an element of 8 bytes.
@@ -638,9 +561,7 @@ impl Emitter<'_> {
             };
             let bytes = stride * size;
             let distance = if bytes > 0 && bytes.count_ones() == 1 {
-                self.b
-                    .ins()
-                    .ishl_imm_u(counter, i64::from(bytes.trailing_zeros()))
+                self.b.ins().ishl_imm_u(counter, i64::from(bytes.trailing_zeros()))
             } else {
                 self.b.ins().imul_imm_s(counter, bytes)
             };
@@ -650,48 +571,38 @@ impl Emitter<'_> {
     }
 
     fn store(&mut self, block: BlockId, sink: Sink, value: ExprId) {
-        let truth = self.exprs.is_truth(value);
-        let mut value = self.operand(block, value);
-        if truth {
-            let (one, zero) = (self.number(block, 1.0), self.number(block, 0.0));
-            value = self.select(self.is_two(block), value, one, zero);
-        }
+        let value = self.as_number(block, value);
         match sink {
             Sink::Out(at) => self.store_at(block, Base::Out, at, value),
             Sink::Var(var, at) => {
                 if let Some(a) = self.layout.address(var, Flavour::Value) {
-                    self.store_at(
-                        block,
-                        a.base,
-                        at.plus(Affine::constant(i64::from(a.offset))),
-                        value,
-                    );
+                    self.store_at(block, a.base, at.plus(Affine::constant(i64::from(a.offset))), value);
                 }
             }
-            Sink::Table {
-                table,
-                index,
-                plus,
-                add,
-            } => {
+            Sink::Table { table, index, plus, add } => {
                 let index = index.plus(Affine::constant(i64::from(table)));
                 if !self.is_two(block) {
                     self.store_slot(block, index, plus, add, value);
                     return;
                 }
                 for lane in [0u8, 1] {
-                    let step = |at: Affine, stride: i64| {
-                        at.plus(Affine::constant(stride * i64::from(lane)))
-                    };
+                    let step = |at: Affine, stride: i64| at.plus(Affine::constant(stride * i64::from(lane)));
                     let number = self.b.ins().extractlane(value, lane);
-                    let (index, plus) = (
-                        step(index, self.lane_stride(index)),
-                        step(plus, self.lane_stride(plus)),
-                    );
+                    let (index, plus) = (step(index, self.lane_stride(index)), step(plus, self.lane_stride(plus)));
                     self.store_slot(block, index, plus, add, number);
                 }
             }
         }
+    }
+
+    /// The value of an operand, a truth value as 1 or 0.
+    pub(super) fn as_number(&mut self, block: BlockId, expr: ExprId) -> Value {
+        let value = self.operand(block, expr);
+        if !self.exprs.is_truth(expr) {
+            return value;
+        }
+        let (one, zero) = (self.number(block, 1.0), self.number(block, 0.0));
+        self.select(self.is_two(block), value, one, zero)
     }
 
     fn store_at(&mut self, block: BlockId, base: Base, at: Affine, value: Value) {
@@ -703,11 +614,7 @@ impl Emitter<'_> {
         }
         let stride = self.lane_stride(at);
         for lane in [0u8, 1] {
-            let (pointer, offset) = self.pointer(
-                block,
-                base,
-                at.plus(Affine::constant(stride * i64::from(lane))),
-            );
+            let (pointer, offset) = self.pointer(block, base, at.plus(Affine::constant(stride * i64::from(lane))));
             let number = self.b.ins().extractlane(value, lane);
             self.b.ins().store(flags, number, pointer, offset);
         }
@@ -716,12 +623,7 @@ impl Emitter<'_> {
     /// Stores at `tables[index] + plus` of the output, or adds there.
     fn store_slot(&mut self, block: BlockId, index: Affine, plus: Affine, add: bool, value: Value) {
         let tables_at = (std::mem::size_of::<KernelTable>()) as i32;
-        let tables = self.b.ins().load(
-            types::I64,
-            constant_memory(),
-            self.arguments.surroundings,
-            tables_at,
-        );
+        let tables = self.b.ins().load(types::I64, constant_memory(), self.arguments.surroundings, tables_at);
         let entry = self.advance(block, tables, index.strides, 4);
         let entry = self.b.ins().iadd_imm_s(entry, index.offset * 4);
         let slot = self.b.ins().uload32(constant_memory(), entry, 0);
@@ -741,10 +643,7 @@ impl Emitter<'_> {
 
 /// Memory that never changes.
 fn constant_memory() -> MemFlagsData {
-    MemFlagsData::new()
-        .with_notrap()
-        .with_readonly()
-        .with_can_move()
+    MemFlagsData::new().with_notrap().with_readonly().with_can_move()
 }
 
 /// Place of `pow` in the table of kernels; `atan2` and the two array versions follow.

@@ -32,36 +32,19 @@ impl Executable {
             len += piece.len().next_multiple_of(ALIGNMENT);
         }
         if len == 0 {
-            return Ok(Executable {
-                start: None,
-                len,
-                offsets,
-            });
+            return Ok(Executable { start: None, len, offsets });
         }
-        let (protection, flags) = (
-            libc::PROT_READ | libc::PROT_WRITE,
-            libc::MAP_PRIVATE | libc::MAP_ANONYMOUS,
-        );
+        let (protection, flags) = (libc::PROT_READ | libc::PROT_WRITE, libc::MAP_PRIVATE | libc::MAP_ANONYMOUS);
         // SAFETY: a new anonymous mapping touches no other memory.
         let start = unsafe { libc::mmap(std::ptr::null_mut(), len, protection, flags, -1, 0) };
         if start == libc::MAP_FAILED {
             return Err(io::Error::last_os_error());
         }
-        let executable = Executable {
-            start: NonNull::new(start.cast()),
-            len,
-            offsets,
-        };
+        let executable = Executable { start: NonNull::new(start.cast()), len, offsets };
         for (piece, offset) in pieces.iter().zip(&executable.offsets) {
             if let Some(offset) = offset {
                 // SAFETY: offset + piece.len() <= len, and nothing else points into the new mapping.
-                unsafe {
-                    std::ptr::copy_nonoverlapping(
-                        piece.as_ptr(),
-                        start.cast::<u8>().add(*offset),
-                        piece.len(),
-                    )
-                };
+                unsafe { std::ptr::copy_nonoverlapping(piece.as_ptr(), start.cast::<u8>().add(*offset), piece.len()) };
             }
         }
         // SAFETY: the mapping made above, whole.
@@ -90,8 +73,7 @@ impl Executable {
     pub fn address(&self, piece: usize) -> Option<*const u8> {
         let offset = self.offsets.get(piece).copied().flatten()?;
         // SAFETY: offsets lie inside of the mapping.
-        self.start
-            .map(|s| unsafe { s.as_ptr().add(offset).cast_const() })
+        self.start.map(|s| unsafe { s.as_ptr().add(offset).cast_const() })
     }
 
     /// Bytes mapped.

@@ -151,31 +151,15 @@ impl Program {
     pub(crate) fn job(&self) -> Job {
         let sink = |place: Place, at: Affine| match place {
             Place::Out => Sink::Out(at),
-            Place::OutSlots(table) => Sink::Table {
-                table,
-                index: at,
-                plus: Affine::default(),
-                add: false,
-            },
+            Place::OutSlots(table) => Sink::Table { table, index: at, plus: Affine::default(), add: false },
             Place::Var(var) => Sink::Var(var, at),
         };
         let tasks = self.nests.iter().map(|nest| Task {
             loops: (0..).zip(nest.extents.iter().copied()).collect(),
-            stores: nest
-                .stores
-                .iter()
-                .map(|s| (sink(s.target.place, s.target.at), s.value))
-                .collect(),
+            stores: nest.stores.iter().map(|s| (sink(s.target.place, s.target.at), s.value)).collect(),
         });
-        let stages = if self.in_place {
-            tasks.map(|t| vec![t]).collect()
-        } else {
-            vec![tasks.collect()]
-        };
-        Job {
-            stages,
-            in_place: self.in_place,
-        }
+        let stages = if self.in_place { tasks.map(|t| vec![t]).collect() } else { vec![tasks.collect()] };
+        Job { stages, in_place: self.in_place }
     }
 }
 
@@ -190,16 +174,8 @@ impl Job {
     ///
     /// # Errors
     /// If the job addresses what it cannot have.
-    pub fn schedules(
-        &self,
-        exprs: &Exprs,
-        layout: &Layout,
-        access: Access,
-    ) -> Result<Vec<Schedule>, ScheduleError> {
-        self.stages
-            .iter()
-            .map(|tasks| Builder::new(exprs, layout, access).build(tasks, self.in_place))
-            .collect()
+    pub fn schedules(&self, exprs: &Exprs, layout: &Layout, access: Access) -> Result<Vec<Schedule>, ScheduleError> {
+        self.stages.iter().map(|tasks| Builder::new(exprs, layout, access).build(tasks, self.in_place)).collect()
     }
 }
 
@@ -255,33 +231,13 @@ struct Builder<'a> {
 
 impl<'a> Builder<'a> {
     fn new(exprs: &'a Exprs, layout: &'a Layout, access: Access) -> Self {
-        let root = Block {
-            parent: None,
-            counter: None,
-            extent: 1,
-            items: vec![],
-            children: vec![],
-            leaf: false,
-        };
-        let schedule = Schedule {
-            blocks: vec![root],
-            floor: 0,
-        };
-        Builder {
-            exprs,
-            layout,
-            access,
-            schedule,
-            placed: FastSet::default(),
-            bodies: vec![],
-        }
+        let root = Block { parent: None, counter: None, extent: 1, items: vec![], children: vec![], leaf: false };
+        let schedule = Schedule { blocks: vec![root], floor: 0 };
+        Builder { exprs, layout, access, schedule, placed: FastSet::default(), bodies: vec![] }
     }
 
     fn build(mut self, tasks: &[Task], in_place: bool) -> Result<Schedule, ScheduleError> {
-        for task in tasks
-            .iter()
-            .filter(|t| t.loops.iter().all(|&(_, extent)| extent > 0))
-        {
+        for task in tasks.iter().filter(|t| t.loops.iter().all(|&(_, extent)| extent > 0)) {
             let block = self.nest(&task.loops);
             if in_place {
                 self.schedule.floor = block;
@@ -292,9 +248,7 @@ impl<'a> Builder<'a> {
             for &(sink, value) in &task.stores {
                 self.place(block, value)?;
                 self.check_sink(block, sink)?;
-                self.schedule.blocks[block]
-                    .items
-                    .push(Item::Store(sink, value));
+                self.schedule.blocks[block].items.push(Item::Store(sink, value));
             }
         }
         Ok(self.schedule)
@@ -314,14 +268,7 @@ impl<'a> Builder<'a> {
                 Some(&child) => child,
                 None => {
                     let child = blocks.len();
-                    blocks.push(Block {
-                        parent: Some(at),
-                        counter: Some(counter),
-                        extent,
-                        items: vec![],
-                        children: vec![],
-                        leaf,
-                    });
+                    blocks.push(Block { parent: Some(at), counter: Some(counter), extent, items: vec![], children: vec![], leaf });
                     blocks[at].children.push(child);
                     child
                 }
@@ -348,23 +295,10 @@ impl<'a> Builder<'a> {
             }
             self.check_node(home, expr, node)?;
             stack.push((home, expr, true));
-            if let Expr::Reduce {
-                depth,
-                extent,
-                body,
-                ..
-            } = node
-            {
+            if let Expr::Reduce { depth, extent, body, .. } = node {
                 let blocks = &mut self.schedule.blocks;
                 let inner = blocks.len();
-                blocks.push(Block {
-                    parent: Some(home),
-                    counter: Some(depth.0),
-                    extent,
-                    items: vec![],
-                    children: vec![],
-                    leaf: false,
-                });
+                blocks.push(Block { parent: Some(home), counter: Some(depth.0), extent, items: vec![], children: vec![], leaf: false });
                 self.bodies.push((home, expr, inner));
                 stack.push((inner, body, false));
             } else {
@@ -378,21 +312,10 @@ impl<'a> Builder<'a> {
 
     fn finish(&mut self, home: BlockId, expr: ExprId, node: Expr) {
         let item = match node {
-            Expr::Reduce { op, body, .. } => {
-                match self
-                    .bodies
-                    .iter()
-                    .rposition(|&(h, e, _)| h == home && e == expr)
-                {
-                    Some(i) => Item::Reduce {
-                        expr,
-                        op,
-                        body,
-                        block: self.bodies.swap_remove(i).2,
-                    },
-                    None => return,
-                }
-            }
+            Expr::Reduce { op, body, .. } => match self.bodies.iter().rposition(|&(h, e, _)| h == home && e == expr) {
+                Some(i) => Item::Reduce { expr, op, body, block: self.bodies.swap_remove(i).2 },
+                None => return,
+            },
             _ => Item::Eval(expr),
         };
         self.schedule.blocks[home].items.push(item);
@@ -401,9 +324,7 @@ impl<'a> Builder<'a> {
     fn check_node(&self, block: BlockId, expr: ExprId, node: Expr) -> Result<(), ScheduleError> {
         let function = self.access.name;
         let free = self.exprs.free(expr);
-        if let Some(counter) =
-            (0..MAX_DEPTH as u8).find(|c| free & (1 << c) != 0 && self.extent(block, *c).is_none())
-        {
+        if let Some(counter) = (0..MAX_DEPTH as u8).find(|c| free & (1 << c) != 0 && self.extent(block, *c).is_none()) {
             return Err(ScheduleError::Unbound { function, counter });
         }
         let Expr::Load { var, flavour, at } = node else {
@@ -416,36 +337,23 @@ impl<'a> Builder<'a> {
             other => other.is_some(),
         };
         if !has {
-            return Err(ScheduleError::Unavailable {
-                function,
-                variable: format!("{var} ({flavour:?})"),
-            });
+            return Err(ScheduleError::Unavailable { function, variable: format!("{var} ({flavour:?})") });
         }
-        self.check_range(block, at, i64::from(self.layout.elements(var)), || {
-            var.to_string()
-        })
+        self.check_range(block, at, i64::from(self.layout.elements(var)), || var.to_string())
     }
 
     fn check_sink(&self, block: BlockId, sink: Sink) -> Result<(), ScheduleError> {
         let function = self.access.name;
         match sink {
-            Sink::Out(at) => {
-                self.check_range(block, at, self.access.out as i64, || "the output".into())
-            }
+            Sink::Out(at) => self.check_range(block, at, self.access.out as i64, || "the output".into()),
             // Tables are made together with the tasks that use them, from the same loops.
             Sink::Table { .. } => Ok(()),
             Sink::Var(var, at) => {
                 let variable = var.to_string();
                 match self.layout.address(var, crate::ir::Flavour::Value) {
-                    Some(Address { base: Base::Y, .. }) if !self.access.y => {
-                        Err(ScheduleError::Unavailable { function, variable })
-                    }
+                    Some(Address { base: Base::Y, .. }) if !self.access.y => Err(ScheduleError::Unavailable { function, variable }),
                     None => Err(ScheduleError::Unavailable { function, variable }),
-                    Some(_) => {
-                        self.check_range(block, at, i64::from(self.layout.elements(var)), || {
-                            variable
-                        })
-                    }
+                    Some(_) => self.check_range(block, at, i64::from(self.layout.elements(var)), || variable),
                 }
             }
         }
@@ -463,13 +371,7 @@ impl<'a> Builder<'a> {
         None
     }
 
-    fn check_range(
-        &self,
-        block: BlockId,
-        at: Affine,
-        len: i64,
-        what: impl FnOnce() -> String,
-    ) -> Result<(), ScheduleError> {
+    fn check_range(&self, block: BlockId, at: Affine, len: i64, what: impl FnOnce() -> String) -> Result<(), ScheduleError> {
         let function = self.access.name;
         let (mut low, mut high) = (at.offset, at.offset);
         for (counter, &stride) in (0..).zip(&at.strides).filter(|(_, s)| **s != 0) {
@@ -484,13 +386,7 @@ impl<'a> Builder<'a> {
             high += reach.max(0);
         }
         if low < 0 || high >= len {
-            return Err(ScheduleError::OutOfRange {
-                function,
-                what: what(),
-                low,
-                high,
-                len,
-            });
+            return Err(ScheduleError::OutOfRange { function, what: what(), low, high, len });
         }
         Ok(())
     }

@@ -4,6 +4,7 @@
 //! columns of working memory, array kernels are applied to whole columns, the next phase goes on. What an earlier phase
 //! computed and a later one needs is kept in a column too; loads are repeated.
 
+use cranelift_codegen::ir::condcodes::FloatCC;
 use cranelift_codegen::ir::{InstBuilder, MemFlagsData, Value, types};
 
 use super::body::{Emitter, Lanes, WORD, pow_entry};
@@ -46,16 +47,12 @@ impl Emitter<'_> {
     pub(super) fn wide_loop(&mut self, block: BlockId) {
         let extent = self.schedule.blocks[block].extent;
         let phases = self.phases(block);
-        self.columns = self
-            .columns
-            .max((phases.column.len() + phases.first.len()) as u32 * column_length(extent));
+        self.columns = self.columns.max((phases.column.len() + phases.first.len()) as u32 * column_length(extent));
         for phase in 0..phases.count {
             self.spread(block, &phases, phase);
             let pairs = i64::from(extent & !1);
             self.lanes = Lanes::Two(block);
-            self.counted(0, pairs, 2, &mut |emitter, counter| {
-                emitter.pass(block, &phases, phase, counter)
-            });
+            self.counted(0, pairs, 2, &mut |emitter, counter| emitter.pass(block, &phases, phase, counter));
             self.lanes = Lanes::One;
             if extent % 2 == 1 {
                 let last = self.b.ins().iconst(types::I64, pairs);
@@ -70,21 +67,13 @@ impl Emitter<'_> {
 
     /// Finds the phase of every item.
     fn phases(&self, block: BlockId) -> Phases {
-        let mut phases = Phases {
-            count: 1,
-            ..Phases::default()
-        };
+        let mut phases = Phases { count: 1, ..Phases::default() };
         for item in &self.schedule.blocks[block].items {
             let expr = match *item {
                 Item::Eval(expr) | Item::Reduce { expr, .. } => expr,
                 Item::Store(..) => continue,
             };
-            let phase = self
-                .needs(block, *item)
-                .into_iter()
-                .map(|o| self.ready(&phases, o))
-                .max()
-                .unwrap_or(0);
+            let phase = self.needs(block, *item).into_iter().map(|o| self.ready(&phases, o)).max().unwrap_or(0);
             phases.of.insert(expr, phase);
             if is_function(self.exprs.node(expr)) {
                 phases.functions.push(expr);
@@ -95,29 +84,16 @@ impl Emitter<'_> {
         let length = column_length(self.schedule.blocks[block].extent);
         let start = self.layout.columns();
         let results = phases.functions.iter().chain(&phases.kept).copied();
-        phases.column = results
-            .zip(0u32..)
-            .map(|(expr, i)| (expr, start + i * length))
-            .collect();
-        let pairs = phases
-            .functions
-            .iter()
-            .copied()
-            .filter(|f| matches!(self.exprs.node(*f), Expr::Binary(..)));
+        phases.column = results.zip(0u32..).map(|(expr, i)| (expr, start + i * length)).collect();
+        let pairs = phases.functions.iter().copied().filter(|f| matches!(self.exprs.node(*f), Expr::Binary(..)));
         let next = phases.column.len() as u32;
-        phases.first = pairs
-            .zip(next..)
-            .map(|(expr, i)| (expr, start + i * length))
-            .collect();
+        phases.first = pairs.zip(next..).map(|(expr, i)| (expr, start + i * length)).collect();
         phases
     }
 
     /// First phase in which a value can be used.
     fn ready(&self, phases: &Phases, expr: ExprId) -> usize {
-        phases
-            .of
-            .get(&expr)
-            .map_or(0, |p| p + usize::from(is_function(self.exprs.node(expr))))
+        phases.of.get(&expr).map_or(0, |p| p + usize::from(is_function(self.exprs.node(expr))))
     }
 
     /// Marks the values that have to live from one phase to a later one.
@@ -139,29 +115,21 @@ impl Emitter<'_> {
     /// Phase in which an item is done.
     fn phase_of(&self, phases: &Phases, item: Item) -> usize {
         match item {
-            Item::Eval(expr) | Item::Reduce { expr, .. } => {
-                phases.of.get(&expr).copied().unwrap_or(0)
-            }
+            Item::Eval(expr) | Item::Reduce { expr, .. } => phases.of.get(&expr).copied().unwrap_or(0),
             Item::Store(_, value) => self.ready(phases, value),
         }
     }
 
     /// The values of the loop that an item uses, also inside of reductions.
     fn needs(&self, block: BlockId, item: Item) -> Vec<ExprId> {
-        let here = |e: &ExprId| {
-            !is_immediate(self.exprs.node(*e)) && self.schedule.home(self.exprs, block, *e) == block
-        };
+        let here = |e: &ExprId| !is_immediate(self.exprs.node(*e)) && self.schedule.home(self.exprs, block, *e) == block;
         match item {
             Item::Eval(expr) => self.exprs.operands(expr).filter(here).collect(),
             Item::Store(_, value) => Some(value).into_iter().filter(here).collect(),
-            Item::Reduce {
-                body, block: inner, ..
-            } => {
+            Item::Reduce { body, block: inner, .. } => {
                 let mut needed = vec![];
                 let mut visit = |from: BlockId, e: ExprId| {
-                    if !is_immediate(self.exprs.node(e))
-                        && self.schedule.home(self.exprs, from, e) == block
-                    {
+                    if !is_immediate(self.exprs.node(e)) && self.schedule.home(self.exprs, from, e) == block {
                         needed.push(e);
                     }
                 };
@@ -170,9 +138,7 @@ impl Emitter<'_> {
                     visit(inner, body);
                     for item in &self.schedule.blocks[inner].items {
                         match *item {
-                            Item::Eval(expr) => {
-                                self.exprs.operands(expr).for_each(|o| visit(inner, o))
-                            }
+                            Item::Eval(expr) => self.exprs.operands(expr).for_each(|o| visit(inner, o)),
                             Item::Reduce { body, block, .. } => blocks.push((block, body)),
                             Item::Store(..) => {}
                         }
@@ -222,20 +188,15 @@ impl Emitter<'_> {
                 self.fetch(block, phases, phase, needed);
             }
             match *item {
-                Item::Eval(expr) if is_function(self.exprs.node(expr)) => {
-                    self.write_arguments(block, phases, expr)
-                }
+                Item::Eval(expr) if is_function(self.exprs.node(expr)) => self.write_arguments(block, phases, expr),
                 // Loads are written when they are needed, in each phase.
                 Item::Eval(expr) if is_repeated(self.exprs.node(expr)) => {}
                 Item::Eval(expr) | Item::Reduce { expr, .. } => {
                     self.item(block, *item);
-                    let kept = phases
-                        .kept
-                        .contains(&expr)
-                        .then(|| phases.column.get(&expr))
-                        .flatten();
-                    if let (Some(&column), Some(&value)) = (kept, self.values[block].get(&expr)) {
-                        self.write_column(block, column, value);
+                    let kept = phases.kept.contains(&expr).then(|| phases.column.get(&expr)).flatten();
+                    if let Some(&column) = kept {
+                        let number = self.as_number(block, expr);
+                        self.write_column(block, column, number);
                     }
                 }
                 Item::Store(..) => self.item(block, *item),
@@ -255,7 +216,7 @@ impl Emitter<'_> {
             self.node(block, expr)
         } else if earlier {
             match phases.column.get(&expr) {
-                Some(&column) => self.read_column(block, column),
+                Some(&column) => self.read_column(block, column, expr),
                 None => return,
             }
         } else {
@@ -272,26 +233,23 @@ impl Emitter<'_> {
         at
     }
 
-    fn read_column(&mut self, block: BlockId, column: u32) -> Value {
+    fn read_column(&mut self, block: BlockId, column: u32, expr: ExprId) -> Value {
         let at = self.column_at(block, column);
         let (pointer, offset) = self.pointer(block, Base::Work, at);
-        let kind = if self.is_two(block) {
-            types::F64X2
-        } else {
-            types::F64
-        };
+        let kind = if self.is_two(block) { types::F64X2 } else { types::F64 };
         // Columns change between phases.
-        self.b
-            .ins()
-            .load(kind, MemFlagsData::new().with_notrap(), pointer, offset)
+        let number = self.b.ins().load(kind, MemFlagsData::new().with_notrap(), pointer, offset);
+        if !self.exprs.is_truth(expr) {
+            return number;
+        }
+        let zero = self.number(block, 0.0);
+        self.b.ins().fcmp(FloatCC::NotEqual, number, zero)
     }
 
     fn write_column(&mut self, block: BlockId, column: u32, value: Value) {
         let at = self.column_at(block, column);
         let (pointer, offset) = self.pointer(block, Base::Work, at);
-        self.b
-            .ins()
-            .store(MemFlagsData::new().with_notrap(), value, pointer, offset);
+        self.b.ins().store(MemFlagsData::new().with_notrap(), value, pointer, offset);
     }
 
     fn write_arguments(&mut self, block: BlockId, phases: &Phases, expr: ExprId) {
@@ -307,11 +265,7 @@ impl Emitter<'_> {
     }
 
     fn column_pointer(&mut self, column: Option<&u32>) -> Option<Value> {
-        column.map(|&c| {
-            self.b
-                .ins()
-                .iadd_imm_s(self.arguments.work, i64::from(c) * WORD)
-        })
+        column.map(|&c| self.b.ins().iadd_imm_s(self.arguments.work, i64::from(c) * WORD))
     }
 
     fn apply(&mut self, block: BlockId, phases: &Phases, expr: ExprId) {
@@ -347,13 +301,7 @@ fn column_length(extent: u32) -> u32 {
 fn is_function(node: Expr) -> bool {
     match node {
         // Rounding and signs are a few instructions.
-        Expr::Unary(f, _) => {
-            kernels::index(f).is_some()
-                && !matches!(
-                    f,
-                    UnaryFn::Floor | UnaryFn::Ceil | UnaryFn::Round | UnaryFn::Sign
-                )
-        }
+        Expr::Unary(f, _) => kernels::index(f).is_some() && !matches!(f, UnaryFn::Floor | UnaryFn::Ceil | UnaryFn::Round | UnaryFn::Sign),
         Expr::Binary(f, ..) => matches!(f, BinaryFn::Pow | BinaryFn::Atan2),
         _ => false,
     }

@@ -23,9 +23,7 @@ pub const MAX_DEPTH: usize = 4;
 pub struct LoopVar(pub u8);
 
 /// Element of an array as an affine function of the loop counters: `offset + Σ strides[d]·l_d`.
-#[derive(
-    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize,
-)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Affine {
     /// Constant part, in elements.
     pub offset: i64,
@@ -37,10 +35,7 @@ impl Affine {
     /// The constant address.
     #[must_use]
     pub fn constant(offset: i64) -> Self {
-        Affine {
-            offset,
-            strides: [0; MAX_DEPTH],
-        }
+        Affine { offset, strides: [0; MAX_DEPTH] }
     }
 
     /// `offset + stride·l_depth`
@@ -65,10 +60,7 @@ impl Affine {
     /// The address times a number.
     #[must_use]
     pub fn times(self, factor: i64) -> Self {
-        Affine {
-            offset: self.offset * factor,
-            strides: self.strides.map(|s| s * factor),
-        }
+        Affine { offset: self.offset * factor, strides: self.strides.map(|s| s * factor) }
     }
 
     /// Whether no loop counter occurs.
@@ -80,22 +72,13 @@ impl Affine {
     /// One more than the deepest loop that occurs; 0 for a constant.
     #[must_use]
     pub fn depth(&self) -> u8 {
-        (0..MAX_DEPTH)
-            .rev()
-            .find(|&d| self.strides[d] != 0)
-            .map_or(0, |d| d as u8 + 1)
+        (0..MAX_DEPTH).rev().find(|&d| self.strides[d] != 0).map_or(0, |d| d as u8 + 1)
     }
 
     /// The element at given counters.
     #[must_use]
     pub fn at(&self, counters: &[i64; MAX_DEPTH]) -> i64 {
-        self.offset
-            + self
-                .strides
-                .iter()
-                .zip(counters)
-                .map(|(s, c)| s * c)
-                .sum::<i64>()
+        self.offset + self.strides.iter().zip(counters).map(|(s, c)| s * c).sum::<i64>()
     }
 }
 
@@ -187,11 +170,7 @@ pub enum Expr {
     /// A loop counter as a number.
     Counter(LoopVar),
     /// An element of a variable.
-    Load {
-        var: VarId,
-        flavour: Flavour,
-        at: Affine,
-    },
+    Load { var: VarId, flavour: Flavour, at: Affine },
     /// A function of one number.
     Unary(UnaryFn, ExprId),
     /// A function of two numbers.
@@ -209,12 +188,7 @@ pub enum Expr {
     /// The second where the first (a truth value) holds, else the third. Both are evaluated.
     Select(ExprId, ExprId, ExprId),
     /// Reduction of `body` over the loop at `depth`, of `extent` passes; `body` may use that counter, nothing outside may.
-    Reduce {
-        op: ReduceFn,
-        depth: LoopVar,
-        extent: u32,
-        body: ExprId,
-    },
+    Reduce { op: ReduceFn, depth: LoopVar, extent: u32, body: ExprId },
 }
 
 /// The arena of nodes; equal nodes are one.
@@ -296,10 +270,7 @@ impl Exprs {
     /// Whether the node has a truth value.
     #[must_use]
     pub fn is_truth(&self, id: ExprId) -> bool {
-        matches!(
-            self.nodes[id],
-            Expr::Truth(_) | Expr::Compare(..) | Expr::And(..) | Expr::Or(..) | Expr::Not(_)
-        )
+        matches!(self.nodes[id], Expr::Truth(_) | Expr::Compare(..) | Expr::And(..) | Expr::Or(..) | Expr::Not(_))
     }
 
     /// The nodes that a node uses directly.
@@ -310,13 +281,9 @@ impl Exprs {
 
     fn operands_of(node: Expr) -> impl Iterator<Item = ExprId> {
         let (n, ops) = match node {
-            Expr::Const(_) | Expr::Truth(_) | Expr::Time | Expr::Counter(_) | Expr::Load { .. } => {
-                (0, [ExprId(0); 3])
-            }
+            Expr::Const(_) | Expr::Truth(_) | Expr::Time | Expr::Counter(_) | Expr::Load { .. } => (0, [ExprId(0); 3]),
             Expr::Unary(_, a) | Expr::PowInt(a, _) | Expr::Not(a) => (1, [a; 3]),
-            Expr::Binary(_, a, b) | Expr::Compare(_, a, b) | Expr::And(a, b) | Expr::Or(a, b) => {
-                (2, [a, b, b])
-            }
+            Expr::Binary(_, a, b) | Expr::Compare(_, a, b) | Expr::And(a, b) | Expr::Or(a, b) => (2, [a, b, b]),
             Expr::Select(c, a, b) => (3, [c, a, b]),
             Expr::Reduce { body, .. } => (1, [body; 3]),
         };
@@ -329,10 +296,7 @@ impl Exprs {
         }
         let free = match node {
             Expr::Counter(v) => 1 << v.0,
-            Expr::Load { at, .. } => (0..MAX_DEPTH)
-                .filter(|&d| at.strides[d] != 0)
-                .map(|d| 1 << d)
-                .sum(),
+            Expr::Load { at, .. } => (0..MAX_DEPTH).filter(|&d| at.strides[d] != 0).map(|d| 1 << d).sum(),
             Expr::Reduce { depth, body, .. } => self.free[body] & !(1 << depth.0),
             _ => Self::operands_of(node).fold(0, |mask, o| mask | self.free[o]),
         };
@@ -572,12 +536,7 @@ impl Exprs {
         if extent == 1 {
             return self.shift(body, depth, 0);
         }
-        self.intern(Expr::Reduce {
-            op,
-            depth,
-            extent,
-            body,
-        })
+        self.intern(Expr::Reduce { op, depth, extent, body })
     }
 
     /// The body of a loop at one value of its counter: `l_depth := value`.
@@ -585,15 +544,9 @@ impl Exprs {
         let d = depth.0 as usize;
         self.rewrite(e, &mut HashMap::new(), &mut |exprs, node| match node {
             // A reduction may bind the same counter again: inside, it is another one.
-            Expr::Reduce {
-                body, depth: bound, ..
-            } if bound == depth || exprs.free(body) & (1 << d) == 0 => Some(exprs.raw(node)),
+            Expr::Reduce { body, depth: bound, .. } if bound == depth || exprs.free(body) & (1 << d) == 0 => Some(exprs.raw(node)),
             Expr::Counter(v) if v == depth => Some(exprs.constant(value as f64)),
-            Expr::Load {
-                var,
-                flavour,
-                mut at,
-            } if at.strides[d] != 0 => {
+            Expr::Load { var, flavour, mut at } if at.strides[d] != 0 => {
                 at.offset += at.strides[d] * value;
                 at.strides[d] = 0;
                 Some(exprs.load(var, flavour, at))
@@ -624,11 +577,7 @@ impl Exprs {
                 done.insert(id, replaced);
             } else {
                 stack.push((id, true));
-                stack.extend(
-                    Self::operands_of(node)
-                        .filter(|o| !done.contains_key(o))
-                        .map(|o| (o, false)),
-                );
+                stack.extend(Self::operands_of(node).filter(|o| !done.contains_key(o)).map(|o| (o, false)));
             }
         }
         done.get(&e).copied().unwrap_or(e)
@@ -637,9 +586,7 @@ impl Exprs {
     /// The node with other operands, simplified; leaves as they are.
     pub fn rebuild(&mut self, node: Expr, operand: impl Fn(ExprId) -> ExprId) -> ExprId {
         match node {
-            Expr::Const(_) | Expr::Truth(_) | Expr::Time | Expr::Counter(_) | Expr::Load { .. } => {
-                self.intern(node)
-            }
+            Expr::Const(_) | Expr::Truth(_) | Expr::Time | Expr::Counter(_) | Expr::Load { .. } => self.intern(node),
             Expr::Unary(f, a) => self.unary(f, operand(a)),
             Expr::PowInt(a, n) => self.powi(operand(a), n),
             Expr::Not(a) => self.not(operand(a)),
@@ -648,12 +595,7 @@ impl Exprs {
             Expr::And(a, b) => self.and(operand(a), operand(b)),
             Expr::Or(a, b) => self.or(operand(a), operand(b)),
             Expr::Select(c, a, b) => self.select(operand(c), operand(a), operand(b)),
-            Expr::Reduce {
-                op,
-                depth,
-                extent,
-                body,
-            } => self.reduce(op, depth, extent, operand(body)),
+            Expr::Reduce { op, depth, extent, body } => self.reduce(op, depth, extent, operand(body)),
         }
     }
 }

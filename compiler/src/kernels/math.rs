@@ -61,10 +61,7 @@ fn scale(p: f64, n: i64) -> f64 {
 #[inline(always)]
 fn halvings(x: f64) -> (f64, i64) {
     let shifted = x.mul_add(LOG2_E, ROUNDER);
-    (
-        shifted - ROUNDER,
-        shifted.to_bits().wrapping_sub(ROUNDER.to_bits()) as i64,
-    )
+    (shifted - ROUNDER, shifted.to_bits().wrapping_sub(ROUNDER.to_bits()) as i64)
 }
 
 /// The number, or the bound that it passes; NaN stays.
@@ -126,8 +123,7 @@ fn ln_sum(x: f64) -> (f64, f64) {
     let z_tail = s.mul_add(s, -z) + 2.0 * s * s_tail;
     let (third, third_tail) = (2.0 / 3.0, 3.700_743_415_417_188e-17);
     let a = third * z;
-    let a_tail =
-        f64::mul_add(third, z, -a) + third_tail * z + third * z_tail + z * z * artanh_tail(z);
+    let a_tail = f64::mul_add(third, z, -a) + third_tail * z + third * z_tail + z * z * artanh_tail(z);
     let q = 2.0 + a;
     let q_tail = (a - (q - 2.0)) + a_tail;
     let l = s * q;
@@ -143,19 +139,8 @@ fn ln_sum(x: f64) -> (f64, f64) {
 /// `2/5 + 2/7 z + 2/9 z² + …` for z <= 0.0295; remainder 2e-20 of the whole logarithm.
 #[inline(always)]
 fn artanh_tail(z: f64) -> f64 {
-    const C: [f64; 11] = [
-        2.0 / 5.0,
-        2.0 / 7.0,
-        2.0 / 9.0,
-        2.0 / 11.0,
-        2.0 / 13.0,
-        2.0 / 15.0,
-        2.0 / 17.0,
-        2.0 / 19.0,
-        2.0 / 21.0,
-        2.0 / 23.0,
-        2.0 / 25.0,
-    ];
+    const C: [f64; 11] =
+        [2.0 / 5.0, 2.0 / 7.0, 2.0 / 9.0, 2.0 / 11.0, 2.0 / 13.0, 2.0 / 15.0, 2.0 / 17.0, 2.0 / 19.0, 2.0 / 21.0, 2.0 / 23.0, 2.0 / 25.0];
     let (z2, pair) = (z * z, |i: usize| z.mul_add(C[i + 1], C[i]));
     let z4 = z2 * z2;
     let low = z2.mul_add(pair(2), pair(0));
@@ -169,11 +154,7 @@ fn artanh_tail(z: f64) -> f64 {
 fn logarithm(x: f64, of_normal: impl Fn(f64, f64) -> f64) -> f64 {
     let subnormal = x < f64::MIN_POSITIVE;
     // 2^54 brings every subnormal number into the normal range.
-    let scaled = if subnormal {
-        x * 18_014_398_509_481_984.0
-    } else {
-        x
-    };
+    let scaled = if subnormal { x * 18_014_398_509_481_984.0 } else { x };
     let (high, tail) = ln_sum(scaled);
     let back = if subnormal { 54.0 } else { 0.0 };
     let p = back * LN_2;

@@ -28,9 +28,7 @@ impl Memory {
     pub fn new(layout: Arc<Layout>) -> Memory {
         let allocation = Memory::allocation(layout.len());
         // SAFETY: the size is not zero, see `allocation`.
-        let Some(numbers) = NonNull::new(unsafe { alloc_zeroed(allocation) }.cast::<f64>()) else {
-            handle_alloc_error(allocation)
-        };
+        let Some(numbers) = NonNull::new(unsafe { alloc_zeroed(allocation) }.cast::<f64>()) else { handle_alloc_error(allocation) };
         Memory { numbers, layout }
     }
 
@@ -93,19 +91,12 @@ impl Clone for Memory {
 impl Drop for Memory {
     fn drop(&mut self) {
         // SAFETY: allocated with the same size and alignment.
-        unsafe {
-            dealloc(
-                self.numbers.as_ptr().cast(),
-                Memory::allocation(self.layout.len()),
-            )
-        }
+        unsafe { dealloc(self.numbers.as_ptr().cast(), Memory::allocation(self.layout.len())) }
     }
 }
 
 impl fmt::Debug for Memory {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Memory")
-            .field("numbers", &self.all())
-            .finish()
+        f.debug_struct("Memory").field("numbers", &self.all()).finish()
     }
 }

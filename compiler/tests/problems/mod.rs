@@ -20,12 +20,7 @@ impl Maker {
     }
 
     pub fn variable(&mut self, name: &str, role: Role, len: u32) -> VarId {
-        let var = self.model.vars.push(Variable {
-            name: name.into(),
-            role,
-            len,
-            span: Span::default(),
-        });
+        let var = self.model.vars.push(Variable { name: name.into(), role, len, span: Span::default() });
         if matches!(role, Role::State | Role::Algebraic) {
             self.model.unknowns.push(var);
         }
@@ -73,13 +68,7 @@ impl Maker {
 
     /// `0 = residual`, the row of `var[at]`.
     pub fn row(&mut self, extents: &[u32], var: VarId, at: Affine, residual: ExprId) {
-        self.model.rows.push(Row {
-            extents: extents.to_vec(),
-            var,
-            at,
-            residual,
-            span: Span::default(),
-        });
+        self.model.rows.push(Row { extents: extents.to_vec(), var, at, residual, span: Span::default() });
     }
 }
 
@@ -93,33 +82,14 @@ pub fn reactor() -> Model {
     let mut m = Maker::new();
     let [c, t, h] = ["c_A", "T", "h"].map(|n| m.variable(n, Role::State, 1));
     let p = |m: &mut Maker, name: &str, value: f64| m.input(name, Role::Param, value);
-    let (q_in, t_f, c_f) = (
-        p(&mut m, "q_in", 0.1),
-        p(&mut m, "T_f", 76.85),
-        p(&mut m, "c_Af", 1.0),
-    );
-    let (r, k_0, e_r) = (
-        p(&mut m, "r", 0.219),
-        p(&mut m, "k_0", 7.2e10),
-        p(&mut m, "E_R", 8750.0),
-    );
-    let (u, rho, c_p) = (
-        p(&mut m, "U", 54.94),
-        p(&mut m, "rho", 1000.0),
-        p(&mut m, "c_p", 0.239),
-    );
+    let (q_in, t_f, c_f) = (p(&mut m, "q_in", 0.1), p(&mut m, "T_f", 76.85), p(&mut m, "c_Af", 1.0));
+    let (r, k_0, e_r) = (p(&mut m, "r", 0.219), p(&mut m, "k_0", 7.2e10), p(&mut m, "E_R", 8750.0));
+    let (u, rho, c_p) = (p(&mut m, "U", 54.94), p(&mut m, "rho", 1000.0), p(&mut m, "c_p", 0.239));
     let (dh, v_0) = (p(&mut m, "dH", -5e4), p(&mut m, "V_0", 1e-8));
-    let (t_c, q_out) = (
-        m.input("T_c", Role::Action, 26.85),
-        m.input("q_out", Role::Action, 0.1),
-    );
+    let (t_c, q_out) = (m.input("T_c", Role::Action, 26.85), m.input("q_out", Role::Action, 0.1));
     let [lc, lt, lh] = [c, t, h].map(|v| m.load(v, Affine::default()));
     let x = &mut m.model.exprs;
-    let (pi, two, zero_c) = (
-        x.constant(std::f64::consts::PI),
-        x.constant(2.0),
-        x.constant(273.15),
-    );
+    let (pi, two, zero_c) = (x.constant(std::f64::consts::PI), x.constant(2.0), x.constant(273.15));
     let square = x.powi(r, 2);
     let area = x.mul(pi, square);
     let volume = x.mul(area, lh);
@@ -159,8 +129,7 @@ pub fn reactor() -> Model {
 pub fn advection_reaction(n: u32) -> Model {
     let mut m = Maker::new();
     let species = ["A", "B", "C", "T"].map(|name| m.variable(name, Role::State, n));
-    let feeds = [("A_in", 1.0), ("B_in", 1.2), ("C_in", 0.0), ("T_in", 350.0)]
-        .map(|(k, v)| m.input(k, Role::Param, v));
+    let feeds = [("A_in", 1.0), ("B_in", 1.2), ("C_in", 0.0), ("T_in", 350.0)].map(|(k, v)| m.input(k, Role::Param, v));
     let velocity = m.input("v", Role::Action, 1.0);
     let k_0 = m.input("k_0", Role::Param, 1e6);
     let energy = m.input("E_R", Role::Param, 6000.0);
@@ -168,12 +137,7 @@ pub fn advection_reaction(n: u32) -> Model {
     let x = &mut m.model.exprs;
     let cells = x.constant(f64::from(n));
     let speed = x.mul(velocity, cells);
-    let upwind = |m: &mut Maker,
-                  offset: i64,
-                  var: VarId,
-                  before: ExprId,
-                  rate: ExprId,
-                  factor: Option<ExprId>| {
+    let upwind = |m: &mut Maker, offset: i64, var: VarId, before: ExprId, rate: ExprId, factor: Option<ExprId>| {
         let here = m.load(var, cell(offset));
         let x = &mut m.model.exprs;
         let difference = x.sub(before, here);
@@ -187,11 +151,7 @@ pub fn advection_reaction(n: u32) -> Model {
         }
     };
     for (offset, extent) in [(0i64, 1u32), (1, n - 1)] {
-        let at = if offset == 0 {
-            Affine::constant(offset)
-        } else {
-            cell(offset)
-        };
+        let at = if offset == 0 { Affine::constant(offset) } else { cell(offset) };
         let extents: &[u32] = if offset == 0 { &[] } else { &[extent] };
         let [a, b, _, t] = species.map(|v| m.load(v, at));
         let x = &mut m.model.exprs;
@@ -203,11 +163,7 @@ pub fn advection_reaction(n: u32) -> Model {
         let rate = x.mul(ka, b);
         let consumed = x.neg(rate);
         for (i, (var, feed)) in species.into_iter().zip(feeds).enumerate() {
-            let before = if offset == 0 {
-                feed
-            } else {
-                m.load(var, cell(offset - 1))
-            };
+            let before = if offset == 0 { feed } else { m.load(var, cell(offset - 1)) };
             let (source, factor) = match i {
                 0 | 1 => (consumed, None),
                 2 => (rate, None),

@@ -1,0 +1,102 @@
+//! The front end as one call: text to flat model.
+
+use std::collections::{HashMap, HashSet};
+
+use smpl_dsl::diagnostic::{Diagnostic, Severity, SourceMap, codes};
+use smpl_dsl::span::FileId;
+use smpl_dsl::syntax::{File, Statement, StatementKind};
+
+use crate::elaborate::{self, Options};
+use crate::model::Model;
+use crate::structure;
+
+/// Finds the text of a `use "path"`: its name for messages and its content. Refusing paths outside the model's folder and the library is
+/// the loader's duty.
+pub type Loader<'l> = dyn FnMut(&str) -> Option<(String, String)> + 'l;
+
+/// Most files of one model.
+const MAX_FILES: usize = 256;
+
+/// Compiles a file of `sources` to a flat model, with the warnings.
+///
+/// # Errors
+/// All independent faults of the text and of what it imports.
+pub fn flatten(
+    sources: &mut SourceMap,
+    main: FileId,
+    loader: &mut Loader,
+    options: &Options,
+) -> Result<(Model, Vec<Diagnostic>), Vec<Diagnostic>> {
+    let (files, imports, mut faults) = parse_all(sources, main, loader);
+    let broken = words_of(sources, &faults);
+    match elaborate::elaborate(&files, &imports, options) {
+        Ok(elaborated) if faults.is_empty() => structure::analyse(elaborated),
+        Ok(_) => Err(faults),
+        Err(more) => {
+            // What a faulty statement would have declared is not missing.
+            let independent = |d: &Diagnostic| {
+                broken.is_empty()
+                    || match d.code {
+                        codes::UNKNOWN_NAME | codes::WRONG_KIND => !broken.contains(sources.text(d.primary.span)),
+                        codes::MISSING_DEFAULT | codes::UNDERDETERMINED | codes::OVERDETERMINED | codes::EMPTY_SET => false,
+                        _ => true,
+                    }
+            };
+            faults.extend(more.into_iter().filter(independent));
+            faults.sort_by_key(|d| (d.severity != Severity::Error, d.primary.span.file, d.primary.span.start));
+            Err(faults)
+        }
+    }
+}
+
+/// The main file and what it imports, each once.
+fn parse_all(sources: &mut SourceMap, main: FileId, loader: &mut Loader) -> (Vec<File>, HashMap<String, usize>, Vec<Diagnostic>) {
+    let mut files = Vec::new();
+    let mut imports = HashMap::new();
+    let mut faults = Vec::new();
+    let mut queue = vec![main];
+    let mut at = 0;
+    while at < queue.len() {
+        let id = queue[at];
+        at += 1;
+        let text = sources.file(id).map(|f| f.text().to_owned()).unwrap_or_default();
+        let parsed = smpl_dsl::parse(&text, id);
+        faults.extend(parsed.diagnostics);
+        let mut paths = Vec::new();
+        imported(&parsed.file.statements, &mut paths);
+        files.push(parsed.file);
+        for path in paths {
+            if imports.contains_key(&path) || queue.len() >= MAX_FILES {
+                continue;
+            }
+            if let Some((name, text)) = loader(&path) {
+                queue.push(sources.add(name, text));
+                imports.insert(path, queue.len() - 1);
+            }
+        }
+    }
+    (files, imports, faults)
+}
+
+fn imported(statements: &[Statement], out: &mut Vec<String>) {
+    for statement in statements {
+        match &statement.kind {
+            StatementKind::Import { path, .. } => out.push(path.clone()),
+            StatementKind::Variant { body, .. } | StatementKind::When { body, .. } => imported(body, out),
+            _ => {}
+        }
+    }
+}
+
+/// Names that occur on the lines of faulty statements.
+fn words_of(sources: &SourceMap, faults: &[Diagnostic]) -> HashSet<String> {
+    let mut out = HashSet::new();
+    for fault in faults.iter().filter(|f| f.is_error()) {
+        let Some(file) = sources.file(fault.primary.span.file) else { continue };
+        let (text, at) = (file.text(), fault.primary.span.start as usize);
+        let line_start = text.get(..at).and_then(|t| t.rfind('\n')).map_or(0, |i| i + 1);
+        let line = text.get(line_start..).and_then(|t| t.lines().next()).unwrap_or_default();
+        out.extend(line.split(|c: char| !c.is_alphanumeric() && c != '_').filter(|w| !w.is_empty()).map(str::to_owned));
+    }
+    out
+}

@@ -1,0 +1,259 @@
+//! Compiled code against the interpreter on random programs: the same bits.
+
+use std::sync::Arc;
+
+use proptest::prelude::*;
+use smpl_dsl::span::Span;
+
+use super::schedule::{Access, Job, Sink, Task};
+use super::{CompiledFn, Effort, Executable, Generator, Surroundings};
+use crate::interpret::{Tape, View};
+use crate::ir::{Affine, BinaryFn, Compare, ExprId, Flavour, LoopVar, MAX_DEPTH, ReduceFn, Role, UnaryFn, VarId};
+use crate::kernels;
+use crate::layout::{Layout, Memory};
+use crate::model::{Model, Variable};
+
+/// Elements of each array: enough for every address that is made below.
+const LEN: u32 = 64;
+/// Passes of a loop or a reduction.
+const MOST_PASSES: u32 = 7;
+
+/// Choices that one node is made of.
+type Recipe = (u8, u16, u16, u16, f64);
+
+struct World {
+    model: Model,
+    state: VarId,
+    discrete: VarId,
+    numbers: Vec<ExprId>,
+    truths: Vec<ExprId>,
+}
+
+impl World {
+    fn new() -> World {
+        let mut model = Model::default();
+        let mut variable = |name: &str, role, len| model.vars.push(Variable { name: name.into(), role, len, span: Span::default() });
+        let state = variable("x", Role::State, LEN);
+        let discrete = variable("d", Role::Discrete, LEN);
+        model.unknowns.push(state);
+        World { model, state, discrete, numbers: vec![], truths: vec![] }
+    }
+
+    /// Adds the node of a recipe; `depth` counters are bound.
+    fn add(&mut self, (kind, i, j, k, x): Recipe, depth: usize) {
+        let number = |n: u16| self.numbers.get(usize::from(n) % self.numbers.len().max(1)).copied();
+        let truth = |n: u16| self.truths.get(usize::from(n) % self.truths.len().max(1)).copied();
+        let e = &mut self.model.exprs;
+        let (Some(a), Some(b)) = (number(i), number(j)) else {
+            self.numbers.push(e.constant(x));
+            return;
+        };
+        let made = match kind % 16 {
+            0 => e.constant(x),
+            1 | 2 => {
+                let var = if i % 2 == 0 { self.state } else { self.discrete };
+                let flavour = if kind % 2 == 0 && i % 2 == 0 { Flavour::Derivative } else { Flavour::Value };
+                e.load(var, flavour, address(depth, j, k))
+            }
+            3 if depth > 0 => e.counter(LoopVar((usize::from(i) % depth) as u8)),
+            4 => e.time(),
+            5 | 6 => {
+                let all = [
+                    UnaryFn::Neg,
+                    UnaryFn::Abs,
+                    UnaryFn::Sign,
+                    UnaryFn::Sqrt,
+                    UnaryFn::Exp,
+                    UnaryFn::Ln,
+                    UnaryFn::Log10,
+                    UnaryFn::Sin,
+                    UnaryFn::Cos,
+                    UnaryFn::Tan,
+                    UnaryFn::Asin,
+                    UnaryFn::Acos,
+                    UnaryFn::Atan,
+                    UnaryFn::Sinh,
+                    UnaryFn::Cosh,
+                    UnaryFn::Tanh,
+                    UnaryFn::Floor,
+                    UnaryFn::Ceil,
+                    UnaryFn::Round,
+                ];
+                e.unary(all[usize::from(k) % all.len()], a)
+            }
+            7..=9 => {
+                let all = [
+                    BinaryFn::Add,
+                    BinaryFn::Sub,
+                    BinaryFn::Mul,
+                    BinaryFn::Div,
+                    BinaryFn::Pow,
+                    BinaryFn::Min,
+                    BinaryFn::Max,
+                    BinaryFn::Atan2,
+                ];
+                e.binary(all[usize::from(k) % all.len()], a, b)
+            }
+            10 => e.powi(a, i32::from(k % 13) - 6),
+            11 => {
+                let op = [Compare::Lt, Compare::Le, Compare::Eq, Compare::Ne][usize::from(k) % 4];
+                let made = e.compare(op, a, b);
+                self.truths.push(made);
+                return;
+            }
+            12 => {
+                let (Some(p), Some(q)) = (truth(i), truth(j)) else { return };
+                let made = match k % 3 {
+                    0 => e.and(p, q),
+                    1 => e.or(p, q),
+                    _ => e.not(p),
+                };
+                self.truths.push(made);
+                return;
+            }
+            13 | 14 => {
+                let Some(c) = truth(k) else { return };
+                e.select(c, a, b)
+            }
+            _ => {
+                // A reduction may bind a new counter or one that the nest uses outside of it.
+                let d = usize::from(j) % (depth + 1).min(MAX_DEPTH);
+                let op = [ReduceFn::Sum, ReduceFn::Product, ReduceFn::Min, ReduceFn::Max][usize::from(k) % 4];
+                let load = e.load(self.state, Flavour::Value, address(d + 1, i, k));
+                let body = e.add(load, a);
+                e.reduce(op, LoopVar(d as u8), u32::from(k % 5), body)
+            }
+        };
+        self.numbers.push(made);
+    }
+}
+
+/// An address within [`LEN`] for counters below [`MOST_PASSES`].
+fn address(depth: usize, j: u16, k: u16) -> Affine {
+    let mut at = Affine::constant(i64::from(k % 8) + 24);
+    for d in 0..depth.min(MAX_DEPTH) {
+        at.strides[d] = [0, 1, 1, 2, -1][usize::from(j >> (3 * d)) % 5];
+    }
+    at
+}
+
+/// Runs a job compiled and interpreted on the same numbers: (y, workspace, out) of both.
+fn run_both(world: &World, job: &Job, effort: Effort, out: usize, numbers: &[f64]) -> [Vec<Vec<f64>>; 2] {
+    let access = Access { name: "test", y: true, yp: true, out };
+    let exprs = &world.model.exprs;
+    let layout = Layout::new(&world.model, 0);
+    let code = Generator::new(false).compile(job, exprs, &layout, access, effort);
+    let code = code.unwrap_or_else(|e| panic!("{e} for {job:?} of {exprs:?}"));
+    let layout = Arc::new(Layout::new(&world.model, code.columns));
+    let tape = Tape::new(job, exprs, &layout, access).expect("tape");
+    let executable = Executable::new(&[&code.bytes]).expect("memory");
+    let surroundings = Surroundings { kernels: *kernels::table(), tables: std::ptr::null() };
+    [true, false].map(|compiled| {
+        let mut memory = Memory::new(Arc::clone(&layout));
+        let columns = layout.columns() as usize;
+        memory.all_mut()[..columns].iter_mut().zip(numbers.iter().cycle()).for_each(|(m, x)| *m = *x);
+        let mut y = numbers[..LEN as usize].to_vec();
+        let yp: Vec<f64> = numbers.iter().rev().take(LEN as usize).copied().collect();
+        let mut out = vec![0.0; out];
+        if !compiled {
+            let (work, out) = (memory.all_mut(), &mut out[..]);
+            tape.run(&mut View { time: 1.5, factor: 0.0, y: &mut y, yp: &yp, work, out, tables: &[] });
+        } else if let Some(address) = executable.address(0) {
+            // SAFETY: generated with this signature and for vectors of these lengths.
+            unsafe {
+                let function = std::mem::transmute::<*const u8, CompiledFn>(address);
+                let work = memory.all_mut().as_mut_ptr();
+                function(1.5, 0.0, y.as_mut_ptr(), yp.as_ptr(), work, out.as_mut_ptr(), &raw const surroundings);
+            }
+        }
+        vec![y, memory.all()[..columns].to_vec(), out]
+    })
+}
+
+fn same(a: f64, b: f64) -> bool {
+    a == b || (a.is_nan() && b.is_nan())
+}
+
+fn recipes() -> impl Strategy<Value = Vec<Recipe>> {
+    let number = prop_oneof![-3.0..3.0, Just(0.0), Just(1.0), Just(-1.0), Just(f64::NAN), Just(f64::INFINITY), 1e-9..1e9];
+    prop::collection::vec((any::<u8>(), any::<u16>(), any::<u16>(), any::<u16>(), number), 5..60)
+}
+
+fn numbers() -> impl Strategy<Value = Vec<f64>> {
+    prop::collection::vec(prop_oneof![8 => -2.0..2.0, 2 => 0.5..300.0, 1 => Just(0.0)], LEN as usize..LEN as usize + 1)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1500))]
+
+    #[test]
+    fn programs_give_the_bits_of_the_interpreter(
+        recipes in recipes(), numbers in numbers(), extents in prop::collection::vec(1u32..=MOST_PASSES, 0..3), hot in any::<bool>(),
+    ) {
+        let mut world = World::new();
+        recipes.into_iter().for_each(|r| world.add(r, extents.len()));
+        let loops: Vec<(u8, u32)> = (0..).zip(extents).collect();
+        let size: u32 = loops.iter().map(|l| l.1).product();
+        let place = |i: usize| {
+            let mut at = crate::differentiate::pattern::row_major(&loops);
+            at.offset = (i * size as usize) as i64;
+            Sink::Out(at)
+        };
+        let values: Vec<ExprId> = world.numbers.iter().chain(&world.truths).copied().rev().take(6).collect();
+        let stores = values.iter().enumerate().map(|(i, v)| (place(i), *v)).collect();
+        let job = Job { stages: vec![vec![Task { loops: loops.clone(), stores }]], in_place: false };
+        let effort = if hot { Effort::Hot } else { Effort::Lukewarm };
+        let [compiled, interpreted] = run_both(&world, &job, effort, values.len() * size as usize, &numbers);
+        for (a, b) in compiled.iter().flatten().zip(interpreted.iter().flatten()) {
+            prop_assert!(same(*a, *b), "{a:e} compiled, {b:e} interpreted: {:?}", world.model.exprs);
+        }
+    }
+
+    #[test]
+    fn programs_in_place_give_the_bits_of_the_interpreter(
+        recipes in recipes(), numbers in numbers(), extents in prop::collection::vec(1u32..=MOST_PASSES, 0..3), hot in any::<bool>(),
+    ) {
+        let mut world = World::new();
+        recipes.into_iter().for_each(|r| world.add(r, extents.len()));
+        let loops: Vec<(u8, u32)> = (0..).zip(extents).collect();
+        let values: Vec<ExprId> = world.numbers.iter().copied().rev().take(4).collect();
+        let stages = values.chunks(2).map(|pair| {
+            let stores = pair.iter().zip([world.state, world.discrete]).enumerate();
+            let stores = stores.map(|(i, (v, var))| (Sink::Var(var, address(loops.len(), 11 * i as u16, 3)), *v));
+            vec![Task { loops: loops.clone(), stores: stores.collect() }]
+        });
+        let job = Job { stages: stages.collect(), in_place: true };
+        let effort = if hot { Effort::Hot } else { Effort::Lukewarm };
+        let [compiled, interpreted] = run_both(&world, &job, effort, 0, &numbers);
+        for (a, b) in compiled.iter().flatten().zip(interpreted.iter().flatten()) {
+            prop_assert!(same(*a, *b), "{a:e} compiled, {b:e} interpreted");
+        }
+    }
+}
+
+#[test]
+fn an_expression_of_a_hundred_thousand_nodes_in_a_chain_is_compiled_and_interpreted() {
+    let mut world = World::new();
+    let e = &mut world.model.exprs;
+    let mut value = e.load(world.state, Flavour::Value, Affine::default());
+    for i in 0..100_000 {
+        let term = e.constant(f64::from(i % 7) * 1e-3 + 0.1);
+        let product = e.mul(value, term);
+        value = e.add(product, term);
+    }
+    let job = Job { stages: vec![vec![Task { loops: vec![], stores: vec![(Sink::Out(Affine::default()), value)] }]], in_place: false };
+    let numbers = vec![0.3; LEN as usize];
+    let [compiled, interpreted] = run_both(&world, &job, Effort::Lukewarm, 1, &numbers);
+    assert_eq!(compiled[2], interpreted[2]);
+}
+
+#[test]
+fn an_address_outside_of_its_variable_is_refused() {
+    let mut world = World::new();
+    let value = world.model.exprs.load(world.state, Flavour::Value, Affine::along(60, LoopVar(0), 1));
+    let task = Task { loops: vec![(0, 5)], stores: vec![(Sink::Out(Affine::along(0, LoopVar(0), 1)), value)] };
+    let job = Job { stages: vec![vec![task]], in_place: false };
+    let layout = Layout::new(&world.model, 0);
+    let access = Access { name: "test", y: true, yp: true, out: 5 };
+    assert!(Generator::new(false).compile(&job, &world.model.exprs, &layout, access, Effort::Hot).is_err());
+}

@@ -1,0 +1,136 @@
+//! Structure analysis: which equation determines which unknown.
+//!
+//! 1. Equations that are linear in one derivative are solved for it; derivatives on right sides are replaced by their rates.
+//! 2. Explicit algebraic variables are substituted, unless keeping one as an unknown makes the Jacobian sparser, or it closes a loop.
+//! 3. What is left is matched: implicit equations to unknowns without an equation. What cannot be matched is reported by name:
+//!    unknowns that nothing determines, equations too many, and equations that bind states only (index above 1).
+//!
+//! Equations over cells are treated as wholes; the work grows with the text, not with the grid.
+
+mod algebraic;
+mod matching;
+mod rates;
+
+use std::collections::HashMap;
+
+use smpl_dsl::diagnostic::Diagnostic;
+
+use crate::elaborate::{Elaborated, Equation, EquationForm};
+use crate::ir::{Affine, Expr, ExprId, Exprs, Flavour, Role, VarId};
+use crate::model::{Model, Row};
+
+/// Analyses the equations and completes the model.
+///
+/// # Errors
+/// Under- and over-determined parts and equations of high index, by name.
+pub fn analyse(elaborated: Elaborated) -> Result<(Model, Vec<Diagnostic>), Vec<Diagnostic>> {
+    let Elaborated { mut model, mut equations, warnings } = elaborated;
+    rates::solve_for_derivatives(&mut model.exprs, &model.vars, &mut equations);
+    let rates = rates::cover_states(&model, &equations)?;
+    let mut substitution = rates::substitute_derivatives(&mut model, &mut equations, &rates);
+    let plan = algebraic::plan(&mut model, &equations);
+    algebraic::substitute(&mut model, &mut equations, &plan, &mut substitution);
+    let rows = matching::rows(&mut model, equations, &plan, &rates)?;
+    model.explicit = is_explicit(&model.exprs, &model, &rows);
+    model.rows = rows;
+    Ok((model, warnings))
+}
+
+/// Whether every rate is `f(t, y) - y'` and nothing else mentions a derivative.
+fn is_explicit(exprs: &Exprs, model: &Model, rows: &[Row]) -> bool {
+    rows.iter().all(|row| {
+        let derivatives = loads(exprs, row.residual, |_, flavour| flavour == Flavour::Derivative);
+        if model.vars[row.var].role != Role::State {
+            return derivatives.is_empty();
+        }
+        match exprs.node(row.residual) {
+            Expr::Binary(crate::ir::BinaryFn::Sub, value, own) => {
+                let own_is = matches!(exprs.node(own), Expr::Load { var, flavour: Flavour::Derivative, at } if var == row.var && at == row.at);
+                own_is && loads(exprs, value, |_, flavour| flavour == Flavour::Derivative).is_empty()
+            }
+            // 0 - y'
+            Expr::Unary(crate::ir::UnaryFn::Neg, own) => {
+                matches!(exprs.node(own), Expr::Load { var, flavour: Flavour::Derivative, at } if var == row.var && at == row.at)
+            }
+            _ => false,
+        }
+    })
+}
+
+/// Distinct loads below a node that a filter accepts.
+fn loads(exprs: &Exprs, e: ExprId, accept: impl Fn(VarId, Flavour) -> bool) -> Vec<(VarId, Flavour, Affine)> {
+    let mut seen = std::collections::HashSet::new();
+    let mut stack = vec![e];
+    let mut out = Vec::new();
+    while let Some(e) = stack.pop() {
+        if !seen.insert(e) {
+            continue;
+        }
+        if let Expr::Load { var, flavour, at } = exprs.node(e)
+            && accept(var, flavour)
+            && !out.contains(&(var, flavour, at))
+        {
+            out.push((var, flavour, at));
+        }
+        stack.extend(exprs.operands(e));
+    }
+    out.sort_unstable();
+    out
+}
+
+/// Number of passes of a nest.
+fn passes(extents: &[u32]) -> i64 {
+    extents.iter().map(|&n| i64::from(n)).product()
+}
+
+/// Name of an element, as the outside knows it.
+fn element_name(model: &Model, var: VarId, element: i64) -> String {
+    let i = &model.interface;
+    let lists = [&i.states, &i.algebraics, &i.solved];
+    match lists.into_iter().flatten().find(|q| q.var == Some(var)) {
+        Some(q) => q.element_name(element.max(0) as usize),
+        None if model.vars[var].len == 1 => model.vars[var].name.clone(),
+        None => format!("{}[{}]", model.vars[var].name, element + 1),
+    }
+}
+
+/// Replaces nodes everywhere: equations, programs, roots, quadratures.
+fn replace_everywhere(
+    model: &mut Model,
+    equations: &mut [Equation],
+    done: &mut HashMap<ExprId, ExprId>,
+    replace: &mut dyn FnMut(&mut Exprs, Expr) -> Option<ExprId>,
+) {
+    let exprs = &mut model.exprs;
+    for equation in equations.iter_mut() {
+        match &mut equation.form {
+            EquationForm::Rate { value, .. } | EquationForm::Definition { value, .. } => *value = exprs.rewrite(*value, done, replace),
+            EquationForm::Implicit { residual } => *residual = exprs.rewrite(*residual, done, replace),
+        }
+    }
+    for root in &mut model.roots {
+        root.value = exprs.rewrite(root.value, done, replace);
+    }
+    for quadrature in &mut model.quadratures {
+        *quadrature = exprs.rewrite(*quadrature, done, replace);
+    }
+    let p = &mut model.programs;
+    let programs = [
+        &mut p.parameters,
+        &mut p.initial_states,
+        &mut p.initial_discretes,
+        &mut p.steady,
+        &mut p.disturb,
+        &mut p.start,
+        &mut p.end,
+        &mut p.finish,
+        &mut p.outputs,
+        &mut p.invariants,
+        &mut p.boxes,
+    ];
+    for program in programs.into_iter().chain(&mut p.events).chain(p.policies.iter_mut().map(|(_, p)| p)) {
+        for store in program.nests.iter_mut().flat_map(|n| &mut n.stores) {
+            store.value = exprs.rewrite(store.value, done, replace);
+        }
+    }
+}

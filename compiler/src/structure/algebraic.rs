@@ -1,0 +1,346 @@
+//! Explicit algebraic variables: which are substituted, which stay unknowns.
+
+use std::collections::{HashMap, HashSet};
+
+use super::{loads, passes, replace_everywhere};
+use crate::elaborate::{Equation, EquationForm};
+use crate::ir::{Affine, Expr, ExprId, Exprs, Flavour, Role, VarId};
+use crate::model::Model;
+
+/// An element of an algebraic variable.
+pub type Element = (VarId, i64);
+
+/// What becomes of the algebraic variables.
+#[derive(Debug, Default)]
+pub struct Plan {
+    /// Elements whose definition is substituted, by equation.
+    pub substituted: HashMap<Element, usize>,
+    /// Arrays defined by one loop that covers them, substituted as wholes.
+    pub arrays: HashMap<VarId, usize>,
+}
+
+/// An unknown that is used in at least this many rows may be worth keeping.
+const MANY_USES: i64 = 64;
+
+/// Decides what is substituted.
+pub fn plan(model: &mut Model, equations: &[Equation]) -> Plan {
+    let mut candidates: HashMap<Element, usize> = HashMap::new();
+    let mut arrays: HashMap<VarId, usize> = HashMap::new();
+    let mut pieces: HashMap<VarId, usize> = HashMap::new();
+    for (i, equation) in equations.iter().enumerate() {
+        let EquationForm::Definition { var, at, .. } = equation.form else { continue };
+        *pieces.entry(var).or_default() += 1;
+        if equation.extents.is_empty() {
+            // A second definition of an element stays an equation; matching will find it one too many.
+            candidates.entry((var, at.offset)).or_insert(i);
+        } else if equation.extents.len() == 1
+            && equation.extents[0] == model.vars[var].len
+            && at == Affine::along(0, crate::ir::LoopVar(0), 1)
+        {
+            arrays.entry(var).or_insert(i);
+        }
+    }
+    // An array that is also defined element by element is left to matching.
+    arrays.retain(|var, _| pieces.get(var) == Some(&1));
+    candidates.retain(|(var, _), _| !arrays.contains_key(var));
+    // Elements that some expression reads by a loop cannot be substituted one by one.
+    let looped = looped_loads(model, equations);
+    candidates.retain(|(var, _), _| !looped.contains(var));
+    let mut walk = Walk {
+        exprs: &model.exprs,
+        vars: &model.vars,
+        equations,
+        candidates: &candidates,
+        arrays: &arrays,
+        state: HashMap::new(),
+        kept: HashSet::new(),
+        order: Vec::new(),
+    };
+    let mut elements: Vec<Element> = candidates.keys().copied().collect();
+    elements.sort_unstable();
+    for element in elements {
+        walk.visit(element);
+    }
+    let mut array_list: Vec<VarId> = arrays.keys().copied().collect();
+    array_list.sort_unstable();
+    for var in array_list {
+        walk.visit((var, -1));
+    }
+    let order = std::mem::take(&mut walk.order);
+    let mut kept = std::mem::take(&mut walk.kept);
+    keep_for_sparsity(model, equations, &candidates, &order, &mut kept);
+    Plan {
+        substituted: candidates.into_iter().filter(|(e, _)| !kept.contains(e)).collect(),
+        arrays: arrays.into_iter().filter(|(v, _)| !kept.contains(&(*v, -1))).collect(),
+    }
+}
+
+fn looped_loads(model: &Model, equations: &[Equation]) -> HashSet<VarId> {
+    let mut out = HashSet::new();
+    let mut seen = HashSet::new();
+    let mut stack: Vec<ExprId> = Vec::new();
+    for equation in equations {
+        match equation.form {
+            EquationForm::Rate { value, .. } | EquationForm::Definition { value, .. } => stack.push(value),
+            EquationForm::Implicit { residual } => stack.push(residual),
+        }
+    }
+    let p = &model.programs;
+    for program in [&p.start, &p.end, &p.finish, &p.outputs, &p.invariants, &p.boxes, &p.initial_discretes].into_iter().chain(&p.events) {
+        stack.extend(program.nests.iter().flat_map(|n| n.stores.iter().map(|s| s.value)));
+    }
+    stack.extend(model.roots.iter().map(|r| r.value));
+    stack.extend(&model.quadratures);
+    while let Some(e) = stack.pop() {
+        if !seen.insert(e) {
+            continue;
+        }
+        if let Expr::Load { var, at, .. } = model.exprs.node(e)
+            && !at.is_constant()
+            && model.vars[var].role == Role::Algebraic
+        {
+            out.insert(var);
+        }
+        stack.extend(model.exprs.operands(e));
+    }
+    out
+}
+
+/// Finds loops of definitions: the element at which a loop closes is kept as an unknown.
+struct Walk<'m> {
+    exprs: &'m Exprs,
+    vars: &'m cranelift_entity::PrimaryMap<VarId, crate::model::Variable>,
+    equations: &'m [Equation],
+    candidates: &'m HashMap<Element, usize>,
+    arrays: &'m HashMap<VarId, usize>,
+    state: HashMap<Element, bool>,
+    kept: HashSet<Element>,
+    order: Vec<Element>,
+}
+
+impl Walk<'_> {
+    /// Depth-first with an explicit stack: chains of connections may be long.
+    fn visit(&mut self, start: Element) {
+        let mut stack = vec![(start, false)];
+        while let Some((element, leaving)) = stack.pop() {
+            if leaving {
+                self.state.insert(element, true);
+                self.order.push(element);
+                continue;
+            }
+            match self.state.get(&element) {
+                Some(true) => continue,
+                Some(false) => {
+                    self.kept.insert(element);
+                    continue;
+                }
+                None => {}
+            }
+            self.state.insert(element, false);
+            stack.push((element, true));
+            for next in self.needs(element) {
+                match self.state.get(&next) {
+                    Some(false) => {
+                        self.kept.insert(next);
+                    }
+                    Some(true) => {}
+                    None => stack.push((next, false)),
+                }
+            }
+        }
+    }
+
+    fn needs(&self, element: Element) -> Vec<Element> {
+        let equation = if element.1 < 0 { self.arrays.get(&element.0) } else { self.candidates.get(&element) };
+        let Some(EquationForm::Definition { value, .. }) = equation.map(|&i| self.equations[i].form) else { return Vec::new() };
+        loads(self.exprs, value, |v, f| f == Flavour::Value && self.vars[v].role == Role::Algebraic)
+            .into_iter()
+            .filter_map(|(v, _, at)| {
+                if self.arrays.contains_key(&v) {
+                    return Some((v, -1));
+                }
+                let e = (v, at.offset);
+                (at.is_constant() && self.candidates.contains_key(&e)).then_some(e)
+            })
+            .collect()
+    }
+}
+
+/// Keeps an element as an unknown where substitution would put (what it depends on) × (where it is used) entries into the Jacobian
+/// in place of their sum.
+fn keep_for_sparsity(
+    model: &Model,
+    equations: &[Equation],
+    candidates: &HashMap<Element, usize>,
+    order: &[Element],
+    kept: &mut HashSet<Element>,
+) {
+    let exprs = &model.exprs;
+    let unknowns = |e: ExprId| {
+        loads(exprs, e, |v, f| f == Flavour::Value && matches!(model.vars[v].role, Role::State | Role::Algebraic))
+    };
+    let needs: HashMap<Element, Vec<(VarId, Flavour, Affine)>> = candidates
+        .iter()
+        .filter_map(|(&element, &i)| match equations[i].form {
+            EquationForm::Definition { value, .. } => Some((element, unknowns(value))),
+            _ => None,
+        })
+        .collect();
+    let uses = use_counts(equations, &needs, kept, &unknowns);
+    let mut depends: HashMap<Element, HashSet<(VarId, Affine)>> = HashMap::new();
+    for &element in order {
+        let Some(own) = needs.get(&element) else { continue };
+        let mut inputs = HashSet::new();
+        for &(v, _, at) in own {
+            let inner = (v, at.offset);
+            match depends.get(&inner).filter(|_| at.is_constant() && !kept.contains(&inner)) {
+                Some(set) => inputs.extend(set.iter().copied()),
+                None => {
+                    inputs.insert((v, at));
+                }
+            }
+        }
+        let fan_in = inputs.len() as i64;
+        depends.insert(element, inputs);
+        let fan_out = uses.get(&element).copied().unwrap_or(0);
+        if fan_in >= 2 && fan_out >= MANY_USES && fan_in * fan_out > 2 * (fan_in + fan_out) {
+            kept.insert(element);
+        }
+    }
+}
+
+/// In how many rows each element is used, directly or through what is substituted.
+fn use_counts(
+    equations: &[Equation],
+    needs: &HashMap<Element, Vec<(VarId, Flavour, Affine)>>,
+    kept: &HashSet<Element>,
+    unknowns: &dyn Fn(ExprId) -> Vec<(VarId, Flavour, Affine)>,
+) -> HashMap<Element, i64> {
+    let mut uses: HashMap<Element, i64> = HashMap::new();
+    for equation in equations {
+        let root = match equation.form {
+            EquationForm::Rate { value, .. } => value,
+            EquationForm::Implicit { residual } => residual,
+            EquationForm::Definition { .. } => continue,
+        };
+        let elements = |l: &[(VarId, Flavour, Affine)]| -> Vec<Element> {
+            l.iter().filter(|l| l.2.is_constant()).map(|l| (l.0, l.2.offset)).collect()
+        };
+        let mut stack = elements(&unknowns(root));
+        let mut seen = HashSet::new();
+        while let Some(e) = stack.pop() {
+            let Some(inner) = needs.get(&e) else { continue };
+            if !seen.insert(e) {
+                continue;
+            }
+            *uses.entry(e).or_default() += passes(&equation.extents);
+            if !kept.contains(&e) {
+                stack.extend(elements(inner));
+            }
+        }
+    }
+    uses
+}
+
+/// Substitutes everywhere; substituted definitions become equations of nothing and are dropped later.
+pub fn substitute(model: &mut Model, equations: &mut Vec<Equation>, plan: &Plan, _done: &mut HashMap<ExprId, ExprId>) {
+    let values: HashMap<Element, ExprId> = plan.substituted.iter().filter_map(|(&e, &i)| definition(equations, i).map(|v| (e, v))).collect();
+    let arrays: HashMap<VarId, ExprId> = plan.arrays.iter().filter_map(|(&v, &i)| definition(equations, i).map(|e| (v, e))).collect();
+    let mut expander = Expander { values, arrays, done: HashMap::new(), flavoured: HashMap::new() };
+    let vars = model.vars.clone();
+    let mut done = HashMap::new();
+    replace_everywhere(model, equations, &mut done, &mut |exprs, node| match node {
+        Expr::Load { var, flavour, at } if vars[var].role == Role::Algebraic => expander.element(exprs, &vars, var, flavour, at),
+        _ => None,
+    });
+    let dropped: HashSet<usize> = plan.substituted.values().chain(plan.arrays.values()).copied().collect();
+    let mut i = 0;
+    equations.retain(|_| {
+        i += 1;
+        !dropped.contains(&(i - 1))
+    });
+}
+
+fn definition(equations: &[Equation], i: usize) -> Option<ExprId> {
+    match equations.get(i)?.form {
+        EquationForm::Definition { value, .. } => Some(value),
+        _ => None,
+    }
+}
+
+struct Expander {
+    values: HashMap<Element, ExprId>,
+    arrays: HashMap<VarId, ExprId>,
+    done: HashMap<ExprId, ExprId>,
+    flavoured: HashMap<(ExprId, Flavour), ExprId>,
+}
+
+type Vars = cranelift_entity::PrimaryMap<VarId, crate::model::Variable>;
+
+impl Expander {
+    fn element(&mut self, exprs: &mut Exprs, vars: &Vars, var: VarId, flavour: Flavour, at: Affine) -> Option<ExprId> {
+        let raw = match self.values.get(&(var, at.offset)).filter(|_| at.is_constant()) {
+            Some(&value) => value,
+            None => {
+                let &value = self.arrays.get(&var)?;
+                at_address(exprs, value, at)
+            }
+        };
+        let expanded = self.expand(exprs, vars, raw);
+        Some(if flavour == Flavour::Value { expanded } else { self.in_flavour(exprs, vars, expanded, flavour) })
+    }
+
+    fn expand(&mut self, exprs: &mut Exprs, vars: &Vars, e: ExprId) -> ExprId {
+        let mut done = std::mem::take(&mut self.done);
+        let r = exprs.rewrite(e, &mut done, &mut |exprs, node| match node {
+            Expr::Load { var, flavour, at } if vars[var].role == Role::Algebraic => self.element(exprs, vars, var, flavour, at),
+            _ => None,
+        });
+        // Inner expansions may have filled a map of their own; both are the same function.
+        done.extend(self.done.drain());
+        self.done = done;
+        r
+    }
+
+    fn in_flavour(&mut self, exprs: &mut Exprs, vars: &Vars, e: ExprId, flavour: Flavour) -> ExprId {
+        if let Some(&known) = self.flavoured.get(&(e, flavour)) {
+            return known;
+        }
+        let r = exprs.rewrite(e, &mut HashMap::new(), &mut |exprs, node| match node {
+            Expr::Load { var, flavour: Flavour::Value, at } => {
+                let has_frames =
+                    matches!(vars[var].role, Role::State | Role::Algebraic | Role::Action | Role::Discrete | Role::Disturbance);
+                has_frames.then(|| exprs.load(var, flavour, at))
+            }
+            _ => None,
+        });
+        self.flavoured.insert((e, flavour), r);
+        r
+    }
+}
+
+/// A definition over `l0` at the address `at`: the counter becomes the address itself.
+fn at_address(exprs: &mut Exprs, value: ExprId, at: Affine) -> ExprId {
+    exprs.rewrite(value, &mut HashMap::new(), &mut |exprs, node| match node {
+        Expr::Counter(v) if v.0 == 0 => Some(number(exprs, at)),
+        Expr::Load { var, flavour, at: own } if own.strides[0] != 0 => {
+            let mut rest = own;
+            rest.strides[0] = 0;
+            Some(exprs.load(var, flavour, rest.plus(at.times(own.strides[0]))))
+        }
+        _ => None,
+    })
+}
+
+/// An address as a number.
+fn number(exprs: &mut Exprs, at: Affine) -> ExprId {
+    let mut e = exprs.constant(at.offset as f64);
+    for (d, &stride) in at.strides.iter().enumerate() {
+        if stride != 0 {
+            let (counter, factor) = (exprs.counter(crate::ir::LoopVar(d as u8)), exprs.constant(stride as f64));
+            let term = exprs.mul(counter, factor);
+            e = exprs.add(e, term);
+        }
+    }
+    e
+}

@@ -1,0 +1,360 @@
+//! Matching of equations to unknowns, and the rows that result.
+
+use std::collections::{BTreeSet, HashMap, HashSet};
+
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::span::Span;
+
+use super::algebraic::{Element, Plan};
+use super::rates::Rates;
+use super::{element_name, loads, passes};
+use crate::elaborate::{Equation, EquationForm, for_each_element};
+use crate::ir::{Affine, Expr, ExprId, Flavour, LoopVar, Role, VarId};
+use crate::model::{Model, Quantity, Row, Variable};
+
+/// Largest number of passes of an implicit equation that is written out for matching.
+const WRITTEN_OUT: i64 = 20_000;
+
+/// Rows for all unknowns; solved algebraic variables are appended to the unknowns.
+///
+/// # Errors
+/// Unknowns without an equation, equations without an unknown.
+pub fn rows(model: &mut Model, equations: Vec<Equation>, plan: &Plan, rates: &Rates) -> Result<Vec<Row>, Vec<Diagnostic>> {
+    let mut rows = Vec::new();
+    let mut definitions = Vec::new();
+    let mut implicit = Vec::new();
+    for equation in equations {
+        match equation.form {
+            EquationForm::Rate { var, at, value } => {
+                let own = model.exprs.load(var, Flavour::Derivative, at);
+                let residual = model.exprs.sub(value, own);
+                rows.push(Row { extents: equation.extents, var, at, residual, span: equation.span });
+            }
+            EquationForm::Definition { var, at, value } => {
+                let own = model.exprs.load(var, Flavour::Value, at);
+                let residual = model.exprs.sub(value, own);
+                definitions.push(Row { extents: equation.extents, var, at, residual, span: equation.span });
+            }
+            EquationForm::Implicit { residual } => implicit.push((equation.extents, residual, equation.span)),
+        }
+    }
+    let mut unknown = unknown_elements(model, plan, rates);
+    let mut matched = Vec::new();
+    // A definition that is kept determines its own variable; one more for the same element is left over.
+    for row in definitions {
+        let mut fits = true;
+        for_each_element(&row.extents, row.at, &mut |i| fits &= unknown.contains(&(row.var, i)));
+        if fits {
+            for_each_element(&row.extents, row.at, &mut |i| {
+                unknown.remove(&(row.var, i));
+            });
+            matched.push(row);
+        } else {
+            implicit.push((row.extents, row.residual, row.span));
+        }
+    }
+    let mut problem = Matching::default();
+    for (extents, residual, span) in implicit {
+        problem.equation(model, extents, residual, span);
+    }
+    problem.solve(model, &unknown, &mut matched)?;
+    rows.extend(matched);
+    Ok(complete(model, rows))
+}
+
+/// Elements that need an equation: algebraic ones that are not substituted, states without an explicit rate.
+fn unknown_elements(model: &Model, plan: &Plan, rates: &Rates) -> BTreeSet<Element> {
+    let mut out = BTreeSet::new();
+    for (var, v) in model.vars.iter() {
+        match v.role {
+            Role::Algebraic if !plan.arrays.contains_key(&var) => {
+                out.extend((0..i64::from(v.len)).map(|i| (var, i)).filter(|e| !plan.substituted.contains_key(e)));
+            }
+            Role::State => {
+                let covered = rates.covered.get(&var);
+                out.extend((0..i64::from(v.len)).filter(|&i| !covered.is_some_and(|c| c[i as usize])).map(|i| (var, i)));
+            }
+            _ => {}
+        }
+    }
+    out
+}
+
+/// Bipartite matching of implicit equations, written out, to unknowns.
+#[derive(Default)]
+struct Matching {
+    residuals: Vec<ExprId>,
+    spans: Vec<Span>,
+    candidates: Vec<Vec<Element>>,
+    too_large: Vec<Span>,
+}
+
+impl Matching {
+    fn equation(&mut self, model: &mut Model, extents: Vec<u32>, residual: ExprId, span: Span) {
+        if passes(&extents) > WRITTEN_OUT {
+            self.too_large.push(span);
+            return;
+        }
+        let mut counters = vec![0_i64; extents.len()];
+        loop {
+            let mut e = residual;
+            for (d, &pass) in counters.iter().enumerate() {
+                e = model.exprs.shift(e, LoopVar(d as u8), pass);
+            }
+            self.candidates.push(incidence(model, e));
+            self.residuals.push(e);
+            self.spans.push(span);
+            // Next pass, the innermost counter first.
+            let mut d = extents.len();
+            loop {
+                if d == 0 {
+                    return;
+                }
+                d -= 1;
+                counters[d] += 1;
+                if counters[d] < i64::from(extents[d]) {
+                    break;
+                }
+                counters[d] = 0;
+            }
+        }
+    }
+
+    fn solve(&self, model: &mut Model, unknown: &BTreeSet<Element>, out: &mut Vec<Row>) -> Result<(), Vec<Diagnostic>> {
+        let mut owner: HashMap<Element, usize> = HashMap::new();
+        let mut unmatched = Vec::new();
+        for equation in 0..self.residuals.len() {
+            let mut seen = HashSet::new();
+            if !self.augment(equation, unknown, &mut owner, &mut seen) {
+                unmatched.push((equation, seen));
+            }
+        }
+        let missing: Vec<Element> = unknown.iter().filter(|e| !owner.contains_key(*e)).copied().collect();
+        let mut faults: Vec<Diagnostic> = self
+            .too_large
+            .iter()
+            .map(|&span| {
+                Diagnostic::error(codes::TOO_LARGE, "an implicit equation over very many cells", span)
+                    .help("give each variable an equation of its own: `eq v[z] = ...`")
+            })
+            .collect();
+        faults.extend(unmatched.iter().map(|(e, seen)| self.left_over(model, *e, seen)));
+        faults.extend(undetermined(model, &missing));
+        if !faults.is_empty() {
+            return Err(faults);
+        }
+        for (element, equation) in owner {
+            out.push(Row {
+                extents: Vec::new(),
+                var: element.0,
+                at: Affine::constant(element.1),
+                residual: self.residuals[equation],
+                span: self.spans[equation],
+            });
+        }
+        Ok(())
+    }
+
+    /// An augmenting path from an equation; `seen` collects the unknowns it can reach. Iterative, since paths may be long.
+    fn augment(&self, start: usize, unknown: &BTreeSet<Element>, owner: &mut HashMap<Element, usize>, seen: &mut HashSet<Element>) -> bool {
+        let mut from: HashMap<Element, usize> = HashMap::new();
+        let mut queue = vec![start];
+        while let Some(equation) = queue.pop() {
+            for &element in self.candidates[equation].iter().filter(|e| unknown.contains(*e)) {
+                if !seen.insert(element) {
+                    continue;
+                }
+                from.insert(element, equation);
+                if let Some(&next) = owner.get(&element) {
+                    queue.push(next);
+                    continue;
+                }
+                // Turn the path round.
+                let mut at = element;
+                loop {
+                    let equation = from[&at];
+                    let before = owner.iter().find(|(_, e)| **e == equation).map(|(v, _)| *v);
+                    owner.insert(at, equation);
+                    match before.filter(|_| equation != start) {
+                        Some(v) => at = v,
+                        None => return true,
+                    }
+                }
+            }
+        }
+        false
+    }
+
+    fn left_over(&self, model: &Model, equation: usize, seen: &HashSet<Element>) -> Diagnostic {
+        let span = self.spans[equation];
+        if seen.is_empty() {
+            let states: Vec<String> = loads(&model.exprs, self.residuals[equation], |v, f| {
+                f == Flavour::Value && model.vars[v].role == Role::State
+            })
+            .into_iter()
+            .map(|(v, _, at)| element_name(model, v, at.offset))
+            .collect();
+            if states.is_empty() {
+                return Diagnostic::error(codes::OVERDETERMINED, "this equation has no unknown that is not determined already", span)
+                    .help("remove it, or declare what it should determine as a `var` without another equation");
+            }
+            return Diagnostic::error(
+                codes::HIGH_INDEX,
+                format!("this equation binds states only ({}): the system has an index above 1", listed(&states)),
+                span,
+            )
+            .label("constrains states, determines nothing")
+            .help("differentiate the constraint by hand, or make one of the states a `var`");
+        }
+        let mut names: Vec<String> = seen.iter().map(|&(v, i)| element_name(model, v, i)).collect();
+        names.sort();
+        Diagnostic::error(codes::OVERDETERMINED, format!("more equations than unknowns: {} has too many", listed(&names)), span)
+            .label("one equation too many")
+            .help("remove one of the equations, or declare another unknown as a `var`")
+    }
+}
+
+/// Unknowns that an equation could determine: algebraic values and derivatives.
+fn incidence(model: &Model, e: ExprId) -> Vec<Element> {
+    loads(&model.exprs, e, |v, f| match f {
+        Flavour::Value => model.vars[v].role == Role::Algebraic,
+        Flavour::Derivative => model.vars[v].role == Role::State,
+        _ => false,
+    })
+    .into_iter()
+    .filter(|l| l.2.is_constant())
+    .map(|(v, _, at)| (v, at.offset))
+    .collect()
+}
+
+/// One report for each variable, however many of its elements are undetermined.
+fn undetermined(model: &Model, missing: &[Element]) -> Vec<Diagnostic> {
+    let mut out = Vec::new();
+    let mut done = HashSet::new();
+    for &(var, i) in missing {
+        if !done.insert(var) {
+            continue;
+        }
+        let v = &model.vars[var];
+        let count = missing.iter().filter(|m| m.0 == var).count();
+        let name = element_name(model, var, i);
+        let is_state = v.role == Role::State;
+        let what = if is_state { format!("d/dt {name}") } else { name };
+        let more = if count > 1 { format!(" (and {} more of its elements)", count - 1) } else { String::new() };
+        let help = if is_state {
+            format!("add `eq d/dt {} = ...`", v.name)
+        } else if v.name.contains('.') {
+            format!("connect the port, or add `eq {} = ...`", v.name)
+        } else {
+            format!("add `eq {} = ...`, or make it a `let` or a `param`", v.name)
+        };
+        out.push(
+            Diagnostic::error(codes::UNDERDETERMINED, format!("no equation determines {what}{more}"), v.span)
+                .label("has no equation")
+                .help(help),
+        );
+    }
+    out
+}
+
+fn listed(names: &[String]) -> String {
+    const SHOWN: usize = 6;
+    let mut text = names.iter().take(SHOWN).map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");
+    if names.len() > SHOWN {
+        text.push_str(&format!(" and {} more", names.len() - SHOWN));
+    }
+    text
+}
+
+/// Adds the solved algebraic variables to the unknowns. Single elements of arrays become variables of their own.
+fn complete(model: &mut Model, mut rows: Vec<Row>) -> Vec<Row> {
+    let mut whole: HashMap<VarId, i64> = HashMap::new();
+    for row in &rows {
+        if model.vars[row.var].role == Role::Algebraic {
+            *whole.entry(row.var).or_default() += passes(&row.extents);
+        }
+    }
+    let mut order: Vec<VarId> = whole.keys().copied().collect();
+    order.sort_unstable();
+    let mut renamed: HashMap<Element, VarId> = HashMap::new();
+    let declared: u32 = model.vars.values().filter(|v| v.role == Role::Algebraic).map(|v| v.len).sum();
+    let mut solved = 0;
+    for var in order {
+        let len = i64::from(model.vars[var].len);
+        solved += whole[&var] as u32;
+        let quantity = model.interface.algebraics.iter().find(|q| q.var == Some(var)).cloned();
+        if whole[&var] == len {
+            model.unknowns.push(var);
+            model.interface.solved.push(quantity.unwrap_or_else(|| plain(model, var, None)));
+            continue;
+        }
+        let mut elements: Vec<i64> = rows.iter().filter(|r| r.var == var).map(|r| r.at.offset).collect();
+        elements.sort_unstable();
+        for i in elements {
+            let name = match &quantity {
+                Some(q) => q.element_name(i.max(0) as usize),
+                None => element_name(model, var, i),
+            };
+            let span = model.vars[var].span;
+            let new = model.vars.push(Variable { name, role: Role::Algebraic, len: 1, span });
+            model.unknowns.push(new);
+            renamed.insert((var, i), new);
+            let q = plain(model, new, quantity.as_ref().map(|q| (q, i)));
+            model.interface.solved.push(q);
+        }
+    }
+    model.interface.algebraic_counts = [declared, solved, declared - solved];
+    if !renamed.is_empty() {
+        let mut done = HashMap::new();
+        let mut replace = |exprs: &mut crate::ir::Exprs, node: Expr| match node {
+            Expr::Load { var, flavour, at } if at.is_constant() => {
+                renamed.get(&(var, at.offset)).map(|&new| exprs.load(new, flavour, Affine::default()))
+            }
+            _ => None,
+        };
+        super::replace_everywhere(model, &mut [], &mut done, &mut replace);
+        for row in &mut rows {
+            row.residual = model.exprs.rewrite(row.residual, &mut done, &mut replace);
+            if let Some(&new) = renamed.get(&(row.var, row.at.offset)) {
+                row.var = new;
+                row.at = Affine::default();
+            }
+        }
+    }
+    // Rows in the order of the unknowns.
+    let position: HashMap<VarId, usize> = model.unknowns.iter().enumerate().map(|(i, &v)| (v, i)).collect();
+    rows.sort_by_key(|r| (position.get(&r.var).copied().unwrap_or(usize::MAX), r.at.offset));
+    rows
+}
+
+/// A quantity of an unknown that the interface does not list.
+fn plain(model: &Model, var: VarId, of: Option<(&Quantity, i64)>) -> Quantity {
+    let at = |list: &[f64]| vec![of.map_or(f64::NAN, |(_, i)| Quantity::pick(list, i.max(0) as usize))];
+    let v = &model.vars[var];
+    match of {
+        Some((q, _)) => Quantity {
+            var: Some(var),
+            name: v.name.clone(),
+            axes: Vec::new(),
+            pattern: None,
+            low: at(&q.low),
+            high: at(&q.high),
+            default: at(&q.default),
+            scale: at(&q.scale),
+            ..q.clone()
+        },
+        None => Quantity {
+            var: Some(var),
+            name: v.name.clone(),
+            axes: if v.len == 1 { Vec::new() } else { vec![crate::model::Axis::Numbers { first: 1, count: v.len }] },
+            pattern: None,
+            unit: String::new(),
+            text: String::new(),
+            low: vec![f64::NEG_INFINITY],
+            high: vec![f64::INFINITY],
+            default: vec![0.0],
+            scale: vec![1.0],
+            affine_unit: false,
+        },
+    }
+}

@@ -1,0 +1,242 @@
+//! Rates of the states: solving for derivatives, coverage, substitution on right sides.
+
+use std::collections::HashMap;
+
+use cranelift_entity::PrimaryMap;
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::span::Span;
+
+use super::{element_name, loads, passes, replace_everywhere};
+use crate::elaborate::{Equation, EquationForm};
+use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, Flavour, LoopVar, MAX_DEPTH, Role, UnaryFn, VarId};
+use crate::model::{Model, Variable};
+
+/// Which states have an explicit rate.
+pub struct Rates {
+    /// For each state variable, whether each element has an equation `d/dt x = ...`.
+    pub covered: HashMap<VarId, Vec<bool>>,
+}
+
+/// `a·x' + b = 0` becomes `x' = -b/a` where one derivative occurs, linearly.
+pub fn solve_for_derivatives(exprs: &mut Exprs, vars: &PrimaryMap<VarId, Variable>, equations: &mut [Equation]) {
+    for equation in equations {
+        let residual = match equation.form {
+            EquationForm::Implicit { residual } => residual,
+            EquationForm::Rate { var, at, value } => {
+                // A rate that mentions itself is an equation for it.
+                let own = exprs.load(var, Flavour::Derivative, at);
+                if !loads(exprs, value, |v, f| v == var && f == Flavour::Derivative).contains(&(var, Flavour::Derivative, at)) {
+                    continue;
+                }
+                exprs.sub(own, value)
+            }
+            EquationForm::Definition { .. } => continue,
+        };
+        let derivatives = loads(exprs, residual, |v, f| f == Flavour::Derivative && vars[v].role == Role::State);
+        equation.form = EquationForm::Implicit { residual };
+        // With several derivatives, the first with a factor free of derivatives is taken; the others stay on the right side.
+        for &(var, _, at) in &derivatives {
+            if derivatives.len() > 1 && derivatives.iter().filter(|d| d.0 == var).count() > 1 {
+                continue;
+            }
+            let own = exprs.load(var, Flavour::Derivative, at);
+            if let Some((a, b)) = linear(exprs, residual, own)
+                && loads(exprs, a, |_, f| f == Flavour::Derivative).is_empty()
+                && derivatives.len() == 1
+            {
+                let minus_b = exprs.neg(b);
+                let value = exprs.div(minus_b, a);
+                equation.form = EquationForm::Rate { var, at, value };
+                break;
+            }
+        }
+    }
+}
+
+/// `e = a·x + b` with `a` and `b` free of the node `x`.
+fn linear(exprs: &mut Exprs, e: ExprId, x: ExprId) -> Option<(ExprId, ExprId)> {
+    let zero = exprs.constant(0.0);
+    if e == x {
+        return Some((exprs.constant(1.0), zero));
+    }
+    if !depends(exprs, e, x) {
+        return Some((zero, e));
+    }
+    match exprs.node(e) {
+        Expr::Unary(UnaryFn::Neg, a) => {
+            let (a, b) = linear(exprs, a, x)?;
+            Some((exprs.neg(a), exprs.neg(b)))
+        }
+        Expr::Binary(f @ (BinaryFn::Add | BinaryFn::Sub), p, q) => {
+            let ((a1, b1), (a2, b2)) = (linear(exprs, p, x)?, linear(exprs, q, x)?);
+            Some((exprs.binary(f, a1, a2), exprs.binary(f, b1, b2)))
+        }
+        Expr::Binary(BinaryFn::Mul, p, q) => {
+            let (p, q) = if depends(exprs, p, x) { (p, q) } else { (q, p) };
+            if depends(exprs, q, x) {
+                return None;
+            }
+            let (a, b) = linear(exprs, p, x)?;
+            Some((exprs.mul(a, q), exprs.mul(b, q)))
+        }
+        Expr::Binary(BinaryFn::Div, p, q) if !depends(exprs, q, x) => {
+            let (a, b) = linear(exprs, p, x)?;
+            Some((exprs.div(a, q), exprs.div(b, q)))
+        }
+        _ => None,
+    }
+}
+
+fn depends(exprs: &Exprs, e: ExprId, x: ExprId) -> bool {
+    let mut seen = std::collections::HashSet::new();
+    let mut stack = vec![e];
+    while let Some(e) = stack.pop() {
+        if e == x {
+            return true;
+        }
+        if seen.insert(e) {
+            stack.extend(exprs.operands(e));
+        }
+    }
+    false
+}
+
+/// Checks that no state has two rates, and tells which have one.
+///
+/// # Errors
+/// States with two equations for their derivative.
+pub fn cover_states(model: &Model, equations: &[Equation]) -> Result<Rates, Vec<Diagnostic>> {
+    let mut covered: HashMap<VarId, Vec<bool>> = HashMap::new();
+    let mut first: HashMap<VarId, Span> = HashMap::new();
+    let mut faults = Vec::new();
+    for (var, v) in model.vars.iter().filter(|(_, v)| v.role == Role::State) {
+        covered.insert(var, vec![false; v.len as usize]);
+    }
+    for equation in equations {
+        let EquationForm::Rate { var, at, .. } = equation.form else { continue };
+        let Some(list) = covered.get_mut(&var) else { continue };
+        let mut twice = None;
+        crate::elaborate::for_each_element(&equation.extents, at, &mut |i| match list.get_mut(i as usize) {
+            Some(slot) if *slot => twice = Some(i),
+            Some(slot) => *slot = true,
+            None => {}
+        });
+        if let Some(i) = twice {
+            let name = element_name(model, var, i);
+            faults.push(
+                Diagnostic::error(codes::OVERDETERMINED, format!("two equations for d/dt {name}"), equation.span)
+                    .label("the second one")
+                    .secondary(first.get(&var).copied().unwrap_or_default(), "the first one"),
+            );
+        }
+        first.entry(var).or_insert(equation.span);
+    }
+    if faults.is_empty() { Ok(Rates { covered }) } else { Err(faults) }
+}
+
+/// Replaces derivatives on right sides, in programs and elsewhere by the rates themselves, where these are explicit.
+pub fn substitute_derivatives(model: &mut Model, equations: &mut [Equation], _rates: &Rates) -> HashMap<ExprId, ExprId> {
+    let pieces: Vec<(VarId, Affine, Vec<u32>, ExprId)> = equations
+        .iter()
+        .filter_map(|e| match e.form {
+            EquationForm::Rate { var, at, value } => Some((var, at, e.extents.clone(), value)),
+            _ => None,
+        })
+        .collect();
+    let mut resolver = Resolver { pieces, done: HashMap::new(), open: Vec::new() };
+    let mut done = HashMap::new();
+    replace_everywhere(model, equations, &mut done, &mut |exprs, node| match node {
+        Expr::Load { var, flavour: Flavour::Derivative, at } => resolver.rate(exprs, var, at),
+        _ => None,
+    });
+    HashMap::new()
+}
+
+struct Resolver {
+    pieces: Vec<(VarId, Affine, Vec<u32>, ExprId)>,
+    done: HashMap<(VarId, Affine), Option<ExprId>>,
+    open: Vec<(VarId, Affine)>,
+}
+
+impl Resolver {
+    /// The rate of an element (or of the elements of a loop), free of derivatives; `None` where there is none or it needs itself.
+    fn rate(&mut self, exprs: &mut Exprs, var: VarId, at: Affine) -> Option<ExprId> {
+        if let Some(known) = self.done.get(&(var, at)) {
+            return *known;
+        }
+        if self.open.contains(&(var, at)) {
+            return None;
+        }
+        let value = self.pieces.iter().filter(|p| p.0 == var).find_map(|(_, own, extents, value)| {
+            let shifts = shift_onto(*own, extents, at)?;
+            Some((shifts, *value))
+        });
+        let result = value.map(|(shifts, value)| {
+            let moved = shifted(exprs, value, &shifts);
+            self.open.push((var, at));
+            let free = exprs.rewrite(moved, &mut HashMap::new(), &mut |exprs, node| match node {
+                Expr::Load { var, flavour: Flavour::Derivative, at } => self.rate(exprs, var, at),
+                _ => None,
+            });
+            self.open.pop();
+            free
+        });
+        self.done.insert((var, at), result);
+        result
+    }
+}
+
+/// How the loops of a piece must be moved so that it stands for `at`: for each loop an offset added to its counter, or a fixed pass.
+fn shift_onto(own: Affine, extents: &[u32], at: Affine) -> Option<Vec<Shift>> {
+    let difference = at.offset - own.offset;
+    if own.strides == at.strides {
+        // The same loops, perhaps a few cells further on: move the innermost.
+        if difference == 0 {
+            return Some(vec![Shift::By(0); extents.len()]);
+        }
+        let d = extents.len().checked_sub(1)?;
+        let stride = own.strides[d];
+        if stride == 0 || difference % stride != 0 {
+            return None;
+        }
+        let by = difference / stride;
+        // The other loop must stay inside this piece; its extent is at most this one's, so a move is only safe with a margin that
+        // the caller's stencil keeps. Elements outside the piece belong to another equation, so refuse.
+        return (by == 0).then(|| vec![Shift::By(0); extents.len()]);
+    }
+    if !at.is_constant() {
+        return None;
+    }
+    // A single element inside a loop: peel the passes from the outermost stride down.
+    let mut rest = difference;
+    let mut shifts = Vec::with_capacity(extents.len());
+    for (d, &n) in extents.iter().enumerate() {
+        let stride = own.strides[d];
+        if stride == 0 {
+            return None;
+        }
+        let pass = rest.div_euclid(stride);
+        if pass < 0 || pass >= i64::from(n) {
+            return None;
+        }
+        rest -= pass * stride;
+        shifts.push(Shift::At(pass));
+    }
+    (rest == 0 && passes(extents) > 0).then_some(shifts)
+}
+
+#[derive(Clone, Copy)]
+enum Shift {
+    By(i64),
+    At(i64),
+}
+
+fn shifted(exprs: &mut Exprs, e: ExprId, shifts: &[Shift]) -> ExprId {
+    let mut e = e;
+    for (d, shift) in shifts.iter().enumerate().take(MAX_DEPTH) {
+        if let Shift::At(pass) = shift {
+            e = exprs.shift(e, LoopVar(d as u8), *pass);
+        }
+    }
+    e
+}
