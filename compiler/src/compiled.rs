@@ -13,7 +13,8 @@ use crate::generate::{Code, CompiledFn, Executable, GenerateError, Surroundings}
 use crate::interpret::Tape;
 use crate::ir::{Builtin, VarId};
 use crate::kernels;
-use crate::layout::{Layout, Memory, Region};
+use crate::layout::Layout;
+pub use crate::layout::{Memory, Part, Region};
 use crate::model::{Interface, Model, Quantity, Root};
 
 mod build;

@@ -19,6 +19,7 @@ mod indices;
 mod items;
 mod names;
 mod outputs;
+mod phases;
 mod quantity;
 mod space;
 mod units;
@@ -56,6 +57,8 @@ pub struct Options {
     pub observation: Option<String>,
     /// Reward that is the default.
     pub reward: Option<String>,
+    /// Statements that replace those of the model with the same key, as a variant does.
+    pub overlay: Vec<syntax::Statement>,
     /// Overrides `max_steps`.
     pub max_steps: Option<u32>,
 }
@@ -182,6 +185,9 @@ pub(crate) struct Elaborator<'a> {
     uses_steady: bool,
     outcome: Option<control::Outcome>,
     used_parameters: HashSet<String>,
+    schedule: Option<phases::Schedule<'a>>,
+    /// Assignments happen only where this holds: in the transition of a phase.
+    guard: Option<ExprId>,
     symbol_of: HashMap<VarId, SymbolId>,
     /// Members of ports: connections, not outputs.
     port_variables: HashSet<VarId>,
@@ -236,6 +242,8 @@ impl<'a> Elaborator<'a> {
             uses_steady: false,
             outcome: None,
             used_parameters: HashSet::new(),
+            schedule: None,
+            guard: None,
             symbol_of: HashMap::new(),
             port_variables: HashSet::new(),
             given: HashMap::new(),

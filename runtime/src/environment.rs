@@ -7,14 +7,16 @@
 //! carries nothing over from one step to the next.
 
 mod interval;
+mod invariants;
 mod reset;
 mod verdict;
 
 use std::sync::Arc;
 
-use smpl_compiler::compiled::{Memory, Region};
 use smpl_compiler::ir::Builtin;
+use smpl_compiler::layout::{Memory, Part, Region};
 
+pub use invariants::Drift;
 pub use reset::{ResetError, ResetOptions, Start, StateInput};
 
 use crate::catalogue::Catalogue;
@@ -110,6 +112,8 @@ pub struct Environment {
     finish: Vec<f64>,
     scratch: Vec<f64>,
     statistics: Statistics,
+    /// Drifts of the invariants; empty unless they are watched.
+    drifts: Vec<Drift>,
     /// Stepping goes on after the end of an episode.
     keep_going: bool,
 }
@@ -131,7 +135,13 @@ impl Environment {
         let system = setup.system.clone();
         let interface = setup.model().interface();
         let (unknowns, layout) = (setup.model().unknowns(), interface.finish);
-        let counts = [2 * layout.failures, layout.successes, layout.constraints, layout.rewards, layout.observations];
+        let counts = [
+            2 * layout.failures,
+            layout.successes,
+            layout.constraints,
+            layout.rewards,
+            layout.observations,
+        ];
         let progress = Progress {
             key: EpisodeKey::default(),
             next_key: EpisodeKey::default(),
@@ -153,6 +163,7 @@ impl Environment {
             finish: vec![0.0; counts.iter().map(|&c| c as usize).sum()],
             scratch: vec![0.0; unknowns],
             statistics: Statistics::default(),
+            drifts: Vec::new(),
             keep_going: false,
             replay: Vec::new(),
             progress,
@@ -185,10 +196,15 @@ impl Environment {
     pub(crate) fn check(&self, action: &[f64]) -> Result<(), StepError> {
         let actions = self.setup.catalogue.actions.elements();
         if action.len() != actions.len() {
-            return Err(StepError::Length { given: action.len(), expected: actions.len() });
+            return Err(StepError::Length {
+                given: action.len(),
+                expected: actions.len(),
+            });
         }
         if let Some(at) = action.iter().position(|a| a.is_nan()) {
-            return Err(StepError::NotANumber { name: actions[at].name.clone() });
+            return Err(StepError::NotANumber {
+                name: actions[at].name.clone(),
+            });
         }
         match self.progress.phase {
             Phase::Running => Ok(()),
@@ -333,7 +349,7 @@ impl Environment {
     /// The steady state of the episode's parameters, in the order of `y`.
     #[must_use]
     pub fn steady_state(&self) -> &[f64] {
-        self.system.region(Region::Steady(smpl_compiler::compiled::Part::Y))
+        self.system.region(Region::Steady(Part::Y))
     }
 
     /// Work done since the last reset.

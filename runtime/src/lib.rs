@@ -6,13 +6,17 @@
 //!
 //! What all instances share is a [`setup::Setup`]; what changes is an [`environment::Environment`].
 
+pub mod artefact;
 pub mod batch;
 pub mod catalogue;
+pub mod cli;
+pub mod document;
 pub mod environment;
 pub mod failure;
 pub mod linearize;
 pub mod load;
 pub mod observe;
+pub mod plot;
 pub mod random;
 pub mod scenario;
 pub mod setup;

@@ -8,10 +8,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use smpl_compiler::compiled::CompiledModel;
-use smpl_dsl::diagnostic::{Diagnostic, SourceMap, suggest};
-use smpl_dsl::span::FileId;
+use smpl_compiler::compiled::{BackEndSettings, CompiledModel};
+use smpl_compiler::elaborate::{Options, Setting};
+use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes, suggest};
+use smpl_dsl::span::{FileId, Span};
 
+use crate::artefact;
 use crate::catalogue::Catalogue;
 use crate::scenario::{self, Disturbances, Noise, Recorded, Scenario, Value, Variant};
 use crate::setup::EnvironmentOptions;
@@ -84,7 +86,11 @@ pub enum LoadError {
 }
 
 fn summary(diagnostics: &[Diagnostic]) -> String {
-    let texts: Vec<&str> = diagnostics.iter().filter(|d| d.is_error()).map(|d| d.message.as_str()).collect();
+    let texts: Vec<&str> = diagnostics
+        .iter()
+        .filter(|d| d.is_error())
+        .map(|d| d.message.as_str())
+        .collect();
     texts.join("; ")
 }
 
@@ -116,12 +122,18 @@ pub fn load_text(path: &Path, text: String, options: &LoadOptions) -> Result<Loa
         Ok(scenario) => scenario,
         Err(ScenarioFault::Load(error)) => return Err(error),
         Err(ScenarioFault::Diagnostic(d)) => {
-            return Err(LoadError::Diagnostics { sources: Arc::new(sources), diagnostics: vec![*d] });
+            return Err(LoadError::Diagnostics {
+                sources: Arc::new(sources),
+                diagnostics: vec![*d],
+            });
         }
     };
     match front_end(&mut sources, main, &scenario, options) {
         Ok((model, warnings)) => finish(model, warnings, sources, &scenario, options),
-        Err(diagnostics) => Err(LoadError::Diagnostics { sources: Arc::new(sources), diagnostics }),
+        Err(diagnostics) => Err(LoadError::Diagnostics {
+            sources: Arc::new(sources),
+            diagnostics,
+        }),
     }
 }
 
@@ -132,30 +144,91 @@ fn front_end(
     scenario: &Scenario,
     options: &LoadOptions,
 ) -> Result<(CompiledModel, Vec<Diagnostic>), Vec<Diagnostic>> {
-    use smpl_dsl::diagnostic::Code;
-    use smpl_dsl::span::Span;
-    let _ = (scenario, options);
-    let text = sources.file(main).map_or("", |f| f.text()).to_owned();
-    let parsed = smpl_dsl::parse(&text, main);
-    if parsed.diagnostics.iter().any(Diagnostic::is_error) {
-        return Err(parsed.diagnostics);
+    let folder = Path::new(sources.name(main)).parent().map(Path::to_owned).unwrap_or_default();
+    let asked = compile_options(sources, scenario, options)?;
+    let mut loader = |path: &str| import(&folder, path);
+    let (model, warnings) = smpl_compiler::front::flatten(sources, main, &mut loader, &asked)?;
+    let built = CompiledModel::build(model, &BackEndSettings::default());
+    let whole = Span { file: main, start: 0, end: 0 };
+    built.map(|model| (model, warnings)).map_err(|e| vec![Diagnostic::error(codes::BACK_END, e.to_string(), whole)])
+}
+
+/// The text that `use "path"` means: a file beside the model or in the library (`SMPL_LIBRARY`), never outside them.
+fn import(folder: &Path, path: &str) -> Option<(String, String)> {
+    let library = std::env::var_os("SMPL_LIBRARY").map(PathBuf::from);
+    let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    [Some(here.to_owned()), library].into_iter().flatten().find_map(|root| {
+        let root = root.canonicalize().ok()?;
+        let file = root.join(path).canonicalize().ok()?;
+        let text = file.starts_with(&root).then(|| fs::read_to_string(&file).ok())??;
+        Some((folder.join(path).display().to_string(), text))
+    })
+}
+
+/// What scenario and options ask of the front end; later ones win.
+fn compile_options(sources: &mut SourceMap, scenario: &Scenario, options: &LoadOptions) -> Result<Options, Vec<Diagnostic>> {
+    let mut out = Options { observation: options.observation.clone().or_else(|| scenario.observation.clone()), ..Options::default() };
+    out.reward = options.reward.clone().or_else(|| scenario.reward.clone());
+    out.max_steps = scenario.max_steps;
+    for variant in scenario.variants.iter().chain(&options.variants) {
+        out.variants.push((variant.name.clone(), variant.option.clone().unwrap_or_else(|| "true".into())));
     }
-    let code = Code::new("E0900-no-front-end", "the passes from syntax to the flat model are missing");
-    Err(vec![Diagnostic::error(code, "this build cannot compile text", Span { file: main, start: 0, end: 0 })])
+    for (name, cells) in &scenario.grid {
+        out.settings.insert(name.clone(), Setting::Number(f64::from(*cells)));
+    }
+    for (name, value) in scenario.parameters.iter().chain(&scenario.settings).chain(&options.settings) {
+        let setting = value.number().map_or_else(|| Setting::Text(value.to_string()), Setting::Number);
+        out.settings.insert(name.clone(), setting);
+    }
+    // Distributions of a scenario are statements of the language.
+    let mut text = String::new();
+    for (name, value) in &scenario.initial {
+        match value.number() {
+            Some(number) => {
+                out.initial.insert(name.clone(), number);
+            }
+            None => text.push_str(&format!("initial {name} ~ {value}\n")),
+        }
+    }
+    if !text.is_empty() {
+        let file = sources.add("initial of the scenario", text.clone());
+        let parsed = smpl_dsl::parse(&text, file);
+        if parsed.diagnostics.iter().any(Diagnostic::is_error) {
+            return Err(parsed.diagnostics);
+        }
+        out.overlay = parsed.file.statements;
+    }
+    Ok(out)
 }
 
 fn load_artefact(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded, LoadError> {
-    let model = CompiledModel::from_bytes(bytes)
-        .map_err(|error| LoadError::Artefact { path: path.to_owned(), message: error.to_string() })?;
+    let model = artefact::from_bytes(bytes).map_err(|error| LoadError::Artefact {
+        path: path.to_owned(),
+        message: error.to_string(),
+    })?;
     if !options.variants.is_empty() || options.scenario.as_deref().is_some_and(|s| s != "default") {
-        let message = "a compiled model takes neither scenario nor variants: give the `.eq` file".into();
-        return Err(LoadError::Artefact { path: path.to_owned(), message });
+        let message =
+            "a compiled model takes neither scenario nor variants: give the `.eq` file".into();
+        return Err(LoadError::Artefact {
+            path: path.to_owned(),
+            message,
+        });
     }
-    finish(model, Vec::new(), SourceMap::new(), &Scenario::default(), options)
+    finish(
+        model,
+        Vec::new(),
+        SourceMap::new(),
+        &Scenario::default(),
+        options,
+    )
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, LoadError> {
-    fs::read(path).map_err(|error| LoadError::Read { path: path.to_owned(), message: plain(&error), advice: String::new() })
+    fs::read(path).map_err(|error| LoadError::Read {
+        path: path.to_owned(),
+        message: plain(&error),
+        advice: String::new(),
+    })
 }
 
 /// The error without the operating system's number.
@@ -173,16 +246,33 @@ enum ScenarioFault {
     Diagnostic(Box<Diagnostic>),
 }
 
-fn load_scenario(model: &Path, options: &LoadOptions, sources: &mut SourceMap) -> Result<Scenario, ScenarioFault> {
-    let Some(name) = options.scenario.as_deref().filter(|name| *name != "default") else {
+fn load_scenario(
+    model: &Path,
+    options: &LoadOptions,
+    sources: &mut SourceMap,
+) -> Result<Scenario, ScenarioFault> {
+    let Some(name) = options
+        .scenario
+        .as_deref()
+        .filter(|name| *name != "default")
+    else {
         return Ok(Scenario::default());
     };
     let path = scenario::find_file(model, name);
     let text = fs::read_to_string(&path).map_err(|error| {
         let known = scenario::beside(model);
-        let guess = suggest(name, known.iter().map(String::as_str)).map(|n| format!("did you mean `{n}`? "));
-        let advice = format!("; {}scenarios of this model: {}", guess.unwrap_or_default(), known.join(", "));
-        ScenarioFault::Load(LoadError::Read { message: format!("unknown scenario `{name}`: {}", plain(&error)), path: path.clone(), advice })
+        let guess = suggest(name, known.iter().map(String::as_str))
+            .map(|n| format!("did you mean `{n}`? "));
+        let advice = format!(
+            "; {}scenarios of this model: {}",
+            guess.unwrap_or_default(),
+            known.join(", ")
+        );
+        ScenarioFault::Load(LoadError::Read {
+            message: format!("unknown scenario `{name}`: {}", plain(&error)),
+            path: path.clone(),
+            advice,
+        })
     })?;
     let file = sources.add(path.display().to_string(), text);
     Scenario::parse(sources, file).map_err(ScenarioFault::Diagnostic)
@@ -213,28 +303,38 @@ fn finish(
                 environment.parameters.insert(name.clone(), number);
             }
             (Some(element), None) if options.settings.contains_key(name) => {
-                let message = format!("parameter `{name}` must be a number (in {}), not `{value}`", element.unit);
+                let message = format!(
+                    "parameter `{name}` must be a number (in {}), not `{value}`",
+                    element.unit
+                );
                 return Err(LoadError::Setting { message });
             }
             _ => {}
         }
     }
-    for (name, value) in &scenario.initial {
-        if let Some(number) = value.number() {
-            environment.initial.insert(name.clone(), number);
-        }
-    }
     environment.disturbances = recorded(scenario, &catalogue);
     environment.noise = match &scenario.noise {
         None | Some(Noise::Switch(true)) => BTreeMap::new(),
-        Some(Noise::Switch(false)) => model.interface().observations.iter().map(|o| (o.name.clone(), 0.0)).collect(),
+        Some(Noise::Switch(false)) => model
+            .interface()
+            .observations
+            .iter()
+            .map(|o| (o.name.clone(), 0.0))
+            .collect(),
         Some(Noise::Deviations(deviations)) => deviations.clone(),
     };
     let known = |name: &str| knows_setting(&model, &catalogue, name);
     if let Some(name) = options.settings.keys().find(|name| !known(name)) {
-        return Err(LoadError::Setting { message: unknown_setting(&model, &catalogue, name) });
+        return Err(LoadError::Setting {
+            message: unknown_setting(&model, &catalogue, name),
+        });
     }
-    Ok(Loaded { model: Arc::new(model), options: environment, sources: Arc::new(sources), warnings })
+    Ok(Loaded {
+        model: Arc::new(model),
+        options: environment,
+        sources: Arc::new(sources),
+        warnings,
+    })
 }
 
 fn recorded(scenario: &Scenario, catalogue: &Catalogue) -> BTreeMap<String, Vec<f64>> {
@@ -242,7 +342,18 @@ fn recorded(scenario: &Scenario, catalogue: &Catalogue) -> BTreeMap<String, Vec<
         None | Some(Disturbances::Switch(true)) => BTreeMap::new(),
         Some(Disturbances::Switch(false)) => {
             let elements = catalogue.disturbances.elements().iter();
-            elements.map(|e| (e.name.clone(), vec![if e.default.is_finite() { e.default } else { 0.0 }])).collect()
+            elements
+                .map(|e| {
+                    (
+                        e.name.clone(),
+                        vec![if e.default.is_finite() {
+                            e.default
+                        } else {
+                            0.0
+                        }],
+                    )
+                })
+                .collect()
         }
         Some(Disturbances::Values(values)) => values
             .iter()
@@ -265,5 +376,6 @@ fn knows_setting(model: &CompiledModel, catalogue: &Catalogue, name: &str) -> bo
 fn unknown_setting(model: &CompiledModel, catalogue: &Catalogue, name: &str) -> String {
     let interface = model.interface();
     let choices = interface.choices.iter().map(|(n, ..)| n.as_str());
-    crate::catalogue::UnknownName::new("setting", name, choices.chain(catalogue.parameters.names())).to_string()
+    crate::catalogue::UnknownName::new("setting", name, choices.chain(catalogue.parameters.names()))
+        .to_string()
 }

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use smpl_compiler::compiled::{CompiledModel, Memory, Part, Region};
+use smpl_compiler::compiled::CompiledModel;
+use smpl_compiler::layout::{Memory, Part, Region};
 
 use crate::solver::{Pattern, PatternError, System};
 
@@ -37,7 +38,11 @@ impl CompiledSystem {
             quadratures: model.quadratures(),
         };
         let memory = model.memory();
-        Ok(Self { model, shape: Arc::new(shape), memory })
+        Ok(Self {
+            model,
+            shape: Arc::new(shape),
+            memory,
+        })
     }
 
     /// The model.

@@ -314,6 +314,9 @@ impl<'a> Elaborator<'a> {
             self.model.interface.has_steady = true;
             let place = self.place(scope, Site::Instant);
             for (target, value) in entries {
+                if self.steady_instance(target, value, &place, &mut given) {
+                    continue;
+                }
                 let Some((symbol, at)) = self.target(target, &place, &[Role::Action, Role::State]) else { continue };
                 let SymbolKind::Variable { var, unit, .. } = self.names.symbols[symbol].kind.clone() else { continue };
                 let expr = self.number_in(value, &unit, "the steady value", target.span, &place);
@@ -353,6 +356,28 @@ impl<'a> Elaborator<'a> {
         self.model.interface.steady_given = base > 0 && fixed.len() as i64 == base;
         self.model.interface.steady_fixed = fixed;
         self.model.programs.steady = Program { nests: vec![Nest { extents: Vec::new(), stores }], in_place: false };
+    }
+
+    /// `col = 0`: every state of an instance, or of the instances of an array.
+    fn steady_instance(&mut self, target: &Expr, value: &Expr, place: &Place, given: &mut HashMap<(VarId, i64), ExprId>) -> bool {
+        let ExprKind::Name(name) = &target.kind else { return false };
+        let Some(symbol) = self.names.lookup(place.scope, &name.text) else { return false };
+        if !matches!(self.names.symbols[symbol].kind, SymbolKind::Instance(_) | SymbolKind::Instances(_)) {
+            return false;
+        }
+        let path = self.names.symbols[symbol].path.clone();
+        for var in self.state_variables() {
+            let rest = self.vars[var].name.strip_prefix(&path);
+            if !rest.is_some_and(|r| r.starts_with(['.', '['])) {
+                continue;
+            }
+            let Some(SymbolKind::Variable { unit, .. }) = self.symbol_of.get(&var).map(|&s| self.names.symbols[s].kind.clone()) else {
+                continue;
+            };
+            let expr = self.number_in(value, &unit, "the steady value", target.span, place);
+            given.extend((0..i64::from(self.vars[var].len)).map(|i| ((var, i), expr)));
+        }
+        true
     }
 
     /// Variables of a role in the order of the region (identifiers grow); states in the order of the text.
@@ -407,6 +432,7 @@ impl<'a> Elaborator<'a> {
             }
         }
         states.nests.insert(0, Nest { extents: Vec::new(), stores: plain });
+        plain_discretes.extend(self.schedule_initial());
         discretes.nests.insert(0, Nest { extents: Vec::new(), stores: plain_discretes });
         for (scope, item) in each(blocks) {
             let Item::Other(Statement { kind: StatementKind::Initial { target, random, value, clip, binders }, .. }) = item else {
@@ -604,10 +630,11 @@ impl<'a> Elaborator<'a> {
         self.model.programs.start = start;
         self.model.programs.end = end;
         self.events(blocks, events);
+        self.schedule_programs();
     }
 
     /// `next`, `reset`, `clamp`. Consecutive `next`s of scalars share a nest, so that they assign together.
-    fn instant_statement(
+    pub(super) fn instant_statement(
         &mut self,
         scope: ScopeId,
         statement: &Statement,
@@ -678,6 +705,10 @@ impl<'a> Elaborator<'a> {
             let holds = self.condition(c, place);
             let present = self.exprs.load(var, Flavour::Value, at);
             e = self.exprs.select(holds, e, present);
+        }
+        if let Some(guard) = self.guard {
+            let present = self.exprs.load(var, Flavour::Value, at);
+            e = self.exprs.select(guard, e, present);
         }
         Some((var, at, e, whole))
     }

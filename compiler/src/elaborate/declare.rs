@@ -7,7 +7,7 @@ use smpl_dsl::syntax::{
 };
 use smpl_dsl::units::Unit;
 
-use super::items::{Item, items};
+use super::items::{Item, items, overlay};
 use super::names::{Axis, Domain, Geometry, Scheme, Scope, ScopeId, Set, SetId, Symbol, SymbolId, SymbolKind};
 use super::{Bound, Elaborator, Setting, Site};
 use crate::ir::{Role, VarId};
@@ -92,6 +92,7 @@ impl<'a> Elaborator<'a> {
         let mut list = Vec::new();
         let mut seen = vec![false; self.files.len()];
         self.gather(0, &mut seen, &mut list);
+        overlay(&mut list, items(&self.options.overlay, &self.selection));
         for item in &list {
             if let Item::Other(statement) = item {
                 self.register(statement);
@@ -189,6 +190,7 @@ impl<'a> Elaborator<'a> {
 
     /// Declares a block: sets and scalars first, since sizes of domains may need them, then what is indexed, then instances.
     pub(super) fn declare_block(&mut self, scope: ScopeId, list: Vec<Item<'a>>, depth: usize) {
+        self.declare_phases(scope, &list);
         for item in &list {
             if let Item::Other(statement) = item {
                 self.declare_set(scope, statement);
@@ -301,7 +303,7 @@ impl<'a> Elaborator<'a> {
 
     fn set_named(&mut self, scope: ScopeId, name: &Ident) -> Option<SetId> {
         match self.names.lookup(scope, &name.text).map(|s| self.names.symbols[s].kind.clone()) {
-            Some(SymbolKind::Set(set)) => Some(set),
+            Some(SymbolKind::Set(set) | SymbolKind::Phase(set)) => Some(set),
             _ => {
                 let known: Vec<String> = self.names.sets.values().map(|s| s.name.clone()).collect();
                 let help = did_you_mean(&name.text, known.iter().map(String::as_str));

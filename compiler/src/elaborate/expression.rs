@@ -144,6 +144,10 @@ impl<'a> Elaborator<'a> {
             ),
             Measure::Of(unit) => {
                 let unit = unit.clone();
+                // A number gets the unit, `mg/g` and `%` included; a dimensionless quantity with a scale is a number first.
+                if units::is_plain_number(&unit) {
+                    return Value::of(v.expr, target);
+                }
                 if units::is_dimensionless(&unit) && !units::is_dimensionless(&target) {
                     let expr = self.convert(v.expr, &unit, &Unit::one()).unwrap_or(v.expr);
                     return Value::of(expr, target);
@@ -163,6 +167,9 @@ impl<'a> Elaborator<'a> {
         }
         if let Some(symbol) = self.names.lookup(place.scope, &name.text) {
             return self.symbol_value(symbol, &[], name.span, place);
+        }
+        if let Some(v) = self.schedule_name(name) {
+            return v;
         }
         if let Some(v) = self.builtin_name(name, place) {
             return v;
@@ -215,6 +222,9 @@ impl<'a> Elaborator<'a> {
 
     /// A symbol with index expressions.
     pub(super) fn symbol_value(&mut self, symbol: SymbolId, index: &[Expr], span: Span, place: &Place) -> Value {
+        if let Some(v) = self.by_phase(symbol, index, span, place) {
+            return v;
+        }
         match self.names.symbols[symbol].kind.clone() {
             SymbolKind::Variable { axes, .. } => {
                 if let Some(face) = place.face
@@ -250,6 +260,10 @@ impl<'a> Elaborator<'a> {
             }
             SymbolKind::Flux { .. } => self.flux_at_end(symbol, index, span, place),
             SymbolKind::Faulty => self.poison(),
+            SymbolKind::Phase(_) => {
+                let name = Ident { text: "phase".to_owned(), span };
+                self.schedule_name(&name).unwrap_or_else(|| self.poison())
+            }
             kind => {
                 let what = match kind {
                     SymbolKind::Def { .. } => "a function; call it with arguments",
@@ -563,6 +577,14 @@ impl<'a> Elaborator<'a> {
     }
 
     fn comparison(&mut self, span: Span, op: BinaryOp, a: &Expr, b: &Expr, place: &Place) -> Value {
+        if let Some(v) = self.phase_comparison(a, b, place) {
+            return match op {
+                BinaryOp::Eq => v,
+                BinaryOp::Ne if v.is_poison() => v,
+                BinaryOp::Ne => Value::truth(self.exprs.not(v.expr)),
+                _ => self.fault(Diagnostic::error(codes::WRONG_KIND, "phases have no order; compare with `==` or `!=`", span)),
+            };
+        }
         if let Some(equal) = self.name_comparison(a, b, place) {
             return match (op, equal) {
                 (_, None) => self.poison(),

@@ -145,6 +145,7 @@ impl Elaborator<'_> {
         if let ExprKind::Name(name) = &e.kind {
             return Some(match place.bound(&name.text) {
                 Some(Bound::Member(set, i)) => self.names.sets[*set].labels[*i].clone(),
+                Some(Bound::Number(e)) => self.exprs.as_const(*e).map_or_else(String::new, |x| x.to_string()),
                 _ => name.text.clone(),
             });
         }

@@ -63,7 +63,8 @@ fn push<'a>(statement: &'a Statement, out: &mut Vec<Item<'a>>) {
     }
 }
 
-fn overlay<'a>(base: &mut Vec<Item<'a>>, over: Vec<Item<'a>>) {
+/// Works overriding items into those of a block.
+pub fn overlay<'a>(base: &mut Vec<Item<'a>>, over: Vec<Item<'a>>) {
     let keys: Vec<Option<String>> = over.iter().map(key).collect();
     let mut placed = vec![false; over.len()];
     let mut result = Vec::with_capacity(base.len() + over.len());

@@ -80,6 +80,8 @@ pub enum SymbolKind<'a> {
     Choice { options: &'a [Ident], chosen: usize },
     /// A structural number.
     Integer(i64),
+    /// The phase in force; as a set, all phases.
+    Phase(SetId),
     /// The independent variable.
     Time,
     /// Something whose declaration is at fault; its uses are not reported.

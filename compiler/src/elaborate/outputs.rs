@@ -526,7 +526,8 @@ impl<'a> Elaborator<'a> {
             list.into_iter().filter_map(|v| quantity(s, v)).collect()
         };
         let lists = [Role::State, Role::Discrete, Role::Action, Role::Disturbance, Role::Param].map(|r| of(self, r));
-        let [states, discretes, actions, disturbances, parameters] = lists;
+        let [states, mut discretes, actions, disturbances, parameters] = lists;
+        discretes.extend(self.schedule_quantities());
         if states.is_empty() && !self.has_errors() {
             self.report(
                 Diagnostic::error(codes::UNDERDETERMINED, "the model has no state", smpl_dsl::span::Span::default())

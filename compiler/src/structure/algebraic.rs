@@ -176,71 +176,70 @@ fn keep_for_sparsity(
     kept: &mut HashSet<Element>,
 ) {
     let exprs = &model.exprs;
-    let is_unknown = |v: VarId| matches!(model.vars[v].role, Role::State | Role::Algebraic);
-    // Loads of each equation, once.
-    let of_equation: Vec<(i64, Vec<(VarId, Flavour, Affine)>)> = equations
+    let unknowns = |e: ExprId| {
+        loads(exprs, e, |v, f| f == Flavour::Value && matches!(model.vars[v].role, Role::State | Role::Algebraic))
+    };
+    let needs: HashMap<Element, Vec<(VarId, Flavour, Affine)>> = candidates
         .iter()
-        .map(|e| {
-            let root = match e.form {
-                EquationForm::Rate { value, .. } => value,
-                EquationForm::Implicit { residual } => residual,
-                EquationForm::Definition { .. } => return (0, Vec::new()),
-            };
-            (passes(&e.extents), loads(exprs, root, |v, f| f == Flavour::Value && is_unknown(v)))
+        .filter_map(|(&element, &i)| match equations[i].form {
+            EquationForm::Definition { value, .. } => Some((element, unknowns(value))),
+            _ => None,
         })
         .collect();
+    let uses = use_counts(equations, &needs, kept, &unknowns);
     let mut depends: HashMap<Element, HashSet<(VarId, Affine)>> = HashMap::new();
     for &element in order {
-        let Some(&i) = candidates.get(&element) else { continue };
-        let EquationForm::Definition { value, .. } = equations[i].form else { continue };
+        let Some(own) = needs.get(&element) else { continue };
         let mut inputs = HashSet::new();
-        for (v, _, at) in loads(exprs, value, |v, f| f == Flavour::Value && is_unknown(v)) {
+        for &(v, _, at) in own {
             let inner = (v, at.offset);
-            if at.is_constant() && !kept.contains(&inner) && let Some(set) = depends.get(&inner) {
-                inputs.extend(set.iter().copied());
-            } else {
-                inputs.insert((v, at));
+            match depends.get(&inner).filter(|_| at.is_constant() && !kept.contains(&inner)) {
+                Some(set) => inputs.extend(set.iter().copied()),
+                None => {
+                    inputs.insert((v, at));
+                }
             }
         }
         let fan_in = inputs.len() as i64;
         depends.insert(element, inputs);
-        if fan_in < 2 || kept.contains(&element) {
-            continue;
-        }
-        let fan_out: i64 = of_equation.iter().filter(|(_, l)| uses(l, element, equations, candidates, exprs, &is_unknown, kept)).map(|e| e.0).sum();
-        if fan_out >= MANY_USES && fan_in * fan_out > 2 * (fan_in + fan_out) {
+        let fan_out = uses.get(&element).copied().unwrap_or(0);
+        if fan_in >= 2 && fan_out >= MANY_USES && fan_in * fan_out > 2 * (fan_in + fan_out) {
             kept.insert(element);
         }
     }
 }
 
-/// Whether an equation uses an element, directly or through what is substituted.
-fn uses(
-    own: &[(VarId, Flavour, Affine)],
-    element: Element,
+/// In how many rows each element is used, directly or through what is substituted.
+fn use_counts(
     equations: &[Equation],
-    candidates: &HashMap<Element, usize>,
-    exprs: &Exprs,
-    is_unknown: &dyn Fn(VarId) -> bool,
+    needs: &HashMap<Element, Vec<(VarId, Flavour, Affine)>>,
     kept: &HashSet<Element>,
-) -> bool {
-    let mut seen = HashSet::new();
-    let mut stack: Vec<Element> = own.iter().filter(|l| l.2.is_constant()).map(|l| (l.0, l.2.offset)).collect();
-    while let Some(e) = stack.pop() {
-        if e == element {
-            return true;
-        }
-        if kept.contains(&e) || !seen.insert(e) {
-            continue;
-        }
-        if let Some(&i) = candidates.get(&e)
-            && let EquationForm::Definition { value, .. } = equations[i].form
-        {
-            let inner = loads(exprs, value, |v, f| f == Flavour::Value && is_unknown(v));
-            stack.extend(inner.into_iter().filter(|l| l.2.is_constant()).map(|l| (l.0, l.2.offset)));
+    unknowns: &dyn Fn(ExprId) -> Vec<(VarId, Flavour, Affine)>,
+) -> HashMap<Element, i64> {
+    let mut uses: HashMap<Element, i64> = HashMap::new();
+    for equation in equations {
+        let root = match equation.form {
+            EquationForm::Rate { value, .. } => value,
+            EquationForm::Implicit { residual } => residual,
+            EquationForm::Definition { .. } => continue,
+        };
+        let elements = |l: &[(VarId, Flavour, Affine)]| -> Vec<Element> {
+            l.iter().filter(|l| l.2.is_constant()).map(|l| (l.0, l.2.offset)).collect()
+        };
+        let mut stack = elements(&unknowns(root));
+        let mut seen = HashSet::new();
+        while let Some(e) = stack.pop() {
+            let Some(inner) = needs.get(&e) else { continue };
+            if !seen.insert(e) {
+                continue;
+            }
+            *uses.entry(e).or_default() += passes(&equation.extents);
+            if !kept.contains(&e) {
+                stack.extend(elements(inner));
+            }
         }
     }
-    false
+    uses
 }
 
 /// Substitutes everywhere; substituted definitions become equations of nothing and are dropped later.

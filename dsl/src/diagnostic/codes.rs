@@ -101,6 +101,7 @@ registry! {
     UNREACHABLE_PHASE "E0601-unreachable-phase" "a phase that no other phase leads to"
     MISPLACED_FUNCTION "E0602-misplaced-function" "a function that has no meaning in this place"
     BAD_SETTING "E0603-bad-setting" "an entry that `episode` or `solver` does not know, or with a value that it cannot take"
+    BACK_END "E0604-back-end" "the equations are right, but no machine code could be made for them"
     BAD_SCENARIO "E0701-bad-scenario" "a scenario with a key, name or value that the model does not know"
 }
 

@@ -1,2 +1,5 @@
-//! The `smpl` command.
-fn main() {}
+//! The command `smpl`.
+
+fn main() {
+    std::process::exit(smpl_runtime::cli::run(std::env::args_os()));
+}

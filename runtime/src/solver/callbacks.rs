@@ -107,7 +107,9 @@ impl Bridge {
     pub fn lend(&mut self, system: &mut dyn System) {
         let system: NonNull<dyn System + '_> = NonNull::from(system);
         // SAFETY: only the lifetime changes; the pointer is taken back before the borrow ends.
-        self.system = Some(unsafe { std::mem::transmute::<NonNull<dyn System + '_>, NonNull<dyn System>>(system) });
+        self.system = Some(unsafe {
+            std::mem::transmute::<NonNull<dyn System + '_>, NonNull<dyn System>>(system)
+        });
     }
 
     pub fn take_back(&mut self) {
@@ -123,7 +125,9 @@ impl Bridge {
 
     /// IDA's last message.
     pub fn message(&self) -> String {
-        String::from_utf8_lossy(&self.message[..self.message_length]).trim().to_owned()
+        String::from_utf8_lossy(&self.message[..self.message_length])
+            .trim()
+            .to_owned()
     }
 
     fn note(&mut self, trouble: Trouble) {
@@ -133,7 +137,9 @@ impl Bridge {
 
     /// Runs `call` on the system; no panic gets out.
     fn guarded(&mut self, call: impl FnOnce(&mut dyn System)) -> Result<(), c_int> {
-        let Some(mut system) = self.system else { return Err(FATAL) };
+        let Some(mut system) = self.system else {
+            return Err(FATAL);
+        };
         // SAFETY: the lender holds the exclusive borrow as long as the pointer is here.
         let system = unsafe { system.as_mut() };
         catch_unwind(AssertUnwindSafe(|| call(system))).map_err(|_| {
@@ -143,16 +149,28 @@ impl Bridge {
     }
 
     /// Evaluates the residual at `y`, `yp` into `out`.
-    pub fn residual(&mut self, time: f64, y: N_Vector, yp: N_Vector, out: N_Vector) -> Result<(), c_int> {
+    pub fn residual(
+        &mut self,
+        time: f64,
+        y: N_Vector,
+        yp: N_Vector,
+        out: N_Vector,
+    ) -> Result<(), c_int> {
         self.counts.residuals += 1;
         self.guarded(|system| unsafe {
             system.residual(time, entries(y), entries(yp), entries_mut(out));
         })?;
-        if self.operations.all_finite(unsafe { vector::block_slice(out) }) {
+        if self
+            .operations
+            .all_finite(unsafe { vector::block_slice(out) })
+        {
             return Ok(());
         }
         self.counts.not_finite += 1;
-        let row = unsafe { entries(out) }.iter().position(|x| !x.is_finite()).unwrap_or(0);
+        let row = unsafe { entries(out) }
+            .iter()
+            .position(|x| !x.is_finite())
+            .unwrap_or(0);
         self.note(Trouble::Residual { time, row });
         Err(RECOVERABLE)
     }
@@ -182,7 +200,10 @@ impl Bridge {
             Err(singular) => {
                 let mut time = 0.0;
                 unsafe { IDAGetCurrentTime(self.memory, &mut time) };
-                self.note(Trouble::Singular { time, column: singular.column });
+                self.note(Trouble::Singular {
+                    time,
+                    column: singular.column,
+                });
                 RECOVERABLE
             }
         }
@@ -225,11 +246,16 @@ fn code(result: Result<(), c_int>) -> c_int {
     result.err().unwrap_or(0)
 }
 
-pub(crate) unsafe extern "C" fn residual(t: f64, y: N_Vector, yp: N_Vector, out: N_Vector, data: *mut c_void) -> c_int {
+pub(crate) unsafe extern "C" fn residual(
+    t: f64,
+    y: N_Vector,
+    yp: N_Vector,
+    out: N_Vector,
+    data: *mut c_void,
+) -> c_int {
     code(unsafe { bridge(data) }.residual(t, y, yp, out))
 }
 
-#[expect(clippy::too_many_arguments, reason = "IDA's signature")]
 pub(crate) unsafe extern "C" fn jacobian(
     t: f64,
     cj: f64,
@@ -245,7 +271,13 @@ pub(crate) unsafe extern "C" fn jacobian(
     code(unsafe { bridge(data) }.jacobian(t, cj, y, yp))
 }
 
-pub(crate) unsafe extern "C" fn roots(t: f64, y: N_Vector, yp: N_Vector, out: *mut f64, data: *mut c_void) -> c_int {
+pub(crate) unsafe extern "C" fn roots(
+    t: f64,
+    y: N_Vector,
+    yp: N_Vector,
+    out: *mut f64,
+    data: *mut c_void,
+) -> c_int {
     let done = unsafe { bridge(data) }.guarded(|system| {
         let out = unsafe { std::slice::from_raw_parts_mut(out, system.root_count()) };
         system.roots(t, unsafe { entries(y) }, unsafe { entries(yp) }, out);
@@ -253,7 +285,13 @@ pub(crate) unsafe extern "C" fn roots(t: f64, y: N_Vector, yp: N_Vector, out: *m
     code(done)
 }
 
-pub(crate) unsafe extern "C" fn quadratures(t: f64, y: N_Vector, yp: N_Vector, out: N_Vector, data: *mut c_void) -> c_int {
+pub(crate) unsafe extern "C" fn quadratures(
+    t: f64,
+    y: N_Vector,
+    yp: N_Vector,
+    out: N_Vector,
+    data: *mut c_void,
+) -> c_int {
     let done = unsafe { bridge(data) }.guarded(|system| unsafe {
         system.quadratures(t, entries(y), entries(yp), entries_mut(out));
     });
@@ -261,9 +299,17 @@ pub(crate) unsafe extern "C" fn quadratures(t: f64, y: N_Vector, yp: N_Vector, o
 }
 
 /// Error weights; IDA asks for them once a step, which also makes it the place to watch the steps.
-pub(crate) unsafe extern "C" fn error_weights(y: N_Vector, weights: N_Vector, data: *mut c_void) -> c_int {
+pub(crate) unsafe extern "C" fn error_weights(
+    y: N_Vector,
+    weights: N_Vector,
+    data: *mut c_void,
+) -> c_int {
     let bridge = unsafe { bridge(data) };
-    unsafe { bridge.operations.error_weights(bridge.rtol, y, &bridge.atol, weights) };
+    unsafe {
+        bridge
+            .operations
+            .error_weights(bridge.rtol, y, &bridge.atol, weights)
+    };
     code(bridge.step_accepted())
 }
 
@@ -298,7 +344,13 @@ unsafe extern "C" fn solver_setup(solver: SUNLinearSolver, _: SUNMatrix) -> c_in
     unsafe { bridge((*solver).content) }.factorise()
 }
 
-unsafe extern "C" fn solver_solve(solver: SUNLinearSolver, _: SUNMatrix, x: N_Vector, b: N_Vector, _: f64) -> c_int {
+unsafe extern "C" fn solver_solve(
+    solver: SUNLinearSolver,
+    _: SUNMatrix,
+    x: N_Vector,
+    b: N_Vector,
+    _: f64,
+) -> c_int {
     let bridge = unsafe { bridge((*solver).content) };
     bridge.counts.linear_solves += 1;
     let x = unsafe { entries_mut(x) };
@@ -347,8 +399,19 @@ pub(crate) struct LinearObjects {
 impl LinearObjects {
     pub fn new(bridge: *mut Bridge, sunctx: SUNContext) -> Self {
         // SUNDIALS only reads the tables.
-        let solver = _generic_SUNLinearSolver { content: bridge.cast(), ops: ptr::from_ref(&SOLVER).cast_mut(), sunctx };
-        let matrix = _generic_SUNMatrix { content: bridge.cast(), ops: ptr::from_ref(&MATRIX).cast_mut(), sunctx };
-        Self { solver: Box::new(solver), matrix: Box::new(matrix) }
+        let solver = _generic_SUNLinearSolver {
+            content: bridge.cast(),
+            ops: ptr::from_ref(&SOLVER).cast_mut(),
+            sunctx,
+        };
+        let matrix = _generic_SUNMatrix {
+            content: bridge.cast(),
+            ops: ptr::from_ref(&MATRIX).cast_mut(),
+            sunctx,
+        };
+        Self {
+            solver: Box::new(solver),
+            matrix: Box::new(matrix),
+        }
     }
 }

@@ -1,13 +1,15 @@
 //! IDA behind the [`Integrator`] trait.
 
+mod setup;
+
 use std::os::raw::{c_int, c_long, c_void};
-use std::ptr;
 
 use sundials_sys::*;
 
-use super::callbacks::{self, Bridge, LinearObjects, Trouble};
+use self::setup::check;
+use super::callbacks::{Bridge, LinearObjects, Trouble};
 use super::consistent::{Consistent, Inconsistent};
-use super::linear::{Factorisation, Method};
+use super::linear::Method;
 use super::vector::{Operations, Vector};
 use super::{
     Advance, FirstStep, IdaFlag, Integrator, Quadratures, Settings, SolveError, Statistics, System,
@@ -41,11 +43,11 @@ pub struct Ida {
     // Freed in the order of `Drop` below; vectors and the bridge outlive `memory`.
     memory: *mut c_void,
     bridge: *mut Bridge,
-    _linear: LinearObjects,
+    linear: LinearObjects,
     y: Vector,
     yp: Vector,
     quadratures: Option<Vector>,
-    _identity: Option<Vector>,
+    identity: Option<Vector>,
     consistent: Option<Consistent>,
     context: Context,
     settings: Settings,
@@ -86,101 +88,6 @@ impl Ida {
         Self::with_operations(system, settings, Operations::Portable)
     }
 
-    fn with_operations(system: &dyn System, settings: Settings, operations: Operations) -> Result<Self, SolveError> {
-        let n = system.dimension();
-        settings.validate(n)?;
-        check_shape(system)?;
-        let mut raw = ptr::null_mut();
-        check("SUNContext_Create", unsafe { SUNContext_Create(comm_no_mpi(), &mut raw) })?;
-        let context = Context(raw);
-        let factorisation = Factorisation::new(system.pattern(), settings.linear_solver)?;
-        let entries = system.pattern().entries();
-        let bridge = Bridge::new(operations, settings.rtol, &settings.atol, entries, factorisation);
-        let consistent = match system.is_explicit() {
-            true => Some(Consistent::new(system, operations, context.0)?),
-            false => None,
-        };
-        let vector = |length| Vector::zeros(length, operations, context.0);
-        let quadratures = (system.quadrature_count() > 0).then(|| vector(system.quadrature_count()));
-        let (y, yp) = (vector(n), vector(n));
-        let identity = (!system.is_explicit()).then(|| vector(n));
-        let pattern = system.pattern();
-        let columns = (0..n).flat_map(|column| pattern.column(column).map(move |_| column)).collect();
-        let bridge = Box::into_raw(Box::new(bridge));
-        let mut ida = Self {
-            memory: unsafe { IDACreate(context.0) },
-            bridge,
-            _linear: LinearObjects::new(bridge, context.0),
-            y,
-            yp,
-            quadratures,
-            _identity: identity,
-            consistent,
-            context,
-            settings,
-            differential: system.differential().into(),
-            rows_of_entries: (pattern.rows().into(), columns),
-            events: vec![0; system.root_count()].into(),
-            time: 0.0,
-            phase: Phase::Idle,
-            counted: IdaCounts::default(),
-            last_step: 0.0,
-            last_interval: 1.0,
-        };
-        ida.bridge().memory = ida.memory;
-        ida.configure()?;
-        Ok(ida)
-    }
-
-    /// Tells IDA everything that does not change.
-    fn configure(&mut self) -> Result<(), SolveError> {
-        let memory = self.memory;
-        let data: *mut c_void = self.bridge.cast();
-        unsafe {
-            check("IDASetErrHandlerFn", IDASetErrHandlerFn(memory, Some(callbacks::message), data))?;
-            check("IDASetUserData", IDASetUserData(memory, data))?;
-            check("IDAInit", IDAInit(memory, Some(callbacks::residual), 0.0, self.y.raw(), self.yp.raw()))?;
-            check("IDAWFtolerances", IDAWFtolerances(memory, Some(callbacks::error_weights)))?;
-            let (solver, matrix) = (&mut *self._linear.solver, &mut *self._linear.matrix);
-            check("IDASetLinearSolver", IDASetLinearSolver(memory, solver, matrix))?;
-            check("IDASetJacFn", IDASetJacFn(memory, Some(callbacks::jacobian)))?;
-            check("IDASetMaxOrd", IDASetMaxOrd(memory, self.settings.max_order as c_int))?;
-            check("IDASetMaxNumSteps", IDASetMaxNumSteps(memory, c_long::from(self.settings.max_steps)))?;
-            if self.settings.max_step.is_finite() {
-                check("IDASetMaxStep", IDASetMaxStep(memory, self.settings.max_step))?;
-            }
-            if self.settings.min_step > 0.0 {
-                check("IDASetMinStep", IDASetMinStep(memory, self.settings.min_step))?;
-            }
-            if !self.events.is_empty() {
-                check("IDARootInit", IDARootInit(memory, self.events.len() as c_int, Some(callbacks::roots)))?;
-                check("IDASetNoInactiveRootWarn", IDASetNoInactiveRootWarn(memory))?;
-            }
-        }
-        self.configure_identity()?;
-        self.configure_quadratures()
-    }
-
-    /// Implicit systems: which unknowns are differential.
-    fn configure_identity(&mut self) -> Result<(), SolveError> {
-        let Some(identity) = &mut self._identity else { return Ok(()) };
-        for (entry, &differential) in identity.entries_mut().iter_mut().zip(&self.differential) {
-            *entry = f64::from(u8::from(differential));
-        }
-        check("IDASetId", unsafe { IDASetId(self.memory, identity.raw()) })
-    }
-
-    fn configure_quadratures(&mut self) -> Result<(), SolveError> {
-        let Some(vector) = &self.quadratures else { return Ok(()) };
-        let function = Some(callbacks::quadratures as unsafe extern "C" fn(_, _, _, _, _) -> _);
-        check("IDAQuadInit", unsafe { IDAQuadInit(self.memory, function, vector.raw()) })?;
-        if let Quadratures::Checked { rtol, atol } = self.settings.quadratures {
-            check("IDAQuadSStolerances", unsafe { IDAQuadSStolerances(self.memory, rtol, atol) })?;
-            check("IDASetQuadErrCon", unsafe { IDASetQuadErrCon(self.memory, 1) })?;
-        }
-        Ok(())
-    }
-
     /// The linear solver in use.
     pub fn method(&self) -> Method {
         // SAFETY: outside of IDA's calls nobody else uses the bridge.
@@ -206,7 +113,10 @@ impl Ida {
     }
 
     fn flag(&mut self, value: c_int) -> IdaFlag {
-        IdaFlag { value, message: self.bridge().message() }
+        IdaFlag {
+            value,
+            message: self.bridge().message(),
+        }
     }
 
     fn initialise(&mut self) -> Result<(), SolveError> {
@@ -236,7 +146,12 @@ impl Ida {
             return Ok(());
         }
         let flag = self.flag(value);
-        Err(self.trouble().unwrap_or(SolveError::ImplicitInitialConditions { time: self.time, flag }))
+        Err(self
+            .trouble()
+            .unwrap_or(SolveError::ImplicitInitialConditions {
+                time: self.time,
+                flag,
+            }))
     }
 
     fn inconsistent(&mut self, cause: Inconsistent) -> SolveError {
@@ -244,9 +159,14 @@ impl Ida {
         match cause {
             Inconsistent::Callback => self.trouble().unwrap_or(SolveError::Panicked { time }),
             Inconsistent::Singular(column) => SolveError::SingularJacobian { time, column },
-            Inconsistent::Diverged { iterations, correction } => {
-                SolveError::InitialConditions { time, iterations, correction }
-            }
+            Inconsistent::Diverged {
+                iterations,
+                correction,
+            } => SolveError::InitialConditions {
+                time,
+                iterations,
+                correction,
+            },
         }
     }
 
@@ -257,7 +177,11 @@ impl Ida {
             Trouble::Residual { time, row } => SolveError::NotFinite { time, row },
             Trouble::Jacobian { time, entry } => {
                 let (rows, columns) = &self.rows_of_entries;
-                SolveError::JacobianNotFinite { time, row: rows[entry], column: columns[entry] }
+                SolveError::JacobianNotFinite {
+                    time,
+                    row: rows[entry],
+                    column: columns[entry],
+                }
             }
             Trouble::Singular { time, column } => SolveError::SingularJacobian { time, column },
             Trouble::TinySteps { step } => SolveError::StepTooSmall { time, step },
@@ -265,16 +189,20 @@ impl Ida {
         })
     }
 
-    /// Chooses the first step and hands the initial values to IDA.
-    fn start(&mut self, t_end: f64) -> Result<(), SolveError> {
-        let interval = t_end - self.time;
-        let step = self.first_step(interval)?.min(interval).max(0.0);
+    /// Hands the initial values to IDA, with a first step (zero: by IDA's rule).
+    fn start(&mut self, step: f64) -> Result<(), SolveError> {
         unsafe {
             check("IDASetInitStep", IDASetInitStep(self.memory, step))?;
-            check("IDAReInit", IDAReInit(self.memory, self.time, self.y.raw(), self.yp.raw()))?;
+            check(
+                "IDAReInit",
+                IDAReInit(self.memory, self.time, self.y.raw(), self.yp.raw()),
+            )?;
             if let Some(quadratures) = &mut self.quadratures {
                 quadratures.entries_mut().fill(0.0);
-                check("IDAQuadReInit", IDAQuadReInit(self.memory, quadratures.raw()))?;
+                check(
+                    "IDAQuadReInit",
+                    IDAQuadReInit(self.memory, quadratures.raw()),
+                )?;
             }
         }
         self.counted = IdaCounts::default();
@@ -289,6 +217,8 @@ impl Ida {
         Ok(match (self.settings.first_step, &mut self.consistent) {
             (FirstStep::Fixed(step), _) => step,
             (FirstStep::Scaled { factor }, _) => factor * self.last_step,
+            // Only IDA's rule looks at the quadratures.
+            _ if self.settings.quadratures != Quadratures::Unchecked => 0.0,
             (FirstStep::Estimated { safety }, Some(consistent)) => consistent
                 .first_step(bridge, time, interval, &self.y, &mut self.yp, safety)
                 .map_err(|cause| self.inconsistent(cause))?,
@@ -298,32 +228,50 @@ impl Ida {
 
     fn solve(&mut self, t_end: f64) -> Result<Advance, SolveError> {
         self.bridge().begin();
-        if self.phase == Phase::Restarted {
-            self.start(t_end)?;
+        let (interval, fresh) = (t_end - self.time, self.phase == Phase::Restarted);
+        if fresh {
+            let step = self.first_step(interval)?.min(interval);
+            self.start(step)?;
         }
-        self.last_interval = t_end - self.time;
-        let value = unsafe {
-            let (memory, y, yp) = (self.memory, self.y.raw(), self.yp.raw());
-            check("IDASetStopTime", IDASetStopTime(memory, t_end))?;
-            IDASolve(memory, t_end, &mut self.time, y, yp, IDA_NORMAL)
-        };
-        self.count();
+        self.last_interval = interval;
+        let mut value = self.run(t_end)?;
+        let stuck = matches!(value, IDA_ERR_FAIL | IDA_CONV_FAIL | IDA_REP_RES_ERR);
+        if fresh && stuck && self.counted.steps == 0 && self.settings.first_step != FirstStep::Ida {
+            // Our first step was too long to be mended by IDA's few reductions; its own rule is more careful.
+            self.start(0.0)?;
+            value = self.run(t_end)?;
+        }
         let advance = match value {
             IDA_SUCCESS | IDA_TSTOP_RETURN => {
                 self.time = t_end;
                 Advance::Reached
             }
             IDA_ROOT_RETURN => {
-                check("IDAGetRootInfo", unsafe { IDAGetRootInfo(self.memory, self.events.as_mut_ptr()) })?;
+                check("IDAGetRootInfo", unsafe {
+                    IDAGetRootInfo(self.memory, self.events.as_mut_ptr())
+                })?;
                 Advance::Event
             }
             failure => return Err(self.failure(failure)),
         };
         if let Some(quadratures) = &self.quadratures {
             let mut time = self.time;
-            check("IDAGetQuad", unsafe { IDAGetQuad(self.memory, &mut time, quadratures.raw()) })?;
+            check("IDAGetQuad", unsafe {
+                IDAGetQuad(self.memory, &mut time, quadratures.raw())
+            })?;
         }
         Ok(advance)
+    }
+
+    /// Lets IDA step to `t_end` and returns its flag.
+    fn run(&mut self, t_end: f64) -> Result<c_int, SolveError> {
+        let (memory, y, yp) = (self.memory, self.y.raw(), self.yp.raw());
+        let value = unsafe {
+            check("IDASetStopTime", IDASetStopTime(memory, t_end))?;
+            IDASolve(memory, t_end, &mut self.time, y, yp, IDA_NORMAL)
+        };
+        self.count();
+        Ok(value)
     }
 
     /// Adds what IDA counted since the last time, and notes the step.
@@ -351,8 +299,10 @@ impl Ida {
         self.counted = now;
         let bridge = self.bridge();
         bridge.counts.steps += (now.steps - before.steps) as u64;
-        bridge.counts.error_test_failures += (now.error_test_failures - before.error_test_failures) as u64;
-        bridge.counts.nonlinear_failures += (now.nonlinear_failures - before.nonlinear_failures) as u64;
+        bridge.counts.error_test_failures +=
+            (now.error_test_failures - before.error_test_failures) as u64;
+        bridge.counts.nonlinear_failures +=
+            (now.nonlinear_failures - before.nonlinear_failures) as u64;
         // The very last step may be a short one, cut at the stop time; the one before it was free.
         let free = if now.steps > 1 { bridge.last_step } else { 0.0 };
         self.last_step = last.max(free);
@@ -364,7 +314,10 @@ impl Ida {
         }
         let (time, flag) = (self.time, self.flag(value));
         match value {
-            IDA_TOO_MUCH_WORK => SolveError::TooManySteps { time, steps: self.settings.max_steps },
+            IDA_TOO_MUCH_WORK => SolveError::TooManySteps {
+                time,
+                steps: self.settings.max_steps,
+            },
             IDA_ERR_FAIL => SolveError::ErrorTestFailures { time, flag },
             IDA_CONV_FAIL => SolveError::ConvergenceFailures { time, flag },
             _ => SolveError::Other { time, flag },
@@ -373,12 +326,26 @@ impl Ida {
 }
 
 impl Integrator for Ida {
-    fn restart(&mut self, system: &mut dyn System, t0: f64, y: &[f64], yp: Option<&[f64]>) -> Result<(), SolveError> {
+    fn restart(
+        &mut self,
+        system: &mut dyn System,
+        t0: f64,
+        y: &[f64],
+        yp: Option<&[f64]>,
+    ) -> Result<(), SolveError> {
         self.phase = Phase::Idle;
         let n = self.differential.len();
-        let lengths = [("system", system.dimension()), ("y", y.len()), ("yp", yp.map_or(n, <[f64]>::len))];
+        let lengths = [
+            ("system", system.dimension()),
+            ("y", y.len()),
+            ("yp", yp.map_or(n, <[f64]>::len)),
+        ];
         if let Some((name, given)) = lengths.into_iter().find(|&(_, given)| given != n) {
-            return Err(SolveError::Length { name, given, expected: n });
+            return Err(SolveError::Length {
+                name,
+                given,
+                expected: n,
+            });
         }
         if !t0.is_finite() {
             return Err(SolveError::Interval { from: t0, to: t0 });
@@ -412,7 +379,11 @@ impl Integrator for Ida {
         }
         let n = self.differential.len();
         if system.dimension() != n {
-            return Err(SolveError::Length { name: "system", given: system.dimension(), expected: n });
+            return Err(SolveError::Length {
+                name: "system",
+                given: system.dimension(),
+                expected: n,
+            });
         }
         let result = self.lending(system, |ida| ida.solve(t_end));
         if result.is_err() {
@@ -468,29 +439,5 @@ impl Drop for Ida {
             drop(Box::from_raw(self.bridge));
         }
         let _ = &self.context; // freed after this, with the vectors
-    }
-}
-
-/// Turns the return value of a setup function into a result.
-fn check(function: &'static str, value: c_int) -> Result<(), SolveError> {
-    if value >= 0 {
-        return Ok(());
-    }
-    Err(SolveError::Setup { function, flag: IdaFlag { value, message: String::new() } })
-}
-
-/// The pattern has the system's dimension, and a diagonal where derivatives are explicit.
-fn check_shape(system: &dyn System) -> Result<(), SolveError> {
-    let (n, pattern) = (system.dimension(), system.pattern());
-    let lengths = [("pattern", pattern.dimension()), ("differential", system.differential().len())];
-    if let Some((name, given)) = lengths.into_iter().find(|&(_, given)| given != n) {
-        return Err(SolveError::Length { name, given, expected: n });
-    }
-    let lacks_diagonal = |&i: &usize| {
-        system.differential()[i] && !pattern.rows()[pattern.column(i)].contains(&i)
-    };
-    match (0..n).find(lacks_diagonal) {
-        Some(row) if system.is_explicit() => Err(SolveError::Diagonal { row }),
-        _ => Ok(()),
     }
 }

@@ -7,6 +7,8 @@
 //!
 //! Operands may be the same vector as the result: a block is read whole before it is written.
 
+use std::array::from_fn;
+
 /// Numbers in a [`Block`].
 pub(crate) const LANES: usize = 8;
 
@@ -24,20 +26,12 @@ impl Block {
 
     #[inline(always)]
     fn map(self, f: impl Fn(f64) -> f64) -> Self {
-        let mut out = [0.0; LANES];
-        for lane in 0..LANES {
-            out[lane] = f(self.0[lane]);
-        }
-        Self(out)
+        Self(from_fn(|lane| f(self.0[lane])))
     }
 
     #[inline(always)]
     fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
-        let mut out = [0.0; LANES];
-        for lane in 0..LANES {
-            out[lane] = f(self.0[lane], other.0[lane]);
-        }
-        Self(out)
+        Self(from_fn(|lane| f(self.0[lane], other.0[lane])))
     }
 
     /// `factor * self + addend`, rounded once.
@@ -94,7 +88,11 @@ pub(crate) unsafe fn linear_sum(
     z: *mut Block,
 ) {
     // A factor of one (IDA's usual case) is exact either way round: the other product is the one to fuse.
-    let ((a, x), (b, y)) = if b.abs() == 1.0 { ((b, y), (a, x)) } else { ((a, x), (b, y)) };
+    let ((a, x), (b, y)) = if b.abs() == 1.0 {
+        ((b, y), (a, x))
+    } else {
+        ((a, x), (b, y))
+    };
     unsafe { zip(blocks, x, y, z, |x, y| b.mul_add(y, a * x)) };
 }
 
@@ -131,12 +129,11 @@ pub(crate) unsafe fn reduce(
 ) -> f64 {
     let add = |i: usize, sum: Block| {
         let (x, y) = unsafe { (x.add(i).read(), y.add(i).read()) };
-        let mut out = [0.0; LANES];
-        for lane in 0..LANES {
-            out[lane] = term(x.0[lane], y.0[lane], sum.0[lane]);
-        }
-        Block(out)
+        Block(from_fn(|lane| term(x.0[lane], y.0[lane], sum.0[lane])))
     };
+    if blocks == 1 {
+        return add(0, Block::ZERO).sum(); // the other partial sums would be zero
+    }
     let mut sums = [Block::ZERO; ACCUMULATORS];
     let whole = blocks - blocks % ACCUMULATORS;
     let mut first = 0;
@@ -151,11 +148,11 @@ pub(crate) unsafe fn reduce(
             *sum = add(whole + k, *sum);
         }
     }
-    if blocks == 1 {
-        return sums[0].sum(); // the other partial sums are zero
-    }
     let plus = |x: f64, y: f64| x + y;
-    sums[0].zip(sums[2], plus).zip(sums[1].zip(sums[3], plus), plus).sum()
+    sums[0]
+        .zip(sums[2], plus)
+        .zip(sums[1].zip(sums[3], plus), plus)
+        .sum()
 }
 
 /// Sum of `(x w)^2`.
@@ -194,5 +191,9 @@ pub(crate) unsafe fn error_weights(
     atol: *const Block,
     w: *mut Block,
 ) {
-    unsafe { zip(blocks, y, atol, w, |y, atol| 1.0 / rtol.mul_add(y.abs(), atol)) };
+    unsafe {
+        zip(blocks, y, atol, w, |y, atol| {
+            1.0 / rtol.mul_add(y.abs(), atol)
+        })
+    };
 }

@@ -30,7 +30,7 @@ pub struct Settings {
 pub enum FirstStep {
     /// From y'' by the exact Jacobian: the step whose estimated local error at order one is `safety` of the
     /// tolerance. Depends on nothing but the present state. Systems that are not explicit in
-    /// their derivatives use IDA's rule.
+    /// their derivatives, and those with checked quadratures, use IDA's rule.
     Estimated {
         /// Fraction of the tolerance. Default 0.25.
         safety: f64,
@@ -67,7 +67,8 @@ pub enum LinearSolver {
 /// Whether the error of quadratures is controlled.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Quadratures {
-    /// Integrated with the steps that the unknowns need.
+    /// Integrated with the steps that the unknowns need: no better than these allow (a solution that is a straight line is
+    /// stepped over at once).
     #[default]
     Unchecked,
     /// Part of the error test.
@@ -109,15 +110,36 @@ impl Settings {
             Quadratures::Checked { rtol, atol } => not_negative(rtol) && positive(atol),
         };
         let checks = [
-            (not_negative(self.rtol), "rtol must be finite and not negative"),
-            (self.atol.len() == dimension, "atol must have one entry an unknown"),
-            (self.atol.iter().all(|&x| positive(x)), "atol must be finite and positive"),
-            ((1..=5).contains(&self.max_order), "max_order must be 1 to 5"),
+            (
+                not_negative(self.rtol),
+                "rtol must be finite and not negative",
+            ),
+            (
+                self.atol.len() == dimension,
+                "atol must have one entry an unknown",
+            ),
+            (
+                self.atol.iter().all(|&x| positive(x)),
+                "atol must be finite and positive",
+            ),
+            (
+                (1..=5).contains(&self.max_order),
+                "max_order must be 1 to 5",
+            ),
             (first_step, "first_step must be finite and positive"),
             (self.max_steps > 0, "max_steps must be positive"),
-            (not_negative(self.min_step), "min_step must be finite and not negative"),
-            (self.max_step > self.min_step, "max_step must exceed min_step"),
-            (quadratures, "tolerances of the quadratures must be finite and positive"),
+            (
+                not_negative(self.min_step),
+                "min_step must be finite and not negative",
+            ),
+            (
+                self.max_step > self.min_step,
+                "max_step must exceed min_step",
+            ),
+            (
+                quadratures,
+                "tolerances of the quadratures must be finite and positive",
+            ),
         ];
         match checks.into_iter().find(|(holds, _)| !holds) {
             Some((_, message)) => Err(SolveError::Settings { message }),

@@ -31,7 +31,7 @@ fn content(vector: N_Vector) -> *mut Content {
 
 #[inline(always)]
 fn block_count(vector: N_Vector) -> usize {
-    unsafe { (&(*content(vector)).blocks).len() }
+    unsafe { &*content(vector) }.blocks.len()
 }
 
 #[inline(always)]
@@ -69,8 +69,15 @@ pub(crate) fn zeroed_blocks(length: usize) -> Box<[Block]> {
 }
 
 fn allocate(length: usize, ops: *mut _generic_N_Vector_Ops, sunctx: SUNContext) -> N_Vector {
-    let content = Box::into_raw(Box::new(Content { length, blocks: zeroed_blocks(length) }));
-    Box::into_raw(Box::new(_generic_N_Vector { content: content.cast(), ops, sunctx }))
+    let content = Box::into_raw(Box::new(Content {
+        length,
+        blocks: zeroed_blocks(length),
+    }));
+    Box::into_raw(Box::new(_generic_N_Vector {
+        content: content.cast(),
+        ops,
+        sunctx,
+    }))
 }
 
 unsafe extern "C" fn vector_id(_: N_Vector) -> N_Vector_ID {
@@ -85,6 +92,14 @@ unsafe extern "C" fn destroy(x: N_Vector) {
     unsafe {
         drop(Box::from_raw(content(x)));
         drop(Box::from_raw(x));
+    }
+}
+
+/// Numbers and integers that a vector takes; IDA only adds them up, but asks for them unconditionally.
+unsafe extern "C" fn space(x: N_Vector, numbers: *mut i64, integers: *mut i64) {
+    unsafe {
+        *numbers = (block_count(x) * LANES) as i64;
+        *integers = 1;
     }
 }
 
@@ -119,11 +134,15 @@ unsafe extern "C" fn add_constant(x: N_Vector, b: f64, z: N_Vector) {
 }
 
 unsafe extern "C" fn minimum(x: N_Vector) -> f64 {
-    unsafe { entries(x) }.iter().fold(f64::MAX, |least, &value| least.min(value))
+    unsafe { entries(x) }
+        .iter()
+        .fold(f64::MAX, |least, &value| least.min(value))
 }
 
 unsafe extern "C" fn maximum_norm(x: N_Vector) -> f64 {
-    unsafe { entries(x) }.iter().fold(0.0, |most: f64, value| most.max(value.abs()))
+    unsafe { entries(x) }
+        .iter()
+        .fold(0.0, |most: f64, value| most.max(value.abs()))
 }
 
 unsafe fn entry(x: N_Vector, i: usize) -> f64 {
@@ -311,7 +330,9 @@ impl Vector {
     /// A vector of zeros.
     pub fn zeros(length: usize, operations: Operations, context: SUNContext) -> Self {
         let table = ptr::from_ref(operations.table()).cast_mut(); // SUNDIALS only reads it
-        Self { raw: allocate(length, table, context) }
+        Self {
+            raw: allocate(length, table, context),
+        }
     }
 
     /// The handle that SUNDIALS takes.
@@ -341,6 +362,7 @@ const COMMON: _generic_N_Vector_Ops = _generic_N_Vector_Ops {
     nvgetvectorid: Some(vector_id),
     nvclone: Some(clone),
     nvdestroy: Some(destroy),
+    nvspace: Some(space),
     nvgetarraypointer: Some(array_pointer),
     nvgetcommunicator: Some(communicator),
     nvgetlength: Some(length),

@@ -24,7 +24,9 @@ impl Dense {
         let n = pattern.dimension();
         let places = (0..n)
             .flat_map(|column| {
-                pattern.rows()[pattern.column(column)].iter().map(move |row| (column * n + row) as u32)
+                pattern.rows()[pattern.column(column)]
+                    .iter()
+                    .map(move |row| (column * n + row) as u32)
             })
             .collect();
         Self {

@@ -4,12 +4,14 @@ use std::os::raw::c_long;
 use std::ptr;
 
 use sundials_sys::{
-    klu_l_analyze, klu_l_common, klu_l_condest, klu_l_defaults, klu_l_factor, klu_l_free_numeric,
-    klu_l_free_symbolic, klu_l_numeric, klu_l_rcond, klu_l_refactor, klu_l_solve, klu_l_symbolic,
+    klu_l_analyze, klu_l_common, klu_l_condest, klu_l_defaults, klu_l_extract, klu_l_factor,
+    klu_l_free_numeric, klu_l_free_symbolic, klu_l_numeric, klu_l_rcond, klu_l_refactor,
+    klu_l_solve, klu_l_symbolic,
 };
 
 use super::super::{IdaFlag, Pattern, SolveError};
 use super::Singular;
+use super::triangular::{ByColumns, Factors};
 
 // sundials-sys declares KLU's functions but leaves the linking to SUNDIALS' own KLU module.
 #[link(name = "klu")]
@@ -17,6 +19,9 @@ unsafe extern "C" {}
 
 /// Reciprocal condition below which old pivots are not trusted (SUNDIALS' own bound, roundoff to the power 2/3).
 const ILL_CONDITIONED: f64 = 3.7e-11;
+
+/// KLU's number for the ordering by columns' approximate minimum degree.
+const COLAMD: c_long = 1;
 
 /// A sparse matrix, analysed once, factorised with pivoting once, and then again with the same pivots as long as they serve.
 pub(crate) struct Klu {
@@ -29,6 +34,8 @@ pub(crate) struct Klu {
     /// Whether the next factorisation chooses its pivots anew.
     pivot: bool,
     values: Box<[f64]>,
+    /// Factors of a single block in a form of our own, with the space to fetch them from KLU.
+    factors: Option<(ByColumns, Factors)>,
 }
 
 // SAFETY: the objects behind the pointers are owned, and KLU has no global state.
@@ -47,9 +54,13 @@ impl Klu {
             numeric: ptr::null_mut(),
             pivot: true,
             values: vec![0.0; pattern.entries()].into_boxed_slice(),
+            factors: None,
         };
         unsafe {
             klu_l_defaults(&mut *klu.common);
+            klu.common.ordering = COLAMD;
+            // Blocks only cost time (a third of a solve with 1700 unknowns) unless they are needed to find pivots.
+            klu.common.btf = c_long::from(!has_diagonal(pattern));
             klu.symbolic = klu_l_analyze(
                 klu.n,
                 klu.column_starts.as_mut_ptr(),
@@ -59,8 +70,14 @@ impl Klu {
         }
         if klu.symbolic.is_null() {
             let message = "structurally singular, or out of memory".to_owned();
-            let flag = IdaFlag { value: klu.common.status as i32, message };
-            return Err(SolveError::Setup { function: "klu_l_analyze", flag });
+            let flag = IdaFlag {
+                value: klu.common.status as i32,
+                message,
+            };
+            return Err(SolveError::Setup {
+                function: "klu_l_analyze",
+                flag,
+            });
         }
         Ok(klu)
     }
@@ -72,10 +89,12 @@ impl Klu {
     pub fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
         self.values.copy_from_slice(values);
         if !self.pivot && self.refactorise() {
+            self.fetch_numbers();
             return Ok(());
         }
         self.pivot = true;
         self.factorise_with_pivoting()?;
+        self.fetch_structure();
         self.pivot = false;
         Ok(())
     }
@@ -128,16 +147,106 @@ impl Klu {
         }
         if self.numeric.is_null() {
             let column = usize::try_from(self.common.singular_col).ok();
-            return Err(Singular { column: column.filter(|&c| c < self.n as usize) });
+            return Err(Singular {
+                column: column.filter(|&c| c < self.n as usize),
+            });
         }
         Ok(())
     }
 
-    pub fn solve(&mut self, b: &mut [f64]) {
-        unsafe {
-            klu_l_solve(self.symbolic, self.numeric, self.n, 1, b.as_mut_ptr(), &mut *self.common);
+    /// After a factorisation with new pivots: takes the factors over, if they are a single block.
+    fn fetch_structure(&mut self) {
+        self.factors = None;
+        // SAFETY: `numeric` was just made.
+        let (n, blocks, lower, upper) = unsafe {
+            (
+                (*self.numeric).n,
+                (*self.numeric).nblocks,
+                (*self.numeric).lnz,
+                (*self.numeric).unz,
+            )
+        };
+        if blocks != 1 {
+            return;
+        }
+        let (n, lower, upper) = (n as usize, lower as usize, upper as usize);
+        let mut from = ByColumns {
+            lower_starts: vec![0; n + 1].into(),
+            lower_rows: vec![0; lower].into(),
+            lower: vec![0.0; lower].into(),
+            upper_starts: vec![0; n + 1].into(),
+            upper_rows: vec![0; upper].into(),
+            upper: vec![0.0; upper].into(),
+            row_order: vec![0; n].into(),
+            column_order: vec![0; n].into(),
+            scales: vec![0.0; n].into(),
+        };
+        if self.extract(&mut from) {
+            self.factors = Factors::new(&from).map(|factors| (from, factors));
+            self.set_factors();
         }
     }
+
+    /// After a factorisation with the old pivots: takes the numbers over.
+    fn fetch_numbers(&mut self) {
+        if let Some((mut from, factors)) = self.factors.take()
+            && self.extract(&mut from)
+        {
+            self.factors = Some((from, factors));
+            self.set_factors();
+        }
+    }
+
+    fn set_factors(&mut self) {
+        if let Some((from, factors)) = &mut self.factors {
+            factors.set(from);
+        }
+    }
+
+    fn extract(&mut self, into: &mut ByColumns) -> bool {
+        let none = ptr::null_mut();
+        unsafe {
+            klu_l_extract(
+                self.numeric,
+                self.symbolic,
+                into.lower_starts.as_mut_ptr(),
+                into.lower_rows.as_mut_ptr(),
+                into.lower.as_mut_ptr(),
+                into.upper_starts.as_mut_ptr(),
+                into.upper_rows.as_mut_ptr(),
+                into.upper.as_mut_ptr(),
+                none,
+                none,
+                ptr::null_mut(),
+                into.row_order.as_mut_ptr(),
+                into.column_order.as_mut_ptr(),
+                into.scales.as_mut_ptr(),
+                none,
+                &mut *self.common,
+            ) == 1
+        }
+    }
+
+    pub fn solve(&mut self, b: &mut [f64]) {
+        if let Some((_, factors)) = &mut self.factors {
+            return factors.solve(b);
+        }
+        unsafe {
+            klu_l_solve(
+                self.symbolic,
+                self.numeric,
+                self.n,
+                1,
+                b.as_mut_ptr(),
+                &mut *self.common,
+            );
+        }
+    }
+}
+
+/// Whether every diagonal entry is in the pattern.
+fn has_diagonal(pattern: &Pattern) -> bool {
+    (0..pattern.dimension()).all(|i| pattern.rows()[pattern.column(i)].contains(&i))
 }
 
 impl Drop for Klu {

@@ -2,6 +2,7 @@
 
 mod dense;
 mod klu;
+mod triangular;
 
 pub(crate) use dense::Dense;
 pub(crate) use klu::Klu;
@@ -9,9 +10,9 @@ pub(crate) use klu::Klu;
 use super::{LinearSolver, Pattern, SolveError};
 
 /// Dimension up to which the dense factorisation is the faster one whatever the pattern.
-const SMALL: usize = 12;
+const SMALL: usize = 8;
 
-/// Dimension up to which it is the faster one for full patterns.
+/// Dimension up to which it is the faster one for patterns at least half full.
 const MEDIUM: usize = 48;
 
 /// The linear solver that a system got.
@@ -35,20 +36,24 @@ pub(crate) enum Factorisation {
     /// Dense.
     Dense(Dense),
     /// Sparse.
-    Klu(Klu),
+    Klu(Box<Klu>),
 }
 
 impl Factorisation {
     /// Space, and the symbolic analysis, for matrices of this pattern.
     pub fn new(pattern: &Pattern, choice: LinearSolver) -> Result<Self, SolveError> {
         let n = pattern.dimension();
-        let full = pattern.entries() * 4 >= n * n;
+        let full = pattern.entries() * 2 >= n * n;
         let dense = match choice {
             LinearSolver::Auto => n <= SMALL || (n <= MEDIUM && full),
             LinearSolver::Dense => true,
             LinearSolver::Klu => false,
         };
-        Ok(if dense { Self::Dense(Dense::new(pattern)) } else { Self::Klu(Klu::new(pattern)?) })
+        Ok(if dense {
+            Self::Dense(Dense::new(pattern))
+        } else {
+            Self::Klu(Box::new(Klu::new(pattern)?))
+        })
     }
 
     /// Which it is.

@@ -1,0 +1,183 @@
+//! The command `smpl`.
+//!
+//! [`run`] takes the arguments and gives the exit status: 0 done, 1 a file is missing or at fault, 2 the command line is at fault. Results go
+//! to standard output, everything else to standard error.
+
+mod check;
+mod compile;
+mod document;
+mod report;
+mod simulate;
+mod steady;
+
+use std::ffi::OsString;
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::load::{self, LoadOptions, Loaded};
+use crate::scenario::{Value, Variant};
+use report::Failed;
+
+const EXAMPLES: &str = "\
+Examples:
+  smpl check models/reactor.eq
+  smpl simulate models/reactor.eq --actions a.csv --out t.csv
+  smpl simulate models/beer.eq --policy profile --scenario legacy --plot beer.svg
+  smpl steady models/reactor.eq --action T_c=28 --fix h=0.7
+  smpl compile models/atropine.eq --variant vacuole_flux --set n_cells=39
+  smpl fmt --check models/*.eq";
+
+/// Compiles and simulates process models written as equations.
+#[derive(Debug, Parser)]
+#[command(name = "smpl", version, about, after_help = EXAMPLES, arg_required_else_help = true)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Check models: syntax, names, units, structure
+    Check(check::CheckArguments),
+    /// Compile a model to machine code and say what was compiled
+    Compile(compile::CompileArguments),
+    /// Run one episode
+    Simulate(simulate::SimulateArguments),
+    /// Find a steady state and describe it
+    Steady(steady::SteadyArguments),
+    /// Lay models out in the canonical way
+    Fmt(document::FormatArguments),
+    /// Describe a model in Markdown, with its equations typeset
+    Doc(document::DocArguments),
+}
+
+/// What every command that takes a model takes.
+#[derive(Debug, Args)]
+struct ModelArguments {
+    /// Scenario: a name (FILE.NAME.yaml beside the model) or a YAML file
+    #[arg(long, value_name = "NAME|S.yaml")]
+    scenario: Option<String>,
+    /// Variant to turn on, or option of a choice; repeatable
+    #[arg(long = "variant", value_name = "NAME[=CHOICE]")]
+    variants: Vec<String>,
+    /// Parameter (declared unit) or setting; overrides a random draw; repeatable
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = setting)]
+    settings: Vec<(String, Value)>,
+}
+
+/// How a plain result is printed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum Format {
+    /// For people.
+    #[default]
+    Text,
+    /// For programs.
+    Json,
+}
+
+fn setting(text: &str) -> Result<(String, Value), String> {
+    let (name, value) = text
+        .split_once('=')
+        .ok_or_else(|| format!("expected NAME=VALUE, found `{text}`"))?;
+    Ok((name.trim().to_owned(), Value::parse(value.trim())))
+}
+
+/// `NAME=VALUE` with a finite number.
+fn number(text: &str) -> Result<(String, f64), String> {
+    match setting(text)? {
+        (name, Value::Number(value)) if value.is_finite() => Ok((name, value)),
+        (name, value) => Err(format!(
+            "the value of `{name}` must be a number, not `{value}`"
+        )),
+    }
+}
+
+/// Rounds of what a command line can say about a model.
+impl ModelArguments {
+    fn load(&self, file: &std::path::Path) -> Result<Loaded, Failed> {
+        let options = LoadOptions {
+            scenario: self.scenario.clone(),
+            variants: self.variants.iter().map(|v| Variant::parse(v)).collect(),
+            settings: self.settings.iter().cloned().collect(),
+            ..LoadOptions::default()
+        };
+        let loaded = load::load(file, &options)?;
+        report::print_diagnostics(&loaded.warnings, &loaded.sources);
+        Ok(loaded)
+    }
+}
+
+/// Runs the command line `arguments` (the program's name first) and gives the exit status.
+pub fn run(arguments: impl Iterator<Item = OsString>) -> i32 {
+    let arguments = match Arguments::try_parse_from(arguments) {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            // Nothing is left to say where a message cannot be printed.
+            let _ = error.print();
+            return error.exit_code();
+        }
+    };
+    on_a_deep_stack(move || match dispatch(arguments.command) {
+        Ok(()) => 0,
+        Err(failed) => failed.print(),
+    })
+}
+
+fn dispatch(command: Command) -> Result<(), Failed> {
+    match command {
+        Command::Check(arguments) => check::run(&arguments),
+        Command::Compile(arguments) => compile::run(&arguments),
+        Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Steady(arguments) => steady::run(&arguments),
+        Command::Fmt(arguments) => document::format(&arguments),
+        Command::Doc(arguments) => document::describe(&arguments),
+    }
+}
+
+/// Deeply nested text makes deep recursions; and whatever goes wrong inside, a message is all that comes out.
+fn on_a_deep_stack(work: impl FnOnce() -> i32 + Send + 'static) -> i32 {
+    const STACK: usize = 512 << 20;
+    std::panic::set_hook(Box::new(|info| {
+        let at = info
+            .location()
+            .map(|l| format!(" at {}:{}", l.file(), l.line()))
+            .unwrap_or_default();
+        let _ = writeln!(
+            io::stderr(),
+            "error: internal error{at}; please report it with the model that caused it"
+        );
+    }));
+    let thread = std::thread::Builder::new()
+        .name("smpl".into())
+        .stack_size(STACK)
+        .spawn(work);
+    thread
+        .ok()
+        .and_then(|thread| thread.join().ok())
+        .unwrap_or(1)
+}
+
+/// Writes to standard output. A reader that has gone away is no fault: the command is done then.
+fn say(text: impl AsRef<str>) -> Result<(), Failed> {
+    let mut out = io::stdout().lock();
+    match out
+        .write_all(text.as_ref().as_bytes())
+        .and_then(|()| out.flush())
+    {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Err(Failed::Quiet(0)),
+        Err(error) => Err(Failed::Message(format!(
+            "cannot write to standard output: {error}"
+        ))),
+        Ok(()) => Ok(()),
+    }
+}
+
+/// A list of model files.
+#[derive(Debug, Args)]
+struct Files {
+    /// Models
+    #[arg(required = true, value_name = "FILE.eq")]
+    files: Vec<PathBuf>,
+}

@@ -1,0 +1,161 @@
+//! `smpl check`
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::Args;
+use serde_json::{Value as Json, json};
+use smpl_dsl::diagnostic::{Diagnostic, JsonDiagnostic, SourceMap};
+
+use super::report::{self, Failed};
+use super::{Files, Format, ModelArguments, say};
+use crate::environment::{Environment, ResetOptions, Start};
+use crate::load::{LoadError, LoadOptions, Loaded};
+use crate::setup::Setup;
+
+#[derive(Debug, Args)]
+pub(super) struct CheckArguments {
+    #[command(flatten)]
+    files: Files,
+    #[command(flatten)]
+    model: ModelArguments,
+    /// How diagnostics are printed; JSON goes to standard output
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+    /// Evaluate the drift of declared invariants along a nominal episode
+    #[arg(long)]
+    invariants: bool,
+}
+
+/// Checks all files; faults of all of them are shown.
+pub(super) fn run(arguments: &CheckArguments) -> Result<(), Failed> {
+    let mut objects: Vec<Json> = Vec::new();
+    let mut faulty = false;
+    for file in &arguments.files.files {
+        match check(file, &arguments.model) {
+            Ok(loaded) => {
+                show(
+                    &loaded.warnings,
+                    &loaded.sources,
+                    arguments.format,
+                    &mut objects,
+                );
+                if arguments.format == Format::Text {
+                    say(format!("{}: {}\n", file.display(), verdict(&loaded)))?;
+                }
+                if arguments.invariants {
+                    say(invariants(loaded)?)?;
+                }
+            }
+            Err(LoadError::Diagnostics {
+                sources,
+                diagnostics,
+            }) => {
+                faulty = true;
+                show(&diagnostics, &sources, arguments.format, &mut objects);
+            }
+            Err(other) => {
+                faulty = true;
+                match arguments.format {
+                    Format::Text => {
+                        Failed::Message(other.to_string()).print();
+                    }
+                    Format::Json => objects.push(without_place(file, &other)),
+                }
+            }
+        }
+    }
+    if arguments.format == Format::Json {
+        let text = serde_json::to_string_pretty(&Json::Array(objects))
+            .map_err(|e| Failed::Message(e.to_string()))?;
+        say(text + "\n")?;
+    }
+    if faulty {
+        Err(Failed::Quiet(1))
+    } else {
+        Ok(())
+    }
+}
+
+fn check(file: &Path, model: &ModelArguments) -> Result<Loaded, LoadError> {
+    let options = LoadOptions {
+        scenario: model.scenario.clone(),
+        variants: model
+            .variants
+            .iter()
+            .map(|v| crate::scenario::Variant::parse(v))
+            .collect(),
+        settings: model.settings.iter().cloned().collect(),
+        ..LoadOptions::default()
+    };
+    crate::load::load(file, &options)
+}
+
+fn verdict(loaded: &Loaded) -> String {
+    let model = &loaded.model;
+    let warnings = match loaded.warnings.len() {
+        0 => String::new(),
+        1 => ", 1 warning".into(),
+        n => format!(", {n} warnings"),
+    };
+    format!(
+        "ok ({} states, {} solved algebraic variables{warnings})",
+        model.states(),
+        model.unknowns() - model.states()
+    )
+}
+
+fn show(diagnostics: &[Diagnostic], sources: &SourceMap, format: Format, objects: &mut Vec<Json>) {
+    match format {
+        Format::Text => report::print_diagnostics(diagnostics, sources),
+        Format::Json => {
+            let all = diagnostics.iter().map(|d| JsonDiagnostic::new(d, sources));
+            objects.extend(all.filter_map(|d| serde_json::to_value(d).ok()));
+        }
+    }
+}
+
+fn without_place(file: &PathBuf, error: &LoadError) -> Json {
+    json!({
+        "code": "E0700-unreadable", "severity": "error", "message": error.to_string(), "file": file,
+        "line": 1, "column": 1, "end_line": 1, "end_column": 1, "help": null,
+    })
+}
+
+/// Largest drift of each invariant over a nominal episode: the change of its value less the integral of its rate.
+fn invariants(loaded: Loaded) -> Result<String, Failed> {
+    let names = loaded.model.interface().invariants.clone();
+    if names.is_empty() {
+        return Ok("no invariants declared\n".into());
+    }
+    let setup = Setup::new(
+        loaded.model,
+        loaded.options,
+        Some(Arc::clone(&loaded.sources)),
+    )?;
+    let mut environment = Environment::new(setup)?;
+    environment.watch_invariants();
+    environment.reset(
+        Some(0),
+        &ResetOptions {
+            start: Start::Nominal,
+            ..ResetOptions::default()
+        },
+    )?;
+    let mut policy = super::simulate::nominal(&environment);
+    let mut action = vec![0.0; environment.catalogue().actions.len()];
+    while environment.is_running() {
+        policy.choose(&mut environment, &mut action);
+        environment.step(&action)?;
+    }
+    let drifts = environment.invariant_drifts();
+    let lines = names.iter().zip(drifts).map(|((name, _), drift)| {
+        let relative = drift.largest / drift.magnitude.max(f64::MIN_POSITIVE);
+        format!(
+            "invariant {name}: drift {:.3e} over {} steps ({relative:.1e} of its magnitude)\n",
+            drift.largest,
+            environment.steps()
+        )
+    });
+    Ok(lines.collect())
+}

@@ -1,0 +1,190 @@
+//! `smpl compile`
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use serde_json::json;
+use smpl_compiler::compiled::CompiledModel;
+use smpl_compiler::model::Quantity;
+
+use super::report::Failed;
+use super::{ModelArguments, say};
+use crate::artefact;
+use crate::catalogue::{Catalogue, Family};
+use crate::load::ARTEFACT_EXTENSION;
+use crate::solver::{LinearSolver, System};
+use crate::system::CompiledSystem;
+use crate::trajectory::write_whole;
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  smpl compile models/reactor.eq
+  smpl compile models/reactor.eq -o build/reactor.smplc
+  smpl compile models/reactor.eq --emit json")]
+pub(super) struct CompileArguments {
+    /// Model
+    #[arg(value_name = "FILE.eq")]
+    file: PathBuf,
+    #[command(flatten)]
+    model: ModelArguments,
+    /// Where the compiled model goes (default: beside the model)
+    #[arg(short, long, value_name = "FILE.smplc")]
+    output: Option<PathBuf>,
+    /// Print a stage of the compilation and write nothing
+    #[arg(long, value_enum)]
+    emit: Option<Stage>,
+}
+
+/// Stages of the compilation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Stage {
+    /// Syntax tree
+    Ast,
+    /// Flat model with its expressions
+    Ir,
+    /// Cranelift's intermediate form
+    Clif,
+    /// Machine code
+    Asm,
+    /// Equations typeset
+    Latex,
+    /// Names, units, bounds
+    Json,
+}
+
+/// Compiles, prints what was compiled, writes the compiled model.
+pub(super) fn run(arguments: &CompileArguments) -> Result<(), Failed> {
+    match arguments.emit {
+        Some(Stage::Ast) => return say(super::document::syntax_tree(&arguments.file)?),
+        Some(Stage::Latex) => return say(super::document::equations(&arguments.file)?),
+        _ => {}
+    }
+    let loaded = arguments.model.load(&arguments.file)?;
+    match arguments.emit {
+        Some(Stage::Ir) => return say(format!("{:#?}\n", loaded.model.model())),
+        Some(Stage::Json) => return say(interface_json(&loaded.model)? + "\n"),
+        Some(Stage::Clif) => return say(artefact::clif(&loaded.model)?),
+        Some(Stage::Asm) => return say(artefact::assembly(&loaded.model)?),
+        Some(Stage::Ast | Stage::Latex) | None => {}
+    }
+    let out = arguments
+        .output
+        .clone()
+        .unwrap_or_else(|| arguments.file.with_extension(ARTEFACT_EXTENSION));
+    let bytes = artefact::to_bytes(&loaded.model)?;
+    write_whole(&out, |file| file.write_all(&bytes))?;
+    say(summary(&loaded.model, &out)?)
+}
+
+fn summary(model: &std::sync::Arc<CompiledModel>, out: &Path) -> Result<String, Failed> {
+    let interface = model.interface();
+    let statistics = model.statistics();
+    let count = |quantities: &[Quantity]| quantities.iter().map(Quantity::len).sum::<usize>();
+    let [declared, solved, substituted] = interface.algebraic_counts;
+    let mut text = String::new();
+    // Writing into a string cannot fail.
+    let _ = writeln!(text, "model {}: {}", interface.name, interface.text);
+    let _ = writeln!(text, "  differential states   {}", model.states());
+    let _ = writeln!(
+        text,
+        "  algebraic variables   {declared} declared, {solved} solved, {substituted} substituted"
+    );
+    let _ = writeln!(
+        text,
+        "  discrete variables    {}",
+        count(&interface.discretes)
+    );
+    let _ = writeln!(
+        text,
+        "  actions               {}",
+        count(&interface.actions)
+    );
+    let _ = writeln!(
+        text,
+        "  observations          {}",
+        interface.observations.len()
+    );
+    let _ = writeln!(
+        text,
+        "  parameters            {}",
+        count(&interface.parameters)
+    );
+    let _ = writeln!(
+        text,
+        "  Jacobian              {} nonzeros, {}",
+        model.pattern().row_indices.len(),
+        method(model)?
+    );
+    let phases = [
+        ("differentiation", statistics.differentiate),
+        ("hoisting, layout", statistics.hoist),
+        ("code generation", statistics.generate),
+    ];
+    for (phase, duration) in phases {
+        let _ = writeln!(text, "  {phase:<21} {:.2} ms", duration.as_secs_f64() * 1e3);
+    }
+    let _ = writeln!(
+        text,
+        "  code                  {} bytes",
+        statistics.code_bytes
+    );
+    let _ = writeln!(text, "written to {}", out.display());
+    Ok(text)
+}
+
+fn method(model: &std::sync::Arc<CompiledModel>) -> Result<String, Failed> {
+    let system = CompiledSystem::new(std::sync::Arc::clone(model))
+        .map_err(|e| Failed::Message(e.to_string()))?;
+    let factorisation =
+        crate::solver::linear::Factorisation::new(system.pattern(), LinearSolver::Auto)
+            .map_err(|e| Failed::Message(e.to_string()))?;
+    Ok(format!("{:?}, exact", factorisation.method()).to_lowercase())
+}
+
+/// Names, units and bounds of all that is seen from outside.
+fn interface_json(model: &CompiledModel) -> Result<String, Failed> {
+    let interface = model.interface();
+    let catalogue = Catalogue::new(model);
+    let family = |family: &Family| -> Vec<_> {
+        let elements = family.elements().iter();
+        elements.map(|e| json!({"name": e.name, "unit": e.unit, "low": e.low, "high": e.high, "default": e.default})).collect()
+    };
+    let observations: Vec<_> = interface
+        .observations
+        .iter()
+        .map(|o| json!({"name": o.name, "unit": o.unit, "low": o.low, "high": o.high, "every": o.every, "delay": o.delay, "noise": o.noise}))
+        .collect();
+    let rewards: Vec<_> = interface
+        .rewards
+        .iter()
+        .map(|r| json!({"name": r.name, "unit": r.unit, "text": r.text}))
+        .collect();
+    let failures: Vec<_> = interface
+        .failures
+        .iter()
+        .map(|f| json!({"name": f.name, "text": f.text}))
+        .collect();
+    let value = json!({
+        "model": interface.name,
+        "text": interface.text,
+        "time": {"name": interface.time.0, "unit": interface.time.1},
+        "states": family(&catalogue.states),
+        "algebraics": family(&catalogue.algebraics),
+        "discretes": family(&catalogue.discretes),
+        "actions": family(&catalogue.actions),
+        "disturbances": family(&catalogue.disturbances),
+        "parameters": family(&catalogue.parameters),
+        "observations": observations,
+        "rewards": rewards,
+        "failures": failures,
+        "successes": interface.successes,
+        "constraints": interface.constraints,
+        "levels": interface.levels,
+        "variants": interface.variants,
+        "choices": interface.choices,
+        "episode": {"step": interface.episode.step, "max_steps": interface.episode.max_steps, "error_reward": interface.episode.error_reward},
+    });
+    serde_json::to_string_pretty(&value).map_err(|e| Failed::Message(e.to_string()))
+}

@@ -1,0 +1,264 @@
+//! How commands fail, and how faults are shown.
+
+use std::fmt;
+use std::io::{IsTerminal, Write};
+use std::path::Path;
+
+use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
+use smpl_dsl::diagnostic::{Code, Diagnostic, Severity, SourceMap};
+use smpl_dsl::span::Span;
+
+use crate::environment::{ResetError, StepError};
+use crate::load::LoadError;
+use crate::setup::SetupError;
+use crate::trajectory::{DataError, WriteError};
+
+/// Why a command ends early.
+#[derive(Debug)]
+pub(super) enum Failed {
+    /// Everything was said already.
+    Quiet(i32),
+    /// A file or a value is at fault.
+    Message(String),
+    /// Faults with places.
+    Diagnostics(Vec<Diagnostic>, std::sync::Arc<SourceMap>),
+}
+
+impl Failed {
+    /// Prints what is to be said; the exit status.
+    pub fn print(self) -> i32 {
+        let text = match self {
+            Failed::Quiet(status) => return status,
+            Failed::Message(text) => text,
+            Failed::Diagnostics(diagnostics, sources) => {
+                print_diagnostics(&diagnostics, &sources);
+                return 1;
+            }
+        };
+        // Nothing is left to say where standard error is closed.
+        let _ = writeln!(std::io::stderr(), "error: {text}");
+        1
+    }
+}
+
+impl From<LoadError> for Failed {
+    fn from(error: LoadError) -> Self {
+        match error {
+            LoadError::Diagnostics {
+                sources,
+                diagnostics,
+            } => Failed::Diagnostics(diagnostics, sources),
+            other => Failed::Message(other.to_string()),
+        }
+    }
+}
+
+macro_rules! failed_by_message {
+    ($($error:ty),*) => {
+        $(impl From<$error> for Failed {
+            fn from(error: $error) -> Self {
+                Failed::Message(error.to_string())
+            }
+        })*
+    };
+}
+failed_by_message!(
+    crate::artefact::Unavailable,
+    SetupError,
+    ResetError,
+    StepError,
+    WriteError,
+    crate::steady::SteadyError,
+    crate::catalogue::UnknownName
+);
+
+const BAD_DATA: Code = Code::new(
+    "E0702-bad-data",
+    "a data file with missing columns or cells that are no numbers",
+);
+
+/// A fault in a data file is shown at its place in the file.
+impl From<DataError> for Failed {
+    fn from(error: DataError) -> Self {
+        let place = match &error {
+            DataError::Malformed { path, line, .. } => Some((path, *line, "")),
+            DataError::NotANumber {
+                path, line, text, ..
+            } => Some((path, *line, text.as_str())),
+            DataError::MissingColumns { path, .. } => Some((path, 1, "")),
+            DataError::UnknownColumn { path, error } => Some((path, 1, error.name.as_str())),
+            DataError::Read { .. } | DataError::Empty { .. } => None,
+        };
+        let shown = place.and_then(|(path, line, word)| data_diagnostic(path, line, word, &error));
+        shown.unwrap_or_else(|| Failed::Message(error.to_string()))
+    }
+}
+
+fn data_diagnostic(path: &Path, line: u64, word: &str, error: &DataError) -> Option<Failed> {
+    let text = std::fs::read_to_string(path).ok()?;
+    let start: usize = text
+        .split_inclusive('\n')
+        .take(line.saturating_sub(1) as usize)
+        .map(str::len)
+        .sum();
+    let content = text
+        .get(start..)?
+        .lines()
+        .next()
+        .unwrap_or_default()
+        .to_owned();
+    let (at, length) = match content.find(word).filter(|_| !word.is_empty()) {
+        Some(at) => (start + at, word.len()),
+        None => (start, content.len()),
+    };
+    let full = error.to_string();
+    let message = full
+        .split_once(": ")
+        .map_or(full.as_str(), |(_, message)| message)
+        .to_owned();
+    let mut sources = SourceMap::new();
+    let file = sources.add(path.display().to_string(), text);
+    let span = Span {
+        file,
+        start: at as u32,
+        end: (at + length) as u32,
+    };
+    Some(Failed::Diagnostics(
+        vec![Diagnostic::error(BAD_DATA, message, span)],
+        std::sync::Arc::new(sources),
+    ))
+}
+
+/// Prints diagnostics on standard error: place, source line underlined, what to do.
+pub(super) fn print_diagnostics(diagnostics: &[Diagnostic], sources: &SourceMap) {
+    let mut err = std::io::stderr().lock();
+    for diagnostic in diagnostics {
+        // Nothing is left to say where standard error is closed.
+        let _ =
+            err.write_all(render(diagnostic, sources, std::io::stderr().is_terminal()).as_bytes());
+    }
+}
+
+/// A diagnostic as text.
+pub(super) fn render(diagnostic: &Diagnostic, sources: &SourceMap, coloured: bool) -> String {
+    let theme = if coloured {
+        GraphicalTheme::unicode()
+    } else {
+        GraphicalTheme::unicode_nocolor()
+    };
+    let handler = GraphicalReportHandler::new_themed(theme)
+        .with_width(110)
+        .with_links(false);
+    let mut text = String::new();
+    match handler.render_report(&mut text, &Shown::new(diagnostic, sources)) {
+        Ok(()) => text,
+        // The place alone: better than nothing where the graphical form cannot be made.
+        Err(_) => {
+            let at = sources.locate(diagnostic.primary.span);
+            let file = sources.name(diagnostic.primary.span.file);
+            format!(
+                "{file}:{}:{}: {} [{}]\n",
+                at.line,
+                at.column,
+                diagnostic.message,
+                diagnostic.code.id()
+            )
+        }
+    }
+}
+
+/// A diagnostic in the words of the renderer.
+#[derive(Debug)]
+struct Shown {
+    message: String,
+    code: &'static str,
+    severity: Severity,
+    help: Option<String>,
+    labels: Vec<LabeledSpan>,
+    source: NamedSource<String>,
+}
+
+impl Shown {
+    fn new(diagnostic: &Diagnostic, sources: &SourceMap) -> Self {
+        let file = diagnostic.primary.span.file;
+        let text = sources.file(file).map_or("", |f| f.text());
+        let clip = |span: Span| {
+            let start = text.floor_char_boundary((span.start as usize).min(text.len()));
+            let end = text.floor_char_boundary((span.end as usize).clamp(start, text.len()));
+            (start, end - start)
+        };
+        let label = |text: &str| (!text.is_empty()).then(|| text.to_owned());
+        let primary = LabeledSpan::new_primary_with_span(
+            label(&diagnostic.primary.text),
+            clip(diagnostic.primary.span),
+        );
+        let (here, elsewhere): (Vec<_>, Vec<_>) = diagnostic
+            .secondary
+            .iter()
+            .partition(|l| l.span.file == file);
+        let mut labels = vec![primary];
+        labels.extend(
+            here.iter()
+                .map(|l| LabeledSpan::new_with_span(label(&l.text), clip(l.span))),
+        );
+        let remote = elsewhere.iter().map(|l| {
+            format!(
+                "{} ({}:{})",
+                l.text,
+                sources.name(l.span.file),
+                sources.locate(l.span).line
+            )
+        });
+        let help: Vec<String> = diagnostic
+            .help
+            .iter()
+            .cloned()
+            .chain(diagnostic.notes.iter().cloned())
+            .chain(remote)
+            .collect();
+        Self {
+            message: diagnostic.message.clone(),
+            code: diagnostic.code.id(),
+            severity: diagnostic.severity,
+            help: (!help.is_empty()).then(|| help.join("\n")),
+            labels,
+            source: NamedSource::new(sources.name(file), text.to_owned()),
+        }
+    }
+}
+
+impl fmt::Display for Shown {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl std::error::Error for Shown {}
+
+impl miette::Diagnostic for Shown {
+    fn code<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        Some(Box::new(self.code))
+    }
+
+    fn severity(&self) -> Option<miette::Severity> {
+        Some(match self.severity {
+            Severity::Error => miette::Severity::Error,
+            Severity::Warning => miette::Severity::Warning,
+            Severity::Info => miette::Severity::Advice,
+        })
+    }
+
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        self.help
+            .as_ref()
+            .map(|help| Box::new(help) as Box<dyn fmt::Display>)
+    }
+
+    fn source_code(&self) -> Option<&dyn miette::SourceCode> {
+        Some(&self.source)
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        Some(Box::new(self.labels.iter().cloned()))
+    }
+}
