@@ -290,7 +290,6 @@ impl Exprs {
     }
 
     /// The nodes that a node uses directly.
-    #[must_use]
     pub fn operands(&self, id: ExprId) -> impl Iterator<Item = ExprId> + use<> {
         Self::operands_of(self.nodes[id])
     }
