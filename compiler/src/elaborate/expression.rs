@@ -144,6 +144,10 @@ impl<'a> Elaborator<'a> {
             ),
             Measure::Of(unit) => {
                 let unit = unit.clone();
+                // A number gets the unit, `mg/g` and `%` included; a dimensionless quantity with a scale is a number first.
+                if units::is_plain_number(&unit) {
+                    return Value::of(v.expr, target);
+                }
                 if units::is_dimensionless(&unit) && !units::is_dimensionless(&target) {
                     let expr = self.convert(v.expr, &unit, &Unit::one()).unwrap_or(v.expr);
                     return Value::of(expr, target);

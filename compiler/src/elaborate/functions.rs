@@ -19,7 +19,7 @@ const FUNCTIONS: &[&str] = &[
     "abs", "sqrt", "sq", "exp", "ln", "log10", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "min",
     "max", "clip", "sign", "floor", "ceil", "round", "initial", "previous", "steady", "integral", "der", "kelvin", "value", "low",
     "high", "scale", "nominal", "outside", "inside", "uniform", "normal", "lognormal", "div", "grad", "upwind", "width", "volume",
-    "sum", "product", "mean", "any", "all",
+    "sum", "product", "mean", "any", "all", "mod",
 ];
 
 impl Elaborator<'_> {
@@ -51,6 +51,7 @@ impl Elaborator<'_> {
             "min" | "max" => self.extremum(span, function, arguments, place),
             "clip" => self.clip(span, function, arguments, place),
             "atan2" => self.atan2(span, function, arguments, place),
+            "mod" => self.modulo(span, function, arguments, place),
             "der" => {
                 let Some(a) = one(self) else { return self.poison() };
                 let inner = Expr { span, kind: ExprKind::Derivative(Box::new(a.clone())) };
@@ -255,6 +256,20 @@ impl Elaborator<'_> {
         let Some((l, r)) = self.common(&a, arguments[0].span, &b, arguments[1].span, span) else { return self.poison() };
         let expr = self.exprs.binary(BinaryFn::Atan2, l, r);
         Value::of(expr, Unit::one())
+    }
+
+    /// `mod(a, b)`: what is left of `a` after whole multiples of `b`, with the sign of `b`.
+    fn modulo(&mut self, span: Span, function: &Ident, arguments: &[Expr], place: &Place) -> Value {
+        if !self.argument(span, function, arguments, 2) {
+            return self.poison();
+        }
+        let (a, b) = (self.value(&arguments[0], place), self.value(&arguments[1], place));
+        let Some((l, r)) = self.common(&a, arguments[0].span, &b, arguments[1].span, span) else { return self.poison() };
+        let ratio = self.exprs.div(l, r);
+        let whole = self.exprs.unary(UnaryFn::Floor, ratio);
+        let multiple = self.exprs.mul(r, whole);
+        let expr = self.exprs.sub(l, multiple);
+        Value { expr, unit: a.unit }
     }
 
     /// `initial(e)`, `previous(e)`, `steady(e)`: `e` with every variable read from another frame.
