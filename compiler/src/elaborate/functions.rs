@@ -1,6 +1,5 @@
 //! Function calls and reductions.
 
-
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Binder, BinderSet, Expr, ExprKind, Ident, TimeTableKind};
