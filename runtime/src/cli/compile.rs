@@ -5,9 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use serde_json::json;
-use smpl_compiler::artefact;
 use smpl_compiler::compiled::CompiledModel;
-use smpl_compiler::emit;
 use smpl_compiler::model::Quantity;
 
 use super::report::Failed;
@@ -17,6 +15,7 @@ use crate::load::ARTEFACT_EXTENSION;
 use crate::solver::{LinearSolver, System};
 use crate::system::CompiledSystem;
 use crate::trajectory::write_whole;
+use smpl_compiler::emit;
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -72,9 +71,7 @@ pub(super) fn run(arguments: &CompileArguments) -> Result<(), Failed> {
         Some(Stage::Ast | Stage::Latex) | None => {}
     }
     let out = arguments.output.clone().unwrap_or_else(|| arguments.file.with_extension(ARTEFACT_EXTENSION));
-    let texts: Vec<&str> = loaded.texts().collect();
-    let asked = format!("{:?}", arguments.model);
-    let bytes = loaded.model.to_bytes(artefact::fingerprint(&texts, asked.as_bytes()))?;
+    let bytes = loaded.model.to_bytes(crate::load::fingerprint(&loaded.sources))?;
     write_whole(&out, |file| file.write_all(&bytes))?;
     say(summary(&loaded.model, &out)?)
 }
