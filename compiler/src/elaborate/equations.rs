@@ -69,6 +69,7 @@ impl<'a> Elaborator<'a> {
 
     fn equation(&mut self, scope: ScopeId, lhs: &Expr, rhs: &Expr, binders: &[Binder], span: Span) {
         let place = self.place(scope, Site::Dynamics);
+        self.statement = span;
         let pieces = self.nest(binders, &place, &mut |s, inner| {
             let left = s.value(lhs, inner);
             let right = s.value(rhs, inner);
@@ -97,6 +98,7 @@ impl<'a> Elaborator<'a> {
             };
             Some(s.form(left, right))
         });
+        self.statement = Span::default();
         for piece in pieces {
             if let Some(form) = piece.value {
                 self.equations.push(Equation { extents: piece.extents, form, span });
@@ -127,9 +129,11 @@ impl<'a> Elaborator<'a> {
             };
             let (sources, targets) = (members(self, from), members(self, to));
             if sources.keys().ne(targets.keys()) {
-                self.report(Diagnostic::error(codes::WRONG_SHAPE, "two ports of different connectors are connected", span)
-                    .secondary(pair[0].span, "this one")
-                    .secondary(pair[1].span, "and this one"));
+                self.report(
+                    Diagnostic::error(codes::WRONG_SHAPE, "two ports of different connectors are connected", span)
+                        .secondary(pair[0].span, "this one")
+                        .secondary(pair[1].span, "and this one"),
+                );
                 continue;
             }
             for (name, source) in sources {

@@ -57,9 +57,8 @@ impl<'a> Elaborator<'a> {
             }
         }
         let set = self.names.sets.push(Set { name: "phase".to_owned(), labels, first: None });
-        let mut variable = |name: &str| {
-            self.vars.push(Variable { name: name.to_owned(), role: Role::Discrete, len: 1, span: first.name.span })
-        };
+        let mut variable =
+            |name: &str| self.vars.push(Variable { name: name.to_owned(), role: Role::Discrete, len: 1, span: first.name.span });
         let (current, since, leaving) = (variable("phase"), variable("phase_start"), variable("phase_left"));
         let symbol = Symbol { path: "phase".to_owned(), scope, span: first.name.span, kind: SymbolKind::Phase(set) };
         if self.names.declare("phase", symbol).is_err() {

@@ -124,7 +124,7 @@ pub fn cover_states(model: &Model, equations: &[Equation]) -> Result<Rates, Vec<
         if let Some(i) = twice {
             let name = element_name(model, var, i);
             faults.push(
-                Diagnostic::error(codes::OVERDETERMINED, format!("two equations for d/dt {name}"), equation.span)
+                Diagnostic::error(codes::OVERDETERMINED, format!("two equations determine `d/dt {name}`"), equation.span)
                     .label("the second one")
                     .secondary(first.get(&var).copied().unwrap_or_default(), "the first one"),
             );
