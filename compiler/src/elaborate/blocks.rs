@@ -149,22 +149,7 @@ impl<'a> Elaborator<'a> {
             .cloned()
             .collect();
         for name in unused {
-<<<<<<< HEAD
             if super::ENTRY_SETTINGS.contains(&name.as_str()) {
-=======
-            let entries = [
-                "max_steps",
-                "error_reward",
-                "step",
-                "integrate",
-                "rtol",
-                "atol_factor",
-                "max_order",
-                "linear_solver",
-                "max_internal_steps",
-            ];
-            if entries.contains(&name.as_str()) {
->>>>>>> 3a01ca414cfd89c16dc249bdd171cc0da297c89e
                 continue;
             }
             let mut known: Vec<&str> = self
