@@ -75,7 +75,7 @@ impl Sensors {
         }
         for (i, (channel, &value)) in self.channels.iter().zip(values).enumerate() {
             let (start, delay) = channel.ring;
-            let due = |step: u32| step % channel.every == 0;
+            let due = |step: u32| step.is_multiple_of(channel.every);
             if delay == 0 {
                 if due(steps) {
                     self.readings[i] = value + channel.error(key, steps);

@@ -8,7 +8,7 @@ mod read;
 mod record;
 
 pub use format::seventeen_digits;
-pub use read::{DataError, Sequences, read_actions, read_disturbances, read_initial};
+pub use read::{DataError, Sequences, Values, read_actions, read_disturbances, read_initial};
 pub use record::Recorder;
 
 use std::fs::{self, File};

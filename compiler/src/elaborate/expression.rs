@@ -9,7 +9,7 @@ use super::names::{Axis, ScopeId, SymbolId, SymbolKind};
 use super::quantity::{Measure, Value};
 use super::units;
 use super::{Bound, Elaborator, Place};
-use crate::ir::{Affine, BinaryFn, Builtin, Compare, Expr as Node, ExprId, Flavour, Role, UnaryFn};
+use crate::ir::{Affine, BinaryFn, Builtin, Compare, Expr as Node, ExprId, Flavour, Role};
 
 impl<'a> Elaborator<'a> {
     /// Elaborates an expression.
@@ -685,10 +685,5 @@ impl<'a> Elaborator<'a> {
                 converted
             }
         }
-    }
-
-    /// The larger of `e` and its negative.
-    pub(super) fn abs(&mut self, e: ExprId) -> ExprId {
-        self.exprs.unary(UnaryFn::Abs, e)
     }
 }

@@ -43,10 +43,7 @@ const LARGE: usize = 3000;
 /// Solves, prints, writes.
 pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
     let loaded = arguments.model.load(&arguments.file)?;
-    let setup = match Setup::new(loaded.model, loaded.options, Some(loaded.sources)) {
-        Ok(setup) => setup,
-        Err(error) => return Err(error.into()),
-    };
+    let setup = Setup::new(loaded.model, loaded.options, Some(loaded.sources))?;
     let catalogue = &setup.catalogue;
     let mut system = setup.system.clone();
     let has_steady = setup.model().interface().has_steady;

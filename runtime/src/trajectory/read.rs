@@ -6,6 +6,9 @@ use std::path::{Path, PathBuf};
 
 use crate::catalogue::{Catalogue, Family, UnknownName};
 
+/// Named numbers.
+pub type Values = BTreeMap<String, f64>;
+
 /// Named sequences, one value a step.
 pub type Sequences = BTreeMap<String, Vec<f64>>;
 
@@ -245,7 +248,7 @@ pub fn read_disturbances(path: &Path, catalogue: &Catalogue) -> Result<Sequences
 pub fn read_initial(
     path: &Path,
     catalogue: &Catalogue,
-) -> Result<(BTreeMap<String, f64>, BTreeMap<String, f64>), DataError> {
+) -> Result<(Values, Values), DataError> {
     let table = RawTable::read(path)?;
     if table.rows.len() > 1 {
         let message = format!(
