@@ -1,1 +1,40 @@
-//! Python module `smpl._native`.
+//! Python module `smpl._native`: compiled models, environments and batches for the package `smpl`.
+//!
+//! The classes are thin. Names are checked and documented by the package; here arrays are taken and made, the interpreter lock is
+//! released around everything that computes, and errors become exceptions. Results are fresh arrays; nothing else is
+//! allocated in a step. No panic leaves the module: it becomes a `SimulationError`.
+
+mod arrays;
+mod batch;
+mod environment;
+mod equations;
+mod errors;
+mod info;
+mod load;
+mod model;
+mod start;
+
+use pyo3::prelude::*;
+
+/// Runs the command line; `arguments` begin with the program's name. Returns the exit status.
+#[pyfunction]
+fn main(py: Python<'_>, arguments: Vec<String>) -> PyResult<i32> {
+    errors::guarded(|| py.detach(|| smpl_runtime::cli::run(arguments.into_iter().map(Into::into))))
+}
+
+/// The compiled part of the package `smpl`.
+#[pymodule]
+fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    let py = module.py();
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add("CompileError", py.get_type::<errors::CompileError>())?;
+    module.add("ScenarioError", py.get_type::<errors::ScenarioError>())?;
+    module.add("SimulationError", py.get_type::<errors::SimulationError>())?;
+    module.add_class::<errors::Diagnostic>()?;
+    module.add_class::<model::Model>()?;
+    module.add_class::<start::Start>()?;
+    module.add_class::<environment::Env>()?;
+    module.add_class::<environment::Snapshot>()?;
+    module.add_class::<batch::Batch>()?;
+    module.add_function(wrap_pyfunction!(main, module)?)
+}

@@ -78,7 +78,9 @@ enum Format {
 }
 
 fn setting(text: &str) -> Result<(String, Value), String> {
-    let (name, value) = text.split_once('=').ok_or_else(|| format!("expected NAME=VALUE, found `{text}`"))?;
+    let (name, value) = text
+        .split_once('=')
+        .ok_or_else(|| format!("expected NAME=VALUE, found `{text}`"))?;
     Ok((name.trim().to_owned(), Value::parse(value.trim())))
 }
 
@@ -86,7 +88,9 @@ fn setting(text: &str) -> Result<(String, Value), String> {
 fn number(text: &str) -> Result<(String, f64), String> {
     match setting(text)? {
         (name, Value::Number(value)) if value.is_finite() => Ok((name, value)),
-        (name, value) => Err(format!("the value of `{name}` must be a number, not `{value}`")),
+        (name, value) => Err(format!(
+            "the value of `{name}` must be a number, not `{value}`"
+        )),
     }
 }
 
@@ -136,19 +140,36 @@ fn dispatch(command: Command) -> Result<(), Failed> {
 fn on_a_deep_stack(work: impl FnOnce() -> i32 + Send + 'static) -> i32 {
     const STACK: usize = 512 << 20;
     std::panic::set_hook(Box::new(|info| {
-        let at = info.location().map(|l| format!(" at {}:{}", l.file(), l.line())).unwrap_or_default();
-        let _ = writeln!(io::stderr(), "error: internal error{at}; please report it with the model that caused it");
+        let at = info
+            .location()
+            .map(|l| format!(" at {}:{}", l.file(), l.line()))
+            .unwrap_or_default();
+        let _ = writeln!(
+            io::stderr(),
+            "error: internal error{at}; please report it with the model that caused it"
+        );
     }));
-    let thread = std::thread::Builder::new().name("smpl".into()).stack_size(STACK).spawn(work);
-    thread.ok().and_then(|thread| thread.join().ok()).unwrap_or(1)
+    let thread = std::thread::Builder::new()
+        .name("smpl".into())
+        .stack_size(STACK)
+        .spawn(work);
+    thread
+        .ok()
+        .and_then(|thread| thread.join().ok())
+        .unwrap_or(1)
 }
 
 /// Writes to standard output. A reader that has gone away is no fault: the command is done then.
 fn say(text: impl AsRef<str>) -> Result<(), Failed> {
     let mut out = io::stdout().lock();
-    match out.write_all(text.as_ref().as_bytes()).and_then(|()| out.flush()) {
+    match out
+        .write_all(text.as_ref().as_bytes())
+        .and_then(|()| out.flush())
+    {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Err(Failed::Quiet(0)),
-        Err(error) => Err(Failed::Message(format!("cannot write to standard output: {error}"))),
+        Err(error) => Err(Failed::Message(format!(
+            "cannot write to standard output: {error}"
+        ))),
         Ok(()) => Ok(()),
     }
 }

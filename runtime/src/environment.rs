@@ -13,8 +13,8 @@ mod verdict;
 
 use std::sync::Arc;
 
-use smpl_compiler::layout::{Memory, Part, Region};
 use smpl_compiler::ir::Builtin;
+use smpl_compiler::layout::{Memory, Part, Region};
 
 pub use invariants::Drift;
 pub use reset::{ResetError, ResetOptions, Start, StateInput};
@@ -135,7 +135,13 @@ impl Environment {
         let system = setup.system.clone();
         let interface = setup.model().interface();
         let (unknowns, layout) = (setup.model().unknowns(), interface.finish);
-        let counts = [2 * layout.failures, layout.successes, layout.constraints, layout.rewards, layout.observations];
+        let counts = [
+            2 * layout.failures,
+            layout.successes,
+            layout.constraints,
+            layout.rewards,
+            layout.observations,
+        ];
         let progress = Progress {
             key: EpisodeKey::default(),
             next_key: EpisodeKey::default(),
@@ -190,10 +196,15 @@ impl Environment {
     pub(crate) fn check(&self, action: &[f64]) -> Result<(), StepError> {
         let actions = self.setup.catalogue.actions.elements();
         if action.len() != actions.len() {
-            return Err(StepError::Length { given: action.len(), expected: actions.len() });
+            return Err(StepError::Length {
+                given: action.len(),
+                expected: actions.len(),
+            });
         }
         if let Some(at) = action.iter().position(|a| a.is_nan()) {
-            return Err(StepError::NotANumber { name: actions[at].name.clone() });
+            return Err(StepError::NotANumber {
+                name: actions[at].name.clone(),
+            });
         }
         match self.progress.phase {
             Phase::Running => Ok(()),

@@ -86,7 +86,11 @@ pub enum LoadError {
 }
 
 fn summary(diagnostics: &[Diagnostic]) -> String {
-    let texts: Vec<&str> = diagnostics.iter().filter(|d| d.is_error()).map(|d| d.message.as_str()).collect();
+    let texts: Vec<&str> = diagnostics
+        .iter()
+        .filter(|d| d.is_error())
+        .map(|d| d.message.as_str())
+        .collect();
     texts.join("; ")
 }
 
@@ -118,12 +122,18 @@ pub fn load_text(path: &Path, text: String, options: &LoadOptions) -> Result<Loa
         Ok(scenario) => scenario,
         Err(ScenarioFault::Load(error)) => return Err(error),
         Err(ScenarioFault::Diagnostic(d)) => {
-            return Err(LoadError::Diagnostics { sources: Arc::new(sources), diagnostics: vec![*d] });
+            return Err(LoadError::Diagnostics {
+                sources: Arc::new(sources),
+                diagnostics: vec![*d],
+            });
         }
     };
     match front_end(&mut sources, main, &scenario, options) {
         Ok((model, warnings)) => finish(model, warnings, sources, &scenario, options),
-        Err(diagnostics) => Err(LoadError::Diagnostics { sources: Arc::new(sources), diagnostics }),
+        Err(diagnostics) => Err(LoadError::Diagnostics {
+            sources: Arc::new(sources),
+            diagnostics,
+        }),
     }
 }
 
@@ -192,17 +202,33 @@ fn compile_options(sources: &mut SourceMap, scenario: &Scenario, options: &LoadO
 }
 
 fn load_artefact(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded, LoadError> {
-    let model = artefact::from_bytes(bytes)
-        .map_err(|error| LoadError::Artefact { path: path.to_owned(), message: error.to_string() })?;
+    let model = artefact::from_bytes(bytes).map_err(|error| LoadError::Artefact {
+        path: path.to_owned(),
+        message: error.to_string(),
+    })?;
     if !options.variants.is_empty() || options.scenario.as_deref().is_some_and(|s| s != "default") {
-        let message = "a compiled model takes neither scenario nor variants: give the `.eq` file".into();
-        return Err(LoadError::Artefact { path: path.to_owned(), message });
+        let message =
+            "a compiled model takes neither scenario nor variants: give the `.eq` file".into();
+        return Err(LoadError::Artefact {
+            path: path.to_owned(),
+            message,
+        });
     }
-    finish(model, Vec::new(), SourceMap::new(), &Scenario::default(), options)
+    finish(
+        model,
+        Vec::new(),
+        SourceMap::new(),
+        &Scenario::default(),
+        options,
+    )
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, LoadError> {
-    fs::read(path).map_err(|error| LoadError::Read { path: path.to_owned(), message: plain(&error), advice: String::new() })
+    fs::read(path).map_err(|error| LoadError::Read {
+        path: path.to_owned(),
+        message: plain(&error),
+        advice: String::new(),
+    })
 }
 
 /// The error without the operating system's number.
@@ -220,16 +246,33 @@ enum ScenarioFault {
     Diagnostic(Box<Diagnostic>),
 }
 
-fn load_scenario(model: &Path, options: &LoadOptions, sources: &mut SourceMap) -> Result<Scenario, ScenarioFault> {
-    let Some(name) = options.scenario.as_deref().filter(|name| *name != "default") else {
+fn load_scenario(
+    model: &Path,
+    options: &LoadOptions,
+    sources: &mut SourceMap,
+) -> Result<Scenario, ScenarioFault> {
+    let Some(name) = options
+        .scenario
+        .as_deref()
+        .filter(|name| *name != "default")
+    else {
         return Ok(Scenario::default());
     };
     let path = scenario::find_file(model, name);
     let text = fs::read_to_string(&path).map_err(|error| {
         let known = scenario::beside(model);
-        let guess = suggest(name, known.iter().map(String::as_str)).map(|n| format!("did you mean `{n}`? "));
-        let advice = format!("; {}scenarios of this model: {}", guess.unwrap_or_default(), known.join(", "));
-        ScenarioFault::Load(LoadError::Read { message: format!("unknown scenario `{name}`: {}", plain(&error)), path: path.clone(), advice })
+        let guess = suggest(name, known.iter().map(String::as_str))
+            .map(|n| format!("did you mean `{n}`? "));
+        let advice = format!(
+            "; {}scenarios of this model: {}",
+            guess.unwrap_or_default(),
+            known.join(", ")
+        );
+        ScenarioFault::Load(LoadError::Read {
+            message: format!("unknown scenario `{name}`: {}", plain(&error)),
+            path: path.clone(),
+            advice,
+        })
     })?;
     let file = sources.add(path.display().to_string(), text);
     Scenario::parse(sources, file).map_err(ScenarioFault::Diagnostic)
@@ -260,7 +303,10 @@ fn finish(
                 environment.parameters.insert(name.clone(), number);
             }
             (Some(element), None) if options.settings.contains_key(name) => {
-                let message = format!("parameter `{name}` must be a number (in {}), not `{value}`", element.unit);
+                let message = format!(
+                    "parameter `{name}` must be a number (in {}), not `{value}`",
+                    element.unit
+                );
                 return Err(LoadError::Setting { message });
             }
             _ => {}
@@ -269,14 +315,26 @@ fn finish(
     environment.disturbances = recorded(scenario, &catalogue);
     environment.noise = match &scenario.noise {
         None | Some(Noise::Switch(true)) => BTreeMap::new(),
-        Some(Noise::Switch(false)) => model.interface().observations.iter().map(|o| (o.name.clone(), 0.0)).collect(),
+        Some(Noise::Switch(false)) => model
+            .interface()
+            .observations
+            .iter()
+            .map(|o| (o.name.clone(), 0.0))
+            .collect(),
         Some(Noise::Deviations(deviations)) => deviations.clone(),
     };
     let known = |name: &str| knows_setting(&model, &catalogue, name);
     if let Some(name) = options.settings.keys().find(|name| !known(name)) {
-        return Err(LoadError::Setting { message: unknown_setting(&model, &catalogue, name) });
+        return Err(LoadError::Setting {
+            message: unknown_setting(&model, &catalogue, name),
+        });
     }
-    Ok(Loaded { model: Arc::new(model), options: environment, sources: Arc::new(sources), warnings })
+    Ok(Loaded {
+        model: Arc::new(model),
+        options: environment,
+        sources: Arc::new(sources),
+        warnings,
+    })
 }
 
 fn recorded(scenario: &Scenario, catalogue: &Catalogue) -> BTreeMap<String, Vec<f64>> {
@@ -284,7 +342,18 @@ fn recorded(scenario: &Scenario, catalogue: &Catalogue) -> BTreeMap<String, Vec<
         None | Some(Disturbances::Switch(true)) => BTreeMap::new(),
         Some(Disturbances::Switch(false)) => {
             let elements = catalogue.disturbances.elements().iter();
-            elements.map(|e| (e.name.clone(), vec![if e.default.is_finite() { e.default } else { 0.0 }])).collect()
+            elements
+                .map(|e| {
+                    (
+                        e.name.clone(),
+                        vec![if e.default.is_finite() {
+                            e.default
+                        } else {
+                            0.0
+                        }],
+                    )
+                })
+                .collect()
         }
         Some(Disturbances::Values(values)) => values
             .iter()
@@ -307,5 +376,6 @@ fn knows_setting(model: &CompiledModel, catalogue: &Catalogue, name: &str) -> bo
 fn unknown_setting(model: &CompiledModel, catalogue: &Catalogue, name: &str) -> String {
     let interface = model.interface();
     let choices = interface.choices.iter().map(|(n, ..)| n.as_str());
-    crate::catalogue::UnknownName::new("setting", name, choices.chain(catalogue.parameters.names())).to_string()
+    crate::catalogue::UnknownName::new("setting", name, choices.chain(catalogue.parameters.names()))
+        .to_string()
 }

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use smpl_compiler::compiled::CompiledModel;
-use smpl_compiler::layout::{Part, Region};
 use smpl_compiler::ir::{Expr, ExprId, Flavour};
+use smpl_compiler::layout::{Part, Region};
 use smpl_compiler::model::Variate;
 use smpl_dsl::diagnostic::SourceMap;
 
@@ -120,15 +120,27 @@ impl Setup {
         let settings = solver_settings(&model, &catalogue, &options)?;
         let reward = match &options.reward {
             None => interface.default_reward as usize,
-            Some(name) => interface.rewards.iter().position(|r| r.name == *name).ok_or_else(|| {
-                UnknownName::new("reward", name, interface.rewards.iter().map(|r| r.name.as_str()))
-            })?,
+            Some(name) => interface
+                .rewards
+                .iter()
+                .position(|r| r.name == *name)
+                .ok_or_else(|| {
+                    UnknownName::new(
+                        "reward",
+                        name,
+                        interface.rewards.iter().map(|r| r.name.as_str()),
+                    )
+                })?,
         };
         let noise = noise(&model, &options)?;
         check_names(&catalogue, &options)?;
         let max_steps = options.max_steps.unwrap_or(interface.episode.max_steps);
         if max_steps == 0 {
-            return Err(SetupError::Value { what: "max_steps".into(), expected: "at least 1", value: "0".into() });
+            return Err(SetupError::Value {
+                what: "max_steps".into(),
+                expected: "at least 1",
+                value: "0".into(),
+            });
         }
         let programs = &model.model().programs;
         let mut setup = Self {
@@ -183,7 +195,12 @@ impl Setup {
     /// Parameters at their means with the given ones in place, and their steady state.
     fn prepare_nominal(&mut self) -> Result<(), SetupError> {
         let draws = self.draws.clone();
-        let given = self.given_parameters(self.options.parameters.iter().map(|(n, v)| (n.as_str(), *v)))?;
+        let given = self.given_parameters(
+            self.options
+                .parameters
+                .iter()
+                .map(|(n, v)| (n.as_str(), *v)),
+        )?;
         fill_means(&mut self.system, &draws);
         set_parameters(&mut self.system, &given);
         if self.model().interface().has_steady {
@@ -198,7 +215,9 @@ impl Setup {
         &self,
         named: impl Iterator<Item = (&'a str, f64)>,
     ) -> Result<Vec<(usize, f64)>, UnknownName> {
-        named.map(|(name, value)| Ok((self.catalogue.parameters.get(name, "parameter")?.at, value))).collect()
+        named
+            .map(|(name, value)| Ok((self.catalogue.parameters.get(name, "parameter")?.at, value)))
+            .collect()
     }
 }
 
@@ -236,12 +255,21 @@ fn solver_settings(
         if value.is_finite() && value > 0.0 {
             return Ok(());
         }
-        Err(SetupError::Value { what: what.into(), expected: "a positive number", value: value.to_string() })
+        Err(SetupError::Value {
+            what: what.into(),
+            expected: "a positive number",
+            value: value.to_string(),
+        })
     };
     positive("rtol", rtol)?;
     positive("atol_factor", factor)?;
     let mut atol = vec![factor * rtol; model.unknowns()];
-    for element in catalogue.states.elements().iter().chain(catalogue.solved.elements()) {
+    for element in catalogue
+        .states
+        .elements()
+        .iter()
+        .chain(catalogue.solved.elements())
+    {
         if element.scale.is_finite() && element.scale > 0.0 {
             atol[element.at] = factor * rtol * element.scale;
         }
@@ -249,9 +277,17 @@ fn solver_settings(
     let mut settings = Settings::new(rtol, atol);
     settings.max_order = options.max_order.unwrap_or(declared.max_order);
     settings.max_steps = options.solver_steps.unwrap_or(declared.max_steps);
-    settings.linear_solver = linear_solver(options.linear_solver.as_deref().unwrap_or(&declared.linear_solver))?;
+    settings.linear_solver = linear_solver(
+        options
+            .linear_solver
+            .as_deref()
+            .unwrap_or(&declared.linear_solver),
+    )?;
     if model.model().quadrature_error_control {
-        settings.quadratures = Quadratures::Checked { rtol, atol: factor * rtol };
+        settings.quadratures = Quadratures::Checked {
+            rtol,
+            atol: factor * rtol,
+        };
     }
     Ok(settings)
 }
@@ -261,7 +297,11 @@ fn linear_solver(name: &str) -> Result<LinearSolver, SetupError> {
         "auto" | "" => Ok(LinearSolver::Auto),
         "dense" => Ok(LinearSolver::Dense),
         "klu" => Ok(LinearSolver::Klu),
-        _ => Err(SetupError::Value { what: "linear_solver".into(), expected: "`auto`, `dense` or `klu`", value: format!("`{name}`") }),
+        _ => Err(SetupError::Value {
+            what: "linear_solver".into(),
+            expected: "`auto`, `dense` or `klu`",
+            value: format!("`{name}`"),
+        }),
     }
 }
 
@@ -269,11 +309,22 @@ fn noise(model: &CompiledModel, options: &EnvironmentOptions) -> Result<Vec<f64>
     let observations = &model.interface().observations;
     let mut noise: Vec<f64> = observations.iter().map(|o| o.noise).collect();
     for (name, &deviation) in &options.noise {
-        let at = observations.iter().position(|o| o.name == *name).ok_or_else(|| {
-            UnknownName::new("observation", name, observations.iter().map(|o| o.name.as_str()))
-        })?;
+        let at = observations
+            .iter()
+            .position(|o| o.name == *name)
+            .ok_or_else(|| {
+                UnknownName::new(
+                    "observation",
+                    name,
+                    observations.iter().map(|o| o.name.as_str()),
+                )
+            })?;
         if !(deviation.is_finite() && deviation >= 0.0) {
-            return Err(SetupError::Value { what: format!("noise of {name}"), expected: "a standard deviation", value: deviation.to_string() });
+            return Err(SetupError::Value {
+                what: format!("noise of {name}"),
+                expected: "a standard deviation",
+                value: deviation.to_string(),
+            });
         }
         noise[at] = deviation;
     }
@@ -317,14 +368,24 @@ fn draws(model: &CompiledModel) -> Vec<Drawn> {
 fn finish_reads_derivatives(model: &CompiledModel) -> bool {
     let model = model.model();
     let programs = [&model.programs.finish, &model.programs.outputs];
-    let mut todo: Vec<ExprId> =
-        programs.iter().flat_map(|p| &p.nests).flat_map(|n| &n.stores).map(|s| s.value).collect();
+    let mut todo: Vec<ExprId> = programs
+        .iter()
+        .flat_map(|p| &p.nests)
+        .flat_map(|n| &n.stores)
+        .map(|s| s.value)
+        .collect();
     let mut seen = std::collections::HashSet::new();
     while let Some(e) = todo.pop() {
         if !seen.insert(e) {
             continue;
         }
-        if matches!(model.exprs.node(e), Expr::Load { flavour: Flavour::Derivative, .. }) {
+        if matches!(
+            model.exprs.node(e),
+            Expr::Load {
+                flavour: Flavour::Derivative,
+                ..
+            }
+        ) {
             return true;
         }
         todo.extend(model.exprs.operands(e));

@@ -28,7 +28,9 @@ pub struct SteadyReport {
 #[derive(Debug, thiserror::Error)]
 pub enum SteadyError {
     /// Neither Newton's method nor the process itself came to rest.
-    #[error("no steady state was found: after {iterations} iterations the largest residual is {residual:e}, in the {equation}; give a better initial value, or fix a state that integrates")]
+    #[error(
+        "no steady state was found: after {iterations} iterations the largest residual is {residual:e}, in the {equation}; give a better initial value, or fix a state that integrates"
+    )]
     NotFound {
         /// Iterations made.
         iterations: u32,
@@ -61,7 +63,12 @@ pub enum SteadyError {
 #[must_use]
 pub fn guess(system: &CompiledSystem, catalogue: &Catalogue) -> Vec<f64> {
     let mut y = vec![0.0; system.model().unknowns()];
-    for element in catalogue.states.elements().iter().chain(catalogue.solved.elements()) {
+    for element in catalogue
+        .states
+        .elements()
+        .iter()
+        .chain(catalogue.solved.elements())
+    {
         if element.default.is_finite() {
             y[element.at] = element.default;
         }
@@ -71,7 +78,11 @@ pub fn guess(system: &CompiledSystem, catalogue: &Catalogue) -> Vec<f64> {
 
 /// The actions and fixed states (places in `y` and values) of the model's `steady` block; nominal actions without one.
 #[must_use]
-pub fn declared(system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut [f64]) -> (Vec<f64>, Vec<(usize, f64)>) {
+pub fn declared(
+    system: &mut CompiledSystem,
+    catalogue: &Catalogue,
+    y: &mut [f64],
+) -> (Vec<f64>, Vec<(usize, f64)>) {
     let (model, memory) = system.parts();
     let interface = model.interface();
     let actions = catalogue.actions.elements();
@@ -81,7 +92,15 @@ pub fn declared(system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut [f64
     let mut out = vec![0.0; actions.len() + interface.steady_fixed.len()];
     model.steady(memory, y, &mut out);
     let states = out.split_off(actions.len());
-    (out, interface.steady_fixed.iter().map(|&at| at as usize).zip(states).collect())
+    (
+        out,
+        interface
+            .steady_fixed
+            .iter()
+            .map(|&at| at as usize)
+            .zip(states)
+            .collect(),
+    )
 }
 
 /// Finds the model's own steady state and keeps it in the steady frame of the instance. The instance's actions and
@@ -137,7 +156,10 @@ pub fn solve(
             break;
         }
     }
-    Ok(SteadyReport { residual_norm: residual_norm(system, y), iterations })
+    Ok(SteadyReport {
+        residual_norm: residual_norm(system, y),
+        iterations,
+    })
 }
 
 fn residual_norm(system: &mut CompiledSystem, y: &[f64]) -> f64 {
@@ -149,7 +171,11 @@ fn residual_norm(system: &mut CompiledSystem, y: &[f64]) -> f64 {
 
 /// Name of the unknown at a place in `y`.
 fn unknown_name(catalogue: &Catalogue, at: usize) -> Option<String> {
-    let mut all = catalogue.states.elements().iter().chain(catalogue.solved.elements());
+    let mut all = catalogue
+        .states
+        .elements()
+        .iter()
+        .chain(catalogue.solved.elements());
     all.find(|e| e.at == at).map(|e| e.name.clone())
 }
 

@@ -38,7 +38,11 @@ impl CompiledSystem {
             quadratures: model.quadratures(),
         };
         let memory = model.memory();
-        Ok(Self { model, shape: Arc::new(shape), memory })
+        Ok(Self {
+            model,
+            shape: Arc::new(shape),
+            memory,
+        })
     }
 
     /// The model.

@@ -477,7 +477,7 @@ impl<'a> Elaborator<'a> {
         if self.vars[var].role != Role::State {
             place.site = Site::Instant;
         }
-        let mut make = |s: &mut Self, at: Affine, inner: &Place| {
+        let make = |s: &mut Self, at: Affine, inner: &Place| {
             let outer = random.then(|| s.random_site.replace((stream_name(&path, at, len), Instant::Reset)));
             let v = s.number_in(value, &unit, &format!("`{path}`"), target.span, inner);
             if let Some(outer) = outer {

@@ -27,11 +27,28 @@ pub struct Equation {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum EquationForm {
     /// `d/dt var[at] = value`
-    Rate { var: VarId, at: Affine, value: ExprId },
+    Rate {
+        /// The state.
+        var: VarId,
+        /// Its element.
+        at: Affine,
+        /// The right side.
+        value: ExprId,
+    },
     /// `var[at] = value`, `var` algebraic
-    Definition { var: VarId, at: Affine, value: ExprId },
+    Definition {
+        /// The variable.
+        var: VarId,
+        /// Its element.
+        at: Affine,
+        /// The right side.
+        value: ExprId,
+    },
     /// `0 = residual`
-    Implicit { residual: ExprId },
+    Implicit {
+        /// Left side minus right side.
+        residual: ExprId,
+    },
 }
 
 impl<'a> Elaborator<'a> {

@@ -9,7 +9,7 @@ use super::names::{Axis, ScopeId, SymbolId, SymbolKind};
 use super::quantity::{Measure, Value};
 use super::units;
 use super::{Bound, Elaborator, Place};
-use crate::ir::{Affine, BinaryFn, Builtin, Compare, Expr as Node, ExprId, Flavour, Role, UnaryFn};
+use crate::ir::{Affine, BinaryFn, Builtin, Compare, Expr as Node, ExprId, Flavour, Role};
 
 impl<'a> Elaborator<'a> {
     /// Elaborates an expression.
@@ -144,6 +144,10 @@ impl<'a> Elaborator<'a> {
             ),
             Measure::Of(unit) => {
                 let unit = unit.clone();
+                // A number gets the unit, `mg/g` and `%` included; a dimensionless quantity with a scale is a number first.
+                if units::is_plain_number(&unit) {
+                    return Value::of(v.expr, target);
+                }
                 if units::is_dimensionless(&unit) && !units::is_dimensionless(&target) {
                     let expr = self.convert(v.expr, &unit, &Unit::one()).unwrap_or(v.expr);
                     return Value::of(expr, target);
@@ -681,10 +685,5 @@ impl<'a> Elaborator<'a> {
                 converted
             }
         }
-    }
-
-    /// The larger of `e` and its negative.
-    pub(super) fn abs(&mut self, e: ExprId) -> ExprId {
-        self.exprs.unary(UnaryFn::Abs, e)
     }
 }

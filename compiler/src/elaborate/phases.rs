@@ -15,7 +15,7 @@ use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident, Phase, Statement, Statem
 
 use super::control::store;
 use super::items::Item;
-use super::names::{ScopeId, Set, SetId, Symbol, SymbolId, SymbolKind};
+use super::names::{ScopeId, Set, Symbol, SymbolId, SymbolKind};
 use super::quantity::Value;
 use super::{Elaborator, Place, Site};
 use crate::ir::{Affine, Compare, ExprId, Flavour, Nest, Place as Memory, Program, Role, VarId};
@@ -24,7 +24,6 @@ use crate::model::{Quantity, Root, RootAction, Variable};
 /// The schedule of a model.
 #[derive(Clone, Debug)]
 pub(super) struct Schedule<'a> {
-    set: SetId,
     /// Number of the phase in force.
     current: VarId,
     /// When it began.
@@ -68,7 +67,7 @@ impl<'a> Elaborator<'a> {
             self.report(Diagnostic::error(codes::DUPLICATE_NAME, text, first.name.span));
         }
         self.check_reachable(&phases);
-        self.schedule = Some(Schedule { set, current, since, leaving, scope, phases });
+        self.schedule = Some(Schedule { current, since, leaving, scope, phases });
     }
 
     /// Every phase but the first must follow another one, and every follower must exist.

@@ -208,7 +208,7 @@ impl Elaborator<'_> {
         let n = self.names.domains[face.domain].cells;
         let (at_low, at_high) = (self.is_number(face.at, 0), self.is_number(face.at, n));
         let (Some(at_low), Some(at_high)) = (at_low, at_high) else { return Some(self.poison()) };
-        let mut at = |s: &mut Self, by: i64| s.in_cell(symbol, index, span, face.at.shifted(by), face.domain, place);
+        let at = |s: &mut Self, by: i64| s.in_cell(symbol, index, span, face.at.shifted(by), face.domain, place);
         if at_low {
             return Some(at(self, 0));
         }

@@ -34,7 +34,12 @@ pub(super) fn run(arguments: &CheckArguments) -> Result<(), Failed> {
     for file in &arguments.files.files {
         match check(file, &arguments.model) {
             Ok(loaded) => {
-                show(&loaded.warnings, &loaded.sources, arguments.format, &mut objects);
+                show(
+                    &loaded.warnings,
+                    &loaded.sources,
+                    arguments.format,
+                    &mut objects,
+                );
                 if arguments.format == Format::Text {
                     say(format!("{}: {}\n", file.display(), verdict(&loaded)))?;
                 }
@@ -42,7 +47,10 @@ pub(super) fn run(arguments: &CheckArguments) -> Result<(), Failed> {
                     say(invariants(loaded)?)?;
                 }
             }
-            Err(LoadError::Diagnostics { sources, diagnostics }) => {
+            Err(LoadError::Diagnostics {
+                sources,
+                diagnostics,
+            }) => {
                 faulty = true;
                 show(&diagnostics, &sources, arguments.format, &mut objects);
             }
@@ -58,16 +66,25 @@ pub(super) fn run(arguments: &CheckArguments) -> Result<(), Failed> {
         }
     }
     if arguments.format == Format::Json {
-        let text = serde_json::to_string_pretty(&Json::Array(objects)).map_err(|e| Failed::Message(e.to_string()))?;
+        let text = serde_json::to_string_pretty(&Json::Array(objects))
+            .map_err(|e| Failed::Message(e.to_string()))?;
         say(text + "\n")?;
     }
-    if faulty { Err(Failed::Quiet(1)) } else { Ok(()) }
+    if faulty {
+        Err(Failed::Quiet(1))
+    } else {
+        Ok(())
+    }
 }
 
 fn check(file: &Path, model: &ModelArguments) -> Result<Loaded, LoadError> {
     let options = LoadOptions {
         scenario: model.scenario.clone(),
-        variants: model.variants.iter().map(|v| crate::scenario::Variant::parse(v)).collect(),
+        variants: model
+            .variants
+            .iter()
+            .map(|v| crate::scenario::Variant::parse(v))
+            .collect(),
         settings: model.settings.iter().cloned().collect(),
         ..LoadOptions::default()
     };
@@ -81,7 +98,11 @@ fn verdict(loaded: &Loaded) -> String {
         1 => ", 1 warning".into(),
         n => format!(", {n} warnings"),
     };
-    format!("ok ({} states, {} solved algebraic variables{warnings})", model.states(), model.unknowns() - model.states())
+    format!(
+        "ok ({} states, {} solved algebraic variables{warnings})",
+        model.states(),
+        model.unknowns() - model.states()
+    )
 }
 
 fn show(diagnostics: &[Diagnostic], sources: &SourceMap, format: Format, objects: &mut Vec<Json>) {
@@ -107,10 +128,20 @@ fn invariants(loaded: Loaded) -> Result<String, Failed> {
     if names.is_empty() {
         return Ok("no invariants declared\n".into());
     }
-    let setup = Setup::new(loaded.model, loaded.options, Some(Arc::clone(&loaded.sources)))?;
+    let setup = Setup::new(
+        loaded.model,
+        loaded.options,
+        Some(Arc::clone(&loaded.sources)),
+    )?;
     let mut environment = Environment::new(setup)?;
     environment.watch_invariants();
-    environment.reset(Some(0), &ResetOptions { start: Start::Nominal, ..ResetOptions::default() })?;
+    environment.reset(
+        Some(0),
+        &ResetOptions {
+            start: Start::Nominal,
+            ..ResetOptions::default()
+        },
+    )?;
     let mut policy = super::simulate::nominal(&environment);
     let mut action = vec![0.0; environment.catalogue().actions.len()];
     while environment.is_running() {
@@ -120,7 +151,11 @@ fn invariants(loaded: Loaded) -> Result<String, Failed> {
     let drifts = environment.invariant_drifts();
     let lines = names.iter().zip(drifts).map(|((name, _), drift)| {
         let relative = drift.largest / drift.magnitude.max(f64::MIN_POSITIVE);
-        format!("invariant {name}: drift {:.3e} over {} steps ({relative:.1e} of its magnitude)\n", drift.largest, environment.steps())
+        format!(
+            "invariant {name}: drift {:.3e} over {} steps ({relative:.1e} of its magnitude)\n",
+            drift.largest,
+            environment.steps()
+        )
     });
     Ok(lines.collect())
 }

@@ -20,8 +20,6 @@ pub(super) enum Failed {
     Quiet(i32),
     /// A file or a value is at fault.
     Message(String),
-    /// The command line is at fault.
-    Usage(String),
     /// Faults with places.
     Diagnostics(Vec<Diagnostic>, std::sync::Arc<SourceMap>),
 }
@@ -29,10 +27,9 @@ pub(super) enum Failed {
 impl Failed {
     /// Prints what is to be said; the exit status.
     pub fn print(self) -> i32 {
-        let (text, status) = match self {
+        let text = match self {
             Failed::Quiet(status) => return status,
-            Failed::Message(text) => (text, 1),
-            Failed::Usage(text) => (text, 2),
+            Failed::Message(text) => text,
             Failed::Diagnostics(diagnostics, sources) => {
                 print_diagnostics(&diagnostics, &sources);
                 return 1;
@@ -40,14 +37,17 @@ impl Failed {
         };
         // Nothing is left to say where standard error is closed.
         let _ = writeln!(std::io::stderr(), "error: {text}");
-        status
+        1
     }
 }
 
 impl From<LoadError> for Failed {
     fn from(error: LoadError) -> Self {
         match error {
-            LoadError::Diagnostics { sources, diagnostics } => Failed::Diagnostics(diagnostics, sources),
+            LoadError::Diagnostics {
+                sources,
+                diagnostics,
+            } => Failed::Diagnostics(diagnostics, sources),
             other => Failed::Message(other.to_string()),
         }
     }
@@ -62,16 +62,29 @@ macro_rules! failed_by_message {
         })*
     };
 }
-failed_by_message!(crate::artefact::Unavailable, SetupError, ResetError, StepError, WriteError, crate::steady::SteadyError, crate::catalogue::UnknownName);
+failed_by_message!(
+    crate::artefact::Unavailable,
+    SetupError,
+    ResetError,
+    StepError,
+    WriteError,
+    crate::steady::SteadyError,
+    crate::catalogue::UnknownName
+);
 
-const BAD_DATA: Code = Code::new("E0702-bad-data", "a data file with missing columns or cells that are no numbers");
+const BAD_DATA: Code = Code::new(
+    "E0702-bad-data",
+    "a data file with missing columns or cells that are no numbers",
+);
 
 /// A fault in a data file is shown at its place in the file.
 impl From<DataError> for Failed {
     fn from(error: DataError) -> Self {
         let place = match &error {
             DataError::Malformed { path, line, .. } => Some((path, *line, "")),
-            DataError::NotANumber { path, line, text, .. } => Some((path, *line, text.as_str())),
+            DataError::NotANumber {
+                path, line, text, ..
+            } => Some((path, *line, text.as_str())),
             DataError::MissingColumns { path, .. } => Some((path, 1, "")),
             DataError::UnknownColumn { path, error } => Some((path, 1, error.name.as_str())),
             DataError::Read { .. } | DataError::Empty { .. } => None,
@@ -83,18 +96,37 @@ impl From<DataError> for Failed {
 
 fn data_diagnostic(path: &Path, line: u64, word: &str, error: &DataError) -> Option<Failed> {
     let text = std::fs::read_to_string(path).ok()?;
-    let start: usize = text.split_inclusive('\n').take(line.saturating_sub(1) as usize).map(str::len).sum();
-    let content = text.get(start..)?.lines().next().unwrap_or_default().to_owned();
+    let start: usize = text
+        .split_inclusive('\n')
+        .take(line.saturating_sub(1) as usize)
+        .map(str::len)
+        .sum();
+    let content = text
+        .get(start..)?
+        .lines()
+        .next()
+        .unwrap_or_default()
+        .to_owned();
     let (at, length) = match content.find(word).filter(|_| !word.is_empty()) {
         Some(at) => (start + at, word.len()),
         None => (start, content.len()),
     };
     let full = error.to_string();
-    let message = full.split_once(": ").map_or(full.as_str(), |(_, message)| message).to_owned();
+    let message = full
+        .split_once(": ")
+        .map_or(full.as_str(), |(_, message)| message)
+        .to_owned();
     let mut sources = SourceMap::new();
     let file = sources.add(path.display().to_string(), text);
-    let span = Span { file, start: at as u32, end: (at + length) as u32 };
-    Some(Failed::Diagnostics(vec![Diagnostic::error(BAD_DATA, message, span)], std::sync::Arc::new(sources)))
+    let span = Span {
+        file,
+        start: at as u32,
+        end: (at + length) as u32,
+    };
+    Some(Failed::Diagnostics(
+        vec![Diagnostic::error(BAD_DATA, message, span)],
+        std::sync::Arc::new(sources),
+    ))
 }
 
 /// Prints diagnostics on standard error: place, source line underlined, what to do.
@@ -102,14 +134,21 @@ pub(super) fn print_diagnostics(diagnostics: &[Diagnostic], sources: &SourceMap)
     let mut err = std::io::stderr().lock();
     for diagnostic in diagnostics {
         // Nothing is left to say where standard error is closed.
-        let _ = err.write_all(render(diagnostic, sources, std::io::stderr().is_terminal()).as_bytes());
+        let _ =
+            err.write_all(render(diagnostic, sources, std::io::stderr().is_terminal()).as_bytes());
     }
 }
 
 /// A diagnostic as text.
 pub(super) fn render(diagnostic: &Diagnostic, sources: &SourceMap, coloured: bool) -> String {
-    let theme = if coloured { GraphicalTheme::unicode() } else { GraphicalTheme::unicode_nocolor() };
-    let handler = GraphicalReportHandler::new_themed(theme).with_width(110).with_links(false);
+    let theme = if coloured {
+        GraphicalTheme::unicode()
+    } else {
+        GraphicalTheme::unicode_nocolor()
+    };
+    let handler = GraphicalReportHandler::new_themed(theme)
+        .with_width(110)
+        .with_links(false);
     let mut text = String::new();
     match handler.render_report(&mut text, &Shown::new(diagnostic, sources)) {
         Ok(()) => text,
@@ -117,7 +156,13 @@ pub(super) fn render(diagnostic: &Diagnostic, sources: &SourceMap, coloured: boo
         Err(_) => {
             let at = sources.locate(diagnostic.primary.span);
             let file = sources.name(diagnostic.primary.span.file);
-            format!("{file}:{}:{}: {} [{}]\n", at.line, at.column, diagnostic.message, diagnostic.code.id())
+            format!(
+                "{file}:{}:{}: {} [{}]\n",
+                at.line,
+                at.column,
+                diagnostic.message,
+                diagnostic.code.id()
+            )
         }
     }
 }
@@ -143,15 +188,34 @@ impl Shown {
             (start, end - start)
         };
         let label = |text: &str| (!text.is_empty()).then(|| text.to_owned());
-        let primary = LabeledSpan::new_primary_with_span(label(&diagnostic.primary.text), clip(diagnostic.primary.span));
-        let (here, elsewhere): (Vec<_>, Vec<_>) = diagnostic.secondary.iter().partition(|l| l.span.file == file);
+        let primary = LabeledSpan::new_primary_with_span(
+            label(&diagnostic.primary.text),
+            clip(diagnostic.primary.span),
+        );
+        let (here, elsewhere): (Vec<_>, Vec<_>) = diagnostic
+            .secondary
+            .iter()
+            .partition(|l| l.span.file == file);
         let mut labels = vec![primary];
-        labels.extend(here.iter().map(|l| LabeledSpan::new_with_span(label(&l.text), clip(l.span))));
+        labels.extend(
+            here.iter()
+                .map(|l| LabeledSpan::new_with_span(label(&l.text), clip(l.span))),
+        );
         let remote = elsewhere.iter().map(|l| {
-            format!("{} ({}:{})", l.text, sources.name(l.span.file), sources.locate(l.span).line)
+            format!(
+                "{} ({}:{})",
+                l.text,
+                sources.name(l.span.file),
+                sources.locate(l.span).line
+            )
         });
-        let help: Vec<String> =
-            diagnostic.help.iter().cloned().chain(diagnostic.notes.iter().cloned()).chain(remote).collect();
+        let help: Vec<String> = diagnostic
+            .help
+            .iter()
+            .cloned()
+            .chain(diagnostic.notes.iter().cloned())
+            .chain(remote)
+            .collect();
         Self {
             message: diagnostic.message.clone(),
             code: diagnostic.code.id(),
@@ -185,7 +249,9 @@ impl miette::Diagnostic for Shown {
     }
 
     fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        self.help.as_ref().map(|help| Box::new(help) as Box<dyn fmt::Display>)
+        self.help
+            .as_ref()
+            .map(|help| Box::new(help) as Box<dyn fmt::Display>)
     }
 
     fn source_code(&self) -> Option<&dyn miette::SourceCode> {

@@ -18,7 +18,10 @@ impl Recorder {
     pub fn new(environment: &Environment) -> Self {
         let catalogue = environment.catalogue();
         let interface = environment.setup().model().interface();
-        let mut columns = vec![("step".to_owned(), Kind::Integer), ("time".to_owned(), Kind::Number)];
+        let mut columns = vec![
+            ("step".to_owned(), Kind::Integer),
+            ("time".to_owned(), Kind::Number),
+        ];
         let families = [
             &catalogue.states,
             &catalogue.algebraics,
@@ -28,9 +31,19 @@ impl Recorder {
         ];
         let names = families.iter().flat_map(|family| family.names());
         columns.extend(names.map(|name| (name.to_owned(), Kind::Number)));
-        columns.extend(interface.observations.iter().map(|o| (format!("obs.{}", o.name), Kind::Number)));
+        columns.extend(
+            interface
+                .observations
+                .iter()
+                .map(|o| (format!("obs.{}", o.name), Kind::Number)),
+        );
         columns.push(("reward".to_owned(), Kind::Number));
-        columns.extend(interface.rewards.iter().map(|r| (format!("reward.{}", r.name), Kind::Number)));
+        columns.extend(
+            interface
+                .rewards
+                .iter()
+                .map(|r| (format!("reward.{}", r.name), Kind::Number)),
+        );
         columns.extend(["terminated", "truncated"].map(|name| (name.to_owned(), Kind::Flag)));
         Self {
             states: vec![0.0; catalogue.states.len()],
@@ -52,8 +65,17 @@ impl Recorder {
         let discretes = placed(&catalogue.discretes, environment.discretes());
         let disturbances = placed(&catalogue.disturbances, environment.disturbances());
         let actions = placed(&catalogue.actions, environment.actions());
-        let only_after_a_step = |x: &f64| if result.is_some() { Cell::Number(*x) } else { Cell::Empty };
-        let mut row = vec![Cell::Integer(i64::from(environment.steps())), Cell::Number(environment.time())];
+        let only_after_a_step = |x: &f64| {
+            if result.is_some() {
+                Cell::Number(*x)
+            } else {
+                Cell::Empty
+            }
+        };
+        let mut row = vec![
+            Cell::Integer(i64::from(environment.steps())),
+            Cell::Number(environment.time()),
+        ];
         let present = [&self.states, &self.algebraics, &discretes, &disturbances];
         row.extend(present.into_iter().flatten().map(|x| Cell::Number(*x)));
         row.extend(actions.iter().map(only_after_a_step));

@@ -14,15 +14,32 @@ pub fn table(name: &str) -> Option<Table> {
         || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/reference"),
         PathBuf::from,
     );
-    let folders = [folder, PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/reference")];
+    let folders = [
+        folder,
+        PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/reference"),
+    ];
     let Some(path) = folders.iter().map(|f| f.join(name)).find(|p| p.exists()) else {
         eprintln!("skipped: reference file {name} is not installed (set SMPL_REFERENCE)");
         return None;
     };
     let mut reader = csv::Reader::from_path(path).expect("the reference can be read");
-    let names = reader.headers().expect("a heading").iter().map(str::to_owned).collect();
-    let number = |text: &str| if text.is_empty() { f64::NAN } else { text.parse().expect("a number") };
-    let rows = reader.records().map(|r| r.expect("a row").iter().map(number).collect()).collect();
+    let names = reader
+        .headers()
+        .expect("a heading")
+        .iter()
+        .map(str::to_owned)
+        .collect();
+    let number = |text: &str| {
+        if text.is_empty() {
+            f64::NAN
+        } else {
+            text.parse().expect("a number")
+        }
+    };
+    let rows = reader
+        .records()
+        .map(|r| r.expect("a row").iter().map(number).collect())
+        .collect();
     Some(Table { names, rows })
 }
 
@@ -32,7 +49,11 @@ impl Table {
     }
 
     pub fn get(&self, row: usize, column: &str) -> f64 {
-        let at = self.names.iter().position(|n| n == column).unwrap_or_else(|| panic!("no column {column}"));
+        let at = self
+            .names
+            .iter()
+            .position(|n| n == column)
+            .unwrap_or_else(|| panic!("no column {column}"));
         self.rows[row][at]
     }
 

@@ -1,0 +1,30 @@
+"""smpl: process models in a declarative language, compiled to machine code, as Gymnasium environments.
+
+    import gymnasium, smpl
+    env = gymnasium.make("smpl/Reactor-v0")
+
+Importing the package registers the environments. `smpl.compile` makes a model of any `.eq` file and `smpl.Env(model)`
+an environment of it.
+"""
+
+from smpl._native import CompileError, Diagnostic, ScenarioError, SimulationError, __version__
+from smpl._registry import register_envs
+from smpl.envs import Env
+from smpl.model import Model, compile
+from smpl.vector import VectorEnv, make_vec
+
+__all__ = [
+    "CompileError",
+    "Diagnostic",
+    "Env",
+    "Model",
+    "ScenarioError",
+    "SimulationError",
+    "VectorEnv",
+    "__version__",
+    "compile",
+    "make_vec",
+    "register_envs",
+]
+
+register_envs()

@@ -1,0 +1,148 @@
+"""Types of the compiled module. The classes are thin; the package's own classes are what users call."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+__version__: str
+
+FloatArray = npt.NDArray[np.float64]
+Observation = npt.NDArray[np.float32]
+BoolArray = npt.NDArray[np.bool_]
+# Names, units and bounds are asked for by role: state, solved, algebraic, discrete, disturbance, action, parameter,
+# observation, reward, constraint.
+Role = str
+# Values put in place of those that an episode would have: (role, element, value).
+Given = Sequence[tuple[str, int, float]]
+
+class Diagnostic:
+    """One finding of the compiler; positions are 1-based and count characters."""
+
+    file: str
+    line: int
+    column: int
+    end_line: int
+    end_column: int
+    code: str
+    severity: str
+    message: str
+    help: str | None
+
+class CompileError(Exception):
+    """The model is at fault; `diagnostics` says where and why."""
+
+    diagnostics: list[Diagnostic]
+
+class ScenarioError(ValueError):
+    """The scenario, a variant or a setting is at fault."""
+
+class SimulationError(RuntimeError):
+    """The equations could not be solved where there is no episode that could fail."""
+
+class Model:
+    """A compiled model."""
+
+    def __init__(
+        self,
+        path: str | None,
+        source: str | None,
+        scenario: str | None,
+        variants: Sequence[str],
+        settings: Mapping[str, str],
+        observation: str,
+        reward: str | None,
+    ) -> None: ...
+    name: str
+    text: str
+    time_name: str
+    time_unit: str
+    explicit: bool
+    unknowns: int
+    states: int
+    reward: str
+    levels: list[str]
+    policies: list[str]
+    step: float
+    max_steps: int
+    nonzeros: int
+    def names(self, role: Role) -> list[str]: ...
+    def units(self, role: Role) -> list[str]: ...
+    def bounds(self, role: Role) -> tuple[FloatArray, FloatArray]: ...
+    def defaults(self, role: Role) -> FloatArray: ...
+    def residual(self, t: float, y: FloatArray, yp: FloatArray, u: FloatArray, given: Given) -> FloatArray: ...
+    def jacobian(
+        self, t: float, y: FloatArray, yp: FloatArray, u: FloatArray, cj: float, given: Given
+    ) -> tuple[FloatArray, npt.NDArray[np.int32], npt.NDArray[np.int32]]: ...
+    def rhs(self, t: float, y: FloatArray, u: FloatArray, given: Given) -> FloatArray: ...
+    def steady_state(self, u: FloatArray, given: Given, fixed: Sequence[tuple[int, float]]) -> FloatArray: ...
+    def linearize(
+        self, y: FloatArray, u: FloatArray, given: Given
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]: ...
+
+class Start:
+    """What an episode starts from in place of what it would draw."""
+
+    def __init__(
+        self,
+        mode: str,
+        state: Mapping[str, float] | FloatArray | None,
+        discrete: Mapping[str, float],
+        parameters: Mapping[str, float],
+        disturbances: Mapping[str, FloatArray],
+    ) -> None: ...
+
+class Snapshot:
+    """All that an environment would go on from."""
+
+Info = dict[str, object]
+
+class Env:
+    """One environment."""
+
+    def __init__(
+        self, model: Model, normalize: bool, dense_reward: bool, info_state: bool, max_steps: int | None
+    ) -> None: ...
+    def reset(self, seed: int | None, start: Start | None) -> tuple[Observation, Info]: ...
+    def step(self, action: FloatArray) -> tuple[Observation, float, bool, bool, Info]: ...
+    def values(self, role: Role) -> FloatArray: ...
+    def policy(self, name: str) -> FloatArray: ...
+    time: float
+    steps: int
+    max_steps: int
+    steady_state: FloatArray | None
+    steady_action: FloatArray | None
+    constraint_names: list[str]
+    solver_statistics: dict[str, int]
+    def snapshot(self) -> Snapshot: ...
+    def restore(self, snapshot: Snapshot) -> None: ...
+
+# time, success, failure, constraints (names first), cost, rewards (names first), state
+BatchInfo = tuple[FloatArray, BoolArray, list[str] | None, FloatArray, FloatArray, FloatArray, FloatArray | None]
+
+class Batch:
+    """Environments of one model, stepped together by threads."""
+
+    def __init__(
+        self,
+        model: Model,
+        num_envs: int,
+        normalize: bool,
+        dense_reward: bool,
+        info_state: bool,
+        max_steps: int | None,
+        num_threads: int,
+        autoreset: str,
+    ) -> None: ...
+    constraint_names: list[str]
+    def reset(
+        self, mask: BoolArray, seeds: Sequence[int | None] | None, start: Start | None
+    ) -> tuple[Observation, BatchInfo]: ...
+    def step(
+        self, actions: FloatArray
+    ) -> tuple[
+        Observation, FloatArray, BoolArray, BoolArray, BatchInfo, tuple[BoolArray, Observation, BatchInfo] | None
+    ]: ...
+    def values(self, role: Role) -> FloatArray: ...
+
+def main(arguments: Sequence[str]) -> int: ...

@@ -1,0 +1,83 @@
+"""Checks of `reset(options=...)` and translation for the compiled module."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from smpl import _native
+from smpl.model import FloatArray, Model, as_vector, check_names
+
+OPTIONS = ("state", "discrete", "parameters", "disturbances", "start")
+_STARTS = ("sampled", "nominal", "steady")
+
+
+def start_from_options(model: Model, options: Mapping[str, Any] | None) -> _native.Start | None:
+    """What the options of `reset` say about the start of an episode.
+
+    Args:
+        model: the model that the names belong to.
+        options: `state` (mapping from names, or array in the order of states), `discrete`, `parameters` (mappings),
+            `disturbances` (name -> one value a step), `start` (`sampled`, `nominal` or `steady`).
+
+    Raises:
+        ValueError: an unknown key or name, a wrong shape or a value that is not finite.
+    """
+    if not options:
+        return None
+    check_names("options", options, OPTIONS)
+    mode = options.get("start", "sampled")
+    if mode not in _STARTS:
+        raise ValueError(f"options['start'] is {mode!r}; there are: {', '.join(_STARTS)}")
+    return _native.Start(
+        mode,
+        _state(model, options.get("state")),
+        _named("discrete", options.get("discrete"), model.discrete_names),
+        _named("parameters", options.get("parameters"), model.parameter_names),
+        _disturbances(model, options.get("disturbances")),
+    )
+
+
+def _state(model: Model, given: Any) -> dict[str, float] | FloatArray | None:
+    if given is None:
+        return None
+    if isinstance(given, Mapping):
+        return _named("state", given, model.state_names)
+    values = as_vector("options['state']", given, len(model.state_names))
+    _check_finite("state", values)
+    return values
+
+
+def _named(key: str, given: Any, names: tuple[str, ...]) -> dict[str, float]:
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping):
+        raise ValueError(f"options[{key!r}] must be a mapping from names to values, got {type(given).__name__}")
+    check_names(f"options[{key!r}]", given, names)
+    values = {name: float(value) for name, value in given.items()}
+    _check_finite(key, list(values.values()))
+    return values
+
+
+def _disturbances(model: Model, given: Any) -> dict[str, FloatArray]:
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping):
+        raise ValueError("options['disturbances'] must be a mapping from names to sequences")
+    check_names("options['disturbances']", given, model.disturbance_names)
+    sequences = {}
+    for name, values in given.items():
+        sequence = np.ascontiguousarray(values, dtype=np.float64)
+        if sequence.ndim != 1 or sequence.size == 0:
+            raise ValueError(f"options['disturbances'][{name!r}] has shape {sequence.shape}, expected (steps,)")
+        _check_finite("disturbances", sequence)
+        sequences[name] = sequence
+    return sequences
+
+
+def _check_finite(key: str, values: npt.ArrayLike) -> None:
+    if not np.all(np.isfinite(values)):
+        raise ValueError(f"options[{key!r}] has a value that is not finite")

@@ -1,0 +1,35 @@
+"""Registration of the shipped models with Gymnasium."""
+
+from __future__ import annotations
+
+import gymnasium
+
+from smpl._files import models_directory
+
+# Name of the environment -> file of the model.
+ENVIRONMENTS = {
+    "Reactor": "reactor",
+    "Beer": "beer",
+    "PenSim": "pensim",
+    "Atropine": "atropine",
+    "MAb": "mab",
+    "MAbPlant": "mab_plant",
+}
+
+
+def register_envs() -> None:
+    """Register `smpl/NAME-v0` for every shipped model, unless it is registered already.
+
+    No `max_episode_steps` is given: the environment counts its steps itself, by its scenario. Entry points are text
+    and arguments plain data, so that a specification can be written as JSON.
+    """
+    for name, model in ENVIRONMENTS.items():
+        identifier = f"smpl/{name}-v0"
+        if identifier in gymnasium.registry or not (models_directory() / f"{model}.eq").is_file():
+            continue
+        gymnasium.register(
+            id=identifier,
+            entry_point="smpl.envs:Env",
+            vector_entry_point="smpl.vector:VectorEnv",
+            kwargs={"model": model},
+        )

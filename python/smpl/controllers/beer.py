@@ -1,0 +1,40 @@
+"""Baselines of the beer fermentation."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from smpl.controllers.base import Constant
+from smpl.envs import Env
+from smpl.model import FloatArray
+
+
+class Profile:
+    """Industrial temperature profile: warm up, hold, warm up again, cool for settling. Tuned to 130 g/L of sugar."""
+
+    def reset(self, env: Env) -> None:
+        """Nothing to forget: the profile is a function of the step."""
+
+    def action(self, env: Env) -> FloatArray:
+        """Temperature of the coming hour."""
+        return np.array([profile_temperature(env.steps)])
+
+
+def profile_temperature(k: int) -> float:
+    """Temperature in degC after k completed steps."""
+    if k < 25:
+        return 11 + k / 8
+    if k < 120:
+        return 14.0
+    if k < 145:
+        return 14 + 2 * (k - 120) / 25
+    if k < 170:
+        return 16.0
+    if k < 184:
+        return 16 - 8 * (k - 170) / 15
+    return 9.0
+
+
+def isothermal(temperature: float = 13.0) -> Constant:
+    """The same temperature in degC all along."""
+    return Constant([temperature])

@@ -1,0 +1,270 @@
+"""The Gymnasium environment."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+from gymnasium.spaces import Box
+
+from smpl import _native
+from smpl._names import Named
+from smpl._options import start_from_options
+from smpl.model import FloatArray, Model, Setting, compile
+
+Observation = npt.NDArray[np.float32]
+SEED_MASK = 2**64 - 1
+
+
+class Interface(Named):
+    """Names, units, bounds and single spaces of an environment."""
+
+    model: Model
+    normalize: bool
+    constraint_names: tuple[str, ...]
+    action_low: FloatArray
+    action_high: FloatArray
+    observation_low: FloatArray
+    observation_high: FloatArray
+
+    def _describe(self, model: Model, normalize: bool) -> tuple[Box, Box]:
+        """Set everything but the spaces; return those of observations and actions."""
+        self.model, self.normalize = model, normalize
+        self._share_names(model)
+        self.action_low, self.action_high = model.native.bounds("action")
+        self.observation_low, self.observation_high = model.native.bounds("observation")
+        return (
+            _box(self.observation_low, self.observation_high, normalize),
+            _box(self.action_low, self.action_high, normalize),
+        )
+
+    def to_physical(self, action: npt.ArrayLike) -> FloatArray:
+        """An action of the action space in physical units."""
+        values = np.asarray(action, dtype=np.float64)
+        if not self.normalize:
+            return values
+        return (values * (self.action_high - self.action_low) + self.action_high + self.action_low) / 2
+
+    def from_physical(self, action: npt.ArrayLike) -> FloatArray:
+        """An action in physical units as one of the action space."""
+        values = np.asarray(action, dtype=np.float64)
+        if not self.normalize:
+            return values
+        return (2 * values - (self.action_high + self.action_low)) / (self.action_high - self.action_low)
+
+
+class Env(Interface, gymnasium.Env[Any, Any]):
+    """A process model as a Gymnasium environment.
+
+    Actions and observations are `float32` boxes: [-1, 1] with `normalize=True`, else physical units. Arithmetic is in
+    double precision whatever the type of an action. An observation whose bounds are not finite is never normalised.
+
+    Args:
+        model: a compiled model, a path or the name of a shipped model.
+        normalize: scale actions and observations to [-1, 1].
+        dense_reward: if false, the reward is 0 but in the last step, which brings the sum.
+        reward: name of the reward that `step` returns.
+        observation: observation level (`default`, `full`, or one of the model's).
+        scenario, variants, settings: as for `smpl.compile`; not with a compiled model.
+        max_steps: time limit in place of the scenario's.
+        render_mode: `rgb_array`, `ansi` or none.
+        info_state: add the state to `info`.
+
+    Attributes:
+        model: the compiled model.
+        state_names, algebraic_names, discrete_names, action_names, observation_names, reward_names: names; units are
+            `state_units` and so on.
+        action_low, action_high, observation_low, observation_high: bounds in physical units.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012 - Gymnasium's own declaration
+        "render_modes": ["rgb_array", "ansi"],
+        "render_fps": 10,
+    }
+
+    def __init__(
+        self,
+        model: Model | str | os.PathLike[str],
+        *,
+        normalize: bool = True,
+        dense_reward: bool = True,
+        reward: str | None = None,
+        observation: str = "default",
+        scenario: str | os.PathLike[str] | None = None,
+        variants: Iterable[str] = (),
+        settings: Mapping[str, Setting] | None = None,
+        max_steps: int | None = None,
+        render_mode: str | None = None,
+        info_state: bool = False,
+    ) -> None:
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ValueError(f"render_mode is {render_mode!r}; there are: {', '.join(self.metadata['render_modes'])}")
+        compiled = choose_model(model, observation, reward, scenario, variants, settings)
+        self.observation_space, self.action_space = self._describe(compiled, normalize)
+        self.render_mode = render_mode
+        self._native = _native.Env(compiled.native, normalize, dense_reward, info_state, check_limit(max_steps))
+        self.constraint_names = tuple(self._native.constraint_names)
+        self.max_steps = self._native.max_steps
+        self._seeded = False
+        self._history: Any = None
+        if render_mode is not None:
+            from smpl.rendering import History
+
+            self._history = History(self)
+
+    # Gymnasium's interface.
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Start an episode.
+
+        An episode is a function of the seed and of its number since that seed was given: with a seed it is the first
+        one, without the next one. An environment that was never given a seed draws one.
+
+        Args:
+            seed: seed of the random numbers.
+            options: see `smpl._options.start_from_options`; what is set is what is simulated.
+
+        Raises:
+            ValueError: an unknown option or name, or a wrong shape.
+        """
+        start = start_from_options(self.model, options)
+        super().reset(seed=seed)
+        if seed is None and not self._seeded:
+            seed = int(self.np_random.integers(2**63))
+        self._seeded = True
+        result = self._native.reset(None if seed is None else int(seed) & SEED_MASK, start)
+        if self._history is not None:
+            self._history.start()
+        return result
+
+    def step(self, action: npt.ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Apply an action over one sampling interval.
+
+        Raises:
+            ValueError: the action has a wrong shape or is NaN; nothing is stepped then.
+        """
+        values = np.asarray(action, dtype=np.float64)
+        if values.shape != self.action_low.shape:
+            raise ValueError(f"action has shape {values.shape}, expected {self.action_low.shape}")
+        result = self._native.step(values)
+        if self._history is not None:
+            self._history.add(values, result)
+        return result
+
+    def render(self) -> Any:
+        """The episode so far: a picture (`rgb_array`, uint8, height x width x 3) or text (`ansi`)."""
+        if self._history is None:
+            gymnasium.logger.warn("render() without a render_mode: give one of rgb_array, ansi to make()")
+            return None
+        return self._history.render(self.render_mode)
+
+    # What is beneath the observation.
+
+    @property
+    def state(self) -> FloatArray:
+        """A copy of the differential states, physical units, order of `state_names`."""
+        return self._native.values("state")
+
+    @property
+    def algebraic(self) -> FloatArray:
+        """A copy of the algebraic variables, order of `algebraic_names`."""
+        return self._native.values("algebraic")
+
+    @property
+    def discrete(self) -> FloatArray:
+        """A copy of the discrete variables, order of `discrete_names`."""
+        return self._native.values("discrete")
+
+    @property
+    def time(self) -> float:
+        """Time since the start of the episode, in the model's unit of time."""
+        return self._native.time
+
+    @property
+    def steps(self) -> int:
+        """Number of completed steps of the episode."""
+        return self._native.steps
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Parameters of the episode by name."""
+        return dict(zip(self.model.parameter_names, self._native.values("parameter").tolist(), strict=True))
+
+    @property
+    def steady_state(self) -> FloatArray | None:
+        """Steady state of the model's `steady` block with the parameters of the episode; none without such a block."""
+        return self._native.steady_state
+
+    @property
+    def steady_action(self) -> FloatArray | None:
+        """Action of that steady state."""
+        return self._native.steady_action
+
+    @property
+    def solver_statistics(self) -> dict[str, int]:
+        """Counts of the solver since the start of the episode: steps, residuals, Jacobians and the like."""
+        return self._native.solver_statistics
+
+    def snapshot(self) -> _native.Snapshot:
+        """All that the environment would go on from, to be given to `restore`."""
+        return self._native.snapshot()
+
+    def restore(self, snapshot: _native.Snapshot) -> None:
+        """Go back to a snapshot of this environment, or of another one of the same model.
+
+        Raises:
+            ValueError: the snapshot is of another model.
+        """
+        self._native.restore(snapshot)
+
+
+def choose_model(
+    model: Model | str | os.PathLike[str],
+    observation: str,
+    reward: str | None,
+    scenario: str | os.PathLike[str] | None,
+    variants: Iterable[str],
+    settings: Mapping[str, Setting] | None,
+) -> Model:
+    """The compiled model that an environment's arguments ask for.
+
+    Raises:
+        ValueError: a compiled model is given together with a scenario, variants or settings.
+    """
+    if not isinstance(model, Model):
+        return compile(
+            model, scenario=scenario, variants=variants, settings=settings, observation=observation, reward=reward
+        )
+    if scenario is not None or tuple(variants) or settings:
+        raise ValueError("the model is compiled already: give scenario, variants and settings to smpl.compile")
+    changes = {
+        key: value
+        for key, value, default in (("observation", observation, "default"), ("reward", reward, None))
+        if value != default
+    }
+    return model.variant_of(**changes) if changes else model
+
+
+def _box(low: FloatArray, high: FloatArray, normalize: bool) -> Box:
+    """Space with these bounds; those that are finite become -1 and 1 if normalised."""
+    if normalize:
+        finite = np.isfinite(low) & np.isfinite(high)
+        low, high = np.where(finite, -1.0, low), np.where(finite, 1.0, high)
+    return Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
+
+
+def check_limit(max_steps: int | None) -> int | None:
+    """The time limit if it is one.
+
+    Raises:
+        ValueError: it is no positive integer.
+    """
+    if max_steps is not None and (int(max_steps) != max_steps or max_steps < 1):
+        raise ValueError(f"max_steps is {max_steps}, expected a positive integer")
+    return None if max_steps is None else int(max_steps)

@@ -1,0 +1,160 @@
+"""Episodes and their statistics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from smpl.controllers.base import Controller
+from smpl.envs import Env
+from smpl.model import FloatArray
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One episode of T steps; arrays of T + 1 rows start with the state of the reset.
+
+    Attributes:
+        seed: seed of the reset, if one was given.
+        observations: (T + 1, observations), as the environment returned them.
+        states: (T + 1, states), physical units.
+        actions: (T, actions), of the action space.
+        rewards, terminations, truncations: (T,).
+        costs, times: (T + 1,).
+        failure: empty where there was none.
+        success: whether a success condition ended it.
+    """
+
+    seed: int | None
+    observations: npt.NDArray[np.float32]
+    states: FloatArray
+    actions: FloatArray
+    rewards: FloatArray
+    terminations: npt.NDArray[np.bool_]
+    truncations: npt.NDArray[np.bool_]
+    costs: FloatArray
+    times: FloatArray
+    failure: str
+    success: bool
+
+    @property
+    def steps(self) -> int:
+        """Number of steps."""
+        return len(self.rewards)
+
+    @property
+    def total(self) -> float:
+        """Sum of the rewards."""
+        return float(self.rewards.sum())
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Mean and population standard deviation, and over how many values."""
+
+    mean: float
+    deviation: float
+    count: int
+
+    @classmethod
+    def of(cls, values: npt.ArrayLike) -> Statistics:
+        """Statistics of a list of numbers; NaN for none."""
+        array = np.asarray(values, dtype=np.float64)
+        if array.size == 0:
+            return cls(float("nan"), float("nan"), 0)
+        return cls(float(array.mean()), float(array.std()), int(array.size))
+
+
+def run_episode(
+    env: Any, controller: Controller, seed: int | None = None, options: dict[str, Any] | None = None
+) -> Episode:
+    """Run an episode to its end.
+
+    Args:
+        env: an `smpl.Env`, possibly wrapped.
+        controller: chooses the actions; it is reset first.
+        seed, options: as for `reset`.
+    """
+    base = _base(env)
+    observation, info = env.reset(seed=seed, options=options)
+    controller.reset(base)
+    observations, states, costs, times = [observation], [base.state], [info["cost"]], [info["time"]]
+    actions, rewards, terminations, truncations = [], [], [], []
+    terminated = truncated = False
+    while not (terminated or truncated):
+        action = base.from_physical(controller.action(base))
+        observation, reward, terminated, truncated, info = env.step(action)
+        observations.append(observation)
+        states.append(base.state)
+        costs.append(info["cost"])
+        times.append(info["time"])
+        actions.append(action)
+        rewards.append(reward)
+        terminations.append(terminated)
+        truncations.append(truncated)
+    return Episode(
+        seed,
+        np.stack(observations),
+        np.stack(states),
+        np.stack(actions),
+        np.asarray(rewards, dtype=np.float64),
+        np.asarray(terminations, dtype=np.bool_),
+        np.asarray(truncations, dtype=np.bool_),
+        np.asarray(costs, dtype=np.float64),
+        np.asarray(times, dtype=np.float64),
+        info["failure"],
+        info["success"],
+    )
+
+
+def evaluate(
+    env: Any,
+    controller: Controller,
+    episodes: int = 20,
+    seed: int = 0,
+    starts: Iterable[npt.ArrayLike | Mapping[str, float]] | None = None,
+) -> list[Episode]:
+    """Run episodes with the seeds seed, seed + 1, ..., or one from each given start.
+
+    Args:
+        env, controller: as for `run_episode`.
+        episodes: how many; not used with `starts`.
+        seed: of the first episode.
+        starts: states to start from, as for `reset(options={"state": ...})`.
+    """
+    if starts is None:
+        return [run_episode(env, controller, seed + i) for i in range(episodes)]
+    return [run_episode(env, controller, seed + i, {"state": state}) for i, state in enumerate(starts)]
+
+
+def pooled(episodes: Sequence[Episode]) -> Statistics:
+    """Mean and population standard deviation over all steps of all episodes: the published mu_r and sigma_r."""
+    return Statistics.of(np.concatenate([episode.rewards for episode in episodes]) if episodes else [])
+
+
+def per_episode(episodes: Sequence[Episode], failed: float | None = None) -> Statistics:
+    """Statistics over episodes of the mean of their rewards.
+
+    Args:
+        episodes: the episodes.
+        failed: value of a failed episode in place of its mean, such as the error reward.
+    """
+    return Statistics.of(
+        [failed if failed is not None and episode.failure else episode.rewards.mean() for episode in episodes]
+    )
+
+
+def returns(episodes: Sequence[Episode]) -> Statistics:
+    """Statistics over episodes of the sum of their rewards."""
+    return Statistics.of([episode.total for episode in episodes])
+
+
+def _base(env: Any) -> Env:
+    base = getattr(env, "unwrapped", env)
+    if not isinstance(base, Env):
+        raise TypeError(f"expected an environment of smpl, got {type(base).__name__}")
+    return base

@@ -1,0 +1,298 @@
+"""Compiled models: equations, derivatives, steady states, linearisation."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from smpl import _native
+from smpl._files import model_path
+from smpl._names import Named
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_matrix
+
+FloatArray = npt.NDArray[np.float64]
+Setting = bool | int | float | str
+
+# Roles whose values the argument `p` may replace, in the order in which a name is looked up.
+_REPLACEABLE = ("parameter", "discrete", "disturbance")
+
+
+class Model(Named):
+    """A compiled model; made by `smpl.compile`.
+
+    `y` are the states followed by the algebraic variables that are solved for (`unknown_names`), `yp` their time
+    derivatives (those of algebraic variables are not looked at), `u` the actions, all in the declared units.
+    `p` maps names of parameters, discrete variables and disturbances to values; the others have their defaults.
+
+    Attributes:
+        name, text: name and describing text of the model.
+        time_name, time_unit: the independent variable.
+        explicit: whether `rhs` is available.
+        step: sampling interval in `time_unit`; `max_steps`: time limit in steps.
+        reward: the chosen reward; `levels`: observation levels.
+    """
+
+    def __init__(self, native: _native.Model, arguments: dict[str, Any]) -> None:
+        self.native = native
+        self._arguments = arguments
+        self._take_names(native)
+        self.name = native.name
+        self.text = native.text
+        self.time_name, self.time_unit = native.time_name, native.time_unit
+        self.explicit = native.explicit
+        self.step, self.max_steps = native.step, native.max_steps
+        self.reward, self.levels = native.reward, tuple(native.levels)
+
+    def __repr__(self) -> str:
+        return f"<smpl.Model {self.name}: {len(self.state_names)} states, {len(self.action_names)} actions>"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _recompile, (self._arguments,)
+
+    def variant_of(self, **changes: Any) -> Model:
+        """The same model compiled with other arguments of `smpl.compile`, for example `observation="full"`."""
+        return compile(**{**self._arguments, **changes})
+
+    @cached_property
+    def unknown_names(self) -> tuple[str, ...]:
+        """Names of the elements of `y`: states, then solved algebraic variables."""
+        return (*self.state_names, *self.native.names("solved"))
+
+    def residual(
+        self,
+        t: float,
+        y: npt.ArrayLike,
+        yp: npt.ArrayLike,
+        u: npt.ArrayLike,
+        p: Mapping[str, float] | None = None,
+    ) -> FloatArray:
+        """Residual: f - y' for differential rows, g for algebraic ones; shape of `y`.
+
+        Raises:
+            ValueError: a wrong shape, or a name in `p` that the model does not have.
+        """
+        return self.native.residual(float(t), self._y(y), self._y(yp, "yp"), self._u(u), self._given(p))
+
+    def jacobian(
+        self,
+        t: float,
+        y: npt.ArrayLike,
+        yp: npt.ArrayLike,
+        u: npt.ArrayLike,
+        cj: float,
+        p: Mapping[str, float] | None = None,
+    ) -> csc_matrix:
+        """Jacobian of the residual, dF/dy + cj dF/dy', as a SciPy matrix in compressed columns.
+
+        Raises:
+            ValueError: as for `residual`.
+            ImportError: SciPy is missing.
+        """
+        try:
+            from scipy.sparse import csc_matrix
+        except ImportError as error:
+            raise ImportError("Model.jacobian returns a SciPy matrix: pip install 'smpl[scipy]'") from error
+        data, rows, columns = self.native.jacobian(
+            float(t), self._y(y), self._y(yp, "yp"), self._u(u), float(cj), self._given(p)
+        )
+        size = len(self.unknown_names)
+        return csc_matrix((data, rows, columns), shape=(size, size))
+
+    def rhs(self, t: float, y: npt.ArrayLike, u: npt.ArrayLike, p: Mapping[str, float] | None = None) -> FloatArray:
+        """Right-hand side dy/dt of a model that is explicit and has no algebraic unknowns.
+
+        Raises:
+            ValueError: as for `residual`; also where the model is not explicit.
+        """
+        return self.native.rhs(float(t), self._y(y), self._u(u), self._given(p))
+
+    def steady_state(
+        self,
+        u: npt.ArrayLike,
+        p: Mapping[str, float] | None = None,
+        fixed: Mapping[str, float] | None = None,
+    ) -> FloatArray:
+        """Steady state at the action `u`: the unknowns `y` with vanishing residual.
+
+        Args:
+            u: actions.
+            p: parameters and the like.
+            fixed: values of states that the equations leave free, by name; those of the model's `steady` block by
+                default.
+
+        Raises:
+            SimulationError: none was found.
+        """
+        pairs = _pairs("fixed", fixed or {}, self.state_names)
+        return self.native.steady_state(self._u(u), self._given(p), pairs)
+
+    def linearize(
+        self, y: npt.ArrayLike, u: npt.ArrayLike, p: Mapping[str, float] | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Linearisation at (y, u) as A, B, C, D; algebraic unknowns are eliminated.
+
+        d(dx)/dt = A dx + B du, dz = C dx + D du with states x, actions u and observations z, physical units.
+        """
+        return self.native.linearize(self._y(y), self._u(u), self._given(p))
+
+    def _y(self, values: npt.ArrayLike, name: str = "y") -> FloatArray:
+        return as_vector(name, values, len(self.unknown_names))
+
+    def _u(self, values: npt.ArrayLike) -> FloatArray:
+        return as_vector("u", values, len(self.action_names))
+
+    @cached_property
+    def _replaceable(self) -> dict[str, tuple[str, int]]:
+        places: dict[str, tuple[str, int]] = {}
+        for role in _REPLACEABLE:
+            for index, name in enumerate(self.native.names(role)):
+                places.setdefault(name, (role, index))
+        return places
+
+    def _given(self, p: Mapping[str, float] | None) -> list[tuple[str, int, float]]:
+        if not p:
+            return []
+        check_names("p", p, self._replaceable)
+        return [(*self._replaceable[name], float(value)) for name, value in p.items()]
+
+
+def compile(
+    path: str | os.PathLike[str] | None = None,
+    *,
+    source: str | None = None,
+    scenario: str | os.PathLike[str] | None = None,
+    variants: Iterable[str] = (),
+    settings: Mapping[str, Setting] | None = None,
+    observation: str = "default",
+    reward: str | None = None,
+) -> Model:
+    """Compile a model.
+
+    Args:
+        path: an `.eq` file, or the name of a shipped model (`reactor`).
+        source: the text of a model in place of a file.
+        scenario: name of a scenario of the model, or a YAML file; none is `default`.
+        variants: switches (`"reward_floor"`) and choices (`"axial_scheme=legacy"`).
+        settings: values of settings and parameters by name; they override random draws.
+        observation: observation level.
+        reward: the reward that `step` returns; the model's default if none.
+
+    Raises:
+        CompileError: the model is at fault.
+        ScenarioError: the scenario, a variant or a setting is at fault.
+        FileNotFoundError: there is no such file.
+    """
+    if (path is None) == (source is None):
+        raise ValueError("give either the path of a model or its source")
+    arguments = (
+        None if path is None else _resolve(path),
+        source,
+        None if scenario is None else os.fspath(scenario),
+        (variants,) if isinstance(variants, str) else tuple(variants),
+        tuple(sorted((name, _text(value)) for name, value in (settings or {}).items())),
+        observation,
+        reward,
+    )
+    return _compile(*arguments, _stamp(arguments[0], arguments[2]))
+
+
+@lru_cache(maxsize=32)
+def _compile(
+    path: str | None,
+    source: str | None,
+    scenario: str | None,
+    variants: tuple[str, ...],
+    settings: tuple[tuple[str, str], ...],
+    observation: str,
+    reward: str | None,
+    stamp: tuple[int, ...],
+) -> Model:
+    """Compile once for each set of arguments; `stamp` tells versions of the files apart."""
+    del stamp
+    native = _native.Model(path, source, scenario, variants, dict(settings), observation, reward)
+    arguments: dict[str, Any] = {
+        "path": path,
+        "source": source,
+        "scenario": scenario,
+        "variants": variants,
+        "settings": dict(settings),
+        "observation": observation,
+        "reward": reward,
+    }
+    return Model(native, arguments)
+
+
+def _recompile(arguments: dict[str, Any]) -> Model:
+    return compile(**arguments)
+
+
+def _resolve(path: str | os.PathLike[str]) -> str:
+    text = os.fspath(path)
+    if text.isidentifier() and not Path(text).exists():
+        return str(model_path(text))
+    return text
+
+
+def _stamp(path: str | None, scenario: str | None) -> tuple[int, ...]:
+    """Times of change of the files beside the model, so that an edited file is compiled anew."""
+    if path is None:
+        return ()
+    folder = Path(path).parent
+    files = [*folder.glob("*.eq"), *folder.glob("*.yaml"), *(folder / "lib").glob("*.eq")]
+    if scenario is not None and Path(scenario).is_file():
+        files.append(Path(scenario))
+    return tuple(file.stat().st_mtime_ns for file in sorted(files))
+
+
+def _text(value: Setting) -> str:
+    """A setting as the command line would write it."""
+    if isinstance(value, (bool, np.bool_)):
+        return "true" if value else "false"
+    if isinstance(value, (float, np.floating)):
+        return repr(float(value))
+    return str(value)
+
+
+def as_vector(name: str, values: npt.ArrayLike, length: int) -> FloatArray:
+    """`values` as a contiguous vector of doubles.
+
+    Raises:
+        ValueError: the shape is not `(length,)`; the message names the argument, its shape and the expected one.
+    """
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if array.shape != (length,):
+        raise ValueError(f"{name} has shape {np.shape(values)}, expected ({length},)")
+    return array
+
+
+def check_names(argument: str, given: Iterable[str], known: Iterable[str]) -> None:
+    """Refuse names that are not known.
+
+    Raises:
+        ValueError: lists the unknown names and the right ones.
+    """
+    right = list(known)
+    wrong = [name for name in given if name not in right]
+    if wrong:
+        raise ValueError(f"{argument}: unknown {', '.join(map(repr, wrong))}; {_listing(right)}")
+
+
+def _listing(names: list[str], most: int = 60) -> str:
+    if not names:
+        return "there are none"
+    shown = ", ".join(names[:most])
+    return f"there are: {shown}" + (f", ... ({len(names)} in all)" if len(names) > most else "")
+
+
+def _pairs(argument: str, given: Mapping[str, float], names: tuple[str, ...]) -> list[tuple[int, float]]:
+    """Named values as (position, value)."""
+    check_names(argument, given, names)
+    return [(names.index(name), float(value)) for name, value in given.items()]

@@ -1,0 +1,255 @@
+"""The vector environment: many environments of one model stepped together, in threads, without the interpreter lock."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+from gymnasium.vector.utils import batch_space
+
+from smpl import _native
+from smpl._options import start_from_options
+from smpl.envs import SEED_MASK, Env, Interface, Observation, check_limit, choose_model
+from smpl.model import FloatArray, Model, Setting, check_names
+
+if TYPE_CHECKING:
+    from gymnasium.vector import AutoresetMode as AutoresetMode
+else:
+    try:
+        from gymnasium.vector import AutoresetMode
+    except ImportError:  # gymnasium 1.0 has none
+
+        class AutoresetMode(Enum):
+            """When a sub-environment that has ended is reset."""
+
+            NEXT_STEP = "NextStep"
+            SAME_STEP = "SameStep"
+            DISABLED = "Disabled"
+
+
+BoolArray = npt.NDArray[np.bool_]
+StepResult = tuple[Observation, FloatArray, BoolArray, BoolArray, dict[str, Any]]
+
+
+class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
+    """Environments of one model behind Gymnasium's vector interface.
+
+    Sub-environment i of `reset(seed=s)` gives, bit for bit, what `smpl.Env` gives with seed s + i, for every number of
+    environments and threads. `infos` holds arrays, each with a mask under `_key`; `constraints` and `rewards` are
+    mappings to such arrays.
+
+    Args:
+        model, normalize, dense_reward, reward, observation, scenario, variants, settings, max_steps, info_state: as for
+            `smpl.Env`.
+        num_envs: number of sub-environments.
+        autoreset_mode: an AutoresetMode, or its name or value in any case, underscores ignored.
+        num_threads: threads that step; all processors if none.
+        render_mode: must be none; a batch has no picture.
+        max_episode_steps: the same as `max_steps`, under the name that `gymnasium.make_vec` uses.
+    """
+
+    def __init__(
+        self,
+        model: Model | str | os.PathLike[str],
+        num_envs: int = 1,
+        *,
+        normalize: bool = True,
+        dense_reward: bool = True,
+        reward: str | None = None,
+        observation: str = "default",
+        scenario: str | os.PathLike[str] | None = None,
+        variants: Iterable[str] = (),
+        settings: Mapping[str, Setting] | None = None,
+        max_steps: int | None = None,
+        max_episode_steps: int | None = None,
+        info_state: bool = False,
+        autoreset_mode: AutoresetMode | str = "next_step",
+        num_threads: int | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        if num_envs < 1:
+            raise ValueError(f"num_envs is {num_envs}, expected a positive integer")
+        if render_mode is not None:
+            raise ValueError("a native vector environment cannot be rendered: render_mode must be None")
+        compiled = choose_model(model, observation, reward, scenario, variants, settings)
+        self.num_envs = num_envs
+        self.autoreset_mode = parse_autoreset_mode(autoreset_mode)
+        self.metadata = {**Env.metadata, "autoreset_mode": self.autoreset_mode}
+        self.render_mode = None
+        self.single_observation_space, self.single_action_space = self._describe(compiled, normalize)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.num_threads = num_threads or os.cpu_count() or 1
+        limit = check_limit(max_episode_steps if max_steps is None else max_steps)
+        self._native = _native.Batch(
+            compiled.native,
+            num_envs,
+            normalize,
+            dense_reward,
+            info_state,
+            limit,
+            self.num_threads,
+            str(self.autoreset_mode.value),
+        )
+        self.constraint_names = tuple(self._native.constraint_names)
+        self._seeded = False
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Start episodes in all sub-environments, or in those of `options["reset_mask"]`.
+
+        Args:
+            seed: s gives sub-environment i the seed s + i; a sequence gives each its own, where an entry may be None.
+            options: as for `smpl.Env.reset`, the same for all; `reset_mask` is a boolean array with at least one True.
+
+        Raises:
+            ValueError: an unknown option or name, a wrong shape or number of seeds.
+        """
+        options = dict(options or {})
+        mask = self._reset_mask(options.pop("reset_mask", None))
+        start = self._start(options)
+        super().reset(seed=seed if isinstance(seed, (int, np.integer)) else None)
+        observations, info = self._native.reset(mask, self._given_seeds(seed), start)
+        return observations, self._infos(info, mask)
+
+    def step(self, actions: npt.ArrayLike) -> StepResult:
+        """Step all sub-environments; those that have ended are dealt with as `autoreset_mode` says.
+
+        Raises:
+            ValueError: wrong shape or a NaN action; nothing is stepped then.
+            SimulationError: with autoreset disabled, a sub-environment that has ended was not reset.
+        """
+        values = np.ascontiguousarray(actions, dtype=np.float64)
+        expected = (self.num_envs, len(self.action_names))
+        if values.shape != expected:
+            raise ValueError(f"actions has shape {values.shape}, expected {expected}")
+        observations, rewards, terminated, truncated, info, final = self._native.step(values)
+        infos = self._infos(info, np.ones(self.num_envs, dtype=np.bool_))
+        if final is not None:
+            infos.update(self._final(*final))
+        return observations, rewards, terminated, truncated, infos
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Nothing is left open."""
+
+    # Access as of the vectorisers of Gymnasium.
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """The attribute for each sub-environment (`state`, `time`, or what all share)."""
+        if name == "state":
+            return tuple(self.state)
+        if name == "discrete":
+            return tuple(self._native.values("discrete"))
+        value = getattr(self, name)
+        return (value,) * self.num_envs
+
+    @property
+    def state(self) -> FloatArray:
+        """A copy of the differential states, physical units, shape (environments, states)."""
+        return self._native.values("state")
+
+    # Episodes and seeds.
+
+    def _start(self, options: Mapping[str, Any]) -> _native.Start | None:
+        try:
+            return start_from_options(self.model, options)
+        except ValueError:
+            from smpl._options import OPTIONS
+
+            check_names("options", options, (*OPTIONS, "reset_mask"))
+            raise
+
+    def _reset_mask(self, given: Any) -> BoolArray:
+        if given is None:
+            return np.ones(self.num_envs, dtype=np.bool_)
+        mask = np.asarray(given)
+        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_:
+            raise ValueError(
+                f"options['reset_mask'] has shape {mask.shape} and type {mask.dtype}, "
+                f"expected ({self.num_envs},) and bool"
+            )
+        if not mask.any():
+            raise ValueError("options['reset_mask'] selects no environment")
+        return np.array(mask, dtype=np.bool_)
+
+    def _given_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None] | None:
+        """A seed for each sub-environment, none for its next episode; drawn where none was ever given."""
+        if seed is None and self._seeded:
+            return None
+        self._seeded = True
+        if seed is None:
+            seed = int(self.np_random.integers(2**63))
+        if isinstance(seed, (int, np.integer)):
+            return [(int(seed) + i) & SEED_MASK for i in range(self.num_envs)]
+        if len(seed) != self.num_envs:
+            raise ValueError(f"seed has {len(seed)} entries, expected {self.num_envs}")
+        return [None if one is None else int(one) & SEED_MASK for one in seed]
+
+    def _final(self, ended: BoolArray, observations: Observation, info: _native.BatchInfo) -> dict[str, Any]:
+        """Last observations and infos of the episodes that have ended."""
+        final = np.full(self.num_envs, None, dtype=object)
+        for index in np.flatnonzero(ended):
+            final[index] = observations[index]
+        return {
+            "final_obs": final,
+            "_final_obs": ended,
+            "final_info": self._infos(info, ended),
+            "_final_info": ended.copy(),
+        }
+
+    def _infos(self, info: _native.BatchInfo, mask: BoolArray) -> dict[str, Any]:
+        """Arrays of the compiled module as Gymnasium's vector info."""
+        time, success, failures, constraints, cost, rewards, state = info
+        failure = np.full(self.num_envs, "", dtype=object)
+        if failures is not None:
+            failure[:] = failures
+        values: dict[str, Any] = {
+            "time": time,
+            "failure": failure,
+            "success": success,
+            "constraints": _nested(self.constraint_names, constraints, mask),
+            "cost": cost,
+            "rewards": _nested(self.reward_names, rewards, mask),
+        }
+        if state is not None:
+            values["state"] = state
+        return _with_masks(values, mask)
+
+
+def make_vec(model: Model | str | os.PathLike[str], num_envs: int = 1, **arguments: Any) -> VectorEnv:
+    """A vector environment of a compiled model, a path or the name of a shipped model; arguments as of `VectorEnv`."""
+    return VectorEnv(model, num_envs, **arguments)
+
+
+def parse_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
+    """The mode that a member, a name or a value means; case and underscores do not matter.
+
+    Raises:
+        ValueError: there is no such mode.
+    """
+    if isinstance(mode, AutoresetMode):
+        return mode
+    plain = str(mode).replace("_", "").lower()
+    for member in AutoresetMode:
+        if member.value.lower() == plain:
+            return member
+    raise ValueError(f"autoreset_mode is {mode!r}; there are: {', '.join(m.name.lower() for m in AutoresetMode)}")
+
+
+def _with_masks(values: dict[str, Any], mask: BoolArray) -> dict[str, Any]:
+    """Each key followed by its own mask `_key`."""
+    result: dict[str, Any] = {}
+    for key, value in values.items():
+        result[key] = value
+        result[f"_{key}"] = mask.copy()
+    return result
+
+
+def _nested(names: Sequence[str], rows: FloatArray, mask: BoolArray) -> dict[str, Any]:
+    return _with_masks({name: rows[index] for index, name in enumerate(names)}, mask)

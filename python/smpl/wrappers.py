@@ -1,0 +1,64 @@
+"""Wrappers for Gymnasium environments of this package."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+from gymnasium.spaces import Box
+
+from smpl.envs import Env
+
+Observation = npt.NDArray[np.float32]
+Action = npt.NDArray[Any]
+
+
+class SafetyGymnasium:
+    """The interface of Safety-Gymnasium: `step` returns observation, reward, cost, terminated, truncated, info.
+
+    It is no `gymnasium.Wrapper`, since six results are not Gymnasium's five; all else is that of the environment.
+    The cost is `info["cost"]`, the sum of the violations of all constraints, 0 where they are kept.
+    """
+
+    def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
+        self.env = env
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.env, name)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Start an episode; as of the environment."""
+        return self.env.reset(seed=seed, options=options)
+
+    def step(self, action: Any) -> tuple[Any, float, float, bool, bool, dict[str, Any]]:
+        """Apply an action."""
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        return observation, float(reward), float(info["cost"]), terminated, truncated, info
+
+
+class AroundNominal(gymnasium.ActionWrapper[Observation, Action, Action]):
+    """Actions in [-1, 1] around the nominal ones: 0 is nominal, -1 and 1 are the bounds; linear on each side.
+
+    A policy that starts at zero then starts at the nominal operating point, which is seldom the middle of the box.
+
+    Example:
+        >>> env = AroundNominal(gymnasium.make("smpl/Reactor-v0"))  # doctest: +SKIP
+    """
+
+    def __init__(self, env: gymnasium.Env[Observation, Action]) -> None:
+        super().__init__(env)
+        base = env.unwrapped
+        if not isinstance(base, Env):
+            raise TypeError(f"AroundNominal wraps environments of smpl, got {type(base).__name__}")
+        self._base = base
+        self._nominal = base.model.native.defaults("action")
+        self.action_space = Box(-1.0, 1.0, shape=self._nominal.shape, dtype=np.float32)
+
+    def action(self, action: Action) -> Action:
+        """The action of the environment beneath."""
+        scaled = np.asarray(action, dtype=np.float64)
+        down, up = self._nominal - self._base.action_low, self._base.action_high - self._nominal
+        physical = self._nominal + scaled * np.where(scaled < 0, down, up)
+        return self._base.from_physical(physical)

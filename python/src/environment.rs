@@ -1,0 +1,211 @@
+//! Class `Env`: one environment.
+
+use std::sync::{Mutex, PoisonError};
+
+use numpy::{PyArray1, PyReadonlyArray1};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use smpl_runtime::catalogue::{Element, Family};
+use smpl_runtime::environment::{self, Environment};
+use smpl_runtime::observe::denormalise;
+
+use crate::arrays::Fresh;
+use crate::errors::{guarded, reset_error, step_error};
+use crate::info::Keys;
+use crate::model::{Model, role_error};
+use crate::start::Start;
+
+type Observation<'py> = Bound<'py, PyArray1<f32>>;
+type Step<'py> = (Observation<'py>, f64, bool, bool, Bound<'py, PyDict>);
+
+/// One environment.
+#[pyclass(module = "smpl._native")]
+pub struct Env {
+    // Never locked while it is borrowed mutably: the mutex only makes the class shareable between threads.
+    environment: Mutex<Environment>,
+    keys: Keys,
+    normalise: bool,
+    action: Vec<f64>,
+}
+
+/// All that an environment would go on from.
+#[pyclass(frozen, module = "smpl._native")]
+pub struct Snapshot {
+    snapshot: environment::Snapshot,
+    unknowns: usize,
+    model: String,
+}
+
+#[pymethods]
+impl Env {
+    #[new]
+    fn new(py: Python<'_>, model: &Model, normalize: bool, dense_reward: bool, info_state: bool, max_steps: Option<u32>) -> PyResult<Self> {
+        let setup = model.setup(dense_reward, max_steps)?;
+        let environment = guarded(|| Environment::new(setup))?.map_err(|e| crate::errors::setup_error(&e))?;
+        Ok(Self {
+            keys: Keys::new(py, &environment, info_state),
+            action: vec![0.0; environment.catalogue().actions.len()],
+            normalise: normalize,
+            environment: Mutex::new(environment),
+        })
+    }
+
+    /// Begins an episode: the first of a seed, or the next one of the last seed.
+    #[pyo3(signature = (seed, start))]
+    fn reset<'py>(
+        &mut self,
+        py: Python<'py>,
+        seed: Option<u64>,
+        start: Option<&Start>,
+    ) -> PyResult<(Observation<'py>, Bound<'py, PyDict>)> {
+        let default = environment::ResetOptions::default();
+        let options = start.map_or(&default, |start| &start.options);
+        let environment = self.environment.get_mut().unwrap_or_else(PoisonError::into_inner);
+        guarded(|| py.detach(|| environment.reset(seed, options)))?.map_err(|e| reset_error(&e))?;
+        Ok((observation(py, environment, self.normalise), self.keys.info(py, environment)?))
+    }
+
+    /// Takes a step.
+    fn step<'py>(&mut self, py: Python<'py>, action: PyReadonlyArray1<'py, f64>) -> PyResult<Step<'py>> {
+        let environment = self.environment.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let given = action.as_array();
+        if given.len() != self.action.len() {
+            let message = format!("action has shape ({},), expected ({},)", given.len(), self.action.len());
+            return Err(PyValueError::new_err(message));
+        }
+        let actions = environment.catalogue().actions.elements();
+        for ((out, &value), element) in self.action.iter_mut().zip(given).zip(actions) {
+            *out = physical(value, element, self.normalise);
+        }
+        let action = &self.action;
+        let result = guarded(|| py.detach(|| environment.step(action)))?.map_err(|e| step_error(&e))?;
+        Ok((
+            observation(py, environment, self.normalise),
+            result.reward,
+            result.terminated,
+            result.truncated,
+            self.keys.info(py, environment)?,
+        ))
+    }
+
+    /// Values by role: `state`, `algebraic`, `discrete`, `disturbance`, `action`, `parameter`.
+    fn values<'py>(&mut self, py: Python<'py>, role: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let environment = self.environment.get_mut().unwrap_or_else(PoisonError::into_inner);
+        values(py, environment, role)
+    }
+
+    /// Actions of the model's policy of that name for the coming step, physical units.
+    fn policy<'py>(&mut self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let environment = self.environment.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let setup = environment.setup().clone();
+        let policies = &setup.model().model().programs.policies;
+        let Some(index) = policies.iter().position(|(known, _)| known == name) else {
+            let known: Vec<&str> = policies.iter().map(|(known, _)| known.as_str()).collect();
+            return Err(PyValueError::new_err(format!("unknown policy `{name}`; there are: {}", known.join(", "))));
+        };
+        Ok(Fresh::vector(py, setup.catalogue.actions.len()).filled(|out| environment.policy(index, out)))
+    }
+
+    #[getter]
+    fn time(&self) -> f64 {
+        self.with(Environment::time)
+    }
+
+    #[getter]
+    fn steps(&self) -> u32 {
+        self.with(Environment::steps)
+    }
+
+    #[getter]
+    fn max_steps(&self) -> u32 {
+        self.with(|environment| environment.setup().max_steps())
+    }
+
+    #[getter]
+    fn steady_state<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        self.with(|environment| {
+            let setup = environment.setup();
+            let states = &setup.catalogue.states;
+            let steady = setup.model().interface().has_steady.then(|| environment.steady_state())?;
+            Some(Fresh::vector(py, states.len()).filled(|out| gather(states, steady, out)))
+        })
+    }
+
+    #[getter]
+    fn steady_action<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        self.with(|environment| {
+            let setup = environment.setup();
+            let actions = &setup.catalogue.actions;
+            let steady = setup.model().interface().has_steady.then(|| setup.steady_action())?;
+            Some(Fresh::vector(py, actions.len()).filled(|out| gather(actions, steady, out)))
+        })
+    }
+
+    #[getter]
+    fn constraint_names(&self) -> Vec<String> {
+        self.with(|environment| environment.constraint_names().map(str::to_owned).collect())
+    }
+
+    #[getter]
+    fn solver_statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        self.with(|environment| crate::load::statistics(py, &environment.statistics()))
+    }
+
+    fn snapshot(&self) -> Snapshot {
+        self.with(|environment| Snapshot {
+            snapshot: environment.snapshot(),
+            unknowns: environment.unknowns().len(),
+            model: environment.setup().model().interface().name.clone(),
+        })
+    }
+
+    fn restore(&mut self, snapshot: &Snapshot) -> PyResult<()> {
+        let environment = self.environment.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let name = &environment.setup().model().interface().name;
+        if snapshot.unknowns != environment.unknowns().len() || snapshot.model != *name {
+            let message = format!("the snapshot is of {}, the environment of {name}", snapshot.model);
+            return Err(PyValueError::new_err(message));
+        }
+        guarded(|| environment.restore(&snapshot.snapshot))
+    }
+}
+
+impl Env {
+    fn with<T>(&self, read: impl FnOnce(&Environment) -> T) -> T {
+        read(&self.environment.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+/// An action in physical units.
+pub fn physical(value: f64, element: &Element, normalised: bool) -> f64 {
+    if normalised { denormalise(value, element.low, element.high) } else { value }
+}
+
+fn observation<'py>(py: Python<'py>, environment: &Environment, normalise: bool) -> Observation<'py> {
+    Fresh::vector(py, environment.observation_len()).filled(|out| environment.observe(normalise, out))
+}
+
+/// Values of a role in the order of the outside.
+fn values<'py>(py: Python<'py>, environment: &mut Environment, role: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let setup = environment.setup().clone();
+    let catalogue = &setup.catalogue;
+    let region = |family: &Family, values: &[f64]| Fresh::vector(py, family.len()).filled(|out| gather(family, values, out));
+    Ok(match role {
+        "state" => Fresh::vector(py, catalogue.states.len()).filled(|out| environment.state(out)),
+        "solved" => region(&catalogue.solved, environment.unknowns()),
+        "algebraic" => Fresh::vector(py, catalogue.algebraics.len()).filled(|out| environment.algebraics(out)),
+        "discrete" => region(&catalogue.discretes, environment.discretes()),
+        "disturbance" => region(&catalogue.disturbances, environment.disturbances()),
+        "action" => region(&catalogue.actions, environment.actions()),
+        "parameter" => region(&catalogue.parameters, environment.parameters()),
+        _ => return Err(role_error(role)),
+    })
+}
+
+/// Picks the elements of a family out of their region.
+pub fn gather(family: &Family, values: &[f64], out: &mut [f64]) {
+    for (element, out) in family.elements().iter().zip(out) {
+        *out = values[element.at];
+    }
+}

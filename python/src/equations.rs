@@ -1,0 +1,248 @@
+//! Equations, derivatives and points of rest of a model, with unknowns in the order of the outside: states, then solved
+//! algebraic variables.
+
+use std::sync::Arc;
+
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use smpl_compiler::compiled::CompiledModel;
+use smpl_compiler::ir::Builtin;
+use smpl_compiler::layout::{Part, Region};
+use smpl_compiler::model::Variate;
+use smpl_runtime::catalogue::{Catalogue, Family};
+use smpl_runtime::linearize::{self, Linearization};
+use smpl_runtime::solver::System;
+use smpl_runtime::steady::{self, SteadyError};
+use smpl_runtime::system::CompiledSystem;
+
+use crate::errors::SimulationError;
+
+/// Values in place of defaults: role, element, value.
+pub type Given = Vec<(String, usize, f64)>;
+
+/// An instance of a model to evaluate, and the order of its unknowns.
+pub struct Equations {
+    catalogue: Catalogue,
+    /// Parameters at their means, nominal actions, the steady state of the model where there is one.
+    nominal: CompiledSystem,
+    work: CompiledSystem,
+    /// Place in `y` of each unknown in the order of the outside.
+    order: Vec<usize>,
+    jacobian: Columns,
+    y: Vec<f64>,
+    yp: Vec<f64>,
+    out: Vec<f64>,
+    values: Vec<f64>,
+}
+
+/// Compressed columns in the order of the outside, and where each entry stands in the compiled Jacobian.
+struct Columns {
+    pointers: Vec<i32>,
+    rows: Vec<i32>,
+    entries: Vec<usize>,
+}
+
+impl Equations {
+    /// The equations of a model; `parameters` are in place of the defaults.
+    ///
+    /// # Errors
+    /// A fault of the compiler.
+    pub fn new(model: &Arc<CompiledModel>, parameters: &[(usize, f64)]) -> PyResult<Self> {
+        let catalogue = Catalogue::new(model);
+        let mut nominal = CompiledSystem::new(model.clone()).map_err(|e| SimulationError::new_err(e.to_string()))?;
+        let draws = &model.interface().draws;
+        for (at, draw) in nominal.region_mut(Region::Draw).iter_mut().zip(draws) {
+            *at = if draw.kind == Variate::Uniform { 0.5 } else { 0.0 };
+        }
+        set_parameters(&mut nominal, parameters.iter().copied());
+        if model.interface().has_steady {
+            let guess = steady::guess(&nominal, &catalogue);
+            if steady::solve_declared(&mut nominal, &catalogue, &guess).is_err() {
+                forget_steady_state(&mut nominal);
+            }
+        }
+        let order: Vec<usize> = catalogue.states.elements().iter().chain(catalogue.solved.elements()).map(|e| e.at).collect();
+        let n = model.unknowns();
+        Ok(Self {
+            jacobian: Columns::new(&nominal, &order),
+            values: vec![0.0; nominal.pattern().entries()],
+            work: nominal.clone(),
+            y: vec![0.0; n],
+            yp: vec![0.0; n],
+            out: vec![0.0; n],
+            catalogue,
+            nominal,
+            order,
+        })
+    }
+
+    /// Residual at a point.
+    pub fn residual(&mut self, t: f64, y: &[f64], yp: &[f64], u: &[f64], given: &Given, out: &mut [f64]) -> PyResult<()> {
+        self.prepare(t, y, Some(yp), u, given)?;
+        let (model, memory) = self.work.parts();
+        model.residual(memory, t, &self.y, &self.yp, &mut self.out);
+        for (out, &at) in out.iter_mut().zip(&self.order) {
+            *out = self.out[at];
+        }
+        Ok(())
+    }
+
+    /// Values, rows and column pointers of dF/dy + cj dF/dy'.
+    pub fn jacobian(
+        &mut self,
+        t: f64,
+        y: &[f64],
+        yp: &[f64],
+        u: &[f64],
+        cj: f64,
+        given: &Given,
+    ) -> PyResult<(Vec<f64>, Vec<i32>, Vec<i32>)> {
+        self.prepare(t, y, Some(yp), u, given)?;
+        let (model, memory) = self.work.parts();
+        model.jacobian(memory, t, &self.y, &self.yp, cj, &mut self.values);
+        let values = self.jacobian.entries.iter().map(|&entry| self.values[entry]).collect();
+        Ok((values, self.jacobian.rows.clone(), self.jacobian.pointers.clone()))
+    }
+
+    /// Rates of the states of an explicit model.
+    pub fn rhs(&mut self, t: f64, y: &[f64], u: &[f64], given: &Given, out: &mut [f64]) -> PyResult<()> {
+        let model = self.work.model().clone();
+        if !model.explicit() {
+            return Err(PyValueError::new_err("the model is not explicit in its rates: use residual"));
+        }
+        self.prepare(t, y, None, u, given)?;
+        let (model, memory) = self.work.parts();
+        model.residual(memory, t, &self.y, &self.yp, &mut self.out);
+        for (out, &at) in out.iter_mut().zip(&self.order) {
+            *out = self.out[at];
+        }
+        Ok(())
+    }
+
+    /// Steady state at the actions `u`; `fixed` are positions of states and their values, those of the model if there are none.
+    pub fn steady_state(&mut self, u: &[f64], given: &Given, fixed: &[(usize, f64)]) -> PyResult<Vec<f64>> {
+        self.work.restore(self.nominal.memory());
+        let guess = self.first_guess();
+        self.y.copy_from_slice(&guess);
+        self.set_given(given)?;
+        let mut y = guess;
+        let (_, declared) = steady::declared(&mut self.work, &self.catalogue, &mut y);
+        let fixed: Vec<(usize, f64)> = match fixed {
+            [] => declared,
+            some => some.iter().map(|&(i, value)| (self.order[i], value)).collect(),
+        };
+        steady::solve(&mut self.work, &self.catalogue, u, &fixed, &mut y).map_err(|e| steady_error(&e))?;
+        Ok(self.order.iter().map(|&at| y[at]).collect())
+    }
+
+    /// Linearisation at a point.
+    pub fn linearize(&mut self, y: &[f64], u: &[f64], given: &Given) -> PyResult<Linearization> {
+        self.prepare(0.0, y, None, u, given)?;
+        linearize::linearize(&mut self.work, &self.catalogue, 0.0, &self.y).map_err(|e| SimulationError::new_err(e.to_string()))
+    }
+
+    /// The model's steady state where it has one, else its declared values.
+    fn first_guess(&self) -> Vec<f64> {
+        let steady = self.nominal.region(Region::Steady(Part::Y));
+        if self.nominal.model().interface().has_steady && steady.iter().all(|x| x.is_finite()) {
+            steady.to_vec()
+        } else {
+            steady::guess(&self.nominal, &self.catalogue)
+        }
+    }
+
+    /// Puts a point into the instance.
+    fn prepare(&mut self, t: f64, y: &[f64], yp: Option<&[f64]>, u: &[f64], given: &Given) -> PyResult<()> {
+        self.work.restore(self.nominal.memory());
+        self.yp.fill(0.0);
+        for (i, &at) in self.order.iter().enumerate() {
+            self.y[at] = y[i];
+            if let Some(yp) = yp {
+                self.yp[at] = yp[i];
+            }
+        }
+        let actions = self.catalogue.actions.elements();
+        for (element, &value) in actions.iter().zip(u) {
+            self.work.region_mut(Region::Action)[element.at] = value;
+        }
+        self.set_given(given)?;
+        self.work.region_mut(Region::Builtin)[Builtin::Clock as usize] = t;
+        let (model, memory) = self.work.parts();
+        model.prepare_step(memory);
+        Ok(())
+    }
+
+    /// Sets parameters, discrete variables and disturbances; those that are not given have their initial values.
+    fn set_given(&mut self, given: &Given) -> PyResult<()> {
+        let parameters = self.places("parameter", &self.catalogue.parameters, given)?;
+        if !parameters.is_empty() {
+            set_parameters(&mut self.work, parameters.into_iter());
+        }
+        let (discretes, disturbances) = (&self.catalogue.discretes, &self.catalogue.disturbances);
+        if discretes.is_empty() && disturbances.is_empty() {
+            return Ok(());
+        }
+        let discrete_values = self.places("discrete", discretes, given)?;
+        let disturbance_values = self.places("disturbance", disturbances, given)?;
+        let mut y = self.y.clone();
+        let (model, memory) = self.work.parts();
+        model.initial_discretes(memory, &mut y);
+        for (region, values) in [(Region::Discrete, discrete_values), (Region::Disturbance, disturbance_values)] {
+            for (at, value) in values {
+                self.work.region_mut(region)[at] = value;
+            }
+        }
+        Ok(())
+    }
+
+    /// Places and values of what is given for a role.
+    fn places(&self, role: &str, family: &Family, given: &Given) -> PyResult<Vec<(usize, f64)>> {
+        let mine = given.iter().filter(|(of, _, _)| of == role);
+        mine.map(|&(_, element, value)| match family.elements().get(element) {
+            Some(found) => Ok((found.at, value)),
+            None => Err(PyValueError::new_err(format!("there is no {role} number {element}"))),
+        })
+        .collect()
+    }
+}
+
+impl Columns {
+    fn new(system: &CompiledSystem, order: &[usize]) -> Self {
+        let pattern = system.pattern();
+        let mut outside = vec![0; order.len()];
+        for (i, &at) in order.iter().enumerate() {
+            outside[at] = i;
+        }
+        let mut columns = Self { pointers: vec![0], rows: Vec::new(), entries: Vec::new() };
+        for &column in order {
+            let mut entries: Vec<(usize, usize)> = pattern.column(column).map(|entry| (outside[pattern.rows()[entry]], entry)).collect();
+            entries.sort_unstable();
+            columns.rows.extend(entries.iter().map(|&(row, _)| row as i32));
+            columns.entries.extend(entries.iter().map(|&(_, entry)| entry));
+            columns.pointers.push(columns.rows.len() as i32);
+        }
+        columns
+    }
+}
+
+/// Makes everything that refers to the steady state NaN: there is none, yet the equations may do without.
+fn forget_steady_state(system: &mut CompiledSystem) {
+    for part in [Part::Y, Part::Action, Part::Discrete, Part::Disturbance] {
+        system.region_mut(Region::Steady(part)).fill(f64::NAN);
+    }
+}
+
+/// Sets parameters, computes the dependent ones, and prepares what depends on them.
+fn set_parameters(system: &mut CompiledSystem, given: impl Iterator<Item = (usize, f64)>) {
+    for (at, value) in given {
+        system.region_mut(Region::Param)[at] = value;
+        system.region_mut(Region::ParamGiven)[at] = 1.0;
+    }
+    let (model, memory) = system.parts();
+    model.parameters(memory);
+    model.prepare_parameters(memory);
+}
+
+fn steady_error(error: &SteadyError) -> PyErr {
+    SimulationError::new_err(error.to_string())
+}

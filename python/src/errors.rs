@@ -1,0 +1,94 @@
+//! Exceptions, and what becomes one.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use pyo3::create_exception;
+use pyo3::exceptions::{PyException, PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+use smpl_runtime::environment::{ResetError, StepError};
+use smpl_runtime::setup::SetupError;
+
+create_exception!(smpl, CompileError, PyException, "The model is at fault; `diagnostics` says where and why.");
+create_exception!(smpl, ScenarioError, PyValueError, "The scenario, a variant or a setting is at fault.");
+create_exception!(smpl, SimulationError, PyRuntimeError, "The equations could not be solved where there is no episode that could fail.");
+
+/// One finding of the compiler; positions are 1-based and count characters.
+#[pyclass(frozen, get_all, module = "smpl")]
+#[derive(Clone, Debug)]
+pub struct Diagnostic {
+    /// File of the finding.
+    pub file: String,
+    /// First line and column, last line and the column after the last character.
+    pub line: usize,
+    /// See `line`.
+    pub column: usize,
+    /// See `line`.
+    pub end_line: usize,
+    /// See `line`.
+    pub end_column: usize,
+    /// Identifier of the kind of finding.
+    pub code: String,
+    /// `error` or `warning`.
+    pub severity: String,
+    /// What is wrong.
+    pub message: String,
+    /// What to do.
+    pub help: Option<String>,
+}
+
+#[pymethods]
+impl Diagnostic {
+    fn __str__(&self) -> String {
+        format!("{}:{}:{}: {} [{}]", self.file, self.line, self.column, self.message, self.code)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Diagnostic {}>", self.__str__())
+    }
+}
+
+/// The exception of a model at fault.
+pub fn compile_error(py: Python<'_>, diagnostics: Vec<Diagnostic>) -> PyErr {
+    let text: Vec<String> = diagnostics.iter().map(Diagnostic::__str__).collect();
+    let error = CompileError::new_err(text.join("\n"));
+    match error.value(py).setattr("diagnostics", diagnostics) {
+        Ok(()) => error,
+        Err(other) => other,
+    }
+}
+
+/// The exception of a step that was not taken.
+pub fn step_error(error: &StepError) -> PyErr {
+    match error {
+        StepError::EpisodeOver => SimulationError::new_err(error.to_string()),
+        StepError::Length { .. } | StepError::NotANumber { .. } => PyValueError::new_err(error.to_string()),
+    }
+}
+
+/// The exception of an environment that cannot be made.
+pub fn setup_error(error: &SetupError) -> PyErr {
+    match error {
+        SetupError::UnknownName(_) | SetupError::Value { .. } => ScenarioError::new_err(error.to_string()),
+        _ => SimulationError::new_err(error.to_string()),
+    }
+}
+
+/// The exception of an episode that cannot begin.
+pub fn reset_error(error: &ResetError) -> PyErr {
+    match error {
+        ResetError::Steady(_) | ResetError::Inconsistent { .. } => SimulationError::new_err(error.to_string()),
+        _ => PyValueError::new_err(error.to_string()),
+    }
+}
+
+/// Runs `work`; a panic in it becomes an exception.
+pub fn guarded<T>(work: impl FnOnce() -> T) -> PyResult<T> {
+    catch_unwind(AssertUnwindSafe(work)).map_err(|cause| internal(cause.as_ref()))
+}
+
+fn internal(cause: &(dyn Any + Send)) -> PyErr {
+    let text = cause.downcast_ref::<String>().map(String::as_str);
+    let text = text.or_else(|| cause.downcast_ref::<&str>().copied()).unwrap_or("unknown cause");
+    SimulationError::new_err(format!("internal error of smpl, please report it: {text}"))
+}

@@ -1,0 +1,54 @@
+//! The `info` of a step as a dictionary.
+
+use pyo3::intern;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyString};
+use smpl_runtime::environment::Environment;
+
+use crate::arrays::Fresh;
+
+/// Keys of the mappings in `info`, made once.
+pub struct Keys {
+    constraints: Vec<Py<PyString>>,
+    rewards: Vec<Py<PyString>>,
+    with_state: bool,
+}
+
+impl Keys {
+    /// The keys of an environment; `with_state` adds the state.
+    pub fn new(py: Python<'_>, env: &Environment, with_state: bool) -> Self {
+        let text = |name: &str| PyString::intern(py, name).unbind();
+        let interface = env.setup().model().interface();
+        Self {
+            constraints: env.constraint_names().map(text).collect(),
+            rewards: interface.rewards.iter().map(|r| text(&r.name)).collect(),
+            with_state,
+        }
+    }
+
+    /// A new dictionary about the present point of the episode.
+    pub fn info<'py>(&self, py: Python<'py>, env: &mut Environment) -> PyResult<Bound<'py, PyDict>> {
+        let info = PyDict::new(py);
+        let failed = env.last().is_some_and(|last| last.failure.is_some());
+        let failure = if failed { env.failure_message() } else { String::new() };
+        info.set_item(intern!(py, "time"), env.time())?;
+        info.set_item(intern!(py, "failure"), failure)?;
+        info.set_item(intern!(py, "success"), env.last().is_some_and(|last| last.success))?;
+        info.set_item(intern!(py, "constraints"), mapping(py, &self.constraints, env.violations())?)?;
+        info.set_item(intern!(py, "cost"), env.last().map_or(0.0, |last| last.cost))?;
+        info.set_item(intern!(py, "rewards"), mapping(py, &self.rewards, env.rewards())?)?;
+        if self.with_state {
+            let states = env.catalogue().states.len();
+            info.set_item(intern!(py, "state"), Fresh::vector(py, states).filled(|out| env.state(out)))?;
+        }
+        Ok(info)
+    }
+}
+
+fn mapping<'py>(py: Python<'py>, keys: &[Py<PyString>], values: &[f64]) -> PyResult<Bound<'py, PyDict>> {
+    let mapping = PyDict::new(py);
+    for (key, value) in keys.iter().zip(values) {
+        mapping.set_item(key, value)?;
+    }
+    Ok(mapping)
+}

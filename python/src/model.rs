@@ -1,0 +1,285 @@
+//! Class `Model`: a compiled model.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use smpl_runtime::catalogue::{Catalogue, Element, Family};
+use smpl_runtime::setup::{EnvironmentOptions, Setup};
+
+use crate::arrays::Fresh;
+use crate::equations::{Equations, Given};
+use crate::errors::{guarded, setup_error};
+use crate::load::{self, Loaded};
+
+type Vector<'py> = Bound<'py, PyArray1<f64>>;
+type Matrix<'py> = Bound<'py, PyArray2<f64>>;
+type Indices<'py> = Bound<'py, PyArray1<i32>>;
+type Input<'py> = PyReadonlyArray1<'py, f64>;
+
+/// By dense reward and time limit.
+type Setups = HashMap<(bool, Option<u32>), Arc<Setup>>;
+
+/// A compiled model.
+#[pyclass(frozen, module = "smpl._native")]
+pub struct Model {
+    loaded: Loaded,
+    catalogue: Catalogue,
+    /// Made at the first evaluation.
+    equations: Mutex<Option<Equations>>,
+    /// What environments share.
+    setups: Mutex<Setups>,
+}
+
+#[pymethods]
+impl Model {
+    #[new]
+    #[pyo3(signature = (path, source, scenario, variants, settings, observation, reward))]
+    #[expect(clippy::too_many_arguments, reason = "the arguments of the Python class, one by one")]
+    fn new(
+        py: Python<'_>,
+        path: Option<String>,
+        source: Option<String>,
+        scenario: Option<String>,
+        variants: Vec<String>,
+        settings: BTreeMap<String, String>,
+        observation: &str,
+        reward: Option<String>,
+    ) -> PyResult<Self> {
+        let level = (observation != "default").then(|| observation.to_owned());
+        let request = load::Request { path, source, scenario, variants, settings, level, reward };
+        let loaded = load::load(py, request)?;
+        Ok(Self { catalogue: Catalogue::new(&loaded.model), loaded, equations: Mutex::new(None), setups: Mutex::new(HashMap::new()) })
+    }
+
+    #[getter]
+    fn name(&self) -> &str {
+        &self.loaded.model.interface().name
+    }
+
+    #[getter]
+    fn text(&self) -> &str {
+        &self.loaded.model.interface().text
+    }
+
+    #[getter]
+    fn time_name(&self) -> &str {
+        &self.loaded.model.interface().time.0
+    }
+
+    #[getter]
+    fn time_unit(&self) -> &str {
+        &self.loaded.model.interface().time.1
+    }
+
+    #[getter]
+    fn explicit(&self) -> bool {
+        self.loaded.model.explicit()
+    }
+
+    #[getter]
+    fn unknowns(&self) -> usize {
+        self.loaded.model.unknowns()
+    }
+
+    #[getter]
+    fn states(&self) -> usize {
+        self.loaded.model.states()
+    }
+
+    #[getter]
+    fn nonzeros(&self) -> usize {
+        self.loaded.model.pattern().row_indices.len()
+    }
+
+    /// The chosen reward.
+    #[getter]
+    fn reward(&self) -> String {
+        let interface = self.loaded.model.interface();
+        let default = interface.rewards.get(interface.default_reward as usize).map(|r| r.name.clone());
+        self.loaded.options.reward.clone().or(default).unwrap_or_default()
+    }
+
+    #[getter]
+    fn levels(&self) -> Vec<String> {
+        self.loaded.model.interface().levels.clone()
+    }
+
+    /// Names of the open-loop policies.
+    #[getter]
+    fn policies(&self) -> Vec<String> {
+        self.loaded.model.model().programs.policies.iter().map(|(name, _)| name.clone()).collect()
+    }
+
+    #[getter]
+    fn step(&self) -> f64 {
+        self.loaded.model.interface().episode.step
+    }
+
+    #[getter]
+    fn max_steps(&self) -> u32 {
+        self.loaded.options.max_steps.unwrap_or(self.loaded.model.interface().episode.max_steps)
+    }
+
+    /// Flattened names of a role.
+    fn names(&self, role: &str) -> PyResult<Vec<String>> {
+        let interface = self.loaded.model.interface();
+        match role {
+            "observation" => Ok(interface.observations.iter().map(|o| o.name.clone()).collect()),
+            "reward" => Ok(interface.rewards.iter().map(|r| r.name.clone()).collect()),
+            _ => Ok(self.elements(role)?.iter().map(|e| e.name.clone()).collect()),
+        }
+    }
+
+    /// Units of a role.
+    fn units(&self, role: &str) -> PyResult<Vec<String>> {
+        let interface = self.loaded.model.interface();
+        match role {
+            "observation" => Ok(interface.observations.iter().map(|o| o.unit.clone()).collect()),
+            "reward" => Ok(interface.rewards.iter().map(|r| r.unit.clone()).collect()),
+            _ => Ok(self.elements(role)?.iter().map(|e| e.unit.clone()).collect()),
+        }
+    }
+
+    /// Lower and upper bounds of a role.
+    fn bounds<'py>(&self, py: Python<'py>, role: &str) -> PyResult<(Vector<'py>, Vector<'py>)> {
+        let (low, high): (Vec<f64>, Vec<f64>) = if role == "observation" {
+            self.loaded.model.interface().observations.iter().map(|o| (o.low, o.high)).unzip()
+        } else {
+            self.elements(role)?.iter().map(|e| (e.low, e.high)).unzip()
+        };
+        Ok((PyArray1::from_vec(py, low), PyArray1::from_vec(py, high)))
+    }
+
+    /// Default, nominal or initial values of a role.
+    fn defaults<'py>(&self, py: Python<'py>, role: &str) -> PyResult<Vector<'py>> {
+        Ok(PyArray1::from_iter(py, self.elements(role)?.iter().map(|e| e.default)))
+    }
+
+    /// Residual at a point.
+    fn residual<'py>(&self, py: Python<'py>, t: f64, y: Input<'py>, yp: Input<'py>, u: Input<'py>, given: Given) -> PyResult<Vector<'py>> {
+        let (y, yp, u) = (y.as_slice()?, yp.as_slice()?, u.as_slice()?);
+        let mut out = Fresh::vector(py, y.len());
+        self.evaluate(|equations| equations.residual(t, y, yp, u, &given, out.elements()))?;
+        Ok(out.done())
+    }
+
+    /// Values, rows and column pointers of the Jacobian at a point.
+    #[expect(clippy::too_many_arguments, reason = "the arguments of the mathematical function")]
+    fn jacobian<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        y: Input<'py>,
+        yp: Input<'py>,
+        u: Input<'py>,
+        cj: f64,
+        given: Given,
+    ) -> PyResult<(Vector<'py>, Indices<'py>, Indices<'py>)> {
+        let (y, yp, u) = (y.as_slice()?, yp.as_slice()?, u.as_slice()?);
+        let (values, rows, pointers) = self.evaluate(|equations| equations.jacobian(t, y, yp, u, cj, &given))?;
+        Ok((PyArray1::from_vec(py, values), PyArray1::from_vec(py, rows), PyArray1::from_vec(py, pointers)))
+    }
+
+    /// Rates of the states of an explicit model.
+    fn rhs<'py>(&self, py: Python<'py>, t: f64, y: Input<'py>, u: Input<'py>, given: Given) -> PyResult<Vector<'py>> {
+        let (y, u) = (y.as_slice()?, u.as_slice()?);
+        let mut out = Fresh::vector(py, self.states());
+        self.evaluate(|equations| equations.rhs(t, y, u, &given, out.elements()))?;
+        Ok(out.done())
+    }
+
+    /// Steady state at given actions.
+    fn steady_state<'py>(&self, py: Python<'py>, u: Input<'py>, given: Given, fixed: Vec<(usize, f64)>) -> PyResult<Vector<'py>> {
+        let u = u.as_slice()?;
+        let y = self.evaluate(|equations| equations.steady_state(u, &given, &fixed))?;
+        Ok(PyArray1::from_vec(py, y))
+    }
+
+    /// A, B, C, D at a point.
+    fn linearize<'py>(
+        &self,
+        py: Python<'py>,
+        y: Input<'py>,
+        u: Input<'py>,
+        given: Given,
+    ) -> PyResult<(Matrix<'py>, Matrix<'py>, Matrix<'py>, Matrix<'py>)> {
+        let (y, u) = (y.as_slice()?, u.as_slice()?);
+        let found = self.evaluate(|equations| equations.linearize(y, u, &given))?;
+        let matrix = |(rows, columns): (usize, usize), get: &dyn Fn(usize, usize) -> f64| {
+            Fresh::matrix(py, rows, columns).filled(|out| {
+                for (i, out) in out.iter_mut().enumerate() {
+                    *out = get(i / columns, i % columns);
+                }
+            })
+        };
+        Ok((
+            matrix(found.a.shape(), &|i, j| found.a[(i, j)]),
+            matrix(found.b.shape(), &|i, j| found.b[(i, j)]),
+            matrix(found.c.shape(), &|i, j| found.c[(i, j)]),
+            matrix(found.d.shape(), &|i, j| found.d[(i, j)]),
+        ))
+    }
+}
+
+impl Model {
+    /// What environments of this model share.
+    ///
+    /// # Errors
+    /// Settings out of range, or no steady state where the model starts from one.
+    pub fn setup(&self, dense_reward: bool, max_steps: Option<u32>) -> PyResult<Arc<Setup>> {
+        let mut setups = self.setups.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(setup) = setups.get(&(dense_reward, max_steps)) {
+            return Ok(setup.clone());
+        }
+        let base = self.loaded.options.clone();
+        let max = max_steps.or(base.max_steps);
+        let options = EnvironmentOptions { sparse: !dense_reward, max_steps: max, ..base };
+        let (model, sources) = (self.loaded.model.clone(), Some(self.loaded.sources.clone()));
+        let setup = guarded(|| Setup::new(model, options, sources))?.map_err(|e| setup_error(&e))?;
+        setups.insert((dense_reward, max_steps), setup.clone());
+        Ok(setup)
+    }
+
+    /// Runs `work` on the equations; a panic in it becomes an exception.
+    fn evaluate<T>(&self, work: impl FnOnce(&mut Equations) -> PyResult<T>) -> PyResult<T> {
+        let mut equations = self.equations.lock().unwrap_or_else(PoisonError::into_inner);
+        guarded(|| {
+            if equations.is_none() {
+                *equations = Some(Equations::new(&self.loaded.model, &self.given_parameters())?);
+            }
+            match equations.as_mut() {
+                Some(equations) => work(equations),
+                None => Err(PyValueError::new_err("the model has no equations")),
+            }
+        })?
+    }
+
+    /// Parameters of the scenario and the settings, by place.
+    fn given_parameters(&self) -> Vec<(usize, f64)> {
+        let parameters = &self.loaded.options.parameters;
+        parameters.iter().filter_map(|(name, &v)| Some((self.catalogue.parameters.find(name)?.at, v))).collect()
+    }
+
+    fn elements(&self, role: &str) -> PyResult<&[Element]> {
+        let catalogue = &self.catalogue;
+        let family: &Family = match role {
+            "state" => &catalogue.states,
+            "solved" => &catalogue.solved,
+            "algebraic" => &catalogue.algebraics,
+            "discrete" => &catalogue.discretes,
+            "disturbance" => &catalogue.disturbances,
+            "action" => &catalogue.actions,
+            "parameter" => &catalogue.parameters,
+            _ => return Err(role_error(role)),
+        };
+        Ok(family.elements())
+    }
+}
+
+/// The exception of a role that there is not.
+pub fn role_error(role: &str) -> PyErr {
+    PyValueError::new_err(format!("unknown role `{role}`"))
+}

@@ -1,0 +1,47 @@
+//! What an episode starts from in place of what it would draw.
+
+use std::collections::BTreeMap;
+
+use numpy::PyReadonlyArray1;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use smpl_runtime::environment::{ResetOptions, Start as Mode, StateInput};
+
+/// Options of a reset.
+#[pyclass(frozen, module = "smpl._native")]
+pub struct Start {
+    /// As the runtime wants them.
+    pub options: ResetOptions,
+}
+
+/// A state as Python gives it.
+#[derive(FromPyObject)]
+enum GivenState<'py> {
+    Named(BTreeMap<String, f64>),
+    Array(PyReadonlyArray1<'py, f64>),
+}
+
+#[pymethods]
+impl Start {
+    #[new]
+    fn new(
+        mode: &str,
+        state: Option<GivenState<'_>>,
+        discrete: BTreeMap<String, f64>,
+        parameters: BTreeMap<String, f64>,
+        disturbances: BTreeMap<String, Vec<f64>>,
+    ) -> PyResult<Self> {
+        let start = match mode {
+            "sampled" => Mode::Sampled,
+            "nominal" => Mode::Nominal,
+            "steady" => Mode::Steady,
+            _ => return Err(PyValueError::new_err(format!("unknown start `{mode}`"))),
+        };
+        let state = match state {
+            None => StateInput::Start,
+            Some(GivenState::Named(named)) => StateInput::Named(named),
+            Some(GivenState::Array(array)) => StateInput::Array(array.as_array().to_vec()),
+        };
+        Ok(Self { options: ResetOptions { start, state, discrete, parameters, disturbances } })
+    }
+}

@@ -1,0 +1,76 @@
+"""Grids, layouts and exports of data sets."""
+
+import numpy as np
+import pytest
+
+import smpl
+from smpl.controllers import Proportional
+from smpl.datasets import d3rlpy_arrays, initial_grid, legacy_rows, to_d3rlpy, to_minari, transitions
+from smpl.evaluation import evaluate
+
+SET_POINT = [0.8778252005501434, 51.34660619295078, 0.659]
+HOT = [0.99, 66.0, 0.6]
+
+
+@pytest.fixture(scope="module")
+def episodes():
+    """One episode that times out and one that fails."""
+    env = smpl.Env("reactor", max_steps=20)
+    return evaluate(env, Proportional(), starts=[SET_POINT, HOT])
+
+
+def test_the_grid_varies_the_first_state_fastest_and_covers_the_spread():
+    grid = initial_grid(SET_POINT, 0.3, 10)
+    assert grid.shape == (1000, 3)
+    np.testing.assert_allclose(grid[0], 0.7 * np.array(SET_POINT))
+    np.testing.assert_allclose(grid[-1], 1.3 * np.array(SET_POINT))
+    assert grid[1, 0] > grid[0, 0] and grid[1, 1] == grid[0, 1]
+    # The specification: 26 to 30 % of an unclipped grid has c_A > 1.
+    assert 0.26 <= np.mean(grid[:, 0] > 1.0) <= 0.30
+    assert initial_grid(SET_POINT, 0.3, 10, [0, 0, 0], [1, 100, 1])[:, 0].max() == 1.0
+
+
+def test_the_default_layout_has_one_row_a_step(episodes):
+    rows = transitions(episodes)
+    steps = sum(episode.steps for episode in episodes)
+    assert len(rows.rewards) == len(rows.observations) == len(rows.next_observations) == steps
+    np.testing.assert_array_equal(rows.next_observations[0], rows.observations[1])
+    assert episodes[1].failure and rows.terminations[-1] and not rows.truncations[-1]
+    assert rows.truncations[19] and not rows.terminations[19]
+
+
+def test_the_legacy_layout_is_one_row_late_and_has_one_row_more(episodes):
+    rows = legacy_rows(episodes)
+    first = episodes[0]
+    assert np.sum(rows.episodes == 0) == first.steps + 1
+    assert rows.rewards[0] == 0.0 and not rows.terminals[0]
+    np.testing.assert_array_equal(rows.rewards[1 : first.steps + 1], first.rewards)
+    np.testing.assert_array_equal(rows.observations[: first.steps + 1], first.observations)
+    assert rows.terminals[first.steps] and rows.timeouts[first.steps]
+
+
+def test_no_transition_of_a_truncated_episode_is_lost_for_d3rlpy(episodes):
+    arrays = d3rlpy_arrays(episodes)
+    steps = [episode.steps for episode in episodes]
+    assert len(arrays["rewards"]) == steps[0] + 1 + steps[1]
+    np.testing.assert_array_equal(np.flatnonzero(arrays["timeouts"]), [steps[0]])
+    np.testing.assert_array_equal(np.flatnonzero(arrays["terminals"]), [steps[0] + steps[1]])
+    np.testing.assert_array_equal(arrays["observations"][steps[0]], episodes[0].observations[-1])
+    assert not np.any(arrays["terminals"] * arrays["timeouts"])
+
+
+def test_d3rlpy_takes_the_export(episodes):
+    pytest.importorskip("d3rlpy", reason="d3rlpy is not installed")
+    assert to_d3rlpy(episodes).transition_count == sum(episode.steps for episode in episodes)
+
+
+def test_minari_takes_the_export(episodes, tmp_path, monkeypatch):
+    pytest.importorskip("minari", reason="Minari is not installed")
+    pytest.importorskip("h5py", reason="h5py is not installed")
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    dataset = to_minari(
+        "smpl/reactor/pid-v0", episodes, "smpl/Reactor-v0", algorithm_name="pid", author="a", author_email="a@b.c",
+        code_permalink="p", eval_env="smpl/Reactor-v0", description="d", ref_min_score=-1e5, ref_max_score=0.0,
+    )  # fmt: skip
+    assert dataset.total_steps == sum(episode.steps for episode in episodes)
+    np.testing.assert_array_equal(dataset[1].observations, episodes[1].observations)

@@ -1,0 +1,285 @@
+"""Episodes of the single environment, on the reactor unless another model is needed."""
+
+import gymnasium
+import numpy as np
+import pytest
+
+import smpl
+
+START = {"c_A": 0.7, "T": 44.0, "h": 0.8}
+NOMINAL = np.array([26.85, 0.1])
+
+
+def trajectory(env, seed, steps=20):
+    generator = np.random.default_rng(7)
+    observations = [env.reset(seed=seed)[0]]
+    rewards = []
+    for _ in range(steps):
+        observation, reward, terminated, truncated, _ = env.step(generator.uniform(-0.2, 0.2, 2))
+        observations.append(observation)
+        rewards.append(reward)
+        if terminated or truncated:
+            break
+    return np.array(observations), np.array(rewards)
+
+
+def test_the_same_seed_gives_the_same_episode_bit_for_bit():
+    first, second = smpl.Env("reactor"), smpl.Env("reactor")
+    for a, b in zip(trajectory(first, 3), trajectory(second, 3), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_episodes_after_a_seed_are_reproduced_in_order(reactor):
+    reactor.reset(seed=5)
+    states = [reactor.state]
+    for _ in range(3):
+        reactor.reset()
+        states.append(reactor.state)
+    reactor.reset(seed=5)
+    again = [reactor.state]
+    for _ in range(3):
+        reactor.reset()
+        again.append(reactor.state)
+    np.testing.assert_array_equal(states, again)
+    assert len({tuple(state) for state in states}) == 4
+
+
+def test_environments_without_a_seed_differ():
+    first, second = smpl.Env("reactor"), smpl.Env("reactor")
+    first.reset()
+    second.reset()
+    assert not np.array_equal(first.state, second.state)
+
+
+def test_initial_states_stay_in_the_declared_distribution(reactor):
+    set_point = reactor.model.steady_state(NOMINAL, fixed={"h": 0.659})
+    states = []
+    for seed in range(200):
+        reactor.reset(seed=seed)
+        states.append(reactor.state)
+    states = np.array(states)
+    assert np.all(states >= 0.7 * set_point - 1e-12)
+    assert np.all(states <= np.minimum(1.3 * set_point, [1.0, 100.0, 1.0]) + 1e-12)
+    # Probability of clipping: (1.1412 - 1) / (1.1412 - 0.6145) = 26.8 %.
+    assert np.mean(states[:, 0] == 1.0) == pytest.approx(0.268, abs=0.1)
+
+
+def test_a_given_state_is_simulated_as_it_is(reactor):
+    reactor.reset(seed=0)
+    sampled = reactor.state
+    reactor.reset(seed=0, options={"state": {"T": 44.0}})
+    np.testing.assert_array_equal(reactor.state, [sampled[0], 44.0, sampled[2]])
+    reactor.reset(options={"state": [1.5, 44.0, 0.8]})
+    np.testing.assert_array_equal(reactor.state, [1.5, 44.0, 0.8])
+    reactor.reset(seed=0)
+    np.testing.assert_array_equal(reactor.state, sampled)
+
+
+def test_given_parameters_hold_for_one_episode(reactor):
+    reactor.reset(seed=0, options={"parameters": {"U": 60.0}})
+    assert reactor.parameters["U"] == 60.0
+    reactor.reset(seed=0)
+    assert reactor.parameters["U"] == 54.94
+
+
+@pytest.mark.parametrize(
+    ("options", "right"),
+    [
+        ({"states": {}}, "state"),
+        ({"state": {"c_B": 1.0}}, "c_A, T, h"),
+        ({"parameters": {"V_1": 1.0}}, "V_0"),
+        ({"discrete": {"n": 1.0}}, "none"),
+        ({"disturbances": {"w": [1.0]}}, "none"),
+        ({"start": "cold"}, "sampled, nominal, steady"),
+    ],
+)
+def test_an_unknown_option_is_refused_with_the_right_ones(reactor, options, right):
+    with pytest.raises(ValueError, match=right):
+        reactor.reset(options=options)
+
+
+@pytest.mark.parametrize("state", [[1.0, 2.0], [[1.0, 2.0, 3.0]], [1.0, np.nan, 3.0]])
+def test_a_state_of_the_wrong_shape_or_not_finite_is_refused(reactor, state):
+    with pytest.raises(ValueError, match="state"):
+        reactor.reset(options={"state": state})
+
+
+def test_a_wrong_action_shape_names_both_shapes(reactor):
+    reactor.reset(seed=0)
+    with pytest.raises(ValueError, match=r"action has shape \(3,\), expected \(2,\)"):
+        reactor.step([1.0, 2.0, 3.0])
+
+
+def test_a_nan_action_raises_and_steps_nothing(reactor):
+    reactor.reset(seed=0)
+    before = reactor.state
+    with pytest.raises(ValueError, match="NaN"):
+        reactor.step([np.nan, 0.1])
+    np.testing.assert_array_equal(reactor.state, before)
+    assert reactor.steps == 0
+
+
+def test_an_infinite_action_is_a_failure_and_is_not_integrated(reactor):
+    reactor.reset(seed=0)
+    before = reactor.state
+    _, reward, terminated, truncated, info = reactor.step([np.inf, 0.1])
+    assert (terminated, truncated, reward) == (True, False, -1000.0)
+    assert info["failure"].startswith("action_box")
+    np.testing.assert_array_equal(reactor.state, before)
+
+
+def test_an_action_outside_its_box_is_integrated_and_is_a_failure(reactor):
+    reactor.reset(seed=0, options={"state": START})
+    _, reward, terminated, _, info = reactor.step([36.0, 0.1])
+    assert terminated and reward == -1000.0
+    assert info["failure"].startswith("action_box")
+    assert info["constraints"]["action_box"] == pytest.approx(1.0 / 20.0)
+    assert not np.array_equal(reactor.state, list(START.values()))
+
+
+def test_a_bound_in_single_precision_is_inside_the_box(reactor):
+    reactor.reset(seed=0, options={"state": START})
+    _, _, terminated, _, info = reactor.step(np.array([15.0, 0.2], dtype=np.float32))
+    assert not terminated and info["cost"] == 0.0
+
+
+def test_actions_are_taken_in_double_precision():
+    states = []
+    for dtype in (np.float32, np.float64):
+        env = smpl.Env("reactor")
+        env.reset(seed=0, options={"state": START})
+        env.step(np.array([0.25, -0.5], dtype=dtype))
+        states.append(env.state)
+    np.testing.assert_array_equal(*states)
+
+
+def test_normalised_and_physical_actions_agree(reactor):
+    normalised = smpl.Env("reactor")
+    for env in (reactor, normalised):
+        env.reset(seed=0, options={"state": START})
+    action = np.array([20.0, 0.125])
+    reactor.step(action)
+    normalised.step(normalised.from_physical(action))
+    np.testing.assert_allclose(reactor.state, normalised.state, rtol=1e-12)
+    np.testing.assert_allclose(normalised.to_physical(normalised.from_physical(action)), action, rtol=1e-14)
+
+
+def test_the_time_limit_truncates_after_exactly_max_steps(reactor):
+    env = smpl.Env("reactor", normalize=False, max_steps=5)
+    env.reset(options={"state": env.model.steady_state(NOMINAL, fixed={"h": 0.659})})
+    flags = [env.step(NOMINAL)[2:4] for _ in range(5)]
+    assert flags == [(False, False)] * 4 + [(False, True)]
+    assert reactor.max_steps == 100
+    assert smpl.Env("reactor", scenario="legacy").max_steps == 101
+
+
+def test_a_failure_in_the_last_step_is_a_failure_and_no_truncation():
+    env = smpl.Env("reactor", normalize=False, max_steps=1)
+    env.reset(seed=0, options={"state": START})
+    _, _, terminated, truncated, _ = env.step([36.0, 0.1])
+    assert (terminated, truncated) == (True, False)
+
+
+def test_a_sparse_reward_is_the_sum_at_the_end():
+    sums = []
+    for dense in (True, False):
+        env = smpl.Env("reactor", dense_reward=dense, max_steps=10)
+        env.reset(seed=0, options={"state": START})
+        rewards = [env.step(np.zeros(2))[1] for _ in range(10)]
+        if not dense:
+            assert rewards[:-1] == [0.0] * 9
+        sums.append(sum(rewards))
+    assert sums[0] == pytest.approx(sums[1], rel=1e-14)
+
+
+def test_the_chosen_reward_is_the_one_returned():
+    env = smpl.Env("reactor", reward="setpoint_change")
+    env.reset(seed=0, options={"state": START})
+    _, reward, _, _, info = env.step(np.zeros(2))
+    assert reward == info["rewards"]["setpoint_change"] != info["rewards"]["setpoint"]
+
+
+def test_the_reward_follows_the_published_formula(reactor):
+    reactor.reset(options={"state": START})
+    initial = reactor.state
+    reward = reactor.step(NOMINAL)[1]
+    set_point = np.array([0.8778252005501434, 51.34660619295078, 0.659])
+    distances = (reactor.state - set_point) ** 2 / np.maximum((initial - set_point) ** 2, 1e-8)
+    assert reward == pytest.approx(-distances.mean(), rel=1e-9)
+
+
+def test_stepping_after_the_end_wants_a_reset(reactor):
+    reactor.reset(seed=0)
+    reactor.step([np.inf, 0.1])
+    with pytest.raises(smpl.SimulationError, match="reset"):
+        reactor.step(NOMINAL)
+
+
+def test_a_restored_snapshot_goes_on_bit_for_bit():
+    env = smpl.Env("reactor")
+    env.reset(seed=2)
+    env.step(np.zeros(2))
+    snapshot = env.snapshot()
+    first = [env.step(np.full(2, 0.1)) for _ in range(5)]
+    env.restore(snapshot)
+    assert env.steps == 1
+    second = [env.step(np.full(2, 0.1)) for _ in range(5)]
+    other = smpl.Env(env.model)
+    other.restore(snapshot)
+    third = [other.step(np.full(2, 0.1)) for _ in range(5)]
+    for a, b, c in zip(first, second, third, strict=True):
+        np.testing.assert_array_equal(a[0], b[0])
+        np.testing.assert_array_equal(a[0], c[0])
+        assert a[1] == b[1] == c[1]
+
+
+def test_a_snapshot_of_another_model_is_refused(reactor):
+    reactor.reset(seed=0)
+    with pytest.raises(ValueError, match="snapshot"):
+        smpl.Env("beer").restore(reactor.snapshot())
+
+
+def test_names_units_and_bounds_are_those_of_the_specification(reactor):
+    assert reactor.state_names == ("c_A", "T", "h")
+    assert reactor.state_units == ("kmol/m^3", "degC", "m")
+    assert reactor.action_names == ("T_c", "q_out")
+    assert reactor.action_units == ("degC", "m^3/min")
+    assert set(reactor.algebraic_names) >= {"V", "k", "rate"}
+    assert reactor.reward_names == ("setpoint", "setpoint_change")
+    np.testing.assert_array_equal(reactor.action_low, [15.0, 0.05])
+    np.testing.assert_array_equal(reactor.observation_high, [1.0, 100.0, 1.0])
+    np.testing.assert_allclose(reactor.steady_action, NOMINAL)
+    reactor.reset(seed=0)
+    np.testing.assert_allclose(reactor.steady_state, [0.8778252005501434, 51.34660619295078, 0.659], rtol=1e-12)
+
+
+def test_state_is_a_copy(reactor):
+    reactor.reset(seed=0)
+    reactor.state[:] = 0
+    assert reactor.state.all()
+
+
+def test_a_compiled_model_makes_the_same_environment(reactor_model):
+    by_name, by_model = smpl.Env("reactor"), smpl.Env(reactor_model)
+    np.testing.assert_array_equal(by_name.reset(seed=1)[0], by_model.reset(seed=1)[0])
+    with pytest.raises(ValueError, match="compile"):
+        smpl.Env(reactor_model, scenario="legacy")
+
+
+def test_the_full_observation_adds_the_states():
+    env = smpl.Env("beer", observation="full")
+    assert set(env.state_names) <= set(env.observation_names)
+
+
+@pytest.mark.parametrize("arguments", [{"render_mode": "human"}, {"max_steps": 0}, {"max_steps": 1.5}])
+def test_a_wrong_argument_is_refused(arguments):
+    with pytest.raises(ValueError, match=next(iter(arguments))):
+        smpl.Env("reactor", **arguments)
+
+
+def test_the_beer_batch_clock_is_observed():
+    env = gymnasium.make("smpl/Beer-v0", normalize=False).unwrapped
+    env.reset(seed=0)
+    observation, *_ = env.step([13.0])
+    assert observation[env.observation_names.index("elapsed")] == 1.0
+    assert env.time == 1.0

@@ -1,0 +1,173 @@
+"""Equations and derivatives of compiled models, against published values and finite differences."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import smpl
+
+ACTION = np.array([26.85, 0.1])
+# Steady states of the reactor at the nominal action and h = 0.659 with the eigenvalues of the (c_A, T) part.
+STEADY_STATES = [
+    ((0.8778252005501434, 51.34660619295078), (-1.057 - 0.540j, -1.057 + 0.540j)),
+    ((0.501894113975015, 76.84405451311673), (-0.463, 2.846)),
+    ((0.2065530809547568, 96.87549909213137), (1.351 - 1.601j, 1.351 + 1.601j)),
+]
+
+
+@pytest.mark.parametrize(("state", "eigenvalues"), STEADY_STATES)
+def test_the_linearisation_has_the_published_eigenvalues(reactor_model, state, eigenvalues):
+    A, B, C, D = reactor_model.linearize([*state, 0.659], ACTION)
+    assert A.shape == (3, 3) and B.shape == (3, 2) and C.shape == (3, 3) and D.shape == (3, 2)
+    found = np.sort_complex(np.linalg.eigvals(A[:2, :2]))
+    np.testing.assert_allclose(found, np.sort_complex(np.array(eigenvalues)), atol=6e-4)
+    np.testing.assert_allclose(C, np.eye(3))
+    np.testing.assert_allclose(D, 0.0)
+
+
+@pytest.mark.parametrize(("state", "eigenvalues"), STEADY_STATES)
+def test_the_right_hand_side_vanishes_at_the_published_steady_states(reactor_model, state, eigenvalues):
+    del eigenvalues
+    np.testing.assert_allclose(reactor_model.rhs(0.0, [*state, 0.659], ACTION), 0.0, atol=1e-11)
+
+
+def test_the_steady_state_is_the_published_one(reactor_model):
+    found = reactor_model.steady_state(ACTION, fixed={"h": 0.659})
+    np.testing.assert_allclose(found, [*STEADY_STATES[0][0], 0.659], rtol=1e-11)
+    without_heel = reactor_model.steady_state(ACTION, p={"V_0": 0.0}, fixed={"h": 0.659})
+    np.testing.assert_allclose(without_heel[:2], [0.877825190292089, 51.3466085559445], rtol=1e-11)
+
+
+@pytest.mark.parametrize("name", ["reactor", "beer"])
+def test_the_jacobian_is_the_derivative_of_the_residual(name):
+    model = smpl.compile(name)
+    low, high = model.native.bounds("state")
+    generator = np.random.default_rng(3)
+    y = generator.uniform(low + 0.2 * (high - low), low + 0.8 * (high - low))
+    yp = generator.normal(size=y.size)
+    u = model.native.defaults("action")
+    cj = 2.5
+    jacobian = model.jacobian(0.3, y, yp, u, cj)
+    assert jacobian.has_sorted_indices
+    columns = []
+    for i in range(y.size):
+        step = 1e-6 * (high - low)[i]
+        direction = np.eye(y.size)[i] * step
+        forward = model.residual(0.3, y + direction, yp + cj * direction, u)
+        backward = model.residual(0.3, y - direction, yp - cj * direction, u)
+        columns.append((forward - backward) / (2 * step))
+    expected = np.array(columns).T
+    np.testing.assert_allclose(jacobian.toarray(), expected, rtol=1e-5, atol=1e-7 * np.abs(expected).max())
+
+
+def test_the_residual_is_the_right_hand_side_less_the_rates(reactor_model):
+    y, yp = [0.7, 44.0, 0.8], np.array([0.1, -0.2, 0.3])
+    rates = reactor_model.rhs(0.0, y, ACTION)
+    np.testing.assert_allclose(reactor_model.residual(0.0, y, yp, ACTION), rates - yp, rtol=1e-14)
+
+
+def test_the_right_hand_side_agrees_with_an_independent_implementation(reference, reactor_model):
+    table = reference("rhs_reactor.csv")
+    for i in range(len(table["c_A"])):
+        found = reactor_model.rhs(
+            0.0, [table[n][i] for n in ("c_A", "T", "h")], [table[n][i] for n in ("T_c", "q_out")]
+        )
+        np.testing.assert_allclose(found, [table[f"der.{n}"][i] for n in ("c_A", "T", "h")], rtol=1e-12)
+
+
+def test_the_right_hand_side_of_the_beer_agrees_with_an_independent_implementation(reference):
+    model, table = smpl.compile("beer"), reference("rhs_beer.csv")
+    states = model.state_names
+    for i in range(len(table["T"])):
+        found = model.rhs(0.0, [table[n][i] for n in states], [table["T"][i]])
+        expected = np.array([table[f"der.{n}"][i] for n in states])
+        np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-12)
+
+
+def test_parameters_take_the_place_of_defaults(reactor_model):
+    y = [0.7, 44.0, 0.8]
+    plain = reactor_model.rhs(0.0, y, ACTION)
+    changed = reactor_model.rhs(0.0, y, ACTION, p={"q_in": 0.2})
+    area = np.pi * 0.219**2
+    assert changed[2] - plain[2] == pytest.approx(0.1 / area, rel=1e-12)
+    np.testing.assert_array_equal(reactor_model.rhs(0.0, y, ACTION), plain)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((0.0, [1.0, 2.0], ACTION), r"y has shape \(2,\), expected \(3,\)"),
+        ((0.0, [1.0, 2.0, 3.0], [1.0]), r"u has shape \(1,\), expected \(2,\)"),
+        ((0.0, [1.0, 2.0, 3.0], ACTION, {"x": 1.0}), "unknown 'x'.*q_in"),
+    ],
+)
+def test_wrong_arguments_are_named(reactor_model, arguments, message):
+    with pytest.raises(ValueError, match=message):
+        reactor_model.rhs(*arguments)
+
+
+def test_a_model_can_be_made_of_its_text():
+    model = smpl.compile(
+        source="""
+        model Tank
+        time t : min
+        param A : m^2 = 0.5
+        action q : m^3/min = 0.1 in 0..0.3
+        state h : m = 1 in 0..2
+        eq d/dt h = (q - 0.1 [m^2.5/min] * sqrt(h)) / A
+        observe h
+        reward level default = -sq((h - 1 [m]) / 1 [m])
+        episode { step = 1 [min], max_steps = 50, error_reward = -100 }
+        """
+    )
+    assert model.rhs(0.0, [0.25], [0.2])[0] == pytest.approx((0.2 - 0.1 * 0.5) / 0.5, rel=1e-14)
+    env = smpl.Env(model)
+    env.reset(seed=0)
+    assert env.step(np.zeros(1))[1] <= 0.0
+
+
+def test_a_fault_in_the_text_is_shown_with_its_place():
+    with pytest.raises(smpl.CompileError) as caught:
+        smpl.compile(source="model M\ntime t : s\nstate x : m = 1\neq d/dt x = -k*x\n")
+    found = caught.value.diagnostics[0]
+    assert (found.line, found.column) == (4, 14)
+    assert "k" in found.message and found.code
+    assert found.file in str(caught.value)
+
+
+def test_a_missing_file_is_named():
+    with pytest.raises(FileNotFoundError, match=r"nowhere\.eq"):
+        smpl.compile("models/nowhere.eq")
+    with pytest.raises(FileNotFoundError, match="reactor"):
+        smpl.compile("reaktor")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"scenario": "nowhere"},
+        {"variants": ["nowhere"]},
+        {"settings": {"nowhere": 1}},
+    ],
+)
+def test_an_unknown_scenario_variant_or_setting_is_refused(arguments):
+    with pytest.raises(smpl.ScenarioError, match="nowhere"):
+        smpl.compile("reactor", **arguments)
+
+
+def test_a_model_is_compiled_once_for_the_same_arguments():
+    assert smpl.compile("reactor") is smpl.compile("reactor")
+    assert smpl.compile("reactor") is not smpl.compile("reactor", scenario="legacy")
+
+
+def test_a_model_survives_pickling(reactor_model):
+    again = pickle.loads(pickle.dumps(reactor_model))
+    y = [0.7, 44.0, 0.8]
+    np.testing.assert_array_equal(again.rhs(0.0, y, ACTION), reactor_model.rhs(0.0, y, ACTION))
+
+
+def test_a_setting_changes_a_parameter():
+    model = smpl.compile("reactor", settings={"q_in": 0.2})
+    area = np.pi * 0.219**2
+    assert model.rhs(0.0, [0.7, 44.0, 0.8], ACTION)[2] == pytest.approx(0.1 / area, rel=1e-12)
