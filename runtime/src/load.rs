@@ -13,7 +13,6 @@ use smpl_compiler::elaborate::{Options, Setting};
 use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes, suggest};
 use smpl_dsl::span::{FileId, Span};
 
-use crate::artefact;
 use crate::catalogue::Catalogue;
 use crate::scenario::{self, Disturbances, Noise, Recorded, Scenario, Value, Variant};
 use crate::setup::EnvironmentOptions;
@@ -201,26 +200,39 @@ fn compile_options(sources: &mut SourceMap, scenario: &Scenario, options: &LoadO
     Ok(out)
 }
 
-fn load_artefact(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded, LoadError> {
-    let model = artefact::from_bytes(bytes).map_err(|error| LoadError::Artefact {
-        path: path.to_owned(),
-        message: error.to_string(),
-    })?;
-    if !options.variants.is_empty() || options.scenario.as_deref().is_some_and(|s| s != "default") {
-        let message =
-            "a compiled model takes neither scenario nor variants: give the `.eq` file".into();
-        return Err(LoadError::Artefact {
-            path: path.to_owned(),
-            message,
-        });
+/// Hash of all texts of a compilation but those of scenarios: what a compiled model belongs to.
+#[must_use]
+pub fn fingerprint(sources: &SourceMap) -> [u8; 32] {
+    let of_model = |id: &FileId| Path::new(sources.name(*id)).extension().is_some_and(|e| e == "eq");
+    let mut texts: Vec<&str> = (0..sources.len()).map(|i| FileId(i as u16)).filter(of_model).filter_map(|id| Some(sources.file(id)?.text())).collect();
+    texts.sort_unstable();
+    smpl_compiler::artefact::fingerprint(&texts, &[])
+}
+
+/// Refuses a compiled model whose source beside it has changed since.
+fn check_source(path: &Path, bytes: &[u8]) -> Result<(), LoadError> {
+    let source = path.with_extension("eq");
+    let Ok(text) = fs::read_to_string(&source) else { return Ok(()) };
+    let stale = |message: String| LoadError::Artefact { path: path.to_owned(), message };
+    let mut sources = SourceMap::new();
+    let main = sources.add(source.display().to_string(), text);
+    let folder = source.parent().map(Path::to_owned).unwrap_or_default();
+    smpl_compiler::front::read(&mut sources, main, &mut |name| import(&folder, name));
+    let header = smpl_compiler::artefact::header_of_user(bytes).map_err(|error| stale(error.to_string()))?;
+    if header.fingerprint == fingerprint(&sources) {
+        return Ok(());
     }
-    finish(
-        model,
-        Vec::new(),
-        SourceMap::new(),
-        &Scenario::default(),
-        options,
-    )
+    Err(stale(format!("{} has changed since; run `smpl compile` again", source.display())))
+}
+
+fn load_artefact(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded, LoadError> {
+    let refuse = |message: String| LoadError::Artefact { path: path.to_owned(), message };
+    let model = CompiledModel::from_bytes(bytes).map_err(|error| refuse(error.to_string()))?;
+    check_source(path, bytes)?;
+    if !options.variants.is_empty() || options.scenario.as_deref().is_some_and(|s| s != "default") {
+        return Err(refuse("a compiled model takes neither scenario nor variants: give the `.eq` file".into()));
+    }
+    finish(model, Vec::new(), SourceMap::new(), &Scenario::default(), options)
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, LoadError> {

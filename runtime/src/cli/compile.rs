@@ -10,7 +10,7 @@ use smpl_compiler::model::Quantity;
 
 use super::report::Failed;
 use super::{ModelArguments, say};
-use crate::artefact;
+use smpl_compiler::emit;
 use crate::catalogue::{Catalogue, Family};
 use crate::load::ARTEFACT_EXTENSION;
 use crate::solver::{LinearSolver, System};
@@ -63,17 +63,17 @@ pub(super) fn run(arguments: &CompileArguments) -> Result<(), Failed> {
     }
     let loaded = arguments.model.load(&arguments.file)?;
     match arguments.emit {
-        Some(Stage::Ir) => return say(format!("{:#?}\n", loaded.model.model())),
+        Some(Stage::Ir) => return say(emit::ir(loaded.model.model())),
         Some(Stage::Json) => return say(interface_json(&loaded.model)? + "\n"),
-        Some(Stage::Clif) => return say(artefact::clif(&loaded.model)?),
-        Some(Stage::Asm) => return say(artefact::assembly(&loaded.model)?),
+        Some(Stage::Clif) => return say(emit::clif(&loaded.model)),
+        Some(Stage::Asm) => return say(emit::assembly(&loaded.model)),
         Some(Stage::Ast | Stage::Latex) | None => {}
     }
     let out = arguments
         .output
         .clone()
         .unwrap_or_else(|| arguments.file.with_extension(ARTEFACT_EXTENSION));
-    let bytes = artefact::to_bytes(&loaded.model)?;
+    let bytes = loaded.model.to_bytes(crate::load::fingerprint(&loaded.sources))?;
     write_whole(&out, |file| file.write_all(&bytes))?;
     say(summary(&loaded.model, &out)?)
 }

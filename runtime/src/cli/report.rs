@@ -63,7 +63,7 @@ macro_rules! failed_by_message {
     };
 }
 failed_by_message!(
-    crate::artefact::Unavailable,
+    smpl_compiler::artefact::ArtefactError,
     SetupError,
     ResetError,
     StepError,
