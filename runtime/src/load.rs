@@ -381,6 +381,7 @@ fn recorded(scenario: &Scenario, catalogue: &Catalogue) -> BTreeMap<String, Vec<
 fn knows_setting(model: &CompiledModel, catalogue: &Catalogue, name: &str) -> bool {
     let interface = model.interface();
     catalogue.parameters.find(name).is_some()
+        || smpl_compiler::elaborate::ENTRY_SETTINGS.contains(&name)
         || interface.choices.iter().any(|(n, ..)| n == name)
         || interface.variants.iter().any(|(n, _)| n == name)
 }

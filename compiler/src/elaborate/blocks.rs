@@ -154,8 +154,7 @@ impl<'a> Elaborator<'a> {
             .cloned()
             .collect();
         for name in unused {
-            let entries = ["max_steps", "error_reward", "step", "integrate", "rtol", "atol_factor", "max_order", "linear_solver", "max_internal_steps"];
-            if entries.contains(&name.as_str()) {
+            if super::ENTRY_SETTINGS.contains(&name.as_str()) {
                 continue;
             }
             let mut known: Vec<&str> = self

@@ -257,3 +257,53 @@ impl Drop for Klu {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A matrix whose rows differ by ten decades in size and whose pivots lie off the diagonal; numbers by a small congruential generator.
+    fn unsymmetric(n: usize) -> (Pattern, Vec<f64>) {
+        let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
+        let mut seed = 12345_u64;
+        let mut random = || {
+            seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (seed >> 33) as f64 / f64::from(1_u32 << 31) - 0.5
+        };
+        for column in 0..n {
+            let mut list: Vec<usize> = (0..n).filter(|&row| row == column || random() > 0.25).collect();
+            list.sort_unstable();
+            for &row in &list {
+                let size = 10_f64.powi((row * 7 % 11) as i32 - 5);
+                // A weak diagonal makes the pivoting leave it.
+                values.push(size * if row == column { 1e-3 } else { random() + 0.6 });
+            }
+            rows.extend(list);
+            starts.push(rows.len());
+        }
+        (Pattern::new(starts, rows).expect("a pattern"), values)
+    }
+
+    #[test]
+    fn badly_scaled_rows_with_pivots_off_the_diagonal_are_solved() {
+        for n in [2, 5, 20, 60] {
+            let (pattern, mut values) = unsymmetric(n);
+            let mut klu = Klu::new(&pattern).expect("not singular");
+            for _ in 0..3 {
+                assert!(klu.factorise(&values).is_ok());
+                let exact: Vec<f64> = (0..n).map(|i| 1.0 + i as f64).collect();
+                let mut b = vec![0.0; n];
+                for (column, x) in exact.iter().enumerate() {
+                    for entry in pattern.column(column) {
+                        b[pattern.rows()[entry]] += values[entry] * x;
+                    }
+                }
+                klu.solve(&mut b);
+                let error = b.iter().zip(&exact).map(|(a, e)| (a - e).abs()).fold(0.0, f64::max);
+                assert!(error < 1e-6, "n = {n}: {error}");
+                // The second and third time with the old pivots and other numbers.
+                values.iter_mut().for_each(|v| *v *= 1.0 + 0.01 * v.signum());
+            }
+        }
+    }
+}
