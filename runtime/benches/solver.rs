@@ -22,20 +22,14 @@ const FIRST_STEPS: [(&str, FirstStep); 8] = [
 
 /// An input sequence that jumps at every step, the same for all.
 fn jump(step: u32) -> f64 {
-    let mut x = u64::from(step)
-        .wrapping_add(1)
-        .wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    let mut x = u64::from(step).wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
     x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
     ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 53) as f64 * 2.0 - 1.0
 }
 
 /// Control steps with a jump of the first input at each; the final state.
-fn episode(
-    ida: &mut Ida,
-    problem: &mut Problem,
-    (steps, length, size): (u32, f64, f64),
-) -> Vec<f64> {
+fn episode(ida: &mut Ida, problem: &mut Problem, (steps, length, size): (u32, f64, f64)) -> Vec<f64> {
     ida.forget();
     let nominal = problem.inputs.first().copied().unwrap_or_default();
     let mut state = problem.start.clone();
@@ -44,9 +38,7 @@ fn episode(
             *input = nominal + size * jump(step);
         }
         let t = length * f64::from(step);
-        let done = ida
-            .restart(problem, t, &state, None)
-            .and_then(|()| ida.advance(problem, t + length));
+        let done = ida.restart(problem, t, &state, None).and_then(|()| ida.advance(problem, t + length));
         if let Err(error) = done {
             println!("step {step}: {error}");
             break;
@@ -64,18 +56,8 @@ fn settings(problem: &Problem, rtol: f64, atol: f64) -> Settings {
 }
 
 /// One line: time, work and error of an episode.
-fn report(
-    name: &str,
-    mut problem: Problem,
-    settings: Settings,
-    shape: (u32, f64, f64),
-    repeats: usize,
-) {
-    let fine = Settings {
-        rtol: 1e-11,
-        atol: settings.atol.iter().map(|a| a * 1e-4).collect(),
-        ..settings.clone()
-    };
+fn report(name: &str, mut problem: Problem, settings: Settings, shape: (u32, f64, f64), repeats: usize) {
+    let fine = Settings { rtol: 1e-11, atol: settings.atol.iter().map(|a| a * 1e-4).collect(), ..settings.clone() };
     let Ok(mut reference) = Ida::new(&problem, fine) else {
         return println!("{name}: refused");
     };
@@ -91,11 +73,7 @@ fn report(
             start.elapsed().as_secs_f64()
         })
         .fold(f64::INFINITY, f64::min);
-    let error = state
-        .iter()
-        .zip(&exact)
-        .map(|(a, b)| (a - b).abs() / b.abs().max(1e-3))
-        .fold(0.0, f64::max);
+    let error = state.iter().zip(&exact).map(|(a, b)| (a - b).abs() / b.abs().max(1e-3)).fold(0.0, f64::max);
     let s = ida.statistics();
     println!(
         "{name:36} {:9.2} us/step  {:6.2} steps {:6.2} residuals {:5.2} Jacobians {:5.2} factorisations {:5.2} rejected  error {error:.1e}  {:?}",
@@ -110,30 +88,21 @@ fn report(
 }
 
 fn main() {
-    let filter = env::args()
-        .skip(1)
-        .find(|argument| !argument.starts_with('-'))
-        .unwrap_or_default();
+    let filter = env::args().skip(1).find(|argument| !argument.starts_with('-')).unwrap_or_default();
     let wanted = |name: &str| name.contains(&filter);
     for (label, first_step) in FIRST_STEPS {
         for (case, size) in [("tank 10 K", 10.0), ("tank 0.1 K", 0.1)] {
             let name = format!("{case}, {label}");
             if wanted(&name) {
                 let problem = problems::stirred_tank();
-                let settings = Settings {
-                    first_step,
-                    ..settings(&problem, 1e-6, 1e-8)
-                };
+                let settings = Settings { first_step, ..settings(&problem, 1e-6, 1e-8) };
                 report(&name, problem, settings, (5_000, 0.1, size), 25);
             }
         }
         let name = format!("reactor 1700, {label}");
         if wanted(&name) {
             let problem = problems::tubular_reactor(425);
-            let settings = Settings {
-                first_step,
-                ..settings(&problem, 1e-6, 1e-6)
-            };
+            let settings = Settings { first_step, ..settings(&problem, 1e-6, 1e-6) };
             report(&name, problem, settings, (30, 0.1, 0.05), 7);
         }
     }
@@ -152,10 +121,7 @@ fn main() {
             let name = format!("reactor {} {linear_solver:?}", 4 * cells);
             if wanted(&name) {
                 let problem = problems::tubular_reactor(cells);
-                let settings = Settings {
-                    linear_solver,
-                    ..settings(&problem, 1e-6, 1e-6)
-                };
+                let settings = Settings { linear_solver, ..settings(&problem, 1e-6, 1e-6) };
                 report(&name, problem, settings, (300, 0.1, 0.05), 25);
             }
         }

@@ -63,12 +63,7 @@ pub enum SteadyError {
 #[must_use]
 pub fn guess(system: &CompiledSystem, catalogue: &Catalogue) -> Vec<f64> {
     let mut y = vec![0.0; system.model().unknowns()];
-    for element in catalogue
-        .states
-        .elements()
-        .iter()
-        .chain(catalogue.solved.elements())
-    {
+    for element in catalogue.states.elements().iter().chain(catalogue.solved.elements()) {
         if element.default.is_finite() {
             y[element.at] = element.default;
         }
@@ -78,11 +73,7 @@ pub fn guess(system: &CompiledSystem, catalogue: &Catalogue) -> Vec<f64> {
 
 /// The actions and fixed states (places in `y` and values) of the model's `steady` block; nominal actions without one.
 #[must_use]
-pub fn declared(
-    system: &mut CompiledSystem,
-    catalogue: &Catalogue,
-    y: &mut [f64],
-) -> (Vec<f64>, Vec<(usize, f64)>) {
+pub fn declared(system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut [f64]) -> (Vec<f64>, Vec<(usize, f64)>) {
     let (model, memory) = system.parts();
     let interface = model.interface();
     let actions = catalogue.actions.elements();
@@ -92,15 +83,7 @@ pub fn declared(
     let mut out = vec![0.0; actions.len() + interface.steady_fixed.len()];
     model.steady(memory, y, &mut out);
     let states = out.split_off(actions.len());
-    (
-        out,
-        interface
-            .steady_fixed
-            .iter()
-            .map(|&at| at as usize)
-            .zip(states)
-            .collect(),
-    )
+    (out, interface.steady_fixed.iter().map(|&at| at as usize).zip(states).collect())
 }
 
 /// Finds the model's own steady state and keeps it in the steady frame of the instance. The instance's actions and
@@ -108,11 +91,7 @@ pub fn declared(
 ///
 /// # Errors
 /// See [`SteadyError`].
-pub fn solve_declared(
-    system: &mut CompiledSystem,
-    catalogue: &Catalogue,
-    guess: &[f64],
-) -> Result<SteadyReport, SteadyError> {
+pub fn solve_declared(system: &mut CompiledSystem, catalogue: &Catalogue, guess: &[f64]) -> Result<SteadyReport, SteadyError> {
     let mut y = guess.to_vec();
     let (actions, fixed) = declared(system, catalogue, &mut y);
     let report = solve(system, catalogue, &actions, &fixed, &mut y)?;
@@ -156,10 +135,7 @@ pub fn solve(
             break;
         }
     }
-    Ok(SteadyReport {
-        residual_norm: residual_norm(system, y),
-        iterations,
-    })
+    Ok(SteadyReport { residual_norm: residual_norm(system, y), iterations })
 }
 
 fn residual_norm(system: &mut CompiledSystem, y: &[f64]) -> f64 {
@@ -171,11 +147,7 @@ fn residual_norm(system: &mut CompiledSystem, y: &[f64]) -> f64 {
 
 /// Name of the unknown at a place in `y`.
 fn unknown_name(catalogue: &Catalogue, at: usize) -> Option<String> {
-    let mut all = catalogue
-        .states
-        .elements()
-        .iter()
-        .chain(catalogue.solved.elements());
+    let mut all = catalogue.states.elements().iter().chain(catalogue.solved.elements());
     all.find(|e| e.at == at).map(|e| e.name.clone())
 }
 

@@ -53,8 +53,7 @@ fn assert_no_allocation(mut problem: Problem, choice: LinearSolver, first_step: 
             *input *= if step % 2 == 0 { 1.02 } else { 1.0 / 1.02 };
         }
         let t = 0.1 * f64::from(step);
-        ida.restart(&mut problem, t, &state, None)
-            .expect("consistent");
+        ida.restart(&mut problem, t, &state, None).expect("consistent");
         ida.advance(&mut problem, t + 0.1).expect("reaches the end");
         state.copy_from_slice(ida.state());
     }
@@ -64,11 +63,7 @@ fn assert_no_allocation(mut problem: Problem, choice: LinearSolver, first_step: 
 
 #[test]
 fn restarts_and_advances_allocate_nothing() {
-    for first_step in [
-        FirstStep::default(),
-        FirstStep::Scaled { factor: 0.1 },
-        FirstStep::Ida,
-    ] {
+    for first_step in [FirstStep::default(), FirstStep::Scaled { factor: 0.1 }, FirstStep::Ida] {
         for choice in [LinearSolver::Dense, LinearSolver::Klu] {
             assert_no_allocation(problems::stirred_tank(), choice, first_step);
             assert_no_allocation(problems::robertson_dae(), choice, first_step);

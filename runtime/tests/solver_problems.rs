@@ -2,16 +2,14 @@
 
 use smpl_runtime::solver::problems::{self, Problem};
 use smpl_runtime::solver::{
-    Advance, Ida, Integrator, LinearSolver, Method, Pattern, Quadratures, Settings, SolveError,
-    Statistics, System,
+    Advance, Ida, Integrator, LinearSolver, Method, Pattern, Quadratures, Settings, SolveError, Statistics, System,
 };
 
 /// Integrates from the problem's start at time 0 to `t_end`.
 fn integrate(problem: &mut Problem, settings: Settings, t_end: f64) -> Ida {
     let mut ida = Ida::new(problem, settings).expect("settings are valid");
     let start = problem.start.clone();
-    ida.restart(problem, 0.0, &start, None)
-        .expect("a consistent start exists");
+    ida.restart(problem, 0.0, &start, None).expect("a consistent start exists");
     assert_eq!(ida.advance(problem, t_end), Ok(Advance::Reached));
     assert_eq!(ida.time(), t_end);
     ida
@@ -20,10 +18,7 @@ fn integrate(problem: &mut Problem, settings: Settings, t_end: f64) -> Ida {
 fn assert_close(found: &[f64], expected: &[f64], relative: f64) {
     assert_eq!(found.len(), expected.len());
     for (i, (f, e)) in found.iter().zip(expected).enumerate() {
-        assert!(
-            (f - e).abs() <= relative * e.abs(),
-            "entry {i}: {f} is not {e}"
-        );
+        assert!((f - e).abs() <= relative * e.abs(), "entry {i}: {f} is not {e}");
     }
 }
 
@@ -31,21 +26,14 @@ fn assert_at_most(found: Statistics, bound: Statistics) {
     assert!(found.steps <= bound.steps, "{found:?}");
     assert!(found.residuals <= bound.residuals, "{found:?}");
     assert!(found.jacobians <= bound.jacobians, "{found:?}");
-    assert!(
-        found.error_test_failures <= bound.error_test_failures,
-        "{found:?}"
-    );
+    assert!(found.error_test_failures <= bound.error_test_failures, "{found:?}");
 }
 
 /// Lawrence Livermore's IDA example idaRoberts_dns prints these to four digits at t = 40 and t = 4e10.
 const ROBERTSON_40: [f64; 3] = [7.158e-1, 9.185e-6, 2.842e-1];
 
 /// *Test Set for IVP Solvers*, release 2.4, problem ROBER, t = 1e11.
-const ROBERTSON_1E11: [f64; 3] = [
-    0.2083340149701255e-7,
-    0.8333360770334713e-13,
-    0.999999979166505,
-];
+const ROBERTSON_1E11: [f64; 3] = [0.2083340149701255e-7, 0.8333360770334713e-13, 0.999999979166505];
 
 #[test]
 fn robertson_ode_reaches_the_test_set_reference_at_1e11() {
@@ -53,22 +41,13 @@ fn robertson_ode_reaches_the_test_set_reference_at_1e11() {
     let settings = Settings::new(1e-8, vec![1e-14, 1e-18, 1e-14]);
     let ida = integrate(&mut problem, settings, 1e11);
     assert_close(ida.state(), &ROBERTSON_1E11, 2e-5);
-    let bound = Statistics {
-        steps: 2200,
-        residuals: 2700,
-        jacobians: 140,
-        error_test_failures: 42,
-        ..Default::default()
-    };
+    let bound = Statistics { steps: 2200, residuals: 2700, jacobians: 140, error_test_failures: 42, ..Default::default() };
     assert_at_most(ida.statistics(), bound);
 }
 
 #[test]
 fn robertson_dae_reaches_the_test_set_reference_at_1e11_with_both_linear_solvers() {
-    for (choice, method) in [
-        (LinearSolver::Dense, Method::Dense),
-        (LinearSolver::Klu, Method::Klu),
-    ] {
+    for (choice, method) in [(LinearSolver::Dense, Method::Dense), (LinearSolver::Klu, Method::Klu)] {
         let mut problem = problems::robertson_dae();
         let mut settings = Settings::new(1e-8, vec![1e-14, 1e-18, 1e-14]);
         settings.linear_solver = choice;
@@ -81,11 +60,7 @@ fn robertson_dae_reaches_the_test_set_reference_at_1e11_with_both_linear_solvers
 #[test]
 fn robertson_dae_agrees_with_the_published_example_at_40() {
     let mut problem = problems::robertson_dae();
-    let ida = integrate(
-        &mut problem,
-        Settings::new(1e-6, vec![1e-8, 1e-14, 1e-6]),
-        40.0,
-    );
+    let ida = integrate(&mut problem, Settings::new(1e-6, vec![1e-8, 1e-14, 1e-6]), 40.0);
     assert_close(ida.state(), &ROBERTSON_40, 1e-3);
 }
 
@@ -93,18 +68,8 @@ fn robertson_dae_agrees_with_the_published_example_at_40() {
 fn van_der_pol_reaches_the_test_set_reference() {
     let mut problem = problems::van_der_pol();
     let ida = integrate(&mut problem, Settings::new(1e-8, vec![1e-10; 2]), 2.0);
-    assert_close(
-        ida.state(),
-        &[0.1706167732170483e1, -0.8928097010247975],
-        1e-5,
-    );
-    let bound = Statistics {
-        steps: 3200,
-        residuals: 4600,
-        jacobians: 190,
-        error_test_failures: 60,
-        ..Default::default()
-    };
+    assert_close(ida.state(), &[0.1706167732170483e1, -0.8928097010247975], 1e-5);
+    let bound = Statistics { steps: 3200, residuals: 4600, jacobians: 190, error_test_failures: 60, ..Default::default() };
     assert_at_most(ida.statistics(), bound);
 }
 
@@ -123,13 +88,7 @@ fn hires_reaches_the_test_set_reference() {
         0.2850001604814231e-2,
     ];
     assert_close(ida.state(), &reference, 1e-5);
-    let bound = Statistics {
-        steps: 1550,
-        residuals: 2050,
-        jacobians: 75,
-        error_test_failures: 28,
-        ..Default::default()
-    };
+    let bound = Statistics { steps: 1550, residuals: 2050, jacobians: 75, error_test_failures: 28, ..Default::default() };
     assert_at_most(ida.statistics(), bound);
 }
 
@@ -152,11 +111,7 @@ fn tanks_in_series_follow_erlangs_distribution() {
     assert_eq!(ida.method(), Method::Klu);
     for i in (0..n).step_by(10) {
         let expected = erlang(i + 1, n as f64 * t);
-        assert!(
-            (ida.state()[i] - expected).abs() < 2e-5,
-            "tank {i}: {} is not {expected}",
-            ida.state()[i]
-        );
+        assert!((ida.state()[i] - expected).abs() < 2e-5, "tank {i}: {} is not {expected}", ida.state()[i]);
     }
 }
 
@@ -191,12 +146,7 @@ fn jacobians_agree_with_difference_quotients() {
     ];
     for mut problem in all {
         let n = problem.dimension();
-        let y: Vec<f64> = problem
-            .start
-            .iter()
-            .enumerate()
-            .map(|(i, y)| y + 0.1 + 0.01 * i as f64)
-            .collect();
+        let y: Vec<f64> = problem.start.iter().enumerate().map(|(i, y)| y + 0.1 + 0.01 * i as f64).collect();
         let (yp, cj) = (vec![0.5; n], 3.0);
         let mut values = vec![0.0; problem.pattern().entries()];
         problem.jacobian(0.0, &y, &yp, cj, &mut values);
@@ -216,10 +166,7 @@ fn jacobians_agree_with_difference_quotients() {
             let scale = exact.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
             for row in 0..n {
                 let quotient = (plus[row] - minus[row]) / (2.0 * step);
-                assert!(
-                    (exact[row] - quotient).abs() < 1e-6 * scale,
-                    "row {row}, column {column}"
-                );
+                assert!((exact[row] - quotient).abs() < 1e-6 * scale, "row {row}, column {column}");
             }
         }
     }
@@ -244,8 +191,7 @@ fn slaved() -> Problem {
 fn a_restart_makes_algebraic_unknowns_and_their_derivatives_consistent() {
     let mut problem = slaved();
     let mut ida = Ida::new(&problem, Settings::new(1e-8, vec![1e-10; 2])).expect("valid");
-    ida.restart(&mut problem, 0.5, &[2.0, 40.0], None)
-        .expect("consistent");
+    ida.restart(&mut problem, 0.5, &[2.0, 40.0], None).expect("consistent");
     let z = 4.5_f64.cbrt();
     assert!((ida.state()[1] - z).abs() < 1e-9);
     assert_eq!(ida.derivative()[0], -2.0);
@@ -268,16 +214,8 @@ fn an_unsolvable_algebraic_equation_is_an_error_of_the_restart() {
     )
     .with_structure(vec![true, false], true);
     let mut ida = Ida::new(&problem, Settings::new(1e-6, vec![1e-8; 2])).expect("valid");
-    let error = ida
-        .restart(&mut problem, 0.0, &[1.0, 3.0], None)
-        .expect_err("there is no root");
-    assert!(
-        matches!(
-            error,
-            SolveError::InitialConditions { .. } | SolveError::SingularJacobian { .. }
-        ),
-        "{error}"
-    );
+    let error = ida.restart(&mut problem, 0.0, &[1.0, 3.0], None).expect_err("there is no root");
+    assert!(matches!(error, SolveError::InitialConditions { .. } | SolveError::SingularJacobian { .. }), "{error}");
     assert_eq!(ida.advance(&mut problem, 1.0), Err(SolveError::NotStarted));
 }
 
@@ -293,15 +231,12 @@ fn an_implicit_system_finds_its_derivatives() {
             out[1] = yp[0] + yp[1] + 2.0 * y[0] - y[2];
             out[2] = y[2] - y[1];
         },
-        |_, _, cj, _, j| {
-            j.copy_from_slice(&[2.0 * cj + 3.0, cj + 2.0, 0.0, cj, cj, -1.0, 0.0, -1.0, 1.0])
-        },
+        |_, _, cj, _, j| j.copy_from_slice(&[2.0 * cj + 3.0, cj + 2.0, 0.0, cj, cj, -1.0, 0.0, -1.0, 1.0]),
     )
     .with_structure(vec![true, true, false], false);
     let mut ida = Ida::new(&problem, Settings::new(1e-9, vec![1e-11; 3])).expect("valid");
     let start = problem.start.clone();
-    ida.restart(&mut problem, 0.0, &start, None)
-        .expect("consistent");
+    ida.restart(&mut problem, 0.0, &start, None).expect("consistent");
     assert!((ida.derivative()[0] + 1.5).abs() < 1e-6 && ida.derivative()[1].abs() < 1e-6);
     assert_close(&ida.state()[2..], &[0.5], 1e-6);
     ida.advance(&mut problem, 0.5).expect("reaches the end");
@@ -309,10 +244,7 @@ fn an_implicit_system_finds_its_derivatives() {
     let (mean, root, t) = (0.5_f64, 13.0_f64.sqrt() / 2.0, 0.5);
     let (c, s) = ((root * t).cosh(), (root * t).sinh() / root);
     let e = (mean * t).exp();
-    let exact = [
-        e * (c * 1.0 + s * ((-1.0 - mean) * 1.0 - 0.5)),
-        e * (c * 0.5 + s * (-1.0 + (2.0 - mean) * 0.5)),
-    ];
+    let exact = [e * (c * 1.0 + s * ((-1.0 - mean) * 1.0 - 0.5)), e * (c * 0.5 + s * (-1.0 + (2.0 - mean) * 0.5))];
     assert_close(&ida.state()[..2], &exact, 1e-6);
 }
 
@@ -355,34 +287,22 @@ impl System for Ramp {
 #[test]
 fn events_stop_with_their_direction_and_quadratures_begin_at_zero() {
     // A linear solution is stepped over at once, so that unchecked quadratures need a bound on the step.
-    let checked = Quadratures::Checked {
-        rtol: 1e-8,
-        atol: 1e-10,
-    };
+    let checked = Quadratures::Checked { rtol: 1e-8, atol: 1e-10 };
     for (quadratures, max_step) in [(Quadratures::Unchecked, 1e-4), (checked, f64::INFINITY)] {
-        let mut ramp = Ramp {
-            pattern: Pattern::full(1),
-            slope: 0.5,
-        };
+        let mut ramp = Ramp { pattern: Pattern::full(1), slope: 0.5 };
         let mut settings = Settings::new(1e-8, vec![1e-10]);
         settings.quadratures = quadratures;
         settings.max_step = max_step;
         settings.max_steps = 200_000;
         let mut ida = Ida::new(&ramp, settings).expect("valid");
-        ida.restart(&mut ramp, 0.0, &[0.0], None)
-            .expect("consistent");
+        ida.restart(&mut ramp, 0.0, &[0.0], None).expect("consistent");
         assert_eq!(ida.advance(&mut ramp, 10.0), Ok(Advance::Event));
-        assert_close(
-            &[ida.time(), ida.state()[0], ida.quadratures()[0]],
-            &[2.0, 1.0, 1.0],
-            1e-4,
-        );
+        assert_close(&[ida.time(), ida.state()[0], ida.quadratures()[0]], &[2.0, 1.0, 1.0], 1e-4);
         assert_eq!(ida.events(), &[1, 0]);
         assert_eq!(ida.advance(&mut ramp, 4.0), Ok(Advance::Reached));
         assert_close(ida.quadratures(), &[4.0], 1e-4);
         ramp.slope = -1.0;
-        ida.restart(&mut ramp, 4.0, &[2.0], None)
-            .expect("consistent");
+        ida.restart(&mut ramp, 4.0, &[2.0], None).expect("consistent");
         assert_eq!(ida.quadratures(), &[0.0]);
         assert_eq!(ida.advance(&mut ramp, 10.0), Ok(Advance::Event));
         assert_eq!(ida.events(), &[-1, 0]);

@@ -54,13 +54,7 @@ fn instances_on_several_threads_give_the_same_bits() {
     for kind in 0..4 {
         let alone = episode_of_a_new_instance(kind, FirstStep::default());
         let threads: Vec<_> = (0..8)
-            .map(|_| {
-                thread::spawn(move || {
-                    (0..4)
-                        .map(|_| episode_of_a_new_instance(kind, FirstStep::default()))
-                        .collect::<Vec<_>>()
-                })
-            })
+            .map(|_| thread::spawn(move || (0..4).map(|_| episode_of_a_new_instance(kind, FirstStep::default())).collect::<Vec<_>>()))
             .collect();
         for thread in threads {
             for bits in thread.join().expect("no panic") {
@@ -72,11 +66,7 @@ fn instances_on_several_threads_give_the_same_bits() {
 
 #[test]
 fn a_forgetful_instance_repeats_the_bits_of_a_new_one() {
-    for first_step in [
-        FirstStep::default(),
-        FirstStep::Scaled { factor: 0.1 },
-        FirstStep::Ida,
-    ] {
+    for first_step in [FirstStep::default(), FirstStep::Scaled { factor: 0.1 }, FirstStep::Ida] {
         for kind in 0..4 {
             let (mut problem, choice) = problem(kind);
             let settings = settings(&problem, choice, first_step);
@@ -96,9 +86,6 @@ fn the_portable_loops_give_the_same_bits_as_the_fast_ones() {
         let settings = settings(&problem, choice, FirstStep::default());
         let mut ida = Ida::portable(&problem, settings).expect("valid");
         let portable = episode(&mut ida, &mut problem, 0.5);
-        assert_eq!(
-            portable,
-            episode_of_a_new_instance(kind, FirstStep::default())
-        );
+        assert_eq!(portable, episode_of_a_new_instance(kind, FirstStep::default()));
     }
 }
