@@ -5,7 +5,7 @@ use std::io::{IsTerminal, Write};
 use std::path::Path;
 
 use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
-use smpl_dsl::diagnostic::{Code, Diagnostic, Severity, SourceMap};
+use smpl_dsl::diagnostic::{Code, Diagnostic, Label, Severity, SourceMap};
 use smpl_dsl::span::Span;
 
 use crate::environment::{ResetError, StepError};
@@ -150,7 +150,11 @@ impl Shown {
         let label = |text: &str| (!text.is_empty()).then(|| text.to_owned());
         let primary = LabeledSpan::new_primary_with_span(label(&diagnostic.primary.text), clip(diagnostic.primary.span));
         let (here, elsewhere): (Vec<_>, Vec<_>) = diagnostic.secondary.iter().partition(|l| l.span.file == file);
-        let mut labels = vec![primary];
+        // Marks within marks cannot be drawn: where labelled parts lie inside of the whole, they are shown alone.
+        let whole = diagnostic.primary.span;
+        let inside = |l: &Label| whole.start <= l.span.start && l.span.end <= whole.end;
+        let parts_alone = diagnostic.primary.text.is_empty() && here.iter().any(|l| inside(l));
+        let mut labels = if parts_alone { vec![] } else { vec![primary] };
         labels.extend(here.iter().map(|l| LabeledSpan::new_with_span(label(&l.text), clip(l.span))));
         let remote = elsewhere.iter().map(|l| format!("{} ({}:{})", l.text, sources.name(l.span.file), sources.locate(l.span).line));
         let help: Vec<String> = diagnostic.help.iter().cloned().chain(diagnostic.notes.iter().cloned()).chain(remote).collect();

@@ -260,7 +260,8 @@ pub(crate) unsafe extern "C" fn error_weights(y: N_Vector, weights: N_Vector, da
     code(bridge.step_accepted())
 }
 
-/// Keeps the last message in place of printing it.
+/// Keeps the last message in place of printing it: SUNDIALS 6.
+#[cfg(not(feature = "vendored"))]
 pub(crate) unsafe extern "C" fn message(
     _code: c_int,
     _module: *const c_char,
@@ -268,6 +269,27 @@ pub(crate) unsafe extern "C" fn message(
     text: *mut c_char,
     data: *mut c_void,
 ) {
+    unsafe { keep_message(text, data) }
+}
+
+/// Keeps the last message in place of printing it: SUNDIALS 7.
+#[cfg(feature = "vendored")]
+pub(crate) unsafe extern "C" fn message(
+    _line: c_int,
+    _function: *const c_char,
+    _file: *const c_char,
+    text: *const c_char,
+    _code: sundials_sys::SUNErrCode,
+    data: *mut c_void,
+    _context: SUNContext,
+) {
+    unsafe { keep_message(text, data) }
+}
+
+unsafe fn keep_message(text: *const c_char, data: *mut c_void) {
+    if text.is_null() {
+        return;
+    }
     let bridge = unsafe { bridge(data) };
     let text = unsafe { CStr::from_ptr(text) }.to_bytes();
     let length = text.len().min(MESSAGE);

@@ -5,10 +5,12 @@
 //! [`kernels`](super::kernels). There are two tables of the same functions: one compiled for AVX2 and FMA, one for any
 //! processor. Both give the same bits.
 
-use std::os::raw::{c_int, c_void};
+use std::os::raw::c_int;
 use std::ptr;
 
-use sundials_sys::{_generic_N_Vector, _generic_N_Vector_Ops, N_Vector, N_Vector_ID, N_Vector_ID_SUNDIALS_NVEC_CUSTOM, SUNContext};
+use sundials_sys::{
+    _generic_N_Vector, _generic_N_Vector_Ops, N_Vector, N_Vector_ID, N_Vector_ID_SUNDIALS_NVEC_CUSTOM, SUNComm, SUNContext, comm_no_mpi,
+};
 
 use super::kernels::{Block, LANES};
 
@@ -101,8 +103,8 @@ unsafe extern "C" fn length(x: N_Vector) -> i64 {
     unsafe { (*content(x)).length as i64 }
 }
 
-unsafe extern "C" fn communicator(_: N_Vector) -> *mut c_void {
-    ptr::null_mut()
+unsafe extern "C" fn communicator(_: N_Vector) -> SUNComm {
+    comm_no_mpi()
 }
 
 // The operations from here to the macro write a number other than zero where zeros stand, so they keep to the length.

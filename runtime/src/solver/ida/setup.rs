@@ -64,7 +64,7 @@ impl Ida {
         let memory = self.memory;
         let data: *mut c_void = self.bridge.cast();
         unsafe {
-            check("IDASetErrHandlerFn", IDASetErrHandlerFn(memory, Some(callbacks::message), data))?;
+            self.take_messages(data)?;
             check("IDASetUserData", IDASetUserData(memory, data))?;
             check("IDAInit", IDAInit(memory, Some(callbacks::residual), 0.0, self.y.raw(), self.yp.raw()))?;
             check("IDAWFtolerances", IDAWFtolerances(memory, Some(callbacks::error_weights)))?;
@@ -86,6 +86,21 @@ impl Ida {
         }
         self.configure_identity()?;
         self.configure_quadratures()
+    }
+
+    /// Messages go to `data`, the bridge, in place of standard error: SUNDIALS 6.
+    #[cfg(not(feature = "vendored"))]
+    unsafe fn take_messages(&self, data: *mut c_void) -> Result<(), SolveError> {
+        check("IDASetErrHandlerFn", unsafe { IDASetErrHandlerFn(self.memory, Some(callbacks::message), data) })
+    }
+
+    /// Messages go to `data`, the bridge, in place of standard error: SUNDIALS 7, where they belong to the context.
+    #[cfg(feature = "vendored")]
+    unsafe fn take_messages(&self, data: *mut c_void) -> Result<(), SolveError> {
+        let context = self.context.0;
+        // All handlers are called, and one that prints is there from the start.
+        check("SUNContext_ClearErrHandlers", unsafe { SUNContext_ClearErrHandlers(context) })?;
+        check("SUNContext_PushErrHandler", unsafe { SUNContext_PushErrHandler(context, Some(callbacks::message), data) })
     }
 
     /// Implicit systems: which unknowns are differential.

@@ -12,10 +12,6 @@ use super::super::{IdaFlag, Pattern, SolveError};
 use super::Singular;
 use super::triangular::{ByColumns, Factors};
 
-// sundials-sys declares KLU's functions but leaves the linking to SUNDIALS' own KLU module.
-#[link(name = "klu")]
-unsafe extern "C" {}
-
 /// Reciprocal condition below which old pivots are not trusted (SUNDIALS' own bound, roundoff to the power 2/3).
 const ILL_CONDITIONED: f64 = 3.7e-11;
 
