@@ -283,7 +283,7 @@ impl<'a> Elaborator<'a> {
         state[i] = 1;
         for var in self.parameters_in(pieces[i].1.value.1) {
             for j in 0..pieces.len() {
-                if pieces[j].0 == var && (j != i || state[j] != 1 || var == pieces[i].0) && !(j == i) {
+                if pieces[j].0 == var && j != i {
                     self.visit_parameter(j, pieces, state, order);
                 }
             }
@@ -307,7 +307,8 @@ impl<'a> Elaborator<'a> {
                 let Some(q) = self.quantities.get(&var) else { return v };
                 let i = at.offset.max(0) as usize;
                 let uniform = |list: &[f64]| list.windows(2).all(|w| w[0] == w[1]);
-                if !at.is_constant() && !(uniform(&q.low) && uniform(&q.high)) {
+                let has_one_box = uniform(&q.low) && uniform(&q.high);
+                if !at.is_constant() && !has_one_box {
                     let span = *span;
                     self.report(Diagnostic::error(codes::WRONG_SHAPE, "the bounds differ from element to element", span));
                     return v;
