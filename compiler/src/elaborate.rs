@@ -337,7 +337,7 @@ impl<'a> Elaborator<'a> {
         let draws = &self.draws;
         let (param_role, draws_var) = (&self.vars, self.draws_var);
         let mut exprs = std::mem::take(&mut self.exprs);
-        let folded = exprs.rewrite(e, &mut HashMap::new(), &mut |exprs, node| match node {
+        let folded = exprs.rewrite(e, &mut crate::ir::Rewritten::default(), &mut |exprs, node| match node {
             crate::ir::Expr::Load { var, at, .. } if at.is_constant() => {
                 if var == draws_var {
                     let mean = match draws.get(at.offset as usize).map(|d| d.kind) {

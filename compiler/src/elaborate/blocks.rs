@@ -95,7 +95,7 @@ impl<'a> Elaborator<'a> {
                     StatementKind::Instance { name, .. } => match own(&name.text).map(|s| &self.names.symbols[s].kind) {
                         Some(SymbolKind::Instance(inner)) => self.walk(*inner, out),
                         Some(SymbolKind::Instances(list)) => {
-                            for (_, inner) in list {
+                            for (_, inner) in list.iter() {
                                 self.walk(*inner, out);
                             }
                         }

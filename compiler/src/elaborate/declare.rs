@@ -1,6 +1,7 @@
 //! Declarations: variants, imports, sets, tables, variables, components.
 
 use std::collections::HashMap;
+use std::rc::Rc;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
 use smpl_dsl::span::Span;
@@ -348,7 +349,7 @@ impl<'a> Elaborator<'a> {
                             self.faulty(scope, &flux.name);
                             continue;
                         }
-                        self.declare(scope, &flux.name, SymbolKind::Flux { flux, axes, binders });
+                        self.declare(scope, &flux.name, SymbolKind::Flux { flux, axes: axes.into(), binders: binders.into() });
                     }
                     StatementKind::Port { names, connector } => {
                         for name in names {
@@ -519,8 +520,9 @@ impl<'a> Elaborator<'a> {
         if self.diagnostics.len() == before {
             self.check_table(table, &sets, &values);
         }
+        let axes: Rc<[Axis]> = sets.iter().map(|&s| Axis::Set(s)).collect();
         for ((column, unit), values) in table.columns.iter().zip(tables_units).zip(values) {
-            self.declare(scope, &column.name, SymbolKind::Table { axes: sets.clone(), unit, values });
+            self.declare(scope, &column.name, SymbolKind::Table { axes: Rc::clone(&axes), unit, values: values.into() });
         }
     }
 
@@ -593,7 +595,7 @@ impl<'a> Elaborator<'a> {
         if points.is_empty() {
             self.report(Diagnostic::error(codes::EMPTY_SET, format!("the table `{}` is empty", table.name.text), table.name.span));
         }
-        self.declare(scope, &table.name, SymbolKind::TimeTable { unit, time_unit, kind: table.kind, points });
+        self.declare(scope, &table.name, SymbolKind::TimeTable { unit, time_unit, kind: table.kind, points: points.into() });
     }
 
     fn declare_domain(&mut self, scope: ScopeId, domain: &'a syntax::Domain) {
@@ -670,7 +672,7 @@ impl<'a> Elaborator<'a> {
                     );
                     return self.faulty(scope, &d.name);
                 };
-                self.declare(scope, &d.name, SymbolKind::Let { axes, binders, unit, definition, random, declaration: d });
+                self.declare(scope, &d.name, SymbolKind::Let { axes: axes.into(), binders: binders.into(), unit, definition, random, declaration: d });
                 return;
             }
             syntax::Role::Param => Role::Param,
@@ -687,7 +689,7 @@ impl<'a> Elaborator<'a> {
     fn declare_poison(&mut self, scope: ScopeId, role: syntax::Role, d: &'a Declaration, axes: Vec<Axis>, binders: Vec<String>) {
         if matches!(role, syntax::Role::Let | syntax::Role::Random) {
             if let Some(definition) = d.value.as_ref().or(d.sample.as_ref()) {
-                self.declare(scope, &d.name, SymbolKind::Let { axes, binders, unit: None, definition, random: false, declaration: d });
+                self.declare(scope, &d.name, SymbolKind::Let { axes: axes.into(), binders: binders.into(), unit: None, definition, random: false, declaration: d });
             }
             return;
         }
@@ -706,7 +708,7 @@ impl<'a> Elaborator<'a> {
         }
         let path = format!("{}{}", self.names.scopes[scope].prefix, name.text);
         let var = self.vars.push(Variable { name: path, role, len: len as u32, span: d.span });
-        let symbol = self.declare(scope, name, SymbolKind::Variable { var, axes, unit, declaration: d })?;
+        let symbol = self.declare(scope, name, SymbolKind::Variable { var, axes: axes.into(), unit, declaration: d })?;
         self.symbol_of.insert(var, symbol);
         Some(var)
     }
@@ -784,7 +786,7 @@ impl<'a> Elaborator<'a> {
             let inner = self.instantiate(statement, &format!("{path}[{label}]"), name.span, arguments, &inner_place, depth);
             list.push((label, inner));
         }
-        self.declare(scope, name, SymbolKind::Instances(list));
+        self.declare(scope, name, SymbolKind::Instances(list.into()));
     }
 
     fn instantiate(

@@ -249,7 +249,6 @@ impl<'a> Elaborator<'a> {
                 self.expand_let(symbol, &axes, &binders, unit.as_ref(), definition, random, index, span, place)
             }
             SymbolKind::Table { axes, unit, values } => {
-                let axes: Vec<Axis> = axes.iter().map(|&s| Axis::Set(s)).collect();
                 match self.address(symbol, &axes, index, span, place) {
                     Some((at, _)) if at.is_constant() => {
                         let expr = self.exprs.constant(values.get(at.offset as usize).copied().unwrap_or(f64::NAN));

@@ -1,6 +1,5 @@
 //! Function calls and reductions.
 
-use std::collections::HashMap;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
 use smpl_dsl::span::Span;
@@ -341,7 +340,7 @@ impl Elaborator<'_> {
         let vars = &self.vars;
         let mut misuse = false;
         let mut exprs = std::mem::take(&mut self.exprs);
-        let expr = exprs.rewrite(v.expr, &mut HashMap::new(), &mut |exprs, node| match node {
+        let expr = exprs.rewrite(v.expr, &mut crate::ir::Rewritten::default(), &mut |exprs, node| match node {
             Node::Load { var, flavour: Flavour::Value, at } => match vars[var].role {
                 Role::State | Role::Algebraic | Role::Action | Role::Discrete | Role::Disturbance => Some(exprs.load(var, flavour, at)),
                 Role::Quadrature => {

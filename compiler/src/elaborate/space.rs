@@ -3,6 +3,8 @@
 //! Face `k` lies below cell `k` (both counted from 0): faces 0 and `n` are the ends. A flux is evaluated at a face; the divergence of a
 //! cell takes the fluxes of its two faces, weighted with their areas, over the cell's measure, so that sums over cells telescope.
 
+use std::rc::Rc;
+
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{self, Expr, ExprKind};
@@ -486,7 +488,7 @@ impl Elaborator<'_> {
         self.flux_at(symbol, &leading, Face { domain, at: Cell::single(number) }, &outer)
     }
 
-    fn flux_axes<'e>(&mut self, symbol: SymbolId, index: &'e [Expr], span: Span) -> Option<(Vec<Axis>, &'e Expr)> {
+    fn flux_axes<'e>(&mut self, symbol: SymbolId, index: &'e [Expr], span: Span) -> Option<(Rc<[Axis]>, &'e Expr)> {
         let SymbolKind::Flux { axes, .. } = &self.names.symbols[symbol].kind else { return None };
         let axes = axes.clone();
         match index.last() {
