@@ -11,7 +11,6 @@ mod algebraic;
 mod matching;
 mod rates;
 
-
 use smpl_dsl::diagnostic::Diagnostic;
 
 use crate::elaborate::{Elaborated, Equation, EquationForm};

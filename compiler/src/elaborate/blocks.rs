@@ -59,7 +59,7 @@ impl<'a> Elaborator<'a> {
     }
 
     /// Address of the element that bound index names mean.
-    fn bound_address(&self, axes: &[Axis], indices: &[Binder], place: &Place) -> Affine {
+    pub(super) fn bound_address(&self, axes: &[Axis], indices: &[Binder], place: &Place) -> Affine {
         let mut at = Affine::default();
         for (&axis, binder) in axes.iter().zip(indices) {
             let part = match place.bound(&binder.name.text) {

@@ -672,7 +672,11 @@ impl<'a> Elaborator<'a> {
                     );
                     return self.faulty(scope, &d.name);
                 };
-                self.declare(scope, &d.name, SymbolKind::Let { axes: axes.into(), binders: binders.into(), unit, definition, random, declaration: d });
+                self.declare(
+                    scope,
+                    &d.name,
+                    SymbolKind::Let { axes: axes.into(), binders: binders.into(), unit, definition, random, declaration: d },
+                );
                 return;
             }
             syntax::Role::Param => Role::Param,
@@ -689,7 +693,11 @@ impl<'a> Elaborator<'a> {
     fn declare_poison(&mut self, scope: ScopeId, role: syntax::Role, d: &'a Declaration, axes: Vec<Axis>, binders: Vec<String>) {
         if matches!(role, syntax::Role::Let | syntax::Role::Random) {
             if let Some(definition) = d.value.as_ref().or(d.sample.as_ref()) {
-                self.declare(scope, &d.name, SymbolKind::Let { axes: axes.into(), binders: binders.into(), unit: None, definition, random: false, declaration: d });
+                self.declare(
+                    scope,
+                    &d.name,
+                    SymbolKind::Let { axes: axes.into(), binders: binders.into(), unit: None, definition, random: false, declaration: d },
+                );
             }
             return;
         }

@@ -248,15 +248,13 @@ impl<'a> Elaborator<'a> {
             SymbolKind::Let { axes, binders, unit, definition, random, .. } => {
                 self.expand_let(symbol, &axes, &binders, unit.as_ref(), definition, random, index, span, place)
             }
-            SymbolKind::Table { axes, unit, values } => {
-                match self.address(symbol, &axes, index, span, place) {
-                    Some((at, _)) if at.is_constant() => {
-                        let expr = self.exprs.constant(values.get(at.offset as usize).copied().unwrap_or(f64::NAN));
-                        Value::of(expr, unit)
-                    }
-                    _ => self.poison(),
+            SymbolKind::Table { axes, unit, values } => match self.address(symbol, &axes, index, span, place) {
+                Some((at, _)) if at.is_constant() => {
+                    let expr = self.exprs.constant(values.get(at.offset as usize).copied().unwrap_or(f64::NAN));
+                    Value::of(expr, unit)
                 }
-            }
+                _ => self.poison(),
+            },
             SymbolKind::Integer(n) => {
                 let expr = self.exprs.constant(n as f64);
                 Value { expr, unit: if n == 0 { Measure::Zero } else { Measure::Bare } }

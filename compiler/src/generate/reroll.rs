@@ -3,7 +3,6 @@
 //! Resets, bounds and observations are often written element by element: `c[0] := f(c[0])`, `c[1] := f(c[1])`, … Each run of at
 //! least [`SHORTEST`] such stores with addresses in arithmetic sequence becomes one loop; in place, the order of passes is that of the stores.
 
-
 use super::schedule::{Job, Sink, Task};
 use crate::ir::hash::FastMap;
 use crate::ir::{Affine, Expr, ExprId, Exprs, MAX_DEPTH, VarId};

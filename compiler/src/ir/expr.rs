@@ -574,12 +574,7 @@ impl Exprs {
 
     /// Copies `e` with leaves replaced: `replace` is asked for every node, outermost first; `None` means go on inside.
     /// `done` holds what was already rewritten and may be kept for several calls with the same replacement.
-    pub fn rewrite(
-        &mut self,
-        e: ExprId,
-        done: &mut Rewritten,
-        replace: &mut dyn FnMut(&mut Exprs, Expr) -> Option<ExprId>,
-    ) -> ExprId {
+    pub fn rewrite(&mut self, e: ExprId, done: &mut Rewritten, replace: &mut dyn FnMut(&mut Exprs, Expr) -> Option<ExprId>) -> ExprId {
         // An explicit stack: expressions may be thousands of nodes deep.
         let mut stack = vec![(e, false)];
         while let Some((id, entered)) = stack.pop() {

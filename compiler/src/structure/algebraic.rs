@@ -309,8 +309,7 @@ impl Expander {
         let done = self.flavoured.entry(flavour).or_default();
         exprs.rewrite(e, done, &mut |exprs, node| match node {
             Expr::Load { var, flavour: Flavour::Value, at } => {
-                let has_frames =
-                    matches!(role(var), Role::State | Role::Algebraic | Role::Action | Role::Discrete | Role::Disturbance);
+                let has_frames = matches!(role(var), Role::State | Role::Algebraic | Role::Action | Role::Discrete | Role::Disturbance);
                 has_frames.then(|| exprs.load(var, flavour, at))
             }
             _ => None,
