@@ -108,6 +108,7 @@ pub(crate) struct ByColumns {
     pub upper: Box<[f64]>,
     pub row_order: Box<[i64]>,
     pub column_order: Box<[i64]>,
+    /// In the order of the permuted rows, as KLU keeps them.
     pub scales: Box<[f64]>,
 }
 
@@ -142,8 +143,8 @@ impl Factors {
         for (inverse, &entry) in self.inverse_diagonal.iter_mut().zip(&self.diagonal) {
             *inverse = 1.0 / from.upper[entry as usize];
         }
-        for (inverse, &row) in self.inverse_scales.iter_mut().zip(&self.row_order) {
-            *inverse = 1.0 / from.scales[row as usize];
+        for (inverse, scale) in self.inverse_scales.iter_mut().zip(&from.scales) {
+            *inverse = 1.0 / scale;
         }
     }
 
@@ -197,7 +198,7 @@ mod tests {
             upper: [2.0, 4.0, 3.0].into(),
             row_order: [1, 0].into(),
             column_order: [1, 0].into(),
-            scales: [2.0, 5.0].into(),
+            scales: [5.0, 2.0].into(),
         };
         let mut factors = Factors::new(&from).expect("complete");
         factors.set(&from);
