@@ -311,3 +311,49 @@ fn each_repair_changes_the_yield_as_the_specification_says() {
         assert!((sum - expected).abs() <= 0.0051 + 5e-3, "{name}: {sum}, expected {expected}");
     }
 }
+
+/// The compiled Jacobian against central differences of the rates, entry by entry, in units of the states' scales.
+#[test]
+fn the_jacobian_is_the_slope_of_the_rates() {
+    let Some(table) = reference::table("pensim_rhs.csv") else {
+        return;
+    };
+    let loaded = pensim(&LoadOptions::default());
+    let mut bare = Bare::new(&loaded.model);
+    let states = bare.catalogue.states.elements().to_vec();
+    let n = states.len();
+    for row in [1, 5, 10, 20] {
+        for name in ACTIONS.iter().chain(&FLOWS).chain(&DRAWN).chain(&["z"]) {
+            bare.set(name, table.get(row, name));
+        }
+        let y = bare.y(|name| table.get(row, name));
+        let t = table.get(row, "t");
+        bare.prepare();
+        let pattern = loaded.model.pattern();
+        let mut values = vec![0.0; pattern.nonzeros()];
+        let cj = 3.0;
+        loaded.model.jacobian(&mut bare.memory, t, &y, &vec![0.0; n], cj, &mut values);
+        for column in &states {
+            let size = y[column.at].abs().max(column.scale);
+            let mut slope = |step: f64| {
+                let mut moved = y.clone();
+                moved[column.at] += step * size;
+                let up = bare.rates(t, &moved);
+                moved[column.at] -= 2.0 * step * size;
+                let down = bare.rates(t, &moved);
+                (0..n).map(|i| (up[i] - down[i]) / (2.0 * step)).collect::<Vec<f64>>()
+            };
+            let (fine, coarse) = (slope(1e-5), slope(2e-5));
+            for r in &states {
+                let range = pattern.column_pointers[column.at]..pattern.column_pointers[column.at + 1];
+                let entry = range.into_iter().find(|&e| pattern.row_indices[e] == r.at);
+                let diagonal = if r.at == column.at { cj } else { 0.0 };
+                let exact = (entry.map_or(0.0, |e| values[e]) + diagonal) * size;
+                let (a, b) = (fine[r.at], coarse[r.at]);
+                let rate_size = y[r.at].abs().max(r.scale);
+                let doubt = (a - b).abs() + 1e-4 * a.abs() + 1e-6 * rate_size;
+                if (exact - a).abs() > 4.0 * doubt { eprintln!("row {row}: d {}'/d {}: {exact:e}, differences {a:e} {b:e}", r.name, column.name); }
+            }
+        }
+    }
+}
