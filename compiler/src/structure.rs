@@ -45,7 +45,8 @@ fn is_explicit(exprs: &Exprs, model: &Model, rows: &[Row]) -> bool {
         }
         match exprs.node(row.residual) {
             Expr::Binary(crate::ir::BinaryFn::Sub, value, own) => {
-                let own_is = matches!(exprs.node(own), Expr::Load { var, flavour: Flavour::Derivative, at } if var == row.var && at == row.at);
+                let own_is =
+                    matches!(exprs.node(own), Expr::Load { var, flavour: Flavour::Derivative, at } if var == row.var && at == row.at);
                 own_is && loads(exprs, value, |_, flavour| flavour == Flavour::Derivative).is_empty()
             }
             // 0 - y'

@@ -96,39 +96,47 @@ impl<'a> Elaborator<'a> {
         self.model.interface.solver = solver;
     }
 
-    fn setting_number(&mut self, e: &Expr, unit: &Unit, place: &Place) -> Option<f64> {
-        let expr = self.number_in(e, unit, "the setting", Span::default(), place);
+    fn setting_number(&mut self, name: &Ident, e: &Expr, unit: &Unit, place: &Place) -> Option<f64> {
+        let reports = self.diagnostics.len();
+        let expr = self.number_in(e, unit, &format!("`{}`", name.text), name.span, place);
         let value = self.constant_value(expr).filter(|x| !x.is_nan());
-        if value.is_none() && !self.has_errors() {
-            self.missing_value("a setting", e.span);
+        if self.diagnostics.len() != reports {
+            return None;
+        }
+        if value.is_none() {
+            self.missing_value(&format!("`{}`", name.text), e.span);
         }
         value
     }
 
-    fn positive(&mut self, e: &Expr, unit: &Unit, place: &Place) -> Option<f64> {
-        let x = self.setting_number(e, unit, place)?;
+    fn positive(&mut self, name: &Ident, e: &Expr, unit: &Unit, place: &Place) -> Option<f64> {
+        let x = self.setting_number(name, e, unit, place)?;
         if x > 0.0 {
             return Some(x);
         }
-        self.report(Diagnostic::error(codes::BAD_SETTING, format!("must be positive, it is {x}"), e.span));
+        self.report(Diagnostic::error(codes::BAD_SETTING, format!("`{}` must be positive, it is {x}", name.text), e.span));
         None
     }
 
-    fn whole_number(&mut self, e: &Expr, place: &Place) -> Option<u32> {
-        let x = self.setting_number(e, &Unit::one(), place)?;
+    fn whole_number(&mut self, name: &Ident, e: &Expr, place: &Place) -> Option<u32> {
+        let x = self.setting_number(name, e, &Unit::one(), place)?;
         if x >= 1.0 && x.fract() == 0.0 && x < 4e9 {
             return Some(x as u32);
         }
-        self.report(Diagnostic::error(codes::BAD_SETTING, format!("must be a whole number of at least 1, it is {x}"), e.span));
+        self.report(Diagnostic::error(
+            codes::BAD_SETTING,
+            format!("`{}` must be a whole number of at least 1, it is {x}", name.text),
+            e.span,
+        ));
         None
     }
 
     fn episode_entry(&mut self, name: &Ident, e: &Expr, place: &Place, episode: &mut Episode, integrate: &mut Option<f64>) {
         let time = self.time_unit.clone();
         match name.text.as_str() {
-            "step" => episode.step = self.positive(e, &time, place).unwrap_or(episode.step),
-            "integrate" => *integrate = self.positive(e, &time, place),
-            "max_steps" => episode.max_steps = self.whole_number(e, place).unwrap_or(episode.max_steps),
+            "step" => episode.step = self.positive(name, e, &time, place).unwrap_or(episode.step),
+            "integrate" => *integrate = self.positive(name, e, &time, place),
+            "max_steps" => episode.max_steps = self.whole_number(name, e, place).unwrap_or(episode.max_steps),
             "error_reward" => {
                 // Rewards carry their own units; the number is taken in each.
                 let v = self.value(e, place);
@@ -144,19 +152,17 @@ impl<'a> Elaborator<'a> {
 
     fn solver_entry(&mut self, name: &Ident, e: &Expr, place: &Place, solver: &mut Solver) {
         match name.text.as_str() {
-            "rtol" => solver.rtol = self.positive(e, &Unit::one(), place).unwrap_or(solver.rtol),
-            "atol_factor" => solver.atol_factor = self.positive(e, &Unit::one(), place).unwrap_or(solver.atol_factor),
-            "max_order" => solver.max_order = self.whole_number(e, place).unwrap_or(5).min(5),
-            "max_steps" => solver.max_steps = self.whole_number(e, place).unwrap_or(solver.max_steps),
+            "rtol" => solver.rtol = self.positive(name, e, &Unit::one(), place).unwrap_or(solver.rtol),
+            "atol_factor" => solver.atol_factor = self.positive(name, e, &Unit::one(), place).unwrap_or(solver.atol_factor),
+            "max_order" => solver.max_order = self.whole_number(name, e, place).unwrap_or(5).min(5),
+            "max_steps" => solver.max_steps = self.whole_number(name, e, place).unwrap_or(solver.max_steps),
             "quadrature_error_control" => {
                 let c = self.condition(e, place);
                 self.model.quadrature_error_control = matches!(self.exprs.node(c), crate::ir::Expr::Truth(true));
             }
             "linear_solver" => match &e.kind {
                 ExprKind::Name(n) if matches!(n.text.as_str(), "auto" | "dense" | "klu") => solver.linear_solver.clone_from(&n.text),
-                _ => self.report(
-                    Diagnostic::error(codes::BAD_SETTING, "the linear solver is auto, dense or klu", e.span),
-                ),
+                _ => self.report(Diagnostic::error(codes::BAD_SETTING, "the linear solver is auto, dense or klu", e.span)),
             },
             _ => self.unknown_entry(
                 name,
@@ -205,9 +211,19 @@ impl<'a> Elaborator<'a> {
                 continue;
             }
             for piece in self.default_pieces(symbol, Site::Reset) {
-                if self.exprs.as_const(piece.value.1).is_none() {
-                    pieces.push((var, piece));
+                if self.exprs.as_const(piece.value.1).is_some() {
+                    continue;
                 }
+                if let Some(what) = self.varying(piece.value.1) {
+                    let span = declaration.value.as_ref().map_or(declaration.span, |e| e.span);
+                    self.report(
+                        Diagnostic::error(codes::WRONG_KIND, format!("the parameter `{path}` cannot depend on {what}"), span)
+                            .label("changes while the model runs")
+                            .help(format!("make it a `let`: `let {} = ...`", declaration.name.text)),
+                    );
+                    continue;
+                }
+                pieces.push((var, piece));
             }
         }
         let order = self.dependency_order(&pieces);
@@ -284,10 +300,9 @@ impl<'a> Elaborator<'a> {
     fn clipped(&mut self, v: ExprId, var: VarId, at: Affine, clip: Option<&Clip>, unit: &Unit, place: &Place) -> ExprId {
         let (low, high) = match clip {
             None => return v,
-            Some(Clip::Range(a, b)) => (
-                self.number_in(a, unit, "the limit", a.span, place),
-                self.number_in(b, unit, "the limit", b.span, place),
-            ),
+            Some(Clip::Range(a, b)) => {
+                (self.number_in(a, unit, "the limit", a.span, place), self.number_in(b, unit, "the limit", b.span, place))
+            }
             Some(Clip::Bounds(span)) => {
                 let Some(q) = self.quantities.get(&var) else { return v };
                 let i = at.offset.max(0) as usize;
@@ -298,6 +313,15 @@ impl<'a> Elaborator<'a> {
                     return v;
                 }
                 let (low, high) = (Quantity::pick(&q.low, i), Quantity::pick(&q.high, i));
+                if !low.is_finite() && !high.is_finite() {
+                    let (name, declared) = (q.name.clone(), self.vars[var].span);
+                    self.report(
+                        Diagnostic::error(codes::MISSING_CLAUSE, format!("`{name}` has no bounds to clip to"), *span)
+                            .secondary(declared, "declared here")
+                            .help("write `in low..high` in its declaration, or `clip low..high`"),
+                    );
+                    return v;
+                }
                 (self.exprs.constant(low), self.exprs.constant(high))
             }
         };
@@ -451,8 +475,96 @@ impl<'a> Elaborator<'a> {
                 }
             }
         }
+        states.nests = self.ordered(states.nests);
         self.model.programs.initial_states = states;
         self.model.programs.initial_discretes = discretes;
+    }
+
+    /// Nests of initial values so that each follows those whose results it reads; scalars that read nothing stay together, first.
+    fn ordered(&mut self, nests: Vec<Nest>) -> Vec<Nest> {
+        let mut list = Vec::with_capacity(nests.len());
+        for mut nest in nests {
+            if nest.extents.is_empty() && nest.stores.len() > 1 {
+                let (dependent, free): (Vec<Store>, Vec<Store>) =
+                    std::mem::take(&mut nest.stores).into_iter().partition(|s| !self.states_read(s.value).is_empty());
+                nest.stores = free;
+                list.push(nest);
+                list.extend(dependent.into_iter().map(|s| Nest { extents: Vec::new(), stores: vec![s] }));
+            } else {
+                list.push(nest);
+            }
+        }
+        let reads: Vec<Vec<(VarId, Affine)>> =
+            list.iter().map(|n| n.stores.iter().flat_map(|s| self.states_read(s.value)).collect()).collect();
+        if reads.iter().all(Vec::is_empty) {
+            return list;
+        }
+        let writes: Vec<Vec<(VarId, Affine)>> = list
+            .iter()
+            .map(|n| {
+                let target = |s: &Store| match s.target.place {
+                    Memory::Var(var) => Some((var, s.target.at)),
+                    _ => None,
+                };
+                n.stores.iter().filter_map(target).collect()
+            })
+            .collect();
+        let meets = |a: &(VarId, Affine), b: &(VarId, Affine)| a.0 == b.0 && (a.1 == b.1 || !a.1.is_constant() || !b.1.is_constant());
+        let mut state = vec![0_u8; list.len()];
+        let mut order = Vec::with_capacity(list.len());
+        let mut stack: Vec<usize> = (0..list.len()).rev().collect();
+        while let Some(&i) = stack.last() {
+            if state[i] > 0 {
+                stack.pop();
+                if state[i] == 1 {
+                    state[i] = 2;
+                    order.push(i);
+                }
+                continue;
+            }
+            state[i] = 1;
+            for j in 0..list.len() {
+                let own = writes[j].iter().any(|w| writes[i].iter().any(|v| meets(v, w)));
+                if j == i || own || !reads[i].iter().any(|r| writes[j].iter().any(|w| meets(r, w))) {
+                    continue;
+                }
+                match state[j] {
+                    0 => stack.push(j),
+                    1 => {
+                        let names: Vec<String> =
+                            [i, j].iter().filter_map(|&k| writes[k].first()).map(|w| format!("`{}`", self.vars[w.0].name)).collect();
+                        let span = writes[i].first().map_or_else(Span::default, |w| self.vars[w.0].span);
+                        self.report(Diagnostic::error(
+                            codes::CYCLIC_DEFINITION,
+                            format!("the initial values of {} need each other", names.join(" and ")),
+                            span,
+                        ));
+                    }
+                    _ => {}
+                }
+            }
+        }
+        let mut slots: Vec<Option<Nest>> = list.into_iter().map(Some).collect();
+        order.into_iter().filter_map(|i| slots[i].take()).collect()
+    }
+
+    /// States that an initial value reads.
+    fn states_read(&self, e: ExprId) -> Vec<(VarId, Affine)> {
+        let mut seen = std::collections::HashSet::new();
+        let mut stack = vec![e];
+        let mut out = Vec::new();
+        while let Some(e) = stack.pop() {
+            if !seen.insert(e) {
+                continue;
+            }
+            if let crate::ir::Expr::Load { var, flavour: Flavour::Value, at } = self.exprs.node(e)
+                && self.vars[var].role == Role::State
+            {
+                out.push((var, at));
+            }
+            stack.extend(self.exprs.operands(e));
+        }
+        out
     }
 
     /// One `initial` statement at one place: a scalar, an element, or a whole array.
@@ -477,7 +589,7 @@ impl<'a> Elaborator<'a> {
         if self.vars[var].role != Role::State {
             place.site = Site::Instant;
         }
-        let mut make = |s: &mut Self, at: Affine, inner: &Place| {
+        let make = |s: &mut Self, at: Affine, inner: &Place| {
             let outer = random.then(|| s.random_site.replace((stream_name(&path, at, len), Instant::Reset)));
             let v = s.number_in(value, &unit, &format!("`{path}`"), target.span, inner);
             if let Some(outer) = outer {
@@ -540,11 +652,19 @@ impl<'a> Elaborator<'a> {
                 Role::Action => "an action",
                 Role::Algebraic => "an algebraic variable",
                 Role::State => "a state",
+                Role::Discrete => "a discrete variable",
+                Role::Disturbance => "a disturbance",
                 _ => "a variable of another kind",
+            };
+            let help = match (self.vars[var].role, roles) {
+                (Role::State, [Role::Discrete]) => Some("states are set by `reset`".to_owned()),
+                (Role::Discrete, [Role::State]) => Some("discrete variables are set by `next`".to_owned()),
+                _ => None,
             };
             self.report(
                 Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is {what}, which cannot be set here"), e.span)
-                    .secondary(declared, "declared here"),
+                    .secondary(declared, "declared here")
+                    .maybe_help(help),
             );
             return None;
         }
@@ -597,7 +717,8 @@ impl<'a> Elaborator<'a> {
         let mut events: Vec<(ScopeId, &'a str, Program)> = Vec::new();
         let mut next_group: Vec<(String, usize)> = Vec::new();
         for (scope, item) in each(blocks) {
-            let Item::At(instant, statement) = item else { continue };
+            let Item::At(Ident { text: instant, .. }, statement) = item else { continue };
+            let instant = instant.as_str();
             let program = match instant {
                 "start" => &mut start,
                 "end" => &mut end,
@@ -650,7 +771,11 @@ impl<'a> Elaborator<'a> {
                 (target, value, Some(condition), binders, &[Role::State, Role::Discrete])
             }
             _ => {
-                self.report(Diagnostic::error(codes::MISPLACED_BLOCK, "only `next`, `reset` and `clamp` may stand in `at`", statement.span));
+                self.report(Diagnostic::error(
+                    codes::MISPLACED_BLOCK,
+                    "only `next`, `reset` and `clamp` may stand in `at`",
+                    statement.span,
+                ));
                 return;
             }
         };
@@ -662,6 +787,17 @@ impl<'a> Elaborator<'a> {
             extents.extend(whole);
             let s = store(Memory::Var(var), at, v);
             // The nest that collects the `next`s of this instant since its last other statement.
+            // At the start all `next`s come together, before the resets.
+            if is_next && extents.is_empty() && instant == "start" {
+                match program.nests.first_mut().filter(|_| group.iter().any(|(name, _)| name == instant)) {
+                    Some(first) => first.stores.push(s),
+                    None => {
+                        program.nests.insert(0, Nest { extents, stores: vec![s] });
+                        group.push((instant.to_owned(), 0));
+                    }
+                }
+                continue;
+            }
             let open = group.iter().find(|(name, _)| name == instant).map(|(_, at)| *at);
             if is_next && extents.is_empty() {
                 match open.filter(|&at| at + 1 == program.nests.len()) {
@@ -737,7 +873,8 @@ impl<'a> Elaborator<'a> {
                 }
                 None => RootAction::Restart,
             };
-            self.model.roots.push(Root { name: name.text.clone(), value, direction, action });
+            let name = self.path_of(scope, name);
+            self.model.roots.push(Root { name, value, direction, action });
         }
         for ((_, name, _), used) in programs.iter().zip(used) {
             if !used {
@@ -754,7 +891,7 @@ impl<'a> Elaborator<'a> {
                     .iter()
                     .flat_map(|(_, items)| items)
                     .find_map(|i| match i {
-                        Item::At(n, s) if n == name => Some(s.span),
+                        Item::At(n, _) if n.text == *name => Some(n.span),
                         _ => None,
                     })
                     .unwrap_or_default();
@@ -799,6 +936,11 @@ impl<'a> Elaborator<'a> {
         })
     }
 
+    /// A name with the path of its instance.
+    fn path_of(&self, scope: ScopeId, name: &Ident) -> String {
+        format!("{}{}", self.names.scopes[scope].prefix, name.text)
+    }
+
     fn builtin(&mut self, b: Builtin) -> ExprId {
         self.exprs.load(self.builtins, Flavour::Value, Affine::constant(b as i64))
     }
@@ -821,21 +963,26 @@ impl<'a> Elaborator<'a> {
             match &statement.kind {
                 StatementKind::Fail { name, event, condition, text } => {
                     let failure = Failure {
-                        name: name.text.clone(),
+                        name: self.path_of(scope, name),
                         text: text.clone().unwrap_or_default(),
                         event: *event,
                         items: Vec::new(),
                         on_reward: mentions_name(condition, "reward"),
                     };
                     if ["action_box", "solver"].contains(&name.text.as_str()) {
-                        self.report(Diagnostic::error(codes::DUPLICATE_NAME, format!("`{}` is the name of a failure that every model has", name.text), name.span));
+                        self.report(Diagnostic::error(
+                            codes::DUPLICATE_NAME,
+                            format!("`{}` is the name of a failure that every model has", name.text),
+                            name.span,
+                        ));
                     }
                     if failure.on_reward {
                         on_reward.push((order, place, condition, failure));
                     } else {
                         let c = self.failing(condition, &place);
                         if *event && let Some((value, direction)) = self.root_of(condition, &place) {
-                            self.model.roots.push(Root { name: name.text.clone(), value, direction, action: RootAction::Fail(order as u32) });
+                            let name = self.path_of(scope, name);
+                            self.model.roots.push(Root { name, value, direction, action: RootAction::Fail(order as u32) });
                         }
                         failures.push((order, c, failure));
                     }
@@ -843,7 +990,7 @@ impl<'a> Elaborator<'a> {
                 }
                 StatementKind::Success { name, condition, .. } => {
                     let c = self.condition(condition, &place);
-                    successes.push((name.text.clone(), c));
+                    successes.push((self.path_of(scope, name), c));
                 }
                 _ => {}
             }
@@ -944,11 +1091,8 @@ impl<'a> Elaborator<'a> {
             let v = self.value(value, &place);
             let what = format!("the reward `{}`", name.text);
             out.push(self.strictly_or_bare(v, &unit, value.span, &what, name.span));
-            self.model.interface.rewards.push(Reward {
-                name: name.text.clone(),
-                unit: unit.to_string(),
-                text: text.clone().unwrap_or_default(),
-            });
+            let name = self.path_of(scope, name);
+            self.model.interface.rewards.push(Reward { name, unit: unit.to_string(), text: text.clone().unwrap_or_default() });
         }
         if let Some(wanted) = &self.options.reward {
             let names: Vec<String> = self.model.interface.rewards.iter().map(|r| r.name.clone()).collect();
@@ -967,7 +1111,7 @@ impl<'a> Elaborator<'a> {
             let Item::Other(Statement { kind: StatementKind::Constraint { name, condition, .. }, .. }) = item else { continue };
             let place = self.place(scope, Site::Instant);
             let c = self.failing(condition, &place);
-            out.push((name.text.clone(), c.excess));
+            out.push((self.path_of(scope, name), c.excess));
         }
         out
     }
@@ -1044,9 +1188,7 @@ impl<'a> Elaborator<'a> {
         let arguments = match &e.kind {
             ExprKind::Call { function, arguments } if function.text == "bounds" => arguments,
             _ => {
-                self.report(
-                    Diagnostic::error(codes::WRONG_ARGUMENTS, "a box is needed here", e.span).help("`outside bounds(x, y)`"),
-                );
+                self.report(Diagnostic::error(codes::WRONG_ARGUMENTS, "a box is needed here", e.span).help("`outside bounds(x, y)`"));
                 return (zero, Vec::new());
             }
         };
@@ -1107,12 +1249,8 @@ impl<'a> Elaborator<'a> {
         let SymbolKind::Variable { var, .. } = self.names.symbols[symbol].kind else { return };
         let Some(q) = self.quantities.get(&var) else { return };
         let i = at.offset.max(0) as usize;
-        let item = BoxItem {
-            name: q.element_name(i),
-            unit: q.unit.clone(),
-            low: Quantity::pick(&q.low, i),
-            high: Quantity::pick(&q.high, i),
-        };
+        let item =
+            BoxItem { name: q.element_name(i), unit: q.unit.clone(), low: Quantity::pick(&q.low, i), high: Quantity::pick(&q.high, i) };
         if !item.low.is_finite() && !item.high.is_finite() {
             let (name, declared) = (item.name.clone(), self.names.symbols[symbol].span);
             self.report(
@@ -1129,11 +1267,8 @@ impl<'a> Elaborator<'a> {
     // --- policies and invariants ------------------------------------------------------------------------------------------------------
 
     fn policies(&mut self, blocks: &[(ScopeId, Vec<Item<'a>>)]) {
-        let actions: Vec<(VarId, i64)> = self
-            .variables_of(Role::Action)
-            .into_iter()
-            .flat_map(|v| (0..i64::from(self.vars[v].len)).map(move |i| (v, i)))
-            .collect();
+        let actions: Vec<(VarId, i64)> =
+            self.variables_of(Role::Action).into_iter().flat_map(|v| (0..i64::from(self.vars[v].len)).map(move |i| (v, i))).collect();
         let nominal: Vec<ExprId> = actions
             .iter()
             .map(|(var, i)| {
@@ -1191,7 +1326,8 @@ impl<'a> Elaborator<'a> {
             for e in [v.expr, rate_expr] {
                 stores.push(store(Memory::Out, Affine::constant(stores.len() as i64), e));
             }
-            self.model.interface.invariants.push((name.text.clone(), text.clone().unwrap_or_default()));
+            let name = self.path_of(scope, name);
+            self.model.interface.invariants.push((name, text.clone().unwrap_or_default()));
         }
         self.model.programs.invariants = Program { nests: vec![Nest { extents: Vec::new(), stores }], in_place: false };
     }
@@ -1218,9 +1354,7 @@ fn mentions_name(e: &Expr, name: &str) -> bool {
         ExprKind::Member(a, _) | ExprKind::Derivative(a) | ExprKind::Unary(_, a) | ExprKind::As(a, _) => mentions_name(a, name),
         ExprKind::Index(a, list) => mentions_name(a, name) || list.iter().any(|e| mentions_name(e, name)),
         ExprKind::Call { arguments, .. } | ExprKind::Tuple(arguments) => arguments.iter().any(|e| mentions_name(e, name)),
-        ExprKind::Reduce { body, condition, .. } => {
-            mentions_name(body, name) || condition.as_ref().is_some_and(|c| mentions_name(c, name))
-        }
+        ExprKind::Reduce { body, condition, .. } => mentions_name(body, name) || condition.as_ref().is_some_and(|c| mentions_name(c, name)),
         ExprKind::Binary(_, a, b) => mentions_name(a, name) || mentions_name(b, name),
         ExprKind::If(c, a, b) => mentions_name(c, name) || mentions_name(a, name) || mentions_name(b, name),
         ExprKind::Number { .. } | ExprKind::Bool(_) => false,

@@ -16,10 +16,56 @@ use crate::model::{Draw, Instant, Quantity, Variate};
 
 /// Functions that every model knows, for suggestions.
 const FUNCTIONS: &[&str] = &[
-    "abs", "sqrt", "sq", "exp", "ln", "log10", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "min",
-    "max", "clip", "sign", "floor", "ceil", "round", "initial", "previous", "steady", "integral", "der", "kelvin", "value", "low",
-    "high", "scale", "nominal", "outside", "inside", "uniform", "normal", "lognormal", "div", "grad", "upwind", "width", "volume",
-    "sum", "product", "mean", "any", "all", "mod",
+    "abs",
+    "sqrt",
+    "sq",
+    "exp",
+    "ln",
+    "log10",
+    "sin",
+    "cos",
+    "tan",
+    "asin",
+    "acos",
+    "atan",
+    "atan2",
+    "sinh",
+    "cosh",
+    "tanh",
+    "min",
+    "max",
+    "clip",
+    "sign",
+    "floor",
+    "ceil",
+    "round",
+    "initial",
+    "previous",
+    "steady",
+    "integral",
+    "der",
+    "kelvin",
+    "value",
+    "low",
+    "high",
+    "scale",
+    "nominal",
+    "outside",
+    "inside",
+    "uniform",
+    "normal",
+    "lognormal",
+    "div",
+    "grad",
+    "upwind",
+    "width",
+    "volume",
+    "sum",
+    "product",
+    "mean",
+    "any",
+    "all",
+    "mod",
 ];
 
 impl Elaborator<'_> {
@@ -150,7 +196,11 @@ impl Elaborator<'_> {
         }
         if self.expanding.contains(&symbol) {
             let declared = self.names.symbols[symbol].span;
-            return self.fault(Diagnostic::error(codes::CYCLIC_DEFINITION, format!("`{path}` calls itself"), declared));
+            let chain = self.cycle(symbol);
+            return self.fault(
+                Diagnostic::error(codes::CYCLIC_DEFINITION, format!("`{path}` calls itself{chain}"), declared)
+                    .help("functions are expanded where they are called, so none can call itself"),
+            );
         }
         let mut inner = place.clone();
         inner.scope = self.names.symbols[symbol].scope;
@@ -160,7 +210,9 @@ impl Elaborator<'_> {
             inner = inner.bind(&parameter.text, Bound::Value(v));
         }
         self.expanding.push(symbol);
+        self.calls.push(span);
         let v = self.value(body, &inner);
+        self.calls.pop();
         self.expanding.pop();
         v
     }
@@ -245,7 +297,7 @@ impl Elaborator<'_> {
         let v: Vec<(Value, Span)> = arguments.iter().map(|a| (self.value(a, place), a.span)).collect();
         let [x, low, high] = &v[..] else { return self.poison() };
         let above = self.fold_extremum(BinaryFn::Max, vec![x.clone(), low.clone()], span);
-        self.fold_extremum(BinaryFn::Min, vec![(above, span), high.clone()], span)
+        self.fold_extremum(BinaryFn::Min, vec![(above, x.1), high.clone()], span)
     }
 
     fn atan2(&mut self, span: Span, function: &Ident, arguments: &[Expr], place: &Place) -> Value {
@@ -291,9 +343,7 @@ impl Elaborator<'_> {
         let mut exprs = std::mem::take(&mut self.exprs);
         let expr = exprs.rewrite(v.expr, &mut HashMap::new(), &mut |exprs, node| match node {
             Node::Load { var, flavour: Flavour::Value, at } => match vars[var].role {
-                Role::State | Role::Algebraic | Role::Action | Role::Discrete | Role::Disturbance => {
-                    Some(exprs.load(var, flavour, at))
-                }
+                Role::State | Role::Algebraic | Role::Action | Role::Discrete | Role::Disturbance => Some(exprs.load(var, flavour, at)),
                 Role::Quadrature => {
                     misuse = true;
                     None
@@ -321,8 +371,12 @@ impl Elaborator<'_> {
     fn quadrature(&mut self, span: Span, a: &Expr, place: &Place) -> Value {
         if place.site != Site::Instant || place.depth > 0 {
             return self.fault(
-                Diagnostic::error(codes::MISPLACED_FUNCTION, "`integral` over the step has a meaning in rewards, conditions and observations only", span)
-                    .help("declare a state with `d/dt m = ...` to use an integral in equations"),
+                Diagnostic::error(
+                    codes::MISPLACED_FUNCTION,
+                    "`integral` over the step has a meaning in rewards, conditions and observations only",
+                    span,
+                )
+                .help("declare a state with `d/dt m = ...` to use an integral in equations"),
             );
         }
         let v = self.value(a, place);
@@ -356,9 +410,7 @@ impl Elaborator<'_> {
                 }
                 None => {
                     let u = u.clone();
-                    self.fault(
-                        Diagnostic::error(codes::UNIT_MISMATCH, "`kelvin` takes a temperature", a.span).label(units::describe(&u)),
-                    )
+                    self.fault(Diagnostic::error(codes::UNIT_MISMATCH, "`kelvin` takes a temperature", a.span).label(units::describe(&u)))
                 }
             },
             _ => self.fault(
@@ -401,9 +453,7 @@ impl Elaborator<'_> {
         match self.exprs.node(v.expr) {
             Node::Load { var, at, .. } if self.quantities.contains_key(&var) => Some((var, at)),
             _ => {
-                self.report(
-                    Diagnostic::error(codes::WRONG_KIND, "a declared variable is needed here", span).label("not a variable"),
-                );
+                self.report(Diagnostic::error(codes::WRONG_KIND, "a declared variable is needed here", span).label("not a variable"));
                 None
             }
         }
@@ -588,15 +638,7 @@ impl Elaborator<'_> {
     }
 
     /// All terms of a reduction: one for each member, one a piece of a range of cells.
-    fn terms(
-        &mut self,
-        body: &Expr,
-        binders: &[Binder],
-        condition: Option<&Expr>,
-        weighted: bool,
-        place: &Place,
-        out: &mut Vec<Term>,
-    ) {
+    fn terms(&mut self, body: &Expr, binders: &[Binder], condition: Option<&Expr>, weighted: bool, place: &Place, out: &mut Vec<Term>) {
         let Some((binder, rest)) = binders.split_first() else {
             let keep = condition.map(|c| self.condition(c, place));
             if let Some(c) = keep
@@ -606,14 +648,19 @@ impl Elaborator<'_> {
             }
             let keep = keep.filter(|&c| !matches!(self.exprs.node(c), Node::Truth(true)));
             let value = self.value(body, place);
-            out.push(Term { value, keep, loops: Vec::new(), weight: None });
+            out.push(Term { value, span: body.span, keep, loops: Vec::new(), weight: None });
             return;
         };
         for bound in self.bindings_of(binder, place) {
             match bound {
                 BinderValue::One(bound) => {
+                    let written = if let Bound::Alias(e, _) = &bound { Some(e.span) } else { None };
+                    let first = out.len();
                     let inner = place.bind(&binder.name.text, bound);
                     self.terms(body, rest, condition, weighted, &inner, out);
+                    if let Some(span) = written {
+                        out[first..].iter_mut().for_each(|t| t.span = span);
+                    }
                 }
                 BinderValue::Cells(domain, low, high) => {
                     let mut make = |cell: Cell| Bound::Cell(domain, cell);
@@ -696,10 +743,11 @@ impl Elaborator<'_> {
         let mut values = Vec::with_capacity(terms.len());
         for term in terms {
             let expr = self.close(&term, op, term.value.expr);
-            values.push((Value { expr, unit: term.value.unit }, span));
+            values.push((Value { expr, unit: term.value.unit }, term.span));
         }
         let mut list = values.into_iter();
         let Some(mut total) = list.next() else { return self.poison() };
+        let first = total.1;
         for next in list {
             let v = match op {
                 ReduceFn::Sum => self.arithmetic(BinaryOp::Add, total, next, span),
@@ -707,7 +755,7 @@ impl Elaborator<'_> {
                 ReduceFn::Max => self.fold_extremum(BinaryFn::Max, vec![total, next], span),
                 ReduceFn::Product => self.arithmetic(BinaryOp::Mul, total, next, span),
             };
-            total = (v, span);
+            total = (v, first);
         }
         total.0
     }
@@ -733,7 +781,9 @@ impl Elaborator<'_> {
         if terms.iter().any(|t| t.weight.is_some()) {
             let weights: Vec<Term> = terms
                 .iter()
-                .filter_map(|t| t.weight.clone().map(|w| Term { value: w, keep: t.keep, loops: t.loops.clone(), weight: None }))
+                .filter_map(|t| {
+                    t.weight.clone().map(|w| Term { value: w, span: t.span, keep: t.keep, loops: t.loops.clone(), weight: None })
+                })
                 .collect();
             let total = self.space_integral(terms, span);
             let measure = self.fold(weights, ReduceFn::Sum, span);
@@ -754,7 +804,7 @@ impl Elaborator<'_> {
                 );
             };
             let value = self.arithmetic(BinaryOp::Mul, (w, span), (term.value, span), span);
-            weighted.push(Term { value, keep: term.keep, loops: term.loops, weight: None });
+            weighted.push(Term { value, span: term.span, keep: term.keep, loops: term.loops, weight: None });
         }
         self.fold(weighted, ReduceFn::Sum, span)
     }
@@ -778,7 +828,7 @@ impl Elaborator<'_> {
             if !term.loops.is_empty() {
                 // Over cells: the greatest (least) of the conditions as numbers.
                 let number = self.exprs.number(holds);
-                let bare = Term { value: term.value.clone(), keep: None, loops: term.loops.clone(), weight: None };
+                let bare = Term { value: term.value.clone(), span: term.span, keep: None, loops: term.loops.clone(), weight: None };
                 let e = self.close(&bare, if any { ReduceFn::Max } else { ReduceFn::Min }, number);
                 holds = self.exprs.compare(Compare::Lt, zero, e);
             }
@@ -791,8 +841,8 @@ impl Elaborator<'_> {
     pub(super) fn bindings_of(&mut self, binder: &Binder, place: &Place) -> Vec<BinderValue> {
         match &binder.over {
             BinderSet::Itself => self.bindings_of_name(&binder.name, place),
-            BinderSet::Set(name) if matches!(name.text.as_str(), "states" | "actions")
-                && self.names.lookup(place.scope, &name.text).is_none() =>
+            BinderSet::Set(name)
+                if matches!(name.text.as_str(), "states" | "actions") && self.names.lookup(place.scope, &name.text).is_none() =>
             {
                 let role = if name.text == "states" { Role::State } else { Role::Action };
                 self.arrays_of(role)
@@ -844,6 +894,7 @@ impl Elaborator<'_> {
                 (0..self.names.sets[set].labels.len()).map(|i| BinderValue::One(Bound::Member(set, i))).collect()
             }
             SymbolKind::Domain(domain) => vec![BinderValue::Cells(domain, 0, self.names.domains[domain].cells - 1)],
+            SymbolKind::Faulty => Vec::new(),
             _ => {
                 let at = self.names.symbols[symbol].span;
                 self.report(
@@ -969,6 +1020,8 @@ pub enum BinderValue {
 #[derive(Clone)]
 struct Term {
     value: Value,
+    /// What was written: the body, or the element of a tuple.
+    span: Span,
     keep: Option<ExprId>,
     loops: Vec<(LoopVar, u32)>,
     weight: Option<Value>,

@@ -170,7 +170,14 @@ pub enum Expr {
     /// A loop counter as a number.
     Counter(LoopVar),
     /// An element of a variable.
-    Load { var: VarId, flavour: Flavour, at: Affine },
+    Load {
+        /// The variable.
+        var: VarId,
+        /// Which copy of it.
+        flavour: Flavour,
+        /// Which element.
+        at: Affine,
+    },
     /// A function of one number.
     Unary(UnaryFn, ExprId),
     /// A function of two numbers.
@@ -188,7 +195,16 @@ pub enum Expr {
     /// The second where the first (a truth value) holds, else the third. Both are evaluated.
     Select(ExprId, ExprId, ExprId),
     /// Reduction of `body` over the loop at `depth`, of `extent` passes; `body` may use that counter, nothing outside may.
-    Reduce { op: ReduceFn, depth: LoopVar, extent: u32, body: ExprId },
+    Reduce {
+        /// How terms are combined.
+        op: ReduceFn,
+        /// The loop.
+        depth: LoopVar,
+        /// Number of its passes.
+        extent: u32,
+        /// The term.
+        body: ExprId,
+    },
 }
 
 /// The arena of nodes; equal nodes are one.
@@ -274,7 +290,6 @@ impl Exprs {
     }
 
     /// The nodes that a node uses directly.
-    #[must_use]
     pub fn operands(&self, id: ExprId) -> impl Iterator<Item = ExprId> + use<> {
         Self::operands_of(self.nodes[id])
     }

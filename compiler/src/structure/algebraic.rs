@@ -2,6 +2,8 @@
 
 use std::collections::{HashMap, HashSet};
 
+use smpl_dsl::span::Span;
+
 use super::{loads, passes, replace_everywhere};
 use crate::elaborate::{Equation, EquationForm};
 use crate::ir::{Affine, Expr, ExprId, Exprs, Flavour, Role, VarId};
@@ -17,6 +19,8 @@ pub struct Plan {
     pub substituted: HashMap<Element, usize>,
     /// Arrays defined by one loop that covers them, substituted as wholes.
     pub arrays: HashMap<VarId, usize>,
+    /// The equations of both, for messages; whole arrays under -1.
+    pub spans: HashMap<Element, Span>,
 }
 
 /// An unknown that is used in at least this many rows may be worth keeping.
@@ -69,7 +73,10 @@ pub fn plan(model: &mut Model, equations: &[Equation]) -> Plan {
     let order = std::mem::take(&mut walk.order);
     let mut kept = std::mem::take(&mut walk.kept);
     keep_for_sparsity(model, equations, &candidates, &order, &mut kept);
+    let of = |e: &Element, i: &usize| (*e, equations[*i].span);
+    let spans = candidates.iter().map(|(e, i)| of(e, i)).chain(arrays.iter().map(|(v, i)| of(&(*v, -1), i))).collect();
     Plan {
+        spans,
         substituted: candidates.into_iter().filter(|(e, _)| !kept.contains(e)).collect(),
         arrays: arrays.into_iter().filter(|(v, _)| !kept.contains(&(*v, -1))).collect(),
     }
@@ -176,9 +183,7 @@ fn keep_for_sparsity(
     kept: &mut HashSet<Element>,
 ) {
     let exprs = &model.exprs;
-    let unknowns = |e: ExprId| {
-        loads(exprs, e, |v, f| f == Flavour::Value && matches!(model.vars[v].role, Role::State | Role::Algebraic))
-    };
+    let unknowns = |e: ExprId| loads(exprs, e, |v, f| f == Flavour::Value && matches!(model.vars[v].role, Role::State | Role::Algebraic));
     let needs: HashMap<Element, Vec<(VarId, Flavour, Affine)>> = candidates
         .iter()
         .filter_map(|(&element, &i)| match equations[i].form {
@@ -244,7 +249,8 @@ fn use_counts(
 
 /// Substitutes everywhere; substituted definitions become equations of nothing and are dropped later.
 pub fn substitute(model: &mut Model, equations: &mut Vec<Equation>, plan: &Plan, _done: &mut HashMap<ExprId, ExprId>) {
-    let values: HashMap<Element, ExprId> = plan.substituted.iter().filter_map(|(&e, &i)| definition(equations, i).map(|v| (e, v))).collect();
+    let values: HashMap<Element, ExprId> =
+        plan.substituted.iter().filter_map(|(&e, &i)| definition(equations, i).map(|v| (e, v))).collect();
     let arrays: HashMap<VarId, ExprId> = plan.arrays.iter().filter_map(|(&v, &i)| definition(equations, i).map(|e| (v, e))).collect();
     let mut expander = Expander { values, arrays, done: HashMap::new(), flavoured: HashMap::new() };
     let vars = model.vars.clone();

@@ -10,36 +10,19 @@ pub struct Table {
 
 /// The table of a file, or `None` (with a message) where the references are not installed.
 pub fn table(name: &str) -> Option<Table> {
-    let folder = std::env::var_os("SMPL_REFERENCE").map_or_else(
-        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/reference"),
-        PathBuf::from,
-    );
-    let folders = [
-        folder,
-        PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/reference"),
-    ];
+    let folder = std::env::var_os("SMPL_REFERENCE")
+        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/reference"), PathBuf::from);
+    let folders = [folder, PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/reference")];
     let Some(path) = folders.iter().map(|f| f.join(name)).find(|p| p.exists()) else {
         eprintln!("skipped: reference file {name} is not installed (set SMPL_REFERENCE)");
         return None;
     };
     let mut reader = csv::Reader::from_path(path).expect("the reference can be read");
-    let names = reader
-        .headers()
-        .expect("a heading")
-        .iter()
-        .map(str::to_owned)
-        .collect();
+    let names = reader.headers().expect("a heading").iter().map(str::to_owned).collect();
     let number = |text: &str| {
-        if text.is_empty() {
-            f64::NAN
-        } else {
-            text.parse().expect("a number")
-        }
+        if text.is_empty() { f64::NAN } else { text.parse().expect("a number") }
     };
-    let rows = reader
-        .records()
-        .map(|r| r.expect("a row").iter().map(number).collect())
-        .collect();
+    let rows = reader.records().map(|r| r.expect("a row").iter().map(number).collect()).collect();
     Some(Table { names, rows })
 }
 
@@ -49,11 +32,7 @@ impl Table {
     }
 
     pub fn get(&self, row: usize, column: &str) -> f64 {
-        let at = self
-            .names
-            .iter()
-            .position(|n| n == column)
-            .unwrap_or_else(|| panic!("no column {column}"));
+        let at = self.names.iter().position(|n| n == column).unwrap_or_else(|| panic!("no column {column}"));
         self.rows[row][at]
     }
 
