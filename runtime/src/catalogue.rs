@@ -168,9 +168,14 @@ impl Catalogue {
     }
 }
 
+/// The states in the order of the outside; the quantities list them in the order of `y`.
 fn states(interface: &Interface) -> Family {
-    let order = interface.state_order.as_deref();
-    family(&interface.states, |_, _, running| order.and_then(|order| order.get(running)).map_or(running, |&at| at as usize))
+    let inside = family(&interface.states, |_, _, running| running);
+    let Some(order) = &interface.state_order else {
+        return inside;
+    };
+    let elements = order.iter().filter_map(|&at| inside.elements.get(at as usize));
+    Family::new(elements.cloned().collect())
 }
 
 /// Flattens quantities; `place` gets the quantity, the element in it, and the running number.
