@@ -59,7 +59,7 @@ impl<'a> Elaborator<'a> {
     }
 
     /// Address of the element that bound index names mean.
-    fn bound_address(&self, axes: &[Axis], indices: &[Binder], place: &Place) -> Affine {
+    pub(super) fn bound_address(&self, axes: &[Axis], indices: &[Binder], place: &Place) -> Affine {
         let mut at = Affine::default();
         for (&axis, binder) in axes.iter().zip(indices) {
             let part = match place.bound(&binder.name.text) {
@@ -149,18 +149,7 @@ impl<'a> Elaborator<'a> {
             .cloned()
             .collect();
         for name in unused {
-            let entries = [
-                "max_steps",
-                "error_reward",
-                "step",
-                "integrate",
-                "rtol",
-                "atol_factor",
-                "max_order",
-                "linear_solver",
-                "max_internal_steps",
-            ];
-            if entries.contains(&name.as_str()) {
+            if super::ENTRY_SETTINGS.contains(&name.as_str()) {
                 continue;
             }
             let mut known: Vec<&str> = self

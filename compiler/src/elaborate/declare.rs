@@ -894,10 +894,8 @@ fn collect_variants<'a>(statements: &'a [Statement], switches: &mut Vec<&'a str>
                 }
                 collect_variants(body, switches, choices);
             }
-            StatementKind::Choice { name, options, .. } => {
-                if !choices.iter().any(|(c, _)| *c == name.text) {
-                    choices.push((&name.text, options));
-                }
+            StatementKind::Choice { name, options, .. } if !choices.iter().any(|(c, _)| *c == name.text) => {
+                choices.push((&name.text, options));
             }
             StatementKind::When { body, .. } | StatementKind::Component { body, .. } => collect_variants(body, switches, choices),
             _ => {}

@@ -68,7 +68,7 @@ impl<'a> Elaborator<'a> {
         if wanted == "full" && levels.last().is_some_and(|l| l == "full") {
             self.observe_states(&mut out);
         }
-        if !levels.iter().any(|l| *l == wanted) {
+        if !levels.contains(&wanted) {
             return out;
         }
         self.model.interface.levels = levels;
