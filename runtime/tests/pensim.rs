@@ -352,7 +352,9 @@ fn the_jacobian_is_the_slope_of_the_rates() {
                 let (a, b) = (fine[r.at], coarse[r.at]);
                 let rate_size = y[r.at].abs().max(r.scale);
                 let doubt = (a - b).abs() + 1e-4 * a.abs() + 1e-6 * rate_size;
-                if (exact - a).abs() > 4.0 * doubt { eprintln!("row {row}: d {}'/d {}: {exact:e}, differences {a:e} {b:e}", r.name, column.name); }
+                if (exact - a).abs() > 4.0 * doubt {
+                    eprintln!("row {row}: d {}'/d {}: {exact:e}, differences {a:e} {b:e}", r.name, column.name);
+                }
             }
         }
     }
