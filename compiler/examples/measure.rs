@@ -70,7 +70,11 @@ fn main() {
         let parameters = nanoseconds(|| compiled.prepare_parameters(&mut m));
         let finite = (out.iter().filter(|x| !x.is_finite()).count(), values.iter().filter(|x| !x.is_finite()).count());
         let s = compiled.statistics();
-        println!("{path}: {n} unknowns, {} non-zeros, front {front:.1?}, back {back:.1?} {s:?}", s.nonzeros);
+        println!(
+            "{path}: {n} unknowns, {} non-zeros, front {front:.1?}, back {back:.1?}, differentiate {:.1?}, hoist {:.1?}, {} bytes, {} cached",
+            s.nonzeros, s.differentiate, s.hoist, s.code_bytes, s.cached
+        );
+        println!("    {:?}", s.functions);
         println!(
             "    residual {residual:.0} ns, Jacobian {jacobian:.0} ns, prepare {prepare:.0} / {parameters:.0} ns, not finite {finite:?}"
         );

@@ -115,6 +115,14 @@ pub fn header(bytes: &[u8], key: &Key) -> Result<Header, ArtefactError> {
     Ok(open(bytes, key)?.0)
 }
 
+/// The header of an artefact sealed with this user's key.
+///
+/// # Errors
+/// As [`header`], and if there is no key.
+pub fn header_of_user(bytes: &[u8]) -> Result<Header, ArtefactError> {
+    header(bytes, &Key::of_user()?)
+}
+
 /// The compiled model of an artefact.
 ///
 /// # Errors

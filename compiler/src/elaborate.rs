@@ -63,6 +63,10 @@ pub struct Options {
     pub max_steps: Option<u32>,
 }
 
+/// Entries of `episode` and `solver` that are settings as well; `max_internal_steps` is `max_steps` of the solver.
+pub const ENTRY_SETTINGS: &[&str] =
+    &["max_steps", "error_reward", "step", "integrate", "rtol", "atol_factor", "max_order", "linear_solver", "max_internal_steps"];
+
 /// Value of a setting.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Setting {
@@ -87,11 +91,7 @@ pub struct Elaborated {
 ///
 /// # Errors
 /// All independent faults of the model.
-pub fn elaborate(
-    files: &[syntax::File],
-    imports: &HashMap<String, usize>,
-    options: &Options,
-) -> Result<Elaborated, Vec<Diagnostic>> {
+pub fn elaborate(files: &[syntax::File], imports: &HashMap<String, usize>, options: &Options) -> Result<Elaborated, Vec<Diagnostic>> {
     let mut elaborator = Elaborator::new(files, imports, options);
     elaborator.run();
     elaborator.finish()
@@ -155,7 +155,10 @@ pub(crate) struct Elaborator<'a> {
     options: &'a Options,
     selection: Selection,
     diagnostics: Vec<Diagnostic>,
-    reported: HashSet<(Code, Span)>,
+    /// Code, place, and the call through which the place was reached.
+    reported: HashSet<(Code, Span, Option<Span>)>,
+    /// Calls of functions that are being expanded.
+    calls: Vec<Span>,
     names: Names<'a>,
     exprs: Exprs,
     vars: PrimaryMap<VarId, Variable>,
@@ -177,6 +180,12 @@ pub(crate) struct Elaborator<'a> {
     /// Numeric defaults of parameters, for constant evaluation.
     known: HashMap<(VarId, i64), f64>,
     expanding: Vec<SymbolId>,
+    /// `let`s that something has asked for.
+    expanded: HashSet<SymbolId>,
+    /// The equation that is being elaborated.
+    statement: Span,
+    /// Index names reported as not bound, by statement.
+    unbound: HashSet<(Span, String)>,
     memo: HashMap<(SymbolId, Vec<indices::IndexKey>, Site), Value>,
     random_site: Option<(String, crate::model::Instant)>,
     loops: Vec<cells::Loop>,
@@ -191,6 +200,8 @@ pub(crate) struct Elaborator<'a> {
     symbol_of: HashMap<VarId, SymbolId>,
     /// Members of ports: connections, not outputs.
     port_variables: HashSet<VarId>,
+    /// Where the component of each instance is used.
+    used_at: HashMap<ScopeId, Span>,
     /// Arguments of instances.
     given: HashMap<(ScopeId, String), (&'a Expr, Place)>,
     /// Observed numbers with their boxes, for failures on the observation box.
@@ -202,9 +213,7 @@ pub(crate) struct Elaborator<'a> {
 impl<'a> Elaborator<'a> {
     fn new(files: &'a [syntax::File], imports: &'a HashMap<String, usize>, options: &'a Options) -> Self {
         let mut vars = PrimaryMap::new();
-        let mut hidden = |name: &str, role| {
-            vars.push(Variable { name: name.to_owned(), role, len: 0, span: Span::default() })
-        };
+        let mut hidden = |name: &str, role| vars.push(Variable { name: name.to_owned(), role, len: 0, span: Span::default() });
         let builtins = hidden("builtin", Role::Builtin);
         let draws_var = hidden("draw", Role::Draw);
         let quadratures_var = hidden("quadrature", Role::Quadrature);
@@ -217,6 +226,7 @@ impl<'a> Elaborator<'a> {
             selection: Selection::default(),
             diagnostics: Vec::new(),
             reported: HashSet::new(),
+            calls: Vec::new(),
             names: Names::default(),
             exprs: Exprs::default(),
             vars,
@@ -234,6 +244,9 @@ impl<'a> Elaborator<'a> {
             param_given,
             known: HashMap::new(),
             expanding: Vec::new(),
+            expanded: HashSet::new(),
+            statement: Span::default(),
+            unbound: HashSet::new(),
             memo: HashMap::new(),
             random_site: None,
             loops: Vec::new(),
@@ -246,6 +259,7 @@ impl<'a> Elaborator<'a> {
             guard: None,
             symbol_of: HashMap::new(),
             port_variables: HashSet::new(),
+            used_at: HashMap::new(),
             given: HashMap::new(),
             observed_members: Vec::new(),
             knowing: HashSet::new(),
@@ -255,12 +269,14 @@ impl<'a> Elaborator<'a> {
     fn run(&mut self) {
         self.select_variants();
         self.declare_file();
-        if self.has_errors() {
+        // What a missing file declares would be missed everywhere.
+        if self.diagnostics.iter().any(|d| d.code == codes::UNKNOWN_IMPORT) {
             return;
         }
         self.declare_defaults();
         self.elaborate_equations();
         self.elaborate_control();
+        self.check_unused();
     }
 
     fn finish(mut self) -> Result<Elaborated, Vec<Diagnostic>> {
@@ -270,8 +286,7 @@ impl<'a> Elaborator<'a> {
         }
         self.vars[self.draws_var].len = self.draws.len() as u32;
         self.vars[self.quadratures_var].len = self.quadratures.len() as u32;
-        self.vars[self.param_given].len =
-            self.vars.values().filter(|v| v.role == Role::Param).map(|v| v.len).sum();
+        self.vars[self.param_given].len = self.vars.values().filter(|v| v.role == Role::Param).map(|v| v.len).sum();
         let mut model = self.model;
         model.interface.draws = self.draws;
         model.quadratures = self.quadratures;
@@ -285,8 +300,12 @@ impl<'a> Elaborator<'a> {
     }
 
     /// Reports a fault once: the same fault at the same place, met again in another cell or instance, is not repeated.
-    fn report(&mut self, diagnostic: Diagnostic) {
-        if self.reported.insert((diagnostic.code, diagnostic.primary.span)) {
+    fn report(&mut self, mut diagnostic: Diagnostic) {
+        let call = self.calls.first().copied().filter(|c| !c.contains(diagnostic.primary.span));
+        if self.reported.insert((diagnostic.code, diagnostic.primary.span, call)) {
+            if let Some(call) = call {
+                diagnostic = diagnostic.secondary(call, "in this call");
+            }
             self.diagnostics.push(diagnostic);
         }
     }
@@ -318,7 +337,7 @@ impl<'a> Elaborator<'a> {
         let draws = &self.draws;
         let (param_role, draws_var) = (&self.vars, self.draws_var);
         let mut exprs = std::mem::take(&mut self.exprs);
-        let folded = exprs.rewrite(e, &mut HashMap::new(), &mut |exprs, node| match node {
+        let folded = exprs.rewrite(e, &mut crate::ir::Rewritten::default(), &mut |exprs, node| match node {
             crate::ir::Expr::Load { var, at, .. } if at.is_constant() => {
                 if var == draws_var {
                     let mean = match draws.get(at.offset as usize).map(|d| d.kind) {

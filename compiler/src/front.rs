@@ -49,6 +49,11 @@ pub fn flatten(
     }
 }
 
+/// Reads the main file and what it imports into `sources`, without compiling.
+pub fn read(sources: &mut SourceMap, main: FileId, loader: &mut Loader) {
+    let _ = parse_all(sources, main, loader);
+}
+
 /// The main file and what it imports, each once.
 fn parse_all(sources: &mut SourceMap, main: FileId, loader: &mut Loader) -> (Vec<File>, HashMap<String, usize>, Vec<Diagnostic>) {
     let mut files = Vec::new();

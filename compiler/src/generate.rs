@@ -4,6 +4,7 @@
 //! loops two lanes at a time, with elementary functions taken out into array kernels over columns of working memory.
 //! Loops stay loops: the size of the code does not depend on extents.
 
+pub mod reroll;
 pub mod schedule;
 
 mod body;

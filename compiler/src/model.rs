@@ -248,7 +248,12 @@ pub enum Axis {
     /// Members of a set.
     Names(Vec<String>),
     /// Integers from the first on.
-    Numbers { first: i64, count: u32 },
+    Numbers {
+        /// The first number.
+        first: i64,
+        /// How many there are.
+        count: u32,
+    },
 }
 
 /// One random number.

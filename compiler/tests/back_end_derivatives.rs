@@ -154,7 +154,7 @@ fn random_model(choices: &[(u8, u8, u8)], explicit: bool) -> Model {
     }
     let parts = numbers.len().saturating_sub(3);
     let e = &mut m.model.exprs;
-    let total = numbers[parts..].to_vec().into_iter().reduce(|a, b| e.add(a, b)).unwrap_or(p);
+    let total = numbers[parts..].iter().copied().reduce(|a, b| e.add(a, b)).unwrap_or(p);
     if explicit {
         m.rate(&[CELLS], x, cell(0), total);
     } else {

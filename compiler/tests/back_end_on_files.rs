@@ -8,7 +8,7 @@ use smpl_compiler::elaborate::Options;
 use smpl_compiler::front::flatten;
 use smpl_compiler::generate::schedule::{Access, Job, Sink, Task};
 use smpl_compiler::interpret::{Tape, View};
-use smpl_compiler::ir::Affine;
+use smpl_compiler::ir::{Affine, Program};
 use smpl_compiler::layout::Memory;
 use smpl_dsl::diagnostic::SourceMap;
 
@@ -117,10 +117,51 @@ fn check_jacobian(model: &CompiledModel, name: &str) {
     }
 }
 
+/// Programs as they were given, interpreted, leave the same numbers behind as the compiled ones.
+fn check_programs(model: &CompiledModel, name: &str) {
+    let programs = &model.model().programs;
+    let tape = |program: &Program, out| {
+        let access = Access { name: "program", y: true, yp: true, out };
+        Tape::new(&program.job(), &model.model().exprs, model.layout(), access).expect("a tape")
+    };
+    let outputs = model.interface().algebraics.iter().map(smpl_compiler::model::Quantity::len).sum();
+    let mut random = Random(5);
+    for _ in 0..3 {
+        let (m, y, yp) = point(model, &mut random);
+        for (which, program, out) in [
+            ("start", &programs.start, 0),
+            ("end", &programs.end, 0),
+            ("disturb", &programs.disturb, 0),
+            ("finish", &programs.finish, model.finish_len()),
+            ("outputs", &programs.outputs, outputs),
+        ] {
+            let (mut m1, mut y1, mut out1) = (m.clone(), y.clone(), vec![0.0; out]);
+            let (mut m2, mut y2, mut out2) = (m.clone(), y.clone(), vec![0.0; out]);
+            match which {
+                "start" => model.start(&mut m1, 0.7, &mut y1),
+                "end" => model.end(&mut m1, 0.7, &mut y1),
+                "disturb" => model.disturb(&mut m1, 0.7),
+                "finish" => model.finish(&mut m1, 0.7, &y1, &yp, &mut out1),
+                _ => model.outputs(&mut m1, 0.7, &y1, &yp, &mut out1),
+            }
+            let work = m2.all_mut();
+            tape(program, out).run(&mut View { time: 0.7, factor: 0.0, y: &mut y2, yp: &yp, work, out: &mut out2, tables: &[] });
+            // Columns at the end of the workspace are working memory of compiled code.
+            let used = model.layout().columns() as usize;
+            let compiled = y1.iter().chain(&out1).chain(&m1.all()[..used]);
+            let interpreted = y2.iter().chain(&out2).chain(&m2.all()[..used]);
+            for (i, (a, b)) in compiled.zip(interpreted).enumerate() {
+                assert!(close(*a, *b, 1e-13 * b.abs().max(1e-9)), "{name}, {which}: number {i} is {a}, interpreted {b}");
+            }
+        }
+    }
+}
+
 fn check(name: &str) {
     let model = compile(name);
     check_residual(&model, name);
     check_jacobian(&model, name);
+    check_programs(&model, name);
 }
 
 #[test]

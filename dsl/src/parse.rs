@@ -144,8 +144,10 @@ struct Context<'t> {
 
 impl Context<'_> {
     fn span(&self, pair: &Pair<'_, Rule>) -> Span {
+        // A rule that ends in an optional part has taken the blanks before it.
         let at = pair.as_span();
-        span(self.file, self.offset + at.start(), self.offset + at.end())
+        let end = at.start() + at.as_str().trim_end().len();
+        span(self.file, self.offset + at.start(), self.offset + end)
     }
 
     /// A name; reserved words are refused.

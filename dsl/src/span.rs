@@ -18,6 +18,12 @@ pub struct Span {
 }
 
 impl Span {
+    /// Whether the other span lies inside this one.
+    #[must_use]
+    pub fn contains(self, other: Span) -> bool {
+        self.file == other.file && self.start <= other.start && other.end <= self.end
+    }
+
     /// The smallest span that holds both (of one file; otherwise the first).
     #[must_use]
     pub fn to(self, other: Span) -> Span {

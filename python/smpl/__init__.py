@@ -7,6 +7,7 @@ Importing the package registers the environments. `smpl.compile` makes a model o
 an environment of it.
 """
 
+from smpl._files import announce_library
 from smpl._native import CompileError, Diagnostic, ScenarioError, SimulationError, __version__
 from smpl._registry import register_envs
 from smpl.envs import Env
@@ -27,4 +28,5 @@ __all__ = [
     "register_envs",
 ]
 
+announce_library()
 register_envs()

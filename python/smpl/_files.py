@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parent
@@ -13,6 +14,11 @@ def models_directory() -> Path:
     if (checkout / "Cargo.toml").is_file() and (checkout / "models").is_dir():
         return checkout / "models"
     return _PACKAGE / "models"
+
+
+def announce_library() -> None:
+    """Let models anywhere import the shipped components (`use "lib/..."`), unless a library is set already."""
+    os.environ.setdefault("SMPL_LIBRARY", str(models_directory()))
 
 
 def model_path(name: str) -> Path:

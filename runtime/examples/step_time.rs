@@ -13,62 +13,31 @@ use smpl_runtime::system::CompiledSystem;
 use support::{beer, environment, reactor, setup};
 
 fn main() {
-    let reactor = environment(
-        reactor::model(),
-        EnvironmentOptions {
-            max_steps: Some(u32::MAX),
-            ..EnvironmentOptions::default()
-        },
-    );
-    println!(
-        "reactor step, rtol 1e-9: {:.2} us",
-        step_time(reactor, |i| vec![26.0 + f64::from(i % 3), 0.1])
-    );
-    let options = EnvironmentOptions {
-        max_steps: Some(u32::MAX),
-        rtol: Some(1e-6),
-        ..EnvironmentOptions::default()
-    };
+    let reactor = environment(reactor::model(), EnvironmentOptions { max_steps: Some(u32::MAX), ..EnvironmentOptions::default() });
+    println!("reactor step, rtol 1e-9: {:.2} us", step_time(reactor, |i| vec![26.0 + f64::from(i % 3), 0.1]));
+    let options = EnvironmentOptions { max_steps: Some(u32::MAX), rtol: Some(1e-6), ..EnvironmentOptions::default() };
     println!(
         "reactor step, rtol 1e-6: {:.2} us",
-        step_time(environment(reactor::model(), options), |i| vec![
-            26.0 + f64::from(i % 3),
-            0.1
-        ])
+        step_time(environment(reactor::model(), options), |i| vec![26.0 + f64::from(i % 3), 0.1])
     );
     println!("integrator alone, 1e-9:  {:.2} us", integrator_time(3));
     println!(
         "reactor at rest:         {:.2} us",
         step_time(
-            environment(
-                reactor::model(),
-                EnvironmentOptions {
-                    max_steps: Some(u32::MAX),
-                    ..EnvironmentOptions::default()
-                }
-            ),
+            environment(reactor::model(), EnvironmentOptions { max_steps: Some(u32::MAX), ..EnvironmentOptions::default() }),
             |_| vec![26.85, 0.1]
         )
     );
     println!("integrator alone, there: {:.2} us", integrator_time(0));
     let beer = environment(beer::model(1.0, u32::MAX), EnvironmentOptions::default());
-    println!(
-        "beer step, rtol 1e-8:    {:.2} us",
-        step_time(beer, |_| vec![10.0])
-    );
+    println!("beer step, rtol 1e-8:    {:.2} us", step_time(beer, |_| vec![10.0]));
     for threads in [1, 2] {
-        println!(
-            "batch of 64, {threads} threads: {:.2} us a step and instance",
-            batch_time(64, threads)
-        );
+        println!("batch of 64, {threads} threads: {:.2} us a step and instance", batch_time(64, threads));
     }
 }
 
 fn step_time(mut env: Environment, action: impl Fn(u32) -> Vec<f64>) -> f64 {
-    let start = ResetOptions {
-        start: Start::Nominal,
-        ..ResetOptions::default()
-    };
+    let start = ResetOptions { start: Start::Nominal, ..ResetOptions::default() };
     env.reset(Some(1), &start).expect("resets");
     env.set_keep_going(true);
     let actions: Vec<Vec<f64>> = (0..3).map(action).collect();
@@ -98,11 +67,7 @@ fn integrator_time(jumps: usize) -> f64 {
             let begin = Instant::now();
             for i in 0..1000 {
                 let (model, memory) = system.parts();
-                memory.region_mut(smpl_compiler::layout::Region::Action)[0] = if jumps == 0 {
-                    26.85
-                } else {
-                    26.0 + (i % jumps) as f64
-                };
+                memory.region_mut(smpl_compiler::layout::Region::Action)[0] = if jumps == 0 { 26.85 } else { 26.0 + (i % jumps) as f64 };
                 model.prepare_step(memory);
                 ida.restart(&mut system, 0.0, &y, None).expect("restarts");
                 ida.advance(&mut system, 0.1).expect("advances");
@@ -117,27 +82,17 @@ fn integrator_time(jumps: usize) -> f64 {
 
 fn batch_time(n: usize, threads: usize) -> f64 {
     let setup = setup(reactor::model(), EnvironmentOptions::default());
-    let options = BatchOptions {
-        autoreset: Autoreset::SameStep,
-        threads,
-        ..BatchOptions::default()
-    };
+    let options = BatchOptions { autoreset: Autoreset::SameStep, threads, ..BatchOptions::default() };
     let mut batch = Batch::new(&setup, n, options).expect("a batch");
     let (mut observations, mut rewards) = (vec![0.0_f32; 3 * n], vec![0.0; n]);
     let (mut terminated, mut truncated) = (vec![false; n], vec![false; n]);
     let seeds = batch.seeds(0);
-    batch
-        .reset(Some(&seeds), None, &mut observations)
-        .expect("resets");
+    batch.reset(Some(&seeds), None, &mut observations).expect("resets");
     let actions: Vec<f64> = (0..2 * n).map(|i| (i % 5) as f64 * 0.1 - 0.3).collect();
     let begin = Instant::now();
     for _ in 0..200 {
-        let arrays = StepArrays {
-            observations: &mut observations,
-            rewards: &mut rewards,
-            terminated: &mut terminated,
-            truncated: &mut truncated,
-        };
+        let arrays =
+            StepArrays { observations: &mut observations, rewards: &mut rewards, terminated: &mut terminated, truncated: &mut truncated };
         batch.step(&actions, arrays).expect("steps");
     }
     begin.elapsed().as_secs_f64() * 1e6 / 200.0 / n as f64

@@ -40,12 +40,7 @@ pub struct BatchOptions {
 
 impl Default for BatchOptions {
     fn default() -> Self {
-        Self {
-            autoreset: Autoreset::NextStep,
-            threads: 1,
-            normalised: true,
-            reset: ResetOptions::default(),
-        }
+        Self { autoreset: Autoreset::NextStep, threads: 1, normalised: true, reset: ResetOptions::default() }
     }
 }
 
@@ -186,29 +181,14 @@ impl Batch {
     ///
     /// # Errors
     /// When the solver refuses the system, or no threads can be made.
-    pub fn new(
-        setup: &Arc<Setup>,
-        count: usize,
-        options: BatchOptions,
-    ) -> Result<Self, BatchError> {
-        let members: Result<Vec<Member>, SetupError> =
-            (0..count).map(|_| Member::new(Arc::clone(setup))).collect();
+    pub fn new(setup: &Arc<Setup>, count: usize, options: BatchOptions) -> Result<Self, BatchError> {
+        let members: Result<Vec<Member>, SetupError> = (0..count).map(|_| Member::new(Arc::clone(setup))).collect();
         let threads = options.threads.min(count).max(1);
         let pool = match threads {
             1 => None,
-            n => Some(
-                rayon::ThreadPoolBuilder::new()
-                    .num_threads(n)
-                    .thread_name(|i| format!("smpl-{i}"))
-                    .build()?,
-            ),
+            n => Some(rayon::ThreadPoolBuilder::new().num_threads(n).thread_name(|i| format!("smpl-{i}")).build()?),
         };
-        Ok(Self {
-            members: members?,
-            options,
-            pool,
-            serial_cost: Duration::ZERO,
-        })
+        Ok(Self { members: members?, options, pool, serial_cost: Duration::ZERO })
     }
 
     /// Number of instances.
@@ -257,12 +237,7 @@ impl Batch {
     ///
     /// # Errors
     /// Wrong lengths, or an instance that cannot begin.
-    pub fn reset<T: Number>(
-        &mut self,
-        seeds: Option<&[u64]>,
-        mask: Option<&[bool]>,
-        observations: &mut [T],
-    ) -> Result<(), BatchError> {
+    pub fn reset<T: Number>(&mut self, seeds: Option<&[u64]>, mask: Option<&[bool]>, observations: &mut [T]) -> Result<(), BatchError> {
         let n = self.members.len();
         length("seeds", seeds.map_or(n, <[u64]>::len), n)?;
         length("reset_mask", mask.map_or(n, <[bool]>::len), n)?;
@@ -278,17 +253,9 @@ impl Batch {
         let members = &mut self.members;
         match &self.pool {
             Some(pool) => pool.install(|| {
-                members
-                    .par_iter_mut()
-                    .zip(observations.par_chunks_exact_mut(width.max(1)))
-                    .enumerate()
-                    .for_each(task);
+                members.par_iter_mut().zip(observations.par_chunks_exact_mut(width.max(1))).enumerate().for_each(task);
             }),
-            None => members
-                .iter_mut()
-                .zip(observations.chunks_exact_mut(width.max(1)))
-                .enumerate()
-                .for_each(task),
+            None => members.iter_mut().zip(observations.chunks_exact_mut(width.max(1))).enumerate().for_each(task),
         }
         self.first_fault()
     }
@@ -296,9 +263,7 @@ impl Batch {
     /// Seeds `seed`, `seed + 1`, ... for all instances.
     #[must_use]
     pub fn seeds(&self, seed: u64) -> Vec<u64> {
-        (0..self.members.len() as u64)
-            .map(|i| seed.wrapping_add(i))
-            .collect()
+        (0..self.members.len() as u64).map(|i| seed.wrapping_add(i)).collect()
     }
 
     /// Steps all instances. `actions` has n × actions entries.
@@ -306,11 +271,7 @@ impl Batch {
     /// # Errors
     /// Wrong lengths, a NaN or an episode that is over with autoreset disabled: then no instance was stepped. An instance that cannot
     /// begin its next episode.
-    pub fn step<T: Number>(
-        &mut self,
-        actions: &[f64],
-        arrays: StepArrays<'_, T>,
-    ) -> Result<(), BatchError> {
+    pub fn step<T: Number>(&mut self, actions: &[f64], arrays: StepArrays<'_, T>) -> Result<(), BatchError> {
         let n = self.members.len();
         let (width, inputs) = (self.observation_len(), self.action_len());
         length("actions", actions.len(), n * inputs)?;
@@ -321,21 +282,13 @@ impl Batch {
         self.check(actions, inputs)?;
         let options = &self.options;
         let members = &mut self.members;
-        let StepArrays {
-            observations,
-            rewards,
-            terminated,
-            truncated,
-        } = arrays;
+        let StepArrays { observations, rewards, terminated, truncated } = arrays;
         let task = |((((index, member), out), reward), (terminated, truncated)): Slot<'_, T>| {
             let result = member.step(&actions[index * inputs..(index + 1) * inputs], options);
             (*reward, *terminated, *truncated) = result;
             member.environment.observe(options.normalised, out);
         };
-        let parallel = self
-            .pool
-            .as_ref()
-            .filter(|_| self.serial_cost > WORTH_THREADS);
+        let parallel = self.pool.as_ref().filter(|_| self.serial_cost > WORTH_THREADS);
         let begin = Instant::now();
         match parallel {
             Some(pool) => pool.install(|| {
@@ -367,10 +320,7 @@ impl Batch {
                 continue;
             }
             let row = &actions[index * inputs..(index + 1) * inputs];
-            member
-                .environment
-                .check(row)
-                .map_err(|error| BatchError::Step { index, error })?;
+            member.environment.check(row).map_err(|error| BatchError::Step { index, error })?;
         }
         Ok(())
     }
@@ -387,23 +337,16 @@ impl Batch {
     }
 
     fn observation_len(&self) -> usize {
-        self.members
-            .first()
-            .map_or(0, |m| m.environment.observation_len())
+        self.members.first().map_or(0, |m| m.environment.observation_len())
     }
 
     fn action_len(&self) -> usize {
-        self.members
-            .first()
-            .map_or(0, |m| m.environment.catalogue().actions.len())
+        self.members.first().map_or(0, |m| m.environment.catalogue().actions.len())
     }
 }
 
 /// What a task of a step gets: instance, its observations, reward and flags.
-type Slot<'a, T> = (
-    (((usize, &'a mut Member), &'a mut [T]), &'a mut f64),
-    (&'a mut bool, &'a mut bool),
-);
+type Slot<'a, T> = ((((usize, &'a mut Member), &'a mut [T]), &'a mut f64), (&'a mut bool, &'a mut bool));
 
 impl Member {
     fn new(setup: Arc<Setup>) -> Result<Self, SetupError> {
@@ -467,8 +410,7 @@ impl Member {
     }
 
     fn begin_anew(&mut self, options: &BatchOptions) {
-        self.environment
-            .observe(options.normalised, &mut self.final_observation);
+        self.environment.observe(options.normalised, &mut self.final_observation);
         std::mem::swap(&mut self.info, &mut self.final_info);
         self.reset(None, &options.reset);
         self.ended = true;
@@ -476,13 +418,5 @@ impl Member {
 }
 
 fn length(name: &'static str, given: usize, expected: usize) -> Result<(), BatchError> {
-    if given == expected {
-        Ok(())
-    } else {
-        Err(BatchError::Length {
-            name,
-            given,
-            expected,
-        })
-    }
+    if given == expected { Ok(()) } else { Err(BatchError::Length { name, given, expected }) }
 }

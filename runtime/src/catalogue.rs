@@ -34,11 +34,7 @@ impl Element {
     #[must_use]
     pub fn range(&self) -> f64 {
         let range = self.high - self.low;
-        if range.is_finite() && range > 0.0 {
-            range
-        } else {
-            1.0
-        }
+        if range.is_finite() && range > 0.0 { range } else { 1.0 }
     }
 }
 
@@ -51,11 +47,7 @@ pub struct Family {
 
 impl Family {
     fn new(elements: Vec<Element>) -> Self {
-        let index = elements
-            .iter()
-            .enumerate()
-            .map(|(i, e)| (e.name.clone(), i))
-            .collect();
+        let index = elements.iter().enumerate().map(|(i, e)| (e.name.clone(), i)).collect();
         Self { elements, index }
     }
 
@@ -94,8 +86,7 @@ impl Family {
     /// # Errors
     /// [`UnknownName`] if no element has the name.
     pub fn get(&self, name: &str, kind: &'static str) -> Result<&Element, UnknownName> {
-        self.find(name)
-            .ok_or_else(|| UnknownName::new(kind, name, self.names()))
+        self.find(name).ok_or_else(|| UnknownName::new(kind, name, self.names()))
     }
 
     /// The flattened names.
@@ -120,14 +111,8 @@ impl UnknownName {
     /// The error for `name` where `known` are the right names.
     pub fn new<'a>(kind: &'static str, name: &str, known: impl Iterator<Item = &'a str>) -> Self {
         let known: Vec<&str> = known.collect();
-        let guess = suggest(name, known.iter().copied())
-            .map(|n| format!("did you mean `{n}`? "))
-            .unwrap_or_default();
-        Self {
-            kind,
-            name: name.into(),
-            advice: format!("{guess}{}", list(&known)),
-        }
+        let guess = suggest(name, known.iter().copied()).map(|n| format!("did you mean `{n}`? ")).unwrap_or_default();
+        Self { kind, name: name.into(), advice: format!("{guess}{}", list(&known)) }
     }
 }
 
@@ -183,13 +168,14 @@ impl Catalogue {
     }
 }
 
+/// The states in the order of the outside; the quantities list them in the order of `y`.
 fn states(interface: &Interface) -> Family {
-    let order = interface.state_order.as_deref();
-    family(&interface.states, |_, _, running| {
-        order
-            .and_then(|order| order.get(running))
-            .map_or(running, |&at| at as usize)
-    })
+    let inside = family(&interface.states, |_, _, running| running);
+    let Some(order) = &interface.state_order else {
+        return inside;
+    };
+    let elements = order.iter().filter_map(|&at| inside.elements.get(at as usize));
+    Family::new(elements.cloned().collect())
 }
 
 /// Flattens quantities; `place` gets the quantity, the element in it, and the running number.

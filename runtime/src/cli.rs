@@ -78,9 +78,7 @@ enum Format {
 }
 
 fn setting(text: &str) -> Result<(String, Value), String> {
-    let (name, value) = text
-        .split_once('=')
-        .ok_or_else(|| format!("expected NAME=VALUE, found `{text}`"))?;
+    let (name, value) = text.split_once('=').ok_or_else(|| format!("expected NAME=VALUE, found `{text}`"))?;
     Ok((name.trim().to_owned(), Value::parse(value.trim())))
 }
 
@@ -88,22 +86,27 @@ fn setting(text: &str) -> Result<(String, Value), String> {
 fn number(text: &str) -> Result<(String, f64), String> {
     match setting(text)? {
         (name, Value::Number(value)) if value.is_finite() => Ok((name, value)),
-        (name, value) => Err(format!(
-            "the value of `{name}` must be a number, not `{value}`"
-        )),
+        (name, value) => Err(format!("the value of `{name}` must be a number, not `{value}`")),
     }
 }
 
-/// Rounds of what a command line can say about a model.
 impl ModelArguments {
-    fn load(&self, file: &std::path::Path) -> Result<Loaded, Failed> {
-        let options = LoadOptions {
+    fn options(&self) -> LoadOptions {
+        LoadOptions {
             scenario: self.scenario.clone(),
             variants: self.variants.iter().map(|v| Variant::parse(v)).collect(),
             settings: self.settings.iter().cloned().collect(),
             ..LoadOptions::default()
-        };
-        let loaded = load::load(file, &options)?;
+        }
+    }
+
+    fn load(&self, file: &std::path::Path) -> Result<Loaded, Failed> {
+        self.load_with(file, false)
+    }
+
+    /// Loads a model; `texts` keeps the back end's intermediate texts. Warnings are shown.
+    fn load_with(&self, file: &std::path::Path, texts: bool) -> Result<Loaded, Failed> {
+        let loaded = load::load(file, &LoadOptions { texts, ..self.options() })?;
         report::print_diagnostics(&loaded.warnings, &loaded.sources);
         Ok(loaded)
     }
@@ -140,36 +143,19 @@ fn dispatch(command: Command) -> Result<(), Failed> {
 fn on_a_deep_stack(work: impl FnOnce() -> i32 + Send + 'static) -> i32 {
     const STACK: usize = 512 << 20;
     std::panic::set_hook(Box::new(|info| {
-        let at = info
-            .location()
-            .map(|l| format!(" at {}:{}", l.file(), l.line()))
-            .unwrap_or_default();
-        let _ = writeln!(
-            io::stderr(),
-            "error: internal error{at}; please report it with the model that caused it"
-        );
+        let at = info.location().map(|l| format!(" at {}:{}", l.file(), l.line())).unwrap_or_default();
+        let _ = writeln!(io::stderr(), "error: internal error{at}; please report it with the model that caused it");
     }));
-    let thread = std::thread::Builder::new()
-        .name("smpl".into())
-        .stack_size(STACK)
-        .spawn(work);
-    thread
-        .ok()
-        .and_then(|thread| thread.join().ok())
-        .unwrap_or(1)
+    let thread = std::thread::Builder::new().name("smpl".into()).stack_size(STACK).spawn(work);
+    thread.ok().and_then(|thread| thread.join().ok()).unwrap_or(1)
 }
 
 /// Writes to standard output. A reader that has gone away is no fault: the command is done then.
 fn say(text: impl AsRef<str>) -> Result<(), Failed> {
     let mut out = io::stdout().lock();
-    match out
-        .write_all(text.as_ref().as_bytes())
-        .and_then(|()| out.flush())
-    {
+    match out.write_all(text.as_ref().as_bytes()).and_then(|()| out.flush()) {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Err(Failed::Quiet(0)),
-        Err(error) => Err(Failed::Message(format!(
-            "cannot write to standard output: {error}"
-        ))),
+        Err(error) => Err(Failed::Message(format!("cannot write to standard output: {error}"))),
         Ok(()) => Ok(()),
     }
 }

@@ -11,34 +11,14 @@ use crate::failure::Short;
 #[must_use]
 pub fn markdown(model: &CompiledModel, equations: &str) -> String {
     let interface = model.interface();
-    let mut page = format!(
-        "# {}\n\n{}\n\nTime in {}.\n",
-        interface.name, interface.text, interface.time.1
-    );
+    let mut page = format!("# {}\n\n{}\n\nTime in {}.\n", interface.name, interface.text, interface.time.1);
     quantities(&mut page, "States", &interface.states, "initial");
     quantities(&mut page, "Actions", &interface.actions, "nominal");
-    quantities(
-        &mut page,
-        "Discrete variables",
-        &interface.discretes,
-        "initial",
-    );
-    quantities(
-        &mut page,
-        "Disturbances",
-        &interface.disturbances,
-        "initial",
-    );
+    quantities(&mut page, "Discrete variables", &interface.discretes, "initial");
+    quantities(&mut page, "Disturbances", &interface.disturbances, "initial");
     quantities(&mut page, "Algebraic variables", &interface.algebraics, "");
     quantities(&mut page, "Parameters", &interface.parameters, "value");
-    section(
-        &mut page,
-        "Equations",
-        equations
-            .lines()
-            .map(|line| format!("$$\n{line}\n$$\n"))
-            .collect(),
-    );
+    section(&mut page, "Equations", equations.lines().map(|line| format!("$$\n{line}\n$$\n")).collect());
     observations(&mut page, model);
     rewards(&mut page, model);
     ends(&mut page, model);
@@ -77,14 +57,8 @@ fn table(page: &mut String, title: &str, heading: &[&str], rows: Vec<Vec<String>
         return;
     }
     let line = |cells: Vec<String>| format!("| {} |", cells.join(" | "));
-    let mut lines = vec![
-        line(heading.iter().map(|h| (*h).to_owned()).collect()),
-        format!("|{}", "---|".repeat(heading.len())),
-    ];
-    lines.extend(
-        rows.into_iter()
-            .map(|cells| line(cells.iter().map(|c| c.replace('|', "\\|")).collect())),
-    );
+    let mut lines = vec![line(heading.iter().map(|h| (*h).to_owned()).collect()), format!("|{}", "---|".repeat(heading.len()))];
+    lines.extend(rows.into_iter().map(|cells| line(cells.iter().map(|c| c.replace('|', "\\|")).collect())));
     section(page, title, lines);
 }
 
@@ -102,12 +76,7 @@ fn quantities(page: &mut String, title: &str, all: &[Quantity], value: &str) {
         .collect();
     match value {
         "" => table(page, title, &["name", "unit", "meaning"], rows),
-        value => table(
-            page,
-            title,
-            &["name", "unit", value, "low", "high", "meaning"],
-            rows,
-        ),
+        value => table(page, title, &["name", "unit", value, "low", "high", "meaning"], rows),
     }
 }
 
@@ -130,11 +99,7 @@ fn indexed(quantity: &Quantity) -> String {
 
 /// The values of all elements in brief.
 fn range(values: &[f64]) -> String {
-    let (low, high) = values
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &v| {
-            (l.min(v), h.max(v))
-        });
+    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
     match values {
         [] => String::new(),
         [one] if one.is_infinite() => String::new(),
@@ -147,159 +112,55 @@ fn observations(page: &mut String, model: &CompiledModel) {
     let interface = model.interface();
     let rows = interface.observations.iter().map(|o| {
         let row = [o.low, o.high].map(|x| Short(x).to_string());
-        let sampling = if o.every > 1 {
-            format!("every {} steps", o.every)
-        } else {
-            String::new()
-        };
-        let delay = if o.delay > 0 {
-            format!("{} steps late", o.delay)
-        } else {
-            String::new()
-        };
-        let noise = if o.noise > 0.0 {
-            format!("noise {}", Short(o.noise))
-        } else {
-            String::new()
-        };
-        let notes: Vec<String> = [sampling, delay, noise]
-            .into_iter()
-            .filter(|s| !s.is_empty())
-            .collect();
-        vec![
-            format!("`{}`", o.name),
-            o.unit.clone(),
-            row[0].clone(),
-            row[1].clone(),
-            notes.join(", "),
-        ]
+        let sampling = if o.every > 1 { format!("every {} steps", o.every) } else { String::new() };
+        let delay = if o.delay > 0 { format!("{} steps late", o.delay) } else { String::new() };
+        let noise = if o.noise > 0.0 { format!("noise {}", Short(o.noise)) } else { String::new() };
+        let notes: Vec<String> = [sampling, delay, noise].into_iter().filter(|s| !s.is_empty()).collect();
+        vec![format!("`{}`", o.name), o.unit.clone(), row[0].clone(), row[1].clone(), notes.join(", ")]
     });
-    table(
-        page,
-        "Observations",
-        &["name", "unit", "low", "high", "measurement"],
-        rows.collect(),
-    );
+    table(page, "Observations", &["name", "unit", "low", "high", "measurement"], rows.collect());
 }
 
 fn rewards(page: &mut String, model: &CompiledModel) {
     let interface = model.interface();
     let rows = interface.rewards.iter().enumerate().map(|(i, r)| {
-        let default = if i as u32 == interface.default_reward {
-            "yes"
-        } else {
-            ""
-        };
-        vec![
-            format!("`{}`", r.name),
-            r.unit.clone(),
-            default.into(),
-            r.text.clone(),
-        ]
+        let default = if i as u32 == interface.default_reward { "yes" } else { "" };
+        vec![format!("`{}`", r.name), r.unit.clone(), default.into(), r.text.clone()]
     });
-    table(
-        page,
-        "Rewards",
-        &["name", "unit", "default", "meaning"],
-        rows.collect(),
-    );
+    table(page, "Rewards", &["name", "unit", "default", "meaning"], rows.collect());
 }
 
 fn ends(page: &mut String, model: &CompiledModel) {
     let interface = model.interface();
     let mut rows = vec![
-        vec![
-            "failure `action_box`".into(),
-            "an action outside its box; the step is still integrated".into(),
-        ],
-        vec![
-            "failure `solver`".into(),
-            "the integrator gives up; the state is as before the step".into(),
-        ],
+        vec!["failure `action_box`".into(), "an action outside its box; the step is still integrated".into()],
+        vec!["failure `solver`".into(), "the integrator gives up; the state is as before the step".into()],
     ];
     rows.extend(interface.failures.iter().map(|f| {
-        let items: Vec<String> = f
-            .items
-            .iter()
-            .map(|i| {
-                format!(
-                    "{} in {}..{} {}",
-                    i.name,
-                    Short(i.low),
-                    Short(i.high),
-                    i.unit
-                )
-                .trim_end()
-                .to_owned()
-            })
-            .collect();
-        let text = if f.text.is_empty() {
-            items.join(", ")
-        } else {
-            f.text.clone()
-        };
-        vec![
-            format!(
-                "failure `{}`{}",
-                f.name,
-                if f.event { " (event)" } else { "" }
-            ),
-            text,
-        ]
+        let items: Vec<String> =
+            f.items.iter().map(|i| format!("{} in {}..{} {}", i.name, Short(i.low), Short(i.high), i.unit).trim_end().to_owned()).collect();
+        let text = if f.text.is_empty() { items.join(", ") } else { f.text.clone() };
+        vec![format!("failure `{}`{}", f.name, if f.event { " (event)" } else { "" }), text]
     }));
-    rows.extend(
-        interface
-            .successes
-            .iter()
-            .map(|name| vec![format!("success `{name}`"), String::new()]),
-    );
-    rows.extend(interface.constraints.iter().map(|name| {
-        vec![
-            format!("constraint `{name}`"),
-            "a cost, ends nothing".into(),
-        ]
-    }));
+    rows.extend(interface.successes.iter().map(|name| vec![format!("success `{name}`"), String::new()]));
+    rows.extend(interface.constraints.iter().map(|name| vec![format!("constraint `{name}`"), "a cost, ends nothing".into()]));
     let episode = &interface.episode;
-    let end = if episode.end_is_success {
-        "success"
-    } else {
-        "time limit"
-    };
-    rows.push(vec![
-        end.into(),
-        format!(
-            "after {} steps of {} {}",
-            episode.max_steps,
-            Short(episode.step),
-            interface.time.1
-        ),
-    ]);
+    let end = if episode.end_is_success { "success" } else { "time limit" };
+    rows.push(vec![end.into(), format!("after {} steps of {} {}", episode.max_steps, Short(episode.step), interface.time.1)]);
     table(page, "Ends of an episode", &["event", "when"], rows);
     // Writing into a string cannot fail.
-    let _ = writeln!(
-        page,
-        "\nOn a failing step every reward is {}.",
-        Short(episode.error_reward)
-    );
+    let _ = writeln!(page, "\nOn a failing step every reward is {}.", Short(episode.error_reward));
 }
 
 fn alternatives(page: &mut String, model: &CompiledModel) {
     let interface = model.interface();
-    let switches = interface.variants.iter().map(|(name, on)| {
-        vec![
-            format!("`{name}`"),
-            "switch".into(),
-            if *on { "on".into() } else { "off".into() },
-        ]
-    });
+    let switches = interface
+        .variants
+        .iter()
+        .map(|(name, on)| vec![format!("`{name}`"), "switch".into(), if *on { "on".into() } else { "off".into() }]);
     let choices = interface.choices.iter().map(|(name, options, chosen)| {
         let chosen = options.get(*chosen as usize).cloned().unwrap_or_default();
         vec![format!("`{name}`"), options.join(", "), chosen]
     });
-    table(
-        page,
-        "Variants and choices",
-        &["name", "options", "here"],
-        switches.chain(choices).collect(),
-    );
+    table(page, "Variants and choices", &["name", "options", "here"], switches.chain(choices).collect());
 }

@@ -135,13 +135,7 @@ impl Environment {
         let system = setup.system.clone();
         let interface = setup.model().interface();
         let (unknowns, layout) = (setup.model().unknowns(), interface.finish);
-        let counts = [
-            2 * layout.failures,
-            layout.successes,
-            layout.constraints,
-            layout.rewards,
-            layout.observations,
-        ];
+        let counts = [2 * layout.failures, layout.successes, layout.constraints, layout.rewards, layout.observations];
         let progress = Progress {
             key: EpisodeKey::default(),
             next_key: EpisodeKey::default(),
@@ -196,15 +190,10 @@ impl Environment {
     pub(crate) fn check(&self, action: &[f64]) -> Result<(), StepError> {
         let actions = self.setup.catalogue.actions.elements();
         if action.len() != actions.len() {
-            return Err(StepError::Length {
-                given: action.len(),
-                expected: actions.len(),
-            });
+            return Err(StepError::Length { given: action.len(), expected: actions.len() });
         }
         if let Some(at) = action.iter().position(|a| a.is_nan()) {
-            return Err(StepError::NotANumber {
-                name: actions[at].name.clone(),
-            });
+            return Err(StepError::NotANumber { name: actions[at].name.clone() });
         }
         match self.progress.phase {
             Phase::Running => Ok(()),
@@ -216,10 +205,7 @@ impl Environment {
     /// Largest excess of an action over its box, relative to its range; 0 within the slack.
     fn action_excess(&self, action: &[f64]) -> f64 {
         let actions = self.setup.catalogue.actions.elements().iter();
-        let excess = actions
-            .zip(action)
-            .map(|(element, &a)| (a - element.high).max(element.low - a) / element.range())
-            .fold(0.0, f64::max);
+        let excess = actions.zip(action).map(|(element, &a)| (a - element.high).max(element.low - a) / element.range()).fold(0.0, f64::max);
         if excess > BOX_SLACK { excess } else { 0.0 }
     }
 
@@ -286,9 +272,7 @@ impl Environment {
     pub fn constraint_names(&self) -> impl Iterator<Item = &str> {
         let interface = self.setup.model().interface();
         let failures = interface.failures.iter().map(|f| f.name.as_str());
-        std::iter::once(crate::failure::ACTION_BOX)
-            .chain(failures)
-            .chain(interface.constraints.iter().map(String::as_str))
+        std::iter::once(crate::failure::ACTION_BOX).chain(failures).chain(interface.constraints.iter().map(String::as_str))
     }
 
     /// Number of observations.
@@ -377,11 +361,7 @@ impl Environment {
     /// Keeps the present point of the episode.
     #[must_use]
     pub fn snapshot(&self) -> Snapshot {
-        Snapshot {
-            memory: self.system.memory().clone(),
-            progress: self.progress.clone(),
-            replay: self.replay.clone(),
-        }
+        Snapshot { memory: self.system.memory().clone(), progress: self.progress.clone(), replay: self.replay.clone() }
     }
 
     /// Returns to a point kept before: from there on every bit is the same.

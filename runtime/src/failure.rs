@@ -35,10 +35,7 @@ impl Failure {
             Failure::ActionBox => ACTION_BOX,
             Failure::Solver => SOLVER,
             Failure::NotFinite => NOT_FINITE,
-            Failure::Declared(index) => interface
-                .failures
-                .get(index as usize)
-                .map_or("", |f| &f.name),
+            Failure::Declared(index) => interface.failures.get(index as usize).map_or("", |f| &f.name),
         }
     }
 }
@@ -77,32 +74,17 @@ pub enum Cause {
 
 /// The message of a solver failure: `equation at reactor.eq:41, d/dt T, became NaN at t = 3.2 min`.
 #[must_use]
-pub fn describe_solver(
-    failure: &SolverFailure,
-    model: &CompiledModel,
-    catalogue: &Catalogue,
-    sources: Option<&SourceMap>,
-) -> String {
-    let when = format!(
-        "at t = {} {}",
-        Short(failure.time),
-        model.interface().time.1
-    );
-    let equation = failure
-        .unknown
-        .map(|unknown| describe_equation(unknown, model, catalogue, sources));
+pub fn describe_solver(failure: &SolverFailure, model: &CompiledModel, catalogue: &Catalogue, sources: Option<&SourceMap>) -> String {
+    let when = format!("at t = {} {}", Short(failure.time), model.interface().time.1);
+    let equation = failure.unknown.map(|unknown| describe_equation(unknown, model, catalogue, sources));
     let subject = |verb: &str| match &equation {
         Some(equation) => format!("{equation}, {verb} {when}"),
         None => format!("the integration {verb} {when}"),
     };
     match failure.cause {
         Cause::NotFinite => subject("became NaN"),
-        Cause::NoConvergence => {
-            subject("could not be integrated (no convergence at the smallest step)")
-        }
-        Cause::TooManySteps => {
-            subject("took more internal steps than `solver { max_steps }` allows")
-        }
+        Cause::NoConvergence => subject("could not be integrated (no convergence at the smallest step)"),
+        Cause::TooManySteps => subject("took more internal steps than `solver { max_steps }` allows"),
         Cause::Singular => subject("met a singular iteration matrix"),
         Cause::Inconsistent => subject("has no consistent algebraic variables"),
         Cause::TooManyEvents => subject("stopped at too many events"),
@@ -113,30 +95,15 @@ pub fn describe_solver(
 
 /// `equation at reactor.eq:41, d/dt T`.
 #[must_use]
-pub fn describe_equation(
-    unknown: usize,
-    model: &CompiledModel,
-    catalogue: &Catalogue,
-    sources: Option<&SourceMap>,
-) -> String {
+pub fn describe_equation(unknown: usize, model: &CompiledModel, catalogue: &Catalogue, sources: Option<&SourceMap>) -> String {
     let state = catalogue.states.elements().iter().find(|e| e.at == unknown);
     let name = match state {
         Some(state) => format!("d/dt {}", state.name),
-        None => catalogue
-            .solved
-            .elements()
-            .iter()
-            .find(|e| e.at == unknown)
-            .map(|e| e.name.clone())
-            .unwrap_or_default(),
+        None => catalogue.solved.elements().iter().find(|e| e.at == unknown).map(|e| e.name.clone()).unwrap_or_default(),
     };
     match (row_of(unknown, model), sources) {
         (Some(row), Some(sources)) => {
-            format!(
-                "equation at {}:{}, {name}",
-                sources.name(row.span.file),
-                sources.locate(row.span).line
-            )
+            format!("equation at {}:{}, {name}", sources.name(row.span.file), sources.locate(row.span).line)
         }
         _ => format!("equation of {name}"),
     }
@@ -157,10 +124,7 @@ fn covers(extents: &[u32], at: &Affine, element: i64) -> bool {
         if at.at(&counters) == element {
             return true;
         }
-        let Some(depth) = (0..extents.len())
-            .rev()
-            .find(|&d| counters[d] + 1 < i64::from(extents[d]))
-        else {
+        let Some(depth) = (0..extents.len()).rev().find(|&d| counters[d] + 1 < i64::from(extents[d])) else {
             return false;
         };
         counters[depth] += 1;
@@ -173,27 +137,13 @@ fn covers(extents: &[u32], at: &Affine, element: i64) -> bool {
 pub fn describe_item(item: &BoxItem, value: f64) -> Option<String> {
     let slack = BOX_SLACK * (item.high - item.low).abs();
     let slack = if slack.is_finite() { slack } else { 0.0 };
-    let unit = if item.unit == "1" {
-        String::new()
-    } else {
-        format!(" {}", item.unit)
-    };
+    let unit = if item.unit == "1" { String::new() } else { format!(" {}", item.unit) };
     if !value.is_finite() {
         Some(format!("{} is not finite", item.name))
     } else if value > item.high + slack {
-        Some(format!(
-            "{} = {}{unit} is above {}{unit}",
-            item.name,
-            Short(value),
-            Short(item.high)
-        ))
+        Some(format!("{} = {}{unit} is above {}{unit}", item.name, Short(value), Short(item.high)))
     } else if value < item.low - slack {
-        Some(format!(
-            "{} = {}{unit} is below {}{unit}",
-            item.name,
-            Short(value),
-            Short(item.low)
-        ))
+        Some(format!("{} = {}{unit} is below {}{unit}", item.name, Short(value), Short(item.low)))
     } else {
         None
     }
@@ -225,11 +175,7 @@ impl std::fmt::Display for Short {
 
 /// Without zeros at the end of the decimals.
 fn trim(text: &str) -> &str {
-    if text.contains('.') {
-        text.trim_end_matches('0').trim_end_matches('.')
-    } else {
-        text
-    }
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { text }
 }
 
 #[cfg(test)]
@@ -238,28 +184,15 @@ mod tests {
 
     #[test]
     fn short_numbers_keep_seven_digits_and_no_idle_zeros() {
-        let texts: Vec<String> = [3.2, 0.1 + 0.2, 1e-8, 123_456_789.0, 2.5e12, -0.05]
-            .map(|x| Short(x).to_string())
-            .into();
-        assert_eq!(
-            texts,
-            ["3.2", "0.3", "1e-8", "123456789", "2.5e12", "-0.05"]
-        );
+        let texts: Vec<String> = [3.2, 0.1 + 0.2, 1e-8, 123_456_789.0, 2.5e12, -0.05].map(|x| Short(x).to_string()).into();
+        assert_eq!(texts, ["3.2", "0.3", "1e-8", "123456789", "2.5e12", "-0.05"]);
     }
 
     #[test]
     fn a_value_beyond_a_bound_by_a_millionth_of_the_range_is_inside() {
-        let item = BoxItem {
-            name: "q".into(),
-            unit: "m^3/min".into(),
-            low: 0.05,
-            high: 0.2,
-        };
+        let item = BoxItem { name: "q".into(), unit: "m^3/min".into(), low: 0.05, high: 0.2 };
         assert_eq!(describe_item(&item, f64::from(0.2_f32)), None);
-        assert_eq!(
-            describe_item(&item, 0.21).as_deref(),
-            Some("q = 0.21 m^3/min is above 0.2 m^3/min")
-        );
+        assert_eq!(describe_item(&item, 0.21).as_deref(), Some("q = 0.21 m^3/min is above 0.2 m^3/min"));
         assert!(describe_item(&item, f64::NAN).is_some());
     }
 

@@ -6,7 +6,6 @@
 //!
 //! What all instances share is a [`setup::Setup`]; what changes is an [`environment::Environment`].
 
-pub mod artefact;
 pub mod batch;
 pub mod catalogue;
 pub mod cli;

@@ -44,12 +44,7 @@ pub enum LinearizeError {
 ///
 /// # Errors
 /// When the algebraic equations are singular there.
-pub fn linearize(
-    system: &mut CompiledSystem,
-    catalogue: &Catalogue,
-    t: f64,
-    y: &[f64],
-) -> Result<Linearization, LinearizeError> {
+pub fn linearize(system: &mut CompiledSystem, catalogue: &Catalogue, t: f64, y: &[f64]) -> Result<Linearization, LinearizeError> {
     let (n, nx) = (system.model().unknowns(), system.model().states());
     let yp = vec![0.0; n];
     let by_y = jacobian(system, t, y, 0.0);
@@ -60,9 +55,7 @@ pub fn linearize(
     let observations = model.interface().observations.len();
     let mut derivative = |of, with, rows, columns| {
         let triplets = model.derivative(of, with, memory, t, (y, &yp));
-        let triplets = triplets.map_err(|e| LinearizeError::Derivative {
-            message: e.to_string(),
-        })?;
+        let triplets = triplets.map_err(|e| LinearizeError::Derivative { message: e.to_string() })?;
         let mut matrix = DMatrix::zeros(rows, columns);
         for (row, column, value) in triplets {
             matrix[(row, column)] += value;
@@ -70,18 +63,8 @@ pub fn linearize(
         Ok(matrix)
     };
     let by_u: DMatrix<f64> = derivative(Derived::Rows, WithRespectTo::Actions, n, actions)?;
-    let seen_y: DMatrix<f64> = derivative(
-        Derived::Observations,
-        WithRespectTo::Unknowns,
-        observations,
-        n,
-    )?;
-    let seen_u: DMatrix<f64> = derivative(
-        Derived::Observations,
-        WithRespectTo::Actions,
-        observations,
-        actions,
-    )?;
+    let seen_y: DMatrix<f64> = derivative(Derived::Observations, WithRespectTo::Unknowns, observations, n)?;
+    let seen_u: DMatrix<f64> = derivative(Derived::Observations, WithRespectTo::Actions, observations, actions)?;
 
     // z = zx x + zu u
     let nz = n - nx;
@@ -89,25 +72,13 @@ pub fn linearize(
         (DMatrix::zeros(0, nx), DMatrix::zeros(0, actions))
     } else {
         let lu = by_y.view((nx, nx), (nz, nz)).clone_owned().lu();
-        let solve = |right: DMatrix<f64>| {
-            lu.solve(&right)
-                .map(|x| -x)
-                .ok_or(LinearizeError::Singular {
-                    part: "an algebraic variable",
-                })
-        };
-        (
-            solve(by_y.view((nx, 0), (nz, nx)).clone_owned())?,
-            solve(by_u.rows(nx, nz).clone_owned())?,
-        )
+        let solve = |right: DMatrix<f64>| lu.solve(&right).map(|x| -x).ok_or(LinearizeError::Singular { part: "an algebraic variable" });
+        (solve(by_y.view((nx, 0), (nz, nx)).clone_owned())?, solve(by_u.rows(nx, nz).clone_owned())?)
     };
     let rates_x = by_y.view((0, 0), (nx, nx)) + by_y.view((0, nx), (nx, nz)) * &zx;
     let rates_u = by_u.rows(0, nx) + by_y.view((0, nx), (nx, nz)) * &zu;
     let mass = mass.view((0, 0), (nx, nx)).clone_owned().lu();
-    let solve = |right: &DMatrix<f64>| {
-        mass.solve(right)
-            .ok_or(LinearizeError::Singular { part: "a rate" })
-    };
+    let solve = |right: &DMatrix<f64>| mass.solve(right).ok_or(LinearizeError::Singular { part: "a rate" });
     let (a, b) = (solve(&rates_x)?, solve(&rates_u)?);
     let c = seen_y.columns(0, nx) + seen_y.columns(nx, nz) * zx;
     let d = seen_u + seen_y.columns(nx, nz) * zu;
@@ -145,23 +116,11 @@ fn jacobian(system: &mut CompiledSystem, t: f64, y: &[f64], cj: f64) -> DMatrix<
 }
 
 /// From internal order to the order of the outside.
-fn outside(
-    catalogue: &Catalogue,
-    a: &DMatrix<f64>,
-    b: &DMatrix<f64>,
-    c: &DMatrix<f64>,
-    d: &DMatrix<f64>,
-) -> Linearization {
+fn outside(catalogue: &Catalogue, a: &DMatrix<f64>, b: &DMatrix<f64>, c: &DMatrix<f64>, d: &DMatrix<f64>) -> Linearization {
     let x: Vec<usize> = catalogue.states.elements().iter().map(|e| e.at).collect();
     let u: Vec<usize> = catalogue.actions.elements().iter().map(|e| e.at).collect();
     let y: Vec<usize> = (0..c.nrows()).collect();
-    let pick = |m: &DMatrix<f64>, rows: &[usize], columns: &[usize]| {
-        DMatrix::from_fn(rows.len(), columns.len(), |i, j| m[(rows[i], columns[j])])
-    };
-    Linearization {
-        a: pick(a, &x, &x),
-        b: pick(b, &x, &u),
-        c: pick(c, &y, &x),
-        d: pick(d, &y, &u),
-    }
+    let pick =
+        |m: &DMatrix<f64>, rows: &[usize], columns: &[usize]| DMatrix::from_fn(rows.len(), columns.len(), |i, j| m[(rows[i], columns[j])]);
+    Linearization { a: pick(a, &x, &x), b: pick(b, &x, &u), c: pick(c, &y, &x), d: pick(d, &y, &u) }
 }

@@ -13,7 +13,6 @@ use smpl_compiler::elaborate::{Options, Setting};
 use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes, suggest};
 use smpl_dsl::span::{FileId, Span};
 
-use crate::artefact;
 use crate::catalogue::Catalogue;
 use crate::scenario::{self, Disturbances, Noise, Recorded, Scenario, Value, Variant};
 use crate::setup::EnvironmentOptions;
@@ -34,6 +33,8 @@ pub struct LoadOptions {
     pub reward: Option<String>,
     /// Level of observation.
     pub observation: Option<String>,
+    /// Keep intermediate text and assembly.
+    pub texts: bool,
 }
 
 /// A model ready to run.
@@ -86,11 +87,7 @@ pub enum LoadError {
 }
 
 fn summary(diagnostics: &[Diagnostic]) -> String {
-    let texts: Vec<&str> = diagnostics
-        .iter()
-        .filter(|d| d.is_error())
-        .map(|d| d.message.as_str())
-        .collect();
+    let texts: Vec<&str> = diagnostics.iter().filter(|d| d.is_error()).map(|d| d.message.as_str()).collect();
     texts.join("; ")
 }
 
@@ -122,18 +119,12 @@ pub fn load_text(path: &Path, text: String, options: &LoadOptions) -> Result<Loa
         Ok(scenario) => scenario,
         Err(ScenarioFault::Load(error)) => return Err(error),
         Err(ScenarioFault::Diagnostic(d)) => {
-            return Err(LoadError::Diagnostics {
-                sources: Arc::new(sources),
-                diagnostics: vec![*d],
-            });
+            return Err(LoadError::Diagnostics { sources: Arc::new(sources), diagnostics: vec![*d] });
         }
     };
     match front_end(&mut sources, main, &scenario, options) {
         Ok((model, warnings)) => finish(model, warnings, sources, &scenario, options),
-        Err(diagnostics) => Err(LoadError::Diagnostics {
-            sources: Arc::new(sources),
-            diagnostics,
-        }),
+        Err(diagnostics) => Err(LoadError::Diagnostics { sources: Arc::new(sources), diagnostics }),
     }
 }
 
@@ -148,7 +139,8 @@ fn front_end(
     let asked = compile_options(sources, scenario, options)?;
     let mut loader = |path: &str| import(&folder, path);
     let (model, warnings) = smpl_compiler::front::flatten(sources, main, &mut loader, &asked)?;
-    let built = CompiledModel::build(model, &BackEndSettings::default());
+    let settings = BackEndSettings { texts: options.texts, ..BackEndSettings::default() };
+    let built = CompiledModel::build(model, &settings);
     let whole = Span { file: main, start: 0, end: 0 };
     built.map(|model| (model, warnings)).map_err(|e| vec![Diagnostic::error(codes::BACK_END, e.to_string(), whole)])
 }
@@ -201,34 +193,44 @@ fn compile_options(sources: &mut SourceMap, scenario: &Scenario, options: &LoadO
     Ok(out)
 }
 
-fn load_artefact(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded, LoadError> {
-    let model = artefact::from_bytes(bytes).map_err(|error| LoadError::Artefact {
-        path: path.to_owned(),
-        message: error.to_string(),
-    })?;
-    if !options.variants.is_empty() || options.scenario.as_deref().is_some_and(|s| s != "default") {
-        let message =
-            "a compiled model takes neither scenario nor variants: give the `.eq` file".into();
-        return Err(LoadError::Artefact {
-            path: path.to_owned(),
-            message,
-        });
+/// Hash of all texts of a compilation but those of scenarios: what a compiled model belongs to.
+#[must_use]
+pub fn fingerprint(sources: &SourceMap) -> [u8; 32] {
+    let of_model = |id: &FileId| Path::new(sources.name(*id)).extension().is_some_and(|e| e == "eq");
+    let mut texts: Vec<&str> =
+        (0..sources.len()).map(|i| FileId(i as u16)).filter(of_model).filter_map(|id| Some(sources.file(id)?.text())).collect();
+    texts.sort_unstable();
+    smpl_compiler::artefact::fingerprint(&texts, &[])
+}
+
+/// Refuses a compiled model whose source beside it has changed since.
+fn check_source(path: &Path, bytes: &[u8]) -> Result<(), LoadError> {
+    let source = path.with_extension("eq");
+    let Ok(text) = fs::read_to_string(&source) else { return Ok(()) };
+    let stale = |message: String| LoadError::Artefact { path: path.to_owned(), message };
+    let mut sources = SourceMap::new();
+    let main = sources.add(source.display().to_string(), text);
+    let folder = source.parent().map(Path::to_owned).unwrap_or_default();
+    smpl_compiler::front::read(&mut sources, main, &mut |name| import(&folder, name));
+    let header = smpl_compiler::artefact::header_of_user(bytes).map_err(|error| stale(error.to_string()))?;
+    if header.fingerprint == fingerprint(&sources) {
+        return Ok(());
     }
-    finish(
-        model,
-        Vec::new(),
-        SourceMap::new(),
-        &Scenario::default(),
-        options,
-    )
+    Err(stale(format!("{} has changed since; run `smpl compile` again", source.display())))
+}
+
+fn load_artefact(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded, LoadError> {
+    let refuse = |message: String| LoadError::Artefact { path: path.to_owned(), message };
+    let model = CompiledModel::from_bytes(bytes).map_err(|error| refuse(error.to_string()))?;
+    check_source(path, bytes)?;
+    if !options.variants.is_empty() || options.scenario.as_deref().is_some_and(|s| s != "default") {
+        return Err(refuse("a compiled model takes neither scenario nor variants: give the `.eq` file".into()));
+    }
+    finish(model, Vec::new(), SourceMap::new(), &Scenario::default(), options)
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, LoadError> {
-    fs::read(path).map_err(|error| LoadError::Read {
-        path: path.to_owned(),
-        message: plain(&error),
-        advice: String::new(),
-    })
+    fs::read(path).map_err(|error| LoadError::Read { path: path.to_owned(), message: plain(&error), advice: String::new() })
 }
 
 /// The error without the operating system's number.
@@ -246,28 +248,15 @@ enum ScenarioFault {
     Diagnostic(Box<Diagnostic>),
 }
 
-fn load_scenario(
-    model: &Path,
-    options: &LoadOptions,
-    sources: &mut SourceMap,
-) -> Result<Scenario, ScenarioFault> {
-    let Some(name) = options
-        .scenario
-        .as_deref()
-        .filter(|name| *name != "default")
-    else {
+fn load_scenario(model: &Path, options: &LoadOptions, sources: &mut SourceMap) -> Result<Scenario, ScenarioFault> {
+    let Some(name) = options.scenario.as_deref().filter(|name| *name != "default") else {
         return Ok(Scenario::default());
     };
     let path = scenario::find_file(model, name);
     let text = fs::read_to_string(&path).map_err(|error| {
         let known = scenario::beside(model);
-        let guess = suggest(name, known.iter().map(String::as_str))
-            .map(|n| format!("did you mean `{n}`? "));
-        let advice = format!(
-            "; {}scenarios of this model: {}",
-            guess.unwrap_or_default(),
-            known.join(", ")
-        );
+        let guess = suggest(name, known.iter().map(String::as_str)).map(|n| format!("did you mean `{n}`? "));
+        let advice = format!("; {}scenarios of this model: {}", guess.unwrap_or_default(), known.join(", "));
         ScenarioFault::Load(LoadError::Read {
             message: format!("unknown scenario `{name}`: {}", plain(&error)),
             path: path.clone(),
@@ -303,10 +292,7 @@ fn finish(
                 environment.parameters.insert(name.clone(), number);
             }
             (Some(element), None) if options.settings.contains_key(name) => {
-                let message = format!(
-                    "parameter `{name}` must be a number (in {}), not `{value}`",
-                    element.unit
-                );
+                let message = format!("parameter `{name}` must be a number (in {}), not `{value}`", element.unit);
                 return Err(LoadError::Setting { message });
             }
             _ => {}
@@ -315,26 +301,14 @@ fn finish(
     environment.disturbances = recorded(scenario, &catalogue);
     environment.noise = match &scenario.noise {
         None | Some(Noise::Switch(true)) => BTreeMap::new(),
-        Some(Noise::Switch(false)) => model
-            .interface()
-            .observations
-            .iter()
-            .map(|o| (o.name.clone(), 0.0))
-            .collect(),
+        Some(Noise::Switch(false)) => model.interface().observations.iter().map(|o| (o.name.clone(), 0.0)).collect(),
         Some(Noise::Deviations(deviations)) => deviations.clone(),
     };
     let known = |name: &str| knows_setting(&model, &catalogue, name);
     if let Some(name) = options.settings.keys().find(|name| !known(name)) {
-        return Err(LoadError::Setting {
-            message: unknown_setting(&model, &catalogue, name),
-        });
+        return Err(LoadError::Setting { message: unknown_setting(&model, &catalogue, name) });
     }
-    Ok(Loaded {
-        model: Arc::new(model),
-        options: environment,
-        sources: Arc::new(sources),
-        warnings,
-    })
+    Ok(Loaded { model: Arc::new(model), options: environment, sources: Arc::new(sources), warnings })
 }
 
 fn recorded(scenario: &Scenario, catalogue: &Catalogue) -> BTreeMap<String, Vec<f64>> {
@@ -342,18 +316,7 @@ fn recorded(scenario: &Scenario, catalogue: &Catalogue) -> BTreeMap<String, Vec<
         None | Some(Disturbances::Switch(true)) => BTreeMap::new(),
         Some(Disturbances::Switch(false)) => {
             let elements = catalogue.disturbances.elements().iter();
-            elements
-                .map(|e| {
-                    (
-                        e.name.clone(),
-                        vec![if e.default.is_finite() {
-                            e.default
-                        } else {
-                            0.0
-                        }],
-                    )
-                })
-                .collect()
+            elements.map(|e| (e.name.clone(), vec![if e.default.is_finite() { e.default } else { 0.0 }])).collect()
         }
         Some(Disturbances::Values(values)) => values
             .iter()
@@ -369,6 +332,7 @@ fn recorded(scenario: &Scenario, catalogue: &Catalogue) -> BTreeMap<String, Vec<
 fn knows_setting(model: &CompiledModel, catalogue: &Catalogue, name: &str) -> bool {
     let interface = model.interface();
     catalogue.parameters.find(name).is_some()
+        || smpl_compiler::elaborate::ENTRY_SETTINGS.contains(&name)
         || interface.choices.iter().any(|(n, ..)| n == name)
         || interface.variants.iter().any(|(n, _)| n == name)
 }
@@ -376,6 +340,5 @@ fn knows_setting(model: &CompiledModel, catalogue: &Catalogue, name: &str) -> bo
 fn unknown_setting(model: &CompiledModel, catalogue: &Catalogue, name: &str) -> String {
     let interface = model.interface();
     let choices = interface.choices.iter().map(|(n, ..)| n.as_str());
-    crate::catalogue::UnknownName::new("setting", name, choices.chain(catalogue.parameters.names()))
-        .to_string()
+    crate::catalogue::UnknownName::new("setting", name, choices.chain(catalogue.parameters.names())).to_string()
 }

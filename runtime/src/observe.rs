@@ -47,15 +47,8 @@ impl Sensors {
                 channel
             })
             .collect();
-        let plain = channels
-            .iter()
-            .all(|c| c.every == 1 && c.ring.1 == 0 && c.noise == 0.0);
-        Self {
-            plain,
-            readings: vec![0.0; channels.len()],
-            pipeline: vec![0.0; start],
-            channels,
-        }
+        let plain = channels.iter().all(|c| c.every == 1 && c.ring.1 == 0 && c.noise == 0.0);
+        Self { plain, readings: vec![0.0; channels.len()], pipeline: vec![0.0; start], channels }
     }
 
     /// First readings of an episode; a delayed channel reports them until its first sample arrives.
@@ -75,7 +68,7 @@ impl Sensors {
         }
         for (i, (channel, &value)) in self.channels.iter().zip(values).enumerate() {
             let (start, delay) = channel.ring;
-            let due = |step: u32| step % channel.every == 0;
+            let due = |step: u32| step.is_multiple_of(channel.every);
             if delay == 0 {
                 if due(steps) {
                     self.readings[i] = value + channel.error(key, steps);
@@ -87,12 +80,7 @@ impl Sensors {
             if steps as usize >= delay && due(steps - delay as u32) {
                 self.readings[i] = self.pipeline[slot];
             }
-            self.pipeline[slot] = value
-                + if due(steps) {
-                    channel.error(key, steps)
-                } else {
-                    0.0
-                };
+            self.pipeline[slot] = value + if due(steps) { channel.error(key, steps) } else { 0.0 };
         }
     }
 
@@ -105,25 +93,14 @@ impl Sensors {
     pub fn write<T: Number>(&self, normalised: bool, out: &mut [T]) {
         for ((channel, &reading), out) in self.channels.iter().zip(&self.readings).zip(out) {
             let value = channel.clip(reading);
-            *out = T::from_f64(
-                if normalised {
-                    normalise(value, channel.low, channel.high)
-                } else {
-                    value
-                },
-                channel.within(normalised),
-            );
+            *out = T::from_f64(if normalised { normalise(value, channel.low, channel.high) } else { value }, channel.within(normalised));
         }
     }
 }
 
 impl Channel {
     fn error(&self, key: EpisodeKey, step: u32) -> f64 {
-        if self.noise == 0.0 {
-            0.0
-        } else {
-            self.noise * Stream::from_hash(key, self.stream).normal(step, 0)
-        }
+        if self.noise == 0.0 { 0.0 } else { self.noise * Stream::from_hash(key, self.stream).normal(step, 0) }
     }
 
     /// Inside the box; NaN is reported as the lower bound, since an observation must be a number.
@@ -140,11 +117,7 @@ impl Channel {
     }
 
     fn within(&self, normalised: bool) -> (f64, f64) {
-        if normalised && (self.high - self.low).is_finite() {
-            (-1.0, 1.0)
-        } else {
-            (self.low, self.high)
-        }
+        if normalised && (self.high - self.low).is_finite() { (-1.0, 1.0) } else { (self.low, self.high) }
     }
 }
 
@@ -152,22 +125,14 @@ impl Channel {
 #[must_use]
 pub fn normalise(value: f64, low: f64, high: f64) -> f64 {
     let range = high - low;
-    if range.is_finite() && range > 0.0 {
-        (2.0 * value - (high + low)) / range
-    } else {
-        value
-    }
+    if range.is_finite() && range > 0.0 { (2.0 * value - (high + low)) / range } else { value }
 }
 
 /// The inverse of [`normalise`].
 #[must_use]
 pub fn denormalise(value: f64, low: f64, high: f64) -> f64 {
     let range = high - low;
-    if range.is_finite() && range > 0.0 {
-        (value * range + high + low) / 2.0
-    } else {
-        value
-    }
+    if range.is_finite() && range > 0.0 { (value * range + high + low) / 2.0 } else { value }
 }
 
 /// Numbers that observations are written as.
@@ -215,15 +180,7 @@ mod tests {
     use super::*;
 
     fn observed(every: u32, delay: u32) -> Observed {
-        Observed {
-            name: "x".into(),
-            unit: "1".into(),
-            low: 0.0,
-            high: 10.0,
-            every,
-            delay,
-            noise: 0.0,
-        }
+        Observed { name: "x".into(), unit: "1".into(), low: 0.0, high: 10.0, every, delay, noise: 0.0 }
     }
 
     fn readings(every: u32, delay: u32, steps: u32) -> Vec<f64> {
@@ -249,10 +206,7 @@ mod tests {
 
     #[test]
     fn a_sample_arrives_late_and_is_held() {
-        assert_eq!(
-            readings(3, 2, 9),
-            [0.0, 0.0, 0.0, 0.0, 3.0, 3.0, 3.0, 6.0, 6.0]
-        );
+        assert_eq!(readings(3, 2, 9), [0.0, 0.0, 0.0, 0.0, 3.0, 3.0, 3.0, 6.0, 6.0]);
     }
 
     #[test]

@@ -45,11 +45,7 @@ fn draw(table: &Table, setup: &Setup) -> Result<String, String> {
         let height = PANEL * (panels.len().max(1) as u32);
         let root = SVGBackend::with_string(&mut svg, (WIDTH, height)).into_drawing_area();
         root.fill(&WHITE).map_err(|e| e.to_string())?;
-        for (area, panel) in root
-            .split_evenly((panels.len().max(1), 1))
-            .iter()
-            .zip(&panels)
-        {
+        for (area, panel) in root.split_evenly((panels.len().max(1), 1)).iter().zip(&panels) {
             draw_panel(area, panel, &time, unit)?;
         }
         root.present().map_err(|e| e.to_string())?;
@@ -61,11 +57,7 @@ fn panels(table: &Table, setup: &Setup) -> Vec<Panel> {
     let catalogue = &setup.catalogue;
     let has_steady = setup.model().interface().has_steady;
     let of = |element: &Element, held: bool, set_point: Option<f64>| {
-        let unit = if element.unit == "1" {
-            String::new()
-        } else {
-            format!(" [{}]", element.unit)
-        };
+        let unit = if element.unit == "1" { String::new() } else { format!(" [{}]", element.unit) };
         Some(Panel {
             title: format!("{}{unit}", element.name),
             values: table.numbers(&element.name)?,
@@ -76,36 +68,15 @@ fn panels(table: &Table, setup: &Setup) -> Vec<Panel> {
     };
     let steady = setup.steady_state();
     let set_point = |element: &Element| steady.get(element.at).copied().filter(|_| has_steady);
-    let states = catalogue
-        .states
-        .elements()
-        .iter()
-        .take(MAX_PANELS)
-        .filter_map(|e| of(e, false, set_point(e)));
-    let actions = catalogue
-        .actions
-        .elements()
-        .iter()
-        .take(MAX_PANELS)
-        .filter_map(|e| of(e, true, None));
+    let states = catalogue.states.elements().iter().take(MAX_PANELS).filter_map(|e| of(e, false, set_point(e)));
+    let actions = catalogue.actions.elements().iter().take(MAX_PANELS).filter_map(|e| of(e, true, None));
     let mut panels: Vec<Panel> = states.chain(actions).collect();
     let bounds = [f64::NEG_INFINITY, f64::INFINITY];
-    panels.extend(table.numbers("reward").map(|values| Panel {
-        title: "reward".into(),
-        values,
-        bounds,
-        set_point: None,
-        held: false,
-    }));
+    panels.extend(table.numbers("reward").map(|values| Panel { title: "reward".into(), values, bounds, set_point: None, held: false }));
     panels
 }
 
-fn draw_panel<DB: DrawingBackend>(
-    area: &DrawingArea<DB, Shift>,
-    panel: &Panel,
-    time: &[f64],
-    unit: &str,
-) -> Result<(), String> {
+fn draw_panel<DB: DrawingBackend>(area: &DrawingArea<DB, Shift>, panel: &Panel, time: &[f64], unit: &str) -> Result<(), String> {
     let text = |e: DrawingAreaErrorKind<DB::ErrorType>| e.to_string();
     let points: Vec<(f64, f64)> = curve(time, &panel.values, panel.held);
     let end = time.last().copied().filter(|t| *t > 0.0).unwrap_or(1.0);
@@ -117,34 +88,14 @@ fn draw_panel<DB: DrawingBackend>(
         .y_label_area_size(70)
         .build_cartesian_2d(0.0..end, low..high)
         .map_err(text)?;
-    chart
-        .configure_mesh()
-        .light_line_style(TRANSPARENT)
-        .x_desc(unit)
-        .max_light_lines(1)
-        .y_labels(5)
-        .draw()
-        .map_err(text)?;
-    for bound in panel
-        .bounds
-        .into_iter()
-        .filter(|b| (low..=high).contains(b))
-    {
-        chart
-            .draw_series(LineSeries::new([(0.0, bound), (end, bound)], RED.mix(0.6)))
-            .map_err(text)?;
+    chart.configure_mesh().light_line_style(TRANSPARENT).x_desc(unit).max_light_lines(1).y_labels(5).draw().map_err(text)?;
+    for bound in panel.bounds.into_iter().filter(|b| (low..=high).contains(b)) {
+        chart.draw_series(LineSeries::new([(0.0, bound), (end, bound)], RED.mix(0.6))).map_err(text)?;
     }
     if let Some(value) = panel.set_point {
-        chart
-            .draw_series(LineSeries::new(
-                [(0.0, value), (end, value)],
-                GREEN.mix(0.7),
-            ))
-            .map_err(text)?;
+        chart.draw_series(LineSeries::new([(0.0, value), (end, value)], GREEN.mix(0.7))).map_err(text)?;
     }
-    chart
-        .draw_series(LineSeries::new(points, BLUE.stroke_width(2)))
-        .map_err(text)?;
+    chart.draw_series(LineSeries::new(points, BLUE.stroke_width(2))).map_err(text)?;
     Ok(())
 }
 
@@ -166,19 +117,12 @@ fn curve(time: &[f64], values: &[f64], held: bool) -> Vec<(f64, f64)> {
 
 /// Range of the ordinate: that of the curve and the set-point, a little widened.
 fn span(points: &[(f64, f64)], set_point: Option<f64>) -> (f64, f64) {
-    let values = points
-        .iter()
-        .map(|p| p.1)
-        .chain(set_point.filter(|s| s.is_finite()));
-    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
-        (l.min(v), h.max(v))
-    });
+    let values = points.iter().map(|p| p.1).chain(set_point.filter(|s| s.is_finite()));
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
     if low > high {
         return (0.0, 1.0);
     }
-    let margin = (0.05 * (high - low))
-        .max(1e-6 * high.abs().max(low.abs()))
-        .max(1e-12);
+    let margin = (0.05 * (high - low)).max(1e-6 * high.abs().max(low.abs())).max(1e-12);
     (low - margin, high + margin)
 }
 

@@ -27,10 +27,7 @@ impl EpisodeKey {
     /// The episode after this one.
     #[must_use]
     pub fn next(self) -> Self {
-        Self {
-            episode: self.episode.wrapping_add(1),
-            ..self
-        }
+        Self { episode: self.episode.wrapping_add(1), ..self }
     }
 }
 
@@ -52,13 +49,8 @@ impl Stream {
     pub fn from_hash(key: EpisodeKey, name_hash: u64) -> Self {
         let [name_low, name_high] = halves(name_hash);
         let [episode_low, episode_high] = halves(key.episode);
-        let block = philox(
-            [name_low, name_high, episode_low, episode_high],
-            halves(key.seed),
-        );
-        Self {
-            key: [block[0], block[1]],
-        }
+        let block = philox([name_low, name_high, episode_low, episode_high], halves(key.seed));
+        Self { key: [block[0], block[1]] }
     }
 
     /// Uniform on the open interval (0, 1).
@@ -79,9 +71,7 @@ impl Stream {
 /// FNV-1a of a stream's name.
 #[must_use]
 pub fn hash(name: &str) -> u64 {
-    name.bytes().fold(0xcbf2_9ce4_8422_2325, |h, byte| {
-        (h ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-    })
+    name.bytes().fold(0xcbf2_9ce4_8422_2325, |h, byte| (h ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
 fn halves(x: u64) -> [u32; 2] {
@@ -94,19 +84,11 @@ pub fn philox(counter: [u32; 4], key: [u32; 2]) -> [u32; 4] {
     let (mut c, mut k) = (counter, key);
     for round in 0..10 {
         if round > 0 {
-            k = [
-                k[0].wrapping_add(0x9E37_79B9),
-                k[1].wrapping_add(0xBB67_AE85),
-            ];
+            k = [k[0].wrapping_add(0x9E37_79B9), k[1].wrapping_add(0xBB67_AE85)];
         }
         let a = u64::from(c[0]) * 0xD251_1F53;
         let b = u64::from(c[2]) * 0xCD9E_8D57;
-        c = [
-            (b >> 32) as u32 ^ c[1] ^ k[0],
-            b as u32,
-            (a >> 32) as u32 ^ c[3] ^ k[1],
-            a as u32,
-        ];
+        c = [(b >> 32) as u32 ^ c[1] ^ k[0], b as u32, (a >> 32) as u32 ^ c[3] ^ k[1], a as u32];
     }
     c
 }
@@ -148,9 +130,7 @@ fn ln(x: f64) -> f64 {
     // ln m = 2 artanh s; s^2 < 0.0295, so that the term s^25 is beyond the last bit.
     let s = (mantissa - 1.0) / (mantissa + 1.0);
     let s2 = s * s;
-    let series = (0..12)
-        .rev()
-        .fold(0.0, |sum, k| sum * s2 + 1.0 / f64::from(2 * k + 1));
+    let series = (0..12).rev().fold(0.0, |sum, k| sum * s2 + 1.0 / f64::from(2 * k + 1));
     f64::from(exponent) * std::f64::consts::LN_2 + 2.0 * s * series
 }
 
@@ -222,19 +202,10 @@ mod tests {
     /// `kat_vectors` of the Random123 distribution, philox4x32 with 10 rounds.
     #[test]
     fn philox_gives_the_published_known_answers() {
+        assert_eq!(philox([0; 4], [0; 2]), [0x6627_e8d5, 0xe169_c58d, 0xbc57_ac4c, 0x9b00_dbd8]);
+        assert_eq!(philox([u32::MAX; 4], [u32::MAX; 2]), [0x408f_276d, 0x41c8_3b0e, 0xa20b_c7c6, 0x6d54_51fd]);
         assert_eq!(
-            philox([0; 4], [0; 2]),
-            [0x6627_e8d5, 0xe169_c58d, 0xbc57_ac4c, 0x9b00_dbd8]
-        );
-        assert_eq!(
-            philox([u32::MAX; 4], [u32::MAX; 2]),
-            [0x408f_276d, 0x41c8_3b0e, 0xa20b_c7c6, 0x6d54_51fd]
-        );
-        assert_eq!(
-            philox(
-                [0x243f_6a88, 0x85a3_08d3, 0x1319_8a2e, 0x0370_7344],
-                [0xa409_3822, 0x299f_31d0]
-            ),
+            philox([0x243f_6a88, 0x85a3_08d3, 0x1319_8a2e, 0x0370_7344], [0xa409_3822, 0x299f_31d0]),
             [0xd16c_fe09, 0x94fd_cceb, 0x5001_e420, 0x2412_6ea1]
         );
     }
@@ -251,11 +222,7 @@ mod tests {
             (1e-20, -9.262_340_089_798_408),
         ];
         for (p, expected) in cases {
-            assert!(
-                (normal_quantile(p) - expected).abs() < 4e-15 * (1.0 + f64::abs(expected)),
-                "{p}: {} {expected}",
-                normal_quantile(p)
-            );
+            assert!((normal_quantile(p) - expected).abs() < 4e-15 * (1.0 + f64::abs(expected)), "{p}: {} {expected}", normal_quantile(p));
         }
     }
 
@@ -263,10 +230,7 @@ mod tests {
     fn the_logarithm_is_that_of_the_library_to_the_last_bits() {
         for k in 1..2000 {
             let x = f64::from(k) * 1e-3 + 1e-17;
-            assert!(
-                (ln(x) - x.ln()).abs() <= 3e-16 * (1.0 + x.ln().abs()),
-                "{x}"
-            );
+            assert!((ln(x) - x.ln()).abs() <= 3e-16 * (1.0 + x.ln().abs()), "{x}");
         }
     }
 
@@ -275,9 +239,7 @@ mod tests {
         let stream = Stream::new(EpisodeKey::seeded(7), "moments");
         let n = 100_000;
         let uniform = (0..n).map(|i| stream.uniform(3, i)).sum::<f64>() / f64::from(n);
-        let (mean, square) = (0..n)
-            .map(|i| stream.normal(4, i))
-            .fold((0.0, 0.0), |(m, s), x| (m + x, s + x * x));
+        let (mean, square) = (0..n).map(|i| stream.normal(4, i)).fold((0.0, 0.0), |(m, s), x| (m + x, s + x * x));
         assert!((uniform - 0.5).abs() < 0.004);
         assert!((mean / f64::from(n)).abs() < 0.013 && (square / f64::from(n) - 1.0).abs() < 0.02);
     }

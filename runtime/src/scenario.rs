@@ -68,14 +68,8 @@ impl Variant {
     #[must_use]
     pub fn parse(text: &str) -> Self {
         match text.split_once('=') {
-            Some((name, option)) => Self {
-                name: name.trim().into(),
-                option: Some(option.trim().into()),
-            },
-            None => Self {
-                name: text.trim().into(),
-                option: None,
-            },
+            Some((name, option)) => Self { name: name.trim().into(), option: Some(option.trim().into()) },
+            None => Self { name: text.trim().into(), option: None },
         }
     }
 }
@@ -157,26 +151,9 @@ struct File {
     max_steps: Option<u32>,
 }
 
-const KEYS: [&str; 11] = [
-    "parameters",
-    "settings",
-    "variants",
-    "grid",
-    "initial",
-    "disturbances",
-    "reward",
-    "observation",
-    "noise",
-    "solver",
-    "max_steps",
-];
-const SOLVER_KEYS: [&str; 5] = [
-    "rtol",
-    "atol_factor",
-    "max_order",
-    "max_steps",
-    "linear_solver",
-];
+const KEYS: [&str; 11] =
+    ["parameters", "settings", "variants", "grid", "initial", "disturbances", "reward", "observation", "noise", "solver", "max_steps"];
+const SOLVER_KEYS: [&str; 5] = ["rtol", "atol_factor", "max_order", "max_steps", "linear_solver"];
 
 /// Under which circumstances a model is run.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -214,25 +191,14 @@ impl Scenario {
     /// One diagnostic that points into the file.
     pub fn parse(sources: &SourceMap, file: FileId) -> Result<Self, Box<Diagnostic>> {
         let text = sources.file(file).map_or("", |f| f.text());
-        if text
-            .lines()
-            .all(|line| line.trim().is_empty() || line.trim_start().starts_with('#'))
-        {
-            return Ok(Self {
-                file: Some(file),
-                ..Self::default()
-            });
+        if text.lines().all(|line| line.trim().is_empty() || line.trim_start().starts_with('#')) {
+            return Ok(Self { file: Some(file), ..Self::default() });
         }
-        let raw: File =
-            serde_yaml::from_str(text).map_err(|error| Box::new(diagnose(&error, text, file)))?;
+        let raw: File = serde_yaml::from_str(text).map_err(|error| Box::new(diagnose(&error, text, file)))?;
         Ok(Self {
             parameters: raw.parameters,
             settings: raw.settings,
-            variants: raw
-                .variants
-                .into_iter()
-                .flat_map(VariantEntry::into_variants)
-                .collect(),
+            variants: raw.variants.into_iter().flat_map(VariantEntry::into_variants).collect(),
             grid: raw.grid,
             initial: raw.initial,
             disturbances: raw.disturbances,
@@ -247,13 +213,7 @@ impl Scenario {
 
     /// A diagnostic at a name in the scenario's file: `help` lists what is right.
     #[must_use]
-    pub fn fault(
-        &self,
-        sources: &SourceMap,
-        name: &str,
-        message: impl Into<String>,
-        help: impl Into<String>,
-    ) -> Diagnostic {
+    pub fn fault(&self, sources: &SourceMap, name: &str, message: impl Into<String>, help: impl Into<String>) -> Diagnostic {
         let file = self.file.unwrap_or_default();
         let text = sources.file(file).map_or("", |f| f.text());
         let span = find_name(text, name, file);
@@ -269,10 +229,7 @@ impl VariantEntry {
                 .into_iter()
                 .map(|(name, option)| match option {
                     Value::Flag(true) => Variant { name, option: None },
-                    option => Variant {
-                        name,
-                        option: Some(option.to_string()),
-                    },
+                    option => Variant { name, option: Some(option.to_string()) },
                 })
                 .collect(),
         }
@@ -282,26 +239,18 @@ impl VariantEntry {
 /// The file of a scenario: a path as it is, or a name beside the model.
 #[must_use]
 pub fn find_file(model: &Path, scenario: &str) -> PathBuf {
-    let is_path = scenario.ends_with(".yaml")
-        || scenario.ends_with(".yml")
-        || scenario.contains(std::path::is_separator);
+    let is_path = scenario.ends_with(".yaml") || scenario.ends_with(".yml") || scenario.contains(std::path::is_separator);
     if is_path {
         return PathBuf::from(scenario);
     }
-    let stem = model
-        .file_stem()
-        .map(|s| s.to_string_lossy().into_owned())
-        .unwrap_or_default();
+    let stem = model.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     model.with_file_name(format!("{stem}.{scenario}.yaml"))
 }
 
 /// Names of the scenarios that stand beside a model, `default` first.
 #[must_use]
 pub fn beside(model: &Path) -> Vec<String> {
-    let stem = model
-        .file_stem()
-        .map(|s| format!("{}.", s.to_string_lossy()))
-        .unwrap_or_default();
+    let stem = model.file_stem().map(|s| format!("{}.", s.to_string_lossy())).unwrap_or_default();
     let folder = match model.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
@@ -324,40 +273,19 @@ pub fn beside(model: &Path) -> Vec<String> {
 fn diagnose(error: &serde_yaml::Error, text: &str, file: FileId) -> Diagnostic {
     let full = error.to_string();
     let message = full.split(" at line ").next().unwrap_or(&full).to_owned();
-    if let Some(key) = message
-        .split('`')
-        .nth(1)
-        .filter(|_| message.contains("unknown field"))
-    {
+    if let Some(key) = message.split('`').nth(1).filter(|_| message.contains("unknown field")) {
         let in_solver = message.contains("atol_factor");
         let known: &[&str] = if in_solver { &SOLVER_KEYS } else { &KEYS };
         let span = find_name(text, key, file);
         let place = if in_solver { " in `solver`" } else { "" };
-        return Diagnostic::error(
-            codes::BAD_SCENARIO,
-            format!("unknown key `{key}`{place}"),
-            span,
-        )
-        .label("not a key of a scenario")
-        .help(
-            did_you_mean(key, known.iter().copied())
-                .unwrap_or_else(|| format!("the keys are {}", known.join(", "))),
-        );
+        return Diagnostic::error(codes::BAD_SCENARIO, format!("unknown key `{key}`{place}"), span)
+            .label("not a key of a scenario")
+            .help(did_you_mean(key, known.iter().copied()).unwrap_or_else(|| format!("the keys are {}", known.join(", "))));
     }
     let at = error.location().map_or(0, |l| l.index()).min(text.len());
-    let end = text[at..]
-        .find('\n')
-        .map_or(text.len(), |n| at + n)
-        .max(at + usize::from(at < text.len()));
-    let span = Span {
-        file,
-        start: at as u32,
-        end: end as u32,
-    };
-    let message = message.replace(
-        "data did not match any variant of untagged enum",
-        "a value of the wrong kind:",
-    );
+    let end = text[at..].find('\n').map_or(text.len(), |n| at + n).max(at + usize::from(at < text.len()));
+    let span = Span { file, start: at as u32, end: end as u32 };
+    let message = message.replace("data did not match any variant of untagged enum", "a value of the wrong kind:");
     Diagnostic::error(codes::BAD_SCENARIO, message, span)
 }
 
@@ -370,11 +298,7 @@ fn find_name(text: &str, name: &str, file: FileId) -> Span {
         !comment && !text[..at].ends_with(is_word) && !text[at + name.len()..].starts_with(is_word)
     });
     let (start, end) = at.map_or((0, 0), |at| (at, at + name.len()));
-    Span {
-        file,
-        start: start as u32,
-        end: end as u32,
-    }
+    Span { file, start: start as u32, end: end as u32 }
 }
 
 #[cfg(test)]
@@ -397,36 +321,18 @@ mod tests {
         let scenario = parse(text).expect("valid");
         assert_eq!(scenario.parameters["k_0"], Value::Number(7.2e10));
         assert_eq!(scenario.settings["disturbances"], Value::Flag(false));
-        let variants: Vec<_> = scenario
-            .variants
-            .iter()
-            .map(|v| (v.name.as_str(), v.option.as_deref()))
-            .collect();
+        let variants: Vec<_> = scenario.variants.iter().map(|v| (v.name.as_str(), v.option.as_deref())).collect();
         assert_eq!(variants, [("a", None), ("b", Some("c")), ("d", Some("e"))]);
-        assert_eq!(
-            (
-                scenario.grid["n_z"],
-                scenario.max_steps,
-                scenario.solver.rtol
-            ),
-            (30, Some(101), Some(1e-6))
-        );
+        assert_eq!((scenario.grid["n_z"], scenario.max_steps, scenario.solver.rtol), (30, Some(101), Some(1e-6)));
     }
 
     #[test]
     fn an_unknown_key_is_refused_at_its_place_with_a_suggestion() {
-        let (message, line, column, help) =
-            parse("# scenario\nmax_steps: 3\nparamters: {a: 1}\n").unwrap_err();
-        assert_eq!(
-            (message.as_str(), line, column),
-            ("unknown key `paramters`", 3, 1)
-        );
+        let (message, line, column, help) = parse("# scenario\nmax_steps: 3\nparamters: {a: 1}\n").unwrap_err();
+        assert_eq!((message.as_str(), line, column), ("unknown key `paramters`", 3, 1));
         assert_eq!(help.as_deref(), Some("did you mean `parameters`?"));
         let (message, line, column, _) = parse("solver:\n  rtoll: 1\n").unwrap_err();
-        assert_eq!(
-            (message.as_str(), line, column),
-            ("unknown key `rtoll` in `solver`", 2, 3)
-        );
+        assert_eq!((message.as_str(), line, column), ("unknown key `rtoll` in `solver`", 2, 3));
     }
 
     #[test]
@@ -443,13 +349,7 @@ mod tests {
 
     #[test]
     fn a_name_stands_beside_the_model_and_a_path_for_itself() {
-        assert_eq!(
-            find_file(Path::new("models/reactor.eq"), "legacy"),
-            Path::new("models/reactor.legacy.yaml")
-        );
-        assert_eq!(
-            find_file(Path::new("models/reactor.eq"), "my/s.yaml"),
-            Path::new("my/s.yaml")
-        );
+        assert_eq!(find_file(Path::new("models/reactor.eq"), "legacy"), Path::new("models/reactor.legacy.yaml"));
+        assert_eq!(find_file(Path::new("models/reactor.eq"), "my/s.yaml"), Path::new("my/s.yaml"));
     }
 }

@@ -110,11 +110,7 @@ impl Setup {
     ///
     /// # Errors
     /// Unknown names, values out of range, or no steady state where the model starts from one.
-    pub fn new(
-        model: Arc<CompiledModel>,
-        options: EnvironmentOptions,
-        sources: Option<Arc<SourceMap>>,
-    ) -> Result<Arc<Self>, SetupError> {
+    pub fn new(model: Arc<CompiledModel>, options: EnvironmentOptions, sources: Option<Arc<SourceMap>>) -> Result<Arc<Self>, SetupError> {
         let catalogue = Catalogue::new(&model);
         let interface = model.interface();
         let settings = solver_settings(&model, &catalogue, &options)?;
@@ -124,23 +120,13 @@ impl Setup {
                 .rewards
                 .iter()
                 .position(|r| r.name == *name)
-                .ok_or_else(|| {
-                    UnknownName::new(
-                        "reward",
-                        name,
-                        interface.rewards.iter().map(|r| r.name.as_str()),
-                    )
-                })?,
+                .ok_or_else(|| UnknownName::new("reward", name, interface.rewards.iter().map(|r| r.name.as_str())))?,
         };
         let noise = noise(&model, &options)?;
         check_names(&catalogue, &options)?;
         let max_steps = options.max_steps.unwrap_or(interface.episode.max_steps);
         if max_steps == 0 {
-            return Err(SetupError::Value {
-                what: "max_steps".into(),
-                expected: "at least 1",
-                value: "0".into(),
-            });
+            return Err(SetupError::Value { what: "max_steps".into(), expected: "at least 1", value: "0".into() });
         }
         let programs = &model.model().programs;
         let mut setup = Self {
@@ -195,12 +181,7 @@ impl Setup {
     /// Parameters at their means with the given ones in place, and their steady state.
     fn prepare_nominal(&mut self) -> Result<(), SetupError> {
         let draws = self.draws.clone();
-        let given = self.given_parameters(
-            self.options
-                .parameters
-                .iter()
-                .map(|(n, v)| (n.as_str(), *v)),
-        )?;
+        let given = self.given_parameters(self.options.parameters.iter().map(|(n, v)| (n.as_str(), *v)))?;
         fill_means(&mut self.system, &draws);
         set_parameters(&mut self.system, &given);
         if self.model().interface().has_steady {
@@ -211,13 +192,8 @@ impl Setup {
     }
 
     /// Places and values of named parameters.
-    pub(crate) fn given_parameters<'a>(
-        &self,
-        named: impl Iterator<Item = (&'a str, f64)>,
-    ) -> Result<Vec<(usize, f64)>, UnknownName> {
-        named
-            .map(|(name, value)| Ok((self.catalogue.parameters.get(name, "parameter")?.at, value)))
-            .collect()
+    pub(crate) fn given_parameters<'a>(&self, named: impl Iterator<Item = (&'a str, f64)>) -> Result<Vec<(usize, f64)>, UnknownName> {
+        named.map(|(name, value)| Ok((self.catalogue.parameters.get(name, "parameter")?.at, value))).collect()
     }
 }
 
@@ -243,11 +219,7 @@ pub(crate) fn set_parameters(system: &mut CompiledSystem, given: &[(usize, f64)]
     model.prepare_parameters(memory);
 }
 
-fn solver_settings(
-    model: &CompiledModel,
-    catalogue: &Catalogue,
-    options: &EnvironmentOptions,
-) -> Result<Settings, SetupError> {
+fn solver_settings(model: &CompiledModel, catalogue: &Catalogue, options: &EnvironmentOptions) -> Result<Settings, SetupError> {
     let declared = &model.interface().solver;
     let rtol = options.rtol.unwrap_or(declared.rtol);
     let factor = options.atol_factor.unwrap_or(declared.atol_factor);
@@ -255,21 +227,12 @@ fn solver_settings(
         if value.is_finite() && value > 0.0 {
             return Ok(());
         }
-        Err(SetupError::Value {
-            what: what.into(),
-            expected: "a positive number",
-            value: value.to_string(),
-        })
+        Err(SetupError::Value { what: what.into(), expected: "a positive number", value: value.to_string() })
     };
     positive("rtol", rtol)?;
     positive("atol_factor", factor)?;
     let mut atol = vec![factor * rtol; model.unknowns()];
-    for element in catalogue
-        .states
-        .elements()
-        .iter()
-        .chain(catalogue.solved.elements())
-    {
+    for element in catalogue.states.elements().iter().chain(catalogue.solved.elements()) {
         if element.scale.is_finite() && element.scale > 0.0 {
             atol[element.at] = factor * rtol * element.scale;
         }
@@ -277,17 +240,9 @@ fn solver_settings(
     let mut settings = Settings::new(rtol, atol);
     settings.max_order = options.max_order.unwrap_or(declared.max_order);
     settings.max_steps = options.solver_steps.unwrap_or(declared.max_steps);
-    settings.linear_solver = linear_solver(
-        options
-            .linear_solver
-            .as_deref()
-            .unwrap_or(&declared.linear_solver),
-    )?;
+    settings.linear_solver = linear_solver(options.linear_solver.as_deref().unwrap_or(&declared.linear_solver))?;
     if model.model().quadrature_error_control {
-        settings.quadratures = Quadratures::Checked {
-            rtol,
-            atol: factor * rtol,
-        };
+        settings.quadratures = Quadratures::Checked { rtol, atol: factor * rtol };
     }
     Ok(settings)
 }
@@ -297,11 +252,7 @@ fn linear_solver(name: &str) -> Result<LinearSolver, SetupError> {
         "auto" | "" => Ok(LinearSolver::Auto),
         "dense" => Ok(LinearSolver::Dense),
         "klu" => Ok(LinearSolver::Klu),
-        _ => Err(SetupError::Value {
-            what: "linear_solver".into(),
-            expected: "`auto`, `dense` or `klu`",
-            value: format!("`{name}`"),
-        }),
+        _ => Err(SetupError::Value { what: "linear_solver".into(), expected: "`auto`, `dense` or `klu`", value: format!("`{name}`") }),
     }
 }
 
@@ -312,13 +263,7 @@ fn noise(model: &CompiledModel, options: &EnvironmentOptions) -> Result<Vec<f64>
         let at = observations
             .iter()
             .position(|o| o.name == *name)
-            .ok_or_else(|| {
-                UnknownName::new(
-                    "observation",
-                    name,
-                    observations.iter().map(|o| o.name.as_str()),
-                )
-            })?;
+            .ok_or_else(|| UnknownName::new("observation", name, observations.iter().map(|o| o.name.as_str())))?;
         if !(deviation.is_finite() && deviation >= 0.0) {
             return Err(SetupError::Value {
                 what: format!("noise of {name}"),
@@ -368,24 +313,13 @@ fn draws(model: &CompiledModel) -> Vec<Drawn> {
 fn finish_reads_derivatives(model: &CompiledModel) -> bool {
     let model = model.model();
     let programs = [&model.programs.finish, &model.programs.outputs];
-    let mut todo: Vec<ExprId> = programs
-        .iter()
-        .flat_map(|p| &p.nests)
-        .flat_map(|n| &n.stores)
-        .map(|s| s.value)
-        .collect();
+    let mut todo: Vec<ExprId> = programs.iter().flat_map(|p| &p.nests).flat_map(|n| &n.stores).map(|s| s.value).collect();
     let mut seen = std::collections::HashSet::new();
     while let Some(e) = todo.pop() {
         if !seen.insert(e) {
             continue;
         }
-        if matches!(
-            model.exprs.node(e),
-            Expr::Load {
-                flavour: Flavour::Derivative,
-                ..
-            }
-        ) {
+        if matches!(model.exprs.node(e), Expr::Load { flavour: Flavour::Derivative, .. }) {
             return true;
         }
         todo.extend(model.exprs.operands(e));

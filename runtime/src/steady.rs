@@ -8,12 +8,19 @@
 mod newton;
 
 use smpl_compiler::compiled::CompiledModel;
-use smpl_compiler::layout::Region;
+use smpl_compiler::layout::{Part, Region};
 
 use crate::catalogue::{Catalogue, UnknownName};
 use crate::solver::SolveError;
 use crate::system::CompiledSystem;
 use newton::Search;
+
+/// Rounds between unknowns and discrete variables: each passes a held value one unit further down a flowsheet.
+const MAX_ROUNDS: u32 = 100;
+/// Relative change of a discrete variable that counts as none.
+const SETTLED: f64 = 1e-14;
+/// What a frame holds.
+const PARTS: [Part; 4] = [Part::Y, Part::Action, Part::Discrete, Part::Disturbance];
 
 /// How well a steady state was found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,12 +70,7 @@ pub enum SteadyError {
 #[must_use]
 pub fn guess(system: &CompiledSystem, catalogue: &Catalogue) -> Vec<f64> {
     let mut y = vec![0.0; system.model().unknowns()];
-    for element in catalogue
-        .states
-        .elements()
-        .iter()
-        .chain(catalogue.solved.elements())
-    {
+    for element in catalogue.states.elements().iter().chain(catalogue.solved.elements()) {
         if element.default.is_finite() {
             y[element.at] = element.default;
         }
@@ -78,11 +80,7 @@ pub fn guess(system: &CompiledSystem, catalogue: &Catalogue) -> Vec<f64> {
 
 /// The actions and fixed states (places in `y` and values) of the model's `steady` block; nominal actions without one.
 #[must_use]
-pub fn declared(
-    system: &mut CompiledSystem,
-    catalogue: &Catalogue,
-    y: &mut [f64],
-) -> (Vec<f64>, Vec<(usize, f64)>) {
+pub fn declared(system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut [f64]) -> (Vec<f64>, Vec<(usize, f64)>) {
     let (model, memory) = system.parts();
     let interface = model.interface();
     let actions = catalogue.actions.elements();
@@ -92,15 +90,7 @@ pub fn declared(
     let mut out = vec![0.0; actions.len() + interface.steady_fixed.len()];
     model.steady(memory, y, &mut out);
     let states = out.split_off(actions.len());
-    (
-        out,
-        interface
-            .steady_fixed
-            .iter()
-            .map(|&at| at as usize)
-            .zip(states)
-            .collect(),
-    )
+    (out, interface.steady_fixed.iter().map(|&at| at as usize).zip(states).collect())
 }
 
 /// Finds the model's own steady state and keeps it in the steady frame of the instance. The instance's actions and
@@ -108,11 +98,7 @@ pub fn declared(
 ///
 /// # Errors
 /// See [`SteadyError`].
-pub fn solve_declared(
-    system: &mut CompiledSystem,
-    catalogue: &Catalogue,
-    guess: &[f64],
-) -> Result<SteadyReport, SteadyError> {
+pub fn solve_declared(system: &mut CompiledSystem, catalogue: &Catalogue, guess: &[f64]) -> Result<SteadyReport, SteadyError> {
     let mut y = guess.to_vec();
     let (actions, fixed) = declared(system, catalogue, &mut y);
     let report = solve(system, catalogue, &actions, &fixed, &mut y)?;
@@ -140,26 +126,55 @@ pub fn solve(
         y[at] = value;
         is_fixed[at] = true;
     }
-    let mut search = Search::new(system, catalogue, &is_fixed)?;
+    let frame = PARTS.map(|part| system.region(Region::Steady(part)).to_vec());
+    let iterations = settle(system, catalogue, &is_fixed, y);
+    for (part, values) in PARTS.into_iter().zip(&frame) {
+        system.region_mut(Region::Steady(part)).copy_from_slice(values);
+    }
+    let iterations = iterations?;
+    let (model, memory) = system.parts();
+    model.prepare_step(memory);
+    Ok(SteadyReport { residual_norm: residual_norm(system, y), iterations })
+}
+
+/// Unknowns and discrete variables that belong to each other: a discrete variable stands for its initial value, which may be an
+/// expression of the steady state. The steady frame is that of the state on the way.
+fn settle(system: &mut CompiledSystem, catalogue: &Catalogue, fixed: &[bool], y: &mut [f64]) -> Result<u32, SteadyError> {
+    let mut search = Search::new(system, catalogue, fixed)?;
     let mut iterations = 0;
-    // Discrete variables may start from the states: a second round settles them.
-    for _ in 0..3 {
+    for round in 0..MAX_ROUNDS {
         let before = system.region(Region::Discrete).to_vec();
+        system.keep(y, Region::Steady);
         let (model, memory) = system.parts();
         model.initial_discretes(memory, y);
         model.prepare_step(memory);
-        if iterations > 0 && before == system.region(Region::Discrete) {
+        if round == 0 {
+            settle_algebraic(system, catalogue, y);
+        } else if unchanged(&before, system.region(Region::Discrete)) {
             break;
         }
         iterations += search.run(system, catalogue, y)?;
-        if before.is_empty() {
-            break;
-        }
     }
-    Ok(SteadyReport {
-        residual_norm: residual_norm(system, y),
-        iterations,
-    })
+    Ok(iterations)
+}
+
+/// Makes the solved variables fit the guessed states where that is possible: their own guesses are often none.
+fn settle_algebraic(system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut [f64]) {
+    let states = system.model().states();
+    if states == y.len() {
+        return;
+    }
+    let is_state: Vec<bool> = (0..y.len()).map(|at| at < states).collect();
+    let mut trial = y.to_vec();
+    let found = Search::new(system, catalogue, &is_state).and_then(|mut search| search.run(system, catalogue, &mut trial));
+    if found.is_ok() {
+        y.copy_from_slice(&trial);
+    }
+}
+
+fn unchanged(before: &[f64], after: &[f64]) -> bool {
+    let same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits() || (a - b).abs() <= SETTLED * a.abs().max(b.abs());
+    before.iter().zip(after).all(same)
 }
 
 fn residual_norm(system: &mut CompiledSystem, y: &[f64]) -> f64 {
@@ -171,11 +186,7 @@ fn residual_norm(system: &mut CompiledSystem, y: &[f64]) -> f64 {
 
 /// Name of the unknown at a place in `y`.
 fn unknown_name(catalogue: &Catalogue, at: usize) -> Option<String> {
-    let mut all = catalogue
-        .states
-        .elements()
-        .iter()
-        .chain(catalogue.solved.elements());
+    let mut all = catalogue.states.elements().iter().chain(catalogue.solved.elements());
     all.find(|e| e.at == at).map(|e| e.name.clone())
 }
 

@@ -38,11 +38,7 @@ impl CompiledSystem {
             quadratures: model.quadratures(),
         };
         let memory = model.memory();
-        Ok(Self {
-            model,
-            shape: Arc::new(shape),
-            memory,
-        })
+        Ok(Self { model, shape: Arc::new(shape), memory })
     }
 
     /// The model.
@@ -96,11 +92,8 @@ impl CompiledSystem {
 }
 
 /// The present values that a frame keeps beside `y`.
-const PRESENT: [(Part, Region); 3] = [
-    (Part::Action, Region::Action),
-    (Part::Discrete, Region::Discrete),
-    (Part::Disturbance, Region::Disturbance),
-];
+const PRESENT: [(Part, Region); 3] =
+    [(Part::Action, Region::Action), (Part::Discrete, Region::Discrete), (Part::Disturbance, Region::Disturbance)];
 
 impl System for CompiledSystem {
     fn differential(&self) -> &[bool] {

@@ -8,7 +8,7 @@ mod read;
 mod record;
 
 pub use format::seventeen_digits;
-pub use read::{DataError, Sequences, read_actions, read_disturbances, read_initial};
+pub use read::{DataError, Sequences, Values, read_actions, read_disturbances, read_initial};
 pub use record::Recorder;
 
 use std::fs::{self, File};
@@ -50,10 +50,7 @@ impl Table {
     /// An empty table with these columns.
     #[must_use]
     pub fn new(columns: Vec<(String, Kind)>) -> Self {
-        Self {
-            columns,
-            cells: Vec::new(),
-        }
+        Self { columns, cells: Vec::new() }
     }
 
     /// Names and kinds of the columns.
@@ -85,9 +82,7 @@ impl Table {
     #[must_use]
     pub fn row(&self, index: usize) -> &[Cell] {
         let width = self.columns.len();
-        self.cells
-            .get(index * width..(index + 1) * width)
-            .unwrap_or(&[])
+        self.cells.get(index * width..(index + 1) * width).unwrap_or(&[])
     }
 
     /// The numbers of a column, empty cells as NaN; `None` if there is no such column.
@@ -100,11 +95,7 @@ impl Table {
             Cell::Number(x) => *x,
             Cell::Flag(b) => f64::from(u8::from(*b)),
         };
-        Some(
-            (0..self.len())
-                .map(|row| number(&self.row(row)[column]))
-                .collect(),
-        )
+        Some((0..self.len()).map(|row| number(&self.row(row)[column])).collect())
     }
 
     /// Writes the table: Parquet where the name ends in `.parquet`, CSV otherwise.
@@ -112,22 +103,12 @@ impl Table {
     /// # Errors
     /// [`WriteError`] with the path.
     pub fn write(&self, path: &Path) -> Result<(), WriteError> {
-        let is_parquet = path
-            .extension()
-            .is_some_and(|e| e.eq_ignore_ascii_case("parquet"));
-        write_whole(path, |out| {
-            if is_parquet {
-                parquet::write(self, out)
-            } else {
-                self.write_csv(out)
-            }
-        })
+        let is_parquet = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("parquet"));
+        write_whole(path, |out| if is_parquet { parquet::write(self, out) } else { self.write_csv(out) })
     }
 
     fn write_csv(&self, out: &mut dyn Write) -> io::Result<()> {
-        let mut writer = csv::WriterBuilder::new()
-            .terminator(csv::Terminator::Any(b'\n'))
-            .from_writer(out);
+        let mut writer = csv::WriterBuilder::new().terminator(csv::Terminator::Any(b'\n')).from_writer(out);
         writer.write_record(self.columns.iter().map(|(name, _)| name))?;
         let mut text = String::new();
         for row in 0..self.len() {
@@ -156,17 +137,9 @@ pub struct WriteError {
 ///
 /// # Errors
 /// [`WriteError`] with the path; nothing is left behind then.
-pub fn write_whole(
-    path: &Path,
-    fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
-) -> Result<(), WriteError> {
-    let error = |source| WriteError {
-        path: path.to_owned(),
-        source,
-    };
-    let name = path
-        .file_name()
-        .ok_or_else(|| error(io::Error::from(io::ErrorKind::IsADirectory)))?;
+pub fn write_whole(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), WriteError> {
+    let error = |source| WriteError { path: path.to_owned(), source };
+    let name = path.file_name().ok_or_else(|| error(io::Error::from(io::ErrorKind::IsADirectory)))?;
     let mut temporary_name = std::ffi::OsString::from(".");
     temporary_name.push(name);
     temporary_name.push(format!(".{}.part", std::process::id()));

@@ -18,12 +18,7 @@ struct Arrays {
 
 impl Arrays {
     fn new(n: usize) -> Self {
-        Self {
-            observations: vec![0.0; 3 * n],
-            rewards: vec![0.0; n],
-            terminated: vec![false; n],
-            truncated: vec![false; n],
-        }
+        Self { observations: vec![0.0; 3 * n], rewards: vec![0.0; n], terminated: vec![false; n], truncated: vec![false; n] }
     }
 
     fn step(&mut self, batch: &mut Batch, actions: &[f64]) -> Result<(), BatchError> {
@@ -40,29 +35,12 @@ impl Arrays {
 }
 
 fn batch(n: usize, autoreset: Autoreset, threads: usize, max_steps: u32) -> Batch {
-    let setup = setup(
-        reactor::model(),
-        EnvironmentOptions {
-            max_steps: Some(max_steps),
-            ..EnvironmentOptions::default()
-        },
-    );
-    Batch::new(
-        &setup,
-        n,
-        BatchOptions {
-            autoreset,
-            threads,
-            ..BatchOptions::default()
-        },
-    )
-    .expect("a batch")
+    let setup = setup(reactor::model(), EnvironmentOptions { max_steps: Some(max_steps), ..EnvironmentOptions::default() });
+    Batch::new(&setup, n, BatchOptions { autoreset, threads, ..BatchOptions::default() }).expect("a batch")
 }
 
 fn actions(n: usize, step: usize) -> Vec<f64> {
-    (0..2 * n)
-        .map(|i| ((i * 7 + step * 3) % 11) as f64 / 11.0 - 0.5)
-        .collect()
+    (0..2 * n).map(|i| ((i * 7 + step * 3) % 11) as f64 / 11.0 - 0.5).collect()
 }
 
 #[test]
@@ -72,9 +50,7 @@ fn each_instance_is_the_single_environment_of_its_seed_on_any_number_of_threads(
         let mut batch = batch(n, Autoreset::Disabled, threads, 1000);
         let mut arrays = Arrays::new(n);
         let seeds = batch.seeds(seed);
-        batch
-            .reset(Some(&seeds), None, &mut arrays.observations)
-            .expect("resets");
+        batch.reset(Some(&seeds), None, &mut arrays.observations).expect("resets");
         let mut bits: Vec<Vec<u64>> = vec![Vec::new(); n];
         for step in 0..steps {
             let over = (0..n).any(|i| !batch.environment(i).expect("exists").is_running());
@@ -83,11 +59,7 @@ fn each_instance_is_the_single_environment_of_its_seed_on_any_number_of_threads(
             }
             arrays.step(&mut batch, &actions(n, step)).expect("steps");
             for (i, bits) in bits.iter_mut().enumerate() {
-                bits.extend(
-                    arrays.observations[3 * i..3 * i + 3]
-                        .iter()
-                        .map(|x| x.to_bits()),
-                );
+                bits.extend(arrays.observations[3 * i..3 * i + 3].iter().map(|x| x.to_bits()));
                 bits.push(arrays.rewards[i].to_bits());
             }
         }
@@ -95,24 +67,14 @@ fn each_instance_is_the_single_environment_of_its_seed_on_any_number_of_threads(
     };
     let one = run(1);
     assert_eq!(one, run(2));
-    let setup = setup(
-        reactor::model(),
-        EnvironmentOptions {
-            max_steps: Some(1000),
-            ..EnvironmentOptions::default()
-        },
-    );
+    let setup = setup(reactor::model(), EnvironmentOptions { max_steps: Some(1000), ..EnvironmentOptions::default() });
     for (i, bits) in one.iter().enumerate() {
         let mut env = Environment::new(std::sync::Arc::clone(&setup)).expect("makes");
-        env.reset(Some(seed + i as u64), &ResetOptions::default())
-            .expect("resets");
+        env.reset(Some(seed + i as u64), &ResetOptions::default()).expect("resets");
         let mut single = Vec::new();
         for step in 0..bits.len() / 4 {
             let all = actions(n, step);
-            let action = [
-                denormalise(all[2 * i], 15.0, 35.0),
-                denormalise(all[2 * i + 1], 0.05, 0.2),
-            ];
+            let action = [denormalise(all[2 * i], 15.0, 35.0), denormalise(all[2 * i + 1], 0.05, 0.2)];
             let result = env.step(&action).expect("steps");
             let mut observation = [0.0_f64; 3];
             env.observe(true, &mut observation);
@@ -127,9 +89,7 @@ fn each_instance_is_the_single_environment_of_its_seed_on_any_number_of_threads(
 fn next_step_resets_in_the_step_after_the_end() {
     let mut batch = batch(2, Autoreset::NextStep, 1, 2);
     let mut arrays = Arrays::new(2);
-    batch
-        .reset(Some(&[1, 2]), None, &mut arrays.observations)
-        .expect("resets");
+    batch.reset(Some(&[1, 2]), None, &mut arrays.observations).expect("resets");
     let first = arrays.observations.clone();
     let still = [0.185, -1.0 / 3.0, 0.185, -1.0 / 3.0];
     arrays.step(&mut batch, &still).expect("steps");
@@ -137,14 +97,8 @@ fn next_step_resets_in_the_step_after_the_end() {
     assert_eq!(arrays.truncated, [true, true]);
     // The action of the resetting step is ignored, be it NaN.
     arrays.step(&mut batch, &[f64::NAN; 4]).expect("resets");
-    assert_eq!(
-        (arrays.rewards.as_slice(), arrays.truncated.as_slice()),
-        ([0.0, 0.0].as_slice(), [false, false].as_slice())
-    );
-    assert_ne!(
-        arrays.observations, first,
-        "it is the next episode of the seed"
-    );
+    assert_eq!((arrays.rewards.as_slice(), arrays.truncated.as_slice()), ([0.0, 0.0].as_slice(), [false, false].as_slice()));
+    assert_ne!(arrays.observations, first, "it is the next episode of the seed");
     assert_eq!(batch.environment(0).map(Environment::steps), Some(0));
 }
 
@@ -152,12 +106,8 @@ fn next_step_resets_in_the_step_after_the_end() {
 fn same_step_keeps_the_final_observation_and_info() {
     let mut batch = batch(1, Autoreset::SameStep, 1, 1);
     let mut arrays = Arrays::new(1);
-    batch
-        .reset(Some(&[1]), None, &mut arrays.observations)
-        .expect("resets");
-    arrays
-        .step(&mut batch, &[0.185, -1.0 / 3.0])
-        .expect("steps");
+    batch.reset(Some(&[1]), None, &mut arrays.observations).expect("resets");
+    arrays.step(&mut batch, &[0.185, -1.0 / 3.0]).expect("steps");
     assert_eq!(arrays.truncated, [true]);
     let (observation, info) = batch.final_info(0).expect("an episode ended");
     assert_ne!(observation, arrays.observations);
@@ -169,19 +119,12 @@ fn same_step_keeps_the_final_observation_and_info() {
 fn disabled_resets_only_what_the_mask_says() {
     let mut batch = batch(2, Autoreset::Disabled, 1, 1);
     let mut arrays = Arrays::new(2);
-    batch
-        .reset(Some(&[1, 2]), None, &mut arrays.observations)
-        .expect("resets");
+    batch.reset(Some(&[1, 2]), None, &mut arrays.observations).expect("resets");
     let still = [0.185, -1.0 / 3.0, 0.185, -1.0 / 3.0];
     arrays.step(&mut batch, &still).expect("steps");
     let ended = arrays.observations.clone();
-    assert!(matches!(
-        arrays.step(&mut batch, &still),
-        Err(BatchError::Step { index: 0, .. })
-    ));
-    batch
-        .reset(None, Some(&[false, true]), &mut arrays.observations)
-        .expect("resets");
+    assert!(matches!(arrays.step(&mut batch, &still), Err(BatchError::Step { index: 0, .. })));
+    batch.reset(None, Some(&[false, true]), &mut arrays.observations).expect("resets");
     assert_eq!(arrays.observations[..3], ended[..3]);
     assert_ne!(arrays.observations[3..], ended[3..]);
 }
@@ -190,20 +133,8 @@ fn disabled_resets_only_what_the_mask_says() {
 fn a_nan_or_a_wrong_length_steps_nothing() {
     let mut batch = batch(2, Autoreset::NextStep, 1, 10);
     let mut arrays = Arrays::new(2);
-    batch
-        .reset(Some(&[1, 2]), None, &mut arrays.observations)
-        .expect("resets");
-    assert!(matches!(
-        arrays.step(&mut batch, &[0.0, 0.0, 0.0, f64::NAN]),
-        Err(BatchError::Step { index: 1, .. })
-    ));
-    assert!(matches!(
-        arrays.step(&mut batch, &[0.0; 3]),
-        Err(BatchError::Length {
-            name: "actions",
-            given: 3,
-            expected: 4
-        })
-    ));
+    batch.reset(Some(&[1, 2]), None, &mut arrays.observations).expect("resets");
+    assert!(matches!(arrays.step(&mut batch, &[0.0, 0.0, 0.0, f64::NAN]), Err(BatchError::Step { index: 1, .. })));
+    assert!(matches!(arrays.step(&mut batch, &[0.0; 3]), Err(BatchError::Length { name: "actions", given: 3, expected: 4 })));
     assert_eq!(batch.environment(0).map(Environment::steps), Some(0));
 }

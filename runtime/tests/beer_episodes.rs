@@ -18,34 +18,16 @@ fn state(environment: &Environment) -> Vec<f64> {
 /// Replays a file; the largest deviation of the states, and the step in which the batch finished.
 fn replay(file: &str, suffix: &str, rtol: Option<f64>) -> Option<(f64, u32)> {
     let table = reference::table(file)?;
-    let (integrate, limit) = if suffix == "tight" {
-        (0.99, 201)
-    } else {
-        (1.0, 200)
-    };
-    let mut env = environment(
-        beer::model(integrate, limit),
-        EnvironmentOptions {
-            rtol,
-            ..EnvironmentOptions::default()
-        },
-    );
+    let (integrate, limit) = if suffix == "tight" { (0.99, 201) } else { (1.0, 200) };
+    let mut env = environment(beer::model(integrate, limit), EnvironmentOptions { rtol, ..EnvironmentOptions::default() });
     let columns: Vec<String> = STATES.iter().map(|s| format!("{s}.{suffix}")).collect();
     let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
     let start = StateInput::Array(table.row(0, &columns));
-    env.reset(
-        Some(0),
-        &ResetOptions {
-            state: start,
-            ..ResetOptions::default()
-        },
-    )
-    .expect("resets");
+    env.reset(Some(0), &ResetOptions { state: start, ..ResetOptions::default() }).expect("resets");
     let mut worst: f64 = 0.0;
     for row in 1..table.len() {
         let result = env.step(&[table.get(row, "T")]).expect("steps");
-        for ((x, reference), range) in state(&env).iter().zip(table.row(row, &columns)).zip(RANGES)
-        {
+        for ((x, reference), range) in state(&env).iter().zip(table.row(row, &columns)).zip(RANGES) {
             worst = worst.max((x - reference).abs() / range);
         }
         let expected = table.get(row, &format!("finish.{suffix}"));
@@ -96,14 +78,7 @@ fn tight_tolerances_follow_the_reference_trajectories_to_a_hundred_millionth() {
 #[test]
 fn the_profile_finishes_the_nominal_batch_in_step_145() {
     let mut env = environment(beer::model(1.0, 200), EnvironmentOptions::default());
-    env.reset(
-        Some(0),
-        &ResetOptions {
-            start: Start::Nominal,
-            ..ResetOptions::default()
-        },
-    )
-    .expect("resets");
+    env.reset(Some(0), &ResetOptions { start: Start::Nominal, ..ResetOptions::default() }).expect("resets");
     assert_eq!(state(&env), [0.0, 2.0, 2.0, 130.0, 0.0, 0.0, 0.0]);
     let (mut total, mut action) = (0.0, [0.0]);
     while env.is_running() {
@@ -117,61 +92,34 @@ fn the_profile_finishes_the_nominal_batch_in_step_145() {
 #[test]
 fn a_batch_that_never_finishes_is_truncated_at_the_limit() {
     let mut env = environment(beer::model(1.0, 200), EnvironmentOptions::default());
-    env.reset(
-        Some(0),
-        &ResetOptions {
-            start: Start::Nominal,
-            ..ResetOptions::default()
-        },
-    )
-    .expect("resets");
+    env.reset(Some(0), &ResetOptions { start: Start::Nominal, ..ResetOptions::default() }).expect("resets");
     let mut total = 0.0;
     while env.is_running() {
         let result = env.step(&[9.0]).expect("steps");
         total += result.reward;
         assert!(!result.terminated);
     }
-    assert_eq!(
-        (env.steps(), total, env.last().map(|r| r.truncated)),
-        (200, -399.0, Some(true))
-    );
+    assert_eq!((env.steps(), total, env.last().map(|r| r.truncated)), (200, -399.0, Some(true)));
 }
 
 /// In step 201 `elapsed` is 201, outside its box: -200 and a failure, which wins over the time limit.
 #[test]
 fn the_legacy_limit_ends_in_a_failure() {
     let mut env = environment(beer::model(0.99, 201), EnvironmentOptions::default());
-    env.reset(
-        Some(0),
-        &ResetOptions {
-            start: Start::Nominal,
-            ..ResetOptions::default()
-        },
-    )
-    .expect("resets");
+    env.reset(Some(0), &ResetOptions { start: Start::Nominal, ..ResetOptions::default() }).expect("resets");
     let mut total = 0.0;
     while env.is_running() {
         total += env.step(&[9.0]).expect("steps").reward;
     }
     assert_eq!((env.steps(), total), (201, -400.0));
-    assert_eq!(
-        env.failure_message(),
-        "state_box: elapsed = 201 h is above 200 h"
-    );
+    assert_eq!(env.failure_message(), "state_box: elapsed = 201 h is above 200 h");
 }
 
 #[test]
 fn discrete_variables_are_set_by_name() {
     let mut env = environment(beer::model(1.0, 200), EnvironmentOptions::default());
     let discrete = [("elapsed".to_owned(), 7.0)].into();
-    env.reset(
-        Some(0),
-        &ResetOptions {
-            discrete,
-            ..ResetOptions::default()
-        },
-    )
-    .expect("resets");
+    env.reset(Some(0), &ResetOptions { discrete, ..ResetOptions::default() }).expect("resets");
     let biomass: f64 = state(&env)[..3].iter().sum();
     assert_eq!(env.discretes(), [7.0, biomass]);
     env.step(&[13.0]).expect("steps");

@@ -65,10 +65,7 @@ fn state_of(environment: &Environment, name: &str) -> f64 {
 
 /// Section 10, "single steps": each step from the reference's own state, inner controllers left out.
 fn single_steps(file: &str, scenario: &str, length: f64) {
-    let (Some(table), Some(parameters)) = (
-        reference::table(file),
-        reference::table("pensim_parameters.csv"),
-    ) else {
+    let (Some(table), Some(parameters)) = (reference::table(file), reference::table("pensim_parameters.csv")) else {
         return;
     };
     let loaded = pensim(&options(scenario, &[]));
@@ -257,10 +254,7 @@ fn legacy_follows_the_trajectory_of_the_original_solver() {
 /// The recipe from means without disturbances: sum of the rewards (the last one as the process gives it) and results.
 fn recipe(load: &LoadOptions, rtol: f64) -> (f64, Vec<StepResult>, Environment) {
     let mut env = environment(pensim(load), Some(rtol));
-    let start = ResetOptions {
-        start: Start::Nominal,
-        ..ResetOptions::default()
-    };
+    let start = ResetOptions { start: Start::Nominal, ..ResetOptions::default() };
     env.reset(Some(0), &start).expect("a start");
     let mut action = vec![0.0; ACTIONS.len()];
     let mut results = Vec::new();
@@ -275,13 +269,7 @@ fn recipe(load: &LoadOptions, rtol: f64) -> (f64, Vec<StepResult>, Environment) 
 }
 
 fn repaired(name: &str) -> LoadOptions {
-    LoadOptions {
-        variants: vec![Variant {
-            name: name.into(),
-            option: None,
-        }],
-        ..options("default", &["disturbances=false"])
-    }
+    LoadOptions { variants: vec![Variant { name: name.into(), option: None }], ..options("default", &["disturbances=false"]) }
 }
 
 /// Section 7.1, first row (default); legacy loses its last reward to the observed pH.

@@ -30,14 +30,8 @@ static ALLOCATOR: Counting = Counting;
 
 #[test]
 fn steps_of_reactor_and_beer_allocate_nothing() {
-    let start = ResetOptions {
-        start: Start::Nominal,
-        ..ResetOptions::default()
-    };
-    let cases = [
-        (reactor::model(), vec![26.0, 0.1]),
-        (beer::model(1.0, 200), vec![13.0]),
-    ];
+    let start = ResetOptions { start: Start::Nominal, ..ResetOptions::default() };
+    let cases = [(reactor::model(), vec![26.0, 0.1]), (beer::model(1.0, 200), vec![13.0])];
     for (model, action) in cases {
         let mut env = environment(model, EnvironmentOptions::default());
         env.reset(Some(1), &start).expect("resets");

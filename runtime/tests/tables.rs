@@ -17,8 +17,7 @@ fn folder(test: &str) -> PathBuf {
 
 fn make() -> Environment {
     let mut env = environment(beer::model(1.0, 200), EnvironmentOptions::default());
-    env.reset(Some(3), &ResetOptions::default())
-        .expect("resets");
+    env.reset(Some(3), &ResetOptions::default()).expect("resets");
     env
 }
 
@@ -46,18 +45,9 @@ fn a_trajectory_has_the_columns_of_the_contract_and_can_be_replayed() {
     );
     assert_eq!(lines.len(), 5);
     let cells: Vec<&str> = lines[1].split(',').collect();
-    assert_eq!(
-        (cells[0], cells[12], cells[21], cells[23]),
-        ("0", "", "", "false"),
-        "row 0 has neither action nor reward"
-    );
-    assert_eq!(
-        read_actions(&path, env.catalogue()).expect("reads"),
-        vec![vec![13.5]; 3]
-    );
-    let left: Vec<_> = std::fs::read_dir(path.parent().expect("a folder"))
-        .expect("lists")
-        .collect();
+    assert_eq!((cells[0], cells[12], cells[21], cells[23]), ("0", "", "", "false"), "row 0 has neither action nor reward");
+    assert_eq!(read_actions(&path, env.catalogue()).expect("reads"), vec![vec![13.5]; 3]);
+    let left: Vec<_> = std::fs::read_dir(path.parent().expect("a folder")).expect("lists").collect();
     assert_eq!(left.len(), 1, "no temporary file is left");
 }
 
@@ -67,10 +57,7 @@ fn a_parquet_file_is_framed_as_such() {
     let mut env = make();
     recorded(&mut env, 3).table().write(&path).expect("writes");
     let bytes = std::fs::read(&path).expect("reads");
-    assert_eq!(
-        (&bytes[..4], &bytes[bytes.len() - 4..]),
-        (b"PAR1".as_slice(), b"PAR1".as_slice())
-    );
+    assert_eq!((&bytes[..4], &bytes[bytes.len() - 4..]), (b"PAR1".as_slice(), b"PAR1".as_slice()));
 }
 
 #[test]
@@ -78,31 +65,17 @@ fn faults_of_data_files_are_named_with_their_lines() {
     let folder = folder("faults");
     let env = make();
     let cases = [
-        (
-            "step,T\n1,13\n2,warm\n",
-            ":3: column `T`: `warm` is no finite number",
-        ),
-        (
-            "step,T\n1,13\n2\n",
-            ":3: the row has 1 cells, the heading has 2",
-        ),
-        (
-            "step,T_c\n1,13\n",
-            ":1: missing column T; the file has: step, T_c",
-        ),
+        ("step,T\n1,13\n2,warm\n", ":3: column `T`: `warm` is no finite number"),
+        ("step,T\n1,13\n2\n", ":3: the row has 1 cells, the heading has 2"),
+        ("step,T_c\n1,13\n", ":1: missing column T; the file has: step, T_c"),
         ("T\n", ": no rows"),
         ("T\n13\nNaN\n", ":3: column `T`: `NaN` is no finite number"),
-        (
-            "T,u\n13,1\n,2\n",
-            ":3: column `T`: an empty cell is no finite number",
-        ),
+        ("T,u\n13,1\n,2\n", ":3: column `T`: an empty cell is no finite number"),
     ];
     for (i, (content, expected)) in cases.iter().enumerate() {
         let path = folder.join(format!("{i}.csv"));
         std::fs::write(&path, content).expect("writes");
-        let message = read_actions(&path, env.catalogue())
-            .expect_err("a fault")
-            .to_string();
+        let message = read_actions(&path, env.catalogue()).expect_err("a fault").to_string();
         assert!(message.ends_with(expected), "{message}");
     }
     assert!(read_actions(&folder.join("none.csv"), env.catalogue()).is_err());
@@ -114,16 +87,8 @@ fn initial_values_are_states_and_discrete_variables() {
     let env = make();
     std::fs::write(&path, "X_A,elapsed,S\n0.5,7,\n").expect("writes");
     let (states, discretes) = read_initial(&path, env.catalogue()).expect("reads");
-    assert_eq!(
-        (states["X_A"], discretes["elapsed"], states.len()),
-        (0.5, 7.0, 1)
-    );
+    assert_eq!((states["X_A"], discretes["elapsed"], states.len()), (0.5, 7.0, 1));
     std::fs::write(&path, "X_B\n0.5\n").expect("writes");
-    let message = read_initial(&path, env.catalogue())
-        .expect_err("unknown")
-        .to_string();
-    assert!(
-        message.contains("unknown state or discrete variable `X_B`"),
-        "{message}"
-    );
+    let message = read_initial(&path, env.catalogue()).expect_err("unknown").to_string();
+    assert!(message.contains("unknown state or discrete variable `X_B`"), "{message}");
 }

@@ -70,7 +70,7 @@ def test_minari_takes_the_export(episodes, tmp_path, monkeypatch):
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     dataset = to_minari(
         "smpl/reactor/pid-v0", episodes, "smpl/Reactor-v0", algorithm_name="pid", author="a", author_email="a@b.c",
-        code_permalink="p", description="d", ref_min_score=-1e5, ref_max_score=0.0,
+        code_permalink="p", eval_env="smpl/Reactor-v0", description="d", ref_min_score=-1e5, ref_max_score=0.0,
     )  # fmt: skip
     assert dataset.total_steps == sum(episode.steps for episode in episodes)
     np.testing.assert_array_equal(dataset[1].observations, episodes[1].observations)

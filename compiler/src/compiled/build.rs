@@ -8,6 +8,7 @@ use smpl_dsl::span::Span;
 
 use super::{BackEndError, Function, Parts, Tapes};
 use crate::differentiate::{self, Column, Rows, pattern};
+use crate::generate::reroll::reroll;
 use crate::generate::schedule::{Access, Job, Sink, Task};
 use crate::generate::{Effort, Generator};
 use crate::hoist::{Hoister, Stage};
@@ -42,6 +43,8 @@ pub struct CompileStatistics {
     pub expressions: usize,
     /// Numbers in caches.
     pub cached: usize,
+    /// Time of code generation and bytes of each compiled function.
+    pub functions: Vec<(String, Duration, usize)>,
 }
 
 /// Runs the passes.
@@ -56,6 +59,9 @@ pub(super) fn passes(mut model: Model, settings: &BackEndSettings) -> Result<Par
     let differentiated = Instant::now();
 
     let mut jobs = jobs(&model, &rows, jacobian);
+    for (_, job) in jobs.iter_mut().filter(|(f, _)| is_program(*f)) {
+        *job = reroll(std::mem::take(job), &mut model.exprs);
+    }
     let mut hoister = Hoister::new(&mut model);
     for (function, job) in &mut jobs {
         *job = hoister.job(job, limit(*function));
@@ -67,10 +73,14 @@ pub(super) fn passes(mut model: Model, settings: &BackEndSettings) -> Result<Par
 
     let mut generator = Generator::new(settings.texts);
     let mut codes = Vec::with_capacity(jobs.len());
+    let mut functions = Vec::with_capacity(jobs.len());
     for (function, job) in &jobs {
         let access = access(*function, &model, unknowns, pattern.nonzeros());
         let effort = if settings.quick { Effort::Lukewarm } else { effort(*function) };
-        codes.push(generator.compile(job, &model.exprs, &layout, access, effort)?);
+        let started = Instant::now();
+        let code = generator.compile(job, &model.exprs, &layout, access, effort)?;
+        functions.push((function.name().to_owned(), started.elapsed(), code.bytes.len()));
+        codes.push(code);
     }
     let statistics = CompileStatistics {
         differentiate: differentiated - started,
@@ -80,6 +90,7 @@ pub(super) fn passes(mut model: Model, settings: &BackEndSettings) -> Result<Par
         nonzeros: pattern.nonzeros(),
         expressions: model.exprs.len(),
         cached: model.vars.values().filter(|v| v.role == Role::Cache).map(|v| v.len as usize).sum(),
+        functions,
     };
     Ok(Parts { model, pattern, tables, codes, prepare_parameters, statistics })
 }
@@ -184,6 +195,11 @@ fn limit(function: Function) -> Stage {
         Function::Residual | Function::Jacobian | Function::Roots | Function::Quadratures => Stage::Step,
         _ => Stage::Parameter,
     }
+}
+
+/// Programs are often written element by element; equations are loops already.
+fn is_program(function: Function) -> bool {
+    matches!(function, Function::Start | Function::End | Function::Finish | Function::Outputs | Function::Disturb)
 }
 
 fn effort(function: Function) -> Effort {

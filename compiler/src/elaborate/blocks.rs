@@ -23,12 +23,7 @@ pub struct Piece<T> {
 
 impl<'a> Elaborator<'a> {
     /// Elaborates `body` for everything that the binders run over: sets written out, cells as loops.
-    pub(super) fn nest<T>(
-        &mut self,
-        binders: &[Binder],
-        place: &Place,
-        body: &mut dyn FnMut(&mut Self, &Place) -> T,
-    ) -> Vec<Piece<T>> {
+    pub(super) fn nest<T>(&mut self, binders: &[Binder], place: &Place, body: &mut dyn FnMut(&mut Self, &Place) -> T) -> Vec<Piece<T>> {
         let Some((binder, rest)) = binders.split_first() else {
             return vec![Piece { extents: Vec::new(), value: body(self, place) }];
         };
@@ -64,7 +59,7 @@ impl<'a> Elaborator<'a> {
     }
 
     /// Address of the element that bound index names mean.
-    fn bound_address(&self, axes: &[Axis], indices: &[Binder], place: &Place) -> Affine {
+    pub(super) fn bound_address(&self, axes: &[Axis], indices: &[Binder], place: &Place) -> Affine {
         let mut at = Affine::default();
         for (&axis, binder) in axes.iter().zip(indices) {
             let part = match place.bound(&binder.name.text) {
@@ -100,7 +95,7 @@ impl<'a> Elaborator<'a> {
                     StatementKind::Instance { name, .. } => match own(&name.text).map(|s| &self.names.symbols[s].kind) {
                         Some(SymbolKind::Instance(inner)) => self.walk(*inner, out),
                         Some(SymbolKind::Instances(list)) => {
-                            for (_, inner) in list {
+                            for (_, inner) in list.iter() {
                                 self.walk(*inner, out);
                             }
                         }
@@ -154,8 +149,7 @@ impl<'a> Elaborator<'a> {
             .cloned()
             .collect();
         for name in unused {
-            let entries = ["max_steps", "error_reward", "step", "integrate", "rtol", "atol_factor", "max_order", "linear_solver", "max_internal_steps"];
-            if entries.contains(&name.as_str()) {
+            if super::ENTRY_SETTINGS.contains(&name.as_str()) {
                 continue;
             }
             let mut known: Vec<&str> = self
@@ -216,7 +210,7 @@ impl<'a> Elaborator<'a> {
                     let value = match self.vars[var].role {
                         Role::Algebraic | Role::Disturbance => 0.0,
                         role => {
-                            self.missing_default(&path, role, span);
+                            self.missing_default(&path, role, span, scope);
                             f64::NAN
                         }
                     };
@@ -238,14 +232,18 @@ impl<'a> Elaborator<'a> {
         })
     }
 
-    fn missing_default(&mut self, path: &str, role: Role, span: Span) {
+    fn missing_default(&mut self, path: &str, role: Role, span: Span, scope: ScopeId) {
         let (what, help) = match role {
             Role::Param => ("no value", "write `= value`, or give it where the component is used"),
             Role::State => ("no initial value", "write `= value`"),
             Role::Action => ("no nominal value", "write `= value`"),
             _ => ("no initial value", "write `= value`"),
         };
-        self.report(Diagnostic::error(codes::MISSING_DEFAULT, format!("`{path}` has {what}"), span).help(help));
+        let mut d = Diagnostic::error(codes::MISSING_DEFAULT, format!("`{path}` has {what}"), span).help(help);
+        if let Some(&used) = self.used_at.get(&scope) {
+            d = d.secondary(used, "used here");
+        }
+        self.report(d);
     }
 
     /// One value for all elements of a variable.
@@ -296,7 +294,11 @@ impl<'a> Elaborator<'a> {
         if let Some((a, b)) = bounds
             && low.iter().zip(&high).any(|(l, h)| l > h)
         {
-            self.report(Diagnostic::error(codes::BAD_SETTING, format!("the bounds of `{path}` are the wrong way round"), a.span.to(b.span)));
+            self.report(Diagnostic::error(
+                codes::BAD_SETTING,
+                format!("the bounds of `{path}` are the wrong way round"),
+                a.span.to(b.span),
+            ));
         }
         let difference = units::difference(&unit);
         let mut scale = self.declared_number(symbol, &axes, &difference, declaration, declaration.scale.as_ref(), f64::NAN);
@@ -334,9 +336,11 @@ impl<'a> Elaborator<'a> {
                     .help("write `in low..high`"),
             );
         } else if nominal.iter().enumerate().any(|(i, &x)| x < Quantity::pick(low, i) || x > Quantity::pick(high, i)) {
-            self.report(
-                Diagnostic::warning(codes::BAD_SETTING, format!("the nominal value of `{path}` lies outside its bounds"), d.name.span),
-            );
+            self.report(Diagnostic::warning(
+                codes::BAD_SETTING,
+                format!("the nominal value of `{path}` lies outside its bounds"),
+                d.name.span,
+            ));
         }
     }
 
@@ -401,6 +405,36 @@ impl<'a> Elaborator<'a> {
             self.missing_value("a bound or scale", e.span);
         }
         numbers
+    }
+
+    /// What an expression depends on that is no parameter, for messages.
+    pub(super) fn varying(&self, e: ExprId) -> Option<String> {
+        let mut seen = std::collections::HashSet::new();
+        let mut stack = vec![e];
+        while let Some(e) = stack.pop() {
+            if !seen.insert(e) {
+                continue;
+            }
+            match self.exprs.node(e) {
+                Node::Time => return Some(format!("the time `{}`", self.time_name)),
+                Node::Load { var, .. } => {
+                    let name = &self.vars[var].name;
+                    let what = match self.vars[var].role {
+                        Role::State => "the state",
+                        Role::Algebraic => "the algebraic variable",
+                        Role::Action => "the action",
+                        Role::Discrete => "the discrete variable",
+                        Role::Disturbance => "the disturbance",
+                        Role::Builtin => return Some("the clock".to_owned()),
+                        Role::Quadrature => return Some("an integral over the step".to_owned()),
+                        _ => continue,
+                    };
+                    return Some(format!("{what} `{name}`"));
+                }
+                _ => stack.extend(self.exprs.operands(e)),
+            }
+        }
+        None
     }
 
     /// Parameters that an expression loads.

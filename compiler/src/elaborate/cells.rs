@@ -89,9 +89,7 @@ impl Elaborator<'_> {
                     continue;
                 }
                 if place.depth as usize >= MAX_DEPTH {
-                    self.report(
-                        Diagnostic::error(codes::TOO_LARGE, format!("more than {MAX_DEPTH} loops inside one another"), span),
-                    );
+                    self.report(Diagnostic::error(codes::TOO_LARGE, format!("more than {MAX_DEPTH} loops inside one another"), span));
                     return Vec::new();
                 }
                 let mut inner = place.clone();

@@ -1,5 +1,8 @@
 //! Declarations: variants, imports, sets, tables, variables, components.
 
+use std::collections::HashMap;
+use std::rc::Rc;
+
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{
@@ -26,6 +29,9 @@ impl<'a> Elaborator<'a> {
         for file in self.files {
             collect_variants(&file.statements, &mut switches, &mut choices);
         }
+        for file in self.files {
+            self.check_whens(&file.statements, &switches, &choices);
+        }
         for (name, options) in &choices {
             if let Some(first) = options.first() {
                 self.selection.chosen.insert((*name).to_owned(), first.text.clone());
@@ -36,10 +42,13 @@ impl<'a> Elaborator<'a> {
             let is_choice = choices.iter().any(|(c, _)| c == name) || switches.iter().any(|s| s == name);
             if is_choice {
                 self.used_parameters.insert(name.clone());
-                asked.push((name.clone(), match value {
-                    Setting::Text(text) => text.clone(),
-                    Setting::Number(x) => x.to_string(),
-                }));
+                asked.push((
+                    name.clone(),
+                    match value {
+                        Setting::Text(text) => text.clone(),
+                        Setting::Number(x) => x.to_string(),
+                    },
+                ));
             }
         }
         for (name, option) in asked {
@@ -65,8 +74,7 @@ impl<'a> Elaborator<'a> {
             }
         }
         let chosen = &self.selection.chosen;
-        self.model.interface.variants =
-            switches.iter().map(|s| ((*s).to_owned(), chosen.get(*s).is_some_and(|v| v == "true"))).collect();
+        self.model.interface.variants = switches.iter().map(|s| ((*s).to_owned(), chosen.get(*s).is_some_and(|v| v == "true"))).collect();
         self.model.interface.choices = choices
             .iter()
             .map(|(name, options)| {
@@ -75,6 +83,35 @@ impl<'a> Elaborator<'a> {
                 ((*name).to_owned(), labels, at as u32)
             })
             .collect();
+    }
+
+    /// A `when` that no choice can fulfil is a fault.
+    fn check_whens(&mut self, statements: &[Statement], switches: &[&str], choices: &[(&str, &[Ident])]) {
+        for statement in statements {
+            match &statement.kind {
+                StatementKind::When { choice, option, body } => {
+                    let known = choices.iter().find(|(c, _)| **c == choice.text).map(|(_, options)| *options);
+                    match known {
+                        Some(options) if options.iter().any(|o| o.text == option.text) => {}
+                        Some(options) => {
+                            let list: Vec<&str> = options.iter().map(|o| o.text.as_str()).collect();
+                            let message = format!("`{}` has no option `{}`: {}", choice.text, option.text, list.join(", "));
+                            let help = did_you_mean(&option.text, list);
+                            self.report(Diagnostic::error(codes::UNKNOWN_NAME, message, option.span).maybe_help(help));
+                        }
+                        None if switches.contains(&choice.text.as_str()) && matches!(option.text.as_str(), "true" | "false") => {}
+                        None => {
+                            let help = did_you_mean(&choice.text, choices.iter().map(|(c, _)| *c).chain(switches.iter().copied()));
+                            let message = format!("unknown choice `{}`", choice.text);
+                            self.report(Diagnostic::error(codes::UNKNOWN_NAME, message, choice.span).maybe_help(help));
+                        }
+                    }
+                    self.check_whens(body, switches, choices);
+                }
+                StatementKind::Variant { body, .. } | StatementKind::Component { body, .. } => self.check_whens(body, switches, choices),
+                _ => {}
+            }
+        }
     }
 
     pub(super) fn scenario_fault(&mut self, message: String) {
@@ -137,8 +174,11 @@ impl<'a> Elaborator<'a> {
     }
 
     fn duplicate(&mut self, name: &Ident, before: Span) {
+        // Kinds are declared one after another; the reader goes by the order of the text.
+        let position = |s: Span| (s.file, s.start);
+        let (before, second) = if position(before) <= position(name.span) { (before, name.span) } else { (name.span, before) };
         self.report(
-            Diagnostic::error(codes::DUPLICATE_NAME, format!("`{}` is declared twice", name.text), name.span)
+            Diagnostic::error(codes::DUPLICATE_NAME, format!("`{}` is declared twice", name.text), second)
                 .label("second declaration")
                 .secondary(before, "first declaration"),
         );
@@ -183,16 +223,82 @@ impl<'a> Elaborator<'a> {
             Err(before) => {
                 let at = self.names.symbols[before].span;
                 self.duplicate(name, at);
+                // Which of both is meant is not known: what depends on it is not reported.
+                self.names.symbols[before].kind = SymbolKind::Faulty;
                 None
             }
+        }
+    }
+
+    /// A name whose declaration is at fault: its uses cause no further report.
+    fn faulty(&mut self, scope: ScopeId, name: &Ident) {
+        self.declare(scope, name, SymbolKind::Faulty);
+    }
+
+    /// Statements with names of their own: two with one name are a fault.
+    fn check_names(&mut self, list: &[Item<'a>]) {
+        let mut seen: HashMap<String, Span> = HashMap::new();
+        for item in list {
+            let (what, name, span) = match item {
+                Item::Observe(o) => match &o.name {
+                    Some(name) => ("observations", name.text.clone(), o.span),
+                    None => ("observations", super::items::text(&o.value), o.span),
+                },
+                Item::At(instant, s) => match &s.kind {
+                    StatementKind::Next { target, .. } => {
+                        let text = format!("next {}", super::items::text(target));
+                        match seen.insert(format!("at {} {text}", instant.text), s.span) {
+                            Some(first) => self.report(
+                                Diagnostic::error(codes::DUPLICATE_NAME, format!("two `{text}` at one instant"), s.span)
+                                    .secondary(first, "the first one")
+                                    .help("all `next` of an instant assign together, so there can be one only"),
+                            ),
+                            None => continue,
+                        }
+                        continue;
+                    }
+                    _ => continue,
+                },
+                Item::Other(s) => match &s.kind {
+                    StatementKind::Reward { name, .. } => ("rewards", name.text.clone(), name.span),
+                    StatementKind::Fail { name, .. } => ("failures", name.text.clone(), name.span),
+                    StatementKind::Success { name, .. } => ("successes", name.text.clone(), name.span),
+                    StatementKind::Constraint { name, .. } => ("constraints", name.text.clone(), name.span),
+                    StatementKind::Invariant { name, .. } => ("invariants", name.text.clone(), name.span),
+                    StatementKind::Policy { name, .. } => ("policies", name.text.clone(), name.span),
+                    StatementKind::Level { name, .. } => ("levels", name.text.clone(), name.span),
+                    StatementKind::Event { name, .. } => ("events", name.text.clone(), name.span),
+                    _ => continue,
+                },
+                Item::Declare(..) => continue,
+            };
+            if let Some(first) = seen.insert(format!("{what} {name}"), span) {
+                self.report(
+                    Diagnostic::error(codes::DUPLICATE_NAME, format!("two {what} are called `{name}`"), span)
+                        .secondary(first, "the first one"),
+                );
+            }
+        }
+        let mut defaults = list.iter().filter_map(|i| match i {
+            Item::Other(Statement { kind: StatementKind::Reward { name, default: true, .. }, .. }) => Some(name.span),
+            _ => None,
+        });
+        if let (Some(first), Some(second)) = (defaults.next(), defaults.next()) {
+            self.report(
+                Diagnostic::error(codes::DUPLICATE_CLAUSE, "two rewards are the default", second).secondary(first, "the first one"),
+            );
         }
     }
 
     /// Declares a block: sets and scalars first, since sizes of domains may need them, then what is indexed, then instances.
     pub(super) fn declare_block(&mut self, scope: ScopeId, list: Vec<Item<'a>>, depth: usize) {
         self.declare_phases(scope, &list);
+        self.check_names(&list);
+        let is_range = |s: &Statement| matches!(s.kind, StatementKind::Set { members: SetMembers::Range(..), .. });
         for item in &list {
-            if let Item::Other(statement) = item {
+            if let Item::Other(statement) = item
+                && !is_range(statement)
+            {
                 self.declare_set(scope, statement);
             }
         }
@@ -201,6 +307,14 @@ impl<'a> Elaborator<'a> {
                 && d.indices.is_empty()
             {
                 self.declare_variable(scope, *role, d);
+            }
+        }
+        // The ends of a range may be computed from scalars.
+        for item in &list {
+            if let Item::Other(statement) = item
+                && is_range(statement)
+            {
+                self.declare_set(scope, statement);
             }
         }
         for item in &list {
@@ -222,16 +336,20 @@ impl<'a> Elaborator<'a> {
                 Item::Other(statement) => match &statement.kind {
                     StatementKind::Flux(flux) => {
                         let place = self.place(scope, Site::Dynamics);
-                        let Some((axes, binders)) = self.axes(&flux.indices, &place) else { continue };
+                        let Some((axes, binders)) = self.axes(&flux.indices, &place) else {
+                            self.faulty(scope, &flux.name);
+                            continue;
+                        };
                         if !matches!(axes.last(), Some(Axis::Domain(_))) {
                             self.report(Diagnostic::error(
                                 codes::WRONG_SHAPE,
                                 format!("the last index of the flux `{}` must be the domain along which it flows", flux.name.text),
                                 flux.name.span,
                             ));
+                            self.faulty(scope, &flux.name);
                             continue;
                         }
-                        self.declare(scope, &flux.name, SymbolKind::Flux { flux, axes, binders });
+                        self.declare(scope, &flux.name, SymbolKind::Flux { flux, axes: axes.into(), binders: binders.into() });
                     }
                     StatementKind::Port { names, connector } => {
                         for name in names {
@@ -266,11 +384,15 @@ impl<'a> Elaborator<'a> {
                 let (labels, first) = match members {
                     SetMembers::Names(names) => (names.iter().map(|n| n.text.clone()).collect::<Vec<_>>(), None),
                     SetMembers::Range(a, b) => {
-                        let (Some(a), Some(b)) = (self.integer(a, &place), self.integer(b, &place)) else { return };
-                        if b - a >= 100_000 {
-                            self.report(Diagnostic::error(codes::TOO_LARGE, "a set of more than a hundred thousand members", name.span)
-                                .help("use a `domain`: its cells stay a loop"));
-                            return;
+                        let (Some(a), Some(b)) = (self.integer(a, &place), self.integer(b, &place)) else {
+                            return self.faulty(scope, name);
+                        };
+                        if b.saturating_sub(a) >= 100_000 {
+                            self.report(
+                                Diagnostic::error(codes::TOO_LARGE, "a set of more than a hundred thousand members", name.span)
+                                    .help("use a `domain`: its cells stay a loop"),
+                            );
+                            return self.faulty(scope, name);
                         }
                         ((a..=b).map(|i| i.to_string()).collect(), Some(a))
                     }
@@ -278,8 +400,8 @@ impl<'a> Elaborator<'a> {
                 if labels.is_empty() {
                     self.report(Diagnostic::error(codes::EMPTY_SET, format!("the set `{}` has no members", name.text), name.span));
                 }
-                if let Some(i) = (1..labels.len()).find(|&i| labels[..i].contains(&labels[i])) {
-                    self.report(Diagnostic::error(codes::DUPLICATE_NAME, format!("`{}` is twice in the set", labels[i]), name.span));
+                if let SetMembers::Names(names) = members {
+                    self.check_members(names);
                 }
                 self.new_set(scope, name, labels, first);
             }
@@ -296,6 +418,20 @@ impl<'a> Elaborator<'a> {
         }
     }
 
+    /// Members of a set are distinct.
+    fn check_members(&mut self, names: &[Ident]) {
+        let mut seen: HashMap<&str, Span> = HashMap::new();
+        for name in names {
+            if let Some(&first) = seen.get(name.text.as_str()) {
+                self.report(
+                    Diagnostic::error(codes::DUPLICATE_NAME, format!("`{}` is twice in the set", name.text), name.span)
+                        .secondary(first, "first here"),
+                );
+            }
+            seen.entry(&name.text).or_insert(name.span);
+        }
+    }
+
     fn new_set(&mut self, scope: ScopeId, name: &Ident, labels: Vec<String>, first: Option<i64>) {
         let set = self.names.sets.push(Set { name: name.text.clone(), labels, first });
         self.declare(scope, name, SymbolKind::Set(set));
@@ -304,6 +440,7 @@ impl<'a> Elaborator<'a> {
     fn set_named(&mut self, scope: ScopeId, name: &Ident) -> Option<SetId> {
         match self.names.lookup(scope, &name.text).map(|s| self.names.symbols[s].kind.clone()) {
             Some(SymbolKind::Set(set) | SymbolKind::Phase(set)) => Some(set),
+            Some(SymbolKind::Faulty) => None,
             _ => {
                 let known: Vec<String> = self.names.sets.values().map(|s| s.name.clone()).collect();
                 let help = did_you_mean(&name.text, known.iter().map(String::as_str));
@@ -316,7 +453,12 @@ impl<'a> Elaborator<'a> {
     fn declare_table(&mut self, scope: ScopeId, table: &'a Table) {
         let mut sets = Vec::new();
         for index in &table.indices {
-            let Some(set) = self.set_named(scope, index) else { return };
+            let Some(set) = self.set_named(scope, index) else {
+                for column in &table.columns {
+                    self.faulty(scope, &column.name);
+                }
+                return;
+            };
             sets.push(set);
         }
         let place = self.place(scope, Site::Dynamics);
@@ -341,6 +483,7 @@ impl<'a> Elaborator<'a> {
                 v.fill(x);
             }
         }
+        let before = self.diagnostics.len();
         for row in &table.rows {
             let Some(i) = sets.first().and_then(|&s| self.row_member(s, &row.label)) else { continue };
             match &row.cells {
@@ -373,16 +516,38 @@ impl<'a> Elaborator<'a> {
                 }
             }
         }
+        // What a faulty row would have given is not missing.
+        if self.diagnostics.len() == before {
+            self.check_table(table, &sets, &values);
+        }
+        let axes: Rc<[Axis]> = sets.iter().map(|&s| Axis::Set(s)).collect();
         for ((column, unit), values) in table.columns.iter().zip(tables_units).zip(values) {
-            if values.iter().any(|v| v.is_nan()) {
-                let set = sets.first().map(|&s| self.names.sets[s].labels.clone()).unwrap_or_default();
-                let missing = values.iter().position(|v| v.is_nan()).and_then(|p| set.get(p / inner.max(1)).cloned()).unwrap_or_default();
-                self.report(
-                    Diagnostic::error(codes::MISSING_DEFAULT, format!("`{}` has no value for `{missing}`", column.name.text), column.name.span)
-                        .help("give every member a row, or the table a `default`"),
-                );
+            self.declare(scope, &column.name, SymbolKind::Table { axes: Rc::clone(&axes), unit, values: values.into() });
+        }
+    }
+
+    /// Reports the first entry that has no value.
+    fn check_table(&mut self, table: &Table, sets: &[SetId], values: &[Vec<f64>]) {
+        for (column, values) in table.columns.iter().zip(values) {
+            let Some(at) = values.iter().position(|v| v.is_nan()) else { continue };
+            let mut rest = at;
+            let mut labels = Vec::new();
+            for &set in sets.iter().rev() {
+                let members = &self.names.sets[set].labels;
+                labels.push(members[rest % members.len().max(1)].clone());
+                rest /= members.len().max(1);
             }
-            self.declare(scope, &column.name, SymbolKind::Table { axes: sets.clone(), unit, values });
+            labels.reverse();
+            self.report(
+                Diagnostic::error(
+                    codes::MISSING_DEFAULT,
+                    format!("`{}` has no value for `{}`", column.name.text, labels.join(", ")),
+                    column.name.span,
+                )
+                .help("give every member a row, or the table a `default`"),
+            );
+            // The other columns lack the same rows.
+            return;
         }
     }
 
@@ -401,8 +566,9 @@ impl<'a> Elaborator<'a> {
     fn table_number(&mut self, e: &Expr, unit: Option<&Unit>, place: &super::Place) -> Option<f64> {
         let one = Unit::one();
         let expr = self.number_in(e, unit.unwrap_or(&one), "the table's entry", Span::default(), place);
+        let reports = self.diagnostics.len();
         let value = self.constant_value(expr);
-        if value.is_none() {
+        if value.is_none() && reports == self.diagnostics.len() {
             self.missing_value("an entry of a table", e.span);
         }
         value.filter(|v| !v.is_nan())
@@ -429,29 +595,37 @@ impl<'a> Elaborator<'a> {
         if points.is_empty() {
             self.report(Diagnostic::error(codes::EMPTY_SET, format!("the table `{}` is empty", table.name.text), table.name.span));
         }
-        self.declare(scope, &table.name, SymbolKind::TimeTable { unit, time_unit, kind: table.kind, points });
+        self.declare(scope, &table.name, SymbolKind::TimeTable { unit, time_unit, kind: table.kind, points: points.into() });
     }
 
     fn declare_domain(&mut self, scope: ScopeId, domain: &'a syntax::Domain) {
         let place = self.place(scope, Site::Dynamics);
-        let Some(cells) = self.integer(&domain.cells, &place) else { return };
+        let Some(cells) = self.integer(&domain.cells, &place) else { return self.faulty(scope, &domain.name) };
         if !(1..=MAX_ELEMENTS).contains(&cells) {
-            self.report(Diagnostic::error(codes::EMPTY_SET, format!("a domain of {cells} cells"), domain.cells.span)
-                .label("at least 1, at most 50 million"));
-            return;
+            let code = if cells < 1 { codes::EMPTY_SET } else { codes::TOO_LARGE };
+            self.report(
+                Diagnostic::error(code, format!("a domain of {cells} cells"), domain.cells.span).label("at least 1, at most 50 million"),
+            );
+            return self.faulty(scope, &domain.name);
         }
-        let scheme = self.option(domain.scheme.as_ref(), "scheme", Scheme::Central, &[
-            ("upwind", Scheme::Upwind),
-            ("downwind", Scheme::Downwind),
-            ("central", Scheme::Central),
-            ("upwind2", Scheme::Upwind2),
-            ("limited", Scheme::Limited),
-        ]);
-        let geometry = self.option(domain.geometry.as_ref(), "geometry", Geometry::Planar, &[
-            ("planar", Geometry::Planar),
-            ("cylindrical", Geometry::Cylindrical),
-            ("spherical", Geometry::Spherical),
-        ]);
+        let scheme = self.option(
+            domain.scheme.as_ref(),
+            "scheme",
+            Scheme::Central,
+            &[
+                ("upwind", Scheme::Upwind),
+                ("downwind", Scheme::Downwind),
+                ("central", Scheme::Central),
+                ("upwind2", Scheme::Upwind2),
+                ("limited", Scheme::Limited),
+            ],
+        );
+        let geometry = self.option(
+            domain.geometry.as_ref(),
+            "geometry",
+            Geometry::Planar,
+            &[("planar", Geometry::Planar), ("cylindrical", Geometry::Cylindrical), ("spherical", Geometry::Spherical)],
+        );
         let id = self.names.domains.push(Domain {
             name: domain.name.text.clone(),
             scope,
@@ -480,7 +654,7 @@ impl<'a> Elaborator<'a> {
     /// Declares a parameter, state, `let` and so on.
     fn declare_variable(&mut self, scope: ScopeId, role: syntax::Role, d: &'a Declaration) {
         let place = self.place(scope, Site::Dynamics);
-        let Some((axes, binders)) = self.axes(&d.indices, &place) else { return };
+        let Some((axes, binders)) = self.axes(&d.indices, &place) else { return self.faulty(scope, &d.name) };
         let written = d.unit.as_ref().map(|u| self.unit(u, &place));
         if matches!(written, Some(None)) {
             // The unit is at fault; the name is declared so that its uses cause no further report.
@@ -496,9 +670,13 @@ impl<'a> Elaborator<'a> {
                         Diagnostic::error(codes::MISSING_CLAUSE, format!("`{}` has no definition", d.name.text), d.span)
                             .help("write `= expression`, or declare a `var` and give it an equation"),
                     );
-                    return;
+                    return self.faulty(scope, &d.name);
                 };
-                self.declare(scope, &d.name, SymbolKind::Let { axes, binders, unit, definition, random, declaration: d });
+                self.declare(
+                    scope,
+                    &d.name,
+                    SymbolKind::Let { axes: axes.into(), binders: binders.into(), unit, definition, random, declaration: d },
+                );
                 return;
             }
             syntax::Role::Param => Role::Param,
@@ -515,7 +693,11 @@ impl<'a> Elaborator<'a> {
     fn declare_poison(&mut self, scope: ScopeId, role: syntax::Role, d: &'a Declaration, axes: Vec<Axis>, binders: Vec<String>) {
         if matches!(role, syntax::Role::Let | syntax::Role::Random) {
             if let Some(definition) = d.value.as_ref().or(d.sample.as_ref()) {
-                self.declare(scope, &d.name, SymbolKind::Let { axes, binders, unit: None, definition, random: false, declaration: d });
+                self.declare(
+                    scope,
+                    &d.name,
+                    SymbolKind::Let { axes: axes.into(), binders: binders.into(), unit: None, definition, random: false, declaration: d },
+                );
             }
             return;
         }
@@ -525,12 +707,16 @@ impl<'a> Elaborator<'a> {
     fn new_variable(&mut self, scope: ScopeId, name: &Ident, role: Role, axes: Vec<Axis>, unit: Unit, d: &'a Declaration) -> Option<VarId> {
         let len = axes.iter().try_fold(1_i64, |n, &a| n.checked_mul(self.names.axis_len(a))).unwrap_or(i64::MAX);
         if len > MAX_ELEMENTS {
-            self.report(Diagnostic::error(codes::TOO_LARGE, format!("`{}` would have {len} elements", name.text), d.span));
+            self.report(
+                Diagnostic::error(codes::TOO_LARGE, format!("`{}` would have {len} elements", name.text), d.span)
+                    .label("at most 50 million"),
+            );
+            self.faulty(scope, name);
             return None;
         }
         let path = format!("{}{}", self.names.scopes[scope].prefix, name.text);
         let var = self.vars.push(Variable { name: path, role, len: len as u32, span: d.span });
-        let symbol = self.declare(scope, name, SymbolKind::Variable { var, axes, unit, declaration: d })?;
+        let symbol = self.declare(scope, name, SymbolKind::Variable { var, axes: axes.into(), unit, declaration: d })?;
         self.symbol_of.insert(var, symbol);
         Some(var)
     }
@@ -542,7 +728,7 @@ impl<'a> Elaborator<'a> {
             self.report(
                 Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown connector `{}`", connector.text), connector.span).maybe_help(help),
             );
-            return;
+            return self.faulty(scope, name);
         };
         let prefix = format!("{}{}.", self.names.scopes[scope].prefix, name.text);
         let port = self.names.scopes.push(Scope { prefix, parent: Some(scope), names: Default::default() });
@@ -572,7 +758,7 @@ impl<'a> Elaborator<'a> {
     ) {
         if depth >= MAX_COMPONENT_DEPTH {
             self.report(Diagnostic::error(codes::CYCLIC_DEFINITION, format!("`{}` contains itself", component.text), component.span));
-            return;
+            return self.faulty(scope, name);
         }
         let Some(statement) = self.components.get(component.text.as_str()).copied() else {
             let known: Vec<&str> = self.components.keys().copied().collect();
@@ -580,24 +766,24 @@ impl<'a> Elaborator<'a> {
             self.report(
                 Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown component `{}`", component.text), component.span).maybe_help(help),
             );
-            return;
+            return self.faulty(scope, name);
         };
         let place = self.place(scope, Site::Dynamics);
         let path = format!("{}{}", self.names.scopes[scope].prefix, name.text);
         if indices.is_empty() {
-            let inner = self.instantiate(statement, &path, arguments, &place, depth);
+            let inner = self.instantiate(statement, &path, name.span, arguments, &place, depth);
             self.declare(scope, name, SymbolKind::Instance(inner));
             return;
         }
         let [binder] = indices else {
             self.report(Diagnostic::error(codes::WRONG_SHAPE, "instances take one index", name.span));
-            return;
+            return self.faulty(scope, name);
         };
         let mut list = Vec::new();
         for value in self.bindings_of(binder, &place) {
             let super::functions::BinderValue::One(bound) = value else {
                 self.report(Diagnostic::error(codes::WRONG_KIND, "instances are counted by a set", binder.span));
-                return;
+                return self.faulty(scope, name);
             };
             let label = match &bound {
                 Bound::Member(set, i) => self.names.sets[*set].labels[*i].clone(),
@@ -605,26 +791,28 @@ impl<'a> Elaborator<'a> {
                 _ => continue,
             };
             let inner_place = place.bind(&binder.name.text, bound);
-            let inner = self.instantiate(statement, &format!("{path}[{label}]"), arguments, &inner_place, depth);
+            let inner = self.instantiate(statement, &format!("{path}[{label}]"), name.span, arguments, &inner_place, depth);
             list.push((label, inner));
         }
-        self.declare(scope, name, SymbolKind::Instances(list));
+        self.declare(scope, name, SymbolKind::Instances(list.into()));
     }
 
     fn instantiate(
         &mut self,
         statement: &'a Statement,
         path: &str,
+        used: Span,
         arguments: &'a [(Ident, Expr)],
         outer: &super::Place,
         depth: usize,
     ) -> ScopeId {
         let root = ScopeId::from_u32(0);
         let scope = self.names.scopes.push(Scope { prefix: format!("{path}."), parent: Some(root), names: Default::default() });
+        self.used_at.insert(scope, used);
         let StatementKind::Component { name, parameters, body, .. } = &statement.kind else { return scope };
         for (parameter, default) in parameters {
             let given = arguments.iter().find(|(a, _)| a.text == parameter.text).map(|(_, e)| e);
-            self.structural(scope, path, parameter, given, default.as_ref(), outer);
+            self.structural(scope, (path, used), parameter, given, default.as_ref(), outer);
         }
         let list = items(body, &self.selection);
         for (argument, e) in arguments {
@@ -658,7 +846,15 @@ impl<'a> Elaborator<'a> {
     }
 
     /// A structural parameter: a whole number or a set; a setting `R1.n_cells` or `n_cells` overrides it.
-    fn structural(&mut self, scope: ScopeId, path: &str, name: &'a Ident, given: Option<&Expr>, default: Option<&Expr>, outer: &super::Place) {
+    fn structural(
+        &mut self,
+        scope: ScopeId,
+        (path, used): (&str, Span),
+        name: &'a Ident,
+        given: Option<&Expr>,
+        default: Option<&Expr>,
+        outer: &super::Place,
+    ) {
         for key in [format!("{path}.{}", name.text), name.text.clone()] {
             if let Some(Setting::Number(x)) = self.options.settings.get(&key) {
                 self.used_parameters.insert(key.clone());
@@ -671,10 +867,11 @@ impl<'a> Elaborator<'a> {
         }
         let Some(e) = given.or(default) else {
             self.report(
-                Diagnostic::error(codes::MISSING_DEFAULT, format!("`{path}` needs a value of `{}`", name.text), outer_span(outer, self))
-                    .secondary(name.span, "it has no default"),
+                Diagnostic::error(codes::MISSING_DEFAULT, format!("`{path}` needs a value of `{}`", name.text), used)
+                    .secondary(name.span, "it has no default")
+                    .help(format!("write `({} = ...)` after the instance's name", name.text)),
             );
-            return;
+            return self.faulty(scope, name);
         };
         if let ExprKind::Name(n) = &e.kind
             && let Some(symbol) = self.names.lookup(outer.scope, &n.text)
@@ -683,14 +880,9 @@ impl<'a> Elaborator<'a> {
             self.declare(scope, name, SymbolKind::Set(set));
             return;
         }
-        if let Some(n) = self.integer(e, outer) {
-            self.declare(scope, name, SymbolKind::Integer(n));
-        }
+        let kind = self.integer(e, outer).map_or(SymbolKind::Faulty, SymbolKind::Integer);
+        self.declare(scope, name, kind);
     }
-}
-
-fn outer_span(place: &super::Place, elaborator: &Elaborator) -> Span {
-    elaborator.names.scopes[place.scope].names.values().map(|&s| elaborator.names.symbols[s].span).max().unwrap_or_default()
 }
 
 fn collect_variants<'a>(statements: &'a [Statement], switches: &mut Vec<&'a str>, choices: &mut Vec<(&'a str, &'a [Ident])>) {
@@ -702,10 +894,8 @@ fn collect_variants<'a>(statements: &'a [Statement], switches: &mut Vec<&'a str>
                 }
                 collect_variants(body, switches, choices);
             }
-            StatementKind::Choice { name, options, .. } => {
-                if !choices.iter().any(|(c, _)| *c == name.text) {
-                    choices.push((&name.text, options));
-                }
+            StatementKind::Choice { name, options, .. } if !choices.iter().any(|(c, _)| *c == name.text) => {
+                choices.push((&name.text, options));
             }
             StatementKind::When { body, .. } | StatementKind::Component { body, .. } => collect_variants(body, switches, choices),
             _ => {}

@@ -27,11 +27,28 @@ pub struct Equation {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum EquationForm {
     /// `d/dt var[at] = value`
-    Rate { var: VarId, at: Affine, value: ExprId },
+    Rate {
+        /// The state.
+        var: VarId,
+        /// Its element.
+        at: Affine,
+        /// The right side.
+        value: ExprId,
+    },
     /// `var[at] = value`, `var` algebraic
-    Definition { var: VarId, at: Affine, value: ExprId },
+    Definition {
+        /// The variable.
+        var: VarId,
+        /// Its element.
+        at: Affine,
+        /// The right side.
+        value: ExprId,
+    },
     /// `0 = residual`
-    Implicit { residual: ExprId },
+    Implicit {
+        /// Left side minus right side.
+        residual: ExprId,
+    },
 }
 
 impl<'a> Elaborator<'a> {
@@ -52,6 +69,7 @@ impl<'a> Elaborator<'a> {
 
     fn equation(&mut self, scope: ScopeId, lhs: &Expr, rhs: &Expr, binders: &[Binder], span: Span) {
         let place = self.place(scope, Site::Dynamics);
+        self.statement = span;
         let pieces = self.nest(binders, &place, &mut |s, inner| {
             let left = s.value(lhs, inner);
             let right = s.value(rhs, inner);
@@ -80,6 +98,7 @@ impl<'a> Elaborator<'a> {
             };
             Some(s.form(left, right))
         });
+        self.statement = Span::default();
         for piece in pieces {
             if let Some(form) = piece.value {
                 self.equations.push(Equation { extents: piece.extents, form, span });
@@ -110,9 +129,11 @@ impl<'a> Elaborator<'a> {
             };
             let (sources, targets) = (members(self, from), members(self, to));
             if sources.keys().ne(targets.keys()) {
-                self.report(Diagnostic::error(codes::WRONG_SHAPE, "two ports of different connectors are connected", span)
-                    .secondary(pair[0].span, "this one")
-                    .secondary(pair[1].span, "and this one"));
+                self.report(
+                    Diagnostic::error(codes::WRONG_SHAPE, "two ports of different connectors are connected", span)
+                        .secondary(pair[0].span, "this one")
+                        .secondary(pair[1].span, "and this one"),
+                );
                 continue;
             }
             for (name, source) in sources {

@@ -9,7 +9,7 @@ use super::names::{Axis, ScopeId, SymbolId, SymbolKind};
 use super::quantity::{Measure, Value};
 use super::units;
 use super::{Bound, Elaborator, Place};
-use crate::ir::{Affine, BinaryFn, Builtin, Compare, Expr as Node, ExprId, Flavour, Role, UnaryFn};
+use crate::ir::{Affine, BinaryFn, Builtin, Compare, Expr as Node, ExprId, Flavour, Role};
 
 impl<'a> Elaborator<'a> {
     /// Elaborates an expression.
@@ -55,16 +55,24 @@ impl<'a> Elaborator<'a> {
 
     /// An expression that must be a truth value.
     pub(super) fn condition(&mut self, e: &Expr, place: &Place) -> ExprId {
+        match self.sound_condition(e, place) {
+            Some(c) => c,
+            None => self.exprs.truth(false),
+        }
+    }
+
+    /// An expression that must be a truth value; `None` after a report.
+    fn sound_condition(&mut self, e: &Expr, place: &Place) -> Option<ExprId> {
         let v = self.value(e, place);
         match v.unit {
-            Measure::Truth => v.expr,
-            Measure::Poison => self.exprs.truth(false),
+            Measure::Truth => Some(v.expr),
+            Measure::Poison => None,
             _ => {
                 self.report(
                     Diagnostic::error(codes::WRONG_KIND, "a condition is needed here, this is a number", e.span)
                         .help("compare it with something: `x > 0`"),
                 );
-                self.exprs.truth(false)
+                None
             }
         }
     }
@@ -139,9 +147,9 @@ impl<'a> Elaborator<'a> {
         match &v.unit {
             Measure::Poison => v,
             Measure::Zero | Measure::Bare => Value::of(v.expr, target),
-            Measure::Truth => self.fault(
-                Diagnostic::error(codes::WRONG_KIND, "a condition has no unit", span).label("this is a condition"),
-            ),
+            Measure::Truth => {
+                self.fault(Diagnostic::error(codes::WRONG_KIND, "a condition has no unit", span).label("this is a condition"))
+            }
             Measure::Of(unit) => {
                 let unit = unit.clone();
                 // A number gets the unit, `mg/g` and `%` included; a dimensionless quantity with a scale is a number first.
@@ -240,16 +248,13 @@ impl<'a> Elaborator<'a> {
             SymbolKind::Let { axes, binders, unit, definition, random, .. } => {
                 self.expand_let(symbol, &axes, &binders, unit.as_ref(), definition, random, index, span, place)
             }
-            SymbolKind::Table { axes, unit, values } => {
-                let axes: Vec<Axis> = axes.iter().map(|&s| Axis::Set(s)).collect();
-                match self.address(symbol, &axes, index, span, place) {
-                    Some((at, _)) if at.is_constant() => {
-                        let expr = self.exprs.constant(values.get(at.offset as usize).copied().unwrap_or(f64::NAN));
-                        Value::of(expr, unit)
-                    }
-                    _ => self.poison(),
+            SymbolKind::Table { axes, unit, values } => match self.address(symbol, &axes, index, span, place) {
+                Some((at, _)) if at.is_constant() => {
+                    let expr = self.exprs.constant(values.get(at.offset as usize).copied().unwrap_or(f64::NAN));
+                    Value::of(expr, unit)
                 }
-            }
+                _ => self.poison(),
+            },
             SymbolKind::Integer(n) => {
                 let expr = self.exprs.constant(n as f64);
                 Value { expr, unit: if n == 0 { Measure::Zero } else { Measure::Bare } }
@@ -304,8 +309,9 @@ impl<'a> Elaborator<'a> {
         if self.expanding.contains(&symbol) {
             let path = self.names.symbols[symbol].path.clone();
             let at = self.names.symbols[symbol].span;
+            let chain = self.cycle(symbol);
             return self.fault(
-                Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the definition of `{path}` needs itself"), at)
+                Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the definition of `{path}` needs itself{chain}"), at)
                     .help("make it a `var` with an equation of its own: then it is solved for"),
             );
         }
@@ -319,12 +325,16 @@ impl<'a> Elaborator<'a> {
         for (name, bound) in binders.iter().zip(bounds) {
             inner = inner.bind(name, bound);
         }
+        self.expanded.insert(symbol);
         self.expanding.push(symbol);
         let outer_stream = random.then(|| {
             let path = self.names.symbols[symbol].path.clone();
             self.random_site.replace((path, crate::model::Instant::Reset))
         });
+        // A fault of a definition is its own, whoever asks for it.
+        let calls = std::mem::take(&mut self.calls);
         let mut v = self.value(definition, &inner);
+        self.calls = calls;
         if let Some(outer) = outer_stream {
             self.random_site = outer;
         }
@@ -349,6 +359,18 @@ impl<'a> Elaborator<'a> {
         v
     }
 
+    /// The way from a definition back to itself, where it has stations.
+    pub(super) fn cycle(&self, symbol: SymbolId) -> String {
+        let start = self.expanding.iter().position(|&s| s == symbol).unwrap_or(0);
+        let ring = &self.expanding[start..];
+        if ring.len() < 2 {
+            return String::new();
+        }
+        let path = |s: &SymbolId| format!("`{}`", self.names.symbols[*s].path);
+        let stations: Vec<String> = ring.iter().chain([&symbol]).map(path).collect();
+        format!(": {}", stations.join(" needs "))
+    }
+
     fn builtin_name(&mut self, name: &Ident, place: &Place) -> Option<Value> {
         let builtin = |s: &mut Self, b: Builtin| s.exprs.load(s.builtins, Flavour::Value, Affine::constant(b as i64));
         Some(match name.text.as_str() {
@@ -364,7 +386,15 @@ impl<'a> Elaborator<'a> {
                 let e = builtin(self, Builtin::Clock);
                 Value::of(e, self.time_unit.clone())
             }
-            "success" | "failure" | "timeout" | "reward" => return self.outcome_name(name, place),
+            "success" | "failure" | "timeout" | "reward" => {
+                return self.outcome_name(name, place).or_else(|| {
+                    Some(self.fault(Diagnostic::error(
+                        codes::MISPLACED_FUNCTION,
+                        format!("`{}` is known at the end of a step: it has a meaning in rewards and in `fail` only", name.text),
+                        name.span,
+                    )))
+                });
+            }
             _ => return None,
         })
     }
@@ -393,7 +423,7 @@ impl<'a> Elaborator<'a> {
 
     fn unary(&mut self, op: UnaryOp, a: &Expr, place: &Place) -> Value {
         if op == UnaryOp::Not {
-            let c = self.condition(a, place);
+            let Some(c) = self.sound_condition(a, place) else { return self.poison() };
             let expr = self.exprs.not(c);
             return Value::truth(expr);
         }
@@ -402,8 +432,7 @@ impl<'a> Elaborator<'a> {
             return v;
         }
         match &v.unit {
-            Measure::Truth => self.fault(Diagnostic::error(codes::WRONG_KIND, "the negative of a condition", a.span)
-                .help("write `not`")),
+            Measure::Truth => self.fault(Diagnostic::error(codes::WRONG_KIND, "the negative of a condition", a.span).help("write `not`")),
             // A literal -5 in a declaration of degC is a number, but the negative of a temperature means nothing.
             Measure::Of(unit) if units::is_point(unit) && !matches!(a.kind, ExprKind::Number { .. }) => {
                 let unit = unit.clone();
@@ -428,7 +457,8 @@ impl<'a> Elaborator<'a> {
     fn binary(&mut self, span: Span, op: BinaryOp, a: &Expr, b: &Expr, place: &Place) -> Value {
         match op {
             BinaryOp::And | BinaryOp::Or => {
-                let (x, y) = (self.condition(a, place), self.condition(b, place));
+                let (x, y) = (self.sound_condition(a, place), self.sound_condition(b, place));
+                let (Some(x), Some(y)) = (x, y) else { return self.poison() };
                 let expr = if op == BinaryOp::And { self.exprs.and(x, y) } else { self.exprs.or(x, y) };
                 Value::truth(expr)
             }
@@ -450,8 +480,7 @@ impl<'a> Elaborator<'a> {
         for (v, s) in [&a, &b] {
             if matches!(v.unit, Measure::Truth) {
                 return self.fault(
-                    Diagnostic::error(codes::WRONG_KIND, "arithmetic with a condition", *s)
-                        .help("write `if condition then 1 else 0`"),
+                    Diagnostic::error(codes::WRONG_KIND, "arithmetic with a condition", *s).help("write `if condition then 1 else 0`"),
                 );
             }
         }
@@ -490,22 +519,27 @@ impl<'a> Elaborator<'a> {
             (true, false) => units::difference(&ua),
             _ => ua.clone(),
         };
-        let left = if units::is_point(&ub) && !units::is_point(&ua) {
-            self.convert(a.expr, &ua, &units::difference(&ub))
-        } else {
-            Some(a.expr)
-        };
-        let right = if units::is_point(&ub) && !units::is_point(&ua) {
-            Some(b.expr)
-        } else {
-            self.convert(b.expr, &ub, &target)
-        };
+        let left =
+            if units::is_point(&ub) && !units::is_point(&ua) { self.convert(a.expr, &ua, &units::difference(&ub)) } else { Some(a.expr) };
+        let right = if units::is_point(&ub) && !units::is_point(&ua) { Some(b.expr) } else { self.convert(b.expr, &ub, &target) };
         let (Some(left), Some(right)) = (left, right) else {
             let verb = if op == BinaryOp::Add { "added" } else { "subtracted" };
-            return self.fault(units::clash(&ua, sa, &ub, sb, span, verb));
+            let d = units::clash(&ua, sa, &ub, sb, span, verb);
+            let d = self.with_literal(d, (&a, &ua), (&b, &ub));
+            return self.fault(d);
         };
         let expr = self.exprs.binary(f, left, right);
         Value::of(expr, result)
+    }
+
+    /// The hint for a literal number that lacks its unit.
+    fn with_literal(&self, d: Diagnostic, (a, ua): (&Value, &Unit), (b, ub): (&Value, &Unit)) -> Diagnostic {
+        for (number, other) in [(b, ua), (a, ub)] {
+            if let (Measure::Bare, Some(x)) = (&number.unit, self.exprs.as_const(number.expr)) {
+                return d.help(units::literal(x, other));
+            }
+        }
+        d
     }
 
     fn product(&mut self, op: BinaryOp, (a, sa): (Value, Span), (b, sb): (Value, Span)) -> Value {
@@ -535,8 +569,7 @@ impl<'a> Elaborator<'a> {
                     Some(e) => e,
                     None => {
                         return self.fault(
-                            Diagnostic::error(codes::NOT_DIMENSIONLESS, "an exponent must be dimensionless", sb)
-                                .label(units::describe(&u)),
+                            Diagnostic::error(codes::NOT_DIMENSIONLESS, "an exponent must be dimensionless", sb).label(units::describe(&u)),
                         );
                     }
                 }
@@ -608,13 +641,19 @@ impl<'a> Elaborator<'a> {
 
     /// Both values as numbers of the first one's unit (points stay points); reports a clash.
     pub(super) fn common(&mut self, a: &Value, sa: Span, b: &Value, sb: Span, span: Span) -> Option<(ExprId, ExprId)> {
+        self.common_for(a, sa, b, sb, span, "compared")
+    }
+
+    /// As [`Self::common`], with the word for what the two are put together for.
+    fn common_for(&mut self, a: &Value, sa: Span, b: &Value, sb: Span, span: Span, verb: &str) -> Option<(ExprId, ExprId)> {
         if a.is_poison() || b.is_poison() {
             return None;
         }
         match (&a.unit, &b.unit) {
             (Measure::Truth, Measure::Truth) => {
-                self.report(Diagnostic::error(codes::WRONG_KIND, "conditions are not compared", span)
-                    .help("combine them with `and`, `or`, `not`"));
+                self.report(
+                    Diagnostic::error(codes::WRONG_KIND, "conditions are not compared", span).help("combine them with `and`, `or`, `not`"),
+                );
                 None
             }
             (Measure::Truth, _) | (_, Measure::Truth) => {
@@ -627,7 +666,9 @@ impl<'a> Elaborator<'a> {
                 match self.convert(b.expr, &ub, &ua) {
                     Some(r) if units::is_point(&ua) == units::is_point(&ub) => Some((a.expr, r)),
                     _ => {
-                        self.report(units::clash(&ua, sa, &ub, sb, span, "compared"));
+                        let d = units::clash(&ua, sa, &ub, sb, span, verb);
+                        let d = self.with_literal(d, (a, &ua), (b, &ub));
+                        self.report(d);
                         None
                     }
                 }
@@ -636,7 +677,12 @@ impl<'a> Elaborator<'a> {
     }
 
     fn conditional(&mut self, span: Span, c: &Expr, a: &Expr, b: &Expr, place: &Place) -> Value {
-        let condition = self.condition(c, place);
+        let Some(condition) = self.sound_condition(c, place) else {
+            // The branches may have faults of their own.
+            self.value(a, place);
+            self.value(b, place);
+            return self.poison();
+        };
         // What the compiler can decide is decided: the other branch need not even have a meaning here.
         if let Node::Truth(holds) = self.exprs.node(condition) {
             return self.value(if holds { a } else { b }, place);
@@ -658,7 +704,7 @@ impl<'a> Elaborator<'a> {
             (Measure::Zero, m) | (m, Measure::Zero) => m.clone(),
             (m, _) => m.clone(),
         };
-        let Some((l, r)) = self.common(&a, sa, &b, sb, span) else { return self.poison() };
+        let Some((l, r)) = self.common_for(&a, sa, &b, sb, span, "branches of one `if`") else { return self.poison() };
         let expr = self.exprs.select(c, l, r);
         Value { expr, unit }
     }
@@ -677,18 +723,17 @@ impl<'a> Elaborator<'a> {
                 let converted = self.convert(v.expr, &u, &Unit::one());
                 if converted.is_none() {
                     self.report(
-                        Diagnostic::error(codes::NOT_DIMENSIONLESS, format!("`{function}` takes a dimensionless number"), span)
-                            .label(units::describe(&u))
-                            .help("divide by a reference of the same dimension"),
+                        Diagnostic::error(
+                            codes::NOT_DIMENSIONLESS,
+                            format!("`{function}` takes a dimensionless number, this is {}", units::describe(&u)),
+                            span,
+                        )
+                        .label(units::describe(&u))
+                        .help("divide by a reference of the same dimension"),
                     );
                 }
                 converted
             }
         }
-    }
-
-    /// The larger of `e` and its negative.
-    pub(super) fn abs(&mut self, e: ExprId) -> ExprId {
-        self.exprs.unary(UnaryFn::Abs, e)
     }
 }

@@ -51,10 +51,8 @@ impl Elaborator<'_> {
             Target::Symbol(symbol) => self.symbol_value(symbol, index, e.span, place),
             Target::Value(v) if index.is_empty() => v,
             Target::Value(v) if v.is_poison() => v,
-            Target::Value(_) => self.fault(
-                Diagnostic::error(codes::WRONG_SHAPE, "an index after something that has none", e.span)
-                    .help("multiply with `*`"),
-            ),
+            Target::Value(_) => self
+                .fault(Diagnostic::error(codes::WRONG_SHAPE, "an index after something that has none", e.span).help("multiply with `*`")),
             Target::Nothing => self.poison(),
         }
     }
@@ -126,16 +124,33 @@ impl Elaborator<'_> {
                     None => {
                         self.report(Diagnostic::error(
                             codes::OUT_OF_RANGE,
-                            format!("there is no instance `{label}`"),
+                            format!(
+                                "there is no instance `{label}`: {}",
+                                list.iter().map(|(l, _)| l.as_str()).collect::<Vec<_>>().join(", ")
+                            ),
                             index[0].span,
                         ));
                         None
                     }
                 }
             }
+            SymbolKind::Faulty => None,
+            SymbolKind::Instances(list) => {
+                let path = self.names.symbols[symbol].path.clone();
+                let first = list.first().map_or("1", |(l, _)| l.as_str());
+                self.report(
+                    Diagnostic::error(codes::WRONG_SHAPE, format!("`{path}` is a row of instances and takes one index"), e.span)
+                        .help(format!("write `{path}[{first}]`")),
+                );
+                None
+            }
             _ => {
                 let path = self.names.symbols[symbol].path.clone();
-                self.report(Diagnostic::error(codes::WRONG_KIND, format!("`{path}` has no members"), e.span));
+                let declared = self.names.symbols[symbol].span;
+                self.report(
+                    Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is neither a component nor a port: it has no members"), e.span)
+                        .secondary(declared, "declared here"),
+                );
                 None
             }
         }
@@ -262,6 +277,12 @@ impl Elaborator<'_> {
                         return Some(i);
                     }
                     if self.names.sets[set].first.is_none() {
+                        let labels = &self.names.sets[set].labels;
+                        let is_member = did_you_mean(&name.text, labels.iter().map(String::as_str)).is_some();
+                        if !is_member {
+                            self.not_bound(&name.text, &self.names.sets[set].name.clone(), e.span);
+                            return None;
+                        }
                         return self.labelled(set, &name.text, e.span);
                     }
                 }
@@ -271,13 +292,33 @@ impl Elaborator<'_> {
         self.labelled(set, &n.to_string(), e.span)
     }
 
+    /// An index name that is neither bound nor a member: one report for a statement.
+    fn not_bound(&mut self, name: &str, set: &str, span: Span) {
+        if self.statement != Span::default() && !self.unbound.insert((self.statement, name.to_owned())) {
+            return;
+        }
+        let binder = if name == set { name.to_owned() } else { format!("{name} in {set}") };
+        self.report(
+            Diagnostic::error(codes::UNKNOWN_NAME, format!("`{name}` is neither bound by `for` nor a member of `{set}`"), span)
+                .label("not bound here")
+                .help(format!("add `for {binder}` to the statement")),
+        );
+    }
+
     fn labelled(&mut self, set: SetId, label: &str, span: Span) -> Option<usize> {
         let found = self.names.sets[set].labels.iter().position(|l| l == label);
         if found.is_none() {
             let name = self.names.sets[set].name.clone();
-            let help = did_you_mean(label, self.names.sets[set].labels.iter().map(String::as_str));
+            let help = did_you_mean(label, self.names.sets[set].labels.iter().map(String::as_str))
+                .filter(|_| self.names.sets[set].first.is_none());
+            let members = &self.names.sets[set].labels;
+            let members = match (self.names.sets[set].first, members.len()) {
+                (Some(first), n) => format!("{first} to {}", first + n as i64 - 1),
+                (None, 1..=8) => members.join(", "),
+                (None, n) => format!("{}, ... ({n} members)", members[..4.min(n)].join(", ")),
+            };
             self.report(
-                Diagnostic::error(codes::OUT_OF_RANGE, format!("`{label}` is no member of `{name}`"), span)
+                Diagnostic::error(codes::OUT_OF_RANGE, format!("`{label}` is no member of `{name}`: {members}"), span)
                     .label("not in the set")
                     .maybe_help(help),
             );
@@ -300,6 +341,9 @@ impl Elaborator<'_> {
                 Some(Bound::Face(other, c)) if *other == domain => return Some(Bound::Face(domain, *c)),
                 None if self.names.domains[domain].name == name.text => {
                     let z = &name.text;
+                    if self.statement != Span::default() && !self.unbound.insert((self.statement, z.clone())) {
+                        return None;
+                    }
                     self.report(
                         Diagnostic::error(codes::WRONG_SHAPE, format!("`{z}` is not bound here"), e.span)
                             .help(format!("add `for {z}` to the statement, or name a cell: `{z}.last`")),
@@ -342,12 +386,17 @@ impl Elaborator<'_> {
             Some(n) => Some(n),
             None => {
                 let v = self.value(e, place);
-                if !v.is_poison() {
-                    self.report(
-                        Diagnostic::error(codes::WRONG_KIND, "a whole number known to the compiler is needed here", e.span)
-                            .label("not a whole number"),
-                    );
+                if v.is_poison() {
+                    return None;
                 }
+                let d = match self.constant_value(v.expr) {
+                    Some(x) if x.abs() >= 1e15 => Diagnostic::error(codes::TOO_LARGE, "a whole number below 1e15 is needed here", e.span),
+                    Some(x) => Diagnostic::error(codes::WRONG_KIND, format!("a whole number is needed here, this is {x}"), e.span),
+                    None => Diagnostic::error(codes::WRONG_KIND, "a whole number known to the compiler is needed here", e.span)
+                        .label("changes while the model runs")
+                        .help("use numbers and parameters that are computed from numbers"),
+                };
+                self.report(d);
                 None
             }
         }

@@ -5,9 +5,7 @@
 use std::collections::HashMap;
 use std::fmt::Write;
 
-use smpl_dsl::syntax::{
-    BinderSet, Declaration, Expr, ExprKind, Observation, Role, Statement, StatementKind,
-};
+use smpl_dsl::syntax::{BinderSet, Declaration, Expr, ExprKind, Ident, Observation, Role, Statement, StatementKind};
 
 /// A statement, with declarations, observations and contents of `at` blocks taken one by one.
 #[derive(Clone, Copy, Debug)]
@@ -17,7 +15,7 @@ pub enum Item<'a> {
     /// One observation.
     Observe(&'a Observation),
     /// One statement of an `at` block.
-    At(&'a str, &'a Statement),
+    At(&'a Ident, &'a Statement),
     /// Any other statement.
     Other(&'a Statement),
 }
@@ -58,7 +56,7 @@ fn push<'a>(statement: &'a Statement, out: &mut Vec<Item<'a>>) {
             out.extend(declarations.iter().map(|d| Item::Declare(*role, d)));
         }
         StatementKind::Observe { items } => out.extend(items.iter().map(Item::Observe)),
-        StatementKind::At { instant, body } => out.extend(body.iter().map(|s| Item::At(&instant.text, s))),
+        StatementKind::At { instant, body } => out.extend(body.iter().map(|s| Item::At(instant, s))),
         _ => out.push(Item::Other(statement)),
     }
 }
@@ -94,7 +92,7 @@ fn key(item: &Item) -> Option<String> {
             Some(name) => format!("observe {}", name.text),
             None => format!("observe {}", text(&o.value)),
         },
-        Item::At(instant, s) => match &s.kind {
+        Item::At(Ident { text: instant, .. }, s) => match &s.kind {
             StatementKind::Next { target, .. } => format!("at {instant} next {}", text(target)),
             StatementKind::Reset { target, .. } => format!("at {instant} reset {}", text(target)),
             StatementKind::Clamp { target, .. } => format!("at {instant} clamp {}", text(target)),

@@ -1,5 +1,7 @@
 //! What is seen from outside: observations, algebraic outputs, the interface.
 
+use std::rc::Rc;
+
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
 use smpl_dsl::syntax::{Binder, BinderSet, Expr, ExprKind, Ident, Observation, Statement, StatementKind};
 use smpl_dsl::units::Unit;
@@ -66,7 +68,7 @@ impl<'a> Elaborator<'a> {
         if wanted == "full" && levels.last().is_some_and(|l| l == "full") {
             self.observe_states(&mut out);
         }
-        if !levels.iter().any(|l| *l == wanted) {
+        if !levels.contains(&wanted) {
             return out;
         }
         self.model.interface.levels = levels;
@@ -91,7 +93,11 @@ impl<'a> Elaborator<'a> {
             Some(e) => match s.integer(e, place) {
                 Some(n) if n >= least && n < 1_000_000 => n as u32,
                 Some(n) => {
-                    s.report(Diagnostic::error(codes::BAD_SETTING, format!("a number of steps from {least} on is needed, not {n}"), e.span));
+                    s.report(Diagnostic::error(
+                        codes::BAD_SETTING,
+                        format!("a number of steps from {least} on is needed, not {n}"),
+                        e.span,
+                    ));
                     least as u32
                 }
                 None => least as u32,
@@ -114,9 +120,7 @@ impl<'a> Elaborator<'a> {
                 return x;
             }
         }
-        self.report(
-            Diagnostic::error(codes::WRONG_ARGUMENTS, "noise is given as `normal(0, standard deviation)`", e.span),
-        );
+        self.report(Diagnostic::error(codes::WRONG_ARGUMENTS, "noise is given as `normal(0, standard deviation)`", e.span));
         0.0
     }
 
@@ -203,9 +207,12 @@ impl<'a> Elaborator<'a> {
     /// Own name, else that of the variable with its indices.
     fn observation_name(&mut self, o: &Observation, place: &Place) -> String {
         let base = match &o.name {
-            Some(name) => name.text.clone(),
+            Some(name) => format!("{}{}", self.names.scopes[place.scope].prefix, name.text),
             None => match &o.value.kind {
-                ExprKind::Name(name) => name.text.clone(),
+                ExprKind::Name(name) => match self.names.lookup(place.scope, &name.text).filter(|_| place.bound(&name.text).is_none()) {
+                    Some(symbol) => self.names.symbols[symbol].path.clone(),
+                    None => name.text.clone(),
+                },
                 ExprKind::Index(base, index) => {
                     if let super::indices::Target::Symbol(symbol) = self.resolve(base, place)
                         && let Some(name) = self.element_name(symbol, index, place)
@@ -247,7 +254,7 @@ impl<'a> Elaborator<'a> {
             SymbolKind::Variable { axes, declaration, .. } | SymbolKind::Let { axes, declaration, .. } => {
                 (axes.clone(), declaration.pattern.clone())
             }
-            SymbolKind::Table { axes, .. } => (axes.iter().map(|&s| Axis::Set(s)).collect(), None),
+            SymbolKind::Table { axes, .. } => (Rc::clone(axes), None),
             _ => return None,
         };
         let path = self.names.symbols[symbol].path.clone();
@@ -268,7 +275,7 @@ impl<'a> Elaborator<'a> {
     }
 
     /// The array that a bare name means.
-    fn whole_array(&mut self, e: &Expr, place: &Place) -> Option<(SymbolId, Vec<Axis>)> {
+    fn whole_array(&mut self, e: &Expr, place: &Place) -> Option<(SymbolId, Rc<[Axis]>)> {
         if !matches!(e.kind, ExprKind::Name(_) | ExprKind::Member(..)) {
             return None;
         }
@@ -353,7 +360,8 @@ impl<'a> Elaborator<'a> {
             let value = self.exprs.load(var, crate::ir::Flavour::Value, at);
             let step = slots.get(1).map_or(0, |s| i64::from(*s) - i64::from(slots[0]));
             let regular = slots.windows(2).all(|w| i64::from(w[1]) - i64::from(w[0]) == step);
-            let offset = if len == 1 { Affine::constant(i64::from(slots[0])) } else { Affine::along(i64::from(slots[0]), LoopVar(0), step) };
+            let offset =
+                if len == 1 { Affine::constant(i64::from(slots[0])) } else { Affine::along(i64::from(slots[0]), LoopVar(0), step) };
             if regular {
                 out.nests.push(Nest { extents, stores: vec![store(Memory::Out, offset, value)] });
             } else {
@@ -375,8 +383,7 @@ impl<'a> Elaborator<'a> {
     /// the arrays over one domain are taken together, cell after cell.
     pub(super) fn state_positions(&self) -> Vec<(VarId, Vec<u32>)> {
         let states = self.variables_of(Role::State);
-        let mut positions: Vec<(VarId, Vec<u32>)> =
-            states.iter().map(|&v| (v, vec![0_u32; self.vars[v].len as usize])).collect();
+        let mut positions: Vec<(VarId, Vec<u32>)> = states.iter().map(|&v| (v, vec![0_u32; self.vars[v].len as usize])).collect();
         let domain = |v: VarId| -> Option<(ScopeId, super::names::DomainId, usize, Vec<usize>)> {
             let symbol = *self.symbol_of.get(&v)?;
             let SymbolKind::Variable { axes, .. } = &self.names.symbols[symbol].kind else { return None };
@@ -440,9 +447,7 @@ impl<'a> Elaborator<'a> {
         let mut list = Vec::new();
         for symbol in self.in_text_order() {
             match self.names.symbols[symbol].kind.clone() {
-                SymbolKind::Variable { var, axes, .. }
-                    if self.vars[var].role == Role::Algebraic && !self.port_variables.contains(&var) =>
-                {
+                SymbolKind::Variable { var, axes, .. } if self.vars[var].role == Role::Algebraic && !self.port_variables.contains(&var) => {
                     let Some(q) = self.quantities.get(&var).cloned() else { continue };
                     let len = self.vars[var].len;
                     if axes.iter().all(|a| matches!(a, Axis::Set(_))) {
@@ -466,9 +471,7 @@ impl<'a> Elaborator<'a> {
                     at += i64::from(len);
                     list.push(q);
                 }
-                SymbolKind::Let { axes, unit: Some(unit), declaration, .. }
-                    if axes.iter().all(|a| matches!(a, Axis::Set(_))) =>
-                {
+                SymbolKind::Let { axes, unit: Some(unit), declaration, .. } if axes.iter().all(|a| matches!(a, Axis::Set(_))) => {
                     let path = self.names.symbols[symbol].path.clone();
                     let count = axes.iter().map(|&a| self.names.axis_len(a)).product::<i64>();
                     let place = self.place(self.names.symbols[symbol].scope, Site::Instant);
@@ -505,6 +508,21 @@ impl<'a> Elaborator<'a> {
         program.nests.insert(0, Nest { extents: Vec::new(), stores: scalars });
         self.model.programs.outputs = program;
         self.model.interface.algebraics = list;
+    }
+
+    /// Checks the `let`s that nothing asked for: a fault is one even where it has no effect yet.
+    pub(super) fn check_unused(&mut self) {
+        let (draws, quadratures) = (self.draws.len(), self.quadratures.len());
+        let symbols: Vec<SymbolId> = self.names.symbols.keys().filter(|s| !self.expanded.contains(s)).collect();
+        for symbol in symbols {
+            let SymbolKind::Let { random: false, declaration, .. } = self.names.symbols[symbol].kind else { continue };
+            let place = self.place(self.names.symbols[symbol].scope, Site::Instant);
+            let name = |b: &Binder| Expr { span: b.span, kind: ExprKind::Name(b.name.clone()) };
+            let index: Vec<Expr> = declaration.indices.iter().map(name).collect();
+            self.nest(&declaration.indices, &place, &mut |s, inner| s.symbol_value(symbol, &index, declaration.span, inner));
+        }
+        self.draws.truncate(draws);
+        self.quadratures.truncate(quadratures);
     }
 
     /// Lists of quantities.

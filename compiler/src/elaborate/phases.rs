@@ -15,7 +15,7 @@ use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident, Phase, Statement, Statem
 
 use super::control::store;
 use super::items::Item;
-use super::names::{ScopeId, Set, SetId, Symbol, SymbolId, SymbolKind};
+use super::names::{ScopeId, Set, Symbol, SymbolId, SymbolKind};
 use super::quantity::Value;
 use super::{Elaborator, Place, Site};
 use crate::ir::{Affine, Compare, ExprId, Flavour, Nest, Place as Memory, Program, Role, VarId};
@@ -24,7 +24,6 @@ use crate::model::{Quantity, Root, RootAction, Variable};
 /// The schedule of a model.
 #[derive(Clone, Debug)]
 pub(super) struct Schedule<'a> {
-    set: SetId,
     /// Number of the phase in force.
     current: VarId,
     /// When it began.
@@ -58,9 +57,8 @@ impl<'a> Elaborator<'a> {
             }
         }
         let set = self.names.sets.push(Set { name: "phase".to_owned(), labels, first: None });
-        let mut variable = |name: &str| {
-            self.vars.push(Variable { name: name.to_owned(), role: Role::Discrete, len: 1, span: first.name.span })
-        };
+        let mut variable =
+            |name: &str| self.vars.push(Variable { name: name.to_owned(), role: Role::Discrete, len: 1, span: first.name.span });
         let (current, since, leaving) = (variable("phase"), variable("phase_start"), variable("phase_left"));
         let symbol = Symbol { path: "phase".to_owned(), scope, span: first.name.span, kind: SymbolKind::Phase(set) };
         if self.names.declare("phase", symbol).is_err() {
@@ -68,7 +66,7 @@ impl<'a> Elaborator<'a> {
             self.report(Diagnostic::error(codes::DUPLICATE_NAME, text, first.name.span));
         }
         self.check_reachable(&phases);
-        self.schedule = Some(Schedule { set, current, since, leaving, scope, phases });
+        self.schedule = Some(Schedule { current, since, leaving, scope, phases });
     }
 
     /// Every phase but the first must follow another one, and every follower must exist.

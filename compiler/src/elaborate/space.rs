@@ -3,9 +3,11 @@
 //! Face `k` lies below cell `k` (both counted from 0): faces 0 and `n` are the ends. A flux is evaluated at a face; the divergence of a
 //! cell takes the fluxes of its two faces, weighted with their areas, over the cell's measure, so that sums over cells telescope.
 
+use std::rc::Rc;
+
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Expr, ExprKind};
+use smpl_dsl::syntax::{self, Expr, ExprKind};
 use smpl_dsl::units::Unit;
 
 use super::cells::{Cell, Face};
@@ -29,9 +31,22 @@ impl Elaborator<'_> {
         };
         let low = self.in_unit(low, &unit, declaration.range.0.span, "the end of the domain", declaration.range.1.span);
         let high = self.in_unit(high, &unit, declaration.range.1.span, "the end of the domain", declaration.range.0.span);
+        self.check_fixed(low, declaration.range.0.span);
+        self.check_fixed(high, declaration.range.1.span);
         let ends = (unit, low, high);
         self.names.domains[domain].ends = Some(ends.clone());
         ends
+    }
+
+    /// A grid rests: it depends on parameters only.
+    fn check_fixed(&mut self, e: ExprId, span: Span) {
+        if let Some(what) = self.varying(e) {
+            self.report(
+                Diagnostic::error(codes::WRONG_KIND, format!("the grid cannot depend on {what}: it does not move"), span)
+                    .label("changes while the model runs")
+                    .help("use parameters; for a moving boundary transform to a fixed coordinate"),
+            );
+        }
     }
 
     /// The number of a cell or face as a node.
@@ -64,7 +79,9 @@ impl Elaborator<'_> {
     fn prescribed(&mut self, domain: DomainId, e: &Expr, k: ExprId, unit: &Unit) -> ExprId {
         let place = self.place(self.names.domains[domain].scope, Site::Dynamics).bind("k", Bound::Number(k));
         let v = self.value(e, &place);
-        self.in_unit(v, unit, e.span, "the grid", e.span)
+        let expr = self.in_unit(v, unit, e.span, "the grid", e.span);
+        self.check_fixed(expr, e.span);
+        expr
     }
 
     /// Position of a face.
@@ -151,7 +168,13 @@ impl Elaborator<'_> {
         }
     }
 
+    /// Unit of the areas of faces; where they are prescribed, that of the expression.
     fn area_unit(&mut self, domain: DomainId) -> Unit {
+        if let Some(e) = &self.names.domains[domain].declaration.areas {
+            let k = self.exprs.constant(1.0);
+            let place = self.place(self.names.domains[domain].scope, Site::Dynamics).bind("k", Bound::Number(k));
+            return self.value(e, &place).unit.unit();
+        }
         let unit = self.ends(domain).0;
         let power = match self.names.domains[domain].geometry {
             Geometry::Planar => 0.0,
@@ -165,7 +188,10 @@ impl Elaborator<'_> {
     fn measure(&mut self, domain: DomainId, cell: Cell) -> ExprId {
         if let Some(e) = &self.names.domains[domain].declaration.volumes {
             let k = self.number(cell, 1.0);
-            let unit = { let area = self.area_unit(domain); units::times(&area, &self.ends(domain).0) };
+            let unit = {
+                let area = self.area_unit(domain);
+                units::times(&area, &self.ends(domain).0)
+            };
             return self.prescribed(domain, e, k, &unit);
         }
         let power = match self.names.domains[domain].geometry {
@@ -182,7 +208,10 @@ impl Elaborator<'_> {
 
     /// `volume(z)`: the measure with the angular factor.
     pub(super) fn cell_volume(&mut self, domain: DomainId, cell: Cell) -> Value {
-        let unit = { let area = self.area_unit(domain); units::times(&area, &self.ends(domain).0) };
+        let unit = {
+            let area = self.area_unit(domain);
+            units::times(&area, &self.ends(domain).0)
+        };
         let m = self.measure(domain, cell);
         let angle = match self.names.domains[domain].geometry {
             Geometry::Planar => 1.0,
@@ -208,7 +237,7 @@ impl Elaborator<'_> {
         let n = self.names.domains[face.domain].cells;
         let (at_low, at_high) = (self.is_number(face.at, 0), self.is_number(face.at, n));
         let (Some(at_low), Some(at_high)) = (at_low, at_high) else { return Some(self.poison()) };
-        let mut at = |s: &mut Self, by: i64| s.in_cell(symbol, index, span, face.at.shifted(by), face.domain, place);
+        let at = |s: &mut Self, by: i64| s.in_cell(symbol, index, span, face.at.shifted(by), face.domain, place);
         if at_low {
             return Some(at(self, 0));
         }
@@ -231,11 +260,8 @@ impl Elaborator<'_> {
                     return Some(l);
                 }
                 let (ll, r) = (at(self, -2), at(self, 0));
-                let expr = if scheme == Scheme::Upwind2 {
-                    self.extrapolate(ll.expr, l.expr)
-                } else {
-                    self.limited(ll.expr, l.expr, r.expr)
-                };
+                let expr =
+                    if scheme == Scheme::Upwind2 { self.extrapolate(ll.expr, l.expr) } else { self.limited(ll.expr, l.expr, r.expr) };
                 Value { expr, unit: l.unit }
             }
         })
@@ -301,8 +327,12 @@ impl Elaborator<'_> {
     pub(super) fn gradient(&mut self, span: Span, e: &Expr, place: &Place) -> Value {
         let Some(face) = place.face else {
             return self.fault(
-                Diagnostic::error(codes::MISPLACED_FUNCTION, "a gradient lives on the faces: `grad` has a meaning inside a `flux` only", span)
-                    .help("declare `flux J[z] = -D*grad(c[z])` and use `div(J[z])`"),
+                Diagnostic::error(
+                    codes::MISPLACED_FUNCTION,
+                    "a gradient lives on the faces: `grad` has a meaning inside a `flux` only",
+                    span,
+                )
+                .help("declare `flux J[z] = -D*grad(c[z])` and use `div(J[z])`"),
             );
         };
         let n = self.names.domains[face.domain].cells;
@@ -409,13 +439,27 @@ impl Elaborator<'_> {
             None
         };
         if let Some(e) = end {
-            return self.value(e, &inner);
+            let v = self.value(e, &inner);
+            return self.flux_in_unit(v, flux, e.span, &inner);
         }
         if let Some(z) = binders.last() {
             inner = inner.bind(z, Bound::Face(face.domain, face.at));
         }
         inner.face = Some(face);
-        self.value(&flux.inner, &inner)
+        let v = self.value(&flux.inner, &inner);
+        self.flux_in_unit(v, flux, flux.inner.span, &inner)
+    }
+
+    /// A value of a flux in the unit that it declares.
+    fn flux_in_unit(&mut self, v: Value, flux: &syntax::Flux, span: Span, place: &Place) -> Value {
+        let Some(written) = &flux.unit else { return v };
+        if v.is_poison() {
+            return v;
+        }
+        let Some(unit) = self.unit(written, place) else { return self.poison() };
+        let reports = self.diagnostics.len();
+        let expr = self.strictly_in(v, &unit, span, &format!("the flux `{}`", flux.name.text), flux.name.span);
+        if self.diagnostics.len() > reports { self.poison() } else { Value::of(expr, unit) }
     }
 
     /// `J[i, z.low]`, `J[i, z.high]`: the flux at an end.
@@ -444,7 +488,7 @@ impl Elaborator<'_> {
         self.flux_at(symbol, &leading, Face { domain, at: Cell::single(number) }, &outer)
     }
 
-    fn flux_axes<'e>(&mut self, symbol: SymbolId, index: &'e [Expr], span: Span) -> Option<(Vec<Axis>, &'e Expr)> {
+    fn flux_axes<'e>(&mut self, symbol: SymbolId, index: &'e [Expr], span: Span) -> Option<(Rc<[Axis]>, &'e Expr)> {
         let SymbolKind::Flux { axes, .. } = &self.names.symbols[symbol].kind else { return None };
         let axes = axes.clone();
         match index.last() {
@@ -462,9 +506,7 @@ impl Elaborator<'_> {
     /// `div(J[i, z])`: what leaves the cell, over its measure.
     pub(super) fn divergence(&mut self, span: Span, e: &Expr, place: &Place) -> Value {
         let ExprKind::Index(base, index) = &e.kind else {
-            return self.fault(
-                Diagnostic::error(codes::WRONG_KIND, "`div` takes a flux with its indices", span).help("`div(J[z])`"),
-            );
+            return self.fault(Diagnostic::error(codes::WRONG_KIND, "`div` takes a flux with its indices", span).help("`div(J[z])`"));
         };
         let symbol = match self.resolve(base, place) {
             super::indices::Target::Symbol(symbol) => symbol,
@@ -474,6 +516,9 @@ impl Elaborator<'_> {
                 return self.fault(Diagnostic::error(codes::WRONG_KIND, "`div` takes a flux", span));
             }
         };
+        if matches!(self.names.symbols[symbol].kind, SymbolKind::Faulty) {
+            return self.poison();
+        }
         if !matches!(self.names.symbols[symbol].kind, SymbolKind::Flux { .. }) {
             let path = self.names.symbols[symbol].path.clone();
             let declared = self.names.symbols[symbol].span;
@@ -495,14 +540,21 @@ impl Elaborator<'_> {
         if inflow.is_poison() || outflow.is_poison() {
             return self.poison();
         }
-        let unit = match (&outflow.unit, &inflow.unit) {
+        let SymbolKind::Flux { flux, .. } = &self.names.symbols[symbol].kind else { return self.poison() };
+        // The inner faces say what the flux is; a boundary value must agree with them.
+        let last = self.names.domains[domain].cells - 1;
+        let low_end = flux.low.as_ref().filter(|_| cell.first == 0 && cell.count == 1);
+        let high_end = flux.high.as_ref().filter(|_| cell.first == last && cell.count == 1);
+        let (inner_span, low_span) = (flux.inner.span, low_end.map_or(flux.inner.span, |e| e.span));
+        let high_span = high_end.map_or(inner_span, |e| e.span);
+        let (first, second) = if high_end.is_some() { (&inflow.unit, &outflow.unit) } else { (&outflow.unit, &inflow.unit) };
+        let unit = match (first, second) {
             (Measure::Of(u), _) | (_, Measure::Of(u)) => u.clone(),
             _ => Unit::one(),
         };
-        let declared = self.names.symbols[symbol].span;
         let what = format!("the flux `{}`", self.names.symbols[symbol].path);
-        let inflow = self.strictly_in(inflow, &unit, e.span, &what, declared);
-        let outflow = self.strictly_in(outflow, &unit, e.span, &what, declared);
+        let inflow = self.strictly_in(inflow, &unit, low_span, &what, inner_span);
+        let outflow = self.strictly_in(outflow, &unit, high_span, &what, inner_span);
         let (a, b) = (self.area(domain, cell), self.area(domain, cell.shifted(1)));
         let (inflow, outflow) = (self.exprs.mul(a, inflow), self.exprs.mul(b, outflow));
         let net = self.exprs.sub(outflow, inflow);

@@ -67,12 +67,8 @@ pub fn describe(unit: &Unit) -> String {
 
 /// "needs a length [m], this is a time [s]"
 pub fn mismatch(found: &Unit, wanted: &Unit, span: Span, what: &str, declared: Span) -> Diagnostic {
-    let mut d = Diagnostic::error(
-        codes::UNIT_MISMATCH,
-        format!("{what} is {}, but this is {}", describe(wanted), describe(found)),
-        span,
-    )
-    .label(describe(found));
+    let mut d = Diagnostic::error(codes::UNIT_MISMATCH, format!("{what} is {}, but this is {}", describe(wanted), describe(found)), span)
+        .label(describe(found));
     if declared != Span::default() && declared != span {
         d = d.secondary(declared, describe(wanted));
     }
@@ -81,26 +77,23 @@ pub fn mismatch(found: &Unit, wanted: &Unit, span: Span, what: &str, declared: S
 
 /// "cannot be added"
 pub fn clash(a: &Unit, sa: Span, b: &Unit, sb: Span, span: Span, verb: &str) -> Diagnostic {
-    Diagnostic::error(
-        codes::UNIT_MISMATCH,
-        format!("{} and {} cannot be {verb}", describe(a), describe(b)),
-        span,
-    )
-    .secondary(sa, describe(a))
-    .secondary(sb, describe(b))
-    .maybe_help(repair(b, a))
+    Diagnostic::error(codes::UNIT_MISMATCH, format!("{} and {} cannot be {verb}", describe(a), describe(b)), span)
+        .secondary(sa, describe(a))
+        .secondary(sb, describe(b))
+        .maybe_help(repair(b, a).map(|r| r.replace("it by", "the second by")))
+}
+
+/// A pure number where a quantity is needed: the number with its unit.
+pub fn literal(x: f64, unit: &Unit) -> String {
+    format!("give the number its unit: `{x} [{unit}]`")
 }
 
 /// The sides of an equation measure different things.
 pub fn sides(left: &Unit, sl: Span, right: &Unit, sr: Span) -> Diagnostic {
-    Diagnostic::error(
-        codes::UNIT_MISMATCH,
-        format!("the left side is {}, the right side is {}", describe(left), describe(right)),
-        sr,
-    )
-    .label(describe(right))
-    .secondary(sl, describe(left))
-    .maybe_help(repair(right, left).map(|r| r.replace("it by", "the right side by")))
+    Diagnostic::error(codes::UNIT_MISMATCH, format!("the left side is {}, the right side is {}", describe(left), describe(right)), sr)
+        .label(describe(right))
+        .secondary(sl, describe(left))
+        .maybe_help(repair(right, left).map(|r| r.replace("it by", "the right side by")))
 }
 
 /// What would make `found` into `wanted`.
@@ -162,9 +155,7 @@ impl Elaborator<'_> {
     pub(super) fn unit_argument(&mut self, e: &Expr, place: &Place) -> Option<Unit> {
         let mut factors = Vec::new();
         if collect(e, 1, &mut factors).is_none() {
-            self.report(
-                Diagnostic::error(codes::UNKNOWN_UNIT, "a unit is needed here", e.span).help("for example `value(T, degC)`"),
-            );
+            self.report(Diagnostic::error(codes::UNKNOWN_UNIT, "a unit is needed here", e.span).help("for example `value(T, degC)`"));
             return None;
         }
         self.unit(&UnitExpr { span: e.span, factors }, place)

@@ -146,9 +146,9 @@ pub struct Schedule {
 }
 
 impl Program {
-    /// The program as tasks.
+    /// The program as tasks; tables of `Place::OutSlots` by their numbers.
     #[must_use]
-    pub(crate) fn job(&self) -> Job {
+    pub fn job(&self) -> Job {
         let sink = |place: Place, at: Affine| match place {
             Place::Out => Sink::Out(at),
             Place::OutSlots(table) => Sink::Table { table, index: at, plus: Affine::default(), add: false },

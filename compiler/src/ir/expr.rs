@@ -1,6 +1,5 @@
 //! Nodes, their arena, and the constructors that simplify while they build.
 
-use std::collections::HashMap;
 use std::fmt;
 
 use cranelift_entity::{PrimaryMap, entity_impl};
@@ -170,7 +169,14 @@ pub enum Expr {
     /// A loop counter as a number.
     Counter(LoopVar),
     /// An element of a variable.
-    Load { var: VarId, flavour: Flavour, at: Affine },
+    Load {
+        /// The variable.
+        var: VarId,
+        /// Which copy of it.
+        flavour: Flavour,
+        /// Which element.
+        at: Affine,
+    },
     /// A function of one number.
     Unary(UnaryFn, ExprId),
     /// A function of two numbers.
@@ -188,8 +194,20 @@ pub enum Expr {
     /// The second where the first (a truth value) holds, else the third. Both are evaluated.
     Select(ExprId, ExprId, ExprId),
     /// Reduction of `body` over the loop at `depth`, of `extent` passes; `body` may use that counter, nothing outside may.
-    Reduce { op: ReduceFn, depth: LoopVar, extent: u32, body: ExprId },
+    Reduce {
+        /// How terms are combined.
+        op: ReduceFn,
+        /// The loop.
+        depth: LoopVar,
+        /// Number of its passes.
+        extent: u32,
+        /// The term.
+        body: ExprId,
+    },
 }
+
+/// What [`Exprs::rewrite`] has made of nodes already.
+pub type Rewritten = FastMap<ExprId, ExprId>;
 
 /// The arena of nodes; equal nodes are one.
 #[derive(Clone, Default)]
@@ -274,7 +292,6 @@ impl Exprs {
     }
 
     /// The nodes that a node uses directly.
-    #[must_use]
     pub fn operands(&self, id: ExprId) -> impl Iterator<Item = ExprId> + use<> {
         Self::operands_of(self.nodes[id])
     }
@@ -542,7 +559,7 @@ impl Exprs {
     /// The body of a loop at one value of its counter: `l_depth := value`.
     pub fn shift(&mut self, e: ExprId, depth: LoopVar, value: i64) -> ExprId {
         let d = depth.0 as usize;
-        self.rewrite(e, &mut HashMap::new(), &mut |exprs, node| match node {
+        self.rewrite(e, &mut Rewritten::default(), &mut |exprs, node| match node {
             // A reduction may bind the same counter again: inside, it is another one.
             Expr::Reduce { body, depth: bound, .. } if bound == depth || exprs.free(body) & (1 << d) == 0 => Some(exprs.raw(node)),
             Expr::Counter(v) if v == depth => Some(exprs.constant(value as f64)),
@@ -557,12 +574,7 @@ impl Exprs {
 
     /// Copies `e` with leaves replaced: `replace` is asked for every node, outermost first; `None` means go on inside.
     /// `done` holds what was already rewritten and may be kept for several calls with the same replacement.
-    pub fn rewrite(
-        &mut self,
-        e: ExprId,
-        done: &mut HashMap<ExprId, ExprId>,
-        replace: &mut dyn FnMut(&mut Exprs, Expr) -> Option<ExprId>,
-    ) -> ExprId {
+    pub fn rewrite(&mut self, e: ExprId, done: &mut Rewritten, replace: &mut dyn FnMut(&mut Exprs, Expr) -> Option<ExprId>) -> ExprId {
         // An explicit stack: expressions may be thousands of nodes deep.
         let mut stack = vec![(e, false)];
         while let Some((id, entered)) = stack.pop() {

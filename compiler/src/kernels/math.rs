@@ -17,30 +17,27 @@ const SQRT_HALF_BITS: u64 = 0x3FE6_A09E_667F_3BCD;
 const LOG10_E: f64 = std::f64::consts::LOG10_E;
 const LOG10_E_TAIL: f64 = 1.098_319_650_216_765e-17;
 
-/// `(exp(r) - 1 - r) / r²` for |r| <= ln(2)/2: Taylor to r^13, remainder 4e-18.
+/// `(exp(r) - 1 - r) / r²` for |r| <= ln(2)/2: interpolation at ten Chebyshev nodes, error of `exp(r)` 1.7e-17.
 #[inline(always)]
 fn exp_tail(r: f64) -> f64 {
-    const C: [f64; 12] = [
-        1.0 / 2.0,
-        1.0 / 6.0,
-        1.0 / 24.0,
-        1.0 / 120.0,
-        1.0 / 720.0,
-        1.0 / 5_040.0,
-        1.0 / 40_320.0,
-        1.0 / 362_880.0,
-        1.0 / 3_628_800.0,
-        1.0 / 39_916_800.0,
-        1.0 / 479_001_600.0,
-        1.0 / 6_227_020_800.0,
+    const C: [f64; 10] = [
+        0.500_000_000_000_000_1,
+        0.166_666_666_666_666_69,
+        0.041_666_666_666_623_99,
+        0.008_333_333_333_330_051,
+        0.001_388_888_891_728_179_4,
+        0.000_198_412_698_631_059_68,
+        2.480_152_119_021_773e-5,
+        2.755_726_837_868_419_2e-6,
+        2.762_013_871_973_399_4e-7,
+        2.510_042_415_700_506_7e-8,
     ];
     // Estrin's scheme: short chains of dependent operations.
     let (r2, pair) = (r * r, |i: usize| r.mul_add(C[i + 1], C[i]));
     let r4 = r2 * r2;
     let low = r2.mul_add(pair(2), pair(0));
     let middle = r2.mul_add(pair(6), pair(4));
-    let high = r2.mul_add(pair(10), pair(8));
-    r4.mul_add(r4.mul_add(high, middle), low)
+    r4.mul_add(r4.mul_add(pair(8), middle), low)
 }
 
 /// 2^n for a whole n in -1022..=1023 given as a shifted integer.
@@ -79,9 +76,29 @@ fn exp_sum(x: f64, tail: f64) -> f64 {
     scale(1.0 + (r * r).mul_add(exp_tail(r), r), shift)
 }
 
+/// Whether `e^x` is a normal number with room to spare.
+#[inline(always)]
+pub(super) fn exp_is_normal(x: f64) -> bool {
+    x.abs() <= 708.0
+}
+
+/// `e^x` where [`exp_is_normal`]: the same bits as [`exp`] with less work.
+#[inline(always)]
+pub(super) fn exp_normal(x: f64) -> f64 {
+    let (n, shift) = halvings(x);
+    let r = (-n).mul_add(LN_2, x) + (-n) * LN_2_TAIL;
+    (1.0 + (r * r).mul_add(exp_tail(r), r)) * power_of_two(shift)
+}
+
 /// `e^x`
 #[inline(always)]
 pub(super) fn exp(x: f64) -> f64 {
+    if exp_is_normal(x) { exp_normal(x) } else { exp_sum(clamp(x, -760.0, 720.0), 0.0) }
+}
+
+/// `e^x` for a loop that takes either way for all.
+#[inline(always)]
+pub(super) fn exp_any(x: f64) -> f64 {
     exp_sum(clamp(x, -760.0, 720.0), 0.0)
 }
 
@@ -183,6 +200,7 @@ pub(super) fn log10(x: f64) -> f64 {
 
 /// Whether [`pow_ordinary`] holds.
 #[inline(always)]
+#[expect(clippy::manual_range_contains, reason = "no branches: this is part of a vector loop")]
 pub(super) fn is_ordinary(x: f64, y: f64) -> bool {
     (x >= f64::MIN_POSITIVE) & (x < f64::INFINITY) & (y.abs() < 1e300)
 }

@@ -91,6 +91,39 @@ macro_rules! kernels {
                 unsafe { inner(x, y) }
             }
 
+            extern "C" fn exp(x: f64) -> f64 {
+                #[$feature]
+                fn inner(x: f64) -> f64 {
+                    math::exp(x)
+                }
+                // SAFETY: this table is used only where the processor has the instructions.
+                #[allow(unused_unsafe, reason = "the portable copy needs no instructions")]
+                unsafe {
+                    inner(x)
+                }
+            }
+
+            unsafe extern "C" fn exp_array(from: *const f64, to: *mut f64, n: usize) {
+                #[$feature]
+                unsafe fn inner(from: *const f64, to: *mut f64, n: usize) {
+                    // SAFETY: valid for n numbers, by the contract of `ArrayKernel`; the borrow ends before the next one.
+                    let normal = unsafe { std::slice::from_raw_parts(from, n) }.iter().fold(true, |all, x| all & math::exp_is_normal(*x));
+                    if !std::ptr::eq(from, to) {
+                        // SAFETY: valid for n numbers and apart, by the contract of `ArrayKernel`.
+                        unsafe { std::ptr::copy_nonoverlapping(from, to, n) };
+                    }
+                    // SAFETY: valid for n numbers, by the contract of `ArrayKernel`.
+                    let values = unsafe { std::slice::from_raw_parts_mut(to, n) };
+                    if normal {
+                        values.iter_mut().for_each(|v| *v = math::exp_normal(*v));
+                    } else {
+                        values.iter_mut().for_each(|v| *v = math::exp_any(*v));
+                    }
+                }
+                // SAFETY: the instructions are there, see above; the pointers are the caller's promise.
+                unsafe { inner(from, to, n) }
+            }
+
             extern "C" fn atan2(y: f64, x: f64) -> f64 {
                 y.atan2(x)
             }
@@ -131,8 +164,8 @@ macro_rules! kernels {
             }
 
             pub(super) static TABLE: KernelTable = KernelTable {
-                unary: [$($scalar),*],
-                unary_array: [$($array),*],
+                unary: [exp, $($scalar),*],
+                unary_array: [exp_array, $($array),*],
                 pow,
                 atan2,
                 pow_array,
@@ -142,12 +175,11 @@ macro_rules! kernels {
     };
 }
 
-/// One table; the functions stand in the order of [`super::index`].
+/// One table; the functions stand in the order of [`super::index`], after `exp`.
 macro_rules! table {
     ($module:ident, $feature:meta) => {
         kernels! {
             $module, $feature,
-            exp exp_array = math::exp;
             ln ln_array = math::ln;
             log10 log10_array = math::log10;
             tanh tanh_array = math::tanh;

@@ -18,7 +18,8 @@ fn ulps(a: f64, b: f64) -> u64 {
 
 #[test]
 fn polynomial_functions_are_within_two_units_of_the_platforms() {
-    let checks: [(UnaryFn, fn(f64) -> f64, f64, f64); 4] = [
+    type Check = (UnaryFn, fn(f64) -> f64, f64, f64);
+    let checks: [Check; 4] = [
         (UnaryFn::Exp, f64::exp, -745.0, 709.7),
         (UnaryFn::Ln, f64::ln, 1e-3, 1e3),
         (UnaryFn::Log10, f64::log10, 1e-3, 1e3),

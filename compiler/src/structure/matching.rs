@@ -35,10 +35,11 @@ pub fn rows(model: &mut Model, equations: Vec<Equation>, plan: &Plan, rates: &Ra
                 let residual = model.exprs.sub(value, own);
                 definitions.push(Row { extents: equation.extents, var, at, residual, span: equation.span });
             }
-            EquationForm::Implicit { residual } => implicit.push((equation.extents, residual, equation.span)),
+            EquationForm::Implicit { residual } => implicit.push((equation.extents, residual, equation.span, None)),
         }
     }
     let mut unknown = unknown_elements(model, plan, rates);
+    let mut determined: HashMap<Element, Span> = plan.spans.clone();
     let mut matched = Vec::new();
     // A definition that is kept determines its own variable; one more for the same element is left over.
     for row in definitions {
@@ -47,15 +48,17 @@ pub fn rows(model: &mut Model, equations: Vec<Equation>, plan: &Plan, rates: &Ra
         if fits {
             for_each_element(&row.extents, row.at, &mut |i| {
                 unknown.remove(&(row.var, i));
+                determined.insert((row.var, i), row.span);
             });
             matched.push(row);
         } else {
-            implicit.push((row.extents, row.residual, row.span));
+            let own = (row.var, if plan.arrays.contains_key(&row.var) { -1 } else { row.at.offset });
+            implicit.push((row.extents, row.residual, row.span, Some(own)));
         }
     }
-    let mut problem = Matching::default();
-    for (extents, residual, span) in implicit {
-        problem.equation(model, extents, residual, span);
+    let mut problem = Matching { determined, ..Matching::default() };
+    for (extents, residual, span, own) in implicit {
+        problem.equation(model, extents, residual, span, own);
     }
     problem.solve(model, &unknown, &mut matched)?;
     rows.extend(matched);
@@ -85,12 +88,16 @@ fn unknown_elements(model: &Model, plan: &Plan, rates: &Rates) -> BTreeSet<Eleme
 struct Matching {
     residuals: Vec<ExprId>,
     spans: Vec<Span>,
+    /// What an equation `v = ...` is written for, where another one determines `v`.
+    written_for: Vec<Option<Element>>,
+    /// The equations that determine elements.
+    determined: HashMap<Element, Span>,
     candidates: Vec<Vec<Element>>,
     too_large: Vec<Span>,
 }
 
 impl Matching {
-    fn equation(&mut self, model: &mut Model, extents: Vec<u32>, residual: ExprId, span: Span) {
+    fn equation(&mut self, model: &mut Model, extents: Vec<u32>, residual: ExprId, span: Span, own: Option<Element>) {
         if passes(&extents) > WRITTEN_OUT {
             self.too_large.push(span);
             return;
@@ -104,6 +111,7 @@ impl Matching {
             self.candidates.push(incidence(model, e));
             self.residuals.push(e);
             self.spans.push(span);
+            self.written_for.push(own);
             // Next pass, the innermost counter first.
             let mut d = extents.len();
             loop {
@@ -139,7 +147,18 @@ impl Matching {
             })
             .collect();
         faults.extend(unmatched.iter().map(|(e, seen)| self.left_over(model, *e, seen)));
-        faults.extend(undetermined(model, &missing));
+        let high_index = faults.iter().filter(|d| d.code == codes::HIGH_INDEX).count();
+        let without = undetermined(model, &missing);
+        if high_index > 0 && without.len() <= high_index {
+            // One cause: the constraint that should determine them does not contain them.
+            let names: Vec<String> = missing.iter().map(|&(v, i)| element_name(model, v, i)).collect();
+            let note = format!("{} {} left without an equation", listed(&names), if names.len() == 1 { "is" } else { "are" });
+            if let Some(fault) = faults.iter_mut().find(|d| d.code == codes::HIGH_INDEX) {
+                fault.notes.extend((!names.is_empty()).then_some(note));
+            }
+        } else {
+            faults.extend(without);
+        }
         if !faults.is_empty() {
             return Err(faults);
         }
@@ -187,13 +206,24 @@ impl Matching {
 
     fn left_over(&self, model: &Model, equation: usize, seen: &HashSet<Element>) -> Diagnostic {
         let span = self.spans[equation];
+        if let Some(own) = self.written_for[equation]
+            && let Some(&first) = self.determined.get(&own)
+        {
+            let name = element_name(model, own.0, own.1.max(0));
+            return Diagnostic::error(codes::OVERDETERMINED, format!("two equations determine `{name}`"), span)
+                .label("the second one")
+                .secondary(first, "the first one")
+                .help("remove one of them, or declare what the second should determine as a `var`");
+        }
         if seen.is_empty() {
-            let states: Vec<String> = loads(&model.exprs, self.residuals[equation], |v, f| {
-                f == Flavour::Value && model.vars[v].role == Role::State
-            })
-            .into_iter()
-            .map(|(v, _, at)| element_name(model, v, at.offset))
-            .collect();
+            if let Some(d) = given(model, self.residuals[equation], span) {
+                return d;
+            }
+            let states: Vec<String> =
+                loads(&model.exprs, self.residuals[equation], |v, f| f == Flavour::Value && model.vars[v].role == Role::State)
+                    .into_iter()
+                    .map(|(v, _, at)| element_name(model, v, at.offset))
+                    .collect();
             if states.is_empty() {
                 return Diagnostic::error(codes::OVERDETERMINED, "this equation has no unknown that is not determined already", span)
                     .help("remove it, or declare what it should determine as a `var` without another equation");
@@ -212,6 +242,24 @@ impl Matching {
             .label("one equation too many")
             .help("remove one of the equations, or declare another unknown as a `var`")
     }
+}
+
+/// `q = ...` for something that is given from outside.
+fn given(model: &Model, residual: ExprId, span: Span) -> Option<Diagnostic> {
+    let Expr::Binary(crate::ir::BinaryFn::Sub, own, _) = model.exprs.node(residual) else { return None };
+    let Expr::Load { var, .. } = model.exprs.node(own) else { return None };
+    let v = &model.vars[var];
+    let (what, help) = match v.role {
+        Role::Action => ("an action: it is set from outside", "make it a `var`"),
+        Role::Param => ("a parameter: its value stands in its declaration", "write the value there, or make it a `let`"),
+        Role::Discrete => {
+            ("a discrete variable: it changes at sampling instants", "write `next` in `at start` or `at end`, or make it a `var`")
+        }
+        Role::Disturbance => ("a disturbance: its rule stands in its declaration", "write `~ rule` there, or make it a `var`"),
+        _ => return None,
+    };
+    let d = Diagnostic::error(codes::OVERDETERMINED, format!("no equation can determine `{}`, {what}", v.name), span);
+    Some(d.secondary(v.span, "declared here").help(help))
 }
 
 /// Unknowns that an equation could determine: algebraic values and derivatives.
@@ -239,14 +287,19 @@ fn undetermined(model: &Model, missing: &[Element]) -> Vec<Diagnostic> {
         let count = missing.iter().filter(|m| m.0 == var).count();
         let name = element_name(model, var, i);
         let is_state = v.role == Role::State;
-        let what = if is_state { format!("d/dt {name}") } else { name };
+        let what = if is_state { format!("`d/dt {name}`") } else { format!("`{name}`") };
         let more = if count > 1 { format!(" (and {} more of its elements)", count - 1) } else { String::new() };
+        let whole = count > 1 && count == v.len as usize;
+        let own = match model.interface.states.iter().chain(&model.interface.algebraics).find(|q| q.var == Some(var)) {
+            Some(q) if whole && !q.axes.is_empty() => format!("{}[{}]", q.name, vec!["..."; q.axes.len()].join(", ")),
+            _ => name.clone(),
+        };
         let help = if is_state {
-            format!("add `eq d/dt {} = ...`", v.name)
+            format!("add `eq d/dt {own} = ...`")
         } else if v.name.contains('.') {
-            format!("connect the port, or add `eq {} = ...`", v.name)
+            format!("connect the port, or add `eq {own} = ...`")
         } else {
-            format!("add `eq {} = ...`, or make it a `let` or a `param`", v.name)
+            format!("add `eq {own} = ...`, or make it a `let` or a `param`")
         };
         out.push(
             Diagnostic::error(codes::UNDERDETERMINED, format!("no equation determines {what}{more}"), v.span)
@@ -305,7 +358,7 @@ fn complete(model: &mut Model, mut rows: Vec<Row>) -> Vec<Row> {
     }
     model.interface.algebraic_counts = [declared, solved, declared - solved];
     if !renamed.is_empty() {
-        let mut done = HashMap::new();
+        let mut done = crate::ir::Rewritten::default();
         let mut replace = |exprs: &mut crate::ir::Exprs, node: Expr| match node {
             Expr::Load { var, flavour, at } if at.is_constant() => {
                 renamed.get(&(var, at.offset)).map(|&new| exprs.load(new, flavour, Affine::default()))

@@ -6,7 +6,7 @@ use cranelift_entity::PrimaryMap;
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 
-use super::{element_name, loads, passes, replace_everywhere};
+use super::{element_name, loads, replace_everywhere};
 use crate::elaborate::{Equation, EquationForm};
 use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, Flavour, LoopVar, MAX_DEPTH, Role, UnaryFn, VarId};
 use crate::model::{Model, Variable};
@@ -124,7 +124,7 @@ pub fn cover_states(model: &Model, equations: &[Equation]) -> Result<Rates, Vec<
         if let Some(i) = twice {
             let name = element_name(model, var, i);
             faults.push(
-                Diagnostic::error(codes::OVERDETERMINED, format!("two equations for d/dt {name}"), equation.span)
+                Diagnostic::error(codes::OVERDETERMINED, format!("two equations determine `d/dt {name}`"), equation.span)
                     .label("the second one")
                     .secondary(first.get(&var).copied().unwrap_or_default(), "the first one"),
             );
@@ -135,7 +135,7 @@ pub fn cover_states(model: &Model, equations: &[Equation]) -> Result<Rates, Vec<
 }
 
 /// Replaces derivatives on right sides, in programs and elsewhere by the rates themselves, where these are explicit.
-pub fn substitute_derivatives(model: &mut Model, equations: &mut [Equation], _rates: &Rates) -> HashMap<ExprId, ExprId> {
+pub fn substitute_derivatives(model: &mut Model, equations: &mut [Equation]) {
     let pieces: Vec<(VarId, Affine, Vec<u32>, ExprId)> = equations
         .iter()
         .filter_map(|e| match e.form {
@@ -144,12 +144,11 @@ pub fn substitute_derivatives(model: &mut Model, equations: &mut [Equation], _ra
         })
         .collect();
     let mut resolver = Resolver { pieces, done: HashMap::new(), open: Vec::new() };
-    let mut done = HashMap::new();
+    let mut done = crate::ir::Rewritten::default();
     replace_everywhere(model, equations, &mut done, &mut |exprs, node| match node {
         Expr::Load { var, flavour: Flavour::Derivative, at } => resolver.rate(exprs, var, at),
         _ => None,
     });
-    HashMap::new()
 }
 
 struct Resolver {
@@ -168,13 +167,13 @@ impl Resolver {
             return None;
         }
         let value = self.pieces.iter().filter(|p| p.0 == var).find_map(|(_, own, extents, value)| {
-            let shifts = shift_onto(*own, extents, at)?;
-            Some((shifts, *value))
+            let fixed = passes_at(*own, extents, at)?;
+            Some((fixed, *value))
         });
-        let result = value.map(|(shifts, value)| {
-            let moved = shifted(exprs, value, &shifts);
+        let result = value.map(|(fixed, value)| {
+            let moved = shifted(exprs, value, &fixed);
             self.open.push((var, at));
-            let free = exprs.rewrite(moved, &mut HashMap::new(), &mut |exprs, node| match node {
+            let free = exprs.rewrite(moved, &mut crate::ir::Rewritten::default(), &mut |exprs, node| match node {
                 Expr::Load { var, flavour: Flavour::Derivative, at } => self.rate(exprs, var, at),
                 _ => None,
             });
@@ -186,30 +185,17 @@ impl Resolver {
     }
 }
 
-/// How the loops of a piece must be moved so that it stands for `at`: for each loop an offset added to its counter, or a fixed pass.
-fn shift_onto(own: Affine, extents: &[u32], at: Affine) -> Option<Vec<Shift>> {
-    let difference = at.offset - own.offset;
-    if own.strides == at.strides {
-        // The same loops, perhaps a few cells further on: move the innermost.
-        if difference == 0 {
-            return Some(vec![Shift::By(0); extents.len()]);
-        }
-        let d = extents.len().checked_sub(1)?;
-        let stride = own.strides[d];
-        if stride == 0 || difference % stride != 0 {
-            return None;
-        }
-        let by = difference / stride;
-        // The other loop must stay inside this piece; its extent is at most this one's, so a move is only safe with a margin that
-        // the caller's stencil keeps. Elements outside the piece belong to another equation, so refuse.
-        return (by == 0).then(|| vec![Shift::By(0); extents.len()]);
+/// At which passes a piece stands for the element `at`: none where it is the same loop, one a loop for a single element inside it. A loop
+/// that is shifted against the piece is refused: its ends would belong to other equations.
+fn passes_at(own: Affine, extents: &[u32], at: Affine) -> Option<Vec<i64>> {
+    if own == at {
+        return Some(Vec::new());
     }
-    if !at.is_constant() {
+    if !at.is_constant() || own.is_constant() {
         return None;
     }
-    // A single element inside a loop: peel the passes from the outermost stride down.
-    let mut rest = difference;
-    let mut shifts = Vec::with_capacity(extents.len());
+    let mut rest = at.offset - own.offset;
+    let mut fixed = Vec::with_capacity(extents.len());
     for (d, &n) in extents.iter().enumerate() {
         let stride = own.strides[d];
         if stride == 0 {
@@ -220,23 +206,15 @@ fn shift_onto(own: Affine, extents: &[u32], at: Affine) -> Option<Vec<Shift>> {
             return None;
         }
         rest -= pass * stride;
-        shifts.push(Shift::At(pass));
+        fixed.push(pass);
     }
-    (rest == 0 && passes(extents) > 0).then_some(shifts)
+    (rest == 0).then_some(fixed)
 }
 
-#[derive(Clone, Copy)]
-enum Shift {
-    By(i64),
-    At(i64),
-}
-
-fn shifted(exprs: &mut Exprs, e: ExprId, shifts: &[Shift]) -> ExprId {
+fn shifted(exprs: &mut Exprs, e: ExprId, passes: &[i64]) -> ExprId {
     let mut e = e;
-    for (d, shift) in shifts.iter().enumerate().take(MAX_DEPTH) {
-        if let Shift::At(pass) = shift {
-            e = exprs.shift(e, LoopVar(d as u8), *pass);
-        }
+    for (d, &pass) in passes.iter().enumerate().take(MAX_DEPTH) {
+        e = exprs.shift(e, LoopVar(d as u8), pass);
     }
     e
 }

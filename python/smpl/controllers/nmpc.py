@@ -120,7 +120,7 @@ class ReactorNMPC:
             cost += self._weights[0] * casadi.sumsqr(nodes[k] - self._set_point)
             cost += self._weights[2] * casadi.sumsqr(actions[k] - self._steady_action)
         problem = {"x": unknowns, "p": start, "f": cost, "g": casadi.vertcat(*constraints)}
-        quiet = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes"}
+        quiet: Any = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes"}
         self._solver = casadi.nlpsol("reactor_nmpc", "ipopt", problem, quiet)
         free = np.full(12 * h + 3, np.inf)
         self._lower = np.concatenate([-free, np.tile(env.action_low, h)])

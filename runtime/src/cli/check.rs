@@ -10,7 +10,7 @@ use smpl_dsl::diagnostic::{Diagnostic, JsonDiagnostic, SourceMap};
 use super::report::{self, Failed};
 use super::{Files, Format, ModelArguments, say};
 use crate::environment::{Environment, ResetOptions, Start};
-use crate::load::{LoadError, LoadOptions, Loaded};
+use crate::load::{LoadError, Loaded};
 use crate::setup::Setup;
 
 #[derive(Debug, Args)]
@@ -34,12 +34,7 @@ pub(super) fn run(arguments: &CheckArguments) -> Result<(), Failed> {
     for file in &arguments.files.files {
         match check(file, &arguments.model) {
             Ok(loaded) => {
-                show(
-                    &loaded.warnings,
-                    &loaded.sources,
-                    arguments.format,
-                    &mut objects,
-                );
+                show(&loaded.warnings, &loaded.sources, arguments.format, &mut objects);
                 if arguments.format == Format::Text {
                     say(format!("{}: {}\n", file.display(), verdict(&loaded)))?;
                 }
@@ -47,10 +42,7 @@ pub(super) fn run(arguments: &CheckArguments) -> Result<(), Failed> {
                     say(invariants(loaded)?)?;
                 }
             }
-            Err(LoadError::Diagnostics {
-                sources,
-                diagnostics,
-            }) => {
+            Err(LoadError::Diagnostics { sources, diagnostics }) => {
                 faulty = true;
                 show(&diagnostics, &sources, arguments.format, &mut objects);
             }
@@ -66,29 +58,14 @@ pub(super) fn run(arguments: &CheckArguments) -> Result<(), Failed> {
         }
     }
     if arguments.format == Format::Json {
-        let text = serde_json::to_string_pretty(&Json::Array(objects))
-            .map_err(|e| Failed::Message(e.to_string()))?;
+        let text = serde_json::to_string_pretty(&Json::Array(objects)).map_err(|e| Failed::Message(e.to_string()))?;
         say(text + "\n")?;
     }
-    if faulty {
-        Err(Failed::Quiet(1))
-    } else {
-        Ok(())
-    }
+    if faulty { Err(Failed::Quiet(1)) } else { Ok(()) }
 }
 
 fn check(file: &Path, model: &ModelArguments) -> Result<Loaded, LoadError> {
-    let options = LoadOptions {
-        scenario: model.scenario.clone(),
-        variants: model
-            .variants
-            .iter()
-            .map(|v| crate::scenario::Variant::parse(v))
-            .collect(),
-        settings: model.settings.iter().cloned().collect(),
-        ..LoadOptions::default()
-    };
-    crate::load::load(file, &options)
+    crate::load::load(file, &model.options())
 }
 
 fn verdict(loaded: &Loaded) -> String {
@@ -98,11 +75,7 @@ fn verdict(loaded: &Loaded) -> String {
         1 => ", 1 warning".into(),
         n => format!(", {n} warnings"),
     };
-    format!(
-        "ok ({} states, {} solved algebraic variables{warnings})",
-        model.states(),
-        model.unknowns() - model.states()
-    )
+    format!("ok ({} states, {} solved algebraic variables{warnings})", model.states(), model.unknowns() - model.states())
 }
 
 fn show(diagnostics: &[Diagnostic], sources: &SourceMap, format: Format, objects: &mut Vec<Json>) {
@@ -128,20 +101,10 @@ fn invariants(loaded: Loaded) -> Result<String, Failed> {
     if names.is_empty() {
         return Ok("no invariants declared\n".into());
     }
-    let setup = Setup::new(
-        loaded.model,
-        loaded.options,
-        Some(Arc::clone(&loaded.sources)),
-    )?;
+    let setup = Setup::new(loaded.model, loaded.options, Some(Arc::clone(&loaded.sources)))?;
     let mut environment = Environment::new(setup)?;
     environment.watch_invariants();
-    environment.reset(
-        Some(0),
-        &ResetOptions {
-            start: Start::Nominal,
-            ..ResetOptions::default()
-        },
-    )?;
+    environment.reset(Some(0), &ResetOptions { start: Start::Nominal, ..ResetOptions::default() })?;
     let mut policy = super::simulate::nominal(&environment);
     let mut action = vec![0.0; environment.catalogue().actions.len()];
     while environment.is_running() {
@@ -151,11 +114,7 @@ fn invariants(loaded: Loaded) -> Result<String, Failed> {
     let drifts = environment.invariant_drifts();
     let lines = names.iter().zip(drifts).map(|((name, _), drift)| {
         let relative = drift.largest / drift.magnitude.max(f64::MIN_POSITIVE);
-        format!(
-            "invariant {name}: drift {:.3e} over {} steps ({relative:.1e} of its magnitude)\n",
-            drift.largest,
-            environment.steps()
-        )
+        format!("invariant {name}: drift {:.3e} over {} steps ({relative:.1e} of its magnitude)\n", drift.largest, environment.steps())
     });
     Ok(lines.collect())
 }

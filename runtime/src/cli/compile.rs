@@ -10,12 +10,12 @@ use smpl_compiler::model::Quantity;
 
 use super::report::Failed;
 use super::{ModelArguments, say};
-use crate::artefact;
 use crate::catalogue::{Catalogue, Family};
 use crate::load::ARTEFACT_EXTENSION;
 use crate::solver::{LinearSolver, System};
 use crate::system::CompiledSystem;
 use crate::trajectory::write_whole;
+use smpl_compiler::emit;
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -61,19 +61,17 @@ pub(super) fn run(arguments: &CompileArguments) -> Result<(), Failed> {
         Some(Stage::Latex) => return say(super::document::equations(&arguments.file)?),
         _ => {}
     }
-    let loaded = arguments.model.load(&arguments.file)?;
+    let texts = matches!(arguments.emit, Some(Stage::Clif | Stage::Asm));
+    let loaded = arguments.model.load_with(&arguments.file, texts)?;
     match arguments.emit {
-        Some(Stage::Ir) => return say(format!("{:#?}\n", loaded.model.model())),
+        Some(Stage::Ir) => return say(emit::ir(loaded.model.model())),
         Some(Stage::Json) => return say(interface_json(&loaded.model)? + "\n"),
-        Some(Stage::Clif) => return say(artefact::clif(&loaded.model)?),
-        Some(Stage::Asm) => return say(artefact::assembly(&loaded.model)?),
+        Some(Stage::Clif) => return say(emit::clif(&loaded.model)),
+        Some(Stage::Asm) => return say(emit::assembly(&loaded.model)),
         Some(Stage::Ast | Stage::Latex) | None => {}
     }
-    let out = arguments
-        .output
-        .clone()
-        .unwrap_or_else(|| arguments.file.with_extension(ARTEFACT_EXTENSION));
-    let bytes = artefact::to_bytes(&loaded.model)?;
+    let out = arguments.output.clone().unwrap_or_else(|| arguments.file.with_extension(ARTEFACT_EXTENSION));
+    let bytes = loaded.model.to_bytes(crate::load::fingerprint(&loaded.sources))?;
     write_whole(&out, |file| file.write_all(&bytes))?;
     say(summary(&loaded.model, &out)?)
 }
@@ -87,59 +85,26 @@ fn summary(model: &std::sync::Arc<CompiledModel>, out: &Path) -> Result<String, 
     // Writing into a string cannot fail.
     let _ = writeln!(text, "model {}: {}", interface.name, interface.text);
     let _ = writeln!(text, "  differential states   {}", model.states());
-    let _ = writeln!(
-        text,
-        "  algebraic variables   {declared} declared, {solved} solved, {substituted} substituted"
-    );
-    let _ = writeln!(
-        text,
-        "  discrete variables    {}",
-        count(&interface.discretes)
-    );
-    let _ = writeln!(
-        text,
-        "  actions               {}",
-        count(&interface.actions)
-    );
-    let _ = writeln!(
-        text,
-        "  observations          {}",
-        interface.observations.len()
-    );
-    let _ = writeln!(
-        text,
-        "  parameters            {}",
-        count(&interface.parameters)
-    );
-    let _ = writeln!(
-        text,
-        "  Jacobian              {} nonzeros, {}",
-        model.pattern().row_indices.len(),
-        method(model)?
-    );
-    let phases = [
-        ("differentiation", statistics.differentiate),
-        ("hoisting, layout", statistics.hoist),
-        ("code generation", statistics.generate),
-    ];
+    let _ = writeln!(text, "  algebraic variables   {declared} declared, {solved} solved, {substituted} substituted");
+    let _ = writeln!(text, "  discrete variables    {}", count(&interface.discretes));
+    let _ = writeln!(text, "  actions               {}", count(&interface.actions));
+    let _ = writeln!(text, "  observations          {}", interface.observations.len());
+    let _ = writeln!(text, "  parameters            {}", count(&interface.parameters));
+    let _ = writeln!(text, "  Jacobian              {} nonzeros, {}", model.pattern().row_indices.len(), method(model)?);
+    let phases =
+        [("differentiation", statistics.differentiate), ("hoisting, layout", statistics.hoist), ("code generation", statistics.generate)];
     for (phase, duration) in phases {
         let _ = writeln!(text, "  {phase:<21} {:.2} ms", duration.as_secs_f64() * 1e3);
     }
-    let _ = writeln!(
-        text,
-        "  code                  {} bytes",
-        statistics.code_bytes
-    );
+    let _ = writeln!(text, "  code                  {} bytes", statistics.code_bytes);
     let _ = writeln!(text, "written to {}", out.display());
     Ok(text)
 }
 
 fn method(model: &std::sync::Arc<CompiledModel>) -> Result<String, Failed> {
-    let system = CompiledSystem::new(std::sync::Arc::clone(model))
-        .map_err(|e| Failed::Message(e.to_string()))?;
+    let system = CompiledSystem::new(std::sync::Arc::clone(model)).map_err(|e| Failed::Message(e.to_string()))?;
     let factorisation =
-        crate::solver::linear::Factorisation::new(system.pattern(), LinearSolver::Auto)
-            .map_err(|e| Failed::Message(e.to_string()))?;
+        crate::solver::linear::Factorisation::new(system.pattern(), LinearSolver::Auto).map_err(|e| Failed::Message(e.to_string()))?;
     Ok(format!("{:?}, exact", factorisation.method()).to_lowercase())
 }
 
@@ -154,18 +119,12 @@ fn interface_json(model: &CompiledModel) -> Result<String, Failed> {
     let observations: Vec<_> = interface
         .observations
         .iter()
-        .map(|o| json!({"name": o.name, "unit": o.unit, "low": o.low, "high": o.high, "every": o.every, "delay": o.delay, "noise": o.noise}))
+        .map(
+            |o| json!({"name": o.name, "unit": o.unit, "low": o.low, "high": o.high, "every": o.every, "delay": o.delay, "noise": o.noise}),
+        )
         .collect();
-    let rewards: Vec<_> = interface
-        .rewards
-        .iter()
-        .map(|r| json!({"name": r.name, "unit": r.unit, "text": r.text}))
-        .collect();
-    let failures: Vec<_> = interface
-        .failures
-        .iter()
-        .map(|f| json!({"name": f.name, "text": f.text}))
-        .collect();
+    let rewards: Vec<_> = interface.rewards.iter().map(|r| json!({"name": r.name, "unit": r.unit, "text": r.text})).collect();
+    let failures: Vec<_> = interface.failures.iter().map(|f| json!({"name": f.name, "text": f.text})).collect();
     let value = json!({
         "model": interface.name,
         "text": interface.text,

@@ -49,11 +49,7 @@ pub(super) fn format(arguments: &FormatArguments) -> Result<(), Failed> {
             }
         }
     }
-    if faulty {
-        Err(Failed::Quiet(1))
-    } else {
-        Ok(())
-    }
+    if faulty { Err(Failed::Quiet(1)) } else { Ok(()) }
 }
 
 /// Whether the file's layout is (or was) not the canonical one.
@@ -99,11 +95,7 @@ fn parse(file: &Path) -> Result<(smpl_dsl::syntax::File, SourceMap), Failed> {
     let mut sources = SourceMap::new();
     let id = sources.add(file.display().to_string(), text.clone());
     let parsed = smpl_dsl::parse(&text, id);
-    if parsed
-        .diagnostics
-        .iter()
-        .any(smpl_dsl::diagnostic::Diagnostic::is_error)
-    {
+    if parsed.diagnostics.iter().any(smpl_dsl::diagnostic::Diagnostic::is_error) {
         return Err(Failed::Diagnostics(parsed.diagnostics, Arc::new(sources)));
     }
     Ok((parsed.file, sources))

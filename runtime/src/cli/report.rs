@@ -5,7 +5,7 @@ use std::io::{IsTerminal, Write};
 use std::path::Path;
 
 use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
-use smpl_dsl::diagnostic::{Code, Diagnostic, Severity, SourceMap};
+use smpl_dsl::diagnostic::{Code, Diagnostic, Label, Severity, SourceMap};
 use smpl_dsl::span::Span;
 
 use crate::environment::{ResetError, StepError};
@@ -44,10 +44,7 @@ impl Failed {
 impl From<LoadError> for Failed {
     fn from(error: LoadError) -> Self {
         match error {
-            LoadError::Diagnostics {
-                sources,
-                diagnostics,
-            } => Failed::Diagnostics(diagnostics, sources),
+            LoadError::Diagnostics { sources, diagnostics } => Failed::Diagnostics(diagnostics, sources),
             other => Failed::Message(other.to_string()),
         }
     }
@@ -63,7 +60,7 @@ macro_rules! failed_by_message {
     };
 }
 failed_by_message!(
-    crate::artefact::Unavailable,
+    smpl_compiler::artefact::ArtefactError,
     SetupError,
     ResetError,
     StepError,
@@ -72,19 +69,14 @@ failed_by_message!(
     crate::catalogue::UnknownName
 );
 
-const BAD_DATA: Code = Code::new(
-    "E0702-bad-data",
-    "a data file with missing columns or cells that are no numbers",
-);
+const BAD_DATA: Code = Code::new("E0702-bad-data", "a data file with missing columns or cells that are no numbers");
 
 /// A fault in a data file is shown at its place in the file.
 impl From<DataError> for Failed {
     fn from(error: DataError) -> Self {
         let place = match &error {
             DataError::Malformed { path, line, .. } => Some((path, *line, "")),
-            DataError::NotANumber {
-                path, line, text, ..
-            } => Some((path, *line, text.as_str())),
+            DataError::NotANumber { path, line, text, .. } => Some((path, *line, text.as_str())),
             DataError::MissingColumns { path, .. } => Some((path, 1, "")),
             DataError::UnknownColumn { path, error } => Some((path, 1, error.name.as_str())),
             DataError::Read { .. } | DataError::Empty { .. } => None,
@@ -96,37 +88,18 @@ impl From<DataError> for Failed {
 
 fn data_diagnostic(path: &Path, line: u64, word: &str, error: &DataError) -> Option<Failed> {
     let text = std::fs::read_to_string(path).ok()?;
-    let start: usize = text
-        .split_inclusive('\n')
-        .take(line.saturating_sub(1) as usize)
-        .map(str::len)
-        .sum();
-    let content = text
-        .get(start..)?
-        .lines()
-        .next()
-        .unwrap_or_default()
-        .to_owned();
+    let start: usize = text.split_inclusive('\n').take(line.saturating_sub(1) as usize).map(str::len).sum();
+    let content = text.get(start..)?.lines().next().unwrap_or_default().to_owned();
     let (at, length) = match content.find(word).filter(|_| !word.is_empty()) {
         Some(at) => (start + at, word.len()),
         None => (start, content.len()),
     };
     let full = error.to_string();
-    let message = full
-        .split_once(": ")
-        .map_or(full.as_str(), |(_, message)| message)
-        .to_owned();
+    let message = full.split_once(": ").map_or(full.as_str(), |(_, message)| message).to_owned();
     let mut sources = SourceMap::new();
     let file = sources.add(path.display().to_string(), text);
-    let span = Span {
-        file,
-        start: at as u32,
-        end: (at + length) as u32,
-    };
-    Some(Failed::Diagnostics(
-        vec![Diagnostic::error(BAD_DATA, message, span)],
-        std::sync::Arc::new(sources),
-    ))
+    let span = Span { file, start: at as u32, end: (at + length) as u32 };
+    Some(Failed::Diagnostics(vec![Diagnostic::error(BAD_DATA, message, span)], std::sync::Arc::new(sources)))
 }
 
 /// Prints diagnostics on standard error: place, source line underlined, what to do.
@@ -134,21 +107,14 @@ pub(super) fn print_diagnostics(diagnostics: &[Diagnostic], sources: &SourceMap)
     let mut err = std::io::stderr().lock();
     for diagnostic in diagnostics {
         // Nothing is left to say where standard error is closed.
-        let _ =
-            err.write_all(render(diagnostic, sources, std::io::stderr().is_terminal()).as_bytes());
+        let _ = err.write_all(render(diagnostic, sources, std::io::stderr().is_terminal()).as_bytes());
     }
 }
 
 /// A diagnostic as text.
 pub(super) fn render(diagnostic: &Diagnostic, sources: &SourceMap, coloured: bool) -> String {
-    let theme = if coloured {
-        GraphicalTheme::unicode()
-    } else {
-        GraphicalTheme::unicode_nocolor()
-    };
-    let handler = GraphicalReportHandler::new_themed(theme)
-        .with_width(110)
-        .with_links(false);
+    let theme = if coloured { GraphicalTheme::unicode() } else { GraphicalTheme::unicode_nocolor() };
+    let handler = GraphicalReportHandler::new_themed(theme).with_width(110).with_links(false);
     let mut text = String::new();
     match handler.render_report(&mut text, &Shown::new(diagnostic, sources)) {
         Ok(()) => text,
@@ -156,13 +122,7 @@ pub(super) fn render(diagnostic: &Diagnostic, sources: &SourceMap, coloured: boo
         Err(_) => {
             let at = sources.locate(diagnostic.primary.span);
             let file = sources.name(diagnostic.primary.span.file);
-            format!(
-                "{file}:{}:{}: {} [{}]\n",
-                at.line,
-                at.column,
-                diagnostic.message,
-                diagnostic.code.id()
-            )
+            format!("{file}:{}:{}: {} [{}]\n", at.line, at.column, diagnostic.message, diagnostic.code.id())
         }
     }
 }
@@ -188,34 +148,16 @@ impl Shown {
             (start, end - start)
         };
         let label = |text: &str| (!text.is_empty()).then(|| text.to_owned());
-        let primary = LabeledSpan::new_primary_with_span(
-            label(&diagnostic.primary.text),
-            clip(diagnostic.primary.span),
-        );
-        let (here, elsewhere): (Vec<_>, Vec<_>) = diagnostic
-            .secondary
-            .iter()
-            .partition(|l| l.span.file == file);
-        let mut labels = vec![primary];
-        labels.extend(
-            here.iter()
-                .map(|l| LabeledSpan::new_with_span(label(&l.text), clip(l.span))),
-        );
-        let remote = elsewhere.iter().map(|l| {
-            format!(
-                "{} ({}:{})",
-                l.text,
-                sources.name(l.span.file),
-                sources.locate(l.span).line
-            )
-        });
-        let help: Vec<String> = diagnostic
-            .help
-            .iter()
-            .cloned()
-            .chain(diagnostic.notes.iter().cloned())
-            .chain(remote)
-            .collect();
+        let primary = LabeledSpan::new_primary_with_span(label(&diagnostic.primary.text), clip(diagnostic.primary.span));
+        let (here, elsewhere): (Vec<_>, Vec<_>) = diagnostic.secondary.iter().partition(|l| l.span.file == file);
+        // Marks within marks cannot be drawn: where labelled parts lie inside of the whole, they are shown alone.
+        let whole = diagnostic.primary.span;
+        let inside = |l: &Label| whole.start <= l.span.start && l.span.end <= whole.end;
+        let parts_alone = diagnostic.primary.text.is_empty() && here.iter().any(|l| inside(l));
+        let mut labels = if parts_alone { vec![] } else { vec![primary] };
+        labels.extend(here.iter().map(|l| LabeledSpan::new_with_span(label(&l.text), clip(l.span))));
+        let remote = elsewhere.iter().map(|l| format!("{} ({}:{})", l.text, sources.name(l.span.file), sources.locate(l.span).line));
+        let help: Vec<String> = diagnostic.help.iter().cloned().chain(diagnostic.notes.iter().cloned()).chain(remote).collect();
         Self {
             message: diagnostic.message.clone(),
             code: diagnostic.code.id(),
@@ -249,9 +191,7 @@ impl miette::Diagnostic for Shown {
     }
 
     fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        self.help
-            .as_ref()
-            .map(|help| Box::new(help) as Box<dyn fmt::Display>)
+        self.help.as_ref().map(|help| Box::new(help) as Box<dyn fmt::Display>)
     }
 
     fn source_code(&self) -> Option<&dyn miette::SourceCode> {

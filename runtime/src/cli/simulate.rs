@@ -103,14 +103,7 @@ pub(super) fn nominal(environment: &Environment) -> Policy {
 }
 
 fn declared(environment: &Environment, name: &str) -> Option<usize> {
-    environment
-        .setup()
-        .model()
-        .model()
-        .programs
-        .policies
-        .iter()
-        .position(|(n, _)| n == name)
+    environment.setup().model().model().programs.policies.iter().position(|(n, _)| n == name)
 }
 
 impl Policy {
@@ -125,19 +118,12 @@ impl Policy {
                 }
             }
             Policy::Nominal => {
-                for (a, element) in action
-                    .iter_mut()
-                    .zip(environment.catalogue().actions.elements())
-                {
+                for (a, element) in action.iter_mut().zip(environment.catalogue().actions.elements()) {
                     *a = element.default;
                 }
             }
             Policy::Random(stream) => {
-                for (i, (a, element)) in action
-                    .iter_mut()
-                    .zip(environment.catalogue().actions.elements())
-                    .enumerate()
-                {
+                for (i, (a, element)) in action.iter_mut().zip(environment.catalogue().actions.elements()).enumerate() {
                     let u = stream.uniform(step, i as u32);
                     *a = if (element.high - element.low).is_finite() {
                         element.low + u * (element.high - element.low)
@@ -161,9 +147,7 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
 
     let mut recorder = Recorder::new(&environment);
     recorder.record(&mut environment, None);
-    let mut steps = arguments
-        .steps
-        .unwrap_or_else(|| environment.setup().max_steps());
+    let mut steps = arguments.steps.unwrap_or_else(|| environment.setup().max_steps());
     if let Policy::Recorded(rows) = &policy {
         steps = steps.min(rows.len() as u32);
     }
@@ -198,10 +182,7 @@ fn make(arguments: &SimulateArguments, loaded: Loaded) -> Result<Environment, Fa
 
 fn policy(arguments: &SimulateArguments, environment: &Environment) -> Result<Policy, Failed> {
     if let Some(path) = &arguments.actions {
-        return Ok(Policy::Recorded(read_actions(
-            path,
-            environment.catalogue(),
-        )?));
+        return Ok(Policy::Recorded(read_actions(path, environment.catalogue())?));
     }
     match arguments.policy.as_str() {
         "nominal" => Ok(nominal(environment)),
@@ -209,32 +190,22 @@ fn policy(arguments: &SimulateArguments, environment: &Environment) -> Result<Po
             let key = crate::random::EpisodeKey::seeded(arguments.seed);
             Ok(Policy::Random(Stream::new(key, "policy:random")))
         }
-        name => declared(environment, name)
-            .map(Policy::Declared)
-            .ok_or_else(|| {
-                let policies = &environment.setup().model().model().programs.policies;
-                let known = ["nominal", "random"]
-                    .into_iter()
-                    .chain(policies.iter().map(|(n, _)| n.as_str()));
-                UnknownName::new("policy", name, known).into()
-            }),
+        name => declared(environment, name).map(Policy::Declared).ok_or_else(|| {
+            let policies = &environment.setup().model().model().programs.policies;
+            let known = ["nominal", "random"].into_iter().chain(policies.iter().map(|(n, _)| n.as_str()));
+            UnknownName::new("policy", name, known).into()
+        }),
     }
 }
 
-fn reset_options(
-    arguments: &SimulateArguments,
-    environment: &Environment,
-) -> Result<ResetOptions, Failed> {
+fn reset_options(arguments: &SimulateArguments, environment: &Environment) -> Result<ResetOptions, Failed> {
     let catalogue = environment.catalogue();
     let start = match arguments.start {
         StartArgument::Sampled => Start::Sampled,
         StartArgument::Nominal => Start::Nominal,
         StartArgument::Steady => Start::Steady,
     };
-    let mut options = ResetOptions {
-        start,
-        ..ResetOptions::default()
-    };
+    let mut options = ResetOptions { start, ..ResetOptions::default() };
     if let Some(path) = &arguments.init {
         let (states, discrete) = read_initial(path, catalogue)?;
         options.state = StateInput::Named(states);
@@ -250,10 +221,7 @@ fn reset_options(
 fn summary(environment: &mut Environment, total: f64) -> String {
     let setup = Arc::clone(environment.setup());
     let interface = setup.model().interface();
-    let reward = interface
-        .rewards
-        .get(setup.reward)
-        .map_or("", |r| r.name.as_str());
+    let reward = interface.rewards.get(setup.reward).map_or("", |r| r.name.as_str());
     let last = environment.last().copied();
     let end = match last {
         Some(r) if r.failure.is_some() => format!("failed: {}", environment.failure_message()),
@@ -280,23 +248,14 @@ struct Progress {
 
 impl Progress {
     fn new(steps: u32) -> Self {
-        Self {
-            begin: Instant::now(),
-            steps,
-            bar: None,
-        }
+        Self { begin: Instant::now(), steps, bar: None }
     }
 
     fn update(&mut self, step: u32) {
         const SHORT: Duration = Duration::from_millis(700);
         if self.bar.is_none() && self.begin.elapsed() > SHORT {
-            let bar = ProgressBar::with_draw_target(
-                Some(u64::from(self.steps)),
-                ProgressDrawTarget::stderr(),
-            );
-            if let Ok(style) =
-                ProgressStyle::with_template("{bar:40} step {pos} of {len}, {eta} left")
-            {
+            let bar = ProgressBar::with_draw_target(Some(u64::from(self.steps)), ProgressDrawTarget::stderr());
+            if let Ok(style) = ProgressStyle::with_template("{bar:40} step {pos} of {len}, {eta} left") {
                 bar.set_style(style);
             }
             self.bar = Some(bar);

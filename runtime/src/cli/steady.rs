@@ -43,18 +43,11 @@ const LARGE: usize = 3000;
 /// Solves, prints, writes.
 pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
     let loaded = arguments.model.load(&arguments.file)?;
-    let setup = match Setup::new(loaded.model, loaded.options, Some(loaded.sources)) {
-        Ok(setup) => setup,
-        Err(error) => return Err(error.into()),
-    };
+    let setup = Setup::new(loaded.model, loaded.options, Some(loaded.sources))?;
     let catalogue = &setup.catalogue;
     let mut system = setup.system.clone();
     let has_steady = setup.model().interface().has_steady;
-    let mut y = if has_steady {
-        setup.steady_state().to_vec()
-    } else {
-        steady::guess(&system, catalogue)
-    };
+    let mut y = if has_steady { setup.steady_state().to_vec() } else { steady::guess(&system, catalogue) };
     let (mut actions, mut fixed) = steady::declared(&mut system, catalogue, &mut y);
     for (name, value) in &arguments.actions {
         catalogue.actions.get(name, "action")?;
@@ -83,57 +76,31 @@ pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
     }
     let mut text = String::new();
     // Writing into a string cannot fail.
-    let _ = writeln!(
-        text,
-        "residual norm {:.3e} after {} iterations",
-        report.residual_norm, report.iterations
-    );
+    let _ = writeln!(text, "residual norm {:.3e} after {} iterations", report.residual_norm, report.iterations);
     if arguments.out.is_none() {
         for (name, unit, value) in &rows {
-            let unit = if unit == "1" {
-                String::new()
-            } else {
-                format!(" {unit}")
-            };
+            let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
             let _ = writeln!(text, "{name} = {}{unit}", Short(*value));
         }
     }
-    text += &spectrum(
-        &mut system,
-        catalogue,
-        &y,
-        &setup.model().interface().time.1,
-    );
+    text += &spectrum(&mut system, catalogue, &y, &setup.model().interface().time.1);
     say(text)
 }
 
 /// Name, unit and value of every state and algebraic output.
-fn values(
-    system: &mut crate::system::CompiledSystem,
-    catalogue: &crate::catalogue::Catalogue,
-    y: &[f64],
-) -> Vec<(String, String, f64)> {
+fn values(system: &mut crate::system::CompiledSystem, catalogue: &crate::catalogue::Catalogue, y: &[f64]) -> Vec<(String, String, f64)> {
     let yp = vec![0.0; y.len()];
     let mut algebraics = vec![0.0; catalogue.algebraics.len()];
     let (model, memory) = system.parts();
     model.outputs(memory, 0.0, y, &yp, &mut algebraics);
     let row = |e: &crate::catalogue::Element, value: f64| (e.name.clone(), e.unit.clone(), value);
     let states = catalogue.states.elements().iter().map(|e| row(e, y[e.at]));
-    let outputs = catalogue
-        .algebraics
-        .elements()
-        .iter()
-        .map(|e| row(e, algebraics[e.at]));
+    let outputs = catalogue.algebraics.elements().iter().map(|e| row(e, algebraics[e.at]));
     states.chain(outputs).collect()
 }
 
 /// The eigenvalues of the linearisation in words.
-fn spectrum(
-    system: &mut crate::system::CompiledSystem,
-    catalogue: &crate::catalogue::Catalogue,
-    y: &[f64],
-    time_unit: &str,
-) -> String {
+fn spectrum(system: &mut crate::system::CompiledSystem, catalogue: &crate::catalogue::Catalogue, y: &[f64], time_unit: &str) -> String {
     if catalogue.states.len() > LARGE {
         return format!("eigenvalues: not computed for more than {LARGE} states\n");
     }
@@ -160,11 +127,7 @@ fn spectrum(
         let _ = writeln!(text, "  {}{imaginary}", Short(value.re));
     }
     if values.len() > SHOWN {
-        let _ = writeln!(
-            text,
-            "  ... {} more, all left of these",
-            values.len() - SHOWN
-        );
+        let _ = writeln!(text, "  ... {} more, all left of these", values.len() - SHOWN);
     }
     text
 }

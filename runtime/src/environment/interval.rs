@@ -35,9 +35,7 @@ impl Environment {
             Outcome::Solver => self.go_back(),
             _ => {
                 let integrals = self.integrator.quadratures();
-                self.system
-                    .region_mut(Region::Quadrature)
-                    .copy_from_slice(integrals);
+                self.system.region_mut(Region::Quadrature).copy_from_slice(integrals);
                 if self.setup.has_end && outcome == Outcome::Completed {
                     self.run_end();
                 }
@@ -123,33 +121,18 @@ impl Environment {
                 }
             }
         }
-        self.progress.solver_failure = Some(SolverFailure {
-            time: t,
-            cause: Cause::TooManyEvents,
-            unknown: None,
-        });
+        self.progress.solver_failure = Some(SolverFailure { time: t, cause: Cause::TooManyEvents, unknown: None });
         Outcome::Solver
     }
 
     fn advance(&mut self, t: f64, end: f64) -> Result<Advance, SolveError> {
-        self.integrator.restart(
-            &mut self.system,
-            t,
-            &self.progress.y,
-            Some(&self.progress.yp),
-        )?;
-        if self.drifts.is_empty() {
-            self.integrator.advance(&mut self.system, end)
-        } else {
-            self.advance_watched(t, end)
-        }
+        self.integrator.restart(&mut self.system, t, &self.progress.y, Some(&self.progress.yp))?;
+        if self.drifts.is_empty() { self.integrator.advance(&mut self.system, end) } else { self.advance_watched(t, end) }
     }
 
     pub(super) fn take_state(&mut self) {
         self.progress.y.copy_from_slice(self.integrator.state());
-        self.progress
-            .yp
-            .copy_from_slice(self.integrator.derivative());
+        self.progress.yp.copy_from_slice(self.integrator.derivative());
     }
 
     /// Does what the fired events ask for; the index of a failure if one of them is.
@@ -188,16 +171,7 @@ impl Environment {
         if moved && (model.unknowns() > model.states() || self.setup.derivatives_at_end) {
             model.prepare_step(memory);
             // A failure to find consistent algebraic variables will show in the restart of the next step.
-            if self
-                .integrator
-                .restart(
-                    &mut self.system,
-                    t,
-                    &self.progress.y,
-                    Some(&self.progress.yp),
-                )
-                .is_ok()
-            {
+            if self.integrator.restart(&mut self.system, t, &self.progress.y, Some(&self.progress.yp)).is_ok() {
                 self.take_state();
             }
         }
@@ -205,11 +179,8 @@ impl Environment {
 
     /// The state as before the step.
     fn go_back(&mut self) {
-        self.progress
-            .y
-            .copy_from_slice(self.system.region(Region::Previous(Part::Y)));
-        self.system
-            .copy(Region::Previous(Part::Discrete), Region::Discrete);
+        self.progress.y.copy_from_slice(self.system.region(Region::Previous(Part::Y)));
+        self.system.copy(Region::Previous(Part::Discrete), Region::Discrete);
         let (model, memory) = self.system.parts();
         model.prepare_step(memory);
     }
@@ -238,20 +209,15 @@ pub(super) fn blame(error: &SolveError, start: f64) -> SolverFailure {
         SolveError::StepTooSmall { time, .. }
         | SolveError::ErrorTestFailures { time, .. }
         | SolveError::ConvergenceFailures { time, .. } => (*time, Cause::NoConvergence, None),
-        SolveError::NotFinite { time, row } | SolveError::JacobianNotFinite { time, row, .. } => {
-            (*time, Cause::NotFinite, Some(*row))
-        }
+        SolveError::NotFinite { time, row } | SolveError::JacobianNotFinite { time, row, .. } => (*time, Cause::NotFinite, Some(*row)),
         SolveError::SingularJacobian { time, column } => (*time, Cause::Singular, *column),
-        SolveError::InitialConditions { time, .. }
-        | SolveError::ImplicitInitialConditions { time, .. } => (*time, Cause::Inconsistent, None),
+        SolveError::InitialConditions { time, .. } | SolveError::ImplicitInitialConditions { time, .. } => {
+            (*time, Cause::Inconsistent, None)
+        }
         SolveError::Panicked { time } => (*time, Cause::Panicked, None),
         SolveError::Other { time, flag } => (*time, Cause::Other(flag.value), None),
         SolveError::Setup { flag, .. } => (start, Cause::Other(flag.value), None),
         _ => (start, Cause::Other(0), None),
     };
-    SolverFailure {
-        time,
-        cause,
-        unknown,
-    }
+    SolverFailure { time, cause, unknown }
 }

@@ -36,11 +36,7 @@ impl Environment {
         let mut points = vec![self.evaluate_invariants(begin)];
         let mut last = begin;
         for piece in 1..=PIECES {
-            let target = if piece == PIECES {
-                end
-            } else {
-                begin + length * piece as f64
-            };
+            let target = if piece == PIECES { end } else { begin + length * piece as f64 };
             let outcome = self.integrator.advance(&mut self.system, target)?;
             let at = self.integrator.time();
             points.push(self.evaluate_invariants(at));
@@ -69,25 +65,16 @@ impl Environment {
             let rate = |p: usize| points[p][2 * i + 1];
             let last = points.len() - 1;
             // Simpson's rule over pairs of equal pieces, the trapezoidal rule for what is left.
-            let equal = if final_length == length {
-                last
-            } else {
-                last - 1
-            };
+            let equal = if final_length == length { last } else { last - 1 };
             let paired = equal - equal % 2;
-            let mut integral: f64 = (0..paired)
-                .step_by(2)
-                .map(|p| length / 3.0 * (rate(p) + 4.0 * rate(p + 1) + rate(p + 2)))
-                .sum();
+            let mut integral: f64 = (0..paired).step_by(2).map(|p| length / 3.0 * (rate(p) + 4.0 * rate(p + 1) + rate(p + 2))).sum();
             for p in paired..last {
                 let width = if p + 1 == last { final_length } else { length };
                 integral += width / 2.0 * (rate(p) + rate(p + 1));
             }
             drift.sum += value(last) - value(0) - integral;
             drift.largest = drift.largest.max(drift.sum.abs());
-            drift.magnitude = (0..=last)
-                .map(|p| value(p).abs())
-                .fold(drift.magnitude, f64::max);
+            drift.magnitude = (0..=last).map(|p| value(p).abs()).fold(drift.magnitude, f64::max);
         }
     }
 }

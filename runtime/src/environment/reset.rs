@@ -121,15 +121,8 @@ impl Environment {
 
     fn given_parameters(&self, options: &ResetOptions) -> Result<Vec<(usize, f64)>, ResetError> {
         finite(&options.parameters, "parameter")?;
-        let all = self
-            .setup
-            .options
-            .parameters
-            .iter()
-            .chain(&options.parameters);
-        Ok(self
-            .setup
-            .given_parameters(all.map(|(name, value)| (name.as_str(), *value)))?)
+        let all = self.setup.options.parameters.iter().chain(&options.parameters);
+        Ok(self.setup.given_parameters(all.map(|(name, value)| (name.as_str(), *value)))?)
     }
 
     fn draw(&mut self, start: Start) {
@@ -163,16 +156,8 @@ impl Environment {
     fn initial_states(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
         let setup = std::sync::Arc::clone(&self.setup);
         let states = &setup.catalogue.states;
-        for element in states
-            .elements()
-            .iter()
-            .chain(setup.catalogue.solved.elements())
-        {
-            self.progress.y[element.at] = if element.default.is_finite() {
-                element.default
-            } else {
-                0.0
-            };
+        for element in states.elements().iter().chain(setup.catalogue.solved.elements()) {
+            self.progress.y[element.at] = if element.default.is_finite() { element.default } else { 0.0 };
         }
         if setup.model().interface().has_steady || options.start == Start::Steady {
             // The algebraic part of the steady state is the best guess there is.
@@ -182,9 +167,7 @@ impl Environment {
         }
         let (model, memory) = self.system.parts();
         if options.start == Start::Steady {
-            self.progress
-                .y
-                .copy_from_slice(memory.region(Region::Steady(Part::Y)));
+            self.progress.y.copy_from_slice(memory.region(Region::Steady(Part::Y)));
         } else {
             model.initial_states(memory, &mut self.progress.y);
         }
@@ -203,15 +186,10 @@ impl Environment {
             }
             StateInput::Array(values) => {
                 if values.len() != states.len() {
-                    return Err(ResetError::Length {
-                        given: values.len(),
-                        expected: states.len(),
-                    });
+                    return Err(ResetError::Length { given: values.len(), expected: states.len() });
                 }
                 if let Some(at) = values.iter().position(|v| !v.is_finite()) {
-                    return Err(ResetError::NotFinite {
-                        what: format!("state `{}`", states.elements()[at].name),
-                    });
+                    return Err(ResetError::NotFinite { what: format!("state `{}`", states.elements()[at].name) });
                 }
                 for (element, &value) in states.elements().iter().zip(values) {
                     self.progress.y[element.at] = value;
@@ -229,13 +207,7 @@ impl Environment {
             self.system.region_mut(Region::Action)[element.at] = element.default;
         }
         self.progress.steps = 0;
-        for builtin in [
-            Builtin::Steps,
-            Builtin::Clock,
-            Builtin::LastStep,
-            Builtin::Failed,
-            Builtin::ActionExcess,
-        ] {
+        for builtin in [Builtin::Steps, Builtin::Clock, Builtin::LastStep, Builtin::Failed, Builtin::ActionExcess] {
             self.set_builtin(builtin, 0.0);
         }
         let (model, memory) = self.system.parts();
@@ -256,20 +228,14 @@ impl Environment {
     fn set_replay(&mut self, recorded: &BTreeMap<String, Vec<f64>>) -> Result<(), ResetError> {
         let setup = &self.setup;
         self.replay.clear();
-        let standing = setup
-            .options
-            .disturbances
-            .iter()
-            .filter(|(name, _)| !recorded.contains_key(*name));
+        let standing = setup.options.disturbances.iter().filter(|(name, _)| !recorded.contains_key(*name));
         for (name, values) in standing.chain(recorded) {
             let at = setup.catalogue.disturbances.get(name, "disturbance")?.at;
             if values.is_empty() {
                 return Err(ResetError::Empty { name: name.clone() });
             }
             if values.iter().any(|v| !v.is_finite()) {
-                return Err(ResetError::NotFinite {
-                    what: format!("disturbance `{name}`"),
-                });
+                return Err(ResetError::NotFinite { what: format!("disturbance `{name}`") });
             }
             self.replay.push((at, values.clone()));
         }
@@ -283,16 +249,12 @@ impl Environment {
         let needed = model.unknowns() > model.states() || self.setup.derivatives_at_end;
         self.progress.yp.fill(0.0);
         if needed {
-            match self
-                .integrator
-                .restart(&mut self.system, 0.0, &self.progress.y, None)
-            {
+            match self.integrator.restart(&mut self.system, 0.0, &self.progress.y, None) {
                 Ok(()) => self.take_state(),
                 Err(error) => {
                     let failure: SolverFailure = super::interval::blame(&error, 0.0);
                     let setup = &self.setup;
-                    let message =
-                        describe_solver(&failure, setup.model(), &setup.catalogue, setup.sources());
+                    let message = describe_solver(&failure, setup.model(), &setup.catalogue, setup.sources());
                     return Err(ResetError::Inconsistent { message });
                 }
             }
@@ -302,20 +264,8 @@ impl Environment {
         // Caches may depend on the initial frame.
         let (model, memory) = self.system.parts();
         model.prepare_step(memory);
-        if needed
-            && self
-                .integrator
-                .restart(
-                    &mut self.system,
-                    0.0,
-                    &self.progress.y,
-                    Some(&self.progress.yp),
-                )
-                .is_ok()
-        {
-            self.progress
-                .yp
-                .copy_from_slice(self.integrator.derivative());
+        if needed && self.integrator.restart(&mut self.system, 0.0, &self.progress.y, Some(&self.progress.yp)).is_ok() {
+            self.progress.yp.copy_from_slice(self.integrator.derivative());
         }
         Ok(())
     }
@@ -331,17 +281,13 @@ impl Environment {
         progress.action_excess = 0.0;
         self.evaluate_finish(0.0);
         let observations = self.part(4);
-        self.progress
-            .sensors
-            .reset(self.progress.key, &self.finish[observations]);
+        self.progress.sensors.reset(self.progress.key, &self.finish[observations]);
     }
 }
 
 fn finite(values: &BTreeMap<String, f64>, kind: &str) -> Result<(), ResetError> {
     match values.iter().find(|(_, value)| !value.is_finite()) {
-        Some((name, _)) => Err(ResetError::NotFinite {
-            what: format!("{kind} `{name}`"),
-        }),
+        Some((name, _)) => Err(ResetError::NotFinite { what: format!("{kind} `{name}`") }),
         None => Ok(()),
     }
 }

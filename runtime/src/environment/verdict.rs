@@ -25,11 +25,7 @@ impl Environment {
         let mut failure = self.first_failure(outcome, excess);
         let rewards = self.part(3);
         self.progress.rewards.copy_from_slice(&self.finish[rewards]);
-        if failure.is_none()
-            && !self.progress.rewards[self.setup.reward..]
-                .first()
-                .is_none_or(|r| r.is_finite())
-        {
+        if failure.is_none() && !self.progress.rewards[self.setup.reward..].first().is_none_or(|r| r.is_finite()) {
             failure = Some(Failure::NotFinite);
         }
         let result = self.conclude(failure, last_step);
@@ -40,25 +36,13 @@ impl Environment {
     /// Runs the `finish` program.
     pub(super) fn evaluate_finish(&mut self, t: f64) {
         let (model, memory) = self.system.parts();
-        model.finish(
-            memory,
-            t,
-            &self.progress.y,
-            &self.progress.yp,
-            &mut self.finish,
-        );
+        model.finish(memory, t, &self.progress.y, &self.progress.yp, &mut self.finish);
     }
 
     /// Range of a part of the `finish` output: 0 failures, 1 successes, 2 constraints, 3 rewards, 4 observations.
     pub(super) fn part(&self, index: usize) -> std::ops::Range<usize> {
         let layout = self.setup.model().interface().finish;
-        let lengths = [
-            2 * layout.failures,
-            layout.successes,
-            layout.constraints,
-            layout.rewards,
-            layout.observations,
-        ];
+        let lengths = [2 * layout.failures, layout.successes, layout.constraints, layout.rewards, layout.observations];
         let start: u32 = lengths[..index].iter().sum();
         start as usize..(start + lengths[index]) as usize
     }
@@ -87,11 +71,7 @@ impl Environment {
         if outcome == Outcome::Solver {
             return Some(Failure::Solver);
         }
-        self.progress
-            .failing
-            .iter()
-            .position(|f| *f)
-            .map(|index| Failure::Declared(index as u32))
+        self.progress.failing.iter().position(|f| *f).map(|index| Failure::Declared(index as u32))
     }
 
     /// Rewards, flags and observation of a step whose failure is known; counts the step.
@@ -108,12 +88,7 @@ impl Environment {
         let terminated = failure.is_some() || success;
         let truncated = last_step && !terminated;
         self.progress.steps += 1;
-        let dense = self
-            .progress
-            .rewards
-            .get(self.setup.reward)
-            .copied()
-            .unwrap_or(0.0);
+        let dense = self.progress.rewards.get(self.setup.reward).copied().unwrap_or(0.0);
         self.progress.sum += dense;
         let reward = match (self.setup.options.sparse, terminated || truncated) {
             (false, _) => dense,
@@ -124,21 +99,9 @@ impl Environment {
             self.progress.phase = Phase::Over;
         }
         let observations = self.part(4);
-        self.progress.sensors.read(
-            self.progress.key,
-            self.progress.steps,
-            &self.finish[observations],
-        );
+        self.progress.sensors.read(self.progress.key, self.progress.steps, &self.finish[observations]);
         let cost = self.progress.violations.iter().sum();
-        StepResult {
-            reward,
-            terminated,
-            truncated,
-            success,
-            failure,
-            cost,
-            time: self.time(),
-        }
+        StepResult { reward, terminated, truncated, success, failure, cost, time: self.time() }
     }
 
     /// Every failure of the last step in words, the deciding one first, each beginning with its identifier; empty when nothing failed.
@@ -158,10 +121,7 @@ impl Environment {
         parts.extend(self.describe_declared());
         if first == Failure::NotFinite {
             let reward = &self.setup.model().interface().rewards[self.setup.reward].name;
-            parts.push(format!(
-                "{}: reward `{reward}` is not finite",
-                crate::failure::NOT_FINITE
-            ));
+            parts.push(format!("{}: reward `{reward}` is not finite", crate::failure::NOT_FINITE));
         }
         parts.join("; ")
     }
@@ -169,15 +129,8 @@ impl Environment {
     fn describe_action(&self) -> String {
         let actions = self.setup.catalogue.actions.elements();
         let present = self.system.region(Region::Action);
-        let items: Vec<String> = actions
-            .iter()
-            .filter_map(|e| describe_item(&e.into(), present[e.at]))
-            .collect();
-        if items.is_empty() {
-            "an action is not finite".into()
-        } else {
-            items.join(", ")
-        }
+        let items: Vec<String> = actions.iter().filter_map(|e| describe_item(&e.into(), present[e.at])).collect();
+        if items.is_empty() { "an action is not finite".into() } else { items.join(", ") }
     }
 
     fn describe_declared(&mut self) -> Vec<String> {
@@ -196,17 +149,8 @@ impl Environment {
             if !self.progress.failing[index] {
                 continue;
             }
-            let outside: Vec<String> = failure
-                .items
-                .iter()
-                .zip(own)
-                .filter_map(|(item, &value)| describe_item(item, value))
-                .collect();
-            let text = if outside.is_empty() {
-                failure.text.clone()
-            } else {
-                outside.join(", ")
-            };
+            let outside: Vec<String> = failure.items.iter().zip(own).filter_map(|(item, &value)| describe_item(item, value)).collect();
+            let text = if outside.is_empty() { failure.text.clone() } else { outside.join(", ") };
             let separator = if text.is_empty() { "" } else { ": " };
             texts.push(format!("{}{separator}{text}", failure.name));
         }
@@ -216,11 +160,6 @@ impl Environment {
 
 impl From<&crate::catalogue::Element> for smpl_compiler::model::BoxItem {
     fn from(element: &crate::catalogue::Element) -> Self {
-        Self {
-            name: element.name.clone(),
-            unit: element.unit.clone(),
-            low: element.low,
-            high: element.high,
-        }
+        Self { name: element.name.clone(), unit: element.unit.clone(), low: element.low, high: element.high }
     }
 }

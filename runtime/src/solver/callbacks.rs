@@ -9,11 +9,9 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::ptr::{self, NonNull};
 
 use sundials_sys::{
-    _generic_SUNLinearSolver, _generic_SUNLinearSolver_Ops, _generic_SUNMatrix,
-    _generic_SUNMatrix_Ops, IDAGetCurrentTime, IDAGetLastStep, N_Vector, SUNContext,
-    SUNLinearSolver, SUNLinearSolver_ID, SUNLinearSolver_ID_SUNLINEARSOLVER_CUSTOM,
-    SUNLinearSolver_Type, SUNLinearSolver_Type_SUNLINEARSOLVER_DIRECT, SUNMatrix, SUNMatrix_ID,
-    SUNMatrix_ID_SUNMATRIX_CUSTOM,
+    _generic_SUNLinearSolver, _generic_SUNLinearSolver_Ops, _generic_SUNMatrix, _generic_SUNMatrix_Ops, IDAGetCurrentTime, IDAGetLastStep,
+    N_Vector, SUNContext, SUNLinearSolver, SUNLinearSolver_ID, SUNLinearSolver_ID_SUNLINEARSOLVER_CUSTOM, SUNLinearSolver_Type,
+    SUNLinearSolver_Type_SUNLINEARSOLVER_DIRECT, SUNMatrix, SUNMatrix_ID, SUNMatrix_ID_SUNMATRIX_CUSTOM,
 };
 
 use super::kernels::Block;
@@ -74,13 +72,7 @@ pub(crate) struct Bridge {
 }
 
 impl Bridge {
-    pub fn new(
-        operations: Operations,
-        rtol: f64,
-        atol: &[f64],
-        entries: usize,
-        factorisation: Factorisation,
-    ) -> Self {
+    pub fn new(operations: Operations, rtol: f64, atol: &[f64], entries: usize, factorisation: Factorisation) -> Self {
         let mut blocks = vector::zeroed_blocks(atol.len());
         let all = blocks.iter_mut().flat_map(|block| block.0.iter_mut());
         let filled = atol.iter().copied().chain(std::iter::repeat(f64::INFINITY));
@@ -107,9 +99,7 @@ impl Bridge {
     pub fn lend(&mut self, system: &mut dyn System) {
         let system: NonNull<dyn System + '_> = NonNull::from(system);
         // SAFETY: only the lifetime changes; the pointer is taken back before the borrow ends.
-        self.system = Some(unsafe {
-            std::mem::transmute::<NonNull<dyn System + '_>, NonNull<dyn System>>(system)
-        });
+        self.system = Some(unsafe { std::mem::transmute::<NonNull<dyn System + '_>, NonNull<dyn System>>(system) });
     }
 
     pub fn take_back(&mut self) {
@@ -125,9 +115,7 @@ impl Bridge {
 
     /// IDA's last message.
     pub fn message(&self) -> String {
-        String::from_utf8_lossy(&self.message[..self.message_length])
-            .trim()
-            .to_owned()
+        String::from_utf8_lossy(&self.message[..self.message_length]).trim().to_owned()
     }
 
     fn note(&mut self, trouble: Trouble) {
@@ -149,28 +137,16 @@ impl Bridge {
     }
 
     /// Evaluates the residual at `y`, `yp` into `out`.
-    pub fn residual(
-        &mut self,
-        time: f64,
-        y: N_Vector,
-        yp: N_Vector,
-        out: N_Vector,
-    ) -> Result<(), c_int> {
+    pub fn residual(&mut self, time: f64, y: N_Vector, yp: N_Vector, out: N_Vector) -> Result<(), c_int> {
         self.counts.residuals += 1;
         self.guarded(|system| unsafe {
             system.residual(time, entries(y), entries(yp), entries_mut(out));
         })?;
-        if self
-            .operations
-            .all_finite(unsafe { vector::block_slice(out) })
-        {
+        if self.operations.all_finite(unsafe { vector::block_slice(out) }) {
             return Ok(());
         }
         self.counts.not_finite += 1;
-        let row = unsafe { entries(out) }
-            .iter()
-            .position(|x| !x.is_finite())
-            .unwrap_or(0);
+        let row = unsafe { entries(out) }.iter().position(|x| !x.is_finite()).unwrap_or(0);
         self.note(Trouble::Residual { time, row });
         Err(RECOVERABLE)
     }
@@ -200,10 +176,7 @@ impl Bridge {
             Err(singular) => {
                 let mut time = 0.0;
                 unsafe { IDAGetCurrentTime(self.memory, &mut time) };
-                self.note(Trouble::Singular {
-                    time,
-                    column: singular.column,
-                });
+                self.note(Trouble::Singular { time, column: singular.column });
                 RECOVERABLE
             }
         }
@@ -246,13 +219,7 @@ fn code(result: Result<(), c_int>) -> c_int {
     result.err().unwrap_or(0)
 }
 
-pub(crate) unsafe extern "C" fn residual(
-    t: f64,
-    y: N_Vector,
-    yp: N_Vector,
-    out: N_Vector,
-    data: *mut c_void,
-) -> c_int {
+pub(crate) unsafe extern "C" fn residual(t: f64, y: N_Vector, yp: N_Vector, out: N_Vector, data: *mut c_void) -> c_int {
     code(unsafe { bridge(data) }.residual(t, y, yp, out))
 }
 
@@ -271,13 +238,7 @@ pub(crate) unsafe extern "C" fn jacobian(
     code(unsafe { bridge(data) }.jacobian(t, cj, y, yp))
 }
 
-pub(crate) unsafe extern "C" fn roots(
-    t: f64,
-    y: N_Vector,
-    yp: N_Vector,
-    out: *mut f64,
-    data: *mut c_void,
-) -> c_int {
+pub(crate) unsafe extern "C" fn roots(t: f64, y: N_Vector, yp: N_Vector, out: *mut f64, data: *mut c_void) -> c_int {
     let done = unsafe { bridge(data) }.guarded(|system| {
         let out = unsafe { std::slice::from_raw_parts_mut(out, system.root_count()) };
         system.roots(t, unsafe { entries(y) }, unsafe { entries(yp) }, out);
@@ -285,13 +246,7 @@ pub(crate) unsafe extern "C" fn roots(
     code(done)
 }
 
-pub(crate) unsafe extern "C" fn quadratures(
-    t: f64,
-    y: N_Vector,
-    yp: N_Vector,
-    out: N_Vector,
-    data: *mut c_void,
-) -> c_int {
+pub(crate) unsafe extern "C" fn quadratures(t: f64, y: N_Vector, yp: N_Vector, out: N_Vector, data: *mut c_void) -> c_int {
     let done = unsafe { bridge(data) }.guarded(|system| unsafe {
         system.quadratures(t, entries(y), entries(yp), entries_mut(out));
     });
@@ -299,21 +254,14 @@ pub(crate) unsafe extern "C" fn quadratures(
 }
 
 /// Error weights; IDA asks for them once a step, which also makes it the place to watch the steps.
-pub(crate) unsafe extern "C" fn error_weights(
-    y: N_Vector,
-    weights: N_Vector,
-    data: *mut c_void,
-) -> c_int {
+pub(crate) unsafe extern "C" fn error_weights(y: N_Vector, weights: N_Vector, data: *mut c_void) -> c_int {
     let bridge = unsafe { bridge(data) };
-    unsafe {
-        bridge
-            .operations
-            .error_weights(bridge.rtol, y, &bridge.atol, weights)
-    };
+    unsafe { bridge.operations.error_weights(bridge.rtol, y, &bridge.atol, weights) };
     code(bridge.step_accepted())
 }
 
-/// Keeps the last message in place of printing it.
+/// Keeps the last message in place of printing it: SUNDIALS 6.
+#[cfg(not(feature = "vendored"))]
 pub(crate) unsafe extern "C" fn message(
     _code: c_int,
     _module: *const c_char,
@@ -321,6 +269,27 @@ pub(crate) unsafe extern "C" fn message(
     text: *mut c_char,
     data: *mut c_void,
 ) {
+    unsafe { keep_message(text, data) }
+}
+
+/// Keeps the last message in place of printing it: SUNDIALS 7.
+#[cfg(feature = "vendored")]
+pub(crate) unsafe extern "C" fn message(
+    _line: c_int,
+    _function: *const c_char,
+    _file: *const c_char,
+    text: *const c_char,
+    _code: sundials_sys::SUNErrCode,
+    data: *mut c_void,
+    _context: SUNContext,
+) {
+    unsafe { keep_message(text, data) }
+}
+
+unsafe fn keep_message(text: *const c_char, data: *mut c_void) {
+    if text.is_null() {
+        return;
+    }
     let bridge = unsafe { bridge(data) };
     let text = unsafe { CStr::from_ptr(text) }.to_bytes();
     let length = text.len().min(MESSAGE);
@@ -344,13 +313,7 @@ unsafe extern "C" fn solver_setup(solver: SUNLinearSolver, _: SUNMatrix) -> c_in
     unsafe { bridge((*solver).content) }.factorise()
 }
 
-unsafe extern "C" fn solver_solve(
-    solver: SUNLinearSolver,
-    _: SUNMatrix,
-    x: N_Vector,
-    b: N_Vector,
-    _: f64,
-) -> c_int {
+unsafe extern "C" fn solver_solve(solver: SUNLinearSolver, _: SUNMatrix, x: N_Vector, b: N_Vector, _: f64) -> c_int {
     let bridge = unsafe { bridge((*solver).content) };
     bridge.counts.linear_solves += 1;
     let x = unsafe { entries_mut(x) };
@@ -399,19 +362,8 @@ pub(crate) struct LinearObjects {
 impl LinearObjects {
     pub fn new(bridge: *mut Bridge, sunctx: SUNContext) -> Self {
         // SUNDIALS only reads the tables.
-        let solver = _generic_SUNLinearSolver {
-            content: bridge.cast(),
-            ops: ptr::from_ref(&SOLVER).cast_mut(),
-            sunctx,
-        };
-        let matrix = _generic_SUNMatrix {
-            content: bridge.cast(),
-            ops: ptr::from_ref(&MATRIX).cast_mut(),
-            sunctx,
-        };
-        Self {
-            solver: Box::new(solver),
-            matrix: Box::new(matrix),
-        }
+        let solver = _generic_SUNLinearSolver { content: bridge.cast(), ops: ptr::from_ref(&SOLVER).cast_mut(), sunctx };
+        let matrix = _generic_SUNMatrix { content: bridge.cast(), ops: ptr::from_ref(&MATRIX).cast_mut(), sunctx };
+        Self { solver: Box::new(solver), matrix: Box::new(matrix) }
     }
 }

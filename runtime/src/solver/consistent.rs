@@ -54,20 +54,13 @@ pub(crate) struct Consistent {
 }
 
 impl Consistent {
-    pub fn new(
-        system: &dyn System,
-        operations: Operations,
-        context: SUNContext,
-    ) -> Result<Self, SolveError> {
+    pub fn new(system: &dyn System, operations: Operations, context: SUNContext) -> Result<Self, SolveError> {
         let n = system.dimension();
         let differential: Box<[bool]> = system.differential().into();
         let pattern = system.pattern().clone();
         let algebraic: Box<[usize]> = (0..n).filter(|&i| !differential[i]).collect();
         let mut number = vec![usize::MAX; n];
-        algebraic
-            .iter()
-            .enumerate()
-            .for_each(|(k, &i)| number[i] = k);
+        algebraic.iter().enumerate().for_each(|(k, &i)| number[i] = k);
         let (mut starts, mut rows, mut block_entries) = (vec![0], vec![], vec![]);
         for &column in &algebraic {
             for entry in pattern.column(column) {
@@ -108,13 +101,7 @@ impl Consistent {
     }
 
     /// Makes the algebraic unknowns of `y` consistent and sets the differential entries of `yp`, the others to zero.
-    pub fn initialise(
-        &mut self,
-        bridge: &mut Bridge,
-        t: f64,
-        y: &mut Vector,
-        yp: &mut Vector,
-    ) -> Result<(), Inconsistent> {
+    pub fn initialise(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &mut Vector) -> Result<(), Inconsistent> {
         yp.entries_mut().fill(0.0);
         self.evaluate(bridge, t, y, yp)?;
         if !self.algebraic.is_empty() {
@@ -122,35 +109,17 @@ impl Consistent {
         }
         let derivative = yp.entries_mut();
         for (i, &differential) in self.differential.iter().enumerate() {
-            derivative[i] = if differential {
-                self.residual.entries()[i]
-            } else {
-                0.0
-            };
+            derivative[i] = if differential { self.residual.entries()[i] } else { 0.0 };
         }
         Ok(())
     }
 
-    fn evaluate(
-        &mut self,
-        bridge: &mut Bridge,
-        t: f64,
-        y: &Vector,
-        yp: &Vector,
-    ) -> Result<(), Inconsistent> {
-        bridge
-            .residual(t, y.raw(), yp.raw(), self.residual.raw())
-            .map_err(|_| Inconsistent::Callback)
+    fn evaluate(&mut self, bridge: &mut Bridge, t: f64, y: &Vector, yp: &Vector) -> Result<(), Inconsistent> {
+        bridge.residual(t, y.raw(), yp.raw(), self.residual.raw()).map_err(|_| Inconsistent::Callback)
     }
 
     /// Newton's method on the algebraic rows; leaves the residual of the solution.
-    fn solve_algebraic(
-        &mut self,
-        bridge: &mut Bridge,
-        t: f64,
-        y: &mut Vector,
-        yp: &Vector,
-    ) -> Result<(), Inconsistent> {
+    fn solve_algebraic(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &Vector) -> Result<(), Inconsistent> {
         self.factorise_block(bridge, t, y, yp)?;
         let mut size = self.correct(bridge, y);
         for iterations in 1..=MAX_ITERATIONS {
@@ -158,12 +127,7 @@ impl Consistent {
                 return Ok(());
             }
             let last = size <= LAST_CORRECTION;
-            let next = self
-                .damped_step(bridge, t, y, yp, size)
-                .ok_or(Inconsistent::Diverged {
-                    iterations,
-                    correction: size,
-                })?;
+            let next = self.damped_step(bridge, t, y, yp, size).ok_or(Inconsistent::Diverged { iterations, correction: size })?;
             if last {
                 return Ok(());
             }
@@ -175,31 +139,18 @@ impl Consistent {
                 self.correct(bridge, y)
             };
         }
-        Err(Inconsistent::Diverged {
-            iterations: MAX_ITERATIONS,
-            correction: size,
-        })
+        Err(Inconsistent::Diverged { iterations: MAX_ITERATIONS, correction: size })
     }
 
-    fn factorise_block(
-        &mut self,
-        bridge: &mut Bridge,
-        t: f64,
-        y: &Vector,
-        yp: &Vector,
-    ) -> Result<(), Inconsistent> {
-        bridge
-            .jacobian(t, 0.0, y.raw(), yp.raw())
-            .map_err(|_| Inconsistent::Callback)?;
+    fn factorise_block(&mut self, bridge: &mut Bridge, t: f64, y: &Vector, yp: &Vector) -> Result<(), Inconsistent> {
+        bridge.jacobian(t, 0.0, y.raw(), yp.raw()).map_err(|_| Inconsistent::Callback)?;
         for (value, &entry) in self.block_values.iter_mut().zip(&self.block_entries) {
             *value = bridge.values[entry];
         }
         let Some(block) = &mut self.block else {
             return Ok(());
         };
-        block
-            .factorise(&self.block_values)
-            .map_err(|singular| Inconsistent::Singular(singular.column.map(|k| self.algebraic[k])))
+        block.factorise(&self.block_values).map_err(|singular| Inconsistent::Singular(singular.column.map(|k| self.algebraic[k])))
     }
 
     /// Sets the correction from the residual and returns its size in tolerances.
@@ -211,35 +162,21 @@ impl Consistent {
             block.solve(&mut self.correction);
         }
         let spread = self.spread.entries_mut();
-        self.algebraic
-            .iter()
-            .zip(&self.correction)
-            .for_each(|(&i, &value)| spread[i] = value);
+        self.algebraic.iter().zip(&self.correction).for_each(|(&i, &value)| spread[i] = value);
         self.norm(bridge, y, &self.spread)
     }
 
     /// Weighted root mean square of `x` with the error weights at `y`.
     fn norm(&self, bridge: &Bridge, y: &Vector, x: &Vector) -> f64 {
         unsafe {
-            bridge
-                .operations
-                .error_weights(bridge.rtol, y.raw(), &bridge.atol, self.weights.raw());
+            bridge.operations.error_weights(bridge.rtol, y.raw(), &bridge.atol, self.weights.raw());
             N_VWrmsNorm(x.raw(), self.weights.raw())
         }
     }
 
     /// Moves `y` along the correction so far that the next correction, with the same g_z, gets smaller; returns its size.
-    fn damped_step(
-        &mut self,
-        bridge: &mut Bridge,
-        t: f64,
-        y: &mut Vector,
-        yp: &Vector,
-        size: f64,
-    ) -> Option<f64> {
-        self.work
-            .entries_mut()
-            .copy_from_slice(self.spread.entries());
+    fn damped_step(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &Vector, size: f64) -> Option<f64> {
+        self.work.entries_mut().copy_from_slice(self.spread.entries());
         for (start, &i) in self.start.iter_mut().zip(&self.algebraic) {
             *start = y.entries()[i];
         }
@@ -273,19 +210,14 @@ impl Consistent {
     ) -> Result<f64, Inconsistent> {
         self.factorise_block(bridge, t, y, yp)?;
         self.time_derivative(bridge, t, span, y, yp)?;
-        self.accumulate(bridge, yp, |differential, row_differential| {
-            differential && !row_differential
-        });
+        self.accumulate(bridge, yp, |differential, row_differential| differential && !row_differential);
         if let Some(block) = &mut self.block {
             for (correction, &i) in self.correction.iter_mut().zip(&self.algebraic) {
                 *correction = -self.work.entries()[i];
             }
             block.solve(&mut self.correction);
             let derivative = yp.entries_mut();
-            self.algebraic
-                .iter()
-                .zip(&self.correction)
-                .for_each(|(&i, &value)| derivative[i] = value);
+            self.algebraic.iter().zip(&self.correction).for_each(|(&i, &value)| derivative[i] = value);
         }
         self.accumulate(bridge, yp, |_, row_differential| row_differential);
         let second = self.work.entries_mut();
@@ -295,14 +227,7 @@ impl Consistent {
     }
 
     /// Leaves ∂F/∂t in `work`: zero to the bit in rows where time does not occur.
-    fn time_derivative(
-        &mut self,
-        bridge: &mut Bridge,
-        t: f64,
-        span: f64,
-        y: &Vector,
-        yp: &Vector,
-    ) -> Result<(), Inconsistent> {
+    fn time_derivative(&mut self, bridge: &mut Bridge, t: f64, span: f64, y: &Vector, yp: &Vector) -> Result<(), Inconsistent> {
         let later = t + (1e-7 * span).max(1e-8 * t.abs());
         bridge
             .residual(t, y.raw(), yp.raw(), self.residual.raw())

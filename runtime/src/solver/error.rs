@@ -69,9 +69,7 @@ pub enum SolveError {
         row: usize,
     },
     /// The Jacobian has an entry that is not finite.
-    #[error(
-        "the Jacobian has an entry that is not finite at t = {time}, row {row}, column {column}"
-    )]
+    #[error("the Jacobian has an entry that is not finite at t = {time}, row {row}, column {column}")]
     JacobianNotFinite {
         /// Where it was evaluated.
         time: f64,
@@ -89,9 +87,7 @@ pub enum SolveError {
         column: Option<usize>,
     },
     /// No consistent initial condition was found.
-    #[error(
-        "no consistent initial condition at t = {time}: {iterations} Newton iterations leave a correction of {correction} tolerances"
-    )]
+    #[error("no consistent initial condition at t = {time}: {iterations} Newton iterations leave a correction of {correction} tolerances")]
     InitialConditions {
         /// Time of the restart.
         time: f64,

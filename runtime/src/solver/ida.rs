@@ -11,9 +11,7 @@ use super::callbacks::{Bridge, LinearObjects, Trouble};
 use super::consistent::{Consistent, Inconsistent};
 use super::linear::Method;
 use super::vector::{Operations, Vector};
-use super::{
-    Advance, FirstStep, IdaFlag, Integrator, Quadratures, Settings, SolveError, Statistics, System,
-};
+use super::{Advance, FirstStep, IdaFlag, Integrator, Quadratures, Settings, SolveError, Statistics, System};
 
 /// Counters that IDA keeps from one restart to the next.
 #[derive(Clone, Copy, Default)]
@@ -113,19 +111,16 @@ impl Ida {
     }
 
     fn flag(&mut self, value: c_int) -> IdaFlag {
-        IdaFlag {
-            value,
-            message: self.bridge().message(),
-        }
+        IdaFlag { value, message: self.bridge().message() }
     }
 
     fn initialise(&mut self) -> Result<(), SolveError> {
         let bridge = unsafe { &mut *self.bridge };
         bridge.begin();
         match &mut self.consistent {
-            Some(consistent) => consistent
-                .initialise(bridge, self.time, &mut self.y, &mut self.yp)
-                .map_err(|cause| self.inconsistent(cause)),
+            Some(consistent) => {
+                consistent.initialise(bridge, self.time, &mut self.y, &mut self.yp).map_err(|cause| self.inconsistent(cause))
+            }
             None => self.calculate_initial_condition(),
         }
     }
@@ -146,12 +141,7 @@ impl Ida {
             return Ok(());
         }
         let flag = self.flag(value);
-        Err(self
-            .trouble()
-            .unwrap_or(SolveError::ImplicitInitialConditions {
-                time: self.time,
-                flag,
-            }))
+        Err(self.trouble().unwrap_or(SolveError::ImplicitInitialConditions { time: self.time, flag }))
     }
 
     fn inconsistent(&mut self, cause: Inconsistent) -> SolveError {
@@ -159,14 +149,7 @@ impl Ida {
         match cause {
             Inconsistent::Callback => self.trouble().unwrap_or(SolveError::Panicked { time }),
             Inconsistent::Singular(column) => SolveError::SingularJacobian { time, column },
-            Inconsistent::Diverged {
-                iterations,
-                correction,
-            } => SolveError::InitialConditions {
-                time,
-                iterations,
-                correction,
-            },
+            Inconsistent::Diverged { iterations, correction } => SolveError::InitialConditions { time, iterations, correction },
         }
     }
 
@@ -177,11 +160,7 @@ impl Ida {
             Trouble::Residual { time, row } => SolveError::NotFinite { time, row },
             Trouble::Jacobian { time, entry } => {
                 let (rows, columns) = &self.rows_of_entries;
-                SolveError::JacobianNotFinite {
-                    time,
-                    row: rows[entry],
-                    column: columns[entry],
-                }
+                SolveError::JacobianNotFinite { time, row: rows[entry], column: columns[entry] }
             }
             Trouble::Singular { time, column } => SolveError::SingularJacobian { time, column },
             Trouble::TinySteps { step } => SolveError::StepTooSmall { time, step },
@@ -193,16 +172,10 @@ impl Ida {
     fn start(&mut self, step: f64) -> Result<(), SolveError> {
         unsafe {
             check("IDASetInitStep", IDASetInitStep(self.memory, step))?;
-            check(
-                "IDAReInit",
-                IDAReInit(self.memory, self.time, self.y.raw(), self.yp.raw()),
-            )?;
+            check("IDAReInit", IDAReInit(self.memory, self.time, self.y.raw(), self.yp.raw()))?;
             if let Some(quadratures) = &mut self.quadratures {
                 quadratures.entries_mut().fill(0.0);
-                check(
-                    "IDAQuadReInit",
-                    IDAQuadReInit(self.memory, quadratures.raw()),
-                )?;
+                check("IDAQuadReInit", IDAQuadReInit(self.memory, quadratures.raw()))?;
             }
         }
         self.counted = IdaCounts::default();
@@ -219,9 +192,9 @@ impl Ida {
             (FirstStep::Scaled { factor }, _) => factor * self.last_step,
             // Only IDA's rule looks at the quadratures.
             _ if self.settings.quadratures != Quadratures::Unchecked => 0.0,
-            (FirstStep::Estimated { safety }, Some(consistent)) => consistent
-                .first_step(bridge, time, interval, &self.y, &mut self.yp, safety)
-                .map_err(|cause| self.inconsistent(cause))?,
+            (FirstStep::Estimated { safety }, Some(consistent)) => {
+                consistent.first_step(bridge, time, interval, &self.y, &mut self.yp, safety).map_err(|cause| self.inconsistent(cause))?
+            }
             _ => 0.0,
         })
     }
@@ -247,18 +220,14 @@ impl Ida {
                 Advance::Reached
             }
             IDA_ROOT_RETURN => {
-                check("IDAGetRootInfo", unsafe {
-                    IDAGetRootInfo(self.memory, self.events.as_mut_ptr())
-                })?;
+                check("IDAGetRootInfo", unsafe { IDAGetRootInfo(self.memory, self.events.as_mut_ptr()) })?;
                 Advance::Event
             }
             failure => return Err(self.failure(failure)),
         };
         if let Some(quadratures) = &self.quadratures {
             let mut time = self.time;
-            check("IDAGetQuad", unsafe {
-                IDAGetQuad(self.memory, &mut time, quadratures.raw())
-            })?;
+            check("IDAGetQuad", unsafe { IDAGetQuad(self.memory, &mut time, quadratures.raw()) })?;
         }
         Ok(advance)
     }
@@ -299,10 +268,8 @@ impl Ida {
         self.counted = now;
         let bridge = self.bridge();
         bridge.counts.steps += (now.steps - before.steps) as u64;
-        bridge.counts.error_test_failures +=
-            (now.error_test_failures - before.error_test_failures) as u64;
-        bridge.counts.nonlinear_failures +=
-            (now.nonlinear_failures - before.nonlinear_failures) as u64;
+        bridge.counts.error_test_failures += (now.error_test_failures - before.error_test_failures) as u64;
+        bridge.counts.nonlinear_failures += (now.nonlinear_failures - before.nonlinear_failures) as u64;
         // The very last step may be a short one, cut at the stop time; the one before it was free.
         let free = if now.steps > 1 { bridge.last_step } else { 0.0 };
         self.last_step = last.max(free);
@@ -314,10 +281,7 @@ impl Ida {
         }
         let (time, flag) = (self.time, self.flag(value));
         match value {
-            IDA_TOO_MUCH_WORK => SolveError::TooManySteps {
-                time,
-                steps: self.settings.max_steps,
-            },
+            IDA_TOO_MUCH_WORK => SolveError::TooManySteps { time, steps: self.settings.max_steps },
             IDA_ERR_FAIL => SolveError::ErrorTestFailures { time, flag },
             IDA_CONV_FAIL => SolveError::ConvergenceFailures { time, flag },
             _ => SolveError::Other { time, flag },
@@ -326,26 +290,12 @@ impl Ida {
 }
 
 impl Integrator for Ida {
-    fn restart(
-        &mut self,
-        system: &mut dyn System,
-        t0: f64,
-        y: &[f64],
-        yp: Option<&[f64]>,
-    ) -> Result<(), SolveError> {
+    fn restart(&mut self, system: &mut dyn System, t0: f64, y: &[f64], yp: Option<&[f64]>) -> Result<(), SolveError> {
         self.phase = Phase::Idle;
         let n = self.differential.len();
-        let lengths = [
-            ("system", system.dimension()),
-            ("y", y.len()),
-            ("yp", yp.map_or(n, <[f64]>::len)),
-        ];
+        let lengths = [("system", system.dimension()), ("y", y.len()), ("yp", yp.map_or(n, <[f64]>::len))];
         if let Some((name, given)) = lengths.into_iter().find(|&(_, given)| given != n) {
-            return Err(SolveError::Length {
-                name,
-                given,
-                expected: n,
-            });
+            return Err(SolveError::Length { name, given, expected: n });
         }
         if !t0.is_finite() {
             return Err(SolveError::Interval { from: t0, to: t0 });
@@ -379,11 +329,7 @@ impl Integrator for Ida {
         }
         let n = self.differential.len();
         if system.dimension() != n {
-            return Err(SolveError::Length {
-                name: "system",
-                given: system.dimension(),
-                expected: n,
-            });
+            return Err(SolveError::Length { name: "system", given: system.dimension(), expected: n });
         }
         let result = self.lending(system, |ida| ida.solve(t_end));
         if result.is_err() {

@@ -44,13 +44,7 @@ pub trait Integrator: Send {
     ///
     /// # Errors
     /// [`SolveError::InitialConditions`] and its like when no consistent state is found near `y`.
-    fn restart(
-        &mut self,
-        system: &mut dyn System,
-        t0: f64,
-        y: &[f64],
-        yp: Option<&[f64]>,
-    ) -> Result<(), SolveError>;
+    fn restart(&mut self, system: &mut dyn System, t0: f64, y: &[f64], yp: Option<&[f64]>) -> Result<(), SolveError>;
 
     /// Steps to `t_end`, exactly, or to the first event before it.
     ///

@@ -64,13 +64,7 @@ pub(crate) unsafe fn map(blocks: usize, x: *const Block, z: *mut Block, f: impl 
 /// # Safety
 /// `x`, `y` and `z` point to `blocks` blocks each.
 #[inline(always)]
-pub(crate) unsafe fn zip(
-    blocks: usize,
-    x: *const Block,
-    y: *const Block,
-    z: *mut Block,
-    f: impl Fn(f64, f64) -> f64,
-) {
+pub(crate) unsafe fn zip(blocks: usize, x: *const Block, y: *const Block, z: *mut Block, f: impl Fn(f64, f64) -> f64) {
     for i in 0..blocks {
         unsafe { z.add(i).write(x.add(i).read().zip(y.add(i).read(), &f)) };
     }
@@ -81,18 +75,9 @@ pub(crate) unsafe fn zip(
 /// # Safety
 /// `x`, `y` and `z` point to `blocks` blocks each.
 #[inline(always)]
-pub(crate) unsafe fn linear_sum(
-    blocks: usize,
-    (a, x): (f64, *const Block),
-    (b, y): (f64, *const Block),
-    z: *mut Block,
-) {
+pub(crate) unsafe fn linear_sum(blocks: usize, (a, x): (f64, *const Block), (b, y): (f64, *const Block), z: *mut Block) {
     // A factor of one (IDA's usual case) is exact either way round: the other product is the one to fuse.
-    let ((a, x), (b, y)) = if b.abs() == 1.0 {
-        ((b, y), (a, x))
-    } else {
-        ((a, x), (b, y))
-    };
+    let ((a, x), (b, y)) = if b.abs() == 1.0 { ((b, y), (a, x)) } else { ((a, x), (b, y)) };
     unsafe { zip(blocks, x, y, z, |x, y| b.mul_add(y, a * x)) };
 }
 
@@ -101,12 +86,7 @@ pub(crate) unsafe fn linear_sum(
 /// # Safety
 /// `z` and each of `x` point to `blocks` blocks; `c` and `x` have the same length, at least one.
 #[inline(always)]
-pub(crate) unsafe fn linear_combination(
-    blocks: usize,
-    c: &[f64],
-    x: &[*const Block],
-    z: *mut Block,
-) {
+pub(crate) unsafe fn linear_combination(blocks: usize, c: &[f64], x: &[*const Block], z: *mut Block) {
     for i in 0..blocks {
         let mut sum = Block::ZERO;
         for (&c, &x) in c.iter().zip(x) {
@@ -121,12 +101,7 @@ pub(crate) unsafe fn linear_combination(
 /// # Safety
 /// `x` and `y` point to `blocks` blocks each.
 #[inline(always)]
-pub(crate) unsafe fn reduce(
-    blocks: usize,
-    x: *const Block,
-    y: *const Block,
-    term: impl Fn(f64, f64, f64) -> f64,
-) -> f64 {
+pub(crate) unsafe fn reduce(blocks: usize, x: *const Block, y: *const Block, term: impl Fn(f64, f64, f64) -> f64) -> f64 {
     let add = |i: usize, sum: Block| {
         let (x, y) = unsafe { (x.add(i).read(), y.add(i).read()) };
         Block(from_fn(|lane| term(x.0[lane], y.0[lane], sum.0[lane])))
@@ -149,10 +124,7 @@ pub(crate) unsafe fn reduce(
         }
     }
     let plus = |x: f64, y: f64| x + y;
-    sums[0]
-        .zip(sums[2], plus)
-        .zip(sums[1].zip(sums[3], plus), plus)
-        .sum()
+    sums[0].zip(sums[2], plus).zip(sums[1].zip(sums[3], plus), plus).sum()
 }
 
 /// Sum of `(x w)^2`.
@@ -184,16 +156,6 @@ pub(crate) unsafe fn all_finite(blocks: usize, x: *const Block) -> bool {
 /// # Safety
 /// `y`, `atol` and `w` point to `blocks` blocks each.
 #[inline(always)]
-pub(crate) unsafe fn error_weights(
-    blocks: usize,
-    rtol: f64,
-    y: *const Block,
-    atol: *const Block,
-    w: *mut Block,
-) {
-    unsafe {
-        zip(blocks, y, atol, w, |y, atol| {
-            1.0 / rtol.mul_add(y.abs(), atol)
-        })
-    };
+pub(crate) unsafe fn error_weights(blocks: usize, rtol: f64, y: *const Block, atol: *const Block, w: *mut Block) {
+    unsafe { zip(blocks, y, atol, w, |y, atol| 1.0 / rtol.mul_add(y.abs(), atol)) };
 }

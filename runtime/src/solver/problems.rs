@@ -24,23 +24,9 @@ pub struct Problem {
 
 impl Problem {
     /// A system of ordinary differential equations, F = f − y', with this pattern.
-    pub fn ode(
-        start: Vec<f64>,
-        inputs: Vec<f64>,
-        pattern: Pattern,
-        residual: Residual,
-        jacobian: Jacobian,
-    ) -> Self {
+    pub fn ode(start: Vec<f64>, inputs: Vec<f64>, pattern: Pattern, residual: Residual, jacobian: Jacobian) -> Self {
         let differential = vec![true; start.len()];
-        Self {
-            start,
-            inputs,
-            differential,
-            explicit: true,
-            pattern,
-            residual,
-            jacobian,
-        }
+        Self { start, inputs, differential, explicit: true, pattern, residual, jacobian }
     }
 
     /// The same functions, with these unknowns differential and derivatives explicit or not.
@@ -89,17 +75,7 @@ pub fn robertson() -> Problem {
         },
         |_, y, cj, _, j| {
             let (y2, y3) = (y[1], y[2]);
-            j.copy_from_slice(&[
-                -0.04 - cj,
-                0.04,
-                0.0,
-                1e4 * y3,
-                -1e4 * y3 - 6e7 * y2 - cj,
-                6e7 * y2,
-                1e4 * y2,
-                -1e4 * y2,
-                -cj,
-            ]);
+            j.copy_from_slice(&[-0.04 - cj, 0.04, 0.0, 1e4 * y3, -1e4 * y3 - 6e7 * y2 - cj, 6e7 * y2, 1e4 * y2, -1e4 * y2, -cj]);
         },
     )
 }
@@ -115,17 +91,7 @@ pub fn robertson_dae() -> Problem {
     };
     problem.jacobian = |_, y, cj, _, j| {
         let (y2, y3) = (y[1], y[2]);
-        j.copy_from_slice(&[
-            -0.04 - cj,
-            0.04,
-            1.0,
-            1e4 * y3,
-            -1e4 * y3 - 6e7 * y2 - cj,
-            1.0,
-            1e4 * y2,
-            -1e4 * y2,
-            1.0,
-        ]);
+        j.copy_from_slice(&[-0.04 - cj, 0.04, 1.0, 1e4 * y3, -1e4 * y3 - 6e7 * y2 - cj, 1.0, 1e4 * y2, -1e4 * y2, 1.0]);
     };
     problem
 }
@@ -141,12 +107,7 @@ pub fn van_der_pol() -> Problem {
             out[1] = ((1.0 - y[0] * y[0]) * y[1] - y[0]) / u[0] - yp[1];
         },
         |_, y, cj, u, j| {
-            j.copy_from_slice(&[
-                -cj,
-                (-2.0 * y[0] * y[1] - 1.0) / u[0],
-                1.0,
-                (1.0 - y[0] * y[0]) / u[0] - cj,
-            ]);
+            j.copy_from_slice(&[-cj, (-2.0 * y[0] * y[1] - 1.0) / u[0], 1.0, (1.0 - y[0] * y[0]) / u[0] - cj]);
         },
     )
 }
@@ -238,11 +199,7 @@ pub fn stirred_tank() -> Problem {
 /// A step at the inlet leaves tank i as the distribution function of Erlang's distribution.
 pub fn tanks_in_series(tanks: usize) -> Problem {
     let column = |i: usize| {
-        if i + 1 < tanks {
-            vec![i, i + 1]
-        } else {
-            vec![i]
-        }
+        if i + 1 < tanks { vec![i, i + 1] } else { vec![i] }
     };
     Problem::ode(
         vec![0.0; tanks],
@@ -290,11 +247,7 @@ pub fn tubular_reactor(cells: usize) -> Problem {
         |_, y, yp, u, out| {
             let flow = (y.len() / SPECIES) as f64;
             let mut inlet = [1.0, 0.8, 0.0, u[0]];
-            for ((out, y), yp) in out
-                .chunks_exact_mut(SPECIES)
-                .zip(y.chunks_exact(SPECIES))
-                .zip(yp.chunks_exact(SPECIES))
-            {
+            for ((out, y), yp) in out.chunks_exact_mut(SPECIES).zip(y.chunks_exact(SPECIES)).zip(yp.chunks_exact(SPECIES)) {
                 let rate = 8.0 * (10.0 * (1.0 - 1.0 / y[3])).exp() * y[0] * y[1];
                 let source = [-rate, -rate, rate, 0.3 * rate + 2.0 * (u[1] - y[3])];
                 for k in 0..SPECIES {
@@ -309,20 +262,11 @@ pub fn tubular_reactor(cells: usize) -> Problem {
             let mut to = 0;
             for (cell, y) in y.chunks_exact(SPECIES).enumerate() {
                 let k = 8.0 * (10.0 * (1.0 - 1.0 / y[3])).exp();
-                let slopes = [
-                    k * y[1],
-                    k * y[0],
-                    0.0,
-                    k * y[0] * y[1] * 10.0 / (y[3] * y[3]),
-                ];
+                let slopes = [k * y[1], k * y[0], 0.0, k * y[0] * y[1] * 10.0 / (y[3] * y[3])];
                 for (species, slope) in slopes.into_iter().enumerate() {
                     let mut column = [-slope, -slope, slope, 0.3 * slope];
                     column[species] -= flow + cj + if species == 3 { 2.0 } else { 0.0 };
-                    let rows = if species == 2 {
-                        &column[2..3]
-                    } else {
-                        &column[..]
-                    };
+                    let rows = if species == 2 { &column[2..3] } else { &column[..] };
                     j[to..to + rows.len()].copy_from_slice(rows);
                     to += rows.len();
                     if cell + 1 < cells {

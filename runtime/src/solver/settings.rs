@@ -110,36 +110,15 @@ impl Settings {
             Quadratures::Checked { rtol, atol } => not_negative(rtol) && positive(atol),
         };
         let checks = [
-            (
-                not_negative(self.rtol),
-                "rtol must be finite and not negative",
-            ),
-            (
-                self.atol.len() == dimension,
-                "atol must have one entry an unknown",
-            ),
-            (
-                self.atol.iter().all(|&x| positive(x)),
-                "atol must be finite and positive",
-            ),
-            (
-                (1..=5).contains(&self.max_order),
-                "max_order must be 1 to 5",
-            ),
+            (not_negative(self.rtol), "rtol must be finite and not negative"),
+            (self.atol.len() == dimension, "atol must have one entry an unknown"),
+            (self.atol.iter().all(|&x| positive(x)), "atol must be finite and positive"),
+            ((1..=5).contains(&self.max_order), "max_order must be 1 to 5"),
             (first_step, "first_step must be finite and positive"),
             (self.max_steps > 0, "max_steps must be positive"),
-            (
-                not_negative(self.min_step),
-                "min_step must be finite and not negative",
-            ),
-            (
-                self.max_step > self.min_step,
-                "max_step must exceed min_step",
-            ),
-            (
-                quadratures,
-                "tolerances of the quadratures must be finite and positive",
-            ),
+            (not_negative(self.min_step), "min_step must be finite and not negative"),
+            (self.max_step > self.min_step, "max_step must exceed min_step"),
+            (quadratures, "tolerances of the quadratures must be finite and positive"),
         ];
         match checks.into_iter().find(|(holds, _)| !holds) {
             Some((_, message)) => Err(SolveError::Settings { message }),

@@ -83,10 +83,7 @@ impl Pattern {
         if !bounded || !column_starts.is_sorted() {
             return Err(PatternError::ColumnStarts { entries });
         }
-        let pattern = Self {
-            column_starts,
-            rows,
-        };
+        let pattern = Self { column_starts, rows };
         let dimension = pattern.dimension();
         for column in 0..dimension {
             let rows = &pattern.rows[pattern.column(column)];

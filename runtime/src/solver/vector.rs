@@ -5,12 +5,11 @@
 //! [`kernels`](super::kernels). There are two tables of the same functions: one compiled for AVX2 and FMA, one for any
 //! processor. Both give the same bits.
 
-use std::os::raw::{c_int, c_void};
+use std::os::raw::c_int;
 use std::ptr;
 
 use sundials_sys::{
-    _generic_N_Vector, _generic_N_Vector_Ops, N_Vector, N_Vector_ID,
-    N_Vector_ID_SUNDIALS_NVEC_CUSTOM, SUNContext,
+    _generic_N_Vector, _generic_N_Vector_Ops, N_Vector, N_Vector_ID, N_Vector_ID_SUNDIALS_NVEC_CUSTOM, SUNComm, SUNContext, comm_no_mpi,
 };
 
 use super::kernels::{Block, LANES};
@@ -69,15 +68,8 @@ pub(crate) fn zeroed_blocks(length: usize) -> Box<[Block]> {
 }
 
 fn allocate(length: usize, ops: *mut _generic_N_Vector_Ops, sunctx: SUNContext) -> N_Vector {
-    let content = Box::into_raw(Box::new(Content {
-        length,
-        blocks: zeroed_blocks(length),
-    }));
-    Box::into_raw(Box::new(_generic_N_Vector {
-        content: content.cast(),
-        ops,
-        sunctx,
-    }))
+    let content = Box::into_raw(Box::new(Content { length, blocks: zeroed_blocks(length) }));
+    Box::into_raw(Box::new(_generic_N_Vector { content: content.cast(), ops, sunctx }))
 }
 
 unsafe extern "C" fn vector_id(_: N_Vector) -> N_Vector_ID {
@@ -111,8 +103,8 @@ unsafe extern "C" fn length(x: N_Vector) -> i64 {
     unsafe { (*content(x)).length as i64 }
 }
 
-unsafe extern "C" fn communicator(_: N_Vector) -> *mut c_void {
-    ptr::null_mut()
+unsafe extern "C" fn communicator(_: N_Vector) -> SUNComm {
+    comm_no_mpi()
 }
 
 // The operations from here to the macro write a number other than zero where zeros stand, so they keep to the length.
@@ -134,15 +126,11 @@ unsafe extern "C" fn add_constant(x: N_Vector, b: f64, z: N_Vector) {
 }
 
 unsafe extern "C" fn minimum(x: N_Vector) -> f64 {
-    unsafe { entries(x) }
-        .iter()
-        .fold(f64::MAX, |least, &value| least.min(value))
+    unsafe { entries(x) }.iter().fold(f64::MAX, |least, &value| least.min(value))
 }
 
 unsafe extern "C" fn maximum_norm(x: N_Vector) -> f64 {
-    unsafe { entries(x) }
-        .iter()
-        .fold(0.0, |most: f64, value| most.max(value.abs()))
+    unsafe { entries(x) }.iter().fold(0.0, |most: f64, value| most.max(value.abs()))
 }
 
 unsafe fn entry(x: N_Vector, i: usize) -> f64 {
@@ -330,9 +318,7 @@ impl Vector {
     /// A vector of zeros.
     pub fn zeros(length: usize, operations: Operations, context: SUNContext) -> Self {
         let table = ptr::from_ref(operations.table()).cast_mut(); // SUNDIALS only reads it
-        Self {
-            raw: allocate(length, table, context),
-        }
+        Self { raw: allocate(length, table, context) }
     }
 
     /// The handle that SUNDIALS takes.

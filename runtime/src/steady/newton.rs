@@ -42,11 +42,7 @@ enum Try {
 }
 
 impl Search {
-    pub fn new(
-        system: &CompiledSystem,
-        catalogue: &Catalogue,
-        fixed: &[bool],
-    ) -> Result<Self, SteadyError> {
+    pub fn new(system: &CompiledSystem, catalogue: &Catalogue, fixed: &[bool]) -> Result<Self, SteadyError> {
         let pattern = system.pattern();
         let n = pattern.dimension();
         let free: Vec<usize> = (0..n).filter(|&i| !fixed[i]).collect();
@@ -66,18 +62,10 @@ impl Search {
             starts.push(rows.len());
         }
         let reduced = Pattern::new(starts, rows).map_err(crate::solver::SolveError::from)?;
-        let factorisation = Factorisation::new(&reduced, LinearSolver::Auto).map_err(|_| {
-            SteadyError::Undetermined {
-                unknown: empty_column(&reduced, &free, catalogue),
-            }
-        })?;
+        let factorisation = Factorisation::new(&reduced, LinearSolver::Auto)
+            .map_err(|_| SteadyError::Undetermined { unknown: empty_column(&reduced, &free, catalogue) })?;
         let mut scales = vec![1.0; n];
-        for element in catalogue
-            .states
-            .elements()
-            .iter()
-            .chain(catalogue.solved.elements())
-        {
+        for element in catalogue.states.elements().iter().chain(catalogue.solved.elements()) {
             if element.scale.is_finite() && element.scale > 0.0 {
                 scales[element.at] = element.scale;
             }
@@ -96,21 +84,14 @@ impl Search {
     }
 
     /// Improves `y` to a steady state; the number of iterations.
-    pub fn run(
-        &mut self,
-        system: &mut CompiledSystem,
-        catalogue: &Catalogue,
-        y: &mut [f64],
-    ) -> Result<u32, SteadyError> {
+    pub fn run(&mut self, system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut [f64]) -> Result<u32, SteadyError> {
         if self.free.is_empty() {
             return Ok(0);
         }
         let guess = y.to_vec();
         self.evaluate(system, y);
         if let Some(&row) = self.free.iter().find(|&&row| !self.rows[row].is_finite()) {
-            return Err(SteadyError::NotFinite {
-                equation: equation_name(system.model(), catalogue, row),
-            });
+            return Err(SteadyError::NotFinite { equation: equation_name(system.model(), catalogue, row) });
         }
         let mut total = 0;
         match self.newton(system, y) {
@@ -122,39 +103,20 @@ impl Search {
         total += self.follow(system, y);
         match self.newton(system, y) {
             Ok(Try::Converged(iterations)) => Ok(total + iterations),
-            Ok(Try::Failed(iterations)) => {
-                Err(self.not_found(system, catalogue, y, total + iterations))
-            }
+            Ok(Try::Failed(iterations)) => Err(self.not_found(system, catalogue, y, total + iterations)),
             Err(column) => {
-                let unknown = column
-                    .and_then(|c| self.free.get(c))
-                    .and_then(|&at| unknown_name(catalogue, at));
+                let unknown = column.and_then(|c| self.free.get(c)).and_then(|&at| unknown_name(catalogue, at));
                 Err(SteadyError::Undetermined { unknown })
             }
         }
     }
 
-    fn not_found(
-        &mut self,
-        system: &mut CompiledSystem,
-        catalogue: &Catalogue,
-        y: &[f64],
-        iterations: u32,
-    ) -> SteadyError {
+    fn not_found(&mut self, system: &mut CompiledSystem, catalogue: &Catalogue, y: &[f64], iterations: u32) -> SteadyError {
         self.evaluate(system, y);
         let size = |row: &usize| self.rows[*row].abs() / self.scales[*row];
-        let worst = self
-            .free
-            .iter()
-            .copied()
-            .max_by(|a, b| size(a).total_cmp(&size(b)))
-            .unwrap_or(0);
+        let worst = self.free.iter().copied().max_by(|a, b| size(a).total_cmp(&size(b))).unwrap_or(0);
         let equation = equation_name(system.model(), catalogue, worst);
-        SteadyError::NotFound {
-            iterations,
-            residual: self.rows[worst],
-            equation,
-        }
+        SteadyError::NotFound { iterations, residual: self.rows[worst], equation }
     }
 
     /// Rows at rest.
@@ -163,12 +125,7 @@ impl Search {
     }
 
     /// Factorises the Jacobian with the weight `cj` of the derivatives. The column without a pivot is the error.
-    fn factorise(
-        &mut self,
-        system: &mut CompiledSystem,
-        y: &[f64],
-        cj: f64,
-    ) -> Result<(), Option<usize>> {
+    fn factorise(&mut self, system: &mut CompiledSystem, y: &[f64], cj: f64) -> Result<(), Option<usize>> {
         system.jacobian(0.0, y, &self.zero, cj, &mut self.entries);
         for (value, &entry) in self.reduced.iter_mut().zip(&self.kept) {
             *value = self.entries[entry];
@@ -176,9 +133,7 @@ impl Search {
         if self.reduced.iter().any(|v| !v.is_finite()) {
             return Err(None);
         }
-        self.factorisation
-            .factorise(&self.reduced)
-            .map_err(|singular| singular.column)
+        self.factorisation.factorise(&self.reduced).map_err(|singular| singular.column)
     }
 
     /// Writes the correction that the last factorisation gives for the present rows.
@@ -191,10 +146,7 @@ impl Search {
 
     /// Largest entry relative to the scales.
     fn norm(&self, correction: &[f64]) -> f64 {
-        let relative = correction
-            .iter()
-            .zip(&self.free)
-            .map(|(d, &at)| (d / self.scales[at]).abs());
+        let relative = correction.iter().zip(&self.free).map(|(d, &at)| (d / self.scales[at]).abs());
         relative.fold(0.0, |norm, x| if x.is_nan() || x > norm { x } else { norm })
     }
 
@@ -279,10 +231,7 @@ impl Search {
     }
 
     fn relative_change(&self, step: &[f64], y: &[f64]) -> f64 {
-        let relative = step
-            .iter()
-            .zip(&self.free)
-            .map(|(d, &at)| d.abs() / (self.scales[at] + y[at].abs()));
+        let relative = step.iter().zip(&self.free).map(|(d, &at)| d.abs() / (self.scales[at] + y[at].abs()));
         relative.fold(0.0, |norm, x| if x.is_nan() || x > norm { x } else { norm })
     }
 }

@@ -39,21 +39,12 @@ pub fn seventeen_digits(x: f64, out: &mut String) {
     } else {
         let sign = if exponent < 0 { '-' } else { '+' };
         // Writing into a string cannot fail.
-        let _ = write!(
-            out,
-            "{}e{sign}{:02}",
-            without_idle_zeros(mantissa),
-            exponent.abs()
-        );
+        let _ = write!(out, "{}e{sign}{:02}", without_idle_zeros(mantissa), exponent.abs());
     }
 }
 
 fn without_idle_zeros(text: &str) -> &str {
-    if text.contains('.') {
-        text.trim_end_matches('0').trim_end_matches('.')
-    } else {
-        text
-    }
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { text }
 }
 
 #[cfg(test)]

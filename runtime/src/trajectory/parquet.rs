@@ -57,19 +57,13 @@ fn column_of<D: DataType, F: Fn(Cell) -> Option<D::T>>(
     column: usize,
     take: F,
 ) -> Result<(), ParquetError> {
-    let cells: Vec<Option<D::T>> = (0..table.len())
-        .map(|row| take(table.row(row)[column]))
-        .collect();
+    let cells: Vec<Option<D::T>> = (0..table.len()).map(|row| take(table.row(row)[column])).collect();
     let present: Vec<i16> = cells.iter().map(|cell| i16::from(cell.is_some())).collect();
     let values: Vec<D::T> = cells.into_iter().flatten().collect();
     let Some(mut writer) = group.next_column()? else {
-        return Err(ParquetError::General(
-            "more columns than the schema has".into(),
-        ));
+        return Err(ParquetError::General("more columns than the schema has".into()));
     };
-    writer
-        .typed::<D>()
-        .write_batch(&values, Some(&present), None)?;
+    writer.typed::<D>().write_batch(&values, Some(&present), None)?;
     writer.close()
 }
 
@@ -80,16 +74,8 @@ fn schema(table: &Table) -> Result<TypePtr, ParquetError> {
             Kind::Number => PhysicalType::DOUBLE,
             Kind::Flag => PhysicalType::BOOLEAN,
         };
-        Ok(Arc::new(
-            Type::primitive_type_builder(name, physical)
-                .with_repetition(Repetition::OPTIONAL)
-                .build()?,
-        ))
+        Ok(Arc::new(Type::primitive_type_builder(name, physical).with_repetition(Repetition::OPTIONAL).build()?))
     };
     let fields: Result<Vec<TypePtr>, ParquetError> = table.columns().iter().map(field).collect();
-    Ok(Arc::new(
-        Type::group_type_builder("trajectory")
-            .with_fields(fields?)
-            .build()?,
-    ))
+    Ok(Arc::new(Type::group_type_builder("trajectory").with_fields(fields?).build()?))
 }

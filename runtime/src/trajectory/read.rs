@@ -6,6 +6,9 @@ use std::path::{Path, PathBuf};
 
 use crate::catalogue::{Catalogue, Family, UnknownName};
 
+/// Named numbers.
+pub type Values = BTreeMap<String, f64>;
+
 /// Named sequences, one value a step.
 pub type Sequences = BTreeMap<String, Vec<f64>>;
 
@@ -69,11 +72,7 @@ pub enum DataError {
 }
 
 fn quoted(text: &str) -> String {
-    if text.is_empty() {
-        "an empty cell".into()
-    } else {
-        format!("`{text}`")
-    }
+    if text.is_empty() { "an empty cell".into() } else { format!("`{text}`") }
 }
 
 /// A table of text with the line of each row.
@@ -85,39 +84,20 @@ struct RawTable {
 
 impl RawTable {
     fn read(path: &Path) -> Result<Self, DataError> {
-        let file = File::open(path).map_err(|source| DataError::Read {
-            path: path.to_owned(),
-            source,
-        })?;
-        let mut reader = csv::ReaderBuilder::new()
-            .trim(csv::Trim::All)
-            .from_reader(file);
+        let file = File::open(path).map_err(|source| DataError::Read { path: path.to_owned(), source })?;
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
         let fault = |error: csv::Error| fault(path, error);
-        let names: Vec<String> = reader
-            .headers()
-            .map_err(fault)?
-            .iter()
-            .map(|name| {
-                name.trim_start_matches('\u{feff}')
-                    .trim_matches('"')
-                    .to_owned()
-            })
-            .collect();
+        let names: Vec<String> =
+            reader.headers().map_err(fault)?.iter().map(|name| name.trim_start_matches('\u{feff}').trim_matches('"').to_owned()).collect();
         let mut rows = Vec::new();
         for record in reader.records() {
             let record = record.map_err(fault)?;
             rows.push((record.position().map_or(0, csv::Position::line), record));
         }
         if rows.is_empty() {
-            return Err(DataError::Empty {
-                path: path.to_owned(),
-            });
+            return Err(DataError::Empty { path: path.to_owned() });
         }
-        Ok(Self {
-            path: path.to_owned(),
-            names,
-            rows,
-        })
+        Ok(Self { path: path.to_owned(), names, rows })
     }
 
     fn column(&self, name: &str) -> Option<usize> {
@@ -139,36 +119,25 @@ impl RawTable {
     }
 
     fn is_blank(&self, row: usize, columns: &[usize]) -> bool {
-        columns
-            .iter()
-            .all(|&c| self.rows[row].1.get(c).is_none_or(str::is_empty))
+        columns.iter().all(|&c| self.rows[row].1.get(c).is_none_or(str::is_empty))
     }
 }
 
 fn fault(path: &Path, error: csv::Error) -> DataError {
     let line = error.position().map_or(1, csv::Position::line);
     let message = match error.kind() {
-        csv::ErrorKind::UnequalLengths {
-            expected_len, len, ..
-        } => {
+        csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
             format!("the row has {len} cells, the heading has {expected_len}")
         }
         csv::ErrorKind::Utf8 { .. } => "the text is not UTF-8".into(),
         _ => match error.into_kind() {
             csv::ErrorKind::Io(source) => {
-                return DataError::Read {
-                    path: path.to_owned(),
-                    source,
-                };
+                return DataError::Read { path: path.to_owned(), source };
             }
             _ => "the file is no CSV table".into(),
         },
     };
-    DataError::Malformed {
-        path: path.to_owned(),
-        line,
-        message,
-    }
+    DataError::Malformed { path: path.to_owned(), line, message }
 }
 
 /// Actions of the steps 1, 2, ...: one row a step with one number an action in their order. A first row without actions is row 0
@@ -180,27 +149,16 @@ pub fn read_actions(path: &Path, catalogue: &Catalogue) -> Result<Vec<Vec<f64>>,
     let table = RawTable::read(path)?;
     let columns = required(&table, &catalogue.actions)?;
     let first = usize::from(!columns.is_empty() && table.is_blank(0, &columns));
-    (first..table.rows.len())
-        .map(|row| columns.iter().map(|&c| table.number(row, c)).collect())
-        .collect()
+    (first..table.rows.len()).map(|row| columns.iter().map(|&c| table.number(row, c)).collect()).collect()
 }
 
 fn required(table: &RawTable, family: &Family) -> Result<Vec<usize>, DataError> {
     let found: Vec<Option<usize>> = family.names().map(|name| table.column(name)).collect();
-    let missing: Vec<String> = family
-        .names()
-        .zip(&found)
-        .filter(|(_, f)| f.is_none())
-        .map(|(name, _)| name.to_owned())
-        .collect();
+    let missing: Vec<String> = family.names().zip(&found).filter(|(_, f)| f.is_none()).map(|(name, _)| name.to_owned()).collect();
     if missing.is_empty() {
         Ok(found.into_iter().flatten().collect())
     } else {
-        Err(DataError::MissingColumns {
-            path: table.path.clone(),
-            names: missing,
-            present: table.names.clone(),
-        })
+        Err(DataError::MissingColumns { path: table.path.clone(), names: missing, present: table.names.clone() })
     }
 }
 
@@ -211,52 +169,26 @@ fn required(table: &RawTable, family: &Family) -> Result<Vec<usize>, DataError> 
 /// See [`DataError`].
 pub fn read_disturbances(path: &Path, catalogue: &Catalogue) -> Result<Sequences, DataError> {
     let table = RawTable::read(path)?;
-    let names: Vec<&str> = catalogue
-        .disturbances
-        .names()
-        .filter(|name| table.column(name).is_some())
-        .collect();
+    let names: Vec<&str> = catalogue.disturbances.names().filter(|name| table.column(name).is_some()).collect();
     let columns: Vec<usize> = names.iter().filter_map(|name| table.column(name)).collect();
     if columns.is_empty() {
         let names = catalogue.disturbances.names().map(str::to_owned).collect();
-        return Err(DataError::MissingColumns {
-            path: table.path.clone(),
-            names,
-            present: table.names.clone(),
-        });
+        return Err(DataError::MissingColumns { path: table.path.clone(), names, present: table.names.clone() });
     }
     let first = usize::from(table.is_blank(0, &columns));
-    let sequence = |&c: &usize| {
-        (first..table.rows.len())
-            .map(|row| table.number(row, c))
-            .collect::<Result<_, _>>()
-    };
-    names
-        .iter()
-        .zip(&columns)
-        .map(|(name, c)| Ok(((*name).to_owned(), sequence(c)?)))
-        .collect()
+    let sequence = |&c: &usize| (first..table.rows.len()).map(|row| table.number(row, c)).collect::<Result<_, _>>();
+    names.iter().zip(&columns).map(|(name, c)| Ok(((*name).to_owned(), sequence(c)?))).collect()
 }
 
 /// One row of initial values: states and discrete variables by name. Empty cells are left out.
 ///
 /// # Errors
 /// See [`DataError`]; a column that names neither is one.
-pub fn read_initial(
-    path: &Path,
-    catalogue: &Catalogue,
-) -> Result<(BTreeMap<String, f64>, BTreeMap<String, f64>), DataError> {
+pub fn read_initial(path: &Path, catalogue: &Catalogue) -> Result<(Values, Values), DataError> {
     let table = RawTable::read(path)?;
     if table.rows.len() > 1 {
-        let message = format!(
-            "one row of initial values expected, found {}",
-            table.rows.len()
-        );
-        return Err(DataError::Malformed {
-            path: table.path,
-            line: table.rows[1].0,
-            message,
-        });
+        let message = format!("one row of initial values expected, found {}", table.rows.len());
+        return Err(DataError::Malformed { path: table.path, line: table.rows[1].0, message });
     }
     let (mut states, mut discretes) = (BTreeMap::new(), BTreeMap::new());
     for (column, name) in table.names.iter().enumerate() {
@@ -266,10 +198,7 @@ pub fn read_initial(
             (None, None) => {
                 let known = catalogue.states.names().chain(catalogue.discretes.names());
                 let error = UnknownName::new("state or discrete variable", name, known);
-                return Err(DataError::UnknownColumn {
-                    path: table.path.clone(),
-                    error,
-                });
+                return Err(DataError::UnknownColumn { path: table.path.clone(), error });
             }
         };
         if !table.is_blank(0, &[column]) {

@@ -18,32 +18,13 @@ impl Recorder {
     pub fn new(environment: &Environment) -> Self {
         let catalogue = environment.catalogue();
         let interface = environment.setup().model().interface();
-        let mut columns = vec![
-            ("step".to_owned(), Kind::Integer),
-            ("time".to_owned(), Kind::Number),
-        ];
-        let families = [
-            &catalogue.states,
-            &catalogue.algebraics,
-            &catalogue.discretes,
-            &catalogue.disturbances,
-            &catalogue.actions,
-        ];
+        let mut columns = vec![("step".to_owned(), Kind::Integer), ("time".to_owned(), Kind::Number)];
+        let families = [&catalogue.states, &catalogue.algebraics, &catalogue.discretes, &catalogue.disturbances, &catalogue.actions];
         let names = families.iter().flat_map(|family| family.names());
         columns.extend(names.map(|name| (name.to_owned(), Kind::Number)));
-        columns.extend(
-            interface
-                .observations
-                .iter()
-                .map(|o| (format!("obs.{}", o.name), Kind::Number)),
-        );
+        columns.extend(interface.observations.iter().map(|o| (format!("obs.{}", o.name), Kind::Number)));
         columns.push(("reward".to_owned(), Kind::Number));
-        columns.extend(
-            interface
-                .rewards
-                .iter()
-                .map(|r| (format!("reward.{}", r.name), Kind::Number)),
-        );
+        columns.extend(interface.rewards.iter().map(|r| (format!("reward.{}", r.name), Kind::Number)));
         columns.extend(["terminated", "truncated"].map(|name| (name.to_owned(), Kind::Flag)));
         Self {
             states: vec![0.0; catalogue.states.len()],
@@ -59,23 +40,15 @@ impl Recorder {
         environment.algebraics(&mut self.algebraics);
         environment.observe(false, &mut self.observations);
         let catalogue = environment.catalogue();
-        let placed = |family: &crate::catalogue::Family, values: &[f64]| -> Vec<f64> {
-            family.elements().iter().map(|e| values[e.at]).collect()
-        };
+        let placed =
+            |family: &crate::catalogue::Family, values: &[f64]| -> Vec<f64> { family.elements().iter().map(|e| values[e.at]).collect() };
         let discretes = placed(&catalogue.discretes, environment.discretes());
         let disturbances = placed(&catalogue.disturbances, environment.disturbances());
         let actions = placed(&catalogue.actions, environment.actions());
         let only_after_a_step = |x: &f64| {
-            if result.is_some() {
-                Cell::Number(*x)
-            } else {
-                Cell::Empty
-            }
+            if result.is_some() { Cell::Number(*x) } else { Cell::Empty }
         };
-        let mut row = vec![
-            Cell::Integer(i64::from(environment.steps())),
-            Cell::Number(environment.time()),
-        ];
+        let mut row = vec![Cell::Integer(i64::from(environment.steps())), Cell::Number(environment.time())];
         let present = [&self.states, &self.algebraics, &discretes, &disturbances];
         row.extend(present.into_iter().flatten().map(|x| Cell::Number(*x)));
         row.extend(actions.iter().map(only_after_a_step));

@@ -20,11 +20,7 @@ fn started(load: &LoadOptions, reset: &ResetOptions) -> Environment {
 
 fn with_states(states: &[(&str, f64)]) -> ResetOptions {
     let named = states.iter().map(|(n, v)| ((*n).to_owned(), *v)).collect();
-    ResetOptions {
-        start: Start::Nominal,
-        state: StateInput::Named(named),
-        ..ResetOptions::default()
-    }
+    ResetOptions { start: Start::Nominal, state: StateInput::Named(named), ..ResetOptions::default() }
 }
 
 fn observation(env: &Environment) -> Vec<f64> {
@@ -124,9 +120,7 @@ fn draws_have_the_distributions_of_the_specification() {
     const N: usize = 1000;
     let mut env = environment(pensim(&LoadOptions::default()), None);
     let state_names: Vec<String> = env.catalogue().states.names().map(str::to_owned).collect();
-    let parameter = |env: &Environment, name: &str| {
-        env.parameters()[env.catalogue().parameters.find(name).expect("a parameter").at]
-    };
+    let parameter = |env: &Environment, name: &str| env.parameters()[env.catalogue().parameters.find(name).expect("a parameter").at];
     let drawn: [(&str, f64, f64); 16] = [
         ("S", 1.0, 0.1),
         ("DO2", 15.0, 0.5),

@@ -20,9 +20,7 @@ pub fn model(integrate: f64, max_steps: u32) -> Model {
         vars.push(var);
         x.push(value);
     }
-    let [x_a, x_l, x_d, s, etoh, dy, _] = x[..] else {
-        unreachable!("seven states")
-    };
+    let [x_a, x_l, x_d, s, etoh, dy, _] = x[..] else { unreachable!("seven states") };
     let (elapsed_var, elapsed) = m.discrete("elapsed", "h", (0.0, 200.0));
     let (before_var, before) = m.discrete("biomass_before", "g/L", super::OPEN);
 
@@ -43,11 +41,7 @@ pub fn model(integrate: f64, max_steps: u32) -> Model {
     let k_s = arrhenius(&mut m, -119.63, 34203.95);
 
     let k_x = m.number(65.0);
-    let (mu_dy, mu_ab, one) = (
-        m.number(0.000_127_672),
-        m.number(0.001_138_64),
-        m.number(1.0),
-    );
+    let (mu_dy, mu_ab, one) = (m.number(0.000_127_672), m.number(0.001_138_64), m.number(1.0));
     let e = &mut m.model.exprs;
     let inhibited = e.add(k_x, etoh);
     let growth = e.mul(mu_x0, s);
@@ -82,9 +76,7 @@ pub fn model(integrate: f64, max_steps: u32) -> Model {
     let reduced = e.mul(mu_ab, dye);
     let rate_dy = e.sub(made, reduced);
     let rate_ea = e.mul(y_ea, grown);
-    for (var, rate) in vars.iter().zip([
-        rate_xa, rate_xl, rate_xd, rate_s, rate_etoh, rate_dy, rate_ea,
-    ]) {
+    for (var, rate) in vars.iter().zip([rate_xa, rate_xl, rate_xd, rate_s, rate_etoh, rate_dy, rate_ea]) {
         m.rate(*var, rate);
     }
     m.output("biomass", "g/L", biomass);
@@ -98,22 +90,13 @@ pub fn model(integrate: f64, max_steps: u32) -> Model {
     initial(&mut m, &vars);
     finish(&mut m, &x, elapsed, biomass, before);
     policy(&mut m);
-    m.model.interface.episode = smpl_compiler::model::Episode {
-        step: 1.0,
-        integrate,
-        max_steps,
-        error_reward: -200.0,
-        end_is_success: false,
-    };
+    m.model.interface.episode =
+        smpl_compiler::model::Episode { step: 1.0, integrate, max_steps, error_reward: -200.0, end_is_success: false };
     m.done()
 }
 
 fn initial(m: &mut Maker, vars: &[smpl_compiler::ir::VarId]) {
-    let mut stores: Vec<_> = vars
-        .iter()
-        .zip(START)
-        .map(|(&var, x)| (var, m.number(x)))
-        .collect();
+    let mut stores: Vec<_> = vars.iter().zip(START).map(|(&var, x)| (var, m.number(x))).collect();
     for (i, low, width) in [(1, 1.8, 0.4), (2, 1.8, 0.4), (3, 117.0, 26.0)] {
         let draw = m.draw(NAMES[i], Variate::Uniform, Instant::Reset);
         let (low, width) = (m.number(low), m.number(width));
@@ -142,9 +125,7 @@ fn finish(m: &mut Maker, x: &[ExprId], elapsed: ExprId, biomass: ExprId, before:
     let reward = m.model.exprs.select(finished, prize, otherwise);
     m.reward("finish", reward);
     let unit = |i: usize| if i < 5 { "g/L" } else { "mg/L" };
-    let mut items: Vec<_> = (0..7)
-        .map(|i| (NAMES[i], unit(i), x[i], (0.0, HIGH[i])))
-        .collect();
+    let mut items: Vec<_> = (0..7).map(|i| (NAMES[i], unit(i), x[i], (0.0, HIGH[i]))).collect();
     items.push(("elapsed", "h", elapsed, (0.0, 200.0)));
     for &(name, unit, value, bounds) in &items {
         m.observe(name, unit, value, bounds);
@@ -175,9 +156,6 @@ fn policy(m: &mut Maker) {
         let holds = m.less(n, until);
         value = m.model.exprs.select(holds, piece, value);
     }
-    let program = smpl_compiler::ir::Program {
-        nests: vec![out(&[value], 0)],
-        in_place: false,
-    };
+    let program = smpl_compiler::ir::Program { nests: vec![out(&[value], 0)], in_place: false };
     m.model.programs.policies.push(("profile".into(), program));
 }

@@ -10,12 +10,9 @@ use std::sync::Arc;
 
 use smpl_compiler::compiled::{BackEndSettings, CompiledModel};
 use smpl_compiler::ir::{
-    Affine, BUILTIN_COUNT, Builtin, Compare, ExprId, Flavour, Nest, Place, Program, Role, Store,
-    Target, UnaryFn, VarId,
+    Affine, BUILTIN_COUNT, Builtin, Compare, ExprId, Flavour, Nest, Place, Program, Role, Store, Target, UnaryFn, VarId,
 };
-use smpl_compiler::model::{
-    BoxItem, Draw, Failure, Instant, Model, Observed, Quantity, Reward, Row, Variable, Variate,
-};
+use smpl_compiler::model::{BoxItem, Draw, Failure, Instant, Model, Observed, Quantity, Reward, Row, Variable, Variate};
 use smpl_dsl::span::Span;
 use smpl_runtime::environment::Environment;
 use smpl_runtime::setup::{EnvironmentOptions, Setup};
@@ -41,45 +38,17 @@ pub struct Maker {
 
 impl Maker {
     pub fn new(name: &str, time_unit: &str) -> Self {
-        let mut model = Model {
-            explicit: true,
-            ..Model::default()
-        };
+        let mut model = Model { explicit: true, ..Model::default() };
         model.interface.name = name.into();
         model.interface.time = ("t".into(), time_unit.into());
-        let mut variable = |name: &str, role, len| {
-            model.vars.push(Variable {
-                name: name.into(),
-                role,
-                len,
-                span: Span::default(),
-            })
-        };
+        let mut variable = |name: &str, role, len| model.vars.push(Variable { name: name.into(), role, len, span: Span::default() });
         let builtin = variable("builtin", Role::Builtin, BUILTIN_COUNT);
         let draws = variable("draw", Role::Draw, 0);
-        Self {
-            model,
-            builtin,
-            draws,
-            finish: Finish::default(),
-            boxes: Vec::new(),
-        }
+        Self { model, builtin, draws, finish: Finish::default(), boxes: Vec::new() }
     }
 
-    fn scalar(
-        &mut self,
-        name: &str,
-        role: Role,
-        unit: &str,
-        value: f64,
-        (low, high): (f64, f64),
-    ) -> (VarId, Quantity) {
-        let var = self.model.vars.push(Variable {
-            name: name.into(),
-            role,
-            len: 1,
-            span: Span::default(),
-        });
+    fn scalar(&mut self, name: &str, role: Role, unit: &str, value: f64, (low, high): (f64, f64)) -> (VarId, Quantity) {
+        let var = self.model.vars.push(Variable { name: name.into(), role, len: 1, span: Span::default() });
         let range = high - low;
         let quantity = Quantity {
             var: Some(var),
@@ -121,13 +90,7 @@ impl Maker {
         (var, self.value(var))
     }
 
-    pub fn state(
-        &mut self,
-        name: &str,
-        unit: &str,
-        initial: f64,
-        bounds: (f64, f64),
-    ) -> (VarId, ExprId) {
+    pub fn state(&mut self, name: &str, unit: &str, initial: f64, bounds: (f64, f64)) -> (VarId, ExprId) {
         let (var, quantity) = self.scalar(name, Role::State, unit, initial, bounds);
         self.model.interface.states.push(quantity);
         self.model.unknowns.push(var);
@@ -135,13 +98,7 @@ impl Maker {
     }
 
     /// A solved algebraic variable; to be declared after all states.
-    pub fn algebraic(
-        &mut self,
-        name: &str,
-        unit: &str,
-        guess: f64,
-        bounds: (f64, f64),
-    ) -> (VarId, ExprId) {
+    pub fn algebraic(&mut self, name: &str, unit: &str, guess: f64, bounds: (f64, f64)) -> (VarId, ExprId) {
         let (var, quantity) = self.scalar(name, Role::Algebraic, unit, guess, bounds);
         self.model.interface.solved.push(quantity);
         self.model.unknowns.push(var);
@@ -177,23 +134,15 @@ impl Maker {
     }
 
     pub fn builtin(&mut self, which: Builtin) -> ExprId {
-        self.model
-            .exprs
-            .load(self.builtin, Flavour::Value, Affine::constant(which as i64))
+        self.model.exprs.load(self.builtin, Flavour::Value, Affine::constant(which as i64))
     }
 
     /// A standard variate.
     pub fn draw(&mut self, stream: &str, kind: Variate, instant: Instant) -> ExprId {
         let at = self.model.interface.draws.len();
-        self.model.interface.draws.push(Draw {
-            stream: stream.into(),
-            kind,
-            instant,
-        });
+        self.model.interface.draws.push(Draw { stream: stream.into(), kind, instant });
         self.model.vars[self.draws].len = at as u32 + 1;
-        self.model
-            .exprs
-            .load(self.draws, Flavour::Value, Affine::constant(at as i64))
+        self.model.exprs.load(self.draws, Flavour::Value, Affine::constant(at as i64))
     }
 
     pub fn number(&mut self, x: f64) -> ExprId {
@@ -209,15 +158,11 @@ impl Maker {
     }
 
     pub fn max(&mut self, a: ExprId, b: ExprId) -> ExprId {
-        self.model
-            .exprs
-            .binary(smpl_compiler::ir::BinaryFn::Max, a, b)
+        self.model.exprs.binary(smpl_compiler::ir::BinaryFn::Max, a, b)
     }
 
     pub fn min(&mut self, a: ExprId, b: ExprId) -> ExprId {
-        self.model
-            .exprs
-            .binary(smpl_compiler::ir::BinaryFn::Min, a, b)
+        self.model.exprs.binary(smpl_compiler::ir::BinaryFn::Min, a, b)
     }
 
     pub fn less(&mut self, a: ExprId, b: ExprId) -> ExprId {
@@ -233,13 +178,7 @@ impl Maker {
 
     /// `0 = residual`, the row of `var`.
     pub fn row(&mut self, var: VarId, residual: ExprId) {
-        self.model.rows.push(Row {
-            extents: vec![],
-            var,
-            at: Affine::constant(0),
-            residual,
-            span: Span::default(),
-        });
+        self.model.rows.push(Row { extents: vec![], var, at: Affine::constant(0), residual, span: Span::default() });
     }
 
     /// The failure of a box, tested at the end of a step.
@@ -263,57 +202,25 @@ impl Maker {
         let violation = exprs.select(fails, excess, zero);
         self.finish.failures.push((fails, violation));
         self.boxes.extend(items.iter().map(|i| i.2));
-        let items = items
-            .iter()
-            .map(|&(name, unit, _, (low, high))| BoxItem {
-                name: name.into(),
-                unit: unit.into(),
-                low,
-                high,
-            })
-            .collect();
-        self.model.interface.failures.push(Failure {
-            name: name.into(),
-            text: String::new(),
-            event: false,
-            items,
-            on_reward: false,
-        });
+        let items = items.iter().map(|&(name, unit, _, (low, high))| BoxItem { name: name.into(), unit: unit.into(), low, high }).collect();
+        self.model.interface.failures.push(Failure { name: name.into(), text: String::new(), event: false, items, on_reward: false });
     }
 
     /// A failure by condition; `event` for one that a root function finds.
     pub fn fail(&mut self, name: &str, text: &str, event: bool, condition: ExprId) {
         let zero = self.number(0.0);
         self.finish.failures.push((condition, zero));
-        self.model.interface.failures.push(Failure {
-            name: name.into(),
-            text: text.into(),
-            event,
-            items: vec![],
-            on_reward: false,
-        });
+        self.model.interface.failures.push(Failure { name: name.into(), text: text.into(), event, items: vec![], on_reward: false });
     }
 
     pub fn reward(&mut self, name: &str, value: ExprId) {
         self.finish.rewards.push(value);
-        self.model.interface.rewards.push(Reward {
-            name: name.into(),
-            unit: "1".into(),
-            text: String::new(),
-        });
+        self.model.interface.rewards.push(Reward { name: name.into(), unit: "1".into(), text: String::new() });
     }
 
     pub fn observe(&mut self, name: &str, unit: &str, value: ExprId, (low, high): (f64, f64)) {
         self.finish.observations.push(value);
-        let observed = Observed {
-            name: name.into(),
-            unit: unit.into(),
-            low,
-            high,
-            every: 1,
-            delay: 0,
-            noise: 0.0,
-        };
+        let observed = Observed { name: name.into(), unit: unit.into(), low, high, every: 1, delay: 0, noise: 0.0 };
         self.model.interface.observations.push(observed);
     }
 
@@ -325,28 +232,17 @@ impl Maker {
     /// The model with its `finish` program.
     pub fn done(mut self) -> Model {
         let f = &self.finish;
-        let failures = f
-            .failures
-            .iter()
-            .flat_map(|(fails, violation)| [*fails, *violation]);
+        let failures = f.failures.iter().flat_map(|(fails, violation)| [*fails, *violation]);
         let parts = [&f.successes, &f.constraints, &f.rewards, &f.observations];
-        let all: Vec<ExprId> = failures
-            .chain(parts.into_iter().flatten().copied())
-            .collect();
+        let all: Vec<ExprId> = failures.chain(parts.into_iter().flatten().copied()).collect();
         let layout = &mut self.model.interface.finish;
         layout.failures = f.failures.len() as u32;
         layout.successes = f.successes.len() as u32;
         layout.constraints = f.constraints.len() as u32;
         layout.rewards = f.rewards.len() as u32;
         layout.observations = f.observations.len() as u32;
-        self.model.programs.finish = Program {
-            nests: vec![out(&all, 0)],
-            in_place: false,
-        };
-        self.model.programs.boxes = Program {
-            nests: vec![out(&self.boxes, 0)],
-            in_place: false,
-        };
+        self.model.programs.finish = Program { nests: vec![out(&all, 0)], in_place: false };
+        self.model.programs.boxes = Program { nests: vec![out(&self.boxes, 0)], in_place: false };
         self.model
     }
 }
@@ -355,39 +251,19 @@ pub const OPEN: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
 
 /// Stores values into the output from `first` on.
 pub fn out(values: &[ExprId], first: i64) -> Nest {
-    let store = |(i, &value): (usize, &ExprId)| Store {
-        target: Target {
-            place: Place::Out,
-            at: Affine::constant(first + i as i64),
-        },
-        value,
-    };
-    Nest {
-        extents: vec![],
-        stores: values.iter().enumerate().map(store).collect(),
-    }
+    let store =
+        |(i, &value): (usize, &ExprId)| Store { target: Target { place: Place::Out, at: Affine::constant(first + i as i64) }, value };
+    Nest { extents: vec![], stores: values.iter().enumerate().map(store).collect() }
 }
 
 /// Stores values into variables, all at once.
 pub fn assign(values: &[(VarId, ExprId)]) -> Nest {
-    let store = |&(var, value): &(VarId, ExprId)| Store {
-        target: Target {
-            place: Place::Var(var),
-            at: Affine::constant(0),
-        },
-        value,
-    };
-    Nest {
-        extents: vec![],
-        stores: values.iter().map(store).collect(),
-    }
+    let store = |&(var, value): &(VarId, ExprId)| Store { target: Target { place: Place::Var(var), at: Affine::constant(0) }, value };
+    Nest { extents: vec![], stores: values.iter().map(store).collect() }
 }
 
 pub fn in_place(nests: Vec<Nest>) -> Program {
-    Program {
-        nests,
-        in_place: true,
-    }
+    Program { nests, in_place: true }
 }
 
 /// Compiles a flat model.

@@ -32,11 +32,7 @@ pub fn options(scenario: &str, settings: &[&str]) -> LoadOptions {
         let value = value.parse().map_or_else(|_| Value::Text(value.into()), Value::Number);
         (name.to_owned(), value)
     };
-    LoadOptions {
-        scenario: Some(scenario.into()),
-        settings: settings.iter().map(pair).collect(),
-        ..LoadOptions::default()
-    }
+    LoadOptions { scenario: Some(scenario.into()), settings: settings.iter().map(pair).collect(), ..LoadOptions::default() }
 }
 
 pub fn environment(loaded: Loaded, rtol: Option<f64>) -> Environment {
@@ -48,9 +44,7 @@ pub fn environment(loaded: Loaded, rtol: Option<f64>) -> Environment {
 
 /// A reset that replays a reference episode (1 or 2).
 pub fn replay(episode: usize, parameters: &Table, table: &Table, suffix: &str) -> ResetOptions {
-    let named = |names: &[String], column: &dyn Fn(&str) -> f64| {
-        names.iter().map(|n| (n.clone(), column(n))).collect()
-    };
+    let named = |names: &[String], column: &dyn Fn(&str) -> f64| names.iter().map(|n| (n.clone(), column(n))).collect();
     let drawn: Vec<String> = DRAWN.iter().map(|&n| n.to_owned()).collect();
     let states: Vec<String> = table
         .names()
@@ -77,11 +71,7 @@ impl<'a> Bare<'a> {
     pub fn new(model: &'a CompiledModel) -> Self {
         let mut memory = model.memory();
         model.parameters(&mut memory);
-        Self {
-            catalogue: Catalogue::new(model),
-            memory,
-            model,
-        }
+        Self { catalogue: Catalogue::new(model), memory, model }
     }
 
     pub fn set(&mut self, name: &str, value: f64) {
@@ -92,9 +82,7 @@ impl<'a> Bare<'a> {
             (&catalogue.discretes, Region::Discrete),
             (&catalogue.disturbances, Region::Disturbance),
         ];
-        let found = families
-            .into_iter()
-            .find_map(|(family, region)| Some((family.find(name)?.at, region)));
+        let found = families.into_iter().find_map(|(family, region)| Some((family.find(name)?.at, region)));
         let (at, region) = found.unwrap_or_else(|| panic!("no input {name}"));
         self.memory.region_mut(region)[at] = value;
     }
@@ -104,8 +92,7 @@ impl<'a> Bare<'a> {
         let zero = vec![0.0; y.len()];
         let mut out = zero.clone();
         self.prepare();
-        self.model
-            .residual(&mut self.memory, t, y, &zero, &mut out);
+        self.model.residual(&mut self.memory, t, y, &zero, &mut out);
         out
     }
 
@@ -129,4 +116,3 @@ impl<'a> Bare<'a> {
         y
     }
 }
-

@@ -6,11 +6,7 @@ use smpl_compiler::model::{Instant, Model, Root, RootAction, Variate};
 use super::{Maker, assign, in_place, out};
 
 const BOUNDS: [(f64, f64); 3] = [(1e-8, 1.0), (1e-8, 100.0), (1e-8, 1.0)];
-const SET_POINT_LEGACY: [f64; 3] = [
-    0.877_825_200_557_708_7,
-    51.346_607_208_251_95,
-    0.658_999_979_496_002_2,
-];
+const SET_POINT_LEGACY: [f64; 3] = [0.877_825_200_557_708_7, 51.346_607_208_251_95, 0.658_999_979_496_002_2];
 
 /// Alternatives of the model.
 #[derive(Clone, Copy, Default)]
@@ -92,20 +88,13 @@ pub fn build(alternatives: Alternatives) -> Model {
     for i in 0..3 {
         m.observe(names[i].0, names[i].1, states[i].1, BOUNDS[i]);
     }
-    let items: Vec<_> = (0..3)
-        .map(|i| (names[i].0, names[i].1, states[i].1, BOUNDS[i]))
-        .collect();
+    let items: Vec<_> = (0..3).map(|i| (names[i].0, names[i].1, states[i].1, BOUNDS[i])).collect();
     m.fail_box("state_box", &items);
     let floor = m.number(1e-8);
     let is_empty = m.less(h, floor);
     m.fail("empty", "the tank has run empty", true, is_empty);
     let distance = m.model.exprs.sub(h, floor);
-    m.model.roots.push(Root {
-        name: "empty".into(),
-        value: distance,
-        direction: -1,
-        action: RootAction::Fail(1),
-    });
+    m.model.roots.push(Root { name: "empty".into(), value: distance, direction: -1, action: RootAction::Fail(1) });
     m.model.interface.episode = smpl_compiler::model::Episode {
         step: 0.1,
         integrate: 0.1,
@@ -120,34 +109,21 @@ pub fn build(alternatives: Alternatives) -> Model {
         let reward = m.finish.rewards[0];
         let above = m.less(floor, reward);
         let at_floor = m.model.exprs.not(above);
-        m.fail(
-            "reward_floor",
-            "the reward is at its floor",
-            false,
-            at_floor,
-        );
+        m.fail("reward_floor", "the reward is at its floor", false, at_floor);
     }
     m.done()
 }
 
 fn steady(m: &mut Maker, alternatives: Alternatives, h: VarId) {
     let actions = [m.number(26.85), m.number(0.1)];
-    let fixed: Vec<ExprId> = if alternatives.legacy {
-        SET_POINT_LEGACY.map(|x| m.number(x)).into()
-    } else {
-        vec![m.number(0.659)]
-    };
+    let fixed: Vec<ExprId> = if alternatives.legacy { SET_POINT_LEGACY.map(|x| m.number(x)).into() } else { vec![m.number(0.659)] };
     let all: Vec<ExprId> = actions.into_iter().chain(fixed).collect();
     m.model.programs.steady.nests.push(out(&all, 0));
     let _ = h;
     let interface = &mut m.model.interface;
     interface.has_steady = true;
     interface.steady_given = alternatives.legacy;
-    interface.steady_fixed = if alternatives.legacy {
-        vec![0, 1, 2]
-    } else {
-        vec![2]
-    };
+    interface.steady_fixed = if alternatives.legacy { vec![0, 1, 2] } else { vec![2] };
 }
 
 /// `x ~ steady(x) * uniform(1 - spread, 1 + spread) clip bounds`

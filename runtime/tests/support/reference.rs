@@ -10,15 +10,9 @@ pub struct Table {
 
 /// Where a file is, or `None` (with a message) where the references are not installed.
 pub fn path(name: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("SMPL_REFERENCE").map_or_else(
-        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/reference"),
-        PathBuf::from,
-    );
-    let folders = [
-        folder,
-        PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/reference"),
-    ];
-    let found = folders.iter().map(|f| f.join(name)).find(|p| p.exists());
+    let folder = std::env::var_os("SMPL_REFERENCE")
+        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/reference"), PathBuf::from);
+    let found = Some(folder.join(name)).filter(|p| p.exists());
     if found.is_none() {
         eprintln!("skipped: reference file {name} is not installed (set SMPL_REFERENCE)");
     }
@@ -29,17 +23,9 @@ pub fn path(name: &str) -> Option<PathBuf> {
 pub fn table(name: &str) -> Option<Table> {
     let path = path(name)?;
     let mut reader = csv::Reader::from_path(path).expect("the reference can be read");
-    let names = reader
-        .headers()
-        .expect("a heading")
-        .iter()
-        .map(str::to_owned)
-        .collect();
+    let names = reader.headers().expect("a heading").iter().map(str::to_owned).collect();
     let number = |text: &str| text.parse().unwrap_or(f64::NAN);
-    let rows = reader
-        .records()
-        .map(|r| r.expect("a row").iter().map(number).collect())
-        .collect();
+    let rows = reader.records().map(|r| r.expect("a row").iter().map(number).collect()).collect();
     Some(Table { names, rows })
 }
 
@@ -49,11 +35,7 @@ impl Table {
     }
 
     pub fn get(&self, row: usize, column: &str) -> f64 {
-        let at = self
-            .names
-            .iter()
-            .position(|n| n == column)
-            .unwrap_or_else(|| panic!("no column {column}"));
+        let at = self.names.iter().position(|n| n == column).unwrap_or_else(|| panic!("no column {column}"));
         self.rows[row][at]
     }
 

@@ -13,41 +13,26 @@ use super::super::{IdaFlag, Quadratures, Settings, SolveError, System};
 use super::{Context, Ida, IdaCounts, Phase};
 
 impl Ida {
-    pub(super) fn with_operations(
-        system: &dyn System,
-        settings: Settings,
-        operations: Operations,
-    ) -> Result<Self, SolveError> {
+    pub(super) fn with_operations(system: &dyn System, settings: Settings, operations: Operations) -> Result<Self, SolveError> {
         let n = system.dimension();
         settings.validate(n)?;
         check_shape(system)?;
         let mut raw = ptr::null_mut();
-        check("SUNContext_Create", unsafe {
-            SUNContext_Create(comm_no_mpi(), &mut raw)
-        })?;
+        check("SUNContext_Create", unsafe { SUNContext_Create(comm_no_mpi(), &mut raw) })?;
         let context = Context(raw);
         let factorisation = Factorisation::new(system.pattern(), settings.linear_solver)?;
         let entries = system.pattern().entries();
-        let bridge = Bridge::new(
-            operations,
-            settings.rtol,
-            &settings.atol,
-            entries,
-            factorisation,
-        );
+        let bridge = Bridge::new(operations, settings.rtol, &settings.atol, entries, factorisation);
         let consistent = match system.is_explicit() {
             true => Some(Consistent::new(system, operations, context.0)?),
             false => None,
         };
         let vector = |length| Vector::zeros(length, operations, context.0);
-        let quadratures =
-            (system.quadrature_count() > 0).then(|| vector(system.quadrature_count()));
+        let quadratures = (system.quadrature_count() > 0).then(|| vector(system.quadrature_count()));
         let (y, yp) = (vector(n), vector(n));
         let identity = (!system.is_explicit()).then(|| vector(n));
         let pattern = system.pattern();
-        let columns = (0..n)
-            .flat_map(|column| pattern.column(column).map(move |_| column))
-            .collect();
+        let columns = (0..n).flat_map(|column| pattern.column(column).map(move |_| column)).collect();
         let bridge = Box::into_raw(Box::new(bridge));
         let mut ida = Self {
             memory: unsafe { IDACreate(context.0) },
@@ -79,64 +64,43 @@ impl Ida {
         let memory = self.memory;
         let data: *mut c_void = self.bridge.cast();
         unsafe {
-            check(
-                "IDASetErrHandlerFn",
-                IDASetErrHandlerFn(memory, Some(callbacks::message), data),
-            )?;
+            self.take_messages(data)?;
             check("IDASetUserData", IDASetUserData(memory, data))?;
-            check(
-                "IDAInit",
-                IDAInit(
-                    memory,
-                    Some(callbacks::residual),
-                    0.0,
-                    self.y.raw(),
-                    self.yp.raw(),
-                ),
-            )?;
-            check(
-                "IDAWFtolerances",
-                IDAWFtolerances(memory, Some(callbacks::error_weights)),
-            )?;
+            check("IDAInit", IDAInit(memory, Some(callbacks::residual), 0.0, self.y.raw(), self.yp.raw()))?;
+            check("IDAWFtolerances", IDAWFtolerances(memory, Some(callbacks::error_weights)))?;
             let (solver, matrix) = (&mut *self.linear.solver, &mut *self.linear.matrix);
-            check(
-                "IDASetLinearSolver",
-                IDASetLinearSolver(memory, solver, matrix),
-            )?;
-            check(
-                "IDASetJacFn",
-                IDASetJacFn(memory, Some(callbacks::jacobian)),
-            )?;
-            check(
-                "IDASetMaxOrd",
-                IDASetMaxOrd(memory, self.settings.max_order as c_int),
-            )?;
-            check(
-                "IDASetMaxNumSteps",
-                IDASetMaxNumSteps(memory, c_long::from(self.settings.max_steps)),
-            )?;
+            check("IDASetLinearSolver", IDASetLinearSolver(memory, solver, matrix))?;
+            check("IDASetJacFn", IDASetJacFn(memory, Some(callbacks::jacobian)))?;
+            check("IDASetMaxOrd", IDASetMaxOrd(memory, self.settings.max_order as c_int))?;
+            check("IDASetMaxNumSteps", IDASetMaxNumSteps(memory, c_long::from(self.settings.max_steps)))?;
             if self.settings.max_step.is_finite() {
-                check(
-                    "IDASetMaxStep",
-                    IDASetMaxStep(memory, self.settings.max_step),
-                )?;
+                check("IDASetMaxStep", IDASetMaxStep(memory, self.settings.max_step))?;
             }
             if self.settings.min_step > 0.0 {
-                check(
-                    "IDASetMinStep",
-                    IDASetMinStep(memory, self.settings.min_step),
-                )?;
+                check("IDASetMinStep", IDASetMinStep(memory, self.settings.min_step))?;
             }
             if !self.events.is_empty() {
-                check(
-                    "IDARootInit",
-                    IDARootInit(memory, self.events.len() as c_int, Some(callbacks::roots)),
-                )?;
+                check("IDARootInit", IDARootInit(memory, self.events.len() as c_int, Some(callbacks::roots)))?;
                 check("IDASetNoInactiveRootWarn", IDASetNoInactiveRootWarn(memory))?;
             }
         }
         self.configure_identity()?;
         self.configure_quadratures()
+    }
+
+    /// Messages go to `data`, the bridge, in place of standard error: SUNDIALS 6.
+    #[cfg(not(feature = "vendored"))]
+    unsafe fn take_messages(&self, data: *mut c_void) -> Result<(), SolveError> {
+        check("IDASetErrHandlerFn", unsafe { IDASetErrHandlerFn(self.memory, Some(callbacks::message), data) })
+    }
+
+    /// Messages go to `data`, the bridge, in place of standard error: SUNDIALS 7, where they belong to the context.
+    #[cfg(feature = "vendored")]
+    unsafe fn take_messages(&self, data: *mut c_void) -> Result<(), SolveError> {
+        let context = self.context.0;
+        // All handlers are called, and one that prints is there from the start.
+        check("SUNContext_ClearErrHandlers", unsafe { SUNContext_ClearErrHandlers(context) })?;
+        check("SUNContext_PushErrHandler", unsafe { SUNContext_PushErrHandler(context, Some(callbacks::message), data) })
     }
 
     /// Implicit systems: which unknowns are differential.
@@ -155,16 +119,10 @@ impl Ida {
             return Ok(());
         };
         let function = Some(callbacks::quadratures as unsafe extern "C" fn(_, _, _, _, _) -> _);
-        check("IDAQuadInit", unsafe {
-            IDAQuadInit(self.memory, function, vector.raw())
-        })?;
+        check("IDAQuadInit", unsafe { IDAQuadInit(self.memory, function, vector.raw()) })?;
         if let Quadratures::Checked { rtol, atol } = self.settings.quadratures {
-            check("IDAQuadSStolerances", unsafe {
-                IDAQuadSStolerances(self.memory, rtol, atol)
-            })?;
-            check("IDASetQuadErrCon", unsafe {
-                IDASetQuadErrCon(self.memory, 1)
-            })?;
+            check("IDAQuadSStolerances", unsafe { IDAQuadSStolerances(self.memory, rtol, atol) })?;
+            check("IDASetQuadErrCon", unsafe { IDASetQuadErrCon(self.memory, 1) })?;
         }
         Ok(())
     }
@@ -175,31 +133,17 @@ pub(super) fn check(function: &'static str, value: c_int) -> Result<(), SolveErr
     if value >= 0 {
         return Ok(());
     }
-    Err(SolveError::Setup {
-        function,
-        flag: IdaFlag {
-            value,
-            message: String::new(),
-        },
-    })
+    Err(SolveError::Setup { function, flag: IdaFlag { value, message: String::new() } })
 }
 
 /// The pattern has the system's dimension, and a diagonal where derivatives are explicit.
 fn check_shape(system: &dyn System) -> Result<(), SolveError> {
     let (n, pattern) = (system.dimension(), system.pattern());
-    let lengths = [
-        ("pattern", pattern.dimension()),
-        ("differential", system.differential().len()),
-    ];
+    let lengths = [("pattern", pattern.dimension()), ("differential", system.differential().len())];
     if let Some((name, given)) = lengths.into_iter().find(|&(_, given)| given != n) {
-        return Err(SolveError::Length {
-            name,
-            given,
-            expected: n,
-        });
+        return Err(SolveError::Length { name, given, expected: n });
     }
-    let lacks_diagonal =
-        |&i: &usize| system.differential()[i] && !pattern.rows()[pattern.column(i)].contains(&i);
+    let lacks_diagonal = |&i: &usize| system.differential()[i] && !pattern.rows()[pattern.column(i)].contains(&i);
     match (0..n).find(lacks_diagonal) {
         Some(row) if system.is_explicit() => Err(SolveError::Diagonal { row }),
         _ => Ok(()),

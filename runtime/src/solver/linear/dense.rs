@@ -22,13 +22,8 @@ pub(crate) struct Dense {
 impl Dense {
     pub fn new(pattern: &Pattern) -> Self {
         let n = pattern.dimension();
-        let places = (0..n)
-            .flat_map(|column| {
-                pattern.rows()[pattern.column(column)]
-                    .iter()
-                    .map(move |row| (column * n + row) as u32)
-            })
-            .collect();
+        let places =
+            (0..n).flat_map(|column| pattern.rows()[pattern.column(column)].iter().map(move |row| (column * n + row) as u32)).collect();
         Self {
             n,
             columns: vec![0.0; n * n].into_boxed_slice(),

@@ -4,18 +4,13 @@ use std::os::raw::c_long;
 use std::ptr;
 
 use sundials_sys::{
-    klu_l_analyze, klu_l_common, klu_l_condest, klu_l_defaults, klu_l_extract, klu_l_factor,
-    klu_l_free_numeric, klu_l_free_symbolic, klu_l_numeric, klu_l_rcond, klu_l_refactor,
-    klu_l_solve, klu_l_symbolic,
+    klu_l_analyze, klu_l_common, klu_l_condest, klu_l_defaults, klu_l_extract, klu_l_factor, klu_l_free_numeric, klu_l_free_symbolic,
+    klu_l_numeric, klu_l_rcond, klu_l_refactor, klu_l_solve, klu_l_symbolic,
 };
 
 use super::super::{IdaFlag, Pattern, SolveError};
 use super::Singular;
 use super::triangular::{ByColumns, Factors};
-
-// sundials-sys declares KLU's functions but leaves the linking to SUNDIALS' own KLU module.
-#[link(name = "klu")]
-unsafe extern "C" {}
 
 /// Reciprocal condition below which old pivots are not trusted (SUNDIALS' own bound, roundoff to the power 2/3).
 const ILL_CONDITIONED: f64 = 3.7e-11;
@@ -61,23 +56,12 @@ impl Klu {
             klu.common.ordering = COLAMD;
             // Blocks only cost time (a third of a solve with 1700 unknowns) unless they are needed to find pivots.
             klu.common.btf = c_long::from(!has_diagonal(pattern));
-            klu.symbolic = klu_l_analyze(
-                klu.n,
-                klu.column_starts.as_mut_ptr(),
-                klu.rows.as_mut_ptr(),
-                &mut *klu.common,
-            );
+            klu.symbolic = klu_l_analyze(klu.n, klu.column_starts.as_mut_ptr(), klu.rows.as_mut_ptr(), &mut *klu.common);
         }
         if klu.symbolic.is_null() {
             let message = "structurally singular, or out of memory".to_owned();
-            let flag = IdaFlag {
-                value: klu.common.status as i32,
-                message,
-            };
-            return Err(SolveError::Setup {
-                function: "klu_l_analyze",
-                flag,
-            });
+            let flag = IdaFlag { value: klu.common.status as i32, message };
+            return Err(SolveError::Setup { function: "klu_l_analyze", flag });
         }
         Ok(klu)
     }
@@ -121,13 +105,7 @@ impl Klu {
             if self.common.rcond >= ILL_CONDITIONED {
                 return true;
             }
-            klu_l_condest(
-                self.column_starts.as_mut_ptr(),
-                self.values.as_mut_ptr(),
-                self.symbolic,
-                self.numeric,
-                &mut *self.common,
-            );
+            klu_l_condest(self.column_starts.as_mut_ptr(), self.values.as_mut_ptr(), self.symbolic, self.numeric, &mut *self.common);
             self.common.condest <= 1.0 / ILL_CONDITIONED
         }
     }
@@ -147,9 +125,7 @@ impl Klu {
         }
         if self.numeric.is_null() {
             let column = usize::try_from(self.common.singular_col).ok();
-            return Err(Singular {
-                column: column.filter(|&c| c < self.n as usize),
-            });
+            return Err(Singular { column: column.filter(|&c| c < self.n as usize) });
         }
         Ok(())
     }
@@ -158,14 +134,7 @@ impl Klu {
     fn fetch_structure(&mut self) {
         self.factors = None;
         // SAFETY: `numeric` was just made.
-        let (n, blocks, lower, upper) = unsafe {
-            (
-                (*self.numeric).n,
-                (*self.numeric).nblocks,
-                (*self.numeric).lnz,
-                (*self.numeric).unz,
-            )
-        };
+        let (n, blocks, lower, upper) = unsafe { ((*self.numeric).n, (*self.numeric).nblocks, (*self.numeric).lnz, (*self.numeric).unz) };
         if blocks != 1 {
             return;
         }
@@ -232,14 +201,7 @@ impl Klu {
             return factors.solve(b);
         }
         unsafe {
-            klu_l_solve(
-                self.symbolic,
-                self.numeric,
-                self.n,
-                1,
-                b.as_mut_ptr(),
-                &mut *self.common,
-            );
+            klu_l_solve(self.symbolic, self.numeric, self.n, 1, b.as_mut_ptr(), &mut *self.common);
         }
     }
 }
@@ -254,6 +216,56 @@ impl Drop for Klu {
         unsafe {
             klu_l_free_numeric(&mut self.numeric, &mut *self.common);
             klu_l_free_symbolic(&mut self.symbolic, &mut *self.common);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A matrix whose rows differ by ten decades in size and whose pivots lie off the diagonal; numbers by a small congruential generator.
+    fn unsymmetric(n: usize) -> (Pattern, Vec<f64>) {
+        let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
+        let mut seed = 12345_u64;
+        let mut random = || {
+            seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (seed >> 33) as f64 / f64::from(1_u32 << 31) - 0.5
+        };
+        for column in 0..n {
+            let mut list: Vec<usize> = (0..n).filter(|&row| row == column || random() > 0.25).collect();
+            list.sort_unstable();
+            for &row in &list {
+                let size = 10_f64.powi((row * 7 % 11) as i32 - 5);
+                // A weak diagonal makes the pivoting leave it.
+                values.push(size * if row == column { 1e-3 } else { random() + 0.6 });
+            }
+            rows.extend(list);
+            starts.push(rows.len());
+        }
+        (Pattern::new(starts, rows).expect("a pattern"), values)
+    }
+
+    #[test]
+    fn badly_scaled_rows_with_pivots_off_the_diagonal_are_solved() {
+        for n in [2, 5, 20, 60] {
+            let (pattern, mut values) = unsymmetric(n);
+            let mut klu = Klu::new(&pattern).expect("not singular");
+            for _ in 0..3 {
+                assert!(klu.factorise(&values).is_ok());
+                let exact: Vec<f64> = (0..n).map(|i| 1.0 + i as f64).collect();
+                let mut b = vec![0.0; n];
+                for (column, x) in exact.iter().enumerate() {
+                    for entry in pattern.column(column) {
+                        b[pattern.rows()[entry]] += values[entry] * x;
+                    }
+                }
+                klu.solve(&mut b);
+                let error = b.iter().zip(&exact).map(|(a, e)| (a - e).abs()).fold(0.0, f64::max);
+                assert!(error < 1e-6, "n = {n}: {error}");
+                // The second and third time with the old pivots and other numbers.
+                values.iter_mut().for_each(|v| *v *= 1.0 + 0.01 * v.signum());
+            }
         }
     }
 }

@@ -49,11 +49,7 @@ impl Factorisation {
             LinearSolver::Dense => true,
             LinearSolver::Klu => false,
         };
-        Ok(if dense {
-            Self::Dense(Dense::new(pattern))
-        } else {
-            Self::Klu(Box::new(Klu::new(pattern)?))
-        })
+        Ok(if dense { Self::Dense(Dense::new(pattern)) } else { Self::Klu(Box::new(Klu::new(pattern)?)) })
     }
 
     /// Which it is.

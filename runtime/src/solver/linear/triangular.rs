@@ -29,9 +29,7 @@ impl Rows {
                 }
             }
         }
-        entries.sort_unstable_by_key(|&(row, column, _)| {
-            (row, if lower { column } else { n - column })
-        });
+        entries.sort_unstable_by_key(|&(row, column, _)| (row, if lower { column } else { n - column }));
         let mut places = vec![DIAGONAL; rows.len()];
         let mut row_starts = vec![0_u32; n + 1];
         for (place, &(row, _, entry)) in entries.iter().enumerate() {
@@ -43,10 +41,7 @@ impl Rows {
         }
         Self {
             starts: row_starts.into(),
-            columns: entries
-                .iter()
-                .map(|&(_, column, _)| column as u32)
-                .collect(),
+            columns: entries.iter().map(|&(_, column, _)| column as u32).collect(),
             values: vec![0.0; entries.len()].into(),
             places: places.into(),
         }
@@ -68,16 +63,10 @@ impl Rows {
     unsafe fn subtract(&self, row: usize, start: f64, x: &[f64]) -> f64 {
         // SAFETY: `new` made ends that rise up to the number of entries, and columns below the number of rows.
         unsafe {
-            let range = *self.starts.get_unchecked(row) as usize
-                ..*self.starts.get_unchecked(row + 1) as usize;
+            let range = *self.starts.get_unchecked(row) as usize..*self.starts.get_unchecked(row + 1) as usize;
             let columns = self.columns.get_unchecked(range.clone());
             let values = self.values.get_unchecked(range);
-            columns
-                .iter()
-                .zip(values)
-                .fold(start, |sum, (&column, &value)| {
-                    (-value).mul_add(*x.get_unchecked(column as usize), sum)
-                })
+            columns.iter().zip(values).fold(start, |sum, (&column, &value)| (-value).mul_add(*x.get_unchecked(column as usize), sum))
         }
     }
 }
@@ -108,7 +97,7 @@ pub(crate) struct ByColumns {
     pub upper: Box<[f64]>,
     pub row_order: Box<[i64]>,
     pub column_order: Box<[i64]>,
-    /// In the order of the permuted rows, as KLU keeps them.
+    /// Scales of the rows in the order of the pivots: KLU permutes them once the factors are made.
     pub scales: Box<[f64]>,
 }
 
@@ -208,9 +197,6 @@ mod tests {
         factors.solve(&mut fast);
         factors.substitute(&mut plain);
         assert_eq!(fast, plain);
-        assert!(
-            (fast[0] - 7.0).abs() < 1e-14 && (fast[1] - 3.0).abs() < 1e-14,
-            "{fast:?}"
-        );
+        assert!((fast[0] - 7.0).abs() < 1e-14 && (fast[1] - 3.0).abs() < 1e-14, "{fast:?}");
     }
 }

@@ -1,0 +1,80 @@
+"""What README and tutorial show is what happens."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import smpl
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def blocks(page: str, language: str) -> list[str]:
+    """Fenced blocks of a page in a language (none: models and pieces of them)."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    return [body for kind, body in re.findall(r"^```(\w*)\n(.*?)^```$", text, re.S | re.M) if kind == language]
+
+
+def piece(page: str, mark: str) -> str:
+    """The model text of a page that holds `mark`."""
+    return next(body for body in blocks(page, "") if mark in body)
+
+
+def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "smpl", *arguments], cwd=folder, capture_output=True, text=True)
+
+
+@pytest.fixture
+def tutorial() -> str:
+    page = "docs/tutorial.md"
+    return piece(page, "model Fermenter") + piece(page, "steady { F = 0.5 }\n") + piece(page, "productivity")
+
+
+@pytest.mark.parametrize(
+    ("page", "model", "right", "wrong"),
+    [
+        ("README.md", "tank", "(q - k*sqrt(h)) / A", "q - k*sqrt(h)"),
+        ("docs/tutorial.md", "fermenter", "F/V*(S_f - S)", "F*(S_f - S)"),
+    ],
+)
+def test_the_unit_error_is_the_one_shown(page: str, model: str, right: str, wrong: str, tmp_path: Path) -> None:
+    text = piece(page, f"model {model.capitalize()}")
+    assert right in text
+    (tmp_path / f"{model}.eq").write_text(text.replace(right, wrong))
+    result = run(tmp_path, "check", f"{model}.eq")
+    assert result.returncode == 1
+    assert result.stderr in blocks(page, "text")
+
+
+def test_the_models_of_the_readme_and_of_the_tutorial_run(tutorial: str) -> None:
+    for source in (piece("README.md", "model Tank"), tutorial):
+        env = smpl.Env(smpl.compile(source=source))
+        env.reset(seed=0)
+        _, _, terminated, _, info = env.step(env.action_space.sample())
+        assert not terminated, info["failure"]
+
+
+def test_the_steady_state_of_the_tutorial_is_the_one_shown(tmp_path: Path) -> None:
+    (tmp_path / "fermenter.eq").write_text(piece("docs/tutorial.md", "model Fermenter"))
+    result = run(tmp_path, "steady", "fermenter.eq", "--action", "F=0.5")
+    assert result.stdout in blocks("docs/tutorial.md", "text"), result.stdout
+
+
+def test_memory_noise_and_variants_of_the_tutorial_compile(tutorial: str) -> None:
+    page = "docs/tutorial.md"
+    memory = piece(page, "F_held")
+    assay = re.search(r"`(observe assay.*?)`", (ROOT / page).read_text(encoding="utf-8"))
+    assert assay is not None
+    source = tutorial.replace("F/V", "F_held/V") + memory + assay[1] + "\n" + piece(page, "variant contois")
+    assert smpl.compile(source=source).discrete_names == ("F_held",)
+    assert smpl.compile(source=source, variants=("contois",)).observation_names[-1] == "assay"
+
+
+def test_the_domain_of_the_tutorial_compiles() -> None:
+    head = 'model Tube "tube"\ntime t : h\nparam S_f : g/L = 20\naction F : L/h = 0 in 0..1\n'
+    tail = "observe c\nreward nothing default = 0\nepisode { step = 0.5 [h], max_steps = 3, error_reward = 0 }\n"
+    model = smpl.compile(source=head + piece("docs/tutorial.md", "domain z") + tail)
+    assert model.state_names[:2] == ("c[1]", "c[2]")
