@@ -1,12 +1,10 @@
 //! Explicit algebraic variables: which are substituted, which stay unknowns.
 
-use std::collections::{HashMap, HashSet};
-
 use smpl_dsl::span::Span;
 
 use super::{loads, passes, replace_everywhere};
 use crate::elaborate::{Equation, EquationForm};
-use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, Flavour, Rewritten, Role, VarId};
+use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, Rewritten, Role, VarId};
 use crate::model::Model;
 
 /// An element of an algebraic variable.
@@ -16,13 +14,13 @@ pub type Element = (VarId, i64);
 #[derive(Debug, Default)]
 pub struct Plan {
     /// Elements whose definition is substituted, by equation.
-    pub substituted: HashMap<Element, usize>,
+    pub substituted: FastMap<Element, usize>,
     /// Arrays defined by one loop that covers them, substituted as wholes.
-    pub arrays: HashMap<VarId, usize>,
+    pub arrays: FastMap<VarId, usize>,
     /// Every element (and array, under -1) after those that its definition needs.
     pub order: Vec<Element>,
     /// The equations of both, for messages; whole arrays under -1.
-    pub spans: HashMap<Element, Span>,
+    pub spans: FastMap<Element, Span>,
 }
 
 /// An unknown that is used in at least this many rows may be worth keeping.
@@ -30,9 +28,9 @@ const MANY_USES: i64 = 64;
 
 /// Decides what is substituted.
 pub fn plan(model: &mut Model, equations: &[Equation]) -> Plan {
-    let mut candidates: HashMap<Element, usize> = HashMap::new();
-    let mut arrays: HashMap<VarId, usize> = HashMap::new();
-    let mut pieces: HashMap<VarId, usize> = HashMap::new();
+    let mut candidates: FastMap<Element, usize> = FastMap::default();
+    let mut arrays: FastMap<VarId, usize> = FastMap::default();
+    let mut pieces: FastMap<VarId, usize> = FastMap::default();
     for (i, equation) in equations.iter().enumerate() {
         let EquationForm::Definition { var, at, .. } = equation.form else { continue };
         *pieces.entry(var).or_default() += 1;
@@ -58,8 +56,8 @@ pub fn plan(model: &mut Model, equations: &[Equation]) -> Plan {
         equations,
         candidates: &candidates,
         arrays: &arrays,
-        state: HashMap::new(),
-        kept: HashSet::new(),
+        state: FastMap::default(),
+        kept: FastSet::default(),
         order: Vec::new(),
     };
     let mut elements: Vec<Element> = candidates.keys().copied().collect();
@@ -85,9 +83,9 @@ pub fn plan(model: &mut Model, equations: &[Equation]) -> Plan {
     }
 }
 
-fn looped_loads(model: &Model, equations: &[Equation]) -> HashSet<VarId> {
-    let mut out = HashSet::new();
-    let mut seen = HashSet::new();
+fn looped_loads(model: &Model, equations: &[Equation]) -> FastSet<VarId> {
+    let mut out = FastSet::default();
+    let mut seen = FastSet::default();
     let mut stack: Vec<ExprId> = Vec::new();
     for equation in equations {
         match equation.form {
@@ -121,10 +119,10 @@ struct Walk<'m> {
     exprs: &'m Exprs,
     vars: &'m cranelift_entity::PrimaryMap<VarId, crate::model::Variable>,
     equations: &'m [Equation],
-    candidates: &'m HashMap<Element, usize>,
-    arrays: &'m HashMap<VarId, usize>,
-    state: HashMap<Element, bool>,
-    kept: HashSet<Element>,
+    candidates: &'m FastMap<Element, usize>,
+    arrays: &'m FastMap<VarId, usize>,
+    state: FastMap<Element, bool>,
+    kept: FastSet<Element>,
     order: Vec<Element>,
 }
 
@@ -181,13 +179,13 @@ impl Walk<'_> {
 fn keep_for_sparsity(
     model: &Model,
     equations: &[Equation],
-    candidates: &HashMap<Element, usize>,
+    candidates: &FastMap<Element, usize>,
     order: &[Element],
-    kept: &mut HashSet<Element>,
+    kept: &mut FastSet<Element>,
 ) {
     let exprs = &model.exprs;
     let unknowns = |e: ExprId| loads(exprs, e, |v, f| f == Flavour::Value && matches!(model.vars[v].role, Role::State | Role::Algebraic));
-    let needs: HashMap<Element, Vec<(VarId, Flavour, Affine)>> = candidates
+    let needs: FastMap<Element, Vec<(VarId, Flavour, Affine)>> = candidates
         .iter()
         .filter_map(|(&element, &i)| match equations[i].form {
             EquationForm::Definition { value, .. } => Some((element, unknowns(value))),
@@ -195,10 +193,10 @@ fn keep_for_sparsity(
         })
         .collect();
     let uses = use_counts(equations, &needs, kept, &unknowns);
-    let mut depends: HashMap<Element, HashSet<(VarId, Affine)>> = HashMap::new();
+    let mut depends: FastMap<Element, FastSet<(VarId, Affine)>> = FastMap::default();
     for &element in order {
         let Some(own) = needs.get(&element) else { continue };
-        let mut inputs = HashSet::new();
+        let mut inputs = FastSet::default();
         for &(v, _, at) in own {
             let inner = (v, at.offset);
             match depends.get(&inner).filter(|_| at.is_constant() && !kept.contains(&inner)) {
@@ -222,11 +220,11 @@ fn keep_for_sparsity(
 /// In how many rows each element is used, directly or through what is substituted.
 fn use_counts(
     equations: &[Equation],
-    needs: &HashMap<Element, Vec<(VarId, Flavour, Affine)>>,
-    kept: &HashSet<Element>,
+    needs: &FastMap<Element, Vec<(VarId, Flavour, Affine)>>,
+    kept: &FastSet<Element>,
     unknowns: &dyn Fn(ExprId) -> Vec<(VarId, Flavour, Affine)>,
-) -> HashMap<Element, i64> {
-    let mut uses: HashMap<Element, i64> = HashMap::new();
+) -> FastMap<Element, i64> {
+    let mut uses: FastMap<Element, i64> = FastMap::default();
     for equation in equations {
         let root = match equation.form {
             EquationForm::Rate { value, .. } => value,
@@ -237,7 +235,7 @@ fn use_counts(
             l.iter().filter(|l| l.2.is_constant()).map(|l| (l.0, l.2.offset)).collect()
         };
         let mut stack = elements(&unknowns(root));
-        let mut seen = HashSet::new();
+        let mut seen = FastSet::default();
         while let Some(e) = stack.pop() {
             let Some(inner) = needs.get(&e) else { continue };
             if !seen.insert(e) {
@@ -272,7 +270,7 @@ pub fn substitute(model: &mut Model, equations: &mut Vec<Equation>, plan: &Plan)
         Expr::Load { var, flavour, at } if role(var) == Role::Algebraic => expander.element(exprs, &role, var, flavour, at),
         _ => None,
     });
-    let dropped: HashSet<usize> = plan.substituted.values().chain(plan.arrays.values()).copied().collect();
+    let dropped: FastSet<usize> = plan.substituted.values().chain(plan.arrays.values()).copied().collect();
     let mut i = 0;
     equations.retain(|_| {
         i += 1;

@@ -1,6 +1,6 @@
 //! Matching of equations to unknowns, and the rows that result.
 
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::BTreeSet;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
@@ -9,7 +9,7 @@ use super::algebraic::{Element, Plan};
 use super::rates::Rates;
 use super::{element_name, loads, passes};
 use crate::elaborate::{Equation, EquationForm, for_each_element};
-use crate::ir::{Affine, Expr, ExprId, Flavour, LoopVar, Role, VarId};
+use crate::ir::{Affine, Expr, ExprId, FastMap, FastSet, Flavour, LoopVar, Role, VarId};
 use crate::model::{Model, Quantity, Row, Variable};
 
 /// Largest number of passes of an implicit equation that is written out for matching.
@@ -39,7 +39,7 @@ pub fn rows(model: &mut Model, equations: Vec<Equation>, plan: &Plan, rates: &Ra
         }
     }
     let mut unknown = unknown_elements(model, plan, rates);
-    let mut determined: HashMap<Element, Span> = plan.spans.clone();
+    let mut determined: FastMap<Element, Span> = plan.spans.clone();
     let mut matched = Vec::new();
     // A definition that is kept determines its own variable; one more for the same element is left over.
     for row in definitions {
@@ -91,7 +91,7 @@ struct Matching {
     /// What an equation `v = ...` is written for, where another one determines `v`.
     written_for: Vec<Option<Element>>,
     /// The equations that determine elements.
-    determined: HashMap<Element, Span>,
+    determined: FastMap<Element, Span>,
     candidates: Vec<Vec<Element>>,
     too_large: Vec<Span>,
 }
@@ -129,10 +129,10 @@ impl Matching {
     }
 
     fn solve(&self, model: &mut Model, unknown: &BTreeSet<Element>, out: &mut Vec<Row>) -> Result<(), Vec<Diagnostic>> {
-        let mut owner: HashMap<Element, usize> = HashMap::new();
+        let mut owner: FastMap<Element, usize> = FastMap::default();
         let mut unmatched = Vec::new();
         for equation in 0..self.residuals.len() {
-            let mut seen = HashSet::new();
+            let mut seen = FastSet::default();
             if !self.augment(equation, unknown, &mut owner, &mut seen) {
                 unmatched.push((equation, seen));
             }
@@ -175,8 +175,8 @@ impl Matching {
     }
 
     /// An augmenting path from an equation; `seen` collects the unknowns it can reach. Iterative, since paths may be long.
-    fn augment(&self, start: usize, unknown: &BTreeSet<Element>, owner: &mut HashMap<Element, usize>, seen: &mut HashSet<Element>) -> bool {
-        let mut from: HashMap<Element, usize> = HashMap::new();
+    fn augment(&self, start: usize, unknown: &BTreeSet<Element>, owner: &mut FastMap<Element, usize>, seen: &mut FastSet<Element>) -> bool {
+        let mut from: FastMap<Element, usize> = FastMap::default();
         let mut queue = vec![start];
         while let Some(equation) = queue.pop() {
             for &element in self.candidates[equation].iter().filter(|e| unknown.contains(*e)) {
@@ -204,7 +204,7 @@ impl Matching {
         false
     }
 
-    fn left_over(&self, model: &Model, equation: usize, seen: &HashSet<Element>) -> Diagnostic {
+    fn left_over(&self, model: &Model, equation: usize, seen: &FastSet<Element>) -> Diagnostic {
         let span = self.spans[equation];
         if let Some(own) = self.written_for[equation]
             && let Some(&first) = self.determined.get(&own)
@@ -278,7 +278,7 @@ fn incidence(model: &Model, e: ExprId) -> Vec<Element> {
 /// One report for each variable, however many of its elements are undetermined.
 fn undetermined(model: &Model, missing: &[Element]) -> Vec<Diagnostic> {
     let mut out = Vec::new();
-    let mut done = HashSet::new();
+    let mut done = FastSet::default();
     for &(var, i) in missing {
         if !done.insert(var) {
             continue;
@@ -321,7 +321,7 @@ fn listed(names: &[String]) -> String {
 
 /// Adds the solved algebraic variables to the unknowns. Single elements of arrays become variables of their own.
 fn complete(model: &mut Model, mut rows: Vec<Row>) -> Vec<Row> {
-    let mut whole: HashMap<VarId, i64> = HashMap::new();
+    let mut whole: FastMap<VarId, i64> = FastMap::default();
     for row in &rows {
         if model.vars[row.var].role == Role::Algebraic {
             *whole.entry(row.var).or_default() += passes(&row.extents);
@@ -329,7 +329,7 @@ fn complete(model: &mut Model, mut rows: Vec<Row>) -> Vec<Row> {
     }
     let mut order: Vec<VarId> = whole.keys().copied().collect();
     order.sort_unstable();
-    let mut renamed: HashMap<Element, VarId> = HashMap::new();
+    let mut renamed: FastMap<Element, VarId> = FastMap::default();
     let declared: u32 = model.vars.values().filter(|v| v.role == Role::Algebraic).map(|v| v.len).sum();
     let mut solved = 0;
     for var in order {
@@ -375,7 +375,7 @@ fn complete(model: &mut Model, mut rows: Vec<Row>) -> Vec<Row> {
         }
     }
     // Rows in the order of the unknowns.
-    let position: HashMap<VarId, usize> = model.unknowns.iter().enumerate().map(|(i, &v)| (v, i)).collect();
+    let position: FastMap<VarId, usize> = model.unknowns.iter().enumerate().map(|(i, &v)| (v, i)).collect();
     rows.sort_by_key(|r| (position.get(&r.var).copied().unwrap_or(usize::MAX), r.at.offset));
     rows
 }

@@ -1,20 +1,18 @@
 //! Rates of the states: solving for derivatives, coverage, substitution on right sides.
 
-use std::collections::HashMap;
-
 use cranelift_entity::PrimaryMap;
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 
 use super::{element_name, loads, replace_everywhere};
 use crate::elaborate::{Equation, EquationForm};
-use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, Flavour, LoopVar, MAX_DEPTH, Role, UnaryFn, VarId};
+use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, LoopVar, MAX_DEPTH, Role, UnaryFn, VarId};
 use crate::model::{Model, Variable};
 
 /// Which states have an explicit rate.
 pub struct Rates {
     /// For each state variable, whether each element has an equation `d/dt x = ...`.
-    pub covered: HashMap<VarId, Vec<bool>>,
+    pub covered: FastMap<VarId, Vec<bool>>,
 }
 
 /// `a·x' + b = 0` becomes `x' = -b/a` where one derivative occurs, linearly.
@@ -88,7 +86,7 @@ fn linear(exprs: &mut Exprs, e: ExprId, x: ExprId) -> Option<(ExprId, ExprId)> {
 }
 
 fn depends(exprs: &Exprs, e: ExprId, x: ExprId) -> bool {
-    let mut seen = std::collections::HashSet::new();
+    let mut seen = FastSet::default();
     let mut stack = vec![e];
     while let Some(e) = stack.pop() {
         if e == x {
@@ -106,8 +104,8 @@ fn depends(exprs: &Exprs, e: ExprId, x: ExprId) -> bool {
 /// # Errors
 /// States with two equations for their derivative.
 pub fn cover_states(model: &Model, equations: &[Equation]) -> Result<Rates, Vec<Diagnostic>> {
-    let mut covered: HashMap<VarId, Vec<bool>> = HashMap::new();
-    let mut first: HashMap<VarId, Span> = HashMap::new();
+    let mut covered: FastMap<VarId, Vec<bool>> = FastMap::default();
+    let mut first: FastMap<VarId, Span> = FastMap::default();
     let mut faults = Vec::new();
     for (var, v) in model.vars.iter().filter(|(_, v)| v.role == Role::State) {
         covered.insert(var, vec![false; v.len as usize]);
@@ -143,7 +141,7 @@ pub fn substitute_derivatives(model: &mut Model, equations: &mut [Equation]) {
             _ => None,
         })
         .collect();
-    let mut resolver = Resolver { pieces, done: HashMap::new(), open: Vec::new() };
+    let mut resolver = Resolver { pieces, done: FastMap::default(), open: Vec::new() };
     let mut done = crate::ir::Rewritten::default();
     replace_everywhere(model, equations, &mut done, &mut |exprs, node| match node {
         Expr::Load { var, flavour: Flavour::Derivative, at } => resolver.rate(exprs, var, at),
@@ -153,7 +151,7 @@ pub fn substitute_derivatives(model: &mut Model, equations: &mut [Equation]) {
 
 struct Resolver {
     pieces: Vec<(VarId, Affine, Vec<u32>, ExprId)>,
-    done: HashMap<(VarId, Affine), Option<ExprId>>,
+    done: FastMap<(VarId, Affine), Option<ExprId>>,
     open: Vec<(VarId, Affine)>,
 }
 
