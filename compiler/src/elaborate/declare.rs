@@ -11,7 +11,7 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{self, Declaration, Ident, SetMembers, Statement, StatementKind, Table};
 use smpl_dsl::units::Unit;
 
-use super::items::{Item, items, overlay};
+use super::items::{Item, items, overlay, plain, select};
 use super::names::{Axis, Domain, Geometry, Scheme, Scope, ScopeId, Set, SetId, Symbol, SymbolId, SymbolKind};
 use super::{Elaborator, Site};
 use crate::ir::{Role, VarId};
@@ -72,7 +72,7 @@ impl<'a> Elaborator<'a> {
             return;
         }
         let files = self.files;
-        for item in items(&files[file].statements, &self.selection) {
+        for item in plain(&files[file].statements) {
             if let Item::Other(Statement { kind: StatementKind::Import { path, path_span }, .. }) = item {
                 match self.imports.get(path) {
                     Some(&imported) => self.gather(imported, seen, out),
@@ -86,6 +86,8 @@ impl<'a> Elaborator<'a> {
             }
             out.push(item);
         }
+        // Variants and choices may replace what is imported.
+        select(out, &files[file].statements, &self.selection);
     }
 
     fn register(&mut self, statement: &'a Statement) {
