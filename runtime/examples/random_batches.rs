@@ -1,7 +1,7 @@
 //! Runs episodes with random actions until each has ended and prints how often it ended in what:
-//! `cargo run -r --example random_batches -- models/pensim.eq [EPISODES [HOLD [RTOL]]]`.
+//! `cargo run -r --example random_batches -- models/pensim.eq [EPISODES [HOLD [RTOL]]] [ACTION=VALUE]...`.
 //!
-//! Episode i has seed i. Actions are uniform in their boxes and held for HOLD steps (default 1). The command fails when an episode ends
+//! Episode i has seed i. Actions are uniform in their boxes and held for HOLD steps (default 1), but for those given. The command fails when an episode ends
 //! in a failure without a cause.
 
 use std::collections::BTreeMap;
@@ -21,7 +21,7 @@ const WIDTH: usize = 50;
 type Causes = BTreeMap<String, (u32, u64)>;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let (fixed, arguments): (Vec<String>, Vec<String>) = std::env::args().skip(1).partition(|text| text.contains('='));
     let path = arguments.first().ok_or("which model?")?;
     let number = |at: usize, default: f64| arguments.get(at).map_or(Ok(default), |text| text.parse::<f64>());
     let (episodes, hold) = (number(1, 1000.0)? as u64, number(2, 1.0)? as u32);
@@ -31,11 +31,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let setup = Setup::new(loaded.model, options, Some(loaded.sources))?;
     let threads = std::thread::available_parallelism()?.get();
     let batch_options = BatchOptions { autoreset: Autoreset::Disabled, threads, ..BatchOptions::default() };
+    let fixed: Result<Vec<_>, Box<dyn Error>> = fixed.iter().map(|text| fixed_action(&setup, text)).collect();
+    let fixed = fixed?;
     let mut batch = Batch::new(&setup, WIDTH, batch_options)?;
     let mut causes = Causes::new();
     let begin = Instant::now();
     for first in (0..episodes).step_by(WIDTH) {
-        run(&mut batch, first, hold.max(1), &mut causes)?;
+        run(&mut batch, first, hold.max(1), &fixed, &mut causes)?;
     }
     let steps: u64 = causes.values().map(|c| c.1).sum();
     for (cause, (count, steps)) in &causes {
@@ -46,8 +48,17 @@ fn main() -> Result<(), Box<dyn Error>> {
     if causes.contains_key("") { Err("a failure without a cause".into()) } else { Ok(()) }
 }
 
+/// Place and normalised value of an action from `NAME=VALUE`.
+fn fixed_action(setup: &Setup, text: &str) -> Result<(usize, f64), Box<dyn Error>> {
+    let (name, value) = text.split_once('=').ok_or("expected NAME=VALUE")?;
+    let actions = &setup.catalogue.actions;
+    let element = actions.get(name, "action")?;
+    let value = (2.0 * value.parse::<f64>()? - element.high - element.low) / element.range();
+    Ok((actions.position(name).unwrap_or_default(), value))
+}
+
 /// Runs the episodes `first`, `first + 1`, ... of all instances to their ends.
-fn run(batch: &mut Batch, first: u64, hold: u32, causes: &mut Causes) -> Result<(), Box<dyn Error>> {
+fn run(batch: &mut Batch, first: u64, hold: u32, fixed: &[(usize, f64)], causes: &mut Causes) -> Result<(), Box<dyn Error>> {
     let n = batch.len();
     let (width, actions) = match batch.environment(0) {
         Some(environment) => (environment.observation_len(), environment.catalogue().actions.len()),
@@ -64,6 +75,7 @@ fn run(batch: &mut Batch, first: u64, hold: u32, causes: &mut Causes) -> Result<
             for (action, value) in chosen[index * actions..][..actions].iter_mut().enumerate() {
                 *value = 2.0 * stream.uniform(step / hold, action as u32) - 1.0;
             }
+            fixed.iter().for_each(|&(action, value)| chosen[index * actions + action] = value);
         }
         let arrays =
             StepArrays { observations: &mut observations, rewards: &mut rewards, terminated: &mut terminated, truncated: &mut truncated };
