@@ -13,7 +13,7 @@ pub use table::{ArrayKernel, BinaryArrayKernel, BinaryKernel, KernelTable, Scala
 use crate::ir::UnaryFn;
 
 /// Number of functions in [`KernelTable::unary`].
-pub const UNARY_COUNT: usize = 16;
+pub const UNARY_COUNT: usize = 17;
 
 /// Position of a function in [`KernelTable::unary`]; `None` for those that are single machine instructions.
 #[must_use]
@@ -35,6 +35,7 @@ pub fn index(f: UnaryFn) -> Option<usize> {
         UnaryFn::Ceil => 13,
         UnaryFn::Round => 14,
         UnaryFn::Sign => 15,
+        UnaryFn::Single => 16,
         UnaryFn::Neg | UnaryFn::Abs | UnaryFn::Sqrt => return None,
     })
 }

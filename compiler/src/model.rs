@@ -356,6 +356,8 @@ pub struct Episode {
     pub error_reward: f64,
     /// The end at `max_steps` is a success (a batch of fixed length), not a truncation.
     pub end_is_success: bool,
+    /// Actions, over their scale, are rounded to single precision before they are applied.
+    pub single_precision: bool,
 }
 
 /// Settings of the solver.
@@ -377,7 +379,7 @@ pub struct Solver {
 
 impl Default for Episode {
     fn default() -> Self {
-        Episode { step: 1.0, integrate: 1.0, max_steps: 100, error_reward: -1000.0, end_is_success: false }
+        Episode { step: 1.0, integrate: 1.0, max_steps: 100, error_reward: -1000.0, end_is_success: false, single_precision: false }
     }
 }
 

@@ -17,7 +17,7 @@ use newton::Search;
 
 /// Rounds between unknowns and discrete variables: each passes a held value one unit further down a flowsheet.
 const MAX_ROUNDS: u32 = 100;
-/// Relative change of a discrete variable that counts as none.
+/// Change of a discrete variable, relative to its value and scale, that counts as none.
 const SETTLED: f64 = 1e-14;
 /// What a frame holds.
 const PARTS: [Part; 4] = [Part::Y, Part::Action, Part::Discrete, Part::Disturbance];
@@ -150,7 +150,7 @@ fn settle(system: &mut CompiledSystem, catalogue: &Catalogue, fixed: &[bool], y:
         model.prepare_step(memory);
         if round == 0 {
             settle_algebraic(system, catalogue, y);
-        } else if unchanged(&before, system.region(Region::Discrete)) {
+        } else if unchanged(catalogue, &before, system.region(Region::Discrete)) {
             break;
         }
         iterations += search.run(system, catalogue, y)?;
@@ -172,9 +172,12 @@ fn settle_algebraic(system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut 
     }
 }
 
-fn unchanged(before: &[f64], after: &[f64]) -> bool {
-    let same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits() || (a - b).abs() <= SETTLED * a.abs().max(b.abs());
-    before.iter().zip(after).all(same)
+/// Whether no discrete variable moved, beyond rounding.
+fn unchanged(catalogue: &Catalogue, before: &[f64], after: &[f64]) -> bool {
+    catalogue.discretes.elements().iter().all(|e| {
+        let (a, b) = (before[e.at], after[e.at]);
+        a.to_bits() == b.to_bits() || (a - b).abs() <= SETTLED * a.abs().max(b.abs()).max(e.scale)
+    })
 }
 
 fn residual_norm(system: &mut CompiledSystem, y: &[f64]) -> f64 {

@@ -31,7 +31,7 @@ fn right_hand_side(load: &LoadOptions, suffix: impl Fn(&str) -> String) {
         for state in bare.catalogue.states.elements() {
             let expected = table.get(row, &suffix(&state.name));
             let error = (rates[state.at] - expected).abs() / (expected.abs() + 1e-3 * state.scale);
-            if !(error <= worst.0) {
+            if worse(error, worst.0) {
                 worst = (error, state.name.clone(), row);
             }
         }
@@ -58,9 +58,9 @@ fn flow(environment: &Environment, name: &str) -> f64 {
     environment.discretes()[element.at]
 }
 
-fn state_of(environment: &Environment, name: &str) -> f64 {
-    let element = environment.catalogue().states.find(name).expect("a state");
-    environment.unknowns()[element.at]
+/// Whether an error is the worst so far; one that is no number is.
+fn worse(error: f64, than: f64) -> bool {
+    error.is_nan() || error > than
 }
 
 /// Section 10, "single steps": each step from the reference's own state, inner controllers left out.
@@ -101,7 +101,7 @@ fn single_steps(file: &str, scenario: &str, length: f64) {
         for state in &states {
             let expected = table.get(row, &format!("{}.tight", state.name));
             let error = (y[state.at] - expected).abs() / expected.abs().max(state.scale);
-            if !(error <= worst.0) {
+            if worse(error, worst.0) {
                 worst = (error, state.name.clone(), row);
             }
         }
@@ -178,7 +178,7 @@ struct Worst {
 
 impl Worst {
     fn take_state(&mut self, error: (f64, String, usize)) {
-        if !(error.0 <= self.state.0) {
+        if worse(error.0, self.state.0) {
             self.state = error;
         }
     }
@@ -203,7 +203,7 @@ fn closed_loop(episode: usize, scenario: &str, rtol: f64, suffix: &str) -> Optio
         for state in &states {
             let expected = table.get(row, &format!("{}{suffix}", state.name));
             let error = (env.unknowns()[state.at] - expected).abs() / expected.abs().max(state.scale);
-            if !(error <= worst.switch.0) && state.name == "S" {
+            if worse(error, worst.switch.0) && state.name == "S" {
                 // The worst S so far is one of all the others now.
                 let last = std::mem::replace(&mut worst.switch, (error, "S".into(), row));
                 worst.take_state(last);

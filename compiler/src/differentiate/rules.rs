@@ -34,6 +34,8 @@ impl Differentiator<'_, '_> {
                 let (slope, at_zero) = (x.div(half, value), x.compare(Compare::Eq, value, zero));
                 x.select(at_zero, zero, slope)
             }
+            // Rounding moves a value by less than its last digit: the slope is that of the value itself.
+            UnaryFn::Single => one,
             UnaryFn::Exp => value,
             UnaryFn::Ln => x.div(one, a),
             UnaryFn::Log10 => {

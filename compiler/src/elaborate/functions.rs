@@ -40,6 +40,7 @@ const FUNCTIONS: &[&str] = &[
     "floor",
     "ceil",
     "round",
+    "single",
     "initial",
     "previous",
     "steady",
@@ -85,7 +86,7 @@ impl Elaborator<'_> {
                 let Some(a) = one(self) else { return self.poison() };
                 self.elementary(function, a, place)
             }
-            "abs" | "floor" | "ceil" | "round" | "sign" => {
+            "abs" | "floor" | "ceil" | "round" | "single" | "sign" => {
                 let Some(a) = one(self) else { return self.poison() };
                 self.keeping_unit(function, a, place)
             }
@@ -250,6 +251,7 @@ impl Elaborator<'_> {
             "sign" => (UnaryFn::Sign, true),
             "floor" => (UnaryFn::Floor, false),
             "ceil" => (UnaryFn::Ceil, false),
+            "single" => (UnaryFn::Single, false),
             _ => (UnaryFn::Round, false),
         };
         match &v.unit {

@@ -35,19 +35,30 @@ impl Selection {
 
 /// The items of a block under a selection.
 pub fn items<'a>(statements: &'a [Statement], selection: &Selection) -> Vec<Item<'a>> {
+    let mut base = plain(statements);
+    select(&mut base, statements, selection);
+    base
+}
+
+/// The items of a block without its variants and choices.
+pub fn plain(statements: &[Statement]) -> Vec<Item<'_>> {
     let mut base = Vec::new();
     for statement in statements {
         push(statement, &mut base);
     }
+    base
+}
+
+/// Works the active variants and choices of a block into items.
+pub fn select<'a>(base: &mut Vec<Item<'a>>, statements: &'a [Statement], selection: &Selection) {
     for statement in statements {
         let body = match &statement.kind {
             StatementKind::Variant { name, body, .. } if selection.holds(&name.text, "true") => body,
             StatementKind::When { choice, option, body } if selection.holds(&choice.text, &option.text) => body,
             _ => continue,
         };
-        overlay(&mut base, items(body, selection));
+        overlay(base, items(body, selection));
     }
-    base
 }
 
 fn push<'a>(statement: &'a Statement, out: &mut Vec<Item<'a>>) {

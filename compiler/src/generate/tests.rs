@@ -78,6 +78,7 @@ impl World {
                     UnaryFn::Floor,
                     UnaryFn::Ceil,
                     UnaryFn::Round,
+                    UnaryFn::Single,
                 ];
                 e.unary(all[usize::from(k) % all.len()], a)
             }

@@ -121,6 +121,8 @@ pub enum UnaryFn {
     Ceil,
     /// To the nearest integer, ties to even.
     Round,
+    /// To the nearest number of single precision.
+    Single,
 }
 
 /// Functions of two numbers.
@@ -632,6 +634,7 @@ impl UnaryFn {
             UnaryFn::Floor => x.floor(),
             UnaryFn::Ceil => x.ceil(),
             UnaryFn::Round => x.round_ties_even(),
+            UnaryFn::Single => f64::from(x as f32),
             _ => kernels::unary(self, x),
         }
     }

@@ -232,6 +232,12 @@ pub(super) fn pow(x: f64, y: f64) -> f64 {
     x.powf(y)
 }
 
+/// The nearest number of single precision.
+#[inline(always)]
+pub(super) fn single(x: f64) -> f64 {
+    f64::from(x as f32)
+}
+
 /// -1, 0 or 1; NaN and the sign of zero stay.
 #[inline(always)]
 pub(super) fn sign(x: f64) -> f64 {

@@ -195,6 +195,7 @@ macro_rules! table {
             ceil ceil_array = f64::ceil;
             round round_array = f64::round_ties_even;
             sign sign_array = math::sign;
+            single single_array = math::single;
         }
     };
 }

@@ -208,7 +208,9 @@ fn keep_for_sparsity(
                 }
             }
         }
-        let fan_in = inputs.len() as i64;
+        // A load inside a reduction stands for all elements that the loop passes.
+        let elements = |&(v, at): &(VarId, Affine)| if at.is_constant() { 1 } else { i64::from(model.vars[v].len) };
+        let fan_in: i64 = inputs.iter().map(elements).sum();
         depends.insert(element, inputs);
         let fan_out = uses.get(&element).copied().unwrap_or(0);
         if fan_in >= 2 && fan_out >= MANY_USES && fan_in * fan_out > 2 * (fan_in + fan_out) {

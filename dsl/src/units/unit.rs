@@ -131,6 +131,12 @@ impl Unit {
     /// Unit of a product of differences; `None` beyond the range of exponents or factors.
     #[must_use]
     pub fn multiply(&self, other: &Self) -> Option<Self> {
+        if other.0.factors.is_empty() && other.is_one() {
+            return Some(self.difference());
+        }
+        if self.0.factors.is_empty() && self.is_one() {
+            return Some(other.difference());
+        }
         memo::binary(memo::Operation::Multiply, self, other, || self.product(other))
     }
 
@@ -153,6 +159,13 @@ impl Unit {
     /// Unit of a power of a difference.
     #[must_use]
     pub fn power(&self, exponent: Rational) -> Option<Self> {
+        if exponent == Rational::ONE {
+            return Some(self.difference());
+        }
+        memo::binary(memo::Operation::Power(exponent), self, self, || self.raised(exponent))
+    }
+
+    fn raised(&self, exponent: Rational) -> Option<Self> {
         let mut factors = Vec::with_capacity(self.0.factors.len());
         for (symbol, own) in &self.difference().0.factors {
             let product = own.multiply(exponent)?;
@@ -230,7 +243,7 @@ mod memo {
     use std::collections::HashMap;
     use std::sync::Arc;
 
-    use super::Unit;
+    use super::{Rational, Unit};
 
     /// Most results that are kept.
     const CAPACITY: usize = 8192;
@@ -239,6 +252,7 @@ mod memo {
     pub(super) enum Operation {
         Multiply,
         Divide,
+        Power(Rational),
     }
 
     /// The operands are held, so that no other unit can come to lie at their addresses.

@@ -58,8 +58,10 @@ impl Environment {
         let (t0, steps) = (self.begin_time(), self.progress.steps);
         self.system.keep(&self.progress.y, Region::Previous);
         let region = self.system.region_mut(Region::Action);
+        let single = self.setup.model().interface().episode.single_precision;
         for (element, &value) in self.setup.catalogue.actions.elements().iter().zip(action) {
-            region[element.at] = value;
+            let rounded = || f64::from((value / element.scale) as f32) * element.scale;
+            region[element.at] = if single { rounded() } else { value };
         }
         self.set_builtin(Builtin::Steps, f64::from(steps));
         self.set_builtin(Builtin::Clock, t0);

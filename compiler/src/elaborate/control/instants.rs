@@ -19,9 +19,16 @@ impl<'a> Elaborator<'a> {
         let mut end = Program { nests: Vec::new(), in_place: true };
         let mut events: Vec<(ScopeId, &'a str, Program)> = Vec::new();
         let mut next_group: Vec<(String, usize)> = Vec::new();
-        for (scope, item) in each(blocks) {
-            let Item::At(Ident { text: instant, .. }, statement) = item else { continue };
+        // Parts before the whole: what a component updates at the end of a step is seen by the `at end` of what it is used in.
+        let mut inner_first: Vec<&(ScopeId, Vec<Item<'a>>)> = blocks.iter().collect();
+        inner_first.sort_by_key(|(scope, _)| std::cmp::Reverse(self.names.scopes[*scope].prefix.matches('.').count()));
+        let mut last_end: Option<Span> = None;
+        for (scope, item) in inner_first.into_iter().flat_map(|(scope, items)| items.iter().map(move |i| (*scope, *i))) {
+            let Item::At(Ident { text: instant, span: block }, statement) = item else { continue };
             let instant = instant.as_str();
+            if instant == "end" && last_end.replace(*block).is_some_and(|last| last != *block) {
+                next_group.retain(|(name, _)| name != instant);
+            }
             let program = match instant {
                 "start" => &mut start,
                 "end" => &mut end,

@@ -1,5 +1,7 @@
 //! Parameters that are drawn or computed from others, and disturbances.
 
+use std::collections::HashMap;
+
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::Clip;
 use smpl_dsl::units::Unit;
@@ -77,39 +79,43 @@ impl<'a> Elaborator<'a> {
         self.vars.iter().take_while(|(v, _)| *v < var).filter(|(_, v)| v.role == role).map(|(_, v)| i64::from(v.len)).sum()
     }
 
+    /// The pieces so that each follows those that it needs.
     fn dependency_order(&mut self, pieces: &[(VarId, Piece<(Affine, ExprId)>)]) -> Vec<usize> {
+        let mut of: HashMap<VarId, Vec<usize>> = HashMap::new();
+        for (i, (var, _)) in pieces.iter().enumerate() {
+            of.entry(*var).or_default().push(i);
+        }
+        let meets = |a: Affine, b: Affine| a == b || !a.is_constant() || !b.is_constant();
         let mut order = Vec::with_capacity(pieces.len());
         let mut state = vec![0_u8; pieces.len()];
-        for i in 0..pieces.len() {
-            self.visit_parameter(i, pieces, &mut state, &mut order);
-        }
-        order
-    }
-
-    fn visit_parameter(&mut self, i: usize, pieces: &[(VarId, Piece<(Affine, ExprId)>)], state: &mut [u8], order: &mut Vec<usize>) {
-        if state[i] == 2 {
-            return;
-        }
-        if state[i] == 1 {
-            let span = self.vars[pieces[i].0].span;
-            let name = self.vars[pieces[i].0].name.clone();
-            self.report(Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the value of `{name}` needs itself"), span));
-            return;
-        }
-        state[i] = 1;
-        for var in self.parameters_in(pieces[i].1.value.1) {
-            for j in 0..pieces.len() {
-                if pieces[j].0 == var && j != i {
-                    self.visit_parameter(j, pieces, state, order);
+        // An explicit stack: chains of parameters may be long.
+        let mut stack: Vec<usize> = (0..pieces.len()).rev().collect();
+        while let Some(&i) = stack.last() {
+            if state[i] > 0 {
+                stack.pop();
+                if state[i] == 1 {
+                    state[i] = 2;
+                    order.push(i);
+                }
+                continue;
+            }
+            state[i] = 1;
+            for (var, at) in self.parameters_in(pieces[i].1.value.1) {
+                let needed = of.get(&var).into_iter().flatten().copied().filter(|&j| meets(at, pieces[j].1.value.0));
+                for j in needed {
+                    match state[j] {
+                        0 => stack.push(j),
+                        1 => {
+                            let v = &self.vars[pieces[j].0];
+                            let d = Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the value of `{}` needs itself", v.name), v.span);
+                            self.report(d);
+                        }
+                        _ => {}
+                    }
                 }
             }
-            if var == pieces[i].0 && pieces.iter().filter(|p| p.0 == var).count() == 1 {
-                let (span, name) = (self.vars[var].span, self.vars[var].name.clone());
-                self.report(Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the value of `{name}` needs itself"), span));
-            }
         }
-        state[i] = 2;
-        order.push(i);
+        order
     }
 
     /// A value limited as a `clip` clause says.

@@ -89,6 +89,12 @@ impl<'a> Elaborator<'a> {
         None
     }
 
+    /// Whether a condition of a setting is true.
+    fn holds(&mut self, e: &Expr, place: &Place) -> bool {
+        let c = self.condition(e, place);
+        matches!(self.exprs.node(c), crate::ir::Expr::Truth(true))
+    }
+
     fn episode_entry(&mut self, name: &Ident, e: &Expr, place: &Place, episode: &mut Episode, integrate: &mut Option<f64>) {
         let time = self.time_unit.clone();
         match name.text.as_str() {
@@ -100,11 +106,12 @@ impl<'a> Elaborator<'a> {
                 let v = self.value(e, place);
                 episode.error_reward = self.constant_value(v.expr).unwrap_or(episode.error_reward);
             }
-            "end_is_success" => {
-                let c = self.condition(e, place);
-                episode.end_is_success = matches!(self.exprs.node(c), crate::ir::Expr::Truth(true));
+            "end_is_success" => episode.end_is_success = self.holds(e, place),
+            "single_precision" => episode.single_precision = self.holds(e, place),
+            _ => {
+                let known = ["step", "integrate", "max_steps", "error_reward", "end_is_success", "single_precision"];
+                self.unknown_entry(name, "episode", &known);
             }
-            _ => self.unknown_entry(name, "episode", &["step", "integrate", "max_steps", "error_reward", "end_is_success"]),
         }
     }
 
