@@ -8,7 +8,6 @@
 //! on from the rest of the row instead of failing at once.
 
 use std::cmp::Ordering;
-use std::collections::HashMap;
 use std::rc::Rc;
 
 use thiserror::Error;
@@ -113,7 +112,7 @@ fn renumber(
 ) -> Result<ExprId, DifferentiateError> {
     let identity = map.iter().zip(0..).all(|(&m, d)| m == d);
     let mut failure = None;
-    let renamed = exprs.rewrite(value, &mut HashMap::new(), &mut |exprs, node| match node {
+    let renamed = exprs.rewrite(value, &mut crate::ir::Rewritten::default(), &mut |exprs, node| match node {
         Expr::Counter(v) if !identity => Some(exprs.counter(LoopVar(map[v.0 as usize]))),
         Expr::Load { var, flavour, at } if !identity => {
             let mut moved = Affine::constant(at.offset);

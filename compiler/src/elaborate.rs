@@ -157,6 +157,8 @@ pub(crate) struct Elaborator<'a> {
     diagnostics: Vec<Diagnostic>,
     /// Code, place, and the call through which the place was reached.
     reported: HashSet<(Code, Span, Option<Span>)>,
+    /// Expressions inside one another, definitions expanded.
+    nesting: u32,
     /// Calls of functions that are being expanded.
     calls: Vec<Span>,
     names: Names<'a>,
@@ -226,6 +228,7 @@ impl<'a> Elaborator<'a> {
             selection: Selection::default(),
             diagnostics: Vec::new(),
             reported: HashSet::new(),
+            nesting: 0,
             calls: Vec::new(),
             names: Names::default(),
             exprs: Exprs::default(),
@@ -328,16 +331,21 @@ impl<'a> Elaborator<'a> {
         if let Some(x) = self.exprs.as_const(e) {
             return Some(x);
         }
-        for var in self.parameters_in(e) {
+        for (var, _) in self.parameters_in(e) {
             if let Some(&symbol) = self.symbol_of.get(&var) {
                 self.know(symbol);
             }
         }
+        self.folded(e)
+    }
+
+    /// The number of an expression with what is known of the parameters.
+    fn folded(&mut self, e: ExprId) -> Option<f64> {
         let known = &self.known;
         let draws = &self.draws;
         let (param_role, draws_var) = (&self.vars, self.draws_var);
         let mut exprs = std::mem::take(&mut self.exprs);
-        let folded = exprs.rewrite(e, &mut HashMap::new(), &mut |exprs, node| match node {
+        let folded = exprs.rewrite(e, &mut crate::ir::Rewritten::default(), &mut |exprs, node| match node {
             crate::ir::Expr::Load { var, at, .. } if at.is_constant() => {
                 if var == draws_var {
                     let mean = match draws.get(at.offset as usize).map(|d| d.kind) {

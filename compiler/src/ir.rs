@@ -12,7 +12,8 @@ mod expr;
 pub(crate) mod hash;
 mod program;
 
-pub use expr::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, Flavour, LoopVar, MAX_DEPTH, ReduceFn, UnaryFn};
+pub use expr::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, Flavour, LoopVar, MAX_DEPTH, ReduceFn, Rewritten, UnaryFn};
+pub use hash::{FastMap, FastSet, Mixer};
 pub use program::{Nest, Place, Program, Store, Target};
 
 use cranelift_entity::entity_impl;

@@ -11,12 +11,10 @@ mod algebraic;
 mod matching;
 mod rates;
 
-use std::collections::HashMap;
-
 use smpl_dsl::diagnostic::Diagnostic;
 
 use crate::elaborate::{Elaborated, Equation, EquationForm};
-use crate::ir::{Affine, Expr, ExprId, Exprs, Flavour, Role, VarId};
+use crate::ir::{Affine, Expr, ExprId, Exprs, FastSet, Flavour, Role, VarId};
 use crate::model::{Model, Row};
 
 /// Analyses the equations and completes the model.
@@ -27,9 +25,9 @@ pub fn analyse(elaborated: Elaborated) -> Result<(Model, Vec<Diagnostic>), Vec<D
     let Elaborated { mut model, mut equations, warnings } = elaborated;
     rates::solve_for_derivatives(&mut model.exprs, &model.vars, &mut equations);
     let rates = rates::cover_states(&model, &equations)?;
-    let mut substitution = rates::substitute_derivatives(&mut model, &mut equations, &rates);
+    rates::substitute_derivatives(&mut model, &mut equations);
     let plan = algebraic::plan(&mut model, &equations);
-    algebraic::substitute(&mut model, &mut equations, &plan, &mut substitution);
+    algebraic::substitute(&mut model, &mut equations, &plan);
     let rows = matching::rows(&mut model, equations, &plan, &rates)?;
     model.explicit = is_explicit(&model.exprs, &model, &rows);
     model.rows = rows;
@@ -60,7 +58,7 @@ fn is_explicit(exprs: &Exprs, model: &Model, rows: &[Row]) -> bool {
 
 /// Distinct loads below a node that a filter accepts.
 fn loads(exprs: &Exprs, e: ExprId, accept: impl Fn(VarId, Flavour) -> bool) -> Vec<(VarId, Flavour, Affine)> {
-    let mut seen = std::collections::HashSet::new();
+    let mut seen = FastSet::default();
     let mut stack = vec![e];
     let mut out = Vec::new();
     while let Some(e) = stack.pop() {
@@ -69,13 +67,13 @@ fn loads(exprs: &Exprs, e: ExprId, accept: impl Fn(VarId, Flavour) -> bool) -> V
         }
         if let Expr::Load { var, flavour, at } = exprs.node(e)
             && accept(var, flavour)
-            && !out.contains(&(var, flavour, at))
         {
             out.push((var, flavour, at));
         }
         stack.extend(exprs.operands(e));
     }
     out.sort_unstable();
+    out.dedup();
     out
 }
 
@@ -99,7 +97,7 @@ fn element_name(model: &Model, var: VarId, element: i64) -> String {
 fn replace_everywhere(
     model: &mut Model,
     equations: &mut [Equation],
-    done: &mut HashMap<ExprId, ExprId>,
+    done: &mut crate::ir::Rewritten,
     replace: &mut dyn FnMut(&mut Exprs, Expr) -> Option<ExprId>,
 ) {
     let exprs = &mut model.exprs;

@@ -78,3 +78,17 @@ def test_the_domain_of_the_tutorial_compiles() -> None:
     tail = "observe c\nreward nothing default = 0\nepisode { step = 0.5 [h], max_steps = 3, error_reward = 0 }\n"
     model = smpl.compile(source=head + piece("docs/tutorial.md", "domain z") + tail)
     assert model.state_names[:2] == ("c[1]", "c[2]")
+
+
+def test_the_first_example_of_the_language_reference_compiles() -> None:
+    assert smpl.compile(source=piece("docs/language.md", "model Tank")).state_names == ("h",)
+
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_between_pages_lead_somewhere(page: Path) -> None:
+    prose = re.sub(r"^```.*?^```$|`[^`\n]*`", "", page.read_text(encoding="utf-8"), flags=re.S | re.M)
+    links = re.findall(r"\]\((?!https?:)([^)#]+)", prose)
+    assert [link for link in links if not (page.parent / link).exists()] == []

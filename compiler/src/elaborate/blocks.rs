@@ -9,7 +9,7 @@ use super::functions::BinderValue;
 use super::items::Item;
 use super::names::{Axis, ScopeId, SymbolId, SymbolKind};
 use super::{Bound, Elaborator, Place, Setting, Site, units};
-use crate::ir::{Affine, Expr as Node, ExprId, LoopVar, Role, VarId};
+use crate::ir::{Affine, Expr as Node, ExprId, FastSet, LoopVar, Role, VarId};
 use crate::model::{self, Quantity};
 
 /// Something elaborated inside a nest of loops.
@@ -59,7 +59,7 @@ impl<'a> Elaborator<'a> {
     }
 
     /// Address of the element that bound index names mean.
-    fn bound_address(&self, axes: &[Axis], indices: &[Binder], place: &Place) -> Affine {
+    pub(super) fn bound_address(&self, axes: &[Axis], indices: &[Binder], place: &Place) -> Affine {
         let mut at = Affine::default();
         for (&axis, binder) in axes.iter().zip(indices) {
             let part = match place.bound(&binder.name.text) {
@@ -95,7 +95,7 @@ impl<'a> Elaborator<'a> {
                     StatementKind::Instance { name, .. } => match own(&name.text).map(|s| &self.names.symbols[s].kind) {
                         Some(SymbolKind::Instance(inner)) => self.walk(*inner, out),
                         Some(SymbolKind::Instances(list)) => {
-                            for (_, inner) in list {
+                            for (_, inner) in list.iter() {
                                 self.walk(*inner, out);
                             }
                         }
@@ -254,16 +254,39 @@ impl<'a> Elaborator<'a> {
         }
     }
 
-    /// Makes the default of a parameter known to constant evaluation.
+    /// Makes the default of a parameter known to constant evaluation, after those that it needs (with an explicit stack: chains may be
+    /// long).
     pub(super) fn know(&mut self, symbol: SymbolId) {
-        let SymbolKind::Variable { var, .. } = self.names.symbols[symbol].kind else { return };
-        if self.known.contains_key(&(var, 0)) || !self.knowing.insert(var) {
-            return;
+        let mut stack = vec![(symbol, None)];
+        while let Some((symbol, pieces)) = stack.pop() {
+            let SymbolKind::Variable { var, .. } = self.names.symbols[symbol].kind else { continue };
+            if let Some(pieces) = pieces {
+                self.remember(var, pieces);
+                continue;
+            }
+            if self.known.contains_key(&(var, 0)) || !self.knowing.insert(var) {
+                continue;
+            }
+            let outer = self.random_site.replace((String::new(), model::Instant::Reset));
+            let pieces = self.default_pieces(symbol, Site::Reset);
+            self.random_site = outer;
+            let mut needed = Vec::new();
+            for piece in &pieces {
+                for (var, _) in self.parameters_in(piece.value.1) {
+                    if let Some(&symbol) = self.symbol_of.get(&var).filter(|_| !self.knowing.contains(&var)) {
+                        needed.push((symbol, None));
+                    }
+                }
+            }
+            stack.push((symbol, Some(pieces)));
+            stack.extend(needed);
         }
-        let outer = self.random_site.replace((String::new(), model::Instant::Reset));
-        for piece in self.default_pieces(symbol, Site::Reset) {
+    }
+
+    fn remember(&mut self, var: VarId, pieces: Vec<Piece<(Affine, ExprId)>>) {
+        for piece in pieces {
             let (at, value) = piece.value;
-            let Some(x) = self.constant_value(value) else { continue };
+            let Some(x) = self.folded(value) else { continue };
             if piece.extents.is_empty() {
                 self.known.insert((var, at.offset), x);
             } else {
@@ -272,7 +295,6 @@ impl<'a> Elaborator<'a> {
                 }
             }
         }
-        self.random_site = outer;
     }
 
     /// Bounds, default and scale of a variable as numbers.
@@ -437,20 +459,19 @@ impl<'a> Elaborator<'a> {
         None
     }
 
-    /// Parameters that an expression loads.
-    pub(super) fn parameters_in(&self, e: ExprId) -> Vec<VarId> {
-        let mut seen = std::collections::HashSet::new();
+    /// Elements of parameters that an expression loads.
+    pub(super) fn parameters_in(&self, e: ExprId) -> Vec<(VarId, Affine)> {
+        let mut seen = FastSet::default();
         let mut stack = vec![e];
         let mut out = Vec::new();
         while let Some(e) = stack.pop() {
             if !seen.insert(e) {
                 continue;
             }
-            if let Node::Load { var, .. } = self.exprs.node(e)
+            if let Node::Load { var, at, .. } = self.exprs.node(e)
                 && self.vars[var].role == Role::Param
-                && !out.contains(&var)
             {
-                out.push(var);
+                out.push((var, at));
             }
             stack.extend(self.exprs.operands(e));
         }

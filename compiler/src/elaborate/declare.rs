@@ -1,89 +1,26 @@
 //! Declarations: variants, imports, sets, tables, variables, components.
 
+mod instances;
+mod tables;
+mod variants;
+
 use std::collections::HashMap;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{
-    self, Binder, Declaration, Expr, ExprKind, Ident, SetMembers, Statement, StatementKind, Table, TableCells, TimeTable,
-};
+use smpl_dsl::syntax::{self, Declaration, Ident, SetMembers, Statement, StatementKind, Table};
 use smpl_dsl::units::Unit;
 
-use super::items::{Item, items, overlay, plain, select};
+use super::items::{Item, items, overlay, plain, selected};
 use super::names::{Axis, Domain, Geometry, Scheme, Scope, ScopeId, Set, SetId, Symbol, SymbolId, SymbolKind};
-use super::{Bound, Elaborator, Setting, Site};
+use super::{Elaborator, Site};
 use crate::ir::{Role, VarId};
 use crate::model::Variable;
 
-/// Deepest nest of components.
-const MAX_COMPONENT_DEPTH: usize = 32;
 /// Most elements of one variable.
 const MAX_ELEMENTS: i64 = 50_000_000;
 
 impl<'a> Elaborator<'a> {
-    /// Decides which variants are on and which options are chosen; unknown names are faults.
-    pub(super) fn select_variants(&mut self) {
-        let mut switches = Vec::new();
-        let mut choices = Vec::new();
-        for file in self.files {
-            collect_variants(&file.statements, &mut switches, &mut choices);
-        }
-        for file in self.files {
-            self.check_whens(&file.statements, &switches, &choices);
-        }
-        for (name, options) in &choices {
-            if let Some(first) = options.first() {
-                self.selection.chosen.insert((*name).to_owned(), first.text.clone());
-            }
-        }
-        let mut asked: Vec<(String, String)> = self.options.variants.clone();
-        for (name, value) in &self.options.settings {
-            let is_choice = choices.iter().any(|(c, _)| c == name) || switches.iter().any(|s| s == name);
-            if is_choice {
-                self.used_parameters.insert(name.clone());
-                asked.push((
-                    name.clone(),
-                    match value {
-                        Setting::Text(text) => text.clone(),
-                        Setting::Number(x) => x.to_string(),
-                    },
-                ));
-            }
-        }
-        for (name, option) in asked {
-            if let Some((_, options)) = choices.iter().find(|(c, _)| **c == name) {
-                if options.iter().any(|o| o.text == option) {
-                    self.selection.chosen.insert(name, option);
-                } else {
-                    let known: Vec<&str> = options.iter().map(|o| o.text.as_str()).collect();
-                    self.scenario_fault(format!("`{name}` cannot be `{option}`; it is one of {}", known.join(", ")));
-                }
-            } else if switches.iter().any(|s| **s == name) {
-                match option.as_str() {
-                    "true" | "false" => {
-                        self.selection.chosen.insert(name, option);
-                    }
-                    _ => self.scenario_fault(format!("the variant `{name}` is a switch: it takes true or false, not `{option}`")),
-                }
-            } else {
-                let known: Vec<&str> = switches.iter().copied().chain(choices.iter().map(|(c, _)| *c)).collect();
-                let hint = did_you_mean(&name, known.iter().copied());
-                let list = if known.is_empty() { "the model has none".to_owned() } else { format!("the model has {}", known.join(", ")) };
-                self.scenario_fault_with(format!("unknown variant `{name}`: {list}"), hint);
-            }
-        }
-        let chosen = &self.selection.chosen;
-        self.model.interface.variants = switches.iter().map(|s| ((*s).to_owned(), chosen.get(*s).is_some_and(|v| v == "true"))).collect();
-        self.model.interface.choices = choices
-            .iter()
-            .map(|(name, options)| {
-                let labels: Vec<String> = options.iter().map(|o| o.text.clone()).collect();
-                let at = chosen.get(*name).and_then(|c| labels.iter().position(|l| l == c)).unwrap_or(0);
-                ((*name).to_owned(), labels, at as u32)
-            })
-            .collect();
-    }
-
     /// A `when` that no choice can fulfil is a fault.
     fn check_whens(&mut self, statements: &[Statement], switches: &[&str], choices: &[(&str, &[Ident])]) {
         for statement in statements {
@@ -113,15 +50,6 @@ impl<'a> Elaborator<'a> {
         }
     }
 
-    pub(super) fn scenario_fault(&mut self, message: String) {
-        self.scenario_fault_with(message, None);
-    }
-
-    fn scenario_fault_with(&mut self, message: String, help: Option<String>) {
-        // Several may share the place (none): they are told apart by their text.
-        self.diagnostics.push(Diagnostic::error(codes::BAD_SCENARIO, message, Span::default()).maybe_help(help));
-    }
-
     /// Declares everything of the main file and what it imports.
     pub(super) fn declare_file(&mut self) {
         let root = self.names.scopes.push(Scope::default());
@@ -143,23 +71,33 @@ impl<'a> Elaborator<'a> {
         if std::mem::replace(&mut seen[file], true) {
             return;
         }
-        let files = self.files;
-        for item in plain(&files[file].statements) {
-            if let Item::Other(Statement { kind: StatementKind::Import { path, path_span }, .. }) = item {
-                match self.imports.get(path) {
-                    Some(&imported) => self.gather(imported, seen, out),
-                    None => self.report(Diagnostic::error(
-                        codes::UNKNOWN_IMPORT,
-                        format!("the file `{path}` was not found beside the model or in the library"),
-                        *path_span,
-                    )),
-                }
-                continue;
-            }
-            out.push(item);
-        }
+        let statements = &self.files[file].statements;
+        self.gather_items(plain(statements), seen, out);
         // Variants and choices may replace what is imported.
-        select(out, &files[file].statements, &self.selection);
+        let bodies: Vec<&'a [Statement]> = selected(statements, &self.selection).collect();
+        for body in bodies {
+            let mut over = Vec::new();
+            self.gather_items(items(body, &self.selection), seen, &mut over);
+            overlay(out, over);
+        }
+    }
+
+    /// Items, with those of the files that they import in place of the imports.
+    fn gather_items(&mut self, list: Vec<Item<'a>>, seen: &mut [bool], out: &mut Vec<Item<'a>>) {
+        for item in list {
+            let Item::Other(Statement { kind: StatementKind::Import { path, path_span }, .. }) = item else {
+                out.push(item);
+                continue;
+            };
+            match self.imports.get(path) {
+                Some(&imported) => self.gather(imported, seen, out),
+                None => self.report(Diagnostic::error(
+                    codes::UNKNOWN_IMPORT,
+                    format!("the file `{path}` was not found beside the model or in the library"),
+                    *path_span,
+                )),
+            }
+        }
     }
 
     fn register(&mut self, statement: &'a Statement) {
@@ -350,7 +288,7 @@ impl<'a> Elaborator<'a> {
                             self.faulty(scope, &flux.name);
                             continue;
                         }
-                        self.declare(scope, &flux.name, SymbolKind::Flux { flux, axes, binders });
+                        self.declare(scope, &flux.name, SymbolKind::Flux { flux, axes: axes.into(), binders: binders.into() });
                     }
                     StatementKind::Port { names, connector } => {
                         for name in names {
@@ -451,81 +389,6 @@ impl<'a> Elaborator<'a> {
         }
     }
 
-    fn declare_table(&mut self, scope: ScopeId, table: &'a Table) {
-        let mut sets = Vec::new();
-        for index in &table.indices {
-            let Some(set) = self.set_named(scope, index) else {
-                for column in &table.columns {
-                    self.faulty(scope, &column.name);
-                }
-                return;
-            };
-            sets.push(set);
-        }
-        let place = self.place(scope, Site::Dynamics);
-        let columns = table.columns.len().max(1);
-        let inner: usize = sets.iter().skip(1).map(|&s| self.names.sets[s].labels.len()).product();
-        let outer = sets.first().map_or(1, |&s| self.names.sets[s].labels.len());
-        // One table of several columns, or one table of one or two indices.
-        let width = if columns > 1 { columns } else { inner };
-        let mut values = vec![vec![f64::NAN; outer * inner]; columns];
-        let mut tables_units = Vec::new();
-        for column in &table.columns {
-            let unit = match &column.unit {
-                Some(u) => self.unit(u, &place),
-                None => Some(Unit::one()),
-            };
-            tables_units.push(unit.unwrap_or_else(Unit::one));
-        }
-        if let Some(e) = &table.default
-            && let Some(x) = self.table_number(e, tables_units.first(), &place)
-        {
-            for v in &mut values {
-                v.fill(x);
-            }
-        }
-        let before = self.diagnostics.len();
-        for row in &table.rows {
-            let Some(i) = sets.first().and_then(|&s| self.row_member(s, &row.label)) else { continue };
-            match &row.cells {
-                TableCells::Values(cells) => {
-                    if cells.len() != width {
-                        self.report(
-                            Diagnostic::error(codes::WRONG_SHAPE, format!("this row has {} values, not {width}", cells.len()), row.span)
-                                .help("one value a column, or a member of the second set"),
-                        );
-                        continue;
-                    }
-                    for (j, e) in cells.iter().enumerate() {
-                        let (table, at) = if columns > 1 { (j, i) } else { (0, i * inner + j) };
-                        if let Some(x) = self.table_number(e, tables_units.get(table), &place) {
-                            values[table][at] = x;
-                        }
-                    }
-                }
-                TableCells::Sparse(cells) => {
-                    let Some(&second) = sets.get(1) else {
-                        self.report(Diagnostic::error(codes::WRONG_SHAPE, "`member = value` needs a table over two sets", row.span));
-                        continue;
-                    };
-                    for (label, e) in cells {
-                        let Some(j) = self.row_member(second, label) else { continue };
-                        if let Some(x) = self.table_number(e, tables_units.first(), &place) {
-                            values[0][i * inner + j] = x;
-                        }
-                    }
-                }
-            }
-        }
-        // What a faulty row would have given is not missing.
-        if self.diagnostics.len() == before {
-            self.check_table(table, &sets, &values);
-        }
-        for ((column, unit), values) in table.columns.iter().zip(tables_units).zip(values) {
-            self.declare(scope, &column.name, SymbolKind::Table { axes: sets.clone(), unit, values });
-        }
-    }
-
     /// Reports the first entry that has no value.
     fn check_table(&mut self, table: &Table, sets: &[SetId], values: &[Vec<f64>]) {
         for (column, values) in table.columns.iter().zip(values) {
@@ -549,53 +412,6 @@ impl<'a> Elaborator<'a> {
             // The other columns lack the same rows.
             return;
         }
-    }
-
-    fn row_member(&mut self, set: SetId, label: &Ident) -> Option<usize> {
-        let found = self.names.sets[set].labels.iter().position(|l| *l == label.text);
-        if found.is_none() {
-            let name = self.names.sets[set].name.clone();
-            let help = did_you_mean(&label.text, self.names.sets[set].labels.iter().map(String::as_str));
-            self.report(
-                Diagnostic::error(codes::OUT_OF_RANGE, format!("`{}` is no member of `{name}`", label.text), label.span).maybe_help(help),
-            );
-        }
-        found
-    }
-
-    fn table_number(&mut self, e: &Expr, unit: Option<&Unit>, place: &super::Place) -> Option<f64> {
-        let one = Unit::one();
-        let expr = self.number_in(e, unit.unwrap_or(&one), "the table's entry", Span::default(), place);
-        let reports = self.diagnostics.len();
-        let value = self.constant_value(expr);
-        if value.is_none() && reports == self.diagnostics.len() {
-            self.missing_value("an entry of a table", e.span);
-        }
-        value.filter(|v| !v.is_nan())
-    }
-
-    fn declare_time_table(&mut self, scope: ScopeId, table: &'a TimeTable) {
-        let place = self.place(scope, Site::Dynamics);
-        let unit = match &table.unit {
-            Some(u) => self.unit(u, &place).unwrap_or_else(Unit::one),
-            None => Unit::one(),
-        };
-        let time_unit = self.unit(&table.time_unit, &place).unwrap_or_else(Unit::one);
-        let mut points = Vec::with_capacity(table.entries.len());
-        for (time, value) in &table.entries {
-            let t = self.table_number(time, Some(&time_unit), &place);
-            let v = self.table_number(value, Some(&unit), &place);
-            if let (Some(t), Some(v)) = (t, v) {
-                if points.last().is_some_and(|&(before, _): &(f64, f64)| before >= t) {
-                    self.report(Diagnostic::error(codes::BAD_SETTING, "times of a table must increase", time.span));
-                }
-                points.push((t, v));
-            }
-        }
-        if points.is_empty() {
-            self.report(Diagnostic::error(codes::EMPTY_SET, format!("the table `{}` is empty", table.name.text), table.name.span));
-        }
-        self.declare(scope, &table.name, SymbolKind::TimeTable { unit, time_unit, kind: table.kind, points });
     }
 
     fn declare_domain(&mut self, scope: ScopeId, domain: &'a syntax::Domain) {
@@ -672,7 +488,11 @@ impl<'a> Elaborator<'a> {
                     );
                     return self.faulty(scope, &d.name);
                 };
-                self.declare(scope, &d.name, SymbolKind::Let { axes, binders, unit, definition, random, declaration: d });
+                self.declare(
+                    scope,
+                    &d.name,
+                    SymbolKind::Let { axes: axes.into(), binders: binders.into(), unit, definition, random, declaration: d },
+                );
                 return;
             }
             syntax::Role::Param => Role::Param,
@@ -689,7 +509,11 @@ impl<'a> Elaborator<'a> {
     fn declare_poison(&mut self, scope: ScopeId, role: syntax::Role, d: &'a Declaration, axes: Vec<Axis>, binders: Vec<String>) {
         if matches!(role, syntax::Role::Let | syntax::Role::Random) {
             if let Some(definition) = d.value.as_ref().or(d.sample.as_ref()) {
-                self.declare(scope, &d.name, SymbolKind::Let { axes, binders, unit: None, definition, random: false, declaration: d });
+                self.declare(
+                    scope,
+                    &d.name,
+                    SymbolKind::Let { axes: axes.into(), binders: binders.into(), unit: None, definition, random: false, declaration: d },
+                );
             }
             return;
         }
@@ -708,191 +532,8 @@ impl<'a> Elaborator<'a> {
         }
         let path = format!("{}{}", self.names.scopes[scope].prefix, name.text);
         let var = self.vars.push(Variable { name: path, role, len: len as u32, span: d.span });
-        let symbol = self.declare(scope, name, SymbolKind::Variable { var, axes, unit, declaration: d })?;
+        let symbol = self.declare(scope, name, SymbolKind::Variable { var, axes: axes.into(), unit, declaration: d })?;
         self.symbol_of.insert(var, symbol);
         Some(var)
-    }
-
-    fn declare_port(&mut self, scope: ScopeId, name: &Ident, connector: &Ident) {
-        let Some(StatementKind::Connector { members, .. }) = self.connectors.get(connector.text.as_str()).map(|s| &s.kind) else {
-            let known: Vec<&str> = self.connectors.keys().copied().collect();
-            let help = did_you_mean(&connector.text, known);
-            self.report(
-                Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown connector `{}`", connector.text), connector.span).maybe_help(help),
-            );
-            return self.faulty(scope, name);
-        };
-        let prefix = format!("{}{}.", self.names.scopes[scope].prefix, name.text);
-        let port = self.names.scopes.push(Scope { prefix, parent: Some(scope), names: Default::default() });
-        self.declare(scope, name, SymbolKind::Instance(port));
-        for member in members {
-            let place = self.place(scope, Site::Dynamics);
-            let Some((axes, _)) = self.axes(&member.indices, &place) else { continue };
-            let unit = match &member.unit {
-                Some(u) => self.unit(u, &place),
-                None => Some(Unit::one()),
-            };
-            let Some(unit) = unit else { continue };
-            if let Some(var) = self.new_variable(port, &member.name, Role::Algebraic, axes, unit, member) {
-                self.port_variables.insert(var);
-            }
-        }
-    }
-
-    fn declare_instance(
-        &mut self,
-        scope: ScopeId,
-        component: &'a Ident,
-        name: &'a Ident,
-        indices: &'a [Binder],
-        arguments: &'a [(Ident, Expr)],
-        depth: usize,
-    ) {
-        if depth >= MAX_COMPONENT_DEPTH {
-            self.report(Diagnostic::error(codes::CYCLIC_DEFINITION, format!("`{}` contains itself", component.text), component.span));
-            return self.faulty(scope, name);
-        }
-        let Some(statement) = self.components.get(component.text.as_str()).copied() else {
-            let known: Vec<&str> = self.components.keys().copied().collect();
-            let help = did_you_mean(&component.text, known);
-            self.report(
-                Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown component `{}`", component.text), component.span).maybe_help(help),
-            );
-            return self.faulty(scope, name);
-        };
-        let place = self.place(scope, Site::Dynamics);
-        let path = format!("{}{}", self.names.scopes[scope].prefix, name.text);
-        if indices.is_empty() {
-            let inner = self.instantiate(statement, &path, name.span, arguments, &place, depth);
-            self.declare(scope, name, SymbolKind::Instance(inner));
-            return;
-        }
-        let [binder] = indices else {
-            self.report(Diagnostic::error(codes::WRONG_SHAPE, "instances take one index", name.span));
-            return self.faulty(scope, name);
-        };
-        let mut list = Vec::new();
-        for value in self.bindings_of(binder, &place) {
-            let super::functions::BinderValue::One(bound) = value else {
-                self.report(Diagnostic::error(codes::WRONG_KIND, "instances are counted by a set", binder.span));
-                return self.faulty(scope, name);
-            };
-            let label = match &bound {
-                Bound::Member(set, i) => self.names.sets[*set].labels[*i].clone(),
-                Bound::Number(e) => self.exprs.as_const(*e).map_or_else(String::new, |x| x.to_string()),
-                _ => continue,
-            };
-            let inner_place = place.bind(&binder.name.text, bound);
-            let inner = self.instantiate(statement, &format!("{path}[{label}]"), name.span, arguments, &inner_place, depth);
-            list.push((label, inner));
-        }
-        self.declare(scope, name, SymbolKind::Instances(list));
-    }
-
-    fn instantiate(
-        &mut self,
-        statement: &'a Statement,
-        path: &str,
-        used: Span,
-        arguments: &'a [(Ident, Expr)],
-        outer: &super::Place,
-        depth: usize,
-    ) -> ScopeId {
-        let root = ScopeId::from_u32(0);
-        let scope = self.names.scopes.push(Scope { prefix: format!("{path}."), parent: Some(root), names: Default::default() });
-        self.used_at.insert(scope, used);
-        let StatementKind::Component { name, parameters, body, .. } = &statement.kind else { return scope };
-        for (parameter, default) in parameters {
-            let given = arguments.iter().find(|(a, _)| a.text == parameter.text).map(|(_, e)| e);
-            self.structural(scope, (path, used), parameter, given, default.as_ref(), outer);
-        }
-        let list = items(body, &self.selection);
-        for (argument, e) in arguments {
-            if parameters.iter().any(|(p, _)| p.text == argument.text) {
-                continue;
-            }
-            let known: Vec<&str> = list
-                .iter()
-                .filter_map(|i| match i {
-                    Item::Declare(syntax::Role::Param, d) => Some(d.name.text.as_str()),
-                    _ => None,
-                })
-                .chain(parameters.iter().map(|(p, _)| p.text.as_str()))
-                .collect();
-            if known.contains(&argument.text.as_str()) {
-                self.given.insert((scope, argument.text.clone()), (e, outer.clone()));
-            } else {
-                let help = did_you_mean(&argument.text, known);
-                self.report(
-                    Diagnostic::error(
-                        codes::WRONG_ARGUMENTS,
-                        format!("the component `{}` has no parameter `{}`", name.text, argument.text),
-                        argument.span,
-                    )
-                    .maybe_help(help),
-                );
-            }
-        }
-        self.declare_block(scope, list, depth + 1);
-        scope
-    }
-
-    /// A structural parameter: a whole number or a set; a setting `R1.n_cells` or `n_cells` overrides it.
-    fn structural(
-        &mut self,
-        scope: ScopeId,
-        (path, used): (&str, Span),
-        name: &'a Ident,
-        given: Option<&Expr>,
-        default: Option<&Expr>,
-        outer: &super::Place,
-    ) {
-        for key in [format!("{path}.{}", name.text), name.text.clone()] {
-            if let Some(Setting::Number(x)) = self.options.settings.get(&key) {
-                self.used_parameters.insert(key.clone());
-                if x.fract() == 0.0 && *x >= 0.0 && *x < 1e9 {
-                    self.declare(scope, name, SymbolKind::Integer(*x as i64));
-                    return;
-                }
-                self.scenario_fault(format!("`{key}` takes a whole number, not {x}"));
-            }
-        }
-        let Some(e) = given.or(default) else {
-            self.report(
-                Diagnostic::error(codes::MISSING_DEFAULT, format!("`{path}` needs a value of `{}`", name.text), used)
-                    .secondary(name.span, "it has no default")
-                    .help(format!("write `({} = ...)` after the instance's name", name.text)),
-            );
-            return self.faulty(scope, name);
-        };
-        if let ExprKind::Name(n) = &e.kind
-            && let Some(symbol) = self.names.lookup(outer.scope, &n.text)
-            && let SymbolKind::Set(set) = self.names.symbols[symbol].kind
-        {
-            self.declare(scope, name, SymbolKind::Set(set));
-            return;
-        }
-        let kind = self.integer(e, outer).map_or(SymbolKind::Faulty, SymbolKind::Integer);
-        self.declare(scope, name, kind);
-    }
-}
-
-fn collect_variants<'a>(statements: &'a [Statement], switches: &mut Vec<&'a str>, choices: &mut Vec<(&'a str, &'a [Ident])>) {
-    for statement in statements {
-        match &statement.kind {
-            StatementKind::Variant { name, body, .. } => {
-                if !switches.contains(&name.text.as_str()) {
-                    switches.push(&name.text);
-                }
-                collect_variants(body, switches, choices);
-            }
-            StatementKind::Choice { name, options, .. } => {
-                if !choices.iter().any(|(c, _)| *c == name.text) {
-                    choices.push((&name.text, options));
-                }
-            }
-            StatementKind::When { body, .. } | StatementKind::Component { body, .. } => collect_variants(body, switches, choices),
-            _ => {}
-        }
     }
 }

@@ -11,9 +11,25 @@ use super::units;
 use super::{Bound, Elaborator, Place};
 use crate::ir::{Affine, BinaryFn, Builtin, Compare, Expr as Node, ExprId, Flavour, Role};
 
+/// Deepest nest of expressions, definitions expanded; each level takes some hundred bytes of stack.
+const MAX_NESTING: u32 = 1500;
+
 impl<'a> Elaborator<'a> {
     /// Elaborates an expression.
     pub(super) fn value(&mut self, e: &Expr, place: &Place) -> Value {
+        if self.nesting >= MAX_NESTING {
+            return self.fault(
+                Diagnostic::error(codes::TOO_LARGE, "definitions within definitions, thousands deep", e.span)
+                    .help("break the chain: make one of its members a `var` with an equation"),
+            );
+        }
+        self.nesting += 1;
+        let v = self.value_of(e, place);
+        self.nesting -= 1;
+        v
+    }
+
+    fn value_of(&mut self, e: &Expr, place: &Place) -> Value {
         match &e.kind {
             ExprKind::Number { value, unit: None } => {
                 let expr = self.exprs.constant(*value);
@@ -248,16 +264,13 @@ impl<'a> Elaborator<'a> {
             SymbolKind::Let { axes, binders, unit, definition, random, .. } => {
                 self.expand_let(symbol, &axes, &binders, unit.as_ref(), definition, random, index, span, place)
             }
-            SymbolKind::Table { axes, unit, values } => {
-                let axes: Vec<Axis> = axes.iter().map(|&s| Axis::Set(s)).collect();
-                match self.address(symbol, &axes, index, span, place) {
-                    Some((at, _)) if at.is_constant() => {
-                        let expr = self.exprs.constant(values.get(at.offset as usize).copied().unwrap_or(f64::NAN));
-                        Value::of(expr, unit)
-                    }
-                    _ => self.poison(),
+            SymbolKind::Table { axes, unit, values } => match self.address(symbol, &axes, index, span, place) {
+                Some((at, _)) if at.is_constant() => {
+                    let expr = self.exprs.constant(values.get(at.offset as usize).copied().unwrap_or(f64::NAN));
+                    Value::of(expr, unit)
                 }
-            }
+                _ => self.poison(),
+            },
             SymbolKind::Integer(n) => {
                 let expr = self.exprs.constant(n as f64);
                 Value { expr, unit: if n == 0 { Measure::Zero } else { Measure::Bare } }

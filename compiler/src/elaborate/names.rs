@@ -1,6 +1,7 @@
 //! Scopes, symbols, sets and domains: what a name can stand for.
 
 use std::collections::HashMap;
+use std::rc::Rc;
 
 use cranelift_entity::{PrimaryMap, entity_impl};
 use smpl_dsl::span::Span;
@@ -57,13 +58,13 @@ pub struct Symbol<'a> {
 #[derive(Clone, Debug)]
 pub enum SymbolKind<'a> {
     /// State, algebraic variable, parameter, action, discrete variable or disturbance.
-    Variable { var: VarId, axes: Vec<Axis>, unit: Unit, declaration: &'a Declaration },
+    Variable { var: VarId, axes: Rc<[Axis]>, unit: Unit, declaration: &'a Declaration },
     /// Named expression; a `random` number is one whose definition draws.
-    Let { axes: Vec<Axis>, binders: Vec<String>, unit: Option<Unit>, definition: &'a Expr, random: bool, declaration: &'a Declaration },
+    Let { axes: Rc<[Axis]>, binders: Rc<[String]>, unit: Option<Unit>, definition: &'a Expr, random: bool, declaration: &'a Declaration },
     /// Numbers over sets.
-    Table { axes: Vec<SetId>, unit: Unit, values: Vec<f64> },
+    Table { axes: Rc<[Axis]>, unit: Unit, values: Rc<[f64]> },
     /// A function of time.
-    TimeTable { unit: Unit, time_unit: Unit, kind: TimeTableKind, points: Vec<(f64, f64)> },
+    TimeTable { unit: Unit, time_unit: Unit, kind: TimeTableKind, points: Rc<[(f64, f64)]> },
     /// A function.
     Def { parameters: &'a [Ident], body: &'a Expr },
     /// An index set.
@@ -71,11 +72,11 @@ pub enum SymbolKind<'a> {
     /// A domain.
     Domain(DomainId),
     /// A flux on the faces of a domain.
-    Flux { flux: &'a Flux, axes: Vec<Axis>, binders: Vec<String> },
+    Flux { flux: &'a Flux, axes: Rc<[Axis]>, binders: Rc<[String]> },
     /// An instance of a component, or a port of one.
     Instance(ScopeId),
     /// Instances over a set.
-    Instances(Vec<(String, ScopeId)>),
+    Instances(Rc<[(String, ScopeId)]>),
     /// A choice: the options and the chosen one.
     Choice { options: &'a [Ident], chosen: usize },
     /// A structural number.

@@ -1,5 +1,7 @@
 //! What is seen from outside: observations, algebraic outputs, the interface.
 
+use std::rc::Rc;
+
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
 use smpl_dsl::syntax::{Binder, BinderSet, Expr, ExprKind, Ident, Observation, Statement, StatementKind};
 use smpl_dsl::units::Unit;
@@ -66,7 +68,7 @@ impl<'a> Elaborator<'a> {
         if wanted == "full" && levels.last().is_some_and(|l| l == "full") {
             self.observe_states(&mut out);
         }
-        if !levels.iter().any(|l| *l == wanted) {
+        if !levels.contains(&wanted) {
             return out;
         }
         self.model.interface.levels = levels;
@@ -252,7 +254,7 @@ impl<'a> Elaborator<'a> {
             SymbolKind::Variable { axes, declaration, .. } | SymbolKind::Let { axes, declaration, .. } => {
                 (axes.clone(), declaration.pattern.clone())
             }
-            SymbolKind::Table { axes, .. } => (axes.iter().map(|&s| Axis::Set(s)).collect(), None),
+            SymbolKind::Table { axes, .. } => (Rc::clone(axes), None),
             _ => return None,
         };
         let path = self.names.symbols[symbol].path.clone();
@@ -273,7 +275,7 @@ impl<'a> Elaborator<'a> {
     }
 
     /// The array that a bare name means.
-    fn whole_array(&mut self, e: &Expr, place: &Place) -> Option<(SymbolId, Vec<Axis>)> {
+    fn whole_array(&mut self, e: &Expr, place: &Place) -> Option<(SymbolId, Rc<[Axis]>)> {
         if !matches!(e.kind, ExprKind::Name(_) | ExprKind::Member(..)) {
             return None;
         }

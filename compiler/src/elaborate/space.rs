@@ -3,6 +3,8 @@
 //! Face `k` lies below cell `k` (both counted from 0): faces 0 and `n` are the ends. A flux is evaluated at a face; the divergence of a
 //! cell takes the fluxes of its two faces, weighted with their areas, over the cell's measure, so that sums over cells telescope.
 
+use std::rc::Rc;
+
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{self, Expr, ExprKind};
@@ -338,23 +340,7 @@ impl Elaborator<'_> {
             return self.poison();
         };
         let unit = self.ends(face.domain).0;
-        let side = |s: &mut Self, by: i64| {
-            let mut inner = place.clone();
-            inner.face = None;
-            let mut bound = place.bindings.as_ref();
-            let mut names = Vec::new();
-            while let Some(b) = bound {
-                if matches!(&b.to, Bound::Face(d, _) if *d == face.domain) {
-                    names.push(b.name.clone());
-                }
-                bound = b.next.as_ref();
-            }
-            for name in names {
-                inner = inner.bind(&name, Bound::Cell(face.domain, face.at.shifted(by)));
-            }
-            s.value(e, &inner)
-        };
-        let r = side(self, if high { -1 } else { 0 });
+        let r = self.beside(face, if high { -1 } else { 0 }, e, place);
         if r.is_poison() {
             return r;
         }
@@ -366,7 +352,7 @@ impl Elaborator<'_> {
             let expr = self.exprs.constant(0.0);
             return Value::of(expr, gradient_unit);
         }
-        let l = side(self, -1);
+        let l = self.beside(face, -1, e, place);
         let difference = self.exprs.sub(r.expr, l.expr);
         let distance = if self.is_uniform(face.domain) {
             self.spacing(face.domain)
@@ -376,6 +362,20 @@ impl Elaborator<'_> {
         };
         let expr = self.exprs.div(difference, distance);
         Value::of(expr, gradient_unit)
+    }
+
+    /// An expression in a cell beside the face: -1 the one below, 0 the one above.
+    fn beside(&mut self, face: Face, by: i64, e: &Expr, place: &Place) -> Value {
+        let mut inner = place.clone();
+        inner.face = None;
+        let mut bound = place.bindings.as_ref();
+        while let Some(b) = bound {
+            if matches!(&b.to, Bound::Face(d, _) if *d == face.domain) {
+                inner = inner.bind(&b.name, Bound::Cell(face.domain, face.at.shifted(by)));
+            }
+            bound = b.next.as_ref();
+        }
+        self.value(e, &inner)
     }
 
     /// `upwind(v, c[z])`: the field from the side that the flow comes from.
@@ -388,24 +388,8 @@ impl Elaborator<'_> {
             return self.poison();
         };
         let v = self.value(velocity, place);
-        let mut sides = Vec::new();
-        for by in [if low { 0 } else { -1 }, if high { -1 } else { 0 }] {
-            let mut inner = place.clone();
-            inner.face = None;
-            let mut names = Vec::new();
-            let mut bound = place.bindings.as_ref();
-            while let Some(b) = bound {
-                if matches!(&b.to, Bound::Face(d, _) if *d == face.domain) {
-                    names.push(b.name.clone());
-                }
-                bound = b.next.as_ref();
-            }
-            for name in names {
-                inner = inner.bind(&name, Bound::Cell(face.domain, face.at.shifted(by)));
-            }
-            sides.push(self.value(field, &inner));
-        }
-        let (Some(r), Some(l)) = (sides.pop(), sides.pop()) else { return self.poison() };
+        let l = self.beside(face, if low { 0 } else { -1 }, field, place);
+        let r = self.beside(face, if high { -1 } else { 0 }, field, place);
         if l.is_poison() || r.is_poison() || v.is_poison() {
             return self.poison();
         }
@@ -486,7 +470,7 @@ impl Elaborator<'_> {
         self.flux_at(symbol, &leading, Face { domain, at: Cell::single(number) }, &outer)
     }
 
-    fn flux_axes<'e>(&mut self, symbol: SymbolId, index: &'e [Expr], span: Span) -> Option<(Vec<Axis>, &'e Expr)> {
+    fn flux_axes<'e>(&mut self, symbol: SymbolId, index: &'e [Expr], span: Span) -> Option<(Rc<[Axis]>, &'e Expr)> {
         let SymbolKind::Flux { axes, .. } = &self.names.symbols[symbol].kind else { return None };
         let axes = axes.clone();
         match index.last() {

@@ -1,6 +1,5 @@
 //! Nodes, their arena, and the constructors that simplify while they build.
 
-use std::collections::HashMap;
 use std::fmt;
 
 use cranelift_entity::{PrimaryMap, entity_impl};
@@ -208,6 +207,9 @@ pub enum Expr {
         body: ExprId,
     },
 }
+
+/// What [`Exprs::rewrite`] has made of nodes already.
+pub type Rewritten = FastMap<ExprId, ExprId>;
 
 /// The arena of nodes; equal nodes are one.
 #[derive(Clone, Default)]
@@ -559,7 +561,7 @@ impl Exprs {
     /// The body of a loop at one value of its counter: `l_depth := value`.
     pub fn shift(&mut self, e: ExprId, depth: LoopVar, value: i64) -> ExprId {
         let d = depth.0 as usize;
-        self.rewrite(e, &mut HashMap::new(), &mut |exprs, node| match node {
+        self.rewrite(e, &mut Rewritten::default(), &mut |exprs, node| match node {
             // A reduction may bind the same counter again: inside, it is another one.
             Expr::Reduce { body, depth: bound, .. } if bound == depth || exprs.free(body) & (1 << d) == 0 => Some(exprs.raw(node)),
             Expr::Counter(v) if v == depth => Some(exprs.constant(value as f64)),
@@ -574,12 +576,7 @@ impl Exprs {
 
     /// Copies `e` with leaves replaced: `replace` is asked for every node, outermost first; `None` means go on inside.
     /// `done` holds what was already rewritten and may be kept for several calls with the same replacement.
-    pub fn rewrite(
-        &mut self,
-        e: ExprId,
-        done: &mut HashMap<ExprId, ExprId>,
-        replace: &mut dyn FnMut(&mut Exprs, Expr) -> Option<ExprId>,
-    ) -> ExprId {
+    pub fn rewrite(&mut self, e: ExprId, done: &mut Rewritten, replace: &mut dyn FnMut(&mut Exprs, Expr) -> Option<ExprId>) -> ExprId {
         // An explicit stack: expressions may be thousands of nodes deep.
         let mut stack = vec![(e, false)];
         while let Some((id, entered)) = stack.pop() {

@@ -4,13 +4,13 @@ use std::collections::{HashMap, HashSet};
 use std::hash::{BuildHasherDefault, Hasher};
 
 /// Map with the fast hash.
-pub(crate) type FastMap<K, V> = HashMap<K, V, BuildHasherDefault<Mixer>>;
+pub type FastMap<K, V> = HashMap<K, V, BuildHasherDefault<Mixer>>;
 /// Set with the fast hash.
-pub(crate) type FastSet<K> = HashSet<K, BuildHasherDefault<Mixer>>;
+pub type FastSet<K> = HashSet<K, BuildHasherDefault<Mixer>>;
 
 /// Multiplies and rotates word by word.
 #[derive(Clone, Copy, Default)]
-pub(crate) struct Mixer(u64);
+pub struct Mixer(u64);
 
 /// 2^64 divided by the golden ratio, odd.
 const FACTOR: u64 = 0x9E37_79B9_7F4A_7C15;

@@ -6,7 +6,7 @@ use smpl_dsl::span::Span;
 
 use super::{loads, passes, replace_everywhere};
 use crate::elaborate::{Equation, EquationForm};
-use crate::ir::{Affine, Expr, ExprId, Exprs, Flavour, Role, VarId};
+use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, Flavour, Rewritten, Role, VarId};
 use crate::model::Model;
 
 /// An element of an algebraic variable.
@@ -19,6 +19,8 @@ pub struct Plan {
     pub substituted: HashMap<Element, usize>,
     /// Arrays defined by one loop that covers them, substituted as wholes.
     pub arrays: HashMap<VarId, usize>,
+    /// Every element (and array, under -1) after those that its definition needs.
+    pub order: Vec<Element>,
     /// The equations of both, for messages; whole arrays under -1.
     pub spans: HashMap<Element, Span>,
 }
@@ -76,6 +78,7 @@ pub fn plan(model: &mut Model, equations: &[Equation]) -> Plan {
     let of = |e: &Element, i: &usize| (*e, equations[*i].span);
     let spans = candidates.iter().map(|(e, i)| of(e, i)).chain(arrays.iter().map(|(v, i)| of(&(*v, -1), i))).collect();
     Plan {
+        order,
         spans,
         substituted: candidates.into_iter().filter(|(e, _)| !kept.contains(e)).collect(),
         arrays: arrays.into_iter().filter(|(v, _)| !kept.contains(&(*v, -1))).collect(),
@@ -205,7 +208,9 @@ fn keep_for_sparsity(
                 }
             }
         }
-        let fan_in = inputs.len() as i64;
+        // A load inside a reduction stands for all elements that the loop passes.
+        let elements = |&(v, at): &(VarId, Affine)| if at.is_constant() { 1 } else { i64::from(model.vars[v].len) };
+        let fan_in: i64 = inputs.iter().map(elements).sum();
         depends.insert(element, inputs);
         let fan_out = uses.get(&element).copied().unwrap_or(0);
         if fan_in >= 2 && fan_out >= MANY_USES && fan_in * fan_out > 2 * (fan_in + fan_out) {
@@ -247,16 +252,24 @@ fn use_counts(
     uses
 }
 
-/// Substitutes everywhere; substituted definitions become equations of nothing and are dropped later.
-pub fn substitute(model: &mut Model, equations: &mut Vec<Equation>, plan: &Plan, _done: &mut HashMap<ExprId, ExprId>) {
-    let values: HashMap<Element, ExprId> =
-        plan.substituted.iter().filter_map(|(&e, &i)| definition(equations, i).map(|v| (e, v))).collect();
-    let arrays: HashMap<VarId, ExprId> = plan.arrays.iter().filter_map(|(&v, &i)| definition(equations, i).map(|e| (v, e))).collect();
-    let mut expander = Expander { values, arrays, done: HashMap::new(), flavoured: HashMap::new() };
-    let vars = model.vars.clone();
-    let mut done = HashMap::new();
+/// Substitutes everywhere and drops the definitions that were substituted.
+pub fn substitute(model: &mut Model, equations: &mut Vec<Equation>, plan: &Plan) {
+    let roles: Vec<Role> = model.vars.values().map(|v| v.role).collect();
+    let role = |var: VarId| roles[var.as_u32() as usize];
+    let mut expander = Expander::default();
+    // Each definition after those that it needs: what is written in it is final, and so is whatever `done` holds.
+    let mut done = Rewritten::default();
+    for &element in &plan.order {
+        let equation = if element.1 < 0 { plan.arrays.get(&element.0) } else { plan.substituted.get(&element) };
+        let Some(value) = equation.and_then(|&i| definition(equations, i)) else { continue };
+        let value = model.exprs.rewrite(value, &mut done, &mut |exprs, node| match node {
+            Expr::Load { var, flavour, at } if role(var) == Role::Algebraic => expander.element(exprs, &role, var, flavour, at),
+            _ => None,
+        });
+        expander.values.insert(element, value);
+    }
     replace_everywhere(model, equations, &mut done, &mut |exprs, node| match node {
-        Expr::Load { var, flavour, at } if vars[var].role == Role::Algebraic => expander.element(exprs, &vars, var, flavour, at),
+        Expr::Load { var, flavour, at } if role(var) == Role::Algebraic => expander.element(exprs, &role, var, flavour, at),
         _ => None,
     });
     let dropped: HashSet<usize> = plan.substituted.values().chain(plan.arrays.values()).copied().collect();
@@ -274,60 +287,41 @@ fn definition(equations: &[Equation], i: usize) -> Option<ExprId> {
     }
 }
 
+/// Final values of substituted elements; whole arrays under -1.
+#[derive(Default)]
 struct Expander {
-    values: HashMap<Element, ExprId>,
-    arrays: HashMap<VarId, ExprId>,
-    done: HashMap<ExprId, ExprId>,
-    flavoured: HashMap<(ExprId, Flavour), ExprId>,
+    values: FastMap<Element, ExprId>,
+    moved: FastMap<(VarId, Affine), ExprId>,
+    flavoured: FastMap<Flavour, Rewritten>,
 }
 
-type Vars = cranelift_entity::PrimaryMap<VarId, crate::model::Variable>;
-
 impl Expander {
-    fn element(&mut self, exprs: &mut Exprs, vars: &Vars, var: VarId, flavour: Flavour, at: Affine) -> Option<ExprId> {
-        let raw = match self.values.get(&(var, at.offset)).filter(|_| at.is_constant()) {
+    fn element(&mut self, exprs: &mut Exprs, role: &dyn Fn(VarId) -> Role, var: VarId, flavour: Flavour, at: Affine) -> Option<ExprId> {
+        let value = match self.values.get(&(var, at.offset)).filter(|_| at.is_constant()) {
             Some(&value) => value,
             None => {
-                let &value = self.arrays.get(&var)?;
-                at_address(exprs, value, at)
+                let &whole = self.values.get(&(var, -1))?;
+                *self.moved.entry((var, at)).or_insert_with(|| at_address(exprs, whole, at))
             }
         };
-        let expanded = self.expand(exprs, vars, raw);
-        Some(if flavour == Flavour::Value { expanded } else { self.in_flavour(exprs, vars, expanded, flavour) })
+        Some(if flavour == Flavour::Value { value } else { self.in_flavour(exprs, role, value, flavour) })
     }
 
-    fn expand(&mut self, exprs: &mut Exprs, vars: &Vars, e: ExprId) -> ExprId {
-        let mut done = std::mem::take(&mut self.done);
-        let r = exprs.rewrite(e, &mut done, &mut |exprs, node| match node {
-            Expr::Load { var, flavour, at } if vars[var].role == Role::Algebraic => self.element(exprs, vars, var, flavour, at),
-            _ => None,
-        });
-        // Inner expansions may have filled a map of their own; both are the same function.
-        done.extend(self.done.drain());
-        self.done = done;
-        r
-    }
-
-    fn in_flavour(&mut self, exprs: &mut Exprs, vars: &Vars, e: ExprId, flavour: Flavour) -> ExprId {
-        if let Some(&known) = self.flavoured.get(&(e, flavour)) {
-            return known;
-        }
-        let r = exprs.rewrite(e, &mut HashMap::new(), &mut |exprs, node| match node {
+    fn in_flavour(&mut self, exprs: &mut Exprs, role: &dyn Fn(VarId) -> Role, e: ExprId, flavour: Flavour) -> ExprId {
+        let done = self.flavoured.entry(flavour).or_default();
+        exprs.rewrite(e, done, &mut |exprs, node| match node {
             Expr::Load { var, flavour: Flavour::Value, at } => {
-                let has_frames =
-                    matches!(vars[var].role, Role::State | Role::Algebraic | Role::Action | Role::Discrete | Role::Disturbance);
+                let has_frames = matches!(role(var), Role::State | Role::Algebraic | Role::Action | Role::Discrete | Role::Disturbance);
                 has_frames.then(|| exprs.load(var, flavour, at))
             }
             _ => None,
-        });
-        self.flavoured.insert((e, flavour), r);
-        r
+        })
     }
 }
 
 /// A definition over `l0` at the address `at`: the counter becomes the address itself.
 fn at_address(exprs: &mut Exprs, value: ExprId, at: Affine) -> ExprId {
-    exprs.rewrite(value, &mut HashMap::new(), &mut |exprs, node| match node {
+    exprs.rewrite(value, &mut crate::ir::Rewritten::default(), &mut |exprs, node| match node {
         Expr::Counter(v) if v.0 == 0 => Some(number(exprs, at)),
         Expr::Load { var, flavour, at: own } if own.strides[0] != 0 => {
             let mut rest = own;

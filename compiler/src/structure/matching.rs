@@ -358,7 +358,7 @@ fn complete(model: &mut Model, mut rows: Vec<Row>) -> Vec<Row> {
     }
     model.interface.algebraic_counts = [declared, solved, declared - solved];
     if !renamed.is_empty() {
-        let mut done = HashMap::new();
+        let mut done = crate::ir::Rewritten::default();
         let mut replace = |exprs: &mut crate::ir::Exprs, node: Expr| match node {
             Expr::Load { var, flavour, at } if at.is_constant() => {
                 renamed.get(&(var, at.offset)).map(|&new| exprs.load(new, flavour, Affine::default()))

@@ -135,7 +135,7 @@ pub fn cover_states(model: &Model, equations: &[Equation]) -> Result<Rates, Vec<
 }
 
 /// Replaces derivatives on right sides, in programs and elsewhere by the rates themselves, where these are explicit.
-pub fn substitute_derivatives(model: &mut Model, equations: &mut [Equation], _rates: &Rates) -> HashMap<ExprId, ExprId> {
+pub fn substitute_derivatives(model: &mut Model, equations: &mut [Equation]) {
     let pieces: Vec<(VarId, Affine, Vec<u32>, ExprId)> = equations
         .iter()
         .filter_map(|e| match e.form {
@@ -144,12 +144,11 @@ pub fn substitute_derivatives(model: &mut Model, equations: &mut [Equation], _ra
         })
         .collect();
     let mut resolver = Resolver { pieces, done: HashMap::new(), open: Vec::new() };
-    let mut done = HashMap::new();
+    let mut done = crate::ir::Rewritten::default();
     replace_everywhere(model, equations, &mut done, &mut |exprs, node| match node {
         Expr::Load { var, flavour: Flavour::Derivative, at } => resolver.rate(exprs, var, at),
         _ => None,
     });
-    HashMap::new()
 }
 
 struct Resolver {
@@ -174,7 +173,7 @@ impl Resolver {
         let result = value.map(|(fixed, value)| {
             let moved = shifted(exprs, value, &fixed);
             self.open.push((var, at));
-            let free = exprs.rewrite(moved, &mut HashMap::new(), &mut |exprs, node| match node {
+            let free = exprs.rewrite(moved, &mut crate::ir::Rewritten::default(), &mut |exprs, node| match node {
                 Expr::Load { var, flavour: Flavour::Derivative, at } => self.rate(exprs, var, at),
                 _ => None,
             });

@@ -68,6 +68,10 @@ impl Rational {
     /// Sum, if it fits.
     #[must_use]
     pub fn plus(self, other: Self) -> Option<Self> {
+        // Exponents are whole nearly always.
+        if self.denominator == 1 && other.denominator == 1 {
+            return Some(Self { numerator: self.numerator.checked_add(other.numerator)?, denominator: 1 });
+        }
         let left = self.numerator.checked_mul(other.denominator)?;
         let right = other.numerator.checked_mul(self.denominator)?;
         Self::new(left.checked_add(right)?, self.denominator.checked_mul(other.denominator)?)
@@ -76,6 +80,9 @@ impl Rational {
     /// Product, if it fits.
     #[must_use]
     pub fn multiply(self, other: Self) -> Option<Self> {
+        if self.denominator == 1 && other.denominator == 1 {
+            return Some(Self { numerator: self.numerator.checked_mul(other.numerator)?, denominator: 1 });
+        }
         let a = Self::new(self.numerator, other.denominator)?;
         let b = Self::new(other.numerator, self.denominator)?;
         Self::new(a.numerator.checked_mul(b.numerator)?, a.denominator.checked_mul(b.denominator)?)

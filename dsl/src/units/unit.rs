@@ -1,6 +1,7 @@
 //! A unit: dimension, size, and how it is written.
 
 use std::fmt;
+use std::sync::{Arc, LazyLock};
 
 use super::{Dimension, Rational, Scale, dimension, table};
 
@@ -16,9 +17,13 @@ pub enum UnitKind {
     },
 }
 
-/// A unit of measure.
+/// A unit of measure; cheap to copy.
 #[derive(Clone, Debug)]
-pub struct Unit {
+pub struct Unit(Arc<Meaning>);
+
+/// What a unit means and how it is written.
+#[derive(Clone, Debug)]
+struct Meaning {
     dimension: Dimension,
     scale: Scale,
     kind: UnitKind,
@@ -36,157 +41,193 @@ pub struct Conversion {
 }
 
 impl Unit {
+    fn new(dimension: Dimension, scale: Scale, kind: UnitKind, factors: Vec<(String, Rational)>) -> Self {
+        Self(Arc::new(Meaning { dimension, scale, kind, factors }))
+    }
+
     /// The unit of a number.
     #[must_use]
     pub fn one() -> Self {
-        Self { dimension: Dimension::NONE, scale: Scale::ONE, kind: UnitKind::Linear, factors: Vec::new() }
+        static ONE: LazyLock<Unit> = LazyLock::new(|| Unit::new(Dimension::NONE, Scale::ONE, UnitKind::Linear, Vec::new()));
+        ONE.clone()
     }
 
     /// The unit of a symbol, prefix included: `kmol`, `degC`, `%`.
     #[must_use]
     pub fn named(symbol: &str) -> Option<Self> {
-        let (prefix, unit) = table::find(symbol)?;
-        let scale = prefix.map_or(unit.scale(), |prefix| prefix.scale().multiply(unit.scale()));
-        let kind = unit.zero().map_or(UnitKind::Linear, |zero| UnitKind::Point { zero });
-        Some(Self { dimension: unit.dimension(), scale, kind, factors: vec![(symbol.to_owned(), Rational::ONE)] })
+        memo::named(symbol, || {
+            let (prefix, unit) = table::find(symbol)?;
+            let scale = prefix.map_or(unit.scale(), |prefix| prefix.scale().multiply(unit.scale()));
+            let kind = unit.zero().map_or(UnitKind::Linear, |zero| UnitKind::Point { zero });
+            Some(Self::new(unit.dimension(), scale, kind, vec![(symbol.to_owned(), Rational::ONE)]))
+        })
     }
 
     /// A pure number as a unit, as in `100 mL`; `None` unless it is positive and finite.
     #[must_use]
     pub fn number(value: f64) -> Option<Self> {
         let scale = Scale::from_decimal(value);
-        scale.is_valid().then(|| Self { scale, factors: vec![(format!("{value}"), Rational::ONE)], ..Self::one() })
+        let factors = vec![(format!("{value}"), Rational::ONE)];
+        scale.is_valid().then(|| Self::new(Dimension::NONE, scale, UnitKind::Linear, factors))
     }
 
     /// The dimension.
     #[must_use]
     pub fn dimension(&self) -> &Dimension {
-        &self.dimension
+        &self.0.dimension
     }
 
     /// The size in SI base units.
     #[must_use]
     pub fn scale(&self) -> Scale {
-        self.scale
+        self.0.scale
     }
 
     /// What a number in this unit measures from.
     #[must_use]
     pub fn kind(&self) -> UnitKind {
-        self.kind
+        self.0.kind
     }
 
     /// Whether numbers in this unit are points on a temperature scale.
     #[must_use]
     pub fn is_point(&self) -> bool {
-        matches!(self.kind, UnitKind::Point { .. })
+        matches!(self.0.kind, UnitKind::Point { .. })
     }
 
     /// Whether this is the unit of numbers: no dimension and size 1.
     #[must_use]
     pub fn is_one(&self) -> bool {
-        self.dimension.is_none() && self.scale == Scale::ONE && !self.is_point()
+        self.0.dimension.is_none() && self.0.scale == Scale::ONE && !self.is_point()
     }
 
     /// Whether two units measure the same kind of thing.
     #[must_use]
     pub fn commensurable(&self, other: &Self) -> bool {
-        self.dimension == other.dimension
+        self.is_same(other) || self.0.dimension == other.0.dimension
+    }
+
+    /// Whether both are one object.
+    fn is_same(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
     }
 
     /// The unit of differences: `K` for `degC`, the unit itself unless it is a point.
     #[must_use]
     pub fn difference(&self) -> Self {
-        match self.kind {
+        match self.0.kind {
             UnitKind::Linear => self.clone(),
-            UnitKind::Point { .. } if self.scale == Scale::ONE => Self { factors: vec![("K".to_owned(), Rational::ONE)], ..self.linear() },
-            UnitKind::Point { .. } => self.linear(),
+            UnitKind::Point { .. } if self.0.scale == Scale::ONE => {
+                Self::named("K").unwrap_or_else(|| self.linear(vec![("K".to_owned(), Rational::ONE)]))
+            }
+            UnitKind::Point { .. } => self.linear(self.0.factors.clone()),
         }
     }
 
-    fn linear(&self) -> Self {
-        Self { kind: UnitKind::Linear, ..self.clone() }
+    fn linear(&self, factors: Vec<(String, Rational)>) -> Self {
+        Self::new(self.0.dimension, self.0.scale, UnitKind::Linear, factors)
     }
 
     /// Unit of a product of differences; `None` beyond the range of exponents or factors.
     #[must_use]
     pub fn multiply(&self, other: &Self) -> Option<Self> {
-        let dimension = self.dimension.multiply(&other.dimension)?;
-        let scale = self.scale.multiply(other.scale);
-        let mut factors = self.difference().factors;
-        for (symbol, exponent) in other.difference().factors {
-            add_factor(&mut factors, symbol, exponent)?;
+        if other.0.factors.is_empty() && other.is_one() {
+            return Some(self.difference());
         }
-        scale.is_valid().then_some(Self { dimension, scale, kind: UnitKind::Linear, factors })
+        if self.0.factors.is_empty() && self.is_one() {
+            return Some(other.difference());
+        }
+        memo::binary(memo::Operation::Multiply, self, other, || self.product(other))
+    }
+
+    fn product(&self, other: &Self) -> Option<Self> {
+        let dimension = self.0.dimension.multiply(&other.0.dimension)?;
+        let scale = self.0.scale.multiply(other.0.scale);
+        let mut factors = self.difference().0.factors.clone();
+        for (symbol, exponent) in &other.difference().0.factors {
+            add_factor(&mut factors, symbol, *exponent)?;
+        }
+        scale.is_valid().then(|| Self::new(dimension, scale, UnitKind::Linear, factors))
     }
 
     /// Unit of a quotient of differences.
     #[must_use]
     pub fn divide(&self, other: &Self) -> Option<Self> {
-        self.multiply(&other.power(Rational::integer(-1))?)
+        memo::binary(memo::Operation::Divide, self, other, || self.product(&other.power(Rational::integer(-1))?))
     }
 
     /// Unit of a power of a difference.
     #[must_use]
     pub fn power(&self, exponent: Rational) -> Option<Self> {
-        let mut factors = Vec::with_capacity(self.factors.len());
-        for (symbol, own) in self.difference().factors {
+        if exponent == Rational::ONE {
+            return Some(self.difference());
+        }
+        memo::binary(memo::Operation::Power(exponent), self, self, || self.raised(exponent))
+    }
+
+    fn raised(&self, exponent: Rational) -> Option<Self> {
+        let mut factors = Vec::with_capacity(self.0.factors.len());
+        for (symbol, own) in &self.difference().0.factors {
             let product = own.multiply(exponent)?;
             if !product.is_zero() {
-                factors.push((symbol, product));
+                factors.push((symbol.clone(), product));
             }
         }
-        let dimension = self.dimension.power(exponent)?;
-        let scale = self.scale.power(exponent);
-        scale.is_valid().then_some(Self { dimension, scale, kind: UnitKind::Linear, factors })
+        let dimension = self.0.dimension.power(exponent)?;
+        let scale = self.0.scale.power(exponent);
+        scale.is_valid().then(|| Self::new(dimension, scale, UnitKind::Linear, factors))
     }
 
     /// By what a number (a difference, for points) in this unit is multiplied to give the number in `other`; exactly 1 for equal units, `None` for
     /// incommensurable ones.
     #[must_use]
     pub fn factor_to(&self, other: &Self) -> Option<f64> {
-        self.commensurable(other).then(|| self.scale.divide(other.scale).value())
+        self.commensurable(other).then(|| self.0.scale.divide(other.0.scale).value())
     }
 
     /// From numbers in this unit to numbers in `other`, between temperature scales with the offset. A linear unit of temperature counts from absolute zero.
     #[must_use]
     pub fn conversion_to(&self, other: &Self) -> Option<Conversion> {
+        if self.is_same(other) {
+            return Some(Conversion { factor: 1.0, offset: 0.0 });
+        }
         let factor = self.factor_to(other)?;
-        let zero = |unit: &Self| match unit.kind {
+        let zero = |unit: &Self| match unit.0.kind {
             UnitKind::Linear => 0.0,
             UnitKind::Point { zero } => zero,
         };
-        Some(Conversion { factor, offset: (zero(self) - zero(other)) / other.scale.value() })
+        Some(Conversion { factor, offset: (zero(self) - zero(other)) / other.0.scale.value() })
     }
 
     /// Quantity and unit, for messages: `temperature per time [K/min]`, `dimensionless`.
     #[must_use]
     pub fn describe(&self) -> String {
-        if self.factors.is_empty() {
-            return self.dimension.describe();
+        if self.0.factors.is_empty() {
+            return self.0.dimension.describe();
         }
-        format!("{} [{self}]", self.dimension.describe())
+        format!("{} [{self}]", self.0.dimension.describe())
     }
 }
 
 /// Units are equal when they mean the same, however they are written.
 impl PartialEq for Unit {
     fn eq(&self, other: &Self) -> bool {
-        self.dimension == other.dimension && self.scale == other.scale && self.kind == other.kind
+        let (a, b) = (&self.0, &other.0);
+        self.is_same(other) || a.dimension == b.dimension && a.scale == b.scale && a.kind == b.kind
     }
 }
 
 /// `kmol/(m^3 min)`; `1` for the unit of numbers.
 impl fmt::Display for Unit {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(&dimension::product(self.factors.iter().map(|(symbol, exponent)| (symbol.as_str(), *exponent))))
+        formatter.write_str(&dimension::product(self.0.factors.iter().map(|(symbol, exponent)| (symbol.as_str(), *exponent))))
     }
 }
 
 /// Adds a factor to a product, joining powers of one symbol and dropping those that cancel.
-fn add_factor(factors: &mut Vec<(String, Rational)>, symbol: String, exponent: Rational) -> Option<()> {
-    let Some(index) = factors.iter().position(|(known, _)| *known == symbol) else {
-        factors.push((symbol, exponent));
+fn add_factor(factors: &mut Vec<(String, Rational)>, symbol: &str, exponent: Rational) -> Option<()> {
+    let Some(index) = factors.iter().position(|(known, _)| known == symbol) else {
+        factors.push((symbol.to_owned(), exponent));
         return Some(());
     };
     factors[index].1 = factors[index].1.plus(exponent)?;
@@ -194,4 +235,60 @@ fn add_factor(factors: &mut Vec<(String, Rational)>, symbol: String, exponent: R
         factors.remove(index);
     }
     Some(())
+}
+
+/// Results that were worked out before: a model multiplies the same few units over and over.
+mod memo {
+    use std::cell::RefCell;
+    use std::collections::HashMap;
+    use std::sync::Arc;
+
+    use super::{Rational, Unit};
+
+    /// Most results that are kept.
+    const CAPACITY: usize = 8192;
+
+    #[derive(Clone, Copy, PartialEq, Eq, Hash)]
+    pub(super) enum Operation {
+        Multiply,
+        Divide,
+        Power(Rational),
+    }
+
+    /// The operands are held, so that no other unit can come to lie at their addresses.
+    type Result = (Unit, Unit, Option<Unit>);
+
+    thread_local! {
+        static NAMED: RefCell<HashMap<String, Option<Unit>>> = RefCell::default();
+        static BINARY: RefCell<HashMap<(Operation, usize, usize), Result>> = RefCell::default();
+    }
+
+    pub(super) fn named(symbol: &str, find: impl FnOnce() -> Option<Unit>) -> Option<Unit> {
+        if let Some(known) = NAMED.with_borrow(|map| map.get(symbol).cloned()) {
+            return known;
+        }
+        let unit = find();
+        NAMED.with_borrow_mut(|map| {
+            if map.len() >= CAPACITY {
+                map.clear();
+            }
+            map.insert(symbol.to_owned(), unit.clone());
+        });
+        unit
+    }
+
+    pub(super) fn binary(operation: Operation, a: &Unit, b: &Unit, work: impl FnOnce() -> Option<Unit>) -> Option<Unit> {
+        let key = (operation, Arc::as_ptr(&a.0) as usize, Arc::as_ptr(&b.0) as usize);
+        if let Some(known) = BINARY.with_borrow(|map| map.get(&key).map(|(_, _, unit)| unit.clone())) {
+            return known;
+        }
+        let unit = work();
+        BINARY.with_borrow_mut(|map| {
+            if map.len() >= CAPACITY {
+                map.clear();
+            }
+            map.insert(key, (a.clone(), b.clone(), unit.clone()));
+        });
+        unit
+    }
 }

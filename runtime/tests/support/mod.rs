@@ -2,6 +2,7 @@
 #![allow(dead_code, reason = "each test file needs some of them")]
 
 pub mod beer;
+pub mod pensim;
 pub mod reactor;
 pub mod reference;
 

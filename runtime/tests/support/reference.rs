@@ -2,26 +2,29 @@
 
 use std::path::PathBuf;
 
-/// A table of numbers; empty cells are NaN.
+/// A table of numbers; empty cells and words are NaN.
 pub struct Table {
     names: Vec<String>,
     rows: Vec<Vec<f64>>,
 }
 
-/// The table of a file, or `None` (with a message) where the references are not installed.
-pub fn table(name: &str) -> Option<Table> {
+/// Where a file is, or `None` (with a message) where the references are not installed.
+pub fn path(name: &str) -> Option<PathBuf> {
     let folder = std::env::var_os("SMPL_REFERENCE")
         .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/reference"), PathBuf::from);
-    let folders = [folder, PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/reference")];
-    let Some(path) = folders.iter().map(|f| f.join(name)).find(|p| p.exists()) else {
+    let found = Some(folder.join(name)).filter(|p| p.exists());
+    if found.is_none() {
         eprintln!("skipped: reference file {name} is not installed (set SMPL_REFERENCE)");
-        return None;
-    };
+    }
+    found
+}
+
+/// The table of a file, or `None` (with a message) where the references are not installed.
+pub fn table(name: &str) -> Option<Table> {
+    let path = path(name)?;
     let mut reader = csv::Reader::from_path(path).expect("the reference can be read");
     let names = reader.headers().expect("a heading").iter().map(str::to_owned).collect();
-    let number = |text: &str| {
-        if text.is_empty() { f64::NAN } else { text.parse().expect("a number") }
-    };
+    let number = |text: &str| text.parse().unwrap_or(f64::NAN);
     let rows = reader.records().map(|r| r.expect("a row").iter().map(number).collect()).collect();
     Some(Table { names, rows })
 }
@@ -34,6 +37,15 @@ impl Table {
     pub fn get(&self, row: usize, column: &str) -> f64 {
         let at = self.names.iter().position(|n| n == column).unwrap_or_else(|| panic!("no column {column}"));
         self.rows[row][at]
+    }
+
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.names.iter().map(String::as_str)
+    }
+
+    /// A column from row `first` on.
+    pub fn column(&self, column: &str, first: usize) -> Vec<f64> {
+        (first..self.len()).map(|row| self.get(row, column)).collect()
     }
 
     pub fn row(&self, row: usize, columns: &[&str]) -> Vec<f64> {

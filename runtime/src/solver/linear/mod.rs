@@ -83,3 +83,49 @@ impl Factorisation {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An arrow with a cycle, its rows of very different size, so that rows are scaled and exchanged.
+    fn system(n: usize, shift: f64) -> (Pattern, Vec<f64>) {
+        let (mut starts, mut rows, mut values) = (vec![0], vec![], vec![]);
+        for column in 0..n {
+            for row in 0..n {
+                if row == column || row == 0 || column == n - 1 || row == (column + 3) % n {
+                    let size = 10f64.powi((row as i32 * 7) % 13 - 6);
+                    let entry = (1.0 + (3 * row + 5 * column) as f64).sin();
+                    let diagonal = f64::from(u8::from(row == column)) * shift;
+                    rows.push(row);
+                    values.push(size * (entry + diagonal));
+                }
+            }
+            starts.push(rows.len());
+        }
+        (Pattern::new(starts, rows).expect("a pattern"), values)
+    }
+
+    #[test]
+    fn sparse_factors_solve_rows_of_very_different_size() {
+        let n = 40;
+        let pattern = system(n, 0.0).0;
+        let mut sparse = Factorisation::new(&pattern, LinearSolver::Klu).expect("a solver");
+        // Pivots chosen anew, then kept.
+        for shift in [0.0, 0.5, 4.0] {
+            let values = system(n, shift).1;
+            let solution: Vec<f64> = (0..n).map(|i| (i as f64).cos()).collect();
+            let mut b = vec![0.0; n];
+            for (column, x) in solution.iter().enumerate() {
+                for entry in pattern.column(column) {
+                    b[pattern.rows()[entry]] += values[entry] * x;
+                }
+            }
+            sparse.factorise(&values).expect("not singular");
+            sparse.solve(&mut b);
+            for (got, expected) in b.iter().zip(&solution) {
+                assert!((got - expected).abs() < 1e-9, "{shift}: {got} {expected}");
+            }
+        }
+    }
+}

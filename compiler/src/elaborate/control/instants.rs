@@ -1,0 +1,235 @@
+//! Sampling instants and events.
+
+use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
+use smpl_dsl::span::Span;
+use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident, Statement, StatementKind};
+use smpl_dsl::units::Unit;
+
+use super::super::items::Item;
+use super::super::names::{ScopeId, SymbolKind};
+use super::super::quantity::{Measure, Value};
+use super::super::{Elaborator, Place, Site};
+use super::{each, store};
+use crate::ir::{Affine, ExprId, Flavour, Nest, Place as Memory, Program, Role, VarId};
+use crate::model::{Root, RootAction};
+
+impl<'a> Elaborator<'a> {
+    pub(super) fn instant_programs(&mut self, blocks: &[(ScopeId, Vec<Item<'a>>)]) {
+        let mut start = Program { nests: Vec::new(), in_place: true };
+        let mut end = Program { nests: Vec::new(), in_place: true };
+        let mut events: Vec<(ScopeId, &'a str, Program)> = Vec::new();
+        let mut next_group: Vec<(String, usize)> = Vec::new();
+        // Parts before the whole: what a component updates at the end of a step is seen by the `at end` of what it is used in.
+        let mut inner_first: Vec<&(ScopeId, Vec<Item<'a>>)> = blocks.iter().collect();
+        inner_first.sort_by_key(|(scope, _)| std::cmp::Reverse(self.names.scopes[*scope].prefix.matches('.').count()));
+        let mut last_end: Option<Span> = None;
+        for (scope, item) in inner_first.into_iter().flat_map(|(scope, items)| items.iter().map(move |i| (*scope, *i))) {
+            let Item::At(Ident { text: instant, span: block }, statement) = item else { continue };
+            let instant = instant.as_str();
+            if instant == "end" && last_end.replace(*block).is_some_and(|last| last != *block) {
+                next_group.retain(|(name, _)| name != instant);
+            }
+            let program = match instant {
+                "start" => &mut start,
+                "end" => &mut end,
+                name => {
+                    let at = match events.iter().position(|(s, n, _)| *n == name && *s == scope) {
+                        Some(at) => at,
+                        None => {
+                            events.push((scope, name, Program { nests: Vec::new(), in_place: true }));
+                            events.len() - 1
+                        }
+                    };
+                    &mut events[at].2
+                }
+            };
+            let mut taken = std::mem::take(program);
+            if instant == "start" && matches!(statement.kind, StatementKind::Reset { .. }) {
+                self.model.interface.start_resets = true;
+            }
+            self.instant_statement(scope, statement, &mut taken, &mut next_group, instant);
+            match instant {
+                "start" => start = taken,
+                "end" => end = taken,
+                name => {
+                    if let Some(e) = events.iter_mut().find(|(s, n, _)| *n == name && *s == scope) {
+                        e.2 = taken;
+                    }
+                }
+            }
+        }
+        self.model.programs.start = start;
+        self.model.programs.end = end;
+        self.events(blocks, events);
+        self.schedule_programs();
+    }
+
+    /// `next`, `reset`, `clamp`. Consecutive `next`s of scalars share a nest, so that they assign together.
+    pub(in crate::elaborate) fn instant_statement(
+        &mut self,
+        scope: ScopeId,
+        statement: &Statement,
+        program: &mut Program,
+        group: &mut Vec<(String, usize)>,
+        instant: &str,
+    ) {
+        let place = self.place(scope, Site::Instant);
+        let (target, value, condition, binders, roles): (_, _, Option<&Expr>, _, &[Role]) = match &statement.kind {
+            StatementKind::Next { target, value, binders } => (target, value, None, binders, &[Role::Discrete]),
+            StatementKind::Reset { target, value, binders } => (target, value, None, binders, &[Role::State]),
+            StatementKind::Clamp { target, value, condition, binders } => {
+                (target, value, Some(condition), binders, &[Role::State, Role::Discrete])
+            }
+            _ => {
+                self.report(Diagnostic::error(
+                    codes::MISPLACED_BLOCK,
+                    "only `next`, `reset` and `clamp` may stand in `at`",
+                    statement.span,
+                ));
+                return;
+            }
+        };
+        let is_next = matches!(statement.kind, StatementKind::Next { .. });
+        let pieces = self.nest(binders, &place, &mut |s, inner| s.assignment(target, value, condition, roles, inner));
+        for piece in pieces {
+            let Some((var, at, v, whole)) = piece.value else { continue };
+            let mut extents = piece.extents;
+            extents.extend(whole);
+            let s = store(Memory::Var(var), at, v);
+            // The nest that collects the `next`s of this instant since its last other statement.
+            // At the start all `next`s come together, before the resets.
+            if is_next && extents.is_empty() && instant == "start" {
+                match program.nests.first_mut().filter(|_| group.iter().any(|(name, _)| name == instant)) {
+                    Some(first) => first.stores.push(s),
+                    None => {
+                        program.nests.insert(0, Nest { extents, stores: vec![s] });
+                        group.push((instant.to_owned(), 0));
+                    }
+                }
+                continue;
+            }
+            let open = group.iter().find(|(name, _)| name == instant).map(|(_, at)| *at);
+            if is_next && extents.is_empty() {
+                match open.filter(|&at| at + 1 == program.nests.len()) {
+                    Some(at) => program.nests[at].stores.push(s),
+                    None => {
+                        program.nests.push(Nest { extents, stores: vec![s] });
+                        group.retain(|(name, _)| name != instant);
+                        group.push((instant.to_owned(), program.nests.len() - 1));
+                    }
+                }
+            } else {
+                program.nests.push(Nest { extents, stores: vec![s] });
+            }
+        }
+    }
+
+    #[allow(clippy::type_complexity, reason = "variable, element, value, and the extent of a whole array")]
+    fn assignment(
+        &mut self,
+        target: &Expr,
+        value: &Expr,
+        condition: Option<&Expr>,
+        roles: &[Role],
+        place: &Place,
+    ) -> Option<(VarId, Affine, ExprId, Option<u32>)> {
+        let (symbol, at) = self.target(target, place, roles)?;
+        let SymbolKind::Variable { var, unit, .. } = self.names.symbols[symbol].kind.clone() else { return None };
+        let declared = self.names.symbols[symbol].span;
+        let what = format!("`{}`", self.names.symbols[symbol].path);
+        let (at, whole) = match at {
+            Some(at) => (at, None),
+            None => {
+                let len = self.vars[var].len;
+                let depth = crate::ir::LoopVar(place.depth);
+                if len == 1 { (Affine::default(), None) } else { (Affine::along(0, depth, 1), Some(len)) }
+            }
+        };
+        let v = self.value(value, place);
+        let mut e = self.strictly_or_bare(v, &unit, value.span, &what, declared);
+        if let Some(c) = condition {
+            let holds = self.condition(c, place);
+            let present = self.exprs.load(var, Flavour::Value, at);
+            e = self.exprs.select(holds, e, present);
+        }
+        if let Some(guard) = self.guard {
+            let present = self.exprs.load(var, Flavour::Value, at);
+            e = self.exprs.select(guard, e, present);
+        }
+        Some((var, at, e, whole))
+    }
+
+    /// A literal number is taken in the target's unit, anything else must have it.
+    pub(super) fn strictly_or_bare(&mut self, v: Value, unit: &Unit, span: Span, what: &str, declared: Span) -> ExprId {
+        if matches!(v.unit, Measure::Bare) {
+            return self.in_unit(v, unit, span, what, declared);
+        }
+        self.strictly_in(v, unit, span, what, declared)
+    }
+
+    /// `event name when condition`, with what happens `at name`.
+    fn events(&mut self, blocks: &[(ScopeId, Vec<Item<'a>>)], programs: Vec<(ScopeId, &'a str, Program)>) {
+        let mut used = vec![false; programs.len()];
+        for (scope, item) in each(blocks) {
+            let Item::Other(Statement { kind: StatementKind::Event { name, condition, .. }, .. }) = item else { continue };
+            let place = self.place(scope, Site::Instant);
+            let Some((value, direction)) = self.root_of(condition, &place) else { continue };
+            let program = programs.iter().position(|(s, n, _)| *n == name.text && *s == scope);
+            let action = match program {
+                Some(at) => {
+                    used[at] = true;
+                    self.model.programs.events.push(programs[at].2.clone());
+                    RootAction::Run(self.model.programs.events.len() as u32 - 1)
+                }
+                None => RootAction::Restart,
+            };
+            let name = self.path_of(scope, name);
+            self.model.roots.push(Root { name, value, direction, action });
+        }
+        for ((_, name, _), used) in programs.iter().zip(used) {
+            if !used {
+                let known: Vec<&str> = blocks
+                    .iter()
+                    .flat_map(|(_, items)| items)
+                    .filter_map(|i| match i {
+                        Item::Other(Statement { kind: StatementKind::Event { name, .. }, .. }) => Some(name.text.as_str()),
+                        _ => None,
+                    })
+                    .chain(["start", "end"])
+                    .collect();
+                let span = blocks
+                    .iter()
+                    .flat_map(|(_, items)| items)
+                    .find_map(|i| match i {
+                        Item::At(n, _) if n.text == *name => Some(n.span),
+                        _ => None,
+                    })
+                    .unwrap_or_default();
+                let help = did_you_mean(name, known);
+                self.report(Diagnostic::error(codes::UNKNOWN_NAME, format!("no event is called `{name}`"), span).maybe_help(help));
+            }
+        }
+    }
+
+    /// Root function and direction of a comparison: its zero is where the condition becomes true.
+    pub(in crate::elaborate) fn root_of(&mut self, condition: &Expr, place: &Place) -> Option<(ExprId, i8)> {
+        let ExprKind::Binary(op, a, b) = &condition.kind else {
+            self.report(
+                Diagnostic::error(codes::WRONG_KIND, "an event is a comparison of two quantities", condition.span)
+                    .help("for example `h <= 0 [m]`"),
+            );
+            return None;
+        };
+        let direction = match op {
+            BinaryOp::Lt | BinaryOp::Le => -1,
+            BinaryOp::Gt | BinaryOp::Ge => 1,
+            _ => {
+                self.report(Diagnostic::error(codes::WRONG_KIND, "an event is a comparison with `<`, `<=`, `>` or `>=`", condition.span));
+                return None;
+            }
+        };
+        let (x, y) = (self.value(a, place), self.value(b, place));
+        let (l, r) = self.common(&x, a.span, &y, b.span, condition.span)?;
+        Some((self.exprs.sub(l, r), direction))
+    }
+}

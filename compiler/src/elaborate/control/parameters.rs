@@ -1,0 +1,188 @@
+//! Parameters that are drawn or computed from others, and disturbances.
+
+use std::collections::HashMap;
+
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::syntax::Clip;
+use smpl_dsl::units::Unit;
+
+use super::super::blocks::Piece;
+use super::super::names::{SymbolId, SymbolKind};
+use super::super::{Elaborator, Place, Site};
+use super::{store, stream_name};
+use crate::ir::{Affine, BinaryFn, Compare, ExprId, Flavour, Nest, Place as Memory, Program, Role, VarId};
+use crate::model::{Instant, Quantity};
+
+impl<'a> Elaborator<'a> {
+    /// Parameters that are drawn or computed from others, those that others need first.
+    pub(super) fn parameter_program(&mut self) {
+        let mut pieces: Vec<(VarId, Piece<(Affine, ExprId)>)> = Vec::new();
+        let symbols: Vec<SymbolId> = self.names.symbols.keys().collect();
+        for symbol in symbols {
+            let SymbolKind::Variable { var, unit, declaration, axes } = self.names.symbols[symbol].kind.clone() else { continue };
+            if self.vars[var].role != Role::Param {
+                continue;
+            }
+            let path = self.names.symbols[symbol].path.clone();
+            let overridden = self.options.parameters.contains_key(&path) || self.options.settings.contains_key(&path);
+            let scope = self.names.symbols[symbol].scope;
+            let given = self.given.contains_key(&(scope, declaration.name.text.clone()));
+            if let Some(sample) = declaration.sample.as_ref().filter(|_| !overridden && !given) {
+                let place = self.place(scope, Site::Reset);
+                let span = declaration.span;
+                let list = self.nest(&declaration.indices, &place, &mut |s, inner| {
+                    let at = s.bound_address(&axes, &declaration.indices, inner);
+                    let outer = s.random_site.replace((stream_name(&path, at, s.vars[var].len), Instant::Reset));
+                    let v = s.number_in(sample, &unit, &path, span, inner);
+                    s.random_site = outer;
+                    let v = s.clipped(v, var, at, declaration.clip.as_ref(), &unit, inner);
+                    (at, v)
+                });
+                pieces.extend(list.into_iter().map(|p| (var, p)));
+                continue;
+            }
+            for piece in self.default_pieces(symbol, Site::Reset) {
+                if self.exprs.as_const(piece.value.1).is_some() {
+                    continue;
+                }
+                if let Some(what) = self.varying(piece.value.1) {
+                    let span = declaration.value.as_ref().map_or(declaration.span, |e| e.span);
+                    self.report(
+                        Diagnostic::error(codes::WRONG_KIND, format!("the parameter `{path}` cannot depend on {what}"), span)
+                            .label("changes while the model runs")
+                            .help(format!("make it a `let`: `let {} = ...`", declaration.name.text)),
+                    );
+                    continue;
+                }
+                pieces.push((var, piece));
+            }
+        }
+        let order = self.dependency_order(&pieces);
+        let mut program = Program { nests: Vec::new(), in_place: true };
+        for i in order {
+            let (var, piece) = &pieces[i];
+            let (at, value) = piece.value;
+            let offset = self.role_offset(*var);
+            let given = self.exprs.load(self.param_given, Flavour::Value, Affine::constant(offset).plus(at));
+            let zero = self.exprs.constant(0.0);
+            let keep = self.exprs.compare(Compare::Lt, zero, given);
+            let present = self.exprs.load(*var, Flavour::Value, at);
+            let value = self.exprs.select(keep, present, value);
+            program.nests.push(Nest { extents: piece.extents.clone(), stores: vec![store(Memory::Var(*var), at, value)] });
+        }
+        self.model.programs.parameters = program;
+    }
+
+    /// Position of a variable in the region of its role.
+    fn role_offset(&self, var: VarId) -> i64 {
+        let role = self.vars[var].role;
+        self.vars.iter().take_while(|(v, _)| *v < var).filter(|(_, v)| v.role == role).map(|(_, v)| i64::from(v.len)).sum()
+    }
+
+    /// The pieces so that each follows those that it needs.
+    fn dependency_order(&mut self, pieces: &[(VarId, Piece<(Affine, ExprId)>)]) -> Vec<usize> {
+        let mut of: HashMap<VarId, Vec<usize>> = HashMap::new();
+        for (i, (var, _)) in pieces.iter().enumerate() {
+            of.entry(*var).or_default().push(i);
+        }
+        let meets = |a: Affine, b: Affine| a == b || !a.is_constant() || !b.is_constant();
+        let mut order = Vec::with_capacity(pieces.len());
+        let mut state = vec![0_u8; pieces.len()];
+        // An explicit stack: chains of parameters may be long.
+        let mut stack: Vec<usize> = (0..pieces.len()).rev().collect();
+        while let Some(&i) = stack.last() {
+            if state[i] > 0 {
+                stack.pop();
+                if state[i] == 1 {
+                    state[i] = 2;
+                    order.push(i);
+                }
+                continue;
+            }
+            state[i] = 1;
+            for (var, at) in self.parameters_in(pieces[i].1.value.1) {
+                let needed = of.get(&var).into_iter().flatten().copied().filter(|&j| meets(at, pieces[j].1.value.0));
+                for j in needed {
+                    match state[j] {
+                        0 => stack.push(j),
+                        1 => {
+                            let v = &self.vars[pieces[j].0];
+                            let d = Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the value of `{}` needs itself", v.name), v.span);
+                            self.report(d);
+                        }
+                        _ => {}
+                    }
+                }
+            }
+        }
+        order
+    }
+
+    /// A value limited as a `clip` clause says.
+    pub(super) fn clipped(&mut self, v: ExprId, var: VarId, at: Affine, clip: Option<&Clip>, unit: &Unit, place: &Place) -> ExprId {
+        let (low, high) = match clip {
+            None => return v,
+            Some(Clip::Range(a, b)) => {
+                (self.number_in(a, unit, "the limit", a.span, place), self.number_in(b, unit, "the limit", b.span, place))
+            }
+            Some(Clip::Bounds(span)) => {
+                let Some(q) = self.quantities.get(&var) else { return v };
+                let i = at.offset.max(0) as usize;
+                let uniform = |list: &[f64]| list.windows(2).all(|w| w[0] == w[1]);
+                let has_one_box = uniform(&q.low) && uniform(&q.high);
+                if !at.is_constant() && !has_one_box {
+                    let span = *span;
+                    self.report(Diagnostic::error(codes::WRONG_SHAPE, "the bounds differ from element to element", span));
+                    return v;
+                }
+                let (low, high) = (Quantity::pick(&q.low, i), Quantity::pick(&q.high, i));
+                if !low.is_finite() && !high.is_finite() {
+                    let (name, declared) = (q.name.clone(), self.vars[var].span);
+                    self.report(
+                        Diagnostic::error(codes::MISSING_CLAUSE, format!("`{name}` has no bounds to clip to"), *span)
+                            .secondary(declared, "declared here")
+                            .help("write `in low..high` in its declaration, or `clip low..high`"),
+                    );
+                    return v;
+                }
+                (self.exprs.constant(low), self.exprs.constant(high))
+            }
+        };
+        let v = self.exprs.binary(BinaryFn::Max, v, low);
+        self.exprs.binary(BinaryFn::Min, v, high)
+    }
+
+    pub(super) fn disturbance_program(&mut self) {
+        let mut program = Program { nests: Vec::new(), in_place: true };
+        let symbols: Vec<SymbolId> = self.names.symbols.keys().collect();
+        let mut scalars = Vec::new();
+        for symbol in symbols {
+            let SymbolKind::Variable { var, unit, declaration, axes } = self.names.symbols[symbol].kind.clone() else { continue };
+            if self.vars[var].role != Role::Disturbance {
+                continue;
+            }
+            let Some(rule) = &declaration.sample else { continue };
+            let path = self.names.symbols[symbol].path.clone();
+            let place = self.place(self.names.symbols[symbol].scope, Site::Disturb);
+            let pieces = self.nest(&declaration.indices, &place, &mut |s, inner| {
+                let at = s.bound_address(&axes, &declaration.indices, inner);
+                let outer = s.random_site.replace((stream_name(&path, at, s.vars[var].len), Instant::Step));
+                let v = s.number_in(rule, &unit, &path, declaration.span, inner);
+                s.random_site = outer;
+                (at, s.clipped(v, var, at, declaration.clip.as_ref(), &unit, inner))
+            });
+            for piece in pieces {
+                let s = store(Memory::Var(var), piece.value.0, piece.value.1);
+                if piece.extents.is_empty() {
+                    scalars.push(s);
+                } else {
+                    program.nests.push(Nest { extents: piece.extents, stores: vec![s] });
+                }
+            }
+        }
+        if !scalars.is_empty() {
+            program.nests.insert(0, Nest { extents: Vec::new(), stores: scalars });
+        }
+        self.model.programs.disturb = program;
+    }
+}

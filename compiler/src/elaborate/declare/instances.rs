@@ -1,0 +1,179 @@
+//! Components: ports, instances, structural parameters.
+
+use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
+use smpl_dsl::span::Span;
+use smpl_dsl::syntax::{self, Binder, Expr, ExprKind, Ident, Statement, StatementKind};
+use smpl_dsl::units::Unit;
+
+use super::super::items::{Item, items};
+use super::super::names::{Scope, ScopeId, SymbolKind};
+use super::super::{Bound, Elaborator, Setting, Site};
+use crate::ir::Role;
+
+/// Deepest nest of components.
+const MAX_COMPONENT_DEPTH: usize = 32;
+
+impl<'a> Elaborator<'a> {
+    pub(super) fn declare_port(&mut self, scope: ScopeId, name: &Ident, connector: &Ident) {
+        let Some(StatementKind::Connector { members, .. }) = self.connectors.get(connector.text.as_str()).map(|s| &s.kind) else {
+            let known: Vec<&str> = self.connectors.keys().copied().collect();
+            let help = did_you_mean(&connector.text, known);
+            self.report(
+                Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown connector `{}`", connector.text), connector.span).maybe_help(help),
+            );
+            return self.faulty(scope, name);
+        };
+        let prefix = format!("{}{}.", self.names.scopes[scope].prefix, name.text);
+        let port = self.names.scopes.push(Scope { prefix, parent: Some(scope), names: Default::default() });
+        self.declare(scope, name, SymbolKind::Instance(port));
+        for member in members {
+            let place = self.place(scope, Site::Dynamics);
+            let Some((axes, _)) = self.axes(&member.indices, &place) else { continue };
+            let unit = match &member.unit {
+                Some(u) => self.unit(u, &place),
+                None => Some(Unit::one()),
+            };
+            let Some(unit) = unit else { continue };
+            if let Some(var) = self.new_variable(port, &member.name, Role::Algebraic, axes, unit, member) {
+                self.port_variables.insert(var);
+            }
+        }
+    }
+
+    pub(super) fn declare_instance(
+        &mut self,
+        scope: ScopeId,
+        component: &'a Ident,
+        name: &'a Ident,
+        indices: &'a [Binder],
+        arguments: &'a [(Ident, Expr)],
+        depth: usize,
+    ) {
+        if depth >= MAX_COMPONENT_DEPTH {
+            self.report(Diagnostic::error(codes::CYCLIC_DEFINITION, format!("`{}` contains itself", component.text), component.span));
+            return self.faulty(scope, name);
+        }
+        let Some(statement) = self.components.get(component.text.as_str()).copied() else {
+            let known: Vec<&str> = self.components.keys().copied().collect();
+            let help = did_you_mean(&component.text, known);
+            self.report(
+                Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown component `{}`", component.text), component.span).maybe_help(help),
+            );
+            return self.faulty(scope, name);
+        };
+        let place = self.place(scope, Site::Dynamics);
+        let path = format!("{}{}", self.names.scopes[scope].prefix, name.text);
+        if indices.is_empty() {
+            let inner = self.instantiate(statement, &path, name.span, arguments, &place, depth);
+            self.declare(scope, name, SymbolKind::Instance(inner));
+            return;
+        }
+        let [binder] = indices else {
+            self.report(Diagnostic::error(codes::WRONG_SHAPE, "instances take one index", name.span));
+            return self.faulty(scope, name);
+        };
+        let mut list = Vec::new();
+        for value in self.bindings_of(binder, &place) {
+            let super::super::functions::BinderValue::One(bound) = value else {
+                self.report(Diagnostic::error(codes::WRONG_KIND, "instances are counted by a set", binder.span));
+                return self.faulty(scope, name);
+            };
+            let label = match &bound {
+                Bound::Member(set, i) => self.names.sets[*set].labels[*i].clone(),
+                Bound::Number(e) => self.exprs.as_const(*e).map_or_else(String::new, |x| x.to_string()),
+                _ => continue,
+            };
+            let inner_place = place.bind(&binder.name.text, bound);
+            let inner = self.instantiate(statement, &format!("{path}[{label}]"), name.span, arguments, &inner_place, depth);
+            list.push((label, inner));
+        }
+        self.declare(scope, name, SymbolKind::Instances(list.into()));
+    }
+
+    fn instantiate(
+        &mut self,
+        statement: &'a Statement,
+        path: &str,
+        used: Span,
+        arguments: &'a [(Ident, Expr)],
+        outer: &super::super::Place,
+        depth: usize,
+    ) -> ScopeId {
+        let root = ScopeId::from_u32(0);
+        let scope = self.names.scopes.push(Scope { prefix: format!("{path}."), parent: Some(root), names: Default::default() });
+        self.used_at.insert(scope, used);
+        let StatementKind::Component { name, parameters, body, .. } = &statement.kind else { return scope };
+        for (parameter, default) in parameters {
+            let given = arguments.iter().find(|(a, _)| a.text == parameter.text).map(|(_, e)| e);
+            self.structural(scope, (path, used), parameter, given, default.as_ref(), outer);
+        }
+        let list = items(body, &self.selection);
+        for (argument, e) in arguments {
+            if parameters.iter().any(|(p, _)| p.text == argument.text) {
+                continue;
+            }
+            let known: Vec<&str> = list
+                .iter()
+                .filter_map(|i| match i {
+                    Item::Declare(syntax::Role::Param, d) => Some(d.name.text.as_str()),
+                    _ => None,
+                })
+                .chain(parameters.iter().map(|(p, _)| p.text.as_str()))
+                .collect();
+            if known.contains(&argument.text.as_str()) {
+                self.given.insert((scope, argument.text.clone()), (e, outer.clone()));
+            } else {
+                let help = did_you_mean(&argument.text, known);
+                self.report(
+                    Diagnostic::error(
+                        codes::WRONG_ARGUMENTS,
+                        format!("the component `{}` has no parameter `{}`", name.text, argument.text),
+                        argument.span,
+                    )
+                    .maybe_help(help),
+                );
+            }
+        }
+        self.declare_block(scope, list, depth + 1);
+        scope
+    }
+
+    /// A structural parameter: a whole number or a set; a setting `R1.n_cells` or `n_cells` overrides it.
+    fn structural(
+        &mut self,
+        scope: ScopeId,
+        (path, used): (&str, Span),
+        name: &'a Ident,
+        given: Option<&Expr>,
+        default: Option<&Expr>,
+        outer: &super::super::Place,
+    ) {
+        for key in [format!("{path}.{}", name.text), name.text.clone()] {
+            if let Some(Setting::Number(x)) = self.options.settings.get(&key) {
+                self.used_parameters.insert(key.clone());
+                if x.fract() == 0.0 && *x >= 0.0 && *x < 1e9 {
+                    self.declare(scope, name, SymbolKind::Integer(*x as i64));
+                    return;
+                }
+                self.scenario_fault(format!("`{key}` takes a whole number, not {x}"));
+            }
+        }
+        let Some(e) = given.or(default) else {
+            self.report(
+                Diagnostic::error(codes::MISSING_DEFAULT, format!("`{path}` needs a value of `{}`", name.text), used)
+                    .secondary(name.span, "it has no default")
+                    .help(format!("write `({} = ...)` after the instance's name", name.text)),
+            );
+            return self.faulty(scope, name);
+        };
+        if let ExprKind::Name(n) = &e.kind
+            && let Some(symbol) = self.names.lookup(outer.scope, &n.text)
+            && let SymbolKind::Set(set) = self.names.symbols[symbol].kind
+        {
+            self.declare(scope, name, SymbolKind::Set(set));
+            return;
+        }
+        let kind = self.integer(e, outer).map_or(SymbolKind::Faulty, SymbolKind::Integer);
+        self.declare(scope, name, kind);
+    }
+}

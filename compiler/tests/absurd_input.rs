@@ -1,0 +1,232 @@
+//! Absurd models: every one ends in a model or in faults, without a panic, soon, and within a small stack.
+
+use std::time::{Duration, Instant};
+
+use smpl_compiler::elaborate::Options;
+use smpl_compiler::front::flatten;
+use smpl_dsl::diagnostic::{Diagnostic, SourceMap};
+
+/// Flattens on the stack that a thread has by default.
+fn faults(source: &str) -> Vec<Diagnostic> {
+    let source = source.to_owned();
+    let work = move || {
+        let mut sources = SourceMap::new();
+        let main = sources.add("model.eq", source);
+        flatten(&mut sources, main, &mut |_| None, &Options::default()).err().unwrap_or_default()
+    };
+    let start = Instant::now();
+    let found = std::thread::Builder::new().stack_size(2 << 20).spawn(work).expect("a thread").join().expect("no panic");
+    assert!(start.elapsed() < Duration::from_secs(10), "{:?}", start.elapsed());
+    found
+}
+
+fn chain(n: usize, link: impl Fn(usize) -> String) -> String {
+    let links: String = (1..=n).map(|i| link(i) + "\n").collect();
+    format!("{links}state x = 1\neq d/dt x = -a{n} * x / 1 [s]\n")
+}
+
+fn refused(source: &str, code: &str) {
+    let found = faults(source);
+    assert!(
+        found.iter().any(|d| d.code.id().starts_with(code)),
+        "{:?}\n{}",
+        found.iter().map(|d| &d.message).collect::<Vec<_>>(),
+        &source[..source.len().min(400)]
+    );
+}
+
+#[test]
+fn long_chains_of_definitions() {
+    let let_chain = |n| chain(n, |i| if i == 1 { "let a1 = 1".into() } else { format!("let a{i} = a{} + 1", i - 1) });
+    assert!(faults(&let_chain(300)).is_empty());
+    refused(&let_chain(20_000), "E0105");
+    let parameters = |n| chain(n, |i| if i == 1 { "param a1 = 1".into() } else { format!("param a{i} = a{} + 1", i - 1) });
+    assert!(faults(&parameters(20_000)).is_empty());
+    let variables =
+        chain(5_000, |i| if i == 1 { "var a1 = 1\neq a1 = x".into() } else { format!("var a{i} = 1\neq a{i} = a{} + 1", i - 1) });
+    assert!(faults(&variables).is_empty());
+    let functions = chain(2_000, |i| if i == 1 { "def a1(q) = q".into() } else { format!("def a{i}(q) = a{}(q) + 1", i - 1) });
+    refused(&functions.replace("-a2000 *", "-a2000(x) *"), "E0105");
+}
+
+#[test]
+fn definitions_that_double_at_each_level() {
+    let lets = chain(60, |i| if i == 1 { "let a1 = x".into() } else { format!("let a{i} = a{0} * a{0} + a{0}", i - 1) });
+    assert!(faults(&lets).is_empty());
+    let variables =
+        chain(60, |i| if i == 1 { "var a1 = 1\neq a1 = x".into() } else { format!("var a{i} = 1\neq a{i} = a{0} * a{0} + a{0}", i - 1) });
+    assert!(faults(&variables).is_empty());
+    let functions = chain(60, |i| if i == 1 { "def a1(q) = q".into() } else { format!("def a{i}(q) = a{0}(q) + a{0}(q + 1)", i - 1) });
+    refused(&functions.replace("-a60 *", "-a60(x) *"), "E0105");
+}
+
+#[test]
+fn sizes_beyond_reason() {
+    let rest = "state x = 1\neq d/dt x = -x / 1 [s]\n";
+    for head in [
+        "set s = 1..1e18",
+        "set s = 1..-1e14",
+        "set s = -1e14..1e14",
+        "domain z in 0..1 cells 1e300",
+        "domain z in 0..1 cells -3",
+        "domain z in 0..1 cells 0/0",
+        "set s = 1..1000\nstate c[s, i in s, j in s] = 0",
+        "let b = sum(i for i in 1..1e9)",
+        "let b = sum(i*j*k for i in 1..5000, j in 1..5000, k in 1..5000)",
+        "set s = 1..10000\nlet b = sum(i*j for i in s, j in s)",
+        "set s = 1..90000\nstate c[s] = 0\neq d/dt c[i] = -sum(c[j] for j in s) / 1 [s] for i in s",
+    ] {
+        assert!(!faults(&format!("{head}\n{rest}")).is_empty(), "{head}");
+    }
+    assert!(faults(&format!("domain z in 0..1 cells 50000000\nstate c[z] = 0\neq d/dt c[z] = -c[z]/1 [s] for z\n{rest}")).len() <= 1);
+}
+
+#[test]
+fn numbers_at_the_edge() {
+    for number in
+        ["1e308 * 10", "0/0", "1/0", "-1/0", "(-1)^0.5", "0^0", "0^-1", "inf", "-inf", "inf - inf", "ln(0)", "ln(-1)", "1e-320", "10^400"]
+    {
+        for place in [
+            "param p = #",
+            "state p = #\neq d/dt p = 0",
+            "action p = # in 0..1",
+            "action p = 0.5 in #..1",
+            "let p : 1 = #",
+            "discrete p = #",
+            "state p = 1 in 0..# scale #\neq d/dt p = 0",
+            "table p[s] = { a: # }",
+            "table p over time : s linear { 0: 1, #: 2 }",
+            "domain p in 0..# cells 4\nstate c[p] = 0\nflux J[p] = c[p] * 1 [1/s]\neq d/dt c[p] = -div(J[p]) for p",
+            "domain p in 0..1 cells 4 stretch #\nstate c[p] = 0\nflux J[p] = c[p] * 1 [1/s]\neq d/dt c[p] = -div(J[p]) for p",
+            "episode { step = # }",
+            "episode { max_steps = # }",
+            "solver { rtol = # }",
+            "reward p default = #",
+            "fail p when x < #",
+            "observe x in 0..# every #",
+        ] {
+            faults(&format!("set s = {{ a }}\n{}\nstate x = 1\neq d/dt x = -x / 1 [s]\n", place.replace('#', number)));
+        }
+    }
+}
+
+#[test]
+fn things_that_need_themselves() {
+    for source in [
+        "param a = a",
+        "param a = b\nparam b = a",
+        "let a = a",
+        "def f(x) = f(x)\nlet a = f(1)",
+        "def f(x) = g(x)\ndef g(x) = f(x)\nlet a = f(1)",
+        "component A { use A as a }\nuse A as b",
+        "component A { use B as a }\ncomponent B { use A as a }\nuse A as b",
+        "domain z in 0..1 cells z.cells\nstate c[z] = 0\neq d/dt c[z] = 0 for z",
+        "domain z in 0..z.last cells 3\nstate c[z] = 0\nflux J[z] = c[z] / 1 [s]\neq d/dt c[z] = -div(J[z]) for z",
+        "set s = 1..s",
+        "flux J[z] = J[z]\ndomain z in 0..1 cells 3\nstate c[z] = 0\neq d/dt c[z] = -div(J[z]) / 1 [s] for z",
+        "flux J[z] = div(J[z]), low = J[z.low]\ndomain z in 0..1 cells 3\nstate c[z] = 0\neq d/dt c[z] = -div(J[z]) / 1 [s] for z",
+        "state y = y\neq d/dt y = 0",
+        "state y = z\nstate z = y\neq d/dt y = 0\neq d/dt z = 0",
+        "state y = 1\neq d/dt y = der(y)",
+        "state y = 1 in low(y)..high(y)\neq d/dt y = 0",
+        "state y = 1 scale scale(y)\neq d/dt y = 0",
+        "param p = low(p)",
+        "table f over time : s until { f(1): 2 }",
+        "table k[s] = { a: k[a] }\nset s = { a }",
+        "param p : [unit(p)] = 1",
+        "param p = 1 [unit(p)]",
+        "state q = 1\neq d/dt q = steady(steady(q)) / 1 [s]",
+        "state q = initial(q)\neq d/dt q = 0",
+    ] {
+        faults(&format!("{source}\nstate x = 1\neq d/dt x = -x / 1 [s]\n"));
+    }
+}
+
+#[test]
+fn kinds_where_others_belong() {
+    let names = [
+        "a_set",
+        "z",
+        "flow",
+        "comp",
+        "comp.x",
+        "f",
+        "tab",
+        "timetab",
+        "ch",
+        "x",
+        "t",
+        "act",
+        "r",
+        "low",
+        "end_is_success",
+        "phase",
+        "T[1]",
+        "T",
+        "x.y.z",
+        "z.last",
+    ];
+    let places = [
+        "eq d/dt x = # / 1 [s]",
+        "let q = #[1]",
+        "let q = #(x)",
+        "let q = #.x",
+        "let q = x[#]",
+        "let q = sum(i for i in #)",
+        "let q = sum(# for # in a_set)",
+        "state w[#] = 1",
+        "eq # = 1",
+        "connect # -> #",
+        "use # as new",
+        "port # : #",
+        "initial # = 1",
+        "steady { # = 1 }",
+        "policy p { # = 1 }",
+        "at start { next # = 1 ; reset # = 1 }",
+        "at # { reset x = 1 }",
+        "observe #",
+        "observe new = # in 0..1 every # delay # noise #",
+        "fail new when #",
+        "fail new when outside bounds(#)",
+        "event new when # > #",
+        "reward new = #",
+        "let q = div(#)",
+        "let q = div(#[z])",
+        "let q = grad(#)",
+        "let q = initial(#) + previous(#) + steady(#)",
+        "let q = der(#)",
+        "let q = low(#) + high(#) + scale(#) + nominal(#)",
+        "let q = value(#, #)",
+        "let q = kelvin(#)",
+        "let q = width(#) + volume(#)",
+        "param new = # ~ #",
+        "param new : # = 1",
+        "discrete new = #",
+        "disturbance new = # ~ #",
+        "domain new in #..# cells #",
+        "flux new[#] = #",
+        "flux new[z] = #, low = #, high = #\neq der(c[z]) = -div(new[z]) for z",
+        "phase new until # then #",
+        "when # = # { param k = 1 }",
+        "invariant new = # rate #",
+        "set new = #..#",
+        "table new[#] = { a: # }",
+        "table over # { columns: u, v\n a: 1, 2 }",
+        "eq d/dt x = 1 for # in #",
+        "let q = if # then # else #",
+        "let q = # and not #",
+        "let q = integral(#)",
+        "let q = integral(# for z)",
+        "let q = upwind(#, #)",
+    ];
+    for name in names {
+        for place in places {
+            faults(&format!(
+                "set a_set = {{ a, b }}\ndomain z in 0..1 cells 3\nflux flow[z] = c[z]\nstate c[z] = 0\ncomponent comp_kind {{ state x = 1 ; eq d/dt x = 0 }}
+                 use comp_kind as comp\nuse comp_kind as T[k in 1..2]\ndef f(q) = q\ntable tab[a_set] = {{ a: 1, b: 2 }}\ntable timetab over time : s until {{ 1: 2 }}
+                 choice ch = p | q\naction act = 0 in 0..1\nrandom r ~ normal(0, 1)\nstate x = 1\n{}\n",
+                place.replace('#', name)
+            ));
+        }
+    }
+}

@@ -1,0 +1,217 @@
+//! Numbers that expressions give, against values worked out by hand.
+
+mod running;
+
+use running::{Running, assert_close};
+
+/// The value of an expression whose unit is `unit`, in a model with a state `x = 2` and some parameters.
+fn value(unit: &str, expression: &str) -> f64 {
+    let source = format!(
+        "time t : min
+         set s = {{ a, b, c }}
+         table k[s] = {{ a: 1, b: 2, c: 3 }}
+         table m[s, s] default 0 {{
+           a: b = 2
+           c: a = -1
+         }}
+         table power[s] = {{ a: 0, b: 2, c: 1 }}
+         table until_table over time : h until {{ 1: 10, 2: 20, 4: 40 }}
+         table from_table over time : h from {{ 0: 10, 1: 20, 2: 40 }}
+         table linear_table : L over time : h linear {{ 1: 10, 2: 20, 4: 60 }}
+         domain z in 1 [m]..3 [m] cells 4
+         param V : L = 2
+         param T : degC = 25
+         param Q : m^3/h = 6
+         param nan = 0
+         param zero = 0
+         state x = 2 in 0..10
+         state v[s] = 1
+         state c[z] : mol/m = 1
+         eq d/dt x = -x / 1 [min]
+         eq d/dt v[i] = -k[i] * v[i] / 1 [min] for i in s
+         eq d/dt c[z] = -c[z] / 1 [min] for z
+         let wanted : {unit} = {expression}"
+    );
+    let mut running = Running::new(&source);
+    running.set("v[a]", 3.0).set("v[b]", 5.0).set("v[c]", 7.0);
+    for cell in 1..=4 {
+        running.set(&format!("c[{cell}]"), f64::from(cell * cell));
+    }
+    running.output("wanted")
+}
+
+#[test]
+fn commensurable_units_convert_by_the_exact_factor() {
+    assert_close(value("m^3", "V"), 0.002);
+    assert_close(value("mL", "V + 1 [m^3]"), 1_002_000.0);
+    assert_close(value("L/min", "Q"), 100.0);
+    assert_close(value("min", "1 [h] + 30 [s]"), 60.5);
+    assert_close(value("1", "V / 1 [m^3]"), 0.002);
+    assert_close(value("1", "5 [%] + 1"), 1.05);
+    assert_close(value("%", "x / 8"), 25.0);
+    assert_close(value("L^0.5", "sqrt(2 [m^3])"), 2000_f64.sqrt());
+    assert_close(value("kg", "1 [t] + 1 [g]"), 1000.001);
+    assert_close(value("rad", "180 [deg]"), std::f64::consts::PI);
+}
+
+#[test]
+fn temperatures_are_points_and_differences() {
+    assert_close(value("K", "kelvin(T)"), 298.15);
+    assert_close(value("K", "T - 20 [degC]"), 5.0);
+    assert_close(value("K", "212 [degF] - 0 [degC]"), 100.0);
+    assert_close(value("degC", "T + 5 [K]"), 30.0);
+    assert_close(value("degC", "max(T, 86 [degF])"), 30.0);
+    assert_close(value("1", "if T > 50 [degF] then 1 else 2"), 1.0);
+    assert_close(value("1", "value(T)"), 25.0);
+    assert_close(value("1", "value(kelvin(T), degC)"), 25.0);
+    assert_close(value("1", "value(T, degF)"), 77.0);
+    assert_close(value("1", "value(kelvin(T))"), 298.15);
+}
+
+#[test]
+fn a_unit_is_taken_off_and_put_on() {
+    assert_close(value("1", "value(V)"), 2.0);
+    assert_close(value("1", "value(V, mL)"), 2000.0);
+    assert_close(value("1/h", "(0.5 * value(T)) as [1/h]"), 12.5);
+    assert_close(value("1/h", "(0.5 as [1/min])"), 30.0);
+    assert_close(value("m^3", "V as [mL]"), 0.002);
+    assert_close(value("mol/m", "1e-3 [unit(c[1])]"), 1e-3);
+}
+
+#[test]
+fn a_bare_number_fits_zero_only() {
+    assert_close(value("L", "if V > 0 then V else 0"), 2.0);
+    assert_close(value("L", "max(V, 0)"), 2.0);
+    assert_close(value("L", "clip(V, 0, 1 [L])"), 1.0);
+}
+
+#[test]
+fn powers_bind_to_the_right_and_before_the_sign() {
+    assert_close(value("1", "-x^2"), -4.0);
+    assert_close(value("1", "2^x^3"), 256.0);
+    assert_close(value("1", "x^-1"), 0.5);
+    assert_close(value("1", "(-x)^3"), -8.0);
+    assert_close(value("1", "8 / 2 / x"), 2.0);
+    assert_close(value("1", "8 - 2 - x"), 4.0);
+}
+
+#[test]
+fn reductions_run_over_sets_tuples_and_cells() {
+    assert_close(value("1", "sum(k[i] * v[i] for i in s)"), 34.0);
+    assert_close(value("1", "sum(v[i] for i in s if i != b)"), 10.0);
+    assert_close(value("1", "sum(m[i, j] * v[j] for i in s, j in s)"), 7.0);
+    assert_close(value("1", "product(v[i]^power[i] for i in s)"), 175.0);
+    assert_close(value("1", "min(v[i] for i in s) + 10 * max(v[i] for i in s)"), 73.0);
+    assert_close(value("1", "mean(v[i] for i in s)"), 5.0);
+    assert_close(value("1", "sum(q for q in (x, v[a], 4))"), 9.0);
+    assert_close(value("1", "if any(v[i] > 6 for i in s) and not all(v[i] > 6 for i in s) then 1 else 0"), 1.0);
+    assert_close(value("1", "sum(i for i in 1..4)"), 10.0);
+    assert_close(value("1", "sum(1 for i in 3..2)"), 0.0);
+    assert_close(value("mol/m", "sum(c[z] for z)"), 30.0);
+    assert_close(value("mol/m", "max(c[z] for z in 2..z.last-1)"), 9.0);
+    assert_close(value("mol/m", "mean(c[z] for z)"), 7.5);
+    assert_close(value("mol", "integral(c[z] for z)"), 15.0);
+    assert_close(value("m", "max(z for z)"), 2.75);
+    assert_close(value("m", "sum(width(z) for z)"), 2.0);
+    assert_close(value("mol/m", "c[z.first] + c[z.last] + c[2]"), 21.0);
+    assert_close(value("1", "if any(c[z] > 15 [mol/m] for z) then 1 else 0"), 1.0);
+    assert_close(value("1", "if all(c[z] > 1 [mol/m] for z) then 1 else 0"), 0.0);
+    assert_close(value("1", "z.cells + z.last - z.first"), 7.0);
+    assert_close(value("1", "sum(1 for z if c[z] > 3 [mol/m])"), 3.0);
+    assert_close(value("1", "sum(sum(i * j for j in 1..i) for i in 1..3)"), 25.0);
+}
+
+#[test]
+fn states_stand_for_all_of_them() {
+    assert_close(value("1", "sum(value(q) for q in states)"), 2.0 + 15.0 + 30.0);
+    assert_close(value("1", "sum(1 for q in states)"), 8.0);
+}
+
+#[test]
+fn a_zero_power_of_a_zero_base_vanishes() {
+    assert_close(value("1", "product((x - 2)^power[i] for i in s if i == a)"), 1.0);
+}
+
+#[test]
+fn tables_over_time_hold_at_their_boundaries() {
+    for (time, until, from, linear) in [
+        ("0 [h]", 10.0, 10.0, 10.0),
+        ("0.5 [h]", 10.0, 10.0, 10.0),
+        ("1 [h]", 10.0, 20.0, 10.0),
+        ("61 [min]", 20.0, 20.0, 10.0 + 10.0 / 60.0),
+        ("2 [h]", 20.0, 40.0, 20.0),
+        ("3 [h]", 40.0, 40.0, 40.0),
+        ("4 [h]", 40.0, 40.0, 60.0),
+        ("5 [h]", 40.0, 40.0, 60.0),
+    ] {
+        assert_close(value("1", &format!("until_table({time} + x*0 [h])")), until);
+        assert_close(value("1", &format!("from_table({time} + x*0 [h])")), from);
+        assert!((value("L", &format!("linear_table({time} + x*0 [h])")) - linear).abs() < 1e-12, "{time}");
+    }
+}
+
+#[test]
+fn not_a_number_comes_through() {
+    assert!(value("1", "clip(zero / nan * x, 0, 1)").is_nan());
+    assert!(value("1", "min(zero / nan * x, 1)").is_nan());
+    assert!(value("1", "max(1, zero / nan * x)").is_nan());
+}
+
+#[test]
+fn attributes_are_those_declared() {
+    assert_close(value("1", "high(x) - low(x) + scale(x)"), 20.0);
+    assert_close(value("1", "nominal(x)"), 2.0);
+}
+
+#[test]
+fn rounding_and_signs() {
+    assert_close(value("1", "floor(2.7) + 10*ceil(2.2) + 100*round(2.5 + 0*x)"), 232.0);
+    assert_close(value("1", "sign(-x) + abs(-x)"), 1.0);
+    assert_close(value("L", "abs(-V)"), 2.0);
+    assert_close(value("1", "atan2(1, 1)"), std::f64::consts::FRAC_PI_4);
+    assert_close(value("1", "ln(e) + log10(100) + exp(0)"), 4.0);
+}
+
+#[test]
+fn conditions_choose() {
+    assert_close(value("1", "if x > 1 and x < 3 then 1 else if x > 5 then 2 else 3"), 1.0);
+    assert_close(value("1", "if not (x > 1) or x >= 2 then 1 else 0"), 1.0);
+    assert_close(value("min", "if x > 1 then 1 [h] else 2 [min]"), 60.0);
+}
+
+#[test]
+fn random_numbers_have_their_mean_where_a_number_is_asked_for() {
+    let r = Running::new(
+        "param a = 1 ~ uniform(2, 4)
+         param b = 3 * a
+         state x = 1
+         eq d/dt x = (b - x) / 1 [s]",
+    );
+    // The draws of a fresh memory are zero: the lower end of the uniform distribution.
+    assert_close(r.parameter("a"), 2.0);
+    assert_close(r.parameter("b"), 6.0);
+}
+
+#[test]
+fn parameters_are_computed_in_the_order_of_need() {
+    let r = Running::new(
+        "param d = c + b
+         param c = 2 * b
+         param b = a^2
+         param a = 3
+         state x = 1
+         eq d/dt x = (d - x) / 1 [s]",
+    );
+    assert_close(r.parameter("d"), 27.0);
+}
+
+#[test]
+fn elements_of_a_parameter_may_need_each_other() {
+    let r = Running::new(
+        "set s = { a, b }
+         param p[i in s] = if i == a then 2 else 3 * p[a]
+         state x = 1
+         eq d/dt x = (p[b] - x) / 1 [s]",
+    );
+    assert_close(r.parameter("p[b]"), 6.0);
+}
