@@ -42,6 +42,9 @@ use quantity::{Measure, Value};
 pub use blocks::for_each_element;
 pub use equations::{Equation, EquationForm};
 
+/// Most terms, elements and calls that are written out in one model.
+const MAX_WRITTEN_OUT: u32 = 1_000_000;
+
 /// What a compilation is asked for beside the text.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
@@ -159,6 +162,8 @@ pub(crate) struct Elaborator<'a> {
     reported: HashSet<(Code, Span, Option<Span>)>,
     /// Expressions inside one another, definitions expanded.
     nesting: u32,
+    /// Terms, elements and calls written out so far.
+    written_out: u32,
     /// Calls of functions that are being expanded.
     calls: Vec<Span>,
     names: Names<'a>,
@@ -229,6 +234,7 @@ impl<'a> Elaborator<'a> {
             diagnostics: Vec::new(),
             reported: HashSet::new(),
             nesting: 0,
+            written_out: 0,
             calls: Vec::new(),
             names: Names::default(),
             exprs: Exprs::default(),
@@ -311,6 +317,22 @@ impl<'a> Elaborator<'a> {
             }
             self.diagnostics.push(diagnostic);
         }
+    }
+
+    /// Counts something that is written out: a term, an element, a call. `false` where the model is beyond reason, which is reported once.
+    fn may_write_out(&mut self, span: Span) -> bool {
+        if self.written_out < MAX_WRITTEN_OUT {
+            self.written_out += 1;
+            return true;
+        }
+        if self.written_out == MAX_WRITTEN_OUT {
+            self.written_out += 1;
+            self.report(
+                Diagnostic::error(codes::TOO_LARGE, "more than a million terms and elements would be written out", span)
+                    .help("use a `domain` in place of a large set: its cells stay a loop"),
+            );
+        }
+        false
     }
 
     fn poison(&mut self) -> Value {

@@ -29,6 +29,9 @@ impl<'a> Elaborator<'a> {
         };
         let mut out = Vec::new();
         for value in self.bindings_of(binder, place) {
+            if !self.may_write_out(binder.span) {
+                break;
+            }
             let (low, high) = match &value {
                 BinderValue::One(bound) => {
                     let inner = place.bind(&binder.name.text, bound.clone());

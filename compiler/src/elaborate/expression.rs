@@ -11,15 +11,15 @@ use super::units;
 use super::{Bound, Elaborator, Place};
 use crate::ir::{Affine, BinaryFn, Builtin, Compare, Expr as Node, ExprId, Flavour, Role};
 
-/// Deepest nest of expressions, definitions expanded; each level takes some hundred bytes of stack.
-const MAX_NESTING: u32 = 1500;
+/// Deepest nest of expressions, definitions expanded; each level takes two kilobytes of stack.
+const MAX_NESTING: u32 = 500;
 
 impl<'a> Elaborator<'a> {
     /// Elaborates an expression.
     pub(super) fn value(&mut self, e: &Expr, place: &Place) -> Value {
         if self.nesting >= MAX_NESTING {
             return self.fault(
-                Diagnostic::error(codes::TOO_LARGE, "definitions within definitions, thousands deep", e.span)
+                Diagnostic::error(codes::TOO_LARGE, "definitions within definitions, hundreds deep", e.span)
                     .help("break the chain: make one of its members a `var` with an equation"),
             );
         }

@@ -184,6 +184,9 @@ impl Elaborator<'_> {
     }
 
     fn expand_def(&mut self, span: Span, symbol: SymbolId, parameters: &[Ident], body: &Expr, arguments: &[Expr], place: &Place) -> Value {
+        if !self.may_write_out(span) {
+            return self.poison();
+        }
         let path = self.names.symbols[symbol].path.clone();
         if parameters.len() != arguments.len() {
             let declared = self.names.symbols[symbol].span;

@@ -267,6 +267,7 @@ impl Elaborator<'_> {
     pub(super) fn member(&mut self, set: SetId, e: &Expr, place: &Place) -> Option<usize> {
         if let ExprKind::Name(name) = &e.kind {
             match place.bound(&name.text) {
+                Some(Bound::Member(other, i)) if *other == set => return Some(*i),
                 Some(Bound::Member(other, i)) => {
                     let label = self.names.sets[*other].labels[*i].clone();
                     return self.labelled(set, &label, e.span);
@@ -289,6 +290,11 @@ impl Elaborator<'_> {
             }
         }
         let n = self.integer(e, place)?;
+        if let Some(first) = self.names.sets[set].first
+            && let Some(i) = n.checked_sub(first).filter(|i| (0..self.names.sets[set].labels.len() as i64).contains(i))
+        {
+            return Some(i as usize);
+        }
         self.labelled(set, &n.to_string(), e.span)
     }
 

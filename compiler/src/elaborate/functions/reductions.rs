@@ -6,7 +6,7 @@ use smpl_dsl::syntax::{BinaryOp, Binder, Expr, Ident};
 
 use super::super::cells::Cell;
 use super::super::quantity::{Measure, Value};
-use super::super::{Bound, Elaborator, Place, units};
+use super::super::{Bound, Elaborator, MAX_WRITTEN_OUT, Place, units};
 use super::BinderValue;
 use crate::ir::{BinaryFn, Compare, Expr as Node, ExprId, LoopVar, ReduceFn};
 
@@ -42,6 +42,9 @@ impl Elaborator<'_> {
     /// All terms of a reduction: one for each member, one a piece of a range of cells.
     fn terms(&mut self, body: &Expr, binders: &[Binder], condition: Option<&Expr>, weighted: bool, place: &Place, out: &mut Vec<Term>) {
         let Some((binder, rest)) = binders.split_first() else {
+            if !self.may_write_out(body.span) {
+                return;
+            }
             let keep = condition.map(|c| self.condition(c, place));
             if let Some(c) = keep
                 && matches!(self.exprs.node(c), Node::Truth(false))
@@ -54,6 +57,9 @@ impl Elaborator<'_> {
             return;
         };
         for bound in self.bindings_of(binder, place) {
+            if self.written_out > MAX_WRITTEN_OUT {
+                return;
+            }
             match bound {
                 BinderValue::One(bound) => {
                     let written = if let Bound::Alias(e, _) = &bound { Some(e.span) } else { None };
