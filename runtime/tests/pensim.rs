@@ -140,7 +140,11 @@ fn controllers_answer_the_states_of_the_reference_with_its_flows() {
 }
 
 fn check_controllers(bare: &mut Bare<'_>, table: &Table, row: usize) {
-    let before = |steps: usize, name: &str| table.get(row.saturating_sub(steps), &format!("{name}.tight"));
+    let before = |steps: usize, name: &str| {
+        // In steps 1 and 2 the memory is filled with the present value, so that the start is never seen again.
+        let first = usize::from(row > 2);
+        table.get(row.saturating_sub(steps).max(first), &format!("{name}.tight"))
+    };
     for (steps, (ph, temperature)) in [(2, ("pH_1", "T_1")), (3, ("pH_2", "T_2"))] {
         bare.set(ph, -before(steps, "H").log10());
         bare.set(temperature, before(steps, "T"));
@@ -352,9 +356,12 @@ fn the_jacobian_is_the_slope_of_the_rates() {
                 let (a, b) = (fine[r.at], coarse[r.at]);
                 let rate_size = y[r.at].abs().max(r.scale);
                 let doubt = (a - b).abs() + 1e-4 * a.abs() + 1e-6 * rate_size;
-                if (exact - a).abs() > 4.0 * doubt {
-                    eprintln!("row {row}: d {}'/d {}: {exact:e}, differences {a:e} {b:e}", r.name, column.name);
-                }
+                assert!(
+                    (exact - a).abs() <= 4.0 * doubt,
+                    "row {row}: d {}'/d {}: {exact:e}, differences {a:e} {b:e}",
+                    r.name,
+                    column.name
+                );
             }
         }
     }

@@ -82,7 +82,9 @@ impl Environment {
             self.progress.rewards.fill(error_reward);
         }
         let met = self.finish[self.part(1)].iter().any(|&s| s != 0.0);
-        let success = failure.is_none() && (met || (last_step && end_is_success));
+        // A limit below the model's own cuts the batch short.
+        let whole = self.setup.max_steps >= episode.max_steps;
+        let success = failure.is_none() && (met || (last_step && whole && end_is_success));
         let terminated = failure.is_some() || success;
         let truncated = last_step && !terminated;
         self.progress.steps += 1;
