@@ -22,6 +22,6 @@ def test_rates_of_legacy_are_those_of_the_reference():
     assert list(model.state_names) == [str(name) for name in table["state_names"]]
     scale = np.ones(len(model.state_names))
     scale[: len(TANKS)] = TANKS
-    for state, action, expected in zip(table["states"], table["actions"], table["derivatives_legacy"]):
+    for state, action, expected in zip(table["states"], table["actions"], table["derivatives_legacy"], strict=True):
         rates = np.asarray(model.rhs(0.0, state, action))
         assert (np.abs(rates - expected) / scale).max() <= 1e-12 * (np.abs(expected) / scale).max()

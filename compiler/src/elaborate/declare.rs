@@ -233,10 +233,15 @@ impl<'a> Elaborator<'a> {
     pub(super) fn declare_block(&mut self, scope: ScopeId, list: Vec<Item<'a>>, depth: usize) {
         self.declare_phases(scope, &list);
         self.check_names(&list);
-        let is_range = |s: &Statement| matches!(s.kind, StatementKind::Set { members: SetMembers::Range(..), .. });
+        // Ends of ranges may be computed from scalars; a table declares its set only where nothing else does.
+        let late = |s: &Statement| match &s.kind {
+            StatementKind::Set { members: SetMembers::Range(..), .. } => 1,
+            StatementKind::Table(_) => 2,
+            _ => 0,
+        };
         for item in &list {
             if let Item::Other(statement) = item
-                && !is_range(statement)
+                && late(statement) == 0
             {
                 self.declare_set(scope, statement);
             }
@@ -248,12 +253,13 @@ impl<'a> Elaborator<'a> {
                 self.declare_variable(scope, *role, d);
             }
         }
-        // The ends of a range may be computed from scalars.
-        for item in &list {
-            if let Item::Other(statement) = item
-                && is_range(statement)
-            {
-                self.declare_set(scope, statement);
+        for turn in [1, 2] {
+            for item in &list {
+                if let Item::Other(statement) = item
+                    && late(statement) == turn
+                {
+                    self.declare_set(scope, statement);
+                }
             }
         }
         for item in &list {

@@ -87,7 +87,7 @@ impl Worst {
     /// Takes an error, NaN as the largest.
     pub fn add(&mut self, kind: &str, error: f64, place: impl FnOnce() -> String) {
         let before = self.0.get(kind).map_or(-1.0, |w| w.0);
-        if !(error <= before) {
+        if error.is_nan() || error > before {
             self.0.insert(kind.to_owned(), (error, place()));
         }
     }
