@@ -367,6 +367,8 @@ pub struct Solver {
     pub rtol: f64,
     /// Absolute tolerance of an unknown = this · rtol · scale.
     pub atol_factor: f64,
+    /// What the solver is given of the tolerances: below 1 where errors grow much beyond those of a step.
+    pub safety: f64,
     /// Highest order.
     pub max_order: u32,
     /// Most internal steps between two output times.
@@ -383,7 +385,7 @@ impl Default for Episode {
 
 impl Default for Solver {
     fn default() -> Self {
-        Solver { rtol: 1e-8, atol_factor: 0.01, max_order: 5, max_steps: 20_000, linear_solver: "auto".into() }
+        Solver { rtol: 1e-8, atol_factor: 0.01, safety: 1.0, max_order: 5, max_steps: 20_000, linear_solver: "auto".into() }
     }
 }
 

@@ -1,11 +1,15 @@
 //! A model described in Markdown: tables of everything with a name, and the equations typeset.
 
+mod equations;
+
 use std::fmt::Write;
 
 use smpl_compiler::compiled::CompiledModel;
-use smpl_compiler::model::{Axis, Quantity};
+use smpl_compiler::model::{Axis, Observed, Quantity};
 
 use crate::failure::Short;
+
+pub use equations::latex;
 
 /// The page of a model; `equations` is LaTeX, one display a line, and may be empty.
 #[must_use]
@@ -24,20 +28,6 @@ pub fn markdown(model: &CompiledModel, equations: &str) -> String {
     ends(&mut page, model);
     alternatives(&mut page, model);
     page
-}
-
-/// The equations of a file in LaTeX, one a line.
-#[must_use]
-pub fn latex(file: &smpl_dsl::syntax::File) -> String {
-    use smpl_dsl::syntax::StatementKind;
-    let mut lines = String::new();
-    for statement in &file.statements {
-        if let StatementKind::Equation { lhs, rhs, binders } = &statement.kind {
-            lines.push_str(&smpl_dsl::latex::equation(lhs, rhs, binders));
-            lines.push('\n');
-        }
-    }
-    lines
 }
 
 fn section(page: &mut String, title: &str, lines: Vec<String>) {
@@ -102,6 +92,8 @@ fn range(values: &[f64]) -> String {
     let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
     match values {
         [] => String::new(),
+        // Given by an expression.
+        _ if values.iter().any(|v| v.is_nan()) => String::new(),
         [one] if one.is_infinite() => String::new(),
         _ if low == high => Short(low).to_string(),
         _ => format!("{} to {}", Short(low), Short(high)),
@@ -110,13 +102,19 @@ fn range(values: &[f64]) -> String {
 
 fn observations(page: &mut String, model: &CompiledModel) {
     let interface = model.interface();
-    let rows = interface.observations.iter().map(|o| {
-        let row = [o.low, o.high].map(|x| Short(x).to_string());
-        let sampling = if o.every > 1 { format!("every {} steps", o.every) } else { String::new() };
-        let delay = if o.delay > 0 { format!("{} steps late", o.delay) } else { String::new() };
-        let noise = if o.noise > 0.0 { format!("noise {}", Short(o.noise)) } else { String::new() };
+    // Elements of one array in a row of the table.
+    let array = |o: &Observed| o.name.split('[').next().unwrap_or_default().to_owned();
+    let groups = interface.observations.chunk_by(|a, b| {
+        array(a) == array(b) && (&a.unit, a.every, a.delay, a.noise, a.low, a.high) == (&b.unit, b.every, b.delay, b.noise, b.low, b.high)
+    });
+    let rows = groups.filter_map(|group| {
+        let (first, last) = (group.first()?, group.last()?);
+        let name = if group.len() == 1 { format!("`{}`", first.name) } else { format!("`{}` .. `{}`", first.name, last.name) };
+        let sampling = if first.every > 1 { format!("every {} steps", first.every) } else { String::new() };
+        let delay = if first.delay > 0 { format!("{} steps late", first.delay) } else { String::new() };
+        let noise = if first.noise > 0.0 { format!("noise {}", Short(first.noise)) } else { String::new() };
         let notes: Vec<String> = [sampling, delay, noise].into_iter().filter(|s| !s.is_empty()).collect();
-        vec![format!("`{}`", o.name), o.unit.clone(), row[0].clone(), row[1].clone(), notes.join(", ")]
+        Some(vec![name, first.unit.clone(), Short(first.low).to_string(), Short(first.high).to_string(), notes.join(", ")])
     });
     table(page, "Observations", &["name", "unit", "low", "high", "measurement"], rows.collect());
 }

@@ -231,6 +231,7 @@ fn solver_settings(model: &CompiledModel, catalogue: &Catalogue, options: &Envir
     };
     positive("rtol", rtol)?;
     positive("atol_factor", factor)?;
+    let rtol = declared.safety * rtol;
     let mut atol = vec![factor * rtol; model.unknowns()];
     for element in catalogue.states.elements().iter().chain(catalogue.solved.elements()) {
         if element.scale.is_finite() && element.scale > 0.0 {

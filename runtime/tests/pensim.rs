@@ -31,7 +31,7 @@ fn right_hand_side(load: &LoadOptions, suffix: impl Fn(&str) -> String) {
         for state in bare.catalogue.states.elements() {
             let expected = table.get(row, &suffix(&state.name));
             let error = (rates[state.at] - expected).abs() / (expected.abs() + 1e-3 * state.scale);
-            if !(error <= worst.0) {
+            if worse(error, worst.0) {
                 worst = (error, state.name.clone(), row);
             }
         }
@@ -58,9 +58,9 @@ fn flow(environment: &Environment, name: &str) -> f64 {
     environment.discretes()[element.at]
 }
 
-fn state_of(environment: &Environment, name: &str) -> f64 {
-    let element = environment.catalogue().states.find(name).expect("a state");
-    environment.unknowns()[element.at]
+/// Whether an error is the worst so far; one that is no number is.
+fn worse(error: f64, than: f64) -> bool {
+    error.is_nan() || error > than
 }
 
 /// Section 10, "single steps": each step from the reference's own state, inner controllers left out.
@@ -101,7 +101,7 @@ fn single_steps(file: &str, scenario: &str, length: f64) {
         for state in &states {
             let expected = table.get(row, &format!("{}.tight", state.name));
             let error = (y[state.at] - expected).abs() / expected.abs().max(state.scale);
-            if !(error <= worst.0) {
+            if worse(error, worst.0) {
                 worst = (error, state.name.clone(), row);
             }
         }
@@ -167,12 +167,21 @@ fn check_controllers(bare: &mut Bare<'_>, table: &Table, row: usize) {
 /// Largest errors of a replayed episode.
 #[derive(Debug, Default)]
 struct Worst {
-    /// By the measure of section 10, with its place; at step 407 apart, where growth is switched off within the step.
+    /// By the measure of section 10, with its place.
     state: (f64, String, usize),
-    switch: f64,
+    /// S in its worst step (where growth is switched off within the step), which is not in `state`.
+    switch: (f64, String, usize),
     flow: f64,
     reward: f64,
     sum: f64,
+}
+
+impl Worst {
+    fn take_state(&mut self, error: (f64, String, usize)) {
+        if worse(error.0, self.state.0) {
+            self.state = error;
+        }
+    }
 }
 
 /// Replays an episode of the reference in closed loop.
@@ -194,10 +203,12 @@ fn closed_loop(episode: usize, scenario: &str, rtol: f64, suffix: &str) -> Optio
         for state in &states {
             let expected = table.get(row, &format!("{}{suffix}", state.name));
             let error = (env.unknowns()[state.at] - expected).abs() / expected.abs().max(state.scale);
-            if episode == 2 && row == 407 && state.name == "S" {
-                worst.switch = error;
-            } else if !(error <= worst.state.0) {
-                worst.state = (error, state.name.clone(), row);
+            if worse(error, worst.switch.0) && state.name == "S" {
+                // The worst S so far is one of all the others now.
+                let last = std::mem::replace(&mut worst.switch, (error, "S".into(), row));
+                worst.take_state(last);
+            } else {
+                worst.take_state((error, state.name.clone(), row));
             }
         }
         for name in FLOWS {
@@ -224,7 +235,7 @@ fn closed_loops_at_tight_tolerances_follow_the_reference() {
         let Some(worst) = closed_loop(episode, scenario, 1e-9, ".tight") else {
             return;
         };
-        assert!(worst.state.0.max(worst.switch) <= 1e-5, "{worst:?}");
+        assert!(worst.state.0.max(worst.switch.0) <= 1e-5, "{worst:?}");
         assert!(worst.flow <= 1e-3, "{worst:?}");
         assert!(worst.reward <= 1e-5 && worst.sum <= 1e-3, "{worst:?}");
     }
@@ -236,7 +247,7 @@ fn closed_loops_at_everyday_tolerances_follow_the_reference() {
         let Some(worst) = closed_loop(episode, scenario, 1e-6, ".tight") else {
             return;
         };
-        assert!(worst.switch <= 1e-2 && worst.state.0 <= 1e-4, "{worst:?}");
+        assert!(worst.switch.0 <= 1e-2 && worst.state.0 <= 1e-4, "{worst:?}");
         assert!(worst.sum <= 1e-2, "{worst:?}");
     }
 }
@@ -247,7 +258,7 @@ fn legacy_follows_the_trajectory_of_the_original_solver() {
         let Some(worst) = closed_loop(episode, "legacy", 1e-9, ".orig") else {
             return;
         };
-        assert!(worst.state.0.max(worst.switch) <= 1e-4 && worst.sum <= 1e-2, "{worst:?}");
+        assert!(worst.state.0.max(worst.switch.0) <= 1e-4 && worst.sum <= 1e-2, "{worst:?}");
     }
 }
 
@@ -356,12 +367,7 @@ fn the_jacobian_is_the_slope_of_the_rates() {
                 let (a, b) = (fine[r.at], coarse[r.at]);
                 let rate_size = y[r.at].abs().max(r.scale);
                 let doubt = (a - b).abs() + 1e-4 * a.abs() + 1e-6 * rate_size;
-                assert!(
-                    (exact - a).abs() <= 4.0 * doubt,
-                    "row {row}: d {}'/d {}: {exact:e}, differences {a:e} {b:e}",
-                    r.name,
-                    column.name
-                );
+                assert!((exact - a).abs() <= 4.0 * doubt, "row {row}: d {}'/d {}: {exact:e}, differences {a:e} {b:e}", r.name, column.name);
             }
         }
     }

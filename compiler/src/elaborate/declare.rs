@@ -11,7 +11,7 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{self, Declaration, Ident, SetMembers, Statement, StatementKind, Table};
 use smpl_dsl::units::Unit;
 
-use super::items::{Item, items, overlay, plain, select};
+use super::items::{Item, items, overlay, plain, selected};
 use super::names::{Axis, Domain, Geometry, Scheme, Scope, ScopeId, Set, SetId, Symbol, SymbolId, SymbolKind};
 use super::{Elaborator, Site};
 use crate::ir::{Role, VarId};
@@ -71,23 +71,33 @@ impl<'a> Elaborator<'a> {
         if std::mem::replace(&mut seen[file], true) {
             return;
         }
-        let files = self.files;
-        for item in plain(&files[file].statements) {
-            if let Item::Other(Statement { kind: StatementKind::Import { path, path_span }, .. }) = item {
-                match self.imports.get(path) {
-                    Some(&imported) => self.gather(imported, seen, out),
-                    None => self.report(Diagnostic::error(
-                        codes::UNKNOWN_IMPORT,
-                        format!("the file `{path}` was not found beside the model or in the library"),
-                        *path_span,
-                    )),
-                }
-                continue;
-            }
-            out.push(item);
-        }
+        let statements = &self.files[file].statements;
+        self.gather_items(plain(statements), seen, out);
         // Variants and choices may replace what is imported.
-        select(out, &files[file].statements, &self.selection);
+        let bodies: Vec<&'a [Statement]> = selected(statements, &self.selection).collect();
+        for body in bodies {
+            let mut over = Vec::new();
+            self.gather_items(items(body, &self.selection), seen, &mut over);
+            overlay(out, over);
+        }
+    }
+
+    /// Items, with those of the files that they import in place of the imports.
+    fn gather_items(&mut self, list: Vec<Item<'a>>, seen: &mut [bool], out: &mut Vec<Item<'a>>) {
+        for item in list {
+            let Item::Other(Statement { kind: StatementKind::Import { path, path_span }, .. }) = item else {
+                out.push(item);
+                continue;
+            };
+            match self.imports.get(path) {
+                Some(&imported) => self.gather(imported, seen, out),
+                None => self.report(Diagnostic::error(
+                    codes::UNKNOWN_IMPORT,
+                    format!("the file `{path}` was not found beside the model or in the library"),
+                    *path_span,
+                )),
+            }
+        }
     }
 
     fn register(&mut self, statement: &'a Statement) {

@@ -36,7 +36,9 @@ impl Selection {
 /// The items of a block under a selection.
 pub fn items<'a>(statements: &'a [Statement], selection: &Selection) -> Vec<Item<'a>> {
     let mut base = plain(statements);
-    select(&mut base, statements, selection);
+    for body in selected(statements, selection) {
+        overlay(&mut base, items(body, selection));
+    }
     base
 }
 
@@ -49,16 +51,13 @@ pub fn plain(statements: &[Statement]) -> Vec<Item<'_>> {
     base
 }
 
-/// Works the active variants and choices of a block into items.
-pub fn select<'a>(base: &mut Vec<Item<'a>>, statements: &'a [Statement], selection: &Selection) {
-    for statement in statements {
-        let body = match &statement.kind {
-            StatementKind::Variant { name, body, .. } if selection.holds(&name.text, "true") => body,
-            StatementKind::When { choice, option, body } if selection.holds(&choice.text, &option.text) => body,
-            _ => continue,
-        };
-        overlay(base, items(body, selection));
-    }
+/// The bodies of the active variants and choices of a block.
+pub fn selected<'a>(statements: &'a [Statement], selection: &Selection) -> impl Iterator<Item = &'a [Statement]> {
+    statements.iter().filter_map(|statement| match &statement.kind {
+        StatementKind::Variant { name, body, .. } if selection.holds(&name.text, "true") => Some(body.as_slice()),
+        StatementKind::When { choice, option, body } if selection.holds(&choice.text, &option.text) => Some(body.as_slice()),
+        _ => None,
+    })
 }
 
 fn push<'a>(statement: &'a Statement, out: &mut Vec<Item<'a>>) {

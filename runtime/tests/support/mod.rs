@@ -5,6 +5,7 @@ pub mod beer;
 pub mod pensim;
 pub mod reactor;
 pub mod reference;
+pub mod replay;
 
 use std::sync::Arc;
 

@@ -119,6 +119,7 @@ impl<'a> Elaborator<'a> {
         match name.text.as_str() {
             "rtol" => solver.rtol = self.positive(name, e, &Unit::one(), place).unwrap_or(solver.rtol),
             "atol_factor" => solver.atol_factor = self.positive(name, e, &Unit::one(), place).unwrap_or(solver.atol_factor),
+            "safety" => solver.safety = self.positive(name, e, &Unit::one(), place).unwrap_or(solver.safety),
             "max_order" => solver.max_order = self.whole_number(name, e, place).unwrap_or(5).min(5),
             "max_steps" => solver.max_steps = self.whole_number(name, e, place).unwrap_or(solver.max_steps),
             "quadrature_error_control" => {
@@ -132,7 +133,7 @@ impl<'a> Elaborator<'a> {
             _ => self.unknown_entry(
                 name,
                 "solver",
-                &["rtol", "atol_factor", "max_order", "max_steps", "linear_solver", "quadrature_error_control"],
+                &["rtol", "atol_factor", "safety", "max_order", "max_steps", "linear_solver", "quadrature_error_control"],
             ),
         }
     }

@@ -1,0 +1,95 @@
+//! Control steps of the large models: median times with recorded-like inputs, work of the integrator, distance to the goals.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use smpl_runtime::environment::{Environment, ResetOptions, Start};
+use smpl_runtime::load::{LoadOptions, load};
+use smpl_runtime::setup::Setup;
+
+struct Case {
+    model: &'static str,
+    scenario: &'static str,
+    rtol: Option<f64>,
+    atol_factor: Option<f64>,
+    steps: u32,
+    /// Goal of the median step, ms.
+    goal: f64,
+}
+
+const CASES: [Case; 4] = [
+    Case { model: "atropine.eq", scenario: "default", rtol: None, atol_factor: None, steps: 60, goal: 2.5 },
+    Case { model: "atropine.eq", scenario: "default", rtol: Some(1e-6), atol_factor: Some(1e-4), steps: 60, goal: 2.5 },
+    Case { model: "mab.eq", scenario: "legacy", rtol: None, atol_factor: None, steps: 63, goal: 1.5 },
+    Case { model: "mab.eq", scenario: "default", rtol: None, atol_factor: None, steps: 63, goal: 1.5 },
+];
+
+fn main() {
+    for case in &CASES {
+        run(case);
+    }
+}
+
+/// A point of the action box that moves with the step, without randomness; a switch of the column every 21 steps.
+fn action(environment: &Environment, step: u32, out: &mut [f64]) {
+    let actions = environment.catalogue().actions.elements();
+    for (i, (out, a)) in out.iter_mut().zip(actions).enumerate() {
+        let share = f64::from((step * 7 + 3 * i as u32) % 11) / 10.0;
+        *out = match a.name.as_str() {
+            "switch" => f64::from(u8::from(step % 21 == 20)),
+            _ if a.name.starts_with("dq") => a.low + share * (a.high - a.low),
+            _ => a.default,
+        };
+    }
+}
+
+fn run(case: &Case) {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../models").join(case.model);
+    let asked = LoadOptions { scenario: Some(case.scenario.into()), ..LoadOptions::default() };
+    let mut compile = f64::INFINITY;
+    for _ in 0..5 {
+        let begin = Instant::now();
+        load(&path, &asked).unwrap_or_else(|e| panic!("{e}"));
+        compile = compile.min(begin.elapsed().as_secs_f64() * 1e3);
+    }
+    let loaded = load(&path, &asked).unwrap_or_else(|e| panic!("{e}"));
+    let mut options = loaded.options;
+    options.rtol = case.rtol.or(options.rtol);
+    options.atol_factor = case.atol_factor.or(options.atol_factor);
+    let setup = Setup::new(loaded.model, options, Some(loaded.sources)).unwrap_or_else(|e| panic!("{e}"));
+    let mut environment = Environment::new(setup).unwrap_or_else(|e| panic!("{e}"));
+    environment.set_keep_going(true);
+    let start = ResetOptions { start: Start::Steady, ..ResetOptions::default() };
+    let mut input = vec![0.0; environment.catalogue().actions.len()];
+    let mut times = Vec::new();
+    for episode in 0..3 {
+        environment.reset(Some(0), &start).unwrap_or_else(|e| panic!("{e}"));
+        for step in 0..case.steps {
+            action(&environment, step, &mut input);
+            let begin = Instant::now();
+            environment.step(&input).unwrap_or_else(|e| panic!("{e}"));
+            let time = begin.elapsed().as_secs_f64() * 1e3;
+            // The least of the repetitions: the machine may be shared.
+            match times.get_mut(step as usize) {
+                Some(least) if episode > 0 => *least = time.min(*least),
+                _ => times.push(time),
+            }
+        }
+    }
+    times.sort_by(f64::total_cmp);
+    let (median, slowest, mean) = (times[times.len() / 2], times[times.len() - 1], times.iter().sum::<f64>() / times.len() as f64);
+    let s = environment.statistics();
+    let n = f64::from(case.steps - 1);
+    let per = |x: u64| x as f64 / n;
+    println!("{} {} rtol {:?}: compile {compile:.1} ms", case.model, case.scenario, case.rtol);
+    println!("    step: median {median:.2} ms (goal {}), mean {mean:.2}, slowest {slowest:.2}", case.goal);
+    println!(
+        "    per step: {:.0} steps, {:.0} residuals, {:.1} Jacobians, {:.1} factorisations, {:.0} solves, {:.1} rejected",
+        per(s.steps),
+        per(s.residuals),
+        per(s.jacobians),
+        per(s.factorisations),
+        per(s.linear_solves),
+        per(s.error_test_failures)
+    );
+}

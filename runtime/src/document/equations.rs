@@ -1,0 +1,79 @@
+//! What defines the quantities of a file, typeset: equations, named expressions, functions, fluxes.
+
+use smpl_dsl::latex;
+use smpl_dsl::syntax::{Binder, Declaration, Expr, ExprKind, File, Flux, Ident, Role, Statement, StatementKind};
+
+/// The equations of a file and of its components in LaTeX, one display a line.
+#[must_use]
+pub fn latex(file: &File) -> String {
+    let mut lines = Vec::new();
+    collect(&file.statements, &mut lines);
+    lines.into_iter().map(|line| line + "\n").collect()
+}
+
+fn collect(statements: &[Statement], lines: &mut Vec<String>) {
+    for statement in statements {
+        match &statement.kind {
+            StatementKind::Equation { lhs, rhs, binders } => lines.push(latex::equation(lhs, rhs, binders)),
+            StatementKind::Declare { role: Role::Let, declarations } => lines.extend(declarations.iter().filter_map(definition)),
+            StatementKind::Def { name, parameters, body } => lines.push(function(name, parameters, body)),
+            StatementKind::Flux(flux) => lines.extend(flux_at_faces(flux)),
+            StatementKind::Component { name, body, .. } => group("component", &name.text, body, lines),
+            StatementKind::Variant { name, body, .. } => group("variant", &name.text, body, lines),
+            StatementKind::When { choice, option, body } => group(&choice.text, &option.text, body, lines),
+            _ => {}
+        }
+    }
+}
+
+/// The equations of a block under its name; nothing where it has none.
+fn group(kind: &str, name: &str, body: &[Statement], lines: &mut Vec<String>) {
+    let mut inner = Vec::new();
+    collect(body, &mut inner);
+    if !inner.is_empty() {
+        let title = format!("{kind} {name}").replace('_', "\\_");
+        lines.push(format!("\\textbf{{{title}}}"));
+        lines.append(&mut inner);
+    }
+}
+
+/// `let name[i in set] = value`
+fn definition(declaration: &Declaration) -> Option<String> {
+    let left = element(&declaration.name, &declaration.indices);
+    declaration.value.as_ref().map(|value| latex::equation(&left, value, &declaration.indices))
+}
+
+/// `def f(a, b) = body`
+fn function(name: &Ident, parameters: &[Ident], body: &Expr) -> String {
+    let arguments = parameters.iter().map(|p| expression(p, ExprKind::Name(p.clone()))).collect();
+    let left = expression(name, ExprKind::Call { function: name.clone(), arguments });
+    latex::equation(&left, body, &[])
+}
+
+/// The flux inside, and at the ends where it is given.
+fn flux_at_faces(flux: &Flux) -> Vec<String> {
+    let left = element(&flux.name, &flux.indices);
+    let along = flux.indices.last().map(|binder| latex::expression(&expression(&binder.name, ExprKind::Name(binder.name.clone()))));
+    let end = |value: &Option<Expr>, which: &str| {
+        let (value, along) = (value.as_ref()?, along.as_ref()?);
+        let left = latex::expression(&left);
+        Some(format!("\\left. {left} \\right|_{{{along}\\ \\mathrm{{{which}}}}} = {}", latex::expression(value)))
+    };
+    let ends = [end(&flux.low, "low"), end(&flux.high, "high")];
+    let inner = latex::equation(&left, &flux.inner, &flux.indices);
+    std::iter::once(inner).chain(ends.into_iter().flatten()).collect()
+}
+
+/// A name with its indices.
+fn element(name: &Ident, indices: &[Binder]) -> Expr {
+    let base = expression(name, ExprKind::Name(name.clone()));
+    if indices.is_empty() {
+        return base;
+    }
+    let own = indices.iter().map(|binder| expression(&binder.name, ExprKind::Name(binder.name.clone()))).collect();
+    expression(name, ExprKind::Index(Box::new(base), own))
+}
+
+fn expression(at: &Ident, kind: ExprKind) -> Expr {
+    Expr { span: at.span, kind }
+}
