@@ -1,0 +1,156 @@
+//! Triangular substitution as a list of sums, four at a time.
+//!
+//! Substitution is a set of sums, each over the right-hand side and the results of other sums. Sums that do not wait for each
+//! other form a level (Anderson & Saad, *Solving sparse triangular linear systems on parallel computers*, Int. J. High Speed
+//! Computing 1, 1989); four of a level make a chunk, whose results are stored side by side. Walking along a
+//! chain of cells row by row, a processor waits for the last sum at every row; here it works on several of them.
+
+/// Sums in a chunk.
+const LANES: usize = 4;
+
+/// What a term of a sum is multiplied with.
+#[derive(Clone, Copy)]
+pub(super) enum Source {
+    /// This row of the right-hand side.
+    Right(u32),
+    /// The result of this sum.
+    Sum(u32),
+}
+
+/// Sums in levels. The structure is fixed; the factors are set again and again.
+pub(super) struct Substitution {
+    /// Number of terms in each chunk, the longest sum's.
+    lengths: Box<[u32]>,
+    /// For each term of each chunk, where its four operands stand.
+    operands: Box<[[u32; LANES]]>,
+    factors: Box<[[f64; LANES]]>,
+    /// The right-hand side, the chunks' results, and a zero.
+    operand: Box<[f64]>,
+    /// Where each unknown stands among the operands.
+    results: Box<[u32]>,
+}
+
+/// Where the factors of sums stand.
+pub(super) struct Places(Vec<Vec<u32>>);
+
+impl Places {
+    /// Places of the terms of a sum, in their order.
+    pub fn of(&self, sum: u32) -> &[u32] {
+        &self.0[sum as usize]
+    }
+}
+
+impl Substitution {
+    /// From the terms of each sum, of which each uses earlier sums only, and the sum that each unknown is.
+    pub fn new(sums: &[Vec<Source>], unknowns: &[u32]) -> (Self, Places) {
+        let n = unknowns.len();
+        let mut level = vec![0_u32; sums.len()];
+        for (sum, terms) in sums.iter().enumerate() {
+            let waits =
+                terms.iter().filter_map(|term| if let Source::Sum(before) = term { Some(level[*before as usize] + 1) } else { None });
+            level[sum] = waits.max().unwrap_or(0);
+        }
+        let mut order: Vec<usize> = (0..sums.len()).collect();
+        order.sort_by_key(|&sum| (level[sum], sums[sum].len()));
+        let (mut chunks, mut slots) = (0, vec![0_u32; sums.len()]);
+        let mut lengths = Vec::new();
+        let mut members: Vec<&[usize]> = Vec::new();
+        for one_level in order.chunk_by(|&a, &b| level[a] == level[b]) {
+            for chunk in one_level.chunks(LANES) {
+                for (lane, &sum) in chunk.iter().enumerate() {
+                    slots[sum] = (n + chunks * LANES + lane) as u32;
+                }
+                lengths.push(chunk.iter().map(|&sum| sums[sum].len() as u32).max().unwrap_or(0));
+                members.push(chunk);
+                chunks += 1;
+            }
+        }
+        let zero = (n + chunks * LANES) as u32;
+        let total = lengths.iter().map(|&length| length as usize).sum();
+        let mut operands = vec![[zero; LANES]; total];
+        let mut places: Vec<Vec<u32>> = sums.iter().map(|terms| Vec::with_capacity(terms.len())).collect();
+        let mut start = 0;
+        for (chunk, &length) in members.iter().zip(&lengths) {
+            for (lane, &sum) in chunk.iter().enumerate() {
+                // What was computed last is needed last.
+                let mut terms: Vec<usize> = (0..sums[sum].len()).collect();
+                let age = |&term: &usize| if let Source::Sum(before) = sums[sum][term] { level[before as usize] + 1 } else { 0 };
+                terms.sort_by_key(age);
+                places[sum] = vec![0; terms.len()];
+                for (at, term) in (start..).zip(terms) {
+                    operands[at][lane] = match sums[sum][term] {
+                        Source::Right(row) => row,
+                        Source::Sum(before) => slots[before as usize],
+                    };
+                    places[sum][term] = (at * LANES + lane) as u32;
+                }
+            }
+            start += length as usize;
+        }
+        let substitution = Self {
+            lengths: lengths.into(),
+            factors: vec![[0.0; LANES]; total].into(),
+            operands: operands.into(),
+            operand: vec![0.0; zero as usize + 1].into(),
+            results: unknowns.iter().map(|&sum| slots[sum as usize]).collect(),
+        };
+        (substitution, Places(places))
+    }
+
+    /// All factors, to be written at their [`Places`].
+    pub fn factors_mut(&mut self) -> &mut [f64] {
+        self.factors.as_flattened_mut()
+    }
+
+    /// Number of terms, those that fill chunks up included.
+    #[cfg(test)]
+    pub fn terms(&self) -> usize {
+        self.factors.len() * LANES
+    }
+
+    /// Replaces the right-hand side by the unknowns.
+    pub fn run(&mut self, b: &mut [f64]) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            #[target_feature(enable = "avx2,fma")]
+            unsafe fn fused(substitution: &mut Substitution, b: &mut [f64]) {
+                substitution.run_portable(b);
+            }
+            if is_x86_feature_detected!("fma") && is_x86_feature_detected!("avx2") {
+                // SAFETY: the processor has the features.
+                return unsafe { fused(self, b) };
+            }
+        }
+        self.run_portable(b);
+    }
+
+    /// The same without the instructions that only some processors have; same results.
+    #[inline(always)]
+    pub fn run_portable(&mut self, b: &mut [f64]) {
+        let n = self.results.len();
+        let operand = &mut self.operand[..];
+        operand[..n].copy_from_slice(&b[..n]);
+        let mut slot = n;
+        let mut start = 0;
+        for &length in &self.lengths {
+            let end = start + length as usize;
+            let mut sums = [0.0_f64; LANES];
+            // SAFETY: `new` made lengths that add up to the number of terms, operands below the length of `operand`, and
+            // `LANES` results a chunk after the right-hand side.
+            unsafe {
+                for (factors, places) in self.factors.get_unchecked(start..end).iter().zip(self.operands.get_unchecked(start..end)) {
+                    for lane in 0..LANES {
+                        sums[lane] = factors[lane].mul_add(*operand.get_unchecked(places[lane] as usize), sums[lane]);
+                    }
+                }
+                operand.get_unchecked_mut(slot..slot + LANES).copy_from_slice(&sums);
+            }
+            start = end;
+            slot += LANES;
+        }
+        for (b, &place) in b.iter_mut().zip(&self.results) {
+            // SAFETY: as above.
+            *b = unsafe { *operand.get_unchecked(place as usize) };
+        }
+    }
+}
