@@ -60,8 +60,20 @@ impl Block {
     pub fn solve(&mut self, b: &mut [f64]) {
         match &mut self.pivoting {
             Some(klu) if self.pivoted => klu.solve(b),
-            _ => self.structure.substitution.run(b),
+            _ => {
+                self.structure.substitution.load(1.0, b);
+                self.structure.substitution.run(b);
+            }
         }
+    }
+
+    /// Writes the solution for `factor` times `b` to `x`; does nothing and returns false where partial pivoting is in force.
+    pub fn solve_scaled(&mut self, factor: f64, b: &[f64], x: &mut [f64]) -> bool {
+        if !self.pivoted {
+            self.structure.substitution.load(factor, b);
+            self.structure.substitution.run(x);
+        }
+        !self.pivoted
     }
 
     /// With fused products in hardware where the processor has them: same results as without.
@@ -225,7 +237,9 @@ mod tests {
             let (mut fast, mut plain) = (Block::new(&pattern).expect("analysed"), Block::new(&pattern).expect("analysed"));
             assert!(fast.eliminate(&values) && plain.eliminate_portable(&values));
             let (mut b, mut c) = (counting(4 * size), counting(4 * size));
+            fast.structure.substitution.load(1.0, &b);
             fast.structure.substitution.run(&mut b);
+            plain.structure.substitution.load(1.0, &c);
             plain.structure.substitution.run_portable(&mut c);
             assert_eq!(b, c);
         }

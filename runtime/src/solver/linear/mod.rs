@@ -93,6 +93,17 @@ impl Factorisation {
         }
     }
 
+    /// Writes the solution for `factor` times the right-hand side to `x`.
+    pub fn solve_scaled(&mut self, factor: f64, b: &[f64], x: &mut [f64]) {
+        if let Self::Block(block) = self
+            && block.solve_scaled(factor, b, x)
+        {
+            return;
+        }
+        x.iter_mut().zip(b).for_each(|(x, b)| *x = factor * b);
+        self.solve(x);
+    }
+
     /// Replaces the right-hand side by the solution.
     pub fn solve(&mut self, b: &mut [f64]) {
         match self {

@@ -108,29 +108,32 @@ impl Substitution {
         self.factors.len() * LANES
     }
 
-    /// Replaces the right-hand side by the unknowns.
-    pub fn run(&mut self, b: &mut [f64]) {
+    /// Takes `factor` times a right-hand side.
+    pub fn load(&mut self, factor: f64, b: &[f64]) {
+        self.operand[..self.results.len()].iter_mut().zip(b).for_each(|(operand, b)| *operand = factor * b);
+    }
+
+    /// Writes the unknowns for the right-hand side taken last.
+    pub fn run(&mut self, x: &mut [f64]) {
         #[cfg(target_arch = "x86_64")]
         {
             #[target_feature(enable = "avx2,fma")]
-            unsafe fn fused(substitution: &mut Substitution, b: &mut [f64]) {
-                substitution.run_portable(b);
+            unsafe fn fused(substitution: &mut Substitution, x: &mut [f64]) {
+                substitution.run_portable(x);
             }
             if is_x86_feature_detected!("fma") && is_x86_feature_detected!("avx2") {
                 // SAFETY: the processor has the features.
-                return unsafe { fused(self, b) };
+                return unsafe { fused(self, x) };
             }
         }
-        self.run_portable(b);
+        self.run_portable(x);
     }
 
     /// The same without the instructions that only some processors have; same results.
     #[inline(always)]
-    pub fn run_portable(&mut self, b: &mut [f64]) {
-        let n = self.results.len();
+    pub fn run_portable(&mut self, x: &mut [f64]) {
         let operand = &mut self.operand[..];
-        operand[..n].copy_from_slice(&b[..n]);
-        let mut slot = n;
+        let mut slot = self.results.len();
         let mut start = 0;
         for &length in &self.lengths {
             let end = start + length as usize;
@@ -148,9 +151,9 @@ impl Substitution {
             start = end;
             slot += LANES;
         }
-        for (b, &place) in b.iter_mut().zip(&self.results) {
+        for (x, &place) in x.iter_mut().zip(&self.results) {
             // SAFETY: as above.
-            *b = unsafe { *operand.get_unchecked(place as usize) };
+            *x = unsafe { *operand.get_unchecked(place as usize) };
         }
     }
 }
