@@ -2,11 +2,27 @@
 //!
 //! Substitution is a set of sums, each over the right-hand side and the results of other sums. Sums that do not wait for each
 //! other form a level (Anderson & Saad, *Solving sparse triangular linear systems on parallel computers*, Int. J. High Speed
-//! Computing 1, 1989); four of a level make a chunk, whose results are stored side by side. Walking along a
-//! chain of cells row by row, a processor waits for the last sum at every row; here it works on several of them.
+//! Computing 1, 1989); four of a level make a chunk, whose results stand side by side. Walking along a
+//! chain of cells row by row, a processor waits for the last sum at every row; here it works on several of them. Where a level
+//! has hardly any sums, as in a block that is nearly full, the terms of one sum are spread over the four lanes instead.
 
-/// Sums in a chunk.
+/// Sums in a chunk, or terms of a spread sum that are added at a time.
 const LANES: usize = 4;
+
+/// Sums of a level that are worth a chunk.
+const FEW: usize = 2;
+
+/// Terms of a sum that are worth being spread.
+const LONG: usize = 4;
+
+/// Four lanes that take terms together.
+#[derive(Clone, Copy)]
+struct Chunk {
+    /// Number of times that all lanes take a term.
+    length: u32,
+    /// Whether the lanes belong to one sum.
+    spread: bool,
+}
 
 /// What a term of a sum is multiplied with.
 #[derive(Clone, Copy)]
@@ -19,9 +35,8 @@ pub(super) enum Source {
 
 /// Sums in levels. The structure is fixed; the factors are set again and again.
 pub(super) struct Substitution {
-    /// Number of terms in each chunk, the longest sum's.
-    lengths: Box<[u32]>,
-    /// For each term of each chunk, where its four operands stand.
+    chunks: Box<[Chunk]>,
+    /// For each turn of each chunk, where its four operands stand.
     operands: Box<[[u32; LANES]]>,
     factors: Box<[[f64; LANES]]>,
     /// The right-hand side, the chunks' results, and a zero.
@@ -52,43 +67,45 @@ impl Substitution {
         }
         let mut order: Vec<usize> = (0..sums.len()).collect();
         order.sort_by_key(|&sum| (level[sum], sums[sum].len()));
-        let (mut chunks, mut slots) = (0, vec![0_u32; sums.len()]);
-        let mut lengths = Vec::new();
+        let mut slots = vec![0_u32; sums.len()];
+        let mut chunks = Vec::new();
         let mut members: Vec<&[usize]> = Vec::new();
         for one_level in order.chunk_by(|&a, &b| level[a] == level[b]) {
-            for chunk in one_level.chunks(LANES) {
+            let spread = one_level.len() <= FEW && one_level.iter().any(|&sum| sums[sum].len() >= LONG);
+            for chunk in one_level.chunks(if spread { 1 } else { LANES }) {
                 for (lane, &sum) in chunk.iter().enumerate() {
-                    slots[sum] = (n + chunks * LANES + lane) as u32;
+                    slots[sum] = (n + chunks.len() * LANES + lane) as u32;
                 }
-                lengths.push(chunk.iter().map(|&sum| sums[sum].len() as u32).max().unwrap_or(0));
+                let longest = chunk.iter().map(|&sum| sums[sum].len()).max().unwrap_or(0);
+                let length = if spread { longest.div_ceil(LANES) } else { longest } as u32;
+                chunks.push(Chunk { length, spread });
                 members.push(chunk);
-                chunks += 1;
             }
         }
-        let zero = (n + chunks * LANES) as u32;
-        let total = lengths.iter().map(|&length| length as usize).sum();
+        let zero = (n + chunks.len() * LANES) as u32;
+        let total = chunks.iter().map(|chunk| chunk.length as usize).sum();
         let mut operands = vec![[zero; LANES]; total];
-        let mut places: Vec<Vec<u32>> = sums.iter().map(|terms| Vec::with_capacity(terms.len())).collect();
+        let mut places: Vec<Vec<u32>> = sums.iter().map(|terms| vec![0; terms.len()]).collect();
         let mut start = 0;
-        for (chunk, &length) in members.iter().zip(&lengths) {
-            for (lane, &sum) in chunk.iter().enumerate() {
+        for (members, chunk) in members.iter().zip(&chunks) {
+            for (lane, &sum) in members.iter().enumerate() {
                 // What was computed last is needed last.
                 let mut terms: Vec<usize> = (0..sums[sum].len()).collect();
                 let age = |&term: &usize| if let Source::Sum(before) = sums[sum][term] { level[before as usize] + 1 } else { 0 };
                 terms.sort_by_key(age);
-                places[sum] = vec![0; terms.len()];
-                for (at, term) in (start..).zip(terms) {
-                    operands[at][lane] = match sums[sum][term] {
+                for (number, term) in terms.into_iter().enumerate() {
+                    let (turn, lane) = if chunk.spread { (number / LANES, number % LANES) } else { (number, lane) };
+                    operands[start + turn][lane] = match sums[sum][term] {
                         Source::Right(row) => row,
                         Source::Sum(before) => slots[before as usize],
                     };
-                    places[sum][term] = (at * LANES + lane) as u32;
+                    places[sum][term] = ((start + turn) * LANES + lane) as u32;
                 }
             }
-            start += length as usize;
+            start += chunk.length as usize;
         }
         let substitution = Self {
-            lengths: lengths.into(),
+            chunks: chunks.into(),
             factors: vec![[0.0; LANES]; total].into(),
             operands: operands.into(),
             operand: vec![0.0; zero as usize + 1].into(),
@@ -135,8 +152,8 @@ impl Substitution {
         let operand = &mut self.operand[..];
         let mut slot = self.results.len();
         let mut start = 0;
-        for &length in &self.lengths {
-            let end = start + length as usize;
+        for chunk in &self.chunks {
+            let end = start + chunk.length as usize;
             let mut sums = [0.0_f64; LANES];
             // SAFETY: `new` made lengths that add up to the number of terms, operands below the length of `operand`, and
             // `LANES` results a chunk after the right-hand side.
@@ -145,6 +162,9 @@ impl Substitution {
                     for lane in 0..LANES {
                         sums[lane] = factors[lane].mul_add(*operand.get_unchecked(places[lane] as usize), sums[lane]);
                     }
+                }
+                if chunk.spread {
+                    sums = [(sums[0] + sums[2]) + (sums[1] + sums[3]), 0.0, 0.0, 0.0];
                 }
                 operand.get_unchecked_mut(slot..slot + LANES).copy_from_slice(&sums);
             }
