@@ -64,7 +64,8 @@ impl Replay {
         result
     }
 
-    fn collect(&mut self) {
+    /// Takes the values after a step that was made on the environment itself.
+    pub fn collect(&mut self) {
         let catalogue = self.environment.catalogue();
         let (states, outputs) = (catalogue.states.len(), catalogue.algebraics.len());
         let discretes: Vec<usize> = catalogue.discretes.elements().iter().map(|e| e.at).collect();
