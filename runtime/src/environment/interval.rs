@@ -194,7 +194,7 @@ impl Environment {
     }
 }
 
-fn add(sum: &mut Statistics, part: &Statistics) {
+pub(super) fn add(sum: &mut Statistics, part: &Statistics) {
     sum.steps += part.steps;
     sum.residuals += part.residuals;
     sum.jacobians += part.jacobians;
