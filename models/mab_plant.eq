@@ -35,6 +35,7 @@ when chain = integrated {
   param CV     : L   = 100    "volume of a capture column"
   param CV_cex : L   = 50     "volume of the cation exchanger"
   param t_hold : min = 45     "virus inactivation beyond the strip, while the column is equilibrated"
+  param V_cut  : L   = 60     "first cut of the elution, to waste; 0.6 column volumes"
   param V_out  : L   = 800    "volume that flushes the conditioning loop, 1.6 loops"
 
   phase idle      until requested == 1                 then wash {
@@ -44,7 +45,7 @@ when chain = integrated {
     next m_fed_swap = m_fed
   }
   phase wash      for 3*CV / Q_capture[wash]           then cut
-  phase cut       for 0.6*CV / Q_capture[cut]          then elute      # what stands in the bed, to waste
+  phase cut       for V_cut / Q_capture[cut]           then elute      # what stands in the bed, to waste
   phase elute     for V_elu_set / Q_capture[elute]     then strip
   phase strip     for 3*CV / Q_capture[strip]          then hold
   phase hold      for t_hold                           then load_cex
@@ -92,36 +93,42 @@ when chain = integrated {
   eq col[k].inlet.Q   = if k == loading then F_out else Q_capture[phase]                          for k in 1..2
   eq col[k].inlet.c   = if k == loading then c_buf else 0 [mg/L]                                  for k in 1..2
   eq col[k].inlet.c_s = if k != loading and eluting then c_s_elu_set else 0 [M]                   for k in 1..2
+  eq col[k].inlet.c_t = if k == loading then tracer_fed*c_buf else 0 [mg/L]                       for k in 1..2
+  eq col[k].eluting   = if k != loading and eluting then 1 else 0                                 for k in 1..2
 
   eq VI.inlet.Q     = Q_vi[phase]
   eq VI.inlet.c     = if phase == elute then c_eluate else 0 [mg/L]
   eq VI.inlet.c_s   = if phase == elute then (if loading == 1 then col[2].outlet.c_s else col[1].outlet.c_s) else 0 [M]
+  eq VI.inlet.c_t   = if phase == elute then (if loading == 1 then col[2].outlet.c_t else col[1].outlet.c_t) else 0 [mg/L]
 
   eq CEX.inlet.Q    = Q_cex[phase]
   eq CEX.inlet.c    = if phase == elute or phase == load_cex then VI.outlet.c else 0 [mg/L]
+  eq CEX.inlet.c_t  = if phase == elute or phase == load_cex then VI.outlet.c_t else 0 [mg/L]
   eq CEX.inlet.c_s  = if phase == elute_cex then c_s_cex_set else c_s_load_set                    # ideal in-line conditioning
 
   eq LOOP.inlet.Q   = Q_loop[phase]
   eq LOOP.inlet.c   = if phase == elute_cex then CEX.outlet.c else 0 [mg/L]
+  eq LOOP.inlet.c_t = if phase == elute_cex then CEX.outlet.c_t else 0 [mg/L]
   eq LOOP.inlet.c_s = if phase == elute_cex then CEX.outlet.c_s else 0 [M]
   connect LOOP.outlet -> AEX.inlet
 
   # ---- Books ----
 
-  set losses = { breakthrough, wash_off, cex_off }
+  set losses = { breakthrough, wash_off, strip_off, cex_off }
 
   state m_fed  : mg  = 0 in 0..inf scale 1e6               "antibody fed to the columns"
   state m_pool : mg  = 0 in 0..inf scale 1e6               "antibody in the pool"
   state V_pool : L   = 0 in 0..inf scale 1e3               "volume of the pool"
   state s_pool : mol = 0 in 0..inf scale 100               "modifier in the pool"
-  state m_lost[losses] : mg = 0 in 0..inf scale 1e6        "antibody lost: loading, washing and strip, cation exchanger"
+  state m_lost[losses] : mg = 0 in 0..inf scale 1e6        "antibody lost: loading, wash with first cut, strip with equilibration, cation exchanger"
 
   eq d/dt m_fed  = F_out*c_buf
   eq d/dt m_pool = AEX.outlet.Q*AEX.outlet.c
   eq d/dt V_pool = AEX.outlet.Q
   eq d/dt s_pool = AEX.outlet.Q*AEX.outlet.c_s
   eq d/dt m_lost[breakthrough] = F_out*c_breakthrough
-  eq d/dt m_lost[wash_off] = if phase == elute then 0 [mg/min] else Q_capture[phase]*c_eluate
+  eq d/dt m_lost[wash_off]  = if phase == wash or phase == cut then Q_capture[phase]*c_eluate else 0 [mg/min]
+  eq d/dt m_lost[strip_off] = if phase == strip or phase == hold then Q_capture[phase]*c_eluate else 0 [mg/min]
   eq d/dt m_lost[cex_off]  = if phase == elute_cex then 0 [mg/min] else Q_cex[phase]*CEX.outlet.c
 
   let c_pool   : mg/L = if V_pool > 0 then m_pool/V_pool else 0 [mg/L]    "antibody in the pool"
@@ -129,6 +136,15 @@ when chain = integrated {
   let m_held   : mg   = col[1].held + col[2].held + VI.held + CEX.held + LOOP.held + AEX.held    "antibody in the train"
 
   invariant antibody = m_held + m_pool + sum(m_lost[i] for i in losses) - m_fed rate 0 [mg/min]
+
+  # A proxy: nothing but a tracer that binds nowhere stands for all impurities.
+  param tracer_fed = 1 in 0..inf    "tracer in the feed over antibody in it"
+  when tracer = on {
+    state m_tracer : mg = 0 in 0..inf scale 1    "tracer in the pool"
+    eq d/dt m_tracer = AEX.outlet.Q*AEX.outlet.c_t
+    steady { m_tracer = 0 }
+    reward purity = if m_pool > 0 then m_pool/(m_pool + m_tracer) else 0    "antibody in the pool over antibody and tracer"
+  }
 
   # ---- Control problem ----
 
@@ -157,6 +173,7 @@ when chain = integrated {
 
   constraint vi_hold       when t_hold + 3*CV/Q_capture[strip] < 60 [min]         "virus inactivation of at least an hour"
   constraint pool_modifier when c_s_pool > c_s_pool_max
+  constraint swap_refused  when refused > previous(refused)                       "the train was busy"
   constraint pool_dilute   when V_pool > 0 and c_pool < c_pool_min
 
   episode { step = 60 [min], max_steps = 200, error_reward = -100 }

@@ -1,6 +1,10 @@
-# Units of a chromatographic train. A liquid carries the product and a modifier (salt or acid); flows may stand still.
+# Units of a chromatographic train. A liquid carries the product, a modifier (salt or acid) and, if wanted, a tracer that binds nowhere; flows may stand still.
 
-connector Liquid { Q : L/min, c : mg/L, c_s : M }
+connector Liquid { Q : L/min, c : mg/L, c_s : M, c_t : mg/L }
+
+choice fluxes  = upwind | central "convection in columns and loops: first order and monotone, or second order"
+choice tracer  = off | on         "a tracer that binds nowhere, for the proxy of purity"
+choice elution = smooth | flag    "where Protein A elutes: where the modifier has come, or in the whole bed from the first cut on"
 
 component Bed "transport alone: a loop (eps = 1), a column in flow-through" {
   param L    : dm          "length"
@@ -21,7 +25,15 @@ component Bed "transport alone: a loop (eps = 1), a column in flow-through" {
   eq   outlet.Q   = inlet.Q
   eq   outlet.c   = c[z.last]
   eq   outlet.c_s = c_s[z.last]
+  eq   outlet.c_t = 0 [mg/L]
   let  held : mg = A * eps * integral(c[z] for z)    "product in the unit"
+  when fluxes = central { domain z in 0..L cells n_z scheme central }
+  when tracer = on {
+    state c_t[z] : mg/L = 0 in 0..inf scale 1    "tracer"
+    flux  R[z] = v*c_t[z] - eps*D_v*v*grad(c_t[z]), low = v*inlet.c_t
+    eq    d/dt c_t[z] = -div(R[z]) / eps    for z
+    eq    outlet.c_t = c_t[z.last]
+  }
 }
 
 component LumpedColumn "binding in one lumped step, with a Henry factor that falls with the modifier" {
@@ -51,7 +63,15 @@ component LumpedColumn "binding in one lumped step, with a Henry factor that fal
   eq   outlet.Q   = inlet.Q
   eq   outlet.c   = c[z.last]
   eq   outlet.c_s = c_s[z.last]
+  eq   outlet.c_t = 0 [mg/L]
   let  held : mg = A * integral(eps*c[z] + (1 - eps)*q[z] for z)    "product in the unit"
+  when fluxes = central { domain z in 0..L cells n_z scheme central }
+  when tracer = on {
+    state c_t[z] : mg/L = 0 in 0..inf scale 1    "tracer"
+    flux  R[z] = v*c_t[z] - eps*D_v*v*grad(c_t[z]), low = v*inlet.c_t
+    eq    d/dt c_t[z] = -div(R[z]) / eps    for z
+    eq    outlet.c_t = c_t[z.last]
+  }
 }
 
 component AffinityColumn "Protein A through all phases: general rate model, loading and elution in one binding law" {
@@ -78,6 +98,7 @@ component AffinityColumn "Protein A through all phases: general rate model, load
   param n_r                  = 6                     "cells along the radius of a bead"
 
   port inlet, outlet : Liquid
+  var eluting    # 1 from the first cut to the strip
 
   domain z in 0..L cells n_z scheme upwind
   domain r in 0..r_p cells n_r scheme central geometry spherical
@@ -97,6 +118,7 @@ component AffinityColumn "Protein A through all phases: general rate model, load
 
   # w: share of the binding law that is elution; local, so that cells which the buffer has not reached keep binding.
   let w[z]     = sq(c_s[z]) / (sq(c_s[z]) + sq(c_s_half))
+  when elution = flag { let w[z] = if eluting > 0.5 then 1 else 0 }
   let henry[z] = H0_elu * ((max(c_s[z], 0 [M]) + 1e-6 [M]) / 1 [M])^(-beta_elu)
 
   flux J[z]    = v*c[z] - eps_c*D_v*v*grad(c[z]), low = v*inlet.c
@@ -113,8 +135,16 @@ component AffinityColumn "Protein A through all phases: general rate model, load
   eq outlet.Q   = inlet.Q
   eq outlet.c   = c[z.last]
   eq outlet.c_s = c_s[z.last]
+  eq outlet.c_t = 0 [mg/L]
 
   let ball = integral(1 for r)
   let bead[z] = integral(eps_p*cp[z, r] + q1[z] + q2[z] for r) / ball
   let held : mg = A * integral(eps_c*c[z] + (1 - eps_c)*bead[z] for z)    "product in the column"
+  when fluxes = central { domain z in 0..L cells n_z scheme central }
+  when tracer = on {
+    state c_t[z] : mg/L = 0 in 0..inf scale 1    "tracer"
+    flux  R[z] = v*c_t[z] - eps_t*D_v*v*grad(c_t[z]), low = v*inlet.c_t
+    eq    d/dt c_t[z] = -div(R[z]) / eps_t    for z
+    eq    outlet.c_t = c_t[z.last]
+  }
 }

@@ -5,6 +5,7 @@ param F : L/min = 21.689197421073914    "flow from the buffer tank before the sw
 param c_s : M   = 0.9                   "modifier in both elutions"
 param n_z = 150
 param n_r = 10
+param sampling : min = 0.5              "length of a control step"
 
 phase elute        for 6.24 [min]  then load_cex
 phase load_cex     for 216 [min]   then elute_cex { reset CEX.cp[z, r] = 0 for z in 1..n_z, r in 1..n_r }
@@ -22,7 +23,9 @@ table over phase {
 }
 let flow : L/min = F * scaled[phase]
 
-component Unit "convection, dispersion and one exchange term" {
+def released(k, henry, q_max, c, q) = k*(henry*(1 - q/q_max)*c - q)
+
+component Unit "convection and dispersion" {
   param L    : dm      "length"
   param V    : L       "volume"
   param D_v  : dm      "dispersion over superficial velocity"
@@ -31,32 +34,34 @@ component Unit "convection, dispersion and one exchange term" {
   var Q      : L/min
   var c_in   : mg/L
   domain z in 0..L*n_z/(n_z + 1) cells n_z scheme downwind
-  state c[z] : mg/L = 0 in -inf..inf scale 1
-  var sink[z] : mg/(L min)
+  state c[z] : mg/L = 0 in -inf..inf scale 1    "product"
   let v = Q / (V/L)
   flux J[z] = v/eps*c[z] - D_v*v*grad(c[z]), low = v/eps*c[z.first] - v/e*(c[z.first] - c_in)
-  eq  d/dt c[z] = -div(J[z]) - sink[z]    for z
+  eq  d/dt c[z] = -div(J[z])    for z
+  let held : mg = e * V/L * integral(c[z] for z)    "product in the unit, as the original weighs it"
 }
 
-def released(k, henry, q_max, c, q) = k*(henry*(1 - q/q_max)*c - q)
-
-use Unit as PA(L = 2 [dm],   V = 100 [L], D_v = 0.055 [dm], eps = 0.32, e = 0.31)
 use Unit as VI(L = 60 [dm],  V = 500 [L], D_v = 29 [dm],    eps = 1,    e = 1)
 use Unit as LOOP(L = 60 [dm], V = 500 [L], D_v = 29 [dm],   eps = 1,    e = 1)
 use Unit as AEX(L = 1 [dm],  V = 50 [L],  D_v = 0.016 [dm], eps = 0.32, e = 0.34)
 
-domain i in 0..1 cells n_z
-state q_PA[i] : mg/L = 0 in 0..inf scale 1    "bound to Protein A, fast and slow sites together"
-eq d/dt q_PA[i] = if phase == elute
-                  then released(0.64 [1/min], 2.2e-2*value(c_s)^(-0.2), 114300 [mg/L], PA.c[i], q_PA[i])
-                  else 0 [mg/(L min)]    for i
-
-eq PA.Q = if phase == elute then flow else 0 [L/min]
-eq PA.c_in = 0 [mg/L]
-eq PA.sink[i] = (1 - 0.31)/0.32 * der(q_PA[i])    for i in 1..n_z
-eq VI.Q = if phase == elute or phase == load_cex then flow else 0 [L/min]
-eq VI.c_in = if phase == elute then PA.c[n_z] else 0 [mg/L]
-eq VI.sink[i] = 0 [mg/(L min)]    for i in 1..n_z
+component ProteinA "elution of the loaded column by a lumped law; what the pores held is dropped" {
+  param L   : dm = 2
+  param V   : L  = 100
+  param D_v : dm = 0.055
+  var Q : L/min
+  domain z in 0..L*n_z/(n_z + 1) cells n_z scheme downwind
+  state c[z] : mg/L = 0 in -inf..inf scale 1    "product, mobile"
+  state q[z] : mg/L = 0 in -inf..inf scale 1    "product, bound: fast and slow sites together"
+  let v = Q / (V/L)
+  let elutes = if phase == elute then 1 else 0
+  flux J[z] = v/0.32*c[z] - D_v*v*grad(c[z]), low = v/0.32*c[z.first] - v/0.31*c[z.first]
+  eq d/dt q[z] = elutes*released(0.64 [1/min], 2.2e-2*value(c_s)^(-0.2), 114300 [mg/L], c[z], q[z])    for z
+  eq d/dt c[z] = -div(J[z]) - (1 - 0.31)/0.32 * der(q[z])                                              for z
+  let mobile : mg = 0.31 * V/L * integral(c[z] for z)    "product in the liquid"
+  let bound  : mg = 0.69 * V/L * integral(q[z] for z)    "product adsorbed"
+}
+use ProteinA as PA
 
 # The cation exchanger: pores and a linear law while loaded, a lumped law in elution.
 component CationExchanger {
@@ -70,9 +75,9 @@ component CationExchanger {
   domain z in 0..L*n_z/(n_z + 1) cells n_z scheme downwind
   param d_r : dm = r_p/(n_r + 1)
   domain r in 0..r_p cells n_r scheme central faces (k + 1)*d_r areas ((k + 1)*d_r)^2 volumes (k*d_r)^2 * d_r
-  state c[z]     : mg/L = 0 in -inf..inf scale 1
-  state cp[z, r] : mg/L = 0 in -inf..inf scale 1
-  state q[z]     : mg/L = 0 in -inf..inf scale 1
+  state c[z]     : mg/L = 0 in -inf..inf scale 1    "product, mobile"
+  state cp[z, r] : mg/L = 0 in -inf..inf scale 1    "product, pores"
+  state q[z]     : mg/L = 0 in -inf..inf scale 1    "product, bound"
   let v   = Q / (V/L)
   let e   = if phase == load_cex then 0.31 else 0.34
   let k_f = 0.0067 [dm/min] * (v / 0.1 [dm/min])^0.58
@@ -85,24 +90,40 @@ component CationExchanger {
                + elutes*released(0.99 [1/min], 6.9e-4*value(c_s)^(-8.5), 150200 [mg/L], c[z], q[z])    for z
   eq d/dt c[z] = -div(J[z]) - (loads*0.69 + elutes*0.66)/0.34 * der(q[z])    for z
   eq d/dt cp[z, r] = loads*(-div(G[z, r]) - s[z, r]/0.94)                     for z, r
+  let mobile : mg = e * V/L * integral(c[z] for z)                                             "product in the liquid"
+  # As the original weighs it: pore cells with faces halfway between the nodes.
+  def face(k) = if k == 0 then 0 else if k == n_r then k + 1 else k + 0.5
+  let pores  : mg = 0.69*0.94 * V/L * integral(sum(cp[z, k]*(face(k)^3 - face(k - 1)^3) for k in 1..n_r) for z) / (n_r + 1)^3    "product in the pores"
+  let bound  : mg = (if phase == load_cex then 0.69 else 0.66) * V/L * integral(q[z] for z)    "product adsorbed"
 }
 use CationExchanger as CEX
-eq CEX.Q = if phase == load_cex or phase == elute_cex then flow else 0 [L/min]
+
+eq PA.Q    = if phase == elute then flow else 0 [L/min]
+eq VI.Q    = if phase == elute or phase == load_cex then flow else 0 [L/min]
+eq VI.c_in = if phase == elute then PA.c[n_z] else 0 [mg/L]
+eq CEX.Q   = if phase == load_cex or phase == elute_cex then flow else 0 [L/min]
 eq CEX.c_in = if phase == load_cex then VI.c[n_z] else 0 [mg/L]
-
-eq LOOP.Q = if phase == elute_cex or phase == flow_through then flow else 0 [L/min]
+eq LOOP.Q  = if phase == elute_cex or phase == flow_through then flow else 0 [L/min]
 eq LOOP.c_in = if phase == elute_cex then CEX.c[n_z] else 0 [mg/L]
-eq LOOP.sink[i] = 0 [mg/(L min)]    for i in 1..n_z
-eq AEX.Q = if phase == flow_through then flow else 0 [L/min]
+eq AEX.Q   = if phase == flow_through then flow else 0 [L/min]
 eq AEX.c_in = LOOP.c[n_z]
-eq AEX.sink[i] = 0 [mg/(L min)]    for i in 1..n_z
 
-state m_out : mg = 0 in 0..inf scale 1e3    "antibody that leaves the anion exchanger"
-eq d/dt m_out = AEX.Q*AEX.c[n_z]
+state m_eluted : mg = 0 in 0..inf scale 1e3    "antibody that leaves Protein A"
+state m_missed : mg = 0 in 0..inf scale 1e3    "antibody that leaves the first loop during the elution and goes nowhere"
+state m_loaded : mg = 0 in 0..inf scale 1e3    "antibody that enters the cation exchanger"
+state m_passed : mg = 0 in 0..inf scale 1e3    "antibody that runs through the cation exchanger while it is loaded"
+state m_released : mg = 0 in 0..inf scale 1e3  "antibody that leaves the cation exchanger in its elution"
+state m_out    : mg = 0 in 0..inf scale 1e3    "antibody that leaves the anion exchanger"
+eq d/dt m_eluted   = PA.Q*PA.c[n_z]
+eq d/dt m_missed   = if phase == elute then VI.Q*VI.c[n_z] else 0 [mg/min]
+eq d/dt m_loaded   = CEX.Q*CEX.c_in
+eq d/dt m_passed   = if phase == load_cex then CEX.Q*CEX.c[n_z] else 0 [mg/min]
+eq d/dt m_released = if phase == elute_cex then CEX.Q*CEX.c[n_z] else 0 [mg/min]
+eq d/dt m_out      = AEX.Q*AEX.c[n_z]
 
 action idle_action = 0 in 0..1    "nothing can be done"
 observe m_out in 0..1e7
-reward recovered : mg default = m_out - previous(m_out)
+reward recovered : mg default = m_out - previous(m_out)    "antibody that left the anion exchanger"
 fail negative when m_out < -1 [mg]
-episode { step = 0.1 [min], max_steps = 4223, error_reward = -100, end_is_success = true }
+episode { step = sampling, max_steps = 845, error_reward = -100, end_is_success = true }
 solver  { rtol = 1e-9, atol_factor = 1 }

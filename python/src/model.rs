@@ -183,6 +183,12 @@ impl Model {
         Ok((PyArray1::from_vec(py, values), PyArray1::from_vec(py, rows), PyArray1::from_vec(py, pointers)))
     }
 
+    /// Seconds of one residual and of one Jacobian at a point, without the way from Python and back: for benchmarks.
+    fn evaluation_times(&self, t: f64, y: Input<'_>, u: Input<'_>, cj: f64) -> PyResult<(f64, f64)> {
+        let (y, u) = (y.as_slice()?, u.as_slice()?);
+        self.evaluate(|equations| equations.times(t, y, u, cj))
+    }
+
     /// Rates of the states of an explicit model.
     fn rhs<'py>(&self, py: Python<'py>, t: f64, y: Input<'py>, u: Input<'py>, given: Given) -> PyResult<Vector<'py>> {
         let (y, u) = (y.as_slice()?, u.as_slice()?);

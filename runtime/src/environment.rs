@@ -336,10 +336,12 @@ impl Environment {
         self.system.region(Region::Steady(Part::Y))
     }
 
-    /// Work done since the last reset.
+    /// Work done since the last reset, the last step included.
     #[must_use]
     pub fn statistics(&self) -> Statistics {
-        self.statistics
+        let mut sum = self.statistics;
+        interval::add(&mut sum, &self.integrator.statistics());
+        sum
     }
 
     /// Runs a declared open-loop policy for the coming step; `out` has one number an action, in their order.

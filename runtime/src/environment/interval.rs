@@ -49,9 +49,11 @@ impl Environment {
         self.time()
     }
 
-    /// Time at its end, as integrated.
+    /// Time at its end, as integrated. Where nothing is left out it is to the last bit the time at which the next interval begins: an event between the two
+    /// would be seen by neither.
     pub(super) fn end_time(&self) -> f64 {
-        self.time() + self.setup.model().interface().episode.integrate
+        let episode = &self.setup.model().interface().episode;
+        if episode.integrate == episode.step { f64::from(self.progress.steps + 1) * episode.step } else { self.time() + episode.integrate }
     }
 
     fn begin(&mut self, action: &[f64]) {
@@ -192,7 +194,7 @@ impl Environment {
     }
 }
 
-fn add(sum: &mut Statistics, part: &Statistics) {
+pub(super) fn add(sum: &mut Statistics, part: &Statistics) {
     sum.steps += part.steps;
     sum.residuals += part.residuals;
     sum.jacobians += part.jacobians;

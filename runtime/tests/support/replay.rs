@@ -18,9 +18,13 @@ pub struct Replay {
 impl Replay {
     /// An instance of a scenario; `tolerance` (rtol and atol factor) replaces the model's own.
     pub fn new(model: &str, scenario: &str, tolerance: Option<(f64, f64)>) -> Self {
+        Self::with(model, &LoadOptions { scenario: Some(scenario.into()), ..LoadOptions::default() }, tolerance)
+    }
+
+    /// An instance with variants and settings.
+    pub fn with(model: &str, asked: &LoadOptions, tolerance: Option<(f64, f64)>) -> Self {
         let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../models").join(model);
-        let asked = LoadOptions { scenario: Some(scenario.into()), ..LoadOptions::default() };
-        let loaded = load(&path, &asked).unwrap_or_else(|e| panic!("{model}: {e}"));
+        let loaded = load(&path, asked).unwrap_or_else(|e| panic!("{model}: {e}"));
         let mut options = loaded.options;
         if let Some((rtol, factor)) = tolerance {
             (options.rtol, options.atol_factor) = (Some(rtol), Some(factor));
@@ -38,8 +42,11 @@ impl Replay {
 
     /// Starts at the steady state with the given states in place.
     pub fn start(&mut self, states: BTreeMap<String, f64>) {
-        let options = ResetOptions { start: Start::Steady, state: StateInput::Named(states), ..ResetOptions::default() };
-        self.environment.reset(Some(0), &options).expect("a consistent start");
+        self.start_with(&ResetOptions { start: Start::Steady, state: StateInput::Named(states), ..ResetOptions::default() });
+    }
+
+    pub fn start_with(&mut self, options: &ResetOptions) {
+        self.environment.reset(Some(0), options).expect("a consistent start");
         self.collect();
     }
 
@@ -57,7 +64,8 @@ impl Replay {
         result
     }
 
-    fn collect(&mut self) {
+    /// Takes the values after a step that was made on the environment itself.
+    pub fn collect(&mut self) {
         let catalogue = self.environment.catalogue();
         let (states, outputs) = (catalogue.states.len(), catalogue.algebraics.len());
         let discretes: Vec<usize> = catalogue.discretes.elements().iter().map(|e| e.at).collect();

@@ -1,4 +1,4 @@
-"""Benchmarks against peers on the reactor: `python -m smpl.bench`.
+"""The reactor against SciPy and CasADi.
 
 Control steps of 0.1 min with an action that changes at every step, the shape of reinforcement learning. Every
 integrator runs at several tolerances; its error is measured against a tight reference and its time is read off at a
@@ -7,17 +7,15 @@ common error, so that nobody is fast by being wrong. Times are medians of severa
 
 from __future__ import annotations
 
-import argparse
 import statistics
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 import smpl
+from smpl.bench.common import at_least, environment, goal, installed, seconds, title, where_time_goes
 from smpl.model import FloatArray
 
 Step = Callable[[FloatArray, FloatArray], FloatArray]
@@ -90,10 +88,9 @@ def reference(actions: FloatArray) -> FloatArray:
 
 def scipy_peers() -> Iterator[Peer]:
     """LSODA of SciPy behind both of its interfaces, and its BDF; nothing where SciPy is missing."""
-    try:
-        from scipy.integrate import odeint, solve_ivp
-    except ImportError:
+    if not installed("SciPy", "scipy"):
         return
+    from scipy.integrate import odeint, solve_ivp
 
     def lsoda(rtol: float) -> Step:
         def step(x: FloatArray, u: FloatArray) -> FloatArray:
@@ -120,10 +117,10 @@ def scipy_peers() -> Iterator[Peer]:
 
 def casadi_peers() -> Iterator[Peer]:
     """CVODES and IDAS of CasADi, built once and called for each step; nothing where CasADi is missing."""
-    try:
-        import casadi
-    except ImportError:
+    if not installed("CasADi", "casadi"):
         return
+    import casadi
+
     from smpl.controllers.nmpc import reactor_rates
 
     parameters = smpl.Env("reactor").parameters
@@ -146,12 +143,9 @@ def casadi_peers() -> Iterator[Peer]:
     yield Peer("CasADi IDAS", make("idas"))
 
 
-def own_environment(rtol: float, **arguments: Any) -> smpl.Env:
-    """The reactor in physical units with a tolerance of its own and no time limit that could matter."""
-    with tempfile.NamedTemporaryFile("w", suffix=".yaml") as file:
-        file.write(f"solver: {{rtol: {rtol!r}}}\n")
-        file.flush()
-        return smpl.Env("reactor", normalize=False, scenario=file.name, max_steps=10**9, **arguments)
+def own_environment(rtol: float) -> smpl.Env:
+    """The reactor in physical units with a tolerance of its own."""
+    return environment("reactor", rtol)
 
 
 def own_peer() -> Peer:
@@ -182,12 +176,8 @@ def measure(peer: Peer, actions: FloatArray, exact: FloatArray, repeats: int) ->
     for rtol in TOLERANCES:
         step = peer.make(rtol)
         error = float(np.max(np.abs(simulate(step, actions) - exact) / RANGES))
-        seconds = []
-        for _ in range(repeats):
-            begin = time.thread_time()
-            simulate(step, actions)
-            seconds.append((time.thread_time() - begin) / len(actions))
-        runs.append(Run(rtol, error, statistics.median(seconds)))
+        each = seconds(lambda step=step: simulate(step, actions), repeats) / len(actions)  # type: ignore[misc]
+        runs.append(Run(rtol, error, each))
     return runs
 
 
@@ -221,47 +211,46 @@ def batch_rate(num_envs: int, steps: int, repeats: int, rtol: float) -> float:
     return statistics.median(rates_found)
 
 
-def main() -> None:
-    """Print the comparison."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument(
-        "--steps", type=int, default=100, help="control steps of an episode; the reactor ignites after 112"
-    )
-    parser.add_argument("--repeats", type=int, default=5, help="runs whose median is taken")
-    parser.add_argument("--error", type=float, default=1e-6, help="common error, fraction of the ranges")
-    arguments = parser.parse_args()
-    actions = controls(arguments.steps)
+def main(repeats: int, steps: int = 100, errors: tuple[float, ...] = (1e-5, 1e-6)) -> None:
+    """Print the comparison.
+
+    Args:
+        repeats: runs whose median is taken.
+        steps: control steps of an episode; the reactor ignites after 112.
+        errors: common errors, fractions of the ranges.
+    """
+    title("Reactor: one step of 0.1 min with a new action, at equal error")
+    actions = controls(steps)
     exact = reference(actions)
-    found: dict[str, float] = {}
-    for peer in (own_peer(), *scipy_peers(), *casadi_peers()):
-        seconds = at_error(measure(peer, actions, exact, arguments.repeats), arguments.error)
-        if seconds is not None:
-            found[peer.name] = seconds
-    own = found.get("smpl Env.step")
-    print(f"one step of the reactor at an error of {arguments.error:g} of the ranges")
-    print(f"{'':28} {'us a step':>10} {'ratio':>8}")
-    for name, seconds in found.items():
-        print(f"{name:28} {seconds * 1e6:10.1f} {seconds / own if own else float('nan'):8.1f}")
-    print_rates(arguments)
+    runs = {peer.name: measure(peer, actions, exact, repeats) for peer in (own_peer(), *scipy_peers(), *casadi_peers())}
+    for error in errors:
+        found = {name: at_error(of_peer, error) for name, of_peer in runs.items()}
+        own = found["smpl Env.step"]
+        print(f"  at an error of {error:g} of the ranges")
+        for name, each in found.items():
+            if each is not None:
+                print(f"    {name:26} {each * 1e6:8.1f} us {each / own if own else float('nan'):8.1f}")
+        peers = [each for name, each in found.items() if each is not None and name != "smpl Env.step"]
+        if own:
+            goal("step", own * 1e6, 10, "us")
+        if own and peers:
+            at_least("best peer", min(peers) / own, 5)
+    print_rates(steps, repeats)
 
 
-def print_rates(arguments: argparse.Namespace) -> None:
+def print_rates(steps: int, repeats: int) -> None:
     """Steps a second of a batch of 64 on one thread, and what of a single step is Python's."""
     rtol = 1e-8
-    rate = batch_rate(64, arguments.steps, arguments.repeats, rtol)
+    rate = batch_rate(64, steps, repeats, rtol)
     env = own_environment(rtol)
-    actions = controls(arguments.steps)
-    seconds = []
-    for _ in range(arguments.repeats):
+    actions = controls(steps)
+
+    def episode() -> None:
         env.reset(options={"state": STATE})
-        begin = time.thread_time()
         for action in actions:
             env.step(action)
-        seconds.append((time.thread_time() - begin) / len(actions))
-    single = statistics.median(seconds)
-    print(f"batch of 64, one thread: {rate:,.0f} steps/s")
-    print(f"single environment: {1 / single:,.0f} steps/s, Python's share {1 - min(1.0, 1 / (rate * single)):.0%}")
 
-
-if __name__ == "__main__":
-    main()
+    single = seconds(episode, repeats) / steps
+    print(f"  batch of 64, one thread, rtol {rtol:g}: {rate:,.0f} steps/s; goal 120,000, {rate / 120_000:.2f} of it")
+    print(f"  single environment: {1 / single:,.0f} steps/s, Python's share {1 - min(1.0, 1 / (rate * single)):.0%}")
+    where_time_goes(env, single, steps, STATE, actions[-1])

@@ -1,0 +1,133 @@
+"""A tube of advection and reaction with 1700 states and more: compile, evaluate, solve; against C."""
+
+from __future__ import annotations
+
+import ctypes
+from pathlib import Path
+
+import numpy as np
+
+import smpl
+from smpl.bench import c
+from smpl.bench.common import compile_time, environment, goal, largest, memory, seconds, title, where_time_goes
+from smpl.model import FloatArray
+
+MODEL = Path(__file__).parent / "advection_reaction.eq"
+CELLS = 425
+JACKETS = 330 + 15 * np.sin(np.arange(30) * 0.9)
+
+
+def main(repeats: int) -> None:
+    """Print all tables."""
+    title("Advection and reaction, 425 cells x (A, B, C, T) = 1700 states")
+    sizes(repeats)
+    model = smpl.compile(MODEL)
+    y = middle()
+    u = np.array([330.0])
+    residual, jacobian = model.native.evaluation_times(0.0, y, u, 1.0)
+    goal("residual", residual * 1e6, 0.8, "us")
+    goal("all entries of the Jacobian", jacobian * 1e6, 6, "us")
+    against_c(model, y, u, residual, jacobian)
+    solve("solve to t = 3 at 1e-6", 3.0, np.array([330.0]), 12, repeats)
+    solve("30 control steps of 0.1 with a new jacket temperature each", 0.1, JACKETS, 35, repeats)
+
+
+def sizes(repeats: int) -> None:
+    """Compile time, time of a control step of 0.1 and memory against the number of cells."""
+    print(
+        f"  {'states':>8} {'compile':>11} {'a state':>10} {'a step of 0.1':>15} {'a state':>10} {'memory':>10}  a state"
+    )
+    compiled = {}
+    for cells, steps in ((CELLS, 30), (10 * CELLS, 30), (100 * CELLS, 2)):
+        states, few = 4 * cells, repeats if cells < 10_000 else 1
+        compiled[cells] = compile_time(MODEL, {"n_cells": cells}, max(few, 3))
+        env = tube(0.1, cells)
+        each = seconds(lambda env=env, steps=steps: episode(env, JACKETS[:steps]), few) / steps  # type: ignore[misc]
+        size = memory(MODEL, {"n_cells": cells, "sampling": 0.1})
+        kept = f"{size / 1e6:7.0f} MB {size / states:6.0f} B" if size else "   unknown"
+        internal = env.solver_statistics["steps"] / steps
+        print(
+            f"  {states:8} {compiled[cells] * 1e3:8.2f} ms {compiled[cells] / states * 1e9:7.0f} ns"
+            f" {each * 1e3:12.1f} ms {each / states * 1e9:7.0f} ns {kept}; {internal:.0f} internal steps,"
+            f" {each / internal / states * 1e9:.0f} ns each a state"
+        )
+    goal("compile", compiled[CELLS] * 1e3, 3, "ms")
+    goal("compile of 17,000 states over that of 1700", compiled[10 * CELLS] / compiled[CELLS], 2, "times")
+
+
+def middle() -> FloatArray:
+    """A profile along the tube, in the order of the model: cell by cell."""
+    z = np.linspace(0, 1, CELLS)
+    return np.stack([1 - 0.4 * z, 1.2 - 0.4 * z, 0.4 * z, 350 - 8 * z], axis=1).ravel()
+
+
+def by_species(y: FloatArray) -> FloatArray:
+    """The order of the C code: species by species."""
+    return np.ascontiguousarray(y.reshape(CELLS, 4).T).ravel()
+
+
+def tube(sampling: float, cells: int = CELLS, rtol: float | None = None) -> smpl.Env:
+    """The environment with a length of its control steps."""
+    return environment(MODEL, rtol, settings={"sampling": sampling, "n_cells": cells})
+
+
+def episode(env: smpl.Env, jackets: FloatArray) -> None:
+    """From the cold tube through all jacket temperatures."""
+    env.reset(options={"start": "nominal"})
+    for jacket in jackets:
+        env.step([jacket])
+
+
+def solve(what: str, sampling: float, jackets: FloatArray, target: float, repeats: int) -> None:
+    """Time and error of an episode, and IDA called from C."""
+    env = tube(sampling)
+    each = seconds(lambda: episode(env, jackets), repeats)
+    end = env.state
+    exact = tube(sampling, rtol=1e-10)
+    episode(exact, jackets)
+    goal(what, each * 1e3, target, "ms")
+    print(f"  largest error at the end {largest(end, exact.state, np.ones_like(end)):.1e}")
+    where_time_goes(env, each, 1, end, jackets[-1:])
+    if c.compiler():
+        ida_in_c(sampling, jackets, each, exact.state)
+
+
+def against_c(model: smpl.Model, y: FloatArray, u: FloatArray, residual: float, jacobian: float) -> None:
+    """The same in C, once with the rules of arithmetic and once with -ffast-math, which calls a vector exponential."""
+    if not c.compiler():
+        return
+    for flags in ([], ["-ffast-math"]):
+        library = c.Library("timing", "advection", flags=flags)
+        times = library.times(by_species(y), u, model.native.nonzeros)
+        rates = by_species(model.rhs(0.0, y, u))
+        apart = largest(library.residual(by_species(y), u), rates, np.ones_like(y))
+        print(
+            f"  C {' '.join(['-O3 -march=native', *flags])}: residual {times[0] * 1e6:.2f} us, {times[0] / residual:.2f}"
+            f" of ours; Jacobian {times[1] * 1e6:.2f} us, {times[1] / jacobian:.2f} of ours; rates agree to {apart:.0e}"
+        )
+
+
+def ida_in_c(sampling: float, jackets: FloatArray, own: float, exact: FloatArray) -> None:
+    """The same with SUNDIALS called from C, restarted at every change as its manual says."""
+    try:
+        library = c.Library("advection", "advection_ida", libraries=c.SUNDIALS)
+    except OSError:
+        print("  IDA from C: skipped, the headers of SUNDIALS are not installed")
+        return
+    solver = library.functions.solve
+    solver.restype = ctypes.c_double
+    times = []
+    for _ in range(3):
+        y = np.repeat([0.0, 0.0, 0.0, 330.0], CELLS)
+        counts = (ctypes.c_long * 2)()
+        times.append(
+            solver(
+                c.pointer(y), len(jackets), ctypes.c_double(sampling), c.pointer(jackets), ctypes.c_double(1e-6), counts
+            )
+        )
+    each = sorted(times)[1]
+    error = largest(y, by_species(exact), np.ones_like(y))
+    print(
+        f"  IDA + KLU called from C, the installed SUNDIALS: {each * 1e3:.1f} ms, {each / own:.1f} of ours;"
+        f" {counts[0]} steps, {counts[1]} residuals, error {error:.1e}"
+    )

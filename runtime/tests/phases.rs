@@ -1,0 +1,41 @@
+//! Phases end when they should, wherever the ends of the steps lie.
+
+use std::path::PathBuf;
+
+use smpl_runtime::environment::{Environment, ResetOptions};
+use smpl_runtime::load::{LoadOptions, load};
+use smpl_runtime::setup::Setup;
+
+/// Phases of 6.24 and 1 min, in which x rises by 1 and 2 a minute, stepped every `step` minutes for 10 minutes; the end.
+fn run(step: f64) -> (f64, f64, f64) {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
+    let path = folder.join(format!("phases_{step}.eq"));
+    let text = format!(
+        "model M\ntime t : min\n\
+         phase first for 6.24 [min] then second\nphase second for 1 [min] then last\nphase last\n\
+         table over phase {{\n columns: slope [1]\n first: 1\n second: 2\n last: 0\n}}\n\
+         state x = 0\neq d/dt x = slope[phase] / 1 [min]\n\
+         action u = 0 in 0..1\nobserve x in 0..10\nreward r default = x\n\
+         episode {{ step = {step} [min], max_steps = 10000, error_reward = -100 }}\n"
+    );
+    std::fs::write(&path, text).expect("writes");
+    let loaded = load(&path, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+    let setup = Setup::new(loaded.model, loaded.options, Some(loaded.sources)).expect("a setup");
+    let mut environment = Environment::new(setup).expect("the solver takes it");
+    environment.reset(Some(0), &ResetOptions::default()).expect("a start");
+    for _ in 0..(10.0 / step).round() as u32 {
+        assert_eq!(environment.step(&[0.0]).expect("steps").failure, None);
+    }
+    let discrete = |name: &str| environment.discretes()[environment.catalogue().discretes.find(name).expect("there").at];
+    (discrete("phase"), discrete("phase_start"), environment.unknowns()[0])
+}
+
+#[test]
+fn a_phase_ends_within_a_step_at_its_end_or_a_rounding_error_beside_it() {
+    // 6.22 + 0.02 lies a rounding error before 312 * 0.02 = 6.24.
+    for step in [0.02, 0.04, 0.26, 0.1, 1.0, 2.5] {
+        let (phase, since, x) = run(step);
+        assert_eq!(phase, 3.0, "step {step}");
+        assert!((since - 7.24).abs() < 1e-9 && (x - 8.24).abs() < 1e-5, "step {step}: since {since}, x = {x}");
+    }
+}
