@@ -239,7 +239,7 @@ fn reset_options(arguments: &SimulateArguments, environment: &Environment) -> Re
 fn summary(environment: &mut Environment, total: f64) -> String {
     let setup = Arc::clone(environment.setup());
     let interface = setup.model().interface();
-    let reward = interface.rewards.get(setup.reward).map_or("", |r| r.name.as_str());
+    let reward = interface.rewards.get(setup.reward).map_or(String::new(), |r| format!("sum of {} = {}, ", r.name, Short(total)));
     let last = environment.last().copied();
     let end = match last {
         Some(r) if r.failure.is_some() => format!("failed: {}", environment.failure_message()),
@@ -247,14 +247,7 @@ fn summary(environment: &mut Environment, total: f64) -> String {
         Some(r) if r.truncated => "time limit".into(),
         _ => "not ended".into(),
     };
-    format!(
-        "{}: {} steps, t = {} {}, sum of {reward} = {}, {end}\n",
-        interface.name,
-        environment.steps(),
-        Short(environment.time()),
-        interface.time.1,
-        Short(total),
-    )
+    format!("{}: {} steps, t = {} {}, {reward}{end}\n", interface.name, environment.steps(), Short(environment.time()), interface.time.1,)
 }
 
 /// A bar on standard error, where it is a terminal and the run is long.
