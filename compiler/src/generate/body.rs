@@ -1,14 +1,16 @@
 //! Scalar code and loops.
 
 use cranelift_codegen::ir::condcodes::{FloatCC, IntCC};
-use cranelift_codegen::ir::{AbiParam, InstBuilder, MemFlagsData, SigRef, Signature, Type, Value, types};
+use cranelift_codegen::ir::{AbiParam, ConstantData, InstBuilder, MemFlagsData, SigRef, Signature, Type, Value, types};
 use cranelift_codegen::isa::TargetIsa;
 use cranelift_frontend::FunctionBuilder;
 
-use super::schedule::{BlockId, Item, Schedule, Sink};
+use super::schedule::{BlockId, Item, Schedule, Sink, is_immediate};
+use super::segments::{Segments, is_load};
+use super::wide::LINE;
 use crate::interpret::identity;
-use crate::ir::hash::FastMap;
-use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, Flavour, ReduceFn, UnaryFn};
+use crate::ir::hash::{FastMap, FastSet};
+use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, Flavour, MAX_DEPTH, ReduceFn, UnaryFn};
 use crate::kernels::{self, KernelTable, UNARY_COUNT};
 use crate::layout::{Base, Layout};
 
@@ -25,6 +27,25 @@ pub(super) struct Arguments {
     pub(super) work: Value,
     out: Value,
     surroundings: Value,
+}
+
+/// What a pointer counts from.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(super) enum Start {
+    /// Memory of numbers.
+    Memory(Base),
+    /// The position tables.
+    Tables,
+}
+
+impl Start {
+    /// Bytes of an element.
+    fn size(self) -> i64 {
+        match self {
+            Start::Memory(_) => WORD,
+            Start::Tables => 4,
+        }
+    }
 }
 
 /// Lanes of the code that is being written.
@@ -51,8 +72,10 @@ pub(super) struct Emitter<'a> {
     /// Loop counters by block.
     pub(super) counters: Vec<Option<Value>>,
     /// Pointers by block: memory and strides that they already contain.
-    pub(super) pointers: Vec<FastMap<(Base, [i64; 4]), Value>>,
+    pub(super) pointers: Vec<FastMap<(Start, [i64; MAX_DEPTH]), Value>>,
     signatures: FastMap<(usize, bool), SigRef>,
+    /// How the code outside of loops is cut.
+    segments: Segments,
     pub(super) in_place: bool,
     rounding: bool,
     /// Numbers of working memory used.
@@ -91,10 +114,12 @@ pub(super) fn emit(
             counters: vec![None; blocks],
             pointers: vec![FastMap::default(); blocks],
             signatures: FastMap::default(),
+            segments: if in_place { Segments::default() } else { Segments::new(schedule, exprs) },
             in_place,
             rounding,
             columns: 0,
         };
+        emitter.columns = emitter.reserved();
         emitter.block(0);
         columns = columns.max(emitter.columns);
         rest = Some(emitter.b);
@@ -117,10 +142,22 @@ impl Emitter<'_> {
     /// Writes the items of a block, then the loops in it.
     pub(super) fn block(&mut self, block: BlockId) {
         let schedule = self.schedule;
-        for item in &schedule.blocks[block].items {
+        for (i, item) in schedule.blocks[block].items.iter().enumerate() {
             self.item(block, *item);
+            if block == 0 && self.segments.ends_at(i) {
+                let result = match item {
+                    Item::Eval(expr) | Item::Reduce { expr, .. } => self.values[0].remove_entry(expr),
+                    Item::Store(..) => None,
+                };
+                self.values[0].clear();
+                self.values[0].extend(result);
+            }
         }
         for &child in &schedule.blocks[block].children {
+            if block == 0 && self.segments.is_active() {
+                self.values[0].clear();
+                self.fetch_outside(child);
+            }
             if self.is_wide(child) {
                 self.wide_loop(child);
             } else {
@@ -129,7 +166,29 @@ impl Emitter<'_> {
         }
     }
 
+    /// Loads what a loop needs from outside ahead of it.
+    fn fetch_outside(&mut self, child: BlockId) {
+        let (schedule, exprs) = (self.schedule, self.exprs);
+        let mut outside = vec![];
+        schedule.each_item(child, &mut |block, item| {
+            schedule.each_use(exprs, block, item, &mut |from, expr| {
+                if !is_immediate(exprs.node(expr)) && schedule.home(exprs, from, expr) == 0 {
+                    outside.push(expr);
+                }
+            });
+        });
+        for expr in outside {
+            self.value(0, expr);
+        }
+    }
+
+    /// Numbers of working memory ahead of the columns: those of [`Segments`].
+    pub(super) fn reserved(&self) -> u32 {
+        self.segments.len().next_multiple_of(LINE)
+    }
+
     fn scalar_loop(&mut self, block: BlockId) {
+        self.prepare_pointers(block);
         let extent = i64::from(self.schedule.blocks[block].extent);
         self.counted(0, extent, 1, &mut |emitter, counter| {
             emitter.counters[block] = Some(counter);
@@ -169,16 +228,62 @@ impl Emitter<'_> {
 
     pub(super) fn item(&mut self, block: BlockId, item: Item) {
         match item {
+            // Written where it is used.
+            Item::Eval(expr) if block == 0 && self.segments.is_active() && is_load(self.exprs.node(expr)) => {}
             Item::Eval(expr) => {
                 let value = self.node(block, expr);
-                self.values[block].insert(expr, value);
+                self.define(block, expr, value);
             }
             Item::Reduce { expr, op, body, block: inner } => {
+                if block == 0 && self.segments.is_active() {
+                    let (schedule, exprs) = (self.schedule, self.exprs);
+                    let mut outside = vec![];
+                    schedule.each_use(exprs, 0, item, &mut |from, expr| {
+                        if !is_immediate(exprs.node(expr)) && schedule.home(exprs, from, expr) == 0 {
+                            outside.push(expr);
+                        }
+                    });
+                    for expr in outside {
+                        self.value(0, expr);
+                    }
+                }
                 let value = self.reduce(op, body, inner);
-                self.values[block].insert(expr, value);
+                self.define(block, expr, value);
             }
             Item::Store(sink, value) => self.store(block, sink, value),
         }
+    }
+
+    /// Notes the value of a node, also in memory if a later segment needs it.
+    fn define(&mut self, block: BlockId, expr: ExprId, value: Value) {
+        self.values[block].insert(expr, value);
+        if let Some(slot) = self.segments.slot(expr).filter(|_| block == 0) {
+            let offset = self.slot_offset(slot);
+            self.b.ins().store(MemFlagsData::new().with_notrap(), value, self.arguments.work, offset);
+        }
+    }
+
+    /// The value of a node in its block: known, or loaded again in this segment.
+    fn value(&mut self, home: BlockId, expr: ExprId) -> Option<Value> {
+        if let Some(&value) = self.values[home].get(&expr) {
+            return Some(value);
+        }
+        if home != 0 || !self.segments.is_active() {
+            return None;
+        }
+        let value = if is_load(self.exprs.node(expr)) {
+            self.node(0, expr)
+        } else {
+            let offset = self.slot_offset(self.segments.slot(expr)?);
+            let kind = if self.exprs.is_truth(expr) { types::I8 } else { types::F64 };
+            self.b.ins().load(kind, MemFlagsData::new().with_notrap(), self.arguments.work, offset)
+        };
+        self.values[home].insert(expr, value);
+        Some(value)
+    }
+
+    fn slot_offset(&self, slot: u32) -> i32 {
+        ((self.layout.columns() + slot) as i64 * WORD) as i32
     }
 
     /// The type of numbers in a block.
@@ -230,8 +335,13 @@ impl Emitter<'_> {
 
     /// A constant in the lanes of a block.
     pub(super) fn number(&mut self, block: BlockId, x: f64) -> Value {
-        let one = self.b.ins().f64const(x);
-        if self.is_two(block) { self.b.ins().splat(types::F64X2, one) } else { one }
+        if !self.is_two(block) {
+            return self.b.ins().f64const(x);
+        }
+        let bytes = x.to_le_bytes();
+        let both: ConstantData = bytes.into_iter().chain(bytes).collect();
+        let both = self.b.func.dfg.constants.insert(both);
+        self.b.ins().vconst(types::F64X2, both)
     }
 
     /// The value of an operand in the lanes of a block.
@@ -245,8 +355,8 @@ impl Emitter<'_> {
         if self.is_two(block) && !self.is_two(home) {
             return self.splat(home, expr);
         }
-        match self.values[home].get(&expr) {
-            Some(&value) => value,
+        match self.value(home, expr) {
+            Some(value) => value,
             // The schedule places operands before users.
             None => self.number(block, f64::NAN),
         }
@@ -265,7 +375,7 @@ impl Emitter<'_> {
         if let Some(&value) = self.splats.get(&(home, expr)) {
             return value;
         }
-        let Some(&one) = self.values[home].get(&expr) else {
+        let Some(one) = self.value(home, expr) else {
             let nan = self.b.ins().f64const(f64::NAN);
             return self.b.ins().splat(types::F64X2, nan);
         };
@@ -307,6 +417,9 @@ impl Emitter<'_> {
                 self.whole_power(block, a, n)
             }
             Expr::Binary(f, a, b) => {
+                // A constant as the second operand is read from memory by the instruction itself.
+                let swap = matches!(f, BinaryFn::Add | BinaryFn::Mul) && is_immediate(self.exprs.node(a));
+                let (a, b) = if swap { (b, a) } else { (a, b) };
                 let (a, b) = (self.operand(block, a), self.operand(block, b));
                 self.binary(block, f, a, b)
             }
@@ -487,7 +600,8 @@ impl Emitter<'_> {
 
     fn load(&mut self, block: BlockId, base: Base, at: Affine) -> Value {
         let two = self.is_two(block);
-        let flags = self.flags(two);
+        let flags =
+            if block == 0 && self.segments.is_active() { MemFlagsData::new().with_notrap().with_aligned() } else { self.flags(two) };
         let (pointer, offset) = self.pointer(block, base, at);
         if !two {
             return self.b.ins().load(types::F64, flags, pointer, offset);
@@ -518,21 +632,7 @@ impl Emitter<'_> {
 
     /// Pointer and constant offset in bytes of an element of 8 bytes.
     pub(super) fn pointer(&mut self, block: BlockId, base: Base, at: Affine) -> (Value, i32) {
-        let start = match base {
-            Base::Y => self.arguments.y,
-            Base::Yp => self.arguments.yp,
-            Base::Work | Base::Factor => self.arguments.work,
-            Base::Out => self.arguments.out,
-        };
-        let key = (base, at.strides);
-        let mut pointer = match self.pointers[block].get(&key) {
-            Some(&known) => known,
-            None => {
-                let made = self.advance(block, start, at.strides, WORD);
-                self.pointers[block].insert(key, made);
-                made
-            }
-        };
+        let mut pointer = self.advanced(block, Start::Memory(base), at.strides);
         let bytes = at.offset * WORD;
         let offset = i32::try_from(bytes).unwrap_or_else(|_| {
             pointer = self.b.ins().iadd_imm_s(pointer, bytes);
@@ -541,25 +641,20 @@ impl Emitter<'_> {
         (pointer, offset)
     }
 
-    /// `start + size · Σ strides·counters`, outer loops first so that what does not change stays outside.
-    fn advance(&mut self, block: BlockId, start: Value, strides: [i64; 4], size: i64) -> Value {
-        let mut chain = vec![];
-        let (mut at, mut seen) = (Some(block), 0u8);
-        while let Some(here) = at {
-            if let Some(counter) = self.schedule.blocks[here].counter
-                && seen & (1 << counter) == 0
-            {
-                seen |= 1 << counter;
-                chain.push((here, strides[counter as usize]));
-            }
-            at = self.schedule.blocks[here].parent;
+    /// `start + size · Σ strides·counters`: what the outer loops add to it, then this one.
+    fn advanced(&mut self, block: BlockId, start: Start, mut strides: [i64; MAX_DEPTH]) -> Value {
+        if let Some(&known) = self.pointers[block].get(&(start, strides)) {
+            return known;
         }
-        let mut pointer = start;
-        for (here, stride) in chain.into_iter().rev().filter(|(_, stride)| *stride != 0) {
-            let Some(counter) = self.counters[here] else {
-                continue;
-            };
-            let bytes = stride * size;
+        let key = (start, strides);
+        let here = &self.schedule.blocks[block];
+        let step = here.counter.map_or(0, |c| std::mem::take(&mut strides[c as usize]));
+        let mut pointer = match here.parent {
+            Some(parent) => self.advanced(parent, start, strides),
+            None => self.start(start),
+        };
+        if let Some(counter) = self.counters[block].filter(|_| step != 0) {
+            let bytes = step * start.size();
             let distance = if bytes > 0 && bytes.count_ones() == 1 {
                 self.b.ins().ishl_imm_u(counter, i64::from(bytes.trailing_zeros()))
             } else {
@@ -567,7 +662,56 @@ impl Emitter<'_> {
             };
             pointer = self.b.ins().iadd(pointer, distance);
         }
+        self.pointers[block].insert(key, pointer);
         pointer
+    }
+
+    fn start(&mut self, start: Start) -> Value {
+        match start {
+            Start::Memory(Base::Y) => self.arguments.y,
+            Start::Memory(Base::Yp) => self.arguments.yp,
+            Start::Memory(Base::Work | Base::Factor) => self.arguments.work,
+            Start::Memory(Base::Out) => self.arguments.out,
+            Start::Tables => {
+                let tables_at = (std::mem::size_of::<KernelTable>()) as i32;
+                self.b.ins().load(types::I64, constant_memory(), self.arguments.surroundings, tables_at)
+            }
+        }
+    }
+
+    /// Makes the parts of pointers that a loop does not change ahead of it.
+    pub(super) fn prepare_pointers(&mut self, child: BlockId) {
+        let (schedule, exprs, layout) = (self.schedule, self.exprs, self.layout);
+        let here = &schedule.blocks[child];
+        let Some(parent) = here.parent else { return };
+        let mut wanted = FastSet::default();
+        let mut want = |start: Start, at: Affine| {
+            let mut strides = at.strides;
+            here.counter.iter().for_each(|&c| strides[c as usize] = 0);
+            wanted.insert((start, strides));
+        };
+        for item in &here.items {
+            match *item {
+                Item::Eval(expr) => {
+                    if let Expr::Load { var, flavour, at } = exprs.node(expr)
+                        && let Some(a) = layout.address(var, flavour)
+                    {
+                        want(Start::Memory(a.base), at);
+                    }
+                }
+                Item::Store(Sink::Out(at), _) => want(Start::Memory(Base::Out), at),
+                Item::Store(Sink::Table { index, plus, .. }, _) => {
+                    want(Start::Tables, index);
+                    want(Start::Memory(Base::Out), plus);
+                }
+                Item::Store(Sink::Var(..), _) | Item::Reduce { .. } => {}
+            }
+        }
+        let mut wanted: Vec<_> = wanted.into_iter().collect();
+        wanted.sort_unstable();
+        for (start, strides) in wanted {
+            self.advanced(parent, start, strides);
+        }
     }
 
     fn store(&mut self, block: BlockId, sink: Sink, value: ExprId) {
@@ -622,11 +766,12 @@ impl Emitter<'_> {
 
     /// Stores at `tables[index] + plus` of the output, or adds there.
     fn store_slot(&mut self, block: BlockId, index: Affine, plus: Affine, add: bool, value: Value) {
-        let tables_at = (std::mem::size_of::<KernelTable>()) as i32;
-        let tables = self.b.ins().load(types::I64, constant_memory(), self.arguments.surroundings, tables_at);
-        let entry = self.advance(block, tables, index.strides, 4);
-        let entry = self.b.ins().iadd_imm_s(entry, index.offset * 4);
-        let slot = self.b.ins().uload32(constant_memory(), entry, 0);
+        let mut entry = self.advanced(block, Start::Tables, index.strides);
+        let at = i32::try_from(index.offset * 4).unwrap_or_else(|_| {
+            entry = self.b.ins().iadd_imm_s(entry, index.offset * 4);
+            0
+        });
+        let slot = self.b.ins().uload32(constant_memory(), entry, at);
         let (pointer, offset) = self.pointer(block, Base::Out, plus);
         let bytes = self.b.ins().ishl_imm_u(slot, 3);
         let pointer = self.b.ins().iadd(pointer, bytes);
