@@ -9,6 +9,7 @@ pub mod schedule;
 
 mod body;
 mod executable;
+mod memory;
 mod segments;
 mod wide;
 

@@ -5,13 +5,14 @@ use cranelift_codegen::ir::{AbiParam, ConstantData, InstBuilder, MemFlagsData, S
 use cranelift_codegen::isa::TargetIsa;
 use cranelift_frontend::FunctionBuilder;
 
-use super::schedule::{BlockId, Item, Schedule, Sink, is_immediate};
+use super::memory::{Start, constant_memory};
+use super::schedule::{BlockId, Item, Schedule, is_immediate};
 use super::segments::{Segments, is_load};
 use super::wide::LINE;
 use crate::interpret::identity;
-use crate::ir::hash::{FastMap, FastSet};
-use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, Flavour, MAX_DEPTH, ReduceFn, UnaryFn};
-use crate::kernels::{self, KernelTable, UNARY_COUNT};
+use crate::ir::hash::FastMap;
+use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, MAX_DEPTH, ReduceFn, UnaryFn};
+use crate::kernels::{self, UNARY_COUNT};
 use crate::layout::{Base, Layout};
 
 /// Bytes of a number, a pointer.
@@ -22,30 +23,11 @@ pub(super) const WORD: i64 = 8;
 pub(super) struct Arguments {
     time: Value,
     factor: Value,
-    y: Value,
-    yp: Value,
+    pub(super) y: Value,
+    pub(super) yp: Value,
     pub(super) work: Value,
-    out: Value,
-    surroundings: Value,
-}
-
-/// What a pointer counts from.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(super) enum Start {
-    /// Memory of numbers.
-    Memory(Base),
-    /// The position tables.
-    Tables,
-}
-
-impl Start {
-    /// Bytes of an element.
-    fn size(self) -> i64 {
-        match self {
-            Start::Memory(_) => WORD,
-            Start::Tables => 4,
-        }
-    }
+    pub(super) out: Value,
+    pub(super) surroundings: Value,
 }
 
 /// Lanes of the code that is being written.
@@ -75,7 +57,7 @@ pub(super) struct Emitter<'a> {
     pub(super) pointers: Vec<FastMap<(Start, [i64; MAX_DEPTH]), Value>>,
     signatures: FastMap<(usize, bool), SigRef>,
     /// How the code outside of loops is cut.
-    segments: Segments,
+    pub(super) segments: Segments,
     pub(super) in_place: bool,
     rounding: bool,
     /// Numbers of working memory used.
@@ -156,7 +138,7 @@ impl Emitter<'_> {
         for &child in &schedule.blocks[block].children {
             if block == 0 && self.segments.is_active() {
                 self.values[0].clear();
-                self.fetch_outside(child);
+                self.fetch_for_loop(child);
             }
             if self.is_wide(child) {
                 self.wide_loop(child);
@@ -166,20 +148,21 @@ impl Emitter<'_> {
         }
     }
 
-    /// Loads what a loop needs from outside ahead of it.
-    fn fetch_outside(&mut self, child: BlockId) {
+    /// Loads what a loop of stores needs from outside ahead of it.
+    fn fetch_for_loop(&mut self, child: BlockId) {
+        let mut items = vec![];
+        self.schedule.each_item(child, &mut |block, item| items.push((block, item)));
+        items.into_iter().for_each(|(block, item)| self.fetch_outside(block, item));
+    }
+
+    /// Loads what an item needs from outside of loops.
+    fn fetch_outside(&mut self, block: BlockId, item: Item) {
         let (schedule, exprs) = (self.schedule, self.exprs);
-        let mut outside = vec![];
-        schedule.each_item(child, &mut |block, item| {
-            schedule.each_use(exprs, block, item, &mut |from, expr| {
-                if !is_immediate(exprs.node(expr)) && schedule.home(exprs, from, expr) == 0 {
-                    outside.push(expr);
-                }
-            });
+        schedule.each_use(exprs, block, item, &mut |from, expr| {
+            if !is_immediate(exprs.node(expr)) && schedule.home(exprs, from, expr) == 0 {
+                self.value(0, expr);
+            }
         });
-        for expr in outside {
-            self.value(0, expr);
-        }
     }
 
     /// Numbers of working memory ahead of the columns: those of [`Segments`].
@@ -190,17 +173,17 @@ impl Emitter<'_> {
     fn scalar_loop(&mut self, block: BlockId) {
         self.prepare_pointers(block);
         let extent = i64::from(self.schedule.blocks[block].extent);
-        self.counted(0, extent, 1, &mut |emitter, counter| {
+        self.counted(extent, &mut |emitter, counter| {
             emitter.counters[block] = Some(counter);
             emitter.block(block);
             emitter.forget(block);
         });
     }
 
-    /// A loop of counters `from, from + step, …` below `to`; at least one pass.
-    pub(super) fn counted(&mut self, from: i64, to: i64, step: i64, pass: &mut dyn FnMut(&mut Self, Value)) {
-        let start = self.b.ins().iconst(types::I64, from);
-        if from + step >= to {
+    /// A loop of counters below `passes`; at least one pass.
+    fn counted(&mut self, passes: i64, pass: &mut dyn FnMut(&mut Self, Value)) {
+        let start = self.b.ins().iconst(types::I64, 0);
+        if passes <= 1 {
             pass(self, start);
             return;
         }
@@ -209,8 +192,8 @@ impl Emitter<'_> {
         self.b.ins().jump(body, &[start.into()]);
         self.b.switch_to_block(body);
         pass(self, counter);
-        let next = self.b.ins().iadd_imm_s(counter, step);
-        let more = self.b.ins().icmp_imm_s(IntCC::SignedLessThan, next, to);
+        let next = self.b.ins().iadd_imm_s(counter, 1);
+        let more = self.b.ins().icmp_imm_s(IntCC::SignedLessThan, next, passes);
         self.b.ins().brif(more, body, &[next.into()], exit, &[]);
         self.b.switch_to_block(exit);
     }
@@ -236,16 +219,7 @@ impl Emitter<'_> {
             }
             Item::Reduce { expr, op, body, block: inner } => {
                 if block == 0 && self.segments.is_active() {
-                    let (schedule, exprs) = (self.schedule, self.exprs);
-                    let mut outside = vec![];
-                    schedule.each_use(exprs, 0, item, &mut |from, expr| {
-                        if !is_immediate(exprs.node(expr)) && schedule.home(exprs, from, expr) == 0 {
-                            outside.push(expr);
-                        }
-                    });
-                    for expr in outside {
-                        self.value(0, expr);
-                    }
+                    self.fetch_outside(block, item);
                 }
                 let value = self.reduce(op, body, inner);
                 self.define(block, expr, value);
@@ -258,8 +232,8 @@ impl Emitter<'_> {
     fn define(&mut self, block: BlockId, expr: ExprId, value: Value) {
         self.values[block].insert(expr, value);
         if let Some(slot) = self.segments.slot(expr).filter(|_| block == 0) {
-            let offset = self.slot_offset(slot);
-            self.b.ins().store(MemFlagsData::new().with_notrap(), value, self.arguments.work, offset);
+            let (pointer, offset) = self.slot(slot);
+            self.b.ins().store(MemFlagsData::new().with_notrap(), value, pointer, offset);
         }
     }
 
@@ -274,16 +248,18 @@ impl Emitter<'_> {
         let value = if is_load(self.exprs.node(expr)) {
             self.node(0, expr)
         } else {
-            let offset = self.slot_offset(self.segments.slot(expr)?);
+            let slot = self.segments.slot(expr)?;
+            let (pointer, offset) = self.slot(slot);
             let kind = if self.exprs.is_truth(expr) { types::I8 } else { types::F64 };
-            self.b.ins().load(kind, MemFlagsData::new().with_notrap(), self.arguments.work, offset)
+            self.b.ins().load(kind, MemFlagsData::new().with_notrap(), pointer, offset)
         };
         self.values[home].insert(expr, value);
         Some(value)
     }
 
-    fn slot_offset(&self, slot: u32) -> i32 {
-        ((self.layout.columns() + slot) as i64 * WORD) as i32
+    /// Pointer and offset of a place between segments.
+    fn slot(&mut self, slot: u32) -> (Value, i32) {
+        self.pointer(0, Base::Work, Affine::constant(i64::from(self.layout.columns() + slot)))
     }
 
     /// The type of numbers in a block.
@@ -591,154 +567,6 @@ impl Emitter<'_> {
         known
     }
 
-    /// Properties of loads: in place, memory changes under the function.
-    pub(super) fn flags(&self, two: bool) -> MemFlagsData {
-        let flags = MemFlagsData::new().with_notrap();
-        let flags = if self.in_place { flags } else { flags.with_readonly().with_can_move() };
-        if two { flags } else { flags.with_aligned() }
-    }
-
-    fn load(&mut self, block: BlockId, base: Base, at: Affine) -> Value {
-        let two = self.is_two(block);
-        let flags =
-            if block == 0 && self.segments.is_active() { MemFlagsData::new().with_notrap().with_aligned() } else { self.flags(two) };
-        let (pointer, offset) = self.pointer(block, base, at);
-        if !two {
-            return self.b.ins().load(types::F64, flags, pointer, offset);
-        }
-        match self.lane_stride(at) {
-            1 => self.b.ins().load(types::F64X2, flags, pointer, offset),
-            0 => {
-                let one = self.b.ins().load(types::F64, flags, pointer, offset);
-                self.b.ins().splat(types::F64X2, one)
-            }
-            stride => {
-                let first = self.b.ins().load(types::F64, flags, pointer, offset);
-                let (pointer, offset) = self.pointer(block, base, at.plus(Affine::constant(stride)));
-                let second = self.b.ins().load(types::F64, flags, pointer, offset);
-                let both = self.b.ins().splat(types::F64X2, first);
-                self.b.ins().insertlane(both, second, 1u8)
-            }
-        }
-    }
-
-    /// Stride of an address along the lanes.
-    pub(super) fn lane_stride(&self, at: Affine) -> i64 {
-        let Lanes::Two(block) = self.lanes else {
-            return 0;
-        };
-        self.schedule.blocks[block].counter.map_or(0, |c| at.strides[c as usize])
-    }
-
-    /// Pointer and constant offset in bytes of an element of 8 bytes.
-    pub(super) fn pointer(&mut self, block: BlockId, base: Base, at: Affine) -> (Value, i32) {
-        let mut pointer = self.advanced(block, Start::Memory(base), at.strides);
-        let bytes = at.offset * WORD;
-        let offset = i32::try_from(bytes).unwrap_or_else(|_| {
-            pointer = self.b.ins().iadd_imm_s(pointer, bytes);
-            0
-        });
-        (pointer, offset)
-    }
-
-    /// `start + size · Σ strides·counters`: what the outer loops add to it, then this one.
-    fn advanced(&mut self, block: BlockId, start: Start, mut strides: [i64; MAX_DEPTH]) -> Value {
-        if let Some(&known) = self.pointers[block].get(&(start, strides)) {
-            return known;
-        }
-        let key = (start, strides);
-        let here = &self.schedule.blocks[block];
-        let step = here.counter.map_or(0, |c| std::mem::take(&mut strides[c as usize]));
-        let mut pointer = match here.parent {
-            Some(parent) => self.advanced(parent, start, strides),
-            None => self.start(start),
-        };
-        if let Some(counter) = self.counters[block].filter(|_| step != 0) {
-            let bytes = step * start.size();
-            let distance = if bytes > 0 && bytes.count_ones() == 1 {
-                self.b.ins().ishl_imm_u(counter, i64::from(bytes.trailing_zeros()))
-            } else {
-                self.b.ins().imul_imm_s(counter, bytes)
-            };
-            pointer = self.b.ins().iadd(pointer, distance);
-        }
-        self.pointers[block].insert(key, pointer);
-        pointer
-    }
-
-    fn start(&mut self, start: Start) -> Value {
-        match start {
-            Start::Memory(Base::Y) => self.arguments.y,
-            Start::Memory(Base::Yp) => self.arguments.yp,
-            Start::Memory(Base::Work | Base::Factor) => self.arguments.work,
-            Start::Memory(Base::Out) => self.arguments.out,
-            Start::Tables => {
-                let tables_at = (std::mem::size_of::<KernelTable>()) as i32;
-                self.b.ins().load(types::I64, constant_memory(), self.arguments.surroundings, tables_at)
-            }
-        }
-    }
-
-    /// Makes the parts of pointers that a loop does not change ahead of it.
-    pub(super) fn prepare_pointers(&mut self, child: BlockId) {
-        let (schedule, exprs, layout) = (self.schedule, self.exprs, self.layout);
-        let here = &schedule.blocks[child];
-        let Some(parent) = here.parent else { return };
-        let mut wanted = FastSet::default();
-        let mut want = |start: Start, at: Affine| {
-            let mut strides = at.strides;
-            here.counter.iter().for_each(|&c| strides[c as usize] = 0);
-            wanted.insert((start, strides));
-        };
-        for item in &here.items {
-            match *item {
-                Item::Eval(expr) => {
-                    if let Expr::Load { var, flavour, at } = exprs.node(expr)
-                        && let Some(a) = layout.address(var, flavour)
-                    {
-                        want(Start::Memory(a.base), at);
-                    }
-                }
-                Item::Store(Sink::Out(at), _) => want(Start::Memory(Base::Out), at),
-                Item::Store(Sink::Table { index, plus, .. }, _) => {
-                    want(Start::Tables, index);
-                    want(Start::Memory(Base::Out), plus);
-                }
-                Item::Store(Sink::Var(..), _) | Item::Reduce { .. } => {}
-            }
-        }
-        let mut wanted: Vec<_> = wanted.into_iter().collect();
-        wanted.sort_unstable();
-        for (start, strides) in wanted {
-            self.advanced(parent, start, strides);
-        }
-    }
-
-    fn store(&mut self, block: BlockId, sink: Sink, value: ExprId) {
-        let value = self.as_number(block, value);
-        match sink {
-            Sink::Out(at) => self.store_at(block, Base::Out, at, value),
-            Sink::Var(var, at) => {
-                if let Some(a) = self.layout.address(var, Flavour::Value) {
-                    self.store_at(block, a.base, at.plus(Affine::constant(i64::from(a.offset))), value);
-                }
-            }
-            Sink::Table { table, index, plus, add } => {
-                let index = index.plus(Affine::constant(i64::from(table)));
-                if !self.is_two(block) {
-                    self.store_slot(block, index, plus, add, value);
-                    return;
-                }
-                for lane in [0u8, 1] {
-                    let step = |at: Affine, stride: i64| at.plus(Affine::constant(stride * i64::from(lane)));
-                    let number = self.b.ins().extractlane(value, lane);
-                    let (index, plus) = (step(index, self.lane_stride(index)), step(plus, self.lane_stride(plus)));
-                    self.store_slot(block, index, plus, add, number);
-                }
-            }
-        }
-    }
-
     /// The value of an operand, a truth value as 1 or 0.
     pub(super) fn as_number(&mut self, block: BlockId, expr: ExprId) -> Value {
         let value = self.operand(block, expr);
@@ -748,47 +576,6 @@ impl Emitter<'_> {
         let (one, zero) = (self.number(block, 1.0), self.number(block, 0.0));
         self.select(self.is_two(block), value, one, zero)
     }
-
-    fn store_at(&mut self, block: BlockId, base: Base, at: Affine, value: Value) {
-        let flags = MemFlagsData::new().with_notrap();
-        let (pointer, offset) = self.pointer(block, base, at);
-        if !self.is_two(block) || self.lane_stride(at) == 1 {
-            self.b.ins().store(flags, value, pointer, offset);
-            return;
-        }
-        let stride = self.lane_stride(at);
-        for lane in [0u8, 1] {
-            let (pointer, offset) = self.pointer(block, base, at.plus(Affine::constant(stride * i64::from(lane))));
-            let number = self.b.ins().extractlane(value, lane);
-            self.b.ins().store(flags, number, pointer, offset);
-        }
-    }
-
-    /// Stores at `tables[index] + plus` of the output, or adds there.
-    fn store_slot(&mut self, block: BlockId, index: Affine, plus: Affine, add: bool, value: Value) {
-        let mut entry = self.advanced(block, Start::Tables, index.strides);
-        let at = i32::try_from(index.offset * 4).unwrap_or_else(|_| {
-            entry = self.b.ins().iadd_imm_s(entry, index.offset * 4);
-            0
-        });
-        let slot = self.b.ins().uload32(constant_memory(), entry, at);
-        let (pointer, offset) = self.pointer(block, Base::Out, plus);
-        let bytes = self.b.ins().ishl_imm_u(slot, 3);
-        let pointer = self.b.ins().iadd(pointer, bytes);
-        let flags = MemFlagsData::new().with_notrap();
-        let value = if add {
-            let old = self.b.ins().load(types::F64, flags, pointer, offset);
-            self.b.ins().fadd(old, value)
-        } else {
-            value
-        };
-        self.b.ins().store(flags, value, pointer, offset);
-    }
-}
-
-/// Memory that never changes.
-fn constant_memory() -> MemFlagsData {
-    MemFlagsData::new().with_notrap().with_readonly().with_can_move()
 }
 
 /// Place of `pow` in the table of kernels; `atan2` and the two array versions follow.
