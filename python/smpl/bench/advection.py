@@ -101,16 +101,17 @@ def against_c(model: smpl.Model, y: FloatArray, u: FloatArray, residual: float, 
         times = library.times(by_species(y), u, model.native.nonzeros)
         rates = by_species(model.rhs(0.0, y, u))
         apart = largest(library.residual(by_species(y), u), rates, np.ones_like(y))
+        name = " ".join(["C -O3 -march=native", *flags])
         print(
-            f"  C {' '.join(['-O3 -march=native', *flags])}: residual {times[0] * 1e6:.2f} us, {times[0] / residual:.2f}"
-            f" of ours; Jacobian {times[1] * 1e6:.2f} us, {times[1] / jacobian:.2f} of ours; rates agree to {apart:.0e}"
+            f"  {name}: residual {times[0] * 1e6:.2f} us, {times[0] / residual:.2f} of ours;"
+            f" Jacobian {times[1] * 1e6:.2f} us, {times[1] / jacobian:.2f} of ours; rates agree to {apart:.0e}"
         )
 
 
 def ida_in_c(sampling: float, jackets: FloatArray, own: float, exact: FloatArray) -> None:
     """The same with SUNDIALS called from C, restarted at every change as its manual says."""
     try:
-        library = c.Library("advection", "advection_ida", libraries=c.SUNDIALS)
+        library = c.Library("advection", "advection_ida", flags=["-I/usr/include/suitesparse"], libraries=c.SUNDIALS)
     except OSError:
         print("  IDA from C: skipped, the headers of SUNDIALS are not installed")
         return
