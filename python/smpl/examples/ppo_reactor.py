@@ -72,7 +72,7 @@ def evaluate(policy: Policy, episodes: int = 100, seed: int = 10_000) -> Result:
     """Run a policy from as many starts, one episode each."""
     env = SB3VecEnv("reactor", episodes, settings=SETTINGS)
     env.seed(seed)
-    observations = env.reset()
+    observations: Any = env.reset()
     returns, lengths, failed = np.zeros(episodes), np.zeros(episodes), np.zeros(episodes, dtype=bool)
     running = np.ones(episodes, dtype=bool)
     while running.any():
