@@ -248,12 +248,17 @@ fn solver_settings(model: &CompiledModel, catalogue: &Catalogue, options: &Envir
     Ok(settings)
 }
 
-fn linear_solver(name: &str) -> Result<LinearSolver, SetupError> {
+pub(crate) fn linear_solver(name: &str) -> Result<LinearSolver, SetupError> {
     match name {
         "auto" | "" => Ok(LinearSolver::Auto),
         "dense" => Ok(LinearSolver::Dense),
+        "block" => Ok(LinearSolver::Block),
         "klu" => Ok(LinearSolver::Klu),
-        _ => Err(SetupError::Value { what: "linear_solver".into(), expected: "`auto`, `dense` or `klu`", value: format!("`{name}`") }),
+        _ => Err(SetupError::Value {
+            what: "linear_solver".into(),
+            expected: "`auto`, `dense`, `block` or `klu`",
+            value: format!("`{name}`"),
+        }),
     }
 }
 

@@ -41,13 +41,13 @@ fn robertson_ode_reaches_the_test_set_reference_at_1e11() {
     let settings = Settings::new(1e-8, vec![1e-14, 1e-18, 1e-14]);
     let ida = integrate(&mut problem, settings, 1e11);
     assert_close(ida.state(), &ROBERTSON_1E11, 2e-5);
-    let bound = Statistics { steps: 2200, residuals: 2700, jacobians: 140, error_test_failures: 42, ..Default::default() };
+    let bound = Statistics { steps: 2300, residuals: 2800, jacobians: 140, error_test_failures: 42, ..Default::default() };
     assert_at_most(ida.statistics(), bound);
 }
 
 #[test]
-fn robertson_dae_reaches_the_test_set_reference_at_1e11_with_both_linear_solvers() {
-    for (choice, method) in [(LinearSolver::Dense, Method::Dense), (LinearSolver::Klu, Method::Klu)] {
+fn robertson_dae_reaches_the_test_set_reference_at_1e11_with_all_linear_solvers() {
+    for (choice, method) in [(LinearSolver::Dense, Method::Dense), (LinearSolver::Block, Method::Block), (LinearSolver::Klu, Method::Klu)] {
         let mut problem = problems::robertson_dae();
         let mut settings = Settings::new(1e-8, vec![1e-14, 1e-18, 1e-14]);
         settings.linear_solver = choice;
@@ -108,7 +108,7 @@ fn tanks_in_series_follow_erlangs_distribution() {
     let (n, t) = (1700, 0.3);
     let mut problem = problems::tanks_in_series(n);
     let ida = integrate(&mut problem, Settings::new(1e-7, vec![1e-9; n]), t);
-    assert_eq!(ida.method(), Method::Klu);
+    assert_eq!(ida.method(), Method::Block);
     for i in (0..n).step_by(10) {
         let expected = erlang(i + 1, n as f64 * t);
         assert!((ida.state()[i] - expected).abs() < 2e-5, "tank {i}: {} is not {expected}", ida.state()[i]);

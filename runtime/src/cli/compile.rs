@@ -12,7 +12,9 @@ use super::report::Failed;
 use super::{ModelArguments, say};
 use crate::catalogue::{Catalogue, Family};
 use crate::load::ARTEFACT_EXTENSION;
-use crate::solver::{LinearSolver, System};
+use crate::setup::linear_solver;
+use crate::solver::System;
+use crate::solver::linear::Factorisation;
 use crate::system::CompiledSystem;
 use crate::trajectory::write_whole;
 use smpl_compiler::emit;
@@ -103,9 +105,9 @@ fn summary(model: &std::sync::Arc<CompiledModel>, out: &Path) -> Result<String, 
 
 fn method(model: &std::sync::Arc<CompiledModel>) -> Result<String, Failed> {
     let system = CompiledSystem::new(std::sync::Arc::clone(model)).map_err(|e| Failed::Message(e.to_string()))?;
-    let factorisation =
-        crate::solver::linear::Factorisation::new(system.pattern(), LinearSolver::Auto).map_err(|e| Failed::Message(e.to_string()))?;
-    Ok(format!("{:?}, exact", factorisation.method()).to_lowercase())
+    let choice = linear_solver(&model.model().interface.solver.linear_solver).map_err(|e| Failed::Message(e.to_string()))?;
+    let factorisation = Factorisation::new(system.pattern(), choice).map_err(|e| Failed::Message(e.to_string()))?;
+    Ok(format!("{}, exact", factorisation.method()))
 }
 
 /// Names, units and bounds of all that is seen from outside.

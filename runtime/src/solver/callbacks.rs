@@ -16,6 +16,7 @@ use sundials_sys::{
 
 use super::kernels::Block;
 use super::linear::Factorisation;
+use super::newton::Newton;
 use super::vector::{self, Operations, entries, entries_mut};
 use super::{Statistics, System};
 
@@ -61,6 +62,7 @@ pub(crate) struct Bridge {
     /// Entries of the Newton matrix.
     pub values: Box<[f64]>,
     pub factorisation: Factorisation,
+    pub newton: Newton,
     pub counts: Statistics,
     pub trouble: Option<Trouble>,
     steps_since_trouble: u32,
@@ -72,7 +74,7 @@ pub(crate) struct Bridge {
 }
 
 impl Bridge {
-    pub fn new(operations: Operations, rtol: f64, atol: &[f64], entries: usize, factorisation: Factorisation) -> Self {
+    pub fn new(operations: Operations, rtol: f64, atol: &[f64], entries: usize, factorisation: Factorisation, newton: Newton) -> Self {
         let mut blocks = vector::zeroed_blocks(atol.len());
         let all = blocks.iter_mut().flat_map(|block| block.0.iter_mut());
         let filled = atol.iter().copied().chain(std::iter::repeat(f64::INFINITY));
@@ -85,6 +87,7 @@ impl Bridge {
             atol: blocks,
             values: vec![0.0; entries].into_boxed_slice(),
             factorisation,
+            newton,
             counts: Statistics::default(),
             trouble: None,
             steps_since_trouble: 0,
@@ -136,19 +139,29 @@ impl Bridge {
         })
     }
 
-    /// Evaluates the residual at `y`, `yp` into `out`.
-    pub fn residual(&mut self, time: f64, y: N_Vector, yp: N_Vector, out: N_Vector) -> Result<(), c_int> {
+    /// Evaluates the residual at `y`, `yp` into `out`; whether it is finite is left open.
+    pub fn evaluate(&mut self, time: f64, y: N_Vector, yp: N_Vector, out: N_Vector) -> Result<(), c_int> {
         self.counts.residuals += 1;
         self.guarded(|system| unsafe {
             system.residual(time, entries(y), entries(yp), entries_mut(out));
-        })?;
-        if self.operations.all_finite(unsafe { vector::block_slice(out) }) {
-            return Ok(());
+        })
+    }
+
+    /// Whether a residual is finite; notes the trouble if it is not.
+    pub fn is_finite(&mut self, time: f64, residual: N_Vector) -> bool {
+        if self.operations.all_finite(unsafe { vector::block_slice(residual) }) {
+            return true;
         }
         self.counts.not_finite += 1;
-        let row = unsafe { entries(out) }.iter().position(|x| !x.is_finite()).unwrap_or(0);
+        let row = unsafe { entries(residual) }.iter().position(|x| !x.is_finite()).unwrap_or(0);
         self.note(Trouble::Residual { time, row });
-        Err(RECOVERABLE)
+        false
+    }
+
+    /// Evaluates the residual at `y`, `yp` into `out`; an error if it is not finite.
+    pub fn residual(&mut self, time: f64, y: N_Vector, yp: N_Vector, out: N_Vector) -> Result<(), c_int> {
+        self.evaluate(time, y, yp, out)?;
+        if self.is_finite(time, out) { Ok(()) } else { Err(RECOVERABLE) }
     }
 
     /// Evaluates the Jacobian into `values`.

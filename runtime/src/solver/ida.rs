@@ -42,6 +42,7 @@ pub struct Ida {
     memory: *mut c_void,
     bridge: *mut Bridge,
     linear: LinearObjects,
+    nonlinear: Box<_generic_SUNNonlinearSolver>,
     y: Vector,
     yp: Vector,
     quadratures: Option<Vector>,
@@ -347,6 +348,7 @@ impl Integrator for Ida {
         }
         let bridge = self.bridge();
         bridge.factorisation.forget();
+        bridge.newton.forget();
         bridge.counts = Statistics::default();
     }
 

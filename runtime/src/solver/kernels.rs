@@ -102,10 +102,15 @@ pub(crate) unsafe fn linear_combination(blocks: usize, c: &[f64], x: &[*const Bl
 /// `x` and `y` point to `blocks` blocks each.
 #[inline(always)]
 pub(crate) unsafe fn reduce(blocks: usize, x: *const Block, y: *const Block, term: impl Fn(f64, f64, f64) -> f64) -> f64 {
-    let add = |i: usize, sum: Block| {
+    reduce_blocks(blocks, |i, sum| {
         let (x, y) = unsafe { (x.add(i).read(), y.add(i).read()) };
         Block(from_fn(|lane| term(x.0[lane], y.0[lane], sum.0[lane])))
-    };
+    })
+}
+
+/// Sum over all blocks of what `add(block, partial)` adds to a partial sum.
+#[inline(always)]
+fn reduce_blocks(blocks: usize, mut add: impl FnMut(usize, Block) -> Block) -> f64 {
     if blocks == 1 {
         return add(0, Block::ZERO).sum(); // the other partial sums would be zero
     }
@@ -138,6 +143,56 @@ pub(crate) unsafe fn weighted_square_sum(blocks: usize, x: *const Block, w: *con
             let product = x * w;
             product.mul_add(product, sum)
         })
+    }
+}
+
+/// `sum += delta`; returns the sum of `(delta w)^2`.
+///
+/// # Safety
+/// `delta`, `w` and `sum` point to `blocks` blocks each, `sum` to others than the rest.
+#[inline(always)]
+pub(crate) unsafe fn accumulate(blocks: usize, delta: *const Block, w: *const Block, sum: *mut Block) -> f64 {
+    reduce_blocks(blocks, |i, partial| {
+        let (delta, w) = unsafe { (delta.add(i).read(), w.add(i).read()) };
+        unsafe { sum.add(i).write(sum.add(i).read().zip(delta, |x, d| x + d)) };
+        let product = delta.zip(w, |d, w| d * w);
+        product.zip(partial, |p, partial| p.mul_add(p, partial))
+    })
+}
+
+/// `y = y0 + x` and `z = z0 + c x`.
+///
+/// # Safety
+/// All point to `blocks` blocks, `y` and `z` to others than the rest.
+#[inline(always)]
+pub(crate) unsafe fn correct(
+    blocks: usize,
+    c: f64,
+    x: *const Block,
+    (y0, y): (*const Block, *mut Block),
+    (z0, z): (*const Block, *mut Block),
+) {
+    for i in 0..blocks {
+        unsafe {
+            let x = x.add(i).read();
+            y.add(i).write(x.zip(y0.add(i).read(), |x, y0| y0 + x));
+            z.add(i).write(x.scaled_plus(c, z0.add(i).read()));
+        }
+    }
+}
+
+/// `x[0] += first`, then `x[1] += x[0]`, `x[2] += x[1]` and so on, in one pass.
+///
+/// # Safety
+/// `first` and each of `x` point to `blocks` blocks, all different.
+#[inline(always)]
+pub(crate) unsafe fn cumulate(blocks: usize, first: *const Block, x: &[*mut Block]) {
+    for i in 0..blocks {
+        let mut sum = unsafe { first.add(i).read() };
+        for &x in x {
+            sum = sum.zip(unsafe { x.add(i).read() }, |sum, x| x + sum);
+            unsafe { x.add(i).write(sum) };
+        }
     }
 }
 

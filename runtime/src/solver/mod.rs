@@ -4,7 +4,8 @@
 //! narrow trait [`Integrator`]. [`Ida`] implements it by SUNDIALS' variable-order BDF code IDA, with
 //!
 //! * vectors of our own (`vector`, `kernels`), the same bits on every processor;
-//! * linear solvers of our own (`linear`): dense LU for small systems, KLU for large ones;
+//! * linear solvers of our own (`linear`): dense LU for small systems, sparse LU of diagonal blocks for large ones;
+//! * Newton's method in few passes over memory (`newton`);
 //! * consistent initial conditions and a first step computed from the model's exact Jacobian (`consistent`).
 //!
 //! A control step is a [`restart`](Integrator::restart) at the state and inputs of its beginning and an
@@ -33,6 +34,7 @@ mod ida;
 mod integrator;
 mod kernels;
 pub(crate) mod linear;
+mod newton;
 pub mod problems;
 mod settings;
 mod system;

@@ -60,6 +60,8 @@ pub enum LinearSolver {
     Auto,
     /// LU with partial pivoting of the full matrix.
     Dense,
+    /// Sparse LU of the diagonal blocks of the block triangular form, pivots on the diagonal; KLU where these do not serve.
+    Block,
     /// SuiteSparse's KLU.
     Klu,
 }

@@ -210,8 +210,19 @@ macro_rules! operations {
             unsafe extern "C" fn linear_sums(
                 n: c_int, a: f64, x: *mut N_Vector, b: f64, y: *mut N_Vector, z: *mut N_Vector,
             ) -> c_int {
-                for k in 0..n as usize {
-                    unsafe { linear_sum(a, *x.add(k), b, *y.add(k), *z.add(k)) };
+                let n = n as usize;
+                let (x, y, z) = unsafe {
+                    (std::slice::from_raw_parts(x, n), std::slice::from_raw_parts(y, n), std::slice::from_raw_parts(z, n))
+                };
+                // Differences of the history: each sum is the next one's second term.
+                if (a, b) == (1.0, 1.0) && n > 0 && n <= MAX_FUSED && x == z && y[1..] == x[..n - 1] && !x.contains(&y[0]) {
+                    let mut terms = [ptr::null_mut::<Block>(); MAX_FUSED];
+                    terms.iter_mut().zip(x).for_each(|(term, &x)| *term = blocks(x));
+                    unsafe { kernels::cumulate(block_count(x[0]), blocks(y[0]), &terms[..n]) };
+                    return 0;
+                }
+                for k in 0..n {
+                    unsafe { linear_sum(a, x[k], b, y[k], z[k]) };
                 }
                 0
             }
@@ -227,6 +238,17 @@ macro_rules! operations {
             $(#[$feature])?
             pub(super) unsafe fn error_weights(rtol: f64, y: N_Vector, atol: &[Block], w: N_Vector) {
                 unsafe { kernels::error_weights(atol.len(), rtol, blocks(y), atol.as_ptr(), blocks(w)) }
+            }
+
+            $(#[$feature])?
+            pub(super) unsafe fn accumulate(delta: N_Vector, w: N_Vector, sum: N_Vector) -> f64 {
+                let square = unsafe { kernels::accumulate(block_count(delta), blocks(delta), blocks(w), blocks(sum)) };
+                (square / unsafe { (*content(delta)).length } as f64).sqrt()
+            }
+
+            $(#[$feature])?
+            pub(super) unsafe fn correct(c: f64, x: N_Vector, (y0, y): (N_Vector, N_Vector), (z0, z): (N_Vector, N_Vector)) {
+                unsafe { kernels::correct(block_count(x), c, blocks(x), (blocks(y0), blocks(y)), (blocks(z0), blocks(z))) }
             }
 
             $(#[$feature])?
@@ -294,6 +316,32 @@ impl Operations {
             Self::Portable => unsafe { portable::error_weights(rtol, y, atol, w) },
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => unsafe { avx2::error_weights(rtol, y, atol, w) },
+        }
+    }
+
+    /// `sum += delta`; returns the weighted root mean square of `delta`.
+    ///
+    /// # Safety
+    /// All were made by [`Vector`] with the same length; `sum` is another than the rest.
+    #[inline]
+    pub unsafe fn accumulate(self, delta: N_Vector, w: N_Vector, sum: N_Vector) -> f64 {
+        match self {
+            Self::Portable => unsafe { portable::accumulate(delta, w, sum) },
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => unsafe { avx2::accumulate(delta, w, sum) },
+        }
+    }
+
+    /// `y.1 = y.0 + x` and `z.1 = z.0 + c x`.
+    ///
+    /// # Safety
+    /// All were made by [`Vector`] with the same length; what is written is another than the rest.
+    #[inline]
+    pub unsafe fn correct(self, c: f64, x: N_Vector, y: (N_Vector, N_Vector), z: (N_Vector, N_Vector)) {
+        match self {
+            Self::Portable => unsafe { portable::correct(c, x, y, z) },
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => unsafe { avx2::correct(c, x, y, z) },
         }
     }
 

@@ -8,6 +8,7 @@ use sundials_sys::*;
 use super::super::callbacks::{self, Bridge, LinearObjects};
 use super::super::consistent::Consistent;
 use super::super::linear::Factorisation;
+use super::super::newton::{self, Newton};
 use super::super::vector::{Operations, Vector};
 use super::super::{IdaFlag, Quadratures, Settings, SolveError, System};
 use super::{Context, Ida, IdaCounts, Phase};
@@ -22,7 +23,8 @@ impl Ida {
         let context = Context(raw);
         let factorisation = Factorisation::new(system.pattern(), settings.linear_solver)?;
         let entries = system.pattern().entries();
-        let bridge = Bridge::new(operations, settings.rtol, &settings.atol, entries, factorisation);
+        let newton = Newton::new(n, operations, context.0);
+        let bridge = Bridge::new(operations, settings.rtol, &settings.atol, entries, factorisation, newton);
         let consistent = match system.is_explicit() {
             true => Some(Consistent::new(system, operations, context.0)?),
             false => None,
@@ -38,6 +40,7 @@ impl Ida {
             memory: unsafe { IDACreate(context.0) },
             bridge,
             linear: LinearObjects::new(bridge, context.0),
+            nonlinear: newton::object(bridge, context.0),
             y,
             yp,
             quadratures,
@@ -70,6 +73,7 @@ impl Ida {
             check("IDAWFtolerances", IDAWFtolerances(memory, Some(callbacks::error_weights)))?;
             let (solver, matrix) = (&mut *self.linear.solver, &mut *self.linear.matrix);
             check("IDASetLinearSolver", IDASetLinearSolver(memory, solver, matrix))?;
+            check("IDASetNonlinearSolver", IDASetNonlinearSolver(memory, &mut *self.nonlinear))?;
             check("IDASetJacFn", IDASetJacFn(memory, Some(callbacks::jacobian)))?;
             check("IDASetMaxOrd", IDASetMaxOrd(memory, self.settings.max_order as c_int))?;
             check("IDASetMaxNumSteps", IDASetMaxNumSteps(memory, c_long::from(self.settings.max_steps)))?;

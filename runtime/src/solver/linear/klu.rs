@@ -4,13 +4,12 @@ use std::os::raw::c_long;
 use std::ptr;
 
 use sundials_sys::{
-    klu_l_analyze, klu_l_common, klu_l_condest, klu_l_defaults, klu_l_extract, klu_l_factor, klu_l_free_numeric, klu_l_free_symbolic,
-    klu_l_numeric, klu_l_rcond, klu_l_refactor, klu_l_solve, klu_l_symbolic,
+    klu_l_analyze, klu_l_common, klu_l_condest, klu_l_defaults, klu_l_factor, klu_l_free_numeric, klu_l_free_symbolic, klu_l_numeric,
+    klu_l_rcond, klu_l_refactor, klu_l_solve, klu_l_symbolic,
 };
 
 use super::super::{IdaFlag, Pattern, SolveError};
 use super::Singular;
-use super::triangular::{ByColumns, Factors};
 
 /// Reciprocal condition below which old pivots are not trusted (SUNDIALS' own bound, roundoff to the power 2/3).
 const ILL_CONDITIONED: f64 = 3.7e-11;
@@ -29,8 +28,6 @@ pub(crate) struct Klu {
     /// Whether the next factorisation chooses its pivots anew.
     pivot: bool,
     values: Box<[f64]>,
-    /// Factors of a single block in a form of our own, with the space to fetch them from KLU.
-    factors: Option<(ByColumns, Factors)>,
 }
 
 // SAFETY: the objects behind the pointers are owned, and KLU has no global state.
@@ -49,7 +46,6 @@ impl Klu {
             numeric: ptr::null_mut(),
             pivot: true,
             values: vec![0.0; pattern.entries()].into_boxed_slice(),
-            factors: None,
         };
         unsafe {
             klu_l_defaults(&mut *klu.common);
@@ -73,12 +69,10 @@ impl Klu {
     pub fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
         self.values.copy_from_slice(values);
         if !self.pivot && self.refactorise() {
-            self.fetch_numbers();
             return Ok(());
         }
         self.pivot = true;
         self.factorise_with_pivoting()?;
-        self.fetch_structure();
         self.pivot = false;
         Ok(())
     }
@@ -130,76 +124,7 @@ impl Klu {
         Ok(())
     }
 
-    /// After a factorisation with new pivots: takes the factors over, if they are a single block.
-    fn fetch_structure(&mut self) {
-        self.factors = None;
-        // SAFETY: `numeric` was just made.
-        let (n, blocks, lower, upper) = unsafe { ((*self.numeric).n, (*self.numeric).nblocks, (*self.numeric).lnz, (*self.numeric).unz) };
-        if blocks != 1 {
-            return;
-        }
-        let (n, lower, upper) = (n as usize, lower as usize, upper as usize);
-        let mut from = ByColumns {
-            lower_starts: vec![0; n + 1].into(),
-            lower_rows: vec![0; lower].into(),
-            lower: vec![0.0; lower].into(),
-            upper_starts: vec![0; n + 1].into(),
-            upper_rows: vec![0; upper].into(),
-            upper: vec![0.0; upper].into(),
-            row_order: vec![0; n].into(),
-            column_order: vec![0; n].into(),
-            scales: vec![0.0; n].into(),
-        };
-        if self.extract(&mut from) {
-            self.factors = Factors::new(&from).map(|factors| (from, factors));
-            self.set_factors();
-        }
-    }
-
-    /// After a factorisation with the old pivots: takes the numbers over.
-    fn fetch_numbers(&mut self) {
-        if let Some((mut from, factors)) = self.factors.take()
-            && self.extract(&mut from)
-        {
-            self.factors = Some((from, factors));
-            self.set_factors();
-        }
-    }
-
-    fn set_factors(&mut self) {
-        if let Some((from, factors)) = &mut self.factors {
-            factors.set(from);
-        }
-    }
-
-    fn extract(&mut self, into: &mut ByColumns) -> bool {
-        let none = ptr::null_mut();
-        unsafe {
-            klu_l_extract(
-                self.numeric,
-                self.symbolic,
-                into.lower_starts.as_mut_ptr(),
-                into.lower_rows.as_mut_ptr(),
-                into.lower.as_mut_ptr(),
-                into.upper_starts.as_mut_ptr(),
-                into.upper_rows.as_mut_ptr(),
-                into.upper.as_mut_ptr(),
-                none,
-                none,
-                ptr::null_mut(),
-                into.row_order.as_mut_ptr(),
-                into.column_order.as_mut_ptr(),
-                into.scales.as_mut_ptr(),
-                none,
-                &mut *self.common,
-            ) == 1
-        }
-    }
-
     pub fn solve(&mut self, b: &mut [f64]) {
-        if let Some((_, factors)) = &mut self.factors {
-            return factors.solve(b);
-        }
         unsafe {
             klu_l_solve(self.symbolic, self.numeric, self.n, 1, b.as_mut_ptr(), &mut *self.common);
         }

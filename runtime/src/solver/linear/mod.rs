@@ -1,11 +1,15 @@
 //! Linear systems of the Newton iteration.
 
+mod block;
 mod dense;
 mod klu;
-mod triangular;
+mod substitution;
 
+pub(crate) use block::Block;
 pub(crate) use dense::Dense;
 pub(crate) use klu::Klu;
+
+use std::fmt::{self, Display, Formatter};
 
 use super::{LinearSolver, Pattern, SolveError};
 
@@ -20,8 +24,20 @@ const MEDIUM: usize = 48;
 pub enum Method {
     /// LU with partial pivoting of the full matrix.
     Dense,
-    /// SuiteSparse's KLU.
+    /// Sparse LU of the diagonal blocks of the block triangular form, its pivots on the diagonal where they serve.
+    Block,
+    /// SuiteSparse's KLU, with partial pivoting.
     Klu,
+}
+
+impl Display for Method {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Dense => "dense LU",
+            Self::Block => "sparse LU of diagonal blocks",
+            Self::Klu => "KLU",
+        })
+    }
 }
 
 /// The matrix has no factorisation.
@@ -35,7 +51,9 @@ pub(crate) struct Singular {
 pub(crate) enum Factorisation {
     /// Dense.
     Dense(Dense),
-    /// Sparse.
+    /// Sparse, pivots on the diagonal.
+    Block(Box<Block>),
+    /// Sparse, partial pivoting.
     Klu(Box<Klu>),
 }
 
@@ -44,18 +62,24 @@ impl Factorisation {
     pub fn new(pattern: &Pattern, choice: LinearSolver) -> Result<Self, SolveError> {
         let n = pattern.dimension();
         let full = pattern.entries() * 2 >= n * n;
-        let dense = match choice {
-            LinearSolver::Auto => n <= SMALL || (n <= MEDIUM && full),
-            LinearSolver::Dense => true,
-            LinearSolver::Klu => false,
+        let method = match choice {
+            LinearSolver::Auto if n <= SMALL || (n <= MEDIUM && full) => Method::Dense,
+            LinearSolver::Auto | LinearSolver::Block => Method::Block,
+            LinearSolver::Dense => Method::Dense,
+            LinearSolver::Klu => Method::Klu,
         };
-        Ok(if dense { Self::Dense(Dense::new(pattern)) } else { Self::Klu(Box::new(Klu::new(pattern)?)) })
+        Ok(match method {
+            Method::Dense => Self::Dense(Dense::new(pattern)),
+            Method::Block => Self::Block(Box::new(Block::new(pattern)?)),
+            Method::Klu => Self::Klu(Box::new(Klu::new(pattern)?)),
+        })
     }
 
     /// Which it is.
     pub fn method(&self) -> Method {
         match self {
             Self::Dense(_) => Method::Dense,
+            Self::Block(_) => Method::Block,
             Self::Klu(_) => Method::Klu,
         }
     }
@@ -64,22 +88,37 @@ impl Factorisation {
     pub fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
         match self {
             Self::Dense(dense) => dense.factorise(values),
+            Self::Block(block) => block.factorise(values),
             Self::Klu(klu) => klu.factorise(values),
         }
+    }
+
+    /// Writes the solution for `factor` times the right-hand side to `x`.
+    pub fn solve_scaled(&mut self, factor: f64, b: &[f64], x: &mut [f64]) {
+        if let Self::Block(block) = self
+            && block.solve_scaled(factor, b, x)
+        {
+            return;
+        }
+        x.iter_mut().zip(b).for_each(|(x, b)| *x = factor * b);
+        self.solve(x);
     }
 
     /// Replaces the right-hand side by the solution.
     pub fn solve(&mut self, b: &mut [f64]) {
         match self {
             Self::Dense(dense) => dense.solve(b),
+            Self::Block(block) => block.solve(b),
             Self::Klu(klu) => klu.solve(b),
         }
     }
 
     /// Forgets the pivots of earlier factorisations.
     pub fn forget(&mut self) {
-        if let Self::Klu(klu) = self {
-            klu.forget();
+        match self {
+            Self::Dense(_) => {}
+            Self::Block(block) => block.forget(),
+            Self::Klu(klu) => klu.forget(),
         }
     }
 }
@@ -110,21 +149,23 @@ mod tests {
     fn sparse_factors_solve_rows_of_very_different_size() {
         let n = 40;
         let pattern = system(n, 0.0).0;
-        let mut sparse = Factorisation::new(&pattern, LinearSolver::Klu).expect("a solver");
-        // Pivots chosen anew, then kept.
-        for shift in [0.0, 0.5, 4.0] {
-            let values = system(n, shift).1;
-            let solution: Vec<f64> = (0..n).map(|i| (i as f64).cos()).collect();
-            let mut b = vec![0.0; n];
-            for (column, x) in solution.iter().enumerate() {
-                for entry in pattern.column(column) {
-                    b[pattern.rows()[entry]] += values[entry] * x;
+        for choice in [LinearSolver::Klu, LinearSolver::Block] {
+            let mut sparse = Factorisation::new(&pattern, choice).expect("a solver");
+            // Pivots chosen anew, then kept.
+            for shift in [0.0, 0.5, 4.0] {
+                let values = system(n, shift).1;
+                let solution: Vec<f64> = (0..n).map(|i| (i as f64).cos()).collect();
+                let mut b = vec![0.0; n];
+                for (column, x) in solution.iter().enumerate() {
+                    for entry in pattern.column(column) {
+                        b[pattern.rows()[entry]] += values[entry] * x;
+                    }
                 }
-            }
-            sparse.factorise(&values).expect("not singular");
-            sparse.solve(&mut b);
-            for (got, expected) in b.iter().zip(&solution) {
-                assert!((got - expected).abs() < 1e-9, "{shift}: {got} {expected}");
+                sparse.factorise(&values).expect("not singular");
+                sparse.solve(&mut b);
+                for (got, expected) in b.iter().zip(&solution) {
+                    assert!((got - expected).abs() < 1e-9, "{shift}: {got} {expected}");
+                }
             }
         }
     }

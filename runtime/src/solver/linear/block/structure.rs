@@ -1,0 +1,405 @@
+//! What is known of a factorisation before there are numbers, and the factorisation of one block by it.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
+
+use super::super::substitution::{Places, Source, Substitution};
+use super::order::{Order, places};
+use super::{SMALL, reciprocal};
+use crate::solver::{Pattern, SolveError};
+
+/// One diagonal block.
+pub(super) enum Step {
+    /// To be inverted, of this dimension.
+    Small(u8),
+    /// To be factorised, these rows of the order of elimination.
+    Large(Range<usize>),
+}
+
+/// An entry of the matrix and where it goes.
+#[derive(Clone, Copy)]
+struct Move {
+    entry: u32,
+    to: u32,
+}
+
+/// Small blocks, in the order of their steps. With D the block and B what stands before it, x = D⁻¹ b − D⁻¹ B x_before.
+#[derive(Default)]
+pub(super) struct Small {
+    /// Number of entries of D, and of columns of B that are not zero, of each block.
+    counts: Vec<(u32, u32)>,
+    /// Entries of D, to places of the full block by rows.
+    inside: Vec<Move>,
+    /// Number of entries of each column of B.
+    columns: Vec<u32>,
+    /// Entries of B column by column, to rows of the block.
+    outside: Vec<Move>,
+    /// Places of the factors: D⁻¹ by rows, then D⁻¹ B by columns.
+    places: Vec<u32>,
+}
+
+/// How far [`Small`] was walked through.
+pub(super) struct Cursor<'a> {
+    counts: std::slice::Iter<'a, (u32, u32)>,
+    inside: &'a [Move],
+    columns: &'a [u32],
+    outside: &'a [Move],
+    places: &'a [u32],
+}
+
+impl Small {
+    pub fn cursor(&self) -> Cursor<'_> {
+        Cursor { counts: self.counts.iter(), inside: &self.inside, columns: &self.columns, outside: &self.outside, places: &self.places }
+    }
+}
+
+/// Takes the first `count` items off.
+///
+/// # Safety
+/// There are as many.
+#[inline(always)]
+unsafe fn take<'a, T>(from: &mut &'a [T], count: usize) -> &'a [T] {
+    unsafe {
+        let taken = from.get_unchecked(..count);
+        *from = from.get_unchecked(count..);
+        taken
+    }
+}
+
+impl Cursor<'_> {
+    /// Inverts the next block, of dimension `N`, and sets its factors; false where a pivot does not serve.
+    ///
+    /// # Safety
+    /// `values` and `factors` have the lengths for which the structure was made, and the next block has dimension `N`.
+    #[inline(always)]
+    pub unsafe fn invert<const N: usize>(&mut self, values: &[f64], factors: &mut [f64]) -> bool {
+        unsafe {
+            let &(entries, columns) = self.counts.next().unwrap_unchecked();
+            let mut block = [[0.0_f64; N]; N];
+            for item in take(&mut self.inside, entries as usize) {
+                *block.as_flattened_mut().get_unchecked_mut(item.to as usize) = *values.get_unchecked(item.entry as usize);
+            }
+            if !invert(&mut block) {
+                return false;
+            }
+            for (&place, &value) in take(&mut self.places, N * N).iter().zip(block.as_flattened()) {
+                *factors.get_unchecked_mut(place as usize) = value;
+            }
+            for &entries in take(&mut self.columns, columns as usize) {
+                let mut products = [0.0_f64; N];
+                for item in take(&mut self.outside, entries as usize) {
+                    let value = *values.get_unchecked(item.entry as usize);
+                    for row in 0..N {
+                        products[row] = (-block[row].get_unchecked(item.to as usize)).mul_add(value, products[row]);
+                    }
+                }
+                for (&place, &product) in take(&mut self.places, N).iter().zip(&products) {
+                    *factors.get_unchecked_mut(place as usize) = product;
+                }
+            }
+        }
+        true
+    }
+}
+
+/// Gauss–Jordan elimination in place, pivots on the diagonal; false where one does not serve.
+#[inline(always)]
+fn invert<const N: usize>(a: &mut [[f64; N]; N]) -> bool {
+    let diagonal: [f64; N] = std::array::from_fn(|i| a[i][i]);
+    for k in 0..N {
+        let Some(inverse) = reciprocal(a[k][k], diagonal[k]) else { return false };
+        a[k][k] = 1.0;
+        a[k].iter_mut().for_each(|entry| *entry *= inverse);
+        let pivot_row = a[k];
+        for i in (0..N).filter(|&i| i != k) {
+            let factor = std::mem::take(&mut a[i][k]);
+            for (entry, pivot) in a[i].iter_mut().zip(&pivot_row) {
+                *entry = (-factor).mul_add(*pivot, *entry);
+            }
+        }
+    }
+    true
+}
+
+/// Rows of a triangular factor without its diagonal, and where their numbers go.
+#[derive(Default)]
+struct Rows {
+    starts: Vec<u32>,
+    columns: Vec<u32>,
+    places: Vec<u32>,
+}
+
+impl Rows {
+    fn push(&mut self, columns: &[u32], places: &[u32]) {
+        self.starts.push(self.columns.len() as u32);
+        self.columns.extend_from_slice(columns);
+        self.places.extend_from_slice(places);
+    }
+
+    #[inline(always)]
+    unsafe fn range(&self, row: usize) -> Range<usize> {
+        unsafe { *self.starts.get_unchecked(row) as usize..*self.starts.get_unchecked(row + 1) as usize }
+    }
+}
+
+/// Large blocks: L U = D with a diagonal of ones in L, by rows. With B what stands before a block, w = b − B x_before − L w and
+/// x = U⁻¹ w. Rows are counted over all blocks of this kind.
+#[derive(Default)]
+pub(super) struct Large {
+    lower: Rows,
+    upper: Rows,
+    /// Numbers of U; those of L are only needed at their places.
+    upper_values: Vec<f64>,
+    inverse_diagonal: Vec<f64>,
+    inverse_places: Vec<u32>,
+    /// Entries of B, to places, and of D, to columns, row by row.
+    outside: Vec<Move>,
+    outside_starts: Vec<u32>,
+    inside: Vec<Move>,
+    inside_starts: Vec<u32>,
+    /// Places of the factors that stay one.
+    ones: Vec<u32>,
+    /// A row under elimination; zero in between.
+    work: Vec<f64>,
+}
+
+impl Large {
+    /// Factorises the block of these rows and sets its factors; false where a pivot does not serve.
+    ///
+    /// # Safety
+    /// `values` and `factors` have the lengths for which the structure was made.
+    #[inline(always)]
+    pub unsafe fn eliminate(&mut self, rows: Range<usize>, values: &[f64], factors: &mut [f64]) -> bool {
+        let Self { lower, upper, upper_values, inverse_diagonal, work, .. } = self;
+        unsafe {
+            for row in rows {
+                let range = *self.outside_starts.get_unchecked(row) as usize..*self.outside_starts.get_unchecked(row + 1) as usize;
+                for item in self.outside.get_unchecked(range) {
+                    *factors.get_unchecked_mut(item.to as usize) = -*values.get_unchecked(item.entry as usize);
+                }
+                let range = *self.inside_starts.get_unchecked(row) as usize..*self.inside_starts.get_unchecked(row + 1) as usize;
+                for item in self.inside.get_unchecked(range) {
+                    *work.get_unchecked_mut(item.to as usize) = *values.get_unchecked(item.entry as usize);
+                }
+                let diagonal = *work.get_unchecked(row);
+                for entry in lower.range(row) {
+                    let column = *lower.columns.get_unchecked(entry) as usize;
+                    let factor = -*work.get_unchecked(column) * *inverse_diagonal.get_unchecked(column);
+                    *work.get_unchecked_mut(column) = 0.0;
+                    *factors.get_unchecked_mut(*lower.places.get_unchecked(entry) as usize) = factor;
+                    let range = upper.range(column);
+                    let columns = upper.columns.get_unchecked(range.clone());
+                    for (&column, &value) in columns.iter().zip(upper_values.get_unchecked(range)) {
+                        let entry = work.get_unchecked_mut(column as usize);
+                        *entry = factor.mul_add(value, *entry);
+                    }
+                }
+                let Some(inverse) = reciprocal(*work.get_unchecked(row), diagonal) else {
+                    work.fill(0.0);
+                    return false;
+                };
+                *work.get_unchecked_mut(row) = 0.0;
+                *inverse_diagonal.get_unchecked_mut(row) = inverse;
+                *factors.get_unchecked_mut(*self.inverse_places.get_unchecked(row) as usize) = inverse;
+                for entry in upper.range(row) {
+                    let value = std::mem::take(work.get_unchecked_mut(*upper.columns.get_unchecked(entry) as usize));
+                    *upper_values.get_unchecked_mut(entry) = value;
+                    *factors.get_unchecked_mut(*upper.places.get_unchecked(entry) as usize) = -inverse * value;
+                }
+            }
+        }
+        true
+    }
+}
+
+/// Entries of the matrix in the order of elimination.
+struct Entries {
+    /// Row by row: entry and column.
+    rows: Vec<Vec<Move>>,
+    order: Order,
+}
+
+impl Entries {
+    fn new(pattern: &Pattern) -> Result<Self, SolveError> {
+        let order = Order::new(pattern)?;
+        let (row_places, column_places) = (places(&order.rows), places(&order.columns));
+        let mut rows = vec![Vec::new(); pattern.dimension()];
+        for (column, &place) in column_places.iter().enumerate() {
+            for entry in pattern.column(column) {
+                rows[row_places[pattern.rows()[entry]] as usize].push(Move { entry: entry as u32, to: place });
+            }
+        }
+        rows.iter_mut().for_each(|row| row.sort_unstable_by_key(|m| m.to));
+        Ok(Self { rows, order })
+    }
+
+    /// The entries of a row before its block, and those of its block.
+    fn split(&self, row: u32, start: u32) -> (&[Move], &[Move]) {
+        let row = &self.rows[row as usize];
+        row.split_at(row.partition_point(|m| m.to < start))
+    }
+}
+
+/// A block before places are known.
+enum Draft {
+    Small {
+        block: Range<u32>,
+        /// Columns of B with their entries, to rows of the block.
+        columns: Vec<Vec<Move>>,
+        /// The sum of each unknown.
+        sums: Range<u32>,
+    },
+    Large {
+        block: Range<u32>,
+        lower: Vec<Vec<u32>>,
+        upper: Vec<Vec<u32>>,
+        /// For each row, the sum of w; those of x follow, from the last row to the first.
+        sums: Range<u32>,
+    },
+}
+
+/// A factorisation and the substitution that goes with it.
+pub(super) struct Structure {
+    /// The blocks, one after the other.
+    pub steps: Box<[Step]>,
+    pub small: Small,
+    pub large: Large,
+    pub substitution: Substitution,
+}
+
+/// Finds the structure for matrices of this pattern.
+pub(super) fn analyse(pattern: &Pattern) -> Result<Structure, SolveError> {
+    let entries = Entries::new(pattern)?;
+    let mut sums: Vec<Vec<Source>> = Vec::new();
+    // The sum that is the unknown at each place.
+    let mut unknowns = vec![0_u32; pattern.dimension()];
+    let blocks: Vec<_> = entries.order.blocks().collect();
+    let drafts: Vec<Draft> = blocks
+        .into_iter()
+        .map(|block| match block.len() {
+            1..=SMALL => draft_small(&entries, block, &mut sums, &mut unknowns),
+            _ => draft_large(&entries, block, &mut sums, &mut unknowns),
+        })
+        .collect();
+    let mut by_column = vec![0; unknowns.len()];
+    entries.order.columns.iter().zip(&unknowns).for_each(|(&column, &sum)| by_column[column as usize] = sum);
+    let (mut substitution, places) = Substitution::new(&sums, &by_column);
+    let (mut small, mut large) = (Small::default(), Large::default());
+    let steps = drafts.iter().map(|draft| draft.place(&entries, &places, &mut small, &mut large)).collect();
+    large.finish();
+    for &place in &large.ones {
+        substitution.factors_mut()[place as usize] = 1.0;
+    }
+    Ok(Structure { steps, small, large, substitution })
+}
+
+fn draft_small(entries: &Entries, block: Range<u32>, sums: &mut Vec<Vec<Source>>, unknowns: &mut [u32]) -> Draft {
+    let mut columns: BTreeMap<u32, Vec<Move>> = BTreeMap::new();
+    for row in block.clone() {
+        for item in entries.split(row, block.start).0 {
+            columns.entry(item.to).or_default().push(Move { entry: item.entry, to: row - block.start });
+        }
+    }
+    let first = sums.len() as u32;
+    let right = block.clone().map(|row| Source::Right(entries.order.rows[row as usize]));
+    let before = columns.keys().map(|&place| Source::Sum(unknowns[place as usize]));
+    let terms: Vec<Source> = right.chain(before).collect();
+    for row in block.clone() {
+        unknowns[row as usize] = sums.len() as u32;
+        sums.push(terms.clone());
+    }
+    Draft::Small { block, columns: columns.into_values().collect(), sums: first..sums.len() as u32 }
+}
+
+fn draft_large(entries: &Entries, block: Range<u32>, sums: &mut Vec<Vec<Source>>, unknowns: &mut [u32]) -> Draft {
+    let (mut lower, mut upper) = (Vec::new(), Vec::<Vec<u32>>::new());
+    let first = sums.len() as u32;
+    for row in block.clone() {
+        let (before, inside) = entries.split(row, block.start);
+        let (left, right) = filled(row - block.start, inside.iter().map(|m| m.to - block.start), &upper);
+        let mut terms = vec![Source::Right(entries.order.rows[row as usize])];
+        terms.extend(before.iter().map(|m| Source::Sum(unknowns[m.to as usize])));
+        terms.extend(left.iter().map(|&column| Source::Sum(first + column)));
+        sums.push(terms);
+        lower.push(left);
+        upper.push(right);
+    }
+    for row in block.clone().rev() {
+        let local = row - block.start;
+        let mut terms = vec![Source::Sum(first + local)];
+        terms.extend(upper[local as usize].iter().map(|&column| Source::Sum(unknowns[(block.start + column) as usize])));
+        unknowns[row as usize] = sums.len() as u32;
+        sums.push(terms);
+    }
+    Draft::Large { block, lower, upper, sums: first..sums.len() as u32 }
+}
+
+/// Columns of a row of L and U, fill included, from its entries and the rows of U above.
+fn filled(row: u32, entries: impl Iterator<Item = u32>, upper: &[Vec<u32>]) -> (Vec<u32>, Vec<u32>) {
+    let mut columns: BTreeSet<u32> = entries.collect();
+    let mut left = Vec::new();
+    while let Some(&column) = columns.first().filter(|&&column| column < row) {
+        columns.pop_first();
+        columns.extend(&upper[column as usize]);
+        left.push(column);
+    }
+    columns.remove(&row);
+    (left, columns.into_iter().collect())
+}
+
+impl Draft {
+    fn place(&self, entries: &Entries, places: &Places, small: &mut Small, large: &mut Large) -> Step {
+        match self {
+            Self::Small { block, columns, sums } => {
+                let size = block.len() as u32;
+                let before = small.inside.len();
+                for row in block.clone() {
+                    let inside = entries.split(row, block.start).1.iter();
+                    small.inside.extend(inside.map(|m| Move { entry: m.entry, to: (row - block.start) * size + m.to - block.start }));
+                }
+                small.counts.push(((small.inside.len() - before) as u32, columns.len() as u32));
+                small.places.extend(sums.clone().flat_map(|sum| &places.of(sum)[..size as usize]));
+                for (number, column) in columns.iter().enumerate() {
+                    small.columns.push(column.len() as u32);
+                    small.outside.extend(column);
+                    small.places.extend(sums.clone().map(|sum| places.of(sum)[size as usize + number]));
+                }
+                Step::Small(size as u8)
+            }
+            Self::Large { block, lower, upper, sums } => {
+                let start = large.inverse_diagonal.len();
+                for row in block.clone() {
+                    let local = (row - block.start) as usize;
+                    let (before, inside) = entries.split(row, block.start);
+                    let shifted = |columns: &[u32]| columns.iter().map(|&c| c + start as u32).collect::<Vec<_>>();
+                    let [one, rest @ ..] = places.of(sums.start + local as u32) else { continue };
+                    let (outside, left) = rest.split_at(before.len());
+                    let [inverse, right @ ..] = places.of(sums.end - 1 - local as u32) else { continue };
+                    large.ones.push(*one);
+                    large.outside_starts.push(large.outside.len() as u32);
+                    large.outside.extend(before.iter().zip(outside).map(|(m, &to)| Move { entry: m.entry, to }));
+                    large.inside_starts.push(large.inside.len() as u32);
+                    large.inside.extend(inside.iter().map(|m| Move { entry: m.entry, to: m.to - block.start + start as u32 }));
+                    large.lower.push(&shifted(&lower[local]), left);
+                    large.upper.push(&shifted(&upper[local]), right);
+                    large.inverse_places.push(*inverse);
+                    large.inverse_diagonal.push(0.0);
+                }
+                Step::Large(start..start + block.len())
+            }
+        }
+    }
+}
+
+impl Large {
+    /// Closes what is kept by beginnings, and makes space for numbers.
+    fn finish(&mut self) {
+        self.outside_starts.push(self.outside.len() as u32);
+        self.inside_starts.push(self.inside.len() as u32);
+        for rows in [&mut self.lower, &mut self.upper] {
+            rows.starts.push(rows.columns.len() as u32);
+        }
+        self.upper_values = vec![0.0; self.upper.columns.len()];
+        self.work = vec![0.0; self.inverse_diagonal.len()];
+    }
+}
