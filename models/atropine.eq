@@ -61,51 +61,51 @@ param q6    : mL/min    = 0.5       "flow of feed S6"
 param n_grid  = 40    "a cell has the volume V/n_grid of its reactor"
 param n_cells = 40    "reacting cells of a reactor"
 
-param reward_scale = 1                            "factor on every reward"
-param action_penalty[k in 1..4] : min/mL = 0      "weights of the corrections, subtracted from every reward"
+param reward_scale = 1    "factor on every reward"
+param action_penalty[k in 1..4] : min/mL = 0    "weights of the corrections, subtracted from every reward"
 
-action dq1 : mL/min = 0 in -0.00015742..1.92476206e-05    "deviation of feed S1 from nominal"
-action dq2 : mL/min = 0 in -0.00146234..1.22118426e-02    "deviation of feed S2 from nominal"
-action dq3 : mL/min = 0 in -0.00021812..1.82154982e-03    "deviation of feed S3 from nominal"
-action dq4 : mL/min = 0 in -0.00300454..3.59729230e-04    "deviation of feed S4 from nominal"
+action dq1 : mL/min = 0  in -0.00015742..1.92476206e-05    "deviation of feed S1 from nominal"
+action dq2 : mL/min = 0  in -0.00146234..1.22118426e-02    "deviation of feed S2 from nominal"
+action dq3 : mL/min = 0  in -0.00021812..1.82154982e-03    "deviation of feed S3 from nominal"
+action dq4 : mL/min = 0  in -0.00300454..3.59729230e-04    "deviation of feed S4 from nominal"
 
-choice coupling = continuous | held "what the units send to the next: as it is now, or as it was at the start of the step"
+choice coupling = continuous | held    "what the units send to the next: as it is now, or as it was at the start of the step"
 
 let q1 : mL/min = q1_ss + dq1    "feed S1, tropine in DMF"
 let q2 : mL/min = q2_ss + dq2    "feed S2, phenylacetyl chloride"
 let q3 : mL/min = q3_ss + dq3    "feed S3, formaldehyde"
 let q4 : mL/min = q4_ss + dq4    "feed S4, sodium hydroxide"
 
-let rho_feed[k in feeds] = 1 / sum(w_feed[k, i] / rho[i] for i in species)
+let rho_feed[k in feeds]           = 1 / sum(w_feed[k, i] / rho[i] for i in species)
 let feed[k in feeds, i in species] = w_feed[k, i] * rho_feed[k]    # g/L
 
 connector Stream { Q : L/min, c[species] : mol/L }
 
 component Mixer "ideal mixing by mass; the volume follows from the densities of the pure species" {
   port inlet, outlet : Stream
-  var m[species] : g/min     "mass flows of the feeds that enter here"
-  var Q          : L/min     "flow out of the mixer"
-  var c[species] : mol/L     "its concentrations"
+  var m[species] : g/min    "mass flows of the feeds that enter here"
+  var Q          : L/min    "flow out of the mixer"
+  var c[species] : mol/L    "its concentrations"
   let total[i in species] = m[i] + inlet.c[i] * M[i] * inlet.Q
-  let density = sum(total[i] for i in species) / sum(total[i] / rho[i] for i in species)
-  eq Q    = sum(total[i] for i in species) / density
-  eq c[i] = total[i] / M[i] / Q    for i in species
+  let density             = sum(total[i] for i in species) / sum(total[i] / rho[i] for i in species)
+  eq Q           = sum(total[i] for i in species) / density
+  eq c[i]        = total[i] / M[i] / Q    for i in species
   eq outlet.Q    = Q
-  eq outlet.c[i] = c[i]    for i in species
+  eq outlet.c[i] = c[i]                   for i in species
 }
 
 component TubularReactor "plug flow, method of lines" {
-  param V : mL     "volume"
-  param T : K      "temperature"
+  param V : mL    "volume"
+  param T : K     "temperature"
   port inlet, outlet : Stream
   domain z in 0..V*n_cells/n_grid cells n_cells scheme upwind
   state c[species, z] : mol/L = 0 in 0..50 scale 1
-  let  k[j in reactions] = k_0[j] * exp(-E_a[j] / (R_gas * T))
+  let  k[j in reactions]       = k_0[j] * exp(-E_a[j] / (R_gas * T))
   let  rate[j in reactions, z] = k[j] * product(c[i, z] for i in species if nu[j, i] < 0)
   flux N[i in species, z] = inlet.Q * c[i, z], low = inlet.Q * inlet.c[i]
   eq   d/dt c[i, z] = -div(N[i, z]) + sum(nu[j, i] * rate[j, z] for j in reactions)    for i in species, z
   let  out[i in species] : mol/L = c[i, z.last]    "concentrations at the outlet"
-  eq   outlet.Q = inlet.Q
+  eq   outlet.Q    = inlet.Q
   eq   outlet.c[i] = out[i]    for i in species
 
   when coupling = held {
@@ -119,12 +119,12 @@ component Separator "well mixed; splits by partition coefficients and by the sol
   param V : mL = 110    "volume"
   port inlet : Stream
   state c[species] : mol/L = 0 in 0..50 scale 1
-  let contents[i in species] = c[i]
-  let toluene_share = inlet.c[toluene] * M[toluene] / (inlet.c[toluene] * M[toluene] + inlet.c[water] * M[water])
-  let F_OR[i in species] : mol/min = F_AQ[i] * D[i] * Q_OR / Q_AQ                              "organic outlet"
-  let F_AQ[i in species] : mol/min = inlet.Q * contents[i] * Q_AQ / (Q_AQ + Q_OR * D[i])       "aqueous outlet"
-  let Q_OR : L/min = toluene_share * inlet.Q                                                   "organic outlet"
-  let Q_AQ : L/min = inlet.Q - Q_OR                                                            "aqueous outlet"
+  let contents[i in species]           = c[i]
+  let toluene_share                    = inlet.c[toluene] * M[toluene] / (inlet.c[toluene] * M[toluene] + inlet.c[water] * M[water])
+  let F_OR[i in species]     : mol/min = F_AQ[i] * D[i] * Q_OR / Q_AQ                           "organic outlet"
+  let F_AQ[i in species]     : mol/min = inlet.Q * contents[i] * Q_AQ / (Q_AQ + Q_OR * D[i])    "aqueous outlet"
+  let Q_OR : L/min = toluene_share * inlet.Q    "organic outlet"
+  let Q_AQ : L/min = inlet.Q - Q_OR             "aqueous outlet"
   eq d/dt c[i] = inlet.Q / V * (inlet.c[i] - c[i])    for i in species
 
   when coupling = held {
@@ -134,7 +134,7 @@ component Separator "well mixed; splits by partition coefficients and by the sol
 }
 
 use Mixer as M1, M2, M3
-use TubularReactor as R1(V = 2 [mL],   T = 373.15 [K])
+use TubularReactor as R1(V = 2 [mL], T = 373.15 [K])
 use TubularReactor as R2(V = 9.5 [mL], T = 373.15 [K])
 use TubularReactor as R3(V = 9.5 [mL], T = 323.15 [K])
 use Separator as SEP
@@ -146,33 +146,33 @@ connect R2.outlet -> M3.inlet
 connect M3.outlet -> R3.inlet
 connect R3.outlet -> SEP.inlet
 
-eq M1.inlet.Q = 0 [L/min]
-eq M1.inlet.c[i] = 0 [mol/L]    for i in species
-eq M1.m[i] = feed[S1, i] * q1 + feed[S2, i] * q2    for i in species
-eq M2.m[i] = feed[S3, i] * q3 + feed[S4, i] * q4    for i in species
-eq M3.m[i] = feed[S5, i] * q5 + feed[S6, i] * q6    for i in species
+eq M1.inlet.Q    = 0 [L/min]
+eq M1.inlet.c[i] = 0 [mol/L]                              for i in species
+eq M1.m[i]       = feed[S1, i] * q1 + feed[S2, i] * q2    for i in species
+eq M2.m[i]       = feed[S3, i] * q3 + feed[S4, i] * q4    for i in species
+eq M3.m[i]       = feed[S5, i] * q5 + feed[S6, i] * q6    for i in species
 
 let waste = sum(M[i] * SEP.F_OR[i] for i in species if i != water)
-          + sum(M[i] * SEP.F_AQ[i] for i in species if i != water and i != atropine)
-let product_flow = M[atropine] * SEP.F_AQ[atropine]
-let E    : 1 = waste / product_flow    "E-factor: mass of waste per mass of product"
-let E_ss : 1 = steady(E)               "E-factor of the steady state at nominal flows"
+            + sum(M[i] * SEP.F_AQ[i] for i in species if i != water and i != atropine)
+let product_flow     = M[atropine] * SEP.F_AQ[atropine]
+let E            : 1 = waste / product_flow    "E-factor: mass of waste per mass of product"
+let E_ss         : 1 = steady(E)               "E-factor of the steady state at nominal flows"
 
 initial x ~ value(steady(x)) * uniform(0.99, 1.01)    for x in states
 
 # Kalman filter on the linear model of E around the nominal point: xe <- A xe + B dq + K (E - E_ss - C xe), 10 min a step.
-param A_11 =  0.8553681500245393,    A_12 = -0.040005411427242246
-param A_21 = -0.03702964544887152,   A_22 =  0.9181461106890254
-param B_11 : min/mL =  0.2451891771967564,    B_12 : min/mL = 1.448514932971861
-param B_13 : min/mL =  0.34265837280684747,   B_14 : min/mL = -0.4586499512840993
+param A_11          = 0.8553681500245393,     A_12          = -0.040005411427242246
+param A_21          = -0.03702964544887152,   A_22          = 0.9181461106890254
+param B_11 : min/mL = 0.2451891771967564,     B_12 : min/mL = 1.448514932971861
+param B_13 : min/mL = 0.34265837280684747,    B_14 : min/mL = -0.4586499512840993
 param B_21 : min/mL = -0.14993010290910921,   B_22 : min/mL = 0.7335851119462937
-param B_23 : min/mL =  0.11776016053001746,   B_24 : min/mL = -0.0690655769417201
-param C_1  = -8.80078396557395,      C_2  = -10.216601412102953
-param K_1  = -0.013204139084379996,  K_2  = -0.04387914100488464
+param B_23 : min/mL = 0.11776016053001746,    B_24 : min/mL = -0.0690655769417201
+param C_1           = -8.80078396557395,      C_2           = -10.216601412102953
+param K_1           = -0.013204139084379996,  K_2           = -0.04387914100488464
 
-discrete xe1 = 0.001 in -5..5       "estimated state of the linear model"
-discrete xe2 = 0.001 in -5..5       "estimated state of the linear model"
-discrete n_steps = 0 in 0..100      "completed steps"
+discrete xe1     = 0.001  in -5..5     "estimated state of the linear model"
+discrete xe2     = 0.001  in -5..5     "estimated state of the linear model"
+discrete n_steps = 0      in 0..100    "completed steps"
 
 let innovation = E - E_ss - (C_1*xe1 + C_2*xe2)
 
@@ -198,10 +198,10 @@ level with_flows "the flows of the feeds after the counter" {
 let penalty = sqrt(sq(action_penalty[1]*dq1) + sq(action_penalty[2]*dq2) + sq(action_penalty[3]*dq3) + sq(action_penalty[4]*dq4))
 def scored(r) = max(-100000, reward_scale * (r - penalty))
 
-reward tracking default = scored(-abs(E - E_ss))        "distance of the E-factor from its steady value"
-reward saving           = scored(E_ss - E)              "waste saved against the steady state"
-reward efactor          = scored(-abs(E))               "the E-factor itself"
-reward improvement      = scored(previous(E) - E)       "its decrease over the step"
+reward tracking default = scored(-abs(E - E_ss))     "distance of the E-factor from its steady value"
+reward saving           = scored(E_ss - E)           "waste saved against the steady state"
+reward efactor          = scored(-abs(E))            "the E-factor itself"
+reward improvement      = scored(previous(E) - E)    "its decrease over the step"
 
 fail observation_box when outside bounds(observations)
 
@@ -216,32 +216,42 @@ policy mpc "horizon 30 on the linear model, a constant gain since no bound is ev
 }
 
 variant relaxed "wider box of the deviations" {
-  action dq1 : mL/min = 0 in -0.00016..2e-5
-  action dq2 : mL/min = 0 in -0.0015..1.3e-2
-  action dq3 : mL/min = 0 in -0.00022..2e-3
-  action dq4 : mL/min = 0 in -0.00301..4e-4
+  action dq1 : mL/min = 0  in -0.00016..2e-5
+  action dq2 : mL/min = 0  in -0.0015..1.3e-2
+  action dq3 : mL/min = 0  in -0.00022..2e-3
+  action dq4 : mL/min = 0  in -0.00301..4e-4
 }
 variant absolute "the actions are the flows themselves" {
-  action q1 : mL/min = 0.4078 in 0.4075..0.408
-  action q2 : mL/min = 0.1089 in 0.105..0.125
-  action q3 : mL/min = 0.3888 in 0.387..0.392
-  action q4 : mL/min = 0.2126 in 0.208..0.214
-  let dq1 = q1 - q1_ss ; let dq2 = q2 - q2_ss ; let dq3 = q3 - q3_ss ; let dq4 = q4 - q4_ss
-  policy mpc { q1 = 0.4078 - 0.0006933485803061856*xe1 - 0.0003452202636051542*xe2
-               q2 = 0.1089 - 0.032119998598558845*xe1 - 0.049179882780950236*xe2
-               q3 = 0.3888 - 0.006633014571480142*xe1 - 0.010010232591643865*xe2
-               q4 = 0.2126 + 0.007345773441016798*xe1 + 0.010820764956380933*xe2 }
+  action q1 : mL/min = 0.4078  in 0.4075..0.408
+  action q2 : mL/min = 0.1089  in 0.105..0.125
+  action q3 : mL/min = 0.3888  in 0.387..0.392
+  action q4 : mL/min = 0.2126  in 0.208..0.214
+  let dq1 = q1 - q1_ss
+  let dq2 = q2 - q2_ss
+  let dq3 = q3 - q3_ss
+  let dq4 = q4 - q4_ss
+  policy mpc {
+    q1 = 0.4078 - 0.0006933485803061856*xe1 - 0.0003452202636051542*xe2
+    q2 = 0.1089 - 0.032119998598558845*xe1 - 0.049179882780950236*xe2
+    q3 = 0.3888 - 0.006633014571480142*xe1 - 0.010010232591643865*xe2
+    q4 = 0.2126 + 0.007345773441016798*xe1 + 0.010820764956380933*xe2
+  }
 }
 variant absolute_relaxed "the actions are the flows themselves, in a wider box" {
-  action q1 : mL/min = 0.4078 in 0.3..0.5
-  action q2 : mL/min = 0.1089 in 0..0.2
-  action q3 : mL/min = 0.3888 in 0.2..0.5
-  action q4 : mL/min = 0.2126 in 0.1..0.4
-  let dq1 = q1 - q1_ss ; let dq2 = q2 - q2_ss ; let dq3 = q3 - q3_ss ; let dq4 = q4 - q4_ss
-  policy mpc { q1 = 0.4078 - 0.0006933485803061856*xe1 - 0.0003452202636051542*xe2
-               q2 = 0.1089 - 0.032119998598558845*xe1 - 0.049179882780950236*xe2
-               q3 = 0.3888 - 0.006633014571480142*xe1 - 0.010010232591643865*xe2
-               q4 = 0.2126 + 0.007345773441016798*xe1 + 0.010820764956380933*xe2 }
+  action q1 : mL/min = 0.4078  in 0.3..0.5
+  action q2 : mL/min = 0.1089  in 0..0.2
+  action q3 : mL/min = 0.3888  in 0.2..0.5
+  action q4 : mL/min = 0.2126  in 0.1..0.4
+  let dq1 = q1 - q1_ss
+  let dq2 = q2 - q2_ss
+  let dq3 = q3 - q3_ss
+  let dq4 = q4 - q4_ss
+  policy mpc {
+    q1 = 0.4078 - 0.0006933485803061856*xe1 - 0.0003452202636051542*xe2
+    q2 = 0.1089 - 0.032119998598558845*xe1 - 0.049179882780950236*xe2
+    q3 = 0.3888 - 0.006633014571480142*xe1 - 0.010010232591643865*xe2
+    q4 = 0.2126 + 0.007345773441016798*xe1 + 0.010820764956380933*xe2
+  }
 }
 variant reward_floor "a reward at the error reward ends the episode" {
   fail reward_floor when reward <= -100000

@@ -6,14 +6,14 @@ model Beer "Batch fermentation of beer: finish in as few hours as possible by ch
 time t : h
 
 # Every temperature function is exp(a + b/T) with T in kelvin, times one unit of the rate.
-param a_mu_x0 = 108.31,   b_mu_x0 : K = -31934.09    "growth"
-param a_Y_EA  = 89.92,    b_Y_EA  : K = -26589       "ester made per new biomass"
-param a_mu_S0 = -41.92,   b_mu_S0 : K = 11654.64     "sugar uptake per active biomass"
-param a_mu_L  = 30.72,    b_mu_L  : K = -9501.54     "lag to active"
-param a_mu_DT = 130.16,   b_mu_DT : K = -38313       "death"
-param a_mu_SD0 = 33.82,   b_mu_SD0 : K = -10033.28   "settling of dead cells"
-param a_mu_e0 = 3.27,     b_mu_e0 : K = -1267.24     "ethanol formation per active biomass"
-param a_k_S   = -119.63,  b_k_S   : K = 34203.95     "Monod constant of sugar"
+param a_mu_x0  = 108.31,   b_mu_x0  : K = -31934.09    "growth"
+param a_Y_EA   = 89.92,    b_Y_EA   : K = -26589       "ester made per new biomass"
+param a_mu_S0  = -41.92,   b_mu_S0  : K = 11654.64     "sugar uptake per active biomass"
+param a_mu_L   = 30.72,    b_mu_L   : K = -9501.54     "lag to active"
+param a_mu_DT  = 130.16,   b_mu_DT  : K = -38313       "death"
+param a_mu_SD0 = 33.82,    b_mu_SD0 : K = -10033.28    "settling of dead cells"
+param a_mu_e0  = 3.27,     b_mu_e0  : K = -1267.24     "ethanol formation per active biomass"
+param a_k_S    = -119.63,  b_k_S    : K = 34203.95     "Monod constant of sugar"
 
 param mu_DY : mg L/(g^2 h) = 0.000127672    "formation of diacetyl"
 param mu_AB : L/(g h)      = 0.00113864     "reduction of diacetyl"
@@ -29,19 +29,19 @@ state EtOH : g/L  = 0    in 0..150    "ethanol"
 state DY   : mg/L = 0    in 0..10     "diacetyl"
 state EA   : mg/L = 0    in 0..10     "ethyl acetate"
 
-discrete elapsed        : h   = 0 in 0..200    "hours since the start"
-discrete biomass_before : g/L = biomass        "biomass at the end of the previous step"
+discrete elapsed        : h   = 0        in 0..200    "hours since the start"
+discrete biomass_before : g/L = biomass               "biomass at the end of the previous step"
 
 def arrhenius(a, b) = exp(a + b / kelvin(T))
 
-let k_x   : g/L = 0.5 * S_0                                                  "ethanol that halves growth"
-let mu_x  : 1/h = arrhenius(a_mu_x0, b_mu_x0) as [1/h] * S / (k_x + EtOH)    "specific growth rate"
-let mu_SD : 1/h = arrhenius(a_mu_SD0, b_mu_SD0) as [1/h] * k_x / (k_x + EtOH)   "settling rate"
-let k_S   : g/L = arrhenius(a_k_S, b_k_S) as [g/L]                           "Monod constant of sugar"
-let mu_S  : 1/h = arrhenius(a_mu_S0, b_mu_S0) as [1/h] * S / (k_S + S)       "specific sugar uptake"
-let mu_e  : 1/h = arrhenius(a_mu_e0, b_mu_e0) as [1/h] * S / (k_S + S)       "specific ethanol formation"
-let f     : 1   = 1 - EtOH / k_x                                             "inhibition by ethanol"
-let biomass : g/L = X_A + X_L + X_D                                          "suspended biomass"
+let k_x     : g/L = 0.5 * S_0                                                      "ethanol that halves growth"
+let mu_x    : 1/h = arrhenius(a_mu_x0, b_mu_x0) as [1/h] * S / (k_x + EtOH)        "specific growth rate"
+let mu_SD   : 1/h = arrhenius(a_mu_SD0, b_mu_SD0) as [1/h] * k_x / (k_x + EtOH)    "settling rate"
+let k_S     : g/L = arrhenius(a_k_S, b_k_S) as [g/L]                               "Monod constant of sugar"
+let mu_S    : 1/h = arrhenius(a_mu_S0, b_mu_S0) as [1/h] * S / (k_S + S)           "specific sugar uptake"
+let mu_e    : 1/h = arrhenius(a_mu_e0, b_mu_e0) as [1/h] * S / (k_S + S)           "specific ethanol formation"
+let f       : 1   = 1 - EtOH / k_x                                                 "inhibition by ethanol"
+let biomass : g/L = X_A + X_L + X_D                                                "suspended biomass"
 
 let mu_L  = arrhenius(a_mu_L, b_mu_L) as [1/h]
 let mu_DT = arrhenius(a_mu_DT, b_mu_DT) as [1/h]

@@ -18,16 +18,16 @@ param V_0    : m^3            = 1e-8                  "heel volume; guards the d
 param spread : 1              = 0.3     in 0..1       "half width of the initial distribution, relative to the set-point"
 param D_rel  : 1              = 0       in 0..1       "optional floor of the distance scale, relative to the set-point"
 
-action T_c   : degC    = 26.85  in 15..35             "temperature of the coolant in the jacket"
-action q_out : m^3/min = 0.1    in 0.05..0.2          "outflow"
+action T_c   : degC    = 26.85  in 15..35       "temperature of the coolant in the jacket"
+action q_out : m^3/min = 0.1    in 0.05..0.2    "outflow"
 
-state c_A : kmol/m^3 = 0.8778252    in 1e-8..1        "concentration of A"
-state T   : degC     = 51.34660837  in 1e-8..100      "temperature of the mixture"
-state h   : m        = 0.659        in 1e-8..1        "level"
+state c_A : kmol/m^3 = 0.8778252    in 1e-8..1      "concentration of A"
+state T   : degC     = 51.34660837  in 1e-8..100    "temperature of the mixture"
+state h   : m        = 0.659        in 1e-8..1      "level"
 
-let V    : m^3             = pi * r^2 * h + V_0                 "volume"
-let k    : 1/min           = k_0 * exp(-E_R / kelvin(T))        "rate constant"
-let rate : kmol/(m^3 min)  = k * c_A                            "reaction rate"
+let V    : m^3            = pi * r^2 * h + V_0             "volume"
+let k    : 1/min          = k_0 * exp(-E_R / kelvin(T))    "rate constant"
+let rate : kmol/(m^3 min) = k * c_A                        "reaction rate"
 
 eq d/dt c_A = q_in/V * (c_Af - c_A) - rate
 eq d/dt T   = q_in/V * (T_f - T) - dH/(rho*c_p) * rate + 2*U/(r*rho*c_p) * (T_c - T)
@@ -35,18 +35,18 @@ eq d/dt h   = (q_in - q_out) / (pi*r^2)
 
 steady { T_c = 26.85, q_out = 0.1, h = 0.659 }
 
-initial x ~ value(steady(x)) * uniform(1 - spread, 1 + spread) clip bounds   for x in (c_A, T, h)
+initial x ~ value(steady(x)) * uniform(1 - spread, 1 + spread) clip bounds    for x in (c_A, T, h)
 
 observe c_A, T, h
 
 let distance = -mean(sq(x - steady(x)) / max(sq(initial(x) - steady(x)), sq(1e-4 [unit(x)]), sq(D_rel * value(steady(x)) as [unit(x)]))
                      for x in (c_A, T, h))
 
-reward setpoint default = max(-1000, distance)                        "squared distance, relative to that of the start"
-reward setpoint_change  = max(-1000, distance - previous(distance))   "its change over the step"
+reward setpoint default = max(-1000, distance)                         "squared distance, relative to that of the start"
+reward setpoint_change  = max(-1000, distance - previous(distance))    "its change over the step"
 
 fail state_box when outside bounds(c_A, T, h)
-fail empty event h <= 1e-8 [m]     "the tank has run empty"
+fail empty event h <= 1e-8 [m]    "the tank has run empty"
 
 episode { step = 0.1 [min], max_steps = 100, error_reward = -1000 }
 solver  { rtol = 5e-10 }

@@ -358,6 +358,8 @@ pub struct Episode {
     pub error_reward: f64,
     /// The end at `max_steps` is a success (a batch of fixed length), not a truncation.
     pub end_is_success: bool,
+    /// With sparse rewards a failure pays the error reward and nothing else; otherwise the sum over the episode, like any end.
+    pub failure_pays_alone: bool,
     /// Actions, over their scale, are rounded to single precision before they are applied.
     pub single_precision: bool,
 }
@@ -381,7 +383,15 @@ pub struct Solver {
 
 impl Default for Episode {
     fn default() -> Self {
-        Episode { step: 1.0, integrate: 1.0, max_steps: 100, error_reward: -1000.0, end_is_success: false, single_precision: false }
+        Episode {
+            step: 1.0,
+            integrate: 1.0,
+            max_steps: 100,
+            error_reward: -1000.0,
+            end_is_success: false,
+            failure_pays_alone: false,
+            single_precision: false,
+        }
     }
 }
 

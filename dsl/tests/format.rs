@@ -56,6 +56,20 @@ fn blocks_are_indented_and_long_lines_keep_their_breaks() {
 }
 
 #[test]
+fn clauses_of_equations_form_a_column_and_names_keep_their_pattern() {
+    let text = "eq d/dt a[i] = -a[i] for i in s\neq d/dt bc[i] = 2 * a[i] for i in s\n\nstate nv[c] named \"n{}\" : m = 0 \"number\"\nstate bound[c] : kg = 0 \"other\"\n";
+    let expected = "eq d/dt a[i]  = -a[i]       for i in s\neq d/dt bc[i] = 2 * a[i]    for i in s\n\nstate nv[c] named \"n{}\" : m  = 0    \"number\"\nstate bound[c]          : kg = 0    \"other\"\n";
+    assert_eq!(format(text).as_deref(), Ok(expected));
+}
+
+#[test]
+fn entries_on_several_lines_stand_below_each_other() {
+    let text = "policy p { a = 1\n           b = 2 +\n   3 }\n";
+    let expected = "policy p {\n  a = 1\n  b = 2 +\n      3\n}\n";
+    assert_eq!(format(text).as_deref(), Ok(expected));
+}
+
+#[test]
 fn a_text_with_faults_is_not_formatted() {
     assert_eq!(format("param = 3").map_err(|faults| faults.len()), Err(1));
 }

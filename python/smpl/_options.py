@@ -28,6 +28,10 @@ def start_from_options(model: Model, options: Mapping[str, Any] | None) -> _nati
     """
     if not options:
         return None
+    if not isinstance(options, Mapping):
+        raise ValueError(f"options must be a mapping, got {type(options).__name__}")
+    # Minari's collector leaves its own key in the options that it passes on.
+    options = {key: value for key, value in options.items() if key != "minari_autoseed"}
     check_names("options", options, OPTIONS)
     mode = options.get("start", "sampled")
     if mode not in _STARTS:

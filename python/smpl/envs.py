@@ -134,6 +134,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
             ValueError: an unknown option or name, or a wrong shape.
         """
         start = start_from_options(self.model, options)
+        seed = _python_integer(seed)
         super().reset(seed=seed)
         if seed is None and not self._seeded:
             seed = int(self.np_random.integers(2**63))
@@ -251,6 +252,11 @@ def choose_model(
     return model.variant_of(**changes) if changes else model
 
 
+def _python_integer(seed: Any) -> Any:
+    """NumPy's integers as Python's: Gymnasium takes no others."""
+    return int(seed) if isinstance(seed, np.integer) else seed
+
+
 def _box(low: FloatArray, high: FloatArray, normalize: bool) -> Box:
     """Space with these bounds; those that are finite become -1 and 1 if normalised."""
     if normalize:
@@ -265,6 +271,6 @@ def check_limit(max_steps: int | None) -> int | None:
     Raises:
         ValueError: it is no positive integer.
     """
-    if max_steps is not None and (int(max_steps) != max_steps or max_steps < 1):
-        raise ValueError(f"max_steps is {max_steps}, expected a positive integer")
+    if max_steps is not None and (not isinstance(max_steps, (int, np.integer)) or not 1 <= max_steps < 2**32):
+        raise ValueError(f"max_steps is {max_steps!r}, expected a positive integer below 2**32")
     return None if max_steps is None else int(max_steps)

@@ -84,6 +84,10 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.single_observation_space, self.single_action_space = self._describe(compiled, normalize)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
+        if num_threads is not None and num_threads < 0:
+            raise ValueError(
+                f"num_threads is {num_threads}, expected a positive integer, or 0 or None for all processors"
+            )
         self.num_threads = num_threads or os.cpu_count() or 1
         limit = check_limit(max_episode_steps if max_steps is None else max_steps)
         self._native = _native.Batch(
@@ -114,7 +118,7 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         options = dict(options or {})
         mask = self._reset_mask(options.pop("reset_mask", None))
         start = self._start(options)
-        super().reset(seed=seed if isinstance(seed, (int, np.integer)) else None)
+        super().reset(seed=int(seed) if isinstance(seed, (int, np.integer)) else None)
         observations, info = self._native.reset(mask, self._given_seeds(seed), start)
         return observations, self._infos(info, mask)
 
@@ -185,6 +189,7 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._seeded = True
         if seed is None:
             seed = int(self.np_random.integers(2**63))
+        _check_seed(seed)
         if isinstance(seed, (int, np.integer)):
             return [(int(seed) + i) & SEED_MASK for i in range(self.num_envs)]
         if len(seed) != self.num_envs:
@@ -242,6 +247,12 @@ def parse_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
         if member.value.lower() == plain:
             return member
     raise ValueError(f"autoreset_mode is {mode!r}; there are: {', '.join(m.name.lower() for m in AutoresetMode)}")
+
+
+def _check_seed(seed: Any) -> None:
+    """Refuse what is neither an integer nor a sequence of them."""
+    if isinstance(seed, str) or not isinstance(seed, (int, np.integer, Sequence, np.ndarray)):
+        raise ValueError(f"seed is {seed!r}, expected an integer, None, or one of these for each environment")
 
 
 def _with_masks(values: dict[str, Any], mask: BoolArray) -> dict[str, Any]:

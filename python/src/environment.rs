@@ -33,8 +33,6 @@ pub struct Env {
 #[pyclass(frozen, module = "smpl._native")]
 pub struct Snapshot {
     snapshot: environment::Snapshot,
-    unknowns: usize,
-    model: String,
 }
 
 #[pymethods]
@@ -153,21 +151,12 @@ impl Env {
     }
 
     fn snapshot(&self) -> Snapshot {
-        self.with(|environment| Snapshot {
-            snapshot: environment.snapshot(),
-            unknowns: environment.unknowns().len(),
-            model: environment.setup().model().interface().name.clone(),
-        })
+        self.with(|environment| Snapshot { snapshot: environment.snapshot() })
     }
 
     fn restore(&mut self, snapshot: &Snapshot) -> PyResult<()> {
         let environment = self.environment.get_mut().unwrap_or_else(PoisonError::into_inner);
-        let name = &environment.setup().model().interface().name;
-        if snapshot.unknowns != environment.unknowns().len() || snapshot.model != *name {
-            let message = format!("the snapshot is of {}, the environment of {name}", snapshot.model);
-            return Err(PyValueError::new_err(message));
-        }
-        guarded(|| environment.restore(&snapshot.snapshot))
+        guarded(|| environment.restore(&snapshot.snapshot))?.map_err(|e| PyValueError::new_err(e.to_string()))
     }
 }
 

@@ -154,7 +154,13 @@ impl Equations {
             [] => declared,
             some => some.iter().map(|&(i, value)| (self.order[i], value)).collect(),
         };
-        steady::solve(&mut self.work, &self.catalogue, u, &fixed, &mut y).map_err(|e| steady_error(&e))?;
+        let mut held = Vec::new();
+        for (role, family, region) in
+            [("discrete", &self.catalogue.discretes, Region::Discrete), ("disturbance", &self.catalogue.disturbances, Region::Disturbance)]
+        {
+            held.extend(self.places(role, family, given)?.into_iter().map(|(at, value)| (region, at, value)));
+        }
+        steady::solve_given(&mut self.work, &self.catalogue, u, &fixed, &held, &mut y).map_err(|e| steady_error(&e))?;
         Ok(self.order.iter().map(|&at| y[at]).collect())
     }
 

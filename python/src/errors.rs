@@ -37,6 +37,23 @@ pub struct Diagnostic {
     pub help: Option<String>,
 }
 
+impl Diagnostic {
+    /// A finding about a file as a whole: it cannot be read.
+    pub fn of_file(file: &str, message: &str) -> Self {
+        Self {
+            file: file.to_owned(),
+            line: 1,
+            column: 1,
+            end_line: 1,
+            end_column: 1,
+            code: smpl_runtime::load::UNREADABLE.to_owned(),
+            severity: "error".to_owned(),
+            message: message.to_owned(),
+            help: None,
+        }
+    }
+}
+
 #[pymethods]
 impl Diagnostic {
     fn __str__(&self) -> String {

@@ -1,9 +1,10 @@
 //! From what Python asks for to a model ready to run.
 
 use std::collections::BTreeMap;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use pyo3::exceptions::PyFileNotFoundError;
+use pyo3::exceptions::{PyFileNotFoundError, PyIsADirectoryError, PyPermissionError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use smpl_dsl::diagnostic::{self, JsonDiagnostic, SourceMap, codes};
@@ -59,7 +60,12 @@ pub fn load(py: Python<'_>, request: Request) -> PyResult<Loaded> {
 
 fn load_error(py: Python<'_>, model: &Path, error: &LoadError) -> PyErr {
     match error {
-        LoadError::Read { path, .. } if path == model => PyFileNotFoundError::new_err(error.to_string()),
+        LoadError::Read { path, kind, .. } if path == model => match kind {
+            ErrorKind::NotFound => PyFileNotFoundError::new_err(error.to_string()),
+            ErrorKind::IsADirectory => PyIsADirectoryError::new_err(error.to_string()),
+            ErrorKind::PermissionDenied => PyPermissionError::new_err(error.to_string()),
+            _ => compile_error(py, vec![Diagnostic::of_file(&path.display().to_string(), &error.to_string())]),
+        },
         LoadError::Read { .. } | LoadError::Setting { .. } => ScenarioError::new_err(error.to_string()),
         LoadError::Artefact { .. } => SimulationError::new_err(error.to_string()),
         LoadError::Diagnostics { sources, diagnostics } => {

@@ -20,18 +20,20 @@ use crate::load::{self, LoadOptions, Loaded};
 use crate::scenario::{Value, Variant};
 use report::Failed;
 
+const ABOUT: &str = "Compiles and simulates process models written as equations";
+
 const EXAMPLES: &str = "\
 Examples:
   smpl check models/reactor.eq
   smpl simulate models/reactor.eq --actions a.csv --out t.csv
   smpl simulate models/beer.eq --policy profile --scenario legacy --plot beer.svg
   smpl steady models/reactor.eq --action T_c=28 --fix h=0.7
-  smpl compile models/atropine.eq --variant vacuole_flux --set n_cells=39
+  smpl compile models/pensim.eq --variant vacuole_flux --set paa_schedule=minutes
   smpl fmt --check models/*.eq";
 
-/// Compiles and simulates process models written as equations.
+/// The command line.
 #[derive(Debug, Parser)]
-#[command(name = "smpl", version, about, after_help = EXAMPLES, arg_required_else_help = true)]
+#[command(name = "smpl", version, about = ABOUT, after_help = EXAMPLES, arg_required_else_help = true)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -79,7 +81,11 @@ enum Format {
 
 fn setting(text: &str) -> Result<(String, Value), String> {
     let (name, value) = text.split_once('=').ok_or_else(|| format!("expected NAME=VALUE, found `{text}`"))?;
-    Ok((name.trim().to_owned(), Value::parse(value.trim())))
+    let (name, value) = (name.trim(), value.trim());
+    if name.is_empty() || value.is_empty() {
+        return Err(format!("expected NAME=VALUE, found `{text}`"));
+    }
+    Ok((name.to_owned(), Value::parse(value)))
 }
 
 /// `NAME=VALUE` with a finite number.

@@ -13,6 +13,7 @@ mod verdict;
 
 use std::sync::Arc;
 
+use smpl_compiler::compiled::CompiledModel;
 use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::{Memory, Part, Region};
 
@@ -68,6 +69,18 @@ pub enum StepError {
     EpisodeOver,
 }
 
+/// A snapshot that does not belong to the environment.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the snapshot is of {snapshot}, the environment of {environment}: both must come from one compiled model (same file, scenario, variants, settings, observations)"
+)]
+pub struct ForeignSnapshot {
+    /// Model of the snapshot.
+    snapshot: String,
+    /// Model of the environment.
+    environment: String,
+}
+
 /// Where an instance is in its episode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
@@ -111,6 +124,9 @@ pub struct Environment {
     /// Output of the `finish` program.
     finish: Vec<f64>,
     scratch: Vec<f64>,
+    /// Integrals over the step, its pieces between events added up.
+    integrals: Vec<f64>,
+    /// Work since the reset, but for what the integrator still counts.
     statistics: Statistics,
     /// Drifts of the invariants; empty unless they are watched.
     drifts: Vec<Drift>,
@@ -118,9 +134,10 @@ pub struct Environment {
     keep_going: bool,
 }
 
-/// A point of an episode to return to; it belongs to environments of the same [`Setup`].
+/// A point of an episode to return to; it belongs to environments of the same compiled model.
 #[derive(Clone)]
 pub struct Snapshot {
+    model: Arc<CompiledModel>,
     memory: Memory,
     progress: Progress,
     replay: Vec<(usize, Vec<f64>)>,
@@ -153,6 +170,7 @@ impl Environment {
             action_excess: 0.0,
         };
         Ok(Self {
+            integrals: vec![0.0; system.region(Region::Quadrature).len()],
             integrator: Box::new(Ida::new(&system, setup.settings.clone())?),
             finish: vec![0.0; counts.iter().map(|&c| c as usize).sum()],
             scratch: vec![0.0; unknowns],
@@ -370,13 +388,26 @@ impl Environment {
     /// Keeps the present point of the episode.
     #[must_use]
     pub fn snapshot(&self) -> Snapshot {
-        Snapshot { memory: self.system.memory().clone(), progress: self.progress.clone(), replay: self.replay.clone() }
+        Snapshot {
+            model: Arc::clone(self.setup.model()),
+            memory: self.system.memory().clone(),
+            progress: self.progress.clone(),
+            replay: self.replay.clone(),
+        }
     }
 
     /// Returns to a point kept before: from there on every bit is the same.
-    pub fn restore(&mut self, snapshot: &Snapshot) {
+    ///
+    /// # Errors
+    /// When the snapshot is of another compiled model (another file, scenario, variant, setting or observation level).
+    pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), ForeignSnapshot> {
+        if !Arc::ptr_eq(&snapshot.model, self.setup.model()) {
+            let name = |model: &CompiledModel| model.interface().name.clone();
+            return Err(ForeignSnapshot { snapshot: name(&snapshot.model), environment: name(self.setup.model()) });
+        }
         self.system.restore(&snapshot.memory);
         self.progress.clone_from(&snapshot.progress);
         self.replay.clone_from(&snapshot.replay);
+        Ok(())
     }
 }

@@ -1,7 +1,7 @@
 //! smpl-runtime: compiled models in motion.
 //!
 //! [`solver`] integrates; [`environment`] turns a compiled model into episodes with actions, rewards and failures; [`batch`] runs many instances on
-//! several threads; [`steady`] and [`linearize`] find and describe points of rest; [`trajectory`] reads and writes tables; [`load`] goes from a
+//! several threads; [`steady`], [`linearize`] and [`spectrum`] find and describe points of rest; [`trajectory`] reads and writes tables; [`load`] goes from a
 //! file to a model ready to run; [`cli`] is the command `smpl`.
 //!
 //! What all instances share is a [`setup::Setup`]; what changes is an [`environment::Environment`].
@@ -20,6 +20,7 @@ pub mod random;
 pub mod scenario;
 pub mod setup;
 pub mod solver;
+pub mod spectrum;
 pub mod steady;
 pub mod system;
 pub mod trajectory;

@@ -3,7 +3,7 @@
 //! Algebraic unknowns z are eliminated: with E dx/dt = F_x x + F_z z + F_u u and 0 = G_x x + G_z z + G_u u the matrices follow from
 //! z = -G_z^-1 (G_x x + G_u u). Dense linear algebra: meant for models of up to some thousand unknowns.
 
-use nalgebra::{Complex, DMatrix, Schur};
+use nalgebra::DMatrix;
 use smpl_compiler::compiled::{Derived, WithRespectTo};
 
 use crate::catalogue::Catalogue;
@@ -77,27 +77,17 @@ pub fn linearize(system: &mut CompiledSystem, catalogue: &Catalogue, t: f64, y: 
     };
     let rates_x = by_y.view((0, 0), (nx, nx)) + by_y.view((0, nx), (nx, nz)) * &zx;
     let rates_u = by_u.rows(0, nx) + by_y.view((0, nx), (nx, nz)) * &zu;
-    let mass = mass.view((0, 0), (nx, nx)).clone_owned().lu();
-    let solve = |right: &DMatrix<f64>| mass.solve(right).ok_or(LinearizeError::Singular { part: "a rate" });
+    let mass = mass.view((0, 0), (nx, nx)).clone_owned();
+    // Of an explicit model it is the identity.
+    let mass = if mass == DMatrix::identity(nx, nx) { None } else { Some(mass.lu()) };
+    let solve = |right: &DMatrix<f64>| match &mass {
+        None => Ok(right.clone()),
+        Some(mass) => mass.solve(right).ok_or(LinearizeError::Singular { part: "a rate" }),
+    };
     let (a, b) = (solve(&rates_x)?, solve(&rates_u)?);
     let c = seen_y.columns(0, nx) + seen_y.columns(nx, nz) * zx;
     let d = seen_u + seen_y.columns(nx, nz) * zu;
     Ok(outside(catalogue, &a, &b, &c, &d))
-}
-
-/// Eigenvalues of A, those with the largest real part first; `None` where A is not finite or the iteration does not end.
-#[must_use]
-pub fn eigenvalues(a: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
-    if a.is_empty() {
-        return Some(Vec::new());
-    }
-    if a.iter().any(|x| !x.is_finite()) {
-        return None;
-    }
-    let schur = Schur::try_new(a.clone(), f64::EPSILON, 100 * a.nrows())?;
-    let mut values: Vec<Complex<f64>> = schur.complex_eigenvalues().iter().copied().collect();
-    values.sort_by(|p, q| q.re.total_cmp(&p.re).then(q.im.total_cmp(&p.im)));
-    Some(values)
 }
 
 /// The Jacobian as a full matrix.

@@ -3,7 +3,7 @@
 //! This is the one place that calls the front end: source text, scenario, variants and settings go in, a compiled model and the options of
 //! its environments come out. A compiled model written by `smpl compile` is read as it is; it takes parameters, but no variants.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,6 +16,9 @@ use smpl_dsl::span::{FileId, Span};
 use crate::catalogue::Catalogue;
 use crate::scenario::{self, Disturbances, Noise, Recorded, Scenario, Value, Variant};
 use crate::setup::EnvironmentOptions;
+
+/// Code of the diagnostic of a file that cannot be read.
+pub const UNREADABLE: &str = "E0700-unreadable";
 
 /// Ending of files that hold a compiled model.
 pub const ARTEFACT_EXTENSION: &str = "smplc";
@@ -57,6 +60,8 @@ pub enum LoadError {
     Read {
         /// The file.
         path: PathBuf,
+        /// What kind of fault it is; `InvalidData` where the text is not UTF-8.
+        kind: std::io::ErrorKind,
         /// Why.
         message: String,
         /// What to do; may be empty.
@@ -102,6 +107,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
     }
     let text = String::from_utf8(bytes).map_err(|error| LoadError::Read {
         path: path.to_owned(),
+        kind: std::io::ErrorKind::InvalidData,
         message: format!("not UTF-8 at byte {}", error.utf8_error().valid_up_to()),
         advice: String::new(),
     })?;
@@ -124,7 +130,23 @@ pub fn load_text(path: &Path, text: String, options: &LoadOptions) -> Result<Loa
     };
     match front_end(&mut sources, main, &scenario, options) {
         Ok((model, warnings)) => finish(model, warnings, sources, &scenario, options),
-        Err(diagnostics) => Err(LoadError::Diagnostics { sources: Arc::new(sources), diagnostics }),
+        Err(mut diagnostics) => {
+            place_scenario_faults(&mut diagnostics, &scenario, &sources);
+            Err(LoadError::Diagnostics { sources: Arc::new(sources), diagnostics })
+        }
+    }
+}
+
+/// The front end knows names and values of a scenario, but not where they stand: each fault is moved to the name in the scenario's file,
+/// if it is from there, and said once.
+fn place_scenario_faults(diagnostics: &mut Vec<Diagnostic>, scenario: &Scenario, sources: &SourceMap) {
+    let mut said = BTreeSet::new();
+    diagnostics.retain(|d| d.code != codes::BAD_SCENARIO || said.insert(d.message.clone()));
+    for diagnostic in diagnostics.iter_mut().filter(|d| d.code == codes::BAD_SCENARIO) {
+        let names = diagnostic.message.split('`').skip(1).step_by(2);
+        if let Some(span) = names.filter_map(|name| scenario.place_of(sources, name)).next() {
+            diagnostic.primary.span = span;
+        }
     }
 }
 
@@ -169,7 +191,14 @@ fn compile_options(sources: &mut SourceMap, scenario: &Scenario, options: &LoadO
         out.settings.insert(name.clone(), Setting::Number(f64::from(*cells)));
     }
     for (name, value) in scenario.parameters.iter().chain(&scenario.settings).chain(&options.settings) {
-        let setting = value.number().map_or_else(|| Setting::Text(value.to_string()), Setting::Number);
+        let setting = match value.number() {
+            Some(number) if !number.is_finite() => {
+                let message = format!("`{name}` takes a finite number, not `{number}`");
+                return Err(vec![Diagnostic::error(codes::BAD_SCENARIO, message, Span::default())]);
+            }
+            Some(number) => Setting::Number(number),
+            None => Setting::Text(value.to_string()),
+        };
         out.settings.insert(name.clone(), setting);
     }
     // Distributions of a scenario are statements of the language.
@@ -230,11 +259,17 @@ fn load_artefact(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loa
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, LoadError> {
-    fs::read(path).map_err(|error| LoadError::Read { path: path.to_owned(), message: plain(&error), advice: String::new() })
+    let fault = |error: std::io::Error| LoadError::Read {
+        path: path.to_owned(),
+        kind: error.kind(),
+        message: plain(&error),
+        advice: String::new(),
+    };
+    fs::read(path).map_err(fault)
 }
 
 /// The error without the operating system's number.
-fn plain(error: &std::io::Error) -> String {
+pub(crate) fn plain(error: &std::io::Error) -> String {
     match error.kind() {
         std::io::ErrorKind::NotFound => "no such file".into(),
         std::io::ErrorKind::PermissionDenied => "permission denied".into(),
@@ -258,6 +293,7 @@ fn load_scenario(model: &Path, options: &LoadOptions, sources: &mut SourceMap) -
         let guess = suggest(name, known.iter().map(String::as_str)).map(|n| format!("did you mean `{n}`? "));
         let advice = format!("; {}scenarios of this model: {}", guess.unwrap_or_default(), known.join(", "));
         ScenarioFault::Load(LoadError::Read {
+            kind: error.kind(),
             message: format!("unknown scenario `{name}`: {}", plain(&error)),
             path: path.clone(),
             advice,

@@ -211,13 +211,12 @@ impl Scenario {
         })
     }
 
-    /// A diagnostic at a name in the scenario's file: `help` lists what is right.
+    /// Where a name stands in the scenario's file; `None` if it does not, or if there is no file.
     #[must_use]
-    pub fn fault(&self, sources: &SourceMap, name: &str, message: impl Into<String>, help: impl Into<String>) -> Diagnostic {
-        let file = self.file.unwrap_or_default();
-        let text = sources.file(file).map_or("", |f| f.text());
-        let span = find_name(text, name, file);
-        Diagnostic::error(codes::BAD_SCENARIO, message, span).help(help)
+    pub fn place_of(&self, sources: &SourceMap, name: &str) -> Option<Span> {
+        let file = self.file?;
+        let span = find_name(sources.file(file)?.text(), name, file);
+        (span.end > span.start).then_some(span)
     }
 }
 
@@ -285,7 +284,21 @@ fn diagnose(error: &serde_yaml::Error, text: &str, file: FileId) -> Diagnostic {
     let at = error.location().map_or(0, |l| l.index()).min(text.len());
     let end = text[at..].find('\n').map_or(text.len(), |n| at + n).max(at + usize::from(at < text.len()));
     let span = Span { file, start: at as u32, end: end as u32 };
-    let message = message.replace("data did not match any variant of untagged enum", "a value of the wrong kind:");
+    let mut message = message;
+    for (theirs, ours) in [
+        (
+            "data did not match any variant of untagged enum Noise",
+            "`noise` is true, false or a mapping from observations to standard deviations",
+        ),
+        ("data did not match any variant of untagged enum Disturbances", "`disturbances` is true, false or a mapping from names to values"),
+        ("data did not match any variant of untagged enum Value", "a number, true, false or a text is expected"),
+        ("data did not match any variant of untagged enum VariantEntry", "a variant is a name, NAME=CHOICE or a mapping with a choice"),
+        ("data did not match any variant of untagged enum Recorded", "a disturbance is a number or a list of numbers, one a step"),
+        ("expected struct File", "expected keys with values"),
+        ("expected u32", "expected a whole number that is not negative"),
+    ] {
+        message = message.replace(theirs, ours);
+    }
     Diagnostic::error(codes::BAD_SCENARIO, message, span)
 }
 

@@ -25,8 +25,10 @@ const PARTS: [Part; 4] = [Part::Y, Part::Action, Part::Discrete, Part::Disturban
 /// How well a steady state was found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SteadyReport {
-    /// Euclidean norm of all rows of the residual, those of fixed states included, in the model's units.
+    /// Euclidean norm of the rows that were solved: all but those of fixed states, in the model's units.
     pub residual_norm: f64,
+    /// Largest rate of a fixed state and its place in `y`: how far what is held is from rest. `None` where nothing is fixed.
+    pub held: Option<(usize, f64)>,
     /// Newton iterations and pseudo-time steps.
     pub iterations: u32,
 }
@@ -47,7 +49,7 @@ pub enum SteadyError {
         equation: String,
     },
     /// The equations do not determine all unknowns.
-    #[error("the steady state is not determined{}: fix a state that integrates (`steady {{ h = ... }}`, `--fix h=...`)", unknown.as_ref().map_or(String::new(), |u| format!(" (unknown `{u}`)")))]
+    #[error("the steady state is not determined{}: fix a state that integrates ({})", unknown.as_ref().map_or(String::new(), |u| format!(" (unknown `{u}`)")), fixing(unknown.as_deref()))]
     Undetermined {
         /// An unknown that is free, where known.
         unknown: Option<String>,
@@ -64,6 +66,13 @@ pub enum SteadyError {
     /// The linear solver.
     #[error(transparent)]
     Solver(#[from] SolveError),
+}
+
+/// How a free unknown is fixed, in words.
+fn fixing(unknown: Option<&str>) -> String {
+    let name = unknown.unwrap_or("h");
+    let named = if unknown.is_some() { "" } else { "for example " };
+    format!("{named}`steady {{ {name} = ... }}` in the model, or `--fix {name}=...`")
 }
 
 /// A first guess: the declared values of states and solved variables.
@@ -117,6 +126,24 @@ pub fn solve(
     fixed: &[(usize, f64)],
     y: &mut [f64],
 ) -> Result<SteadyReport, SteadyError> {
+    solve_given(system, catalogue, actions, fixed, &[], y)
+}
+
+/// A value in place of the one that the model computes: its region, its place there, the value.
+pub type GivenValue = (Region, usize, f64);
+
+/// As [`solve`], with discrete variables or disturbances held at given values.
+///
+/// # Errors
+/// See [`SteadyError`].
+pub fn solve_given(
+    system: &mut CompiledSystem,
+    catalogue: &Catalogue,
+    actions: &[f64],
+    fixed: &[(usize, f64)],
+    given: &[GivenValue],
+    y: &mut [f64],
+) -> Result<SteadyReport, SteadyError> {
     let region = system.region_mut(Region::Action);
     for (element, &value) in catalogue.actions.elements().iter().zip(actions) {
         region[element.at] = value;
@@ -127,19 +154,25 @@ pub fn solve(
         is_fixed[at] = true;
     }
     let frame = PARTS.map(|part| system.region(Region::Steady(part)).to_vec());
-    let iterations = settle(system, catalogue, &is_fixed, y);
+    let iterations = settle(system, catalogue, &is_fixed, given, y);
     for (part, values) in PARTS.into_iter().zip(&frame) {
         system.region_mut(Region::Steady(part)).copy_from_slice(values);
     }
     let iterations = iterations?;
     let (model, memory) = system.parts();
     model.prepare_step(memory);
-    Ok(SteadyReport { residual_norm: residual_norm(system, y), iterations })
+    Ok(report(system, &is_fixed, y, iterations))
 }
 
 /// Unknowns and discrete variables that belong to each other: a discrete variable stands for its initial value, which may be an
 /// expression of the steady state. The steady frame is that of the state on the way.
-fn settle(system: &mut CompiledSystem, catalogue: &Catalogue, fixed: &[bool], y: &mut [f64]) -> Result<u32, SteadyError> {
+fn settle(
+    system: &mut CompiledSystem,
+    catalogue: &Catalogue,
+    fixed: &[bool],
+    given: &[GivenValue],
+    y: &mut [f64],
+) -> Result<u32, SteadyError> {
     let mut search = Search::new(system, catalogue, fixed)?;
     let mut iterations = 0;
     for round in 0..MAX_ROUNDS {
@@ -147,6 +180,10 @@ fn settle(system: &mut CompiledSystem, catalogue: &Catalogue, fixed: &[bool], y:
         system.keep(y, Region::Steady);
         let (model, memory) = system.parts();
         model.initial_discretes(memory, y);
+        for &(region, at, value) in given {
+            system.region_mut(region)[at] = value;
+        }
+        let (model, memory) = system.parts();
         model.prepare_step(memory);
         if round == 0 {
             settle_algebraic(system, catalogue, y);
@@ -180,11 +217,13 @@ fn unchanged(catalogue: &Catalogue, before: &[f64], after: &[f64]) -> bool {
     })
 }
 
-fn residual_norm(system: &mut CompiledSystem, y: &[f64]) -> f64 {
+fn report(system: &mut CompiledSystem, fixed: &[bool], y: &[f64], iterations: u32) -> SteadyReport {
     let (zero, mut out) = (vec![0.0; y.len()], vec![0.0; y.len()]);
     let (model, memory) = system.parts();
     model.residual(memory, 0.0, y, &zero, &mut out);
-    out.iter().map(|r| r * r).sum::<f64>().sqrt()
+    let residual_norm = out.iter().zip(fixed).filter(|(_, fixed)| !**fixed).fold(0.0, |sum, (r, _)| sum + r * r).sqrt();
+    let rates = out.iter().map(|r| r.abs()).enumerate().filter(|&(at, _)| fixed[at]);
+    SteadyReport { residual_norm, held: rates.max_by(|a, b| a.1.total_cmp(&b.1)), iterations }
 }
 
 /// Name of the unknown at a place in `y`.

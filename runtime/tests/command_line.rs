@@ -32,6 +32,11 @@ fn a_wrong_command_line_is_status_2() {
         &["simulate", "m.eq", "--set", "k_0"],
         &["simulate", "m.eq", "--steps", "0"],
         &["simulate", "m.eq", "--rtol", "-1"],
+        &["simulate", "m.eq", "--rtol", "1e-20"],
+        &["simulate", "m.eq", "--rtol", "2"],
+        &["simulate", "m.eq", "--seed", "-1"],
+        &["simulate", "m.eq", "--set", "=1"],
+        &["simulate", "m.eq", "--plot", "p.png"],
         &["steady", "m.eq", "--action", "T=hot"],
         &["check", "--format", "xml", "m.eq"],
     ] {
@@ -141,4 +146,77 @@ fn formatting_checks_without_changing() {
     assert_eq!(std::fs::read_to_string(&path).expect("reads"), "model   M\nparam a:1=1\n");
     assert_eq!(status(&smpl(&["fmt", name])), 0);
     assert_eq!(status(&smpl(&["fmt", "--check", name])), 0);
+}
+
+const TANK: &str = "model Tank\ntime t : min\nparam k : 1/min = 2\nstate x : 1 = 1 in 0..2\nstate y : 1 = 1 in 0..2\naction u : 1 = 1 in 0..2\nlet rate : 1/min = k * x \"decay\"\n\
+                    eq d/dt x = u * k - rate\neq d/dt y = u * k - rate\nsteady { u = 1, y = 0.5 }\nreward r default = -x\nobserve x\n";
+
+#[test]
+fn tables_that_say_a_thing_twice_or_never_end_it_are_refused() {
+    let model = file("tables", "m.eq", TANK);
+    let cases = [("u,u\n1,1\n", "two columns are named `u`", "a.csv:1:1"), ("u,note\n1,\"open\n1,x\n", "never closed", "a.csv:2:1")];
+    for (content, message, place) in cases {
+        let actions = file("tables", "a.csv", content);
+        let output = smpl(&["simulate", model.to_str().expect("utf-8"), "--actions", actions.to_str().expect("utf-8")]);
+        let shown = text(&output.stderr);
+        assert!(status(&output) == 1 && shown.contains(message) && shown.contains(place), "{shown}");
+    }
+    let actions = file("tables", "z.csv", "z\n1\n");
+    let output = smpl(&["simulate", model.to_str().expect("utf-8"), "--disturbances", actions.to_str().expect("utf-8")]);
+    assert!(status(&output) == 1 && text(&output.stderr).contains("declares no disturbances"), "{}", text(&output.stderr));
+}
+
+#[test]
+fn a_setting_that_is_no_finite_number_is_refused_once() {
+    let model = file("settings", "m.eq", TANK);
+    for value in ["nan", "1e999", "hot"] {
+        let output = smpl(&["check", model.to_str().expect("utf-8"), "--set", &format!("k={value}")]);
+        let shown = text(&output.stderr);
+        assert_eq!((status(&output), shown.matches("`k`").count()), (1, 1), "{shown}");
+    }
+}
+
+#[test]
+fn an_unknown_policy_lists_each_policy_once() {
+    let model = file("policy", "m.eq", TANK);
+    let output = smpl(&["simulate", model.to_str().expect("utf-8"), "--policy", "foo"]);
+    let shown = text(&output.stderr);
+    assert!(status(&output) == 1 && shown.matches("nominal").count() == 1, "{shown}");
+}
+
+/// x and y have the same rate: with y fixed and x at rest y is at rest too; with x fixed at 0.5 it is not, and the command says so.
+#[test]
+fn the_residual_norm_is_that_of_the_equations_that_were_solved() {
+    let model = file("steady", "m.eq", TANK);
+    let name = model.to_str().expect("utf-8");
+    let first = text(&smpl(&["steady", name]).stdout);
+    assert!(!first.contains("held at given values"), "{first}");
+    let second = text(&smpl(&["steady", name, "--fix", "x=0.5"]).stdout);
+    assert!(second.contains("residual norm 0.000e0") && second.contains("= 1.000e0 is the largest rate"), "{second}");
+}
+
+#[test]
+fn a_definition_counts_as_an_algebraic_variable_and_every_phase_has_its_time() {
+    let model = file("count", "m.eq", TANK);
+    let shown = text(&smpl(&["compile", model.to_str().expect("utf-8")]).stdout);
+    assert!(shown.contains("1 declared, 0 solved, 1 substituted"), "{shown}");
+    for phase in ["text to equations", "differentiation", "hoisting, layout", "code generation"] {
+        assert!(shown.contains(phase), "{shown}");
+    }
+}
+
+#[test]
+fn a_stage_of_the_compilation_goes_where_it_is_asked_to() {
+    let model = file("emit", "m.eq", TANK);
+    let (name, out) = (model.to_str().expect("utf-8"), model.with_file_name("m.json"));
+    assert_eq!(status(&smpl(&["compile", name, "--emit", "json", "-o", out.to_str().expect("utf-8")])), 0);
+    let written: serde_json::Value = serde_json::from_slice(&std::fs::read(&out).expect("a file")).expect("JSON");
+    assert_eq!(written["states"].as_array().map(Vec::len), Some(2));
+}
+
+#[test]
+fn json_stays_json_when_invariants_are_asked_for() {
+    let model = file("invariants", "m.eq", format!("{TANK}invariant same = x - y rate 0 [1/min]\n"));
+    let output = smpl(&["check", "--format", "json", "--invariants", model.to_str().expect("utf-8")]);
+    assert!(serde_json::from_slice::<serde_json::Value>(&output.stdout).is_ok(), "{}{}", text(&output.stdout), text(&output.stderr));
 }

@@ -2,8 +2,9 @@
 
 mod support;
 
-use smpl_runtime::linearize::{eigenvalues, linearize};
+use smpl_runtime::linearize::linearize;
 use smpl_runtime::setup::EnvironmentOptions;
+use smpl_runtime::spectrum::eigenvalues;
 use smpl_runtime::steady;
 use smpl_runtime::system::CompiledSystem;
 use support::{compile, reactor, setup};
@@ -27,7 +28,7 @@ fn eigenvalues_are_those_of_the_specification() {
         assert!(report.residual_norm < 1e-10, "{}", report.residual_norm);
         assert!(y.iter().zip(guess).all(|(a, b)| (a - b).abs() < 1e-3 * b), "the state near the guess: {y:?}");
         let linear = linearize(&mut system, &setup.catalogue, 0.0, &y).expect("linearises");
-        let values = eigenvalues(&linear.a).expect("converges");
+        let values = eigenvalues(&linear.a).expect("converges").values;
         for (value, (re, im)) in values.iter().zip(expected) {
             assert!((value.re - re).abs() < 2e-3 && (value.im.abs() - f64::abs(im)).abs() < 2e-3, "{values:?}");
         }

@@ -272,10 +272,10 @@ fn a_snapshot_continues_bit_for_bit() {
             .collect()
     };
     let first = run(&mut env);
-    env.restore(&snapshot);
+    env.restore(&snapshot).expect("its own");
     assert_eq!(first, run(&mut env));
     let mut other = Environment::new(std::sync::Arc::clone(env.setup())).expect("makes");
-    other.restore(&snapshot);
+    other.restore(&snapshot).expect("of the same model");
     assert_eq!(first, run(&mut other));
 }
 

@@ -163,9 +163,10 @@ impl<'a> Elaborator<'a> {
                 .map(|s| s.path.as_str())
                 .collect();
             known.extend(self.selection.chosen.keys().map(String::as_str));
-            let hint = smpl_dsl::diagnostic::did_you_mean(&name, known);
+            let hint = smpl_dsl::diagnostic::did_you_mean(&name, known.iter().copied());
             let text = match hint {
                 Some(hint) => format!("unknown parameter or setting `{name}`: {hint}"),
+                None if known.len() <= 20 => format!("unknown parameter or setting `{name}`; the model has {}", known.join(", ")),
                 None => format!("unknown parameter or setting `{name}`"),
             };
             self.scenario_fault(text);

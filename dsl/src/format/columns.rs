@@ -158,13 +158,13 @@ pub(super) fn line(tokens: &[Token<'_>], indent: usize, padding: usize) -> Line 
     if broken && keyword == "table" {
         return Line::plain(table(render::lines(tokens, indent, padding)));
     }
-    if broken {
+    if broken || keyword == "table" {
         return Line::plain(render::lines(tokens, indent, padding));
     }
     let cells = cells(keyword, tokens);
     let head = |text: String| format!("{:indent$}{keyword}{:padding$}{}", "", "", text.strip_prefix(keyword).unwrap_or(&text).trim_start());
     let key = match keyword {
-        "model" | "use" | "connect" | "fail" | "success" | "constraint" | "event" | "observe" | "choice" => None,
+        "model" | "use" | "connect" | "fail" | "success" | "constraint" | "event" | "observe" => None,
         _ => Some(format!("{keyword} {}", cells.last().map_or(0, |cell| cell.slot / SLOTS))),
     };
     let mut cells = cells;
@@ -187,6 +187,7 @@ fn cells(keyword: &str, tokens: &[Token<'_>]) -> Vec<Cell> {
     let mut slot = 0;
     let mut depth = 0_usize;
     let mut colons = 0;
+    let clause = if matches!(keyword, "eq" | "initial" | "next" | "reset") { clause(tokens) } else { None };
     for (index, token) in tokens.iter().enumerate() {
         match token.text {
             "(" | "[" | "{" if token.kind == Kind::Symbol => depth += 1,
@@ -198,17 +199,23 @@ fn cells(keyword: &str, tokens: &[Token<'_>]) -> Vec<Cell> {
         }
         let declaration = slot - slot % SLOTS;
         let after_comma = is_declaration(keyword) && tokens[index - 1].text == ",";
-        let column = if after_comma { Some(SLOTS) } else { column(keyword, token, colons) };
+        let column = match tokens[index - 1].text {
+            _ if after_comma => Some(SLOTS),
+            // The pattern of names is part of the name.
+            "named" => None,
+            _ if clause == Some(index) => Some(TEXT),
+            _ => column(keyword, token, colons),
+        };
         let Some(column) = column.filter(|column| declaration + column > slot) else { continue };
-        cells.push(cell(keyword, slot, &tokens[start..index]));
+        cells.push(cell(slot, &tokens[start..index]));
         colons = if after_comma { 0 } else { colons + usize::from(token.text == ":") };
         (start, slot) = (index, declaration + column);
     }
-    cells.push(cell(keyword, slot, &tokens[start..]));
+    cells.push(cell(slot, &tokens[start..]));
     cells
 }
 
-fn cell(keyword: &str, slot: usize, tokens: &[Token<'_>]) -> Cell {
+fn cell(slot: usize, tokens: &[Token<'_>]) -> Cell {
     let gaps = match slot % SLOTS {
         0 if slot > 0 => (1, 2),
         0 => (0, 0),
@@ -216,8 +223,7 @@ fn cell(keyword: &str, slot: usize, tokens: &[Token<'_>]) -> Cell {
         TEXT => (GAP, GAP),
         _ => (1, 1),
     };
-    let clause = if matches!(keyword, "eq" | "initial") { clause(tokens) } else { None };
-    Cell { slot, text: render::inline(tokens, clause), gaps }
+    Cell { slot, text: render::inline(tokens), gaps }
 }
 
 /// Where the clause `for` begins that belongs to the whole statement.
@@ -249,7 +255,7 @@ fn column(keyword: &str, token: &Token<'_>, colons: usize) -> Option<usize> {
             "scale" => Some(5),
             _ => None,
         },
-        "eq" | "initial" | "next" | "reward" | "invariant" if matches!(text, "=" | "~") => Some(2),
+        "eq" | "initial" | "next" | "reset" | "reward" | "invariant" | "choice" if matches!(text, "=" | "~") => Some(2),
         _ => None,
     }
 }

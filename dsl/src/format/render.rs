@@ -23,6 +23,8 @@ struct Writer {
     assigned: Option<usize>,
     padding: usize,
     table: bool,
+    /// Braces with entries that stand on several lines.
+    entries: bool,
 }
 
 /// The lines of a statement, the first one indented too; `padding` blanks follow the keyword.
@@ -35,6 +37,7 @@ pub(super) fn lines(tokens: &[Token<'_>], indent: usize, padding: usize) -> Vec<
         assigned: None,
         padding,
         table: tokens.first().is_some_and(|token| token.text == "table"),
+        entries: has_entries_on_lines(tokens),
     };
     for (index, token) in tokens.iter().enumerate() {
         let previous = index.checked_sub(1).map(|before| &tokens[before]);
@@ -43,13 +46,18 @@ pub(super) fn lines(tokens: &[Token<'_>], indent: usize, padding: usize) -> Vec<
     writer.lines
 }
 
-/// The text of tokens on one line; a clause `for` at the end stands apart.
-pub(super) fn inline(tokens: &[Token<'_>], clause: Option<usize>) -> String {
+/// Whether a statement has entries in braces, and they stand on several lines.
+fn has_entries_on_lines(tokens: &[Token<'_>]) -> bool {
+    let keyword = tokens.first().map_or("", |token| token.text);
+    let inside = tokens.iter().skip_while(|token| token.text != "{");
+    matches!(keyword, "policy" | "steady" | "episode" | "solver") && inside.skip(1).any(|token| token.newline_before)
+}
+
+/// The text of tokens on one line.
+pub(super) fn inline(tokens: &[Token<'_>]) -> String {
     let mut text = String::new();
     for (index, token) in tokens.iter().enumerate() {
-        if Some(index) == clause {
-            text.push_str(&" ".repeat(GAP));
-        } else if index > 0 && spaced(&tokens[index - 1], token, false) {
+        if index > 0 && spaced(&tokens[index - 1], token, false) {
             text.push(' ');
         }
         text.push_str(token.text);
@@ -61,7 +69,7 @@ impl Writer {
     fn write(&mut self, previous: Option<&Token<'_>>, token: &Token<'_>, next: Option<&Token<'_>>, second: bool) {
         let after_comment = previous.is_some_and(|previous| previous.kind == Kind::Comment);
         if let Some(previous) = previous {
-            if token.newline_before || after_comment {
+            if token.newline_before || after_comment || self.opens_up(previous, token) {
                 self.break_line(previous, token);
             } else {
                 self.push_gap(previous, token, second);
@@ -76,9 +84,25 @@ impl Writer {
         }
     }
 
+    /// Whether a token begins the describing text or the clause `for` of the whole statement, behind its continued lines.
+    fn ends_statement(&self, previous: &Token<'_>, token: &Token<'_>) -> bool {
+        self.open.is_empty() && (token.kind == Kind::Text && previous.text != "named" || token.kind == Kind::Word && token.text == "for")
+    }
+
+    /// Whether a line ends inside the braces of entries that stand on several lines: behind `{` and before `}`.
+    fn opens_up(&self, previous: &Token<'_>, token: &Token<'_>) -> bool {
+        let symbol = |token: &Token<'_>, text| token.kind == Kind::Symbol && token.text == text;
+        self.entries
+            && token.kind != Kind::Comment
+            && self.open.len() == 1
+            && self.in_braces()
+            && symbol(previous, "{") != symbol(token, "}")
+    }
+
     fn push_gap(&mut self, previous: &Token<'_>, token: &Token<'_>, second: bool) {
         let blanks = match token.kind {
             Kind::Comment => GAP,
+            _ if self.lines.len() > 1 && self.ends_statement(previous, token) => GAP,
             _ if second && previous.kind == Kind::Word => self.padding,
             _ => usize::from(spaced(previous, token, self.table && self.in_braces())),
         };
@@ -94,7 +118,11 @@ impl Writer {
             ")" | "]" | "}" => {
                 self.open.pop();
             }
-            "=" | "~" | ":" if self.assigned.is_none() && self.outside_parentheses() => {
+            "=" | "~" if self.assigned.is_none() && self.outside_parentheses() => {
+                let wide = next.is_none_or(|next| next.newline_before);
+                self.assigned = (!wide).then_some(self.column() + 2);
+            }
+            ":" if self.assigned.is_none() && self.in_braces() => {
                 let wide = next.is_none_or(|next| next.newline_before);
                 self.assigned = (!wide).then_some(self.column() + 2);
             }

@@ -93,7 +93,7 @@ fn classify_operators(tokens: &mut [Token<'_>]) {
         if tokens[index].kind != Kind::Symbol || !matches!(tokens[index].text, "+" | "-" | "*" | "/") {
             continue;
         }
-        let previous = index.checked_sub(1).map(|before| tokens[before]);
+        let previous = tokens[..index].iter().rfind(|token| token.kind != Kind::Comment).copied();
         let next = tokens.get(index + 1).copied();
         let attached = tokens[index].blank_before && next.is_some_and(|token| !token.blank_before);
         let sign = matches!(tokens[index].text, "+" | "-") && previous.is_none_or(|token| opens_expression(&token, attached));

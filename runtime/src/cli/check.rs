@@ -1,5 +1,6 @@
 //! `smpl check`
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -39,7 +40,15 @@ pub(super) fn run(arguments: &CheckArguments) -> Result<(), Failed> {
                     say(format!("{}: {}\n", file.display(), verdict(&loaded)))?;
                 }
                 if arguments.invariants {
-                    say(invariants(loaded)?)?;
+                    match (invariants(loaded), arguments.format) {
+                        (Ok(text), Format::Text) => say(text)?,
+                        // Standard output is for the array of diagnostics.
+                        (Ok(text), Format::Json) => eprint(&text),
+                        (Err(failed), _) => {
+                            faulty = true;
+                            failed.print();
+                        }
+                    }
                 }
             }
             Err(LoadError::Diagnostics { sources, diagnostics }) => {
@@ -62,6 +71,11 @@ pub(super) fn run(arguments: &CheckArguments) -> Result<(), Failed> {
         say(text + "\n")?;
     }
     if faulty { Err(Failed::Quiet(1)) } else { Ok(()) }
+}
+
+/// Writes to standard error; nothing is left to say where it is closed.
+fn eprint(text: &str) {
+    let _ = std::io::stderr().write_all(text.as_bytes());
 }
 
 fn check(file: &Path, model: &ModelArguments) -> Result<Loaded, LoadError> {
@@ -90,7 +104,7 @@ fn show(diagnostics: &[Diagnostic], sources: &SourceMap, format: Format, objects
 
 fn without_place(file: &PathBuf, error: &LoadError) -> Json {
     json!({
-        "code": "E0700-unreadable", "severity": "error", "message": error.to_string(), "file": file,
+        "code": crate::load::UNREADABLE, "severity": "error", "message": error.to_string(), "file": file,
         "line": 1, "column": 1, "end_line": 1, "end_column": 1, "help": null,
     })
 }
@@ -113,8 +127,12 @@ fn invariants(loaded: Loaded) -> Result<String, Failed> {
     }
     let drifts = environment.invariant_drifts();
     let lines = names.iter().zip(drifts).map(|((name, _), drift)| {
-        let relative = drift.largest / drift.magnitude.max(f64::MIN_POSITIVE);
-        format!("invariant {name}: drift {:.3e} over {} steps ({relative:.1e} of its magnitude)\n", drift.largest, environment.steps())
+        // A balance is nothing but rounding; its parts are what the drift is to be compared with, and only the model knows them.
+        let relative = match drift.largest / drift.magnitude.max(f64::MIN_POSITIVE) {
+            relative if relative < 0.1 => format!(" ({relative:.1e} of its magnitude)"),
+            _ => String::new(),
+        };
+        format!("invariant {name}: drift {:.3e} over {} steps{relative}\n", drift.largest, environment.steps())
     });
     Ok(lines.collect())
 }

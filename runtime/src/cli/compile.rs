@@ -2,10 +2,12 @@
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use clap::{Args, ValueEnum};
 use serde_json::json;
 use smpl_compiler::compiled::CompiledModel;
+use smpl_compiler::ir::Role;
 use smpl_compiler::model::Quantity;
 
 use super::report::Failed;
@@ -31,10 +33,10 @@ pub(super) struct CompileArguments {
     file: PathBuf,
     #[command(flatten)]
     model: ModelArguments,
-    /// Where the compiled model goes (default: beside the model)
+    /// Where the compiled model goes (default: beside the model); with --emit, where the stage goes (default: standard output)
     #[arg(short, long, value_name = "FILE.smplc")]
     output: Option<PathBuf>,
-    /// Print a stage of the compilation and write nothing
+    /// Print a stage of the compilation in place of writing the compiled model
     #[arg(long, value_enum)]
     emit: Option<Stage>,
 }
@@ -58,31 +60,43 @@ enum Stage {
 
 /// Compiles, prints what was compiled, writes the compiled model.
 pub(super) fn run(arguments: &CompileArguments) -> Result<(), Failed> {
+    let print = |text: String| match &arguments.output {
+        None => say(text),
+        Some(path) => Ok(write_whole(path, |file| file.write_all(text.as_bytes()))?),
+    };
     match arguments.emit {
-        Some(Stage::Ast) => return say(super::document::syntax_tree(&arguments.file)?),
-        Some(Stage::Latex) => return say(super::document::equations(&arguments.file)?),
+        Some(Stage::Ast) => return print(super::document::syntax_tree(&arguments.file)?),
+        Some(Stage::Latex) => return print(super::document::equations(&arguments.file)?),
         _ => {}
     }
     let texts = matches!(arguments.emit, Some(Stage::Clif | Stage::Asm));
+    let begin = Instant::now();
     let loaded = arguments.model.load_with(&arguments.file, texts)?;
+    let loading = begin.elapsed();
     match arguments.emit {
-        Some(Stage::Ir) => return say(emit::ir(loaded.model.model())),
-        Some(Stage::Json) => return say(interface_json(&loaded.model)? + "\n"),
-        Some(Stage::Clif) => return say(emit::clif(&loaded.model)),
-        Some(Stage::Asm) => return say(emit::assembly(&loaded.model)),
+        Some(Stage::Ir) => return print(emit::ir(loaded.model.model())),
+        Some(Stage::Json) => return print(interface_json(&loaded.model)? + "\n"),
+        Some(Stage::Clif) => return print(emit::clif(&loaded.model)),
+        Some(Stage::Asm) => return print(emit::assembly(&loaded.model)),
         Some(Stage::Ast | Stage::Latex) | None => {}
     }
     let out = arguments.output.clone().unwrap_or_else(|| arguments.file.with_extension(ARTEFACT_EXTENSION));
     let bytes = loaded.model.to_bytes(crate::load::fingerprint(&loaded.sources))?;
     write_whole(&out, |file| file.write_all(&bytes))?;
-    say(summary(&loaded.model, &out)?)
+    say(summary(&loaded.model, loading, &out)?)
 }
 
-fn summary(model: &std::sync::Arc<CompiledModel>, out: &Path) -> Result<String, Failed> {
+/// What was compiled; `loading` is the time from the text to the compiled model.
+fn summary(model: &std::sync::Arc<CompiledModel>, loading: Duration, out: &Path) -> Result<String, Failed> {
     let interface = model.interface();
     let statistics = model.statistics();
     let count = |quantities: &[Quantity]| quantities.iter().map(Quantity::len).sum::<usize>();
-    let [declared, solved, substituted] = interface.algebraic_counts;
+    let [mut declared, solved, mut substituted] = interface.algebraic_counts;
+    // A `let` that trajectories show is an algebraic variable with its definition.
+    let is_variable = |q: &&Quantity| q.var.is_some_and(|var| model.model().vars[var].role == Role::Algebraic);
+    let lets: usize = interface.algebraics.iter().filter(|q| !is_variable(q)).map(Quantity::len).sum();
+    declared += lets as u32;
+    substituted += lets as u32;
     let mut text = String::new();
     // Writing into a string cannot fail.
     let _ = writeln!(text, "model {}: {}", interface.name, interface.text);
@@ -93,8 +107,13 @@ fn summary(model: &std::sync::Arc<CompiledModel>, out: &Path) -> Result<String, 
     let _ = writeln!(text, "  observations          {}", interface.observations.len());
     let _ = writeln!(text, "  parameters            {}", count(&interface.parameters));
     let _ = writeln!(text, "  Jacobian              {} nonzeros, {}", model.pattern().row_indices.len(), method(model)?);
-    let phases =
-        [("differentiation", statistics.differentiate), ("hoisting, layout", statistics.hoist), ("code generation", statistics.generate)];
+    let back_end = statistics.differentiate + statistics.hoist + statistics.generate;
+    let phases = [
+        ("text to equations", loading.saturating_sub(back_end)),
+        ("differentiation", statistics.differentiate),
+        ("hoisting, layout", statistics.hoist),
+        ("code generation", statistics.generate),
+    ];
     for (phase, duration) in phases {
         let _ = writeln!(text, "  {phase:<21} {:.2} ms", duration.as_secs_f64() * 1e3);
     }

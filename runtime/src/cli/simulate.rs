@@ -36,7 +36,7 @@ pub(super) struct SimulateArguments {
     #[arg(long, value_name = "NAME", default_value = "nominal")]
     policy: String,
     /// Number of steps, in place of the time limit
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     steps: Option<u32>,
     /// Where the episode starts
     #[arg(long, value_enum, default_value_t)]
@@ -48,19 +48,19 @@ pub(super) struct SimulateArguments {
     #[arg(long, value_name = "D.csv")]
     disturbances: Option<PathBuf>,
     /// Seed of the episode
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
     seed: u64,
     /// Relative tolerance
-    #[arg(long, value_name = "R", value_parser = positive)]
+    #[arg(long, value_name = "R", value_parser = tolerance, allow_negative_numbers = true)]
     rtol: Option<f64>,
     /// Absolute tolerance of a state = F * R * its scale
-    #[arg(long, value_name = "F", value_parser = positive)]
+    #[arg(long, value_name = "F", value_parser = positive, allow_negative_numbers = true)]
     atol_factor: Option<f64>,
     /// Table of the trajectory, CSV or Parquet
     #[arg(long, value_name = "T.csv|T.parquet")]
     out: Option<PathBuf>,
     /// Picture of states, actions and reward
-    #[arg(long, value_name = "P.svg")]
+    #[arg(long, value_name = "P.svg", value_parser = picture)]
     plot: Option<PathBuf>,
     /// Go on after the end of the episode
     #[arg(long = "continue")]
@@ -82,6 +82,23 @@ fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(x) if x.is_finite() && x > 0.0 => Ok(x),
         _ => Err(format!("expected a positive number, found `{text}`")),
+    }
+}
+
+/// A relative tolerance that double precision can keep.
+fn tolerance(text: &str) -> Result<f64, String> {
+    match positive(text)? {
+        x if (1e-15..1.0).contains(&x) => Ok(x),
+        x => Err(format!("a relative tolerance lies between 1e-15 and 1, not {x}")),
+    }
+}
+
+/// A file for a picture.
+fn picture(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    match path.extension().map(std::ffi::OsStr::to_ascii_lowercase) {
+        Some(other) if other != "svg" => Err(format!("pictures are SVG; name it `{}`", path.with_extension("svg").display())),
+        _ => Ok(path),
     }
 }
 
@@ -192,7 +209,8 @@ fn policy(arguments: &SimulateArguments, environment: &Environment) -> Result<Po
         }
         name => declared(environment, name).map(Policy::Declared).ok_or_else(|| {
             let policies = &environment.setup().model().model().programs.policies;
-            let known = ["nominal", "random"].into_iter().chain(policies.iter().map(|(n, _)| n.as_str()));
+            let declared = policies.iter().map(|(n, _)| n.as_str()).filter(|n| *n != "nominal");
+            let known = ["nominal", "random"].into_iter().chain(declared);
             UnknownName::new("policy", name, known).into()
         }),
     }
@@ -221,7 +239,7 @@ fn reset_options(arguments: &SimulateArguments, environment: &Environment) -> Re
 fn summary(environment: &mut Environment, total: f64) -> String {
     let setup = Arc::clone(environment.setup());
     let interface = setup.model().interface();
-    let reward = interface.rewards.get(setup.reward).map_or("", |r| r.name.as_str());
+    let reward = interface.rewards.get(setup.reward).map_or(String::new(), |r| format!("sum of {} = {}, ", r.name, Short(total)));
     let last = environment.last().copied();
     let end = match last {
         Some(r) if r.failure.is_some() => format!("failed: {}", environment.failure_message()),
@@ -229,14 +247,7 @@ fn summary(environment: &mut Environment, total: f64) -> String {
         Some(r) if r.truncated => "time limit".into(),
         _ => "not ended".into(),
     };
-    format!(
-        "{}: {} steps, t = {} {}, sum of {reward} = {}, {end}\n",
-        interface.name,
-        environment.steps(),
-        Short(environment.time()),
-        interface.time.1,
-        Short(total),
-    )
+    format!("{}: {} steps, t = {} {}, {reward}{end}\n", interface.name, environment.steps(), Short(environment.time()), interface.time.1,)
 }
 
 /// A bar on standard error, where it is a terminal and the run is long.

@@ -8,8 +8,9 @@ use clap::Args;
 use super::report::Failed;
 use super::{ModelArguments, number, say};
 use crate::failure::Short;
-use crate::linearize::{eigenvalues, linearize};
+use crate::linearize::linearize;
 use crate::setup::Setup;
+use crate::spectrum::{DENSE, eigenvalues};
 use crate::steady;
 use crate::trajectory::{seventeen_digits, write_whole};
 
@@ -77,6 +78,12 @@ pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
     let mut text = String::new();
     // Writing into a string cannot fail.
     let _ = writeln!(text, "residual norm {:.3e} after {} iterations", report.residual_norm, report.iterations);
+    let resting = catalogue.states.elements().iter().map(|e| e.scale).fold(0.0, f64::max) * 1e-9;
+    if let Some((at, rate)) = report.held.filter(|&(_, rate)| rate > resting) {
+        let name = catalogue.states.elements().iter().find(|e| e.at == at).map_or("", |e| e.name.as_str());
+        let count = fixed.len();
+        let _ = writeln!(text, "{count} states are held at given values and not all at rest: d/dt {name} = {rate:.3e} is the largest rate");
+    }
     if arguments.out.is_none() {
         for (name, unit, value) in &rows {
             let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
@@ -108,9 +115,10 @@ fn spectrum(system: &mut crate::system::CompiledSystem, catalogue: &crate::catal
         Ok(linear) => eigenvalues(&linear.a),
         Err(error) => return format!("eigenvalues: {error}\n"),
     };
-    let Some(values) = values else {
+    let Some(spectrum) = values else {
         return "eigenvalues: the iteration did not converge\n".into();
     };
+    let (values, omitted) = (&spectrum.values, spectrum.omitted);
     let kind = match values.first().map(|v| v.re) {
         Some(re) if re > 1e-9 => "unstable",
         Some(re) if re > -1e-9 => "not asymptotically stable (an eigenvalue is zero)",
@@ -128,6 +136,12 @@ fn spectrum(system: &mut crate::system::CompiledSystem, catalogue: &crate::catal
     }
     if values.len() > SHOWN {
         let _ = writeln!(text, "  ... {} more, all left of these", values.len() - SHOWN);
+    }
+    if omitted > 0 {
+        let _ = writeln!(
+            text,
+            "  {omitted} not computed: of parts with more than {DENSE} states that all act on each other, those nearest to zero are"
+        );
     }
     text
 }

@@ -34,8 +34,7 @@ impl Environment {
         match outcome {
             Outcome::Solver => self.go_back(),
             _ => {
-                let integrals = self.integrator.quadratures();
-                self.system.region_mut(Region::Quadrature).copy_from_slice(integrals);
+                self.system.region_mut(Region::Quadrature).copy_from_slice(&self.integrals);
                 if self.setup.has_end && outcome == Outcome::Completed {
                     self.run_end();
                 }
@@ -101,16 +100,19 @@ impl Environment {
         // What earlier steps left behind would make results depend on history (order of pivots).
         self.collect_statistics();
         self.integrator.forget();
+        self.integrals.fill(0.0);
         let end = self.end_time();
         let mut t = self.begin_time();
         for _ in 0..MAX_EVENTS {
             match self.advance(t, end) {
                 Ok(Advance::Reached) => {
                     self.take_state();
+                    self.add_integrals();
                     return Outcome::Completed;
                 }
                 Ok(Advance::Event) => {
                     self.take_state();
+                    self.add_integrals();
                     t = self.integrator.time();
                     if let Some(failure) = self.handle_events(t) {
                         return Outcome::Event(failure);
@@ -137,6 +139,13 @@ impl Environment {
     pub(super) fn take_state(&mut self) {
         self.progress.y.copy_from_slice(self.integrator.state());
         self.progress.yp.copy_from_slice(self.integrator.derivative());
+    }
+
+    /// A restart sets the integrator's quadratures to zero: what they have come to is kept before.
+    fn add_integrals(&mut self) {
+        for (sum, part) in self.integrals.iter_mut().zip(self.integrator.quadratures()) {
+            *sum += part;
+        }
     }
 
     /// Does what the fired events ask for; the index of a failure if one of them is.

@@ -5,7 +5,7 @@ use smpl_compiler::layout::Region;
 
 use super::interval::Outcome;
 use super::{Environment, Phase, StepResult};
-use crate::failure::{ACTION_BOX, Failure, describe_item, describe_solver};
+use crate::failure::{ACTION_BOX, BOX_SLACK, Failure, describe_item, describe_solver};
 
 impl Environment {
     /// Evaluates the end of a step and counts it.
@@ -58,8 +58,10 @@ impl Environment {
         let pairs = self.finish[failures].chunks_exact(2);
         let count = pairs.len();
         for (i, pair) in pairs.enumerate() {
-            self.progress.failing[i] = pair[0] != 0.0 || event == Some(i);
-            self.progress.violations[1 + i] = pair[1];
+            let failing = pair[0] != 0.0 || event == Some(i);
+            self.progress.failing[i] = failing;
+            // An event stops at the limit itself, and a condition may fail with equality: a breach is never worth nothing.
+            self.progress.violations[1 + i] = if failing { pair[1].max(BOX_SLACK) } else { pair[1] };
         }
         self.progress.violations[1 + count..].copy_from_slice(&self.finish[constraints]);
     }
@@ -77,7 +79,7 @@ impl Environment {
     /// Rewards, flags and observation of a step whose failure is known; counts the step.
     fn conclude(&mut self, failure: Option<Failure>, last_step: bool) -> StepResult {
         let episode = &self.setup.model().interface().episode;
-        let (error_reward, end_is_success) = (episode.error_reward, episode.end_is_success);
+        let (error_reward, end_is_success, alone) = (episode.error_reward, episode.end_is_success, episode.failure_pays_alone);
         if failure.is_some() {
             self.progress.rewards.fill(error_reward);
         }
@@ -92,6 +94,7 @@ impl Environment {
         self.progress.sum += dense;
         let reward = match (self.setup.options.sparse, terminated || truncated) {
             (false, _) => dense,
+            (true, true) if alone && failure.is_some() => dense,
             (true, true) => self.progress.sum,
             (true, false) => 0.0,
         };

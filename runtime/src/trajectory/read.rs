@@ -16,7 +16,7 @@ pub type Sequences = BTreeMap<String, Vec<f64>>;
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
     /// It cannot be opened or read.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {}", path.display(), crate::load::plain(source))]
     Read {
         /// The file.
         path: PathBuf,
@@ -63,6 +63,12 @@ pub enum DataError {
         /// The name, and the right ones.
         error: UnknownName,
     },
+    /// Disturbances for a model that has none.
+    #[error("{}: the model declares no disturbances to replay", path.display())]
+    NoDisturbances {
+        /// The file.
+        path: PathBuf,
+    },
     /// A table without rows.
     #[error("{}: no rows", path.display())]
     Empty {
@@ -89,6 +95,14 @@ impl RawTable {
         let fault = |error: csv::Error| fault(path, error);
         let names: Vec<String> =
             reader.headers().map_err(fault)?.iter().map(|name| name.trim_start_matches('\u{feff}').trim_matches('"').to_owned()).collect();
+        if let Some(twice) = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)).map(|(_, name)| name) {
+            let message = format!("two columns are named `{twice}`");
+            return Err(DataError::Malformed { path: path.to_owned(), line: 1, message });
+        }
+        if let Some(line) = open_quote(path) {
+            let message = "a quote is opened and never closed".into();
+            return Err(DataError::Malformed { path: path.to_owned(), line, message });
+        }
         let mut rows = Vec::new();
         for record in reader.records() {
             let record = record.map_err(fault)?;
@@ -121,6 +135,20 @@ impl RawTable {
     fn is_blank(&self, row: usize, columns: &[usize]) -> bool {
         columns.iter().all(|&c| self.rows[row].1.get(c).is_none_or(str::is_empty))
     }
+}
+
+/// The line in which a quoted cell begins that does not end: the reader takes the rest of the file for its text.
+fn open_quote(path: &Path) -> Option<u64> {
+    let bytes = std::fs::read(path).ok()?;
+    let (mut open, mut line) = (None, 1);
+    for byte in bytes {
+        match byte {
+            b'"' => open = if open.is_some() { None } else { Some(line) },
+            b'\n' => line += 1,
+            _ => {}
+        }
+    }
+    open
 }
 
 fn fault(path: &Path, error: csv::Error) -> DataError {
@@ -169,6 +197,9 @@ fn required(table: &RawTable, family: &Family) -> Result<Vec<usize>, DataError> 
 /// See [`DataError`].
 pub fn read_disturbances(path: &Path, catalogue: &Catalogue) -> Result<Sequences, DataError> {
     let table = RawTable::read(path)?;
+    if catalogue.disturbances.is_empty() {
+        return Err(DataError::NoDisturbances { path: table.path });
+    }
     let names: Vec<&str> = catalogue.disturbances.names().filter(|name| table.column(name).is_some()).collect();
     let columns: Vec<usize> = names.iter().filter_map(|name| table.column(name)).collect();
     if columns.is_empty() {

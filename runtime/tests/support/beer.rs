@@ -96,6 +96,7 @@ pub fn model(integrate: f64, max_steps: u32) -> Model {
         max_steps,
         error_reward: -200.0,
         end_is_success: false,
+        failure_pays_alone: false,
         single_precision: false,
     };
     m.done()

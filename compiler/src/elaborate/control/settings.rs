@@ -107,9 +107,10 @@ impl<'a> Elaborator<'a> {
                 episode.error_reward = self.constant_value(v.expr).unwrap_or(episode.error_reward);
             }
             "end_is_success" => episode.end_is_success = self.holds(e, place),
+            "failure_pays_alone" => episode.failure_pays_alone = self.holds(e, place),
             "single_precision" => episode.single_precision = self.holds(e, place),
             _ => {
-                let known = ["step", "integrate", "max_steps", "error_reward", "end_is_success", "single_precision"];
+                let known = ["step", "integrate", "max_steps", "error_reward", "end_is_success", "failure_pays_alone", "single_precision"];
                 self.unknown_entry(name, "episode", &known);
             }
         }

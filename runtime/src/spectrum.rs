@@ -1,0 +1,252 @@
+//! Eigenvalues of linearised processes.
+//!
+//! The matrices of flowsheets are sparse, badly scaled and mostly cascades: what happens downstream does not act upstream. Three measures
+//! make the QR iteration safe and quick for them:
+//!
+//! * the strongly connected parts of the pattern (Tarjan, SIAM J. Comput. 1 (1972) 146-160) are the diagonal blocks of a block triangular
+//!   form, whose eigenvalues are those of the matrix; a reactor of 1700 cells in a row falls apart into blocks of a few species;
+//! * each block is balanced by powers of two (Parlett and Reinsch, Numer. Math. 13 (1969) 293-304);
+//! * of a block with more than [`DENSE`] states only the eigenvalues nearest to zero, which decide on stability, are found, by Arnoldi's
+//!   method on the inverse (Saad, Numerical Methods for Large Eigenvalue Problems, chapter 6); [`Spectrum::omitted`] counts the others.
+
+use nalgebra::{Complex, DMatrix, DVector, Schur};
+
+/// Largest block whose eigenvalues are all computed.
+pub const DENSE: usize = 500;
+/// Dimension of the Krylov space of a larger block.
+const KRYLOV: usize = 120;
+/// Residual, relative to the eigenvalue of the inverse, at which an eigenvalue counts as found.
+const FOUND: f64 = 1e-8;
+
+/// Eigenvalues of a matrix.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Spectrum {
+    /// The eigenvalues, those with the largest real part first.
+    pub values: Vec<Complex<f64>>,
+    /// How many were not computed: of blocks with more than [`DENSE`] states, all but those nearest to zero.
+    pub omitted: usize,
+}
+
+/// Eigenvalues of A; `None` where A is not finite or an iteration does not end.
+#[must_use]
+pub fn eigenvalues(a: &DMatrix<f64>) -> Option<Spectrum> {
+    if a.iter().any(|x| !x.is_finite()) {
+        return None;
+    }
+    let mut spectrum = Spectrum::default();
+    for block in blocks(a) {
+        let mut part = DMatrix::from_fn(block.len(), block.len(), |i, j| a[(block[i], block[j])]);
+        balance(&mut part);
+        let found = if block.len() > DENSE { nearest_zero(&part)? } else { all(part)? };
+        spectrum.omitted += block.len() - found.len();
+        spectrum.values.extend(found);
+    }
+    spectrum.values.sort_by(|p, q| q.re.total_cmp(&p.re).then(q.im.total_cmp(&p.im)));
+    Some(spectrum)
+}
+
+/// All eigenvalues of a block by the QR iteration.
+fn all(block: DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
+    let n = block.nrows();
+    if n == 1 {
+        return Some(vec![Complex::new(block[(0, 0)], 0.0)]);
+    }
+    // An entry below the diagonal counts as zero when it is small beside its neighbours on the diagonal. Where these are small themselves (a
+    // block with nearly nilpotent parts) it never is; shifted by the norm it is, at the accuracy that the iteration has anyway.
+    let shift = block.norm();
+    let most = 100 * n;
+    let (schur, shift) = match Schur::try_new(block.clone(), f64::EPSILON, most) {
+        Some(schur) => (schur, 0.0),
+        None => (Schur::try_new(block + DMatrix::identity(n, n) * shift, f64::EPSILON, most)?, shift),
+    };
+    Some(schur.complex_eigenvalues().iter().map(|value| value - shift).collect())
+}
+
+/// The eigenvalues of a large block that are nearest to zero: Arnoldi's method on the inverse of the block, shifted a little so that
+/// a singular block has one.
+fn nearest_zero(block: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
+    let n = block.nrows();
+    let shift = 1e-9 * block.norm() / (n as f64).sqrt();
+    let inverse = (block - DMatrix::identity(n, n) * shift).lu();
+    let dimension = KRYLOV.min(n);
+    // Any start will do that is not orthogonal to what is looked for; this one has no pattern.
+    let mut basis = vec![DVector::from_fn(n, |i, _| (1.0 + i as f64 * 0.754_877_666_246_692_7).fract() + 0.1).normalize()];
+    let mut small = DMatrix::zeros(dimension, dimension);
+    let mut beyond = 0.0;
+    for k in 0..dimension {
+        let mut next = inverse.solve(&basis[k])?;
+        // Twice, so that the basis stays orthogonal.
+        for _ in 0..2 {
+            for (j, direction) in basis.iter().enumerate() {
+                let part = direction.dot(&next);
+                small[(j, k)] += part;
+                next.axpy(-part, direction, 1.0);
+            }
+        }
+        beyond = next.norm();
+        if beyond <= f64::EPSILON * small.column(k).norm() {
+            small = small.view((0, 0), (k + 1, k + 1)).clone_owned();
+            beyond = 0.0;
+            break;
+        }
+        if k + 1 < dimension {
+            small[(k + 1, k)] = beyond;
+            basis.push(next / beyond);
+        }
+    }
+    let values = all(small.clone())?;
+    let found = values.into_iter().filter(|&value| residual(&small, value, beyond) <= FOUND * value.norm());
+    Some(found.map(|value| value.inv() + shift).collect())
+}
+
+/// Residual of an eigenvalue of the Krylov space: the last component of its eigenvector times what leads out of the space.
+fn residual(small: &DMatrix<f64>, value: Complex<f64>, beyond: f64) -> f64 {
+    let n = small.nrows();
+    // One step of inverse iteration beside the eigenvalue gives the eigenvector.
+    let shifted = small.map(|x| Complex::new(x, 0.0)) - DMatrix::identity(n, n) * (value * (1.0 + 1e-13));
+    let vector = shifted.lu().solve(&DVector::from_element(n, Complex::new(1.0, 0.0)));
+    vector.map_or(0.0, |vector| beyond * vector[n - 1].norm() / vector.norm())
+}
+
+/// Scales rows and columns by powers of two until they have about the same norms; the eigenvalues stay.
+fn balance(a: &mut DMatrix<f64>) {
+    const ROUNDS: usize = 100;
+    for _ in 0..ROUNDS {
+        let mut changed = false;
+        for i in 0..a.nrows() {
+            let norm = |sum: f64, at: usize, x: f64| if at == i { sum } else { sum + x.abs() };
+            let mut column = a.column(i).iter().enumerate().fold(0.0, |sum, (at, &x)| norm(sum, at, x));
+            let row = a.row(i).iter().enumerate().fold(0.0, |sum, (at, &x)| norm(sum, at, x));
+            if column == 0.0 || row == 0.0 {
+                continue;
+            }
+            let before = column + row;
+            let mut factor = 1.0;
+            while column < row / 2.0 {
+                factor *= 2.0;
+                column *= 4.0;
+            }
+            while column > row * 2.0 {
+                factor /= 2.0;
+                column /= 4.0;
+            }
+            if factor != 1.0 && (column + row) / factor < 0.95 * before {
+                changed = true;
+                a.row_mut(i).scale_mut(1.0 / factor);
+                a.column_mut(i).scale_mut(factor);
+            }
+        }
+        if !changed {
+            break;
+        }
+    }
+}
+
+/// The strongly connected parts of the pattern, as sorted lists of rows.
+fn blocks(a: &DMatrix<f64>) -> Vec<Vec<usize>> {
+    const NEW: usize = usize::MAX;
+    let n = a.nrows();
+    // A step from j leads to the rows in which column j stands.
+    let next: Vec<Vec<usize>> = (0..n).map(|j| (0..n).filter(|&i| i != j && a[(i, j)] != 0.0).collect()).collect();
+    let (mut number, mut lowest) = (vec![NEW; n], vec![0; n]);
+    let (mut path, mut on_path) = (Vec::new(), vec![false; n]);
+    let (mut parts, mut count) = (Vec::new(), 0);
+    for root in 0..n {
+        if number[root] != NEW {
+            continue;
+        }
+        let mut visits = vec![(root, 0)];
+        while let Some((at, edge)) = visits.pop() {
+            if edge == 0 {
+                number[at] = count;
+                lowest[at] = count;
+                count += 1;
+                path.push(at);
+                on_path[at] = true;
+            } else {
+                lowest[at] = lowest[at].min(lowest[next[at][edge - 1]]);
+            }
+            let unseen = (edge..next[at].len()).find(|&e| {
+                let to = next[at][e];
+                if number[to] != NEW && on_path[to] {
+                    lowest[at] = lowest[at].min(number[to]);
+                }
+                number[to] == NEW
+            });
+            if let Some(e) = unseen {
+                visits.push((at, e + 1));
+                visits.push((next[at][e], 0));
+            } else if lowest[at] == number[at] {
+                let first = path.iter().rposition(|&state| state == at).unwrap_or_default();
+                let mut part = path.split_off(first);
+                part.iter().for_each(|&state| on_path[state] = false);
+                part.sort_unstable();
+                parts.push(part);
+            }
+        }
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn real(mut values: Vec<f64>) -> Vec<f64> {
+        values.sort_by(|a, b| b.total_cmp(a));
+        values
+    }
+
+    #[test]
+    fn a_cascade_has_the_eigenvalues_of_its_parts() {
+        // Companion matrix of (x + 1)(x + 2)(x + 3), feeding a rotation with eigenvalues -1 +- 2i, feeding two integrators.
+        let rows: [[f64; 7]; 7] = [
+            [0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0],
+            [-6.0, -11.0, -6.0, 0.0, 0.0, 0.0, 0.0],
+            [5.0, 0.0, 0.0, -1.0, 2.0, 0.0, 0.0],
+            [0.0, 7.0, 0.0, -2.0, -1.0, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 0.0, 1.0, 3.0, 0.0],
+        ];
+        let spectrum = eigenvalues(&DMatrix::from_fn(7, 7, |i, j| rows[i][j])).expect("converges");
+        let expected = [(0.0, 0.0), (0.0, 0.0), (-1.0, 2.0), (-1.0, 0.0), (-1.0, -2.0), (-2.0, 0.0), (-3.0, 0.0)];
+        assert_eq!(spectrum.omitted, 0);
+        for (re, im) in expected {
+            assert!(spectrum.values.iter().any(|v| (v.re - re).abs() < 1e-9 && (v.im - im).abs() < 1e-9), "{re} {im}: {spectrum:?}");
+        }
+    }
+
+    #[test]
+    fn scales_that_differ_by_many_orders_do_no_harm() {
+        // Similar to [[-1, 1], [1, -3]] by scaling: eigenvalues -2 +- sqrt(2).
+        let a = DMatrix::from_row_slice(2, 2, &[-1.0, 1e12, 1e-12, -3.0]);
+        let values = eigenvalues(&a).expect("converges").values;
+        assert!((values[0].re + 2.0 - 2.0_f64.sqrt()).abs() < 1e-14 && (values[1].re + 2.0 + 2.0_f64.sqrt()).abs() < 1e-14);
+    }
+
+    #[test]
+    fn a_long_cascade_of_equal_cells_does_not_smear_its_multiple_eigenvalue() {
+        // A Jordan block of 60: the QR iteration alone scatters its eigenvalues by 60 sqrt-th roots of rounding, 0.5.
+        let a = DMatrix::from_fn(60, 60, |i, j| if i == j { -1.0 } else { f64::from(u8::from(i == j + 1)) });
+        assert!(eigenvalues(&a).expect("converges").values.iter().all(|v| v.re == -1.0 && v.im == 0.0));
+    }
+
+    #[test]
+    fn of_a_large_connected_part_those_nearest_to_zero_are_found() {
+        // Diffusion between closed ends: eigenvalues -4 sin^2(k pi / (2 n)), k = 0 .. n - 1.
+        let n = DENSE + 1;
+        let a = DMatrix::from_fn(n, n, |i, j| match i.abs_diff(j) {
+            0 => -f64::from(u8::from(i > 0)) - f64::from(u8::from(i + 1 < n)),
+            1 => 1.0,
+            _ => 0.0,
+        });
+        let spectrum = eigenvalues(&a).expect("converges");
+        assert_eq!(spectrum.values.len() + spectrum.omitted, n);
+        assert!(spectrum.values.len() >= 20, "{}", spectrum.values.len());
+        let expected = (0..n).map(|k| -4.0 * (k as f64 * std::f64::consts::PI / (2 * n) as f64).sin().powi(2));
+        for (value, exact) in real(spectrum.values.iter().map(|v| v.re).collect()).into_iter().zip(expected).take(20) {
+            assert!((value - exact).abs() < 1e-9 * exact.abs().max(1e-4), "{value} {exact}");
+        }
+    }
+}
