@@ -172,6 +172,8 @@ pub struct Interface {
     pub algebraic_counts: [u32; 3],
     /// Discrete variables.
     pub discretes: Vec<Quantity>,
+    /// Names of the phases in their order, whose number (from 1) the discrete variable `phase` holds; empty without a schedule.
+    pub phases: Vec<String>,
     /// Actions.
     pub actions: Vec<Quantity>,
     /// Disturbances.

@@ -63,6 +63,7 @@ class Model:
     reward: str
     levels: list[str]
     policies: list[str]
+    phases: list[str]
     step: float
     max_steps: int
     nonzeros: int
@@ -118,8 +119,10 @@ class Env:
     def snapshot(self) -> Snapshot: ...
     def restore(self, snapshot: Snapshot) -> None: ...
 
-# time, success, failure, constraints (names first), cost, rewards (names first), state
-BatchInfo = tuple[FloatArray, BoolArray, list[str] | None, FloatArray, FloatArray, FloatArray, FloatArray | None]
+# time, success, failure, constraints (names first), cost, rewards (names first), state, phase
+BatchInfo = tuple[
+    FloatArray, BoolArray, list[str] | None, FloatArray, FloatArray, FloatArray, FloatArray | None, list[int] | None
+]
 
 class Batch:
     """Environments of one model, stepped together by threads."""

@@ -38,6 +38,7 @@ class Model(Named):
         explicit: whether `rhs` is available.
         step: sampling interval in `time_unit`; `max_steps`: time limit in steps.
         reward: the chosen reward; `levels`: observation levels.
+        phases: names of the phases of the model's schedule, empty without one.
     """
 
     def __init__(self, native: _native.Model, arguments: dict[str, Any]) -> None:
@@ -50,6 +51,7 @@ class Model(Named):
         self.explicit = native.explicit
         self.step, self.max_steps = native.step, native.max_steps
         self.reward, self.levels = native.reward, tuple(native.levels)
+        self.phases = tuple(native.phases)
 
     def __repr__(self) -> str:
         return f"<smpl.Model {self.name}: {len(self.state_names)} states, {len(self.action_names)} actions>"

@@ -44,11 +44,12 @@ class History:
         self.actions: list[npt.NDArray[np.float64]] = []
         self.rewards: list[float] = []
         self.end = ""
+        self.phase = ""
 
     def start(self) -> None:
         """Forget the last episode and record the first state."""
         self.times, self.states, self.actions, self.rewards = [self._env.time], [self._env.state], [], []
-        self.end = ""
+        self.end, self.phase = "", ""
 
     def add(self, action: npt.NDArray[np.float64], result: tuple[Any, ...]) -> None:
         """Record a step."""
@@ -57,6 +58,7 @@ class History:
         self.states.append(self._env.state)
         self.actions.append(self._env.to_physical(action))
         self.rewards.append(float(reward))
+        self.phase = info.get("phase", "")
         if terminated or truncated:
             self.end = info["failure"] or ("success" if info["success"] else "time limit")
 
@@ -67,9 +69,8 @@ class History:
     def text(self) -> str:
         """One line a quantity."""
         env = self._env
-        lines = [
-            f"{env.model.name}  step {len(self.actions)}  time {env.time:g} {env.model.time_unit}  {self.end}".rstrip()
-        ]
+        head = f"{env.model.name}  step {len(self.actions)}  time {env.time:g} {env.model.time_unit}"
+        lines = ["  ".join(part for part in (head, self.phase, self.end) if part)]
         for name, unit, value in zip(env.state_names, env.state_units, self._last(self.states), strict=False):
             lines.append(f"  {name:24} {value: .6g} {unit}")
         for name, unit, value in zip(env.action_names, env.action_units, self._last(self.actions), strict=False):
@@ -91,6 +92,7 @@ class History:
         figure = Figure(figsize=(3.2 * columns, 2.0 * rows + 0.3), dpi=100, layout="constrained")
         canvas: Any = FigureCanvasAgg(figure)
         title = f"{self._env.model.name}, time in {self._env.model.time_unit}"
+        title += f", {self.phase}" if self.phase else ""
         figure.suptitle(f"{title}: {self.end}" if self.end else title, fontsize=9)
         for index, panel in enumerate(panels):
             _plot(figure.add_subplot(rows, columns, index + 1), panel)

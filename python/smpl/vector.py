@@ -210,7 +210,7 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     def _infos(self, info: _native.BatchInfo, mask: BoolArray) -> dict[str, Any]:
         """Arrays of the compiled module as Gymnasium's vector info."""
-        time, success, failures, constraints, cost, rewards, state = info
+        time, success, failures, constraints, cost, rewards, state, phases = info
         failure = np.full(self.num_envs, "", dtype=object)
         if failures is not None:
             failure[:] = failures
@@ -222,6 +222,8 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
             "cost": cost,
             "rewards": _nested(self.reward_names, rewards, mask),
         }
+        if phases is not None:
+            values["phase"] = np.array([self.model.phases[phase] for phase in phases], dtype=object)
         if state is not None:
             values["state"] = state
         return _with_masks(values, mask)

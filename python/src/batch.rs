@@ -26,6 +26,7 @@ type InfoArrays<'py> = (
     Vector<'py>,
     Bound<'py, PyArray2<f64>>,
     Option<Bound<'py, PyArray2<f64>>>,
+    Option<Vec<usize>>,
 );
 /// Which episodes ended, their last observations and infos.
 type Final<'py> = (Flags<'py>, Observations<'py>, InfoArrays<'py>);
@@ -218,6 +219,8 @@ fn fill_infos<'py>(py: Python<'py>, infos: &[Option<&Info>], sizes: Sizes, const
             }
         })
     };
+    let phases = infos.iter().flatten().any(|info| info.phase.is_some());
+    let phases = phases.then(|| infos.iter().map(|info| info.and_then(|i| i.phase).unwrap_or_default()).collect());
     let success = Fresh::vector(py, count).filled(|out| {
         for (out, info) in out.iter_mut().zip(infos) {
             *out = info.is_some_and(|info| info.success);
@@ -252,6 +255,7 @@ fn fill_infos<'py>(py: Python<'py>, infos: &[Option<&Info>], sizes: Sizes, const
         column(|info| info.cost),
         rows(sizes.rewards, |info| &info.rewards),
         states,
+        phases,
     )
 }
 

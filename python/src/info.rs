@@ -11,6 +11,7 @@ use crate::arrays::Fresh;
 pub struct Keys {
     constraints: Vec<Py<PyString>>,
     rewards: Vec<Py<PyString>>,
+    phases: Vec<Py<PyString>>,
     with_state: bool,
 }
 
@@ -22,6 +23,7 @@ impl Keys {
         Self {
             constraints: env.constraint_names().map(text).collect(),
             rewards: interface.rewards.iter().map(|r| text(&r.name)).collect(),
+            phases: interface.phases.iter().map(|name| text(name)).collect(),
             with_state,
         }
     }
@@ -37,6 +39,9 @@ impl Keys {
         info.set_item(intern!(py, "constraints"), mapping(py, &self.constraints, env.violations())?)?;
         info.set_item(intern!(py, "cost"), env.last().map_or(0.0, |last| last.cost))?;
         info.set_item(intern!(py, "rewards"), mapping(py, &self.rewards, env.rewards())?)?;
+        if let Some(phase) = env.phase().and_then(|phase| self.phases.get(phase)) {
+            info.set_item(intern!(py, "phase"), phase)?;
+        }
         if self.with_state {
             let states = env.catalogue().states.len();
             info.set_item(intern!(py, "state"), Fresh::vector(py, states).filled(|out| env.state(out)))?;

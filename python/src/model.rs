@@ -107,6 +107,12 @@ impl Model {
         self.loaded.model.interface().levels.clone()
     }
 
+    /// Names of the phases of the schedule, in their order.
+    #[getter]
+    fn phases(&self) -> Vec<String> {
+        self.loaded.model.interface().phases.clone()
+    }
+
     /// Names of the open-loop policies.
     #[getter]
     fn policies(&self) -> Vec<String> {

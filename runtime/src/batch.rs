@@ -98,6 +98,8 @@ pub struct StepArrays<'a, T> {
 pub struct Info {
     /// Time.
     pub time: f64,
+    /// The phase in force, see [`Environment::phase`].
+    pub phase: Option<usize>,
     /// Success.
     pub success: bool,
     /// Message of the failure, empty when none.
@@ -133,6 +135,7 @@ impl Info {
     fn fill(&mut self, environment: &mut Environment) {
         let last = environment.last().copied();
         self.time = environment.time();
+        self.phase = environment.phase();
         self.success = last.is_some_and(|r| r.success);
         self.cost = last.map_or(0.0, |r| r.cost);
         self.violations.copy_from_slice(environment.violations());

@@ -273,6 +273,13 @@ impl Environment {
         self.progress.last.as_ref()
     }
 
+    /// Number of the phase in force, from 0, in the order of the interface's phases; `None` without a schedule.
+    #[must_use]
+    pub fn phase(&self) -> Option<usize> {
+        let number = *self.discretes().get(self.setup.phase?)?;
+        Some((number as usize).saturating_sub(1))
+    }
+
     /// All rewards of the last step, as declared; the error reward on a failing step. Zero after a reset.
     #[must_use]
     pub fn rewards(&self) -> &[f64] {

@@ -72,6 +72,12 @@ fn panels(table: &Table, setup: &Setup) -> Vec<Panel> {
     let actions = catalogue.actions.elements().iter().take(MAX_PANELS).filter_map(|e| of(e, true, None));
     let mut panels: Vec<Panel> = states.chain(actions).collect();
     let bounds = [f64::NEG_INFINITY, f64::INFINITY];
+    let phases = &setup.model().interface().phases;
+    if !phases.is_empty() {
+        let names: Vec<String> = phases.iter().enumerate().map(|(i, name)| format!("{} {name}", i + 1)).collect();
+        let title = format!("phase: {}", names.join(", "));
+        panels.extend(table.numbers("phase").map(|values| Panel { title, values, bounds, set_point: None, held: true }));
+    }
     panels.extend(table.numbers("reward").map(|values| Panel { title: "reward".into(), values, bounds, set_point: None, held: false }));
     panels
 }

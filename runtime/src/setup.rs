@@ -103,6 +103,8 @@ pub struct Setup {
     pub(crate) has_disturbances: bool,
     pub(crate) sources: Option<Arc<SourceMap>>,
     pub(crate) noise: Vec<f64>,
+    /// Place of the number of the phase, where there is a schedule.
+    pub(crate) phase: Option<usize>,
 }
 
 impl Setup {
@@ -128,6 +130,7 @@ impl Setup {
         if max_steps == 0 {
             return Err(SetupError::Value { what: "max_steps".into(), expected: "at least 1", value: "0".into() });
         }
+        let has_phases = !interface.phases.is_empty();
         let programs = &model.model().programs;
         let mut setup = Self {
             settings,
@@ -140,6 +143,7 @@ impl Setup {
             has_disturbances: !programs.disturb.nests.is_empty(),
             sources,
             noise,
+            phase: catalogue.discretes.find("phase").filter(|_| has_phases).map(|e| e.at),
             catalogue,
             options,
             system: CompiledSystem::new(model)?,

@@ -163,3 +163,15 @@ fn a_swap_is_refused_while_the_train_is_busy() {
         .collect();
     assert_eq!(loading, expected);
 }
+
+#[test]
+fn the_phase_has_a_panel_of_its_own_in_plots() {
+    let folder = std::path::PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
+    let model = std::path::PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../models/mab_plant.eq");
+    let plot = folder.join("plant.svg");
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_smpl"));
+    let done = command.arg("simulate").arg(model).args(["--steps", "2", "--plot"]).arg(&plot).output().expect("the command runs");
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let picture = std::fs::read_to_string(plot).expect("a picture");
+    assert!(picture.contains("phase: 1 idle, 2 wash"), "no panel of the phase");
+}

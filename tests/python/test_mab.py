@@ -25,3 +25,23 @@ def test_rates_of_legacy_are_those_of_the_reference():
     for state, action, expected in zip(table["states"], table["actions"], table["derivatives_legacy"], strict=True):
         rates = np.asarray(model.rhs(0.0, state, action))
         assert (np.abs(rates - expected) / scale).max() <= 1e-12 * (np.abs(expected) / scale).max()
+
+
+def test_the_phase_is_shown_by_name_in_single_and_vector_environments():
+    env = smpl.Env("mab_plant", normalize=False, max_steps=3)
+    vector = smpl.VectorEnv("mab_plant", 2, normalize=False, max_steps=3, autoreset_mode="same_step")
+    start = {"start": "steady"}
+    _, info = env.reset(options=start)
+    vector.reset(options=start)
+    assert env.model.phases[:3] == ("idle", "wash", "cut") and info["phase"] == "idle"
+    action = env.model.native.defaults("action")
+    action[env.action_names.index("switch")] = 1
+    # Minutes: wash to 13.8, cut to 16.8, elution to 31.8, strip to 46.8, hold to 91.8, loading to 143.9, wash to 154.3,
+    # elution to 174.9, flush to 202.7.
+    for phase in ("hold", "load_cex", "flush"):
+        info = env.step(action)[4]
+        assert info["phase"] == phase
+        *_, infos = vector.step(np.stack([action, action]))
+        last = infos["final_info"]["phase"] if phase == "flush" else infos["phase"]
+        assert list(last) == [phase, phase]
+    assert list(infos["phase"]) == ["idle", "idle"]

@@ -41,11 +41,3 @@ def test_stable_baselines3_steps_the_native_batch():
     assert infos[0]["TimeLimit.truncated"] and infos[0]["terminal_observation"].shape == (3,)
     assert infos[0]["time"] == pytest.approx(0.2)
     assert env.get_attr("render_mode") == [None] * 3
-
-
-def test_ppo_learns_on_the_native_batch():
-    pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed")
-    from smpl.examples.ppo_reactor import train
-
-    model = train(total_timesteps=256, num_envs=4, n_steps=32)
-    assert model.num_timesteps >= 256

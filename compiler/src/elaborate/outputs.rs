@@ -546,6 +546,7 @@ impl<'a> Elaborator<'a> {
         let lists = [Role::State, Role::Discrete, Role::Action, Role::Disturbance, Role::Param].map(|r| of(self, r));
         let [states, mut discretes, actions, disturbances, parameters] = lists;
         discretes.extend(self.schedule_quantities());
+        self.model.interface.phases = self.schedule_phases();
         if states.is_empty() && !self.has_errors() {
             self.report(
                 Diagnostic::error(codes::UNDERDETERMINED, "the model has no state", smpl_dsl::span::Span::default())

@@ -106,6 +106,11 @@ impl<'a> Elaborator<'a> {
             .collect()
     }
 
+    /// Names of the phases in their order.
+    pub(super) fn schedule_phases(&self) -> Vec<String> {
+        self.schedule.iter().flat_map(|s| &s.phases).map(|p| p.name.text.clone()).collect()
+    }
+
     /// What the outside sees of the schedule.
     pub(super) fn schedule_quantities(&self) -> Vec<Quantity> {
         let Some(schedule) = &self.schedule else { return Vec::new() };

@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 import ctypes
+import time
 from pathlib import Path
 
 import numpy as np
 
 import smpl
 from smpl.bench import c
-from smpl.bench.common import compile_time, environment, goal, largest, memory, seconds, title, where_time_goes
+from smpl.bench.common import (
+    compile_time,
+    environment,
+    goal,
+    installed,
+    largest,
+    memory,
+    seconds,
+    title,
+    where_time_goes,
+)
 from smpl.model import FloatArray
 
 MODEL = Path(__file__).parent / "advection_reaction.eq"
@@ -28,7 +39,8 @@ def main(repeats: int) -> None:
     goal("residual", residual * 1e6, 0.8, "us")
     goal("all entries of the Jacobian", jacobian * 1e6, 6, "us")
     against_c(model, y, u, residual, jacobian)
-    solve("solve to t = 3 at 1e-6", 3.0, np.array([330.0]), 12, repeats)
+    own, exact = solve("solve to t = 3 at 1e-6", 3.0, np.array([330.0]), 12, repeats)
+    diffsl(own, exact, repeats)
     solve("30 control steps of 0.1 with a new jacket temperature each", 0.1, JACKETS, 35, repeats)
 
 
@@ -78,8 +90,8 @@ def episode(env: smpl.Env, jackets: FloatArray) -> None:
         env.step([jacket])
 
 
-def solve(what: str, sampling: float, jackets: FloatArray, target: float, repeats: int) -> None:
-    """Time and error of an episode, and IDA called from C."""
+def solve(what: str, sampling: float, jackets: FloatArray, target: float, repeats: int) -> tuple[float, FloatArray]:
+    """Time and error of an episode, and IDA called from C; gives the time and the exact end."""
     env = tube(sampling)
     each = seconds(lambda: episode(env, jackets), repeats)
     end = env.state
@@ -90,6 +102,7 @@ def solve(what: str, sampling: float, jackets: FloatArray, target: float, repeat
     where_time_goes(env, each, 1, end, jackets[-1:])
     if c.compiler():
         ida_in_c(sampling, jackets, each, exact.state)
+    return each, exact.state
 
 
 def against_c(model: smpl.Model, y: FloatArray, u: FloatArray, residual: float, jacobian: float) -> None:
@@ -101,16 +114,17 @@ def against_c(model: smpl.Model, y: FloatArray, u: FloatArray, residual: float, 
         times = library.times(by_species(y), u, model.native.nonzeros)
         rates = by_species(model.rhs(0.0, y, u))
         apart = largest(library.residual(by_species(y), u), rates, np.ones_like(y))
+        name = " ".join(["C -O3 -march=native", *flags])
         print(
-            f"  C {' '.join(['-O3 -march=native', *flags])}: residual {times[0] * 1e6:.2f} us, {times[0] / residual:.2f}"
-            f" of ours; Jacobian {times[1] * 1e6:.2f} us, {times[1] / jacobian:.2f} of ours; rates agree to {apart:.0e}"
+            f"  {name}: residual {times[0] * 1e6:.2f} us, {times[0] / residual:.2f} of ours;"
+            f" Jacobian {times[1] * 1e6:.2f} us, {times[1] / jacobian:.2f} of ours; rates agree to {apart:.0e}"
         )
 
 
 def ida_in_c(sampling: float, jackets: FloatArray, own: float, exact: FloatArray) -> None:
     """The same with SUNDIALS called from C, restarted at every change as its manual says."""
     try:
-        library = c.Library("advection", "advection_ida", libraries=c.SUNDIALS)
+        library = c.Library("advection", "advection_ida", flags=["-I/usr/include/suitesparse"], libraries=c.SUNDIALS)
     except OSError:
         print("  IDA from C: skipped, the headers of SUNDIALS are not installed")
         return
@@ -131,3 +145,47 @@ def ida_in_c(sampling: float, jackets: FloatArray, own: float, exact: FloatArray
         f"  IDA + KLU called from C, the installed SUNDIALS: {each * 1e3:.1f} ms, {each / own:.1f} of ours;"
         f" {counts[0]} steps, {counts[1]} residuals, error {error:.1e}"
     )
+
+
+def diffsl(own: float, exact: FloatArray, repeats: int) -> None:
+    """The same in DiffSL, by pydiffsol: LLVM, BDF, sparse LU of faer (its KLU crashes)."""
+    if not installed("DiffSL", "pydiffsol"):
+        return
+    import pydiffsol
+
+    begin = time.thread_time()
+    problem = pydiffsol.Ode(
+        diffsl_text(CELLS),
+        matrix_type=pydiffsol.faer_sparse,
+        ode_solver=pydiffsol.bdf,
+        linear_solver=pydiffsol.lu,
+    )
+    compiled = time.thread_time() - begin
+    problem.rtol = problem.atol = 1e-6
+    each = seconds(lambda: problem.solve(np.array([330.0]), 3.0), repeats)
+    error = largest(problem.solve(np.array([330.0]), 3.0).ys[:, -1], by_species(exact), np.ones_like(exact))
+    print(
+        f"  DiffSL (pydiffsol {pydiffsol.version()}, LLVM, BDF, faer): compile {compiled * 1e3:.0f} ms,"
+        f" solve to t = 3 {each * 1e3:.1f} ms, {each / own:.1f} of ours,"
+        f" error {error:.1e}"
+    )
+
+
+def diffsl_text(n: int) -> str:
+    """The equations in DiffSL, by slices of each species (w: temperature)."""
+    rows = []
+    for k, (name, feed, source) in enumerate(
+        [
+            ("a", 1.0, "- r{0}"),
+            ("b", 1.2, "- r{0}"),
+            ("c", 0.0, "+ r{0}"),
+            ("w", 350.0, "+ 40.0 * r{0} - 0.5 * (w{0} - Tj)"),
+        ]
+    ):
+        first, rest = source.format("_i[0:1]"), source.format(f"_i[1:{n}]")
+        rows.append(f"({k * n}:{k * n + 1}): {n}.0 * ({feed} - {name}_i[0:1]) {first},")
+        inner = f"{n}.0 * ({name}_i[0:{n - 1}] - {name}_i[1:{n}]) {rest}"
+        rows.append(f"({k * n + 1}:{(k + 1) * n}): {inner},")
+    states = f"(0:{n}): a = 0, ({n}:{2 * n}): b = 0, ({2 * n}:{3 * n}): c = 0, ({3 * n}:{4 * n}): w = 330"
+    rate = "3e7 * exp(-6000.0 / w_i) * a_i * b_i"
+    return f"in_i {{ Tj = 330 }}\nu_i {{ {states} }}\nr_i {{ {rate} }}\nF_i {{\n" + "\n".join(rows) + "\n}\n"

@@ -146,7 +146,7 @@ def rates() -> Callable[[FloatArray, FloatArray], FloatArray]:
     """dy/dt of the default scenario from the specification, compiled."""
     from numba import njit
 
-    @njit(fastmath=False)  # type: ignore[misc]
+    @njit(fastmath=False)
     def f(y: Any, u: Any) -> Any:
         d = np.zeros(y.size)
         f_in, f_1, f_r, f_2, glc_in, gln_in, t_c, f_out = u[:8]

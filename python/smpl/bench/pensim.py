@@ -143,7 +143,7 @@ def rates() -> Callable[..., Any]:
     """dy/dt from the specification with the mean parameters, compiled."""
     from numba import njit
 
-    @njit(fastmath=False)  # type: ignore[misc]
+    @njit(fastmath=False)
     def f(y: Any, t: float, u: Any) -> Any:
         d = np.empty(33)
         s, do2, o2, p, v, _, h, temp, _, visc, age, a0, a1, a3, a4 = y[:15]
