@@ -146,7 +146,6 @@ def rates() -> Callable[[FloatArray, FloatArray], FloatArray]:
     """dy/dt of the default scenario from the specification, compiled."""
     from numba import njit
 
-    @njit(fastmath=False)
     def f(y: Any, u: Any) -> Any:
         d = np.zeros(y.size)
         f_in, f_1, f_r, f_2, glc_in, gln_in, t_c, f_out = u[:8]
@@ -211,4 +210,5 @@ def rates() -> Callable[[FloatArray, FloatArray], FloatArray]:
         d[-1] = f_out * (c_buf - y[19 + 13 * (n - 1)])
         return d
 
-    return f
+    compiled: Callable[..., Any] = njit(fastmath=False)(f)
+    return compiled

@@ -143,7 +143,6 @@ def rates() -> Callable[..., Any]:
     """dy/dt from the specification with the mean parameters, compiled."""
     from numba import njit
 
-    @njit(fastmath=False)
     def f(y: Any, t: float, u: Any) -> Any:
         d = np.empty(33)
         s, do2, o2, p, v, _, h, temp, _, visc, age, a0, a1, a3, a4 = y[:15]
@@ -241,4 +240,5 @@ def rates() -> Callable[..., Any]:
         d[31], d[32] = mu_p, mu_e
         return d
 
-    return f
+    compiled: Callable[..., Any] = njit(fastmath=False)(f)
+    return compiled
