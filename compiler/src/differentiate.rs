@@ -13,7 +13,7 @@ use std::rc::Rc;
 use thiserror::Error;
 
 use crate::ir::hash::FastMap;
-use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, Flavour, LoopVar, MAX_DEPTH, ReduceFn, VarId};
+use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, Flavour, LoopVar, MAX_DEPTH, ReduceFn, UnaryFn, VarId};
 
 pub mod pattern;
 mod rules;
@@ -87,7 +87,25 @@ struct Term {
     value: ExprId,
 }
 
-type Terms = Rc<[Term]>;
+/// Derivatives of a node: a number and a factor common to all times terms, one for each leaf, ascending. Numbers and factors are
+/// multiplied with each other on the way up and with the terms at last, where lists with different factors are added.
+#[derive(Clone)]
+struct Terms {
+    list: Rc<[Term]>,
+    scale: f64,
+    /// `None` for 1.
+    factor: Option<ExprId>,
+}
+
+impl Terms {
+    fn new(list: impl Into<Rc<[Term]>>) -> Terms {
+        Terms { list: list.into(), scale: 1.0, factor: None }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+}
 
 /// Which loads are differentiated for.
 pub type ColumnOf<'a> = dyn Fn(VarId, Flavour) -> Option<Column> + 'a;
@@ -183,11 +201,11 @@ fn survey(exprs: &Exprs, root: ExprId, column_of: &ColumnOf<'_>) -> (usize, bool
 
 /// The matrix of derivatives of normalised rows.
 pub fn entries(exprs: &mut Exprs, rows: &[Rows], column_of: &ColumnOf<'_>) -> Vec<Entry> {
-    let mut pass = Differentiator { exprs, column_of, known: FastMap::default(), nothing: Rc::from([]) };
+    let mut pass = Differentiator { exprs, column_of, known: FastMap::default(), nothing: Terms::new([]) };
     let mut entries = vec![];
     for row in rows {
         let terms = pass.terms(row.value);
-        for term in terms.iter() {
+        for term in pass.expanded(&terms).iter() {
             let mut loops: Vec<(u8, u32)> = (0..).zip(row.extents.iter().copied()).collect();
             loops.extend((0..).zip(term.leaf.bound).filter(|&(_, extent)| extent > 0));
             entries.push(Entry { loops, row: row.row, column: term.leaf.column, value: term.value });
@@ -255,14 +273,17 @@ impl Differentiator<'_, '_> {
         };
         let leaf = Leaf { column: at.plus(Affine::constant(i64::from(column.first))), bound: [0; MAX_DEPTH] };
         let value = column.factor.unwrap_or_else(|| self.exprs.constant(1.0));
-        Rc::from([Term { leaf, value }])
+        Terms::new([Term { leaf, value }])
     }
 
     /// Other reductions have been written out where they depend on columns.
     fn sum(&mut self, depth: LoopVar, extent: u32, body: ExprId) -> Terms {
         let d = depth.0 as usize;
+        let inner = self.of(body);
+        let stays = inner.factor.is_none_or(|f| self.exprs.free(f) & (1 << d) == 0);
+        let inner = if stays { inner } else { Terms::new(self.expanded(&inner)) };
         let mut terms = vec![];
-        for &term in self.of(body).iter() {
+        for &term in inner.list.iter() {
             let mut term = term;
             if term.leaf.column.strides[d] != 0 {
                 term.leaf.bound[d] = extent;
@@ -272,41 +293,88 @@ impl Differentiator<'_, '_> {
             terms.push(term);
         }
         terms.sort_by_key(|t| t.leaf);
-        Rc::from(terms)
+        Terms { list: Rc::from(terms), ..inner }
     }
 
     /// Terms times a factor.
     fn scaled(&mut self, terms: &Terms, factor: ExprId) -> Terms {
-        match self.exprs.as_const(factor) {
-            Some(1.0) => return terms.clone(),
-            Some(0.0) => return self.nothing.clone(),
-            _ => {}
+        match self.exprs.node(factor) {
+            Expr::Const(bits) => {
+                let scale = terms.scale * f64::from_bits(bits);
+                if scale == 0.0 { self.nothing.clone() } else { Terms { scale, ..terms.clone() } }
+            }
+            Expr::Unary(UnaryFn::Neg, a) => {
+                let minus = self.negated(terms);
+                self.scaled(&minus, a)
+            }
+            _ => {
+                let factor = terms.factor.map_or(factor, |f| self.exprs.mul(factor, f));
+                Terms { factor: Some(factor), ..terms.clone() }
+            }
         }
-        terms.iter().map(|t| Term { leaf: t.leaf, value: self.exprs.mul(factor, t.value) }).collect()
     }
 
-    fn negated(&mut self, terms: &Terms) -> Terms {
-        terms.iter().map(|t| Term { leaf: t.leaf, value: self.exprs.neg(t.value) }).collect()
+    fn negated(&self, terms: &Terms) -> Terms {
+        Terms { scale: -terms.scale, ..terms.clone() }
+    }
+
+    /// The list with the number and the factor in every term.
+    fn expanded(&mut self, terms: &Terms) -> Rc<[Term]> {
+        if terms.factor.is_none() && terms.scale == 1.0 {
+            return Rc::clone(&terms.list);
+        }
+        let whole = self.times(terms.factor, terms.scale);
+        let times = |t: &Term| {
+            let value = match self.exprs.as_const(t.value) {
+                Some(x) => self.times(terms.factor, terms.scale * x),
+                None => self.exprs.mul(whole, t.value),
+            };
+            Term { leaf: t.leaf, value }
+        };
+        terms.list.iter().map(times).collect()
+    }
+
+    fn times(&mut self, factor: Option<ExprId>, scale: f64) -> ExprId {
+        let scale = self.exprs.constant(scale);
+        factor.map_or(scale, |f| self.exprs.mul(f, scale))
     }
 
     fn added(&mut self, a: &Terms, b: &Terms) -> Terms {
         if a.is_empty() {
             return b.clone();
         }
+        if b.is_empty() {
+            return a.clone();
+        }
+        if a.factor == b.factor && a.scale.abs() == b.scale.abs() {
+            let join = if a.scale == b.scale { Exprs::add } else { Exprs::sub };
+            return Terms { list: self.joined(&a.list, &b.list, join), ..a.clone() };
+        }
+        let (a, b) = (self.expanded(a), self.expanded(b));
+        Terms::new(self.joined(&a, &b, Exprs::add))
+    }
+
+    /// Sum or difference of lists without factors.
+    fn joined(&mut self, a: &[Term], b: &[Term], join: impl Fn(&mut Exprs, ExprId, ExprId) -> ExprId) -> Rc<[Term]> {
         self.merged(a, b, |exprs, x, y| match (x, y) {
-            (Some(x), Some(y)) => exprs.add(x, y),
-            (Some(one), None) | (None, Some(one)) => one,
-            (None, None) => exprs.constant(0.0),
+            (Some(x), Some(y)) => join(exprs, x, y),
+            (Some(x), None) => x,
+            (None, y) => {
+                let zero = exprs.constant(0.0);
+                y.map_or(zero, |y| join(exprs, zero, y))
+            }
         })
     }
 
+    /// A factor must not reach what is not chosen: infinity times 0 is no number.
     fn select(&mut self, c: ExprId, a: &Terms, b: &Terms) -> Terms {
         let zero = self.exprs.constant(0.0);
-        self.merged(a, b, |exprs, x, y| exprs.select(c, x.unwrap_or(zero), y.unwrap_or(zero)))
+        let (a, b) = (self.expanded(a), self.expanded(b));
+        Terms::new(self.merged(&a, &b, |exprs, x, y| exprs.select(c, x.unwrap_or(zero), y.unwrap_or(zero))))
     }
 
     /// Both lists, leaf by leaf.
-    fn merged(&mut self, a: &Terms, b: &Terms, join: impl Fn(&mut Exprs, Option<ExprId>, Option<ExprId>) -> ExprId) -> Terms {
+    fn merged(&mut self, a: &[Term], b: &[Term], join: impl Fn(&mut Exprs, Option<ExprId>, Option<ExprId>) -> ExprId) -> Rc<[Term]> {
         let (mut i, mut k) = (0, 0);
         let mut terms = Vec::with_capacity(a.len().max(b.len()));
         while i < a.len() || k < b.len() {

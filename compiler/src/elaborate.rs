@@ -24,7 +24,7 @@ mod quantity;
 mod space;
 mod units;
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap};
 use std::rc::Rc;
 
 use cranelift_entity::PrimaryMap;
@@ -33,7 +33,7 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{self, Expr};
 use smpl_dsl::units::Unit;
 
-use crate::ir::{ExprId, Exprs, Role, VarId};
+use crate::ir::{ExprId, Exprs, FastMap, FastSet, Role, VarId};
 use crate::model::{Draw, Model, Quantity, Variable};
 use items::{Item, Selection};
 use names::{Names, ScopeId, SymbolId};
@@ -159,7 +159,7 @@ pub(crate) struct Elaborator<'a> {
     selection: Selection,
     diagnostics: Vec<Diagnostic>,
     /// Code, place, and the call through which the place was reached.
-    reported: HashSet<(Code, Span, Option<Span>)>,
+    reported: FastSet<(Code, Span, Option<Span>)>,
     /// Expressions inside one another, definitions expanded.
     nesting: u32,
     /// Terms, elements and calls written out so far.
@@ -170,10 +170,10 @@ pub(crate) struct Elaborator<'a> {
     exprs: Exprs,
     vars: PrimaryMap<VarId, Variable>,
     /// What is seen of each declared variable from outside.
-    quantities: HashMap<VarId, Quantity>,
+    quantities: FastMap<VarId, Quantity>,
     /// Components by name with their declaring statement.
-    components: HashMap<&'a str, &'a syntax::Statement>,
-    connectors: HashMap<&'a str, &'a syntax::Statement>,
+    components: FastMap<&'a str, &'a syntax::Statement>,
+    connectors: FastMap<&'a str, &'a syntax::Statement>,
     /// Items of every scope in the order of instances; the file first.
     blocks: Vec<(ScopeId, Vec<Item<'a>>)>,
     time_unit: Unit,
@@ -185,36 +185,38 @@ pub(crate) struct Elaborator<'a> {
     quadratures: Vec<ExprId>,
     param_given: VarId,
     /// Numeric defaults of parameters, for constant evaluation.
-    known: HashMap<(VarId, i64), f64>,
+    known: FastMap<(VarId, i64), f64>,
     expanding: Vec<SymbolId>,
     /// `let`s that something has asked for.
-    expanded: HashSet<SymbolId>,
+    expanded: FastSet<SymbolId>,
     /// The equation that is being elaborated.
     statement: Span,
     /// Index names reported as not bound, by statement.
-    unbound: HashSet<(Span, String)>,
-    memo: HashMap<(SymbolId, Vec<indices::IndexKey>, Site), Value>,
+    unbound: FastSet<(Span, String)>,
+    memo: FastMap<(SymbolId, Vec<indices::IndexKey>, Site), Value>,
     random_site: Option<(String, crate::model::Instant)>,
     loops: Vec<cells::Loop>,
+    /// Indices over ranges of numbers that only count cells, in the statement that is being elaborated.
+    counted: Vec<(String, names::DomainId)>,
     equations: Vec<Equation>,
     model: Model,
     uses_steady: bool,
     outcome: Option<control::Outcome>,
-    used_parameters: HashSet<String>,
+    used_parameters: FastSet<String>,
     schedule: Option<phases::Schedule<'a>>,
     /// Assignments happen only where this holds: in the transition of a phase.
     guard: Option<ExprId>,
-    symbol_of: HashMap<VarId, SymbolId>,
+    symbol_of: FastMap<VarId, SymbolId>,
     /// Members of ports: connections, not outputs.
-    port_variables: HashSet<VarId>,
+    port_variables: FastSet<VarId>,
     /// Where the component of each instance is used.
-    used_at: HashMap<ScopeId, Span>,
+    used_at: FastMap<ScopeId, Span>,
     /// Arguments of instances.
-    given: HashMap<(ScopeId, String), (&'a Expr, Place)>,
+    given: FastMap<(ScopeId, String), (&'a Expr, Place)>,
     /// Observed numbers with their boxes, for failures on the observation box.
     observed_members: Vec<(crate::model::BoxItem, ExprId)>,
     /// Parameters whose default is being worked out.
-    knowing: HashSet<VarId>,
+    knowing: FastSet<VarId>,
 }
 
 impl<'a> Elaborator<'a> {
@@ -232,16 +234,16 @@ impl<'a> Elaborator<'a> {
             options,
             selection: Selection::default(),
             diagnostics: Vec::new(),
-            reported: HashSet::new(),
+            reported: FastSet::default(),
             nesting: 0,
             written_out: 0,
             calls: Vec::new(),
             names: Names::default(),
             exprs: Exprs::default(),
             vars,
-            quantities: HashMap::new(),
-            components: HashMap::new(),
-            connectors: HashMap::new(),
+            quantities: FastMap::default(),
+            components: FastMap::default(),
+            connectors: FastMap::default(),
             blocks: Vec::new(),
             time_unit: Unit::one(),
             time_name: "t".to_owned(),
@@ -251,27 +253,28 @@ impl<'a> Elaborator<'a> {
             quadratures_var,
             quadratures: Vec::new(),
             param_given,
-            known: HashMap::new(),
+            known: FastMap::default(),
             expanding: Vec::new(),
-            expanded: HashSet::new(),
+            expanded: FastSet::default(),
             statement: Span::default(),
-            unbound: HashSet::new(),
-            memo: HashMap::new(),
+            unbound: FastSet::default(),
+            memo: FastMap::default(),
             random_site: None,
             loops: Vec::new(),
+            counted: Vec::new(),
             equations: Vec::new(),
             model: Model::default(),
             uses_steady: false,
             outcome: None,
-            used_parameters: HashSet::new(),
+            used_parameters: FastSet::default(),
             schedule: None,
             guard: None,
-            symbol_of: HashMap::new(),
-            port_variables: HashSet::new(),
-            used_at: HashMap::new(),
-            given: HashMap::new(),
+            symbol_of: FastMap::default(),
+            port_variables: FastSet::default(),
+            used_at: FastMap::default(),
+            given: FastMap::default(),
             observed_members: Vec::new(),
-            knowing: HashSet::new(),
+            knowing: FastSet::default(),
         }
     }
 

@@ -9,6 +9,8 @@ pub mod schedule;
 
 mod body;
 mod executable;
+mod memory;
+mod segments;
 mod wide;
 
 use std::sync::OnceLock;
@@ -73,6 +75,8 @@ pub enum GenerateError {
 pub enum Effort {
     /// For functions of the inner loop of the solver: optimised.
     Hot,
+    /// As hot, for long code without loops, which is cut into segments: there is nothing to move, and equal values are one already.
+    Straight,
     /// For functions of a step: quickly compiled.
     Lukewarm,
 }
@@ -116,8 +120,9 @@ impl Generator {
         if job.is_empty() {
             return Ok(Code::default());
         }
-        let isa = isa(effort)?;
         let schedules = job.schedules(exprs, layout, access)?;
+        let straight = effort == Effort::Hot && schedules.iter().all(|s| s.is_straight() && segments::is_long(s));
+        let isa = isa(if straight { Effort::Straight } else { effort })?;
         self.context.clear();
         self.context.func = Function::with_name_signature(UserFuncName::default(), signature(isa.default_call_conv()));
         let builder = FunctionBuilder::new(&mut self.context.func, &mut self.builder);
@@ -162,7 +167,7 @@ pub fn target() -> Result<String, GenerateError> {
 
 /// The target of this processor at an effort, made once.
 fn isa(effort: Effort) -> Result<&'static OwnedTargetIsa, GenerateError> {
-    static TARGETS: [OnceLock<Result<OwnedTargetIsa, String>>; 2] = [OnceLock::new(), OnceLock::new()];
+    static TARGETS: [OnceLock<Result<OwnedTargetIsa, String>>; 3] = [const { OnceLock::new() }; 3];
     let target = TARGETS[effort as usize].get_or_init(|| make_isa(effort));
     target.as_ref().map_err(|message| GenerateError::Processor(message.clone()))
 }
@@ -171,10 +176,13 @@ fn make_isa(effort: Effort) -> Result<OwnedTargetIsa, String> {
     let mut flags = settings::builder();
     let options = match effort {
         Effort::Hot => [("opt_level", "speed"), ("regalloc_algorithm", "backtracking")],
+        Effort::Straight => [("opt_level", "none"), ("regalloc_algorithm", "backtracking")],
         Effort::Lukewarm => [("opt_level", "none"), ("regalloc_algorithm", "single_pass")],
     };
     let verify = if cfg!(any(test, debug_assertions)) { "true" } else { "false" };
-    for (name, value) in options.into_iter().chain([("enable_verifier", verify), ("is_pic", "true")]) {
+    // Loads that could be shared are shared already; nothing unwinds through compiled code.
+    let common = [("enable_verifier", verify), ("is_pic", "true"), ("enable_alias_analysis", "false"), ("unwind_info", "false")];
+    for (name, value) in options.into_iter().chain(common) {
         flags.set(name, value).map_err(|e| e.to_string())?;
     }
     let builder = cranelift_native::builder()?;

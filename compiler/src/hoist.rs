@@ -3,9 +3,11 @@
 //! Every node has a [`Stage`]: when its value can first be known. Maximal sub-expressions that are known before a function runs
 //! become loads of cache variables, which two preparing functions fill: one when parameters are set, one at the start of each step.
 
+use std::collections::hash_map::Entry;
+
 use crate::generate::schedule::{Job, Sink, Task};
 use crate::ir::hash::FastMap;
-use crate::ir::{Affine, Builtin, Expr, ExprId, Flavour, MAX_DEPTH, Role, UnaryFn, VarId};
+use crate::ir::{Affine, Builtin, Expr, ExprId, Flavour, MAX_DEPTH, Rewritten, Role, UnaryFn, VarId};
 use crate::model::{Instant, Model, Variable};
 use smpl_dsl::span::Span;
 
@@ -30,7 +32,8 @@ pub struct Hoister<'a> {
     model: &'a mut Model,
     stages: Vec<Stage>,
     caches: FastMap<(ExprId, Extents), VarId>,
-    rewritten: FastMap<(ExprId, Extents, Stage), ExprId>,
+    /// Copies by the loops around and by what they may load.
+    rewritten: FastMap<(Extents, Stage), Rewritten>,
     /// Fills the caches that depend on parameters.
     pub parameter: Vec<Task>,
     /// Fills the caches that depend on a step's inputs.
@@ -68,17 +71,17 @@ impl<'a> Hoister<'a> {
         (job(self.parameter), job(self.step))
     }
 
-    /// Copies an expression with caches in it; only reductions recurse.
+    /// Copies an expression with caches in it; only reductions and what fills caches recurse.
     fn rewrite(&mut self, root: ExprId, extents: Extents, limit: Stage) -> ExprId {
+        let mut done = self.rewritten.remove(&(extents, limit)).unwrap_or_default();
         let mut stack = vec![(root, false)];
         while let Some((expr, entered)) = stack.pop() {
-            if self.rewritten.contains_key(&(expr, extents, limit)) {
+            if done.contains_key(&expr) {
                 continue;
             }
             let node = self.model.exprs.node(expr);
             let copy = if entered {
-                let done = &self.rewritten;
-                self.model.exprs.rebuild(node, |o| done.get(&(o, extents, limit)).copied().unwrap_or(o))
+                self.model.exprs.rebuild(node, |o| done.get(&o).copied().unwrap_or(o))
             } else if let Some(load) = self.hoisted(expr, node, extents, limit) {
                 load
             } else if let Expr::Reduce { op, depth, extent, body } = node {
@@ -91,9 +94,17 @@ impl<'a> Hoister<'a> {
                 stack.extend(self.model.exprs.operands(expr).map(|o| (o, false)));
                 continue;
             };
-            self.rewritten.insert((expr, extents, limit), copy);
+            done.insert(expr, copy);
         }
-        self.rewritten.get(&(root, extents, limit)).copied().unwrap_or(root)
+        let copy = done.get(&root).copied().unwrap_or(root);
+        // Filling a cache may have copied under the same loops meanwhile.
+        match self.rewritten.entry((extents, limit)) {
+            Entry::Vacant(place) => {
+                place.insert(done);
+            }
+            Entry::Occupied(mut place) => place.get_mut().extend(done),
+        }
+        copy
     }
 
     /// The load that replaces a node, if it is worth a cache.

@@ -167,7 +167,8 @@ pub struct Interface {
     pub algebraics: Vec<Quantity>,
     /// Solved algebraic unknowns (the part of `y` after the states).
     pub solved: Vec<Quantity>,
-    /// Algebraic variables: declared, of these solved for, of these substituted (elements).
+    /// Elements of algebraic variables: declared (those of [`Interface::algebraics`]), solved for (members of ports too), and of the
+    /// declared ones substituted.
     pub algebraic_counts: [u32; 3],
     /// Discrete variables.
     pub discretes: Vec<Quantity>,

@@ -37,15 +37,14 @@ pub fn analyse(elaborated: Elaborated) -> Result<(Model, Vec<Diagnostic>), Vec<D
 /// Whether every rate is `f(t, y) - y'` and nothing else mentions a derivative.
 fn is_explicit(exprs: &Exprs, model: &Model, rows: &[Row]) -> bool {
     rows.iter().all(|row| {
-        let derivatives = loads(exprs, row.residual, |_, flavour| flavour == Flavour::Derivative);
         if model.vars[row.var].role != Role::State {
-            return derivatives.is_empty();
+            return !exprs.has_derivative(row.residual);
         }
         match exprs.node(row.residual) {
             Expr::Binary(crate::ir::BinaryFn::Sub, value, own) => {
                 let own_is =
                     matches!(exprs.node(own), Expr::Load { var, flavour: Flavour::Derivative, at } if var == row.var && at == row.at);
-                own_is && loads(exprs, value, |_, flavour| flavour == Flavour::Derivative).is_empty()
+                own_is && !exprs.has_derivative(value)
             }
             // 0 - y'
             Expr::Unary(crate::ir::UnaryFn::Neg, own) => {
@@ -58,11 +57,25 @@ fn is_explicit(exprs: &Exprs, model: &Model, rows: &[Row]) -> bool {
 
 /// Distinct loads below a node that a filter accepts.
 fn loads(exprs: &Exprs, e: ExprId, accept: impl Fn(VarId, Flavour) -> bool) -> Vec<(VarId, Flavour, Affine)> {
+    loads_where(exprs, e, |_| true, accept)
+}
+
+/// Distinct derivatives below a node of variables that a filter accepts.
+fn derivatives(exprs: &Exprs, e: ExprId, accept: impl Fn(VarId) -> bool) -> Vec<(VarId, Flavour, Affine)> {
+    loads_where(exprs, e, |e| exprs.has_derivative(e), |var, flavour| flavour == Flavour::Derivative && accept(var))
+}
+
+fn loads_where(
+    exprs: &Exprs,
+    e: ExprId,
+    concerned: impl Fn(ExprId) -> bool,
+    accept: impl Fn(VarId, Flavour) -> bool,
+) -> Vec<(VarId, Flavour, Affine)> {
     let mut seen = FastSet::default();
     let mut stack = vec![e];
     let mut out = Vec::new();
     while let Some(e) = stack.pop() {
-        if !seen.insert(e) {
+        if !concerned(e) || !seen.insert(e) {
             continue;
         }
         if let Expr::Load { var, flavour, at } = exprs.node(e)
@@ -93,25 +106,27 @@ fn element_name(model: &Model, var: VarId, element: i64) -> String {
     }
 }
 
-/// Replaces nodes everywhere: equations, programs, roots, quadratures.
+/// Replaces nodes everywhere: equations, programs, roots, quadratures; only `concerned` nodes are looked at.
 fn replace_everywhere(
     model: &mut Model,
     equations: &mut [Equation],
     done: &mut crate::ir::Rewritten,
+    concerned: &dyn Fn(&Exprs, ExprId) -> bool,
     replace: &mut dyn FnMut(&mut Exprs, Expr) -> Option<ExprId>,
 ) {
     let exprs = &mut model.exprs;
+    let mut rewritten = |e: ExprId| exprs.rewrite_where(e, done, concerned, replace);
     for equation in equations.iter_mut() {
         match &mut equation.form {
-            EquationForm::Rate { value, .. } | EquationForm::Definition { value, .. } => *value = exprs.rewrite(*value, done, replace),
-            EquationForm::Implicit { residual } => *residual = exprs.rewrite(*residual, done, replace),
+            EquationForm::Rate { value, .. } | EquationForm::Definition { value, .. } => *value = rewritten(*value),
+            EquationForm::Implicit { residual } => *residual = rewritten(*residual),
         }
     }
     for root in &mut model.roots {
-        root.value = exprs.rewrite(root.value, done, replace);
+        root.value = rewritten(root.value);
     }
     for quadrature in &mut model.quadratures {
-        *quadrature = exprs.rewrite(*quadrature, done, replace);
+        *quadrature = rewritten(*quadrature);
     }
     let p = &mut model.programs;
     let programs = [
@@ -129,7 +144,7 @@ fn replace_everywhere(
     ];
     for program in programs.into_iter().chain(&mut p.events).chain(p.policies.iter_mut().map(|(_, p)| p)) {
         for store in program.nests.iter_mut().flat_map(|n| &mut n.stores) {
-            store.value = exprs.rewrite(store.value, done, replace);
+            store.value = rewritten(store.value);
         }
     }
 }

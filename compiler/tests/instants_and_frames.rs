@@ -196,3 +196,36 @@ fn observations_are_converted_and_named() {
     assert_close(r.observation("T"), 25.0);
     assert_close(r.observation("length"), 2000.0);
 }
+
+#[test]
+fn a_reset_of_numbered_cells_is_one_loop_on_any_grid() {
+    for cells in [4, 400] {
+        let mut r = Running::new(&format!(
+            "domain z in 0..1 cells {cells}
+             state c[z] = 1
+             state q[z] = 2
+             eq d/dt c[z] = -c[z] / 1 [s] for z
+             eq d/dt q[z] = -q[z] / 1 [s] for z
+             at start {{ reset c[i] = 3 * q[i] for i in 2..{cells} }}"
+        ));
+        assert_eq!(r.model.model().programs.start.nests.len(), 1);
+        let Running { model, memory, y, .. } = &mut r;
+        model.start(memory, 0.0, y);
+        assert_close(r.get("c[1]"), 1.0);
+        assert_close(r.get("c[2]"), 6.0);
+        assert_close(r.get(&format!("c[{cells}]")), 6.0);
+    }
+}
+
+#[test]
+fn resets_that_read_neighbours_go_one_after_another() {
+    let mut r = Running::new(
+        "domain z in 0..1 cells 4
+         state c[z] = z
+         eq d/dt c[z] = -c[z] / 1 [s] for z
+         at start { reset c[i] = c[i - 1] + 1 for i in 2..4 }",
+    );
+    let Running { model, memory, y, .. } = &mut r;
+    model.start(memory, 0.0, y);
+    assert_close(r.get("c[4]"), 3.125);
+}

@@ -233,3 +233,21 @@ fn variants_and_choices_replace_by_name() {
     assert_close(rate(&[("fast", "true"), ("law", "square")]), -180.0);
     assert_close(rate(&[("both", "true"), ("law", "square")]), -2.0);
 }
+
+#[test]
+fn what_the_trajectory_shows_counts_as_a_declared_algebraic_variable() {
+    let r = Running::new(
+        "state x = 1
+         var a = 0
+         var s = 1
+         let b : 1 = 2 * a
+         let short = 3 * b
+         eq d/dt x = -short / 1 [s]
+         eq a = x + 1
+         eq s^2 = x",
+    );
+    let interface = r.model.interface();
+    assert_eq!(interface.algebraics.iter().map(|q| q.name.as_str()).collect::<Vec<_>>(), ["a", "s", "b"]);
+    // Declared, solved, substituted.
+    assert_eq!(interface.algebraic_counts, [3, 1, 2]);
+}

@@ -1,5 +1,8 @@
 //! The list of passes.
 
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use cranelift_entity::SecondaryMap;
@@ -10,12 +13,15 @@ use super::{BackEndError, Function, Parts, Tapes};
 use crate::differentiate::{self, Column, Rows, pattern};
 use crate::generate::reroll::reroll;
 use crate::generate::schedule::{Access, Job, Sink, Task};
-use crate::generate::{Effort, Generator};
+use crate::generate::{Code, Effort, GenerateError, Generator};
 use crate::hoist::{Hoister, Stage};
 use crate::interpret::Tape;
-use crate::ir::{Affine, BUILTIN_COUNT, Builtin, ExprId, Flavour, Program, Role, VarId};
+use crate::ir::{Affine, BUILTIN_COUNT, Builtin, ExprId, Exprs, Flavour, LoopVar, Program, Role, VarId};
 use crate::layout::Layout;
 use crate::model::{Model, Quantity, Variable};
+
+/// Models with fewer nodes are compiled sooner than a thread has started.
+const WORTH_A_THREAD: usize = 1000;
 
 /// Choices of the back end.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -71,17 +77,17 @@ pub(super) fn passes(mut model: Model, settings: &BackEndSettings) -> Result<Par
     let layout = Layout::new(&model, 0);
     let hoisted = Instant::now();
 
-    let mut generator = Generator::new(settings.texts);
-    let mut codes = Vec::with_capacity(jobs.len());
-    let mut functions = Vec::with_capacity(jobs.len());
-    for (function, job) in &jobs {
+    let compile = |generator: &mut Generator, (function, job): &(Function, Job)| {
         let access = access(*function, &model, unknowns, pattern.nonzeros());
         let effort = if settings.quick { Effort::Lukewarm } else { effort(*function) };
         let started = Instant::now();
-        let code = generator.compile(job, &model.exprs, &layout, access, effort)?;
-        functions.push((function.name().to_owned(), started.elapsed(), code.bytes.len()));
-        codes.push(code);
-    }
+        generator.compile(job, &model.exprs, &layout, access, effort).map(|code| (code, started.elapsed()))
+    };
+    let helped = model.exprs.len() >= WORTH_A_THREAD;
+    let generated = generate(&jobs, helped, || Generator::new(settings.texts), compile)?;
+    let named = jobs.iter().zip(&generated);
+    let functions = named.map(|((f, _), (code, time))| (f.name().to_owned(), *time, code.bytes.len())).collect();
+    let codes: Vec<Code> = generated.into_iter().map(|(code, _)| code).collect();
     let statistics = CompileStatistics {
         differentiate: differentiated - started,
         hoist: hoisted - differentiated,
@@ -93,6 +99,31 @@ pub(super) fn passes(mut model: Model, settings: &BackEndSettings) -> Result<Par
         functions,
     };
     Ok(Parts { model, pattern, tables, codes, prepare_parameters, statistics })
+}
+
+/// Generates the code of all jobs, with the help of a second thread if that is worth it; the Jacobian, which takes longest, comes first.
+fn generate<G, R: Send + Sync>(
+    jobs: &[(Function, Job)],
+    helped: bool,
+    generator: impl Fn() -> G + Sync,
+    compile: impl Fn(&mut G, &(Function, Job)) -> Result<R, GenerateError> + Sync,
+) -> Result<Vec<R>, GenerateError> {
+    let mut order: Vec<usize> = (0..jobs.len()).collect();
+    order.sort_by_key(|&i| (jobs[i].0 != Function::Jacobian, jobs[i].0 != Function::Residual));
+    let (next, results) = (AtomicUsize::new(0), jobs.iter().map(|_| OnceLock::new()).collect::<Vec<_>>());
+    let work = || {
+        let mut generator = generator();
+        while let Some(&i) = order.get(next.fetch_add(1, Ordering::Relaxed)) {
+            // Each job is taken once.
+            let _ = results[i].set(compile(&mut generator, &jobs[i]));
+        }
+    };
+    thread::scope(|scope| {
+        // Without a second thread this one does it all.
+        let _ = helped.then(|| thread::Builder::new().spawn_scoped(scope, work));
+        work();
+    });
+    results.into_iter().filter_map(OnceLock::into_inner).collect()
 }
 
 fn check_square(model: &Model) -> Result<usize, BackEndError> {
@@ -125,7 +156,36 @@ pub(super) fn rows(model: &mut Model) -> Result<Vec<Rows>, BackEndError> {
         let first = i64::from(positions[row.var].unwrap_or(0));
         rows.push(Rows { extents: row.extents.clone(), row: row.at.plus(Affine::constant(first)), value });
     }
-    Ok(rows)
+    Ok(joined(&mut model.exprs, rows))
+}
+
+/// The rows with those at the ends of a loop, often split off where a boundary might differ, taken into the loop where they do not.
+fn joined(exprs: &mut Exprs, rows: Vec<Rows>) -> Vec<Rows> {
+    let mut out: Vec<Rows> = Vec::with_capacity(rows.len());
+    for row in rows {
+        let before = out.pop();
+        match before {
+            Some(mut before) if continues(exprs, &before, &row) => {
+                if let Some(extent) = before.extents.last_mut() {
+                    *extent += 1;
+                }
+                out.push(before);
+            }
+            before => out.extend(before.into_iter().chain([row])),
+        }
+    }
+    out
+}
+
+/// Whether a row is the next pass of the innermost loop of the one before.
+fn continues(exprs: &mut Exprs, before: &Rows, row: &Rows) -> bool {
+    let Some((&extent, outer)) = before.extents.split_last() else { return false };
+    let d = outer.len();
+    let next = i64::from(extent);
+    let mut at = before.row;
+    at.offset += at.strides[d] * next;
+    at.strides[d] = 0;
+    outer == row.extents && at == row.row && exprs.shift(before.value, LoopVar(d as u8), next) == row.value
 }
 
 fn jacobian_entries(model: &mut Model, rows: &[Rows]) -> Vec<differentiate::Entry> {

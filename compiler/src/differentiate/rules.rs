@@ -111,15 +111,14 @@ impl Differentiator<'_, '_> {
         }
     }
 
-    /// `d(a/b) = da/b - (a/b) db/b`, with one division for all terms.
+    /// `d(a/b) = (da - (a/b) db) / b`, with one division for all terms.
     fn quotient(&mut self, value: ExprId, b: ExprId, da: &Terms, db: &Terms) -> Terms {
         let one = self.exprs.constant(1.0);
         let inverse = self.exprs.div(one, b);
-        let left = self.scaled(da, inverse);
-        let share = self.exprs.mul(value, inverse);
-        let right = self.scaled(db, share);
-        let minus = self.negated(&right);
-        self.added(&left, &minus)
+        let share = self.scaled(db, value);
+        let minus = self.negated(&share);
+        let difference = self.added(da, &minus);
+        self.scaled(&difference, inverse)
     }
 
     /// `d(a^b) = b a^b/a da + a^b ln(a) db`; both factors are 0 at a = 0.

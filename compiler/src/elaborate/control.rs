@@ -5,6 +5,7 @@ mod initial;
 mod instants;
 mod parameters;
 mod policies;
+mod ranges;
 mod settings;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};

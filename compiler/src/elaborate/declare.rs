@@ -4,8 +4,6 @@ mod instances;
 mod tables;
 mod variants;
 
-use std::collections::HashMap;
-
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{self, Declaration, Ident, SetMembers, Statement, StatementKind, Table};
@@ -14,7 +12,7 @@ use smpl_dsl::units::Unit;
 use super::items::{Item, items, overlay, plain, selected};
 use super::names::{Axis, Domain, Geometry, Scheme, Scope, ScopeId, Set, SetId, Symbol, SymbolId, SymbolKind};
 use super::{Elaborator, Site};
-use crate::ir::{Role, VarId};
+use crate::ir::{FastMap, Role, VarId};
 use crate::model::Variable;
 
 /// Most elements of one variable.
@@ -176,7 +174,7 @@ impl<'a> Elaborator<'a> {
 
     /// Statements with names of their own: two with one name are a fault.
     fn check_names(&mut self, list: &[Item<'a>]) {
-        let mut seen: HashMap<String, Span> = HashMap::new();
+        let mut seen: FastMap<String, Span> = FastMap::default();
         for item in list {
             let (what, name, span) = match item {
                 Item::Observe(o) => match &o.name {
@@ -365,7 +363,7 @@ impl<'a> Elaborator<'a> {
 
     /// Members of a set are distinct.
     fn check_members(&mut self, names: &[Ident]) {
-        let mut seen: HashMap<&str, Span> = HashMap::new();
+        let mut seen: FastMap<&str, Span> = FastMap::default();
         for name in names {
             if let Some(&first) = seen.get(name.text.as_str()) {
                 self.report(

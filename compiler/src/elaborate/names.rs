@@ -1,6 +1,5 @@
 //! Scopes, symbols, sets and domains: what a name can stand for.
 
-use std::collections::HashMap;
 use std::rc::Rc;
 
 use cranelift_entity::{PrimaryMap, entity_impl};
@@ -8,7 +7,7 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Declaration, Expr, Flux, Ident, TimeTableKind};
 use smpl_dsl::units::Unit;
 
-use crate::ir::{ExprId, VarId};
+use crate::ir::{ExprId, FastMap, VarId};
 
 /// A scope: the file, an instance of a component, or a port of one.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -38,7 +37,7 @@ pub struct Scope {
     /// Where names are looked up next.
     pub parent: Option<ScopeId>,
     /// The names declared here.
-    pub names: HashMap<String, SymbolId>,
+    pub names: FastMap<String, SymbolId>,
 }
 
 /// A symbol.

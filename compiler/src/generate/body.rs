@@ -1,15 +1,18 @@
 //! Scalar code and loops.
 
 use cranelift_codegen::ir::condcodes::{FloatCC, IntCC};
-use cranelift_codegen::ir::{AbiParam, InstBuilder, MemFlagsData, SigRef, Signature, Type, Value, types};
+use cranelift_codegen::ir::{AbiParam, ConstantData, InstBuilder, MemFlagsData, SigRef, Signature, Type, Value, types};
 use cranelift_codegen::isa::TargetIsa;
 use cranelift_frontend::FunctionBuilder;
 
-use super::schedule::{BlockId, Item, Schedule, Sink};
+use super::memory::{Start, constant_memory};
+use super::schedule::{BlockId, Item, Schedule, is_immediate};
+use super::segments::{Segments, is_load};
+use super::wide::LINE;
 use crate::interpret::identity;
 use crate::ir::hash::FastMap;
-use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, Flavour, ReduceFn, UnaryFn};
-use crate::kernels::{self, KernelTable, UNARY_COUNT};
+use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, MAX_DEPTH, ReduceFn, UnaryFn};
+use crate::kernels::{self, UNARY_COUNT};
 use crate::layout::{Base, Layout};
 
 /// Bytes of a number, a pointer.
@@ -20,11 +23,11 @@ pub(super) const WORD: i64 = 8;
 pub(super) struct Arguments {
     time: Value,
     factor: Value,
-    y: Value,
-    yp: Value,
+    pub(super) y: Value,
+    pub(super) yp: Value,
     pub(super) work: Value,
-    out: Value,
-    surroundings: Value,
+    pub(super) out: Value,
+    pub(super) surroundings: Value,
 }
 
 /// Lanes of the code that is being written.
@@ -51,8 +54,10 @@ pub(super) struct Emitter<'a> {
     /// Loop counters by block.
     pub(super) counters: Vec<Option<Value>>,
     /// Pointers by block: memory and strides that they already contain.
-    pub(super) pointers: Vec<FastMap<(Base, [i64; 4]), Value>>,
+    pub(super) pointers: Vec<FastMap<(Start, [i64; MAX_DEPTH]), Value>>,
     signatures: FastMap<(usize, bool), SigRef>,
+    /// How the code outside of loops is cut.
+    pub(super) segments: Segments,
     pub(super) in_place: bool,
     rounding: bool,
     /// Numbers of working memory used.
@@ -91,10 +96,12 @@ pub(super) fn emit(
             counters: vec![None; blocks],
             pointers: vec![FastMap::default(); blocks],
             signatures: FastMap::default(),
+            segments: if in_place { Segments::default() } else { Segments::new(schedule, exprs) },
             in_place,
             rounding,
             columns: 0,
         };
+        emitter.columns = emitter.reserved();
         emitter.block(0);
         columns = columns.max(emitter.columns);
         rest = Some(emitter.b);
@@ -117,10 +124,22 @@ impl Emitter<'_> {
     /// Writes the items of a block, then the loops in it.
     pub(super) fn block(&mut self, block: BlockId) {
         let schedule = self.schedule;
-        for item in &schedule.blocks[block].items {
+        for (i, item) in schedule.blocks[block].items.iter().enumerate() {
             self.item(block, *item);
+            if block == 0 && self.segments.ends_at(i) {
+                let result = match item {
+                    Item::Eval(expr) | Item::Reduce { expr, .. } => self.values[0].remove_entry(expr),
+                    Item::Store(..) => None,
+                };
+                self.values[0].clear();
+                self.values[0].extend(result);
+            }
         }
         for &child in &schedule.blocks[block].children {
+            if block == 0 && self.segments.is_active() {
+                self.values[0].clear();
+                self.fetch_for_loop(child);
+            }
             if self.is_wide(child) {
                 self.wide_loop(child);
             } else {
@@ -129,19 +148,42 @@ impl Emitter<'_> {
         }
     }
 
+    /// Loads what a loop of stores needs from outside ahead of it.
+    fn fetch_for_loop(&mut self, child: BlockId) {
+        let mut items = vec![];
+        self.schedule.each_item(child, &mut |block, item| items.push((block, item)));
+        items.into_iter().for_each(|(block, item)| self.fetch_outside(block, item));
+    }
+
+    /// Loads what an item needs from outside of loops.
+    fn fetch_outside(&mut self, block: BlockId, item: Item) {
+        let (schedule, exprs) = (self.schedule, self.exprs);
+        schedule.each_use(exprs, block, item, &mut |from, expr| {
+            if !is_immediate(exprs.node(expr)) && schedule.home(exprs, from, expr) == 0 {
+                self.value(0, expr);
+            }
+        });
+    }
+
+    /// Numbers of working memory ahead of the columns: those of [`Segments`].
+    pub(super) fn reserved(&self) -> u32 {
+        self.segments.len().next_multiple_of(LINE)
+    }
+
     fn scalar_loop(&mut self, block: BlockId) {
+        self.prepare_pointers(block);
         let extent = i64::from(self.schedule.blocks[block].extent);
-        self.counted(0, extent, 1, &mut |emitter, counter| {
+        self.counted(extent, &mut |emitter, counter| {
             emitter.counters[block] = Some(counter);
             emitter.block(block);
             emitter.forget(block);
         });
     }
 
-    /// A loop of counters `from, from + step, …` below `to`; at least one pass.
-    pub(super) fn counted(&mut self, from: i64, to: i64, step: i64, pass: &mut dyn FnMut(&mut Self, Value)) {
-        let start = self.b.ins().iconst(types::I64, from);
-        if from + step >= to {
+    /// A loop of counters below `passes`; at least one pass.
+    fn counted(&mut self, passes: i64, pass: &mut dyn FnMut(&mut Self, Value)) {
+        let start = self.b.ins().iconst(types::I64, 0);
+        if passes <= 1 {
             pass(self, start);
             return;
         }
@@ -150,8 +192,8 @@ impl Emitter<'_> {
         self.b.ins().jump(body, &[start.into()]);
         self.b.switch_to_block(body);
         pass(self, counter);
-        let next = self.b.ins().iadd_imm_s(counter, step);
-        let more = self.b.ins().icmp_imm_s(IntCC::SignedLessThan, next, to);
+        let next = self.b.ins().iadd_imm_s(counter, 1);
+        let more = self.b.ins().icmp_imm_s(IntCC::SignedLessThan, next, passes);
         self.b.ins().brif(more, body, &[next.into()], exit, &[]);
         self.b.switch_to_block(exit);
     }
@@ -169,16 +211,55 @@ impl Emitter<'_> {
 
     pub(super) fn item(&mut self, block: BlockId, item: Item) {
         match item {
+            // Written where it is used.
+            Item::Eval(expr) if block == 0 && self.segments.is_active() && is_load(self.exprs.node(expr)) => {}
             Item::Eval(expr) => {
                 let value = self.node(block, expr);
-                self.values[block].insert(expr, value);
+                self.define(block, expr, value);
             }
             Item::Reduce { expr, op, body, block: inner } => {
+                if block == 0 && self.segments.is_active() {
+                    self.fetch_outside(block, item);
+                }
                 let value = self.reduce(op, body, inner);
-                self.values[block].insert(expr, value);
+                self.define(block, expr, value);
             }
             Item::Store(sink, value) => self.store(block, sink, value),
         }
+    }
+
+    /// Notes the value of a node, also in memory if a later segment needs it.
+    fn define(&mut self, block: BlockId, expr: ExprId, value: Value) {
+        self.values[block].insert(expr, value);
+        if let Some(slot) = self.segments.slot(expr).filter(|_| block == 0) {
+            let (pointer, offset) = self.slot(slot);
+            self.b.ins().store(MemFlagsData::new().with_notrap(), value, pointer, offset);
+        }
+    }
+
+    /// The value of a node in its block: known, or loaded again in this segment.
+    fn value(&mut self, home: BlockId, expr: ExprId) -> Option<Value> {
+        if let Some(&value) = self.values[home].get(&expr) {
+            return Some(value);
+        }
+        if home != 0 || !self.segments.is_active() {
+            return None;
+        }
+        let value = if is_load(self.exprs.node(expr)) {
+            self.node(0, expr)
+        } else {
+            let slot = self.segments.slot(expr)?;
+            let (pointer, offset) = self.slot(slot);
+            let kind = if self.exprs.is_truth(expr) { types::I8 } else { types::F64 };
+            self.b.ins().load(kind, MemFlagsData::new().with_notrap(), pointer, offset)
+        };
+        self.values[home].insert(expr, value);
+        Some(value)
+    }
+
+    /// Pointer and offset of a place between segments.
+    fn slot(&mut self, slot: u32) -> (Value, i32) {
+        self.pointer(0, Base::Work, Affine::constant(i64::from(self.layout.columns() + slot)))
     }
 
     /// The type of numbers in a block.
@@ -230,8 +311,13 @@ impl Emitter<'_> {
 
     /// A constant in the lanes of a block.
     pub(super) fn number(&mut self, block: BlockId, x: f64) -> Value {
-        let one = self.b.ins().f64const(x);
-        if self.is_two(block) { self.b.ins().splat(types::F64X2, one) } else { one }
+        if !self.is_two(block) {
+            return self.b.ins().f64const(x);
+        }
+        let bytes = x.to_le_bytes();
+        let both: ConstantData = bytes.into_iter().chain(bytes).collect();
+        let both = self.b.func.dfg.constants.insert(both);
+        self.b.ins().vconst(types::F64X2, both)
     }
 
     /// The value of an operand in the lanes of a block.
@@ -245,8 +331,8 @@ impl Emitter<'_> {
         if self.is_two(block) && !self.is_two(home) {
             return self.splat(home, expr);
         }
-        match self.values[home].get(&expr) {
-            Some(&value) => value,
+        match self.value(home, expr) {
+            Some(value) => value,
             // The schedule places operands before users.
             None => self.number(block, f64::NAN),
         }
@@ -265,7 +351,7 @@ impl Emitter<'_> {
         if let Some(&value) = self.splats.get(&(home, expr)) {
             return value;
         }
-        let Some(&one) = self.values[home].get(&expr) else {
+        let Some(one) = self.value(home, expr) else {
             let nan = self.b.ins().f64const(f64::NAN);
             return self.b.ins().splat(types::F64X2, nan);
         };
@@ -307,6 +393,9 @@ impl Emitter<'_> {
                 self.whole_power(block, a, n)
             }
             Expr::Binary(f, a, b) => {
+                // A constant as the second operand is read from memory by the instruction itself.
+                let swap = matches!(f, BinaryFn::Add | BinaryFn::Mul) && is_immediate(self.exprs.node(a));
+                let (a, b) = if swap { (b, a) } else { (a, b) };
                 let (a, b) = (self.operand(block, a), self.operand(block, b));
                 self.binary(block, f, a, b)
             }
@@ -478,123 +567,6 @@ impl Emitter<'_> {
         known
     }
 
-    /// Properties of loads: in place, memory changes under the function.
-    pub(super) fn flags(&self, two: bool) -> MemFlagsData {
-        let flags = MemFlagsData::new().with_notrap();
-        let flags = if self.in_place { flags } else { flags.with_readonly().with_can_move() };
-        if two { flags } else { flags.with_aligned() }
-    }
-
-    fn load(&mut self, block: BlockId, base: Base, at: Affine) -> Value {
-        let two = self.is_two(block);
-        let flags = self.flags(two);
-        let (pointer, offset) = self.pointer(block, base, at);
-        if !two {
-            return self.b.ins().load(types::F64, flags, pointer, offset);
-        }
-        match self.lane_stride(at) {
-            1 => self.b.ins().load(types::F64X2, flags, pointer, offset),
-            0 => {
-                let one = self.b.ins().load(types::F64, flags, pointer, offset);
-                self.b.ins().splat(types::F64X2, one)
-            }
-            stride => {
-                let first = self.b.ins().load(types::F64, flags, pointer, offset);
-                let (pointer, offset) = self.pointer(block, base, at.plus(Affine::constant(stride)));
-                let second = self.b.ins().load(types::F64, flags, pointer, offset);
-                let both = self.b.ins().splat(types::F64X2, first);
-                self.b.ins().insertlane(both, second, 1u8)
-            }
-        }
-    }
-
-    /// Stride of an address along the lanes.
-    pub(super) fn lane_stride(&self, at: Affine) -> i64 {
-        let Lanes::Two(block) = self.lanes else {
-            return 0;
-        };
-        self.schedule.blocks[block].counter.map_or(0, |c| at.strides[c as usize])
-    }
-
-    /// Pointer and constant offset in bytes of an element of 8 bytes.
-    pub(super) fn pointer(&mut self, block: BlockId, base: Base, at: Affine) -> (Value, i32) {
-        let start = match base {
-            Base::Y => self.arguments.y,
-            Base::Yp => self.arguments.yp,
-            Base::Work | Base::Factor => self.arguments.work,
-            Base::Out => self.arguments.out,
-        };
-        let key = (base, at.strides);
-        let mut pointer = match self.pointers[block].get(&key) {
-            Some(&known) => known,
-            None => {
-                let made = self.advance(block, start, at.strides, WORD);
-                self.pointers[block].insert(key, made);
-                made
-            }
-        };
-        let bytes = at.offset * WORD;
-        let offset = i32::try_from(bytes).unwrap_or_else(|_| {
-            pointer = self.b.ins().iadd_imm_s(pointer, bytes);
-            0
-        });
-        (pointer, offset)
-    }
-
-    /// `start + size · Σ strides·counters`, outer loops first so that what does not change stays outside.
-    fn advance(&mut self, block: BlockId, start: Value, strides: [i64; 4], size: i64) -> Value {
-        let mut chain = vec![];
-        let (mut at, mut seen) = (Some(block), 0u8);
-        while let Some(here) = at {
-            if let Some(counter) = self.schedule.blocks[here].counter
-                && seen & (1 << counter) == 0
-            {
-                seen |= 1 << counter;
-                chain.push((here, strides[counter as usize]));
-            }
-            at = self.schedule.blocks[here].parent;
-        }
-        let mut pointer = start;
-        for (here, stride) in chain.into_iter().rev().filter(|(_, stride)| *stride != 0) {
-            let Some(counter) = self.counters[here] else {
-                continue;
-            };
-            let bytes = stride * size;
-            let distance = if bytes > 0 && bytes.count_ones() == 1 {
-                self.b.ins().ishl_imm_u(counter, i64::from(bytes.trailing_zeros()))
-            } else {
-                self.b.ins().imul_imm_s(counter, bytes)
-            };
-            pointer = self.b.ins().iadd(pointer, distance);
-        }
-        pointer
-    }
-
-    fn store(&mut self, block: BlockId, sink: Sink, value: ExprId) {
-        let value = self.as_number(block, value);
-        match sink {
-            Sink::Out(at) => self.store_at(block, Base::Out, at, value),
-            Sink::Var(var, at) => {
-                if let Some(a) = self.layout.address(var, Flavour::Value) {
-                    self.store_at(block, a.base, at.plus(Affine::constant(i64::from(a.offset))), value);
-                }
-            }
-            Sink::Table { table, index, plus, add } => {
-                let index = index.plus(Affine::constant(i64::from(table)));
-                if !self.is_two(block) {
-                    self.store_slot(block, index, plus, add, value);
-                    return;
-                }
-                for lane in [0u8, 1] {
-                    let step = |at: Affine, stride: i64| at.plus(Affine::constant(stride * i64::from(lane)));
-                    let number = self.b.ins().extractlane(value, lane);
-                    let (index, plus) = (step(index, self.lane_stride(index)), step(plus, self.lane_stride(plus)));
-                    self.store_slot(block, index, plus, add, number);
-                }
-            }
-        }
-    }
-
     /// The value of an operand, a truth value as 1 or 0.
     pub(super) fn as_number(&mut self, block: BlockId, expr: ExprId) -> Value {
         let value = self.operand(block, expr);
@@ -604,46 +576,6 @@ impl Emitter<'_> {
         let (one, zero) = (self.number(block, 1.0), self.number(block, 0.0));
         self.select(self.is_two(block), value, one, zero)
     }
-
-    fn store_at(&mut self, block: BlockId, base: Base, at: Affine, value: Value) {
-        let flags = MemFlagsData::new().with_notrap();
-        let (pointer, offset) = self.pointer(block, base, at);
-        if !self.is_two(block) || self.lane_stride(at) == 1 {
-            self.b.ins().store(flags, value, pointer, offset);
-            return;
-        }
-        let stride = self.lane_stride(at);
-        for lane in [0u8, 1] {
-            let (pointer, offset) = self.pointer(block, base, at.plus(Affine::constant(stride * i64::from(lane))));
-            let number = self.b.ins().extractlane(value, lane);
-            self.b.ins().store(flags, number, pointer, offset);
-        }
-    }
-
-    /// Stores at `tables[index] + plus` of the output, or adds there.
-    fn store_slot(&mut self, block: BlockId, index: Affine, plus: Affine, add: bool, value: Value) {
-        let tables_at = (std::mem::size_of::<KernelTable>()) as i32;
-        let tables = self.b.ins().load(types::I64, constant_memory(), self.arguments.surroundings, tables_at);
-        let entry = self.advance(block, tables, index.strides, 4);
-        let entry = self.b.ins().iadd_imm_s(entry, index.offset * 4);
-        let slot = self.b.ins().uload32(constant_memory(), entry, 0);
-        let (pointer, offset) = self.pointer(block, Base::Out, plus);
-        let bytes = self.b.ins().ishl_imm_u(slot, 3);
-        let pointer = self.b.ins().iadd(pointer, bytes);
-        let flags = MemFlagsData::new().with_notrap();
-        let value = if add {
-            let old = self.b.ins().load(types::F64, flags, pointer, offset);
-            self.b.ins().fadd(old, value)
-        } else {
-            value
-        };
-        self.b.ins().store(flags, value, pointer, offset);
-    }
-}
-
-/// Memory that never changes.
-fn constant_memory() -> MemFlagsData {
-    MemFlagsData::new().with_notrap().with_readonly().with_can_move()
 }
 
 /// Place of `pow` in the table of kernels; `atan2` and the two array versions follow.

@@ -186,6 +186,32 @@ impl Schedule {
         home(&self.blocks, self.floor, exprs.free(expr), block)
     }
 
+    /// Whether there is no loop.
+    #[must_use]
+    pub fn is_straight(&self) -> bool {
+        self.blocks.len() == 1
+    }
+
+    /// Visits what an item uses, with the block that uses it, also inside of reductions.
+    pub fn each_use(&self, exprs: &Exprs, block: BlockId, item: Item, visit: &mut dyn FnMut(BlockId, ExprId)) {
+        match item {
+            Item::Eval(expr) => exprs.operands(expr).for_each(|o| visit(block, o)),
+            Item::Store(_, value) => visit(block, value),
+            Item::Reduce { body, block: inner, .. } => {
+                visit(inner, body);
+                for item in &self.blocks[inner].items {
+                    self.each_use(exprs, inner, *item, visit);
+                }
+            }
+        }
+    }
+
+    /// Visits the items of a block and of the loops in it.
+    pub fn each_item(&self, block: BlockId, visit: &mut dyn FnMut(BlockId, Item)) {
+        self.blocks[block].items.iter().for_each(|item| visit(block, *item));
+        self.blocks[block].children.iter().for_each(|&child| self.each_item(child, visit));
+    }
+
     /// Whether `block` is `outer` or inside of it.
     #[must_use]
     pub fn is_inside(&self, block: BlockId, outer: BlockId) -> bool {

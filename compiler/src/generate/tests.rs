@@ -211,6 +211,32 @@ proptest! {
     }
 
     #[test]
+    fn long_programs_cut_into_segments_give_the_bits_of_the_interpreter(
+        recipes in prop::collection::vec(recipes(), 6..20), numbers in numbers(), extent in 1u32..=MOST_PASSES, hot in any::<bool>(),
+    ) {
+        let mut world = World::new();
+        recipes.into_iter().flatten().for_each(|r| world.add(r, 1));
+        let (mut scalar, mut looped) = (Task::default(), Task { loops: vec![(0, extent)], stores: vec![] });
+        let values: Vec<ExprId> = world.numbers.iter().chain(&world.truths).copied().step_by(7).collect();
+        let mut next = 0;
+        for value in values {
+            if world.model.exprs.free(value) == 0 {
+                scalar.stores.push((Sink::Out(Affine::constant(next)), value));
+                next += 1;
+            } else {
+                looped.stores.push((Sink::Out(Affine::along(next, LoopVar(0), 1)), value));
+                next += i64::from(extent);
+            }
+        }
+        let job = Job { stages: vec![vec![scalar, looped]], in_place: false };
+        let effort = if hot { Effort::Hot } else { Effort::Lukewarm };
+        let [compiled, interpreted] = run_both(&world, &job, effort, next as usize, &numbers);
+        for (a, b) in compiled.iter().flatten().zip(interpreted.iter().flatten()) {
+            prop_assert!(same(*a, *b), "{a:e} compiled, {b:e} interpreted");
+        }
+    }
+
+    #[test]
     fn programs_in_place_give_the_bits_of_the_interpreter(
         recipes in recipes(), numbers in numbers(), extents in prop::collection::vec(1u32..=MOST_PASSES, 0..3), hot in any::<bool>(),
     ) {

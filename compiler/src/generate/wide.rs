@@ -4,11 +4,11 @@
 //! columns of working memory, array kernels are applied to whole columns, the next phase goes on. What an earlier phase
 //! computed and a later one needs is kept in a column too; loads are repeated.
 
-use cranelift_codegen::ir::condcodes::FloatCC;
+use cranelift_codegen::ir::condcodes::{FloatCC, IntCC};
 use cranelift_codegen::ir::{InstBuilder, MemFlagsData, Value, types};
 
 use super::body::{Emitter, Lanes, WORD, pow_entry};
-use super::schedule::{BlockId, Item, is_immediate};
+use super::schedule::{BlockId, Item, Sink, is_immediate};
 use crate::ir::hash::{FastMap, FastSet};
 use crate::ir::{Affine, BinaryFn, Expr, ExprId, UnaryFn};
 use crate::kernels::{self, UNARY_COUNT};
@@ -17,7 +17,7 @@ use crate::layout::Base;
 /// Shorter loops stay scalar.
 const SHORTEST: u32 = 4;
 /// Columns start at cache lines.
-const LINE: u32 = 8;
+pub(super) const LINE: u32 = 8;
 
 /// How the items of a loop are spread over phases.
 #[derive(Default)]
@@ -47,15 +47,16 @@ impl Emitter<'_> {
     pub(super) fn wide_loop(&mut self, block: BlockId) {
         let extent = self.schedule.blocks[block].extent;
         let phases = self.phases(block);
-        self.columns = self.columns.max((phases.column.len() + phases.first.len()) as u32 * column_length(extent));
+        let adds = self.schedule.blocks[block].items.iter().any(|i| matches!(i, Item::Store(Sink::Table { add: true, .. }, _)));
+        self.columns = self.columns.max(self.reserved() + (phases.column.len() + phases.first.len()) as u32 * column_length(extent));
+        self.prepare_pointers(block);
         for phase in 0..phases.count {
             self.spread(block, &phases, phase);
-            let pairs = i64::from(extent & !1);
             self.lanes = Lanes::Two(block);
-            self.counted(0, pairs, 2, &mut |emitter, counter| emitter.pass(block, &phases, phase, counter));
+            self.pairs(extent, adds, &mut |emitter, counter| emitter.pass(block, &phases, phase, counter));
             self.lanes = Lanes::One;
-            if extent % 2 == 1 {
-                let last = self.b.ins().iconst(types::I64, pairs);
+            if extent % 2 == 1 && adds {
+                let last = self.b.ins().iconst(types::I64, i64::from(extent) - 1);
                 self.pass(block, &phases, phase, last);
             }
             for &function in phases.functions.iter().filter(|f| phases.of[f] == phase) {
@@ -63,6 +64,27 @@ impl Emitter<'_> {
             }
         }
         self.splats.clear();
+    }
+
+    /// A loop over pairs of neighbours. The last pair of an odd number overlaps the one before it and computes the same again, unless
+    /// something is `added`: then the last element is left to the caller.
+    fn pairs(&mut self, extent: u32, added: bool, pass: &mut dyn FnMut(&mut Self, Value)) {
+        let odd = extent % 2 == 1;
+        let last = i64::from(if odd && added { extent - 3 } else { extent - 2 });
+        let (body, exit) = (self.b.create_block(), self.b.create_block());
+        let counter = self.b.append_block_param(body, types::I64);
+        let start = self.b.ins().iconst(types::I64, 0);
+        self.b.ins().jump(body, &[start.into()]);
+        self.b.switch_to_block(body);
+        pass(self, counter);
+        let mut next = self.b.ins().iadd_imm_s(counter, 2);
+        if odd && !added {
+            let end = self.b.ins().iconst(types::I64, last);
+            next = self.b.ins().smin(next, end);
+        }
+        let more = self.b.ins().icmp_imm_s(IntCC::SignedLessThan, counter, last);
+        self.b.ins().brif(more, body, &[next.into()], exit, &[]);
+        self.b.switch_to_block(exit);
     }
 
     /// Finds the phase of every item.
@@ -82,7 +104,7 @@ impl Emitter<'_> {
         }
         self.keep(block, &mut phases);
         let length = column_length(self.schedule.blocks[block].extent);
-        let start = self.layout.columns();
+        let start = self.layout.columns() + self.reserved();
         let results = phases.functions.iter().chain(&phases.kept).copied();
         phases.column = results.zip(0u32..).map(|(expr, i)| (expr, start + i * length)).collect();
         let pairs = phases.functions.iter().copied().filter(|f| matches!(self.exprs.node(*f), Expr::Binary(..)));
@@ -122,57 +144,31 @@ impl Emitter<'_> {
 
     /// The values of the loop that an item uses, also inside of reductions.
     fn needs(&self, block: BlockId, item: Item) -> Vec<ExprId> {
-        let here = |e: &ExprId| !is_immediate(self.exprs.node(*e)) && self.schedule.home(self.exprs, block, *e) == block;
-        match item {
-            Item::Eval(expr) => self.exprs.operands(expr).filter(here).collect(),
-            Item::Store(_, value) => Some(value).into_iter().filter(here).collect(),
-            Item::Reduce { body, block: inner, .. } => {
-                let mut needed = vec![];
-                let mut visit = |from: BlockId, e: ExprId| {
-                    if !is_immediate(self.exprs.node(e)) && self.schedule.home(self.exprs, from, e) == block {
-                        needed.push(e);
-                    }
-                };
-                let mut blocks = vec![(inner, body)];
-                while let Some((inner, body)) = blocks.pop() {
-                    visit(inner, body);
-                    for item in &self.schedule.blocks[inner].items {
-                        match *item {
-                            Item::Eval(expr) => self.exprs.operands(expr).for_each(|o| visit(inner, o)),
-                            Item::Reduce { body, block, .. } => blocks.push((block, body)),
-                            Item::Store(..) => {}
-                        }
-                    }
-                }
-                needed
+        let mut needed = vec![];
+        self.schedule.each_use(self.exprs, block, item, &mut |from, e| {
+            if !is_immediate(self.exprs.node(e)) && self.schedule.home(self.exprs, from, e) == block {
+                needed.push(e);
             }
-        }
+        });
+        needed
     }
 
     /// Puts values from outside into both lanes ahead of the loop.
     fn spread(&mut self, block: BlockId, phases: &Phases, phase: usize) {
-        let mut blocks = vec![block];
-        while let Some(inner) = blocks.pop() {
-            for item in &self.schedule.blocks[inner].items {
-                if inner == block && self.phase_of(phases, *item) != phase {
-                    continue;
-                }
-                let operands: Vec<ExprId> = match *item {
-                    Item::Eval(expr) => self.exprs.operands(expr).collect(),
-                    Item::Store(_, value) => vec![value],
-                    Item::Reduce { body, block, .. } => {
-                        blocks.push(block);
-                        vec![body]
-                    }
-                };
-                for operand in operands {
-                    let home = self.schedule.home(self.exprs, inner, operand);
-                    let outside = !self.schedule.is_inside(home, block);
-                    if outside && !is_immediate(self.exprs.node(operand)) {
-                        self.splat(home, operand);
-                    }
-                }
+        let mut outside = vec![];
+        for item in &self.schedule.blocks[block].items {
+            if self.phase_of(phases, *item) != phase {
+                continue;
             }
+            self.schedule.each_use(self.exprs, block, *item, &mut |from, operand| {
+                let home = self.schedule.home(self.exprs, from, operand);
+                if !self.schedule.is_inside(home, block) && !is_immediate(self.exprs.node(operand)) {
+                    outside.push((home, operand));
+                }
+            });
+        }
+        for (home, operand) in outside {
+            self.splat(home, operand);
         }
     }
 

@@ -208,6 +208,9 @@ pub enum Expr {
     },
 }
 
+/// Bit of a node that contains the time derivative of something, above those of the loop counters.
+const DERIVATIVE: u8 = 1 << MAX_DEPTH;
+
 /// What [`Exprs::rewrite`] has made of nodes already.
 pub type Rewritten = FastMap<ExprId, ExprId>;
 
@@ -215,7 +218,7 @@ pub type Rewritten = FastMap<ExprId, ExprId>;
 #[derive(Clone, Default)]
 pub struct Exprs {
     nodes: PrimaryMap<ExprId, Expr>,
-    /// Free loop counters of each node, one bit a depth.
+    /// Free loop counters of each node, one bit a depth, and [`DERIVATIVE`].
     free: PrimaryMap<ExprId, u8>,
     index: FastMap<Expr, ExprId>,
 }
@@ -269,13 +272,19 @@ impl Exprs {
     /// One more than the deepest *free* loop counter; 0 where the value is one number for a whole nest.
     #[must_use]
     pub fn depth(&self, id: ExprId) -> u8 {
-        (u8::BITS - self.free[id].leading_zeros()) as u8
+        (u8::BITS - self.free(id).leading_zeros()) as u8
     }
 
     /// The *free* loop counters, bit `d` for the counter at depth `d`.
     #[must_use]
     pub fn free(&self, id: ExprId) -> u8 {
-        self.free[id]
+        self.free[id] & !DERIVATIVE
+    }
+
+    /// Whether the node or something in it is the time derivative of a variable.
+    #[must_use]
+    pub fn has_derivative(&self, id: ExprId) -> bool {
+        self.free[id] & DERIVATIVE != 0
     }
 
     /// The number of a constant.
@@ -315,7 +324,10 @@ impl Exprs {
         }
         let free = match node {
             Expr::Counter(v) => 1 << v.0,
-            Expr::Load { at, .. } => (0..MAX_DEPTH).filter(|&d| at.strides[d] != 0).map(|d| 1 << d).sum(),
+            Expr::Load { at, flavour, .. } => {
+                let derivative = if flavour == Flavour::Derivative { DERIVATIVE } else { 0 };
+                (0..MAX_DEPTH).filter(|&d| at.strides[d] != 0).map(|d| 1 << d).sum::<u8>() | derivative
+            }
             Expr::Reduce { depth, body, .. } => self.free[body] & !(1 << depth.0),
             _ => Self::operands_of(node).fold(0, |mask, o| mask | self.free[o]),
         };
@@ -577,10 +589,21 @@ impl Exprs {
     /// Copies `e` with leaves replaced: `replace` is asked for every node, outermost first; `None` means go on inside.
     /// `done` holds what was already rewritten and may be kept for several calls with the same replacement.
     pub fn rewrite(&mut self, e: ExprId, done: &mut Rewritten, replace: &mut dyn FnMut(&mut Exprs, Expr) -> Option<ExprId>) -> ExprId {
+        self.rewrite_where(e, done, &|_, _| true, replace)
+    }
+
+    /// As [`Exprs::rewrite`], but only nodes that are `concerned` are looked at; all others stay as they are.
+    pub fn rewrite_where(
+        &mut self,
+        e: ExprId,
+        done: &mut Rewritten,
+        concerned: &dyn Fn(&Exprs, ExprId) -> bool,
+        replace: &mut dyn FnMut(&mut Exprs, Expr) -> Option<ExprId>,
+    ) -> ExprId {
         // An explicit stack: expressions may be thousands of nodes deep.
         let mut stack = vec![(e, false)];
         while let Some((id, entered)) = stack.pop() {
-            if done.contains_key(&id) {
+            if done.contains_key(&id) || !concerned(self, id) {
                 continue;
             }
             let node = self.nodes[id];

@@ -255,18 +255,21 @@ pub fn substitute(model: &mut Model, equations: &mut Vec<Equation>, plan: &Plan)
     let roles: Vec<Role> = model.vars.values().map(|v| v.role).collect();
     let role = |var: VarId| roles[var.as_u32() as usize];
     let mut expander = Expander::default();
+    let algebraic = with_algebraic(&model.exprs, &role);
+    // Nodes that are made on the way are not in the table.
+    let concerned = |_: &Exprs, e: ExprId| algebraic.get(e.as_u32() as usize).copied().unwrap_or(true);
     // Each definition after those that it needs: what is written in it is final, and so is whatever `done` holds.
     let mut done = Rewritten::default();
     for &element in &plan.order {
         let equation = if element.1 < 0 { plan.arrays.get(&element.0) } else { plan.substituted.get(&element) };
         let Some(value) = equation.and_then(|&i| definition(equations, i)) else { continue };
-        let value = model.exprs.rewrite(value, &mut done, &mut |exprs, node| match node {
+        let value = model.exprs.rewrite_where(value, &mut done, &concerned, &mut |exprs, node| match node {
             Expr::Load { var, flavour, at } if role(var) == Role::Algebraic => expander.element(exprs, &role, var, flavour, at),
             _ => None,
         });
         expander.values.insert(element, value);
     }
-    replace_everywhere(model, equations, &mut done, &mut |exprs, node| match node {
+    replace_everywhere(model, equations, &mut done, &concerned, &mut |exprs, node| match node {
         Expr::Load { var, flavour, at } if role(var) == Role::Algebraic => expander.element(exprs, &role, var, flavour, at),
         _ => None,
     });
@@ -276,6 +279,16 @@ pub fn substitute(model: &mut Model, equations: &mut Vec<Equation>, plan: &Plan)
         i += 1;
         !dropped.contains(&(i - 1))
     });
+}
+
+/// For each node whether it contains an algebraic variable; operands stand before their users.
+fn with_algebraic(exprs: &Exprs, role: &dyn Fn(VarId) -> Role) -> Vec<bool> {
+    let mut out: Vec<bool> = Vec::with_capacity(exprs.len());
+    for e in (0..exprs.len() as u32).map(ExprId::from_u32) {
+        let own = matches!(exprs.node(e), Expr::Load { var, .. } if role(var) == Role::Algebraic);
+        out.push(own || exprs.operands(e).any(|o| out[o.as_u32() as usize]));
+    }
+    out
 }
 
 fn definition(equations: &[Equation], i: usize) -> Option<ExprId> {

@@ -330,12 +330,14 @@ fn complete(model: &mut Model, mut rows: Vec<Row>) -> Vec<Row> {
     let mut order: Vec<VarId> = whole.keys().copied().collect();
     order.sort_unstable();
     let mut renamed: FastMap<Element, VarId> = FastMap::default();
-    let declared: u32 = model.vars.values().filter(|v| v.role == Role::Algebraic).map(|v| v.len).sum();
-    let mut solved = 0;
+    let declared: u32 = model.interface.algebraics.iter().map(|q| q.len() as u32).sum();
+    let (mut solved, mut hidden) = (0, 0);
     for var in order {
         let len = i64::from(model.vars[var].len);
         solved += whole[&var] as u32;
         let quantity = model.interface.algebraics.iter().find(|q| q.var == Some(var)).cloned();
+        // Members of ports are shown nowhere, but may be solved for.
+        hidden += if quantity.is_none() { whole[&var] as u32 } else { 0 };
         if whole[&var] == len {
             model.unknowns.push(var);
             model.interface.solved.push(quantity.unwrap_or_else(|| plain(model, var, None)));
@@ -356,7 +358,7 @@ fn complete(model: &mut Model, mut rows: Vec<Row>) -> Vec<Row> {
             model.interface.solved.push(q);
         }
     }
-    model.interface.algebraic_counts = [declared, solved, declared - solved];
+    model.interface.algebraic_counts = [declared, solved, declared - (solved - hidden)];
     if !renamed.is_empty() {
         let mut done = crate::ir::Rewritten::default();
         let mut replace = |exprs: &mut crate::ir::Exprs, node: Expr| match node {
@@ -365,7 +367,7 @@ fn complete(model: &mut Model, mut rows: Vec<Row>) -> Vec<Row> {
             }
             _ => None,
         };
-        super::replace_everywhere(model, &mut [], &mut done, &mut replace);
+        super::replace_everywhere(model, &mut [], &mut done, &|_, _| true, &mut replace);
         for row in &mut rows {
             row.residual = model.exprs.rewrite(row.residual, &mut done, &mut replace);
             if let Some(&new) = renamed.get(&(row.var, row.at.offset)) {

@@ -4,9 +4,9 @@ use cranelift_entity::PrimaryMap;
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 
-use super::{element_name, loads, replace_everywhere};
+use super::{derivatives, element_name, replace_everywhere};
 use crate::elaborate::{Equation, EquationForm};
-use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, LoopVar, MAX_DEPTH, Role, UnaryFn, VarId};
+use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, LoopVar, MAX_DEPTH, Rewritten, Role, UnaryFn, VarId};
 use crate::model::{Model, Variable};
 
 /// Which states have an explicit rate.
@@ -23,14 +23,14 @@ pub fn solve_for_derivatives(exprs: &mut Exprs, vars: &PrimaryMap<VarId, Variabl
             EquationForm::Rate { var, at, value } => {
                 // A rate that mentions itself is an equation for it.
                 let own = exprs.load(var, Flavour::Derivative, at);
-                if !loads(exprs, value, |v, f| v == var && f == Flavour::Derivative).contains(&(var, Flavour::Derivative, at)) {
+                if !derivatives(exprs, value, |v| v == var).contains(&(var, Flavour::Derivative, at)) {
                     continue;
                 }
                 exprs.sub(own, value)
             }
             EquationForm::Definition { .. } => continue,
         };
-        let derivatives = loads(exprs, residual, |v, f| f == Flavour::Derivative && vars[v].role == Role::State);
+        let derivatives = derivatives(exprs, residual, |v| vars[v].role == Role::State);
         equation.form = EquationForm::Implicit { residual };
         // With several derivatives, the first with a factor free of derivatives is taken; the others stay on the right side.
         for &(var, _, at) in &derivatives {
@@ -39,7 +39,7 @@ pub fn solve_for_derivatives(exprs: &mut Exprs, vars: &PrimaryMap<VarId, Variabl
             }
             let own = exprs.load(var, Flavour::Derivative, at);
             if let Some((a, b)) = linear(exprs, residual, own)
-                && loads(exprs, a, |_, f| f == Flavour::Derivative).is_empty()
+                && !exprs.has_derivative(a)
                 && derivatives.len() == 1
             {
                 let minus_b = exprs.neg(b);
@@ -142,8 +142,8 @@ pub fn substitute_derivatives(model: &mut Model, equations: &mut [Equation]) {
         })
         .collect();
     let mut resolver = Resolver { pieces, done: FastMap::default(), open: Vec::new() };
-    let mut done = crate::ir::Rewritten::default();
-    replace_everywhere(model, equations, &mut done, &mut |exprs, node| match node {
+    let mut done = Rewritten::default();
+    replace_everywhere(model, equations, &mut done, &Exprs::has_derivative, &mut |exprs, node| match node {
         Expr::Load { var, flavour: Flavour::Derivative, at } => resolver.rate(exprs, var, at),
         _ => None,
     });
@@ -171,7 +171,7 @@ impl Resolver {
         let result = value.map(|(fixed, value)| {
             let moved = shifted(exprs, value, &fixed);
             self.open.push((var, at));
-            let free = exprs.rewrite(moved, &mut crate::ir::Rewritten::default(), &mut |exprs, node| match node {
+            let free = exprs.rewrite_where(moved, &mut Rewritten::default(), &Exprs::has_derivative, &mut |exprs, node| match node {
                 Expr::Load { var, flavour: Flavour::Derivative, at } => self.rate(exprs, var, at),
                 _ => None,
             });

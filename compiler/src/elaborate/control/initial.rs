@@ -1,7 +1,5 @@
 //! The steady problem and the start of an episode.
 
-use std::collections::HashMap;
-
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Clip, Expr, ExprKind, Statement, StatementKind};
@@ -11,12 +9,12 @@ use super::super::items::Item;
 use super::super::names::{ScopeId, SymbolId, SymbolKind};
 use super::super::{Elaborator, Place, Site};
 use super::{each, store, stream_name};
-use crate::ir::{Affine, ExprId, Flavour, Nest, Place as Memory, Program, Role, Store, VarId};
+use crate::ir::{Affine, ExprId, FastMap, FastSet, Flavour, Nest, Place as Memory, Program, Role, Store, VarId};
 use crate::model::{Instant, Quantity};
 
 impl<'a> Elaborator<'a> {
     pub(super) fn steady_program(&mut self, blocks: &[(ScopeId, Vec<Item<'a>>)]) {
-        let mut given: HashMap<(VarId, i64), ExprId> = HashMap::new();
+        let mut given: FastMap<(VarId, i64), ExprId> = FastMap::default();
         for (scope, item) in each(blocks) {
             let Item::Other(Statement { kind: StatementKind::Steady { entries }, .. }) = item else { continue };
             self.model.interface.has_steady = true;
@@ -67,7 +65,7 @@ impl<'a> Elaborator<'a> {
     }
 
     /// `col = 0`: every state of an instance, or of the instances of an array.
-    fn steady_instance(&mut self, target: &Expr, value: &Expr, place: &Place, given: &mut HashMap<(VarId, i64), ExprId>) -> bool {
+    fn steady_instance(&mut self, target: &Expr, value: &Expr, place: &Place, given: &mut FastMap<(VarId, i64), ExprId>) -> bool {
         let ExprKind::Name(name) = &target.kind else { return false };
         let Some(symbol) = self.names.lookup(place.scope, &name.text) else { return false };
         if !matches!(self.names.symbols[symbol].kind, SymbolKind::Instance(_) | SymbolKind::Instances(_)) {
@@ -232,7 +230,7 @@ impl<'a> Elaborator<'a> {
 
     /// States that an initial value reads.
     fn states_read(&self, e: ExprId) -> Vec<(VarId, Affine)> {
-        let mut seen = std::collections::HashSet::new();
+        let mut seen = FastSet::default();
         let mut stack = vec![e];
         let mut out = Vec::new();
         while let Some(e) = stack.pop() {

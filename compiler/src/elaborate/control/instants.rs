@@ -90,7 +90,13 @@ impl<'a> Elaborator<'a> {
             }
         };
         let is_next = matches!(statement.kind, StatementKind::Next { .. });
+        // `next`s assign together; other statements one element after another, written out or in a loop.
+        if !is_next {
+            let parts: Vec<&Expr> = [target, value].into_iter().chain(condition).collect();
+            self.counted = self.counted_cells(binders, &parts, &place);
+        }
         let pieces = self.nest(binders, &place, &mut |s, inner| s.assignment(target, value, condition, roles, inner));
+        self.counted.clear();
         for piece in pieces {
             let Some((var, at, v, whole)) = piece.value else { continue };
             let mut extents = piece.extents;

@@ -1,7 +1,5 @@
 //! Parameters that are drawn or computed from others, and disturbances.
 
-use std::collections::HashMap;
-
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::Clip;
 use smpl_dsl::units::Unit;
@@ -10,7 +8,7 @@ use super::super::blocks::Piece;
 use super::super::names::{SymbolId, SymbolKind};
 use super::super::{Elaborator, Place, Site};
 use super::{store, stream_name};
-use crate::ir::{Affine, BinaryFn, Compare, ExprId, Flavour, Nest, Place as Memory, Program, Role, VarId};
+use crate::ir::{Affine, BinaryFn, Compare, ExprId, FastMap, Flavour, Nest, Place as Memory, Program, Role, VarId};
 use crate::model::{Instant, Quantity};
 
 impl<'a> Elaborator<'a> {
@@ -81,7 +79,7 @@ impl<'a> Elaborator<'a> {
 
     /// The pieces so that each follows those that it needs.
     fn dependency_order(&mut self, pieces: &[(VarId, Piece<(Affine, ExprId)>)]) -> Vec<usize> {
-        let mut of: HashMap<VarId, Vec<usize>> = HashMap::new();
+        let mut of: FastMap<VarId, Vec<usize>> = FastMap::default();
         for (i, (var, _)) in pieces.iter().enumerate() {
             of.entry(*var).or_default().push(i);
         }

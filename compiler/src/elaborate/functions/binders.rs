@@ -85,6 +85,13 @@ impl Elaborator<'_> {
             self.report(Diagnostic::error(codes::TOO_LARGE, "a range of more than ten million numbers", binder.span));
             return Vec::new();
         }
+        if let Some(&(_, domain)) = self.counted.iter().find(|(name, _)| *name == binder.name.text)
+            && a >= 1
+            && a <= b
+            && b <= self.names.domains[domain].cells
+        {
+            return vec![BinderValue::Cells(domain, a - 1, b - 1)];
+        }
         match symbol.map(|s| self.names.symbols[s].kind.clone()) {
             Some(SymbolKind::Domain(domain)) => {
                 let n = self.names.domains[domain].cells;

@@ -1,0 +1,67 @@
+//! Ranges of numbers that only count the cells of a domain: they stay loops.
+
+use smpl_dsl::syntax::{Binder, BinderSet, Expr, ExprKind};
+
+use super::super::names::{Axis, DomainId, SymbolKind};
+use super::super::{Elaborator, Place};
+
+impl Elaborator<'_> {
+    /// For each binder over a range `low..high` whose index stands in `parts` for cells of a domain and nowhere else, its name and the domain.
+    pub(super) fn counted_cells(&self, binders: &[Binder], parts: &[&Expr], place: &Place) -> Vec<(String, DomainId)> {
+        let ranges = binders.iter().filter(|b| matches!(b.over, BinderSet::Range(..)));
+        let counted = ranges.filter_map(|b| {
+            let name = &b.name.text;
+            let known = self.names.lookup(place.scope, name).is_some() || place.bound(name).is_some();
+            let mut domain = None;
+            let only = !known && parts.iter().all(|e| self.only_cells(e, name, place, &mut domain));
+            domain.filter(|_| only).map(|d| (name.clone(), d))
+        });
+        counted.collect()
+    }
+
+    /// Whether every occurrence of a name is an index, on its own, along domains of equally many cells.
+    fn only_cells(&self, e: &Expr, name: &str, place: &Place, domain: &mut Option<DomainId>) -> bool {
+        let mut all = |list: &[&Expr]| list.iter().all(|e| self.only_cells(e, name, place, domain));
+        match &e.kind {
+            ExprKind::Name(n) => n.text != name,
+            ExprKind::Number { .. } | ExprKind::Bool(_) => true,
+            ExprKind::Member(a, _) | ExprKind::Unary(_, a) | ExprKind::As(a, _) => all(&[a]),
+            ExprKind::Binary(_, a, b) => all(&[a, b]),
+            ExprKind::If(c, a, b) => all(&[c, a, b]),
+            ExprKind::Index(base, index) => {
+                let axes = self.axes_of(base, place);
+                all(&[base])
+                    && index.iter().enumerate().all(|(k, i)| match &i.kind {
+                        ExprKind::Name(n) if n.text == name => match axes.and_then(|a| a.get(k)) {
+                            Some(&Axis::Domain(here)) => {
+                                let first = *domain.get_or_insert(here);
+                                self.names.domains[first].cells == self.names.domains[here].cells
+                            }
+                            _ => false,
+                        },
+                        _ => self.only_cells(i, name, place, domain),
+                    })
+            }
+            // Other forms bind names of their own or read neighbours: written out.
+            ExprKind::Call { .. } | ExprKind::Reduce { .. } | ExprKind::Derivative(_) | ExprKind::Tuple(_) => false,
+        }
+    }
+
+    /// Axes of the variable that `x` or `unit.x` names, without a report where it names something else.
+    fn axes_of(&self, e: &Expr, place: &Place) -> Option<&[Axis]> {
+        let symbol = match &e.kind {
+            ExprKind::Name(n) if place.bound(&n.text).is_none() => self.names.lookup(place.scope, &n.text)?,
+            ExprKind::Member(base, member) => {
+                let ExprKind::Name(first) = &base.kind else { return None };
+                let outer = self.names.lookup(place.scope, &first.text).filter(|_| place.bound(&first.text).is_none())?;
+                let SymbolKind::Instance(scope) = self.names.symbols[outer].kind else { return None };
+                *self.names.scopes[scope].names.get(&member.text)?
+            }
+            _ => return None,
+        };
+        match &self.names.symbols[symbol].kind {
+            SymbolKind::Variable { axes, .. } => Some(axes),
+            _ => None,
+        }
+    }
+}

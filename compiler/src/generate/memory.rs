@@ -1,0 +1,220 @@
+//! Loads and stores, and the pointers that they share.
+
+use cranelift_codegen::ir::{InstBuilder, MemFlagsData, Value, types};
+
+use super::body::{Emitter, Lanes, WORD};
+use super::schedule::{BlockId, Item, Sink};
+use crate::ir::hash::FastSet;
+use crate::ir::{Affine, Expr, ExprId, Flavour, MAX_DEPTH};
+use crate::kernels::KernelTable;
+use crate::layout::Base;
+
+/// What a pointer counts from.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(super) enum Start {
+    /// Memory of numbers.
+    Memory(Base),
+    /// The position tables.
+    Tables,
+}
+
+impl Start {
+    /// Bytes of an element.
+    fn size(self) -> i64 {
+        match self {
+            Start::Memory(_) => WORD,
+            Start::Tables => 4,
+        }
+    }
+}
+
+impl Emitter<'_> {
+    /// Properties of loads: in place, memory changes under the function.
+    pub(super) fn flags(&self, two: bool) -> MemFlagsData {
+        let flags = MemFlagsData::new().with_notrap();
+        let flags = if self.in_place { flags } else { flags.with_readonly().with_can_move() };
+        if two { flags } else { flags.with_aligned() }
+    }
+
+    pub(super) fn load(&mut self, block: BlockId, base: Base, at: Affine) -> Value {
+        let two = self.is_two(block);
+        let flags =
+            if block == 0 && self.segments.is_active() { MemFlagsData::new().with_notrap().with_aligned() } else { self.flags(two) };
+        let (pointer, offset) = self.pointer(block, base, at);
+        if !two {
+            return self.b.ins().load(types::F64, flags, pointer, offset);
+        }
+        match self.lane_stride(at) {
+            1 => self.b.ins().load(types::F64X2, flags, pointer, offset),
+            0 => {
+                let one = self.b.ins().load(types::F64, flags, pointer, offset);
+                self.b.ins().splat(types::F64X2, one)
+            }
+            stride => {
+                let first = self.b.ins().load(types::F64, flags, pointer, offset);
+                let (pointer, offset) = self.pointer(block, base, at.plus(Affine::constant(stride)));
+                let second = self.b.ins().load(types::F64, flags, pointer, offset);
+                let both = self.b.ins().splat(types::F64X2, first);
+                self.b.ins().insertlane(both, second, 1u8)
+            }
+        }
+    }
+
+    /// Stride of an address along the lanes.
+    pub(super) fn lane_stride(&self, at: Affine) -> i64 {
+        let Lanes::Two(block) = self.lanes else {
+            return 0;
+        };
+        self.schedule.blocks[block].counter.map_or(0, |c| at.strides[c as usize])
+    }
+
+    /// Pointer and constant offset in bytes of an element of 8 bytes.
+    pub(super) fn pointer(&mut self, block: BlockId, base: Base, at: Affine) -> (Value, i32) {
+        let mut pointer = self.advanced(block, Start::Memory(base), at.strides);
+        let bytes = at.offset * WORD;
+        let offset = i32::try_from(bytes).unwrap_or_else(|_| {
+            pointer = self.b.ins().iadd_imm_s(pointer, bytes);
+            0
+        });
+        (pointer, offset)
+    }
+
+    /// `start + size · Σ strides·counters`: what the outer loops add to it, then this one.
+    fn advanced(&mut self, block: BlockId, start: Start, mut strides: [i64; MAX_DEPTH]) -> Value {
+        if let Some(&known) = self.pointers[block].get(&(start, strides)) {
+            return known;
+        }
+        let key = (start, strides);
+        let here = &self.schedule.blocks[block];
+        let step = here.counter.map_or(0, |c| std::mem::take(&mut strides[c as usize]));
+        let mut pointer = match here.parent {
+            Some(parent) => self.advanced(parent, start, strides),
+            None => self.start(start),
+        };
+        if let Some(counter) = self.counters[block].filter(|_| step != 0) {
+            let bytes = step * start.size();
+            let distance = if bytes > 0 && bytes.count_ones() == 1 {
+                self.b.ins().ishl_imm_u(counter, i64::from(bytes.trailing_zeros()))
+            } else {
+                self.b.ins().imul_imm_s(counter, bytes)
+            };
+            pointer = self.b.ins().iadd(pointer, distance);
+        }
+        self.pointers[block].insert(key, pointer);
+        pointer
+    }
+
+    fn start(&mut self, start: Start) -> Value {
+        match start {
+            Start::Memory(Base::Y) => self.arguments.y,
+            Start::Memory(Base::Yp) => self.arguments.yp,
+            Start::Memory(Base::Work | Base::Factor) => self.arguments.work,
+            Start::Memory(Base::Out) => self.arguments.out,
+            Start::Tables => {
+                let tables_at = (std::mem::size_of::<KernelTable>()) as i32;
+                self.b.ins().load(types::I64, constant_memory(), self.arguments.surroundings, tables_at)
+            }
+        }
+    }
+
+    /// Makes the parts of pointers that a loop does not change ahead of it.
+    pub(super) fn prepare_pointers(&mut self, child: BlockId) {
+        let (schedule, exprs, layout) = (self.schedule, self.exprs, self.layout);
+        let here = &schedule.blocks[child];
+        let Some(parent) = here.parent else { return };
+        let mut wanted = FastSet::default();
+        let mut want = |start: Start, at: Affine| {
+            let mut strides = at.strides;
+            here.counter.iter().for_each(|&c| strides[c as usize] = 0);
+            wanted.insert((start, strides));
+        };
+        for item in &here.items {
+            match *item {
+                Item::Eval(expr) => {
+                    if let Expr::Load { var, flavour, at } = exprs.node(expr)
+                        && let Some(a) = layout.address(var, flavour)
+                    {
+                        want(Start::Memory(a.base), at);
+                    }
+                }
+                Item::Store(Sink::Out(at), _) => want(Start::Memory(Base::Out), at),
+                Item::Store(Sink::Table { index, plus, .. }, _) => {
+                    want(Start::Tables, index);
+                    want(Start::Memory(Base::Out), plus);
+                }
+                Item::Store(Sink::Var(..), _) | Item::Reduce { .. } => {}
+            }
+        }
+        let mut wanted: Vec<_> = wanted.into_iter().collect();
+        wanted.sort_unstable();
+        for (start, strides) in wanted {
+            self.advanced(parent, start, strides);
+        }
+    }
+
+    pub(super) fn store(&mut self, block: BlockId, sink: Sink, value: ExprId) {
+        let value = self.as_number(block, value);
+        match sink {
+            Sink::Out(at) => self.store_at(block, Base::Out, at, value),
+            Sink::Var(var, at) => {
+                if let Some(a) = self.layout.address(var, Flavour::Value) {
+                    self.store_at(block, a.base, at.plus(Affine::constant(i64::from(a.offset))), value);
+                }
+            }
+            Sink::Table { table, index, plus, add } => {
+                let index = index.plus(Affine::constant(i64::from(table)));
+                if !self.is_two(block) {
+                    self.store_slot(block, index, plus, add, value);
+                    return;
+                }
+                for lane in [0u8, 1] {
+                    let step = |at: Affine, stride: i64| at.plus(Affine::constant(stride * i64::from(lane)));
+                    let number = self.b.ins().extractlane(value, lane);
+                    let (index, plus) = (step(index, self.lane_stride(index)), step(plus, self.lane_stride(plus)));
+                    self.store_slot(block, index, plus, add, number);
+                }
+            }
+        }
+    }
+
+    fn store_at(&mut self, block: BlockId, base: Base, at: Affine, value: Value) {
+        let flags = MemFlagsData::new().with_notrap();
+        let (pointer, offset) = self.pointer(block, base, at);
+        if !self.is_two(block) || self.lane_stride(at) == 1 {
+            self.b.ins().store(flags, value, pointer, offset);
+            return;
+        }
+        let stride = self.lane_stride(at);
+        for lane in [0u8, 1] {
+            let (pointer, offset) = self.pointer(block, base, at.plus(Affine::constant(stride * i64::from(lane))));
+            let number = self.b.ins().extractlane(value, lane);
+            self.b.ins().store(flags, number, pointer, offset);
+        }
+    }
+
+    /// Stores at `tables[index] + plus` of the output, or adds there.
+    fn store_slot(&mut self, block: BlockId, index: Affine, plus: Affine, add: bool, value: Value) {
+        let mut entry = self.advanced(block, Start::Tables, index.strides);
+        let at = i32::try_from(index.offset * 4).unwrap_or_else(|_| {
+            entry = self.b.ins().iadd_imm_s(entry, index.offset * 4);
+            0
+        });
+        let slot = self.b.ins().uload32(constant_memory(), entry, at);
+        let (pointer, offset) = self.pointer(block, Base::Out, plus);
+        let bytes = self.b.ins().ishl_imm_u(slot, 3);
+        let pointer = self.b.ins().iadd(pointer, bytes);
+        let flags = MemFlagsData::new().with_notrap();
+        let value = if add {
+            let old = self.b.ins().load(types::F64, flags, pointer, offset);
+            self.b.ins().fadd(old, value)
+        } else {
+            value
+        };
+        self.b.ins().store(flags, value, pointer, offset);
+    }
+}
+
+/// Memory that never changes.
+pub(super) fn constant_memory() -> MemFlagsData {
+    MemFlagsData::new().with_notrap().with_readonly().with_can_move()
+}
