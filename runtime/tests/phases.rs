@@ -6,14 +6,14 @@ use smpl_runtime::environment::{Environment, ResetOptions};
 use smpl_runtime::load::{LoadOptions, load};
 use smpl_runtime::setup::Setup;
 
-/// Phases of 6.24 and 1 min, in which x rises by 1 and 2 a minute, stepped every `step` minutes for 10 minutes; the end.
-fn run(step: f64) -> (f64, f64, f64) {
+/// Phases of 6.24, `second` and 0 min, in which x rises by 1, 2 and 3 a minute, stepped every `step` minutes for 10 minutes: phase, its start, x.
+fn run(step: f64, second: f64) -> (f64, f64, f64) {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
-    let path = folder.join(format!("phases_{step}.eq"));
+    let path = folder.join(format!("phases_{step}_{second}.eq"));
     let text = format!(
         "model M\ntime t : min\n\
-         phase first for 6.24 [min] then second\nphase second for 1 [min] then last\nphase last\n\
-         table over phase {{\n columns: slope [1]\n first: 1\n second: 2\n last: 0\n}}\n\
+         phase first for 6.24 [min] then second\nphase second for {second} [min] then third\nphase third for 0 [min] then last\nphase last\n\
+         table over phase {{\n columns: slope [1]\n first: 1\n second: 2\n third: 3\n last: 0\n}}\n\
          state x = 0\neq d/dt x = slope[phase] / 1 [min]\n\
          action u = 0 in 0..1\nobserve x in 0..10\nreward r default = x\n\
          episode {{ step = {step} [min], max_steps = 10000, error_reward = -100 }}\n"
@@ -34,8 +34,17 @@ fn run(step: f64) -> (f64, f64, f64) {
 fn a_phase_ends_within_a_step_at_its_end_or_a_rounding_error_beside_it() {
     // 6.22 + 0.02 lies a rounding error before 312 * 0.02 = 6.24.
     for step in [0.02, 0.04, 0.26, 0.1, 1.0, 2.5] {
-        let (phase, since, x) = run(step);
-        assert_eq!(phase, 3.0, "step {step}");
-        assert!((since - 7.24).abs() < 1e-9 && (x - 8.24).abs() < 1e-5, "step {step}: since {since}, x = {x}");
+        let (phase, since, x) = run(step, 1.0);
+        assert_eq!(phase, 4.0, "step {step}");
+        assert!((since - 7.24).abs() < 1e-8 && (x - 8.24).abs() < 1e-5, "step {step}: since {since}, x = {x}");
+    }
+}
+
+#[test]
+fn a_phase_without_a_duration_is_passed_at_once() {
+    for step in [0.1, 1.0] {
+        let (phase, since, x) = run(step, 0.0);
+        assert_eq!(phase, 4.0, "step {step}");
+        assert!((since - 6.24).abs() < 1e-6 && (x - 6.24).abs() < 1e-5, "step {step}: since {since}, x = {x}");
     }
 }

@@ -18,7 +18,7 @@ use super::items::Item;
 use super::names::{ScopeId, Set, Symbol, SymbolId, SymbolKind};
 use super::quantity::Value;
 use super::{Elaborator, Place, Site};
-use crate::ir::{Affine, Compare, ExprId, Flavour, Nest, Place as Memory, Program, Role, VarId};
+use crate::ir::{Affine, BinaryFn, Compare, ExprId, Flavour, Nest, Place as Memory, Program, Role, VarId};
 use crate::model::{Quantity, Root, RootAction, Variable};
 
 /// The schedule of a model.
@@ -218,6 +218,9 @@ impl<'a> Elaborator<'a> {
                 let d = self.value(duration, &place);
                 let unit = self.time_unit.clone();
                 let d = self.strictly_in(d, &unit, duration.span, "a duration", phase.name.span);
+                // A root must be crossed to be seen: what has no duration lasts this many units of time.
+                let least = self.exprs.constant(1e-9);
+                let d = self.exprs.binary(BinaryFn::Max, d, least);
                 let (t, since) = (self.exprs.time(), self.discrete(schedule.since));
                 let elapsed = self.exprs.sub(t, since);
                 let value = self.exprs.sub(elapsed, d);
