@@ -4,6 +4,7 @@
 //! of the outside and finds them by name.
 
 use std::collections::HashMap;
+use std::sync::OnceLock;
 
 use smpl_compiler::compiled::CompiledModel;
 use smpl_compiler::model::{Interface, Quantity};
@@ -42,13 +43,13 @@ impl Element {
 #[derive(Clone, Debug, Default)]
 pub struct Family {
     elements: Vec<Element>,
-    index: HashMap<String, usize>,
+    /// Positions by name, made when a name is first looked up: a model may have a hundred thousand states.
+    index: OnceLock<HashMap<String, usize>>,
 }
 
 impl Family {
     fn new(elements: Vec<Element>) -> Self {
-        let index = elements.iter().enumerate().map(|(i, e)| (e.name.clone(), i)).collect();
-        Self { elements, index }
+        Self { elements, index: OnceLock::new() }
     }
 
     /// The elements.
@@ -72,7 +73,8 @@ impl Family {
     /// Position of a flattened name in the order of the outside.
     #[must_use]
     pub fn position(&self, name: &str) -> Option<usize> {
-        self.index.get(name).copied()
+        let index = || self.elements.iter().enumerate().map(|(i, e)| (e.name.clone(), i)).collect::<HashMap<_, _>>();
+        self.index.get_or_init(index).get(name).copied()
     }
 
     /// The element of a flattened name.
@@ -150,22 +152,35 @@ impl Catalogue {
     #[must_use]
     pub fn new(model: &CompiledModel) -> Self {
         let interface = model.interface();
-        let region = |quantities: &[Quantity]| {
-            family(quantities, |quantity, element, running| {
-                let first = quantity.var.and_then(|var| model.offset(var));
-                first.map_or(running, |first| first + element)
-            })
-        };
         Self {
             states: states(interface),
             solved: family(&interface.solved, |_, _, running| model.states() + running),
             algebraics: family(&interface.algebraics, |_, _, running| running),
-            discretes: region(&interface.discretes),
-            actions: region(&interface.actions),
-            disturbances: region(&interface.disturbances),
-            parameters: region(&interface.parameters),
+            discretes: region(model, &interface.discretes),
+            actions: region(model, &interface.actions),
+            disturbances: disturbances(model),
+            parameters: parameters(model),
         }
     }
+}
+
+/// The parameters alone, places in their region.
+#[must_use]
+pub fn parameters(model: &CompiledModel) -> Family {
+    region(model, &model.interface().parameters)
+}
+
+/// The disturbances alone, places in their region.
+#[must_use]
+pub fn disturbances(model: &CompiledModel) -> Family {
+    region(model, &model.interface().disturbances)
+}
+
+fn region(model: &CompiledModel, quantities: &[Quantity]) -> Family {
+    family(quantities, |quantity, element, running| {
+        let first = quantity.var.and_then(|var| model.offset(var));
+        first.map_or(running, |first| first + element)
+    })
 }
 
 /// The states in the order of the outside; the quantities list them in the order of `y`.

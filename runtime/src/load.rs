@@ -13,7 +13,7 @@ use smpl_compiler::elaborate::{Options, Setting};
 use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes, suggest};
 use smpl_dsl::span::{FileId, Span};
 
-use crate::catalogue::Catalogue;
+use crate::catalogue::{self, Family};
 use crate::scenario::{self, Disturbances, Noise, Recorded, Scenario, Value, Variant};
 use crate::setup::EnvironmentOptions;
 
@@ -311,7 +311,7 @@ fn finish(
     scenario: &Scenario,
     options: &LoadOptions,
 ) -> Result<Loaded, LoadError> {
-    let catalogue = Catalogue::new(&model);
+    let parameters = catalogue::parameters(&model);
     let mut environment = EnvironmentOptions {
         reward: options.reward.clone().or_else(|| scenario.reward.clone()),
         max_steps: scenario.max_steps,
@@ -323,7 +323,7 @@ fn finish(
         ..EnvironmentOptions::default()
     };
     for (name, value) in scenario.parameters.iter().chain(&options.settings) {
-        match (catalogue.parameters.find(name), value.number()) {
+        match (parameters.find(name), value.number()) {
             (Some(_), Some(number)) => {
                 environment.parameters.insert(name.clone(), number);
             }
@@ -334,25 +334,25 @@ fn finish(
             _ => {}
         }
     }
-    environment.disturbances = recorded(scenario, &catalogue);
+    environment.disturbances = recorded(scenario, &model);
     environment.noise = match &scenario.noise {
         None | Some(Noise::Switch(true)) => BTreeMap::new(),
         Some(Noise::Switch(false)) => model.interface().observations.iter().map(|o| (o.name.clone(), 0.0)).collect(),
         Some(Noise::Deviations(deviations)) => deviations.clone(),
     };
-    let known = |name: &str| knows_setting(&model, &catalogue, name);
+    let known = |name: &str| knows_setting(&model, &parameters, name);
     if let Some(name) = options.settings.keys().find(|name| !known(name)) {
-        return Err(LoadError::Setting { message: unknown_setting(&model, &catalogue, name) });
+        return Err(LoadError::Setting { message: unknown_setting(&model, &parameters, name) });
     }
     Ok(Loaded { model: Arc::new(model), options: environment, sources: Arc::new(sources), warnings })
 }
 
-fn recorded(scenario: &Scenario, catalogue: &Catalogue) -> BTreeMap<String, Vec<f64>> {
+fn recorded(scenario: &Scenario, model: &CompiledModel) -> BTreeMap<String, Vec<f64>> {
     match &scenario.disturbances {
         None | Some(Disturbances::Switch(true)) => BTreeMap::new(),
         Some(Disturbances::Switch(false)) => {
-            let elements = catalogue.disturbances.elements().iter();
-            elements.map(|e| (e.name.clone(), vec![if e.default.is_finite() { e.default } else { 0.0 }])).collect()
+            let elements = catalogue::disturbances(model);
+            elements.elements().iter().map(|e| (e.name.clone(), vec![if e.default.is_finite() { e.default } else { 0.0 }])).collect()
         }
         Some(Disturbances::Values(values)) => values
             .iter()
@@ -365,16 +365,16 @@ fn recorded(scenario: &Scenario, catalogue: &Catalogue) -> BTreeMap<String, Vec<
 }
 
 /// Whether the compiled model has a parameter, choice or variant of that name. Names of grids were settled by the front end.
-fn knows_setting(model: &CompiledModel, catalogue: &Catalogue, name: &str) -> bool {
+fn knows_setting(model: &CompiledModel, parameters: &Family, name: &str) -> bool {
     let interface = model.interface();
-    catalogue.parameters.find(name).is_some()
+    parameters.find(name).is_some()
         || smpl_compiler::elaborate::ENTRY_SETTINGS.contains(&name)
         || interface.choices.iter().any(|(n, ..)| n == name)
         || interface.variants.iter().any(|(n, _)| n == name)
 }
 
-fn unknown_setting(model: &CompiledModel, catalogue: &Catalogue, name: &str) -> String {
+fn unknown_setting(model: &CompiledModel, parameters: &Family, name: &str) -> String {
     let interface = model.interface();
     let choices = interface.choices.iter().map(|(n, ..)| n.as_str());
-    crate::catalogue::UnknownName::new("setting", name, choices.chain(catalogue.parameters.names())).to_string()
+    crate::catalogue::UnknownName::new("setting", name, choices.chain(parameters.names())).to_string()
 }
