@@ -6,7 +6,7 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
@@ -319,7 +319,7 @@ fn main() {
 }
 
 /// Tries texts for a while; how many are at fault.
-fn fuzz(texts: &[String], folder: &PathBuf, mut seed: u64, time: Duration) -> u64 {
+fn fuzz(texts: &[String], folder: &Path, mut seed: u64, time: Duration) -> u64 {
     let tokens: Vec<Vec<&str>> = texts.iter().map(|t| words(t)).collect();
     let pool: Vec<&str> = tokens.iter().flatten().copied().filter(|w| !w.trim().is_empty()).collect();
     let (mut count, mut sound, mut found) = (0_u64, 0_u64, 0_u64);
