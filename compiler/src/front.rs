@@ -96,10 +96,15 @@ fn imported(statements: &[Statement], out: &mut Vec<String>) {
 /// Names that occur on the lines of faulty statements.
 fn words_of(sources: &SourceMap, faults: &[Diagnostic]) -> HashSet<String> {
     let mut out = HashSet::new();
+    let mut seen = HashSet::new();
     for fault in faults.iter().filter(|f| f.is_error()) {
         let Some(file) = sources.file(fault.primary.span.file) else { continue };
         let (text, at) = (file.text(), fault.primary.span.start as usize);
         let line_start = text.get(..at).and_then(|t| t.rfind('\n')).map_or(0, |i| i + 1);
+        // A line may hold thousands of faults.
+        if !seen.insert((fault.primary.span.file, line_start)) {
+            continue;
+        }
         let line = text.get(line_start..).and_then(|t| t.lines().next()).unwrap_or_default();
         out.extend(line.split(|c: char| !c.is_alphanumeric() && c != '_').filter(|w| !w.is_empty()).map(str::to_owned));
     }

@@ -60,6 +60,12 @@ fn definitions_that_double_at_each_level() {
     refused(&functions.replace("-a60 *", "-a60(x) *"), "E0105");
 }
 
+/// Found by fuzzing: the words of a line were looked up once for each of its faults.
+#[test]
+fn thousands_of_faults_on_one_line() {
+    assert!(!faults(&format!("state x = 1\nlet a = {}\n", "b) ".repeat(30_000))).is_empty());
+}
+
 #[test]
 fn sizes_beyond_reason() {
     let rest = "state x = 1\neq d/dt x = -x / 1 [s]\n";

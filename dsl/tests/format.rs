@@ -69,6 +69,15 @@ fn entries_on_several_lines_stand_below_each_other() {
     assert_eq!(format(text).as_deref(), Ok(expected));
 }
 
+/// Found by fuzzing: the sign was taken for an operator once a blank stood before it.
+#[test]
+fn an_equation_may_begin_with_a_sign() {
+    for text in ["eq-d/dt x = y\n", "eq -d/dt x = y\n", "eq - d/dt x = y\n"] {
+        assert_eq!(format(text).as_deref(), Ok("eq -d/dt x = y\n"));
+        check(text);
+    }
+}
+
 #[test]
 fn a_text_with_faults_is_not_formatted() {
     assert_eq!(format("param = 3").map_err(|faults| faults.len()), Err(1));
