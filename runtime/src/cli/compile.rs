@@ -7,7 +7,6 @@ use std::time::{Duration, Instant};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 use smpl_compiler::compiled::CompiledModel;
-use smpl_compiler::ir::Role;
 use smpl_compiler::model::Quantity;
 
 use super::report::Failed;
@@ -91,12 +90,7 @@ fn summary(model: &std::sync::Arc<CompiledModel>, loading: Duration, out: &Path)
     let interface = model.interface();
     let statistics = model.statistics();
     let count = |quantities: &[Quantity]| quantities.iter().map(Quantity::len).sum::<usize>();
-    let [mut declared, solved, mut substituted] = interface.algebraic_counts;
-    // A `let` that trajectories show is an algebraic variable with its definition.
-    let is_variable = |q: &&Quantity| q.var.is_some_and(|var| model.model().vars[var].role == Role::Algebraic);
-    let lets: usize = interface.algebraics.iter().filter(|q| !is_variable(q)).map(Quantity::len).sum();
-    declared += lets as u32;
-    substituted += lets as u32;
+    let [declared, solved, substituted] = interface.algebraic_counts;
     let mut text = String::new();
     // Writing into a string cannot fail.
     let _ = writeln!(text, "model {}: {}", interface.name, interface.text);
