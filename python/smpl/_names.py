@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from smpl import _native
 
 Names = tuple[str, ...]
@@ -14,6 +16,7 @@ class Named:
     Every `KIND_units` is also there as `KIND_names_units`.
     """
 
+    _named: _native.Model | Named
     state_names: Names
     algebraic_names: Names
     discrete_names: Names
@@ -32,15 +35,23 @@ class Named:
     reward_units: Names
 
     def _take_names(self, native: _native.Model) -> None:
-        """Copy names and units from the compiled model."""
-        for role in _WITH_UNITS:
-            setattr(self, f"{role}_names", tuple(native.names(role)))
-            units = tuple(native.units(role))
-            setattr(self, f"{role}_units", units)
-            setattr(self, f"{role}_names_units", units)
+        """Have the names and units of a compiled model; they are fetched when they are first asked for."""
+        self._named = native
 
     def _share_names(self, other: Named) -> None:
-        """Refer to the names and units of another object."""
-        for role in _WITH_UNITS:
-            for suffix in ("names", "units", "names_units"):
-                setattr(self, f"{role}_{suffix}", getattr(other, f"{role}_{suffix}"))
+        """Have the names and units of another object."""
+        self._named = other
+
+    if not TYPE_CHECKING:  # misspelled names stay errors of the type check
+
+        def __getattr__(self, name: str) -> Names:
+            role, _, kind = name.partition("_")
+            named = self.__dict__.get("_named")
+            if named is None or role not in _WITH_UNITS or kind not in ("names", "units", "names_units"):
+                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}", name=name, obj=self)
+            if isinstance(named, Named):
+                values = getattr(named, name)
+            else:
+                values = tuple(named.names(role) if kind == "names" else named.units(role))
+            setattr(self, name, values)
+            return values

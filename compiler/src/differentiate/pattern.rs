@@ -29,12 +29,18 @@ impl Pattern {
         self.row_indices[start..end].binary_search(&row).ok().map(|i| start + i)
     }
 
+    /// As [`position`](Self::position), looked for at `guess` first.
+    fn position_near(&self, guess: usize, row: usize, column: usize) -> Option<usize> {
+        let (start, end) = (*self.column_pointers.get(column)?, *self.column_pointers.get(column + 1)?);
+        if (start..end).contains(&guess) && self.row_indices[guess] == row { Some(guess) } else { self.position(row, column) }
+    }
+
     /// The pattern of entries in a matrix of `columns` columns.
     #[must_use]
     pub fn new(entries: &[Entry], columns: usize) -> Pattern {
         let mut counts = vec![0usize; columns + 1];
         for entry in entries {
-            each(&entry.loops, |counters| counts[entry.column.at(counters) as usize + 1] += 1);
+            each_place(entry, |_, column| counts[column + 1] += 1);
         }
         for c in 0..columns {
             counts[c + 1] += counts[c];
@@ -42,9 +48,9 @@ impl Pattern {
         let mut next = counts.clone();
         let mut rows = vec![0u32; counts[columns]];
         for entry in entries {
-            each(&entry.loops, |counters| {
-                let place = &mut next[entry.column.at(counters) as usize];
-                rows[*place] = entry.row.at(counters) as u32;
+            each_place(entry, |row, column| {
+                let place = &mut next[column];
+                rows[*place] = row as u32;
                 *place += 1;
             });
         }
@@ -60,6 +66,23 @@ impl Pattern {
         }
         pattern
     }
+}
+
+/// Calls `visit` with row and column of every pass, the last loop fastest.
+fn each_place(entry: &Entry, mut visit: impl FnMut(usize, usize)) {
+    let Some((&(inner, extent), outer)) = entry.loops.split_last() else {
+        let none = [0; MAX_DEPTH];
+        return visit(entry.row.at(&none) as usize, entry.column.at(&none) as usize);
+    };
+    let (row_stride, column_stride) = (entry.row.strides[inner as usize], entry.column.strides[inner as usize]);
+    each(outer, |counters| {
+        let (mut row, mut column) = (entry.row.at(counters), entry.column.at(counters));
+        for _ in 0..extent {
+            visit(row as usize, column as usize);
+            row += row_stride;
+            column += column_stride;
+        }
+    });
 }
 
 /// Calls `visit` with the counters of every pass, the last loop fastest.
@@ -94,9 +117,13 @@ pub fn job(entries: &[Entry], pattern: &Pattern, exprs: &mut Exprs, tables: &mut
     let (mut cleared, mut stored, mut added) = (vec![], vec![], vec![]);
     for entry in entries {
         let mut slots = vec![];
-        each(&entry.loops, |counters| {
-            let position = pattern.position(entry.row.at(counters) as usize, entry.column.at(counters) as usize);
-            slots.push(position.unwrap_or(0) as u32);
+        // Along a loop, entries are usually as far apart as the two before.
+        let (mut last, mut distance) = (0_usize, 0_usize);
+        each_place(entry, |row, column| {
+            let position = pattern.position_near(last.wrapping_add(distance), row, column).unwrap_or(0);
+            distance = position.wrapping_sub(last);
+            last = position;
+            slots.push(position as u32);
         });
         let mut shared = false;
         for &slot in &slots {
