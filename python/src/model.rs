@@ -1,7 +1,7 @@
 //! Class `Model`: a compiled model.
 
 use std::collections::{BTreeMap, HashMap};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
@@ -26,7 +26,8 @@ type Setups = HashMap<(bool, Option<u32>), Arc<Setup>>;
 #[pyclass(frozen, module = "smpl._native")]
 pub struct Model {
     loaded: Loaded,
-    catalogue: Catalogue,
+    /// Made when names are first asked for: a model may have a hundred thousand of them.
+    catalogue: OnceLock<Catalogue>,
     /// Made at the first evaluation.
     equations: Mutex<Option<Equations>>,
     /// What environments share.
@@ -51,7 +52,7 @@ impl Model {
         let level = (observation != "default").then(|| observation.to_owned());
         let request = load::Request { path, source, scenario, variants, settings, level, reward };
         let loaded = load::load(py, request)?;
-        Ok(Self { catalogue: Catalogue::new(&loaded.model), loaded, equations: Mutex::new(None), setups: Mutex::new(HashMap::new()) })
+        Ok(Self { catalogue: OnceLock::new(), loaded, equations: Mutex::new(None), setups: Mutex::new(HashMap::new()) })
     }
 
     #[getter]
@@ -269,14 +270,18 @@ impl Model {
         })?
     }
 
+    fn catalogue(&self) -> &Catalogue {
+        self.catalogue.get_or_init(|| Catalogue::new(&self.loaded.model))
+    }
+
     /// Parameters of the scenario and the settings, by place.
     fn given_parameters(&self) -> Vec<(usize, f64)> {
         let parameters = &self.loaded.options.parameters;
-        parameters.iter().filter_map(|(name, &v)| Some((self.catalogue.parameters.find(name)?.at, v))).collect()
+        parameters.iter().filter_map(|(name, &v)| Some((self.catalogue().parameters.find(name)?.at, v))).collect()
     }
 
     fn elements(&self, role: &str) -> PyResult<&[Element]> {
-        let catalogue = &self.catalogue;
+        let catalogue = self.catalogue();
         let family: &Family = match role {
             "state" => &catalogue.states,
             "solved" => &catalogue.solved,

@@ -83,7 +83,7 @@ def environment(model: str | Path, rtol: float | None, *, parent: str = "", **ar
 
 
 def compile_time(model: str | Path, settings: Mapping[str, float] | None = None, repeats: int = 7) -> float:
-    """Median seconds from text to machine code, files read and names listed."""
+    """Median seconds from text to machine code, files read; names are listed when they are asked for."""
     given = {name: repr(value) for name, value in (settings or {}).items()}
     path = str(model if isinstance(model, Path) else model_path(model))
     return seconds(lambda: _native.Model(path, None, None, [], given, "default", None), repeats)
