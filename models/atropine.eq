@@ -105,6 +105,13 @@ component TubularReactor "plug flow, method of lines" {
   flux N[i in species, z] = inlet.Q * c[i, z], low = inlet.Q * inlet.c[i]
   eq   d/dt c[i, z] = -div(N[i, z]) + sum(nu[j, i] * rate[j, z] for j in reactions)    for i in species, z
   let  out[i in species] : mol/L = c[i, z.last]    "concentrations at the outlet"
+
+  # The skeleton of tropine stays what it is in all reactions.
+  let  skeleton[z] = c[tropine, z] + c[intermediate, z] + c[tropine_ester, z] + c[atropine, z] + c[apoatropine, z]
+  let  fed         = inlet.c[tropine] + inlet.c[intermediate] + inlet.c[tropine_ester] + inlet.c[atropine] + inlet.c[apoatropine]
+  let  held        = integral(skeleton[z] for z)
+  let  gained      = inlet.Q * (fed - skeleton[z.last])
+
   eq   outlet.Q    = inlet.Q
   eq   outlet.c[i] = out[i]    for i in species
 
@@ -173,6 +180,8 @@ param K_1           = -0.013204139084379996,  K_2           = -0.043879141004884
 discrete xe1     = 0.001  in -5..5     "estimated state of the linear model"
 discrete xe2     = 0.001  in -5..5     "estimated state of the linear model"
 discrete n_steps = 0      in 0..100    "completed steps"
+
+invariant skeletons = R1.held + R2.held + R3.held rate R1.gained + R2.gained + R3.gained
 
 let innovation = E - E_ss - (C_1*xe1 + C_2*xe2)
 
