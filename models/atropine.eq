@@ -196,6 +196,14 @@ observe SEP.F_OR[i] in 0..0.5 for i in species
 observe SEP.F_AQ[i] in 0..0.5 for i in species
 observe SEP.Q_OR in 0..0.5, SEP.Q_AQ in 0..0.5
 
+level online "counter, flows of the feeds, flows out of the separator; compositions are hidden" {
+  observe n_steps, q1 in 0..1, q2 in 0..1, q3 in 0..1, q4 in 0..1, SEP.Q_OR in 0..0.5, SEP.Q_AQ in 0..0.5
+}
+level chromatograph "with the E-factor and the product every half hour, ten minutes late" {
+  observe n_steps, q1 in 0..1, q2 in 0..1, q3 in 0..1, q4 in 0..1, SEP.Q_OR in 0..0.5, SEP.Q_AQ in 0..0.5
+  observe E in 0..20 every 3 delay 1 noise normal(0, 0.05)
+  observe product : mol/min = SEP.F_OR[atropine] in 0..0.5 every 3 delay 1 noise normal(0, 1e-6)
+}
 level with_flows "the flows of the feeds after the counter" {
   observe n_steps, q1 in 0..1, q2 in 0..1, q3 in 0..1, q4 in 0..1
   observe q1_ss in 0..0.5, q2_ss in 0..0.5, q3_ss in 0..0.5, q4_ss in 0..0.5, E_ss in 0..15, E in 0..20, xe1, xe2

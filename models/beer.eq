@@ -66,6 +66,15 @@ at end   { next elapsed = elapsed + 1 [h] }
 
 observe X_A, X_L, X_D, S, EtOH, DY, EA, elapsed
 
+level online "clock and gravity; cells, ethanol and flavours are hidden" {
+  observe elapsed, S noise normal(0, 0.5)
+}
+level laboratory "with samples twice a day: cells and ethanol two hours later, flavours six" {
+  observe elapsed, S noise normal(0, 0.5)
+  observe biomass in 0..45 every 12 delay 2 noise normal(0, 0.1), EtOH every 12 delay 2 noise normal(0, 0.5)
+  observe DY every 12 delay 6 noise normal(0, 0.02), EA every 12 delay 6 noise normal(0, 0.02)
+}
+
 success finished when (biomass < 0.5 [g/L] or abs(biomass - biomass_before) < 0.01 [g/L]) and S < 0.5 [g/L] and EtOH > 50 [g/L]
 fail state_box when outside bounds(X_A, X_L, X_D, S, EtOH, DY, EA, elapsed)
 

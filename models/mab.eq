@@ -150,6 +150,15 @@ level plant "tanks, both ends of the column, its content" {
   observe Xv1, Xt1, GLC1, GLN1, LAC1, AMM1, mAb1, V1, Xv2, Xt2, GLC2, GLN2, LAC2, AMM2, mAb2, V2, T, h, c_buf
   observe col.c[1], col.c[n_z], m_col in 0..1e7
 }
+level online "volumes, temperature, level of the buffer tank and both ends of the column by ultraviolet; the culture's composition is hidden" {
+  observe V1, V2, T noise normal(0, 0.05), h
+  observe c_buf noise normal(0, 1), outlet : mg/L = col.outlet.c in 0..2000 noise normal(0, 1)
+}
+level laboratory "with cells, metabolites and titre once a day, four hours late" {
+  observe V1, V2, T noise normal(0, 0.05), h
+  observe c_buf noise normal(0, 1), outlet : mg/L = col.outlet.c in 0..2000 noise normal(0, 1)
+  observe x every 24 delay 4 for x in (Xv1, Xt1, GLC1, GLN1, LAC1, AMM1, mAb1)
+}
 level upstream "tanks" {
   observe Xv1, Xt1, GLC1, GLN1, LAC1, AMM1, mAb1, V1, Xv2, Xt2, GLC2, GLN2, LAC2, AMM2, mAb2, V2, T, h, c_buf
 }

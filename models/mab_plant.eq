@@ -169,6 +169,12 @@ when chain = integrated {
   observe VI.held in 0..1e7, CEX.held in 0..1e7, LOOP.held in 0..1e7, AEX.held in 0..1e7
   observe phase in 1..10, phase_time in 0..12000, loading, m_pool in 0..1e8, V_pool in 0..1e5, c_s_pool in 0..1
 
+  level online "volumes, temperature, level of the buffer tank, outlets of the columns by ultraviolet, phase; compositions are hidden" {
+    observe V1, V2, T noise normal(0, 0.05), h, c_buf noise normal(0, 1)
+    observe col[k].outlet.c in 0..60 noise normal(0, 0.5) for k in 1..2
+    observe phase in 1..10, phase_time in 0..12000, loading, V_pool in 0..1e5
+  }
+
   reward recovered : mg/h default = (m_pool - previous(m_pool)) / step    "product that entered the pool"
   reward yield = if m_fed_done > 0 then m_pool/m_fed_done else 0    "pool over feed of finished batches"
 

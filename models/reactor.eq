@@ -41,6 +41,13 @@ initial x ~ value(steady(x)) * uniform(1 - spread, 1 + spread) clip bounds    fo
 
 observe c_A, T, h
 
+level online "thermometer and level gauge; the concentration is hidden" {
+  observe T noise normal(0, 0.1), h noise normal(0, 0.002)
+}
+level laboratory "with a sample every five steps, analysed three steps later" {
+  observe T noise normal(0, 0.1), h noise normal(0, 0.002), c_A every 5 delay 3 noise normal(0, 0.005)
+}
+
 let distance = -mean(sq(x - steady(x)) / max(sq(initial(x) - steady(x)), sq(1e-4 [unit(x)]), sq(D_rel * value(steady(x)) as [unit(x)]))
                      for x in (c_A, T, h))
 

@@ -25,6 +25,27 @@ def test_check_env_finds_nothing_to_complain_about(identifier):
         check_env(env.unwrapped)
 
 
+def test_every_model_says_what_is_measured_online_and_every_level_is_observed(identifier):
+    levels = gymnasium.make(identifier).unwrapped.model.levels
+    assert {"default", "online", "full"} <= set(levels)
+    for level in levels:
+        env = gymnasium.make(identifier, observation=level)
+        env.action_space.seed(0)
+        observation, _ = env.reset(seed=0)
+        assert env.observation_space.contains(observation), level
+        observation = env.step(env.action_space.sample())[0]
+        assert env.observation_space.contains(observation), level
+
+
+def test_a_sample_of_the_reactor_is_taken_every_five_steps_and_known_three_later():
+    env = smpl.Env("reactor", normalize=False, observation="laboratory")
+    position = env.observation_names.index("c_A")
+    env.reset(seed=0)
+    seen = [env.step([26.85, 0.1])[0][position] for _ in range(14)]
+    changes = [step + 1 for step in range(1, 14) if seen[step] != seen[step - 1]]
+    assert changes == [8, 13]
+
+
 @pytest.mark.parametrize("normalize", [True, False])
 def test_the_passive_checks_of_make_pass_in_both_units(identifier, normalize):
     with warnings.catch_warnings():
