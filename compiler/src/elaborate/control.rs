@@ -3,6 +3,7 @@
 mod boxes;
 mod initial;
 mod instants;
+mod order;
 mod parameters;
 mod policies;
 mod ranges;

@@ -8,6 +8,7 @@ use super::super::blocks::Piece;
 use super::super::items::Item;
 use super::super::names::{ScopeId, SymbolId, SymbolKind};
 use super::super::{Elaborator, Place, Site};
+use super::order::each_after_its_needs;
 use super::{each, store, stream_name};
 use crate::ir::{Affine, ExprId, FastMap, FastSet, Flavour, Nest, Place as Memory, Program, Role, Store, VarId};
 use crate::model::{Instant, Quantity};
@@ -190,39 +191,18 @@ impl<'a> Elaborator<'a> {
             })
             .collect();
         let meets = |a: &(VarId, Affine), b: &(VarId, Affine)| a.0 == b.0 && (a.1 == b.1 || !a.1.is_constant() || !b.1.is_constant());
-        let mut state = vec![0_u8; list.len()];
-        let mut order = Vec::with_capacity(list.len());
-        let mut stack: Vec<usize> = (0..list.len()).rev().collect();
-        while let Some(&i) = stack.last() {
-            if state[i] > 0 {
-                stack.pop();
-                if state[i] == 1 {
-                    state[i] = 2;
-                    order.push(i);
-                }
-                continue;
-            }
-            state[i] = 1;
-            for j in 0..list.len() {
-                let own = writes[j].iter().any(|w| writes[i].iter().any(|v| meets(v, w)));
-                if j == i || own || !reads[i].iter().any(|r| writes[j].iter().any(|w| meets(r, w))) {
-                    continue;
-                }
-                match state[j] {
-                    0 => stack.push(j),
-                    1 => {
-                        let names: Vec<String> =
-                            [i, j].iter().filter_map(|&k| writes[k].first()).map(|w| format!("`{}`", self.vars[w.0].name)).collect();
-                        let span = writes[i].first().map_or_else(Span::default, |w| self.vars[w.0].span);
-                        self.report(Diagnostic::error(
-                            codes::CYCLIC_DEFINITION,
-                            format!("the initial values of {} need each other", names.join(" and ")),
-                            span,
-                        ));
-                    }
-                    _ => {}
-                }
-            }
+        let needs = |i: usize| {
+            let own = |j: usize| writes[j].iter().any(|w| writes[i].iter().any(|v| meets(v, w)));
+            let read = |j: usize| reads[i].iter().any(|r| writes[j].iter().any(|w| meets(r, w)));
+            (0..list.len()).filter(|&j| j != i && !own(j) && read(j)).collect()
+        };
+        let (order, cycles) = each_after_its_needs(list.len(), needs);
+        for (i, j) in cycles {
+            let names: Vec<String> =
+                [i, j].iter().filter_map(|&k| writes[k].first()).map(|w| format!("`{}`", self.vars[w.0].name)).collect();
+            let span = writes[i].first().map_or_else(Span::default, |w| self.vars[w.0].span);
+            let message = format!("the initial values of {} need each other", names.join(" and "));
+            self.report(Diagnostic::error(codes::CYCLIC_DEFINITION, message, span));
         }
         let mut slots: Vec<Option<Nest>> = list.into_iter().map(Some).collect();
         order.into_iter().filter_map(|i| slots[i].take()).collect()

@@ -7,6 +7,7 @@ use smpl_dsl::units::Unit;
 use super::super::blocks::Piece;
 use super::super::names::{SymbolId, SymbolKind};
 use super::super::{Elaborator, Place, Site};
+use super::order::each_after_its_needs;
 use super::{store, stream_name};
 use crate::ir::{Affine, BinaryFn, Compare, ExprId, FastMap, Flavour, Nest, Place as Memory, Program, Role, VarId};
 use crate::model::{Instant, Quantity};
@@ -84,34 +85,19 @@ impl<'a> Elaborator<'a> {
             of.entry(*var).or_default().push(i);
         }
         let meets = |a: Affine, b: Affine| a == b || !a.is_constant() || !b.is_constant();
-        let mut order = Vec::with_capacity(pieces.len());
-        let mut state = vec![0_u8; pieces.len()];
-        // An explicit stack: chains of parameters may be long.
-        let mut stack: Vec<usize> = (0..pieces.len()).rev().collect();
-        while let Some(&i) = stack.last() {
-            if state[i] > 0 {
-                stack.pop();
-                if state[i] == 1 {
-                    state[i] = 2;
-                    order.push(i);
-                }
-                continue;
-            }
-            state[i] = 1;
-            for (var, at) in self.parameters_in(pieces[i].1.value.1) {
-                let needed = of.get(&var).into_iter().flatten().copied().filter(|&j| meets(at, pieces[j].1.value.0));
-                for j in needed {
-                    match state[j] {
-                        0 => stack.push(j),
-                        1 => {
-                            let v = &self.vars[pieces[j].0];
-                            let d = Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the value of `{}` needs itself", v.name), v.span);
-                            self.report(d);
-                        }
-                        _ => {}
-                    }
-                }
-            }
+        let needs = |i: usize| {
+            let read = self.parameters_in(pieces[i].1.value.1);
+            let needed = |(var, at): (VarId, Affine)| {
+                let candidates = of.get(&var).into_iter().flatten().copied();
+                candidates.filter(move |&j| meets(at, pieces[j].1.value.0))
+            };
+            read.into_iter().flat_map(needed).collect()
+        };
+        let (order, cycles) = each_after_its_needs(pieces.len(), needs);
+        for (_, j) in cycles {
+            let v = &self.vars[pieces[j].0];
+            let d = Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the value of `{}` needs itself", v.name), v.span);
+            self.report(d);
         }
         order
     }
