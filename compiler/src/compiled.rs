@@ -214,6 +214,13 @@ impl CompiledModel {
         &self.parts.model.roots
     }
 
+    /// Whether a root function looks at derivatives of the unknowns.
+    #[must_use]
+    pub fn roots_use_derivatives(&self) -> bool {
+        let model = &self.parts.model;
+        model.roots.iter().any(|root| model.exprs.has_derivative(root.value))
+    }
+
     /// Number of quadratures.
     #[must_use]
     pub fn quadratures(&self) -> usize {

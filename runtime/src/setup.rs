@@ -256,11 +256,12 @@ pub(crate) fn linear_solver(name: &str) -> Result<LinearSolver, SetupError> {
     match name {
         "auto" | "" => Ok(LinearSolver::Auto),
         "dense" => Ok(LinearSolver::Dense),
+        "banded" => Ok(LinearSolver::Banded),
         "block" => Ok(LinearSolver::Block),
         "klu" => Ok(LinearSolver::Klu),
         _ => Err(SetupError::Value {
             what: "linear_solver".into(),
-            expected: "`auto`, `dense`, `block` or `klu`",
+            expected: "`auto`, `dense`, `banded`, `block` or `klu`",
             value: format!("`{name}`"),
         }),
     }

@@ -13,6 +13,7 @@ struct Shape {
     pattern: Pattern,
     differential: Vec<bool>,
     roots: usize,
+    roots_use_derivatives: bool,
     quadratures: usize,
 }
 
@@ -35,6 +36,7 @@ impl CompiledSystem {
             pattern: Pattern::new(pattern.column_pointers.clone(), pattern.row_indices.clone())?,
             differential: (0..model.unknowns()).map(|i| i < model.states()).collect(),
             roots: model.roots_info().len(),
+            roots_use_derivatives: model.roots_use_derivatives(),
             quadratures: model.quadratures(),
         };
         let memory = model.memory();
@@ -118,6 +120,10 @@ impl System for CompiledSystem {
 
     fn root_count(&self) -> usize {
         self.shape.roots
+    }
+
+    fn roots_use_derivatives(&self) -> bool {
+        self.shape.roots_use_derivatives
     }
 
     fn roots(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {

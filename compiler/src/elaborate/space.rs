@@ -360,8 +360,15 @@ impl Elaborator<'_> {
             let (a, b) = (self.centre(face.domain, face.at.shifted(-1)), self.centre(face.domain, face.at));
             self.exprs.sub(b, a)
         };
-        let expr = self.exprs.div(difference, distance);
+        let expr = self.over_fixed(difference, distance);
         Value::of(expr, gradient_unit)
+    }
+
+    /// A quotient by a length of the grid: its reciprocal is known before the solve, and a product takes a tenth of the time.
+    fn over_fixed(&mut self, value: ExprId, length: ExprId) -> ExprId {
+        let one = self.exprs.constant(1.0);
+        let reciprocal = self.exprs.div(one, length);
+        self.exprs.mul(value, reciprocal)
     }
 
     /// An expression in a cell beside the face: -1 the one below, 0 the one above.
@@ -541,7 +548,7 @@ impl Elaborator<'_> {
         let (inflow, outflow) = (self.exprs.mul(a, inflow), self.exprs.mul(b, outflow));
         let net = self.exprs.sub(outflow, inflow);
         let measure = self.measure(domain, cell);
-        let expr = self.exprs.div(net, measure);
+        let expr = self.over_fixed(net, measure);
         let length = self.ends(domain).0;
         Value::of(expr, units::over(&unit, &length))
     }

@@ -102,6 +102,7 @@ impl Emitter<'_> {
             }
             phases.count = phases.count.max(self.ready(&phases, expr) + 1);
         }
+        self.postpone(block, &mut phases);
         self.keep(block, &mut phases);
         let length = column_length(self.schedule.blocks[block].extent);
         let start = self.layout.columns() + self.reserved();
@@ -111,6 +112,24 @@ impl Emitter<'_> {
         let next = phases.column.len() as u32;
         phases.first = pairs.zip(next..).map(|(expr, i)| (expr, start + i * length)).collect();
         phases
+    }
+
+    /// Moves what no function waits for to the phase that needs it first: it has not to be kept until then.
+    fn postpone(&self, block: BlockId, phases: &mut Phases) {
+        let mut needed: FastMap<ExprId, usize> = FastMap::default();
+        for item in self.schedule.blocks[block].items.iter().rev() {
+            if let Item::Eval(expr) | Item::Reduce { expr, .. } = *item
+                && !is_function(self.exprs.node(expr))
+                && let (Some(phase), Some(first)) = (phases.of.get_mut(&expr), needed.get(&expr))
+            {
+                *phase = *first;
+            }
+            let phase = self.phase_of(phases, *item);
+            for value in self.needs(block, *item) {
+                let first = needed.entry(value).or_insert(phase);
+                *first = phase.min(*first);
+            }
+        }
     }
 
     /// First phase in which a value can be used.

@@ -107,14 +107,14 @@ macro_rules! kernels {
                 #[$feature]
                 unsafe fn inner(from: *const f64, to: *mut f64, n: usize) {
                     // SAFETY: valid for n numbers, by the contract of `ArrayKernel`; the borrow ends before the next one.
-                    let normal = unsafe { std::slice::from_raw_parts(from, n) }.iter().fold(true, |all, x| all & math::exp_is_normal(*x));
+                    let any = unsafe { std::slice::from_raw_parts(from, n) }.iter().fold(0, |any, x| any | math::exp_room(*x));
                     if !std::ptr::eq(from, to) {
                         // SAFETY: valid for n numbers and apart, by the contract of `ArrayKernel`.
                         unsafe { std::ptr::copy_nonoverlapping(from, to, n) };
                     }
                     // SAFETY: valid for n numbers, by the contract of `ArrayKernel`.
                     let values = unsafe { std::slice::from_raw_parts_mut(to, n) };
-                    if normal {
+                    if any >= 0 {
                         values.iter_mut().for_each(|v| *v = math::exp_normal(*v));
                     } else {
                         values.iter_mut().for_each(|v| *v = math::exp_any(*v));

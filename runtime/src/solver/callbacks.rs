@@ -7,6 +7,7 @@ use std::ffi::CStr;
 use std::os::raw::{c_char, c_int, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::ptr::{self, NonNull};
+use std::rc::Rc;
 
 use sundials_sys::{
     _generic_SUNLinearSolver, _generic_SUNLinearSolver_Ops, _generic_SUNMatrix, _generic_SUNMatrix_Ops, IDAGetCurrentTime, IDAGetLastStep,
@@ -17,7 +18,8 @@ use sundials_sys::{
 use super::kernels::Block;
 use super::linear::Factorisation;
 use super::newton::Newton;
-use super::vector::{self, Operations, entries, entries_mut};
+use super::vector::{self, Operations, Shared, entries, entries_mut};
+use super::watch::Watch;
 use super::{Statistics, System};
 
 /// Returned to IDA: try again with a smaller step.
@@ -56,6 +58,8 @@ pub(crate) struct Bridge {
     system: Option<NonNull<dyn System>>,
     pub memory: *mut c_void,
     pub operations: Operations,
+    /// What IDA's vectors know of each other.
+    pub shared: Rc<Shared>,
     pub rtol: f64,
     /// Absolute tolerances, filled up with infinity.
     pub atol: Box<[Block]>,
@@ -63,6 +67,7 @@ pub(crate) struct Bridge {
     pub values: Box<[f64]>,
     pub factorisation: Factorisation,
     pub newton: Newton,
+    pub watch: Watch,
     pub counts: Statistics,
     pub trouble: Option<Trouble>,
     steps_since_trouble: u32,
@@ -74,7 +79,15 @@ pub(crate) struct Bridge {
 }
 
 impl Bridge {
-    pub fn new(operations: Operations, rtol: f64, atol: &[f64], entries: usize, factorisation: Factorisation, newton: Newton) -> Self {
+    pub fn new(
+        operations: Operations,
+        rtol: f64,
+        atol: &[f64],
+        entries: usize,
+        factorisation: Factorisation,
+        newton: Newton,
+        watch: Watch,
+    ) -> Self {
         let mut blocks = vector::zeroed_blocks(atol.len());
         let all = blocks.iter_mut().flat_map(|block| block.0.iter_mut());
         let filled = atol.iter().copied().chain(std::iter::repeat(f64::INFINITY));
@@ -83,11 +96,13 @@ impl Bridge {
             system: None,
             memory: ptr::null_mut(),
             operations,
+            shared: Rc::default(),
             rtol,
             atol: blocks,
             values: vec![0.0; entries].into_boxed_slice(),
             factorisation,
             newton,
+            watch,
             counts: Statistics::default(),
             trouble: None,
             steps_since_trouble: 0,
@@ -182,6 +197,30 @@ impl Bridge {
         Err(RECOVERABLE)
     }
 
+    /// Evaluates the root functions into `out`.
+    fn roots(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) -> Result<(), c_int> {
+        self.guarded(|system| system.roots(t, y, yp, out))
+    }
+
+    /// Begins to watch the root functions at the present state.
+    pub fn begin_watch(&mut self, t: f64, y: &[f64], yp: &[f64]) -> Result<(), c_int> {
+        let mut watch = std::mem::take(&mut self.watch);
+        let done = watch.begin(|out| self.roots(t, y, yp, out));
+        self.watch = watch;
+        done
+    }
+
+    /// Looks at the root functions at an accepted state, if they are watched; whether a sign has changed. They do not look at y'.
+    pub fn has_crossed(&mut self, t: f64, y: &[f64]) -> Result<bool, c_int> {
+        if !self.watch.active {
+            return Ok(false);
+        }
+        let mut watch = std::mem::take(&mut self.watch);
+        let done = watch.accept(|out| self.roots(t, y, y, out));
+        self.watch = watch;
+        done
+    }
+
     fn factorise(&mut self) -> c_int {
         self.counts.factorisations += 1;
         match self.factorisation.factorise(&self.values) {
@@ -195,8 +234,9 @@ impl Bridge {
         }
     }
 
-    /// Looks at the step that was just accepted; an error when the steps have become too small to get anywhere.
-    fn step_accepted(&mut self) -> Result<(), c_int> {
+    /// Looks at the step that was just accepted; an error when the steps have become too small to get anywhere, or an
+    /// event lies in the step.
+    fn step_accepted(&mut self, y: &[f64]) -> Result<(), c_int> {
         let (mut step, mut time) = (0.0, 0.0);
         unsafe {
             IDAGetLastStep(self.memory, &mut step);
@@ -211,6 +251,9 @@ impl Bridge {
         }
         let tiny = step > 0.0 && step <= 4.0 * f64::EPSILON * time.abs();
         self.tiny_steps = if tiny { self.tiny_steps + 1 } else { 0 };
+        if step > 0.0 && self.has_crossed(time, y)? {
+            return Err(FATAL);
+        }
         if self.tiny_steps < TINY_STEPS {
             return Ok(());
         }
@@ -270,7 +313,8 @@ pub(crate) unsafe extern "C" fn quadratures(t: f64, y: N_Vector, yp: N_Vector, o
 pub(crate) unsafe extern "C" fn error_weights(y: N_Vector, weights: N_Vector, data: *mut c_void) -> c_int {
     let bridge = unsafe { bridge(data) };
     unsafe { bridge.operations.error_weights(bridge.rtol, y, &bridge.atol, weights) };
-    code(bridge.step_accepted())
+    bridge.shared.renew(weights);
+    code(bridge.step_accepted(unsafe { entries(y) }))
 }
 
 /// Keeps the last message in place of printing it: SUNDIALS 6.

@@ -1,5 +1,6 @@
 //! IDA behind the [`Integrator`] trait.
 
+mod events;
 mod setup;
 
 use std::os::raw::{c_int, c_long, c_void};
@@ -53,6 +54,10 @@ pub struct Ida {
     differential: Box<[bool]>,
     rows_of_entries: (Box<[usize]>, Box<[usize]>),
     events: Box<[c_int]>,
+    /// Whether events are watched for, so that IDA has to find them only where there are some.
+    watches: bool,
+    /// Whether IDA looks for events.
+    finding: bool,
     time: f64,
     phase: Phase,
     counted: IdaCounts,
@@ -169,13 +174,12 @@ impl Ida {
         })
     }
 
-    /// Hands the initial values to IDA, with a first step (zero: by IDA's rule).
+    /// Hands the values at the beginning to IDA, with a first step (zero: by IDA's rule).
     fn start(&mut self, step: f64) -> Result<(), SolveError> {
         unsafe {
             check("IDASetInitStep", IDASetInitStep(self.memory, step))?;
             check("IDAReInit", IDAReInit(self.memory, self.time, self.y.raw(), self.yp.raw()))?;
-            if let Some(quadratures) = &mut self.quadratures {
-                quadratures.entries_mut().fill(0.0);
+            if let Some(quadratures) = &self.quadratures {
                 check("IDAQuadReInit", IDAQuadReInit(self.memory, quadratures.raw()))?;
             }
         }
@@ -203,17 +207,13 @@ impl Ida {
     fn solve(&mut self, t_end: f64) -> Result<Advance, SolveError> {
         self.bridge().begin();
         let (interval, fresh) = (t_end - self.time, self.phase == Phase::Restarted);
-        if fresh {
-            let step = self.first_step(interval)?.min(interval);
-            self.start(step)?;
-        }
+        let step = if fresh { self.first_step(interval)? } else { self.last_step }.min(interval);
         self.last_interval = interval;
-        let mut value = self.run(t_end)?;
-        let stuck = matches!(value, IDA_ERR_FAIL | IDA_CONV_FAIL | IDA_REP_RES_ERR);
-        if fresh && stuck && self.counted.steps == 0 && self.settings.first_step != FirstStep::Ida {
-            // Our first step was too long to be mended by IDA's few reductions; its own rule is more careful.
-            self.start(0.0)?;
-            value = self.run(t_end)?;
+        self.watch(fresh)?;
+        let mut value = self.attempt(t_end, fresh.then_some(step))?;
+        if self.has_passed_event(value == IDA_SUCCESS || value == IDA_TSTOP_RETURN)? {
+            self.rewind()?;
+            value = self.attempt(t_end, Some(step))?;
         }
         let advance = match value {
             IDA_SUCCESS | IDA_TSTOP_RETURN => {
@@ -233,15 +233,35 @@ impl Ida {
         Ok(advance)
     }
 
-    /// Lets IDA step to `t_end` and returns its flag.
+    /// Lets IDA step to `t_end`, anew if a first step is given, and returns its flag.
+    fn attempt(&mut self, t_end: f64, first_step: Option<f64>) -> Result<c_int, SolveError> {
+        let Some(step) = first_step else { return self.run(t_end) };
+        self.start(step)?;
+        let value = self.run(t_end)?;
+        let stuck = matches!(value, IDA_ERR_FAIL | IDA_CONV_FAIL | IDA_REP_RES_ERR);
+        if !stuck || self.counted.steps > 0 || self.settings.first_step == FirstStep::Ida {
+            return Ok(value);
+        }
+        // Our first step was too long to be mended by IDA's few reductions; its own rule is more careful.
+        self.start(0.0)?;
+        self.run(t_end)
+    }
+
+    /// Lets IDA step on to `t_end` and returns its flag.
     fn run(&mut self, t_end: f64) -> Result<c_int, SolveError> {
         let (memory, y, yp) = (self.memory, self.y.raw(), self.yp.raw());
-        let value = unsafe {
-            check("IDASetStopTime", IDASetStopTime(memory, t_end))?;
-            IDASolve(memory, t_end, &mut self.time, y, yp, IDA_NORMAL)
-        };
+        check("IDASetStopTime", unsafe { IDASetStopTime(memory, t_end) })?;
+        // After each Newton iteration IDA sets y and y', which quadratures alone look at; what it returns is interpolated.
+        self.discard(self.quadratures.is_none());
+        let value = unsafe { IDASolve(memory, t_end, &mut self.time, y, yp, IDA_NORMAL) };
+        self.discard(false);
         self.count();
         Ok(value)
+    }
+
+    fn discard(&mut self, discards: bool) {
+        self.y.set_discards(discards);
+        self.yp.set_discards(discards);
     }
 
     /// Adds what IDA counted since the last time, and notes the step.

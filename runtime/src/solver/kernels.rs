@@ -40,6 +40,12 @@ impl Block {
         self.zip(addend, |x, y| factor.mul_add(x, y))
     }
 
+    /// The squares added to `addend`, rounded once.
+    #[inline(always)]
+    fn squared_plus(self, addend: Self) -> Self {
+        self.zip(addend, |x, y| x.mul_add(x, y))
+    }
+
     /// Sum of the eight entries in a fixed order.
     #[inline(always)]
     fn sum(self) -> f64 {
@@ -81,13 +87,47 @@ pub(crate) unsafe fn linear_sum(blocks: usize, (a, x): (f64, *const Block), (b, 
     unsafe { zip(blocks, x, y, z, |x, y| b.mul_add(y, a * x)) };
 }
 
+/// The same for factors of one or minus one; returns the sum of `(z w)^2`.
+///
+/// # Safety
+/// As for [`linear_sum`]; `w` points to `blocks` blocks too, other than `z`.
+#[inline(always)]
+pub(crate) unsafe fn linear_sum_and_norm(
+    blocks: usize,
+    (a, x): (f64, *const Block),
+    (b, y): (f64, *const Block),
+    z: *mut Block,
+    w: *const Block,
+) -> f64 {
+    reduce_blocks(blocks, |i, partial| unsafe {
+        let sum = y.add(i).read().scaled_plus(b, x.add(i).read().map(|x| a * x));
+        z.add(i).write(sum);
+        sum.zip(w.add(i).read(), |z, w| z * w).squared_plus(partial)
+    })
+}
+
 /// `z = sum over k of c[k] x[k]`, in the order of `k`.
 ///
 /// # Safety
 /// `z` and each of `x` point to `blocks` blocks; `c` and `x` have the same length, at least one.
 #[inline(always)]
 pub(crate) unsafe fn linear_combination(blocks: usize, c: &[f64], x: &[*const Block], z: *mut Block) {
-    for i in 0..blocks {
+    // Several blocks at a time, for each of which a factor is fetched once.
+    let whole = blocks - blocks % ACCUMULATORS;
+    let mut first = 0;
+    while first < whole {
+        let mut sums = [Block::ZERO; ACCUMULATORS];
+        for (&c, &x) in c.iter().zip(x) {
+            for (k, sum) in sums.iter_mut().enumerate() {
+                *sum = unsafe { x.add(first + k).read() }.scaled_plus(c, *sum);
+            }
+        }
+        for (k, sum) in sums.into_iter().enumerate() {
+            unsafe { z.add(first + k).write(sum) };
+        }
+        first += ACCUMULATORS;
+    }
+    for i in whole..blocks {
         let mut sum = Block::ZERO;
         for (&c, &x) in c.iter().zip(x) {
             sum = unsafe { x.add(i).read() }.scaled_plus(c, sum);
@@ -128,6 +168,12 @@ fn reduce_blocks(blocks: usize, mut add: impl FnMut(usize, Block) -> Block) -> f
             *sum = add(whole + k, *sum);
         }
     }
+    total_of(sums)
+}
+
+/// Sum of partial sums, in a fixed order.
+#[inline(always)]
+fn total_of(sums: [Block; ACCUMULATORS]) -> f64 {
     let plus = |x: f64, y: f64| x + y;
     sums[0].zip(sums[2], plus).zip(sums[1].zip(sums[3], plus), plus).sum()
 }
@@ -146,18 +192,22 @@ pub(crate) unsafe fn weighted_square_sum(blocks: usize, x: *const Block, w: *con
     }
 }
 
-/// `sum += delta`; returns the sum of `(delta w)^2`.
+/// `sum += delta`; returns the sums of `(delta w)^2` and of `(sum w)^2`.
 ///
 /// # Safety
 /// `delta`, `w` and `sum` point to `blocks` blocks each, `sum` to others than the rest.
 #[inline(always)]
-pub(crate) unsafe fn accumulate(blocks: usize, delta: *const Block, w: *const Block, sum: *mut Block) -> f64 {
-    reduce_blocks(blocks, |i, partial| {
-        let (delta, w) = unsafe { (delta.add(i).read(), w.add(i).read()) };
-        unsafe { sum.add(i).write(sum.add(i).read().zip(delta, |x, d| x + d)) };
-        let product = delta.zip(w, |d, w| d * w);
-        product.zip(partial, |p, partial| p.mul_add(p, partial))
-    })
+pub(crate) unsafe fn accumulate(blocks: usize, delta: *const Block, w: *const Block, sum: *mut Block) -> (f64, f64) {
+    let mut totals = [Block::ZERO; ACCUMULATORS];
+    let square = reduce_blocks(blocks, |i, partial| unsafe {
+        let (delta, w) = (delta.add(i).read(), w.add(i).read());
+        let total = sum.add(i).read().zip(delta, |x, d| x + d);
+        sum.add(i).write(total);
+        let of_totals = &mut totals[i % ACCUMULATORS];
+        *of_totals = total.zip(w, |x, w| x * w).squared_plus(*of_totals);
+        delta.zip(w, |d, w| d * w).squared_plus(partial)
+    });
+    (square, total_of(totals))
 }
 
 /// `y = y0 + x` and `z = z0 + c x`.

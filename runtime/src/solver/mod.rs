@@ -39,6 +39,7 @@ pub mod problems;
 mod settings;
 mod system;
 mod vector;
+mod watch;
 
 pub use error::{IdaFlag, SolveError};
 pub use ida::Ida;

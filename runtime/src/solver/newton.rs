@@ -276,6 +276,7 @@ unsafe extern "C" fn solver_solve(
     memory: *mut c_void,
 ) -> c_int {
     unsafe {
+        bridge(solver).shared.set_corrections(sum);
         let solve = Solve { bridge: (*solver).content.cast(), memory, step: Step::of(memory), sum, weights, tolerance };
         solve.run(setup != 0)
     }

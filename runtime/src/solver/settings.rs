@@ -60,6 +60,8 @@ pub enum LinearSolver {
     Auto,
     /// LU with partial pivoting of the full matrix.
     Dense,
+    /// LU with partial pivoting of the bands around the diagonal, unknowns renumbered so that they are narrow.
+    Banded,
     /// Sparse LU of the diagonal blocks of the block triangular form, pivots on the diagonal; KLU where these do not serve.
     Block,
     /// SuiteSparse's KLU.

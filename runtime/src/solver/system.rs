@@ -33,6 +33,11 @@ pub trait System {
         0
     }
 
+    /// Whether a root function looks at y'. If none does, the values given for y' are arbitrary.
+    fn roots_use_derivatives(&self) -> bool {
+        true
+    }
+
     /// Writes the root functions to `out`: [`advance`](super::Integrator::advance) stops where one changes its sign.
     fn roots(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
         let _ = (t, y, yp, out);

@@ -5,8 +5,10 @@
 //! [`kernels`](super::kernels). There are two tables of the same functions: one compiled for AVX2 and FMA, one for any
 //! processor. Both give the same bits.
 
+use std::cell::Cell;
 use std::os::raw::c_int;
 use std::ptr;
+use std::rc::Rc;
 
 use sundials_sys::{
     _generic_N_Vector, _generic_N_Vector_Ops, N_Vector, N_Vector_ID, N_Vector_ID_SUNDIALS_NVEC_CUSTOM, SUNComm, SUNContext, comm_no_mpi,
@@ -19,6 +21,39 @@ struct Content {
     length: usize,
     /// `length` entries; the rest of the last block is zero whatever IDA does with the vector.
     blocks: Box<[Block]>,
+    /// What the vectors of an integrator know of each other.
+    shared: Option<Rc<Shared>>,
+    /// The weighted root mean square, with the weights of this age; zero where it is not known.
+    norm: f64,
+    age: u64,
+    /// Whether nobody reads what a prediction and the corrections add up to.
+    discards: bool,
+}
+
+/// What the vectors of an integrator know of each other: where a pass over numbers can take the next one along, or is for nothing.
+///
+/// IDA's error test adds two vectors and asks for the norm of the sum, which is taken in the pass of the addition; and
+/// the norm of the corrections is known from Newton's method.
+#[derive(Default)]
+pub(crate) struct Shared {
+    /// The present error weights, and how often they were set.
+    weights: Cell<Option<N_Vector>>,
+    age: Cell<u64>,
+    /// The corrections of Newton's method.
+    corrections: Cell<Option<N_Vector>>,
+}
+
+impl Shared {
+    /// The error weights were set anew: no norm is known.
+    pub fn renew(&self, weights: N_Vector) {
+        self.weights.set(Some(weights));
+        self.age.set(self.age.get() + 1);
+    }
+
+    /// Newton's method sums its corrections up here.
+    pub fn set_corrections(&self, sum: N_Vector) {
+        self.corrections.set(Some(sum));
+    }
 }
 
 /// Vectors that one fused operation takes (IDA's: its maximum order plus one).
@@ -34,8 +69,54 @@ fn block_count(vector: N_Vector) -> usize {
 }
 
 #[inline(always)]
-fn blocks(vector: N_Vector) -> *mut Block {
-    unsafe { (*content(vector)).blocks.as_mut_ptr() }
+fn blocks(vector: N_Vector) -> *const Block {
+    unsafe { (*content(vector)).blocks.as_ptr() }
+}
+
+/// The blocks, to be written: the norm is no longer known.
+#[inline(always)]
+fn written(vector: N_Vector) -> *mut Block {
+    unsafe {
+        let content = &mut *content(vector);
+        content.age = 0;
+        content.blocks.as_mut_ptr()
+    }
+}
+
+/// What the vectors of the integrator know, if this is one of them.
+#[inline(always)]
+fn shared<'a>(vector: N_Vector) -> Option<&'a Shared> {
+    unsafe { (*content(vector)).shared.as_deref() }
+}
+
+/// The error weights, where a norm of this vector will be asked for.
+#[inline(always)]
+fn weights_of(vector: N_Vector) -> Option<N_Vector> {
+    shared(vector).and_then(|shared| shared.weights.get())
+}
+
+/// The weighted root mean square from the sum of squares, kept with the vector.
+#[inline(always)]
+fn keep_norm(vector: N_Vector, square: f64) -> f64 {
+    unsafe {
+        let content = &mut *content(vector);
+        content.norm = (square / content.length as f64).sqrt();
+        content.age = content.shared.as_ref().map_or(0, |shared| shared.age.get());
+        content.norm
+    }
+}
+
+/// The norm with these weights, if it is known.
+#[inline(always)]
+fn known_norm(vector: N_Vector, weights: N_Vector) -> Option<f64> {
+    let content = unsafe { &*content(vector) };
+    shared(vector).filter(|s| content.age > 0 && content.age == s.age.get() && s.weights.get() == Some(weights)).map(|_| content.norm)
+}
+
+/// Whether a sum of `y` and another to `z` is for nothing.
+#[inline(always)]
+fn is_discarded(y: N_Vector, z: N_Vector) -> bool {
+    unsafe { (*content(z)).discards && shared(z).is_some_and(|shared| shared.corrections.get() == Some(y)) }
 }
 
 /// The entries of a vector that SUNDIALS hands to a callback.
@@ -51,7 +132,7 @@ pub(crate) unsafe fn entries<'a>(vector: N_Vector) -> &'a [f64] {
 /// # Safety
 /// `vector` was made by [`Vector`], and nobody else reads or writes it while the slice lives.
 pub(crate) unsafe fn entries_mut<'a>(vector: N_Vector) -> &'a mut [f64] {
-    unsafe { std::slice::from_raw_parts_mut(blocks(vector).cast(), (*content(vector)).length) }
+    unsafe { std::slice::from_raw_parts_mut(written(vector).cast(), (*content(vector)).length) }
 }
 
 /// The blocks of a vector.
@@ -67,8 +148,9 @@ pub(crate) fn zeroed_blocks(length: usize) -> Box<[Block]> {
     vec![Block::ZERO; length.div_ceil(LANES)].into_boxed_slice()
 }
 
-fn allocate(length: usize, ops: *mut _generic_N_Vector_Ops, sunctx: SUNContext) -> N_Vector {
-    let content = Box::into_raw(Box::new(Content { length, blocks: zeroed_blocks(length) }));
+fn allocate(length: usize, ops: *mut _generic_N_Vector_Ops, sunctx: SUNContext, shared: Option<Rc<Shared>>) -> N_Vector {
+    let content = Content { length, blocks: zeroed_blocks(length), shared, norm: 0.0, age: 0, discards: false };
+    let content = Box::into_raw(Box::new(content));
     Box::into_raw(Box::new(_generic_N_Vector { content: content.cast(), ops, sunctx }))
 }
 
@@ -77,7 +159,7 @@ unsafe extern "C" fn vector_id(_: N_Vector) -> N_Vector_ID {
 }
 
 unsafe extern "C" fn clone(x: N_Vector) -> N_Vector {
-    unsafe { allocate((*content(x)).length, (*x).ops, (*x).sunctx) }
+    unsafe { allocate((*content(x)).length, (*x).ops, (*x).sunctx, (*content(x)).shared.clone()) }
 }
 
 unsafe extern "C" fn destroy(x: N_Vector) {
@@ -96,7 +178,7 @@ unsafe extern "C" fn space(x: N_Vector, numbers: *mut i64, integers: *mut i64) {
 }
 
 unsafe extern "C" fn array_pointer(x: N_Vector) -> *mut f64 {
-    blocks(x).cast()
+    written(x).cast()
 }
 
 unsafe extern "C" fn length(x: N_Vector) -> i64 {
@@ -138,8 +220,9 @@ unsafe fn entry(x: N_Vector, i: usize) -> f64 {
 }
 
 fn for_each(z: N_Vector, value: impl Fn(usize) -> f64) {
+    let to = written(z).cast::<f64>();
     for i in 0..unsafe { (*content(z)).length } {
-        unsafe { *blocks(z).cast::<f64>().add(i) = value(i) };
+        unsafe { *to.add(i) = value(i) };
     }
 }
 
@@ -152,22 +235,32 @@ macro_rules! operations {
 
             $(#[$feature])?
             unsafe extern "C" fn linear_sum(a: f64, x: N_Vector, b: f64, y: N_Vector, z: N_Vector) {
-                unsafe { kernels::linear_sum(block_count(z), (a, blocks(x)), (b, blocks(y)), blocks(z)) }
+                if is_discarded(y, z) {
+                    return;
+                }
+                let (n, x, y) = (block_count(z), (a, blocks(x)), (b, blocks(y)));
+                match weights_of(z) {
+                    Some(weights) if a.abs() == 1.0 && b.abs() == 1.0 => {
+                        let square = unsafe { kernels::linear_sum_and_norm(n, x, y, written(z), blocks(weights)) };
+                        keep_norm(z, square);
+                    }
+                    _ => unsafe { kernels::linear_sum(n, x, y, written(z)) },
+                }
             }
 
             $(#[$feature])?
             unsafe extern "C" fn multiply(x: N_Vector, y: N_Vector, z: N_Vector) {
-                unsafe { kernels::zip(block_count(z), blocks(x), blocks(y), blocks(z), |x, y| x * y) }
+                unsafe { kernels::zip(block_count(z), blocks(x), blocks(y), written(z), |x, y| x * y) }
             }
 
             $(#[$feature])?
             unsafe extern "C" fn scale(c: f64, x: N_Vector, z: N_Vector) {
-                unsafe { kernels::map(block_count(z), blocks(x), blocks(z), |x| c * x) }
+                unsafe { kernels::map(block_count(z), blocks(x), written(z), |x| c * x) }
             }
 
             $(#[$feature])?
             unsafe extern "C" fn absolute(x: N_Vector, z: N_Vector) {
-                unsafe { kernels::map(block_count(z), blocks(x), blocks(z), f64::abs) }
+                unsafe { kernels::map(block_count(z), blocks(x), written(z), f64::abs) }
             }
 
             $(#[$feature])?
@@ -177,6 +270,9 @@ macro_rules! operations {
 
             $(#[$feature])?
             unsafe extern "C" fn wrms_norm(x: N_Vector, w: N_Vector) -> f64 {
+                if let Some(norm) = known_norm(x, w) {
+                    return norm;
+                }
                 let sum = unsafe { kernels::weighted_square_sum(block_count(x), blocks(x), blocks(w)) };
                 (sum / unsafe { (*content(x)).length } as f64).sqrt()
             }
@@ -202,7 +298,7 @@ macro_rules! operations {
                     *term = blocks(unsafe { *x.add(k) });
                 }
                 let c = unsafe { std::slice::from_raw_parts(c, n) };
-                unsafe { kernels::linear_combination(block_count(z), c, &terms[..n], blocks(z)) };
+                unsafe { kernels::linear_combination(block_count(z), c, &terms[..n], written(z)) };
                 0
             }
 
@@ -217,7 +313,7 @@ macro_rules! operations {
                 // Differences of the history: each sum is the next one's second term.
                 if (a, b) == (1.0, 1.0) && n > 0 && n <= MAX_FUSED && x == z && y[1..] == x[..n - 1] && !x.contains(&y[0]) {
                     let mut terms = [ptr::null_mut::<Block>(); MAX_FUSED];
-                    terms.iter_mut().zip(x).for_each(|(term, &x)| *term = blocks(x));
+                    terms.iter_mut().zip(x).for_each(|(term, &x)| *term = written(x));
                     unsafe { kernels::cumulate(block_count(x[0]), blocks(y[0]), &terms[..n]) };
                     return 0;
                 }
@@ -237,18 +333,22 @@ macro_rules! operations {
 
             $(#[$feature])?
             pub(super) unsafe fn error_weights(rtol: f64, y: N_Vector, atol: &[Block], w: N_Vector) {
-                unsafe { kernels::error_weights(atol.len(), rtol, blocks(y), atol.as_ptr(), blocks(w)) }
+                unsafe { kernels::error_weights(atol.len(), rtol, blocks(y), atol.as_ptr(), written(w)) }
             }
 
             $(#[$feature])?
             pub(super) unsafe fn accumulate(delta: N_Vector, w: N_Vector, sum: N_Vector) -> f64 {
-                let square = unsafe { kernels::accumulate(block_count(delta), blocks(delta), blocks(w), blocks(sum)) };
+                let (n, to) = (block_count(delta), written(sum));
+                let (square, sum_square) = unsafe { kernels::accumulate(n, blocks(delta), blocks(w), to) };
+                if weights_of(sum) == Some(w) {
+                    keep_norm(sum, sum_square);
+                }
                 (square / unsafe { (*content(delta)).length } as f64).sqrt()
             }
 
             $(#[$feature])?
             pub(super) unsafe fn correct(c: f64, x: N_Vector, (y0, y): (N_Vector, N_Vector), (z0, z): (N_Vector, N_Vector)) {
-                unsafe { kernels::correct(block_count(x), c, blocks(x), (blocks(y0), blocks(y)), (blocks(z0), blocks(z))) }
+                unsafe { kernels::correct(block_count(x), c, blocks(x), (blocks(y0), written(y)), (blocks(z0), written(z))) }
             }
 
             $(#[$feature])?
@@ -366,7 +466,19 @@ impl Vector {
     /// A vector of zeros.
     pub fn zeros(length: usize, operations: Operations, context: SUNContext) -> Self {
         let table = ptr::from_ref(operations.table()).cast_mut(); // SUNDIALS only reads it
-        Self { raw: allocate(length, table, context) }
+        Self { raw: allocate(length, table, context, None) }
+    }
+
+    /// A vector of an integrator, as those that SUNDIALS will make after it.
+    pub fn sharing(length: usize, operations: Operations, context: SUNContext, shared: &Rc<Shared>) -> Self {
+        let vector = Self::zeros(length, operations, context);
+        unsafe { (*content(vector.raw)).shared = Some(Rc::clone(shared)) };
+        vector
+    }
+
+    /// Whether nobody reads what a prediction and the corrections add up to.
+    pub fn set_discards(&mut self, discards: bool) {
+        unsafe { (*content(self.raw)).discards = discards };
     }
 
     /// The handle that SUNDIALS takes.

@@ -128,10 +128,10 @@ impl<'a> Elaborator<'a> {
                 self.model.quadrature_error_control = matches!(self.exprs.node(c), crate::ir::Expr::Truth(true));
             }
             "linear_solver" => match &e.kind {
-                ExprKind::Name(n) if matches!(n.text.as_str(), "auto" | "dense" | "block" | "klu") => {
+                ExprKind::Name(n) if matches!(n.text.as_str(), "auto" | "dense" | "banded" | "block" | "klu") => {
                     solver.linear_solver.clone_from(&n.text)
                 }
-                _ => self.report(Diagnostic::error(codes::BAD_SETTING, "the linear solver is auto, dense, block or klu", e.span)),
+                _ => self.report(Diagnostic::error(codes::BAD_SETTING, "the linear solver is auto, dense, banded, block or klu", e.span)),
             },
             _ => self.unknown_entry(
                 name,

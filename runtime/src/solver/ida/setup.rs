@@ -10,6 +10,7 @@ use super::super::consistent::Consistent;
 use super::super::linear::Factorisation;
 use super::super::newton::{self, Newton};
 use super::super::vector::{Operations, Vector};
+use super::super::watch::Watch;
 use super::super::{IdaFlag, Quadratures, Settings, SolveError, System};
 use super::{Context, Ida, IdaCounts, Phase};
 
@@ -24,14 +25,16 @@ impl Ida {
         let factorisation = Factorisation::new(system.pattern(), settings.linear_solver)?;
         let entries = system.pattern().entries();
         let newton = Newton::new(n, operations, context.0);
-        let bridge = Bridge::new(operations, settings.rtol, &settings.atol, entries, factorisation, newton);
+        let watch = Watch::new(system.root_count(), n, system.quadrature_count());
+        let bridge = Bridge::new(operations, settings.rtol, &settings.atol, entries, factorisation, newton, watch);
         let consistent = match system.is_explicit() {
             true => Some(Consistent::new(system, operations, context.0)?),
             false => None,
         };
         let vector = |length| Vector::zeros(length, operations, context.0);
         let quadratures = (system.quadrature_count() > 0).then(|| vector(system.quadrature_count()));
-        let (y, yp) = (vector(n), vector(n));
+        let sharing = || Vector::sharing(n, operations, context.0, &bridge.shared);
+        let (y, yp) = (sharing(), sharing());
         let identity = (!system.is_explicit()).then(|| vector(n));
         let pattern = system.pattern();
         let columns = (0..n).flat_map(|column| pattern.column(column).map(move |_| column)).collect();
@@ -51,6 +54,8 @@ impl Ida {
             differential: system.differential().into(),
             rows_of_entries: (pattern.rows().into(), columns),
             events: vec![0; system.root_count()].into(),
+            watches: system.root_count() > 0 && !system.roots_use_derivatives(),
+            finding: false,
             time: 0.0,
             phase: Phase::Idle,
             counted: IdaCounts::default(),
@@ -83,11 +88,8 @@ impl Ida {
             if self.settings.min_step > 0.0 {
                 check("IDASetMinStep", IDASetMinStep(memory, self.settings.min_step))?;
             }
-            if !self.events.is_empty() {
-                check("IDARootInit", IDARootInit(memory, self.events.len() as c_int, Some(callbacks::roots)))?;
-                check("IDASetNoInactiveRootWarn", IDASetNoInactiveRootWarn(memory))?;
-            }
         }
+        self.set_root_finding(true)?;
         self.configure_identity()?;
         self.configure_quadratures()
     }
