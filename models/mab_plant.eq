@@ -138,7 +138,7 @@ when chain = integrated {
   let c_s_pool : M    = if V_pool > 0 then s_pool/V_pool else 0 [M]                              "modifier in the pool"
   let m_held   : mg   = col[1].held + col[2].held + VI.held + CEX.held + LOOP.held + AEX.held    "antibody in the train"
 
-  invariant antibody = m_held + m_pool + sum(m_lost[i] for i in losses) - m_fed rate 0 [mg/min]
+  invariant antibody = m_held + m_pool + sum(m_lost[i] for i in losses) - m_fed    "what was fed is held, in the pool or lost"
 
   # A proxy: nothing but a tracer that binds nowhere stands for all impurities.
   param tracer_fed = 1 in 0..inf    "tracer in the feed over antibody in it"
