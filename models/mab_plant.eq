@@ -195,3 +195,8 @@ when chain = integrated {
     switch = if mod(n, 20) == 19 then 1 else 0
   }
 }
+
+variant wide_boxes "boxes of two actions as wide as the sensitivities that were worked out" {
+  action c_s_elu : M = 0.1  in 0.01..0.9    "modifier that elutes Protein A"
+  action V_flush : L = 750  in 250..3000    "volume that flushes the virus inactivation loop"
+}
