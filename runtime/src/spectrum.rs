@@ -11,6 +11,8 @@
 
 use nalgebra::{Complex, DMatrix, DVector, Schur};
 
+use crate::inverse::Inverse;
+
 /// Largest block whose eigenvalues are all computed.
 pub const DENSE: usize = 500;
 /// Dimension of the Krylov space of a larger block.
@@ -67,14 +69,15 @@ fn all(block: DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
 fn nearest_zero(block: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     let n = block.nrows();
     let shift = 1e-9 * block.norm() / (n as f64).sqrt();
-    let inverse = (block - DMatrix::identity(n, n) * shift).lu();
+    let mut inverse = Inverse::new(&(block - DMatrix::identity(n, n) * shift))?;
     let dimension = KRYLOV.min(n);
     // Any start will do that is not orthogonal to what is looked for; this one has no pattern.
     let mut basis = vec![DVector::from_fn(n, |i, _| (1.0 + i as f64 * 0.754_877_666_246_692_7).fract() + 0.1).normalize()];
     let mut small = DMatrix::zeros(dimension, dimension);
     let mut beyond = 0.0;
     for k in 0..dimension {
-        let mut next = inverse.solve(&basis[k])?;
+        let mut next = basis[k].clone();
+        inverse.solve(next.as_mut_slice());
         // Twice, so that the basis stays orthogonal.
         for _ in 0..2 {
             for (j, direction) in basis.iter().enumerate() {
