@@ -181,7 +181,7 @@ discrete xe1     = 0.001  in -5..5     "estimated state of the linear model"
 discrete xe2     = 0.001  in -5..5     "estimated state of the linear model"
 discrete n_steps = 0      in 0..100    "completed steps"
 
-invariant skeletons = R1.held + R2.held + R3.held rate R1.gained + R2.gained + R3.gained
+invariant skeletons = R1.held + R2.held + R3.held rate R1.gained + R2.gained + R3.gained    "skeletons of tropine"
 
 let innovation = E - E_ss - (C_1*xe1 + C_2*xe2)
 

@@ -55,7 +55,7 @@ eq d/dt EtOH = f * mu_e * X_A
 eq d/dt DY   = mu_DY * S * X_A - mu_AB * DY * EtOH
 eq d/dt EA   = Y_EA * mu_x * X_A
 
-invariant cells = biomass rate mu_x*X_A - mu_SD*X_D    # what wakes up or dies only changes its kind
+invariant cells = biomass rate mu_x*X_A - mu_SD*X_D    "what wakes up or dies only changes its kind"
 
 initial X_L ~ uniform(1.8, 2.2)
 initial X_D ~ uniform(1.8, 2.2)

@@ -127,7 +127,7 @@ when switch_books = legacy {
   at end { reset acc = acc + step*(col.c[1] - col.c[n_z]) }
 }
 
-invariant column = m_col + m_collected rate F_out*(c_buf - col.outlet.c)
+invariant column = m_col + m_collected rate F_out*(c_buf - col.outlet.c)    "antibody in the columns, in service and taken out"
 
 # ---- Steady state and start ----
 

@@ -138,7 +138,7 @@ when chain = integrated {
   let c_s_pool : M    = if V_pool > 0 then s_pool/V_pool else 0 [M]                              "modifier in the pool"
   let m_held   : mg   = col[1].held + col[2].held + VI.held + CEX.held + LOOP.held + AEX.held    "antibody in the train"
 
-  invariant antibody = m_held + m_pool + sum(m_lost[i] for i in losses) - m_fed rate 0 [mg/min]
+  invariant antibody = m_held + m_pool + sum(m_lost[i] for i in losses) - m_fed    "what was fed is held, in the pool or lost"
 
   # A proxy: nothing but a tracer that binds nowhere stands for all impurities.
   param tracer_fed = 1 in 0..inf    "tracer in the feed over antibody in it"
@@ -194,4 +194,9 @@ when chain = integrated {
     F_out = clip(21.689197033088462 + 50/180*(value(h) - 15), value(low(F_out)), value(high(F_out)))
     switch = if mod(n, 20) == 19 then 1 else 0
   }
+}
+
+variant wide_boxes "boxes of two actions as wide as the sensitivities that were worked out" {
+  action c_s_elu : M = 0.1  in 0.01..0.9    "modifier that elutes Protein A"
+  action V_flush : L = 750  in 250..3000    "volume that flushes the virus inactivation loop"
 }

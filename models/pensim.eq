@@ -330,6 +330,18 @@ eq d/dt CO2d   = delta_c0*kLa*(p_lm*CO2out/H_CO2 - CO2d) - k_dil*CO2d
 eq d/dt PAA = Fpaa*PAA_c_d/V - Y_PAAP*dP_charged - Y_PAAX*dX_charged - m_PAA*P - k_dil*PAA
 eq d/dt NH3 = (N_conc_paa*Fpaa + N_conc_oil*Foil)/V - Y_NX*(r_b + r_e + r_d + r_a) - Y_NP*dP_charged - m_N*X - k_dil*NH3
 
+# ---- Balances of the whole broth ----
+
+let harvest   = discharge/rho_b
+let precursor = PAA + Y_PAAP*P + Y_PAAX*X
+
+# Dilution takes away what was built in, and the original does not charge for that much: a third of what the recipe feeds. `gross_uptake` closes the balance.
+let invented = Y_PAAP*(r_P - dP_charged) + Y_PAAX*(r_e - dX_charged)
+
+invariant biomass   = V*X rate V*r_e - harvest*X            "regions only turn into each other"
+invariant precursor = V*precursor rate Fpaa*PAA_c_d - V*m_PAA*P - harvest*precursor + V*invented    "phenylacetic acid, free and built in; what dilution invents counts as a source (none with `gross_uptake`)"
+invariant vacuoles  = phi0 - n0 * pi*(r_0 + delta_0)^3/6    "newborn vacuoles: their volume is their number times that of one"
+
 # ---- pH ----
 
 let charge : mol/L = H    "what the balance of ions counts"

@@ -33,7 +33,7 @@ eq d/dt c_A = q_in/V * (c_Af - c_A) - rate
 eq d/dt T   = q_in/V * (T_f - T) - dH/(rho*c_p) * rate + 2*U/(r*rho*c_p) * (T_c - T)
 eq d/dt h   = (q_in - q_out) / (pi*r^2)
 
-invariant A = V*c_A rate q_in*c_Af - q_out*c_A - V*rate
+invariant A = V*c_A rate q_in*c_Af - q_out*c_A - V*rate    "moles of A"
 
 steady { T_c = 26.85, q_out = 0.1, h = 0.659 }
 

@@ -153,6 +153,15 @@ fn open<'b>(bytes: &'b [u8], key: &Key) -> Result<(Header, &'b [u8]), ArtefactEr
 }
 
 impl CompiledModel {
+    /// Hash of the flat equations, of all that lies in memory by them, and of the compiler's version: the same for compilations of the same text with
+    /// the same options, on any processor.
+    ///
+    /// # Errors
+    /// If the model cannot be encoded.
+    pub fn checksum(&self) -> Result<[u8; blake3::OUT_LEN], ArtefactError> {
+        Ok(fingerprint(&[env!("CARGO_PKG_VERSION")], &postcard::to_stdvec(self.model())?))
+    }
+
     /// The model as bytes, sealed with the key of this user.
     ///
     /// # Errors

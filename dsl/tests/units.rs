@@ -160,10 +160,14 @@ proptest! {
     #[test]
     fn powers_of_powers_multiply_their_exponents(unit in any_unit(), p in -3_i32..=3, q in 1_i32..=3) {
         let (p, q) = (Rational::integer(p), Rational::integer(q));
-        let twice = unit.power(p).and_then(|power| power.power(q)).expect("in range");
-        let once = unit.power(p.multiply(q).expect("in range")).expect("in range");
-        prop_assert_eq!(twice.dimension(), once.dimension());
-        prop_assert!(close(twice.scale().value(), once.scale().value()));
+        let twice = unit.power(p).and_then(|power| power.power(q));
+        let once = unit.power(p.multiply(q).expect("in range"));
+        // A factor beyond double precision is refused on either way.
+        prop_assert_eq!(twice.is_some(), once.is_some());
+        if let (Some(twice), Some(once)) = (twice, once) {
+            prop_assert_eq!(twice.dimension(), once.dimension());
+            prop_assert!(close(twice.scale().value(), once.scale().value()));
+        }
     }
 
     #[test]

@@ -97,6 +97,9 @@ class Start:
 class Snapshot:
     """All that an environment would go on from."""
 
+    def __init__(self, data: bytes) -> None: ...
+    def to_bytes(self) -> bytes: ...
+
 Info = dict[str, object]
 
 class Env:

@@ -106,7 +106,8 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         compiled = choose_model(model, observation, reward, scenario, variants, settings)
         self.observation_space, self.action_space = self._describe(compiled, normalize)
         self.render_mode = render_mode
-        self._native = _native.Env(compiled.native, normalize, dense_reward, info_state, check_limit(max_steps))
+        self._options = (normalize, dense_reward, info_state, check_limit(max_steps))
+        self._native = _native.Env(compiled.native, *self._options)
         self.constraint_names = tuple(self._native.constraint_names)
         self.max_steps = self._native.max_steps
         self._seeded = False
@@ -220,9 +221,20 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         """Go back to a snapshot of this environment, or of another one of the same model.
 
         Raises:
-            ValueError: the snapshot is of another model.
+            ValueError: the snapshot is of another model, or damaged.
         """
         self._native.restore(snapshot)
+
+    # Copies and pickles go on where the original is. A copy shares the model; a pickle names it, and the snapshot in it
+    # tells whether what is found under that name is the same.
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_native": self.snapshot()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._native = _native.Env(self.model.native, *self._options)
+        self.restore(state["_native"])
 
 
 def choose_model(

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
-from smpl._files import model_path
+from smpl._files import model_path, models_directory
 from smpl._names import Named
 
 if TYPE_CHECKING:
@@ -57,7 +57,15 @@ class Model(Named):
         return f"<smpl.Model {self.name}: {len(self.state_names)} states, {len(self.action_names)} actions>"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _recompile, (self._arguments,)
+        return _recompile, (_portable(self._arguments),)
+
+    # A model never changes: a copy of something that has one shares it.
+
+    def __copy__(self) -> Model:
+        return self
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Model:
+        return self
 
     def variant_of(self, **changes: Any) -> Model:
         """The same model compiled with other arguments of `smpl.compile`, for example `observation="full"`."""
@@ -234,6 +242,17 @@ def _compile(
 
 def _recompile(arguments: dict[str, Any]) -> Model:
     return compile(**arguments)
+
+
+def _portable(arguments: dict[str, Any]) -> dict[str, Any]:
+    """Arguments that mean the same elsewhere: shipped models by their names, other files by absolute paths."""
+    path, scenario = arguments["path"], arguments["scenario"]
+    if path is not None:
+        shipped = Path(path).parent == models_directory() and Path(path).suffix == ".eq"
+        path = Path(path).stem if shipped else str(Path(path).absolute())
+    if scenario is not None and Path(scenario).suffix in (".yaml", ".yml"):
+        scenario = str(Path(scenario).absolute())
+    return {**arguments, "path": path, "scenario": scenario}
 
 
 def _resolve(path: str | os.PathLike[str]) -> str:

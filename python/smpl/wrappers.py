@@ -26,6 +26,8 @@ class SafetyGymnasium:
         self.env = env
 
     def __getattr__(self, name: str) -> Any:
+        if name == "env":  # not there yet in an object that is being copied or unpickled
+            raise AttributeError(name)
         return getattr(self.env, name)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:

@@ -144,7 +144,7 @@ impl Equations {
 
     /// Steady state at the actions `u`; `fixed` are positions of states and their values, those of the model if there are none.
     pub fn steady_state(&mut self, u: &[f64], given: &Given, fixed: &[(usize, f64)]) -> PyResult<Vec<f64>> {
-        self.work.restore(self.nominal.memory());
+        self.work.restore(self.nominal.memory().all());
         let guess = self.first_guess();
         self.y.copy_from_slice(&guess);
         self.set_given(given)?;
@@ -182,7 +182,7 @@ impl Equations {
 
     /// Puts a point into the instance.
     fn prepare(&mut self, t: f64, y: &[f64], yp: Option<&[f64]>, u: &[f64], given: &Given) -> PyResult<()> {
-        self.work.restore(self.nominal.memory());
+        self.work.restore(self.nominal.memory().all());
         self.yp.fill(0.0);
         for (i, &at) in self.order.iter().enumerate() {
             self.y[at] = y[i];

@@ -26,6 +26,7 @@ pub fn markdown(model: &CompiledModel, equations: &str) -> String {
     observations(&mut page, model);
     rewards(&mut page, model);
     ends(&mut page, model);
+    invariants(&mut page, model);
     alternatives(&mut page, model);
     page
 }
@@ -148,6 +149,11 @@ fn ends(page: &mut String, model: &CompiledModel) {
     table(page, "Ends of an episode", &["event", "when"], rows);
     // Writing into a string cannot fail.
     let _ = writeln!(page, "\nOn a failing step every reward is {}.", Short(episode.error_reward));
+}
+
+fn invariants(page: &mut String, model: &CompiledModel) {
+    let rows = model.interface().invariants.iter().map(|(name, text)| vec![format!("`{name}`"), text.clone()]);
+    table(page, "Invariants", &["name", "conserved, but for its rate"], rows.collect());
 }
 
 fn alternatives(page: &mut String, model: &CompiledModel) {

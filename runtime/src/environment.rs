@@ -9,27 +9,29 @@
 mod interval;
 mod invariants;
 mod reset;
+mod snapshot;
 mod verdict;
 
 use std::sync::Arc;
 
-use smpl_compiler::compiled::CompiledModel;
+use serde::{Deserialize, Serialize};
 use smpl_compiler::ir::Builtin;
-use smpl_compiler::layout::{Memory, Part, Region};
+use smpl_compiler::layout::{Part, Region};
 
 pub use invariants::Drift;
 pub use reset::{ResetError, ResetOptions, Start, StateInput};
+pub use snapshot::{Snapshot, SnapshotError};
 
 use crate::catalogue::Catalogue;
 use crate::failure::{BOX_SLACK, Failure, SolverFailure};
-use crate::observe::{Number, Sensors};
+use crate::observe::{Number, Readings, Sensors};
 use crate::random::EpisodeKey;
 use crate::setup::{Setup, SetupError};
 use crate::solver::{Ida, Integrator, Statistics};
 use crate::system::CompiledSystem;
 
 /// What a step ended in. Times are in the model's unit.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StepResult {
     /// The chosen reward (dense or sparse).
     pub reward: f64,
@@ -69,20 +71,8 @@ pub enum StepError {
     EpisodeOver,
 }
 
-/// A snapshot that does not belong to the environment.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "the snapshot is of {snapshot}, the environment of {environment}: both must come from one compiled model (same file, scenario, variants, settings, observations)"
-)]
-pub struct ForeignSnapshot {
-    /// Model of the snapshot.
-    snapshot: String,
-    /// Model of the environment.
-    environment: String,
-}
-
 /// Where an instance is in its episode.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Phase {
     /// Before the first reset.
     New,
@@ -91,7 +81,7 @@ enum Phase {
 }
 
 /// All that changes from step to step, apart from the memory of the compiled model: what a snapshot holds.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Progress {
     key: EpisodeKey,
     next_key: EpisodeKey,
@@ -99,7 +89,7 @@ struct Progress {
     phase: Phase,
     y: Vec<f64>,
     yp: Vec<f64>,
-    sensors: Sensors,
+    readings: Readings,
     /// Rewards of the last step, failing ones already replaced.
     rewards: Vec<f64>,
     /// Violations: the action box, declared failures, constraints.
@@ -119,6 +109,7 @@ pub struct Environment {
     system: CompiledSystem,
     integrator: Box<dyn Integrator>,
     progress: Progress,
+    sensors: Sensors,
     /// Disturbances that replace drawn ones: place in the region and the values of the steps.
     replay: Vec<(usize, Vec<f64>)>,
     /// Output of the `finish` program.
@@ -134,15 +125,6 @@ pub struct Environment {
     keep_going: bool,
 }
 
-/// A point of an episode to return to; it belongs to environments of the same compiled model.
-#[derive(Clone)]
-pub struct Snapshot {
-    model: Arc<CompiledModel>,
-    memory: Memory,
-    progress: Progress,
-    replay: Vec<(usize, Vec<f64>)>,
-}
-
 impl Environment {
     /// An instance; it wants a [`reset`](Self::reset) first.
     ///
@@ -153,6 +135,7 @@ impl Environment {
         let interface = setup.model().interface();
         let (unknowns, layout) = (setup.model().unknowns(), interface.finish);
         let counts = [2 * layout.failures, layout.successes, layout.constraints, layout.rewards, layout.observations];
+        let sensors = Sensors::new(&interface.observations, &setup.noise);
         let progress = Progress {
             key: EpisodeKey::default(),
             next_key: EpisodeKey::default(),
@@ -160,7 +143,7 @@ impl Environment {
             phase: Phase::New,
             y: vec![0.0; unknowns],
             yp: vec![0.0; unknowns],
-            sensors: Sensors::new(&interface.observations, &setup.noise),
+            readings: sensors.blank(),
             rewards: vec![0.0; layout.rewards as usize],
             violations: vec![0.0; 1 + (layout.failures + layout.constraints) as usize],
             failing: vec![false; layout.failures as usize],
@@ -179,6 +162,7 @@ impl Environment {
             keep_going: false,
             replay: Vec::new(),
             progress,
+            sensors,
             system,
             setup,
         })
@@ -303,12 +287,12 @@ impl Environment {
     /// Number of observations.
     #[must_use]
     pub fn observation_len(&self) -> usize {
-        self.progress.sensors.readings().len()
+        self.progress.readings.present.len()
     }
 
     /// Writes the observation, clipped to its box: physical units, or [-1, 1].
     pub fn observe<T: Number>(&self, normalised: bool, out: &mut [T]) {
-        self.progress.sensors.write(normalised, out);
+        self.sensors.write(&self.progress.readings, normalised, out);
     }
 
     /// The unknowns `y`: states, then solved algebraic variables, in internal order.
@@ -383,31 +367,5 @@ impl Environment {
         let t = self.time();
         let (model, memory) = self.system.parts();
         model.invariants(memory, t, &self.progress.y, &self.progress.yp, out);
-    }
-
-    /// Keeps the present point of the episode.
-    #[must_use]
-    pub fn snapshot(&self) -> Snapshot {
-        Snapshot {
-            model: Arc::clone(self.setup.model()),
-            memory: self.system.memory().clone(),
-            progress: self.progress.clone(),
-            replay: self.replay.clone(),
-        }
-    }
-
-    /// Returns to a point kept before: from there on every bit is the same.
-    ///
-    /// # Errors
-    /// When the snapshot is of another compiled model (another file, scenario, variant, setting or observation level).
-    pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), ForeignSnapshot> {
-        if !Arc::ptr_eq(&snapshot.model, self.setup.model()) {
-            let name = |model: &CompiledModel| model.interface().name.clone();
-            return Err(ForeignSnapshot { snapshot: name(&snapshot.model), environment: name(self.setup.model()) });
-        }
-        self.system.restore(&snapshot.memory);
-        self.progress.clone_from(&snapshot.progress);
-        self.replay.clone_from(&snapshot.replay);
-        Ok(())
     }
 }

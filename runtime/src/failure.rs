@@ -1,5 +1,6 @@
 //! Why an episode fails, in words.
 
+use serde::{Deserialize, Serialize};
 use smpl_compiler::compiled::CompiledModel;
 use smpl_compiler::ir::{Affine, MAX_DEPTH};
 use smpl_compiler::model::{BoxItem, Interface, Row};
@@ -15,7 +16,7 @@ pub const SOLVER: &str = "solver";
 pub const NOT_FINITE: &str = "not_finite";
 
 /// A failure of a step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Failure {
     /// An action outside its box.
     ActionBox,
@@ -41,7 +42,7 @@ impl Failure {
 }
 
 /// What made the integrator give up.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SolverFailure {
     /// Time at which it happened, in the model's unit.
     pub time: f64,
@@ -52,7 +53,7 @@ pub struct SolverFailure {
 }
 
 /// Causes of a solver failure.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Cause {
     /// An equation gave NaN or infinity.
     NotFinite,

@@ -12,6 +12,7 @@ pub mod cli;
 pub mod document;
 pub mod environment;
 pub mod failure;
+mod inverse;
 pub mod linearize;
 pub mod load;
 pub mod observe;

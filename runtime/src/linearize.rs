@@ -1,12 +1,13 @@
 //! Linearisation about a point: dx/dt = A x + B u, observations = C x + D u, in deviations.
 //!
 //! Algebraic unknowns z are eliminated: with E dx/dt = F_x x + F_z z + F_u u and 0 = G_x x + G_z z + G_u u the matrices follow from
-//! z = -G_z^-1 (G_x x + G_u u). Dense linear algebra: meant for models of up to some thousand unknowns.
+//! z = -G_z^-1 (G_x x + G_u u). The matrices are stored in full: meant for models of up to some thousand unknowns.
 
 use nalgebra::DMatrix;
 use smpl_compiler::compiled::{Derived, WithRespectTo};
 
 use crate::catalogue::Catalogue;
+use crate::inverse::Inverse;
 use crate::solver::System;
 use crate::system::CompiledSystem;
 
@@ -71,20 +72,20 @@ pub fn linearize(system: &mut CompiledSystem, catalogue: &Catalogue, t: f64, y: 
     let (zx, zu) = if nz == 0 {
         (DMatrix::zeros(0, nx), DMatrix::zeros(0, actions))
     } else {
-        let lu = by_y.view((nx, nx), (nz, nz)).clone_owned().lu();
-        let solve = |right: DMatrix<f64>| lu.solve(&right).map(|x| -x).ok_or(LinearizeError::Singular { part: "an algebraic variable" });
-        (solve(by_y.view((nx, 0), (nz, nx)).clone_owned())?, solve(by_u.rows(nx, nz).clone_owned())?)
+        let inverse = Inverse::new(&by_y.view((nx, nx), (nz, nz)).clone_owned());
+        let mut inverse = inverse.ok_or(LinearizeError::Singular { part: "an algebraic variable" })?;
+        (-inverse.solve_all(by_y.view((nx, 0), (nz, nx)).clone_owned()), -inverse.solve_all(by_u.rows(nx, nz).clone_owned()))
     };
     let rates_x = by_y.view((0, 0), (nx, nx)) + by_y.view((0, nx), (nx, nz)) * &zx;
     let rates_u = by_u.rows(0, nx) + by_y.view((0, nx), (nx, nz)) * &zu;
     let mass = mass.view((0, 0), (nx, nx)).clone_owned();
     // Of an explicit model it is the identity.
-    let mass = if mass == DMatrix::identity(nx, nx) { None } else { Some(mass.lu()) };
-    let solve = |right: &DMatrix<f64>| match &mass {
-        None => Ok(right.clone()),
-        Some(mass) => mass.solve(right).ok_or(LinearizeError::Singular { part: "a rate" }),
+    let (a, b) = if mass == DMatrix::identity(nx, nx) {
+        (rates_x, rates_u)
+    } else {
+        let mut inverse = Inverse::new(&mass).ok_or(LinearizeError::Singular { part: "a rate" })?;
+        (inverse.solve_all(rates_x), inverse.solve_all(rates_u))
     };
-    let (a, b) = (solve(&rates_x)?, solve(&rates_u)?);
     let c = seen_y.columns(0, nx) + seen_y.columns(nx, nz) * zx;
     let d = seen_u + seen_y.columns(nx, nz) * zu;
     Ok(outside(catalogue, &a, &b, &c, &d))

@@ -1,5 +1,6 @@
 //! From what the process is to what an agent sees: sampling interval, noise, delay, clipping, normalisation.
 
+use serde::{Deserialize, Serialize};
 use smpl_compiler::model::{Observed, Variate};
 
 use crate::random::{AT_RESET, EpisodeKey, Stream, hash};
@@ -10,10 +11,15 @@ pub(crate) struct Sensors {
     channels: Vec<Channel>,
     /// No channel samples, delays or adds noise.
     plain: bool,
+}
+
+/// What the measuring chain has measured.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Readings {
     /// Present readings, physical units, unclipped.
-    readings: Vec<f64>,
+    pub present: Vec<f64>,
     /// Values on their way to be reported, channel after channel.
-    pipeline: Vec<f64>,
+    pub pipeline: Vec<f64>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -48,22 +54,28 @@ impl Sensors {
             })
             .collect();
         let plain = channels.iter().all(|c| c.every == 1 && c.ring.1 == 0 && c.noise == 0.0);
-        Self { plain, readings: vec![0.0; channels.len()], pipeline: vec![0.0; start], channels }
+        Self { plain, channels }
+    }
+
+    /// Readings of zero, of the right lengths.
+    pub fn blank(&self) -> Readings {
+        let delayed = self.channels.iter().map(|c| c.ring.1).sum();
+        Readings { present: vec![0.0; self.channels.len()], pipeline: vec![0.0; delayed] }
     }
 
     /// First readings of an episode; a delayed channel reports them until its first sample arrives.
-    pub fn reset(&mut self, key: EpisodeKey, values: &[f64]) {
+    pub fn reset(&self, readings: &mut Readings, key: EpisodeKey, values: &[f64]) {
         for (i, (channel, &value)) in self.channels.iter().zip(values).enumerate() {
             let reading = value + channel.error(key, AT_RESET);
-            self.readings[i] = reading;
-            self.pipeline[channel.ring.0..channel.ring.0 + channel.ring.1].fill(reading);
+            readings.present[i] = reading;
+            readings.pipeline[channel.ring.0..channel.ring.0 + channel.ring.1].fill(reading);
         }
     }
 
     /// Readings after `steps` completed steps.
-    pub fn read(&mut self, key: EpisodeKey, steps: u32, values: &[f64]) {
+    pub fn read(&self, readings: &mut Readings, key: EpisodeKey, steps: u32, values: &[f64]) {
         if self.plain {
-            self.readings.copy_from_slice(values);
+            readings.present.copy_from_slice(values);
             return;
         }
         for (i, (channel, &value)) in self.channels.iter().zip(values).enumerate() {
@@ -71,27 +83,22 @@ impl Sensors {
             let due = |step: u32| step.is_multiple_of(channel.every);
             if delay == 0 {
                 if due(steps) {
-                    self.readings[i] = value + channel.error(key, steps);
+                    readings.present[i] = value + channel.error(key, steps);
                 }
                 continue;
             }
             // The slot of this step holds what was sampled `delay` steps ago.
             let slot = start + steps as usize % delay;
             if steps as usize >= delay && due(steps - delay as u32) {
-                self.readings[i] = self.pipeline[slot];
+                readings.present[i] = readings.pipeline[slot];
             }
-            self.pipeline[slot] = value + if due(steps) { channel.error(key, steps) } else { 0.0 };
+            readings.pipeline[slot] = value + if due(steps) { channel.error(key, steps) } else { 0.0 };
         }
     }
 
-    /// Readings in physical units, unclipped.
-    pub fn readings(&self) -> &[f64] {
-        &self.readings
-    }
-
     /// Writes the readings, clipped to their boxes.
-    pub fn write<T: Number>(&self, normalised: bool, out: &mut [T]) {
-        for ((channel, &reading), out) in self.channels.iter().zip(&self.readings).zip(out) {
+    pub fn write<T: Number>(&self, readings: &Readings, normalised: bool, out: &mut [T]) {
+        for ((channel, &reading), out) in self.channels.iter().zip(&readings.present).zip(out) {
             let value = channel.clip(reading);
             *out = T::from_f64(if normalised { normalise(value, channel.low, channel.high) } else { value }, channel.within(normalised));
         }
@@ -184,12 +191,13 @@ mod tests {
     }
 
     fn readings(every: u32, delay: u32, steps: u32) -> Vec<f64> {
-        let mut sensors = Sensors::new(&[observed(every, delay)], &[0.0]);
-        sensors.reset(EpisodeKey::default(), &[0.0]);
+        let sensors = Sensors::new(&[observed(every, delay)], &[0.0]);
+        let mut readings = sensors.blank();
+        sensors.reset(&mut readings, EpisodeKey::default(), &[0.0]);
         (1..=steps)
             .map(|step| {
-                sensors.read(EpisodeKey::default(), step, &[f64::from(step)]);
-                sensors.readings()[0]
+                sensors.read(&mut readings, EpisodeKey::default(), step, &[f64::from(step)]);
+                readings.present[0]
             })
             .collect()
     }
@@ -211,11 +219,12 @@ mod tests {
 
     #[test]
     fn observations_are_clipped_to_their_box_and_never_nan() {
-        let mut sensors = Sensors::new(&[observed(1, 0)], &[0.0]);
+        let sensors = Sensors::new(&[observed(1, 0)], &[0.0]);
+        let mut readings = sensors.blank();
         for (value, expected) in [(12.0, 1.0), (-1.0, -1.0), (f64::NAN, -1.0), (2.5, -0.5)] {
-            sensors.reset(EpisodeKey::default(), &[value]);
+            sensors.reset(&mut readings, EpisodeKey::default(), &[value]);
             let mut out = [0.0_f32];
-            sensors.write(true, &mut out);
+            sensors.write(&readings, true, &mut out);
             assert_eq!(f64::from(out[0]), expected);
         }
     }

@@ -5,11 +5,13 @@
 //! Uniforms are 52-bit midpoints of (0, 1); normals are Wichura's AS 241 inverse of the cumulative distribution. Only the basic operations and
 //! the square root are used, which IEEE 754 rounds alike everywhere: the same bits on every machine.
 
+use serde::{Deserialize, Serialize};
+
 /// Step number of what is drawn at reset.
 pub const AT_RESET: u32 = u32::MAX;
 
 /// What selects the random numbers of one episode.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct EpisodeKey {
     /// The seed given to `reset`.
     pub seed: u64,

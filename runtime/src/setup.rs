@@ -1,8 +1,9 @@
 //! What all instances of an environment share: the model, names, settings, the nominal steady state.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
+use smpl_compiler::artefact;
 use smpl_compiler::compiled::CompiledModel;
 use smpl_compiler::ir::{Expr, ExprId, Flavour};
 use smpl_compiler::layout::{Part, Region};
@@ -105,6 +106,8 @@ pub struct Setup {
     pub(crate) noise: Vec<f64>,
     /// Place of the number of the phase, where there is a schedule.
     pub(crate) phase: Option<usize>,
+    /// Made when it is first asked for.
+    checksum: OnceLock<Result<[u8; 32], String>>,
 }
 
 impl Setup {
@@ -144,6 +147,7 @@ impl Setup {
             sources,
             noise,
             phase: catalogue.discretes.find("phase").filter(|_| has_phases).map(|e| e.at),
+            checksum: OnceLock::new(),
             catalogue,
             options,
             system: CompiledSystem::new(model)?,
@@ -162,6 +166,19 @@ impl Setup {
     #[must_use]
     pub fn max_steps(&self) -> u32 {
         self.max_steps
+    }
+
+    /// Hash of the model and of what the scenario says beside it: what a snapshot belongs to. Which reward is dense and how long an episode is may differ.
+    ///
+    /// # Errors
+    /// In words, if the model cannot be encoded.
+    pub fn checksum(&self) -> Result<[u8; 32], String> {
+        let compute = || {
+            let model = self.model().checksum().map_err(|e| e.to_string())?;
+            let options = EnvironmentOptions { sparse: false, max_steps: None, ..self.options.clone() };
+            Ok(artefact::fingerprint(&[&format!("{options:?}")], &model))
+        };
+        self.checksum.get_or_init(compute).clone()
     }
 
     /// The texts that the model was compiled from.

@@ -71,9 +71,12 @@ impl CompiledSystem {
         &self.memory
     }
 
-    /// Puts back a memory that was cloned before, without allocating where that is possible.
-    pub fn restore(&mut self, memory: &Memory) {
-        self.memory.clone_from(memory);
+    /// Puts back the numbers of a memory of the same model.
+    ///
+    /// # Panics
+    /// If there are more or fewer of them.
+    pub fn restore(&mut self, numbers: &[f64]) {
+        self.memory.all_mut().copy_from_slice(numbers);
     }
 
     /// Keeps the present unknowns, actions, discrete variables and disturbances as those of another instant.

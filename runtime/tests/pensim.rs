@@ -90,7 +90,7 @@ fn single_steps(file: &str, scenario: &str, length: f64) {
             _ => table.get(row - 1, &format!("{name}.tight")),
         });
         bare.prepare();
-        system.restore(&bare.memory);
+        system.restore(bare.memory.all());
         let t = 0.2 * (row - 1) as f64;
         ida.forget();
         ida.restart(&mut system, t, &y, None).expect("explicit");

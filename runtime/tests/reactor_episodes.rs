@@ -2,7 +2,7 @@
 
 mod support;
 
-use smpl_runtime::environment::{Environment, ResetOptions, Start, StateInput, StepError};
+use smpl_runtime::environment::{Environment, ResetOptions, Snapshot, SnapshotError, Start, StateInput, StepError};
 use smpl_runtime::failure::Failure;
 use smpl_runtime::setup::EnvironmentOptions;
 use support::reactor::{self, Alternatives};
@@ -277,6 +277,26 @@ fn a_snapshot_continues_bit_for_bit() {
     let mut other = Environment::new(std::sync::Arc::clone(env.setup())).expect("makes");
     other.restore(&snapshot).expect("of the same model");
     assert_eq!(first, run(&mut other));
+}
+
+#[test]
+fn a_snapshot_as_bytes_continues_bit_for_bit_in_another_compilation_of_the_same_model_only() {
+    let mut env = with(EnvironmentOptions::default());
+    env.reset(Some(8), &ResetOptions::default()).expect("resets");
+    env.step(&[26.0, 0.101]).expect("steps");
+    let bytes = env.snapshot().to_bytes().expect("encodes");
+    let snapshot = Snapshot::from_bytes(&bytes).expect("its own bytes");
+    env.step(&[20.0, 0.1]).expect("steps");
+
+    let mut same = with(EnvironmentOptions { max_steps: Some(50), ..EnvironmentOptions::default() });
+    same.restore(&snapshot).expect("of the same model");
+    same.step(&[20.0, 0.1]).expect("steps");
+    assert_eq!(state(&same), state(&env));
+
+    let mut tighter = with(EnvironmentOptions { rtol: Some(1e-10), ..EnvironmentOptions::default() });
+    assert!(matches!(tighter.restore(&snapshot), Err(SnapshotError::Foreign { .. })));
+    assert!(matches!(Snapshot::from_bytes(&bytes[1..]), Err(SnapshotError::Damaged(_))));
+    assert!(matches!(Snapshot::from_bytes(&bytes[..bytes.len() - 1]), Err(SnapshotError::Damaged(_))));
 }
 
 #[test]

@@ -104,7 +104,7 @@ impl Environment {
         self.integrator.forget();
         self.drifts.fill(super::Drift::default());
         let setup = std::sync::Arc::clone(&self.setup);
-        self.system.restore(setup.system.memory());
+        self.system.restore(setup.system.memory().all());
 
         let given = self.given_parameters(options)?;
         self.draw(options.start);
@@ -281,7 +281,7 @@ impl Environment {
         progress.action_excess = 0.0;
         self.evaluate_finish(0.0);
         let observations = self.part(4);
-        self.progress.sensors.reset(self.progress.key, &self.finish[observations]);
+        self.sensors.reset(&mut self.progress.readings, self.progress.key, &self.finish[observations]);
     }
 }
 

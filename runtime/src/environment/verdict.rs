@@ -102,7 +102,8 @@ impl Environment {
             self.progress.phase = Phase::Over;
         }
         let observations = self.part(4);
-        self.progress.sensors.read(self.progress.key, self.progress.steps, &self.finish[observations]);
+        let progress = &mut self.progress;
+        self.sensors.read(&mut progress.readings, progress.key, progress.steps, &self.finish[observations]);
         let cost = self.progress.violations.iter().sum();
         StepResult { reward, terminated, truncated, success, failure, cost, time: self.time() }
     }

@@ -1,0 +1,137 @@
+//! Points of an episode to return to, in memory or as bytes.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Environment, Progress};
+use crate::setup::Setup;
+
+/// First bytes of a snapshot; the last one is the version of what follows.
+const MAGIC: &[u8; 8] = b"smplsnp\x01";
+
+/// A point of an episode to return to; it belongs to environments of the same model.
+#[derive(Clone)]
+pub struct Snapshot {
+    origin: Origin,
+    content: Content,
+}
+
+/// Where a snapshot was taken.
+#[derive(Clone)]
+enum Origin {
+    /// In this process.
+    Here(Arc<Setup>),
+    /// Elsewhere: the name of the model and [`Setup::checksum`].
+    Elsewhere(String, [u8; 32]),
+}
+
+/// All that an environment goes on from: the integrator carries nothing over from step to step.
+#[derive(Clone, Serialize, Deserialize)]
+struct Content {
+    memory: Vec<f64>,
+    progress: Progress,
+    replay: Vec<(usize, Vec<f64>)>,
+}
+
+/// Why a snapshot cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SnapshotError {
+    /// It does not belong to the environment.
+    #[error(
+        "the snapshot is of {snapshot}, the environment of {environment}: both must come from one model (same text, scenario, variants, settings, observations, and version of smpl)"
+    )]
+    Foreign {
+        /// Model of the snapshot with the beginning of its checksum.
+        snapshot: String,
+        /// Model of the environment.
+        environment: String,
+    },
+    /// The bytes are no snapshot, or damaged.
+    #[error("not a snapshot, or a damaged one: {0}")]
+    Damaged(String),
+    /// The model cannot be encoded.
+    #[error("the model has no checksum: {0}")]
+    Checksum(String),
+}
+
+impl Snapshot {
+    /// The snapshot as bytes, which name the model by its checksum and do not contain it.
+    ///
+    /// # Errors
+    /// If the model cannot be encoded.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, SnapshotError> {
+        let encoded = postcard::to_extend(&self.origin.identity()?, MAGIC.to_vec());
+        encoded.and_then(|bytes| postcard::to_extend(&self.content, bytes)).map_err(|e| SnapshotError::Checksum(e.to_string()))
+    }
+
+    /// The snapshot of [`to_bytes`](Self::to_bytes). Whether it fits an environment shows when it is restored.
+    ///
+    /// # Errors
+    /// If the bytes are anything else.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, SnapshotError> {
+        let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| SnapshotError::Damaged("wrong first bytes".into()))?;
+        let damaged = |e: postcard::Error| SnapshotError::Damaged(e.to_string());
+        let ((name, checksum), rest) = postcard::take_from_bytes(rest).map_err(damaged)?;
+        Ok(Self { origin: Origin::Elsewhere(name, checksum), content: postcard::from_bytes(rest).map_err(damaged)? })
+    }
+}
+
+impl Origin {
+    /// Name and checksum of the model.
+    fn identity(&self) -> Result<(String, [u8; 32]), SnapshotError> {
+        match self {
+            Origin::Here(setup) => Ok((setup.model().interface().name.clone(), setup.checksum().map_err(SnapshotError::Checksum)?)),
+            Origin::Elsewhere(name, checksum) => Ok((name.clone(), *checksum)),
+        }
+    }
+}
+
+impl Environment {
+    /// Keeps the present point of the episode.
+    #[must_use]
+    pub fn snapshot(&self) -> Snapshot {
+        let content = Content { memory: self.system.memory().all().to_vec(), progress: self.progress.clone(), replay: self.replay.clone() };
+        Snapshot { origin: Origin::Here(Arc::clone(&self.setup)), content }
+    }
+
+    /// Returns to a point kept before: from there on every bit is the same.
+    ///
+    /// # Errors
+    /// When the snapshot is of another model (another text, scenario, variant, setting or observation level).
+    pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), SnapshotError> {
+        let same = matches!(&snapshot.origin, Origin::Here(setup) if Arc::ptr_eq(setup.model(), self.setup.model()));
+        if !same {
+            self.compare(&snapshot.origin)?;
+        }
+        let Content { memory, progress, replay } = &snapshot.content;
+        if self.system.memory().all().len() != memory.len() || self.progress.lengths() != progress.lengths() {
+            return Err(SnapshotError::Damaged("wrong lengths".into()));
+        }
+        let disturbances = self.disturbances().len();
+        if replay.iter().any(|(at, values)| *at >= disturbances || values.is_empty()) {
+            return Err(SnapshotError::Damaged("wrong disturbances".into()));
+        }
+        self.system.restore(memory);
+        self.progress.clone_from(progress);
+        self.replay.clone_from(replay);
+        Ok(())
+    }
+
+    /// Refuses what was taken of another model.
+    fn compare(&self, origin: &Origin) -> Result<(), SnapshotError> {
+        let (snapshot, environment) = (origin.identity()?, Origin::Here(Arc::clone(&self.setup)).identity()?);
+        if snapshot.1 == environment.1 {
+            return Ok(());
+        }
+        let named = |(name, sum): (String, [u8; 32])| format!("{name} [{:02x}{:02x}{:02x}{:02x}]", sum[0], sum[1], sum[2], sum[3]);
+        Err(SnapshotError::Foreign { snapshot: named(snapshot), environment: named(environment) })
+    }
+}
+
+impl Progress {
+    fn lengths(&self) -> [usize; 7] {
+        let (present, pipeline) = (self.readings.present.len(), self.readings.pipeline.len());
+        [self.y.len(), self.yp.len(), present, pipeline, self.rewards.len(), self.violations.len(), self.failing.len()]
+    }
+}
