@@ -10,6 +10,7 @@ pub mod schedule;
 mod body;
 mod executable;
 mod memory;
+mod residence;
 mod segments;
 mod wide;
 
@@ -75,8 +76,9 @@ pub enum GenerateError {
 pub enum Effort {
     /// For functions of the inner loop of the solver: optimised.
     Hot,
-    /// As hot, for long code without loops, which is cut into segments: there is nothing to move, and equal values are one already.
-    Straight,
+    /// As hot, for long code whose values are spread over registers and memory before Cranelift sees them: there is nothing to move,
+    /// and equal values are one already.
+    Lean,
     /// For functions of a step: quickly compiled.
     Lukewarm,
 }
@@ -121,12 +123,12 @@ impl Generator {
             return Ok(Code::default());
         }
         let schedules = job.schedules(exprs, layout, access)?;
-        let straight = effort == Effort::Hot && schedules.iter().all(|s| s.is_straight() && segments::is_long(s));
-        let isa = isa(if straight { Effort::Straight } else { effort })?;
+        let lean = effort == Effort::Hot && !job.in_place && residence::is_lean(&schedules);
+        let isa = isa(if lean { Effort::Lean } else { effort })?;
         self.context.clear();
         self.context.func = Function::with_name_signature(UserFuncName::default(), signature(isa.default_call_conv()));
         let builder = FunctionBuilder::new(&mut self.context.func, &mut self.builder);
-        let columns = body::emit(builder, &schedules, exprs, layout, isa.as_ref(), job.in_place);
+        let columns = body::emit(builder, &schedules, exprs, layout, isa.as_ref(), job.in_place, lean);
         let mut code = Code { columns, ..Code::default() };
         if self.texts {
             code.clif = self.context.func.display().to_string();
@@ -176,7 +178,7 @@ fn make_isa(effort: Effort) -> Result<OwnedTargetIsa, String> {
     let mut flags = settings::builder();
     let options = match effort {
         Effort::Hot => [("opt_level", "speed"), ("regalloc_algorithm", "backtracking")],
-        Effort::Straight => [("opt_level", "none"), ("regalloc_algorithm", "backtracking")],
+        Effort::Lean => [("opt_level", "none"), ("regalloc_algorithm", "backtracking")],
         Effort::Lukewarm => [("opt_level", "none"), ("regalloc_algorithm", "single_pass")],
     };
     let verify = if cfg!(any(test, debug_assertions)) { "true" } else { "false" };

@@ -8,7 +8,7 @@ use cranelift_frontend::FunctionBuilder;
 use super::memory::{Start, constant_memory};
 use super::schedule::{BlockId, Item, Schedule, is_immediate};
 use super::segments::{Segments, is_load};
-use super::wide::LINE;
+use super::wide::{LINE, WideResidence};
 use crate::interpret::identity;
 use crate::ir::hash::FastMap;
 use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, MAX_DEPTH, ReduceFn, UnaryFn};
@@ -58,6 +58,10 @@ pub(super) struct Emitter<'a> {
     signatures: FastMap<(usize, bool), SigRef>,
     /// How the code outside of loops is cut.
     pub(super) segments: Segments,
+    /// Where the values of the loop of lanes stay, if it is long.
+    pub(super) wide: Option<WideResidence>,
+    /// All code is long.
+    pub(super) lean: bool,
     pub(super) in_place: bool,
     rounding: bool,
     /// Numbers of working memory used.
@@ -72,6 +76,7 @@ pub(super) fn emit(
     layout: &Layout,
     isa: &dyn TargetIsa,
     in_place: bool,
+    lean: bool,
 ) -> u32 {
     let entry = builder.create_block();
     builder.append_block_params_for_function_params(entry);
@@ -97,6 +102,8 @@ pub(super) fn emit(
             pointers: vec![FastMap::default(); blocks],
             signatures: FastMap::default(),
             segments: if in_place { Segments::default() } else { Segments::new(schedule, exprs) },
+            wide: None,
+            lean,
             in_place,
             rounding,
             columns: 0,
@@ -138,7 +145,9 @@ impl Emitter<'_> {
         for &child in &schedule.blocks[block].children {
             if block == 0 && self.segments.is_active() {
                 self.values[0].clear();
-                self.fetch_for_loop(child);
+                if !self.lean {
+                    self.fetch_for_loop(child);
+                }
             }
             if self.is_wide(child) {
                 self.wide_loop(child);
@@ -231,10 +240,32 @@ impl Emitter<'_> {
     /// Notes the value of a node, also in memory if a later segment needs it.
     fn define(&mut self, block: BlockId, expr: ExprId, value: Value) {
         self.values[block].insert(expr, value);
-        if let Some(slot) = self.segments.slot(expr).filter(|_| block == 0) {
-            let (pointer, offset) = self.slot(slot);
-            self.b.ins().store(MemFlagsData::new().with_notrap(), value, pointer, offset);
+        let slot = match &self.wide {
+            Some(wide) if block == wide.block => wide.slot(expr),
+            _ if block == 0 => self.segments.slot(expr),
+            _ => None,
+        };
+        if let Some(slot) = slot {
+            self.write_slot(slot, value);
         }
+    }
+
+    /// Writes a value to its place in memory.
+    pub(super) fn write_slot(&mut self, slot: u32, value: Value) {
+        let (pointer, offset) = self.slot(slot);
+        self.b.ins().store(MemFlagsData::new().with_notrap().with_aligned(), value, pointer, offset);
+    }
+
+    /// Reads a value of a block from its place in memory.
+    pub(super) fn read_slot(&mut self, block: BlockId, slot: u32, expr: ExprId) -> Value {
+        let (pointer, offset) = self.slot(slot);
+        let kind = match (self.is_two(block), self.exprs.is_truth(expr)) {
+            (true, false) => types::F64X2,
+            (true, true) => types::I64X2,
+            (false, false) => types::F64,
+            (false, true) => types::I8,
+        };
+        self.b.ins().load(kind, MemFlagsData::new().with_notrap().with_aligned(), pointer, offset)
     }
 
     /// The value of a node in its block: known, or loaded again in this segment.
@@ -249,15 +280,13 @@ impl Emitter<'_> {
             self.node(0, expr)
         } else {
             let slot = self.segments.slot(expr)?;
-            let (pointer, offset) = self.slot(slot);
-            let kind = if self.exprs.is_truth(expr) { types::I8 } else { types::F64 };
-            self.b.ins().load(kind, MemFlagsData::new().with_notrap(), pointer, offset)
+            self.read_slot(0, slot, expr)
         };
         self.values[home].insert(expr, value);
         Some(value)
     }
 
-    /// Pointer and offset of a place between segments.
+    /// Pointer and offset of a place ahead of the columns or after them.
     fn slot(&mut self, slot: u32) -> (Value, i32) {
         self.pointer(0, Base::Work, Affine::constant(i64::from(self.layout.columns() + slot)))
     }
@@ -314,16 +343,47 @@ impl Emitter<'_> {
         if !self.is_two(block) {
             return self.b.ins().f64const(x);
         }
+        self.two_numbers(x)
+    }
+
+    /// A constant in the lanes of a block, to be held in a register: read from memory, where it would else pass through a register for
+    /// whole numbers.
+    fn held_number(&mut self, block: BlockId, x: f64) -> Value {
+        if self.is_two(block) || !cfg!(target_arch = "x86_64") || x.to_bits() == 0 {
+            return self.number(block, x);
+        }
+        let both = self.two_numbers(x);
+        self.b.ins().extractlane(both, 0u8)
+    }
+
+    fn two_numbers(&mut self, x: f64) -> Value {
         let bytes = x.to_le_bytes();
         let both: ConstantData = bytes.into_iter().chain(bytes).collect();
         let both = self.b.func.dfg.constants.insert(both);
         self.b.ins().vconst(types::F64X2, both)
     }
 
+    /// `-a`
+    fn negative(&mut self, block: BlockId, a: Value) -> Value {
+        if !cfg!(target_arch = "x86_64") {
+            return self.b.ins().fneg(a);
+        }
+        let sign = self.held_number(block, -0.0);
+        self.b.ins().bxor(a, sign)
+    }
+
+    /// The second operand of an arithmetic operation: a constant is read from memory by the instruction itself.
+    fn second_operand(&mut self, block: BlockId, expr: ExprId) -> Value {
+        match self.exprs.node(expr) {
+            Expr::Const(bits) => self.number(block, f64::from_bits(bits)),
+            _ => self.operand(block, expr),
+        }
+    }
+
     /// The value of an operand in the lanes of a block.
     pub(super) fn operand(&mut self, block: BlockId, expr: ExprId) -> Value {
         match self.exprs.node(expr) {
-            Expr::Const(bits) => return self.number(block, f64::from_bits(bits)),
+            Expr::Const(bits) => return self.held_number(block, f64::from_bits(bits)),
             Expr::Truth(truth) => return self.truth(block, truth),
             _ => {}
         }
@@ -349,6 +409,11 @@ impl Emitter<'_> {
     /// A value from outside of the loop of lanes, in both lanes.
     pub(super) fn splat(&mut self, home: BlockId, expr: ExprId) -> Value {
         if let Some(&value) = self.splats.get(&(home, expr)) {
+            return value;
+        }
+        if let Some(place) = self.wide.as_ref().and_then(|wide| wide.splat(home, expr)) {
+            let value = self.read_slot(self.wide_block(), place, expr);
+            self.splats.insert((home, expr), value);
             return value;
         }
         let Some(one) = self.value(home, expr) else {
@@ -396,7 +461,9 @@ impl Emitter<'_> {
                 // A constant as the second operand is read from memory by the instruction itself.
                 let swap = matches!(f, BinaryFn::Add | BinaryFn::Mul) && is_immediate(self.exprs.node(a));
                 let (a, b) = if swap { (b, a) } else { (a, b) };
-                let (a, b) = (self.operand(block, a), self.operand(block, b));
+                let arithmetic = matches!(f, BinaryFn::Add | BinaryFn::Sub | BinaryFn::Mul | BinaryFn::Div);
+                let a = self.operand(block, a);
+                let b = if arithmetic { self.second_operand(block, b) } else { self.operand(block, b) };
                 self.binary(block, f, a, b)
             }
             Expr::Compare(op, a, b) => {
@@ -464,7 +531,7 @@ impl Emitter<'_> {
 
     fn unary(&mut self, block: BlockId, f: UnaryFn, a: Value) -> Value {
         match f {
-            UnaryFn::Neg => self.b.ins().fneg(a),
+            UnaryFn::Neg => self.negative(block, a),
             UnaryFn::Abs => self.b.ins().fabs(a),
             UnaryFn::Sqrt => self.b.ins().sqrt(a),
             UnaryFn::Floor if self.rounding => self.b.ins().floor(a),
@@ -486,9 +553,11 @@ impl Emitter<'_> {
 
     fn whole_power(&mut self, block: BlockId, a: Value, n: i32) -> Value {
         let power = kernels::power_chain(n.unsigned_abs(), a, |x, y| self.b.ins().fmul(x, y));
-        let one = self.number(block, 1.0);
-        let power = power.unwrap_or(one);
-        if n < 0 { self.b.ins().fdiv(one, power) } else { power }
+        if let Some(power) = power.filter(|_| n > 0) {
+            return power;
+        }
+        let one = self.held_number(block, 1.0);
+        power.map_or(one, |power| self.b.ins().fdiv(one, power))
     }
 
     fn binary(&mut self, block: BlockId, f: BinaryFn, a: Value, b: Value) -> Value {

@@ -1,6 +1,6 @@
 //! Loads and stores, and the pointers that they share.
 
-use cranelift_codegen::ir::{InstBuilder, MemFlagsData, Value, types};
+use cranelift_codegen::ir::{Endianness, InstBuilder, MemFlagsData, Value, types};
 
 use super::body::{Emitter, Lanes, WORD};
 use super::schedule::{BlockId, Item, Sink};
@@ -169,7 +169,7 @@ impl Emitter<'_> {
                 }
                 for lane in [0u8, 1] {
                     let step = |at: Affine, stride: i64| at.plus(Affine::constant(stride * i64::from(lane)));
-                    let number = self.b.ins().extractlane(value, lane);
+                    let number = self.lane(value, lane, add);
                     let (index, plus) = (step(index, self.lane_stride(index)), step(plus, self.lane_stride(plus)));
                     self.store_slot(block, index, plus, add, number);
                 }
@@ -187,9 +187,15 @@ impl Emitter<'_> {
         let stride = self.lane_stride(at);
         for lane in [0u8, 1] {
             let (pointer, offset) = self.pointer(block, base, at.plus(Affine::constant(stride * i64::from(lane))));
-            let number = self.b.ins().extractlane(value, lane);
+            let number = self.lane(value, lane, false);
             self.b.ins().store(flags, number, pointer, offset);
         }
+    }
+
+    /// One of two numbers, to be stored or to be `added` to; the second is stored fastest as the bits it is.
+    fn lane(&mut self, value: Value, lane: u8, added: bool) -> Value {
+        let value = if lane == 1 && !added { self.b.ins().bitcast(types::I64X2, little(), value) } else { value };
+        self.b.ins().extractlane(value, lane)
     }
 
     /// Stores at `tables[index] + plus` of the output, or adds there.
@@ -212,6 +218,11 @@ impl Emitter<'_> {
         };
         self.b.ins().store(flags, value, pointer, offset);
     }
+}
+
+/// Lanes in the order of memory.
+fn little() -> MemFlagsData {
+    MemFlagsData::new().with_endianness(Endianness::Little)
 }
 
 /// Memory that never changes.

@@ -8,7 +8,8 @@ use cranelift_codegen::ir::condcodes::{FloatCC, IntCC};
 use cranelift_codegen::ir::{InstBuilder, MemFlagsData, Value, types};
 
 use super::body::{Emitter, Lanes, WORD, pow_entry};
-use super::schedule::{BlockId, Item, Sink, is_immediate};
+use super::residence::{Course, Residence};
+use super::schedule::{BlockId, Item, Schedule, Sink, is_immediate};
 use crate::ir::hash::{FastMap, FastSet};
 use crate::ir::{Affine, BinaryFn, Expr, ExprId, UnaryFn};
 use crate::kernels::{self, UNARY_COUNT};
@@ -36,11 +37,43 @@ struct Phases {
     first: FastMap<ExprId, u32>,
 }
 
+/// What stays in the registers within a pass of a long loop; everything from outside of it is in memory, in both lanes.
+pub(super) struct WideResidence {
+    pub(super) block: BlockId,
+    residence: Residence,
+    /// Places of values from outside.
+    splats: FastMap<(BlockId, ExprId), u32>,
+    /// First place of values of the loop.
+    start: u32,
+}
+
+impl WideResidence {
+    /// Place of a value of the loop that leaves the registers.
+    pub(super) fn slot(&self, expr: ExprId) -> Option<u32> {
+        self.residence.slot(expr).map(|slot| self.start + 2 * slot)
+    }
+
+    /// Place of a value from outside.
+    pub(super) fn splat(&self, home: BlockId, expr: ExprId) -> Option<u32> {
+        self.splats.get(&(home, expr)).copied()
+    }
+}
+
+/// Whether a block of a function without storing in place is a loop written in lanes.
+pub(super) fn is_wide(schedule: &Schedule, block: BlockId) -> bool {
+    let here = &schedule.blocks[block];
+    here.leaf && here.children.is_empty() && here.extent >= SHORTEST
+}
+
 impl Emitter<'_> {
     /// Whether a loop is written in lanes.
     pub(super) fn is_wide(&self, block: BlockId) -> bool {
-        let here = &self.schedule.blocks[block];
-        here.leaf && here.children.is_empty() && here.extent >= SHORTEST && !self.in_place
+        !self.in_place && is_wide(self.schedule, block)
+    }
+
+    /// The loop of lanes that is being written.
+    pub(super) fn wide_block(&self) -> BlockId {
+        self.wide.as_ref().map_or(0, |wide| wide.block)
     }
 
     /// Writes an innermost loop in lanes.
@@ -50,8 +83,15 @@ impl Emitter<'_> {
         let adds = self.schedule.blocks[block].items.iter().any(|i| matches!(i, Item::Store(Sink::Table { add: true, .. }, _)));
         self.columns = self.columns.max(self.reserved() + (phases.column.len() + phases.first.len()) as u32 * column_length(extent));
         self.prepare_pointers(block);
+        if self.lean {
+            self.spread_to_memory(block, &phases);
+        }
         for phase in 0..phases.count {
-            self.spread(block, &phases, phase);
+            if self.lean {
+                self.reside(block, &phases, phase);
+            } else {
+                self.spread(block, &phases, phase);
+            }
             self.lanes = Lanes::Two(block);
             self.pairs(extent, adds, &mut |emitter, counter| emitter.pass(block, &phases, phase, counter));
             self.lanes = Lanes::One;
@@ -64,6 +104,68 @@ impl Emitter<'_> {
             }
         }
         self.splats.clear();
+        self.wide = None;
+    }
+
+    /// Puts all values from outside into memory, in both lanes.
+    fn spread_to_memory(&mut self, block: BlockId, phases: &Phases) {
+        for phase in 0..phases.count {
+            self.spread(block, phases, phase);
+        }
+        let length = column_length(self.schedule.blocks[block].extent);
+        let start = self.reserved() + (phases.column.len() + phases.first.len()) as u32 * length;
+        let mut wide = WideResidence { block, residence: Residence::default(), splats: FastMap::default(), start };
+        let mut outside: Vec<_> = self.splats.drain().collect();
+        outside.sort_unstable_by_key(|&(from, _)| from);
+        for (from, value) in outside {
+            self.write_slot(wide.start, value);
+            wide.splats.insert(from, wide.start);
+            wide.start += 2;
+        }
+        self.columns = self.columns.max(wide.start);
+        self.wide = Some(wide);
+        if self.segments.is_active() {
+            self.values[0].clear();
+        }
+    }
+
+    /// Decides what stays in the registers in a phase.
+    fn reside(&mut self, block: BlockId, phases: &Phases, phase: usize) {
+        let (schedule, exprs) = (self.schedule, self.exprs);
+        let mut course = Course::default();
+        for (i, item) in schedule.blocks[block].items.iter().enumerate() {
+            let result = match *item {
+                _ if self.phase_of(phases, *item) != phase => continue,
+                Item::Eval(expr) if is_repeated(exprs.node(expr)) => continue,
+                Item::Eval(expr) if is_function(exprs.node(expr)) => None,
+                Item::Eval(expr) | Item::Reduce { expr, .. } => Some(expr),
+                Item::Store(..) => None,
+            };
+            schedule.each_use(exprs, block, *item, &mut |_, e| {
+                if !is_immediate(exprs.node(e)) {
+                    course.uses(e);
+                }
+            });
+            course.step(i, result);
+        }
+        let outside = |e: ExprId| !schedule.is_inside(schedule.home(exprs, block, e), block);
+        let residence = Residence::of(&course, |e| {
+            let earlier = phases.of.get(&e).is_some_and(|&p| p < phase);
+            is_repeated(exprs.node(e)) || earlier || phases.kept.contains(&e) || outside(e)
+        });
+        if let Some(wide) = &mut self.wide {
+            self.columns = self.columns.max(wide.start + 2 * residence.len());
+            wide.residence = residence;
+        }
+    }
+
+    /// Forgets what leaves the registers after an item of a loop of lanes.
+    fn leave(&mut self, block: BlockId, item: usize) {
+        let Some(wide) = &self.wide else { return };
+        for expr in wide.residence.leaving(item) {
+            self.values[block].remove(&expr);
+            self.splats.remove(&(self.schedule.home(self.exprs, block, expr), expr));
+        }
     }
 
     /// A loop over pairs of neighbours. The last pair of an odd number overlaps the one before it and computes the same again, unless
@@ -195,7 +297,7 @@ impl Emitter<'_> {
     fn pass(&mut self, block: BlockId, phases: &Phases, phase: usize, counter: Value) {
         self.counters[block] = Some(counter);
         let schedule = self.schedule;
-        for item in &schedule.blocks[block].items {
+        for (i, item) in schedule.blocks[block].items.iter().enumerate() {
             if self.phase_of(phases, *item) != phase {
                 continue;
             }
@@ -216,6 +318,10 @@ impl Emitter<'_> {
                 }
                 Item::Store(..) => self.item(block, *item),
             }
+            self.leave(block, i);
+        }
+        if self.wide.is_some() {
+            self.splats.clear();
         }
         self.forget(block);
     }
@@ -229,7 +335,9 @@ impl Emitter<'_> {
         let earlier = phases.of.get(&expr).is_some_and(|&p| p < phase);
         let value = if is_repeated(node) {
             self.node(block, expr)
-        } else if earlier {
+        } else if let Some(slot) = self.wide.as_ref().and_then(|wide| wide.slot(expr)) {
+            self.read_slot(block, slot, expr)
+        } else if earlier || self.wide.is_some() && phases.kept.contains(&expr) {
             match phases.column.get(&expr) {
                 Some(&column) => self.read_column(block, column, expr),
                 None => return,
