@@ -116,8 +116,8 @@ pub(crate) struct Parts {
     pub(crate) pattern: Pattern,
     /// Position tables of all compiled functions.
     pub(crate) tables: Vec<u32>,
-    /// Code of each function of [`Function::ALL`].
-    pub(crate) codes: Vec<Code>,
+    /// Pieces of the code of each function of [`Function::ALL`], to be called one after another.
+    pub(crate) codes: Vec<Vec<Code>>,
     /// Fills the caches that depend on parameters; interpreted.
     pub(crate) prepare_parameters: Job,
     pub(crate) statistics: CompileStatistics,
@@ -128,7 +128,8 @@ pub struct CompiledModel {
     parts: Parts,
     layout: Arc<Layout>,
     tapes: Tapes,
-    functions: [Option<CompiledFn>; Function::ALL.len()],
+    /// Pieces of each function.
+    functions: [Box<[CompiledFn]>; Function::ALL.len()],
     surroundings: Surroundings,
     /// Tapes of derivatives, made when first asked for.
     derivatives: [OnceLock<Result<Derivative, BackEndError>>; 8],
@@ -153,15 +154,17 @@ impl CompiledModel {
 
     /// Maps the code and prepares the tapes.
     pub(crate) fn assemble(parts: Parts) -> Result<CompiledModel, BackEndError> {
-        let columns = parts.codes.iter().map(|c| c.columns).max().unwrap_or(0);
+        let columns = parts.codes.iter().flatten().map(|c| c.columns).max().unwrap_or(0);
         let layout = Layout::new(&parts.model, columns);
         let tapes = build::tapes(&parts, &layout)?;
-        let pieces: Vec<&[u8]> = parts.codes.iter().map(|c| c.bytes.as_slice()).collect();
+        let pieces: Vec<&[u8]> = parts.codes.iter().flatten().map(|c| c.bytes.as_slice()).collect();
         let executable = Executable::new(&pieces)?;
         let functions = Function::ALL.map(|f| {
-            let address = executable.address(f as usize)?;
-            // SAFETY: the piece was generated with this signature.
-            Some(unsafe { std::mem::transmute::<*const u8, CompiledFn>(address) })
+            let first = parts.codes.iter().take(f as usize).map(Vec::len).sum::<usize>();
+            let count = parts.codes.get(f as usize).map_or(0, Vec::len);
+            let addresses = (first..first + count).filter_map(|piece| executable.address(piece));
+            // SAFETY: the pieces were generated with this signature.
+            addresses.map(|address| unsafe { std::mem::transmute::<*const u8, CompiledFn>(address) }).collect()
         });
         let surroundings = Surroundings { kernels: *kernels::table(), tables: parts.tables.as_ptr() };
         let derivatives = Default::default();

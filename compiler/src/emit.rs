@@ -122,9 +122,11 @@ pub fn assembly(model: &CompiledModel) -> String {
 
 fn functions(model: &CompiledModel, text_of: impl Fn(&crate::generate::Code) -> String) -> String {
     let mut text = String::new();
-    for (function, code) in Function::ALL.iter().zip(&model.parts().codes).filter(|(_, c)| !c.bytes.is_empty()) {
-        line(&mut text, 0, &format!("; {}, {} bytes", function.name(), code.bytes.len()));
-        line(&mut text, 0, &text_of(code));
+    for (function, codes) in Function::ALL.iter().zip(&model.parts().codes) {
+        for code in codes {
+            line(&mut text, 0, &format!("; {}, {} bytes", function.name(), code.bytes.len()));
+            line(&mut text, 0, &text_of(code));
+        }
     }
     text
 }

@@ -10,6 +10,7 @@ pub mod schedule;
 mod body;
 mod executable;
 mod memory;
+mod plan;
 mod residence;
 mod segments;
 mod wide;
@@ -25,6 +26,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 pub use executable::Executable;
+pub use plan::{Piece, Plan};
 
 use crate::ir::Exprs;
 use crate::kernels::KernelTable;
@@ -96,6 +98,15 @@ pub struct Code {
     pub assembly: String,
 }
 
+/// Cuts a job into pieces; an empty one has none.
+///
+/// # Errors
+/// If the job addresses what it cannot have.
+pub fn plan(job: &Job, exprs: &Exprs, layout: &Layout, access: Access) -> Result<Plan, GenerateError> {
+    let schedules = if job.is_empty() { vec![] } else { job.schedules(exprs, layout, access)? };
+    Ok(Plan::new(schedules, exprs, job.in_place))
+}
+
 /// Generates functions; keeps Cranelift's buffers between them.
 pub struct Generator {
     context: Context,
@@ -114,26 +125,29 @@ impl Generator {
         Generator { context, builder: FunctionBuilderContext::new(), control: ControlPlane::default(), texts }
     }
 
-    /// Compiles a job; an empty one gives no code.
+    /// Compiles a piece of a job.
     ///
     /// # Errors
-    /// If the job addresses what it cannot have, or Cranelift refuses.
-    pub fn compile(&mut self, job: &Job, exprs: &Exprs, layout: &Layout, access: Access, effort: Effort) -> Result<Code, GenerateError> {
-        if job.is_empty() {
-            return Ok(Code::default());
-        }
-        let schedules = job.schedules(exprs, layout, access)?;
-        let lean = effort == Effort::Hot && !job.in_place && residence::is_lean(&schedules);
-        let isa = isa(if lean { Effort::Lean } else { effort })?;
+    /// If Cranelift refuses.
+    pub fn compile(
+        &mut self,
+        plan: &Plan,
+        piece: &Piece,
+        exprs: &Exprs,
+        layout: &Layout,
+        function: &'static str,
+        effort: Effort,
+    ) -> Result<Code, GenerateError> {
+        let isa = isa(if piece.lean && effort == Effort::Hot { Effort::Lean } else { effort })?;
         self.context.clear();
         self.context.func = Function::with_name_signature(UserFuncName::default(), signature(isa.default_call_conv()));
         let builder = FunctionBuilder::new(&mut self.context.func, &mut self.builder);
-        let columns = body::emit(builder, &schedules, exprs, layout, isa.as_ref(), job.in_place, lean);
+        let columns = body::emit(builder, plan, piece, exprs, layout, isa.as_ref());
         let mut code = Code { columns, ..Code::default() };
         if self.texts {
             code.clif = self.context.func.display().to_string();
         }
-        self.finish(isa, access.name, code)
+        self.finish(isa, function, code)
     }
 
     fn finish(&mut self, isa: &OwnedTargetIsa, function: &'static str, mut code: Code) -> Result<Code, GenerateError> {

@@ -13,7 +13,7 @@ use super::{BackEndError, Function, Parts, Tapes};
 use crate::differentiate::{self, Column, Rows, pattern};
 use crate::generate::reroll::reroll;
 use crate::generate::schedule::{Access, Job, Sink, Task};
-use crate::generate::{Code, Effort, GenerateError, Generator};
+use crate::generate::{self, Code, Effort, GenerateError, Generator, Plan};
 use crate::hoist::{Hoister, Stage};
 use crate::interpret::Tape;
 use crate::ir::{Affine, BUILTIN_COUNT, Builtin, ExprId, Exprs, Flavour, LoopVar, Program, Role, VarId};
@@ -77,22 +77,28 @@ pub(super) fn passes(mut model: Model, settings: &BackEndSettings) -> Result<Par
     let layout = Layout::new(&model, 0);
     let hoisted = Instant::now();
 
-    let compile = |generator: &mut Generator, (function, job): &(Function, Job)| {
-        let access = access(*function, &model, unknowns, pattern.nonzeros());
-        let effort = if settings.quick { Effort::Lukewarm } else { effort(*function) };
+    let plan = |(function, job): &(Function, Job)| {
         let started = Instant::now();
-        generator.compile(job, &model.exprs, &layout, access, effort).map(|code| (code, started.elapsed()))
+        let access = access(*function, &model, unknowns, pattern.nonzeros());
+        generate::plan(job, &model.exprs, &layout, access).map(|plan| (plan, started.elapsed()))
+    };
+    let compile = |generator: &mut Generator, function: Function, plan: &Plan, piece: usize| {
+        let effort = if settings.quick { Effort::Lukewarm } else { effort(function) };
+        let started = Instant::now();
+        let code = generator.compile(plan, &plan.pieces()[piece], &model.exprs, &layout, function.name(), effort);
+        code.map(|code| (code, started.elapsed()))
     };
     let helped = model.exprs.len() >= WORTH_A_THREAD;
-    let generated = generate(&jobs, helped, || Generator::new(settings.texts), compile)?;
+    let generated = generate(&jobs, helped, || Generator::new(settings.texts), plan, compile)?;
+    let size = |codes: &[Code]| codes.iter().map(|c| c.bytes.len()).sum::<usize>();
     let named = jobs.iter().zip(&generated);
-    let functions = named.map(|((f, _), (code, time))| (f.name().to_owned(), *time, code.bytes.len())).collect();
-    let codes: Vec<Code> = generated.into_iter().map(|(code, _)| code).collect();
+    let functions = named.map(|((f, _), (codes, time))| (f.name().to_owned(), *time, size(codes))).collect();
+    let codes: Vec<Vec<Code>> = generated.into_iter().map(|(codes, _)| codes).collect();
     let statistics = CompileStatistics {
         differentiate: differentiated - started,
         hoist: hoisted - differentiated,
         generate: hoisted.elapsed(),
-        code_bytes: codes.iter().map(|c| c.bytes.len()).sum(),
+        code_bytes: codes.iter().map(|codes| size(codes)).sum(),
         nonzeros: pattern.nonzeros(),
         expressions: model.exprs.len(),
         cached: model.vars.values().filter(|v| v.role == Role::Cache).map(|v| v.len as usize).sum(),
@@ -101,21 +107,43 @@ pub(super) fn passes(mut model: Model, settings: &BackEndSettings) -> Result<Par
     Ok(Parts { model, pattern, tables, codes, prepare_parameters, statistics })
 }
 
-/// Generates the code of all jobs, with the help of a second thread if that is worth it; the Jacobian, which takes longest, comes first.
-fn generate<G, R: Send + Sync>(
+/// The pieces of each job with the time that they took.
+type Generated = Vec<(Vec<Code>, Duration)>;
+
+/// Generates the code of all jobs, with the help of a second thread if that is worth it: plans of all jobs first, then their pieces,
+/// the longest first.
+fn generate(
     jobs: &[(Function, Job)],
     helped: bool,
-    generator: impl Fn() -> G + Sync,
-    compile: impl Fn(&mut G, &(Function, Job)) -> Result<R, GenerateError> + Sync,
-) -> Result<Vec<R>, GenerateError> {
+    generator: impl Fn() -> Generator + Sync,
+    plan: impl Fn(&(Function, Job)) -> Result<(Plan, Duration), GenerateError> + Sync,
+    compile: impl Fn(&mut Generator, Function, &Plan, usize) -> Result<(Code, Duration), GenerateError> + Sync,
+) -> Result<Generated, GenerateError> {
     let mut order: Vec<usize> = (0..jobs.len()).collect();
     order.sort_by_key(|&i| (jobs[i].0 != Function::Jacobian, jobs[i].0 != Function::Residual));
-    let (next, results) = (AtomicUsize::new(0), jobs.iter().map(|_| OnceLock::new()).collect::<Vec<_>>());
+    let next = AtomicUsize::new(0);
+    let plans: Vec<OnceLock<_>> = jobs.iter().map(|_| OnceLock::new()).collect();
+    let pieces: OnceLock<Vec<(usize, usize, OnceLock<_>)>> = OnceLock::new();
+    let next_piece = AtomicUsize::new(0);
     let work = || {
-        let mut generator = generator();
         while let Some(&i) = order.get(next.fetch_add(1, Ordering::Relaxed)) {
             // Each job is taken once.
-            let _ = results[i].set(compile(&mut generator, &jobs[i]));
+            let _ = plans[i].set(plan(&jobs[i]));
+        }
+        // The other thread may still be at its last plan.
+        let planned: Vec<&Result<(Plan, Duration), GenerateError>> = plans.iter().map(OnceLock::wait).collect();
+        let plan_of = |i: usize| planned[i].as_ref().ok().map(|(plan, _)| plan);
+        let pieces = pieces.get_or_init(|| {
+            let sizes = (0..jobs.len())
+                .flat_map(|i| plan_of(i).into_iter().flat_map(Plan::pieces).enumerate().map(move |(k, piece)| (piece.size(), i, k)));
+            let mut sizes: Vec<_> = sizes.collect();
+            sizes.sort_by_key(|&(size, i, k)| (std::cmp::Reverse(size), i, k));
+            sizes.into_iter().map(|(_, i, k)| (i, k, OnceLock::new())).collect()
+        });
+        let mut generator = generator();
+        while let Some((i, k, code)) = pieces.get(next_piece.fetch_add(1, Ordering::Relaxed)) {
+            // Each piece is taken once.
+            let _ = plan_of(*i).map(|plan| code.set(compile(&mut generator, jobs[*i].0, plan, *k)));
         }
     };
     thread::scope(|scope| {
@@ -123,7 +151,19 @@ fn generate<G, R: Send + Sync>(
         let _ = helped.then(|| thread::Builder::new().spawn_scoped(scope, work));
         work();
     });
-    results.into_iter().filter_map(OnceLock::into_inner).collect()
+    let mut generated = plans
+        .into_iter()
+        .filter_map(OnceLock::into_inner)
+        .map(|plan| plan.map(|(plan, time)| (vec![Code::default(); plan.pieces().len()], time)))
+        .collect::<Result<Generated, GenerateError>>()?;
+    for (i, k, code) in pieces.into_inner().into_iter().flatten() {
+        if let Some(code) = code.into_inner() {
+            let (code, time) = code?;
+            generated[i].0[k] = code;
+            generated[i].1 += time;
+        }
+    }
+    Ok(generated)
 }
 
 fn check_square(model: &Model) -> Result<usize, BackEndError> {

@@ -29,13 +29,12 @@ impl CompiledModel {
     }
 
     fn call(&self, function: Function, call: Call<'_>) {
-        let Some(code) = self.functions[function as usize] else {
-            return;
-        };
         let work = call.memory.all_mut().as_mut_ptr();
-        // SAFETY: the code was generated for these lengths, which the callers have checked; it writes to `out` and the workspace, and
-        // to `y` only in functions that take it mutably; every address in it was checked against its variable's extent.
-        unsafe { code(call.t, call.factor, call.y, call.yp, work, call.out, &raw const self.surroundings) }
+        for code in &self.functions[function as usize] {
+            // SAFETY: the code was generated for these lengths, which the callers have checked; it writes to `out` and the workspace,
+            // and to `y` only in functions that take it mutably; every address in it was checked against its variable's extent.
+            unsafe { code(call.t, call.factor, call.y, call.yp, work, call.out, &raw const self.surroundings) }
+        }
     }
 
     fn evaluate(&self, function: Function, memory: &mut Memory, (t, factor): (f64, f64), (y, yp): (&[f64], &[f64]), out: &mut [f64]) {

@@ -6,6 +6,7 @@ use cranelift_codegen::isa::TargetIsa;
 use cranelift_frontend::FunctionBuilder;
 
 use super::memory::{Start, constant_memory};
+use super::plan::{Part, Piece, Plan};
 use super::schedule::{BlockId, Item, Schedule, is_immediate};
 use super::segments::{Segments, is_load};
 use super::wide::{LINE, WideResidence};
@@ -57,10 +58,10 @@ pub(super) struct Emitter<'a> {
     pub(super) pointers: Vec<FastMap<(Start, [i64; MAX_DEPTH]), Value>>,
     signatures: FastMap<(usize, bool), SigRef>,
     /// How the code outside of loops is cut.
-    pub(super) segments: Segments,
+    pub(super) segments: &'a Segments,
     /// Where the values of the loop of lanes stay, if it is long.
     pub(super) wide: Option<WideResidence>,
-    /// All code is long.
+    /// The code is long.
     pub(super) lean: bool,
     pub(super) in_place: bool,
     rounding: bool,
@@ -68,15 +69,14 @@ pub(super) struct Emitter<'a> {
     pub(super) columns: u32,
 }
 
-/// Writes the code of all schedules; returns the numbers of working memory it uses.
+/// Writes the code of the parts of a function; returns the numbers of working memory it uses.
 pub(super) fn emit(
     mut builder: FunctionBuilder<'_>,
-    schedules: &[Schedule],
+    plan: &Plan,
+    piece: &Piece,
     exprs: &Exprs,
     layout: &Layout,
     isa: &dyn TargetIsa,
-    in_place: bool,
-    lean: bool,
 ) -> u32 {
     let entry = builder.create_block();
     builder.append_block_params_for_function_params(entry);
@@ -86,8 +86,9 @@ pub(super) fn emit(
     let rounding = has_rounding(isa);
     let mut columns = 0;
     let mut rest = Some(builder);
-    for schedule in schedules {
+    for part in &piece.parts {
         let Some(b) = rest.take() else { break };
+        let (schedule, segments) = &plan.schedules[part.schedule];
         let blocks = schedule.blocks.len();
         let mut emitter = Emitter {
             b,
@@ -101,15 +102,15 @@ pub(super) fn emit(
             counters: vec![None; blocks],
             pointers: vec![FastMap::default(); blocks],
             signatures: FastMap::default(),
-            segments: if in_place { Segments::default() } else { Segments::new(schedule, exprs) },
+            segments,
             wide: None,
-            lean,
-            in_place,
+            lean: piece.lean,
+            in_place: plan.in_place,
             rounding,
             columns: 0,
         };
         emitter.columns = emitter.reserved();
-        emitter.block(0);
+        emitter.outside(part);
         columns = columns.max(emitter.columns);
         rest = Some(emitter.b);
     }
@@ -128,32 +129,43 @@ fn has_rounding(isa: &dyn TargetIsa) -> bool {
 }
 
 impl Emitter<'_> {
-    /// Writes the items of a block, then the loops in it.
-    pub(super) fn block(&mut self, block: BlockId) {
-        let schedule = self.schedule;
-        for (i, item) in schedule.blocks[block].items.iter().enumerate() {
-            self.item(block, *item);
-            if block == 0 && self.segments.ends_at(i) {
+    /// Writes items and loops of a part of a function.
+    fn outside(&mut self, part: &Part) {
+        for i in part.items.clone() {
+            let item = self.schedule.blocks[0].items[i];
+            self.item(0, item);
+            if self.segments.ends_at(i) {
                 let result = match item {
-                    Item::Eval(expr) | Item::Reduce { expr, .. } => self.values[0].remove_entry(expr),
+                    Item::Eval(expr) | Item::Reduce { expr, .. } => self.values[0].remove_entry(&expr),
                     Item::Store(..) => None,
                 };
                 self.values[0].clear();
                 self.values[0].extend(result);
             }
         }
-        for &child in &schedule.blocks[block].children {
-            if block == 0 && self.segments.is_active() {
+        for &child in &part.loops {
+            if self.segments.is_active() {
                 self.values[0].clear();
                 if !self.lean {
                     self.fetch_for_loop(child);
                 }
             }
-            if self.is_wide(child) {
-                self.wide_loop(child);
-            } else {
-                self.scalar_loop(child);
-            }
+            self.inner_loop(child);
+        }
+    }
+
+    /// Writes the items of a loop, then the loops in it.
+    fn inside(&mut self, block: BlockId) {
+        let schedule = self.schedule;
+        schedule.blocks[block].items.iter().for_each(|item| self.item(block, *item));
+        schedule.blocks[block].children.iter().for_each(|&child| self.inner_loop(child));
+    }
+
+    fn inner_loop(&mut self, block: BlockId) {
+        if self.is_wide(block) {
+            self.wide_loop(block);
+        } else {
+            self.scalar_loop(block);
         }
     }
 
@@ -184,7 +196,7 @@ impl Emitter<'_> {
         let extent = i64::from(self.schedule.blocks[block].extent);
         self.counted(extent, &mut |emitter, counter| {
             emitter.counters[block] = Some(counter);
-            emitter.block(block);
+            emitter.inside(block);
             emitter.forget(block);
         });
     }

@@ -5,13 +5,9 @@
 //! [`RESIDENT`] values are alive at once: the others are stored once, where they are computed, and loaded again where they are needed;
 //! what is in memory anyway is simply loaded again.
 
-use super::schedule::{Block, Item, Schedule};
-use super::wide::is_wide;
 use crate::ir::ExprId;
 use crate::ir::hash::FastMap;
 
-/// Code with fewer items stays as it is.
-const SHORTEST: usize = 64;
 /// Values that are alive between two items; the registers left over are for operands and intermediate results.
 const RESIDENT: usize = 12;
 /// Not needed any more.
@@ -131,14 +127,4 @@ impl Residence {
     pub(super) fn len(&self) -> u32 {
         self.slots.len() as u32
     }
-}
-
-/// Whether all code is long, and straight or in loops of lanes.
-pub(super) fn is_lean(schedules: &[Schedule]) -> bool {
-    let is_long = |block: &Block| block.items.is_empty() || block.items.len() >= SHORTEST;
-    let has_reduction = |block: &Block| block.items.iter().any(|item| matches!(item, Item::Reduce { .. }));
-    schedules.iter().all(|schedule| {
-        let loops = (1..schedule.blocks.len()).all(|block| is_wide(schedule, block));
-        loops && schedule.blocks.iter().all(|block| is_long(block) && !has_reduction(block))
-    })
 }

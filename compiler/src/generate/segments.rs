@@ -19,14 +19,16 @@ const LENGTH: usize = 64;
 pub(super) struct Segments {
     /// Items whose operands are the last uses of a segment and whose result is the first value of the next, ascending.
     ends: Vec<usize>,
+    /// Items after which a piece ends, a subset of `ends`; nothing stays in registers there.
+    pieces: Vec<usize>,
     /// Places in memory of the values that live longer than their segment.
     slots: FastMap<ExprId, u32>,
     active: bool,
 }
 
 impl Segments {
-    /// The segments of a schedule.
-    pub(super) fn new(schedule: &Schedule, exprs: &Exprs) -> Segments {
+    /// The segments of a schedule, a new piece begun once `piece` items are in one.
+    pub(super) fn new(schedule: &Schedule, exprs: &Exprs, piece: usize) -> Segments {
         let root = &schedule.blocks[0];
         if !is_long(schedule) {
             return Segments::default();
@@ -47,6 +49,10 @@ impl Segments {
                 (segment, length) = (segment + 1, 0);
             }
             defined.insert(expr, segment);
+            if length == 0 && i >= piece * (segments.pieces.len() + 1) {
+                segments.pieces.push(i);
+                segment += 1;
+            }
         }
         for &child in &root.children {
             segment += 1;
@@ -82,6 +88,11 @@ impl Segments {
         self.ends.binary_search(&item).is_ok()
     }
 
+    /// Items after which a piece ends, ascending.
+    pub(super) fn pieces(&self) -> &[usize] {
+        &self.pieces
+    }
+
     /// Place in memory of a value that lives longer than its segment.
     pub(super) fn slot(&self, expr: ExprId) -> Option<u32> {
         self.slots.get(&expr).copied()
@@ -94,7 +105,7 @@ impl Segments {
 }
 
 /// Whether the code outside of loops is worth cutting.
-pub(super) fn is_long(schedule: &Schedule) -> bool {
+fn is_long(schedule: &Schedule) -> bool {
     schedule.blocks[0].items.len() >= SHORTEST
 }
 

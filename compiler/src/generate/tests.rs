@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use smpl_dsl::span::Span;
 
 use super::schedule::{Access, Job, Sink, Task};
-use super::{CompiledFn, Effort, Executable, Generator, Surroundings};
+use super::{Code, CompiledFn, Effort, Executable, Generator, Surroundings, plan};
 use crate::interpret::{Tape, View};
 use crate::ir::{Affine, BinaryFn, Compare, ExprId, Flavour, LoopVar, MAX_DEPTH, ReduceFn, Role, UnaryFn, VarId};
 use crate::kernels;
@@ -143,11 +143,14 @@ fn run_both(world: &World, job: &Job, effort: Effort, out: usize, numbers: &[f64
     let access = Access { name: "test", y: true, yp: true, out };
     let exprs = &world.model.exprs;
     let layout = Layout::new(&world.model, 0);
-    let code = Generator::new(false).compile(job, exprs, &layout, access, effort);
-    let code = code.unwrap_or_else(|e| panic!("{e} for {job:?} of {exprs:?}"));
-    let layout = Arc::new(Layout::new(&world.model, code.columns));
+    let plan = plan(job, exprs, &layout, access).unwrap_or_else(|e| panic!("{e} for {job:?} of {exprs:?}"));
+    let mut generator = Generator::new(false);
+    let codes = plan.pieces().iter().map(|piece| generator.compile(&plan, piece, exprs, &layout, "test", effort));
+    let codes: Vec<Code> = codes.collect::<Result<_, _>>().unwrap_or_else(|e| panic!("{e} for {job:?} of {exprs:?}"));
+    let columns = codes.iter().map(|c| c.columns).max().unwrap_or(0);
+    let layout = Arc::new(Layout::new(&world.model, columns));
     let tape = Tape::new(job, exprs, &layout, access).expect("tape");
-    let executable = Executable::new(&[&code.bytes]).expect("memory");
+    let executable = Executable::new(&codes.iter().map(|c| c.bytes.as_slice()).collect::<Vec<_>>()).expect("memory");
     let surroundings = Surroundings { kernels: *kernels::table(), tables: std::ptr::null() };
     [true, false].map(|compiled| {
         let mut memory = Memory::new(Arc::clone(&layout));
@@ -159,7 +162,8 @@ fn run_both(world: &World, job: &Job, effort: Effort, out: usize, numbers: &[f64
         if !compiled {
             let (work, out) = (memory.all_mut(), &mut out[..]);
             tape.run(&mut View { time: 1.5, factor: 0.0, y: &mut y, yp: &yp, work, out, tables: &[] });
-        } else if let Some(address) = executable.address(0) {
+        }
+        for address in (0..codes.len()).filter(|_| compiled).filter_map(|piece| executable.address(piece)) {
             // SAFETY: generated with this signature and for vectors of these lengths.
             unsafe {
                 let function = std::mem::transmute::<*const u8, CompiledFn>(address);
@@ -282,5 +286,5 @@ fn an_address_outside_of_its_variable_is_refused() {
     let job = Job { stages: vec![vec![task]], in_place: false };
     let layout = Layout::new(&world.model, 0);
     let access = Access { name: "test", y: true, yp: true, out: 5 };
-    assert!(Generator::new(false).compile(&job, &world.model.exprs, &layout, access, Effort::Hot).is_err());
+    assert!(plan(&job, &world.model.exprs, &layout, access).is_err());
 }
