@@ -109,6 +109,12 @@ pub(crate) struct Tapes {
     pub(crate) policies: Vec<Tape>,
 }
 
+/// Pieces of a function, to be called one after another; most functions have one.
+struct Pieces {
+    first: Option<CompiledFn>,
+    others: Box<[CompiledFn]>,
+}
+
 /// What an artefact holds: all that the passes made; the rest follows from it at once.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Parts {
@@ -128,8 +134,7 @@ pub struct CompiledModel {
     parts: Parts,
     layout: Arc<Layout>,
     tapes: Tapes,
-    /// Pieces of each function.
-    functions: [Box<[CompiledFn]>; Function::ALL.len()],
+    functions: [Pieces; Function::ALL.len()],
     surroundings: Surroundings,
     /// Tapes of derivatives, made when first asked for.
     derivatives: [OnceLock<Result<Derivative, BackEndError>>; 8],
@@ -164,7 +169,8 @@ impl CompiledModel {
             let count = parts.codes.get(f as usize).map_or(0, Vec::len);
             let addresses = (first..first + count).filter_map(|piece| executable.address(piece));
             // SAFETY: the pieces were generated with this signature.
-            addresses.map(|address| unsafe { std::mem::transmute::<*const u8, CompiledFn>(address) }).collect()
+            let mut pieces = addresses.map(|address| unsafe { std::mem::transmute::<*const u8, CompiledFn>(address) });
+            Pieces { first: pieces.next(), others: pieces.collect() }
         });
         let surroundings = Surroundings { kernels: *kernels::table(), tables: parts.tables.as_ptr() };
         let derivatives = Default::default();

@@ -14,7 +14,7 @@ mod rates;
 use smpl_dsl::diagnostic::Diagnostic;
 
 use crate::elaborate::{Elaborated, Equation, EquationForm};
-use crate::ir::{Affine, Expr, ExprId, Exprs, FastSet, Flavour, Role, VarId};
+use crate::ir::{Affine, Expr, ExprId, Exprs, Flavour, Role, VarId};
 use crate::model::{Model, Row};
 
 /// Analyses the equations and completes the model.
@@ -71,13 +71,16 @@ fn loads_where(
     concerned: impl Fn(ExprId) -> bool,
     accept: impl Fn(VarId, Flavour) -> bool,
 ) -> Vec<(VarId, Flavour, Affine)> {
-    let mut seen = FastSet::default();
+    // One bit a node: operands stand before their users.
+    let mut seen = vec![0u64; e.as_u32() as usize / 64 + 1];
     let mut stack = vec![e];
     let mut out = Vec::new();
     while let Some(e) = stack.pop() {
-        if !concerned(e) || !seen.insert(e) {
+        let (word, bit) = (e.as_u32() as usize / 64, 1 << (e.as_u32() % 64));
+        if !concerned(e) || seen.get(word).is_none_or(|seen| seen & bit != 0) {
             continue;
         }
+        seen[word] |= bit;
         if let Expr::Load { var, flavour, at } = exprs.node(e)
             && accept(var, flavour)
         {

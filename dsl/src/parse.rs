@@ -11,6 +11,8 @@ mod statement;
 mod table;
 mod unit;
 
+use std::thread;
+
 use pest::Parser;
 use pest::iterators::{Pair, Pairs};
 
@@ -18,6 +20,9 @@ use crate::diagnostic::{Diagnostic, codes, did_you_mean};
 use crate::layout::{KEYWORDS, MAX_FAULTS, RawStatement, has_block, is_reserved, layout, span};
 use crate::span::{FileId, Span};
 use crate::syntax::{File, Ident, Statement, StatementKind};
+
+/// Shorter texts are read sooner than a thread has started.
+const WORTH_A_THREAD: usize = 8 * 1024;
 
 /// The parser that pest makes of `grammar.pest`.
 mod grammar {
@@ -51,9 +56,22 @@ impl Parsed {
 #[must_use]
 pub fn parse(text: &str, file: FileId) -> Parsed {
     let layout = layout(text, file);
-    let mut parser = StatementParser { text: &layout.text, file, diagnostics: layout.diagnostics };
-    let statements = parser.statements(&layout.statements);
-    let mut diagnostics = parser.diagnostics;
+    let parse = |raw: &[RawStatement]| {
+        let mut parser = StatementParser { text: &layout.text, file, diagnostics: vec![] };
+        (parser.statements(raw), parser.diagnostics)
+    };
+    let middle = layout.statements.partition_point(|statement| statement.start < text.len() / 2);
+    let (first, second) = layout.statements.split_at(if text.len() < WORTH_A_THREAD { 0 } else { middle });
+    let ((mut statements, faults), rest) = thread::scope(|scope| {
+        let helper = (!first.is_empty()).then(|| thread::Builder::new().spawn_scoped(scope, || parse(first)).ok()).flatten();
+        let rest = parse(second);
+        // Without a second thread this one does it all.
+        let first = helper.and_then(|helper| helper.join().ok()).unwrap_or_else(|| parse(first));
+        (first, rest)
+    });
+    statements.extend(rest.0);
+    let mut diagnostics = layout.diagnostics;
+    diagnostics.extend(faults.into_iter().chain(rest.1));
     diagnostics.sort_by_key(|fault| fault.primary.span.start);
     diagnostics.truncate(MAX_FAULTS);
     Parsed { file: File { statements }, diagnostics }

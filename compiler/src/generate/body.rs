@@ -1,7 +1,7 @@
 //! Scalar code and loops.
 
 use cranelift_codegen::ir::condcodes::{FloatCC, IntCC};
-use cranelift_codegen::ir::{AbiParam, ConstantData, InstBuilder, MemFlagsData, SigRef, Signature, Type, Value, types};
+use cranelift_codegen::ir::{AbiParam, Constant, ConstantData, InstBuilder, MemFlagsData, SigRef, Signature, Type, Value, types};
 use cranelift_codegen::isa::TargetIsa;
 use cranelift_frontend::FunctionBuilder;
 
@@ -57,6 +57,8 @@ pub(super) struct Emitter<'a> {
     /// Pointers by block: memory and strides that they already contain.
     pub(super) pointers: Vec<FastMap<(Start, [i64; MAX_DEPTH]), Value>>,
     signatures: FastMap<(usize, bool), SigRef>,
+    /// Numbers in both lanes, by their bits.
+    constants: FastMap<u64, Constant>,
     /// How the code outside of loops is cut.
     pub(super) segments: &'a Segments,
     /// Where the values of the loop of lanes stay, if it is long.
@@ -102,6 +104,7 @@ pub(super) fn emit(
             counters: vec![None; blocks],
             pointers: vec![FastMap::default(); blocks],
             signatures: FastMap::default(),
+            constants: FastMap::default(),
             segments,
             wide: None,
             lean: piece.lean,
@@ -358,10 +361,10 @@ impl Emitter<'_> {
         self.two_numbers(x)
     }
 
-    /// A constant in the lanes of a block, to be held in a register: read from memory, where it would else pass through a register for
-    /// whole numbers.
+    /// A constant in the lanes of a block, to be held in a register: in long code read from memory, where it would else pass through a
+    /// register for whole numbers (the mid-end, which long code goes without, would share it over calls).
     fn held_number(&mut self, block: BlockId, x: f64) -> Value {
-        if self.is_two(block) || !cfg!(target_arch = "x86_64") || x.to_bits() == 0 {
+        if self.is_two(block) || !self.lean || !cfg!(target_arch = "x86_64") || x.to_bits() == 0 {
             return self.number(block, x);
         }
         let both = self.two_numbers(x);
@@ -369,15 +372,18 @@ impl Emitter<'_> {
     }
 
     fn two_numbers(&mut self, x: f64) -> Value {
-        let bytes = x.to_le_bytes();
-        let both: ConstantData = bytes.into_iter().chain(bytes).collect();
-        let both = self.b.func.dfg.constants.insert(both);
+        let func = &mut self.b.func;
+        let both = *self.constants.entry(x.to_bits()).or_insert_with(|| {
+            let bytes = x.to_le_bytes();
+            let both: ConstantData = bytes.into_iter().chain(bytes).collect();
+            func.dfg.constants.insert(both)
+        });
         self.b.ins().vconst(types::F64X2, both)
     }
 
     /// `-a`
     fn negative(&mut self, block: BlockId, a: Value) -> Value {
-        if !cfg!(target_arch = "x86_64") {
+        if !self.lean || !cfg!(target_arch = "x86_64") {
             return self.b.ins().fneg(a);
         }
         let sign = self.held_number(block, -0.0);

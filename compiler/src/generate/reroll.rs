@@ -70,7 +70,11 @@ fn shared(mut job: Job, exprs: &mut Exprs) -> Job {
 
 /// The stores as loops where they are runs, one by one elsewhere.
 fn loops(stores: &[(Sink, ExprId)], exprs: &mut Exprs) -> Vec<Task> {
-    let shapes: Vec<Option<Shape>> = stores.iter().map(|(sink, value)| shape(exprs, *sink, *value)).collect();
+    let kinds: Vec<[Kind; 3]> = stores.iter().map(|(_, value)| kinds(exprs, *value)).collect();
+    let alike = |i: usize| i + 1 < kinds.len() && kinds[i] == kinds[i + 1];
+    // What differs from both of its neighbours at first sight is in no run.
+    let shape = |i: usize| (alike(i) || i > 0 && alike(i - 1)).then(|| shape(exprs, stores[i].0, stores[i].1)).flatten();
+    let shapes: Vec<Option<Shape>> = (0..stores.len()).map(shape).collect();
     let mut tasks = vec![];
     let mut start = 0;
     while start < stores.len() {
@@ -88,6 +92,16 @@ fn loops(stores: &[(Sink, ExprId)], exprs: &mut Exprs) -> Vec<Task> {
         }
     }
     tasks
+}
+
+/// Which operation a node is.
+type Kind = Option<std::mem::Discriminant<Expr>>;
+
+/// The operation of a node and of its first two operands.
+fn kinds(exprs: &Exprs, value: ExprId) -> [Kind; 3] {
+    let kind = |e: ExprId| std::mem::discriminant(&exprs.node(e));
+    let mut operands = exprs.operands(value);
+    [Some(kind(value)), operands.next().map(kind), operands.next().map(kind)]
 }
 
 /// How many of the first shapes are alike, with addresses in arithmetic sequence.

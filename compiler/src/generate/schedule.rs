@@ -329,8 +329,9 @@ impl<'a> Builder<'a> {
                 stack.push((inner, body, false));
             } else {
                 // The last pushed is placed first: operands in their order.
-                let operands: Vec<ExprId> = self.exprs.operands(expr).collect();
-                stack.extend(operands.into_iter().rev().map(|o| (home, o, false)));
+                let first = stack.len();
+                stack.extend(self.exprs.operands(expr).map(|o| (home, o, false)));
+                stack[first..].reverse();
             }
         }
         Ok(())

@@ -192,62 +192,116 @@ fn keep_for_sparsity(
             _ => None,
         })
         .collect();
-    let uses = use_counts(equations, &needs, kept, &unknowns);
-    let mut depends: FastMap<Element, FastSet<(VarId, Affine)>> = FastMap::default();
-    for &element in order {
-        let Some(own) = needs.get(&element) else { continue };
-        let mut inputs = FastSet::default();
-        for &(v, _, at) in own {
-            let inner = (v, at.offset);
-            match depends.get(&inner).filter(|_| at.is_constant() && !kept.contains(&inner)) {
-                Some(set) => inputs.extend(set.iter().copied()),
-                None => {
-                    inputs.insert((v, at));
-                }
+    let mut inputs = Inputs::new(model, &needs);
+    let uses = inputs.uses(equations, kept, &unknowns);
+    for &element in order.iter().filter(|e| needs.contains_key(e)) {
+        let fan_out = inputs.known(element).map_or(0, |number| uses[number]);
+        if fan_out >= MANY_USES {
+            let fan_in = inputs.of(element);
+            if fan_in >= 2 && fan_in * fan_out > 2 * (fan_in + fan_out) {
+                kept.insert(element);
             }
         }
-        // A load inside a reduction stands for all elements that the loop passes.
-        let elements = |&(v, at): &(VarId, Affine)| if at.is_constant() { 1 } else { i64::from(model.vars[v].len) };
-        let fan_in: i64 = inputs.iter().map(elements).sum();
-        depends.insert(element, inputs);
-        let fan_out = uses.get(&element).copied().unwrap_or(0);
-        if fan_in >= 2 && fan_out >= MANY_USES && fan_in * fan_out > 2 * (fan_in + fan_out) {
-            kept.insert(element);
+        if !kept.contains(&element) {
+            inputs.substitute(element);
         }
     }
 }
 
-/// In how many rows each element is used, directly or through what is substituted.
-fn use_counts(
-    equations: &[Equation],
-    needs: &FastMap<Element, Vec<(VarId, Flavour, Affine)>>,
-    kept: &FastSet<Element>,
-    unknowns: &dyn Fn(ExprId) -> Vec<(VarId, Flavour, Affine)>,
-) -> FastMap<Element, i64> {
-    let mut uses: FastMap<Element, i64> = FastMap::default();
-    for equation in equations {
-        let root = match equation.form {
-            EquationForm::Rate { value, .. } => value,
-            EquationForm::Implicit { residual } => residual,
-            EquationForm::Definition { .. } => continue,
-        };
-        let elements = |l: &[(VarId, Flavour, Affine)]| -> Vec<Element> {
-            l.iter().filter(|l| l.2.is_constant()).map(|l| (l.0, l.2.offset)).collect()
-        };
-        let mut stack = elements(&unknowns(root));
-        let mut seen = FastSet::default();
-        while let Some(e) = stack.pop() {
-            let Some(inner) = needs.get(&e) else { continue };
-            if !seen.insert(e) {
-                continue;
-            }
-            *uses.entry(e).or_default() += passes(&equation.extents);
-            if !kept.contains(&e) {
-                stack.extend(elements(inner));
-            }
+/// What definitions depend on, by number.
+struct Inputs {
+    numbers: FastMap<(VarId, Affine), usize>,
+    /// Elements that each input stands for: a load inside a reduction for all that the loop passes.
+    elements: Vec<i64>,
+    /// Inputs of each definition.
+    needs: Vec<Vec<usize>>,
+    substituted: Vec<bool>,
+}
+
+impl Inputs {
+    fn new(model: &Model, needs: &FastMap<Element, Vec<(VarId, Flavour, Affine)>>) -> Inputs {
+        let mut inputs = Inputs { numbers: FastMap::default(), elements: vec![], needs: vec![], substituted: vec![] };
+        for (&(var, offset), own) in needs {
+            let definition = inputs.number(model, var, Affine::constant(offset));
+            let own = own.iter().map(|&(v, _, at)| inputs.number(model, v, at)).collect();
+            inputs.needs[definition] = own;
+        }
+        inputs
+    }
+
+    fn number(&mut self, model: &Model, var: VarId, at: Affine) -> usize {
+        let next = self.elements.len();
+        let number = *self.numbers.entry((var, at)).or_insert(next);
+        if number == next {
+            self.elements.push(if at.is_constant() { 1 } else { i64::from(model.vars[var].len) });
+            self.needs.push(vec![]);
+            self.substituted.push(false);
+        }
+        number
+    }
+
+    fn known(&self, (var, offset): Element) -> Option<usize> {
+        self.numbers.get(&(var, Affine::constant(offset))).copied()
+    }
+
+    fn substitute(&mut self, element: Element) {
+        if let Some(number) = self.known(element) {
+            self.substituted[number] = true;
         }
     }
-    uses
+
+    /// In how many rows each input is used, directly or through what is substituted.
+    fn uses(
+        &self,
+        equations: &[Equation],
+        kept: &FastSet<Element>,
+        unknowns: &dyn Fn(ExprId) -> Vec<(VarId, Flavour, Affine)>,
+    ) -> Vec<i64> {
+        let mut uses = vec![0; self.elements.len()];
+        let mut is_kept = vec![false; self.elements.len()];
+        kept.iter().filter_map(|&e| self.known(e)).for_each(|number| is_kept[number] = true);
+        // The last row that was found to use an input.
+        let mut used_by = vec![usize::MAX; self.elements.len()];
+        let mut stack = vec![];
+        for (row, equation) in equations.iter().enumerate() {
+            let root = match equation.form {
+                EquationForm::Rate { value, .. } => value,
+                EquationForm::Implicit { residual } => residual,
+                EquationForm::Definition { .. } => continue,
+            };
+            stack.extend(unknowns(root).iter().filter_map(|&(v, _, at)| self.numbers.get(&(v, at)).copied()));
+            while let Some(input) = stack.pop() {
+                if std::mem::replace(&mut used_by[input], row) == row {
+                    continue;
+                }
+                uses[input] += passes(&equation.extents);
+                if !is_kept[input] {
+                    stack.extend(&self.needs[input]);
+                }
+            }
+        }
+        uses
+    }
+
+    /// On how many elements a definition depends, directly or through what is substituted.
+    fn of(&self, element: Element) -> i64 {
+        let mut seen = vec![false; self.elements.len()];
+        let mut stack: Vec<usize> = self.known(element).into_iter().collect();
+        let mut count = 0;
+        while let Some(definition) = stack.pop() {
+            for &input in &self.needs[definition] {
+                if std::mem::replace(&mut seen[input], true) {
+                    continue;
+                }
+                if self.substituted[input] {
+                    stack.push(input);
+                } else {
+                    count += self.elements[input];
+                }
+            }
+        }
+        count
+    }
 }
 
 /// Substitutes everywhere and drops the definitions that were substituted.
