@@ -109,12 +109,6 @@ pub(crate) struct Tapes {
     pub(crate) policies: Vec<Tape>,
 }
 
-/// Pieces of a function, to be called one after another; most functions have one.
-struct Pieces {
-    first: Option<CompiledFn>,
-    others: Box<[CompiledFn]>,
-}
-
 /// What an artefact holds: all that the passes made; the rest follows from it at once.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Parts {
@@ -134,7 +128,10 @@ pub struct CompiledModel {
     parts: Parts,
     layout: Arc<Layout>,
     tapes: Tapes,
-    functions: [Pieces; Function::ALL.len()],
+    /// Functions of one piece.
+    functions: [Option<CompiledFn>; Function::ALL.len()],
+    /// Pieces of the others, to be called one after another.
+    pieces: [Box<[CompiledFn]>; Function::ALL.len()],
     surroundings: Surroundings,
     /// Tapes of derivatives, made when first asked for.
     derivatives: [OnceLock<Result<Derivative, BackEndError>>; 8],
@@ -162,19 +159,22 @@ impl CompiledModel {
         let columns = parts.codes.iter().flatten().map(|c| c.columns).max().unwrap_or(0);
         let layout = Layout::new(&parts.model, columns);
         let tapes = build::tapes(&parts, &layout)?;
-        let pieces: Vec<&[u8]> = parts.codes.iter().flatten().map(|c| c.bytes.as_slice()).collect();
-        let executable = Executable::new(&pieces)?;
-        let functions = Function::ALL.map(|f| {
+        let codes: Vec<&[u8]> = parts.codes.iter().flatten().map(|c| c.bytes.as_slice()).collect();
+        let executable = Executable::new(&codes)?;
+        let pieces: [Box<[CompiledFn]>; Function::ALL.len()] = Function::ALL.map(|f| {
             let first = parts.codes.iter().take(f as usize).map(Vec::len).sum::<usize>();
             let count = parts.codes.get(f as usize).map_or(0, Vec::len);
             let addresses = (first..first + count).filter_map(|piece| executable.address(piece));
             // SAFETY: the pieces were generated with this signature.
-            let mut pieces = addresses.map(|address| unsafe { std::mem::transmute::<*const u8, CompiledFn>(address) });
-            Pieces { first: pieces.next(), others: pieces.collect() }
+            addresses.map(|address| unsafe { std::mem::transmute::<*const u8, CompiledFn>(address) }).collect()
+        });
+        let functions = Function::ALL.map(|f| match *pieces[f as usize] {
+            [single] => Some(single),
+            _ => None,
         });
         let surroundings = Surroundings { kernels: *kernels::table(), tables: parts.tables.as_ptr() };
         let derivatives = Default::default();
-        Ok(CompiledModel { parts, layout: Arc::new(layout), tapes, functions, surroundings, derivatives, executable })
+        Ok(CompiledModel { parts, layout: Arc::new(layout), tapes, functions, pieces, surroundings, derivatives, executable })
     }
 
     pub(crate) fn parts(&self) -> &Parts {

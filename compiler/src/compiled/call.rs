@@ -1,6 +1,6 @@
 //! The functions of a compiled model, with their lengths checked.
 
-use super::{CompiledModel, Function, Pieces, build};
+use super::{CompiledModel, Function, build};
 use crate::interpret::{Tape, View};
 use crate::layout::Memory;
 
@@ -29,17 +29,22 @@ impl CompiledModel {
     }
 
     fn call(&self, function: Function, call: Call<'_>) {
-        let Pieces { first: Some(first), others } = &self.functions[function as usize] else {
-            return;
+        let Some(code) = self.functions[function as usize] else {
+            return self.call_pieces(function, call);
         };
         let work = call.memory.all_mut().as_mut_ptr();
-        let surroundings = &raw const self.surroundings;
-        // SAFETY: as below.
-        unsafe { first(call.t, call.factor, call.y, call.yp, work, call.out, surroundings) }
-        for code in others {
-            // SAFETY: the code was generated for these lengths, which the callers have checked; it writes to `out` and the workspace,
-            // and to `y` only in functions that take it mutably; every address in it was checked against its variable's extent.
-            unsafe { code(call.t, call.factor, call.y, call.yp, work, call.out, surroundings) }
+        // SAFETY: the code was generated for these lengths, which the callers have checked; it writes to `out` and the workspace, and
+        // to `y` only in functions that take it mutably; every address in it was checked against its variable's extent.
+        unsafe { code(call.t, call.factor, call.y, call.yp, work, call.out, &raw const self.surroundings) }
+    }
+
+    /// Apart from the call of a function of one piece, which may take a few nanoseconds only.
+    #[inline(never)]
+    fn call_pieces(&self, function: Function, call: Call<'_>) {
+        let work = call.memory.all_mut().as_mut_ptr();
+        for code in &self.pieces[function as usize] {
+            // SAFETY: as above.
+            unsafe { code(call.t, call.factor, call.y, call.yp, work, call.out, &raw const self.surroundings) }
         }
     }
 
