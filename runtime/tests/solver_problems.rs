@@ -310,6 +310,103 @@ fn events_stop_with_their_direction_and_quadratures_begin_at_zero() {
     }
 }
 
+/// A pendulum of small swings, x'' = -x from x = 0 at speed 1, with roots where it passes the lowest and half of the highest point,
+/// and the integral of its speed.
+struct Pendulum {
+    pattern: Pattern,
+    /// Leaves all root finding to IDA.
+    looks_at_derivatives: bool,
+}
+
+impl System for Pendulum {
+    fn differential(&self) -> &[bool] {
+        &[true, true]
+    }
+    fn is_explicit(&self) -> bool {
+        true
+    }
+    fn pattern(&self) -> &Pattern {
+        &self.pattern
+    }
+    fn residual(&mut self, _: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        out.copy_from_slice(&[y[1] - yp[0], -y[0] - yp[1]]);
+    }
+    fn jacobian(&mut self, _: f64, _: &[f64], _: &[f64], cj: f64, values: &mut [f64]) {
+        values.copy_from_slice(&[-cj, -1.0, 1.0, -cj]);
+    }
+    fn root_count(&self) -> usize {
+        2
+    }
+    fn roots_use_derivatives(&self) -> bool {
+        self.looks_at_derivatives
+    }
+    fn roots(&mut self, _: f64, y: &[f64], _: &[f64], out: &mut [f64]) {
+        out.copy_from_slice(&[y[0], y[0] - 0.5]);
+    }
+    fn quadrature_count(&self) -> usize {
+        1
+    }
+    fn quadratures(&mut self, _: f64, y: &[f64], _: &[f64], out: &mut [f64]) {
+        out[0] = y[1];
+    }
+}
+
+impl Pendulum {
+    fn swinging(looks_at_derivatives: bool) -> (Self, Ida) {
+        let pendulum = Self { pattern: Pattern::full(2), looks_at_derivatives };
+        let ida = Ida::new(&pendulum, Settings::new(1e-8, vec![1e-10; 2])).expect("valid");
+        (pendulum, ida)
+    }
+}
+
+/// Control steps of `length` up to t = 10; times, events and bits at their ends and at the events between.
+fn swings(looks_at_derivatives: bool, length: f64) -> Vec<(f64, Vec<i32>, Vec<u64>)> {
+    let (mut pendulum, mut ida) = Pendulum::swinging(looks_at_derivatives);
+    let (mut t, mut state, mut found) = (0.0, vec![0.0, 1.0], vec![]);
+    while t < 10.0 {
+        let end = ((t / length + 1e-9).floor() + 1.0) * length;
+        ida.restart(&mut pendulum, t, &state, None).expect("consistent");
+        let outcome = ida.advance(&mut pendulum, end).expect("gets on");
+        (t, state) = (ida.time(), ida.state().to_vec());
+        let events = if outcome == Advance::Event { ida.events().to_vec() } else { vec![0, 0] };
+        found.push((t, events, state.iter().chain(ida.quadratures()).map(|x| x.to_bits()).collect()));
+    }
+    found
+}
+
+#[test]
+fn events_that_are_watched_are_those_that_ida_finds_to_the_bit() {
+    for length in [0.1, 0.7, 10.0] {
+        let found = swings(false, length);
+        assert_eq!(found, swings(true, length));
+        // sin t is 1/2 at π/6 and 5π/6, and 0 at π: not at the start, where it only leaves zero.
+        let events: Vec<_> = found.iter().filter(|(_, events, _)| *events != [0, 0]).take(3).collect();
+        let pi = std::f64::consts::PI;
+        let exact = [(pi / 6.0, [0, 1]), (5.0 * pi / 6.0, [0, -1]), (pi, [-1, 0])];
+        for ((t, found, _), (at, expected)) in events.into_iter().zip(exact) {
+            assert!((t - at).abs() < 1e-6 && *found == expected, "{t} {found:?}");
+        }
+    }
+}
+
+#[test]
+fn events_are_watched_on_from_advance_to_advance() {
+    let (mut pendulum, mut ida) = Pendulum::swinging(false);
+    ida.restart(&mut pendulum, 0.1, &[0.1_f64.sin(), 0.1_f64.cos()], None).expect("consistent");
+    let mut end: f64 = 0.2;
+    while ida.advance(&mut pendulum, end).expect("gets on") == Advance::Reached {
+        assert!((ida.quadratures()[0] - (end.sin() - 0.1_f64.sin())).abs() < 1e-6);
+        end += 0.1;
+    }
+    assert!((ida.time() - std::f64::consts::FRAC_PI_6).abs() < 1e-6);
+    assert_eq!(ida.events(), &[0, 1]);
+    // What was integrated before the event counts.
+    assert!((ida.quadratures()[0] - (0.5 - 0.1_f64.sin())).abs() < 1e-6);
+    // IDA's own search goes on where it stopped.
+    assert_eq!(ida.advance(&mut pendulum, 3.0), Ok(Advance::Event));
+    assert!((ida.time() - 5.0 * std::f64::consts::FRAC_PI_6).abs() < 1e-6);
+}
+
 #[test]
 fn klu_solves_systems_without_a_diagonal() {
     // y' = -z1, 0 = z2 - y, 0 = z1 - 2 z2: the algebraic rows stand crosswise; y = exp(-2 t).

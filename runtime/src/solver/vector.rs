@@ -16,6 +16,9 @@ use sundials_sys::{
 
 use super::kernels::{Block, LANES};
 
+#[cfg(test)]
+mod tests;
+
 /// What the content pointer of a vector points to.
 struct Content {
     length: usize,
