@@ -16,7 +16,7 @@ use std::fmt::{self, Display, Formatter};
 use super::{LinearSolver, Pattern, SolveError};
 
 /// Dimension up to which the dense factorisation is the faster one whatever the pattern.
-const SMALL: usize = 8;
+const SMALL: usize = 3;
 
 /// Dimension up to which it is the faster one for patterns at least half full.
 const MEDIUM: usize = 48;
