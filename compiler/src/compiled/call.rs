@@ -28,17 +28,21 @@ impl CompiledModel {
         assert_eq!(m.layout().len(), self.layout.len(), "memory of another model");
     }
 
+    // A call may take a few nanoseconds only: it stays in registers up to the code.
+    #[inline(always)]
     fn call(&self, function: Function, call: Call<'_>) {
+        let Call { t, factor, y, yp, memory, out } = call;
         let Some(code) = self.functions[function as usize] else {
-            return self.call_pieces(function, call);
+            return self.call_pieces(function, Call { t, factor, y, yp, memory, out });
         };
-        let work = call.memory.all_mut().as_mut_ptr();
+        let work = memory.all_mut().as_mut_ptr();
         // SAFETY: the code was generated for these lengths, which the callers have checked; it writes to `out` and the workspace, and
         // to `y` only in functions that take it mutably; every address in it was checked against its variable's extent.
-        unsafe { code(call.t, call.factor, call.y, call.yp, work, call.out, &raw const self.surroundings) }
+        unsafe { code(t, factor, y, yp, work, out, &raw const self.surroundings) }
     }
 
-    /// Apart from the call of a function of one piece, which may take a few nanoseconds only.
+    /// Functions of several pieces, which are long.
+    #[cold]
     #[inline(never)]
     fn call_pieces(&self, function: Function, call: Call<'_>) {
         let work = call.memory.all_mut().as_mut_ptr();
@@ -48,6 +52,7 @@ impl CompiledModel {
         }
     }
 
+    #[inline(always)]
     fn evaluate(&self, function: Function, memory: &mut Memory, (t, factor): (f64, f64), (y, yp): (&[f64], &[f64]), out: &mut [f64]) {
         self.check(memory, y, yp);
         let call = Call { t, factor, y: y.as_ptr().cast_mut(), yp: yp.as_ptr(), memory, out: out.as_mut_ptr() };

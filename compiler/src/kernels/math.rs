@@ -76,10 +76,13 @@ fn exp_sum(x: f64, tail: f64) -> f64 {
     scale(1.0 + (r * r).mul_add(exp_tail(r), r), shift)
 }
 
-/// Negative unless `e^x` is a normal number with room to spare. As an integer, since a loop can gather that sign bit by bit.
+/// Up to here `e^x` and `e^-x` are normal numbers with room to spare.
+const NORMAL: f64 = 708.0;
+
+/// Negative unless `|x| <=` [`NORMAL`]. As an integer, since a loop can gather that sign bit by bit.
 #[inline(always)]
 pub(super) fn exp_room(x: f64) -> i64 {
-    708.0_f64.to_bits().wrapping_sub(x.abs().to_bits()) as i64
+    NORMAL.to_bits().wrapping_sub(x.abs().to_bits()) as i64
 }
 
 /// `e^x` where [`exp_room`] is not negative: the same bits as [`exp`] with less work.
@@ -93,7 +96,7 @@ pub(super) fn exp_normal(x: f64) -> f64 {
 /// `e^x`
 #[inline(always)]
 pub(super) fn exp(x: f64) -> f64 {
-    if exp_room(x) >= 0 { exp_normal(x) } else { exp_sum(clamp(x, -760.0, 720.0), 0.0) }
+    if x.abs() <= NORMAL { exp_normal(x) } else { exp_sum(clamp(x, -760.0, 720.0), 0.0) }
 }
 
 /// `e^x` for a loop that takes either way for all.
