@@ -6,6 +6,9 @@ use smpl_compiler::elaborate::Options;
 use smpl_compiler::front::flatten;
 use smpl_dsl::diagnostic::{Diagnostic, SourceMap};
 
+/// Soon: no slow or busy machine takes that long, and what grows exponentially takes longer.
+const SOON: Duration = Duration::from_secs(60);
+
 /// Flattens on the stack that a thread has by default.
 fn faults(source: &str) -> Vec<Diagnostic> {
     let source = source.to_owned();
@@ -16,7 +19,7 @@ fn faults(source: &str) -> Vec<Diagnostic> {
     };
     let start = Instant::now();
     let found = std::thread::Builder::new().stack_size(2 << 20).spawn(work).expect("a thread").join().expect("no panic");
-    assert!(start.elapsed() < Duration::from_secs(10), "{:?}", start.elapsed());
+    assert!(start.elapsed() < SOON, "{:?}", start.elapsed());
     found
 }
 
