@@ -117,10 +117,10 @@ fn operations_on_several_vectors_are_those_of_plain_loops() {
         let (mut sums, mut addends) = (vec![raw[4], raw[3], raw[2]], vec![outside.raw(), raw[4], raw[3]]);
         assert_eq!(unsafe { N_VLinearSumVectorArray(3, 1.0, sums.as_mut_ptr(), 1.0, addends.as_mut_ptr(), sums.as_mut_ptr()) }, 0);
         let mut expected = copies.clone();
-        for i in 0..n {
-            expected[4][i] += outside.entries()[i];
-            expected[3][i] += expected[4][i];
-            expected[2][i] += expected[3][i];
+        let mut running = outside.entries().to_vec();
+        for sum in [4, 3, 2] {
+            expected[sum].iter_mut().zip(&running).for_each(|(x, y)| *x += y);
+            running.clone_from(&expected[sum]);
         }
         x.iter().zip(&expected).for_each(|(x, expected)| assert_near(x.entries(), expected.iter().copied()));
         // And without that pattern.
