@@ -1,5 +1,7 @@
 """The interface contract where it is easy to miss: what a stranger tries that a friend would not."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -54,14 +56,20 @@ def test_a_steady_state_keeps_the_discrete_variables_and_disturbances_that_are_g
     assert model.steady_state([0]) == pytest.approx([5.0])
 
 
-@pytest.mark.parametrize("changes", [{"observation": "full"}, {"scenario": "legacy"}, {"variants": ("reward_floor",)}])
-def test_a_snapshot_of_another_compilation_is_refused(changes):
+@pytest.mark.parametrize(
+    "passed_on", [lambda snapshot: snapshot, lambda snapshot: pickle.loads(pickle.dumps(snapshot))]
+)
+@pytest.mark.parametrize(
+    "changes",
+    [{"observation": "full"}, {"scenario": "legacy"}, {"variants": ("reward_floor",)}, {"settings": {"k_0": 7.1e10}}],
+)
+def test_a_snapshot_of_another_compilation_is_refused(changes, passed_on):
     other, env = smpl.Env("reactor", **changes), smpl.Env("reactor")
     other.reset(seed=1)
     env.reset(seed=2)
     before = env.state
-    with pytest.raises(ValueError, match="snapshot"):
-        env.restore(other.snapshot())
+    with pytest.raises(ValueError, match="snapshot is of Reactor"):
+        env.restore(passed_on(other.snapshot()))
     np.testing.assert_array_equal(env.state, before)
     env.step([0, 0])
 

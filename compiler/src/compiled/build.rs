@@ -121,29 +121,40 @@ fn generate(
 ) -> Result<Generated, GenerateError> {
     let mut order: Vec<usize> = (0..jobs.len()).collect();
     order.sort_by_key(|&i| (jobs[i].0 != Function::Jacobian, jobs[i].0 != Function::Residual));
-    let next = AtomicUsize::new(0);
-    let plans: Vec<OnceLock<_>> = jobs.iter().map(|_| OnceLock::new()).collect();
-    let pieces: OnceLock<Vec<(usize, usize, OnceLock<_>)>> = OnceLock::new();
-    let next_piece = AtomicUsize::new(0);
-    let work = || {
-        while let Some(&i) = order.get(next.fetch_add(1, Ordering::Relaxed)) {
-            // Each job is taken once.
-            let _ = plans[i].set(plan(&jobs[i]));
+    let found = side_by_side(jobs.len(), helped, || |n: usize| plan(&jobs[order[n]]));
+    let mut plans = order.iter().zip(found).map(|(&i, plan)| Ok((i, plan?))).collect::<Result<Vec<_>, GenerateError>>()?;
+    plans.sort_by_key(|&(i, _)| i);
+    let plans: Vec<(Plan, Duration)> = plans.into_iter().map(|(_, plan)| plan).collect();
+    let numbered = plans.iter().enumerate().flat_map(|(i, (plan, _))| (0..plan.pieces().len()).map(move |k| (i, k)));
+    let mut pieces: Vec<(usize, usize)> = numbered.collect();
+    pieces.sort_by_key(|&(i, k)| std::cmp::Reverse(plans[i].0.pieces()[k].size()));
+    let codes = side_by_side(pieces.len(), helped, || {
+        let (mut generator, plans, pieces, compile) = (generator(), &plans, &pieces, &compile);
+        move |n: usize| {
+            let (i, k) = pieces[n];
+            compile(&mut generator, jobs[i].0, &plans[i].0, k)
         }
-        // The other thread may still be at its last plan.
-        let planned: Vec<&Result<(Plan, Duration), GenerateError>> = plans.iter().map(OnceLock::wait).collect();
-        let plan_of = |i: usize| planned[i].as_ref().ok().map(|(plan, _)| plan);
-        let pieces = pieces.get_or_init(|| {
-            let sizes = (0..jobs.len())
-                .flat_map(|i| plan_of(i).into_iter().flat_map(Plan::pieces).enumerate().map(move |(k, piece)| (piece.size(), i, k)));
-            let mut sizes: Vec<_> = sizes.collect();
-            sizes.sort_by_key(|&(size, i, k)| (std::cmp::Reverse(size), i, k));
-            sizes.into_iter().map(|(_, i, k)| (i, k, OnceLock::new())).collect()
-        });
-        let mut generator = generator();
-        while let Some((i, k, code)) = pieces.get(next_piece.fetch_add(1, Ordering::Relaxed)) {
-            // Each piece is taken once.
-            let _ = plan_of(*i).map(|plan| code.set(compile(&mut generator, jobs[*i].0, plan, *k)));
+    });
+    let mut generated: Generated = plans.iter().map(|(plan, time)| (vec![Code::default(); plan.pieces().len()], *time)).collect();
+    for ((i, k), code) in pieces.into_iter().zip(codes) {
+        let (code, time) = code?;
+        generated[i].0[k] = code;
+        generated[i].1 += time;
+    }
+    Ok(generated)
+}
+
+/// Does so many tasks, with the help of a second thread if that is worth it; results in the order of tasks.
+fn side_by_side<R: Send + Sync, W: FnMut(usize) -> R>(count: usize, helped: bool, worker: impl Fn() -> W + Sync) -> Vec<R> {
+    let next = AtomicUsize::new(0);
+    let results: Vec<OnceLock<R>> = (0..count).map(|_| OnceLock::new()).collect();
+    let work = || {
+        let mut task = worker();
+        loop {
+            let number = next.fetch_add(1, Ordering::Relaxed);
+            let Some(result) = results.get(number) else { break };
+            // Each task is taken once.
+            let _ = result.set(task(number));
         }
     };
     thread::scope(|scope| {
@@ -151,19 +162,7 @@ fn generate(
         let _ = helped.then(|| thread::Builder::new().spawn_scoped(scope, work));
         work();
     });
-    let mut generated = plans
-        .into_iter()
-        .filter_map(OnceLock::into_inner)
-        .map(|plan| plan.map(|(plan, time)| (vec![Code::default(); plan.pieces().len()], time)))
-        .collect::<Result<Generated, GenerateError>>()?;
-    for (i, k, code) in pieces.into_inner().into_iter().flatten() {
-        if let Some(code) = code.into_inner() {
-            let (code, time) = code?;
-            generated[i].0[k] = code;
-            generated[i].1 += time;
-        }
-    }
-    Ok(generated)
+    results.into_iter().filter_map(OnceLock::into_inner).collect()
 }
 
 fn check_square(model: &Model) -> Result<usize, BackEndError> {

@@ -153,10 +153,16 @@ impl Ida {
     fn inconsistent(&mut self, cause: Inconsistent) -> SolveError {
         let time = self.time;
         match cause {
-            Inconsistent::Callback => self.trouble().unwrap_or(SolveError::Panicked { time }),
+            Inconsistent::Callback => self.fault(),
             Inconsistent::Singular(column) => SolveError::SingularJacobian { time, column },
             Inconsistent::Diverged { iterations, correction } => SolveError::InitialConditions { time, iterations, correction },
         }
+    }
+
+    /// Why a callback gave up.
+    fn fault(&mut self) -> SolveError {
+        let time = self.time;
+        self.trouble().unwrap_or(SolveError::Panicked { time })
     }
 
     /// What the callbacks noted, as an error.

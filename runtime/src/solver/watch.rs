@@ -53,7 +53,8 @@ impl Watch {
     pub fn accept(&mut self, evaluate: impl FnOnce(&mut [f64]) -> Result<(), c_int>) -> Result<bool, c_int> {
         evaluate(&mut self.next)?;
         // As IDA's: a value that is not a number changes nothing.
-        self.changed = self.values.iter().zip(&self.next).any(|(before, now)| before * now < 0.0 || *now == 0.0);
+        let changes = |before: f64, now: f64| now == 0.0 || (before < 0.0 && now > 0.0) || (before > 0.0 && now < 0.0);
+        self.changed = self.values.iter().zip(&self.next).any(|(&before, &now)| changes(before, now));
         std::mem::swap(&mut self.values, &mut self.next);
         Ok(self.changed)
     }

@@ -29,8 +29,7 @@ impl Ida {
         }
         let bridge = unsafe { &mut *self.bridge };
         if fresh && bridge.begin_watch(self.time, self.y.entries(), self.yp.entries()).is_err() {
-            let time = self.time;
-            return Err(self.trouble().unwrap_or(SolveError::Panicked { time }));
+            return Err(self.fault());
         }
         if !bridge.watch.active {
             // IDA cannot take up its search on the way, but it goes on with one.
@@ -49,13 +48,7 @@ impl Ida {
         if !reached || !bridge.watch.active || bridge.watch.changed {
             return Ok(bridge.watch.active && bridge.watch.changed);
         }
-        match bridge.has_crossed(self.time, self.y.entries()) {
-            Ok(crossed) => Ok(crossed),
-            Err(_) => {
-                let time = self.time;
-                Err(self.trouble().unwrap_or(SolveError::Panicked { time }))
-            }
-        }
+        bridge.has_crossed(self.time, self.y.entries()).map_err(|_| self.fault())
     }
 
     /// Goes back to the beginning of the interval, with IDA's root finding from there on.

@@ -96,9 +96,9 @@ impl Turns {
     }
 }
 
-/// What a sum costs alone.
-fn single_cost(terms: usize) -> u32 {
-    CHUNK + terms as u32 * LOAD
+/// What sums cost one by one.
+fn cost_apart(lists: &[&[Term]]) -> u32 {
+    lists.iter().map(|terms| CHUNK + terms.len() as u32 * LOAD).sum()
 }
 
 /// The chunks of a substitution, and where everything stands.
@@ -173,7 +173,7 @@ impl Schedule {
     fn push(&mut self, lanes: &[usize], terms: &HashMap<usize, Vec<Term>>, limit: u32) {
         let lists: Vec<&[Term]> = lanes.iter().map(|sum| terms[sum].as_slice()).collect();
         let turns = Turns::new(&lists, limit);
-        if is_apart(&lists, &turns) {
+        if cost_apart(&lists) <= turns.cost() {
             for &sum in lanes {
                 self.push_single(sum, &terms[&sum]);
             }
@@ -212,16 +212,11 @@ impl Schedule {
     }
 }
 
-/// Whether sums are cheaper one by one.
-fn is_apart(lists: &[&[Term]], turns: &Turns) -> bool {
-    lists.iter().map(|terms| single_cost(terms.len())).sum::<u32>() <= turns.cost()
-}
-
 /// What the sums of a group cost in this order.
 fn cost(order: &[usize], terms: &HashMap<usize, Vec<Term>>, limit: u32) -> u32 {
     let chunk = |lanes: &[usize]| {
         let lists: Vec<&[Term]> = lanes.iter().map(|sum| terms[sum].as_slice()).collect();
-        lists.iter().map(|terms| single_cost(terms.len())).sum::<u32>().min(Turns::new(&lists, limit).cost())
+        cost_apart(&lists).min(Turns::new(&lists, limit).cost())
     };
     order.chunks(LANES).map(chunk).sum()
 }
