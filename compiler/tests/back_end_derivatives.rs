@@ -5,6 +5,7 @@ mod problems;
 use problems::{Maker, cell};
 use proptest::prelude::*;
 use smpl_compiler::compiled::{BackEndError, BackEndSettings, CompiledModel};
+use smpl_compiler::differentiate::DifferentiateError;
 use smpl_compiler::ir::{Affine, BinaryFn, Compare, ExprId, Exprs, Flavour, LoopVar, ReduceFn, Role, UnaryFn, VarId};
 use smpl_compiler::model::Model;
 
@@ -24,15 +25,14 @@ fn jacobian(model: &CompiledModel, y: &[f64], yp: &[f64], cj: f64) -> Vec<Vec<f6
     (0..n).map(|row| (0..n).map(|column| model.pattern().position(row, column).map_or(0.0, |p| values[p])).collect()).collect()
 }
 
-/// Differences of fourth order of the residual along each unknown.
-fn differences(model: &CompiledModel, y: &[f64], yp: &[f64], cj: f64) -> Vec<Vec<f64>> {
+/// Differences of fourth order of the residual along each unknown, over steps of h and twice h.
+fn differences(model: &CompiledModel, y: &[f64], yp: &[f64], cj: f64, h: f64) -> Vec<Vec<f64>> {
     let mut m = model.memory();
     model.prepare_parameters(&mut m);
     model.prepare_step(&mut m);
     let n = y.len();
     let mut matrix = vec![vec![0.0; n]; n];
     for column in 0..n {
-        let h = 2e-4;
         for (steps, weight) in [(2.0, -1.0), (1.0, 8.0), (-1.0, -8.0), (-2.0, 1.0)] {
             let (mut y, mut yp, mut out) = (y.to_vec(), yp.to_vec(), vec![0.0; n]);
             y[column] += steps * h;
@@ -178,12 +178,17 @@ proptest! {
         choices in prop::collection::vec(any::<(u8, u8, u8)>(), 1..12), explicit in any::<bool>(),
         y in prop::collection::vec(-1.0..1.0, 12), cj in 0.0..3.0,
     ) {
-        let model = build(random_model(&choices, explicit));
+        let built = CompiledModel::build(random_model(&choices, explicit), &BackEndSettings::default());
+        // Sums of sums of sums nest deeper than loops may: refused by name.
+        prop_assume!(!matches!(built, Err(BackEndError::Differentiate(DifferentiateError::TooDeep))));
+        let model = built.expect("the model compiles");
         let yp: Vec<f64> = y.iter().map(|y| 0.4 - 0.7 * y).collect();
-        let (exact, expected) = (jacobian(&model, &y, &yp, cj), differences(&model, &y, &yp, cj));
-        // Differences across a kink of `min` or `abs` say nothing: a Jacobian that jumps nearby excuses them.
+        let exact = jacobian(&model, &y, &yp, cj);
         let scale = exact.iter().flatten().fold(1.0f64, |s, v| s.max(v.abs()));
         prop_assume!(scale < 1e4);
+        // A long step is exact to rounding where the rows are smooth. It may reach across a kink of `min` or `abs` nearby: a short one does not.
+        let estimates = [2e-4, 2e-6, 2e-8].map(|h| (differences(&model, &y, &yp, cj, h), (1e-14 / h).max(1e-6)));
+        // A kink at the very point, where a tie has any derivative of either side: the Jacobian jumps around it.
         let near_kink = |row: usize| {
             (0..24u32).any(|pattern| {
                 let sign = |i: usize| if pattern.wrapping_mul(2_654_435_761u32.wrapping_mul(i as u32 + 1)) >> 16 & 1 == 0 { 1e-3 } else { -1e-3 };
@@ -192,11 +197,12 @@ proptest! {
                 other[row].iter().zip(&exact[row]).any(|(a, b)| (a - b).abs() > 0.02 * scale)
             })
         };
-        for (row, (a, b)) in exact.iter().zip(&expected).enumerate() {
-            for (column, (a, b)) in a.iter().zip(b).enumerate() {
-                prop_assert!(!a.is_nan());
-                let same = (a - b).abs() <= 1e-6 * scale;
-                prop_assert!(same || near_kink(row), "({row}, {column}): {a}, by differences {b}");
+        for (row, entries) in exact.iter().enumerate() {
+            for (column, value) in entries.iter().enumerate() {
+                prop_assert!(!value.is_nan());
+                let same = estimates.iter().any(|(estimate, error)| (value - estimate[row][column]).abs() <= error * scale);
+                let found = estimates.iter().map(|(estimate, _)| estimate[row][column]);
+                prop_assert!(same || near_kink(row), "({row}, {column}): {value}, by differences {:?}", found.collect::<Vec<_>>());
             }
         }
     }

@@ -525,10 +525,7 @@ impl Emitter<'_> {
     }
 
     fn counter_number(&mut self, block: BlockId, counter: u8) -> Value {
-        let mut bound = Some(block);
-        while let Some(b) = bound.filter(|&b| self.schedule.blocks[b].counter != Some(counter)) {
-            bound = self.schedule.blocks[b].parent;
-        }
+        let bound = self.schedule.binder(block, counter);
         let counter = match bound.and_then(|b| self.counters[b]) {
             Some(counter) => counter,
             None => self.b.ins().iconst(types::I64, 0),

@@ -44,7 +44,7 @@ impl Emitter<'_> {
         if !two {
             return self.b.ins().load(types::F64, flags, pointer, offset);
         }
-        match self.lane_stride(at) {
+        match self.lane_stride(block, at) {
             1 => self.b.ins().load(types::F64X2, flags, pointer, offset),
             0 => {
                 let one = self.b.ins().load(types::F64, flags, pointer, offset);
@@ -60,12 +60,13 @@ impl Emitter<'_> {
         }
     }
 
-    /// Stride of an address along the lanes.
-    pub(super) fn lane_stride(&self, at: Affine) -> i64 {
-        let Lanes::Two(block) = self.lanes else {
+    /// Stride of an address that is used in a block along the lanes; a reduction there may bind the counter of the lanes again.
+    fn lane_stride(&self, block: BlockId, at: Affine) -> i64 {
+        let Lanes::Two(outer) = self.lanes else {
             return 0;
         };
-        self.schedule.blocks[block].counter.map_or(0, |c| at.strides[c as usize])
+        let counter = self.schedule.blocks[outer].counter.filter(|&c| self.schedule.binder(block, c) == Some(outer));
+        counter.map_or(0, |c| at.strides[c as usize])
     }
 
     /// Pointer and constant offset in bytes of an element of 8 bytes.
@@ -170,7 +171,7 @@ impl Emitter<'_> {
                 for lane in [0u8, 1] {
                     let step = |at: Affine, stride: i64| at.plus(Affine::constant(stride * i64::from(lane)));
                     let number = self.lane(value, lane, add);
-                    let (index, plus) = (step(index, self.lane_stride(index)), step(plus, self.lane_stride(plus)));
+                    let (index, plus) = (step(index, self.lane_stride(block, index)), step(plus, self.lane_stride(block, plus)));
                     self.store_slot(block, index, plus, add, number);
                 }
             }
@@ -180,11 +181,11 @@ impl Emitter<'_> {
     fn store_at(&mut self, block: BlockId, base: Base, at: Affine, value: Value) {
         let flags = MemFlagsData::new().with_notrap();
         let (pointer, offset) = self.pointer(block, base, at);
-        if !self.is_two(block) || self.lane_stride(at) == 1 {
+        if !self.is_two(block) || self.lane_stride(block, at) == 1 {
             self.b.ins().store(flags, value, pointer, offset);
             return;
         }
-        let stride = self.lane_stride(at);
+        let stride = self.lane_stride(block, at);
         for lane in [0u8, 1] {
             let (pointer, offset) = self.pointer(block, base, at.plus(Affine::constant(stride * i64::from(lane))));
             let number = self.lane(value, lane, false);

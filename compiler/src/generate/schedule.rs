@@ -186,6 +186,16 @@ impl Schedule {
         home(&self.blocks, self.floor, exprs.free(expr), block)
     }
 
+    /// The loop around a place in `block` that binds a counter there: the innermost one, as reductions may bind a counter again.
+    #[must_use]
+    pub fn binder(&self, block: BlockId, counter: u8) -> Option<BlockId> {
+        let mut at = Some(block);
+        while let Some(b) = at.filter(|&b| self.blocks[b].counter != Some(counter)) {
+            at = self.blocks[b].parent;
+        }
+        at
+    }
+
     /// Whether there is no loop.
     #[must_use]
     pub fn is_straight(&self) -> bool {
@@ -387,15 +397,7 @@ impl<'a> Builder<'a> {
     }
 
     fn extent(&self, block: BlockId, counter: u8) -> Option<u32> {
-        let mut at = Some(block);
-        while let Some(b) = at {
-            let here = &self.schedule.blocks[b];
-            if here.counter == Some(counter) {
-                return Some(here.extent);
-            }
-            at = here.parent;
-        }
-        None
+        self.schedule.binder(block, counter).map(|b| self.schedule.blocks[b].extent)
     }
 
     fn check_range(&self, block: BlockId, at: Affine, len: i64, what: impl FnOnce() -> String) -> Result<(), ScheduleError> {

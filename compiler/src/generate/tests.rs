@@ -262,6 +262,32 @@ proptest! {
     }
 }
 
+/// `Π_i (x[24 + i + j] + Σ_j x[28 + i - j])` over j: the sum binds the counter of the lanes again.
+#[test]
+fn a_counter_of_lanes_that_a_reduction_binds_again_is_its_own() {
+    let mut world = World::new();
+    let e = &mut world.model.exprs;
+    let address = |offset, strides: [i64; 2]| {
+        let mut at = Affine::constant(offset);
+        at.strides[..2].copy_from_slice(&strides);
+        at
+    };
+    let inner = e.load(world.state, Flavour::Value, address(28, [1, -1]));
+    let sum = e.reduce(ReduceFn::Sum, LoopVar(1), 4, inner);
+    let here = e.load(world.state, Flavour::Value, address(24, [1, 1]));
+    let term = e.add(sum, here);
+    let product = e.reduce(ReduceFn::Product, LoopVar(0), 2, term);
+    let task = Task { loops: vec![(0, 1), (1, 4)], stores: vec![(Sink::Out(address(0, [0, 1])), product)] };
+    let job = Job { stages: vec![vec![task]], in_place: false };
+    let x: Vec<f64> = (0..LEN).map(f64::from).collect();
+    let sum = |i: usize| (0..4).map(|j| x[28 + i - j]).sum::<f64>();
+    let expected: Vec<f64> = (0..4).map(|j| (x[24 + j] + sum(0)) * (x[25 + j] + sum(1))).collect();
+    for effort in [Effort::Hot, Effort::Lukewarm] {
+        let [compiled, interpreted] = run_both(&world, &job, effort, 4, &x);
+        assert_eq!((&compiled[2], &interpreted[2]), (&expected, &expected));
+    }
+}
+
 #[test]
 fn an_expression_of_a_hundred_thousand_nodes_in_a_chain_is_compiled_and_interpreted() {
     let mut world = World::new();

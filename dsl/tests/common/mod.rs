@@ -59,10 +59,14 @@ pub fn expression() -> BoxedStrategy<String> {
         one_of(&["1", "0.5", "1e-8", "3 [m]", "2 [kJ/(min m^2 K)]", "20[degC]", "5 [%]"]),
     ];
     leaf.prop_recursive(4, 32, 3, |inner| {
-        let operator = one_of(&["+", "-", "*", "/", "^", " < ", " and ", " == ", " or "]);
+        let operator = one_of(&["+", "-", "*", "/", "^", " and ", " or "]);
+        let comparison = one_of(&["<", "<=", "==", "!=", ">"]);
         prop_oneof![
             (inner.clone(), blank(), operator, blank(), inner.clone())
                 .prop_map(|(a, left, op, right, b)| format!("({a}){left}{op}{right}({b})")),
+            // In parentheses: comparisons do not chain.
+            (inner.clone(), blank(), comparison, blank(), inner.clone())
+                .prop_map(|(a, left, op, right, b)| format!("(({a}){left}{op}{right}({b}))")),
             (inner.clone(), blank(), inner.clone()).prop_map(|(a, gap, b)| format!("{a}{gap}*{gap}{b}")),
             inner.clone().prop_map(|a| format!("-{a}")),
             inner.clone().prop_map(|a| format!("exp( {a} )")),
