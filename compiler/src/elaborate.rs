@@ -21,6 +21,7 @@ mod names;
 mod outputs;
 mod phases;
 mod quantity;
+mod runs;
 mod space;
 mod units;
 
@@ -86,6 +87,8 @@ pub struct Elaborated {
     pub model: Model,
     /// All equations.
     pub equations: Vec<Equation>,
+    /// Whether a range of numbers stayed a loop.
+    pub runs: bool,
     /// Warnings.
     pub warnings: Vec<Diagnostic>,
 }
@@ -150,7 +153,12 @@ pub(crate) enum Bound {
     Element(SymbolId, crate::ir::Affine),
     /// A whole number: face or cell number of a prescribed grid.
     Number(ExprId),
+    /// The numbers of a range that stays a loop.
+    Run(cells::Cell),
 }
+
+/// A `let` at what its indices are bound to, in a kind of text.
+type Expansion = (SymbolId, Vec<indices::IndexKey>, Site);
 
 pub(crate) struct Elaborator<'a> {
     files: &'a [syntax::File],
@@ -193,7 +201,19 @@ pub(crate) struct Elaborator<'a> {
     statement: Span,
     /// Index names reported as not bound, by statement.
     unbound: FastSet<(Span, String)>,
-    memo: FastMap<(SymbolId, Vec<indices::IndexKey>, Site), Value>,
+    memo: FastMap<Expansion, Value>,
+    /// Ranges of numbers may stay loops.
+    runs: bool,
+    /// A range stayed a loop.
+    looped: bool,
+    /// Passes of such loops.
+    passes: i64,
+    /// Attempts to keep a range a loop, one inside another.
+    attempts: u32,
+    /// The present attempt asked for more than a loop can give.
+    refused: bool,
+    /// What was added to `memo` since the outermost attempt began.
+    remembered: Vec<Expansion>,
     random_site: Option<(String, crate::model::Instant)>,
     loops: Vec<cells::Loop>,
     /// Indices over ranges of numbers that only count cells, in the statement that is being elaborated.
@@ -259,6 +279,12 @@ impl<'a> Elaborator<'a> {
             statement: Span::default(),
             unbound: FastSet::default(),
             memo: FastMap::default(),
+            runs: false,
+            looped: false,
+            passes: 0,
+            attempts: 0,
+            refused: false,
+            remembered: Vec::new(),
             random_site: None,
             loops: Vec::new(),
             counted: Vec::new(),
@@ -286,6 +312,7 @@ impl<'a> Elaborator<'a> {
             return;
         }
         self.declare_defaults();
+        self.runs = true;
         self.elaborate_equations();
         self.elaborate_control();
         self.check_unused();
@@ -304,7 +331,7 @@ impl<'a> Elaborator<'a> {
         model.quadratures = self.quadratures;
         model.exprs = self.exprs;
         model.vars = self.vars;
-        Ok(Elaborated { model, equations: self.equations, warnings: self.diagnostics })
+        Ok(Elaborated { model, equations: self.equations, runs: self.looped, warnings: self.diagnostics })
     }
 
     fn has_errors(&self) -> bool {
@@ -386,7 +413,10 @@ impl<'a> Elaborator<'a> {
             }
             _ => None,
         });
-        let value = exprs.as_const(folded);
+        let value = exprs.as_const(folded).or_else(|| {
+            let known_at = |var, flavour, at| if flavour == crate::ir::Flavour::Value { known.get(&(var, at)).copied() } else { None };
+            if exprs.free(folded) == 0 { crate::interpret::eval_constant(&exprs, folded, &known_at) } else { None }
+        });
         self.exprs = exprs;
         value
     }
@@ -405,6 +435,19 @@ impl Place {
         let mut place = self.clone();
         place.bindings = Some(Rc::new(Binding { name: name.to_owned(), to, next: self.bindings.clone() }));
         place
+    }
+
+    /// Which loops around count numbers, by bit.
+    fn runs(&self) -> u8 {
+        let mut at = self.bindings.as_ref();
+        let mut bits = 0;
+        while let Some(binding) = at {
+            if let Bound::Run(cells::Cell { along: Some(v), .. }) = &binding.to {
+                bits |= 1 << v.0;
+            }
+            at = binding.next.as_ref();
+        }
+        bits
     }
 
     fn bound(&self, name: &str) -> Option<&Bound> {

@@ -1,5 +1,6 @@
 //! Structure analysis: which equation determines which unknown.
 //!
+//! 0. Ranges of numbers over which algebraic variables are defined element by element are written out.
 //! 1. Equations that are linear in one derivative are solved for it; derivatives on right sides are replaced by their rates.
 //! 2. Explicit algebraic variables are substituted, unless keeping one as an unknown makes the Jacobian sparser, or it closes a loop.
 //! 3. What is left is matched: implicit equations to unknowns without an equation. What cannot be matched is reported by name:
@@ -10,6 +11,8 @@
 mod algebraic;
 mod matching;
 mod rates;
+mod runs;
+mod whole;
 
 use smpl_dsl::diagnostic::Diagnostic;
 
@@ -22,7 +25,10 @@ use crate::model::{Model, Row};
 /// # Errors
 /// Under- and over-determined parts and equations of high index, by name.
 pub fn analyse(elaborated: Elaborated) -> Result<(Model, Vec<Diagnostic>), Vec<Diagnostic>> {
-    let Elaborated { mut model, mut equations, warnings } = elaborated;
+    let Elaborated { mut model, mut equations, runs, warnings } = elaborated;
+    if runs {
+        runs::write_out(&mut model, &mut equations);
+    }
     rates::solve_for_derivatives(&mut model.exprs, &model.vars, &mut equations);
     let rates = rates::cover_states(&model, &equations)?;
     rates::substitute_derivatives(&mut model, &mut equations);
@@ -61,7 +67,7 @@ fn loads(exprs: &Exprs, e: ExprId, accept: impl Fn(VarId, Flavour) -> bool) -> V
 }
 
 /// Distinct derivatives below a node of variables that a filter accepts.
-fn derivatives(exprs: &Exprs, e: ExprId, accept: impl Fn(VarId) -> bool) -> Vec<(VarId, Flavour, Affine)> {
+pub(crate) fn derivatives(exprs: &Exprs, e: ExprId, accept: impl Fn(VarId) -> bool) -> Vec<(VarId, Flavour, Affine)> {
     loads_where(exprs, e, |e| exprs.has_derivative(e), |var, flavour| flavour == Flavour::Derivative && accept(var))
 }
 

@@ -5,6 +5,7 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Binder, BinderSet, Declaration, Expr, ExprKind, StatementKind};
 use smpl_dsl::units::Unit;
 
+use super::cells::Cell;
 use super::functions::BinderValue;
 use super::items::Item;
 use super::names::{Axis, ScopeId, SymbolId, SymbolKind};
@@ -24,9 +25,30 @@ pub struct Piece<T> {
 impl<'a> Elaborator<'a> {
     /// Elaborates `body` for everything that the binders run over: sets written out, cells as loops.
     pub(super) fn nest<T>(&mut self, binders: &[Binder], place: &Place, body: &mut dyn FnMut(&mut Self, &Place) -> T) -> Vec<Piece<T>> {
+        self.nest_of(binders, place, false, body)
+    }
+
+    /// As [`Self::nest`], with ranges of numbers as loops where `body` does not [refuse](Self::refuse).
+    pub(super) fn looped_nest<T>(
+        &mut self,
+        binders: &[Binder],
+        place: &Place,
+        body: &mut dyn FnMut(&mut Self, &Place) -> T,
+    ) -> Vec<Piece<T>> {
+        self.nest_of(binders, place, true, body)
+    }
+
+    fn nest_of<T>(&mut self, binders: &[Binder], place: &Place, runs: bool, body: &mut dyn FnMut(&mut Self, &Place) -> T) -> Vec<Piece<T>> {
         let Some((binder, rest)) = binders.split_first() else {
             return vec![Piece { extents: Vec::new(), value: body(self, place) }];
         };
+        if runs
+            && let Some(range) = self.run_of(binder, place)
+            && let Some(pieces) =
+                self.attempt(|s| s.looped(binder, range, Bound::Run, place, &mut |s, inner| s.nest_of(rest, inner, runs, body)))
+        {
+            return pieces;
+        }
         let mut out = Vec::new();
         for value in self.bindings_of(binder, place) {
             if !self.may_write_out(binder.span) {
@@ -35,27 +57,39 @@ impl<'a> Elaborator<'a> {
             let (low, high) = match &value {
                 BinderValue::One(bound) => {
                     let inner = place.bind(&binder.name.text, bound.clone());
-                    out.extend(self.nest(rest, &inner, body));
+                    out.extend(self.nest_of(rest, &inner, runs, body));
                     continue;
                 }
                 BinderValue::Cells(_, low, high) => (*low, *high),
                 BinderValue::Elements(_, len) => (0, len - 1),
             };
-            let pieces = self.cells(low, high, binder.span, place, &mut |s, cell, inner| {
-                let bound = match &value {
-                    BinderValue::Elements(symbol, _) => Bound::Element(*symbol, cell.affine()),
-                    BinderValue::Cells(domain, ..) => Bound::Cell(*domain, cell),
-                    BinderValue::One(bound) => bound.clone(),
-                };
-                s.nest(rest, &inner.bind(&binder.name.text, bound), body)
-            });
-            for (cell, list) in pieces {
-                for piece in list {
-                    let mut extents = Vec::with_capacity(piece.extents.len() + 1);
-                    extents.extend(cell.along.map(|_| cell.count as u32));
-                    extents.extend(piece.extents);
-                    out.push(Piece { extents, value: piece.value });
-                }
+            let bound = |cell: Cell| match &value {
+                BinderValue::Elements(symbol, _) => Bound::Element(*symbol, cell.affine()),
+                BinderValue::Cells(domain, ..) => Bound::Cell(*domain, cell),
+                BinderValue::One(bound) => bound.clone(),
+            };
+            out.extend(self.looped(binder, (low, high), bound, place, &mut |s, inner| s.nest_of(rest, inner, runs, body)));
+        }
+        out
+    }
+
+    /// The pieces of a loop, with what `body` makes in it.
+    fn looped<T>(
+        &mut self,
+        binder: &Binder,
+        (low, high): (i64, i64),
+        bound: impl Fn(Cell) -> Bound,
+        place: &Place,
+        body: &mut dyn FnMut(&mut Self, &Place) -> Vec<Piece<T>>,
+    ) -> Vec<Piece<T>> {
+        let mut out = Vec::new();
+        let pieces = self.cells(low, high, binder.span, place, &mut |s, cell, inner| body(s, &inner.bind(&binder.name.text, bound(cell))));
+        for (cell, list) in pieces {
+            for piece in list {
+                let mut extents = Vec::with_capacity(piece.extents.len() + 1);
+                extents.extend(cell.along.map(|_| cell.count as u32));
+                extents.extend(piece.extents);
+                out.push(Piece { extents, value: piece.value });
             }
         }
         out
@@ -68,6 +102,10 @@ impl<'a> Elaborator<'a> {
             let part = match place.bound(&binder.name.text) {
                 Some(Bound::Member(_, i)) => Affine::constant(*i as i64),
                 Some(Bound::Cell(_, c)) => c.affine(),
+                Some(Bound::Run(numbers)) => match axis {
+                    Axis::Set(set) => numbers.shifted(-self.names.sets[set].first.unwrap_or(0)).affine(),
+                    Axis::Domain(_) => numbers.shifted(-1).affine(),
+                },
                 _ => Affine::default(),
             };
             at = at.times(self.names.axis_len(axis)).plus(part);

@@ -98,6 +98,7 @@ impl Elaborator<'_> {
                 // A loop's frame stands at its depth; reductions beside one another reuse it.
                 self.loops.truncate(place.depth as usize);
                 self.loops.push(Loop { passes: count, cuts: BTreeSet::new() });
+                let before = (self.attempts > 0).then(|| self.trace());
                 let result = body(self, cell, &inner);
                 let cuts = match self.loops.get(place.depth as usize) {
                     Some(frame) => frame.cuts.clone(),
@@ -105,6 +106,7 @@ impl Elaborator<'_> {
                 };
                 self.loops.truncate(place.depth as usize);
                 if !cuts.is_empty() {
+                    before.into_iter().for_each(|before| self.forget(before));
                     starts.extend(cuts.iter().map(|pass| first + pass));
                     continue 'again;
                 }
@@ -120,15 +122,17 @@ impl Elaborator<'_> {
         if v < cell.first || v > cell.last() {
             return Some(false);
         }
-        let pass = v - cell.first;
-        if let Some(frame) = self.loops.get_mut(along.0 as usize) {
-            if pass > 0 {
-                frame.cuts.insert(pass);
-            }
-            if v < cell.last() {
-                frame.cuts.insert(pass + 1);
-            }
-        }
+        self.cut(along, v - cell.first);
+        self.cut(along, v - cell.first + 1);
         None
+    }
+
+    /// Asks for a cut of a loop before a pass.
+    pub(super) fn cut(&mut self, along: LoopVar, pass: i64) {
+        if let Some(frame) = self.loops.get_mut(along.0 as usize)
+            && (1..frame.passes).contains(&pass)
+        {
+            frame.cuts.insert(pass);
+        }
     }
 }

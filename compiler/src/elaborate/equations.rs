@@ -9,6 +9,7 @@ use smpl_dsl::syntax::{Binder, Expr, StatementKind};
 use super::items::Item;
 use super::names::{Axis, ScopeId, SymbolId, SymbolKind};
 use super::quantity::Measure;
+use super::runs::SHORTEST;
 use super::{Elaborator, Site, units};
 use crate::ir::{Affine, Expr as Node, ExprId, Flavour, LoopVar, Role, VarId};
 
@@ -17,6 +18,8 @@ use crate::ir::{Affine, Expr as Node, ExprId, Flavour, LoopVar, Role, VarId};
 pub struct Equation {
     /// Extents of its loops.
     pub extents: Vec<u32>,
+    /// Which of its loops count numbers, by bit: they may be written out.
+    pub runs: u8,
     /// What it says.
     pub form: EquationForm,
     /// Where it stands.
@@ -51,6 +54,16 @@ pub enum EquationForm {
     },
 }
 
+impl EquationForm {
+    /// The right side, or the residual.
+    pub fn value(self) -> ExprId {
+        match self {
+            EquationForm::Rate { value, .. } | EquationForm::Definition { value, .. } => value,
+            EquationForm::Implicit { residual } => residual,
+        }
+    }
+}
+
 impl<'a> Elaborator<'a> {
     pub(super) fn elaborate_equations(&mut self) {
         let blocks = std::mem::take(&mut self.blocks);
@@ -70,10 +83,11 @@ impl<'a> Elaborator<'a> {
     fn equation(&mut self, scope: ScopeId, lhs: &Expr, rhs: &Expr, binders: &[Binder], span: Span) {
         let place = self.place(scope, Site::Dynamics);
         self.statement = span;
-        let pieces = self.nest(binders, &place, &mut |s, inner| {
+        let pieces = self.looped_nest(binders, &place, &mut |s, inner| {
             let left = s.value(lhs, inner);
             let right = s.value(rhs, inner);
             if left.is_poison() || right.is_poison() {
+                s.refuse();
                 return None;
             }
             let (left, right) = match (&left.unit, &right.unit) {
@@ -96,12 +110,17 @@ impl<'a> Elaborator<'a> {
                     }
                 }
             };
-            Some(s.form(left, right))
+            let form = s.form(left, right);
+            let runs = inner.runs();
+            if runs != 0 && !s.may_loop(form) {
+                s.refuse();
+            }
+            Some((form, runs))
         });
         self.statement = Span::default();
         for piece in pieces {
-            if let Some(form) = piece.value {
-                self.equations.push(Equation { extents: piece.extents, form, span });
+            if let Some((form, runs)) = piece.value {
+                self.equations.push(Equation { extents: piece.extents, runs, form, span });
             }
         }
     }
@@ -117,6 +136,14 @@ impl<'a> Elaborator<'a> {
             }
         }
         EquationForm::Implicit { residual: self.exprs.sub(left, right) }
+    }
+
+    /// Whether an equation over a range of numbers may be a loop: not where it couples derivatives, which are eliminated one by one.
+    fn may_loop(&self, form: EquationForm) -> bool {
+        match form {
+            EquationForm::Rate { value, .. } | EquationForm::Definition { value, .. } => !self.exprs.has_derivative(value),
+            EquationForm::Implicit { residual } => crate::structure::derivatives(&self.exprs, residual, |_| true).len() == 1,
+        }
     }
 
     /// `connect a -> b`: every member of `b` equals that of `a`.
@@ -156,16 +183,17 @@ impl<'a> Elaborator<'a> {
             return;
         }
         let len = i64::from(self.vars[to].len);
-        let written_out = axes.iter().all(|a| matches!(a, Axis::Set(_)));
-        let addresses: Vec<(Vec<u32>, Affine)> = if written_out {
+        let sets = axes.iter().all(|a| matches!(a, Axis::Set(_)));
+        let addresses: Vec<(Vec<u32>, Affine)> = if sets && len < SHORTEST {
             (0..len).map(|i| (Vec::new(), Affine::constant(i))).collect()
         } else {
             vec![(vec![len as u32], Affine::along(0, LoopVar(0), 1))]
         };
         for (extents, at) in addresses {
+            let runs = u8::from(sets && !extents.is_empty());
             let load = self.exprs.load(from, Flavour::Value, at);
             let Some(value) = self.convert(load, &unit, &wanted) else { continue };
-            self.equations.push(Equation { extents, form: EquationForm::Definition { var: to, at, value }, span });
+            self.equations.push(Equation { extents, runs, form: EquationForm::Definition { var: to, at, value }, span });
         }
     }
 }

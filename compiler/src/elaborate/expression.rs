@@ -213,6 +213,7 @@ impl<'a> Elaborator<'a> {
         match bound {
             Bound::Value(v) => v.clone(),
             Bound::Number(e) => Value::bare(*e),
+            Bound::Run(numbers) => self.run_value(*numbers),
             Bound::Member(set, index) => match self.names.sets[*set].first {
                 Some(first) => {
                     let expr = self.exprs.constant((first + *index as i64) as f64);
@@ -269,7 +270,10 @@ impl<'a> Elaborator<'a> {
                     let expr = self.exprs.constant(values.get(at.offset as usize).copied().unwrap_or(f64::NAN));
                     Value::of(expr, unit)
                 }
-                _ => self.poison(),
+                _ => {
+                    self.refuse();
+                    self.poison()
+                }
             },
             SymbolKind::Integer(n) => {
                 let expr = self.exprs.constant(n as f64);
@@ -370,6 +374,9 @@ impl<'a> Elaborator<'a> {
             v = Value::of(expr, unit.clone());
         }
         if let Some(key) = key {
+            if self.attempts > 0 {
+                self.remembered.push(key.clone());
+            }
             self.memo.insert(key, v.clone());
         }
         v
@@ -592,6 +599,10 @@ impl<'a> Elaborator<'a> {
             }
             _ => b.expr,
         };
+        // Powers of whole numbers are products.
+        if self.exprs.free(exponent) != 0 {
+            self.refuse();
+        }
         let unit = match &a.unit {
             Measure::Of(u) if units::is_point(u) => {
                 let u = u.clone();
@@ -641,6 +652,9 @@ impl<'a> Elaborator<'a> {
                 (BinaryOp::Ne, Some(equal)) => Value::truth(self.exprs.truth(!equal)),
                 _ => self.fault(Diagnostic::error(codes::WRONG_KIND, "names have no order; compare with `==` or `!=`", span)),
             };
+        }
+        if let Some(holds) = self.run_comparison(op, a, b, place) {
+            return Value::truth(self.exprs.truth(holds));
         }
         let (x, y) = (self.value(a, place), self.value(b, place));
         let Some((l, r)) = self.common(&x, a.span, &y, b.span, span) else { return self.poison() };

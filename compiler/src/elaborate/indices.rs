@@ -24,7 +24,7 @@ impl IndexKey {
     pub fn of(bound: &Bound) -> Self {
         match bound {
             Bound::Member(_, i) => IndexKey::Member(*i),
-            Bound::Cell(_, c) | Bound::Face(_, c) => IndexKey::Cell(c.first, c.count, c.along),
+            Bound::Cell(_, c) | Bound::Face(_, c) | Bound::Run(c) => IndexKey::Cell(c.first, c.count, c.along),
             _ => IndexKey::Member(usize::MAX),
         }
     }
@@ -230,10 +230,13 @@ impl Elaborator<'_> {
         for (&axis, e) in axes.iter().zip(index) {
             let len = self.names.axis_len(axis);
             let (part, bound) = match axis {
-                Axis::Set(set) => {
-                    let i = self.member(set, e, place)?;
-                    (Affine::constant(i as i64), Bound::Member(set, i))
-                }
+                Axis::Set(set) => match self.run_index(e, place) {
+                    Some(numbers) => (self.run_members(set, numbers)?.affine(), Bound::Run(numbers)),
+                    None => {
+                        let i = self.member(set, e, place)?;
+                        (Affine::constant(i as i64), Bound::Member(set, i))
+                    }
+                },
                 Axis::Domain(domain) => {
                     let bound = self.cell(domain, e, place)?;
                     let Bound::Cell(_, c) = bound else {
@@ -334,6 +337,9 @@ impl Elaborator<'_> {
 
     /// A cell (or the face at which a flux is taken) of a domain.
     fn cell(&mut self, domain: DomainId, e: &Expr, place: &Place) -> Option<Bound> {
+        if let Some(numbers) = self.run_index(e, place) {
+            return Some(Bound::Cell(domain, numbers.shifted(-1)));
+        }
         if let ExprKind::Name(name) = &e.kind {
             match place.bound(&name.text) {
                 Some(Bound::Cell(other, c)) => {
@@ -408,7 +414,7 @@ impl Elaborator<'_> {
         }
     }
 
-    fn integer_quietly(&mut self, e: &Expr, place: &Place) -> Option<i64> {
+    pub(super) fn integer_quietly(&mut self, e: &Expr, place: &Place) -> Option<i64> {
         match &e.kind {
             ExprKind::Number { value, unit: None } if value.fract() == 0.0 && value.abs() < 1e15 => Some(*value as i64),
             ExprKind::Unary(UnaryOp::Neg, a) => Some(-self.integer_quietly(a, place)?),

@@ -450,7 +450,7 @@ impl<'a> Elaborator<'a> {
                 SymbolKind::Variable { var, axes, .. } if self.vars[var].role == Role::Algebraic && !self.port_variables.contains(&var) => {
                     let Some(q) = self.quantities.get(&var).cloned() else { continue };
                     let len = self.vars[var].len;
-                    if axes.iter().all(|a| matches!(a, Axis::Set(_))) {
+                    if !axes.iter().any(|&a| self.may_run(a)) {
                         // Element by element, so that each definition can be substituted.
                         for i in 0..i64::from(len) {
                             let value = self.exprs.load(var, crate::ir::Flavour::Value, Affine::constant(i));
@@ -480,12 +480,23 @@ impl<'a> Elaborator<'a> {
                         .iter()
                         .map(|b| Expr { span: b.span, kind: ExprKind::Name(Ident { text: b.name.text.clone(), span: b.span }) })
                         .collect();
-                    let pieces = self.nest(&binders, &place, &mut |s, inner| s.symbol_value(symbol, &index, declaration.span, inner).expr);
-                    for piece in pieces {
-                        let value = self.exprs.number(piece.value);
-                        scalars.push(store(Memory::Out, Affine::constant(at), value));
-                        at += 1;
+                    let pieces = self.looped_nest(&binders, &place, &mut |s, inner| {
+                        let value = s.symbol_value(symbol, &index, declaration.span, inner);
+                        if value.is_poison() {
+                            s.refuse();
+                        }
+                        (s.bound_address(&axes, &binders, inner), value.expr)
+                    });
+                    for Piece { extents, value: (element, value) } in pieces {
+                        let value = self.exprs.number(value);
+                        let store = store(Memory::Out, Affine::constant(at).plus(element), value);
+                        if extents.is_empty() {
+                            scalars.push(store);
+                        } else {
+                            program.nests.push(Nest { extents, stores: vec![store] });
+                        }
                     }
+                    at += count;
                     if count > 0 {
                         list.push(Quantity {
                             var: None,

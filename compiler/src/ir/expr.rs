@@ -15,7 +15,7 @@ pub struct ExprId(u32);
 entity_impl!(ExprId, "e");
 
 /// Deepest nest of loops.
-pub const MAX_DEPTH: usize = 4;
+pub const MAX_DEPTH: usize = 6;
 
 /// Counter of the loop at a depth, from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]

@@ -2,12 +2,13 @@
 
 use smpl_dsl::span::Span;
 
+use super::whole::{Whole, looped_loads, placed, take_outputs_apart, wholes};
 use super::{loads, passes, replace_everywhere};
 use crate::elaborate::{Equation, EquationForm};
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, Rewritten, Role, VarId};
 use crate::model::Model;
 
-/// An element of an algebraic variable.
+/// An element of an algebraic variable; a part of a whole array under -1, -2 and so on.
 pub type Element = (VarId, i64);
 
 /// What becomes of the algebraic variables.
@@ -15,11 +16,11 @@ pub type Element = (VarId, i64);
 pub struct Plan {
     /// Elements whose definition is substituted, by equation.
     pub substituted: FastMap<Element, usize>,
-    /// Arrays defined by one loop that covers them, substituted as wholes.
-    pub arrays: FastMap<VarId, usize>,
-    /// Every element (and array, under -1) after those that its definition needs.
+    /// Arrays defined by loops that cover them, substituted as wholes.
+    pub arrays: FastMap<VarId, Whole>,
+    /// Every element (and part of an array) after those that its definition needs.
     pub order: Vec<Element>,
-    /// The equations of both, for messages; whole arrays under -1.
+    /// The equations of both, for messages.
     pub spans: FastMap<Element, Span>,
 }
 
@@ -29,27 +30,29 @@ const MANY_USES: i64 = 64;
 /// Decides what is substituted.
 pub fn plan(model: &mut Model, equations: &[Equation]) -> Plan {
     let mut candidates: FastMap<Element, usize> = FastMap::default();
-    let mut arrays: FastMap<VarId, usize> = FastMap::default();
-    let mut pieces: FastMap<VarId, usize> = FastMap::default();
     for (i, equation) in equations.iter().enumerate() {
-        let EquationForm::Definition { var, at, .. } = equation.form else { continue };
-        *pieces.entry(var).or_default() += 1;
-        if equation.extents.is_empty() {
+        if let EquationForm::Definition { var, at, .. } = equation.form
+            && equation.extents.is_empty()
+        {
             // A second definition of an element stays an equation; matching will find it one too many.
             candidates.entry((var, at.offset)).or_insert(i);
-        } else if equation.extents.len() == 1
-            && equation.extents[0] == model.vars[var].len
-            && at == Affine::along(0, crate::ir::LoopVar(0), 1)
-        {
-            arrays.entry(var).or_insert(i);
         }
     }
-    // An array that is also defined element by element is left to matching.
-    arrays.retain(|var, _| pieces.get(var) == Some(&1));
-    candidates.retain(|(var, _), _| !arrays.contains_key(var));
-    // Elements that some expression reads by a loop cannot be substituted one by one.
-    let looped = looped_loads(model, equations);
-    candidates.retain(|(var, _), _| !looped.contains(var));
+    // Elements that some expression reads by a loop cannot be substituted one by one, nor parts of arrays that one goes across.
+    let mut arrays = wholes(model, equations);
+    for (var, at) in looped_loads(model, equations) {
+        candidates.retain(|(v, _), _| *v != var);
+        if arrays.get(&var).is_some_and(|whole| whole.locate(at).is_none()) {
+            arrays.remove(&var);
+        }
+    }
+    let by_loops = |var: VarId| {
+        let is = |e: &Equation| matches!(e.form, EquationForm::Definition { var: v, .. } if v == var) && !e.extents.is_empty();
+        equations.iter().any(is)
+    };
+    candidates.retain(|(var, _), _| !arrays.contains_key(var) && !by_loops(*var));
+    let defined: FastSet<VarId> = candidates.keys().map(|e| e.0).collect();
+    take_outputs_apart(model, &arrays, &defined);
     let mut walk = Walk {
         exprs: &model.exprs,
         vars: &model.vars,
@@ -68,50 +71,20 @@ pub fn plan(model: &mut Model, equations: &[Equation]) -> Plan {
     let mut array_list: Vec<VarId> = arrays.keys().copied().collect();
     array_list.sort_unstable();
     for var in array_list {
-        walk.visit((var, -1));
+        (0..arrays[&var].equations.len() as i64).for_each(|part| walk.visit((var, -1 - part)));
     }
     let order = std::mem::take(&mut walk.order);
     let mut kept = std::mem::take(&mut walk.kept);
     keep_for_sparsity(model, equations, &candidates, &order, &mut kept);
     let of = |e: &Element, i: &usize| (*e, equations[*i].span);
-    let spans = candidates.iter().map(|(e, i)| of(e, i)).chain(arrays.iter().map(|(v, i)| of(&(*v, -1), i))).collect();
+    let parts = |(v, whole): (&VarId, &Whole)| whole.equations.iter().zip(1..).map(|(i, n)| of(&(*v, -n), i)).collect::<Vec<_>>();
+    let spans = candidates.iter().map(|(e, i)| of(e, i)).chain(arrays.iter().flat_map(parts)).collect();
     Plan {
         order,
         spans,
         substituted: candidates.into_iter().filter(|(e, _)| !kept.contains(e)).collect(),
-        arrays: arrays.into_iter().filter(|(v, _)| !kept.contains(&(*v, -1))).collect(),
+        arrays: arrays.into_iter().filter(|(v, whole)| (1..=whole.equations.len() as i64).all(|n| !kept.contains(&(*v, -n)))).collect(),
     }
-}
-
-fn looped_loads(model: &Model, equations: &[Equation]) -> FastSet<VarId> {
-    let mut out = FastSet::default();
-    let mut seen = FastSet::default();
-    let mut stack: Vec<ExprId> = Vec::new();
-    for equation in equations {
-        match equation.form {
-            EquationForm::Rate { value, .. } | EquationForm::Definition { value, .. } => stack.push(value),
-            EquationForm::Implicit { residual } => stack.push(residual),
-        }
-    }
-    let p = &model.programs;
-    for program in [&p.start, &p.end, &p.finish, &p.outputs, &p.invariants, &p.boxes, &p.initial_discretes].into_iter().chain(&p.events) {
-        stack.extend(program.nests.iter().flat_map(|n| n.stores.iter().map(|s| s.value)));
-    }
-    stack.extend(model.roots.iter().map(|r| r.value));
-    stack.extend(&model.quadratures);
-    while let Some(e) = stack.pop() {
-        if !seen.insert(e) {
-            continue;
-        }
-        if let Expr::Load { var, at, .. } = model.exprs.node(e)
-            && !at.is_constant()
-            && model.vars[var].role == Role::Algebraic
-        {
-            out.insert(var);
-        }
-        stack.extend(model.exprs.operands(e));
-    }
-    out
 }
 
 /// Finds loops of definitions: the element at which a loop closes is kept as an unknown.
@@ -120,7 +93,7 @@ struct Walk<'m> {
     vars: &'m cranelift_entity::PrimaryMap<VarId, crate::model::Variable>,
     equations: &'m [Equation],
     candidates: &'m FastMap<Element, usize>,
-    arrays: &'m FastMap<VarId, usize>,
+    arrays: &'m FastMap<VarId, Whole>,
     state: FastMap<Element, bool>,
     kept: FastSet<Element>,
     order: Vec<Element>,
@@ -159,19 +132,25 @@ impl Walk<'_> {
     }
 
     fn needs(&self, element: Element) -> Vec<Element> {
-        let equation = if element.1 < 0 { self.arrays.get(&element.0) } else { self.candidates.get(&element) };
-        let Some(EquationForm::Definition { value, .. }) = equation.map(|&i| self.equations[i].form) else { return Vec::new() };
+        let equation = part_of(self.arrays, element).or_else(|| self.candidates.get(&element).copied());
+        let Some(EquationForm::Definition { value, .. }) = equation.map(|i| self.equations[i].form) else { return Vec::new() };
         loads(self.exprs, value, |v, f| f == Flavour::Value && self.vars[v].role == Role::Algebraic)
             .into_iter()
             .filter_map(|(v, _, at)| {
-                if self.arrays.contains_key(&v) {
-                    return Some((v, -1));
+                if let Some(whole) = self.arrays.get(&v) {
+                    return whole.locate(at).map(|(part, _)| (v, -1 - part as i64));
                 }
                 let e = (v, at.offset);
                 (at.is_constant() && self.candidates.contains_key(&e)).then_some(e)
             })
             .collect()
     }
+}
+
+/// The equation of a part of an array.
+fn part_of(arrays: &FastMap<VarId, Whole>, (var, part): Element) -> Option<usize> {
+    let number = usize::try_from(-1 - part).ok()?;
+    arrays.get(&var)?.equations.get(number).copied()
 }
 
 /// Keeps an element as an unknown where substitution would put (what it depends on) × (where it is used) entries into the Jacobian
@@ -308,15 +287,15 @@ impl Inputs {
 pub fn substitute(model: &mut Model, equations: &mut Vec<Equation>, plan: &Plan) {
     let roles: Vec<Role> = model.vars.values().map(|v| v.role).collect();
     let role = |var: VarId| roles[var.as_u32() as usize];
-    let mut expander = Expander::default();
+    let mut expander = Expander { arrays: Some(&plan.arrays), ..Expander::default() };
     let algebraic = with_algebraic(&model.exprs, &role);
     // Nodes that are made on the way are not in the table.
     let concerned = |_: &Exprs, e: ExprId| algebraic.get(e.as_u32() as usize).copied().unwrap_or(true);
     // Each definition after those that it needs: what is written in it is final, and so is whatever `done` holds.
     let mut done = Rewritten::default();
     for &element in &plan.order {
-        let equation = if element.1 < 0 { plan.arrays.get(&element.0) } else { plan.substituted.get(&element) };
-        let Some(value) = equation.and_then(|&i| definition(equations, i)) else { continue };
+        let equation = part_of(&plan.arrays, element).or_else(|| plan.substituted.get(&element).copied());
+        let Some(value) = equation.and_then(|i| definition(equations, i)) else { continue };
         let value = model.exprs.rewrite_where(value, &mut done, &concerned, &mut |exprs, node| match node {
             Expr::Load { var, flavour, at } if role(var) == Role::Algebraic => expander.element(exprs, &role, var, flavour, at),
             _ => None,
@@ -327,7 +306,7 @@ pub fn substitute(model: &mut Model, equations: &mut Vec<Equation>, plan: &Plan)
         Expr::Load { var, flavour, at } if role(var) == Role::Algebraic => expander.element(exprs, &role, var, flavour, at),
         _ => None,
     });
-    let dropped: FastSet<usize> = plan.substituted.values().chain(plan.arrays.values()).copied().collect();
+    let dropped: FastSet<usize> = plan.substituted.values().chain(plan.arrays.values().flat_map(|w| &w.equations)).copied().collect();
     let mut i = 0;
     equations.retain(|_| {
         i += 1;
@@ -352,22 +331,28 @@ fn definition(equations: &[Equation], i: usize) -> Option<ExprId> {
     }
 }
 
-/// Final values of substituted elements; whole arrays under -1.
+/// Final values of substituted elements and parts of arrays.
 #[derive(Default)]
-struct Expander {
+struct Expander<'p> {
+    arrays: Option<&'p FastMap<VarId, Whole>>,
     values: FastMap<Element, ExprId>,
     moved: FastMap<(VarId, Affine), ExprId>,
     flavoured: FastMap<Flavour, Rewritten>,
 }
 
-impl Expander {
+impl Expander<'_> {
     fn element(&mut self, exprs: &mut Exprs, role: &dyn Fn(VarId) -> Role, var: VarId, flavour: Flavour, at: Affine) -> Option<ExprId> {
         let value = match self.values.get(&(var, at.offset)).filter(|_| at.is_constant()) {
             Some(&value) => value,
-            None => {
-                let &whole = self.values.get(&(var, -1))?;
-                *self.moved.entry((var, at)).or_insert_with(|| at_address(exprs, whole, at))
-            }
+            None => match self.moved.get(&(var, at)) {
+                Some(&value) => value,
+                None => {
+                    let (part, indices) = self.arrays?.get(&var)?.locate(at)?;
+                    let value = placed(exprs, *self.values.get(&(var, -1 - part as i64))?, &indices)?;
+                    self.moved.insert((var, at), value);
+                    value
+                }
+            },
         };
         Some(if flavour == Flavour::Value { value } else { self.in_flavour(exprs, role, value, flavour) })
     }
@@ -382,30 +367,4 @@ impl Expander {
             _ => None,
         })
     }
-}
-
-/// A definition over `l0` at the address `at`: the counter becomes the address itself.
-fn at_address(exprs: &mut Exprs, value: ExprId, at: Affine) -> ExprId {
-    exprs.rewrite(value, &mut crate::ir::Rewritten::default(), &mut |exprs, node| match node {
-        Expr::Counter(v) if v.0 == 0 => Some(number(exprs, at)),
-        Expr::Load { var, flavour, at: own } if own.strides[0] != 0 => {
-            let mut rest = own;
-            rest.strides[0] = 0;
-            Some(exprs.load(var, flavour, rest.plus(at.times(own.strides[0]))))
-        }
-        _ => None,
-    })
-}
-
-/// An address as a number.
-fn number(exprs: &mut Exprs, at: Affine) -> ExprId {
-    let mut e = exprs.constant(at.offset as f64);
-    for (d, &stride) in at.strides.iter().enumerate() {
-        if stride != 0 {
-            let (counter, factor) = (exprs.counter(crate::ir::LoopVar(d as u8)), exprs.constant(stride as f64));
-            let term = exprs.mul(counter, factor);
-            e = exprs.add(e, term);
-        }
-    }
-    e
 }

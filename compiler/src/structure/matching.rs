@@ -52,7 +52,8 @@ pub fn rows(model: &mut Model, equations: Vec<Equation>, plan: &Plan, rates: &Ra
             });
             matched.push(row);
         } else {
-            let own = (row.var, if plan.arrays.contains_key(&row.var) { -1 } else { row.at.offset });
+            let part = plan.arrays.get(&row.var).and_then(|whole| whole.locate(row.at));
+            let own = (row.var, part.map_or(row.at.offset, |(part, _)| -1 - part as i64));
             implicit.push((row.extents, row.residual, row.span, Some(own)));
         }
     }

@@ -5,6 +5,7 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Binder, Expr, Ident};
 
 use super::super::cells::Cell;
+use super::super::names::DomainId;
 use super::super::quantity::{Measure, Value};
 use super::super::{Bound, Elaborator, MAX_WRITTEN_OUT, Place, units};
 use super::BinderValue;
@@ -22,8 +23,12 @@ impl Elaborator<'_> {
         place: &Place,
     ) -> Value {
         let mut terms = Vec::new();
-        let weighted = function.text == "integral" || function.text == "mean";
-        self.terms(body, binders, condition, weighted, place, &mut terms);
+        let kind = match function.text.as_str() {
+            "integral" | "mean" => Terms::Weighted,
+            "sum" => Terms::Added,
+            _ => Terms::Other,
+        };
+        self.terms(body, binders, condition, kind, place, &mut terms);
         if terms.iter().any(|t| t.value.is_poison()) {
             return self.poison();
         }
@@ -40,7 +45,7 @@ impl Elaborator<'_> {
     }
 
     /// All terms of a reduction: one for each member, one a piece of a range of cells.
-    fn terms(&mut self, body: &Expr, binders: &[Binder], condition: Option<&Expr>, weighted: bool, place: &Place, out: &mut Vec<Term>) {
+    fn terms(&mut self, body: &Expr, binders: &[Binder], condition: Option<&Expr>, kind: Terms, place: &Place, out: &mut Vec<Term>) {
         let Some((binder, rest)) = binders.split_first() else {
             if !self.may_write_out(body.span) {
                 return;
@@ -56,6 +61,20 @@ impl Elaborator<'_> {
             out.push(Term { value, span: body.span, keep, loops: Vec::new(), weight: None });
             return;
         };
+        if kind == Terms::Added
+            && let Some(range) = self.run_of(binder, place)
+        {
+            let mut terms = Vec::new();
+            let looped = self.attempt(|s| {
+                s.looped_terms(binder, range, &mut Bound::Run, body, rest, condition, (kind, None), place, &mut terms);
+                if terms.iter().any(|t| t.value.is_poison()) {
+                    s.refuse();
+                }
+            });
+            if looped.is_some() {
+                return out.append(&mut terms);
+            }
+        }
         for bound in self.bindings_of(binder, place) {
             if self.written_out > MAX_WRITTEN_OUT {
                 return;
@@ -65,18 +84,18 @@ impl Elaborator<'_> {
                     let written = if let Bound::Alias(e, _) = &bound { Some(e.span) } else { None };
                     let first = out.len();
                     let inner = place.bind(&binder.name.text, bound);
-                    self.terms(body, rest, condition, weighted, &inner, out);
+                    self.terms(body, rest, condition, kind, &inner, out);
                     if let Some(span) = written {
                         out[first..].iter_mut().for_each(|t| t.span = span);
                     }
                 }
                 BinderValue::Cells(domain, low, high) => {
                     let mut make = |cell: Cell| Bound::Cell(domain, cell);
-                    self.looped_terms(binder, (low, high), &mut make, body, rest, condition, weighted.then_some(domain), place, out);
+                    self.looped_terms(binder, (low, high), &mut make, body, rest, condition, (kind, Some(domain)), place, out);
                 }
                 BinderValue::Elements(symbol, len) => {
                     let mut make = |cell: Cell| Bound::Element(symbol, cell.affine());
-                    self.looped_terms(binder, (0, len - 1), &mut make, body, rest, condition, None, place, out);
+                    self.looped_terms(binder, (0, len - 1), &mut make, body, rest, condition, (kind, None), place, out);
                 }
             }
         }
@@ -91,15 +110,15 @@ impl Elaborator<'_> {
         body: &Expr,
         rest: &[Binder],
         condition: Option<&Expr>,
-        weight: Option<super::super::names::DomainId>,
+        (kind, domain): (Terms, Option<DomainId>),
         place: &Place,
         out: &mut Vec<Term>,
     ) {
         let pieces = self.cells(low, high, binder.span, place, &mut |s, cell, inner| {
             let inner = inner.bind(&binder.name.text, bound(cell));
             let mut list = Vec::new();
-            s.terms(body, rest, condition, weight.is_some(), &inner, &mut list);
-            if let Some(domain) = weight {
+            s.terms(body, rest, condition, kind, &inner, &mut list);
+            if let Some(domain) = domain.filter(|_| kind == Terms::Weighted) {
                 for term in &mut list {
                     let volume = s.cell_volume(domain, cell);
                     term.weight = Some(match term.weight.take() {
@@ -244,6 +263,17 @@ impl Elaborator<'_> {
         }
         Value::truth(total)
     }
+}
+
+/// What becomes of the terms of a reduction.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Terms {
+    /// They are added: a range of numbers may stay a loop.
+    Added,
+    /// They are weighted with the measure of their cells.
+    Weighted,
+    /// Anything else.
+    Other,
 }
 
 /// A term of a reduction.

@@ -1,0 +1,173 @@
+//! Ranges of numbers that are written out after all.
+//!
+//! An algebraic variable that is defined as a whole by one loop is substituted as a whole. Where its elements are defined one by one, or
+//! need each other, they are substituted one by one, and so every equation and sum that reads them must name them one by one.
+
+use super::whole::{looped_loads, wholes};
+use super::{loads, replace_everywhere};
+use crate::elaborate::{Equation, EquationForm};
+use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, FastMap, FastSet, LoopVar, Nest, ReduceFn, Rewritten, Store, Target, VarId};
+use crate::model::Model;
+
+/// Writes out the ranges over which elements of algebraic variables are defined or read one by one.
+pub fn write_out(model: &mut Model, equations: &mut Vec<Equation>) {
+    loop {
+        let scattered = scattered(model, equations);
+        if scattered.is_empty() {
+            return;
+        }
+        write_out_sums(model, equations, &scattered);
+        write_out_outputs(model, &scattered);
+        let mut changed = false;
+        for equation in std::mem::take(equations) {
+            if equation.runs != 0 && touches(model, &equation, &scattered) {
+                changed = true;
+                passes_of(&mut model.exprs, equation, equations);
+            } else {
+                equations.push(equation);
+            }
+        }
+        if !changed {
+            return;
+        }
+    }
+}
+
+/// Algebraic variables whose elements are defined or read one by one, and not over the cells of a domain.
+fn scattered(model: &Model, equations: &[Equation]) -> FastSet<VarId> {
+    let mut scattered: FastSet<VarId> = FastSet::default();
+    let mut over_cells: FastSet<VarId> = FastSet::default();
+    for equation in equations {
+        if let EquationForm::Definition { var, .. } = equation.form {
+            scattered.insert(var);
+            if equation.extents.len() > equation.runs.count_ones() as usize {
+                over_cells.insert(var);
+            }
+        }
+    }
+    let wholes = wholes(model, equations);
+    let across: FastSet<VarId> = looped_loads(model, equations)
+        .into_iter()
+        .filter(|(var, at)| wholes.get(var).is_some_and(|whole| whole.locate(*at).is_none()))
+        .map(|(var, _)| var)
+        .collect();
+    // Of the parts of arrays, those on a ring of definitions.
+    let mut needs: FastMap<(VarId, usize), Vec<(VarId, usize)>> = FastMap::default();
+    for (&var, whole) in &wholes {
+        for (part, &i) in whole.equations.iter().enumerate() {
+            let needed = loads(&model.exprs, equations[i].form.value(), |v, _| wholes.contains_key(&v));
+            let parts = needed.into_iter().filter_map(|(v, _, at)| Some((v, wholes[&v].locate(at)?.0)));
+            needs.insert((var, part), parts.collect());
+        }
+    }
+    loop {
+        let used: FastSet<(VarId, usize)> = needs.values().flatten().copied().collect();
+        let known: FastSet<(VarId, usize)> = needs.keys().copied().collect();
+        needs.retain(|part, list| used.contains(part) && list.iter().any(|p| known.contains(p)));
+        if needs.len() == known.len() {
+            break;
+        }
+    }
+    let ring: FastSet<VarId> = needs.keys().map(|(var, _)| *var).collect();
+    let loops = |var: &VarId| wholes.contains_key(var) && !across.contains(var) && !ring.contains(var);
+    scattered.retain(|var| model.vars[*var].len > 1 && !over_cells.contains(var) && !loops(var));
+    scattered
+}
+
+/// Whether an equation defines an element of one of the variables, or reads one at an address that its loops change.
+fn touches(model: &Model, equation: &Equation, scattered: &FastSet<VarId>) -> bool {
+    let defines = matches!(equation.form, EquationForm::Definition { var, .. } if scattered.contains(&var));
+    defines || reads(&model.exprs, equation.form.value(), scattered)
+}
+
+/// Whether an expression reads an element of one of the variables at an address that loops change.
+fn reads(exprs: &Exprs, value: ExprId, scattered: &FastSet<VarId>) -> bool {
+    loads(exprs, value, |v, _| scattered.contains(&v)).iter().any(|(_, _, at)| !at.is_constant())
+}
+
+/// Writes out the loops of outputs that are computed from elements of the variables.
+fn write_out_outputs(model: &mut Model, scattered: &FastSet<VarId>) {
+    for nest in std::mem::take(&mut model.programs.outputs.nests) {
+        let is_load = |s: &Store| matches!(model.exprs.node(s.value), Expr::Load { .. });
+        if nest.extents.is_empty() || !nest.stores.iter().any(|s| !is_load(s) && reads(&model.exprs, s.value, scattered)) {
+            model.programs.outputs.nests.push(nest);
+            continue;
+        }
+        let mut stores = nest.stores;
+        for (d, &extent) in nest.extents.iter().enumerate() {
+            let passes = stores.iter().flat_map(|s| (0..i64::from(extent)).map(|pass| (*s, pass)));
+            stores = passes
+                .map(|(s, pass)| {
+                    let value = model.exprs.shift(s.value, LoopVar(d as u8), pass);
+                    let target = Target { at: at_pass(s.target.at, d, pass), ..s.target };
+                    Store { target, value }
+                })
+                .collect();
+        }
+        model.programs.outputs.nests.push(Nest { extents: Vec::new(), stores });
+    }
+}
+
+/// An address in one pass of a loop.
+fn at_pass(mut at: Affine, d: usize, pass: i64) -> Affine {
+    at.offset += at.strides[d] * pass;
+    at.strides[d] = 0;
+    at
+}
+
+/// One equation for each pass of the loops over numbers.
+fn passes_of(exprs: &mut Exprs, equation: Equation, out: &mut Vec<Equation>) {
+    let Some(d) = (0..equation.extents.len()).rev().find(|d| equation.runs & (1 << d) != 0) else {
+        out.push(equation);
+        return;
+    };
+    // Loops over cells keep their counters: a single pass stands in the place of the loop, unless there is no loop left.
+    let mut extents = equation.extents.clone();
+    extents[d] = 1;
+    if extents.iter().all(|&n| n == 1) {
+        extents.clear();
+    }
+    for pass in 0..i64::from(equation.extents[d]) {
+        let value = exprs.shift(equation.form.value(), LoopVar(d as u8), pass);
+        let form = match equation.form {
+            EquationForm::Rate { var, at, .. } => EquationForm::Rate { var, at: at_pass(at, d, pass), value },
+            EquationForm::Definition { var, at, .. } => EquationForm::Definition { var, at: at_pass(at, d, pass), value },
+            EquationForm::Implicit { .. } => EquationForm::Implicit { residual: value },
+        };
+        let one = Equation { extents: extents.clone(), runs: equation.runs & !(1 << d), form, span: equation.span };
+        passes_of(exprs, one, out);
+    }
+}
+
+/// Writes out all sums whose counter goes through elements of the variables.
+fn write_out_sums(model: &mut Model, equations: &mut [Equation], scattered: &FastSet<VarId>) {
+    let mut within: Vec<bool> = Vec::with_capacity(model.exprs.len());
+    for e in (0..model.exprs.len() as u32).map(ExprId::from_u32) {
+        let own = matches!(model.exprs.node(e), Expr::Load { var, at, .. } if scattered.contains(&var) && !at.is_constant());
+        within.push(own || model.exprs.operands(e).any(|o| within[o.as_u32() as usize]));
+    }
+    let concerned = |_: &Exprs, e: ExprId| within.get(e.as_u32() as usize).copied().unwrap_or(true);
+    replace_everywhere(model, equations, &mut Rewritten::default(), &concerned, &mut |exprs, node| written_out(exprs, node, scattered));
+}
+
+/// The terms of a reduction over elements of the variables.
+fn written_out(exprs: &mut Exprs, node: Expr, scattered: &FastSet<VarId>) -> Option<ExprId> {
+    let Expr::Reduce { op, depth, extent, body } = node else { return None };
+    let through = loads(exprs, body, |v, _| scattered.contains(&v)).iter().any(|(_, _, at)| at.strides[usize::from(depth.0)] != 0);
+    if !through {
+        return None;
+    }
+    let function = match op {
+        ReduceFn::Sum => BinaryFn::Add,
+        ReduceFn::Product => BinaryFn::Mul,
+        ReduceFn::Min => BinaryFn::Min,
+        ReduceFn::Max => BinaryFn::Max,
+    };
+    let mut total = None;
+    for pass in 0..i64::from(extent) {
+        let term = exprs.shift(body, depth, pass);
+        let term = exprs.rewrite(term, &mut Rewritten::default(), &mut |exprs, node| written_out(exprs, node, scattered));
+        total = Some(total.map_or(term, |t| exprs.binary(function, t, term)));
+    }
+    Some(total.unwrap_or_else(|| exprs.constant(crate::interpret::identity(op))))
+}

@@ -1,0 +1,230 @@
+//! Arrays that loops define as wholes.
+
+use crate::elaborate::{Equation, EquationForm};
+use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, FastSet, LoopVar, MAX_DEPTH, Nest, Role, Store, Target, VarId};
+use crate::model::Model;
+
+/// An algebraic variable whose elements are defined by loops over equal parts of it: one loop nest a part.
+#[derive(Clone, Debug)]
+pub struct Whole {
+    /// The equation of each part.
+    pub equations: Vec<usize>,
+    /// Extents of the loops of a part.
+    extents: Vec<u32>,
+    /// Parts lie side by side (`c[i in trays, j in species]`, a part for each species), not one after another.
+    interleaved: bool,
+}
+
+/// The variables that loops define as wholes.
+pub fn wholes(model: &Model, equations: &[Equation]) -> FastMap<VarId, Whole> {
+    let mut pieces: FastMap<VarId, Vec<usize>> = FastMap::default();
+    for (i, equation) in equations.iter().enumerate() {
+        if let EquationForm::Definition { var, .. } = equation.form {
+            pieces.entry(var).or_default().push(i);
+        }
+    }
+    let mut out: FastMap<VarId, Whole> = FastMap::default();
+    for (var, list) in pieces {
+        out.extend(Whole::of(i64::from(model.vars[var].len), &list, equations).map(|whole| (var, whole)));
+    }
+    out
+}
+
+impl Whole {
+    fn of(len: i64, pieces: &[usize], equations: &[Equation]) -> Option<Whole> {
+        let extents = &equations[*pieces.first()?].extents;
+        let size = super::passes(extents);
+        if extents.is_empty() || size * pieces.len() as i64 != len {
+            return None;
+        }
+        let count = pieces.len() as i64;
+        let mut parts = vec![None; pieces.len()];
+        let in_rows = row_major(extents);
+        let side_by_side = Affine::along(0, LoopVar(0), count);
+        let mut interleaved = None;
+        for &i in pieces {
+            let EquationForm::Definition { at, .. } = equations[i].form else { return None };
+            let start = Affine::constant(at.offset);
+            let is_interleaved = !(at == in_rows.plus(start) && at.offset % size == 0);
+            if equations[i].extents != *extents
+                || *interleaved.get_or_insert(is_interleaved) != is_interleaved
+                || (is_interleaved && !(extents.len() == 1 && at == side_by_side.plus(start)))
+            {
+                return None;
+            }
+            let part = if is_interleaved { at.offset } else { at.offset / size };
+            let slot = parts.get_mut(usize::try_from(part).ok()?)?;
+            // A second definition of a part stays an equation; matching will find it one too many.
+            if slot.replace(i).is_some() {
+                return None;
+            }
+        }
+        let equations: Option<Vec<usize>> = parts.into_iter().collect();
+        Some(Whole { equations: equations?, extents: extents.clone(), interleaved: interleaved? })
+    }
+
+    /// The part in which the elements at an address lie, and their index along each of its loops; `None` if they lie in several.
+    pub fn locate(&self, at: Affine) -> Option<(usize, Vec<Affine>)> {
+        let (size, count) = (super::passes(&self.extents), self.equations.len() as i64);
+        let mut indices = vec![Affine::default(); self.extents.len()];
+        let part;
+        if self.interleaved {
+            part = at.offset.rem_euclid(count);
+            if at.strides.iter().any(|s| s % count != 0) {
+                return None;
+            }
+            indices[0].offset = at.offset.div_euclid(count);
+            (0..MAX_DEPTH).for_each(|d| indices[0].strides[d] = at.strides[d] / count);
+        } else {
+            part = at.offset.div_euclid(size);
+            if count > 1 && at.strides.iter().any(|s| *s >= size) {
+                return None;
+            }
+            let mut rest = Affine { offset: at.offset - part * size, ..at };
+            for (index, &extent) in indices.iter_mut().zip(&self.extents).skip(1).rev() {
+                let n = i64::from(extent);
+                index.offset = rest.offset.rem_euclid(n);
+                rest.offset = rest.offset.div_euclid(n);
+                for (own, stride) in index.strides.iter_mut().zip(&mut rest.strides) {
+                    *own = stride.rem_euclid(n);
+                    *stride = stride.div_euclid(n);
+                }
+            }
+            indices[0] = rest;
+        }
+        (0..count).contains(&part).then_some((part as usize, indices))
+    }
+
+    /// The addresses of the elements of each part, with the extents of their loops.
+    pub fn parts(&self) -> impl Iterator<Item = (Vec<u32>, Affine)> + '_ {
+        let (size, count) = (super::passes(&self.extents), self.equations.len() as i64);
+        let inner = if self.interleaved { Affine::along(0, LoopVar(0), count) } else { row_major(&self.extents) };
+        let step = if self.interleaved { 1 } else { size };
+        (0..count).map(move |part| (self.extents.clone(), inner.plus(Affine::constant(part * step))))
+    }
+}
+
+/// Addresses in the order of a nest of loops.
+fn row_major(extents: &[u32]) -> Affine {
+    let mut at = Affine::default();
+    for (d, &n) in extents.iter().enumerate() {
+        at = at.times(i64::from(n)).plus(Affine::along(0, LoopVar(d as u8), 1));
+    }
+    at
+}
+
+/// Addresses at which expressions read algebraic variables in loops, without the outputs: these are taken apart.
+pub fn looped_loads(model: &Model, equations: &[Equation]) -> Vec<(VarId, Affine)> {
+    let mut out = Vec::new();
+    let mut seen = vec![false; model.exprs.len()];
+    let mut stack: Vec<ExprId> = equations.iter().map(|equation| equation.form.value()).collect();
+    let p = &model.programs;
+    for program in [&p.start, &p.end, &p.finish, &p.invariants, &p.boxes, &p.initial_discretes].into_iter().chain(&p.events) {
+        stack.extend(program.nests.iter().flat_map(|n| n.stores.iter().map(|s| s.value)));
+    }
+    for store in p.outputs.nests.iter().flat_map(|n| &n.stores) {
+        if !matches!(model.exprs.node(store.value), Expr::Load { .. }) {
+            stack.push(store.value);
+        }
+    }
+    stack.extend(model.roots.iter().map(|r| r.value));
+    stack.extend(&model.quadratures);
+    while let Some(e) = stack.pop() {
+        if std::mem::replace(&mut seen[e.as_u32() as usize], true) {
+            continue;
+        }
+        if let Expr::Load { var, at, .. } = model.exprs.node(e)
+            && !at.is_constant()
+            && model.vars[var].role == Role::Algebraic
+        {
+            out.push((var, at));
+        }
+        stack.extend(model.exprs.operands(e));
+    }
+    out.sort_unstable();
+    out.dedup();
+    out
+}
+
+/// Makes outputs that go over a whole variable fit what is substituted: a loop for each part of an array, single numbers for elements
+/// that are `defined` one by one.
+pub fn take_outputs_apart(model: &mut Model, arrays: &FastMap<VarId, Whole>, defined: &FastSet<VarId>) {
+    let exprs = &mut model.exprs;
+    for nest in std::mem::take(&mut model.programs.outputs.nests) {
+        let variable = match nest.stores.as_slice() {
+            [store] if !nest.extents.is_empty() => match exprs.node(store.value) {
+                Expr::Load { var, flavour, at } if at == row_major(&nest.extents) => Some((store.target, var, flavour)),
+                _ => None,
+            },
+            _ => None,
+        };
+        let parts: Vec<(Vec<u32>, Affine)> = match variable {
+            Some((_, var, _)) if arrays.contains_key(&var) => arrays[&var].parts().collect(),
+            Some((_, var, _)) if defined.contains(&var) => {
+                (0..i64::from(model.vars[var].len)).map(|i| (Vec::new(), Affine::constant(i))).collect()
+            }
+            _ => Vec::new(),
+        };
+        let Some((target, var, flavour)) = variable.filter(|_| !parts.is_empty()) else {
+            model.programs.outputs.nests.push(nest);
+            continue;
+        };
+        for (extents, at) in parts {
+            let value = exprs.load(var, flavour, at);
+            let target = Target { at: Affine::constant(target.at.offset).plus(at), ..target };
+            model.programs.outputs.nests.push(Nest { extents, stores: vec![Store { target, value }] });
+        }
+    }
+}
+
+/// A definition with the counters of its loops in the place of `indices`; its sums count with counters that these do not use.
+/// `None` where the loops would nest too deeply.
+pub fn placed(exprs: &mut Exprs, value: ExprId, indices: &[Affine]) -> Option<ExprId> {
+    let mut map = [Affine::default(); MAX_DEPTH];
+    map[..indices.len()].copy_from_slice(indices);
+    let used = indices.iter().flat_map(|at| (0..MAX_DEPTH).filter(|&d| at.strides[d] != 0)).max();
+    moved(exprs, value, &map, used.map_or(0, |d| d + 1))
+}
+
+fn moved(exprs: &mut Exprs, value: ExprId, map: &[Affine; MAX_DEPTH], next: usize) -> Option<ExprId> {
+    let mut fits = true;
+    let moved_value = exprs.rewrite(value, &mut crate::ir::Rewritten::default(), &mut |exprs, node| match node {
+        Expr::Counter(v) => Some(number(exprs, map[usize::from(v.0)])),
+        Expr::Load { var, flavour, at } if !at.is_constant() => {
+            let mut there = Affine::constant(at.offset);
+            for (index, &stride) in map.iter().zip(&at.strides) {
+                there = there.plus(index.times(stride));
+            }
+            Some(exprs.load(var, flavour, there))
+        }
+        Expr::Reduce { op, depth, extent, body } => {
+            let mut inner = *map;
+            let body = (next < MAX_DEPTH).then(|| {
+                inner[usize::from(depth.0)] = Affine::along(0, LoopVar(next as u8), 1);
+                moved(exprs, body, &inner, next + 1)
+            });
+            match body.flatten() {
+                Some(body) => Some(exprs.reduce(op, LoopVar(next as u8), extent, body)),
+                None => {
+                    fits = false;
+                    Some(exprs.constant(f64::NAN))
+                }
+            }
+        }
+        _ => None,
+    });
+    fits.then_some(moved_value)
+}
+
+/// An address as a number.
+fn number(exprs: &mut Exprs, at: Affine) -> ExprId {
+    let mut e = exprs.constant(at.offset as f64);
+    for (d, &stride) in at.strides.iter().enumerate() {
+        if stride != 0 {
+            let (counter, factor) = (exprs.counter(LoopVar(d as u8)), exprs.constant(stride as f64));
+            let term = exprs.mul(counter, factor);
+            e = exprs.add(e, term);
+        }
+    }
+    e
+}

@@ -1,0 +1,185 @@
+//! Ranges of numbers stay loops, with the numbers that the same equations give when they are worked out one by one.
+
+mod running;
+
+use running::{Running, assert_close, flat};
+
+/// Rates of `x` and `w` by a function of all of both and of the index, from 0.
+fn check(n: usize, source: &str, rate: impl Fn(&[f64], usize) -> f64) {
+    let mut r = Running::new(source);
+    assert_eq!(r.model.unknowns(), n, "only the states are unknown:\n{source}");
+    let x: Vec<f64> = (0..n).map(|i| 0.3 + (i as f64).sin() * 0.2).collect();
+    for (i, x) in x.iter().enumerate() {
+        r.set(&format!("x[{}]", i + 1), *x);
+    }
+    let rates = r.rates();
+    for (i, found) in rates.iter().enumerate() {
+        assert_close(*found, rate(&x, i));
+    }
+}
+
+/// A model with a state `x` over `1..n` and some more lines.
+fn model(n: usize, lines: &str) -> String {
+    format!("set s = 1..{n}\nparam M[i in s] = 1 + 0.1*i\nstate x[i in s] = 0.5\naction u = 1 in 0..2\n{lines}")
+}
+
+/// Numbers of `1..n` for which loops are kept, and for which they are not.
+const LENGTHS: [usize; 3] = [5, 16, 40];
+
+#[test]
+fn the_code_does_not_grow_with_the_range() {
+    let tray = |n: usize| {
+        model(
+            n,
+            &format!(
+                "set parts = {{ a, b }}
+                 state c[j in parts, i in s] = 0.1
+                 let y[i in s] : 1 = 2*x[i] / (1 + x[i])
+                 var z[i in s] : 1
+                 eq z[i] = exp(-x[i]) * sum(c[j, i] for j in parts) for i in s
+                 var v[j in parts, i in s] : 1
+                 eq v[j, i] = c[j, i] * z[i] for j in parts, i in s
+                 eq d/dt x[i] = (if i == 1 then u else x[i-1]) / 1 [s] - (y[i] + z[i]) / (M[i] * 1 [s]) for i in s
+                 eq d/dt c[j, i] = (v[j, i] - v[j, i+1]) / 1 [s] for j in parts, i in 1..{n}-1
+                 eq d/dt c[j, {n}] = -v[j, {n}] / 1 [s] for j in parts"
+            ),
+        )
+    };
+    let (small, large) = (flat(&tray(20)), flat(&tray(2000)));
+    assert_eq!(small.rows.len(), large.rows.len());
+    let (small, large) = (Running::of(small), Running::of(large));
+    assert_eq!(large.model.unknowns(), 6000);
+    let ratio = large.model.code_len() as f64 / small.model.code_len() as f64;
+    assert!(ratio < 1.1, "{} and {} bytes", small.model.code_len(), large.model.code_len());
+}
+
+#[test]
+fn neighbours_and_numbers_of_a_range() {
+    for n in LENGTHS {
+        let source =
+            model(n, "eq d/dt x[i] = ((if i < 3 then u else x[i-2]) - i*x[i] + (if i >= 4 then x[3] else 0)) / (M[i] * 1 [s]) for i in s");
+        check(n, &source, |x, i| {
+            let feed = if i < 2 { 1.0 } else { x[i - 2] };
+            let third = if i >= 3 { x[2] } else { 0.0 };
+            (feed - (i + 1) as f64 * x[i] + third) / (1.0 + 0.1 * (i + 1) as f64)
+        });
+    }
+}
+
+#[test]
+fn sums_with_conditions_over_the_same_range() {
+    for n in LENGTHS {
+        let source = model(n, "eq d/dt x[i] = sum((x[j] - x[i]) / (i - j)^2 for j in s if j != i) / 1 [s] for i in s");
+        check(n, &source, |x, i| (0..x.len()).filter(|&j| j != i).map(|j| (x[j] - x[i]) / (i as f64 - j as f64).powi(2)).sum());
+        let source = model(n, "eq d/dt x[i] = sum(x[j]*x[k] for j in s, k in s if k > j and j > 2) / (i * 1 [s]) for i in s");
+        check(n, &source, |x, i| {
+            let pairs = (0..x.len()).flat_map(|j| (j + 1..x.len()).map(move |k| (j, k)));
+            pairs.filter(|(j, _)| *j > 1).map(|(j, k)| x[j] * x[k]).sum::<f64>() / (i + 1) as f64
+        });
+    }
+}
+
+#[test]
+fn algebraic_variables_are_substituted_however_they_are_defined() {
+    for n in LENGTHS {
+        // As a whole; a sum inside, and a place inside of a sum.
+        let source = model(
+            n,
+            "var y[i in s]\nvar z[i in s]\neq y[i] = x[i] * sum(x[j] for j in s) for i in s
+             eq z[i] = y[i] + sum(y[j]*j for j in s) for i in s\neq d/dt x[i] = z[i] / 1 [s] for i in s",
+        );
+        check(n, &source, |x, i| {
+            let total: f64 = x.iter().sum();
+            x[i] * total + x.iter().enumerate().map(|(j, x)| x * total * (j + 1) as f64).sum::<f64>()
+        });
+        // One from the other.
+        let source = model(
+            n,
+            "var y[i in s]\neq y[i] = (if i == 1 then u else y[i-1]) * x[i] for i in s\neq d/dt x[i] = sum(y[j] for j in s if j >= i) / 1 [s] for i in s",
+        );
+        check(n, &source, |x, i| (i..x.len()).map(|j| x[..=j].iter().product::<f64>()).sum());
+        // In parts, and the last one by itself.
+        let source = model(
+            n,
+            &format!(
+                "var y[i in s]\neq y[i] = x[i+1] - x[i] for i in 1..{n}-1\neq y[{n}] = -x[{n}]\neq d/dt x[i] = (y[i] + y[1]) / (M[i] * 1 [s]) for i in s"
+            ),
+        );
+        check(n, &source, |x, i| {
+            let y = |i: usize| x.get(i + 1).unwrap_or(&0.0) - x[i];
+            (y(i) + y(0)) / (1.0 + 0.1 * (i + 1) as f64)
+        });
+    }
+}
+
+#[test]
+fn algebraic_variables_with_two_indices_are_substituted_by_parts() {
+    for n in LENGTHS {
+        for (index, order) in [("j in parts, i in s", "j, i"), ("i in s, j in parts", "i, j")] {
+            let source = model(
+                n,
+                &format!(
+                    "set parts = {{ a, b, c }}\nvar y[{index}] : 1\nvar w[{index}] : 1
+                     table k[parts] = {{ a: 1, b: 2, c: 3 }}
+                     eq y[{order}] = k[j]*x[i] for i in s, j in parts
+                     eq w[{order}] = y[{order}] / sum(y[{}] for k in parts) + y[{}] for j in parts, i in s
+                     eq d/dt x[i] = (sum(w[{order}]^2 for j in parts) + y[{}]) / 1 [s] for i in s",
+                    order.replace('j', "k"),
+                    order.replace('j', "a").replace("i", "1"),
+                    order.replace('j', "b").replace("i", "2"),
+                ),
+            );
+            check(n, &source, |x, _| {
+                let w = |k: f64| k / 6.0 + x[0];
+                [1.0, 2.0, 3.0].map(|k| w(k).powi(2)).iter().sum::<f64>() + 2.0 * x[1]
+            });
+            let mut r = Running::new(&source);
+            let name = |order: &str| format!("y[{}]", order.replace('j', "c").replace('i', "3").replace(' ', ""));
+            assert_close(r.output(&name(order)), 1.5);
+        }
+    }
+}
+
+#[test]
+fn equations_that_a_loop_cannot_say_are_written_out() {
+    let n = 20;
+    let rows: String = (1..=n).map(|i| format!("{i}: {}\n", i * i)).collect();
+    let table = model(n, &format!("table k[s] = {{\n{rows}}}\neq d/dt x[i] = -k[i]*x[i] / 1 [s] for i in s"));
+    check(n, &table, |x, i| -((i + 1) as f64).powi(2) * x[i]);
+    let power = model(n, "eq d/dt x[i] = (-x[i])^i / 1 [s] for i in s");
+    check(n, &power, |x, i| (-x[i]).powi(i as i32 + 1));
+    let product = model(n, "eq d/dt x[i] = product(x[j] for j in s) / 1 [s] for i in s");
+    check(n, &product, |x, _| x.iter().product());
+    let range = model(n, "eq d/dt x[i] = sum(x[j] for j in 1..i) / 1 [s] for i in s");
+    check(n, &range, |x, i| x[..=i].iter().sum());
+}
+
+#[test]
+fn masses_before_derivatives() {
+    for n in LENGTHS {
+        let source = model(n, "eq M[i] * d/dt x[i] = (u - x[i]) / 1 [s] for i in s");
+        check(n, &source, |x, i| (1.0 - x[i]) / (1.0 + 0.1 * (i + 1) as f64));
+    }
+}
+
+/// A variable over `z` with a sum over `q` in its definition, used in loops over `q` and `z`: the counter of the sum is its own.
+#[test]
+fn a_sum_in_a_definition_counts_for_itself() {
+    let mut r = Running::new(
+        "domain z in 0..1 cells 4
+         domain q in 0..1 cells 3
+         state d[z] = z
+         state c[q] = 1 + q
+         state m[q, z] = 0
+         var total[z]
+         eq total[z] = sum(d[z]*c[q] for q) for z
+         eq d/dt d[z] = 0 for z
+         eq d/dt c[q] = 0 for q
+         eq d/dt m[q, z] = total[z]*c[q] / 1 [s] for q, z",
+    );
+    let sum: f64 = (1..=3).map(|q| r.get(&format!("c[{q}]"))).sum();
+    for (q, z) in [(1, 1), (2, 4), (3, 2)] {
+        let expected = r.get(&format!("d[{z}]")) * sum * r.get(&format!("c[{q}]"));
+        assert_close(r.rate(&format!("m[{q},{z}]")), expected);
+    }
+}
