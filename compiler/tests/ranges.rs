@@ -80,6 +80,23 @@ fn sums_with_conditions_over_the_same_range() {
 }
 
 #[test]
+fn means_and_conditions_over_a_range() {
+    for n in LENGTHS {
+        let source = model(
+            n,
+            "eq d/dt x[i] = (mean(x[j]*j for j in s) + mean(x[j] for j in s if j > 2)
+               + (if any(x[j] > 0.49 for j in s if j != i) then 1 else 0) + (if all(x[j] < 0.45 for j in s) then 2 else 0)) / 1 [s] for i in s",
+        );
+        check(n, &source, |x, i| {
+            let mean = x.iter().zip(1..).map(|(x, j)| x * f64::from(j)).sum::<f64>() / n as f64;
+            let rest = x[2..].iter().sum::<f64>() / (n - 2) as f64;
+            let any = x.iter().enumerate().any(|(j, x)| j != i && *x > 0.49);
+            mean + rest + f64::from(u8::from(any)) + if x.iter().all(|x| *x < 0.45) { 2.0 } else { 0.0 }
+        });
+    }
+}
+
+#[test]
 fn algebraic_variables_are_substituted_however_they_are_defined() {
     for n in LENGTHS {
         // As a whole; a sum inside, and a place inside of a sum.

@@ -25,8 +25,8 @@ impl Elaborator<'_> {
         let mut terms = Vec::new();
         let kind = match function.text.as_str() {
             "integral" | "mean" => Terms::Weighted,
-            "sum" => Terms::Added,
-            _ => Terms::Other,
+            "sum" | "any" | "all" => Terms::Plain,
+            _ => Terms::Single,
         };
         self.terms(body, binders, condition, kind, place, &mut terms);
         if terms.iter().any(|t| t.value.is_poison()) {
@@ -61,13 +61,15 @@ impl Elaborator<'_> {
             out.push(Term { value, span: body.span, keep, loops: Vec::new(), weight: None });
             return;
         };
-        if kind == Terms::Added
+        if kind != Terms::Single
             && let Some(range) = self.run_of(binder, place)
         {
             let mut terms = Vec::new();
             let looped = self.attempt(|s| {
                 s.looped_terms(binder, range, &mut Bound::Run, body, rest, condition, (kind, None), place, &mut terms);
-                if terms.iter().any(|t| t.value.is_poison()) {
+                // What is left out by a condition is not counted by a mean.
+                let uncounted = |t: &Term| kind == Terms::Weighted && t.keep.is_some();
+                if terms.iter().any(|t| t.value.is_poison() || uncounted(t)) {
                     s.refuse();
                 }
             });
@@ -216,7 +218,8 @@ impl Elaborator<'_> {
             let measure = self.fold(weights, ReduceFn::Sum, span);
             return self.arithmetic(BinaryOp::Div, (total, span), (measure, span), span);
         }
-        let n = self.exprs.constant(terms.len() as f64);
+        let passes = |t: &Term| t.loops.iter().map(|&(_, n)| f64::from(n)).product::<f64>();
+        let n = self.exprs.constant(terms.iter().map(passes).sum());
         let total = self.fold(terms, ReduceFn::Sum, span);
         self.arithmetic(BinaryOp::Div, (total, span), (Value::bare(n), span), span)
     }
@@ -268,12 +271,12 @@ impl Elaborator<'_> {
 /// What becomes of the terms of a reduction.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Terms {
-    /// They are added: a range of numbers may stay a loop.
-    Added,
-    /// They are weighted with the measure of their cells.
+    /// A range of numbers may stay a loop.
+    Plain,
+    /// So it may, and cells are weighted with their measure.
     Weighted,
-    /// Anything else.
-    Other,
+    /// Long ranges of factors and the like cannot be differentiated as loops.
+    Single,
 }
 
 /// A term of a reduction.
