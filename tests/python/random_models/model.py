@@ -206,18 +206,18 @@ class RandomModel(Writer):
             e = self._recursive(array, along, step, place, indices, e)
         left, tail = self._element(array, indices).text, f" for {', '.join(binders)}" if binders else ""
         into = self.definitions if role == "var" else self.rates
+        masses = self.arrays["param"] + self.arrays["table"] if role == "rate" else []
+        implicit = self.chance(0.4) if masses else role == "var" and self.chance(0.1)
+        if implicit:  # a variable alone on the right would count as what the equation defines
+            e = infix(e, "-", self.digits())
+        right = e.text
         if role == "rate":
-            masses, left = self.arrays["param"] + self.arrays["table"], f"d/dt {left}"
-            mass = self.reference(place, masses) if masses and self.chance(0.4) else None
-            if mass:
-                e = infix(e, "-", self.digits())  # a variable alone would count as defined by the equation
-            right = f"{e.within(PRODUCT)} / 1 [s]"
-            if mass:
-                left, e = f"{mass.text} * {left}", infix(e, "/", mass)
-        else:
-            right = e.text
-            if self.chance(0.1):
-                left, e = f"{left}^3 + {left}", call("{}", root_of_cubic, e.size, e)
+            left, right = f"d/dt {left}", f"{e.within(PRODUCT)} / 1 [s]"
+        if implicit and masses:
+            mass = self.reference(place, masses)
+            left, e = f"{mass.text} * {left}", infix(e, "/", mass)
+        elif implicit:
+            left, e = f"{left}^3 + {left}", call("{}", root_of_cubic, e.size, e)
         self.statements.append(f"eq {left} = {right}{tail}")
         elements = [((array.name, tuple(i.of(scope) for i in indices)), (e, scope)) for scope in place.scopes()]
         into.update(sorted(elements, key=lambda x: -step * x[0][1][along] if step else 0))
