@@ -204,6 +204,10 @@ pub(crate) struct Elaborator<'a> {
     memo: FastMap<Expansion, Value>,
     /// Ranges of numbers may stay loops.
     runs: bool,
+    /// Parameters whose numbers gave sizes and indices.
+    structural: FastSet<VarId>,
+    /// Parameters that the default of a parameter needs.
+    needed: FastMap<VarId, Vec<VarId>>,
     /// A range stayed a loop.
     looped: bool,
     /// Passes of such loops.
@@ -280,6 +284,8 @@ impl<'a> Elaborator<'a> {
             unbound: FastSet::default(),
             memo: FastMap::default(),
             runs: false,
+            structural: FastSet::default(),
+            needed: FastMap::default(),
             looped: false,
             passes: 0,
             attempts: 0,
@@ -419,6 +425,16 @@ impl<'a> Elaborator<'a> {
         });
         self.exprs = exprs;
         value
+    }
+
+    /// Notes that sizes or indices were computed from an expression: its parameters keep their numbers.
+    fn mark_structural(&mut self, e: ExprId) {
+        let mut stack: Vec<VarId> = self.parameters_in(e).into_iter().map(|p| p.0).collect();
+        while let Some(var) = stack.pop() {
+            if self.structural.insert(var) {
+                stack.extend(self.needed.get(&var).into_iter().flatten());
+            }
+        }
     }
 
     fn missing_value(&mut self, what: &str, span: Span) {

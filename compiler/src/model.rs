@@ -243,6 +243,8 @@ pub struct Quantity {
     pub scale: Vec<f64>,
     /// The unit is a point on a scale (degC).
     pub affine_unit: bool,
+    /// Sizes or indices were computed from it (a parameter) when the model was compiled: it has that value.
+    pub structural: bool,
 }
 
 /// One index of an array.

@@ -32,7 +32,7 @@ pub fn analyse(elaborated: Elaborated) -> Result<(Model, Vec<Diagnostic>), Vec<D
     rates::solve_for_derivatives(&mut model.exprs, &model.vars, &mut equations);
     let rates = rates::cover_states(&model, &equations)?;
     rates::substitute_derivatives(&mut model, &mut equations);
-    let plan = algebraic::plan(&mut model, &equations);
+    let plan = algebraic::plan(&mut model, &mut equations);
     algebraic::substitute(&mut model, &mut equations, &plan);
     let rows = matching::rows(&mut model, equations, &plan, &rates)?;
     model.explicit = is_explicit(&model.exprs, &model, &rows);

@@ -28,6 +28,8 @@ pub struct Element {
     pub default: f64,
     /// Magnitude for tolerances.
     pub scale: f64,
+    /// The default shapes the model: another value needs another compilation.
+    pub structural: bool,
 }
 
 impl Element {
@@ -94,6 +96,29 @@ impl Family {
     /// The flattened names.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.elements.iter().map(|e| e.name.as_str())
+    }
+}
+
+/// A parameter that gave the model sizes or indices when it was compiled is given another value.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("`{name}` shapes the model, compiled with {value}: give another value where the model is compiled, among its settings")]
+pub struct StructuralParameter {
+    /// Its name.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+}
+
+impl Element {
+    /// Checks that a parameter may have a value.
+    ///
+    /// # Errors
+    /// [`StructuralParameter`] if the model is compiled for another one.
+    pub fn check(&self, value: f64) -> Result<(), StructuralParameter> {
+        if self.structural && value != self.default {
+            return Err(StructuralParameter { name: self.name.clone(), value: self.default });
+        }
+        Ok(())
     }
 }
 
@@ -207,6 +232,7 @@ fn family(quantities: &[Quantity], place: impl Fn(&Quantity, usize, usize) -> us
                 high: pick(&quantity.high),
                 default: pick(&quantity.default),
                 scale: pick(&quantity.scale),
+                structural: quantity.structural,
             });
         }
     }

@@ -10,7 +10,7 @@ use smpl_compiler::layout::{Part, Region};
 use smpl_compiler::model::Variate;
 use smpl_dsl::diagnostic::SourceMap;
 
-use crate::catalogue::{Catalogue, UnknownName};
+use crate::catalogue::{Catalogue, StructuralParameter, UnknownName};
 use crate::random;
 use crate::solver::{LinearSolver, PatternError, Quadratures, Settings, SolveError};
 use crate::steady::{self, SteadyError};
@@ -51,6 +51,9 @@ pub enum SetupError {
     /// A name that the model does not have.
     #[error(transparent)]
     UnknownName(#[from] UnknownName),
+    /// A parameter for which the model is compiled.
+    #[error(transparent)]
+    Structural(#[from] StructuralParameter),
     /// A value that is none.
     #[error("{what} must be {expected}, not {value}")]
     Value {
@@ -202,7 +205,7 @@ impl Setup {
     /// Parameters at their means with the given ones in place, and their steady state.
     fn prepare_nominal(&mut self) -> Result<(), SetupError> {
         let draws = self.draws.clone();
-        let given = self.given_parameters(self.options.parameters.iter().map(|(n, v)| (n.as_str(), *v)))?;
+        let given = self.given_parameters::<SetupError>(self.options.parameters.iter().map(|(n, v)| (n.as_str(), *v)))?;
         fill_means(&mut self.system, &draws);
         set_parameters(&mut self.system, &given);
         if self.model().interface().has_steady {
@@ -213,8 +216,16 @@ impl Setup {
     }
 
     /// Places and values of named parameters.
-    pub(crate) fn given_parameters<'a>(&self, named: impl Iterator<Item = (&'a str, f64)>) -> Result<Vec<(usize, f64)>, UnknownName> {
-        named.map(|(name, value)| Ok((self.catalogue.parameters.get(name, "parameter")?.at, value))).collect()
+    pub(crate) fn given_parameters<'a, E: From<UnknownName> + From<StructuralParameter>>(
+        &self,
+        named: impl Iterator<Item = (&'a str, f64)>,
+    ) -> Result<Vec<(usize, f64)>, E> {
+        let place = |(name, value)| {
+            let element = self.catalogue.parameters.get(name, "parameter")?;
+            element.check(value)?;
+            Ok((element.at, value))
+        };
+        named.map(place).collect()
     }
 }
 

@@ -314,7 +314,9 @@ impl<'a> Elaborator<'a> {
             self.random_site = outer;
             let mut needed = Vec::new();
             for piece in &pieces {
-                for (var, _) in self.parameters_in(piece.value.1) {
+                for (needs, _) in self.parameters_in(piece.value.1) {
+                    self.needed.entry(var).or_default().push(needs);
+                    let var = needs;
                     if let Some(&symbol) = self.symbol_of.get(&var).filter(|_| !self.knowing.contains(&var)) {
                         needed.push((symbol, None));
                     }
@@ -390,6 +392,7 @@ impl<'a> Elaborator<'a> {
             default,
             scale,
             affine_unit: units::is_point(&unit),
+            structural: false,
         }
     }
 
@@ -573,5 +576,6 @@ fn empty_quantity() -> Quantity {
         default: Vec::new(),
         scale: Vec::new(),
         affine_unit: false,
+        structural: false,
     }
 }

@@ -20,6 +20,8 @@ pub struct Equation {
     pub extents: Vec<u32>,
     /// Which of its loops count numbers, by bit: they may be written out.
     pub runs: u8,
+    /// The element of an algebraic variable that another equation defines as well.
+    pub repeats: Option<(VarId, i64)>,
     /// What it says.
     pub form: EquationForm,
     /// Where it stands.
@@ -120,7 +122,7 @@ impl<'a> Elaborator<'a> {
         self.statement = Span::default();
         for piece in pieces {
             if let Some((form, runs)) = piece.value {
-                self.equations.push(Equation { extents: piece.extents, runs, form, span });
+                self.equations.push(Equation { extents: piece.extents, runs, repeats: None, form, span });
             }
         }
     }
@@ -129,7 +131,10 @@ impl<'a> Elaborator<'a> {
         for (own, value) in [(left, right), (right, left)] {
             match self.exprs.node(own) {
                 Node::Load { var, flavour: Flavour::Derivative, at } => return EquationForm::Rate { var, at, value },
-                Node::Load { var, flavour: Flavour::Value, at } if self.vars[var].role == Role::Algebraic => {
+                // What determines a rate is no definition: `M * d/dt x = v`.
+                Node::Load { var, flavour: Flavour::Value, at }
+                    if self.vars[var].role == Role::Algebraic && !self.exprs.has_derivative(value) =>
+                {
                     return EquationForm::Definition { var, at, value };
                 }
                 _ => {}
@@ -193,7 +198,8 @@ impl<'a> Elaborator<'a> {
             let runs = u8::from(sets && !extents.is_empty());
             let load = self.exprs.load(from, Flavour::Value, at);
             let Some(value) = self.convert(load, &unit, &wanted) else { continue };
-            self.equations.push(Equation { extents, runs, form: EquationForm::Definition { var: to, at, value }, span });
+            let form = EquationForm::Definition { var: to, at, value };
+            self.equations.push(Equation { extents, runs, repeats: None, form, span });
         }
     }
 }

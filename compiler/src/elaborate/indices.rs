@@ -435,6 +435,7 @@ impl Elaborator<'_> {
                     return None;
                 }
                 let x = self.constant_value(v.expr)?;
+                self.mark_structural(v.expr);
                 (x.fract() == 0.0 && x.abs() < 1e15).then_some(x as i64)
             }
         }

@@ -510,6 +510,7 @@ impl<'a> Elaborator<'a> {
                             default: vec![f64::NAN],
                             scale: vec![1.0],
                             affine_unit: unit.is_point(),
+                            structural: false,
                         });
                     }
                 }
@@ -555,7 +556,10 @@ impl<'a> Elaborator<'a> {
             list.into_iter().filter_map(|v| quantity(s, v)).collect()
         };
         let lists = [Role::State, Role::Discrete, Role::Action, Role::Disturbance, Role::Param].map(|r| of(self, r));
-        let [states, mut discretes, actions, disturbances, parameters] = lists;
+        let [states, mut discretes, actions, disturbances, mut parameters] = lists;
+        for quantity in &mut parameters {
+            quantity.structural = quantity.var.is_some_and(|var| self.structural.contains(&var));
+        }
         discretes.extend(self.schedule_quantities());
         self.model.interface.phases = self.schedule_phases();
         if states.is_empty() && !self.has_errors() {

@@ -126,6 +126,7 @@ impl<'a> Elaborator<'a> {
             default: vec![default],
             scale: vec![1.0],
             affine_unit: false,
+            structural: false,
         };
         let names: Vec<&str> = schedule.phases.iter().map(|p| p.name.text.as_str()).collect();
         vec![

@@ -173,6 +173,36 @@ impl Elaborator<'_> {
         members
     }
 
+    /// A whole number that cannot change: of numbers, and of parameters that give sizes and indices.
+    fn settled_number(&mut self, e: &Expr, place: &Place) -> Option<i64> {
+        let v = self.value(e, place);
+        let settled = !v.is_poison() && self.parameters_in(v.expr).iter().all(|(var, _)| self.structural.contains(var));
+        let x = self.constant_value(v.expr).filter(|x| settled && x.fract() == 0.0 && x.abs() < 1e15)?;
+        Some(x as i64)
+    }
+
+    /// The number that an index has, or the numbers of its range.
+    fn counted_index(&mut self, e: &Expr, place: &Place) -> Option<Cell> {
+        if let Some(numbers) = self.run_index(e, place) {
+            return Some(numbers);
+        }
+        let number = |s: &Self, e: &Expr| match &e.kind {
+            ExprKind::Name(name) => match place.bound(&name.text)? {
+                Bound::Member(set, i) => s.names.sets[*set].first.map(|first| first + *i as i64),
+                Bound::Number(e) => s.exprs.as_const(*e).map(|x| x as i64),
+                _ => None,
+            },
+            _ => None,
+        };
+        match &e.kind {
+            ExprKind::Binary(op @ (BinaryOp::Add | BinaryOp::Sub), a, b) if number(self, a).is_some() => {
+                let by = self.integer_quietly(b, place)?;
+                number(self, a).map(|n| Cell::single(if *op == BinaryOp::Add { n + by } else { n - by }))
+            }
+            _ => number(self, e).map(Cell::single),
+        }
+    }
+
     /// The numbers of a range as a value.
     pub(super) fn run_value(&mut self, numbers: Cell) -> Value {
         let first = self.exprs.constant(numbers.first as f64);
@@ -181,18 +211,17 @@ impl Elaborator<'_> {
         Value::bare(if numbers.first == 0 { counter } else { self.exprs.add(counter, first) })
     }
 
-    /// `i < 4`, `n == i`: decided where one side is an index over a range and the other one a number. The loop is cut where that holds
-    /// in some passes only; what is made of this pass is thrown away then.
+    /// `i < 4`, `n == i`: decided where one side is an index and the other one a number that the size of some range depends on too, so
+    /// that it cannot change. A loop is cut where that holds in some passes only; what is made of this pass is thrown away then.
     pub(super) fn run_comparison(&mut self, op: BinaryOp, a: &Expr, b: &Expr, place: &Place) -> Option<bool> {
-        let (numbers, op, other) = match (self.run_index(a, place), self.run_index(b, place)) {
-            (Some(x), Some(y)) => {
-                return (x.along == y.along).then(|| holds(op, x.first, y.first));
-            }
-            (Some(numbers), None) => (numbers, op, b),
-            (None, Some(numbers)) => (numbers, mirrored(op), a),
-            (None, None) => return None,
+        let (numbers, op, n) = match (self.counted_index(a, place), self.counted_index(b, place)) {
+            (Some(x), Some(y)) if x.along == y.along => return Some(holds(op, x.first, y.first)),
+            (Some(x), Some(y)) if y.along.is_none() => (x, op, y.first),
+            (Some(x), Some(y)) if x.along.is_none() => (y, mirrored(op), x.first),
+            (Some(numbers), None) => (numbers, op, self.settled_number(b, place)?),
+            (None, Some(numbers)) => (numbers, mirrored(op), self.settled_number(a, place)?),
+            _ => return None,
         };
-        let n = self.integer_quietly(other, place)?;
         // The passes at which the answer may change.
         let turns = match op {
             BinaryOp::Lt | BinaryOp::Ge => vec![n],

@@ -74,6 +74,14 @@ impl Affine {
         (0..MAX_DEPTH).rev().find(|&d| self.strides[d] != 0).map_or(0, |d| d as u8 + 1)
     }
 
+    /// The address in one pass of the loop at a depth.
+    #[must_use]
+    pub fn at_pass(mut self, depth: usize, pass: i64) -> Affine {
+        self.offset += self.strides[depth] * pass;
+        self.strides[depth] = 0;
+        self
+    }
+
     /// The element at given counters.
     #[must_use]
     pub fn at(&self, counters: &[i64; MAX_DEPTH]) -> i64 {
@@ -566,6 +574,9 @@ impl Exprs {
     pub fn reduce(&mut self, op: ReduceFn, depth: LoopVar, extent: u32, body: ExprId) -> ExprId {
         if extent == 1 {
             return self.shift(body, depth, 0);
+        }
+        if let (ReduceFn::Sum, Some(x)) = (op, self.as_const(body)) {
+            return self.constant(x * f64::from(extent));
         }
         self.intern(Expr::Reduce { op, depth, extent, body })
     }

@@ -2,7 +2,7 @@
 
 use smpl_dsl::span::Span;
 
-use super::whole::{Whole, looped_loads, placed, take_outputs_apart, wholes};
+use super::whole::{Whole, looped_loads, placed, take_apart, wholes};
 use super::{loads, passes, replace_everywhere};
 use crate::elaborate::{Equation, EquationForm};
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, Rewritten, Role, VarId};
@@ -28,7 +28,7 @@ pub struct Plan {
 const MANY_USES: i64 = 64;
 
 /// Decides what is substituted.
-pub fn plan(model: &mut Model, equations: &[Equation]) -> Plan {
+pub fn plan(model: &mut Model, equations: &mut [Equation]) -> Plan {
     let mut candidates: FastMap<Element, usize> = FastMap::default();
     for (i, equation) in equations.iter().enumerate() {
         if let EquationForm::Definition { var, at, .. } = equation.form
@@ -52,7 +52,7 @@ pub fn plan(model: &mut Model, equations: &[Equation]) -> Plan {
     };
     candidates.retain(|(var, _), _| !arrays.contains_key(var) && !by_loops(*var));
     let defined: FastSet<VarId> = candidates.keys().map(|e| e.0).collect();
-    take_outputs_apart(model, &arrays, &defined);
+    take_apart(model, &arrays, &defined);
     let mut walk = Walk {
         exprs: &model.exprs,
         vars: &model.vars,
@@ -79,11 +79,30 @@ pub fn plan(model: &mut Model, equations: &[Equation]) -> Plan {
     let of = |e: &Element, i: &usize| (*e, equations[*i].span);
     let parts = |(v, whole): (&VarId, &Whole)| whole.equations.iter().zip(1..).map(|(i, n)| of(&(*v, -n), i)).collect::<Vec<_>>();
     let spans = candidates.iter().map(|(e, i)| of(e, i)).chain(arrays.iter().flat_map(parts)).collect();
-    Plan {
+    let plan = Plan {
         order,
         spans,
         substituted: candidates.into_iter().filter(|(e, _)| !kept.contains(e)).collect(),
         arrays: arrays.into_iter().filter(|(v, whole)| (1..=whole.equations.len() as i64).all(|n| !kept.contains(&(*v, -n)))).collect(),
+    };
+    second_definitions(model, equations, &plan);
+    plan
+}
+
+/// A second definition of what is substituted becomes an equation for something else.
+fn second_definitions(model: &mut Model, equations: &mut [Equation], plan: &Plan) {
+    for (i, equation) in equations.iter_mut().enumerate() {
+        let EquationForm::Definition { var, at, value } = equation.form else { continue };
+        let first = match plan.arrays.get(&var).map(|whole| (whole, whole.locate(at))) {
+            Some((whole, Some((part, _)))) => Some(((var, -1 - part as i64), whole.equations[part])),
+            Some((_, None)) => None,
+            None => plan.substituted.get(&(var, at.offset)).map(|&first| ((var, at.offset), first)),
+        };
+        if let Some((element, _)) = first.filter(|&(_, first)| first != i) {
+            let own = model.exprs.load(var, Flavour::Value, at);
+            equation.form = EquationForm::Implicit { residual: model.exprs.sub(value, own) };
+            equation.repeats = Some(element);
+        }
     }
 }
 

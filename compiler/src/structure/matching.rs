@@ -35,7 +35,7 @@ pub fn rows(model: &mut Model, equations: Vec<Equation>, plan: &Plan, rates: &Ra
                 let residual = model.exprs.sub(value, own);
                 definitions.push(Row { extents: equation.extents, var, at, residual, span: equation.span });
             }
-            EquationForm::Implicit { residual } => implicit.push((equation.extents, residual, equation.span, None)),
+            EquationForm::Implicit { residual } => implicit.push((equation.extents, residual, equation.span, equation.repeats)),
         }
     }
     let mut unknown = unknown_elements(model, plan, rates);
@@ -411,6 +411,7 @@ fn plain(model: &Model, var: VarId, of: Option<(&Quantity, i64)>) -> Quantity {
             default: vec![0.0],
             scale: vec![1.0],
             affine_unit: false,
+            structural: false,
         },
     }
 }

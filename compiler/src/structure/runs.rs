@@ -6,7 +6,7 @@
 use super::whole::{looped_loads, wholes};
 use super::{loads, replace_everywhere};
 use crate::elaborate::{Equation, EquationForm};
-use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, FastMap, FastSet, LoopVar, Nest, ReduceFn, Rewritten, Store, Target, VarId};
+use crate::ir::{BinaryFn, Expr, ExprId, Exprs, FastMap, FastSet, LoopVar, ReduceFn, Rewritten, VarId};
 use crate::model::Model;
 
 /// Writes out the ranges over which elements of algebraic variables are defined or read one by one.
@@ -17,7 +17,6 @@ pub fn write_out(model: &mut Model, equations: &mut Vec<Equation>) {
             return;
         }
         write_out_sums(model, equations, &scattered);
-        write_out_outputs(model, &scattered);
         let mut changed = false;
         for equation in std::mem::take(equations) {
             if equation.runs != 0 && touches(model, &equation, &scattered) {
@@ -85,36 +84,6 @@ fn reads(exprs: &Exprs, value: ExprId, scattered: &FastSet<VarId>) -> bool {
     loads(exprs, value, |v, _| scattered.contains(&v)).iter().any(|(_, _, at)| !at.is_constant())
 }
 
-/// Writes out the loops of outputs that are computed from elements of the variables.
-fn write_out_outputs(model: &mut Model, scattered: &FastSet<VarId>) {
-    for nest in std::mem::take(&mut model.programs.outputs.nests) {
-        let is_load = |s: &Store| matches!(model.exprs.node(s.value), Expr::Load { .. });
-        if nest.extents.is_empty() || !nest.stores.iter().any(|s| !is_load(s) && reads(&model.exprs, s.value, scattered)) {
-            model.programs.outputs.nests.push(nest);
-            continue;
-        }
-        let mut stores = nest.stores;
-        for (d, &extent) in nest.extents.iter().enumerate() {
-            let passes = stores.iter().flat_map(|s| (0..i64::from(extent)).map(|pass| (*s, pass)));
-            stores = passes
-                .map(|(s, pass)| {
-                    let value = model.exprs.shift(s.value, LoopVar(d as u8), pass);
-                    let target = Target { at: at_pass(s.target.at, d, pass), ..s.target };
-                    Store { target, value }
-                })
-                .collect();
-        }
-        model.programs.outputs.nests.push(Nest { extents: Vec::new(), stores });
-    }
-}
-
-/// An address in one pass of a loop.
-fn at_pass(mut at: Affine, d: usize, pass: i64) -> Affine {
-    at.offset += at.strides[d] * pass;
-    at.strides[d] = 0;
-    at
-}
-
 /// One equation for each pass of the loops over numbers.
 fn passes_of(exprs: &mut Exprs, equation: Equation, out: &mut Vec<Equation>) {
     let Some(d) = (0..equation.extents.len()).rev().find(|d| equation.runs & (1 << d) != 0) else {
@@ -130,11 +99,11 @@ fn passes_of(exprs: &mut Exprs, equation: Equation, out: &mut Vec<Equation>) {
     for pass in 0..i64::from(equation.extents[d]) {
         let value = exprs.shift(equation.form.value(), LoopVar(d as u8), pass);
         let form = match equation.form {
-            EquationForm::Rate { var, at, .. } => EquationForm::Rate { var, at: at_pass(at, d, pass), value },
-            EquationForm::Definition { var, at, .. } => EquationForm::Definition { var, at: at_pass(at, d, pass), value },
+            EquationForm::Rate { var, at, .. } => EquationForm::Rate { var, at: at.at_pass(d, pass), value },
+            EquationForm::Definition { var, at, .. } => EquationForm::Definition { var, at: at.at_pass(d, pass), value },
             EquationForm::Implicit { .. } => EquationForm::Implicit { residual: value },
         };
-        let one = Equation { extents: extents.clone(), runs: equation.runs & !(1 << d), form, span: equation.span };
+        let one = Equation { extents: extents.clone(), runs: equation.runs & !(1 << d), repeats: None, form, span: equation.span };
         passes_of(exprs, one, out);
     }
 }

@@ -1,5 +1,6 @@
 //! Arrays that loops define as wholes.
 
+use super::loads;
 use crate::elaborate::{Equation, EquationForm};
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, FastSet, LoopVar, MAX_DEPTH, Nest, Role, Store, Target, VarId};
 use crate::model::Model;
@@ -113,20 +114,11 @@ fn row_major(extents: &[u32]) -> Affine {
     at
 }
 
-/// Addresses at which expressions read algebraic variables in loops, without the outputs: these are taken apart.
+/// Addresses at which equations read algebraic variables in loops.
 pub fn looped_loads(model: &Model, equations: &[Equation]) -> Vec<(VarId, Affine)> {
     let mut out = Vec::new();
     let mut seen = vec![false; model.exprs.len()];
     let mut stack: Vec<ExprId> = equations.iter().map(|equation| equation.form.value()).collect();
-    let p = &model.programs;
-    for program in [&p.start, &p.end, &p.finish, &p.invariants, &p.boxes, &p.initial_discretes].into_iter().chain(&p.events) {
-        stack.extend(program.nests.iter().flat_map(|n| n.stores.iter().map(|s| s.value)));
-    }
-    for store in p.outputs.nests.iter().flat_map(|n| &n.stores) {
-        if !matches!(model.exprs.node(store.value), Expr::Load { .. }) {
-            stack.push(store.value);
-        }
-    }
     stack.extend(model.roots.iter().map(|r| r.value));
     stack.extend(&model.quadratures);
     while let Some(e) = stack.pop() {
@@ -146,35 +138,79 @@ pub fn looped_loads(model: &Model, equations: &[Equation]) -> Vec<(VarId, Affine
     out
 }
 
-/// Makes outputs that go over a whole variable fit what is substituted: a loop for each part of an array, single numbers for elements
-/// that are `defined` one by one.
-pub fn take_outputs_apart(model: &mut Model, arrays: &FastMap<VarId, Whole>, defined: &FastSet<VarId>) {
-    let exprs = &mut model.exprs;
-    for nest in std::mem::take(&mut model.programs.outputs.nests) {
-        let variable = match nest.stores.as_slice() {
-            [store] if !nest.extents.is_empty() => match exprs.node(store.value) {
-                Expr::Load { var, flavour, at } if at == row_major(&nest.extents) => Some((store.target, var, flavour)),
-                _ => None,
-            },
-            _ => None,
-        };
-        let parts: Vec<(Vec<u32>, Affine)> = match variable {
-            Some((_, var, _)) if arrays.contains_key(&var) => arrays[&var].parts().collect(),
-            Some((_, var, _)) if defined.contains(&var) => {
-                (0..i64::from(model.vars[var].len)).map(|i| (Vec::new(), Affine::constant(i))).collect()
-            }
-            _ => Vec::new(),
-        };
-        let Some((target, var, flavour)) = variable.filter(|_| !parts.is_empty()) else {
-            model.programs.outputs.nests.push(nest);
-            continue;
-        };
-        for (extents, at) in parts {
-            let value = exprs.load(var, flavour, at);
-            let target = Target { at: Affine::constant(target.at.offset).plus(at), ..target };
-            model.programs.outputs.nests.push(Nest { extents, stores: vec![Store { target, value }] });
+/// Makes the loops of programs fit what is substituted: loops over a whole array become one for each of its parts; what reads elements
+/// that are `defined` one by one is written out.
+pub fn take_apart(model: &mut Model, arrays: &FastMap<VarId, Whole>, defined: &FastSet<VarId>) {
+    if arrays.is_empty() && defined.is_empty() {
+        return;
+    }
+    let (exprs, vars) = (&mut model.exprs, &model.vars);
+    let p = &mut model.programs;
+    let programs = [&mut p.initial_discretes, &mut p.start, &mut p.end, &mut p.finish, &mut p.outputs, &mut p.invariants, &mut p.boxes];
+    for program in programs.into_iter().chain(&mut p.events) {
+        let mut waiting: Vec<Nest> = std::mem::take(&mut program.nests);
+        waiting.reverse();
+        while let Some(nest) = waiting.pop() {
+            let Some((var, at)) = across(exprs, &nest, arrays, defined) else {
+                program.nests.push(nest);
+                continue;
+            };
+            let all = nest.extents == [vars[var].len] && at == Affine::along(0, LoopVar(0), 1);
+            let pieces = arrays.get(&var).filter(|_| all).and_then(|whole| in_parts(exprs, &nest, whole));
+            let pieces = pieces.unwrap_or_else(|| one_by_one(exprs, &nest));
+            waiting.extend(pieces.into_iter().rev());
         }
     }
+}
+
+/// A load in a nest that goes across parts of an array, or through elements that are defined one by one.
+fn across(exprs: &Exprs, nest: &Nest, arrays: &FastMap<VarId, Whole>, defined: &FastSet<VarId>) -> Option<(VarId, Affine)> {
+    let concerned = |v: VarId| arrays.contains_key(&v) || defined.contains(&v);
+    let looped = |at: &Affine| (0..nest.extents.len()).any(|d| at.strides[d] != 0);
+    let goes_across = |var: VarId, at: Affine| {
+        let Some(whole) = arrays.get(&var) else { return true };
+        let last: i64 = nest.extents.iter().zip(&at.strides).map(|(&n, s)| s * (i64::from(n) - 1)).sum();
+        let part = |at| whole.locate(at).map(|(part, _)| part);
+        part(at).is_none_or(|first| part(at.plus(Affine::constant(last))) != Some(first))
+    };
+    let found = nest.stores.iter().flat_map(|s| loads(exprs, s.value, |v, _| concerned(v)));
+    let mut found = found.filter(|(_, _, at)| looped(at));
+    found.find(|&(var, _, at)| goes_across(var, at)).map(|(var, _, at)| (var, at))
+}
+
+/// The loop over a whole array as one for each part of it.
+fn in_parts(exprs: &mut Exprs, nest: &Nest, whole: &Whole) -> Option<Vec<Nest>> {
+    let parts: Vec<(Vec<u32>, Affine)> = whole.parts().collect();
+    let mut out = Vec::with_capacity(parts.len());
+    for (extents, element) in parts {
+        let mut stores = Vec::with_capacity(nest.stores.len());
+        for store in &nest.stores {
+            let value = placed(exprs, store.value, &[element])?;
+            let at = Affine::constant(store.target.at.offset).plus(element.times(store.target.at.strides[0]));
+            stores.push(Store { target: Target { at, ..store.target }, value });
+        }
+        out.push(Nest { extents, stores });
+    }
+    Some(out)
+}
+
+/// Every pass of a nest by itself.
+fn one_by_one(exprs: &mut Exprs, nest: &Nest) -> Vec<Nest> {
+    let mut passes = vec![nest.stores.clone()];
+    for (d, &extent) in nest.extents.iter().enumerate() {
+        let mut next = Vec::with_capacity(passes.len() * extent as usize);
+        for stores in &passes {
+            for pass in 0..i64::from(extent) {
+                let at_pass = |s: &Store| {
+                    let value = exprs.shift(s.value, LoopVar(d as u8), pass);
+                    Store { target: Target { at: s.target.at.at_pass(d, pass), ..s.target }, value }
+                };
+                next.push(stores.iter().map(at_pass).collect::<Vec<_>>());
+            }
+        }
+        passes = next;
+    }
+    passes.into_iter().map(|stores| Nest { extents: Vec::new(), stores }).collect()
 }
 
 /// A definition with the counters of its loops in the place of `indices`; its sums count with counters that these do not use.

@@ -6,7 +6,7 @@ use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::{Part, Region};
 
 use super::{Environment, Phase};
-use crate::catalogue::UnknownName;
+use crate::catalogue::{StructuralParameter, UnknownName};
 use crate::failure::{SolverFailure, describe_solver};
 use crate::observe::variate;
 use crate::random::{AT_RESET, EpisodeKey, Stream};
@@ -59,6 +59,9 @@ pub enum ResetError {
     /// A name that the model does not have.
     #[error(transparent)]
     UnknownName(#[from] UnknownName),
+    /// A parameter for which the model is compiled.
+    #[error(transparent)]
+    Structural(#[from] StructuralParameter),
     /// The state has the wrong length.
     #[error("state has {given} entries, expected {expected}")]
     Length {
@@ -122,7 +125,7 @@ impl Environment {
     fn given_parameters(&self, options: &ResetOptions) -> Result<Vec<(usize, f64)>, ResetError> {
         finite(&options.parameters, "parameter")?;
         let all = self.setup.options.parameters.iter().chain(&options.parameters);
-        Ok(self.setup.given_parameters(all.map(|(name, value)| (name.as_str(), *value)))?)
+        self.setup.given_parameters(all.map(|(name, value)| (name.as_str(), *value)))
     }
 
     fn draw(&mut self, start: Start) {

@@ -48,6 +48,8 @@ pub(crate) struct Consistent {
     work: Vector,
     residual: Vector,
     weights: Vector,
+    /// The weights where a Newton step begins: a step is judged by one measure, also where it makes unknowns small.
+    reference: Vector,
     /// Newton correction with zeros in the differential unknowns.
     spread: Vector,
     start: Box<[f64]>,
@@ -90,6 +92,7 @@ impl Consistent {
             work: zeros(),
             residual: zeros(),
             weights: zeros(),
+            reference: zeros(),
             spread: zeros(),
         })
     }
@@ -127,7 +130,7 @@ impl Consistent {
                 return Ok(());
             }
             let last = size <= LAST_CORRECTION;
-            let next = self.damped_step(bridge, t, y, yp, size).ok_or(Inconsistent::Diverged { iterations, correction: size })?;
+            let next = self.damped_step(bridge, t, y, yp).ok_or(Inconsistent::Diverged { iterations, correction: size })?;
             if last {
                 return Ok(());
             }
@@ -174,9 +177,13 @@ impl Consistent {
         }
     }
 
-    /// Moves `y` along the correction so far that the next correction, with the same g_z, gets smaller; returns its size.
-    fn damped_step(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &Vector, size: f64) -> Option<f64> {
+    /// Moves `y` along the correction so far that the next correction, with the same g_z, gets smaller; returns its size in tolerances.
+    fn damped_step(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &Vector) -> Option<f64> {
         self.work.entries_mut().copy_from_slice(self.spread.entries());
+        // SAFETY: all vectors have the dimension of the system, here and below.
+        unsafe { bridge.operations.error_weights(bridge.rtol, y.raw(), &bridge.atol, self.reference.raw()) };
+        let length = |x: &Vector, reference: &Vector| unsafe { N_VWrmsNorm(x.raw(), reference.raw()) };
+        let size = length(&self.spread, &self.reference);
         for (start, &i) in self.start.iter_mut().zip(&self.algebraic) {
             *start = y.entries()[i];
         }
@@ -188,7 +195,7 @@ impl Consistent {
             if self.evaluate(bridge, t, y, yp).is_ok() {
                 let next = self.correct(bridge, y);
                 // Below the last correction only roundoff is left.
-                if next <= (1.0 - 0.5 * damping) * size || next <= LAST_CORRECTION {
+                if length(&self.spread, &self.reference) <= (1.0 - 0.5 * damping) * size || next <= LAST_CORRECTION {
                     return Some(next);
                 }
             }

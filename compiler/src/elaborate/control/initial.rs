@@ -194,7 +194,8 @@ impl<'a> Elaborator<'a> {
         let needs = |i: usize| {
             let own = |j: usize| writes[j].iter().any(|w| writes[i].iter().any(|v| meets(v, w)));
             let read = |j: usize| reads[i].iter().any(|r| writes[j].iter().any(|w| meets(r, w)));
-            (0..list.len()).filter(|&j| j != i && !own(j) && read(j)).collect()
+            // Of two that write the same element the later one holds.
+            (0..list.len()).filter(|&j| j != i && if own(j) { j < i } else { read(j) }).collect()
         };
         let (order, cycles) = each_after_its_needs(list.len(), needs);
         for (i, j) in cycles {

@@ -67,9 +67,7 @@ impl Elaborator<'_> {
             let mut terms = Vec::new();
             let looped = self.attempt(|s| {
                 s.looped_terms(binder, range, &mut Bound::Run, body, rest, condition, (kind, None), place, &mut terms);
-                // What is left out by a condition is not counted by a mean.
-                let uncounted = |t: &Term| kind == Terms::Weighted && t.keep.is_some();
-                if terms.iter().any(|t| t.value.is_poison() || uncounted(t)) {
+                if terms.iter().any(|t| t.value.is_poison()) {
                     s.refuse();
                 }
             });
@@ -218,10 +216,12 @@ impl Elaborator<'_> {
             let measure = self.fold(weights, ReduceFn::Sum, span);
             return self.arithmetic(BinaryOp::Div, (total, span), (measure, span), span);
         }
-        let passes = |t: &Term| t.loops.iter().map(|&(_, n)| f64::from(n)).product::<f64>();
-        let n = self.exprs.constant(terms.iter().map(passes).sum());
+        // Each term counts where its condition holds.
+        let one = Value::bare(self.exprs.constant(1.0));
+        let counted = terms.iter().map(|t| Term { value: one.clone(), weight: None, ..t.clone() }).collect();
+        let n = self.fold(counted, ReduceFn::Sum, span);
         let total = self.fold(terms, ReduceFn::Sum, span);
-        self.arithmetic(BinaryOp::Div, (total, span), (Value::bare(n), span), span)
+        self.arithmetic(BinaryOp::Div, (total, span), (n, span), span)
     }
 
     fn space_integral(&mut self, terms: Vec<Term>, span: Span) -> Value {
