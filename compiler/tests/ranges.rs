@@ -179,6 +179,44 @@ fn masses_before_derivatives() {
     }
 }
 
+#[test]
+fn observations_of_a_whole_array_are_taken_apart() {
+    let mut r = Running::new(
+        "state x = 2
+         var v[i in 1..2, j in 1..17]
+         var w[j in 1..17, i in 1..2]
+         eq v[i, j] = 100*i + j*x for i in 1..2, j in 1..17
+         eq w[j, i] = v[i, j] + 0.5 for i in 1..2, j in 1..17
+         eq d/dt x = v[1, 2] / 1 [s]
+         observe v, w",
+    );
+    assert_eq!(r.model.unknowns(), 1);
+    for (name, expected) in
+        [("v[1,1]", 102.0), ("v[1,17]", 134.0), ("v[2,1]", 202.0), ("v[2,17]", 234.0), ("w[17,2]", 234.5), ("w[1,1]", 102.5)]
+    {
+        assert_close(r.observation(name), expected);
+    }
+}
+
+/// A parameter that gives the range its size cannot change, any other one can: comparisons with it are made while the model runs.
+#[test]
+fn comparisons_with_parameters() {
+    for n in LENGTHS {
+        let source = format!(
+            "param n = {n}\nparam k = 3\nstate x[i in 1..n] = 0.5
+             eq d/dt x[i] = ((if i < n then x[i+1] else 1) + (if i > k then 1 else 0)) / 1 [s] for i in 1..n"
+        );
+        let rate = |k: usize| move |x: &[f64], i: usize| x.get(i + 1).unwrap_or(&1.0) + f64::from(u8::from(i + 1 > k));
+        check(n, &source, rate(3));
+        let mut r = Running::new(&source);
+        r.give("k", 4.0);
+        let (rates, x) = (r.rates(), r.y.clone());
+        (0..n).for_each(|i| assert_close(rates[i], rate(4)(&x, i)));
+        let structural: Vec<bool> = r.model.interface().parameters.iter().map(|q| q.structural).collect();
+        assert_eq!(structural, [true, false]);
+    }
+}
+
 /// A variable over `z` with a sum over `q` in its definition, used in loops over `q` and `z`: the counter of the sum is its own.
 #[test]
 fn a_sum_in_a_definition_counts_for_itself() {

@@ -105,6 +105,39 @@ fn a_loop_of_definitions_keeps_one_unknown() {
     assert!((r.rate("x") + 1.2).abs() < 1e-15);
 }
 
+/// A variable alone on one side is what the equation determines, unless something else fits better.
+#[test]
+fn a_second_equation_for_a_variable_determines_another_one() {
+    let of = |lines: &str| Running::new(&format!("param M = 2\nstate x = 3\nvar a\nvar b\n{lines}"));
+    let mut mass = of("eq M * d/dt x = a / 1 [s]\neq a = 3*b\neq b = x");
+    assert_eq!(mass.model.unknowns(), 1);
+    assert_close(mass.rate("x"), 4.5);
+    for (lines, a, b) in [
+        ("eq a = b\neq a = 2*x", 6.0, 6.0),
+        ("eq a = 2*x\neq a = b", 6.0, 6.0),
+        ("eq a^3 + b = a\neq a = x", 3.0, -24.0),
+        ("eq a = b^3 + b\neq a = x + 7", 10.0, 2.0),
+    ] {
+        let mut r = of(&format!("{lines}\neq d/dt x = -x / 1 [s]"));
+        for name in r.names().split_off(1) {
+            r.set(&name, if name == "a" { a } else { b });
+        }
+        assert!(r.model.unknowns() > 1 && r.rates()[1..].iter().all(|residual| residual.abs() < 1e-14), "{lines}");
+    }
+}
+
+#[test]
+fn initial_values_follow_those_that_they_read() {
+    let r = Running::new(
+        "state y = 2*x[1]
+         state x[i in 1..2] = 1
+         initial x[i] = 0.5*i for i in 1..2
+         eq d/dt x[i] = 0 for i in 1..2
+         eq d/dt y = 0",
+    );
+    assert_eq!(["x[1]", "x[2]", "y"].map(|name| r.get(name)), [0.5, 1.0, 1.0]);
+}
+
 #[test]
 fn implicit_variables_are_matched_to_the_equations_that_contain_them() {
     let mut r = Running::new(

@@ -1,7 +1,7 @@
 """A column of 41 stages written over a range of numbers, against the published operating point and linear model.
 
-S. Skogestad, I. Postlethwaite, Multivariable Feedback Control (Wiley 1996), "column A": both products at 99 %, steady-state
-gains from reflux and boilup to the products, a dominant time constant of 194 min.
+S. Skogestad, I. Postlethwaite, Multivariable Feedback Control (Wiley 1996), "column A": both products at 99 %,
+steady-state gains from reflux and boilup to the products, a dominant time constant of 194 min.
 """
 
 from pathlib import Path

@@ -23,6 +23,29 @@ def trajectory(env, seed, steps=20):
     return np.array(observations), np.array(rewards)
 
 
+@pytest.mark.parametrize(
+    ("equation", "root"), [("exp(v) = x", 0.0), ("v^3 + v = x - 0.9", np.roots([1, 0, 1, -0.1])[-1].real)]
+)
+def test_a_start_is_found_where_the_unknown_gets_small(equation, root):
+    text = (
+        f"state x = 1\nvar v = 1\nlet w : 1 = v\neq {equation}\neq d/dt x = -v / 1 [s]\naction u = 0 in 0..1\nobserve x"
+    )
+    env = smpl.Env(smpl.compile(source=text), normalize=False)
+    env.reset(seed=0)
+    assert env.algebraic == pytest.approx([root, root], abs=1e-9)
+
+
+def test_a_parameter_that_gives_a_size_keeps_its_value():
+    text = "param n = 3\nparam k = 1\nstate x[i in 1..n] = 1\neq d/dt x[i] = -k*x[i] / 1 [s] for i in 1..n\nobserve x"
+    env = smpl.Env(smpl.compile(source=text), normalize=False)
+    env.reset(seed=0, options={"parameters": {"k": 2.0, "n": 3.0}})
+    with pytest.raises(ValueError, match="`n` shapes the model"):
+        env.reset(seed=0, options={"parameters": {"n": 4.0}})
+    with pytest.raises(ValueError, match="`n` shapes the model"):
+        env.model.rhs(0.0, [1.0, 1.0, 1.0], [], p={"n": 4.0})
+    assert smpl.compile(source=text, settings={"n": 4}).unknown_names == ("x[1]", "x[2]", "x[3]", "x[4]")
+
+
 def test_the_same_seed_gives_the_same_episode_bit_for_bit():
     first, second = smpl.Env("reactor"), smpl.Env("reactor")
     for a, b in zip(trajectory(first, 3), trajectory(second, 3), strict=True):

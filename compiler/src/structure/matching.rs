@@ -40,8 +40,8 @@ pub fn rows(model: &mut Model, equations: Vec<Equation>, plan: &Plan, rates: &Ra
     }
     let mut unknown = unknown_elements(model, plan, rates);
     let mut determined: FastMap<Element, Span> = plan.spans.clone();
-    let mut matched = Vec::new();
-    // A definition that is kept determines its own variable; one more for the same element is left over.
+    let mut matched: Vec<Row> = Vec::new();
+    // A definition that is kept determines its own variable; with one more for the same element either may determine another one.
     for row in definitions {
         let mut fits = true;
         for_each_element(&row.extents, row.at, &mut |i| fits &= unknown.contains(&(row.var, i)));
@@ -54,6 +54,11 @@ pub fn rows(model: &mut Model, equations: Vec<Equation>, plan: &Plan, rates: &Ra
         } else {
             let part = plan.arrays.get(&row.var).and_then(|whole| whole.locate(row.at));
             let own = (row.var, part.map_or(row.at.offset, |(part, _)| -1 - part as i64));
+            if let Some(first) = matched.iter().position(|m| m.var == row.var && m.at == row.at && m.extents.is_empty()) {
+                let first = matched.swap_remove(first);
+                unknown.insert((first.var, first.at.offset));
+                implicit.push((first.extents, first.residual, first.span, None));
+            }
             implicit.push((row.extents, row.residual, row.span, Some(own)));
         }
     }

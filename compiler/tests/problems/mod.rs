@@ -42,6 +42,7 @@ impl Maker {
             default: vec![value],
             scale: vec![1.0],
             affine_unit: false,
+            structural: false,
         };
         if role == Role::Action {
             self.model.interface.actions.push(quantity);

@@ -138,6 +138,14 @@ impl Running {
         self.memory.region(Region::Param)[self.slot(&self.model.interface().parameters, name)]
     }
 
+    /// Gives a parameter a value from outside.
+    pub fn give(&mut self, name: &str, value: f64) {
+        let at = self.slot(&self.model.interface().parameters, name);
+        self.memory.region_mut(Region::Param)[at] = value;
+        self.memory.region_mut(Region::ParamGiven)[at] = 1.0;
+        self.restart();
+    }
+
     pub fn discrete(&self, name: &str) -> f64 {
         self.memory.region(Region::Discrete)[self.slot(&self.model.interface().discretes, name)]
     }

@@ -63,6 +63,7 @@ impl Maker {
             default: vec![value],
             scale: vec![if range.is_finite() { range } else { 1.0 }],
             affine_unit: false,
+            structural: false,
         };
         (var, quantity)
     }
@@ -121,6 +122,7 @@ impl Maker {
             default: vec![0.0],
             scale: vec![1.0],
             affine_unit: false,
+            structural: false,
         };
         self.model.interface.algebraics.push(quantity);
         self.model.programs.outputs.nests.push(out(&[value], at));

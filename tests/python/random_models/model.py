@@ -40,7 +40,6 @@ class RandomModel(Writer):
         self.initials: Definitions = {}
         self.rates: Definitions = {}
         self.observed: list[Key] = []
-        self.plain_states: list[Array] = []  # without a statement `initial`
         self.arrays: dict[str, list[Array]] = {role: [] for role in ROLES}
         self.n = int(self.random.choice(SIZES))
         self.axes = self._axes()
@@ -115,12 +114,11 @@ class RandomModel(Writer):
     def _state(self, name: str) -> None:
         array = self._array(name, 0.2, 0.4)
         declared, element, tail, place = self._indexed(array)
-        e = self._fixed(place, self.arrays["param"] + self.plain_states)
+        e = self._fixed(place, self.arrays["param"] + self.arrays["state"])
         if self.chance(0.3):
             self.statements += [f"state {self._plain(array)} = 1", f"initial {element} = {e.text}{tail}"]
         else:
             self.statements.append(f"state {declared}{' : 1' if self.chance(0.5) else ''} = {e.text}")
-            self.plain_states.append(array)
         self._define(array, place, e, self.initials)
         self.arrays["state"].append(array)
 
@@ -208,8 +206,6 @@ class RandomModel(Writer):
         into = self.definitions if role == "var" else self.rates
         masses = self.arrays["param"] + self.arrays["table"] if role == "rate" else []
         implicit = self.chance(0.4) if masses else role == "var" and self.chance(0.1)
-        if implicit:  # a variable alone on the right would count as what the equation defines
-            e = infix(e, "-", self.digits())
         right = e.text
         if role == "rate":
             left, right = f"d/dt {left}", f"{e.within(PRODUCT)} / 1 [s]"
