@@ -90,16 +90,9 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
             )
         self.num_threads = num_threads or os.cpu_count() or 1
         limit = check_limit(max_episode_steps if max_steps is None else max_steps)
-        self._native = _native.Batch(
-            compiled.native,
-            num_envs,
-            normalize,
-            dense_reward,
-            info_state,
-            limit,
-            self.num_threads,
-            str(self.autoreset_mode.value),
-        )
+        mode = str(self.autoreset_mode.value)
+        self._options = (num_envs, normalize, dense_reward, info_state, limit, self.num_threads, mode)
+        self._native = _native.Batch(compiled.native, *self._options)
         self.constraint_names = tuple(self._native.constraint_names)
         self._seeded = False
 
@@ -141,6 +134,16 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     def close_extras(self, **kwargs: Any) -> None:
         """Nothing is left open."""
+
+    # Copies and pickles go on where the original is, as those of `smpl.Env`.
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_native": self._native.snapshot()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._native = _native.Batch(self.model.native, *self._options)
+        self._native.restore(state["_native"])
 
     # Access as of the vectorisers of Gymnasium.
 

@@ -9,7 +9,7 @@ use smpl_runtime::batch::{self, Autoreset, BatchError, BatchOptions, Info, StepA
 use smpl_runtime::environment::{Environment, ResetOptions};
 
 use crate::arrays::Fresh;
-use crate::environment::gather;
+use crate::environment::{Snapshot, gather};
 use crate::errors::{SimulationError, guarded, reset_error, setup_error, step_error};
 use crate::model::{Model, role_error};
 use crate::start::Start;
@@ -137,6 +137,19 @@ impl Batch {
         let infos = info_arrays(py, batch, self.sizes, constraints, self.with_state, batch::Batch::info);
         let last = self.last(py);
         Ok((observations.done(), rewards.done(), terminated.done(), truncated.done(), infos, last))
+    }
+
+    /// What each environment would go on from, and whether its next step begins an episode.
+    fn snapshot(&mut self) -> Vec<(Snapshot, bool)> {
+        let batch = self.batch.get_mut().unwrap_or_else(PoisonError::into_inner);
+        batch.snapshots().into_iter().map(|(snapshot, pending)| (Snapshot::from(snapshot), pending)).collect()
+    }
+
+    /// Goes back to a snapshot of as many environments of the same model.
+    fn restore(&mut self, snapshots: Vec<(PyRef<'_, Snapshot>, bool)>) -> PyResult<()> {
+        let batch = self.batch.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let snapshots = snapshots.iter().map(|(snapshot, pending)| (snapshot.inner(), *pending));
+        guarded(|| batch.restore(snapshots))?.map_err(|e| batch_error(&e))
     }
 
     /// Values by role, a row an environment: `state`, `discrete`, `disturbance`, `action`, `parameter`.
@@ -284,7 +297,7 @@ fn write(environment: &Environment, role: &str, out: &mut [f64]) {
 
 fn batch_error(error: &BatchError) -> PyErr {
     match error {
-        BatchError::Length { .. } => PyValueError::new_err(error.to_string()),
+        BatchError::Length { .. } | BatchError::Snapshot { .. } => PyValueError::new_err(error.to_string()),
         BatchError::Step { index, error } => prefixed(*index, &step_error(error)),
         BatchError::Reset { index, error } => prefixed(*index, &reset_error(error)),
         BatchError::Setup(error) => setup_error(error),

@@ -35,6 +35,19 @@ pub struct Snapshot {
     snapshot: environment::Snapshot,
 }
 
+impl From<environment::Snapshot> for Snapshot {
+    fn from(snapshot: environment::Snapshot) -> Self {
+        Self { snapshot }
+    }
+}
+
+impl Snapshot {
+    /// The snapshot of the runtime.
+    pub fn inner(&self) -> &environment::Snapshot {
+        &self.snapshot
+    }
+}
+
 #[pymethods]
 impl Snapshot {
     /// A snapshot from its bytes.
@@ -180,7 +193,7 @@ impl Env {
     }
 
     fn snapshot(&self) -> Snapshot {
-        self.with(|environment| Snapshot { snapshot: environment.snapshot() })
+        self.with(|environment| environment.snapshot().into())
     }
 
     fn restore(&mut self, snapshot: &Snapshot) -> PyResult<()> {

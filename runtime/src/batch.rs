@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use rayon::ThreadPool;
 use rayon::prelude::*;
 
-use crate::environment::{Environment, ResetError, ResetOptions, StepError, StepResult};
+use crate::environment::{Environment, ResetError, ResetOptions, Snapshot, SnapshotError, StepError, StepResult};
 use crate::observe::{Number, denormalise};
 use crate::setup::{Setup, SetupError};
 
@@ -72,6 +72,14 @@ pub enum BatchError {
         index: usize,
         /// Its error.
         error: ResetError,
+    },
+    /// A snapshot does not fit its instance.
+    #[error("environment {index}: {error}")]
+    Snapshot {
+        /// Number of the instance.
+        index: usize,
+        /// Its error.
+        error: SnapshotError,
     },
     /// No threads.
     #[error("thread pool: {0}")]
@@ -228,6 +236,26 @@ impl Batch {
     pub fn final_info(&self, index: usize) -> Option<(&[f64], &Info)> {
         let member = self.members.get(index).filter(|m| m.ended)?;
         Some((&member.final_observation, &member.final_info))
+    }
+
+    /// What each instance goes on from, and whether its episode is over, so that its next step begins another one.
+    #[must_use]
+    pub fn snapshots(&self) -> Vec<(Snapshot, bool)> {
+        self.members.iter().map(|m| (m.environment.snapshot(), m.pending)).collect()
+    }
+
+    /// Goes back to snapshots, one an instance. Infos are those of the next step.
+    ///
+    /// # Errors
+    /// Another number of them, or one of another model: the instances before it are restored then.
+    pub fn restore<'a>(&mut self, snapshots: impl ExactSizeIterator<Item = (&'a Snapshot, bool)>) -> Result<(), BatchError> {
+        length("snapshots", snapshots.len(), self.members.len())?;
+        for (index, (member, (snapshot, pending))) in self.members.iter_mut().zip(snapshots).enumerate() {
+            member.environment.restore(snapshot).map_err(|error| BatchError::Snapshot { index, error })?;
+            member.pending = pending;
+            member.ended = false;
+        }
+        Ok(())
     }
 
     /// What resets use from now on.

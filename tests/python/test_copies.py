@@ -101,6 +101,25 @@ def test_wrapped_environments_are_copied(way):
             np.testing.assert_equal(ours, theirs)
 
 
+@pytest.mark.parametrize("mode", ["next_step", "same_step"])
+@pytest.mark.parametrize("way", WAYS)
+def test_vector_environments_go_on_across_the_ends_of_episodes(way, mode):
+    env = smpl.VectorEnv(smpl.compile(source=TANK), num_envs=3, max_steps=4, autoreset_mode=mode, num_threads=2)
+    env.reset(seed=7)
+    generator = np.random.default_rng(1)
+    other = WAYS[way](env)
+    for step in range(12):
+        if step in (3, 4, 7):
+            other = WAYS[way](env)
+        actions = generator.uniform(-1.0, 1.0, (3, 1)).astype(np.float32)
+        np.testing.assert_equal(other.step(actions), env.step(actions))
+
+
+def test_a_vector_environment_that_has_not_begun_is_copied():
+    env = smpl.VectorEnv("reactor", num_envs=2)
+    np.testing.assert_array_equal(copy.deepcopy(env).reset(seed=3)[0], env.reset(seed=3)[0])
+
+
 def test_an_environment_that_has_not_begun_or_is_over_is_copied():
     env = smpl.Env("reactor", max_steps=1)
     other = pickle.loads(pickle.dumps(env))

@@ -40,17 +40,19 @@ pub fn plan(model: &mut Model, equations: &mut [Equation]) -> Plan {
     }
     // Elements that some expression reads by a loop cannot be substituted one by one, nor parts of arrays that one goes across.
     let mut arrays = wholes(model, equations);
+    let mut in_loops: FastSet<VarId> = FastSet::default();
+    for equation in equations.iter().filter(|e| !e.extents.is_empty()) {
+        if let EquationForm::Definition { var, .. } = equation.form {
+            in_loops.insert(var);
+        }
+    }
     for (var, at) in looped_loads(model, equations) {
-        candidates.retain(|(v, _), _| *v != var);
+        in_loops.insert(var);
         if arrays.get(&var).is_some_and(|whole| whole.locate(at).is_none()) {
             arrays.remove(&var);
         }
     }
-    let by_loops = |var: VarId| {
-        let is = |e: &Equation| matches!(e.form, EquationForm::Definition { var: v, .. } if v == var) && !e.extents.is_empty();
-        equations.iter().any(is)
-    };
-    candidates.retain(|(var, _), _| !arrays.contains_key(var) && !by_loops(*var));
+    candidates.retain(|(var, _), _| !in_loops.contains(var));
     let defined: FastSet<VarId> = candidates.keys().map(|e| e.0).collect();
     take_apart(model, &arrays, &defined);
     let mut walk = Walk {
