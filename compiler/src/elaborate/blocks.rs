@@ -10,7 +10,7 @@ use super::functions::BinderValue;
 use super::items::Item;
 use super::names::{Axis, ScopeId, SymbolId, SymbolKind};
 use super::{Bound, Elaborator, Place, Setting, Site, units};
-use crate::ir::{Affine, Expr as Node, ExprId, FastSet, LoopVar, Role, VarId};
+use crate::ir::{Affine, Expr as Node, ExprId, FastMap, FastSet, LoopVar, Role, VarId};
 use crate::model::{self, Quantity};
 
 /// Something elaborated inside a nest of loops.
@@ -116,12 +116,13 @@ impl<'a> Elaborator<'a> {
     /// Symbols of variables and outputs in the order of the text, instances where they stand.
     pub(super) fn in_text_order(&self) -> Vec<SymbolId> {
         let mut out = Vec::new();
-        self.walk(ScopeId::from_u32(0), &mut out);
+        let blocks = self.blocks.iter().map(|(scope, items)| (*scope, items.as_slice())).collect();
+        self.walk(ScopeId::from_u32(0), &blocks, &mut out);
         out
     }
 
-    fn walk(&self, scope: ScopeId, out: &mut Vec<SymbolId>) {
-        let Some((_, items)) = self.blocks.iter().find(|(s, _)| *s == scope) else {
+    fn walk(&self, scope: ScopeId, blocks: &FastMap<ScopeId, &[Item<'a>]>, out: &mut Vec<SymbolId>) {
+        let Some(items) = blocks.get(&scope) else {
             // A port: its members in the order of declaration.
             let mut members: Vec<SymbolId> = self.names.scopes[scope].names.values().copied().collect();
             members.sort_unstable();
@@ -129,15 +130,15 @@ impl<'a> Elaborator<'a> {
             return;
         };
         let own = |name: &str| self.names.scopes[scope].names.get(name).copied();
-        for item in items {
+        for item in *items {
             match item {
                 Item::Declare(_, d) => out.extend(own(&d.name.text)),
                 Item::Other(statement) => match &statement.kind {
                     StatementKind::Instance { name, .. } => match own(&name.text).map(|s| &self.names.symbols[s].kind) {
-                        Some(SymbolKind::Instance(inner)) => self.walk(*inner, out),
-                        Some(SymbolKind::Instances(list)) => {
-                            for (_, inner) in list.iter() {
-                                self.walk(*inner, out);
+                        Some(SymbolKind::Instance(inner)) => self.walk(*inner, blocks, out),
+                        Some(SymbolKind::Instances(row)) => {
+                            for (_, inner) in &row.list {
+                                self.walk(*inner, blocks, out);
                             }
                         }
                         _ => {}
@@ -145,7 +146,7 @@ impl<'a> Elaborator<'a> {
                     StatementKind::Port { names, .. } => {
                         for name in names {
                             if let Some(SymbolKind::Instance(port)) = own(&name.text).map(|s| &self.names.symbols[s].kind) {
-                                self.walk(*port, out);
+                                self.walk(*port, blocks, out);
                             }
                         }
                     }

@@ -117,27 +117,20 @@ impl Elaborator<'_> {
         };
         match self.names.symbols[symbol].kind.clone() {
             SymbolKind::Instance(scope) if index.is_empty() => Some(scope),
-            SymbolKind::Instances(list) if index.len() == 1 => {
+            SymbolKind::Instances(row) if index.len() == 1 => {
                 let label = self.instance_label(&index[0], place)?;
-                match list.iter().find(|(l, _)| *l == label) {
-                    Some((_, scope)) => Some(*scope),
-                    None => {
-                        self.report(Diagnostic::error(
-                            codes::OUT_OF_RANGE,
-                            format!(
-                                "there is no instance `{label}`: {}",
-                                list.iter().map(|(l, _)| l.as_str()).collect::<Vec<_>>().join(", ")
-                            ),
-                            index[0].span,
-                        ));
-                        None
-                    }
+                let found = row.find(&label);
+                if found.is_none() {
+                    let known = super::names::listed(row.list.iter().map(|(l, _)| l.as_str()));
+                    let message = format!("there is no instance `{label}`: {known}");
+                    self.report(Diagnostic::error(codes::OUT_OF_RANGE, message, index[0].span));
                 }
+                found
             }
             SymbolKind::Faulty => None,
-            SymbolKind::Instances(list) => {
+            SymbolKind::Instances(row) => {
                 let path = self.names.symbols[symbol].path.clone();
-                let first = list.first().map_or("1", |(l, _)| l.as_str());
+                let first = row.list.first().map_or("1", |(l, _)| l.as_str());
                 self.report(
                     Diagnostic::error(codes::WRONG_SHAPE, format!("`{path}` is a row of instances and takes one index"), e.span)
                         .help(format!("write `{path}[{first}]`")),
@@ -321,10 +314,9 @@ impl Elaborator<'_> {
             let help = did_you_mean(label, self.names.sets[set].labels.iter().map(String::as_str))
                 .filter(|_| self.names.sets[set].first.is_none());
             let members = &self.names.sets[set].labels;
-            let members = match (self.names.sets[set].first, members.len()) {
-                (Some(first), n) => format!("{first} to {}", first + n as i64 - 1),
-                (None, 1..=8) => members.join(", "),
-                (None, n) => format!("{}, ... ({n} members)", members[..4.min(n)].join(", ")),
+            let members = match self.names.sets[set].first {
+                Some(first) => format!("{first} to {}", first + members.len() as i64 - 1),
+                None => super::names::listed(members.iter().map(String::as_str)),
             };
             self.report(
                 Diagnostic::error(codes::OUT_OF_RANGE, format!("`{label}` is no member of `{name}`: {members}"), span)

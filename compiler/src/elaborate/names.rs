@@ -75,7 +75,7 @@ pub enum SymbolKind<'a> {
     /// An instance of a component, or a port of one.
     Instance(ScopeId),
     /// Instances over a set.
-    Instances(Rc<[(String, ScopeId)]>),
+    Instances(Rc<Row>),
     /// A choice: the options and the chosen one.
     Choice { options: &'a [Ident], chosen: usize },
     /// A structural number.
@@ -88,6 +88,27 @@ pub enum SymbolKind<'a> {
     Faulty,
 }
 
+/// Instances in a row, by the labels of their index.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// Label and scope of each.
+    pub list: Vec<(String, ScopeId)>,
+    by_label: FastMap<String, ScopeId>,
+}
+
+impl Row {
+    /// A row of instances.
+    pub fn new(list: Vec<(String, ScopeId)>) -> Row {
+        let by_label = list.iter().cloned().collect();
+        Row { list, by_label }
+    }
+
+    /// The instance with a label.
+    pub fn find(&self, label: &str) -> Option<ScopeId> {
+        self.by_label.get(label).copied()
+    }
+}
+
 /// One index of a declared array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
@@ -95,6 +116,14 @@ pub enum Axis {
     Set(SetId),
     /// Cells of a domain: loops.
     Domain(DomainId),
+}
+
+/// Names in a message; of many, the first few.
+pub fn listed<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> String {
+    const MANY: usize = 8;
+    let n = names.len();
+    let shown: Vec<&str> = names.take(if n > MANY { MANY / 2 } else { MANY }).collect();
+    if n > MANY { format!("{}, ... ({n} members)", shown.join(", ")) } else { shown.join(", ") }
 }
 
 /// An index set.

@@ -6,7 +6,7 @@ use smpl_dsl::syntax::{self, Binder, Expr, ExprKind, Ident, Statement, Statement
 use smpl_dsl::units::Unit;
 
 use super::super::items::{Item, items};
-use super::super::names::{Scope, ScopeId, SymbolKind};
+use super::super::names::{Row, Scope, ScopeId, SymbolKind};
 use super::super::{Bound, Elaborator, Setting, Site};
 use crate::ir::Role;
 
@@ -87,7 +87,7 @@ impl<'a> Elaborator<'a> {
             let inner = self.instantiate(statement, &format!("{path}[{label}]"), name.span, arguments, &inner_place, depth);
             list.push((label, inner));
         }
-        self.declare(scope, name, SymbolKind::Instances(list.into()));
+        self.declare(scope, name, SymbolKind::Instances(Row::new(list).into()));
     }
 
     fn instantiate(
