@@ -171,6 +171,36 @@ fn equations_that_a_loop_cannot_say_are_written_out() {
     check(n, &range, |x, i| x[..=i].iter().sum());
 }
 
+/// Three layers of a network: each neuron is worked out once, whether it is a `let` or a `var`.
+#[test]
+fn sums_of_sums_are_shared() {
+    let n = 20;
+    for (role, layer) in [
+        ("let", "let h1[i in s] = tanh(sum(W[i,j]*x[j] for j in s))\nlet h2[i in s] = tanh(sum(W[i,j]*h1[j] for j in s))"),
+        (
+            "var",
+            "var h1[i in s]\nvar h2[i in s]\neq h1[i] = tanh(sum(W[i,j]*x[j] for j in s)) for i in s
+             eq h2[i] = tanh(sum(W[i,j]*h1[j] for j in s)) for i in s",
+        ),
+    ] {
+        let source = model(
+            n,
+            &format!("param W[i in s, j in s] = 0.01*i - 0.02*j\n{layer}\neq d/dt x[i] = sum(W[i,j]*h2[j] for j in s) / 1 [s] for i in s"),
+        );
+        check(n, &source, |x, i| {
+            let w = |i: usize, j: usize| 0.01 * (i + 1) as f64 - 0.02 * (j + 1) as f64;
+            let times = |x: &[f64]| (0..n).map(|i| (0..n).map(|j| w(i, j) * x[j]).sum::<f64>()).collect::<Vec<f64>>();
+            let layer = |x: &[f64]| times(x).into_iter().map(f64::tanh).collect::<Vec<f64>>();
+            times(&layer(&layer(x)))[i]
+        });
+        let model = flat(&source);
+        for row in &model.rows {
+            let inner = model.exprs.has_reduction(row.residual, |free| free & !1 != 0);
+            assert!(!inner, "{role}: a sum inside of a sum");
+        }
+    }
+}
+
 #[test]
 fn masses_before_derivatives() {
     for n in LENGTHS {

@@ -114,7 +114,7 @@ impl<'a> Elaborator<'a> {
             };
             let form = s.form(left, right);
             let runs = inner.runs();
-            if runs != 0 && !s.may_loop(form) {
+            if runs != 0 && !(s.may_loop(form) && s.shares_sums(form, runs, inner.depth)) {
                 s.refuse();
             }
             Some((form, runs))
@@ -149,6 +149,12 @@ impl<'a> Elaborator<'a> {
             EquationForm::Rate { value, .. } | EquationForm::Definition { value, .. } => !self.exprs.has_derivative(value),
             EquationForm::Implicit { residual } => crate::structure::derivatives(&self.exprs, residual, |_| true).len() == 1,
         }
+    }
+
+    /// Whether no sum depends on a range and not on a loop around it, which would repeat it in each pass.
+    fn shares_sums(&self, form: EquationForm, runs: u8, depth: u8) -> bool {
+        let repeats = |free: u8| (0..depth).any(|d| runs & free & (1 << d) != 0 && !free & ((1 << d) - 1) != 0);
+        !self.exprs.has_reduction(form.value(), repeats)
     }
 
     /// `connect a -> b`: every member of `b` equals that of `a`.

@@ -6,7 +6,7 @@ use cranelift_entity::{PrimaryMap, entity_impl};
 use serde::{Deserialize, Serialize};
 
 use super::VarId;
-use super::hash::FastMap;
+use super::hash::{FastMap, FastSet};
 use crate::kernels;
 
 /// A node of the graph.
@@ -80,6 +80,12 @@ impl Affine {
         self.offset += self.strides[depth] * pass;
         self.strides[depth] = 0;
         self
+    }
+
+    /// The counters that it depends on, by bit.
+    #[must_use]
+    pub fn counters(&self) -> u8 {
+        (0..MAX_DEPTH).filter(|&d| self.strides[d] != 0).fold(0, |bits, d| bits | 1 << d)
     }
 
     /// The element at given counters.
@@ -595,6 +601,22 @@ impl Exprs {
             }
             _ => None,
         })
+    }
+
+    /// Whether a node has a reduction below it (or is one) that `repeats` says so of, by its free counters.
+    pub fn has_reduction(&self, e: ExprId, repeats: impl Fn(u8) -> bool) -> bool {
+        let mut seen = FastSet::default();
+        let mut stack = vec![e];
+        while let Some(e) = stack.pop() {
+            if !seen.insert(e) {
+                continue;
+            }
+            if matches!(self.node(e), Expr::Reduce { .. }) && repeats(self.free(e)) {
+                return true;
+            }
+            stack.extend(self.operands(e));
+        }
+        false
     }
 
     /// Copies `e` with leaves replaced: `replace` is asked for every node, outermost first; `None` means go on inside.

@@ -3,7 +3,7 @@
 //! An algebraic variable that is defined as a whole by one loop is substituted as a whole. Where its elements are defined one by one, or
 //! need each other, they are substituted one by one, and so every equation and sum that reads them must name them one by one.
 
-use super::whole::{looped_loads, wholes};
+use super::whole::{Whole, looped_loads, wholes};
 use super::{loads, replace_everywhere};
 use crate::elaborate::{Equation, EquationForm};
 use crate::ir::{BinaryFn, Expr, ExprId, Exprs, FastMap, FastSet, LoopVar, ReduceFn, Rewritten, VarId};
@@ -45,11 +45,12 @@ fn scattered(model: &Model, equations: &[Equation]) -> FastSet<VarId> {
         }
     }
     let wholes = wholes(model, equations);
-    let across: FastSet<VarId> = looped_loads(model, equations)
+    let mut across: FastSet<VarId> = looped_loads(model, equations)
         .into_iter()
         .filter(|(var, at)| wholes.get(var).is_some_and(|whole| whole.locate(*at).is_none()))
         .map(|(var, _)| var)
         .collect();
+    across.extend(repeated(model, equations, &wholes));
     // Of the parts of arrays, those on a ring of definitions.
     let mut needs: FastMap<(VarId, usize), Vec<(VarId, usize)>> = FastMap::default();
     for (&var, whole) in &wholes {
@@ -71,6 +72,44 @@ fn scattered(model: &Model, equations: &[Equation]) -> FastSet<VarId> {
     let loops = |var: &VarId| wholes.contains_key(var) && !across.contains(var) && !ring.contains(var);
     scattered.retain(|var| model.vars[*var].len > 1 && !over_cells.contains(var) && !loops(var));
     scattered
+}
+
+/// Arrays defined with sums of their own for each element that a loop would work out again in each pass of a loop around it.
+fn repeated(model: &Model, equations: &[Equation], wholes: &FastMap<VarId, Whole>) -> FastSet<VarId> {
+    let exprs = &model.exprs;
+    let mut with_sums: FastSet<VarId> = FastSet::default();
+    loop {
+        let before = with_sums.len();
+        for (&var, whole) in wholes {
+            let has = |e: ExprId| {
+                let own = exprs.has_reduction(e, |free| free != 0);
+                own || loads(exprs, e, |v, _| with_sums.contains(&v)).iter().any(|(_, _, at)| !at.is_constant())
+            };
+            if !with_sums.contains(&var) && whole.equations.iter().any(|&i| has(equations[i].form.value())) {
+                with_sums.insert(var);
+            }
+        }
+        if with_sums.len() == before {
+            break;
+        }
+    }
+    let mut out = FastSet::default();
+    if with_sums.is_empty() {
+        return out;
+    }
+    for e in (0..exprs.len() as u32).map(ExprId::from_u32) {
+        if let Expr::Reduce { depth, body, .. } = exprs.node(e) {
+            let read = loads(exprs, body, |v, _| with_sums.contains(&v));
+            let inside = read.into_iter().filter(|(_, _, at)| at.strides[usize::from(depth.0)] != 0);
+            out.extend(inside.filter(|(_, _, at)| exprs.free(e) & !at.counters() != 0).map(|l| l.0));
+        }
+    }
+    for equation in equations.iter().filter(|e| e.extents.len() > 1) {
+        let read = loads(exprs, equation.form.value(), |v, _| with_sums.contains(&v));
+        let repeats = |bits: u8| (0..equation.extents.len()).any(|d| bits & (1 << d) != 0 && !bits & ((1 << d) - 1) != 0);
+        out.extend(read.into_iter().filter(|(_, _, at)| repeats(at.counters())).map(|l| l.0));
+    }
+    out
 }
 
 /// Whether an equation defines an element of one of the variables, or reads one at an address that its loops change.

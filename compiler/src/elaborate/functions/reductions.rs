@@ -67,7 +67,7 @@ impl Elaborator<'_> {
             let mut terms = Vec::new();
             let looped = self.attempt(|s| {
                 s.looped_terms(binder, range, &mut Bound::Run, body, rest, condition, (kind, None), place, &mut terms);
-                if terms.iter().any(|t| t.value.is_poison()) {
+                if terms.iter().any(|t| t.value.is_poison() || s.repeats_sums(t)) {
                     s.refuse();
                 }
             });
@@ -137,6 +137,14 @@ impl Elaborator<'_> {
                 out.push(term);
             }
         }
+    }
+
+    /// Whether a term has sums that depend on its loops and not on what is around them: as a loop it would work them out again for each
+    /// pass around it; written out, they are shared.
+    fn repeats_sums(&self, term: &Term) -> bool {
+        let own = term.loops.iter().fold(0, |bits, (v, _)| bits | 1 << v.0);
+        let around = self.exprs.free(term.value.expr) & !own;
+        self.exprs.has_reduction(term.value.expr, |free| free & own != 0 && around & !free != 0)
     }
 
     /// A term summed over its loops.
