@@ -147,8 +147,8 @@ pub(crate) enum Bound {
     Face(names::DomainId, cells::Cell),
     /// A value: argument of a function.
     Value(Value),
-    /// An expression at its own place: element of a tuple.
-    Alias(Expr, ScopeId),
+    /// An expression at its own place, with what is bound there: element of a tuple.
+    Alias(Expr, ScopeId, Option<Rc<Binding>>),
     /// An element of a variable, by its linear address: element of `states` and the like.
     Element(SymbolId, crate::ir::Affine),
     /// A whole number: face or cell number of a prescribed grid.

@@ -228,6 +228,33 @@ fn observations_of_a_whole_array_are_taken_apart() {
     }
 }
 
+/// Found by random models: the loop of an output over all elements is none over the last index.
+#[test]
+fn outputs_of_arrays_with_two_loops_go_row_by_row() {
+    let mut r = Running::new(
+        "domain z in 0..2 cells 2
+         domain r in 0..3 cells 3
+         state x[i in 1..20, j in 1..20] = 1
+         state y[r] = r
+         var v[z, r]
+         var w[i in 1..20, j in 1..20]
+         var single[z]
+         eq v[z, r] = y[r] + 10*z for z, r
+         eq w[i, j] = 100*i + j*x[i, j] for i in 1..20, j in 1..20
+         eq single[1] = y[1]
+         eq single[2] = 2*y[1]
+         eq d/dt y[r] = 0 for r
+         eq d/dt x[i, j] = w[i, j] / 1 [s] for i in 1..20, j in 1..20
+         observe v in 0..100, w in 0..3000
+         observe both = sum(single[z] for z) in 0..9",
+    );
+    for (name, expected) in [("v[1,3]", 7.5), ("v[2,1]", 15.5), ("w[3,1]", 301.0), ("w[20,19]", 2019.0)] {
+        assert_close(r.observation(name), expected);
+        assert_close(r.output(name), expected);
+    }
+    assert_close(r.observation("both"), 1.5);
+}
+
 /// A parameter that gives the range its size cannot change, any other one can: comparisons with it are made while the model runs.
 #[test]
 fn comparisons_with_parameters() {

@@ -105,6 +105,7 @@ fn reductions_run_over_sets_tuples_and_cells() {
     assert_close(value("1", "mean(v[i] for i in s)"), 5.0);
     assert_close(value("1", "mean(v[i] for i in s if v[i] > 4)"), 6.0);
     assert_close(value("1", "sum(q for q in (x, v[a], 4))"), 9.0);
+    assert_close(value("1", "sum(max(q for q in (x, v[i], k[i] + 4)) for i in s)"), 18.0);
     assert_close(value("1", "if any(v[i] > 6 for i in s) and not all(v[i] > 6 for i in s) then 1 else 0"), 1.0);
     assert_close(value("1", "sum(i for i in 1..4)"), 10.0);
     assert_close(value("1", "sum(1 for i in 3..2)"), 0.0);

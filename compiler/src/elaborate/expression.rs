@@ -226,10 +226,10 @@ impl<'a> Elaborator<'a> {
             },
             Bound::Cell(domain, cell) => self.cell_centre(*domain, *cell),
             Bound::Face(domain, face) => self.face_position_value(*domain, *face),
-            Bound::Alias(e, scope) => {
+            Bound::Alias(e, scope, bindings) => {
                 let mut inner = place.clone();
                 inner.scope = *scope;
-                inner.bindings = None;
+                inner.bindings = bindings.clone();
                 let e = e.clone();
                 self.value(&e, &inner)
             }

@@ -62,10 +62,10 @@ impl Elaborator<'_> {
         match &e.kind {
             ExprKind::Name(name) => {
                 match place.bound(&name.text).cloned() {
-                    Some(Bound::Alias(inner, scope)) => {
+                    Some(Bound::Alias(inner, scope, bindings)) => {
                         let mut there = place.clone();
                         there.scope = scope;
-                        there.bindings = None;
+                        there.bindings = bindings;
                         return self.resolve(&inner, &there);
                     }
                     Some(_) => return Target::Value(self.name(name, place)),

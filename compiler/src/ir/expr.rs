@@ -605,18 +605,24 @@ impl Exprs {
 
     /// Whether a node has a reduction below it (or is one) that `repeats` says so of, by its free counters.
     pub fn has_reduction(&self, e: ExprId, repeats: impl Fn(u8) -> bool) -> bool {
+        let mut found = false;
+        self.each_reduction(e, &mut |depth, body| found |= repeats(self.free(body) & !(1 << depth.0)));
+        found
+    }
+
+    /// Visits the counter and the body of each reduction below a node, and of itself.
+    pub fn each_reduction(&self, e: ExprId, visit: &mut dyn FnMut(LoopVar, ExprId)) {
         let mut seen = FastSet::default();
         let mut stack = vec![e];
         while let Some(e) = stack.pop() {
             if !seen.insert(e) {
                 continue;
             }
-            if matches!(self.node(e), Expr::Reduce { .. }) && repeats(self.free(e)) {
-                return true;
+            if let Expr::Reduce { depth, body, .. } = self.node(e) {
+                visit(depth, body);
             }
             stack.extend(self.operands(e));
         }
-        false
     }
 
     /// Copies `e` with leaves replaced: `replace` is asked for every node, outermost first; `None` means go on inside.

@@ -114,13 +114,22 @@ fn row_major(extents: &[u32]) -> Affine {
     at
 }
 
-/// Addresses at which equations read algebraic variables in loops.
+/// Addresses at which equations read algebraic variables in loops, and programs in sums.
 pub fn looped_loads(model: &Model, equations: &[Equation]) -> Vec<(VarId, Affine)> {
     let mut out = Vec::new();
     let mut seen = vec![false; model.exprs.len()];
     let mut stack: Vec<ExprId> = equations.iter().map(|equation| equation.form.value()).collect();
     stack.extend(model.roots.iter().map(|r| r.value));
     stack.extend(&model.quadratures);
+    let p = &model.programs;
+    for program in [&p.initial_discretes, &p.start, &p.end, &p.finish, &p.outputs, &p.invariants, &p.boxes].into_iter().chain(&p.events) {
+        for store in program.nests.iter().flat_map(|n| &n.stores) {
+            model.exprs.each_reduction(store.value, &mut |depth, body| {
+                let read = loads(&model.exprs, body, |v, _| model.vars[v].role == Role::Algebraic);
+                out.extend(read.into_iter().filter(|(_, _, at)| at.strides[usize::from(depth.0)] != 0).map(|(var, _, at)| (var, at)));
+            });
+        }
+    }
     while let Some(e) = stack.pop() {
         if std::mem::replace(&mut seen[e.as_u32() as usize], true) {
             continue;
@@ -169,9 +178,9 @@ fn across(exprs: &Exprs, nest: &Nest, arrays: &FastMap<VarId, Whole>, defined: &
     let looped = |at: &Affine| (0..nest.extents.len()).any(|d| at.strides[d] != 0);
     let goes_across = |var: VarId, at: Affine| {
         let Some(whole) = arrays.get(&var) else { return true };
-        let last: i64 = nest.extents.iter().zip(&at.strides).map(|(&n, s)| s * (i64::from(n) - 1)).sum();
-        let part = |at| whole.locate(at).map(|(part, _)| part);
-        part(at).is_none_or(|first| part(at.plus(Affine::constant(last))) != Some(first))
+        let last = |at: &Affine| at.offset + nest.extents.iter().zip(&at.strides).map(|(&n, s)| s * (i64::from(n) - 1)).sum::<i64>();
+        let Some((_, indices)) = whole.locate(at) else { return true };
+        !indices.iter().zip(&whole.extents).all(|(index, &n)| last(index) < i64::from(n))
     };
     let found = nest.stores.iter().flat_map(|s| loads(exprs, s.value, |v, _| concerned(v)));
     let mut found = found.filter(|(_, _, at)| looped(at));

@@ -30,7 +30,7 @@ impl Elaborator<'_> {
                         ExprKind::Name(n) if place.bound(&n.text).is_some() => place.bound(&n.text).cloned(),
                         _ => None,
                     };
-                    out.push(BinderValue::One(bound.unwrap_or_else(|| Bound::Alias(e.clone(), scope))));
+                    out.push(BinderValue::One(bound.unwrap_or_else(|| Bound::Alias(e.clone(), scope, place.bindings.clone()))));
                 }
                 out
             }

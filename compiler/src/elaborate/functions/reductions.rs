@@ -81,7 +81,7 @@ impl Elaborator<'_> {
             }
             match bound {
                 BinderValue::One(bound) => {
-                    let written = if let Bound::Alias(e, _) = &bound { Some(e.span) } else { None };
+                    let written = if let Bound::Alias(e, ..) = &bound { Some(e.span) } else { None };
                     let first = out.len();
                     let inner = place.bind(&binder.name.text, bound);
                     self.terms(body, rest, condition, kind, &inner, out);
