@@ -318,6 +318,7 @@ impl<'a> Elaborator<'a> {
             return;
         }
         self.declare_defaults();
+        self.check_ends();
         self.runs = true;
         self.elaborate_equations();
         self.elaborate_control();

@@ -17,6 +17,14 @@ use super::{Bound, Elaborator, Place, Site, units};
 use crate::ir::{BinaryFn, Compare, ExprId};
 
 impl Elaborator<'_> {
+    /// Works out the ends of all domains: those that nothing needs may be at fault too.
+    pub(super) fn check_ends(&mut self) {
+        let domains: Vec<DomainId> = self.names.domains.keys().collect();
+        for domain in domains {
+            self.ends(domain);
+        }
+    }
+
     /// Unit and ends of a domain.
     fn ends(&mut self, domain: DomainId) -> (Unit, ExprId, ExprId) {
         if let Some(ends) = &self.names.domains[domain].ends {
