@@ -208,6 +208,8 @@ pub(crate) struct Elaborator<'a> {
     structural: FastSet<VarId>,
     /// Parameters that the default of a parameter needs.
     needed: FastMap<VarId, Vec<VarId>>,
+    /// Elements that have a `next`, by scope and instant.
+    assigned: FastMap<(ScopeId, String), FastMap<(VarId, i64), Span>>,
     /// A range stayed a loop.
     looped: bool,
     /// Passes of such loops.
@@ -286,6 +288,7 @@ impl<'a> Elaborator<'a> {
             runs: false,
             structural: FastSet::default(),
             needed: FastMap::default(),
+            assigned: FastMap::default(),
             looped: false,
             passes: 0,
             attempts: 0,

@@ -181,21 +181,6 @@ impl<'a> Elaborator<'a> {
                     Some(name) => ("observations", name.text.clone(), o.span),
                     None => ("observations", super::items::text(&o.value), o.span),
                 },
-                Item::At(instant, s) => match &s.kind {
-                    StatementKind::Next { target, .. } => {
-                        let text = format!("next {}", super::items::text(target));
-                        match seen.insert(format!("at {} {text}", instant.text), s.span) {
-                            Some(first) => self.report(
-                                Diagnostic::error(codes::DUPLICATE_NAME, format!("two `{text}` at one instant"), s.span)
-                                    .secondary(first, "the first one")
-                                    .help("all `next` of an instant assign together, so there can be one only"),
-                            ),
-                            None => continue,
-                        }
-                        continue;
-                    }
-                    _ => continue,
-                },
                 Item::Other(s) => match &s.kind {
                     StatementKind::Reward { name, .. } => ("rewards", name.text.clone(), name.span),
                     StatementKind::Fail { name, .. } => ("failures", name.text.clone(), name.span),
@@ -207,7 +192,7 @@ impl<'a> Elaborator<'a> {
                     StatementKind::Event { name, .. } => ("events", name.text.clone(), name.span),
                     _ => continue,
                 },
-                Item::Declare(..) => continue,
+                Item::Declare(..) | Item::At(..) => continue,
             };
             if let Some(first) = seen.insert(format!("{what} {name}"), span) {
                 self.report(

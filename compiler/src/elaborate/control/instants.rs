@@ -5,6 +5,7 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident, Statement, StatementKind};
 use smpl_dsl::units::Unit;
 
+use super::super::blocks::for_each_element;
 use super::super::items::Item;
 use super::super::names::{ScopeId, SymbolKind};
 use super::super::quantity::{Measure, Value};
@@ -101,6 +102,9 @@ impl<'a> Elaborator<'a> {
             let Some((var, at, v, whole)) = piece.value else { continue };
             let mut extents = piece.extents;
             extents.extend(whole);
+            if is_next && self.guard.is_none() {
+                self.check_next((scope, instant), var, &extents, at, statement.span);
+            }
             let s = store(Memory::Var(var), at, v);
             // The nest that collects the `next`s of this instant since its last other statement.
             // At the start all `next`s come together, before the resets.
@@ -127,6 +131,25 @@ impl<'a> Elaborator<'a> {
             } else {
                 program.nests.push(Nest { extents, stores: vec![s] });
             }
+        }
+    }
+
+    /// Two `next`s of one element at one instant are a fault, one for a statement.
+    fn check_next(&mut self, (scope, instant): (ScopeId, &str), var: VarId, extents: &[u32], at: Affine, span: Span) {
+        let mut twice = None;
+        let assigned = self.assigned.entry((scope, instant.to_owned())).or_default();
+        for_each_element(extents, at, &mut |i| {
+            if let Some(first) = assigned.insert((var, i), span) {
+                twice.get_or_insert((i, first));
+            }
+        });
+        if let Some((element, first)) = twice {
+            let name = self.quantities.get(&var).map_or_else(String::new, |q| q.element_name(element.max(0) as usize));
+            self.report(
+                Diagnostic::error(codes::DUPLICATE_NAME, format!("two `next {name}` at one instant"), span)
+                    .secondary(first, "the first one")
+                    .help("all `next` of an instant assign together, so there can be one only"),
+            );
         }
     }
 
