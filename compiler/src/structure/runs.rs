@@ -1,7 +1,8 @@
 //! Ranges of numbers that are written out after all.
 //!
-//! An algebraic variable that is defined as a whole by one loop is substituted as a whole. Where its elements are defined one by one, or
-//! need each other, they are substituted one by one, and so every equation and sum that reads them must name them one by one.
+//! An algebraic variable that is defined as a whole by one loop is substituted as a whole. Where its elements are defined one by one,
+//! need each other, or are sums that a loop would work out again in every pass, they are substituted one by one, and so every equation
+//! and sum that reads them must name them one by one.
 
 use super::whole::{Whole, looped_loads, wholes};
 use super::{loads, replace_everywhere};
