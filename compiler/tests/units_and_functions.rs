@@ -22,6 +22,8 @@ fn value(unit: &str, expression: &str) -> f64 {
          param V : L = 2
          param T : degC = 25
          param Q : m^3/h = 6
+         param share : % = 40
+         param angle : deg = 90
          param nan = 0
          param zero = 0
          state x = 2 in 0..10
@@ -52,6 +54,25 @@ fn commensurable_units_convert_by_the_exact_factor() {
     assert_close(value("L^0.5", "sqrt(2 [m^3])"), 2000_f64.sqrt());
     assert_close(value("kg", "1 [t] + 1 [g]"), 1000.001);
     assert_close(value("rad", "180 [deg]"), std::f64::consts::PI);
+}
+
+/// A number alone in a branch of an `if` is taken in the declared unit, as it is without the `if`; elsewhere beside a quantity it is dimensionless.
+#[test]
+fn numbers_beside_percentages_and_angles_mean_one_thing() {
+    assert_close(value("%", "if x > 5 then 100 else share"), 40.0);
+    assert_close(value("%", "if x < 5 then 100 else share"), 100.0);
+    assert_close(value("%", "if x > 5 then share else 100"), 100.0);
+    assert_close(value("%", "if x > 5 then 7 else if x > 4 then 100 else share"), 40.0);
+    assert_close(value("deg", "if x > 5 then 1 else angle"), 90.0);
+    assert_close(value("ppm", "if x > 5 then 1 else share"), 400_000.0);
+    assert_close(value("1", "if x > 5 then 100 else share"), 0.4);
+    assert_close(value("%", "1 - share"), 60.0);
+    assert_close(value("%", "max(0.3, share)"), 40.0);
+    assert_close(value("%", "max(share, 0.3)"), 40.0);
+    assert_close(value("%", "max(0.5, share)"), 50.0);
+    assert_close(value("%", "min(1, share)"), 40.0);
+    assert_close(value("%", "clip(share, 0.5, 1)"), 50.0);
+    assert_close(value("%", "mod(1, share)"), 20.0);
 }
 
 #[test]

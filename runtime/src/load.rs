@@ -18,7 +18,7 @@ use crate::scenario::{self, Disturbances, Noise, Recorded, Scenario, Value, Vari
 use crate::setup::EnvironmentOptions;
 
 /// Code of the diagnostic of a file that cannot be read.
-pub const UNREADABLE: &str = "E0700-unreadable";
+pub const UNREADABLE: &str = codes::UNREADABLE.id();
 
 /// Ending of files that hold a compiled model.
 pub const ARTEFACT_EXTENSION: &str = "smplc";

@@ -458,6 +458,11 @@ impl<'a> Elaborator<'a> {
 
     /// Declares a parameter, state, `let` and so on.
     fn declare_variable(&mut self, scope: ScopeId, role: syntax::Role, d: &'a Declaration) {
+        // Declared member by member: the first one was reported.
+        let before = self.names.scopes[scope].names.get(&d.name.text);
+        if !d.indices.is_empty() && before.is_some_and(|&s| matches!(self.names.symbols[s].kind, SymbolKind::Faulty)) {
+            return;
+        }
         let place = self.place(scope, Site::Dynamics);
         let Some((axes, binders)) = self.axes(&d.indices, &place) else { return self.faulty(scope, &d.name) };
         let written = d.unit.as_ref().map(|u| self.unit(u, &place));

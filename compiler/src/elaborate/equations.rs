@@ -103,6 +103,7 @@ impl<'a> Elaborator<'a> {
                 (Measure::Zero, _) | (_, Measure::Zero) => (left.expr, right.expr),
                 (m, n) => {
                     let (ul, ur) = (m.unit(), n.unit());
+                    s.warn_of_scale((&left, lhs.span), (&right, rhs.span));
                     match s.convert(right.expr, &ur, &ul) {
                         Some(converted) => (left.expr, converted),
                         None => {

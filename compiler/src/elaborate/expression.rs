@@ -17,14 +17,19 @@ const MAX_NESTING: u32 = 500;
 impl<'a> Elaborator<'a> {
     /// Elaborates an expression.
     pub(super) fn value(&mut self, e: &Expr, place: &Place) -> Value {
+        self.nested(e.span, |s| s.value_of(e, place))
+    }
+
+    /// Elaborates one level deeper, unless that is too deep.
+    fn nested(&mut self, span: Span, value: impl FnOnce(&mut Self) -> Value) -> Value {
         if self.nesting >= MAX_NESTING {
             return self.fault(
-                Diagnostic::error(codes::TOO_LARGE, "definitions within definitions, hundreds deep", e.span)
+                Diagnostic::error(codes::TOO_LARGE, "definitions within definitions, hundreds deep", span)
                     .help("break the chain: make one of its members a `var` with an equation"),
             );
         }
         self.nesting += 1;
-        let v = self.value_of(e, place);
+        let v = value(self);
         self.nesting -= 1;
         v
     }
@@ -56,7 +61,7 @@ impl<'a> Elaborator<'a> {
             ExprKind::Derivative(inner) => self.derivative(e.span, inner, place),
             ExprKind::Unary(op, a) => self.unary(*op, a, place),
             ExprKind::Binary(op, a, b) => self.binary(e.span, *op, a, b, place),
-            ExprKind::If(c, a, b) => self.conditional(e.span, c, a, b, place),
+            ExprKind::If(c, a, b) => self.conditional_of(e.span, c, (a, b), place, &mut |s, e| s.value(e, place)),
             ExprKind::As(a, unit) => {
                 let Some(target) = self.unit(unit, place) else { return self.poison() };
                 let v = self.value(a, place);
@@ -95,8 +100,27 @@ impl<'a> Elaborator<'a> {
 
     /// An expression as a number in `target`; a pure number is taken in it. Reports a mismatch against `what`.
     pub(super) fn number_in(&mut self, e: &Expr, target: &Unit, what: &str, declared: Span, place: &Place) -> ExprId {
-        let v = self.value(e, place);
+        let v = self.declared_value(e, place, &mut |s, v, span| s.in_unit(v, target, span, what, declared), target);
         self.in_unit(v, target, e.span, what, declared)
+    }
+
+    /// An expression where a unit is declared. The branches of an `if` stand in that place themselves: each is taken in the unit, by `taken`, so
+    /// that a pure number in one of them means the same as alone.
+    pub(super) fn declared_value(
+        &mut self,
+        e: &Expr,
+        place: &Place,
+        taken: &mut dyn FnMut(&mut Self, Value, Span) -> ExprId,
+        unit: &Unit,
+    ) -> Value {
+        let ExprKind::If(c, a, b) = &e.kind else {
+            let v = self.value(e, place);
+            return match v.unit {
+                Measure::Poison | Measure::Truth => v,
+                _ => Value::of(taken(self, v, e.span), unit.clone()),
+            };
+        };
+        self.nested(e.span, |s| s.conditional_of(e.span, c, (a, b), place, &mut |s, e| s.declared_value(e, place, taken, unit)))
     }
 
     /// A value as a number in `target`; a pure number is taken in it.
@@ -353,26 +377,15 @@ impl<'a> Elaborator<'a> {
         });
         // A fault of a definition is its own, whoever asks for it.
         let calls = std::mem::take(&mut self.calls);
-        let mut v = self.value(definition, &inner);
+        let v = match unit {
+            Some(unit) => self.value_of_let(symbol, definition, unit, random, &inner),
+            None => self.value(definition, &inner),
+        };
         self.calls = calls;
         if let Some(outer) = outer_stream {
             self.random_site = outer;
         }
         self.expanding.pop();
-        if let Some(unit) = unit
-            && !v.is_poison()
-            && !matches!(v.unit, Measure::Truth)
-        {
-            let declared = self.names.symbols[symbol].span;
-            let what = format!("`{}`", self.names.symbols[symbol].path);
-            let is_bare = matches!(v.unit, Measure::Bare) || random;
-            let expr = if is_bare {
-                self.in_unit(v, unit, definition.span, &what, declared)
-            } else {
-                self.strictly_in(v, unit, definition.span, &what, declared)
-            };
-            v = Value::of(expr, unit.clone());
-        }
         if let Some(key) = key {
             if self.attempts > 0 {
                 self.remembered.push(key.clone());
@@ -380,6 +393,16 @@ impl<'a> Elaborator<'a> {
             self.memo.insert(key, v.clone());
         }
         v
+    }
+
+    /// The value of a `let` with a unit, in that unit: strictly, but for a pure number and what is drawn.
+    fn value_of_let(&mut self, symbol: SymbolId, definition: &Expr, unit: &Unit, random: bool, place: &Place) -> Value {
+        let declared = self.names.symbols[symbol].span;
+        let what = format!("`{}`", self.names.symbols[symbol].path);
+        let taken = &mut |s: &mut Self, v: Value, span: Span| {
+            if random { s.in_unit(v, unit, span, &what, declared) } else { s.strictly_or_bare(v, unit, span, &what, declared) }
+        };
+        self.declared_value(definition, place, taken, unit)
     }
 
     /// The way from a definition back to itself, where it has stations.
@@ -426,22 +449,29 @@ impl<'a> Elaborator<'a> {
     fn derivative(&mut self, span: Span, inner: &Expr, place: &Place) -> Value {
         let v = self.value(inner, place);
         let Measure::Of(unit) = &v.unit else {
-            return if v.is_poison() { v } else { self.not_a_state(span) };
+            return if v.is_poison() { v } else { self.not_a_state(span, inner) };
         };
         match self.exprs.node(v.expr) {
             Node::Load { var, flavour: Flavour::Value, at } if self.vars[var].role == Role::State => {
                 let expr = self.exprs.load(var, Flavour::Derivative, at);
                 Value::of(expr, units::rate(unit, &self.time_unit))
             }
-            _ => self.not_a_state(span),
+            _ => self.not_a_state(span, inner),
         }
     }
 
-    fn not_a_state(&mut self, span: Span) -> Value {
-        self.fault(
-            Diagnostic::error(codes::WRONG_KIND, "only a state has a time derivative", span)
-                .help("declare it with `state`, or write out the derivative of the expression"),
-        )
+    fn not_a_state(&mut self, span: Span, inner: &Expr) -> Value {
+        let help = match &inner.kind {
+            ExprKind::Binary(BinaryOp::Mul, a, b) => match (&a.kind, &b.kind) {
+                (ExprKind::Name(Ident { text: a, .. }), ExprKind::Name(Ident { text: b, .. })) => format!(
+                    "write the product rule, `{a} * d/dt {b} + {b} * d/dt {a}` (one term where the other factor is constant), or make the product a state and divide"
+                ),
+                _ => "write the product rule, or make the product a state of its own and divide".to_owned(),
+            },
+            ExprKind::Name(_) | ExprKind::Index(..) | ExprKind::Member(..) => "declare it with `state`".to_owned(),
+            _ => "write out the derivative of the expression, or make it a state of its own".to_owned(),
+        };
+        self.fault(Diagnostic::error(codes::WRONG_KIND, "only a state has a time derivative", span).help(help))
     }
 
     fn unary(&mut self, op: UnaryOp, a: &Expr, place: &Place) -> Value {
@@ -529,6 +559,7 @@ impl<'a> Elaborator<'a> {
             (m, n) => (m.unit(), n.unit()),
         };
         let (ua, ub) = unit;
+        self.warn_of_scale((&a, sa), (&b, sb));
         // Points on a scale: point - point is a difference, point ± difference is a point.
         let result = match (units::is_point(&ua), units::is_point(&ub)) {
             (false, false) => ua.clone(),
@@ -548,11 +579,24 @@ impl<'a> Elaborator<'a> {
         let (Some(left), Some(right)) = (left, right) else {
             let verb = if op == BinaryOp::Add { "added" } else { "subtracted" };
             let d = units::clash(&ua, sa, &ub, sb, span, verb);
-            let d = self.with_literal(d, (&a, &ua), (&b, &ub));
+            let d = self.with_literal(d, (&a, &units::difference(&ua)), (&b, &units::difference(&ub)));
             return self.fault(d);
         };
         let expr = self.exprs.binary(f, left, right);
         Value::of(expr, result)
+    }
+
+    /// Warns of a number without a unit beside a percentage or the like, where it is easily meant as one too.
+    pub(super) fn warn_of_scale(&mut self, (a, sa): (&Value, Span), (b, sb): (&Value, Span)) {
+        for ((number, span), quantity) in [((a, sa), b), ((b, sb), a)] {
+            if let (Measure::Bare, Measure::Of(unit)) = (&number.unit, &quantity.unit)
+                && units::is_dimensionless(unit)
+                && units::conversion(&Unit::one(), unit).is_some_and(|(factor, _)| factor != 1.0)
+            {
+                let x = self.exprs.as_const(number.expr);
+                self.report(units::bare_beside(x, unit, span));
+            }
+        }
     }
 
     /// The hint for a literal number that lacks its unit.
@@ -693,6 +737,7 @@ impl<'a> Elaborator<'a> {
             (Measure::Zero, _) | (_, Measure::Zero) => Some((a.expr, b.expr)),
             (m, n) => {
                 let (ua, ub) = (m.unit(), n.unit());
+                self.warn_of_scale((a, sa), (b, sb));
                 match self.convert(b.expr, &ub, &ua) {
                     Some(r) if units::is_point(&ua) == units::is_point(&ub) => Some((a.expr, r)),
                     _ => {
@@ -706,18 +751,26 @@ impl<'a> Elaborator<'a> {
         }
     }
 
-    fn conditional(&mut self, span: Span, c: &Expr, a: &Expr, b: &Expr, place: &Place) -> Value {
+    /// `if c then a else b`, with the way to elaborate a branch.
+    fn conditional_of(
+        &mut self,
+        span: Span,
+        c: &Expr,
+        (a, b): (&Expr, &Expr),
+        place: &Place,
+        branch: &mut dyn FnMut(&mut Self, &Expr) -> Value,
+    ) -> Value {
         let Some(condition) = self.sound_condition(c, place) else {
             // The branches may have faults of their own.
-            self.value(a, place);
-            self.value(b, place);
+            branch(self, a);
+            branch(self, b);
             return self.poison();
         };
         // What the compiler can decide is decided: the other branch need not even have a meaning here.
         if let Node::Truth(holds) = self.exprs.node(condition) {
-            return self.value(if holds { a } else { b }, place);
+            return branch(self, if holds { a } else { b });
         }
-        let (x, y) = (self.value(a, place), self.value(b, place));
+        let (x, y) = (branch(self, a), branch(self, b));
         self.choose(condition, (x, a.span), (y, b.span), span)
     }
 
@@ -730,10 +783,7 @@ impl<'a> Elaborator<'a> {
             let expr = self.exprs.select(c, a.expr, b.expr);
             return Value::truth(expr);
         }
-        let unit = match (&a.unit, &b.unit) {
-            (Measure::Zero, m) | (m, Measure::Zero) => m.clone(),
-            (m, _) => m.clone(),
-        };
+        let unit = a.unit.beside(&b.unit);
         let Some((l, r)) = self.common_for(&a, sa, &b, sb, span, "branches of one `if`") else { return self.poison() };
         let expr = self.exprs.select(c, l, r);
         Value { expr, unit }

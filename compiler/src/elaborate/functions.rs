@@ -164,9 +164,14 @@ impl Elaborator<'_> {
         let help = match name.as_str() {
             "log" => Some("write `ln` for the natural logarithm, `log10` for the decimal one".to_owned()),
             "pow" => Some("write `x^y`".to_owned()),
+            "sum" | "product" | "mean" | "any" | "all" => Some(format!("say over what: `{name}(x[i] for i in set)`")),
             _ => did_you_mean(name, FUNCTIONS.iter().copied().chain(visible)),
         };
-        let d = Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown function `{name}`"), function.span).maybe_help(help);
+        let message = match name.as_str() {
+            "sum" | "product" | "mean" | "any" | "all" => format!("`{name}` runs over a set, here is none"),
+            _ => format!("unknown function `{name}`"),
+        };
+        let d = Diagnostic::error(codes::UNKNOWN_NAME, message, function.span).maybe_help(help);
         self.fault(d)
     }
 
@@ -290,8 +295,7 @@ impl Elaborator<'_> {
         for next in list {
             let Some((l, r)) = self.common(&best.0, best.1, &next.0, next.1, span) else { return self.poison() };
             let expr = self.exprs.binary(f, l, r);
-            let unit = if matches!(best.0.unit, Measure::Zero) { next.0.unit } else { best.0.unit };
-            best = (Value { expr, unit }, best.1);
+            best = (Value { expr, unit: best.0.unit.beside(&next.0.unit) }, best.1);
         }
         best.0
     }
@@ -327,7 +331,7 @@ impl Elaborator<'_> {
         let whole = self.exprs.unary(UnaryFn::Floor, ratio);
         let multiple = self.exprs.mul(r, whole);
         let expr = self.exprs.sub(l, multiple);
-        Value { expr, unit: a.unit }
+        Value { expr, unit: a.unit.beside(&b.unit) }
     }
 
     /// `initial(e)`, `previous(e)`, `steady(e)`: `e` with every variable read from another frame.

@@ -30,6 +30,12 @@ impl IndexKey {
     }
 }
 
+/// The name of an index that stands for a face.
+fn at_face<'e>(e: &'e Expr, place: &Place) -> Option<&'e str> {
+    let ExprKind::Name(name) = &e.kind else { return None };
+    matches!(place.bound(&name.text), Some(Bound::Face(..))).then_some(name.text.as_str())
+}
+
 /// What a path such as `R1.inlet` or `col[2].c` leads to.
 pub enum Target {
     /// A symbol.
@@ -110,7 +116,10 @@ impl Elaborator<'_> {
             Target::Symbol(symbol) => symbol,
             Target::Value(v) if v.is_poison() => return None,
             Target::Value(_) => {
-                self.report(Diagnostic::error(codes::WRONG_KIND, "only components and ports have members", e.span));
+                self.report(
+                    Diagnostic::error(codes::WRONG_KIND, "only components, ports and domains have members", e.span)
+                        .maybe_help(self.end_of(e, place)),
+                );
                 return None;
             }
             Target::Nothing => return None,
@@ -147,6 +156,15 @@ impl Elaborator<'_> {
                 None
             }
         }
+    }
+
+    /// What to write for the end of a set of numbers, which has no `.last`.
+    fn end_of(&self, e: &Expr, place: &Place) -> Option<String> {
+        let ExprKind::Name(name) = &e.kind else { return None };
+        let Some(Bound::Member(set, _)) = place.bound(&name.text) else { return None };
+        let set = &self.names.sets[*set];
+        let (first, last) = (set.labels.first()?, set.labels.last()?);
+        Some(format!("`.first` and `.last` are those of a domain; `{}` runs from `{first}` to `{last}`", set.name))
     }
 
     fn instance_label(&mut self, e: &Expr, place: &Place) -> Option<String> {
@@ -237,7 +255,7 @@ impl Elaborator<'_> {
                         continue;
                     };
                     if c.first < 0 || c.last() >= len {
-                        self.out_of_domain(domain, c, e.span);
+                        self.out_of_domain(domain, c, e);
                         return None;
                     }
                     (c.affine(), bound)
@@ -249,13 +267,19 @@ impl Elaborator<'_> {
         Some((at, bounds))
     }
 
-    fn out_of_domain(&mut self, domain: DomainId, c: Cell, span: Span) {
+    fn out_of_domain(&mut self, domain: DomainId, c: Cell, index: &Expr) {
         let (name, cells) = (self.names.domains[domain].name.clone(), self.names.domains[domain].cells);
         let number = if c.first < 0 { c.first + 1 } else { c.last() + 1 };
+        let rest = match (&index.kind, number < 1) {
+            (ExprKind::Binary(..), true) => Some(format!("{}..{name}.last", 1 + (1 - number).min(cells))),
+            (ExprKind::Binary(..), false) => Some(format!("1..{name}.last-{}", number - cells)),
+            _ => None,
+        };
+        let message = format!("cell {number} of `{name}` does not exist: its cells are 1 to {cells}");
         self.report(
-            Diagnostic::error(codes::OUT_OF_RANGE, format!("cell {number} of `{name}` does not exist: its cells are 1 to {cells}"), span)
-                .label("reaches beyond the domain")
-                .help(format!("restrict the equation, `for {name} in 2..{name}.last`, and write the end cells separately")),
+            Diagnostic::error(codes::OUT_OF_RANGE, message, index.span).label("reaches beyond the domain").maybe_help(
+                rest.map(|range| format!("restrict the equation, `for {name} in {range}`, and write the other cells separately")),
+            ),
         );
     }
 
@@ -299,11 +323,20 @@ impl Elaborator<'_> {
         if self.statement != Span::default() && !self.unbound.insert((self.statement, name.to_owned())) {
             return;
         }
-        let binder = if name == set { name.to_owned() } else { format!("{name} in {set}") };
+        let first = self.names.sets.values().find(|s| s.name == set).and_then(|s| s.labels.first().cloned());
+        let advice = match first {
+            // The set's own name: a member, or all of them.
+            Some(member) if name == set => {
+                format!(
+                    "name a member, `[{member}]`; for every member add `for {name}` to the statement, or sum with `sum(... for {name})`"
+                )
+            }
+            _ => format!("add `for {name} in {set}` to the statement"),
+        };
         self.report(
             Diagnostic::error(codes::UNKNOWN_NAME, format!("`{name}` is neither bound by `for` nor a member of `{set}`"), span)
                 .label("not bound here")
-                .help(format!("add `for {binder}` to the statement")),
+                .help(advice),
         );
     }
 
@@ -358,6 +391,14 @@ impl Elaborator<'_> {
             }
         }
         if let ExprKind::Binary(op @ (BinaryOp::Add | BinaryOp::Sub), a, b) = &e.kind {
+            if let Some(z) = [a, b].into_iter().find_map(|side| at_face(side, place)) {
+                self.report(
+                    Diagnostic::error(codes::WRONG_KIND, format!("inside of a flux `{z}` is a face, which has no neighbours by number"), e.span)
+                        .label("beside a face")
+                        .help(format!("`x[{z}]` is the value at the face by the domain's `scheme`, `grad(x[{z}])` the difference of the cells beside it over their distance")),
+                );
+                return None;
+            }
             if self.is_cell(a, place) {
                 let Some(Bound::Cell(_, c)) = self.cell(domain, a, place) else { return None };
                 let by = self.integer(b, place)?;

@@ -120,7 +120,9 @@ impl<'a> Elaborator<'a> {
                 return x;
             }
         }
-        self.report(Diagnostic::error(codes::WRONG_ARGUMENTS, "noise is given as `normal(0, standard deviation)`", e.span));
+        self.report(Diagnostic::error(codes::WRONG_ARGUMENTS, "noise is given as `normal(0, standard deviation)`", e.span).help(
+            "noise is added to what is observed, with mean zero; what is drawn otherwise can be a `disturbance` in the observed expression",
+        ));
         0.0
     }
 

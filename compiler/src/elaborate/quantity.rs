@@ -59,6 +59,16 @@ impl Measure {
         }
     }
 
+    /// What a value of this measure and one of the other have in common: 0 fits everything; a pure number that meets a quantity is a
+    /// dimensionless quantity and no longer a number for whatever unit is declared.
+    pub fn beside(&self, other: &Measure) -> Measure {
+        match (self, other) {
+            (Measure::Zero, m) => m.clone(),
+            (Measure::Bare, Measure::Of(_)) => Measure::Of(Unit::one()),
+            (m, _) => m.clone(),
+        }
+    }
+
     /// Whether the value is a pure number or fits everywhere.
     pub fn is_plain(&self) -> bool {
         matches!(self, Measure::Poison | Measure::Zero | Measure::Bare)

@@ -77,15 +77,42 @@ pub fn mismatch(found: &Unit, wanted: &Unit, span: Span, what: &str, declared: S
 
 /// "cannot be added"
 pub fn clash(a: &Unit, sa: Span, b: &Unit, sb: Span, span: Span, verb: &str) -> Diagnostic {
+    // What is added to a point on a scale, or taken from it, is a difference.
+    let adds = matches!(verb, "added" | "subtracted");
+    let of = |unit: &Unit| if adds { difference(unit) } else { unit.clone() };
+    let help = if is_dimensionless(a) && !is_dimensionless(b) {
+        repair(a, &of(b)).map(|r| r.replace("it by", "the first by"))
+    } else {
+        repair(b, &if is_dimensionless(b) { of(a) } else { a.clone() }).map(|r| r.replace("it by", "the second by"))
+    };
     Diagnostic::error(codes::UNIT_MISMATCH, format!("{} and {} cannot be {verb}", describe(a), describe(b)), span)
         .secondary(sa, describe(a))
         .secondary(sb, describe(b))
-        .maybe_help(repair(b, a).map(|r| r.replace("it by", "the second by")))
+        .maybe_help(help)
 }
 
 /// A pure number where a quantity is needed: the number with its unit.
 pub fn literal(x: f64, unit: &Unit) -> String {
     format!("give the number its unit: `{x} [{unit}]`")
+}
+
+/// A number without a unit beside a dimensionless quantity with a scale: what it counts as.
+pub fn bare_beside(number: Option<f64>, unit: &Unit, span: Span) -> Diagnostic {
+    let factor = conversion(&Unit::one(), unit).map_or(1.0, |c| c.0);
+    let counts = match number {
+        Some(x) => format!("{x} without a unit is {} [{unit}]", rounded(x * factor)),
+        None => format!("a number without a unit counts {} [{unit}] for one", rounded(factor)),
+    };
+    let written = number.map_or_else(|| format!("`... as [{unit}]`"), |x| format!("`{x} [{unit}]`"));
+    let other = number.map_or_else(|| "`... as [1]`".to_owned(), |x| format!("`{x} [1]`"));
+    Diagnostic::warning(codes::BARE_NUMBER, format!("{counts} here"), span)
+        .label("beside a quantity in another scale")
+        .help(format!("write {written} if that is meant, {other} for the pure number"))
+}
+
+/// A number with no more digits than a reader wants.
+fn rounded(x: f64) -> f64 {
+    format!("{x:.6e}").parse().unwrap_or(x)
 }
 
 /// The sides of an equation measure different things.

@@ -1,7 +1,7 @@
 //! "Did you mean": the nearest known name by edit distance.
 
 /// The candidate nearest to `name`, if one is near enough to be what was meant (a third of its length, at least one edit;
-/// a difference of case or of underscores alone always is). Names of one or two letters are matched only so.
+/// a difference of case or of underscores alone always is). Names of one or two letters are matched only so, or where a letter was doubled.
 #[must_use]
 pub fn suggest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let limit = if name.chars().count() < 3 { 0 } else { (name.chars().count() / 3).max(1) };
@@ -9,7 +9,7 @@ pub fn suggest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) ->
     candidates
         .into_iter()
         .filter(|candidate| *candidate != name)
-        .map(|candidate| (if fold(candidate) == folded { 0 } else { distance(name, candidate) }, candidate))
+        .map(|candidate| (if fold(candidate) == folded || doubled(name, candidate) { 0 } else { distance(name, candidate) }, candidate))
         .filter(|(edits, _)| *edits <= limit)
         .min_by(|a, b| a.0.cmp(&b.0).then_with(|| a.1.cmp(b.1)))
         .map(|(_, candidate)| candidate)
@@ -19,6 +19,13 @@ pub fn suggest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) ->
 #[must_use]
 pub fn did_you_mean<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
     suggest(name, candidates).map(|candidate| format!("did you mean `{candidate}`?"))
+}
+
+/// `rr` for `r`.
+fn doubled(name: &str, candidate: &str) -> bool {
+    let mut letters: Vec<char> = name.chars().collect();
+    letters.dedup();
+    letters.len() < name.chars().count() && letters.iter().copied().eq(candidate.chars())
 }
 
 fn fold(name: &str) -> String {
@@ -59,6 +66,12 @@ mod tests {
         assert_eq!(suggest("k0", ["k_1", "k_0"]), Some("k_0"));
         assert_eq!(suggest("parma", ["state", "param"]), Some("param"));
         assert_eq!(suggest("q_Out", ["q_in", "q_out"]), Some("q_out"));
+    }
+
+    #[test]
+    fn a_doubled_letter_is_seen_in_short_names_too() {
+        assert_eq!(suggest("rr", ["q", "r"]), Some("r"));
+        assert_eq!(suggest("rr", ["q", "s"]), None);
     }
 
     #[test]

@@ -159,7 +159,9 @@ fn slip(before: &str, after: &str, keyword: &str) -> Option<String> {
         "=" if last == ':' => "write `=`; there is no `:=`",
         "**" | "*" if found == "**" || last == '*' => "a power is written `^`: `x^2`",
         "=" if matches!(keyword, "fail" | "success" | "constraint" | "event" | "clamp" | "reward" | "let") => "to compare write `==`",
+        "{" if keyword == "param" && before.contains('[') => "values by member stand in a `table`: `table p[set] : unit = { a: 1, b: 2 }`",
         "{" if matches!(keyword, "eq" | "let" | "param") => "group with parentheses",
+        "~" if before.contains(" in ") => "the distribution stands before the bounds: `= value ~ uniform(a, b) in low..high`",
         "" if keyword == "eq" && before.contains("==") => "here `=` defines; `==` compares",
         "==" => "here `=` defines; `==` compares",
         "&" | "&&" => "write `and`",
@@ -169,6 +171,9 @@ fn slip(before: &str, after: &str, keyword: &str) -> Option<String> {
         "." if last.is_ascii_digit() => "a number has digits on both sides of the point: `1.0`",
         "." => "a number begins with a digit: `0.5`",
         "/" if before.trim_end().ends_with("d") || after.starts_with("/dt") => "a rate is written `d/dt x`",
+        _ if keyword == "table" && before.contains(']') && before.trim_end().ends_with('=') => {
+            "a table has a value for each member: `table a[set] = { first: 1, second: 2 }`, or one for all: `table a[set] default 1 { }`"
+        }
         _ if is_rate_slip(before, after) => "a rate is written `d/dt x`",
         _ if last.is_ascii_digit() && next.is_ascii_alphabetic() => {
             return Some(format!("to multiply write `*`; a unit stands in brackets: `[{found}]`"));

@@ -53,7 +53,16 @@ fn meant(symbol: &str) -> Option<String> {
     if letters.len() < symbol.len() && Unit::named(letters).is_some() {
         return Some(format!("a power is written `{letters}^{}`", &symbol[letters.len()..]));
     }
-    split(symbol).or_else(|| nearest(symbol))
+    split(symbol).or_else(|| nearest(symbol)).or_else(|| Some(all()))
+}
+
+/// The units that there are.
+fn all() -> String {
+    let list = |prefixed: bool| {
+        let symbols = table::symbols().iter().filter(|unit| unit.prefixed == prefixed);
+        symbols.map(|unit| unit.symbol).collect::<Vec<_>>().join(" ")
+    };
+    format!("with prefixes (`km`, `mmol`): {}; without: {}; composed as in `kJ/(mol K)`", list(true), list(false))
 }
 
 /// `molL` is probably `mol L`.

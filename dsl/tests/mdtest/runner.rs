@@ -1,7 +1,8 @@
 //! Runs Markdown files that are specification and test at once.
 //!
 //! A `## heading` states a behaviour, an `eq` block below it holds a model, a `diagnostics` block the faults that it must give, one a line:
-//! `code line:column message`. Without a `diagnostics` block the model must be free of faults. Text between is for the reader.
+//! `code line:column message`. Where the block has lines `help: ...`, the advice of every fault is compared too. Without a `diagnostics` block the
+//! model must be free of faults. Text between is for the reader.
 //!
 //! `MDTEST_BLESS=1` writes what was found into the files; read the difference before you keep it.
 
@@ -35,7 +36,7 @@ pub fn run(folder: &Path, check: impl Fn(&str) -> Vec<Diagnostic>) {
             fs::write(&path, blessed(&text, &cases, &check)).expect("a writable file");
         }
         for case in &cases {
-            let found = shown(&case.source, &check(&case.source));
+            let found = shown(case, &check(&case.source));
             if found != case.expected {
                 let _ = writeln!(differences, "{}: {}\nexpected:\n{}found:\n{found}", path.display(), case.heading, case.expected);
             }
@@ -81,12 +82,14 @@ fn cases(text: &str) -> Vec<Case> {
     cases
 }
 
-fn shown(source: &str, faults: &[Diagnostic]) -> String {
+fn shown(case: &Case, faults: &[Diagnostic]) -> String {
     let mut sources = SourceMap::new();
-    sources.add("model.eq", source);
+    sources.add("model.eq", &case.source);
+    let advised = case.expected.lines().any(|line| line.starts_with("help: "));
     let line = |fault: &Diagnostic| {
         let at = sources.locate(fault.primary.span);
-        format!("{} {}:{} {}\n", fault.code, at.line, at.column, fault.message)
+        let help = fault.help.as_ref().filter(|_| advised).map_or(String::new(), |help| format!("help: {help}\n"));
+        format!("{} {}:{} {}\n{help}", fault.code, at.line, at.column, fault.message)
     };
     faults.iter().map(line).collect()
 }
@@ -97,7 +100,7 @@ fn blessed(text: &str, cases: &[Case], check: &impl Fn(&str) -> Vec<Diagnostic>)
     let mut at = 0;
     for case in cases {
         lines[at..case.lines.start].iter().for_each(|line| result.extend([line, "\n"]));
-        let found = shown(&case.source, &check(&case.source));
+        let found = shown(case, &check(&case.source));
         if !found.is_empty() {
             let blank = if case.lines.is_empty() { "\n" } else { "" };
             let _ = write!(result, "{blank}```diagnostics\n{found}```\n");

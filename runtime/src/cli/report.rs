@@ -5,7 +5,7 @@ use std::io::{IsTerminal, Write};
 use std::path::Path;
 
 use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
-use smpl_dsl::diagnostic::{Code, Diagnostic, Label, Severity, SourceMap};
+use smpl_dsl::diagnostic::{Diagnostic, Label, Severity, SourceMap, codes};
 use smpl_dsl::span::Span;
 
 use crate::environment::{ResetError, StepError};
@@ -69,8 +69,6 @@ failed_by_message!(
     crate::catalogue::UnknownName
 );
 
-const BAD_DATA: Code = Code::new("E0702-bad-data", "a data file with missing columns or cells that are no numbers");
-
 /// A fault in a data file is shown at its place in the file.
 impl From<DataError> for Failed {
     fn from(error: DataError) -> Self {
@@ -99,7 +97,7 @@ fn data_diagnostic(path: &Path, line: u64, word: &str, error: &DataError) -> Opt
     let mut sources = SourceMap::new();
     let file = sources.add(path.display().to_string(), text);
     let span = Span { file, start: at as u32, end: (at + length) as u32 };
-    Some(Failed::Diagnostics(vec![Diagnostic::error(BAD_DATA, message, span)], std::sync::Arc::new(sources)))
+    Some(Failed::Diagnostics(vec![Diagnostic::error(codes::BAD_DATA, message, span)], std::sync::Arc::new(sources)))
 }
 
 /// Prints diagnostics on standard error: place, source line underlined, what to do.

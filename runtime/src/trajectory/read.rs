@@ -95,6 +95,13 @@ impl RawTable {
         let fault = |error: csv::Error| fault(path, error);
         let names: Vec<String> =
             reader.headers().map_err(fault)?.iter().map(|name| name.trim_start_matches('\u{feff}').trim_matches('"').to_owned()).collect();
+        if let [one] = names.as_slice()
+            && let Some(separator) = one.chars().find(|c| matches!(c, ';' | '\t'))
+        {
+            let name = if separator == ';' { "semicolons" } else { "tabs" };
+            let message = format!("the columns are separated by {name}; a table has commas between them and points in its numbers");
+            return Err(DataError::Malformed { path: path.to_owned(), line: 1, message });
+        }
         if let Some(twice) = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)).map(|(_, name)| name) {
             let message = format!("two columns are named `{twice}`");
             return Err(DataError::Malformed { path: path.to_owned(), line: 1, message });

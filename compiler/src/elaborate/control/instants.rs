@@ -174,7 +174,8 @@ impl<'a> Elaborator<'a> {
                 if len == 1 { (Affine::default(), None) } else { (Affine::along(0, depth, 1), Some(len)) }
             }
         };
-        let v = self.value(value, place);
+        let taken = &mut |s: &mut Self, v, span| s.strictly_or_bare(v, &unit, span, &what, declared);
+        let v = self.declared_value(value, place, taken, &unit);
         let mut e = self.strictly_or_bare(v, &unit, value.span, &what, declared);
         if let Some(c) = condition {
             let holds = self.condition(c, place);
@@ -189,7 +190,7 @@ impl<'a> Elaborator<'a> {
     }
 
     /// A literal number is taken in the target's unit, anything else must have it.
-    pub(super) fn strictly_or_bare(&mut self, v: Value, unit: &Unit, span: Span, what: &str, declared: Span) -> ExprId {
+    pub(in crate::elaborate) fn strictly_or_bare(&mut self, v: Value, unit: &Unit, span: Span, what: &str, declared: Span) -> ExprId {
         if matches!(v.unit, Measure::Bare) {
             return self.in_unit(v, unit, span, what, declared);
         }

@@ -48,6 +48,16 @@ impl Elaborator<'_> {
 
     fn bindings_of_name(&mut self, name: &Ident, place: &Place) -> Vec<BinderValue> {
         let Some(symbol) = self.names.lookup(place.scope, &name.text) else {
+            if let Some(set) = self.names.sets.values().find(|s| s.labels.contains(&name.text)) {
+                let set = set.name.clone();
+                let message = format!("`{}` is a member of `{set}`; an array is declared over its whole set", name.text);
+                let help = format!(
+                    "declare it once, `[{set}]`: a `var` with one equation for each member (`eq x[{}] = ...`), or a `let` with `if i == {} then ... else ...` for `i in {set}`",
+                    name.text, name.text
+                );
+                self.report(Diagnostic::error(codes::WRONG_KIND, message, name.span).help(help));
+                return Vec::new();
+            }
             let known: Vec<String> = self
                 .names
                 .symbols
