@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import signal
 import sys
+import threading
 
 from smpl import _native
 
@@ -13,7 +15,15 @@ def main(arguments: list[str] | None = None) -> int:
     Args:
         arguments: without the program's name; those of the process by default.
     """
-    return _native.main(["smpl", *(sys.argv[1:] if arguments is None else arguments)])
+    command = ["smpl", *(sys.argv[1:] if arguments is None else arguments)]
+    if threading.current_thread() is not threading.main_thread():
+        return _native.main(command)
+    # Ctrl-C ends the command at once, as it does without Python.
+    before = signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        return _native.main(command)
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ use smpl_runtime::environment::{Environment, ResetOptions};
 use crate::arrays::Fresh;
 use crate::environment::{Snapshot, gather};
 use crate::errors::{SimulationError, guarded, reset_error, setup_error, step_error};
+use crate::interrupt::released;
 use crate::model::{Model, role_error};
 use crate::start::Start;
 
@@ -40,6 +41,8 @@ pub struct Batch {
     with_state: bool,
     constraints: Vec<String>,
     sizes: Sizes,
+    /// Actions of a step: the caller's array may be written by other threads meanwhile.
+    actions: Vec<f64>,
 }
 
 #[derive(Clone, Copy)]
@@ -55,6 +58,7 @@ impl Batch {
     #[new]
     #[expect(clippy::too_many_arguments, reason = "the arguments of the Python class, one by one")]
     fn new(
+        py: Python<'_>,
         model: &Model,
         num_envs: usize,
         normalize: bool,
@@ -72,7 +76,7 @@ impl Batch {
                 return Err(PyValueError::new_err(format!("unknown autoreset mode `{autoreset}`")));
             }
         };
-        let setup = model.setup(dense_reward, max_steps)?;
+        let setup = model.setup(py, dense_reward, max_steps)?;
         let reset = ResetOptions::default();
         let options = BatchOptions { autoreset, threads: num_threads, normalised: normalize, reset };
         let batch = guarded(|| batch::Batch::new(&setup, num_envs, options))?.map_err(|e| batch_error(&e))?;
@@ -86,7 +90,8 @@ impl Batch {
             states: first.catalogue().states.len(),
         };
         let constraints = first.constraint_names().map(str::to_owned).collect();
-        Ok(Self { constraints, sizes, with_state: info_state, batch: Mutex::new(batch) })
+        let actions = vec![0.0; num_envs * sizes.actions];
+        Ok(Self { constraints, sizes, actions, with_state: info_state, batch: Mutex::new(batch) })
     }
 
     #[getter]
@@ -107,7 +112,7 @@ impl Batch {
         let mut observations = Fresh::matrix(py, batch.len(), self.sizes.observations);
         let out = observations.elements();
         batch.set_reset_options(start.map(|start| start.options.clone()).unwrap_or_default());
-        let result = guarded(|| py.detach(|| reset(batch, &mask, seeds.as_deref(), out)));
+        let result = released(py, || reset(batch, &mask, seeds.as_deref(), out));
         // What an episode was started from does not hold for those that begin by themselves later.
         batch.set_reset_options(ResetOptions::default());
         result?.map_err(|e| batch_error(&e))?;
@@ -120,9 +125,11 @@ impl Batch {
         let batch = self.batch.get_mut().unwrap_or_else(PoisonError::into_inner);
         let count = batch.len();
         let given = actions.as_slice()?;
-        if given.len() != count * self.sizes.actions {
+        if given.len() != self.actions.len() {
             return Err(PyValueError::new_err("actions has a wrong number of entries"));
         }
+        self.actions.copy_from_slice(given);
+        let actions = &self.actions;
         let mut observations = Fresh::matrix(py, count, self.sizes.observations);
         let mut rewards = Fresh::vector(py, count);
         let (mut terminated, mut truncated) = (Fresh::vector(py, count), Fresh::vector(py, count));
@@ -132,7 +139,7 @@ impl Batch {
             terminated: terminated.elements(),
             truncated: truncated.elements(),
         };
-        guarded(|| py.detach(|| batch.step(given, arrays)))?.map_err(|e| batch_error(&e))?;
+        released(py, || batch.step(actions, arrays))?.map_err(|e| batch_error(&e))?;
         let constraints = self.constraints.len();
         let infos = info_arrays(py, batch, self.sizes, constraints, self.with_state, batch::Batch::info);
         let last = self.last(py);
@@ -301,7 +308,7 @@ fn batch_error(error: &BatchError) -> PyErr {
         BatchError::Step { index, error } => prefixed(*index, &step_error(error)),
         BatchError::Reset { index, error } => prefixed(*index, &reset_error(error)),
         BatchError::Setup(error) => setup_error(error),
-        BatchError::Threads(_) => SimulationError::new_err(error.to_string()),
+        BatchError::Interrupted | BatchError::Threads(_) => SimulationError::new_err(error.to_string()),
     }
 }
 

@@ -12,6 +12,7 @@ use smpl_runtime::observe::denormalise;
 
 use crate::arrays::Fresh;
 use crate::errors::{guarded, reset_error, step_error};
+use crate::interrupt::released;
 use crate::info::Keys;
 use crate::model::{Model, role_error};
 use crate::start::Start;
@@ -81,7 +82,7 @@ impl Snapshot {
 impl Env {
     #[new]
     fn new(py: Python<'_>, model: &Model, normalize: bool, dense_reward: bool, info_state: bool, max_steps: Option<u32>) -> PyResult<Self> {
-        let setup = model.setup(dense_reward, max_steps)?;
+        let setup = model.setup(py, dense_reward, max_steps)?;
         let environment = guarded(|| Environment::new(setup))?.map_err(|e| crate::errors::setup_error(&e))?;
         Ok(Self {
             keys: Keys::new(py, &environment, info_state),
@@ -102,7 +103,7 @@ impl Env {
         let default = environment::ResetOptions::default();
         let options = start.map_or(&default, |start| &start.options);
         let environment = self.environment.get_mut().unwrap_or_else(PoisonError::into_inner);
-        guarded(|| py.detach(|| environment.reset(seed, options)))?.map_err(|e| reset_error(&e))?;
+        released(py, || environment.reset(seed, options))?.map_err(|e| reset_error(&e))?;
         Ok((observation(py, environment, self.normalise), self.keys.info(py, environment)?))
     }
 
@@ -119,7 +120,7 @@ impl Env {
             *out = physical(value, element, self.normalise);
         }
         let action = &self.action;
-        let result = guarded(|| py.detach(|| environment.step(action)))?.map_err(|e| step_error(&e))?;
+        let result = released(py, || environment.step(action))?.map_err(|e| step_error(&e))?;
         Ok((
             observation(py, environment, self.normalise),
             result.reward,
@@ -145,6 +146,12 @@ impl Env {
             return Err(PyValueError::new_err(format!("unknown policy `{name}`; there are: {}", known.join(", "))));
         };
         Ok(Fresh::vector(py, setup.catalogue.actions.len()).filled(|out| environment.policy(index, out)))
+    }
+
+    /// Seed of the episode, and its number since that seed was given.
+    #[getter]
+    fn episode(&self) -> (u64, u64) {
+        self.with(|environment| (environment.key().seed, environment.key().episode))
     }
 
     #[getter]

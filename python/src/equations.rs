@@ -228,7 +228,13 @@ impl Equations {
     fn places(&self, role: &str, family: &Family, given: &Given) -> PyResult<Vec<(usize, f64)>> {
         let mine = given.iter().filter(|(of, _, _)| of == role);
         mine.map(|&(_, element, value)| match family.elements().get(element) {
-            Some(found) => found.check(value).map(|()| (found.at, value)).map_err(|e| PyValueError::new_err(e.to_string())),
+            Some(found) => {
+                found.check(value).map_err(|e| PyValueError::new_err(e.to_string()))?;
+                if role == "parameter" {
+                    found.check_range(value).map_err(|e| PyValueError::new_err(e.to_string()))?;
+                }
+                Ok((found.at, value))
+            }
             None => Err(PyValueError::new_err(format!("there is no {role} number {element}"))),
         })
         .collect()

@@ -78,7 +78,7 @@ pub fn compile_error(py: Python<'_>, diagnostics: Vec<Diagnostic>) -> PyErr {
 /// The exception of a step that was not taken.
 pub fn step_error(error: &StepError) -> PyErr {
     match error {
-        StepError::EpisodeOver => SimulationError::new_err(error.to_string()),
+        StepError::EpisodeOver | StepError::Interrupted => SimulationError::new_err(error.to_string()),
         StepError::Length { .. } | StepError::NotANumber { .. } => PyValueError::new_err(error.to_string()),
     }
 }
@@ -94,7 +94,7 @@ pub fn setup_error(error: &SetupError) -> PyErr {
 /// The exception of an episode that cannot begin.
 pub fn reset_error(error: &ResetError) -> PyErr {
     match error {
-        ResetError::Steady(_) | ResetError::Inconsistent { .. } => SimulationError::new_err(error.to_string()),
+        ResetError::Steady(_) | ResetError::Inconsistent { .. } | ResetError::Interrupted => SimulationError::new_err(error.to_string()),
         _ => PyValueError::new_err(error.to_string()),
     }
 }

@@ -1,7 +1,7 @@
 //! Python module `smpl._native`: compiled models, environments and batches for the package `smpl`.
 //!
 //! The classes are thin. Names are checked and documented by the package; here arrays are taken and made, the interpreter lock is
-//! released around everything that computes, and errors become exceptions. Results are fresh arrays; nothing else is
+//! released around everything that computes, signals are looked at meanwhile, and errors become exceptions. Results are fresh arrays; nothing else is
 //! allocated in a step. No panic leaves the module: it becomes a `SimulationError`.
 
 mod arrays;
@@ -10,6 +10,7 @@ mod environment;
 mod equations;
 mod errors;
 mod info;
+mod interrupt;
 mod load;
 mod model;
 mod start;
@@ -19,13 +20,14 @@ use pyo3::prelude::*;
 /// Runs the command line; `arguments` begin with the program's name. Returns the exit status.
 #[pyfunction]
 fn main(py: Python<'_>, arguments: Vec<String>) -> PyResult<i32> {
-    errors::guarded(|| py.detach(|| smpl_runtime::cli::run(arguments.into_iter().map(Into::into))))
+    interrupt::released(py, || smpl_runtime::cli::run(arguments.into_iter().map(Into::into)))
 }
 
 /// The compiled part of the package `smpl`.
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = module.py();
+    interrupt::install();
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("CompileError", py.get_type::<errors::CompileError>())?;
     module.add("ScenarioError", py.get_type::<errors::ScenarioError>())?;

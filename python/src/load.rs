@@ -14,7 +14,8 @@ use smpl_runtime::solver::Statistics;
 
 pub use smpl_runtime::load::Loaded;
 
-use crate::errors::{Diagnostic, ScenarioError, SimulationError, compile_error, guarded};
+use crate::errors::{Diagnostic, ScenarioError, SimulationError, compile_error};
+use crate::interrupt::aside;
 
 /// What Python asks for; one of `path` and `source` is given.
 pub struct Request {
@@ -49,11 +50,10 @@ pub fn load(py: Python<'_>, request: Request) -> PyResult<Loaded> {
     };
     let path = PathBuf::from(request.path.unwrap_or_else(|| "<source>".into()));
     let source = request.source;
-    let result = guarded(|| {
-        py.detach(|| match source {
-            Some(text) => load::load_text(&path, text, &options),
-            None => load::load(&path, &options),
-        })
+    let file = path.clone();
+    let result = aside(py, move || match source {
+        Some(text) => load::load_text(&file, text, &options),
+        None => load::load(&file, &options),
     })?;
     result.map_err(|error| load_error(py, &path, &error))
 }

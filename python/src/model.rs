@@ -6,12 +6,14 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::sync::MutexExt;
 use smpl_runtime::catalogue::{Catalogue, Element, Family};
 use smpl_runtime::setup::{EnvironmentOptions, Setup};
 
 use crate::arrays::Fresh;
 use crate::equations::{Equations, Given};
 use crate::errors::{guarded, setup_error};
+use crate::interrupt::released;
 use crate::load::{self, Loaded};
 
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
@@ -169,7 +171,7 @@ impl Model {
     fn residual<'py>(&self, py: Python<'py>, t: f64, y: Input<'py>, yp: Input<'py>, u: Input<'py>, given: Given) -> PyResult<Vector<'py>> {
         let (y, yp, u) = (y.as_slice()?, yp.as_slice()?, u.as_slice()?);
         let mut out = Fresh::vector(py, y.len());
-        self.evaluate(|equations| equations.residual(t, y, yp, u, &given, out.elements()))?;
+        self.evaluate(py, |equations| equations.residual(t, y, yp, u, &given, out.elements()))?;
         Ok(out.done())
     }
 
@@ -186,28 +188,28 @@ impl Model {
         given: Given,
     ) -> PyResult<(Vector<'py>, Indices<'py>, Indices<'py>)> {
         let (y, yp, u) = (y.as_slice()?, yp.as_slice()?, u.as_slice()?);
-        let (values, rows, pointers) = self.evaluate(|equations| equations.jacobian(t, y, yp, u, cj, &given))?;
+        let (values, rows, pointers) = self.evaluate(py, |equations| equations.jacobian(t, y, yp, u, cj, &given))?;
         Ok((PyArray1::from_vec(py, values), PyArray1::from_vec(py, rows), PyArray1::from_vec(py, pointers)))
     }
 
     /// Seconds of one residual and of one Jacobian at a point, without the way from Python and back: for benchmarks.
-    fn evaluation_times(&self, t: f64, y: Input<'_>, u: Input<'_>, cj: f64) -> PyResult<(f64, f64)> {
+    fn evaluation_times(&self, py: Python<'_>, t: f64, y: Input<'_>, u: Input<'_>, cj: f64) -> PyResult<(f64, f64)> {
         let (y, u) = (y.as_slice()?, u.as_slice()?);
-        self.evaluate(|equations| equations.times(t, y, u, cj))
+        self.evaluate(py, |equations| equations.times(t, y, u, cj))
     }
 
     /// Rates of the states of an explicit model.
     fn rhs<'py>(&self, py: Python<'py>, t: f64, y: Input<'py>, u: Input<'py>, given: Given) -> PyResult<Vector<'py>> {
         let (y, u) = (y.as_slice()?, u.as_slice()?);
         let mut out = Fresh::vector(py, self.states());
-        self.evaluate(|equations| equations.rhs(t, y, u, &given, out.elements()))?;
+        self.evaluate(py, |equations| equations.rhs(t, y, u, &given, out.elements()))?;
         Ok(out.done())
     }
 
     /// Steady state at given actions.
     fn steady_state<'py>(&self, py: Python<'py>, u: Input<'py>, given: Given, fixed: Vec<(usize, f64)>) -> PyResult<Vector<'py>> {
         let u = u.as_slice()?;
-        let y = self.evaluate(|equations| equations.steady_state(u, &given, &fixed))?;
+        let y = self.evaluate(py, |equations| released(py, || equations.steady_state(u, &given, &fixed))?)?;
         Ok(PyArray1::from_vec(py, y))
     }
 
@@ -220,7 +222,7 @@ impl Model {
         given: Given,
     ) -> PyResult<(Matrix<'py>, Matrix<'py>, Matrix<'py>, Matrix<'py>)> {
         let (y, u) = (y.as_slice()?, u.as_slice()?);
-        let found = self.evaluate(|equations| equations.linearize(y, u, &given))?;
+        let found = self.evaluate(py, |equations| equations.linearize(y, u, &given))?;
         let matrix = |(rows, columns): (usize, usize), get: &dyn Fn(usize, usize) -> f64| {
             Fresh::matrix(py, rows, columns).filled(|out| {
                 for (i, out) in out.iter_mut().enumerate() {
@@ -242,8 +244,8 @@ impl Model {
     ///
     /// # Errors
     /// Settings out of range, or no steady state where the model starts from one.
-    pub fn setup(&self, dense_reward: bool, max_steps: Option<u32>) -> PyResult<Arc<Setup>> {
-        let mut setups = self.setups.lock().unwrap_or_else(PoisonError::into_inner);
+    pub fn setup(&self, py: Python<'_>, dense_reward: bool, max_steps: Option<u32>) -> PyResult<Arc<Setup>> {
+        let mut setups = self.setups.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner);
         if let Some(setup) = setups.get(&(dense_reward, max_steps)) {
             return Ok(setup.clone());
         }
@@ -251,23 +253,22 @@ impl Model {
         let max = max_steps.or(base.max_steps);
         let options = EnvironmentOptions { sparse: !dense_reward, max_steps: max, ..base };
         let (model, sources) = (self.loaded.model.clone(), Some(self.loaded.sources.clone()));
-        let setup = guarded(|| Setup::new(model, options, sources))?.map_err(|e| setup_error(&e))?;
+        let setup = released(py, || Setup::new(model, options, sources))?.map_err(|e| setup_error(&e))?;
         setups.insert((dense_reward, max_steps), setup.clone());
         Ok(setup)
     }
 
     /// Runs `work` on the equations; a panic in it becomes an exception.
-    fn evaluate<T>(&self, work: impl FnOnce(&mut Equations) -> PyResult<T>) -> PyResult<T> {
-        let mut equations = self.equations.lock().unwrap_or_else(PoisonError::into_inner);
-        guarded(|| {
-            if equations.is_none() {
-                *equations = Some(Equations::new(&self.loaded.model, &self.given_parameters())?);
-            }
-            match equations.as_mut() {
-                Some(equations) => work(equations),
-                None => Err(PyValueError::new_err("the model has no equations")),
-            }
-        })?
+    fn evaluate<T>(&self, py: Python<'_>, work: impl FnOnce(&mut Equations) -> PyResult<T>) -> PyResult<T> {
+        let mut equations = self.equations.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner);
+        if equations.is_none() {
+            let parameters = self.given_parameters();
+            *equations = Some(released(py, || Equations::new(&self.loaded.model, &parameters))??);
+        }
+        match equations.as_mut() {
+            Some(equations) => guarded(|| work(equations))?,
+            None => Err(PyValueError::new_err("the model has no equations")),
+        }
     }
 
     fn catalogue(&self) -> &Catalogue {

@@ -3,15 +3,20 @@
 //! Instance i of a batch with seed s is, bit for bit, the single environment with seed s + i, on any number of threads: instances share
 //! nothing that changes. Threads are used only where a step of the batch is worth waking them.
 
+use std::mem::ManuallyDrop;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use rayon::ThreadPool;
 use rayon::prelude::*;
 
 use crate::environment::{Environment, ResetError, ResetOptions, Snapshot, SnapshotError, StepError, StepResult};
+use crate::interrupt;
 use crate::observe::{Number, denormalise};
 use crate::setup::{Setup, SetupError};
+use crate::steady::SteadyError;
 
 /// When an instance whose episode is over begins the next one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -81,6 +86,9 @@ pub enum BatchError {
         /// Its error.
         error: SnapshotError,
     },
+    /// Somebody wanted the step to stop, see [`crate::interrupt`]: some instances were stepped and others not, so that all want a reset.
+    #[error("the step was interrupted: call reset")]
+    Interrupted,
     /// No threads.
     #[error("thread pool: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
@@ -179,7 +187,9 @@ enum Fault {
 pub struct Batch {
     members: Vec<Member>,
     options: BatchOptions,
-    pool: Option<ThreadPool>,
+    pool: Option<Pool>,
+    /// Instances are not stepped any more.
+    stop: Arc<AtomicBool>,
     /// What a step of all instances took of late on one thread.
     serial_cost: Duration,
 }
@@ -195,11 +205,9 @@ impl Batch {
     pub fn new(setup: &Arc<Setup>, count: usize, options: BatchOptions) -> Result<Self, BatchError> {
         let members: Result<Vec<Member>, SetupError> = (0..count).map(|_| Member::new(Arc::clone(setup))).collect();
         let threads = options.threads.min(count).max(1);
-        let pool = match threads {
-            1 => None,
-            n => Some(rayon::ThreadPoolBuilder::new().num_threads(n).thread_name(|i| format!("smpl-{i}")).build()?),
-        };
-        Ok(Self { members: members?, options, pool, serial_cost: Duration::ZERO })
+        let stop = Arc::default();
+        let pool = if threads > 1 { Some(Pool::new(threads, &stop)?) } else { None };
+        Ok(Self { members: members?, options, pool, stop, serial_cost: Duration::ZERO })
     }
 
     /// Number of instances.
@@ -274,21 +282,23 @@ impl Batch {
         length("reset_mask", mask.map_or(n, <[bool]>::len), n)?;
         let width = self.observation_len();
         length("observations", observations.len(), n * width)?;
-        let options = &self.options;
+        self.begin()?;
+        let (options, stop) = (&self.options, &*self.stop);
         let task = |(index, (member, out)): (usize, (&mut Member, &mut [T]))| {
-            if mask.is_none_or(|mask| mask[index]) {
+            if mask.is_none_or(|mask| mask[index]) && !stop.load(Ordering::Relaxed) {
                 member.reset(seeds.map(|s| s[index]), &options.reset);
+                member.pass_on(stop);
             }
             member.environment.observe(options.normalised, out);
         };
         let members = &mut self.members;
         match &self.pool {
-            Some(pool) => pool.install(|| {
+            Some(pool) => pool.run(stop, || {
                 members.par_iter_mut().zip(observations.par_chunks_exact_mut(width.max(1))).enumerate().for_each(task);
             }),
             None => members.iter_mut().zip(observations.chunks_exact_mut(width.max(1))).enumerate().for_each(task),
         }
-        self.first_fault()
+        self.finish()
     }
 
     /// Seeds `seed`, `seed + 1`, ... for all instances.
@@ -311,18 +321,23 @@ impl Batch {
         length("terminated", arrays.terminated.len(), n)?;
         length("truncated", arrays.truncated.len(), n)?;
         self.check(actions, inputs)?;
-        let options = &self.options;
+        self.begin()?;
+        let (options, stop) = (&self.options, &*self.stop);
         let members = &mut self.members;
         let StepArrays { observations, rewards, terminated, truncated } = arrays;
         let task = |((((index, member), out), reward), (terminated, truncated)): Slot<'_, T>| {
+            if stop.load(Ordering::Relaxed) {
+                return;
+            }
             let result = member.step(&actions[index * inputs..(index + 1) * inputs], options);
             (*reward, *terminated, *truncated) = result;
+            member.pass_on(stop);
             member.environment.observe(options.normalised, out);
         };
         let parallel = self.pool.as_ref().filter(|_| self.serial_cost > WORTH_THREADS);
         let begin = Instant::now();
         match parallel {
-            Some(pool) => pool.install(|| {
+            Some(pool) => pool.run(stop, || {
                 members
                     .par_iter_mut()
                     .enumerate()
@@ -339,9 +354,9 @@ impl Batch {
                 .zip(terminated.iter_mut().zip(truncated.iter_mut()))
                 .for_each(task),
         }
-        let threads = parallel.map_or(1, ThreadPool::current_num_threads) as u32;
+        let threads = parallel.map_or(1, |pool| pool.threads.current_num_threads()) as u32;
         self.serial_cost = (self.serial_cost * 7 + begin.elapsed() * threads) / 8;
-        self.first_fault()
+        self.finish()
     }
 
     /// Refuses before anything is stepped.
@@ -354,6 +369,27 @@ impl Batch {
             member.environment.check(row).map_err(|error| BatchError::Step { index, error })?;
         }
         Ok(())
+    }
+
+    /// Before instances are reset or stepped: threads that live, and nothing that stops them.
+    fn begin(&mut self) -> Result<(), BatchError> {
+        self.stop.store(false, Ordering::Relaxed);
+        if let Some(pool) = self.pool.as_mut().filter(|pool| !pool.is_mine()) {
+            *pool = Pool::new(pool.threads.current_num_threads(), &self.stop)?;
+        }
+        Ok(())
+    }
+
+    /// What went wrong, if anything did.
+    fn finish(&mut self) -> Result<(), BatchError> {
+        if !self.stop.load(Ordering::Relaxed) {
+            return self.first_fault();
+        }
+        for member in &mut self.members {
+            member.environment.abandon();
+            (member.pending, member.ended, member.fault) = (false, false, None);
+        }
+        Err(BatchError::Interrupted)
     }
 
     fn first_fault(&mut self) -> Result<(), BatchError> {
@@ -373,6 +409,66 @@ impl Batch {
 
     fn action_len(&self) -> usize {
         self.members.first().map_or(0, |m| m.environment.catalogue().actions.len())
+    }
+}
+
+/// Threads that belong to a process: a child of a fork has none of them.
+struct Pool {
+    threads: ManuallyDrop<ThreadPool>,
+    process: u32,
+}
+
+impl Pool {
+    /// Threads that stop when the flag says so.
+    fn new(count: usize, stop: &Arc<AtomicBool>) -> Result<Self, rayon::ThreadPoolBuildError> {
+        let builder = rayon::ThreadPoolBuilder::new().num_threads(count).thread_name(|i| format!("smpl-{i}"));
+        let stop = Arc::clone(stop);
+        let threads = builder.start_handler(move |_| interrupt::follow(Arc::clone(&stop))).build()?;
+        Ok(Self { threads: ManuallyDrop::new(threads), process: std::process::id() })
+    }
+
+    fn is_mine(&self) -> bool {
+        self.process == std::process::id()
+    }
+
+    /// Runs `work` on the threads; the caller waits, and asks meanwhile whether they are to stop.
+    fn run(&self, stop: &AtomicBool, work: impl FnOnce() + Send) {
+        let (done, caller) = (AtomicBool::new(false), thread::current());
+        self.threads.in_place_scope(|scope| {
+            scope.spawn(|_| {
+                // Wakes the caller also when the work panics.
+                let _wake = Wake { done: &done, caller: &caller };
+                work();
+            });
+            while !done.load(Ordering::Acquire) {
+                thread::park_timeout(interrupt::PERIOD);
+                if !done.load(Ordering::Acquire) && interrupt::requested() {
+                    stop.store(true, Ordering::Relaxed);
+                }
+            }
+        });
+    }
+}
+
+impl Drop for Pool {
+    fn drop(&mut self) {
+        if self.is_mine() {
+            // SAFETY: dropped once, here. What a child of a fork has of it waits for threads that are not there, and is left.
+            unsafe { ManuallyDrop::drop(&mut self.threads) };
+        }
+    }
+}
+
+/// Says on its end that work is done.
+struct Wake<'a> {
+    done: &'a AtomicBool,
+    caller: &'a thread::Thread,
+}
+
+impl Drop for Wake<'_> {
+    fn drop(&mut self) {
+        self.done.store(true, Ordering::Release);
+        self.caller.unpark();
     }
 }
 
@@ -402,6 +498,18 @@ impl Member {
             self.fault = Some(Fault::Reset(error));
         }
         self.info.fill(&mut self.environment);
+    }
+
+    /// Stops the others where this one was interrupted.
+    fn pass_on(&self, stop: &AtomicBool) {
+        let interrupted = match &self.fault {
+            Some(Fault::Step(error)) => *error == StepError::Interrupted,
+            Some(Fault::Reset(error)) => matches!(error, ResetError::Interrupted | ResetError::Steady(SteadyError::Interrupted)),
+            None => false,
+        };
+        if interrupted {
+            stop.store(true, Ordering::Relaxed);
+        }
     }
 
     /// Reward, terminated, truncated.

@@ -109,7 +109,32 @@ pub struct StructuralParameter {
     pub value: f64,
 }
 
+/// A value outside of the range that the model declares.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("`{name}` is {value}, outside of its declared range {low}..{high}")]
+pub struct OutOfRange {
+    /// Name of the parameter.
+    pub name: String,
+    /// What was given.
+    pub value: f64,
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
 impl Element {
+    /// Checks that a value is in the declared range, where there is one.
+    ///
+    /// # Errors
+    /// [`OutOfRange`] if it is not.
+    pub fn check_range(&self, value: f64) -> Result<(), OutOfRange> {
+        if value < self.low || value > self.high {
+            return Err(OutOfRange { name: self.name.clone(), value, low: self.low, high: self.high });
+        }
+        Ok(())
+    }
+
     /// Checks that a parameter may have a value.
     ///
     /// # Errors

@@ -23,7 +23,7 @@ pub use reset::{ResetError, ResetOptions, Start, StateInput};
 pub use snapshot::{Snapshot, SnapshotError};
 
 use crate::catalogue::Catalogue;
-use crate::failure::{BOX_SLACK, Failure, SolverFailure};
+use crate::failure::{BOX_SLACK, Cause, Failure, SolverFailure};
 use crate::observe::{Number, Readings, Sensors};
 use crate::random::EpisodeKey;
 use crate::setup::{Setup, SetupError};
@@ -66,6 +66,9 @@ pub enum StepError {
         /// Which one.
         name: String,
     },
+    /// Somebody wanted the step to stop, see [`crate::interrupt`].
+    #[error("the step was interrupted")]
+    Interrupted,
     /// There is no running episode.
     #[error("the episode is over (or has not begun): call reset first")]
     EpisodeOver,
@@ -171,7 +174,7 @@ impl Environment {
     /// Takes one step with an action in physical units, in the order of the actions.
     ///
     /// # Errors
-    /// A NaN, a wrong length, or no running episode; nothing is stepped then.
+    /// A NaN, a wrong length, no running episode, or an interruption; nothing is stepped then.
     pub fn step(&mut self, action: &[f64]) -> Result<StepResult, StepError> {
         self.check(action)?;
         let excess = self.action_excess(action);
@@ -181,7 +184,30 @@ impl Environment {
             // Nothing can be integrated with an infinite input; the state stays.
             interval::Outcome::NotRun
         };
+        if self.was_interrupted(outcome) {
+            self.take_back();
+            return Err(StepError::Interrupted);
+        }
         Ok(self.judge(outcome, excess))
+    }
+
+    fn was_interrupted(&self, outcome: interval::Outcome) -> bool {
+        outcome == interval::Outcome::Solver && self.progress.solver_failure.is_some_and(|f| f.cause == Cause::Interrupted)
+    }
+
+    /// Undoes what a step that was interrupted has changed beside the state.
+    fn take_back(&mut self) {
+        self.progress.solver_failure = None;
+        for (part, present) in [(Part::Action, Region::Action), (Part::Disturbance, Region::Disturbance)] {
+            self.system.copy(Region::Previous(part), present);
+        }
+        let (model, memory) = self.system.parts();
+        model.prepare_step(memory);
+    }
+
+    /// Ends the episode without a verdict: the next step wants a reset.
+    pub(crate) fn abandon(&mut self) {
+        self.progress.phase = Phase::New;
     }
 
     /// Goes on stepping after the end of an episode (off by default).

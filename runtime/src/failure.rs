@@ -71,6 +71,8 @@ pub enum Cause {
     Panicked,
     /// Anything else; the solver's return code.
     Other(i32),
+    /// Somebody wanted the integration to stop.
+    Interrupted,
 }
 
 /// The message of a solver failure: `equation at reactor.eq:41, d/dt T, became NaN at t = 3.2 min`.
@@ -90,6 +92,7 @@ pub fn describe_solver(failure: &SolverFailure, model: &CompiledModel, catalogue
         Cause::Inconsistent => subject("has no consistent algebraic variables"),
         Cause::TooManyEvents => subject("stopped at too many events"),
         Cause::Panicked => subject("was ended by a panic inside a model function"),
+        Cause::Interrupted => subject("was interrupted"),
         Cause::Other(code) => subject(&format!("failed (IDA code {code})")),
     }
 }

@@ -60,6 +60,9 @@ pub enum SteadyError {
         /// The equation.
         equation: String,
     },
+    /// Somebody wanted the search to stop, see [`crate::interrupt`].
+    #[error("the search was interrupted")]
+    Interrupted,
     /// A name that the model does not have.
     #[error(transparent)]
     UnknownName(#[from] UnknownName),

@@ -185,3 +185,15 @@ def test_damaged_snapshots_are_refused():
     for damaged in (b"", b"x" * 100, data[:20], data[: len(data) // 2]):
         with pytest.raises(ValueError, match="not a snapshot"):
             kind(damaged)
+
+
+def test_a_snapshot_with_any_bit_changed_is_refused():
+    env = smpl.Env("reactor", max_steps=5)
+    env.reset(seed=9)
+    env.step(np.zeros(2))
+    kind, data = type(env.snapshot()), env.snapshot().to_bytes()
+    for bit in range(8 * len(data)):
+        damaged = bytearray(data)
+        damaged[bit // 8] ^= 1 << bit % 8
+        with pytest.raises(ValueError, match="not a snapshot"):
+            kind(bytes(damaged))

@@ -45,3 +45,12 @@ def test_the_phase_is_shown_by_name_in_single_and_vector_environments():
         last = infos["final_info"]["phase"] if phase == "flush" else infos["phase"]
         assert list(last) == [phase, phase]
     assert list(infos["phase"]) == ["idle", "idle"]
+
+
+@pytest.mark.parametrize("phase", [99, 0, -1, 1.5])
+def test_a_phase_that_the_schedule_does_not_have_is_refused(phase):
+    env = smpl.Env("mab_plant")
+    with pytest.raises(ValueError, match="`phase` must be a whole number from 1 to"):
+        env.reset(seed=0, options={"discrete": {"phase": phase}})
+    last = len(env.model.phases)
+    assert env.reset(seed=0, options={"discrete": {"phase": last}})[1]["phase"] == env.model.phases[-1]

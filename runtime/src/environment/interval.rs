@@ -227,6 +227,7 @@ pub(super) fn blame(error: &SolveError, start: f64) -> SolverFailure {
         SolveError::InitialConditions { time, .. } | SolveError::ImplicitInitialConditions { time, .. } => {
             (*time, Cause::Inconsistent, None)
         }
+        SolveError::Interrupted { time } => (*time, Cause::Interrupted, None),
         SolveError::Panicked { time } => (*time, Cause::Panicked, None),
         SolveError::Other { time, flag } => (*time, Cause::Other(flag.value), None),
         SolveError::Setup { flag, .. } => (start, Cause::Other(flag.value), None),

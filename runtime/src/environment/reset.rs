@@ -6,12 +6,12 @@ use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::{Part, Region};
 
 use super::{Environment, Phase};
-use crate::catalogue::{StructuralParameter, UnknownName};
+use crate::catalogue::{OutOfRange, StructuralParameter, UnknownName};
 use crate::failure::{SolverFailure, describe_solver};
 use crate::observe::variate;
 use crate::random::{AT_RESET, EpisodeKey, Stream};
 use crate::setup::{fill_means, set_parameters};
-use crate::solver::Statistics;
+use crate::solver::{SolveError, Statistics};
 use crate::steady::{self, SteadyError};
 
 /// Where an episode starts.
@@ -76,6 +76,20 @@ pub enum ResetError {
         /// Which.
         what: String,
     },
+    /// Somebody wanted the reset to stop, see [`crate::interrupt`].
+    #[error("the reset was interrupted")]
+    Interrupted,
+    /// A phase that the schedule does not have.
+    #[error("`phase` must be a whole number from 1 to {phases} (the phases in their order), not {value}")]
+    Phase {
+        /// Number of phases.
+        phases: usize,
+        /// What was given.
+        value: f64,
+    },
+    /// A parameter outside of its declared range.
+    #[error(transparent)]
+    Range(#[from] OutOfRange),
     /// A recorded sequence without values.
     #[error("the recorded disturbance `{name}` has no values")]
     Empty {
@@ -124,6 +138,9 @@ impl Environment {
 
     fn given_parameters(&self, options: &ResetOptions) -> Result<Vec<(usize, f64)>, ResetError> {
         finite(&options.parameters, "parameter")?;
+        for (name, &value) in &options.parameters {
+            self.setup.catalogue.parameters.get(name, "parameter")?.check_range(value)?;
+        }
         let all = self.setup.options.parameters.iter().chain(&options.parameters);
         self.setup.given_parameters(all.map(|(name, value)| (name.as_str(), *value)))
     }
@@ -225,7 +242,16 @@ impl Environment {
             let at = catalogue.discretes.get(name, "discrete variable")?.at;
             self.system.region_mut(Region::Discrete)[at] = value;
         }
-        Ok(())
+        self.check_phase()
+    }
+
+    /// Nothing would be in force in a phase that there is not.
+    fn check_phase(&self) -> Result<(), ResetError> {
+        let Some(at) = self.setup.phase else { return Ok(()) };
+        let phases = self.setup.model().interface().phases.len();
+        let value = self.discretes().get(at).copied().unwrap_or_default();
+        let exists = value.fract() == 0.0 && value >= 1.0 && value <= phases as f64;
+        if exists { Ok(()) } else { Err(ResetError::Phase { phases, value }) }
     }
 
     fn set_replay(&mut self, recorded: &BTreeMap<String, Vec<f64>>) -> Result<(), ResetError> {
@@ -254,6 +280,7 @@ impl Environment {
         if needed {
             match self.integrator.restart(&mut self.system, 0.0, &self.progress.y, None) {
                 Ok(()) => self.take_state(),
+                Err(SolveError::Interrupted { .. }) => return Err(ResetError::Interrupted),
                 Err(error) => {
                     let failure: SolverFailure = super::interval::blame(&error, 0.0);
                     let setup = &self.setup;

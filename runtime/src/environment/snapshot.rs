@@ -8,7 +8,10 @@ use super::{Environment, Progress};
 use crate::setup::Setup;
 
 /// First bytes of a snapshot; the last one is the version of what follows.
-const MAGIC: &[u8; 8] = b"smplsnp\x01";
+const MAGIC: &[u8; 8] = b"smplsnp\x02";
+
+/// Bytes at the end: the hash of all before them.
+const SUM: usize = blake3::OUT_LEN;
 
 /// A point of an episode to return to; it belongs to environments of the same model.
 #[derive(Clone)]
@@ -62,7 +65,11 @@ impl Snapshot {
     /// If the model cannot be encoded.
     pub fn to_bytes(&self) -> Result<Vec<u8>, SnapshotError> {
         let encoded = postcard::to_extend(&self.origin.identity()?, MAGIC.to_vec());
-        encoded.and_then(|bytes| postcard::to_extend(&self.content, bytes)).map_err(|e| SnapshotError::Checksum(e.to_string()))
+        let encoded = encoded.and_then(|bytes| postcard::to_extend(&self.content, bytes));
+        let mut bytes = encoded.map_err(|e| SnapshotError::Checksum(e.to_string()))?;
+        let sum = blake3::hash(&bytes);
+        bytes.extend_from_slice(sum.as_bytes());
+        Ok(bytes)
     }
 
     /// The snapshot of [`to_bytes`](Self::to_bytes). Whether it fits an environment shows when it is restored.
@@ -71,6 +78,12 @@ impl Snapshot {
     /// If the bytes are anything else.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, SnapshotError> {
         let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| SnapshotError::Damaged("wrong first bytes".into()))?;
+        let end = rest.len().checked_sub(SUM).ok_or_else(|| SnapshotError::Damaged("too short".into()))?;
+        let (content, sum) = bytes.split_at(MAGIC.len() + end);
+        if blake3::hash(content).as_bytes() != sum {
+            return Err(SnapshotError::Damaged("its checksum is another".into()));
+        }
+        let rest = &rest[..end];
         let damaged = |e: postcard::Error| SnapshotError::Damaged(e.to_string());
         let ((name, checksum), rest) = postcard::take_from_bytes(rest).map_err(damaged)?;
         Ok(Self { origin: Origin::Elsewhere(name, checksum), content: postcard::from_bytes(rest).map_err(damaged)? })

@@ -21,6 +21,7 @@ use super::newton::Newton;
 use super::vector::{self, Operations, Shared, entries, entries_mut};
 use super::watch::Watch;
 use super::{Statistics, System};
+use crate::interrupt::Pace;
 
 /// Returned to IDA: try again with a smaller step.
 const RECOVERABLE: c_int = 1;
@@ -50,6 +51,8 @@ pub(crate) enum Trouble {
     TinySteps { step: f64 },
     /// A function of the system panicked.
     Panic,
+    /// Somebody wants the computation to stop.
+    Interrupted,
 }
 
 /// What the callbacks work with.
@@ -72,6 +75,7 @@ pub(crate) struct Bridge {
     pub trouble: Option<Trouble>,
     steps_since_trouble: u32,
     tiny_steps: u32,
+    pace: Pace,
     /// Length of the last step that was followed by another.
     pub last_step: f64,
     message: [u8; MESSAGE],
@@ -107,6 +111,7 @@ impl Bridge {
             trouble: None,
             steps_since_trouble: 0,
             tiny_steps: 0,
+            pace: Pace::default(),
             last_step: 0.0,
             message: [0; MESSAGE],
             message_length: 0,
@@ -137,7 +142,10 @@ impl Bridge {
     }
 
     fn note(&mut self, trouble: Trouble) {
-        self.trouble = Some(trouble);
+        // What follows an interruption is not what ended the integration.
+        if self.trouble != Some(Trouble::Interrupted) {
+            self.trouble = Some(trouble);
+        }
         self.steps_since_trouble = 0;
     }
 
@@ -146,6 +154,10 @@ impl Bridge {
         let Some(mut system) = self.system else {
             return Err(FATAL);
         };
+        if self.pace.stops() {
+            self.note(Trouble::Interrupted);
+            return Err(FATAL);
+        }
         // SAFETY: the lender holds the exclusive borrow as long as the pointer is here.
         let system = unsafe { system.as_mut() };
         catch_unwind(AssertUnwindSafe(|| call(system))).map_err(|_| {

@@ -110,6 +110,12 @@ pub enum SolveError {
         /// Last time reached.
         time: f64,
     },
+    /// Somebody wanted the integration to stop, see [`crate::interrupt`].
+    #[error("interrupted at t = {time}")]
+    Interrupted {
+        /// Last time reached.
+        time: f64,
+    },
     /// Any other return of IDA.
     #[error("integration failed at t = {time} ({flag})")]
     Other {

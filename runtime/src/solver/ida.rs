@@ -153,6 +153,7 @@ impl Ida {
     fn inconsistent(&mut self, cause: Inconsistent) -> SolveError {
         let time = self.time;
         match cause {
+            _ if self.bridge().trouble == Some(Trouble::Interrupted) => SolveError::Interrupted { time },
             Inconsistent::Callback => self.fault(),
             Inconsistent::Singular(column) => SolveError::SingularJacobian { time, column },
             Inconsistent::Diverged { iterations, correction } => SolveError::InitialConditions { time, iterations, correction },
@@ -177,6 +178,7 @@ impl Ida {
             Trouble::Singular { time, column } => SolveError::SingularJacobian { time, column },
             Trouble::TinySteps { step } => SolveError::StepTooSmall { time, step },
             Trouble::Panic => SolveError::Panicked { time },
+            Trouble::Interrupted => SolveError::Interrupted { time },
         })
     }
 

@@ -2,6 +2,7 @@
 
 use super::{SteadyError, equation_name, unknown_name};
 use crate::catalogue::Catalogue;
+use crate::interrupt::Pace;
 use crate::solver::linear::Factorisation;
 use crate::solver::{LinearSolver, Pattern, System};
 use crate::system::CompiledSystem;
@@ -33,6 +34,8 @@ pub(super) struct Search {
     rows: Vec<f64>,
     entries: Vec<f64>,
     reduced: Vec<f64>,
+    pace: Pace,
+    interrupted: bool,
 }
 
 /// How one try ended.
@@ -72,6 +75,8 @@ impl Search {
         }
         Ok(Self {
             reduced: vec![0.0; kept.len()],
+            pace: Pace::default(),
+            interrupted: false,
             free,
             kept,
             factorisation,
@@ -88,6 +93,11 @@ impl Search {
         if self.free.is_empty() {
             return Ok(0);
         }
+        let found = self.search(system, catalogue, y);
+        if self.interrupted { Err(SteadyError::Interrupted) } else { found }
+    }
+
+    fn search(&mut self, system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut [f64]) -> Result<u32, SteadyError> {
         let guess = y.to_vec();
         self.evaluate(system, y);
         if let Some(&row) = self.free.iter().find(|&&row| !self.rows[row].is_finite()) {
@@ -126,6 +136,10 @@ impl Search {
 
     /// Factorises the Jacobian with the weight `cj` of the derivatives. The column without a pivot is the error.
     fn factorise(&mut self, system: &mut CompiledSystem, y: &[f64], cj: f64) -> Result<(), Option<usize>> {
+        self.interrupted |= self.pace.stops();
+        if self.interrupted {
+            return Err(None);
+        }
         system.jacobian(0.0, y, &self.zero, cj, &mut self.entries);
         for (value, &entry) in self.reduced.iter_mut().zip(&self.kept) {
             *value = self.entries[entry];
@@ -208,6 +222,7 @@ impl Search {
                     self.correction(&mut step);
                     self.relative_change(&step, y)
                 }
+                Err(_) if self.interrupted => return count,
                 Err(_) => f64::NAN,
             };
             trial.copy_from_slice(y);
