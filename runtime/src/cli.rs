@@ -6,6 +6,7 @@
 mod check;
 mod compile;
 mod document;
+mod outputs;
 mod report;
 mod simulate;
 mod steady;

@@ -14,6 +14,7 @@ use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes, suggest};
 use smpl_dsl::span::{FileId, Span};
 
 use crate::catalogue::{self, Family};
+use crate::files;
 use crate::scenario::{self, Disturbances, Noise, Recorded, Scenario, Value, Variant};
 use crate::setup::EnvironmentOptions;
 
@@ -169,13 +170,14 @@ fn front_end(
 
 /// The text that `use "path"` means: a file beside the model or in the library (`SMPL_LIBRARY`), never outside them.
 fn import(folder: &Path, path: &str) -> Option<(String, String)> {
-    let library = std::env::var_os("SMPL_LIBRARY").map(PathBuf::from);
+    let library = std::env::var_os("SMPL_LIBRARY").and_then(|root| Path::new(&root).canonicalize().ok());
     let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    [Some(here.to_owned()), library].into_iter().flatten().find_map(|root| {
+    [Some(here.to_owned()), library.clone()].into_iter().flatten().find_map(|root| {
         let root = root.canonicalize().ok()?;
         let file = root.join(path).canonicalize().ok()?;
-        let text = file.starts_with(&root).then(|| fs::read_to_string(&file).ok())??;
-        Some((folder.join(path).display().to_string(), text))
+        let text = file.starts_with(&root).then(|| files::read_text(&file).ok())??;
+        let name = if Some(&root) == library.as_ref() { file } else { folder.join(path) };
+        Some((name.display().to_string(), text))
     })
 }
 
@@ -265,7 +267,20 @@ fn read(path: &Path) -> Result<Vec<u8>, LoadError> {
         message: plain(&error),
         advice: String::new(),
     };
-    fs::read(path).map_err(fault)
+    files::read(path).map_err(fault)
+}
+
+/// The file of a model and those that it imports, as far as they can be read.
+#[must_use]
+pub fn files_of(path: &Path) -> Vec<PathBuf> {
+    let mut sources = SourceMap::new();
+    if let Ok(text) = files::read_text(path) {
+        let main = sources.add(path.display().to_string(), text);
+        let folder = path.parent().map(Path::to_owned).unwrap_or_default();
+        smpl_compiler::front::read(&mut sources, main, &mut |name| import(&folder, name));
+    }
+    let imports = (1..sources.len()).map(|i| PathBuf::from(sources.name(FileId(i as u16))));
+    [path.to_owned()].into_iter().chain(imports).collect()
 }
 
 /// The error without the operating system's number.

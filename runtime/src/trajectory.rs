@@ -1,6 +1,4 @@
 //! Tables: the trajectory that a simulation writes, and the actions, initial states and disturbances that it reads.
-//!
-//! A table is written to a file beside its destination and renamed when it is complete: nothing is ever half written.
 
 mod format;
 mod parquet;
@@ -11,9 +9,10 @@ pub use format::seventeen_digits;
 pub use read::{DataError, Sequences, Values, read_actions, read_disturbances, read_initial};
 pub use record::Recorder;
 
-use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::io::{self, Write};
+use std::path::Path;
+
+pub use crate::files::{WriteError, write_whole};
 
 /// Kind of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -121,38 +120,4 @@ impl Table {
         }
         writer.flush()
     }
-}
-
-/// A file that could not be written.
-#[derive(Debug, thiserror::Error)]
-#[error("cannot write {}: {source}", path.display())]
-pub struct WriteError {
-    /// The file.
-    pub path: PathBuf,
-    /// Why.
-    pub source: io::Error,
-}
-
-/// Writes a file whole or not at all.
-///
-/// # Errors
-/// [`WriteError`] with the path; nothing is left behind then.
-pub fn write_whole(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), WriteError> {
-    let error = |source| WriteError { path: path.to_owned(), source };
-    let name = path.file_name().ok_or_else(|| error(io::Error::from(io::ErrorKind::IsADirectory)))?;
-    let mut temporary_name = std::ffi::OsString::from(".");
-    temporary_name.push(name);
-    temporary_name.push(format!(".{}.part", std::process::id()));
-    let temporary = path.with_file_name(temporary_name);
-    let written = File::create(&temporary).and_then(|file| {
-        let mut out = BufWriter::new(file);
-        fill(&mut out)?;
-        out.flush()
-    });
-    let done = written.and_then(|()| fs::rename(&temporary, path));
-    if done.is_err() {
-        // The failure itself is reported; a temporary file that cannot be removed either adds nothing to it.
-        let _ = fs::remove_file(&temporary);
-    }
-    done.map_err(error)
 }

@@ -1,6 +1,5 @@
 //! `smpl check`
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -43,7 +42,7 @@ pub(super) fn run(arguments: &CheckArguments) -> Result<(), Failed> {
                     match (invariants(loaded), arguments.format) {
                         (Ok(text), Format::Text) => say(text)?,
                         // Standard output is for the array of diagnostics.
-                        (Ok(text), Format::Json) => eprint(&text),
+                        (Ok(text), Format::Json) => report::note(&text),
                         (Err(failed), _) => {
                             faulty = true;
                             failed.print();
@@ -71,11 +70,6 @@ pub(super) fn run(arguments: &CheckArguments) -> Result<(), Failed> {
         say(text + "\n")?;
     }
     if faulty { Err(Failed::Quiet(1)) } else { Ok(()) }
-}
-
-/// Writes to standard error; nothing is left to say where it is closed.
-fn eprint(text: &str) {
-    let _ = std::io::stderr().write_all(text.as_bytes());
 }
 
 fn check(file: &Path, model: &ModelArguments) -> Result<Loaded, LoadError> {

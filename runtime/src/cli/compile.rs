@@ -10,14 +10,14 @@ use smpl_compiler::compiled::CompiledModel;
 use smpl_compiler::model::Quantity;
 
 use super::report::Failed;
-use super::{ModelArguments, say};
+use super::{ModelArguments, outputs, say};
 use crate::catalogue::{Catalogue, Family};
-use crate::load::ARTEFACT_EXTENSION;
+use crate::files::write_whole;
+use crate::load::{self, ARTEFACT_EXTENSION};
 use crate::setup::linear_solver;
 use crate::solver::System;
 use crate::solver::linear::Factorisation;
 use crate::system::CompiledSystem;
-use crate::trajectory::write_whole;
 use smpl_compiler::emit;
 
 #[derive(Debug, Args)]
@@ -59,6 +59,10 @@ enum Stage {
 
 /// Compiles, prints what was compiled, writes the compiled model.
 pub(super) fn run(arguments: &CompileArguments) -> Result<(), Failed> {
+    let given = arguments.output.as_deref();
+    if given.is_some() {
+        outputs::check(&[given], load::files_of(&arguments.file).into_iter())?;
+    }
     let print = |text: String| match &arguments.output {
         None => say(text),
         Some(path) => Ok(write_whole(path, |file| file.write_all(text.as_bytes()))?),
@@ -80,9 +84,10 @@ pub(super) fn run(arguments: &CompileArguments) -> Result<(), Failed> {
         Some(Stage::Ast | Stage::Latex) | None => {}
     }
     let out = arguments.output.clone().unwrap_or_else(|| arguments.file.with_extension(ARTEFACT_EXTENSION));
+    outputs::check(&[Some(&out)], outputs::names(&loaded.sources).chain([arguments.file.clone()]))?;
     let bytes = loaded.model.to_bytes(crate::load::fingerprint(&loaded.sources))?;
     write_whole(&out, |file| file.write_all(&bytes))?;
-    say(summary(&loaded.model, loading, &out)?)
+    outputs::conclude(&summary(&loaded.model, loading, &out)?, &[Some(&out)])
 }
 
 /// What was compiled; `loading` is the time from the text to the compiled model.

@@ -8,8 +8,8 @@ use smpl_dsl::diagnostic::SourceMap;
 
 use super::report::Failed;
 use super::{Files, ModelArguments, say};
-use crate::document;
-use crate::trajectory::write_whole;
+use crate::files::{read_text, write_whole};
+use crate::{document, load};
 
 #[derive(Debug, Args)]
 pub(super) struct FormatArguments {
@@ -72,6 +72,7 @@ pub(super) fn describe(arguments: &DocArguments) -> Result<(), Failed> {
     let loaded = arguments.model.load(&arguments.file)?;
     let equations = equations(&arguments.file).unwrap_or_default();
     let text = document::markdown(&loaded.model, &equations);
+    super::outputs::check(&[arguments.output.as_deref()], load::files_of(&arguments.file).into_iter())?;
     match &arguments.output {
         Some(path) => Ok(write_whole(path, |out| out.write_all(text.as_bytes()))?),
         None => say(text),
@@ -102,12 +103,5 @@ fn parse(file: &Path) -> Result<(smpl_dsl::syntax::File, SourceMap), Failed> {
 }
 
 fn read(file: &Path) -> Result<String, Failed> {
-    std::fs::read_to_string(file).map_err(|error| {
-        let message = match error.kind() {
-            std::io::ErrorKind::NotFound => "no such file".to_owned(),
-            std::io::ErrorKind::InvalidData => "not UTF-8".to_owned(),
-            _ => error.to_string(),
-        };
-        Failed::Message(format!("{}: {message}", file.display()))
-    })
+    read_text(file).map_err(|error| Failed::Message(format!("{}: {}", file.display(), load::plain(&error))))
 }

@@ -64,10 +64,24 @@ failed_by_message!(
     SetupError,
     ResetError,
     StepError,
-    WriteError,
     crate::steady::SteadyError,
     crate::catalogue::UnknownName
 );
+
+/// A reader of the standard output that has gone away is no fault.
+impl From<WriteError> for Failed {
+    fn from(error: WriteError) -> Self {
+        match error.source.kind() {
+            std::io::ErrorKind::BrokenPipe if crate::files::is_standard_output(&error.path) => Failed::Quiet(0),
+            _ => Failed::Message(error.to_string()),
+        }
+    }
+}
+
+/// Writes to standard error; nothing is left to say where it is closed.
+pub(super) fn note(text: &str) {
+    let _ = std::io::stderr().write_all(text.as_bytes());
+}
 
 /// A fault in a data file is shown at its place in the file.
 impl From<DataError> for Failed {
@@ -85,7 +99,7 @@ impl From<DataError> for Failed {
 }
 
 fn data_diagnostic(path: &Path, line: u64, word: &str, error: &DataError) -> Option<Failed> {
-    let text = std::fs::read_to_string(path).ok()?;
+    let text = crate::files::read_text(path).ok()?;
     let start: usize = text.split_inclusive('\n').take(line.saturating_sub(1) as usize).map(str::len).sum();
     let content = text.get(start..)?.lines().next().unwrap_or_default().to_owned();
     let (at, length) = match content.find(word).filter(|_| !word.is_empty()) {

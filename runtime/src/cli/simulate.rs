@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::report::Failed;
-use super::{ModelArguments, say};
+use super::{ModelArguments, outputs};
 use crate::catalogue::UnknownName;
 use crate::environment::{Environment, ResetOptions, Start, StateInput};
 use crate::failure::Short;
@@ -156,6 +156,8 @@ impl Policy {
 /// Runs one episode.
 pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
     let loaded = arguments.model.load(&arguments.file)?;
+    let written = [arguments.out.as_deref(), arguments.plot.as_deref()];
+    outputs::check(&written, outputs::names(&loaded.sources).chain(data_files(arguments)))?;
     let mut environment = make(arguments, loaded)?;
     let mut policy = policy(arguments, &environment)?;
     let reset = reset_options(arguments, &environment)?;
@@ -185,7 +187,13 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
     if let Some(path) = &arguments.plot {
         crate::plot::write(recorder.table(), environment.setup(), path)?;
     }
-    say(summary(&mut environment, total))
+    outputs::conclude(&summary(&mut environment, total), &written)
+}
+
+/// Files that are read beside the sources.
+fn data_files(arguments: &SimulateArguments) -> impl Iterator<Item = PathBuf> {
+    let data = [&arguments.actions, &arguments.init, &arguments.disturbances];
+    data.into_iter().flatten().chain([&arguments.file]).cloned()
 }
 
 fn make(arguments: &SimulateArguments, loaded: Loaded) -> Result<Environment, Failed> {

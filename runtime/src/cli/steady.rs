@@ -6,13 +6,14 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::report::Failed;
-use super::{ModelArguments, number, say};
+use super::{ModelArguments, number, outputs};
 use crate::failure::Short;
+use crate::files::write_whole;
 use crate::linearize::linearize;
 use crate::setup::Setup;
 use crate::spectrum::{DENSE, eigenvalues};
 use crate::steady;
-use crate::trajectory::{seventeen_digits, write_whole};
+use crate::trajectory::seventeen_digits;
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -44,6 +45,8 @@ const LARGE: usize = 3000;
 /// Solves, prints, writes.
 pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
     let loaded = arguments.model.load(&arguments.file)?;
+    let out = arguments.out.as_deref();
+    outputs::check(&[out], outputs::names(&loaded.sources).chain([arguments.file.clone()]))?;
     let setup = Setup::new(loaded.model, loaded.options, Some(loaded.sources))?;
     let catalogue = &setup.catalogue;
     let mut system = setup.system.clone();
@@ -91,7 +94,7 @@ pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
         }
     }
     text += &spectrum(&mut system, catalogue, &y, &setup.model().interface().time.1);
-    say(text)
+    outputs::conclude(&text, &[out])
 }
 
 /// Name, unit and value of every state and algebraic output.

@@ -1,7 +1,6 @@
 //! Reading of actions, initial states and disturbances.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use crate::catalogue::{Catalogue, Family, UnknownName};
@@ -90,7 +89,7 @@ struct RawTable {
 
 impl RawTable {
     fn read(path: &Path) -> Result<Self, DataError> {
-        let file = File::open(path).map_err(|source| DataError::Read { path: path.to_owned(), source })?;
+        let file = crate::files::open(path).map_err(|source| DataError::Read { path: path.to_owned(), source })?;
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
         let fault = |error: csv::Error| fault(path, error);
         let names: Vec<String> =

@@ -1,0 +1,43 @@
+//! Where results go: never over what the command reads.
+
+use std::path::{Path, PathBuf};
+
+use smpl_dsl::diagnostic::SourceMap;
+use smpl_dsl::span::FileId;
+
+use super::report::Failed;
+use super::say;
+use crate::files::{is_same, is_standard_output};
+
+/// The files of a compilation.
+pub(super) fn names(sources: &SourceMap) -> impl Iterator<Item = PathBuf> {
+    (0..sources.len()).map(|i| PathBuf::from(sources.name(FileId(i as u16))))
+}
+
+/// Refuses outputs that are one of the inputs, by whatever path, or twice the same file.
+pub(super) fn check<'p>(outputs: &[Option<&'p Path>], inputs: impl Iterator<Item = PathBuf>) -> Result<(), Failed> {
+    let outputs: Vec<&'p Path> = outputs.iter().copied().flatten().collect();
+    for input in inputs {
+        if let Some(output) = outputs.iter().find(|output| is_same(output, &input)) {
+            return Err(Failed::Message(overwrites(output, &input)));
+        }
+    }
+    match outputs.iter().enumerate().find(|(i, output)| outputs[..*i].contains(output)) {
+        Some((_, output)) => Err(Failed::Message(format!("{} is to hold two results; name another file for one of them", output.display()))),
+        None => Ok(()),
+    }
+}
+
+fn overwrites(output: &Path, input: &Path) -> String {
+    let link = if output == input { String::new() } else { format!(", the same file as {},", input.display()) };
+    format!("{}{link} is read by this command and would be overwritten; name another file", output.display())
+}
+
+/// Says what was done: on standard error where a result has taken the standard output.
+pub(super) fn conclude(text: &str, outputs: &[Option<&Path>]) -> Result<(), Failed> {
+    if outputs.iter().flatten().any(|output| is_standard_output(output)) {
+        super::report::note(text);
+        return Ok(());
+    }
+    say(text)
+}
