@@ -63,10 +63,12 @@ pub(crate) enum Function {
     Finish,
     Outputs,
     Disturb,
+    NextBreak,
+    Forcings,
 }
 
 impl Function {
-    pub(crate) const ALL: [Function; 10] = [
+    pub(crate) const ALL: [Function; 12] = [
         Function::PrepareStep,
         Function::Residual,
         Function::Jacobian,
@@ -77,6 +79,8 @@ impl Function {
         Function::Finish,
         Function::Outputs,
         Function::Disturb,
+        Function::NextBreak,
+        Function::Forcings,
     ];
 
     pub(crate) fn name(self) -> &'static str {
@@ -91,6 +95,8 @@ impl Function {
             Function::Finish => "finish",
             Function::Outputs => "outputs",
             Function::Disturb => "disturb",
+            Function::NextBreak => "next_break",
+            Function::Forcings => "forcings",
         }
     }
 }
@@ -120,6 +126,10 @@ pub(crate) struct Parts {
     pub(crate) codes: Vec<Vec<Code>>,
     /// Fills the caches that depend on parameters; interpreted.
     pub(crate) prepare_parameters: Job,
+    /// An equation changes its form at times known beforehand.
+    pub(crate) has_breaks: bool,
+    /// Number of expressions that time moves other than along straight lines.
+    pub(crate) forcings: u32,
     pub(crate) statistics: CompileStatistics,
 }
 
@@ -234,6 +244,18 @@ impl CompiledModel {
     #[must_use]
     pub fn quadratures(&self) -> usize {
         self.parts.model.quadratures.len()
+    }
+
+    /// Whether equations change their form at times that are known beforehand.
+    #[must_use]
+    pub fn has_breaks(&self) -> bool {
+        self.parts.has_breaks
+    }
+
+    /// Number of expressions that time moves other than along straight lines.
+    #[must_use]
+    pub fn forcings_len(&self) -> usize {
+        self.parts.forcings as usize
     }
 
     /// What compiling took and gave.

@@ -13,6 +13,7 @@ pub mod compiled;
 pub mod differentiate;
 pub mod elaborate;
 pub mod emit;
+mod explicit_time;
 pub mod front;
 pub mod generate;
 pub mod hoist;

@@ -121,6 +121,18 @@ impl System for CompiledSystem {
         self.model.jacobian(&mut self.memory, t, y, yp, cj, values);
     }
 
+    fn next_break(&mut self, t: f64) -> f64 {
+        self.model.next_break(&mut self.memory, t)
+    }
+
+    fn forcing_count(&self) -> usize {
+        self.model.forcings_len()
+    }
+
+    fn forcings(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        self.model.forcings(&mut self.memory, t, y, yp, out);
+    }
+
     fn root_count(&self) -> usize {
         self.shape.roots
     }

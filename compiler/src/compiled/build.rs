@@ -11,6 +11,7 @@ use smpl_dsl::span::Span;
 
 use super::{BackEndError, Function, Parts, Tapes};
 use crate::differentiate::{self, Column, Rows, pattern};
+use crate::explicit_time;
 use crate::generate::reroll::reroll;
 use crate::generate::schedule::{Access, Job, Sink, Task};
 use crate::generate::{self, Code, Effort, GenerateError, Generator, Plan};
@@ -64,7 +65,10 @@ pub(super) fn passes(mut model: Model, settings: &BackEndSettings) -> Result<Par
     let jacobian = pattern::job(&entries, &pattern, &mut model.exprs, &mut tables);
     let differentiated = Instant::now();
 
+    let time = explicit_time::collect(&mut model, &rows);
+    let (has_breaks, forcings) = (time.next_break.is_some(), time.forcing_count);
     let mut jobs = jobs(&model, &rows, jacobian);
+    jobs.extend([(Function::NextBreak, time.next_break.unwrap_or_default()), (Function::Forcings, time.forcings)]);
     for (_, job) in jobs.iter_mut().filter(|(f, _)| is_program(*f)) {
         *job = reroll(std::mem::take(job), &mut model.exprs);
     }
@@ -79,7 +83,7 @@ pub(super) fn passes(mut model: Model, settings: &BackEndSettings) -> Result<Par
 
     let plan = |(function, job): &(Function, Job)| {
         let started = Instant::now();
-        let access = access(*function, &model, unknowns, pattern.nonzeros());
+        let access = access(*function, &model, unknowns, (pattern.nonzeros(), forcings as usize));
         generate::plan(job, &model.exprs, &layout, access).map(|plan| (plan, started.elapsed()))
     };
     let compile = |generator: &mut Generator, function: Function, plan: &Plan, piece: usize| {
@@ -104,7 +108,7 @@ pub(super) fn passes(mut model: Model, settings: &BackEndSettings) -> Result<Par
         cached: model.vars.values().filter(|v| v.role == Role::Cache).map(|v| v.len as usize).sum(),
         functions,
     };
-    Ok(Parts { model, pattern, tables, codes, prepare_parameters, statistics })
+    Ok(Parts { model, pattern, tables, codes, prepare_parameters, has_breaks, forcings, statistics })
 }
 
 /// The pieces of each job with the time that they took.
@@ -292,6 +296,7 @@ fn rebase(mut job: Job, model: &Model) -> Job {
 fn limit(function: Function) -> Stage {
     match function {
         Function::Residual | Function::Jacobian | Function::Roots | Function::Quadratures => Stage::Step,
+        Function::NextBreak | Function::Forcings => Stage::Step,
         _ => Stage::Parameter,
     }
 }
@@ -318,10 +323,12 @@ pub(super) fn finish_len(model: &Model) -> usize {
     (2 * f.failures + f.successes + f.constraints + f.rewards + f.observations) as usize
 }
 
-pub(super) fn access(function: Function, model: &Model, unknowns: usize, nonzeros: usize) -> Access {
+fn access(function: Function, model: &Model, unknowns: usize, (nonzeros, forcings): (usize, usize)) -> Access {
     let name = function.name();
     let (y, yp, out) = match function {
         Function::PrepareStep | Function::Disturb => (false, false, 0),
+        Function::NextBreak => (false, false, 1),
+        Function::Forcings => (true, true, forcings),
         Function::Residual => (true, true, unknowns),
         Function::Jacobian => (true, true, nonzeros),
         Function::Roots => (true, true, model.roots.len()),

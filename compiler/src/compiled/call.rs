@@ -111,6 +111,24 @@ impl CompiledModel {
         self.evaluate(Function::Quadratures, m, (t, 0.0), (y, yp), out);
     }
 
+    /// The first time from `t` on at which an equation changes its form; infinite if there is none.
+    pub fn next_break(&self, m: &mut Memory, t: f64) -> f64 {
+        if !self.has_breaks() {
+            return f64::INFINITY;
+        }
+        self.check_memory(m);
+        let mut next = f64::INFINITY;
+        let (y, yp) = (std::ptr::null_mut(), std::ptr::null());
+        self.call(Function::NextBreak, Call { t, factor: 0.0, y, yp, memory: m, out: &raw mut next });
+        next
+    }
+
+    /// The expressions that time moves other than along straight lines.
+    pub fn forcings(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        assert_eq!(out.len(), self.forcings_len(), "number of forcings");
+        self.evaluate(Function::Forcings, m, (t, 0.0), (y, yp), out);
+    }
+
     /// Failures, successes, constraints, rewards, observations, as [`crate::model::Finish`] lays them out.
     pub fn finish(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
         assert_eq!(out.len(), self.finish_len(), "length of the finishing values");

@@ -18,7 +18,7 @@ use sundials_sys::{
 use super::kernels::Block;
 use super::linear::Factorisation;
 use super::newton::Newton;
-use super::vector::{self, Operations, Shared, entries, entries_mut};
+use super::vector::{self, Operations, Shared, Vector, entries, entries_mut};
 use super::watch::Watch;
 use super::{Statistics, System};
 use crate::interrupt::Pace;
@@ -209,8 +209,25 @@ impl Bridge {
         Err(RECOVERABLE)
     }
 
+    /// The first time from `t` on at which the equations change their form.
+    pub fn next_break(&mut self, t: f64) -> Result<f64, c_int> {
+        let mut next = f64::INFINITY;
+        self.guarded(|system| next = system.next_break(t))?;
+        Ok(next)
+    }
+
+    /// Evaluates what time itself moves into `out`.
+    pub fn forcings(&mut self, t: f64, y: &Vector, yp: &Vector, out: &mut [f64]) -> Result<(), c_int> {
+        self.guarded(|system| system.forcings(t, y.entries(), yp.entries(), out))
+    }
+
+    /// Evaluates the integrands into `out`.
+    pub fn integrands(&mut self, t: f64, y: &Vector, yp: &Vector, out: &mut [f64]) -> Result<(), c_int> {
+        self.guarded(|system| system.quadratures(t, y.entries(), yp.entries(), out))
+    }
+
     /// Evaluates the root functions into `out`.
-    fn roots(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) -> Result<(), c_int> {
+    pub fn roots(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) -> Result<(), c_int> {
         self.guarded(|system| system.roots(t, y, yp, out))
     }
 

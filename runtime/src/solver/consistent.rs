@@ -23,6 +23,15 @@ const LAST_CORRECTION: f64 = 1e-3;
 /// Smallest fraction of a Newton correction that is tried.
 const MIN_DAMPING: f64 = 1e-4;
 
+/// A first step is looked at before it is taken if it is longer than this part of what it may be at most.
+const LONG: f64 = 0.25;
+
+/// What moves by fewer tolerances than this in a first step rests.
+const AT_REST: f64 = 1e-3;
+
+/// Parts of a first step at which the rates are looked at; no simple fractions, since a period might be one.
+const LOOKS: [f64; 8] = [0.031, 0.107, 0.229, 0.353, 0.491, 0.617, 0.773, 0.911];
+
 /// Why no consistent state was found.
 pub(crate) enum Inconsistent {
     /// A callback failed; the bridge knows how.
@@ -231,6 +240,33 @@ impl Consistent {
         self.algebraic.iter().for_each(|&i| second[i] = 0.0);
         let size = self.norm(bridge, y, &self.work);
         Ok((2.0 * safety / size).sqrt())
+    }
+
+    /// Shortens a first `step`, at most `bound`, over which the rates do not stay what they are at its beginning, although they may be the same
+    /// again at its end, where the error test looks. What rests and is not `forced` stays at rest.
+    pub fn look_ahead(&mut self, bridge: &mut Bridge, t: f64, (y, yp): (&Vector, &Vector), (step, bound): (f64, f64), forced: bool) -> f64 {
+        let step = step.min(bound);
+        if step < LONG * bound || !(forced || self.norm(bridge, y, yp) * step > AT_REST) {
+            return step;
+        }
+        let mut before = 0.0;
+        for share in LOOKS {
+            let ahead = share * step;
+            let there = self.work.entries_mut().iter_mut().zip(y.entries()).zip(yp.entries());
+            there.for_each(|((there, y), yp)| *there = ahead.mul_add(*yp, *y));
+            if bridge.residual(t + ahead, self.work.raw(), yp.raw(), self.residual.raw()).is_err() {
+                // The integrator is to find out by itself what happens there.
+                bridge.trouble = None;
+                return if before > 0.0 { before } else { 0.5 * ahead };
+            }
+            let change = self.residual.entries_mut();
+            self.algebraic.iter().for_each(|&i| change[i] = 0.0);
+            if self.norm(bridge, y, &self.residual) * ahead > 1.0 {
+                return 0.5 * ahead;
+            }
+            before = ahead;
+        }
+        step
     }
 
     /// Leaves ∂F/∂t in `work`: zero to the bit in rows where time does not occur.

@@ -1,5 +1,6 @@
 //! IDA behind the [`Integrator`] trait.
 
+mod breaks;
 mod events;
 mod setup;
 
@@ -10,6 +11,7 @@ use sundials_sys::*;
 use self::setup::check;
 use super::callbacks::{Bridge, LinearObjects, Trouble};
 use super::consistent::{Consistent, Inconsistent};
+use super::forcing::{Course, Forcing};
 use super::linear::Method;
 use super::vector::{Operations, Vector};
 use super::{Advance, FirstStep, IdaFlag, Integrator, Quadratures, Settings, SolveError, Statistics, System};
@@ -49,6 +51,9 @@ pub struct Ida {
     quadratures: Option<Vector>,
     identity: Option<Vector>,
     consistent: Option<Consistent>,
+    forcing: Forcing,
+    /// Root functions before and after a break.
+    sides: [Box<[f64]>; 2],
     context: Context,
     settings: Settings,
     differential: Box<[bool]>,
@@ -197,7 +202,7 @@ impl Ida {
     }
 
     /// The first step, or zero for IDA's rule.
-    fn first_step(&mut self, interval: f64) -> Result<f64, SolveError> {
+    fn first_step(&mut self, interval: f64, course: Course) -> Result<f64, SolveError> {
         let bridge = unsafe { &mut *self.bridge };
         let time = self.time;
         Ok(match (self.settings.first_step, &mut self.consistent) {
@@ -206,7 +211,11 @@ impl Ida {
             // Only IDA's rule looks at the quadratures.
             _ if self.settings.quadratures != Quadratures::Unchecked => 0.0,
             (FirstStep::Estimated { safety }, Some(consistent)) => {
-                consistent.first_step(bridge, time, interval, &self.y, &mut self.yp, safety).map_err(|cause| self.inconsistent(cause))?
+                let (y, yp) = (&self.y, &mut self.yp);
+                let step = consistent.first_step(bridge, time, interval, y, yp, safety);
+                let bound = course.longest_first_step(interval).min(interval);
+                step.map(|step| consistent.look_ahead(bridge, time, (y, yp), (step, bound), course > Course::Flat))
+                    .map_err(|cause| self.inconsistent(cause))?
             }
             _ => 0.0,
         })
@@ -215,7 +224,8 @@ impl Ida {
     fn solve(&mut self, t_end: f64) -> Result<Advance, SolveError> {
         self.bridge().begin();
         let (interval, fresh) = (t_end - self.time, self.phase == Phase::Restarted);
-        let step = if fresh { self.first_step(interval)? } else { self.last_step }.min(interval);
+        let course = self.look_inside(interval)?;
+        let step = if fresh { self.first_step(interval, course)? } else { self.last_step }.min(interval);
         self.last_interval = interval;
         self.watch(fresh)?;
         let mut value = self.attempt(t_end, fresh.then_some(step))?;
@@ -360,7 +370,7 @@ impl Integrator for Ida {
         if system.dimension() != n {
             return Err(SolveError::Length { name: "system", given: system.dimension(), expected: n });
         }
-        let result = self.lending(system, |ida| ida.solve(t_end));
+        let result = self.lending(system, |ida| ida.go(t_end));
         if result.is_err() {
             self.phase = Phase::Idle;
         }

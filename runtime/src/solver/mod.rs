@@ -6,7 +6,8 @@
 //! * vectors of our own (`vector`, `kernels`), the same bits on every processor;
 //! * linear solvers of our own (`linear`): dense LU for small systems, sparse LU of diagonal blocks for large ones;
 //! * Newton's method in few passes over memory (`newton`);
-//! * consistent initial conditions and a first step computed from the model's exact Jacobian (`consistent`).
+//! * consistent initial conditions and a first step computed from the model's exact Jacobian (`consistent`);
+//! * stops at the times where the equations change their form, and a look at what time moves inside of an interval (`forcing`).
 //!
 //! A control step is a [`restart`](Integrator::restart) at the state and inputs of its beginning and an
 //! [`advance`](Integrator::advance) to its end, which is hit exactly:
@@ -30,6 +31,7 @@
 mod callbacks;
 mod consistent;
 mod error;
+mod forcing;
 mod ida;
 mod integrator;
 mod kernels;

@@ -17,6 +17,7 @@ pub struct Problem {
     pub inputs: Vec<f64>,
     differential: Vec<bool>,
     explicit: bool,
+    autonomous: bool,
     pattern: Pattern,
     residual: Residual,
     jacobian: Jacobian,
@@ -26,7 +27,13 @@ impl Problem {
     /// A system of ordinary differential equations, F = f − y', with this pattern.
     pub fn ode(start: Vec<f64>, inputs: Vec<f64>, pattern: Pattern, residual: Residual, jacobian: Jacobian) -> Self {
         let differential = vec![true; start.len()];
-        Self { start, inputs, differential, explicit: true, pattern, residual, jacobian }
+        Self { start, inputs, differential, explicit: true, autonomous: false, pattern, residual, jacobian }
+    }
+
+    /// The same without time in its functions.
+    pub fn autonomous(mut self) -> Self {
+        self.autonomous = true;
+        self
     }
 
     /// The same functions, with these unknowns differential and derivatives explicit or not.
@@ -48,6 +55,10 @@ impl System for Problem {
 
     fn pattern(&self) -> &Pattern {
         &self.pattern
+    }
+
+    fn forcing_count(&self) -> usize {
+        if self.autonomous { 0 } else { self.differential.len() }
     }
 
     fn residual(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
@@ -78,6 +89,7 @@ pub fn robertson() -> Problem {
             j.copy_from_slice(&[-0.04 - cj, 0.04, 0.0, 1e4 * y3, -1e4 * y3 - 6e7 * y2 - cj, 6e7 * y2, 1e4 * y2, -1e4 * y2, -cj]);
         },
     )
+    .autonomous()
 }
 
 /// Robertson's problem with the balance y₁ + y₂ + y₃ = 1 in place of the third rate: one algebraic unknown.
@@ -110,6 +122,7 @@ pub fn van_der_pol() -> Problem {
             j.copy_from_slice(&[-cj, (-2.0 * y[0] * y[1] - 1.0) / u[0], 1.0, (1.0 - y[0] * y[0]) / u[0] - cj]);
         },
     )
+    .autonomous()
 }
 
 /// HIRES, eight unknowns of plant physiology, as in the *Test Set for IVP Solvers*.
@@ -148,6 +161,7 @@ pub fn hires() -> Problem {
             (0..8).for_each(|i| j[i * 9] -= cj);
         },
     )
+    .autonomous()
 }
 
 /// An exothermic stirred tank: concentration (kmol/m³), temperature (K), level (m); inputs are the coolant's temperature
@@ -193,6 +207,7 @@ pub fn stirred_tank() -> Problem {
             ]);
         },
     )
+    .autonomous()
 }
 
 /// Tanks in series, yᵢ' = n (yᵢ₋₁ − yᵢ) with inlet `inputs[0]`, empty at the start: linear advection over unit length and time.
@@ -221,6 +236,7 @@ pub fn tanks_in_series(tanks: usize) -> Problem {
             }
         },
     )
+    .autonomous()
 }
 
 /// Unknowns in a cell of [`tubular_reactor`].
@@ -277,6 +293,7 @@ pub fn tubular_reactor(cells: usize) -> Problem {
             }
         },
     )
+    .autonomous()
 }
 
 /// The pattern whose columns have these rows.

@@ -28,6 +28,24 @@ pub trait System {
     /// Writes ∂F/∂y + `cj` ∂F/∂y' to `values`, in the order of [`pattern`](Self::pattern).
     fn jacobian(&mut self, t: f64, y: &[f64], yp: &[f64], cj: f64, values: &mut [f64]);
 
+    /// The first time from `t` on at which the equations change their form, by a jump or a kink; infinite if there is none.
+    /// [`advance`](super::Integrator::advance) stops there and begins anew behind it.
+    fn next_break(&mut self, t: f64) -> f64 {
+        let _ = t;
+        f64::INFINITY
+    }
+
+    /// Number of [`forcings`](Self::forcings): 0 for a system in which time does not occur.
+    fn forcing_count(&self) -> usize {
+        self.dimension()
+    }
+
+    /// Writes everything that time itself moves to `out`, at given unknowns: the integrator looks at it all over an interval before it
+    /// chooses its steps. By default the residual.
+    fn forcings(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        self.residual(t, y, yp, out);
+    }
+
     /// Number of root functions.
     fn root_count(&self) -> usize {
         0

@@ -10,6 +10,10 @@ use super::super::{Elaborator, Place};
 use crate::ir::{Affine, Compare, ExprId, Flavour, LoopVar, UnaryFn};
 use crate::model::{Draw, Instant, Variate};
 
+/// Times this near each other, relative to their size or to 1, are one: a clock that counts in steps is a sum of roundings. Short enough that what
+/// happens in between is below every tolerance.
+const SLACK: f64 = 1e-12;
+
 impl Elaborator<'_> {
     /// `uniform(a, b)`, `normal(mean, sd)`, `lognormal(mu, sigma)`: a standard variate in its own slot, scaled.
     pub(super) fn random(&mut self, span: Span, function: &Ident, arguments: &[Expr], place: &Place) -> Value {
@@ -88,8 +92,8 @@ impl Elaborator<'_> {
         if until {
             let mut expr = self.exprs.constant(last);
             for &(time, value) in list {
-                // A clock that counts in steps is a sum of roundings: a hair past the time still belongs to it.
-                let limit = self.exprs.constant(time + 1e-9 * time.abs().max(1.0));
+                // A hair past the time still belongs to it.
+                let limit = self.exprs.constant(time + SLACK * time.abs().max(1.0));
                 let holds = self.exprs.compare(Compare::Le, t, limit);
                 let value = self.exprs.constant(value);
                 expr = self.exprs.select(holds, value, expr);
@@ -98,7 +102,7 @@ impl Elaborator<'_> {
         }
         let mut expr = self.exprs.constant(points.first().map_or(f64::NAN, |p| p.1));
         for &(time, value) in points.iter().skip(1) {
-            let limit = self.exprs.constant(time - 1e-9 * time.abs().max(1.0));
+            let limit = self.exprs.constant(time - SLACK * time.abs().max(1.0));
             let reached = self.exprs.compare(Compare::Le, limit, t);
             let value = self.exprs.constant(value);
             expr = self.exprs.select(reached, value, expr);

@@ -7,6 +7,7 @@ use sundials_sys::*;
 
 use super::super::callbacks::{self, Bridge, LinearObjects};
 use super::super::consistent::Consistent;
+use super::super::forcing::Forcing;
 use super::super::linear::Factorisation;
 use super::super::newton::{self, Newton};
 use super::super::vector::{Operations, Vector};
@@ -49,6 +50,8 @@ impl Ida {
             quadratures,
             identity,
             consistent,
+            forcing: Forcing::new(system.forcing_count()),
+            sides: [vec![0.0; system.root_count()].into(), vec![0.0; system.root_count()].into()],
             context,
             settings,
             differential: system.differential().into(),
