@@ -180,7 +180,9 @@ fn function_name(function: &str) -> String {
 fn reduction(function: &Ident, body: &Expr, binders: &[Binder], condition: Option<&Expr>) -> String {
     if function.text == "integral" {
         let variables = binders.iter().map(|binder| format!("\\,\\mathrm{{d}} {}", name(&binder.name.text)));
-        return format!("\\int {}{}", typeset(body, Level::Product), variables.collect::<String>());
+        let whole = condition.is_none() && binders.iter().all(|b| matches!(b.over, BinderSet::Itself));
+        let over = if whole { String::new() } else { format!("_{{{}}}", below(binders, condition)) };
+        return format!("\\int{over} {}{}", typeset(body, Level::Product), variables.collect::<String>());
     }
     let operator = match function.text.as_str() {
         "sum" => "\\sum".to_owned(),
@@ -190,11 +192,15 @@ fn reduction(function: &Ident, body: &Expr, binders: &[Binder], condition: Optio
         "any" => "\\bigvee".to_owned(),
         other => format!("\\operatorname*{{{}}}", escape(other)),
     };
-    let below = match condition {
+    format!("{operator}_{{{}}} {}", below(binders, condition), typeset(body, Level::Product))
+}
+
+/// What a reduction runs over, and where.
+fn below(binders: &[Binder], condition: Option<&Expr>) -> String {
+    match condition {
         Some(condition) => format!("\\substack{{{} \\\\ {}}}", binder_list(binders), expression(condition)),
         None => binder_list(binders),
-    };
-    format!("{operator}_{{{below}}} {}", typeset(body, Level::Product))
+    }
 }
 
 fn binder_list(binders: &[Binder]) -> String {

@@ -4,9 +4,13 @@
 //! expressions keep units where they were written. Names are not looked up here: `c[i, z]` is a [`ExprKind::Index`]
 //! whatever `c`, `i` and `z` are.
 
+mod visit;
+
 use serde::{Deserialize, Serialize};
 
 use crate::span::Span;
+
+pub use visit::Form;
 
 /// A name as written, with its place.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -2,7 +2,7 @@
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Binder, BinderSet, Declaration, Expr, ExprKind, StatementKind};
+use smpl_dsl::syntax::{Binder, Declaration, Expr, StatementKind};
 use smpl_dsl::units::Unit;
 
 use super::cells::Cell;
@@ -542,25 +542,7 @@ pub fn for_each_element(extents: &[u32], at: Affine, f: &mut dyn FnMut(i64)) {
 
 /// Whether an expression uses one of the index names.
 fn mentions(e: &Expr, binders: &[Binder]) -> bool {
-    let any = |list: &[Expr]| list.iter().any(|e| mentions(e, binders));
-    match &e.kind {
-        ExprKind::Number { .. } | ExprKind::Bool(_) => false,
-        ExprKind::Name(n) => binders.iter().any(|b| b.name.text == n.text),
-        ExprKind::Member(a, _) | ExprKind::Derivative(a) | ExprKind::Unary(_, a) | ExprKind::As(a, _) => mentions(a, binders),
-        ExprKind::Index(a, list) => mentions(a, binders) || any(list),
-        ExprKind::Call { arguments, .. } | ExprKind::Tuple(arguments) => any(arguments),
-        ExprKind::Reduce { body, binders: own, condition, .. } => {
-            mentions(body, binders)
-                || condition.as_ref().is_some_and(|c| mentions(c, binders))
-                || own.iter().any(|b| match &b.over {
-                    BinderSet::Range(a, b) => mentions(a, binders) || mentions(b, binders),
-                    BinderSet::Tuple(list) => any(list),
-                    _ => false,
-                })
-        }
-        ExprKind::Binary(_, a, b) => mentions(a, binders) || mentions(b, binders),
-        ExprKind::If(c, a, b) => mentions(c, binders) || mentions(a, binders) || mentions(b, binders),
-    }
+    binders.iter().any(|b| e.mentions(&b.name.text))
 }
 
 /// A quantity of nothing.

@@ -10,7 +10,7 @@ mod ranges;
 mod settings;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
-use smpl_dsl::syntax::{Expr, ExprKind, Ident, Statement, StatementKind};
+use smpl_dsl::syntax::{Ident, Statement, StatementKind};
 use smpl_dsl::units::Unit;
 
 use super::items::Item;
@@ -98,7 +98,7 @@ impl<'a> Elaborator<'a> {
                         text: text.clone().unwrap_or_default(),
                         event: *event,
                         items: Vec::new(),
-                        on_reward: mentions_name(condition, "reward"),
+                        on_reward: condition.mentions("reward"),
                     };
                     if ["action_box", "solver"].contains(&name.text.as_str()) {
                         self.report(Diagnostic::error(
@@ -261,17 +261,4 @@ pub(super) fn store(place: Memory, at: Affine, value: ExprId) -> Store {
 /// Name of the random stream of an element.
 fn stream_name(path: &str, at: Affine, len: u32) -> String {
     if len == 1 || !at.is_constant() { path.to_owned() } else { format!("{path}[{}]", at.offset) }
-}
-
-fn mentions_name(e: &Expr, name: &str) -> bool {
-    match &e.kind {
-        ExprKind::Name(n) => n.text == name,
-        ExprKind::Member(a, _) | ExprKind::Derivative(a) | ExprKind::Unary(_, a) | ExprKind::As(a, _) => mentions_name(a, name),
-        ExprKind::Index(a, list) => mentions_name(a, name) || list.iter().any(|e| mentions_name(e, name)),
-        ExprKind::Call { arguments, .. } | ExprKind::Tuple(arguments) => arguments.iter().any(|e| mentions_name(e, name)),
-        ExprKind::Reduce { body, condition, .. } => mentions_name(body, name) || condition.as_ref().is_some_and(|c| mentions_name(c, name)),
-        ExprKind::Binary(_, a, b) => mentions_name(a, name) || mentions_name(b, name),
-        ExprKind::If(c, a, b) => mentions_name(c, name) || mentions_name(a, name) || mentions_name(b, name),
-        ExprKind::Number { .. } | ExprKind::Bool(_) => false,
-    }
 }

@@ -6,10 +6,10 @@ mod variants;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{self, Declaration, Ident, SetMembers, Statement, StatementKind, Table};
+use smpl_dsl::syntax::{self, Declaration, Form, Ident, SetMembers, Statement, StatementKind, Table};
 use smpl_dsl::units::Unit;
 
-use super::items::{Item, items, overlay, plain, selected};
+use super::items::{Item, items, observed, overlay, plain, reference, selected};
 use super::names::{Axis, Domain, Geometry, Scheme, Scope, ScopeId, Set, SetId, Symbol, SymbolId, SymbolKind};
 use super::{Elaborator, Site};
 use crate::ir::{FastMap, Role, VarId};
@@ -175,11 +175,17 @@ impl<'a> Elaborator<'a> {
     /// Statements with names of their own: two with one name are a fault.
     fn check_names(&mut self, list: &[Item<'a>]) {
         let mut seen: FastMap<String, Span> = FastMap::default();
+        let mut unnamed: FastMap<Form, Span> = FastMap::default();
         for item in list {
             let (what, name, span) = match item {
-                Item::Observe(o) => match &o.name {
-                    Some(name) => ("observations", name.text.clone(), o.span),
-                    None => ("observations", super::items::text(&o.value), o.span),
+                Item::Observe(o) => match observed(o) {
+                    Ok(name) => ("observations", name.to_owned(), o.span),
+                    Err(form) => {
+                        if let Some(first) = unnamed.insert(form, o.span) {
+                            self.two_of("observations", &reference(&o.value), first, o.span);
+                        }
+                        continue;
+                    }
                 },
                 Item::Other(s) => match &s.kind {
                     StatementKind::Reward { name, .. } => ("rewards", name.text.clone(), name.span),
@@ -195,10 +201,7 @@ impl<'a> Elaborator<'a> {
                 Item::Declare(..) | Item::At(..) => continue,
             };
             if let Some(first) = seen.insert(format!("{what} {name}"), span) {
-                self.report(
-                    Diagnostic::error(codes::DUPLICATE_NAME, format!("two {what} are called `{name}`"), span)
-                        .secondary(first, "the first one"),
-                );
+                self.two_of(what, &name, first, span);
             }
         }
         let mut defaults = list.iter().filter_map(|i| match i {
@@ -210,6 +213,12 @@ impl<'a> Elaborator<'a> {
                 Diagnostic::error(codes::DUPLICATE_CLAUSE, "two rewards are the default", second).secondary(first, "the first one"),
             );
         }
+    }
+
+    fn two_of(&mut self, what: &str, name: &str, first: Span, second: Span) {
+        self.report(
+            Diagnostic::error(codes::DUPLICATE_NAME, format!("two {what} are called `{name}`"), second).secondary(first, "the first one"),
+        );
     }
 
     /// Declares a block: sets and scalars first, since sizes of domains may need them, then what is indexed, then instances.

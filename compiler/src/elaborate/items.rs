@@ -3,9 +3,11 @@
 //! A statement in an active `variant` or `when` block replaces the items with the same key and is added where there is none.
 
 use std::collections::HashMap;
-use std::fmt::Write;
+use std::mem::{Discriminant, discriminant};
 
-use smpl_dsl::syntax::{BinderSet, Declaration, Expr, ExprKind, Ident, Observation, Role, Statement, StatementKind};
+use smpl_dsl::syntax::{
+    Declaration, Domain, Expr, ExprKind, Flux, Form, Ident, Observation, Phase, Role, Statement, StatementKind, TimeTable,
+};
 
 /// A statement, with declarations, observations and contents of `at` blocks taken one by one.
 #[derive(Clone, Copy, Debug)]
@@ -73,21 +75,20 @@ fn push<'a>(statement: &'a Statement, out: &mut Vec<Item<'a>>) {
 
 /// Works overriding items into those of a block.
 pub fn overlay<'a>(base: &mut Vec<Item<'a>>, over: Vec<Item<'a>>) {
-    let keys: Vec<Option<String>> = over.iter().map(key).collect();
+    if over.is_empty() {
+        return;
+    }
+    let keys: Vec<Option<Key>> = over.iter().map(key).collect();
+    let mut replaced: HashMap<&Key, Vec<usize>> = HashMap::new();
+    for (i, key) in keys.iter().enumerate() {
+        key.iter().for_each(|key| replaced.entry(key).or_default().push(i));
+    }
     let mut placed = vec![false; over.len()];
     let mut result = Vec::with_capacity(base.len() + over.len());
     for item in base.drain(..) {
-        let own = key(&item);
-        match own.as_ref().and_then(|k| keys.iter().position(|o| o.as_ref() == Some(k))) {
-            Some(at) => {
-                // All overriding items of one key stand where the first overridden one stood.
-                for (i, k) in keys.iter().enumerate() {
-                    if *k == keys[at] && !placed[i] {
-                        placed[i] = true;
-                        result.push(over[i]);
-                    }
-                }
-            }
+        match key(&item).and_then(|own| replaced.get(&own)) {
+            // All overriding items of one key stand where the first overridden one stood.
+            Some(list) => result.extend(list.iter().filter(|&&i| !std::mem::replace(&mut placed[i], true)).map(|&i| over[i])),
             None => result.push(item),
         }
     }
@@ -95,130 +96,90 @@ pub fn overlay<'a>(base: &mut Vec<Item<'a>>, over: Vec<Item<'a>>) {
     *base = result;
 }
 
-fn key(item: &Item) -> Option<String> {
+/// What a statement is known by: a statement of a variant replaces those of the same key.
+#[derive(Debug, PartialEq, Eq, Hash)]
+enum Key<'a> {
+    /// A declaration, by its name.
+    Name(&'a str),
+    /// A table, by its first column.
+    Table(&'a str),
+    /// The time.
+    Time,
+    /// A statement of a kind that has names of its own, by kind and name.
+    Named(Discriminant<StatementKind>, &'a str),
+    /// An observation with a name.
+    Observed(&'a str),
+    /// An observation without.
+    Observe(Form<'a>),
+    /// An equation, a start value or a connection, by kind and what it determines.
+    Determined(Discriminant<StatementKind>, Form<'a>),
+    /// A statement of an instant, by instant, kind and what it sets.
+    Set(&'a str, Discriminant<StatementKind>, Form<'a>),
+}
+
+fn key<'a>(item: &Item<'a>) -> Option<Key<'a>> {
     Some(match item {
-        Item::Declare(_, d) => format!("name {}", d.name.text),
-        Item::Observe(o) => match &o.name {
-            Some(name) => format!("observe {}", name.text),
-            None => format!("observe {}", text(&o.value)),
+        Item::Declare(_, d) => Key::Name(&d.name.text),
+        Item::Observe(o) => match observed(o) {
+            Ok(name) => Key::Observed(name),
+            Err(form) => Key::Observe(form),
         },
-        Item::At(Ident { text: instant, .. }, s) => match &s.kind {
-            StatementKind::Next { target, .. } => format!("at {instant} next {}", text(target)),
-            StatementKind::Reset { target, .. } => format!("at {instant} reset {}", text(target)),
-            StatementKind::Clamp { target, .. } => format!("at {instant} clamp {}", text(target)),
-            _ => return None,
-        },
-        Item::Other(s) => match &s.kind {
-            StatementKind::Equation { lhs, .. } => format!("eq {}", text(lhs)),
-            StatementKind::Initial { target, .. } => format!("initial {}", text(target)),
-            StatementKind::Fail { name, .. } => format!("fail {}", name.text),
-            StatementKind::Success { name, .. } => format!("success {}", name.text),
-            StatementKind::Constraint { name, .. } => format!("constraint {}", name.text),
-            StatementKind::Reward { name, .. } => format!("reward {}", name.text),
-            StatementKind::Policy { name, .. } => format!("policy {}", name.text),
-            StatementKind::Invariant { name, .. } => format!("invariant {}", name.text),
-            StatementKind::Level { name, .. } => format!("level {}", name.text),
-            StatementKind::Event { name, .. } => format!("event {}", name.text),
-            StatementKind::Phase(phase) => format!("phase {}", phase.name.text),
-            StatementKind::Flux(flux) => format!("name {}", flux.name.text),
-            StatementKind::Domain(domain) => format!("name {}", domain.name.text),
-            StatementKind::Set { name, .. } | StatementKind::Def { name, .. } | StatementKind::Instance { name, .. } => {
-                format!("name {}", name.text)
+        Item::At(instant, s) => match &s.kind {
+            StatementKind::Next { target, binders, .. }
+            | StatementKind::Reset { target, binders, .. }
+            | StatementKind::Clamp { target, binders, .. } => {
+                Key::Set(&instant.text, discriminant(&s.kind), Form::bound(binders, [target]))
             }
-            StatementKind::TimeTable(table) => format!("name {}", table.name.text),
-            StatementKind::Table(table) => format!("table {}", table.columns.first()?.name.text),
-            StatementKind::Time { .. } => "time".to_owned(),
-            StatementKind::Connect { chain } => format!("connect {}", chain.iter().map(text).collect::<Vec<_>>().join("->")),
             _ => return None,
         },
+        Item::Other(s) => return statement_key(&s.kind),
     })
 }
 
-/// A short canonical text of an expression: equal texts mean equal expressions.
-pub fn text(e: &Expr) -> String {
-    let mut out = String::new();
-    write_expr(e, &mut out);
-    out
+fn statement_key(kind: &StatementKind) -> Option<Key<'_>> {
+    Some(match kind {
+        StatementKind::Equation { lhs: target, binders, .. } | StatementKind::Initial { target, binders, .. } => {
+            Key::Determined(discriminant(kind), Form::bound(binders, [target]))
+        }
+        StatementKind::Connect { chain } => Key::Determined(discriminant(kind), Form::bound(&[], chain)),
+        StatementKind::Fail { name, .. }
+        | StatementKind::Success { name, .. }
+        | StatementKind::Constraint { name, .. }
+        | StatementKind::Reward { name, .. }
+        | StatementKind::Policy { name, .. }
+        | StatementKind::Invariant { name, .. }
+        | StatementKind::Level { name, .. }
+        | StatementKind::Event { name, .. }
+        | StatementKind::Phase(Phase { name, .. }) => Key::Named(discriminant(kind), &name.text),
+        StatementKind::Flux(Flux { name, .. })
+        | StatementKind::Domain(Domain { name, .. })
+        | StatementKind::TimeTable(TimeTable { name, .. })
+        | StatementKind::Set { name, .. }
+        | StatementKind::Def { name, .. }
+        | StatementKind::Instance { name, .. } => Key::Name(&name.text),
+        StatementKind::Table(table) => Key::Table(&table.columns.first()?.name.text),
+        StatementKind::Time { .. } => Key::Time,
+        _ => return None,
+    })
 }
 
-fn write_list(list: &[Expr], out: &mut String) {
-    for (i, e) in list.iter().enumerate() {
-        if i > 0 {
-            out.push(',');
-        }
-        write_expr(e, out);
+/// The name of an observation, its own or that of the variable; what it observes where it has none.
+pub fn observed(o: &Observation) -> Result<&str, Form<'_>> {
+    match (&o.name, &o.value.kind) {
+        (Some(name), _) => Ok(&name.text),
+        (None, ExprKind::Name(name)) if o.binders.is_empty() => Ok(&name.text),
+        _ => Err(Form::bound(&o.binders, [&o.value])),
     }
 }
 
-fn write_expr(e: &Expr, out: &mut String) {
+/// The text of a reference (`J[z.low]`), as a name to be shown; what is no reference has none.
+pub fn reference(e: &Expr) -> String {
+    let list = |list: &[Expr]| list.iter().map(reference).collect::<Vec<_>>().join(",");
     match &e.kind {
-        ExprKind::Number { value, .. } => {
-            let _ = write!(out, "{value}");
-        }
-        ExprKind::Bool(b) => {
-            let _ = write!(out, "{b}");
-        }
-        ExprKind::Name(n) => out.push_str(&n.text),
-        ExprKind::Member(a, n) => {
-            write_expr(a, out);
-            out.push('.');
-            out.push_str(&n.text);
-        }
-        ExprKind::Index(a, list) => {
-            write_expr(a, out);
-            out.push('[');
-            write_list(list, out);
-            out.push(']');
-        }
-        ExprKind::Call { function, arguments } => {
-            out.push_str(&function.text);
-            out.push('(');
-            write_list(arguments, out);
-            out.push(')');
-        }
-        ExprKind::Reduce { function, body, binders, .. } => {
-            out.push_str(&function.text);
-            out.push('(');
-            write_expr(body, out);
-            for b in binders {
-                let _ = write!(out, " for {}", b.name.text);
-                if let BinderSet::Set(s) = &b.over {
-                    let _ = write!(out, " in {}", s.text);
-                }
-            }
-            out.push(')');
-        }
-        ExprKind::Derivative(a) => {
-            out.push_str("der(");
-            write_expr(a, out);
-            out.push(')');
-        }
-        ExprKind::Unary(op, a) => {
-            let _ = write!(out, "{op:?}(");
-            write_expr(a, out);
-            out.push(')');
-        }
-        ExprKind::Binary(op, a, b) => {
-            let _ = write!(out, "{op:?}(");
-            write_expr(a, out);
-            out.push(',');
-            write_expr(b, out);
-            out.push(')');
-        }
-        ExprKind::If(c, a, b) => {
-            out.push_str("if(");
-            write_expr(c, out);
-            out.push(',');
-            write_expr(a, out);
-            out.push(',');
-            write_expr(b, out);
-            out.push(')');
-        }
-        ExprKind::As(a, _) => write_expr(a, out),
-        ExprKind::Tuple(list) => {
-            out.push('(');
-            write_list(list, out);
-            out.push(')');
-        }
+        ExprKind::Name(name) => name.text.clone(),
+        ExprKind::Number { value, .. } => value.to_string(),
+        ExprKind::Member(base, member) => format!("{}.{}", reference(base), member.text),
+        ExprKind::Index(base, index) => format!("{}[{}]", reference(base), list(index)),
+        _ => "...".to_owned(),
     }
 }

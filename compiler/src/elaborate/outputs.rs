@@ -221,11 +221,11 @@ impl<'a> Elaborator<'a> {
                     {
                         return name;
                     }
-                    super::items::text(&o.value)
+                    super::items::reference(&o.value)
                 }
                 ExprKind::Member(..) => match self.resolve(&o.value, place) {
                     super::indices::Target::Symbol(symbol) => self.names.symbols[symbol].path.clone(),
-                    _ => super::items::text(&o.value),
+                    _ => super::items::reference(&o.value),
                 },
                 _ => {
                     self.report(

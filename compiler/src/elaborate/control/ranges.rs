@@ -21,16 +21,11 @@ impl Elaborator<'_> {
 
     /// Whether every occurrence of a name is an index, on its own, along domains of equally many cells.
     fn only_cells(&self, e: &Expr, name: &str, place: &Place, domain: &mut Option<DomainId>) -> bool {
-        let mut all = |list: &[&Expr]| list.iter().all(|e| self.only_cells(e, name, place, domain));
         match &e.kind {
             ExprKind::Name(n) => n.text != name,
-            ExprKind::Number { .. } | ExprKind::Bool(_) => true,
-            ExprKind::Member(a, _) | ExprKind::Unary(_, a) | ExprKind::As(a, _) => all(&[a]),
-            ExprKind::Binary(_, a, b) => all(&[a, b]),
-            ExprKind::If(c, a, b) => all(&[c, a, b]),
             ExprKind::Index(base, index) => {
                 let axes = self.axes_of(base, place);
-                all(&[base])
+                self.only_cells(base, name, place, domain)
                     && index.iter().enumerate().all(|(k, i)| match &i.kind {
                         ExprKind::Name(n) if n.text == name => match axes.and_then(|a| a.get(k)) {
                             Some(&Axis::Domain(here)) => {
@@ -42,8 +37,9 @@ impl Elaborator<'_> {
                         _ => self.only_cells(i, name, place, domain),
                     })
             }
-            // Other forms bind names of their own or read neighbours: written out.
+            // These bind names of their own or read neighbours: written out.
             ExprKind::Call { .. } | ExprKind::Reduce { .. } | ExprKind::Derivative(_) | ExprKind::Tuple(_) => false,
+            _ => e.children().into_iter().all(|e| self.only_cells(e, name, place, domain)),
         }
     }
 
