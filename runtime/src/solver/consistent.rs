@@ -259,14 +259,31 @@ impl Consistent {
                 bridge.trouble = None;
                 return if before > 0.0 { before } else { 0.5 * ahead };
             }
-            let change = self.residual.entries_mut();
-            self.algebraic.iter().for_each(|&i| change[i] = 0.0);
+            self.follow_algebraic(bridge, y);
             if self.norm(bridge, y, &self.residual) * ahead > 1.0 {
                 return 0.5 * ahead;
             }
             before = ahead;
         }
         step
+    }
+
+    /// From the residual, the change of the rates if the algebraic unknowns follow, by the Jacobian at the beginning.
+    fn follow_algebraic(&mut self, bridge: &Bridge, y: &Vector) {
+        if self.algebraic.is_empty() {
+            return;
+        }
+        self.correct(bridge, y);
+        let change = self.residual.entries_mut();
+        for (&column, &correction) in self.algebraic.iter().zip(&self.correction) {
+            change[column] = 0.0;
+            for entry in self.pattern.column(column) {
+                let row = self.pattern.rows()[entry];
+                if self.differential[row] {
+                    change[row] = bridge.values[entry].mul_add(correction, change[row]);
+                }
+            }
+        }
     }
 
     /// Leaves ∂F/∂t in `work`: zero to the bit in rows where time does not occur.
