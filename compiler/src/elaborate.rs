@@ -25,11 +25,11 @@ mod runs;
 mod space;
 mod units;
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::rc::Rc;
 
 use cranelift_entity::PrimaryMap;
-use smpl_dsl::diagnostic::{Code, Diagnostic, Severity, codes};
+use smpl_dsl::diagnostic::{Code, Diagnostic, Label, Severity, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{self, Expr};
 use smpl_dsl::units::Unit;
@@ -157,6 +157,9 @@ pub(crate) enum Bound {
     Run(cells::Cell),
 }
 
+/// Code and place of a fault, and its message where calls lead there.
+type Reported = (Code, Span, Option<String>);
+
 /// A `let` at what its indices are bound to, in a kind of text.
 type Expansion = (SymbolId, Vec<indices::IndexKey>, Site);
 
@@ -166,8 +169,9 @@ pub(crate) struct Elaborator<'a> {
     options: &'a Options,
     selection: Selection,
     diagnostics: Vec<Diagnostic>,
-    /// Code, place, and the call through which the place was reached.
-    reported: FastSet<(Code, Span, Option<Span>)>,
+    reported: FastSet<Reported>,
+    /// Calls through which the places of faults in functions were reached.
+    reached_by: FastMap<Reported, BTreeSet<Span>>,
     /// Expressions inside one another, definitions expanded.
     nesting: u32,
     /// Terms, elements and calls written out so far.
@@ -261,6 +265,7 @@ impl<'a> Elaborator<'a> {
             selection: Selection::default(),
             diagnostics: Vec::new(),
             reported: FastSet::default(),
+            reached_by: FastMap::default(),
             nesting: 0,
             written_out: 0,
             calls: Vec::new(),
@@ -329,6 +334,7 @@ impl<'a> Elaborator<'a> {
     }
 
     fn finish(mut self) -> Result<Elaborated, Vec<Diagnostic>> {
+        self.name_calls();
         self.diagnostics.sort_by_key(|d| (d.primary.span.file, d.primary.span.start, d.primary.span.end));
         if self.has_errors() {
             return Err(self.diagnostics);
@@ -348,14 +354,28 @@ impl<'a> Elaborator<'a> {
         self.diagnostics.iter().any(|d| d.severity == Severity::Error)
     }
 
-    /// Reports a fault once: the same fault at the same place, met again in another cell or instance, is not repeated.
-    fn report(&mut self, mut diagnostic: Diagnostic) {
+    /// Reports a fault once: the same fault at the same place, met again in another cell, instance or call, is not repeated.
+    fn report(&mut self, diagnostic: Diagnostic) {
         let call = self.calls.first().copied().filter(|c| !c.contains(diagnostic.primary.span));
-        if self.reported.insert((diagnostic.code, diagnostic.primary.span, call)) {
-            if let Some(call) = call {
-                diagnostic = diagnostic.secondary(call, "in this call");
-            }
+        let key = reported(&diagnostic, call.is_some());
+        if let Some(call) = call {
+            self.reached_by.entry(key.clone()).or_default().insert(call);
+        }
+        if self.reported.insert(key) {
             self.diagnostics.push(diagnostic);
+        }
+    }
+
+    /// Shows with faults in functions the calls that led there: of many, the first.
+    fn name_calls(&mut self) {
+        for diagnostic in &mut self.diagnostics {
+            let Some(calls) = self.reached_by.get(&reported(diagnostic, true)) else { continue };
+            diagnostic.secondary.extend(calls.first().map(|&span| Label { span, text: "in this call".to_owned() }));
+            match calls.len() - 1 {
+                0 => {}
+                1 => diagnostic.notes.push("another call leads here too".to_owned()),
+                more => diagnostic.notes.push(format!("{more} more calls lead here")),
+            }
         }
     }
 
@@ -447,6 +467,11 @@ impl<'a> Elaborator<'a> {
                 .label("depends on something that is not"),
         );
     }
+}
+
+/// What a reported fault is known by: in a function, where each call may have its own faults, the message belongs to it.
+fn reported(diagnostic: &Diagnostic, in_call: bool) -> Reported {
+    (diagnostic.code, diagnostic.primary.span, in_call.then(|| diagnostic.message.clone()))
 }
 
 impl Place {

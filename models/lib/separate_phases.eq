@@ -1,5 +1,5 @@
 # The downstream chain of the original: four initial-value problems, each with two units in series, no balance between them.
-# 150 cells of L/151 a unit; convection takes the value from downstream; the inlet condition has a void (e) of its own.
+# 150 cells of L/151 a unit; convection takes the value from downstream; the inlet condition has a void (eps_in) of its own.
 
 param F        : L/min = 21.689197421073914    "flow from the buffer tank before the switch"
 param c_s      : M     = 0.9                   "modifier in both elutions"
@@ -26,24 +26,24 @@ let flow : L/min = F * scaled[phase]
 def released(k, henry, q_max, c, q) = k*(henry*(1 - q/q_max)*c - q)
 
 component Unit "convection and dispersion" {
-  param L   : dm    "length"
-  param V   : L     "volume"
-  param D_v : dm    "dispersion over superficial velocity"
-  param eps         "void in the balance"
-  param e           "void in the inlet condition"
+  param L      : dm    "length"
+  param V      : L     "volume"
+  param D_v    : dm    "dispersion over superficial velocity"
+  param eps            "void in the balance"
+  param eps_in         "void in the inlet condition"
   var Q    : L/min
   var c_in : mg/L
   domain z in 0..L*n_z/(n_z + 1) cells n_z scheme downwind
   state c[z] : mg/L = 0 in -inf..inf scale 1    "product"
   let v = Q / (V/L)
-  flux J[z] = v/eps*c[z] - D_v*v*grad(c[z]), low = v/eps*c[z.first] - v/e*(c[z.first] - c_in)
+  flux J[z] = v/eps*c[z] - D_v*v*grad(c[z]), low = v/eps*c[z.first] - v/eps_in*(c[z.first] - c_in)
   eq  d/dt c[z] = -div(J[z])    for z
-  let held : mg = e * V/L * integral(c[z] for z)    "product in the unit, as the original weighs it"
+  let held : mg = eps_in * V/L * integral(c[z] for z)    "product in the unit, as the original weighs it"
 }
 
-use Unit as VI(L = 60 [dm], V = 500 [L], D_v = 29 [dm], eps = 1, e = 1)
-use Unit as LOOP(L = 60 [dm], V = 500 [L], D_v = 29 [dm], eps = 1, e = 1)
-use Unit as AEX(L = 1 [dm], V = 50 [L], D_v = 0.016 [dm], eps = 0.32, e = 0.34)
+use Unit as VI(L = 60 [dm], V = 500 [L], D_v = 29 [dm], eps = 1, eps_in = 1)
+use Unit as LOOP(L = 60 [dm], V = 500 [L], D_v = 29 [dm], eps = 1, eps_in = 1)
+use Unit as AEX(L = 1 [dm], V = 50 [L], D_v = 0.016 [dm], eps = 0.32, eps_in = 0.34)
 
 component ProteinA "elution of the loaded column by a lumped law; what the pores held is dropped" {
   param L   : dm = 2
@@ -79,18 +79,18 @@ component CationExchanger {
   state cp[z, r] : mg/L = 0  in -inf..inf  scale 1    "product, pores"
   state q[z]     : mg/L = 0  in -inf..inf  scale 1    "product, bound"
   let v       = Q / (V/L)
-  let e       = if phase == load_cex then 0.31 else 0.34
+  let eps_in  = if phase == load_cex then 0.31 else 0.34
   let k_f     = 0.0067 [dm/min] * (v / 0.1 [dm/min])^0.58
   let loads   = if phase == load_cex then 1 else 0
   let elutes  = if phase == elute_cex then 1 else 0
   let s[z, r] = 0.704 [1/min] * (cp[z, r] - q[z]/15.3)
-  flux J[z] = v/0.34*c[z] - D_v*v*grad(c[z]), low = v/0.34*c[z.first] - v/e*(c[z.first] - c_in)
+  flux J[z] = v/0.34*c[z] - D_v*v*grad(c[z]), low = v/0.34*c[z.first] - v/eps_in*(c[z.first] - c_in)
   flux G[z, r] = -D_eff*grad(cp[z, r]), low = 0, high = -k_f*(c[z] - cp[z, r.last])
   eq d/dt q[z] = loads*s[z, r.last]
                  + elutes*released(0.99 [1/min], 6.9e-4*value(c_s)^(-8.5), 150200 [mg/L], c[z], q[z])    for z
   eq d/dt c[z]     = -div(J[z]) - (loads*0.69 + elutes*0.66)/0.34 * der(q[z])    for z
   eq d/dt cp[z, r] = loads*(-div(G[z, r]) - s[z, r]/0.94)                        for z, r
-  let mobile : mg = e * V/L * integral(c[z] for z)    "product in the liquid"
+  let mobile : mg = eps_in * V/L * integral(c[z] for z)    "product in the liquid"
   # As the original weighs it: pore cells with faces halfway between the nodes.
   def face(k) = if k == 0 then 0 else if k == n_r then k + 1 else k + 0.5
   let pores : mg = 0.69*0.94 * V/L * integral(sum(cp[z, k]*(face(k)^3 - face(k - 1)^3) for k in 1..n_r) for z) / (n_r + 1)^3    "product in the pores"

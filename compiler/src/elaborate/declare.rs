@@ -1,5 +1,6 @@
 //! Declarations: variants, imports, sets, tables, variables, components.
 
+pub(super) mod built_ins;
 mod instances;
 mod tables;
 mod variants;
@@ -225,6 +226,7 @@ impl<'a> Elaborator<'a> {
     pub(super) fn declare_block(&mut self, scope: ScopeId, list: Vec<Item<'a>>, depth: usize) {
         self.declare_phases(scope, &list);
         self.check_names(&list);
+        self.check_built_ins(&list);
         // Ends of ranges may be computed from scalars; a table declares its set only where nothing else does.
         let late = |s: &Statement| match &s.kind {
             StatementKind::Set { members: SetMembers::Range(..), .. } => 1,

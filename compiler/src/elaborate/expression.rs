@@ -323,7 +323,8 @@ impl<'a> Elaborator<'a> {
                     _ => "a component; name one of its variables",
                 };
                 let path = self.names.symbols[symbol].path.clone();
-                self.fault(Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is {what}"), span))
+                let d = Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is {what}"), span);
+                self.fault(super::declare::built_ins::note(d, &path))
             }
         }
     }

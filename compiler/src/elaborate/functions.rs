@@ -16,7 +16,7 @@ use crate::ir::{Affine, BinaryFn, Expr as Node, Flavour, Role, UnaryFn};
 use crate::model::Quantity;
 
 /// Functions that every model knows, for suggestions.
-const FUNCTIONS: &[&str] = &[
+pub(super) const FUNCTIONS: &[&str] = &[
     "abs",
     "sqrt",
     "sq",

@@ -233,6 +233,9 @@ impl Elaborator<'_> {
             if !wanted.is_empty() {
                 d = d.help(format!("write `{path}[{}]`", wanted.join(", ")));
             }
+            if index.is_empty() {
+                d = super::declare::built_ins::note(d, &path);
+            }
             self.report(d);
             return None;
         }

@@ -5,14 +5,13 @@
 //! give (a single number, an entry of a table, a neighbour beyond the range), every trace of the attempt is removed and the range is
 //! written out, with the same meaning and with the faults of its single members.
 
-use smpl_dsl::diagnostic::Code;
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Binder, BinderSet, Expr, ExprKind};
 
 use super::cells::Cell;
 use super::names::{Axis, SetId, SymbolKind};
 use super::quantity::Value;
-use super::{Bound, Elaborator, Place, Site};
+use super::{Bound, Elaborator, Place, Reported, Site};
 use crate::ir::FastSet;
 
 /// Shorter ranges are written out: their numbers become constants.
@@ -23,7 +22,7 @@ const MOST_PASSES: i64 = 20_000_000;
 /// What an attempt may change.
 pub(super) struct Trace {
     diagnostics: usize,
-    reported: FastSet<(Code, Span, Option<Span>)>,
+    reported: FastSet<Reported>,
     unbound: FastSet<(Span, String)>,
     written_out: u32,
     passes: i64,

@@ -105,6 +105,7 @@ registry! {
     UNREADABLE "E0700-unreadable" "a file that cannot be read"
     BAD_SCENARIO "E0701-bad-scenario" "a scenario with a key, name or value that the model does not know"
     BAD_DATA "E0702-bad-data" "a data file with missing columns or cells that are no numbers"
+    HIDDEN_BUILT_IN "W0201-hidden-built-in" "a declaration takes the place of a built-in name such as `n` or `e`"
     BARE_NUMBER "W0301-bare-number" "a number without a unit beside a percentage, an angle in degrees or the like"
 }
 

@@ -4,7 +4,9 @@ use std::fmt;
 use std::io::{IsTerminal, Write};
 use std::path::Path;
 
-use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
+use miette::{
+    GraphicalReportHandler, GraphicalTheme, LabeledSpan, MietteError, MietteSpanContents, NamedSource, SourceCode, SourceSpan, SpanContents,
+};
 use smpl_dsl::diagnostic::{Diagnostic, Label, Severity, SourceMap, codes};
 use smpl_dsl::span::Span;
 
@@ -147,7 +149,21 @@ struct Shown {
     severity: Severity,
     help: Option<String>,
     labels: Vec<LabeledSpan>,
-    source: NamedSource<String>,
+    source: Source,
+}
+
+/// A text whose parts count their own lines. The renderer joins marks whose parts meet; by the lines of the whole text up to a mark, which
+/// the library's sources give, it would join marks that are far apart and print everything between.
+#[derive(Debug)]
+struct Source(NamedSource<String>);
+
+impl SourceCode for Source {
+    fn read_span<'a>(&'a self, span: &SourceSpan, before: usize, after: usize) -> Result<Box<dyn SpanContents<'a> + 'a>, MietteError> {
+        let part = self.0.read_span(span, before, after)?;
+        let lines = part.data().split_inclusive(|b| *b == b'\n').count();
+        let name = part.name().unwrap_or_default().to_owned();
+        Ok(Box::new(MietteSpanContents::new_named(name, part.data(), *part.span(), part.line(), part.column(), lines)))
+    }
 }
 
 impl Shown {
@@ -176,7 +192,7 @@ impl Shown {
             severity: diagnostic.severity,
             help: (!help.is_empty()).then(|| help.join("\n")),
             labels,
-            source: NamedSource::new(sources.name(file), text.to_owned()),
+            source: Source(NamedSource::new(sources.name(file), text.to_owned())),
         }
     }
 }

@@ -104,6 +104,7 @@ impl<'a> Elaborator<'a> {
         self.used_at.insert(scope, used);
         let StatementKind::Component { name, parameters, body, .. } = &statement.kind else { return scope };
         for (parameter, default) in parameters {
+            self.warn_of_name(parameter);
             let given = arguments.iter().find(|(a, _)| a.text == parameter.text).map(|(_, e)| e);
             self.structural(scope, (path, used), parameter, given, default.as_ref(), outer);
         }

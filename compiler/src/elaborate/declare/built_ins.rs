@@ -1,0 +1,82 @@
+//! Declarations that take the place of built-in names.
+//!
+//! What is declared goes before what is built in, so that a model may call a parameter `n`; the built-in meaning is gone then wherever the
+//! declaration is seen, which is said.
+
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::syntax::{Ident, StatementKind, TimeTable};
+
+use super::super::Elaborator;
+use super::super::functions::FUNCTIONS;
+use super::super::items::Item;
+
+/// Names that stand for something without being declared, what that is, and another way to write it.
+const NAMES: &[(&str, &str, Option<&str>)] = &[
+    ("pi", "the ratio of a circle's circumference to its diameter", Some("acos(-1)")),
+    ("e", "Euler's number", Some("exp(1)")),
+    ("inf", "infinity", None),
+    ("n", "the number of completed steps", None),
+    ("step", "the sampling interval", None),
+    ("clock", "the time since the start of the episode", None),
+    ("success", "whether the step ended in success", None),
+    ("failure", "whether the step ended in failure", None),
+    ("timeout", "whether the step was the last one", None),
+    ("reward", "the chosen reward", None),
+    ("states", "all states", None),
+    ("actions", "all actions", None),
+    ("observations", "all observations", None),
+    ("phase_time", "the time since the phase began", None),
+];
+
+fn built_in(name: &str) -> Option<&'static (&'static str, &'static str, Option<&'static str>)> {
+    NAMES.iter().find(|(n, ..)| *n == name)
+}
+
+/// What to say with a fault where a name that is declared stands like a built-in one.
+pub(in crate::elaborate) fn note(diagnostic: Diagnostic, name: &str) -> Diagnostic {
+    match built_in(name) {
+        Some((_, meaning, _)) => diagnostic.note(format!("the declaration takes the place of the built-in name for {meaning}")),
+        None => diagnostic,
+    }
+}
+
+impl<'a> Elaborator<'a> {
+    /// Warns of declarations of a block that take the place of built-in names. An array and what is no number do not: without an index they
+    /// are faults, which say so.
+    pub(super) fn check_built_ins(&mut self, list: &[Item<'a>]) {
+        for item in list {
+            match item {
+                Item::Declare(_, d) if d.indices.is_empty() => self.warn_of_name(&d.name),
+                Item::Other(statement) => match &statement.kind {
+                    StatementKind::Time { name, .. } => self.warn_of_name(name),
+                    StatementKind::Def { name, .. } | StatementKind::TimeTable(TimeTable { name, .. }) => self.warn_of_function(name),
+                    _ => {}
+                },
+                _ => {}
+            }
+        }
+    }
+
+    /// A name that is no function hides no function: `min` by itself and `min(a, b)` are told apart.
+    pub(super) fn warn_of_name(&mut self, name: &Ident) {
+        let Some((_, meaning, other)) = built_in(&name.text) else { return };
+        self.warn_of_built_in(name, &format!("built-in name for {meaning}"), *other);
+    }
+
+    fn warn_of_function(&mut self, name: &Ident) {
+        if FUNCTIONS.contains(&name.text.as_str()) {
+            self.warn_of_built_in(name, "built-in function of that name", None);
+        } else {
+            self.warn_of_name(name);
+        }
+    }
+
+    fn warn_of_built_in(&mut self, name: &Ident, what: &str, other: Option<&str>) {
+        let help = match other {
+            Some(other) => format!("rename it, or write `{other}` where the built-in meaning is wanted"),
+            None => "rename it, so that the built-in meaning stays".to_owned(),
+        };
+        let message = format!("`{}` takes the place of the {what}", name.text);
+        self.report(Diagnostic::warning(codes::HIDDEN_BUILT_IN, message, name.span).help(help));
+    }
+}
