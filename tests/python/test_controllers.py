@@ -234,10 +234,10 @@ def test_a_start_beside_the_set_point_does_not_pay():
     returns = {}
     for variants in ((), ("limited_change",)):
         env = smpl.Env("reactor", normalize=False, reward="setpoint_change", variants=variants)
-        env.reset(options={"state": np.asarray(env.steady_state) * (1 + 1e-3)})
+        env.reset(options={"state": np.asarray(env.steady_state) * (1 + 1e-6)})
         total = 0.0
-        for step in range(20):
-            action = [20.0, 0.1] if step < 10 else [26.85, 0.1]
+        for step in range(40):
+            action = [15.0, 0.1] if step < 10 else [26.85, 0.1]
             _, reward, terminated, truncated, _ = env.step(action)
             total += reward
             if terminated or truncated:
