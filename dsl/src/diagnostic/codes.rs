@@ -103,6 +103,7 @@ registry! {
     BAD_SETTING "E0603-bad-setting" "an entry that `episode` or `solver` does not know, or with a value that it cannot take"
     BACK_END "E0604-back-end" "the equations are right, but no machine code could be made for them"
     BAD_SCENARIO "E0701-bad-scenario" "a scenario with a key, name or value that the model does not know"
+    ONE_SIDED_LIMIT "W0601-one-sided-limit" "a reward that limits a change over a step on one side only"
 }
 
 #[cfg(test)]
