@@ -51,8 +51,10 @@ level laboratory "with a sample every five steps, analysed three steps later" {
 let distance = -mean(sq(x - steady(x)) / max(sq(initial(x) - steady(x)), sq(1e-4 [unit(x)]), sq(D_rel * value(steady(x)) as [unit(x)]))
                      for x in (c_A, T, h))
 
-reward setpoint default = max(-1000, distance)                         "squared distance, relative to that of the start"
-reward setpoint_change  = max(-1000, distance - previous(distance))    "its change over the step"
+let limited = max(-1000, distance)
+
+reward setpoint default = limited                        "squared distance, relative to that of the start"
+reward setpoint_change  = limited - previous(limited)    "its change over the step"
 
 fail state_box when outside bounds(c_A, T, h)
 fail empty event h <= 1e-8 [m]    "the tank has run empty"
@@ -62,6 +64,9 @@ solver  { rtol = 5e-10 }
 
 variant published_setpoint "set-point as printed, rounded to single precision" {
   steady { c_A = 0.8778252005577087, T = 51.34660720825195, h = 0.6589999794960022, T_c = 26.85, q_out = 0.1 }
+}
+variant limited_change "losses of a step are limited, gains are not: an episode that goes far and comes back is paid without end" {
+  reward setpoint_change = max(-1000, distance - previous(distance))    "its change over the step"
 }
 variant reward_floor "a reward at the error reward ends the episode" {
   fail reward_floor when reward <= -1000

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from difflib import get_close_matches
 from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parent
@@ -27,8 +28,15 @@ def model_path(name: str) -> Path:
     Raises:
         FileNotFoundError: there is no such model; the message lists those that there are.
     """
-    path = models_directory() / f"{name}.eq"
-    if not path.is_file():
-        known = ", ".join(sorted(file.stem for file in models_directory().glob("*.eq")))
-        raise FileNotFoundError(f"no model named {name!r}; there are: {known}")
-    return path
+    if is_shipped(name):
+        return models_directory() / f"{name}.eq"
+    known = sorted(file.stem for file in models_directory().glob("*.eq"))
+    plain = {stem.replace("_", ""): stem for stem in known}
+    near = get_close_matches(name.lower().replace("_", ""), plain, 1)
+    hint = f" did you mean {plain[near[0]]!r}?" if near else ""
+    raise FileNotFoundError(f"no model and no file named {name!r};{hint} there are: {', '.join(known)}")
+
+
+def is_shipped(name: str) -> bool:
+    """Whether a text is the name of a shipped model. What is in the working folder does not matter."""
+    return name.isidentifier() and (models_directory() / f"{name}.eq").is_file()

@@ -119,6 +119,8 @@ class Env:
     steady_action: FloatArray | None
     constraint_names: list[str]
     solver_statistics: dict[str, int]
+    # Seed and number of the episode.
+    episode: tuple[int, int]
     def snapshot(self) -> Snapshot: ...
     def restore(self, snapshot: Snapshot) -> None: ...
 

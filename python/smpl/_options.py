@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
-from smpl.model import FloatArray, Model, as_vector, check_names
+from smpl.model import FloatArray, Model, as_number, as_numbers, as_vector, check_names
 
 OPTIONS = ("state", "discrete", "parameters", "disturbances", "start")
 _STARTS = ("sampled", "nominal", "steady")
@@ -24,7 +24,7 @@ def start_from_options(model: Model, options: Mapping[str, Any] | None) -> _nati
             `disturbances` (name -> one value a step), `start` (`sampled`, `nominal` or `steady`).
 
     Raises:
-        ValueError: an unknown key or name, a wrong shape or a value that is not finite.
+        ValueError: an unknown key or name, a wrong shape, or a value that is no finite number.
     """
     if not options:
         return None
@@ -61,7 +61,7 @@ def _named(key: str, given: Any, names: tuple[str, ...]) -> dict[str, float]:
     if not isinstance(given, Mapping):
         raise ValueError(f"options[{key!r}] must be a mapping from names to values, got {type(given).__name__}")
     check_names(f"options[{key!r}]", given, names)
-    values = {name: float(value) for name, value in given.items()}
+    values = {name: as_number(f"options[{key!r}][{name!r}]", value) for name, value in given.items()}
     _check_finite(key, list(values.values()))
     return values
 
@@ -74,7 +74,7 @@ def _disturbances(model: Model, given: Any) -> dict[str, FloatArray]:
     check_names("options['disturbances']", given, model.disturbance_names)
     sequences = {}
     for name, values in given.items():
-        sequence = np.ascontiguousarray(values, dtype=np.float64)
+        sequence = as_numbers(f"options['disturbances'][{name!r}]", values, "(steps,)")
         if sequence.ndim != 1 or sequence.size == 0:
             raise ValueError(f"options['disturbances'][{name!r}] has shape {sequence.shape}, expected (steps,)")
         _check_finite("disturbances", sequence)

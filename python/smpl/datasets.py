@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl.evaluation import Episode
-from smpl.model import FloatArray
+from smpl.model import FloatArray, as_count, as_number, as_numbers
 
 if TYPE_CHECKING:
     from d3rlpy.dataset import MDPDataset
@@ -36,8 +36,14 @@ def initial_grid(
 
     Returns:
         An array of shape (n ** states, states).
+
+    Raises:
+        ValueError: no points, or a centre or a spread that is none.
     """
-    middle = np.asarray(centre, dtype=np.float64)
+    points = as_count("points", points)
+    middle = as_numbers("centre", centre, "(states,)")
+    if middle.ndim != 1 or not np.all(np.isfinite([*middle, as_number("spread", spread)])):
+        raise ValueError(f"centre has shape {middle.shape} and spread is {spread!r}, expected (states,), all finite")
     axes = [np.linspace((1 - spread) * x, (1 + spread) * x, points) for x in middle]
     mesh = np.meshgrid(*reversed(axes), indexing="ij")
     grid = np.stack([coordinates.ravel() for coordinates in reversed(mesh)], axis=1)
@@ -55,7 +61,7 @@ class Transitions:
     """One row a step: (observation, action, reward, next observation) with the two end flags."""
 
     observations: Float32Array
-    actions: FloatArray
+    actions: Float32Array
     rewards: FloatArray
     next_observations: Float32Array
     terminations: BoolArray
@@ -72,7 +78,7 @@ class LegacyRows:
     """
 
     observations: Float32Array
-    actions: FloatArray
+    actions: Float32Array
     rewards: FloatArray
     terminals: BoolArray
     timeouts: BoolArray
@@ -161,6 +167,7 @@ def to_minari(identifier: str, episodes: Sequence[Episode], env: Any, **descript
         EpisodeBuffer(
             id=index,
             seed=episode.seed,
+            options=episode.options,
             observations=episode.observations,
             actions=episode.actions.astype(np.float32),
             rewards=episode.rewards,

@@ -14,10 +14,14 @@ from gymnasium.spaces import Box
 from smpl import _native
 from smpl._names import Named
 from smpl._options import start_from_options
-from smpl.model import FloatArray, Model, Setting, compile
+from smpl.model import FloatArray, Model, Setting, as_count, as_vector, compile
 
 Observation = npt.NDArray[np.float32]
-SEED_MASK = 2**64 - 1
+SEEDS = 2**64
+
+
+class SeedError(gymnasium.error.Error, ValueError):
+    """A seed that is no integer, or negative: Gymnasium's own error, and one of a value."""
 
 
 class Interface(Named):
@@ -128,19 +132,19 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         one, without the next one. An environment that was never given a seed draws one.
 
         Args:
-            seed: seed of the random numbers.
+            seed: seed of the random numbers, an integer that is not negative.
             options: see `smpl._options.start_from_options`; what is set is what is simulated.
 
         Raises:
-            ValueError: an unknown option or name, or a wrong shape.
+            ValueError: an unknown option or name, a wrong shape, or a seed that is none (also `gymnasium.error.Error`).
         """
         start = start_from_options(self.model, options)
-        seed = _python_integer(seed)
+        seed = check_seed(seed)
         super().reset(seed=seed)
         if seed is None and not self._seeded:
             seed = int(self.np_random.integers(2**63))
         self._seeded = True
-        result = self._native.reset(None if seed is None else int(seed) & SEED_MASK, start)
+        result = self._native.reset(None if seed is None else native_seed(seed), start)
         if self._history is not None:
             self._history.start()
         return result
@@ -151,9 +155,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         Raises:
             ValueError: the action has a wrong shape or is NaN; nothing is stepped then.
         """
-        values = np.asarray(action, dtype=np.float64)
-        if values.shape != self.action_low.shape:
-            raise ValueError(f"action has shape {values.shape}, expected {self.action_low.shape}")
+        values = as_vector("action", action, len(self.action_low))
         result = self._native.step(values)
         if self._history is not None:
             self._history.add(values, result)
@@ -184,6 +186,11 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         return self._native.values("discrete")
 
     @property
+    def action(self) -> FloatArray:
+        """A copy of the last action as it was applied, physical units, order of `action_names`."""
+        return self._native.values("action")
+
+    @property
     def time(self) -> float:
         """Time since the start of the episode, in the model's unit of time."""
         return self._native.time
@@ -207,6 +214,22 @@ class Env(Interface, gymnasium.Env[Any, Any]):
     def steady_action(self) -> FloatArray | None:
         """Action of that steady state."""
         return self._native.steady_action
+
+    @property
+    def episode(self) -> tuple[int, int]:
+        """Seed of the running episode and its number since that seed was given: what its random numbers come from."""
+        return self._native.episode
+
+    def policy(self, name: str) -> FloatArray:
+        """Actions in physical units that a policy of the model chooses for the coming step.
+
+        Args:
+            name: one of `model.policies`; `smpl.controllers.Policy` runs one as a controller.
+
+        Raises:
+            ValueError: the model declares no such policy.
+        """
+        return self._native.policy(name)
 
     @property
     def solver_statistics(self) -> dict[str, int]:
@@ -264,9 +287,24 @@ def choose_model(
     return model.variant_of(**changes) if changes else model
 
 
-def _python_integer(seed: Any) -> Any:
-    """NumPy's integers as Python's: Gymnasium takes no others."""
-    return int(seed) if isinstance(seed, np.integer) else seed
+def check_seed(seed: Any) -> int | None:
+    """The seed if it is one, or none. NumPy's integers become Python's: Gymnasium takes no others.
+
+    Raises:
+        SeedError: it is no integer, or negative.
+    """
+    if seed is None:
+        return None
+    if isinstance(seed, (bool, np.bool_)) or not isinstance(seed, (int, np.integer)):
+        raise SeedError(f"seed is {seed!r}, expected an integer or None")
+    if seed < 0:
+        raise SeedError(f"seed is {seed}, expected an integer that is not negative")
+    return int(seed)
+
+
+def native_seed(seed: int) -> int:
+    """The 64 bits that stand for a seed: itself where it has no more, else a hash of it."""
+    return seed if seed < SEEDS else int(np.random.SeedSequence(seed).generate_state(1, np.uint64)[0])
 
 
 def _box(low: FloatArray, high: FloatArray, normalize: bool) -> Box:
@@ -283,6 +321,9 @@ def check_limit(max_steps: int | None) -> int | None:
     Raises:
         ValueError: it is no positive integer.
     """
-    if max_steps is not None and (not isinstance(max_steps, (int, np.integer)) or not 1 <= max_steps < 2**32):
-        raise ValueError(f"max_steps is {max_steps!r}, expected a positive integer below 2**32")
-    return None if max_steps is None else int(max_steps)
+    if max_steps is None:
+        return None
+    limit = as_count("max_steps", max_steps, expected="a positive integer below 2**32")
+    if limit >= 2**32:
+        raise ValueError(f"max_steps is {limit}, expected a positive integer below 2**32")
+    return limit

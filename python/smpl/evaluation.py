@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from smpl.controllers.base import Controller
 from smpl.envs import Env
-from smpl.model import FloatArray
+from smpl.model import FloatArray, as_count, as_vector
+from smpl.wrappers import outer_action
 
 
 @dataclass(frozen=True)
@@ -22,17 +23,18 @@ class Episode:
         seed: seed of the reset, if one was given.
         observations: (T + 1, observations), as the environment returned them.
         states: (T + 1, states), physical units.
-        actions: (T, actions), of the action space.
+        actions: (T, actions), as the environment was given them: of its action space, in its precision.
         rewards, terminations, truncations: (T,).
         costs, times: (T + 1,).
         failure: empty where there was none.
         success: whether a success condition ended it.
+        options: those of the reset. With them and the seed the actions give the same episode again, bit for bit.
     """
 
     seed: int | None
     observations: npt.NDArray[np.float32]
     states: FloatArray
-    actions: FloatArray
+    actions: npt.NDArray[np.float32]
     rewards: FloatArray
     terminations: npt.NDArray[np.bool_]
     truncations: npt.NDArray[np.bool_]
@@ -40,6 +42,7 @@ class Episode:
     times: FloatArray
     failure: str
     success: bool
+    options: dict[str, Any] | None = None
 
     @property
     def steps(self) -> int:
@@ -75,19 +78,28 @@ def run_episode(
     """Run an episode to its end.
 
     Args:
-        env: an `smpl.Env`, possibly wrapped.
+        env: an `smpl.Env`, possibly wrapped; wrappers that change actions are undone, see `smpl.wrappers.outer_action`.
         controller: chooses the actions; it is reset first.
         seed, options: as for `reset`.
+
+    Raises:
+        TypeError: no environment of smpl, no controller, or a wrapper whose changes cannot be undone.
+        ValueError: the controller is not for this environment, or gives an action of a wrong shape.
     """
     base = _base(env)
+    _check_controller(controller)
     observation, info = env.reset(seed=seed, options=options)
     controller.reset(base)
     observations, states, costs, times = [observation], [base.state], [info["cost"]], [info["time"]]
     actions, rewards, terminations, truncations = [], [], [], []
     terminated = truncated = False
     while not (terminated or truncated):
-        action = base.from_physical(controller.action(base))
+        physical = as_vector("the controller's action", controller.action(base), len(base.action_names))
+        # As data sets store it: the same actions give the same episode.
+        action = np.asarray(outer_action(env, base.from_physical(physical)), dtype=env.action_space.dtype)
         observation, reward, terminated, truncated, info = env.step(action)
+        if env is not base and not info["failure"]:
+            _check_arrival(base, env, action, physical)
         observations.append(observation)
         states.append(base.state)
         costs.append(info["cost"])
@@ -108,6 +120,7 @@ def run_episode(
         np.asarray(times, dtype=np.float64),
         info["failure"],
         info["success"],
+        options,
     )
 
 
@@ -126,6 +139,7 @@ def evaluate(
         seed: of the first episode.
         starts: states to start from, as for `reset(options={"state": ...})`.
     """
+    as_count("episodes", episodes)
     if starts is None:
         return [run_episode(env, controller, seed + i) for i in range(episodes)]
     return [run_episode(env, controller, seed + i, {"state": state}) for i, state in enumerate(starts)]
@@ -151,6 +165,21 @@ def per_episode(episodes: Sequence[Episode], failed: float | None = None) -> Sta
 def returns(episodes: Sequence[Episode]) -> Statistics:
     """Statistics over episodes of the sum of their rewards."""
     return Statistics.of([episode.total for episode in episodes])
+
+
+def _check_controller(controller: Any) -> None:
+    if isinstance(controller, type) or not isinstance(controller, Controller):
+        what = f"the class {controller.__name__}" if isinstance(controller, type) else type(controller).__name__
+        raise TypeError(f"controller is {what}, expected an object with reset(env) and action(env)")
+
+
+def _check_arrival(base: Env, env: Any, given: npt.NDArray[Any], chosen: FloatArray) -> None:
+    """Refuse a wrapper that changed the action on its way although it is no `ActionWrapper`."""
+    arrived = base.action
+    expected = np.clip(chosen, base.action_low, base.action_high)
+    width = base.action_high - base.action_low
+    if not np.all(np.minimum(abs(arrived - chosen), abs(arrived - expected)) <= 1e-5 * width):
+        raise TypeError(f"a wrapper of {env} changed the action {chosen} to {arrived} (given: {given})")
 
 
 def _base(env: Any) -> Env:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
-from smpl._files import model_path, models_directory
+from smpl._files import is_shipped, model_path, models_directory
 from smpl._names import Named
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ class Model(Named):
         step: sampling interval in `time_unit`; `max_steps`: time limit in steps.
         reward: the chosen reward; `levels`: observation levels.
         phases: names of the phases of the model's schedule, empty without one.
+        policies: names of the policies that the model declares, see `smpl.Env.policy`.
     """
 
     def __init__(self, native: _native.Model, arguments: dict[str, Any]) -> None:
@@ -52,6 +53,7 @@ class Model(Named):
         self.step, self.max_steps = native.step, native.max_steps
         self.reward, self.levels = native.reward, tuple(native.levels)
         self.phases = tuple(native.phases)
+        self.policies = tuple(native.policies)
 
     def __repr__(self) -> str:
         return f"<smpl.Model {self.name}: {len(self.state_names)} states, {len(self.action_names)} actions>"
@@ -171,7 +173,7 @@ class Model(Named):
         if not p:
             return []
         check_names("p", p, self._replaceable)
-        return [(*self._replaceable[name], float(value)) for name, value in p.items()]
+        return [(*self._replaceable[name], as_number(f"p[{name!r}]", value)) for name, value in p.items()]
 
 
 def compile(
@@ -187,11 +189,13 @@ def compile(
     """Compile a model.
 
     Args:
-        path: an `.eq` file, or the name of a shipped model (`reactor`).
+        path: an `.eq` file, or the name of a shipped model (`reactor`), which goes before a file of that name.
         source: the text of a model in place of a file.
         scenario: name of a scenario of the model, or a YAML file; none is `default`.
         variants: switches (`"reward_floor"`) and choices (`"axial_scheme=legacy"`).
-        settings: values of settings and parameters by name; they override random draws.
+        settings: values of settings and parameters by name, which override random draws; also `rtol`, `atol_factor`,
+            `max_order`, `max_internal_steps` and `linear_solver` of the solver, and `step`, `integrate`,
+            `max_steps` and `error_reward` of the episode.
         observation: observation level.
         reward: the reward that `step` returns; the model's default if none.
 
@@ -257,8 +261,10 @@ def _portable(arguments: dict[str, Any]) -> dict[str, Any]:
 
 def _resolve(path: str | os.PathLike[str]) -> str:
     text = os.fspath(path)
-    if text.isidentifier() and not Path(text).exists():
+    if isinstance(path, str) and (is_shipped(text) or (text.isidentifier() and not Path(text).exists())):
         return str(model_path(text))
+    if not Path(text).exists() and text.startswith("smpl/"):
+        raise FileNotFoundError(f"{text!r} is the id of an environment: gymnasium.make({text!r}) makes it")
     return text
 
 
@@ -288,10 +294,50 @@ def as_vector(name: str, values: npt.ArrayLike, length: int) -> FloatArray:
     Raises:
         ValueError: the shape is not `(length,)`; the message names the argument, its shape and the expected one.
     """
-    array = np.ascontiguousarray(values, dtype=np.float64)
+    array = as_numbers(name, values, f"({length},)")
     if array.shape != (length,):
         raise ValueError(f"{name} has shape {np.shape(values)}, expected ({length},)")
     return array
+
+
+def as_numbers(name: str, values: npt.ArrayLike, expected: str) -> FloatArray:
+    """`values` as a contiguous array of doubles.
+
+    Raises:
+        ValueError: they are no numbers; the message names the argument and the shape that it should have.
+    """
+    try:
+        return np.ascontiguousarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} is {_short(values)}, expected numbers of shape {expected}") from error
+
+
+def as_number(name: str, value: Any) -> float:
+    """`value` as a double.
+
+    Raises:
+        ValueError: it is none.
+    """
+    try:
+        return float(value)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} is {_short(value)}, expected a number") from error
+
+
+def as_count(name: str, value: Any, least: int = 1, expected: str = "a positive integer") -> int:
+    """`value` as an integer of at least `least`; a truth value is none.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)) or value < least:
+        raise ValueError(f"{name} is {_short(value)}, expected {expected}")
+    return int(value)
+
+
+def _short(value: Any, most: int = 60) -> str:
+    text = repr(value)
+    return text if len(text) <= most else f"{text[:most]}..."
 
 
 def check_names(argument: str, given: Iterable[str], known: Iterable[str]) -> None:
@@ -316,4 +362,4 @@ def _listing(names: list[str], most: int = 60) -> str:
 def _pairs(argument: str, given: Mapping[str, float], names: tuple[str, ...]) -> list[tuple[int, float]]:
     """Named values as (position, value)."""
     check_names(argument, given, names)
-    return [(names.index(name), float(value)) for name, value in given.items()]
+    return [(names.index(name), as_number(f"{argument}[{name!r}]", value)) for name, value in given.items()]

@@ -6,9 +6,10 @@ environments are stepped in one call without the interpreter lock.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
+import gymnasium
 import numpy as np
 import numpy.typing as npt
 from stable_baselines3.common.vec_env import VecEnv
@@ -20,23 +21,27 @@ class SB3VecEnv(VecEnv):  # type: ignore[misc]
     """A vector environment of Stable-Baselines3.
 
     Args:
-        model: a compiled model, a path or the name of a shipped model.
-        num_envs: number of environments.
+        model: a compiled model, a path, the name of a shipped model, the id of a registered environment
+            (`smpl/Reactor-v0`), or an `smpl.VectorEnv` with same-step autoreset, to which nothing else is given.
+        num_envs: number of environments, 1 by default.
         arguments: as of `smpl.VectorEnv`; the mode of autoreset is same-step, as Stable-Baselines3 wants it.
+
+    Raises:
+        ValueError: an id of another package, or a vector environment that does not fit.
     """
 
-    def __init__(self, model: Any, num_envs: int = 1, **arguments: Any) -> None:
-        self.venv = VectorEnv(model, num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **arguments)
+    def __init__(self, model: Any, num_envs: int | None = None, **arguments: Any) -> None:
+        self.venv = _vector(model, num_envs, arguments)
         self.render_mode = None
         self._actions: npt.NDArray[Any] | None = None
-        super().__init__(num_envs, self.venv.single_observation_space, self.venv.single_action_space)
+        super().__init__(self.venv.num_envs, self.venv.single_observation_space, self.venv.single_action_space)
 
     def reset(self) -> npt.NDArray[np.float32]:
         """Start all episodes, with the seeds and options given before, and return the observations."""
         seeds = None if all(seed is None for seed in self._seeds) else self._seeds
         given = next((options for options in self._options if options), None)
         observations, infos = self.venv.reset(seed=seeds, options=given)
-        self.reset_infos = [row(infos, i) for i in range(self.num_envs)]
+        self.reset_infos = rows(infos)
         self._reset_seeds()
         self._reset_options()
         return observations
@@ -68,13 +73,13 @@ class SB3VecEnv(VecEnv):  # type: ignore[misc]
         infos: dict[str, Any],
     ) -> list[dict[str, Any]]:
         """Infos one by one; those of ended episodes are their last ones, with the last observation."""
-        result = []
-        for i in range(self.num_envs):
-            info = row(infos["final_info"] if done[i] else infos, i)
-            info["TimeLimit.truncated"] = bool(truncated[i] and not terminated[i])
-            if done[i]:
-                info["terminal_observation"] = infos["final_obs"][i]
-            result.append(info)
+        result = rows(infos)
+        ended = np.flatnonzero(done)
+        last = rows(infos["final_info"], ended) if len(ended) else []
+        for i, info in zip(ended, last, strict=True):
+            result[i] = {**info, "terminal_observation": infos["final_obs"][i]}
+        for info, limit in zip(result, (truncated & ~terminated).tolist(), strict=True):
+            info["TimeLimit.truncated"] = limit
         return result
 
     def close(self) -> None:
@@ -104,15 +109,37 @@ class SB3VecEnv(VecEnv):  # type: ignore[misc]
         return [None] * self.num_envs
 
 
-def row(infos: dict[str, Any], index: int) -> dict[str, Any]:
-    """The info of one environment out of those of a vector environment."""
-    names: Iterable[str] = (key for key in infos if not key.startswith(("_", "final_")))
-    result: dict[str, Any] = {}
-    for key in names:
-        value = infos[key]
-        if isinstance(value, dict):
-            result[key] = row(value, index)
-        else:
-            item = value[index]
-            result[key] = item.item() if isinstance(item, np.generic) else item
-    return result
+def _vector(model: Any, num_envs: int | None, arguments: dict[str, Any]) -> VectorEnv:
+    """The vector environment that the arguments mean."""
+    inner = getattr(model, "unwrapped", model)
+    if isinstance(inner, gymnasium.vector.VectorEnv):
+        if inner is not model or not isinstance(inner, VectorEnv):
+            raise ValueError(f"model is {model}, expected an smpl.VectorEnv without wrappers")
+        if inner.autoreset_mode != AutoresetMode.SAME_STEP:
+            raise ValueError(f"autoreset_mode is {inner.autoreset_mode.name}, Stable-Baselines3 wants SAME_STEP")
+        if num_envs not in (None, inner.num_envs) or arguments:
+            raise ValueError("num_envs and other arguments belong to the vector environment that is given")
+        return inner
+    if isinstance(model, str) and model.removeprefix("smpl:") in gymnasium.registry:
+        spec = gymnasium.spec(model)
+        if spec.vector_entry_point != "smpl.vector:VectorEnv":
+            raise ValueError(f"{model!r} is no environment of smpl")
+        arguments = {**spec.kwargs, **arguments}
+        model = arguments.pop("model")
+    count = 1 if num_envs is None else num_envs
+    return VectorEnv(model, count, autoreset_mode=AutoresetMode.SAME_STEP, **arguments)
+
+
+def rows(infos: dict[str, Any], indices: npt.NDArray[np.intp] | None = None) -> list[dict[str, Any]]:
+    """The infos of a vector environment one by one, of all environments or of some."""
+    names = [key for key in infos if not key.startswith(("_", "final_"))]
+    columns = [_column(infos[name], indices) for name in names]
+    return [dict(zip(names, values, strict=True)) for values in zip(*columns, strict=True)]
+
+
+def _column(values: Any, indices: npt.NDArray[np.intp] | None) -> list[Any]:
+    """A value for each environment: a number, a text, a mapping or a vector."""
+    if isinstance(values, dict):
+        return rows(values, indices)
+    chosen = values if indices is None else values[indices]
+    return list(chosen) if chosen.ndim > 1 else chosen.tolist()

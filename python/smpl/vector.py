@@ -14,8 +14,8 @@ from gymnasium.vector.utils import batch_space
 
 from smpl import _native
 from smpl._options import start_from_options
-from smpl.envs import SEED_MASK, Env, Interface, Observation, check_limit, choose_model
-from smpl.model import FloatArray, Model, Setting, check_names
+from smpl.envs import Env, Interface, Observation, SeedError, check_limit, check_seed, choose_model, native_seed
+from smpl.model import FloatArray, Model, Setting, as_count, as_numbers, check_names
 
 if TYPE_CHECKING:
     from gymnasium.vector import AutoresetMode as AutoresetMode
@@ -72,8 +72,7 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         num_threads: int | None = None,
         render_mode: str | None = None,
     ) -> None:
-        if num_envs < 1:
-            raise ValueError(f"num_envs is {num_envs}, expected a positive integer")
+        num_envs = as_count("num_envs", num_envs)
         if render_mode is not None:
             raise ValueError("a native vector environment cannot be rendered: render_mode must be None")
         compiled = choose_model(model, observation, reward, scenario, variants, settings)
@@ -84,10 +83,8 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.single_observation_space, self.single_action_space = self._describe(compiled, normalize)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        if num_threads is not None and num_threads < 0:
-            raise ValueError(
-                f"num_threads is {num_threads}, expected a positive integer, or 0 or None for all processors"
-            )
+        if num_threads is not None:
+            num_threads = as_count("num_threads", num_threads, 0, "a positive integer, or 0 or None for all processors")
         self.num_threads = num_threads or os.cpu_count() or 1
         limit = check_limit(max_episode_steps if max_steps is None else max_steps)
         mode = str(self.autoreset_mode.value)
@@ -111,7 +108,8 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         options = dict(options or {})
         mask = self._reset_mask(options.pop("reset_mask", None))
         start = self._start(options)
-        super().reset(seed=int(seed) if isinstance(seed, (int, np.integer)) else None)
+        one = isinstance(seed, (int, np.integer))
+        super().reset(seed=check_seed(seed) if one else None)
         observations, info = self._native.reset(mask, self._given_seeds(seed), start)
         return observations, self._infos(info, mask)
 
@@ -122,8 +120,8 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
             ValueError: wrong shape or a NaN action; nothing is stepped then.
             SimulationError: with autoreset disabled, a sub-environment that has ended was not reset.
         """
-        values = np.ascontiguousarray(actions, dtype=np.float64)
         expected = (self.num_envs, len(self.action_names))
+        values = as_numbers("actions", actions, str(expected))
         if values.shape != expected:
             raise ValueError(f"actions has shape {values.shape}, expected {expected}")
         observations, rewards, terminated, truncated, info, final = self._native.step(values)
@@ -189,15 +187,20 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         """A seed for each sub-environment, none for its next episode; drawn where none was ever given."""
         if seed is None and self._seeded:
             return None
+        seeds = self._seeds(int(self.np_random.integers(2**63)) if seed is None else seed)
         self._seeded = True
-        if seed is None:
-            seed = int(self.np_random.integers(2**63))
-        _check_seed(seed)
+        return [None if one is None else native_seed(one) for one in seeds]
+
+    def _seeds(self, seed: Any) -> list[int | None]:
+        """One for each sub-environment."""
+        if isinstance(seed, str) or not isinstance(seed, (int, np.integer, Sequence, np.ndarray)):
+            raise SeedError(f"seed is {seed!r}, expected an integer, None, or one of these for each environment")
         if isinstance(seed, (int, np.integer)):
-            return [(int(seed) + i) & SEED_MASK for i in range(self.num_envs)]
+            first = check_seed(seed) or 0
+            return [first + i for i in range(self.num_envs)]
         if len(seed) != self.num_envs:
             raise ValueError(f"seed has {len(seed)} entries, expected {self.num_envs}")
-        return [None if one is None else int(one) & SEED_MASK for one in seed]
+        return [check_seed(one) for one in seed]
 
     def _final(self, ended: BoolArray, observations: Observation, info: _native.BatchInfo) -> dict[str, Any]:
         """Last observations and infos of the episodes that have ended."""
@@ -250,12 +253,6 @@ def parse_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
         if member.value.lower() == plain:
             return member
     raise ValueError(f"autoreset_mode is {mode!r}; there are: {', '.join(m.name.lower() for m in AutoresetMode)}")
-
-
-def _check_seed(seed: Any) -> None:
-    """Refuse what is neither an integer nor a sequence of them."""
-    if isinstance(seed, str) or not isinstance(seed, (int, np.integer, Sequence, np.ndarray)):
-        raise ValueError(f"seed is {seed!r}, expected an integer, None, or one of these for each environment")
 
 
 def _with_masks(values: dict[str, Any], mask: BoolArray) -> dict[str, Any]:

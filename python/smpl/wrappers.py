@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box
+from gymnasium.wrappers import ClipAction, RescaleAction
 
 from smpl.envs import Env
 
@@ -64,3 +65,47 @@ class AroundNominal(gymnasium.ActionWrapper[Observation, Action, Action]):
         down, up = self._nominal - self._base.action_low, self._base.action_high - self._nominal
         physical = self._nominal + scaled * np.where(scaled < 0, down, up)
         return self._base.from_physical(physical)
+
+    def reverse_action(self, action: Action) -> Action:
+        """The action in [-1, 1] that becomes the given one of the environment beneath."""
+        shift = self._base.to_physical(action) - self._nominal
+        down, up = self._nominal - self._base.action_low, self._base.action_high - self._nominal
+        width = np.where(shift < 0, down, up)
+        return np.divide(shift, width, out=np.zeros_like(shift), where=width > 0)
+
+
+def outer_action(env: gymnasium.Env[Any, Any], action: Action) -> Action:
+    """What `env.step` must be given for `action` to arrive at the environment beneath all wrappers.
+
+    Wrappers that change actions must be known: `AroundNominal`, Gymnasium's `RescaleAction` and `ClipAction`, or one
+    with a method `reverse_action`.
+
+    Raises:
+        TypeError: a wrapper changes actions in a way that nobody can undo.
+    """
+    wrappers: list[Any] = []
+    while isinstance(env, gymnasium.Wrapper):
+        wrappers.append(env)
+        env = env.env
+    for wrapper in reversed(wrappers):
+        action = _undo(wrapper, action)
+    return action
+
+
+def _undo(wrapper: gymnasium.Wrapper[Any, Any, Any, Any], action: Action) -> Action:
+    reverse: Any = getattr(wrapper, "reverse_action", None)
+    if reverse is not None:
+        return np.asarray(reverse(action))
+    inside: Any = wrapper.env.action_space
+    if isinstance(wrapper, ClipAction):
+        return np.clip(action, inside.low, inside.high)
+    if isinstance(wrapper, RescaleAction):
+        outside: Any = wrapper.action_space
+        low, high = (np.asarray(bound, dtype=np.float64) for bound in (inside.low, inside.high))
+        return outside.low + (action - low) / (high - low) * (np.float64(outside.high) - outside.low)
+    if isinstance(wrapper, gymnasium.ActionWrapper):
+        raise TypeError(
+            f"{type(wrapper).__name__} changes actions, and a controller's would arrive as others: "
+            "give the wrapper a method reverse_action(action), or run without it"
+        )
+    return action

@@ -1,15 +1,32 @@
 """Baseline controllers and evaluation."""
 
+import csv
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import smpl
-from smpl.controllers import Constant, Controller, Nominal, OpenLoop, Profile, Proportional, Uniform, isothermal
+from smpl._cli import main
+from smpl.controllers import (
+    Constant,
+    Controller,
+    Nominal,
+    OpenLoop,
+    Policy,
+    Profile,
+    Proportional,
+    Uniform,
+    isothermal,
+)
+from smpl.controllers.nmpc import ReactorNMPC
 from smpl.evaluation import Episode, Statistics, evaluate, per_episode, pooled, returns, run_episode
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.parametrize(
-    "controller", [Constant([1.0]), Nominal(), OpenLoop([[1.0]]), Profile(), Proportional(), Uniform()]
+    "controller", [Constant([1.0]), Nominal(), OpenLoop([[1.0]]), Policy("mpc"), Profile(), Proportional(), Uniform()]
 )
 def test_every_baseline_is_a_controller(controller):
     assert isinstance(controller, Controller)
@@ -114,3 +131,116 @@ def test_the_differentiation_matrix_is_exact_for_polynomials_of_its_degree():
         differentiation_matrix(POINTS) @ polynomial(POINTS), polynomial.deriv()(POINTS), atol=1e-12
     )
     np.testing.assert_allclose(POINTS[1:4], [0.1127016654, 0.5, 0.8872983346], atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("model", "controller", "says"),
+    [
+        ("reactor", Constant([26.85]), r"action has shape \(1,\), expected \(2,\)"),
+        ("reactor", OpenLoop([[26.85, 0.1], [26.85]]), r"action 1 has shape \(1,\), expected \(2,\)"),
+        ("reactor", Profile(), "for the actions T; Reactor has T_c, q_out"),
+        ("reactor", isothermal(), "for the actions T; Reactor has T_c, q_out"),
+        ("beer", Proportional(), "for the actions T_c, q_out; Beer has T"),
+        ("beer", ReactorNMPC(), "for the actions T_c, q_out; Beer has T"),
+        ("reactor", Policy("mpc"), "policy: unknown 'mpc'; there are: nominal"),
+        ("beer", Policy("profil"), "policy: unknown 'profil'; there are: nominal, profile"),
+    ],
+)
+def test_a_controller_of_another_process_is_refused(model, controller, says):
+    with pytest.raises(ValueError, match=says):
+        run_episode(smpl.Env(model), controller, 0)
+
+
+class Short:
+    """Forgets an action."""
+
+    def reset(self, env):
+        pass
+
+    def action(self, env):
+        return [26.85]
+
+
+@pytest.mark.parametrize("given", [lambda env: [26.85, 0.1], Proportional, None, "pid"])
+def test_what_is_no_controller_is_refused(given):
+    with pytest.raises(TypeError, match="expected an object with reset"):
+        evaluate(smpl.Env("reactor"), given)
+
+
+def test_an_action_of_a_wrong_shape_is_refused():
+    with pytest.raises(ValueError, match=r"the controller's action has shape \(1,\), expected \(2,\)"):
+        run_episode(smpl.Env("reactor"), Short(), 0)
+
+
+def test_random_actions_belong_to_the_episode():
+    env, controller = smpl.Env("reactor", max_steps=5), Uniform()
+    first, second = (evaluate(env, controller, 3, seed=4) for _ in range(2))
+    for a, b in zip(first, second, strict=True):
+        np.testing.assert_array_equal(a.actions, b.actions)
+        np.testing.assert_array_equal(a.observations, b.observations)
+    assert not np.array_equal(first[0].actions, first[1].actions)
+    assert not np.array_equal(first[0].actions, run_episode(env, Uniform(1), 4).actions)
+    # Episodes that follow one another without a seed differ.
+    assert not np.array_equal(run_episode(env, controller).actions, run_episode(env, controller).actions)
+
+
+@pytest.mark.parametrize(
+    ("model", "controller", "name"), [("pensim", Nominal(), "nominal"), ("mab", Nominal(), "nominal"),
+                                      ("beer", Policy("profile"), "profile"), ("atropine", Policy("mpc"), "mpc"),
+                                      ("reactor", Nominal(), "nominal")]
+)  # fmt: skip
+def test_policies_are_those_of_the_command(model, controller, name, tmp_path, capfd):
+    """The command writes what it applied."""
+    out = tmp_path / "run.csv"
+    source = ROOT / "models" / f"{model}.eq"
+    command = ["simulate", str(source), "--policy", name, "--steps", "12", "--seed", "3", "--out", str(out)]
+    assert main(command) == 0
+    env = smpl.Env(model, normalize=False, max_steps=12)
+    episode = run_episode(env, controller, 3)
+    with out.open(newline="") as file:
+        table = list(csv.DictReader(file))
+    # Row k of the table is the state after k steps and the action that led to it.
+    expected = np.array([[float(row[name]) for name in env.action_names] for row in table[1 : episode.steps + 1]])
+    np.testing.assert_allclose(episode.actions, expected, rtol=1e-6, atol=1e-6)
+
+
+def test_the_profile_of_the_package_is_the_policy_of_the_model():
+    env = smpl.Env("beer")
+    env.reset(seed=0)
+    for _ in range(100):
+        np.testing.assert_allclose(env.policy("profile"), Profile().action(env))
+        env.step(np.zeros(1))
+
+
+def test_the_proportional_controller_earns_what_its_path_is_worth():
+    """The limited distance telescopes: the rewards of an episode are its end less its start, whatever lies between."""
+    for seed in (107, 0, 1):
+        env = smpl.Env("reactor", reward="setpoint_change")
+        env.reset(seed=seed)
+        distances, total, over = [], 0.0, False
+        while not over:
+            _, reward, terminated, truncated, info = env.step(env.from_physical(Proportional().action(env)))
+            over = terminated or truncated
+            if not terminated:
+                total += reward
+                distances.append(info["rewards"]["setpoint"])
+        # A start is at a distance of -1, or of less where a coordinate starts within 1e-4 of the set-point.
+        assert total == pytest.approx(distances[-1] + 1, abs=1e-9)
+        assert total <= 1
+
+
+def test_a_start_beside_the_set_point_does_not_pay():
+    """Cooled for ten steps and left alone for ten: this returned 2e10."""
+    returns = {}
+    for variants in ((), ("limited_change",)):
+        env = smpl.Env("reactor", normalize=False, reward="setpoint_change", variants=variants)
+        env.reset(options={"state": np.asarray(env.steady_state) * (1 + 1e-6)})
+        total = 0.0
+        for step in range(40):
+            action = [15.0, 0.1] if step < 10 else [26.85, 0.1]
+            _, reward, terminated, truncated, _ = env.step(action)
+            total += reward
+            if terminated or truncated:
+                break
+        returns[variants] = total
+    assert returns[()] <= 1 and returns[("limited_change",)] > 1e6

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import smpl
-from smpl.controllers import Proportional
+from smpl.controllers import Proportional, Uniform
 from smpl.datasets import d3rlpy_arrays, initial_grid, legacy_rows, to_d3rlpy, to_minari, transitions
 from smpl.evaluation import evaluate
 
@@ -62,6 +62,35 @@ def test_no_transition_of_a_truncated_episode_is_lost_for_d3rlpy(episodes):
 def test_d3rlpy_takes_the_export(episodes):
     pytest.importorskip("d3rlpy", reason="d3rlpy is not installed")
     assert to_d3rlpy(episodes).transition_count == sum(episode.steps for episode in episodes)
+
+
+def test_an_episode_is_replayed_bit_for_bit():
+    env = smpl.Env("reactor", max_steps=20)
+    for episode in [*evaluate(env, Uniform(), 2, seed=3), *evaluate(env, Proportional(), starts=[SET_POINT, HOT])]:
+        other = smpl.Env("reactor", max_steps=20)
+        observations = [other.reset(seed=episode.seed, options=episode.options)[0]]
+        # As stored: single precision, from a data set's rows.
+        actions = np.array(transitions([episode]).actions.astype(np.float32).tolist(), dtype=np.float32)
+        steps = [other.step(action) for action in actions]
+        observations += [step[0] for step in steps]
+        np.testing.assert_array_equal(np.stack(observations), episode.observations)
+        np.testing.assert_array_equal([step[1] for step in steps], episode.rewards)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ((SET_POINT, 0.3, 0), "points is 0, expected a positive integer"),
+        ((SET_POINT, 0.3, 2.5), r"points is 2\.5"),
+        ((SET_POINT, float("nan"), 2), "spread is nan"),
+        (([SET_POINT], 0.3, 2), r"centre has shape \(1, 3\)"),
+        (("abc", 0.3, 2), "centre is 'abc', expected numbers"),
+        ((SET_POINT, "x", 2), "spread is 'x', expected a number"),
+    ],
+)
+def test_a_grid_of_nothing_is_refused(arguments, says):
+    with pytest.raises(ValueError, match=says):
+        initial_grid(*arguments)
 
 
 def test_minari_takes_the_export(episodes, tmp_path, monkeypatch):

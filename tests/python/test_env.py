@@ -294,7 +294,10 @@ def test_the_full_observation_adds_the_states():
     assert set(env.state_names) <= set(env.observation_names)
 
 
-@pytest.mark.parametrize("arguments", [{"render_mode": "human"}, {"max_steps": 0}, {"max_steps": 1.5}])
+@pytest.mark.parametrize(
+    "arguments",
+    [{"render_mode": "human"}, {"max_steps": 0}, {"max_steps": 1.5}, {"max_steps": True}, {"max_steps": "3"}],
+)
 def test_a_wrong_argument_is_refused(arguments):
     with pytest.raises(ValueError, match=next(iter(arguments))):
         smpl.Env("reactor", **arguments)
@@ -306,3 +309,99 @@ def test_the_beer_batch_clock_is_observed():
     observation, *_ = env.step([13.0])
     assert observation[env.observation_names.index("elapsed")] == 1.0
     assert env.time == 1.0
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, "3", True, np.int64(-2)])
+def test_a_seed_that_is_none_is_refused_as_by_gymnasium(reactor, seed):
+    for kind in (gymnasium.error.Error, ValueError):
+        with pytest.raises(kind, match=r"seed is .*expected an integer"):
+            reactor.reset(seed=seed)
+    vector = smpl.VectorEnv("reactor", 2)
+    for given in (seed, [0, seed], [seed, None]):
+        with pytest.raises(gymnasium.error.Error, match=r"seed is .*expected an integer"):
+            vector.reset(seed=given)
+
+
+def test_seeds_of_any_length_are_told_apart(reactor):
+    seeds = [0, 1, 2**64 - 1, 2**64, 2**64 + 1, 2**70, 2**200]
+    starts = [reactor.reset(seed=seed)[0] for seed in seeds]
+    assert len({start.tobytes() for start in starts}) == len(seeds)
+    vector = smpl.VectorEnv("reactor", 3, normalize=False)
+    np.testing.assert_array_equal(vector.reset(seed=2**64 - 1)[0], starts[2:5])
+    np.testing.assert_array_equal(vector.reset(seed=[2**70, 1, None])[0][:2], [starts[5], starts[1]])
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"state": "abc"}, r"options\['state'\] is 'abc', expected numbers of shape \(3,\)"),
+        ({"state": {"h": "x"}}, r"options\['state'\]\['h'\] is 'x', expected a number"),
+        ({"state": {"h": [0.5]}}, r"options\['state'\]\['h'\] is \[0\.5\], expected a number"),
+        ({"parameters": {"U": None}}, r"options\['parameters'\]\['U'\] is None, expected a number"),
+        ({"parameters": {"r": 100}}, r"`r` is 100, outside of its declared range 0\.05\.\.5"),
+        ({"state": [[1.0]]}, r"shape \(1, 1\), expected \(3,\)"),
+    ],
+)
+def test_an_option_that_is_no_number_or_out_of_range_is_refused(reactor, options, says):
+    with pytest.raises(ValueError, match=says):
+        reactor.reset(seed=0, options=options)
+
+
+@pytest.mark.parametrize("action", ["a", None, [1.0], [[1.0, 2.0]], {"T_c": 1}, ["a", 0.1]])
+def test_an_action_that_is_none_is_refused(reactor, action):
+    reactor.reset(seed=0)
+    with pytest.raises(ValueError, match=r"action (is|has shape) .*expected"):
+        reactor.step(action)
+    assert reactor.steps == 0
+    vector = smpl.VectorEnv("reactor", 1)
+    vector.reset(seed=0)
+    with pytest.raises(ValueError, match=r"actions (is|has shape) .*expected"):
+        vector.step([action, action])
+
+
+@pytest.mark.parametrize(
+    "arguments", [{"num_envs": "3"}, {"num_envs": 0}, {"num_envs": 2.0}, {"num_envs": True}, {"num_threads": "2"}]
+)
+def test_a_wrong_number_of_environments_is_refused(arguments):
+    with pytest.raises(ValueError, match=f"{next(iter(arguments))} is .*expected a positive integer"):
+        smpl.VectorEnv("reactor", **arguments)
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [("Reactor", "did you mean 'reactor'"), ("MAbPlant", "did you mean 'mab_plant'"), ("reaktor", "'reactor'"),
+     ("smpl/Reactor-v0", "gymnasium.make"), ("zzz", "there are: atropine")],
+)  # fmt: skip
+def test_a_model_that_is_not_there_comes_with_a_hint(name, says):
+    with pytest.raises(FileNotFoundError, match=says):
+        smpl.Env(name)
+
+
+def test_files_of_the_working_folder_are_not_taken_for_shipped_models(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "reactor").write_text("nothing")
+    (tmp_path / "beer").mkdir()
+    (tmp_path / "mine").write_text((smpl._files.models_directory() / "reactor.eq").read_text())
+    assert gymnasium.make("smpl/Reactor-v0").unwrapped.model.name == "Reactor"
+    assert smpl.VectorEnv("beer", 1).model.name == "Beer"
+    assert smpl.compile("mine").name == "Reactor"
+    with pytest.raises(smpl.CompileError):
+        smpl.compile("./reactor")
+
+
+def test_a_parameter_in_an_equation_keeps_to_its_range(reactor_model):
+    y, u = [0.8, 50.0, 0.6], [26.85, 0.1]
+    with pytest.raises(ValueError, match="outside of its declared range"):
+        reactor_model.rhs(0.0, y, u, {"r": 100})
+    with pytest.raises(ValueError, match=r"p\['r'\] is 'x', expected a number"):
+        reactor_model.rhs(0.0, y, u, {"r": "x"})
+
+
+def test_solver_and_episode_are_set_by_name():
+    coarse = smpl.Env("reactor", settings={"rtol": 1e-4, "max_order": 2, "max_internal_steps": 500, "step": 0.2})
+    fine = smpl.Env("reactor", settings={"rtol": 1e-10})
+    for env in (coarse, fine):
+        env.reset(seed=0)
+        env.step(np.zeros(2))
+    assert coarse.time == 0.2 and fine.time == 0.1
+    assert coarse.solver_statistics["steps"] < fine.solver_statistics["steps"]

@@ -23,7 +23,7 @@ eq d/dt y = (a - 100*x) / (1 [s])
 observe x in -2..2
 reward r = x
 episode { step = 1e7 [s], max_steps = 3 }
-solver { max_steps = 4000000000 }
+solver { max_steps = 2000000000 }
 """
 LARGE = "\n".join(
     [

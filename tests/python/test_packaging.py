@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+tomllib = pytest.importorskip("tomllib", reason="Python 3.11 has tomllib")
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -44,3 +46,43 @@ def test_the_source_distribution_builds_without_the_checkout(archive):
 
 def test_licences_travel_with_the_source(archive):
     assert {"LICENSE-MIT", "LICENSE-APACHE", "THIRD_PARTY.md", "CITATION.cff", "CHANGELOG.md"} <= archive
+    assert {f"licenses/{name}.txt" for name in ("SUNDIALS", "SuiteSparse", "LGPL-2.1")} <= archive
+
+
+def project():
+    """The table `project` of `pyproject.toml`."""
+    return tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+
+def test_a_wheel_has_the_licence_texts_of_the_libraries_that_it_carries():
+    texts = "".join(path.read_text() for pattern in project()["license-files"] for path in ROOT.glob(pattern))
+    for phrase in (
+        "Lawrence Livermore National Security",  # SUNDIALS
+        "GNU LESSER GENERAL PUBLIC LICENSE",  # KLU and BTF
+        "KLU (by Timothy A. Davis",
+        "Patrick R. Amestoy",  # AMD
+        "COLAMD: Copyright",
+    ):
+        assert phrase in texts, phrase
+
+
+def test_links_of_the_page_of_a_package_index_are_whole():
+    """A package index shows the page without the repository around it."""
+    text = (ROOT / project()["readme"]).read_text()
+    links = re.findall(r"\]\(([^)]+)\)", re.sub(r"```.*?```", "", text, flags=re.S))
+    repository = project()["urls"]["Repository"]
+    assert len(links) > 5
+    for link in links:
+        found = re.fullmatch(re.escape(repository) + r"/(?:blob|tree)/main/(.+)", link)
+        assert found and (ROOT / found[1]).exists(), link
+
+
+def test_every_extra_is_of_use():
+    """Something in the package imports each optional package, by the name that it is imported by."""
+    sources = "".join(path.read_text() for path in ROOT.glob("python/smpl/**/*.py"))
+    # Minari stores data sets with h5py.
+    imported = {"stable-baselines3": "stable_baselines3", "h5py": "minari"}
+    for extra, requirements in project()["optional-dependencies"].items():
+        for name in (re.match(r"[\w-]+", requirement)[0] for requirement in requirements):
+            if extra != "dev":
+                assert re.search(rf"(?:from|import) {imported.get(name, name)}\b", sources), (extra, name)

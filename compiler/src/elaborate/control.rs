@@ -7,6 +7,7 @@ mod order;
 mod parameters;
 mod policies;
 mod ranges;
+mod rewards;
 mod settings;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
@@ -221,7 +222,9 @@ impl<'a> Elaborator<'a> {
             }
             let v = self.value(value, &place);
             let what = format!("the reward `{}`", name.text);
-            out.push(self.strictly_or_bare(v, &unit, value.span, &what, name.span));
+            let reward = self.strictly_or_bare(v, &unit, value.span, &what, name.span);
+            self.check_limits(&name.text, reward, value.span);
+            out.push(reward);
             let name = self.path_of(scope, name);
             self.model.interface.rewards.push(Reward { name, unit: unit.to_string(), text: text.clone().unwrap_or_default() });
         }

@@ -107,6 +107,7 @@ registry! {
     BAD_DATA "E0702-bad-data" "a data file with missing columns or cells that are no numbers"
     HIDDEN_BUILT_IN "W0201-hidden-built-in" "a declaration takes the place of a built-in name such as `n` or `e`"
     BARE_NUMBER "W0301-bare-number" "a number without a unit beside a percentage, an angle in degrees or the like"
+    ONE_SIDED_LIMIT "W0601-one-sided-limit" "a reward that limits a change over a step on one side only"
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl.envs import Env
-from smpl.model import FloatArray
+from smpl.model import FloatArray, as_count, as_vector, check_names
 
 
 @runtime_checkable
@@ -24,42 +24,80 @@ class Controller(Protocol):
 
 
 class Constant:
-    """The same action at every step."""
+    """The same action at every step.
 
-    def __init__(self, action: npt.ArrayLike) -> None:
+    Args:
+        action: one number an action, physical units.
+        actions: names of the actions that it is meant for; another environment is refused.
+    """
+
+    def __init__(self, action: npt.ArrayLike, actions: Iterable[str] | None = None) -> None:
         self._action = np.asarray(action, dtype=np.float64)
+        self._names = None if actions is None else tuple(actions)
 
     def reset(self, env: Env) -> None:
-        """Nothing to forget."""
+        """Nothing to forget.
+
+        Raises:
+            ValueError: the environment has other actions.
+        """
+        if self._names is not None:
+            require(env, "this constant", actions=self._names)
+        as_vector("action", self._action, len(env.action_names))
 
     def action(self, env: Env) -> FloatArray:
         """The constant action."""
         return self._action.copy()
 
 
+class Policy:
+    """A policy that the model declares, as `smpl simulate --policy NAME` runs it.
+
+    Args:
+        name: one of `env.model.policies`.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def reset(self, env: Env) -> None:
+        """Nothing to forget: a policy is a function of the state and the step.
+
+        Raises:
+            ValueError: the model declares no such policy.
+        """
+        check_names("policy", [self._name], env.model.policies)
+
+    def action(self, env: Env) -> FloatArray:
+        """What the policy chooses for the coming step."""
+        return env.policy(self._name)
+
+
 class Nominal:
-    """The nominal action of the model."""
+    """What `smpl simulate --policy nominal` runs: the model's policy `nominal`, else the nominal action."""
 
     def reset(self, env: Env) -> None:
         """Nothing to forget."""
 
     def action(self, env: Env) -> FloatArray:
-        """The declared defaults of the actions."""
-        return env.model.native.defaults("action")
+        """The action of the policy, or the declared defaults of the actions."""
+        return env.policy("nominal") if "nominal" in env.model.policies else env.model.native.defaults("action")
 
 
 class Uniform:
-    """Actions drawn uniformly from the action box.
+    """Actions drawn uniformly from the action box, equal in equal episodes.
 
     Args:
-        seed: of the generator, which goes on from episode to episode.
+        seed: tells controllers apart that meet the same episode; 0 if none.
     """
 
     def __init__(self, seed: int | None = None) -> None:
-        self._generator = np.random.default_rng(seed)
+        self._seed = as_count("seed", seed or 0, 0, "an integer that is not negative")
+        self._generator = np.random.default_rng(self._seed)
 
     def reset(self, env: Env) -> None:
-        """Nothing to forget."""
+        """Begin the random numbers of the environment's episode."""
+        self._generator = np.random.default_rng([self._seed, *env.episode])
 
     def action(self, env: Env) -> FloatArray:
         """A random action."""
@@ -75,8 +113,30 @@ class OpenLoop:
             raise ValueError("actions is empty, expected at least one action")
 
     def reset(self, env: Env) -> None:
-        """Nothing to forget: the step of the environment is the position."""
+        """Nothing to forget: the step of the environment is the position.
+
+        Raises:
+            ValueError: an action has a wrong shape.
+        """
+        for step, action in enumerate(self._actions):
+            as_vector(f"action {step}", action, len(env.action_names))
 
     def action(self, env: Env) -> FloatArray:
         """The action of the environment's step."""
         return self._actions[min(env.steps, len(self._actions) - 1)].copy()
+
+
+def require(env: Env, who: str, actions: Iterable[str] = (), states: Iterable[str] = ()) -> None:
+    """Refuse an environment that is not the one that a controller was made for.
+
+    Raises:
+        ValueError: its actions are others, or it has not these states.
+    """
+    wanted, needed = tuple(actions), tuple(states)
+    if env.action_names != wanted:
+        raise ValueError(
+            f"{who} is for the actions {', '.join(wanted)}; {env.model.name} has {', '.join(env.action_names)}"
+        )
+    missing = [name for name in needed if name not in env.state_names]
+    if missing:
+        raise ValueError(f"{who} looks at the states {', '.join(needed)}; {env.model.name} has no {', '.join(missing)}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from smpl.controllers.base import Constant
+from smpl.controllers.base import Constant, require
 from smpl.envs import Env
 from smpl.model import FloatArray
 
@@ -13,7 +13,12 @@ class Profile:
     """Industrial temperature profile: warm up, hold, warm up again, cool for settling. Tuned to 130 g/L of sugar."""
 
     def reset(self, env: Env) -> None:
-        """Nothing to forget: the profile is a function of the step."""
+        """Nothing to forget: the profile is a function of the step.
+
+        Raises:
+            ValueError: the environment is no beer fermentation.
+        """
+        require(env, "the temperature profile", actions=("T",), states=("S",))
 
     def action(self, env: Env) -> FloatArray:
         """Temperature of the coming hour."""
@@ -37,4 +42,4 @@ def profile_temperature(k: int) -> float:
 
 def isothermal(temperature: float = 13.0) -> Constant:
     """The same temperature in degC all along."""
-    return Constant([temperature])
+    return Constant([temperature], actions=("T",))

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from smpl.controllers.reactor import SET_POINT, STEADY_ACTION
+from smpl.controllers.base import require
+from smpl.controllers.reactor import ACTIONS, SET_POINT, STATES, STEADY_ACTION
 from smpl.envs import Env
 from smpl.model import FloatArray
 
@@ -64,7 +65,12 @@ class ReactorNMPC:
         self.failures = 0
 
     def reset(self, env: Env) -> None:
-        """Build the problem at the first call; forget the last solution."""
+        """Build the problem at the first call; forget the last solution.
+
+        Raises:
+            ValueError: the environment is no reactor.
+        """
+        require(env, "this predictive controller", ACTIONS, STATES)
         if self._solver is None:
             self._build(env)
         if not self._keep:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from smpl.controllers.base import require
 from smpl.envs import Env
 from smpl.model import FloatArray
 
 # Published set-point and steady action, in the declared units (c_A, T, h) and (T_c, q_out).
 SET_POINT = np.array([0.8778252, 51.34660837, 0.659])
 STEADY_ACTION = np.array([26.85, 0.1])
+STATES, ACTIONS = ("c_A", "T", "h"), ("T_c", "q_out")
 
 
 class Proportional:
@@ -27,7 +29,12 @@ class Proportional:
         self._gains = np.array([gain_concentration, gain_level])
 
     def reset(self, env: Env) -> None:
-        """Nothing to forget."""
+        """Nothing to forget.
+
+        Raises:
+            ValueError: the environment is no reactor.
+        """
+        require(env, "the proportional controller", ACTIONS, STATES)
 
     def action(self, env: Env) -> FloatArray:
         """The clipped proportional action."""
