@@ -103,6 +103,10 @@ registry! {
     BAD_SETTING "E0603-bad-setting" "an entry that `episode` or `solver` does not know, or with a value that it cannot take"
     BACK_END "E0604-back-end" "the equations are right, but no machine code could be made for them"
     BAD_SCENARIO "E0701-bad-scenario" "a scenario with a key, name or value that the model does not know"
+    START_OUTSIDE_BOUNDS "W0801-start-outside-bounds" "a state whose initial value lies outside of its declared bounds"
+    INCOMPLETE_STEADY "W0802-incomplete-steady" "a `steady` block that leaves actions at their nominal values without saying so"
+    NO_EPISODE "W0803-no-episode" "a model without an `episode` block: sampling interval and time limit are defaults"
+    UNUSED_PARAMETER "W0804-unused-parameter" "a parameter whose name stands nowhere but in its declaration"
 }
 
 #[cfg(test)]
