@@ -34,6 +34,19 @@ pub struct Header {
     pub target: String,
     /// [`fingerprint`] of what was compiled.
     pub fingerprint: [u8; blake3::OUT_LEN],
+    /// What was asked for beside the text.
+    pub circumstances: Circumstances,
+}
+
+/// What a compilation was asked for beside the model's text: what the compiled model is made for.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Circumstances {
+    /// Name and text of the scenario.
+    pub scenario: Option<(String, String)>,
+    /// Variants, `NAME` or `NAME=OPTION`.
+    pub variants: Vec<String>,
+    /// Parameters and settings by name, as a command line would write their values.
+    pub settings: Vec<(String, String)>,
 }
 
 /// Why bytes are no usable artefact.
@@ -97,8 +110,14 @@ pub fn fingerprint(texts: &[&str], options: &[u8]) -> [u8; blake3::OUT_LEN] {
 ///
 /// # Errors
 /// If the processor is unknown or the content cannot be encoded.
-pub fn write(model: &CompiledModel, fingerprint: [u8; blake3::OUT_LEN], key: &Key) -> Result<Vec<u8>, ArtefactError> {
-    let header = Header { format: FORMAT, compiler: env!("CARGO_PKG_VERSION").into(), target: target()?, fingerprint };
+pub fn write(
+    model: &CompiledModel,
+    fingerprint: [u8; blake3::OUT_LEN],
+    circumstances: &Circumstances,
+    key: &Key,
+) -> Result<Vec<u8>, ArtefactError> {
+    let (compiler, circumstances) = (env!("CARGO_PKG_VERSION").into(), circumstances.clone());
+    let header = Header { format: FORMAT, compiler, target: target()?, fingerprint, circumstances };
     let content = postcard::to_extend(&header, vec![])?;
     let content = postcard::to_extend(model.parts(), content)?;
     let mut bytes = MAGIC.to_vec();
@@ -166,8 +185,8 @@ impl CompiledModel {
     ///
     /// # Errors
     /// If there is no key and none can be made, or the content cannot be encoded.
-    pub fn to_bytes(&self, fingerprint: [u8; blake3::OUT_LEN]) -> Result<Vec<u8>, ArtefactError> {
-        write(self, fingerprint, &Key::of_user()?)
+    pub fn to_bytes(&self, fingerprint: [u8; blake3::OUT_LEN], circumstances: &Circumstances) -> Result<Vec<u8>, ArtefactError> {
+        write(self, fingerprint, circumstances, &Key::of_user()?)
     }
 
     /// A model from bytes that [`CompiledModel::to_bytes`] of this user made.

@@ -17,8 +17,10 @@ mod expression;
 mod functions;
 mod indices;
 mod items;
+mod lints;
 mod names;
 mod outputs;
+mod outside;
 mod phases;
 mod quantity;
 mod runs;
@@ -42,6 +44,7 @@ use quantity::{Measure, Value};
 
 pub use blocks::for_each_element;
 pub use equations::{Equation, EquationForm};
+pub(crate) use lints::unused_parameters;
 
 /// Most terms, elements and calls that are written out in one model.
 const MAX_WRITTEN_OUT: u32 = 1_000_000;
@@ -65,6 +68,8 @@ pub struct Options {
     pub overlay: Vec<syntax::Statement>,
     /// Overrides `max_steps`.
     pub max_steps: Option<u32>,
+    /// Look for what is allowed but hardly meant, too.
+    pub lints: bool,
 }
 
 /// Entries of `episode` and `solver` that are settings as well; `max_internal_steps` is `max_steps` of the solver.
@@ -78,6 +83,8 @@ pub enum Setting {
     Number(f64),
     /// An option of a choice.
     Text(String),
+    /// The elements of an array of parameters, in their order.
+    List(Vec<f64>),
 }
 
 /// Result of elaboration: the model before structure analysis, and its equations.
@@ -331,6 +338,9 @@ impl<'a> Elaborator<'a> {
         self.elaborate_equations();
         self.elaborate_control();
         self.check_unused();
+        if self.options.lints && !self.has_errors() {
+            self.lint();
+        }
     }
 
     fn finish(mut self) -> Result<Elaborated, Vec<Diagnostic>> {

@@ -27,10 +27,18 @@ pub fn flatten(
     loader: &mut Loader,
     options: &Options,
 ) -> Result<(Model, Vec<Diagnostic>), Vec<Diagnostic>> {
+    let before = sources.len();
     let (files, imports, mut faults) = parse_all(sources, main, loader);
     let broken = words_of(sources, &faults);
     match elaborate::elaborate(&files, &imports, options) {
-        Ok(elaborated) if faults.is_empty() => structure::analyse(elaborated),
+        Ok(elaborated) if faults.is_empty() => {
+            let (model, mut warnings) = structure::analyse(elaborated)?;
+            if options.lints {
+                let files: Vec<FileId> = [main].into_iter().chain((before..sources.len()).map(|i| FileId(i as u16))).collect();
+                warnings.extend(elaborate::unused_parameters(&model, sources, main, &files));
+            }
+            Ok((model, warnings))
+        }
         Ok(_) => Err(faults),
         Err(more) => {
             // What a faulty statement would have declared is not missing.

@@ -398,6 +398,13 @@ impl Default for Episode {
     }
 }
 
+impl Solver {
+    /// Relative tolerances that double precision can keep and that mean something.
+    pub const RTOL: std::ops::Range<f64> = 1e-15..1.0;
+    /// [`Self::RTOL`] in words.
+    pub const RTOL_TEXT: &str = "between 1e-15 and 1";
+}
+
 impl Default for Solver {
     fn default() -> Self {
         Solver { rtol: 1e-8, atol_factor: 0.01, safety: 1.0, max_order: 5, max_steps: 20_000, linear_solver: "auto".into() }
@@ -433,6 +440,14 @@ impl Quantity {
             None if labels.is_empty() => self.name.clone(),
             None => format!("{}[{joined}]", self.name),
         }
+    }
+
+    /// Whether a number is within bounds, but for rounding.
+    #[must_use]
+    pub fn admits(low: f64, high: f64, x: f64) -> bool {
+        let size = |bound: f64| if bound.is_finite() { bound.abs() } else { 0.0 };
+        let slack = 1e-12 * size(low).max(size(high));
+        x >= low - slack && x <= high + slack
     }
 
     /// One of `low`, `high`, `default`, `scale` at an element.

@@ -4,7 +4,7 @@ mod problems;
 
 use std::path::PathBuf;
 
-use smpl_compiler::artefact::{self, ArtefactError, Key};
+use smpl_compiler::artefact::{self, ArtefactError, Circumstances, Key};
 use smpl_compiler::compiled::{BackEndSettings, CompiledModel};
 use smpl_compiler::emit;
 
@@ -49,7 +49,7 @@ fn a_model_read_back_gives_the_same_bits() {
     let folder = Folder::new("same");
     let (model, key) = (model(), folder.key().expect("a new key"));
     let print = artefact::fingerprint(&["text"], b"options");
-    let bytes = artefact::write(&model, print, &key).expect("bytes");
+    let bytes = artefact::write(&model, print, &Circumstances::default(), &key).expect("bytes");
     assert_eq!(artefact::header(&bytes, &key).expect("a header").fingerprint, print);
     let again = artefact::read(&bytes, &folder.key().expect("the same key")).expect("a model");
     assert_eq!(residual(&model), residual(&again));
@@ -60,7 +60,7 @@ fn a_model_read_back_gives_the_same_bits() {
 fn any_changed_byte_is_refused() {
     let folder = Folder::new("changed");
     let key = folder.key().expect("a new key");
-    let bytes = artefact::write(&model(), [0; 32], &key).expect("bytes");
+    let bytes = artefact::write(&model(), [0; 32], &Circumstances::default(), &key).expect("bytes");
     for position in (0..bytes.len()).step_by(bytes.len() / 97 + 1) {
         let mut changed = bytes.clone();
         changed[position] ^= 1;
@@ -73,7 +73,7 @@ fn any_changed_byte_is_refused() {
 #[test]
 fn an_artefact_of_another_user_is_refused() {
     let (mine, other) = (Folder::new("mine"), Folder::new("other"));
-    let bytes = artefact::write(&model(), [0; 32], &other.key().expect("a key")).expect("bytes");
+    let bytes = artefact::write(&model(), [0; 32], &Circumstances::default(), &other.key().expect("a key")).expect("bytes");
     assert!(matches!(artefact::read(&bytes, &mine.key().expect("a key")), Err(ArtefactError::Seal)));
 }
 

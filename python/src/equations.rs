@@ -231,7 +231,7 @@ impl Equations {
             Some(found) => {
                 found.check(value).map_err(|e| PyValueError::new_err(e.to_string()))?;
                 if role == "parameter" {
-                    found.check_range(value).map_err(|e| PyValueError::new_err(e.to_string()))?;
+                    found.check_bounds(value).map_err(|e| PyValueError::new_err(e.to_string()))?;
                 }
                 Ok((found.at, value))
             }

@@ -109,32 +109,23 @@ pub struct StructuralParameter {
     pub value: f64,
 }
 
-/// A value outside of the range that the model declares.
+/// A parameter is given a value outside of its bounds.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("`{name}` is {value}, outside of its declared range {low}..{high}")]
-pub struct OutOfRange {
-    /// Name of the parameter.
+#[error("parameter `{name}` = {value} lies outside of its bounds {low}..{high}{unit}")]
+pub struct OutsideBounds {
+    /// Its name.
     pub name: String,
-    /// What was given.
+    /// The value.
     pub value: f64,
-    /// Lower end.
+    /// Lower bound.
     pub low: f64,
-    /// Upper end.
+    /// Upper bound.
     pub high: f64,
+    /// Unit, after a blank; empty where there is none.
+    pub unit: String,
 }
 
 impl Element {
-    /// Checks that a value is in the declared range, where there is one.
-    ///
-    /// # Errors
-    /// [`OutOfRange`] if it is not.
-    pub fn check_range(&self, value: f64) -> Result<(), OutOfRange> {
-        if value < self.low || value > self.high {
-            return Err(OutOfRange { name: self.name.clone(), value, low: self.low, high: self.high });
-        }
-        Ok(())
-    }
-
     /// Checks that a parameter may have a value.
     ///
     /// # Errors
@@ -144,6 +135,18 @@ impl Element {
             return Err(StructuralParameter { name: self.name.clone(), value: self.default });
         }
         Ok(())
+    }
+
+    /// Checks that a value lies within the bounds.
+    ///
+    /// # Errors
+    /// [`OutsideBounds`] if it does not.
+    pub fn check_bounds(&self, value: f64) -> Result<(), OutsideBounds> {
+        if Quantity::admits(self.low, self.high, value) {
+            return Ok(());
+        }
+        let unit = if self.unit == "1" { String::new() } else { format!(" {}", self.unit) };
+        Err(OutsideBounds { name: self.name.clone(), value, low: self.low, high: self.high, unit })
     }
 }
 
@@ -218,6 +221,22 @@ impl Catalogue {
 #[must_use]
 pub fn parameters(model: &CompiledModel) -> Family {
     region(model, &model.interface().parameters)
+}
+
+/// The elements of a parameter: of a whole array by its name, or one of them; none where there is no such parameter.
+#[must_use]
+pub fn elements_of<'f>(model: &CompiledModel, parameters: &'f Family, name: &str) -> &'f [Element] {
+    if let Some(at) = parameters.position(name) {
+        return &parameters.elements()[at..=at];
+    }
+    let mut first = 0;
+    for quantity in &model.interface().parameters {
+        if quantity.name == name {
+            return &parameters.elements()[first..first + quantity.len()];
+        }
+        first += quantity.len();
+    }
+    &[]
 }
 
 /// The disturbances alone, places in their region.

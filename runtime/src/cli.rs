@@ -115,6 +115,9 @@ impl ModelArguments {
     fn load_with(&self, file: &std::path::Path, texts: bool) -> Result<Loaded, Failed> {
         let loaded = load::load(file, &LoadOptions { texts, ..self.options() })?;
         report::print_diagnostics(&loaded.warnings, &loaded.sources);
+        if file.extension().is_some_and(|e| e == load::ARTEFACT_EXTENSION) && !loaded.made_for().is_empty() {
+            report::note(&format!("note: {} was compiled for {}\n", file.display(), loaded.made_for()));
+        }
         Ok(loaded)
     }
 }

@@ -69,6 +69,14 @@ pub enum StepError {
     /// Somebody wanted the step to stop, see [`crate::interrupt`].
     #[error("the step was interrupted")]
     Interrupted,
+    /// A recorded disturbance has no value for the step.
+    #[error("the recorded disturbance `{name}` ends after step {steps}: record one value a step, or say that the last one holds")]
+    RecordEnded {
+        /// Which one.
+        name: String,
+        /// How many values it has.
+        steps: usize,
+    },
     /// There is no running episode.
     #[error("the episode is over (or has not begun): call reset first")]
     EpisodeOver,
@@ -106,6 +114,17 @@ struct Progress {
     action_excess: f64,
 }
 
+/// A recorded disturbance in place of a drawn one.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Replay {
+    /// Place in the region.
+    at: usize,
+    /// One value a step.
+    values: Vec<f64>,
+    /// The last value holds where the record has ended.
+    holds: bool,
+}
+
 /// One instance of an environment.
 pub struct Environment {
     setup: Arc<Setup>,
@@ -113,8 +132,8 @@ pub struct Environment {
     integrator: Box<dyn Integrator>,
     progress: Progress,
     sensors: Sensors,
-    /// Disturbances that replace drawn ones: place in the region and the values of the steps.
-    replay: Vec<(usize, Vec<f64>)>,
+    /// Disturbances that replace drawn ones.
+    replay: Vec<Replay>,
     /// Output of the `finish` program.
     finish: Vec<f64>,
     scratch: Vec<f64>,
@@ -224,10 +243,26 @@ impl Environment {
             return Err(StepError::NotANumber { name: actions[at].name.clone() });
         }
         match self.progress.phase {
-            Phase::Running => Ok(()),
-            Phase::Over if self.keep_going => Ok(()),
-            _ => Err(StepError::EpisodeOver),
+            Phase::Running => {}
+            Phase::Over if self.keep_going => {}
+            _ => return Err(StepError::EpisodeOver),
         }
+        match self.replay.iter().find(|replay| !replay.holds && self.progress.steps as usize >= replay.values.len()) {
+            Some(ended) => Err(StepError::RecordEnded { name: self.name_of_disturbance(ended.at), steps: ended.values.len() }),
+            None => Ok(()),
+        }
+    }
+
+    fn name_of_disturbance(&self, at: usize) -> String {
+        let mut disturbances = self.setup.catalogue.disturbances.elements().iter();
+        disturbances.find(|element| element.at == at).map_or_else(String::new, |element| element.name.clone())
+    }
+
+    /// Recorded disturbances that have ended and hold their last value, with the number of their values; a single value holds throughout.
+    #[must_use]
+    pub fn ended_records(&self) -> Vec<(String, usize)> {
+        let ended = |replay: &&Replay| replay.values.len() > 1 && replay.values.len() < self.progress.steps as usize;
+        self.replay.iter().filter(ended).map(|replay| (self.name_of_disturbance(replay.at), replay.values.len())).collect()
     }
 
     /// Largest excess of an action over its box, relative to its range; 0 within the slack.

@@ -4,14 +4,15 @@
 //! its environments come out. A compiled model written by `smpl compile` is read as it is; it takes parameters, but no variants.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use smpl_compiler::artefact::{self, Circumstances, Header};
 use smpl_compiler::compiled::{BackEndSettings, CompiledModel};
-use smpl_compiler::elaborate::{Options, Setting};
+use smpl_compiler::elaborate::{ENTRY_SETTINGS, Options, Setting};
 use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes, suggest};
 use smpl_dsl::span::{FileId, Span};
+use smpl_dsl::syntax::{Statement, StatementKind};
 
 use crate::catalogue::{self, Family};
 use crate::files;
@@ -39,6 +40,8 @@ pub struct LoadOptions {
     pub observation: Option<String>,
     /// Keep intermediate text and assembly.
     pub texts: bool,
+    /// Look for what is allowed but hardly meant, too.
+    pub lints: bool,
 }
 
 /// A model ready to run.
@@ -51,6 +54,21 @@ pub struct Loaded {
     pub sources: Arc<SourceMap>,
     /// Warnings of the compilation.
     pub warnings: Vec<Diagnostic>,
+    /// Hash of the texts, that of the scenario included: what a compiled model belongs to.
+    pub fingerprint: [u8; 32],
+    /// What the model is compiled for.
+    pub circumstances: Circumstances,
+}
+
+impl Loaded {
+    /// What of a compiled model is other than its text says, in words; empty where it is as it stands in the text.
+    #[must_use]
+    pub fn made_for(&self) -> String {
+        let Circumstances { scenario, variants, settings } = &self.circumstances;
+        let scenario = scenario.iter().map(|(name, _)| format!("scenario {name}"));
+        let settings = settings.iter().map(|(name, value)| format!("{name} = {value}"));
+        scenario.chain(variants.iter().map(|v| format!("variant {v}"))).chain(settings).collect::<Vec<_>>().join(", ")
+    }
 }
 
 /// Why a model cannot be loaded.
@@ -109,7 +127,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
     let text = String::from_utf8(bytes).map_err(|error| LoadError::Read {
         path: path.to_owned(),
         kind: std::io::ErrorKind::InvalidData,
-        message: format!("not UTF-8 at byte {}", error.utf8_error().valid_up_to()),
+        message: files::not_utf8(error.as_bytes()),
         advice: String::new(),
     })?;
     load_text(path, text, options)
@@ -129,26 +147,68 @@ pub fn load_text(path: &Path, text: String, options: &LoadOptions) -> Result<Loa
             return Err(LoadError::Diagnostics { sources: Arc::new(sources), diagnostics: vec![*d] });
         }
     };
+    let settings = settings_as_text(&mut sources, options);
     match front_end(&mut sources, main, &scenario, options) {
-        Ok((model, warnings)) => finish(model, warnings, sources, &scenario, options),
+        Ok((model, warnings, imports)) => {
+            let texts = [main].into_iter().chain(imports).filter_map(|id| Some(sources.file(id)?.text()));
+            let print = fingerprint(texts, scenario_text(&scenario, &sources));
+            let circumstances = circumstances(&scenario, &sources, options);
+            let loaded = finish(model, sources, &scenario, &options.settings, options)?;
+            Ok(Loaded { warnings, fingerprint: print, circumstances, ..loaded })
+        }
         Err(mut diagnostics) => {
-            place_scenario_faults(&mut diagnostics, &scenario, &sources);
+            place_scenario_faults(&mut diagnostics, &scenario, &sources, settings);
             Err(LoadError::Diagnostics { sources: Arc::new(sources), diagnostics })
         }
     }
 }
 
-/// The front end knows names and values of a scenario, but not where they stand: each fault is moved to the name in the scenario's file,
-/// if it is from there, and said once.
-fn place_scenario_faults(diagnostics: &mut Vec<Diagnostic>, scenario: &Scenario, sources: &SourceMap) {
+/// Variants and settings of the call as a text of their own, for messages that point into it.
+fn settings_as_text(sources: &mut SourceMap, options: &LoadOptions) -> Option<FileId> {
+    let variants = options.variants.iter().map(|v| format!("{v}\n"));
+    let settings = options.settings.iter().map(|(name, value)| format!("{name}={value}\n"));
+    let text: String = variants.chain(settings).collect();
+    (!text.is_empty()).then(|| sources.add("settings", text))
+}
+
+fn scenario_text<'s>(scenario: &Scenario, sources: &'s SourceMap) -> &'s str {
+    scenario.file.and_then(|file| sources.file(file)).map_or("", |file| file.text())
+}
+
+fn circumstances(scenario: &Scenario, sources: &SourceMap, options: &LoadOptions) -> Circumstances {
+    let name = options.scenario.clone().filter(|_| scenario.file.is_some());
+    Circumstances {
+        scenario: name.map(|name| (name, scenario_text(scenario, sources).to_owned())),
+        variants: options.variants.iter().map(Variant::to_string).collect(),
+        settings: options.settings.iter().map(|(name, value)| (name.clone(), value.to_string())).collect(),
+    }
+}
+
+/// The front end knows names and values of a scenario and of settings, but not where they stand: each fault is moved to the name in the
+/// scenario's file or in the settings, and said once.
+fn place_scenario_faults(diagnostics: &mut Vec<Diagnostic>, scenario: &Scenario, sources: &SourceMap, settings: Option<FileId>) {
     let mut said = BTreeSet::new();
     diagnostics.retain(|d| d.code != codes::BAD_SCENARIO || said.insert(d.message.clone()));
-    for diagnostic in diagnostics.iter_mut().filter(|d| d.code == codes::BAD_SCENARIO) {
-        let names = diagnostic.message.split('`').skip(1).step_by(2);
-        if let Some(span) = names.filter_map(|name| scenario.place_of(sources, name)).next() {
+    for diagnostic in diagnostics.iter_mut().filter(|d| d.code == codes::BAD_SCENARIO && d.primary.span == Span::default()) {
+        let names: Vec<&str> = diagnostic.message.split('`').skip(1).step_by(2).collect();
+        let line = |name: &&str| settings.and_then(|file| setting_line(sources, file, name));
+        let place = names.iter().find_map(line).or_else(|| names.iter().find_map(|name| scenario.place_of(sources, name)));
+        if let Some(span) = place {
             diagnostic.primary.span = span;
         }
     }
+}
+
+/// The line of the settings that a name begins.
+fn setting_line(sources: &SourceMap, file: FileId, name: &str) -> Option<Span> {
+    let mut start = 0;
+    for line in sources.file(file)?.text().lines() {
+        if line.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('=')) {
+            return Some(Span { file, start, end: start + line.len() as u32 });
+        }
+        start += line.len() as u32 + 1;
+    }
+    None
 }
 
 /// Compiles a text with everything that the scenario and the options say about it.
@@ -157,15 +217,17 @@ fn front_end(
     main: FileId,
     scenario: &Scenario,
     options: &LoadOptions,
-) -> Result<(CompiledModel, Vec<Diagnostic>), Vec<Diagnostic>> {
+) -> Result<(CompiledModel, Vec<Diagnostic>, Vec<FileId>), Vec<Diagnostic>> {
     let folder = Path::new(sources.name(main)).parent().map(Path::to_owned).unwrap_or_default();
     let asked = compile_options(sources, scenario, options)?;
     let mut loader = |path: &str| import(&folder, path);
+    let before = sources.len();
     let (model, warnings) = smpl_compiler::front::flatten(sources, main, &mut loader, &asked)?;
+    let imports = (before..sources.len()).map(|i| FileId(i as u16)).collect();
     let settings = BackEndSettings { texts: options.texts, ..BackEndSettings::default() };
     let built = CompiledModel::build(model, &settings);
     let whole = Span { file: main, start: 0, end: 0 };
-    built.map(|model| (model, warnings)).map_err(|e| vec![Diagnostic::error(codes::BACK_END, e.to_string(), whole)])
+    built.map(|model| (model, warnings, imports)).map_err(|e| vec![Diagnostic::error(codes::BACK_END, e.to_string(), whole)])
 }
 
 /// The text that `use "path"` means: a file beside the model or in the library (`SMPL_LIBRARY`), never outside them.
@@ -192,72 +254,137 @@ fn compile_options(sources: &mut SourceMap, scenario: &Scenario, options: &LoadO
     for (name, cells) in &scenario.grid {
         out.settings.insert(name.clone(), Setting::Number(f64::from(*cells)));
     }
-    for (name, value) in scenario.parameters.iter().chain(&scenario.settings).chain(&options.settings) {
-        let setting = match value.number() {
-            Some(number) if !number.is_finite() => {
-                let message = format!("`{name}` takes a finite number, not `{number}`");
-                return Err(vec![Diagnostic::error(codes::BAD_SCENARIO, message, Span::default())]);
-            }
-            Some(number) => Setting::Number(number),
-            None => Setting::Text(value.to_string()),
-        };
-        out.settings.insert(name.clone(), setting);
+    for layer in [&scenario.parameters, &scenario.settings, &options.settings] {
+        // A later whole array hides the elements of an earlier layer.
+        let element = |known: &str| known.split_once('[').is_some_and(|(array, _)| layer.contains_key(array));
+        out.settings.retain(|known, _| !element(known));
+        for (name, value) in layer {
+            out.settings.insert(name.clone(), setting(name, value)?);
+        }
     }
-    // Distributions of a scenario are statements of the language.
-    let mut text = String::new();
     for (name, value) in &scenario.initial {
         match value.number() {
             Some(number) => {
                 out.initial.insert(name.clone(), number);
             }
-            None => text.push_str(&format!("initial {name} ~ {value}\n")),
+            None => out.overlay.push(distribution(sources, scenario, name, value).map_err(|d| vec![*d])?),
         }
     }
-    if !text.is_empty() {
-        let file = sources.add("initial of the scenario", text.clone());
-        let parsed = smpl_dsl::parse(&text, file);
-        if parsed.diagnostics.iter().any(Diagnostic::is_error) {
-            return Err(parsed.diagnostics);
-        }
-        out.overlay = parsed.file.statements;
-    }
+    out.lints = options.lints;
     Ok(out)
 }
 
-/// Hash of all texts of a compilation but those of scenarios: what a compiled model belongs to.
-#[must_use]
-pub fn fingerprint(sources: &SourceMap) -> [u8; 32] {
-    let of_model = |id: &FileId| Path::new(sources.name(*id)).extension().is_some_and(|e| e == "eq");
-    let mut texts: Vec<&str> =
-        (0..sources.len()).map(|i| FileId(i as u16)).filter(of_model).filter_map(|id| Some(sources.file(id)?.text())).collect();
-    texts.sort_unstable();
-    smpl_compiler::artefact::fingerprint(&texts, &[])
+fn setting(name: &str, value: &Value) -> Result<Setting, Vec<Diagnostic>> {
+    if let Some(number) = value.numbers().iter().find(|x| !x.is_finite()) {
+        let message = format!("`{name}` takes a finite number, not `{number}`");
+        return Err(vec![Diagnostic::error(codes::BAD_SCENARIO, message, Span::default())]);
+    }
+    Ok(match value {
+        Value::Number(number) => Setting::Number(*number),
+        Value::List(list) => Setting::List(list.clone()),
+        Value::Flag(_) | Value::Text(_) => Setting::Text(value.to_string()),
+    })
 }
 
-/// Refuses a compiled model whose source beside it has changed since.
-fn check_source(path: &Path, bytes: &[u8]) -> Result<(), LoadError> {
+/// A distribution of a scenario is one expression of the language, which stands in a statement of our own and brings no other.
+fn distribution(sources: &mut SourceMap, scenario: &Scenario, name: &str, value: &Value) -> Result<Statement, Box<Diagnostic>> {
+    let text = format!("initial {name} ~ {value}");
+    let file = sources.add("initial of the scenario", text.clone());
+    let parsed = smpl_dsl::parse(&text, file);
+    let alone = |kind: &StatementKind| matches!(kind, StatementKind::Initial { clip: None, binders, .. } if binders.is_empty());
+    let fault = parsed.diagnostics.into_iter().find(Diagnostic::is_error).map(|d| d.message);
+    match (fault, <[Statement; 1]>::try_from(parsed.file.statements)) {
+        (None, Ok([statement])) if alone(&statement.kind) && !text.contains(['\n', '{', '#']) => Ok(statement),
+        (fault, _) => {
+            let why = fault.map(|fault| format!(": {fault}")).unwrap_or_default();
+            let message = format!("the initial value of `{name}` must be a number or one expression such as `uniform(0.5, 1)`{why}");
+            Err(Box::new(Diagnostic::error(codes::BAD_SCENARIO, message, scenario.place_under(sources, "initial", name))))
+        }
+    }
+}
+
+/// Hash of the texts of a model and of its scenario.
+fn fingerprint<'t>(texts: impl Iterator<Item = &'t str>, scenario: &str) -> [u8; 32] {
+    let mut texts: Vec<&str> = texts.collect();
+    texts.sort_unstable();
+    artefact::fingerprint(&texts, scenario.as_bytes())
+}
+
+/// Refuses a compiled model whose source or scenario beside it has changed since, or cannot be looked at.
+fn check_source(path: &Path, header: &Header) -> Result<(), LoadError> {
     let source = path.with_extension("eq");
-    let Ok(text) = fs::read_to_string(&source) else { return Ok(()) };
-    let stale = |message: String| LoadError::Artefact { path: path.to_owned(), message };
+    let refuse = |message: String| LoadError::Artefact { path: path.to_owned(), message };
+    let look = |file: &Path| match files::read_text(file) {
+        Ok(text) => Ok(Some(text)),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(error) => {
+            let message = format!("whether it belongs to {} cannot be told, which cannot be read: {}", file.display(), plain(&error));
+            Err(refuse(message))
+        }
+    };
+    let Some(text) = look(&source)? else { return Ok(()) };
+    let scenario = match &header.circumstances.scenario {
+        Some((name, text)) => look(&scenario::find_file(&source, name))?.unwrap_or_else(|| text.clone()),
+        None => String::new(),
+    };
     let mut sources = SourceMap::new();
     let main = sources.add(source.display().to_string(), text);
     let folder = source.parent().map(Path::to_owned).unwrap_or_default();
     smpl_compiler::front::read(&mut sources, main, &mut |name| import(&folder, name));
-    let header = smpl_compiler::artefact::header_of_user(bytes).map_err(|error| stale(error.to_string()))?;
-    if header.fingerprint == fingerprint(&sources) {
+    let texts = (0..sources.len()).filter_map(|i| Some(sources.file(FileId(i as u16))?.text()));
+    if header.fingerprint == fingerprint(texts, &scenario) {
         return Ok(());
     }
-    Err(stale(format!("{} has changed since; run `smpl compile` again", source.display())))
+    let what = if header.circumstances.scenario.is_some() { " or its scenario" } else { "" };
+    Err(refuse(format!("{}{what} has changed since; run `smpl compile` again", source.display())))
 }
 
 fn load_artefact(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded, LoadError> {
     let refuse = |message: String| LoadError::Artefact { path: path.to_owned(), message };
     let model = CompiledModel::from_bytes(bytes).map_err(|error| refuse(error.to_string()))?;
-    check_source(path, bytes)?;
-    if !options.variants.is_empty() || options.scenario.as_deref().is_some_and(|s| s != "default") {
-        return Err(refuse("a compiled model takes neither scenario nor variants: give the `.eq` file".into()));
+    let header = artefact::header_of_user(bytes).map_err(|error| refuse(error.to_string()))?;
+    check_source(path, &header)?;
+    same_circumstances(&header.circumstances, options).map_err(refuse)?;
+    let mut sources = SourceMap::new();
+    let scenario = match &header.circumstances.scenario {
+        None => Scenario::default(),
+        Some((name, text)) => {
+            let file = sources.add(name.clone(), text.clone());
+            Scenario::parse(&sources, file).map_err(|d| refuse(d.message))?
+        }
+    };
+    let parameters = catalogue::parameters(&model);
+    for name in options.settings.keys() {
+        if catalogue::elements_of(&model, &parameters, name).is_empty() {
+            return Err(LoadError::Setting { message: unknown_setting(&model, &parameters, name) });
+        }
     }
-    finish(model, Vec::new(), SourceMap::new(), &Scenario::default(), options)
+    let mut settings: BTreeMap<String, Value> =
+        header.circumstances.settings.iter().map(|(name, value)| (name.clone(), Value::parse(value))).collect();
+    settings.extend(options.settings.clone());
+    let loaded = finish(model, sources, &scenario, &settings, options)?;
+    Ok(Loaded { fingerprint: header.fingerprint, circumstances: header.circumstances, ..loaded })
+}
+
+/// A compiled model runs under what it was compiled for, which has to be named again.
+fn same_circumstances(made_for: &Circumstances, options: &LoadOptions) -> Result<(), String> {
+    let asked = options.scenario.as_deref().filter(|name| *name != "default");
+    let variants: Vec<String> = options.variants.iter().map(Variant::to_string).collect();
+    let made = made_for.scenario.as_ref().map(|(name, _)| name.as_str());
+    let named = |what: &str, names: &[String]| match names {
+        [] => format!("no {what}"),
+        names => format!("{what} {}", names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")),
+    };
+    let list = |name: Option<&str>| name.map(str::to_owned).into_iter().collect::<Vec<String>>();
+    if asked != made {
+        let (made, asked) = (named("scenario", &list(made)), named("scenario", &list(asked)));
+        return Err(format!("a compiled model takes neither scenario nor variants but its own: it was compiled for {made}, asked for is {asked}"));
+    }
+    if variants != made_for.variants {
+        let (made, asked) = (named("variant", &made_for.variants), named("variant", &variants));
+        return Err(format!("a compiled model takes neither scenario nor variants but its own: it was compiled for {made}, asked for is {asked}"));
+    }
+    Ok(())
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, LoadError> {
@@ -303,7 +430,7 @@ fn load_scenario(model: &Path, options: &LoadOptions, sources: &mut SourceMap) -
         return Ok(Scenario::default());
     };
     let path = scenario::find_file(model, name);
-    let text = fs::read_to_string(&path).map_err(|error| {
+    let bytes = files::read(&path).map_err(|error| {
         let known = scenario::beside(model);
         let guess = suggest(name, known.iter().map(String::as_str)).map(|n| format!("did you mean `{n}`? "));
         let advice = format!("; {}scenarios of this model: {}", guess.unwrap_or_default(), known.join(", "));
@@ -314,19 +441,30 @@ fn load_scenario(model: &Path, options: &LoadOptions, sources: &mut SourceMap) -
             advice,
         })
     })?;
-    let file = sources.add(path.display().to_string(), text);
-    Scenario::parse(sources, file).map_err(ScenarioFault::Diagnostic)
+    let valid = std::str::from_utf8(&bytes).map_err(|error| error.valid_up_to());
+    let file = sources.add(path.display().to_string(), String::from_utf8_lossy(&bytes));
+    match valid {
+        Ok(_) => Scenario::parse(sources, file).map_err(ScenarioFault::Diagnostic),
+        Err(at) => {
+            let span = Span { file, start: at as u32, end: (at + '\u{fffd}'.len_utf8()) as u32 };
+            let fault = Diagnostic::error(codes::BAD_SCENARIO, "the file is not UTF-8", span).label("this byte begins no character");
+            Err(ScenarioFault::Diagnostic(Box::new(fault.help("save the file in UTF-8"))))
+        }
+    }
 }
 
 /// Options of the environments: what of scenario and settings is not in the compiled model.
 fn finish(
     model: CompiledModel,
-    warnings: Vec<Diagnostic>,
     sources: SourceMap,
     scenario: &Scenario,
+    settings: &BTreeMap<String, Value>,
     options: &LoadOptions,
 ) -> Result<Loaded, LoadError> {
-    let parameters = catalogue::parameters(&model);
+    let faults = names_of_scenario(scenario, &model, &sources);
+    if !faults.is_empty() {
+        return Err(LoadError::Diagnostics { sources: Arc::new(sources), diagnostics: faults });
+    }
     let mut environment = EnvironmentOptions {
         reward: options.reward.clone().or_else(|| scenario.reward.clone()),
         max_steps: scenario.max_steps,
@@ -335,31 +473,71 @@ fn finish(
         max_order: scenario.solver.max_order,
         solver_steps: scenario.solver.max_steps,
         linear_solver: scenario.solver.linear_solver.clone(),
+        parameters: given_parameters(&model, [&scenario.parameters, &scenario.settings, settings])?,
         ..EnvironmentOptions::default()
     };
-    for (name, value) in scenario.parameters.iter().chain(&options.settings) {
-        match (parameters.find(name), value.number()) {
-            (Some(_), Some(number)) => {
-                environment.parameters.insert(name.clone(), number);
-            }
-            (Some(element), None) if options.settings.contains_key(name) => {
-                let message = format!("parameter `{name}` must be a number (in {}), not `{value}`", element.unit);
-                return Err(LoadError::Setting { message });
-            }
-            _ => {}
-        }
-    }
     environment.disturbances = recorded(scenario, &model);
+    environment.held = held(scenario);
     environment.noise = match &scenario.noise {
         None | Some(Noise::Switch(true)) => BTreeMap::new(),
         Some(Noise::Switch(false)) => model.interface().observations.iter().map(|o| (o.name.clone(), 0.0)).collect(),
         Some(Noise::Deviations(deviations)) => deviations.clone(),
     };
-    let known = |name: &str| knows_setting(&model, &parameters, name);
-    if let Some(name) = options.settings.keys().find(|name| !known(name)) {
-        return Err(LoadError::Setting { message: unknown_setting(&model, &parameters, name) });
+    Ok(Loaded {
+        model: Arc::new(model),
+        options: environment,
+        sources: Arc::new(sources),
+        warnings: Vec::new(),
+        fingerprint: [0; 32],
+        circumstances: Circumstances::default(),
+    })
+}
+
+/// Values of parameters, element by element; later layers win.
+fn given_parameters(model: &CompiledModel, layers: [&BTreeMap<String, Value>; 3]) -> Result<BTreeMap<String, f64>, LoadError> {
+    let parameters = catalogue::parameters(model);
+    let mut given = BTreeMap::new();
+    for (name, value) in layers.into_iter().flatten() {
+        let elements = catalogue::elements_of(model, &parameters, name);
+        let wrong = |expected: String| LoadError::Setting { message: format!("parameter `{name}` must be {expected}, not `{value}`") };
+        match (elements, value) {
+            ([], _) => {}
+            (elements, Value::Number(x)) => given.extend(elements.iter().map(|e| (e.name.clone(), *x))),
+            (elements, Value::List(list)) if list.len() == elements.len() => {
+                given.extend(elements.iter().zip(list).map(|(e, x)| (e.name.clone(), *x)));
+            }
+            (elements, Value::List(_)) => return Err(wrong(format!("a list of {}", elements.len()))),
+            ([element, ..], _) => return Err(wrong(format!("a number (in {})", element.unit))),
+        }
     }
-    Ok(Loaded { model: Arc::new(model), options: environment, sources: Arc::new(sources), warnings })
+    Ok(given)
+}
+
+/// Names of noise and disturbances that the model does not have, at their places.
+fn names_of_scenario(scenario: &Scenario, model: &CompiledModel, sources: &SourceMap) -> Vec<Diagnostic> {
+    let mut faults = Vec::new();
+    let mut compare = |key: &str, kind, given: Vec<&String>, known: Vec<&str>| {
+        for name in given.into_iter().filter(|name| !known.contains(&name.as_str())) {
+            let message = crate::catalogue::UnknownName::new(kind, name, known.iter().copied()).to_string();
+            faults.push(Diagnostic::error(codes::BAD_SCENARIO, message, scenario.place_under(sources, key, name)));
+        }
+    };
+    if let Some(Noise::Deviations(deviations)) = &scenario.noise {
+        let known = model.interface().observations.iter().map(|o| o.name.as_str()).collect();
+        compare("noise", "observation", deviations.keys().collect(), known);
+    }
+    if let Some(Disturbances::Values(values)) = &scenario.disturbances {
+        let elements = catalogue::disturbances(model);
+        compare("disturbances", "disturbance", values.keys().collect(), elements.names().collect());
+    }
+    faults
+}
+
+/// Recorded disturbances whose last value is to hold.
+fn held(scenario: &Scenario) -> BTreeSet<String> {
+    let Some(Disturbances::Values(values)) = &scenario.disturbances else { return BTreeSet::new() };
+    let holds = |recorded: &Recorded| matches!(recorded, Recorded::Sequence { hold: true, .. } | Recorded::Constant(_));
+    values.iter().filter(|(_, recorded)| holds(recorded)).map(|(name, _)| name.clone()).collect()
 }
 
 fn recorded(scenario: &Scenario, model: &CompiledModel) -> BTreeMap<String, Vec<f64>> {
@@ -373,23 +551,20 @@ fn recorded(scenario: &Scenario, model: &CompiledModel) -> BTreeMap<String, Vec<
             .iter()
             .map(|(name, recorded)| match recorded {
                 Recorded::Constant(x) => (name.clone(), vec![*x]),
-                Recorded::Sequence(xs) => (name.clone(), xs.clone()),
+                Recorded::Sequence { values, .. } => (name.clone(), values.clone()),
             })
             .collect(),
     }
 }
 
-/// Whether the compiled model has a parameter, choice or variant of that name. Names of grids were settled by the front end.
-fn knows_setting(model: &CompiledModel, parameters: &Family, name: &str) -> bool {
-    let interface = model.interface();
-    parameters.find(name).is_some()
-        || smpl_compiler::elaborate::ENTRY_SETTINGS.contains(&name)
-        || interface.choices.iter().any(|(n, ..)| n == name)
-        || interface.variants.iter().any(|(n, _)| n == name)
-}
-
+/// A compiled model takes parameters alone: all else is decided.
 fn unknown_setting(model: &CompiledModel, parameters: &Family, name: &str) -> String {
     let interface = model.interface();
-    let choices = interface.choices.iter().map(|(n, ..)| n.as_str());
-    crate::catalogue::UnknownName::new("setting", name, choices.chain(parameters.names())).to_string()
+    let decided = ENTRY_SETTINGS.contains(&name)
+        || interface.choices.iter().any(|(n, ..)| n == name)
+        || interface.variants.iter().any(|(n, _)| n == name);
+    if decided {
+        return format!("a compiled model takes parameters: `{name}` is set where it is compiled");
+    }
+    crate::catalogue::UnknownName::new("parameter", name, parameters.names()).to_string()
 }

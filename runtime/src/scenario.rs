@@ -3,16 +3,20 @@
 //! A scenario `legacy` of `models/reactor.eq` is `models/reactor.legacy.yaml`. Names inside are checked against the model after it is compiled;
 //! keys of the scenario itself are checked here, with their place in the file.
 
+mod values;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
+use smpl_compiler::model::Solver;
 use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes, did_you_mean};
 use smpl_dsl::span::{FileId, Span};
 
+use values::Entries;
+
 /// A value of a setting, a parameter or an initial value.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(untagged)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Value {
     /// `true` or `false`.
     Flag(bool),
@@ -20,12 +24,19 @@ pub enum Value {
     Number(f64),
     /// A name of a choice, or an expression of the language.
     Text(String),
+    /// The elements of an array, in their order.
+    List(Vec<f64>),
 }
 
 impl Value {
-    /// What a command line means: a number, a flag, otherwise text.
+    /// What a command line means: a number, a flag, `[1, 2]`, otherwise text.
     #[must_use]
     pub fn parse(text: &str) -> Self {
+        let list = text.strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
+        let numbers = list.and_then(|list| list.split(',').map(|x| x.trim().parse().ok()).collect());
+        if let Some(numbers) = numbers {
+            return Value::List(numbers);
+        }
         match (text, text.parse::<f64>()) {
             ("true", _) => Value::Flag(true),
             ("false", _) => Value::Flag(false),
@@ -42,6 +53,16 @@ impl Value {
             _ => None,
         }
     }
+
+    /// All numbers in it.
+    #[must_use]
+    pub fn numbers(&self) -> &[f64] {
+        match self {
+            Value::Number(x) => std::slice::from_ref(x),
+            Value::List(list) => list,
+            Value::Flag(_) | Value::Text(_) => &[],
+        }
+    }
 }
 
 impl std::fmt::Display for Value {
@@ -50,6 +71,7 @@ impl std::fmt::Display for Value {
             Value::Flag(flag) => write!(f, "{flag}"),
             Value::Number(x) => write!(f, "{x}"),
             Value::Text(text) => f.write_str(text),
+            Value::List(list) => write!(f, "{list:?}"),
         }
     }
 }
@@ -74,17 +96,25 @@ impl Variant {
     }
 }
 
+impl std::fmt::Display for Variant {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match &self.option {
+            Some(option) => write!(f, "{}={option}", self.name),
+            None => f.write_str(&self.name),
+        }
+    }
+}
+
 /// An entry of `variants`: `vacuole_flux`, `axial_scheme=legacy` or `axial_scheme: legacy`.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(untagged)]
 enum VariantEntry {
     Name(String),
-    Choice(BTreeMap<String, Value>),
+    Choice(Entries<Value>),
 }
 
 /// Disturbances of a scenario: on or off, or values that replace the drawn ones.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(untagged)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Disturbances {
     /// All drawn (`true`) or all at their initial values (`false`).
     Switch(bool),
@@ -93,18 +123,21 @@ pub enum Disturbances {
 }
 
 /// A recorded disturbance.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(untagged)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Recorded {
     /// The same in all steps.
     Constant(f64),
-    /// One value a step; the last one holds from there on.
-    Sequence(Vec<f64>),
+    /// One value a step.
+    Sequence {
+        /// The values.
+        values: Vec<f64>,
+        /// The last one holds from there on.
+        hold: bool,
+    },
 }
 
 /// Noise of observations: on or off, or standard deviations.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(untagged)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Noise {
     /// As the model declares (`true`) or none (`false`).
     Switch(bool),
@@ -133,15 +166,15 @@ pub struct SolverOverrides {
 #[serde(deny_unknown_fields)]
 struct File {
     #[serde(default)]
-    parameters: BTreeMap<String, Value>,
+    parameters: Entries<Value>,
     #[serde(default)]
-    settings: BTreeMap<String, Value>,
+    settings: Entries<Value>,
     #[serde(default)]
     variants: Vec<VariantEntry>,
     #[serde(default)]
-    grid: BTreeMap<String, u32>,
+    grid: Entries<u32>,
     #[serde(default)]
-    initial: BTreeMap<String, Value>,
+    initial: Entries<Value>,
     disturbances: Option<Disturbances>,
     reward: Option<String>,
     observation: Option<String>,
@@ -153,6 +186,8 @@ struct File {
 
 const KEYS: [&str; 11] =
     ["parameters", "settings", "variants", "grid", "initial", "disturbances", "reward", "observation", "noise", "solver", "max_steps"];
+/// What is said of a key that a mapping has more than once.
+const TWICE: &str = "is given twice";
 const SOLVER_KEYS: [&str; 5] = ["rtol", "atol_factor", "max_order", "max_steps", "linear_solver"];
 
 /// Under which circumstances a model is run.
@@ -195,12 +230,12 @@ impl Scenario {
             return Ok(Self { file: Some(file), ..Self::default() });
         }
         let raw: File = serde_yaml::from_str(text).map_err(|error| Box::new(diagnose(&error, text, file)))?;
-        Ok(Self {
-            parameters: raw.parameters,
-            settings: raw.settings,
+        let scenario = Self {
+            parameters: raw.parameters.0,
+            settings: raw.settings.0,
             variants: raw.variants.into_iter().flat_map(VariantEntry::into_variants).collect(),
-            grid: raw.grid,
-            initial: raw.initial,
+            grid: raw.grid.0,
+            initial: raw.initial.0,
             disturbances: raw.disturbances,
             reward: raw.reward,
             observation: raw.observation,
@@ -208,7 +243,36 @@ impl Scenario {
             solver: raw.solver,
             max_steps: raw.max_steps,
             file: Some(file),
-        })
+        };
+        match scenario.bad_value() {
+            None => Ok(scenario),
+            Some((key, name, message)) => Err(Box::new(Diagnostic::error(codes::BAD_SCENARIO, message, find_under(text, key, &name, file)))),
+        }
+    }
+
+    /// The first number that nothing can mean: the key that it stands under, its name, and what is wrong.
+    fn bad_value(&self) -> Option<(&'static str, String, String)> {
+        let fault = |key, name: &str, message: String| Some((key, name.to_owned(), message));
+        if self.max_steps == Some(0) {
+            return fault("max_steps", "max_steps", "`max_steps` must be at least 1, not 0".into());
+        }
+        if let Some((name, expected, given)) = self.solver.bad_value() {
+            return fault("solver", name, format!("`{name}` must be {expected}, not {given}"));
+        }
+        for (key, values) in [("parameters", &self.parameters), ("settings", &self.settings), ("initial", &self.initial)] {
+            let not_finite = |value: &Value| value.numbers().iter().copied().find(|x| !x.is_finite());
+            if let Some((name, x)) = values.iter().find_map(|(name, value)| Some((name, not_finite(value)?))) {
+                return fault(key, name, format!("`{name}` takes a finite number, not `{x}`"));
+            }
+        }
+        if let Some(Noise::Deviations(deviations)) = &self.noise
+            && let Some((name, x)) = deviations.iter().find(|(_, x)| !(x.is_finite() && **x >= 0.0))
+        {
+            return fault("noise", name, format!("the noise of `{name}` must be a standard deviation, not {x}"));
+        }
+        let Some(Disturbances::Values(values)) = &self.disturbances else { return None };
+        let (name, message) = values.iter().find_map(|(name, recorded)| Some((name, recorded.fault()?)))?;
+        fault("disturbances", name, format!("the disturbance `{name}` {message}"))
     }
 
     /// Where a name stands in the scenario's file; `None` if it does not, or if there is no file.
@@ -218,6 +282,41 @@ impl Scenario {
         let span = find_name(sources.file(file)?.text(), name, file);
         (span.end > span.start).then_some(span)
     }
+
+    /// Where a name stands under a key of the scenario, else where it stands at all.
+    #[must_use]
+    pub fn place_under(&self, sources: &SourceMap, key: &str, name: &str) -> Span {
+        let Some(file) = self.file else { return Span::default() };
+        find_under(sources.file(file).map_or("", |f| f.text()), key, name, file)
+    }
+}
+
+impl SolverOverrides {
+    /// The first entry that the solver cannot take: its name, what it must be, and what it is.
+    fn bad_value(&self) -> Option<(&'static str, &'static str, String)> {
+        let positive = |x: &f64| x.is_finite() && *x > 0.0;
+        let number = |name, expected, given: Option<f64>, holds: &dyn Fn(&f64) -> bool| {
+            given.filter(|x| !holds(x)).map(|x| (name, expected, x.to_string()))
+        };
+        let linear = self.linear_solver.as_ref().filter(|name| crate::setup::linear_solver(name).is_err());
+        number("rtol", Solver::RTOL_TEXT, self.rtol, &|x| Solver::RTOL.contains(x))
+            .or_else(|| number("atol_factor", "a positive number", self.atol_factor, &positive))
+            .or_else(|| number("max_order", "from 1 to 5", self.max_order.map(f64::from), &|x| (1.0..=5.0).contains(x)))
+            .or_else(|| number("max_steps", "at least 1", self.max_steps.map(f64::from), &|x| *x >= 1.0))
+            .or_else(|| linear.map(|name| ("linear_solver", "auto, dense, banded, block or klu", format!("`{name}`"))))
+    }
+}
+
+impl Recorded {
+    /// What is wrong with it.
+    fn fault(&self) -> Option<&'static str> {
+        match self {
+            Recorded::Constant(x) if !x.is_finite() => Some("takes finite numbers"),
+            Recorded::Sequence { values, .. } if values.is_empty() => Some("has no values"),
+            Recorded::Sequence { values, .. } if !values.iter().all(|x| x.is_finite()) => Some("takes finite numbers"),
+            _ => None,
+        }
+    }
 }
 
 impl VariantEntry {
@@ -225,6 +324,7 @@ impl VariantEntry {
         match self {
             VariantEntry::Name(text) => vec![Variant::parse(&text)],
             VariantEntry::Choice(choices) => choices
+                .0
                 .into_iter()
                 .map(|(name, option)| match option {
                     Value::Flag(true) => Variant { name, option: None },
@@ -281,25 +381,54 @@ fn diagnose(error: &serde_yaml::Error, text: &str, file: FileId) -> Diagnostic {
             .label("not a key of a scenario")
             .help(did_you_mean(key, known.iter().copied()).unwrap_or_else(|| format!("the keys are {}", known.join(", "))));
     }
-    let at = error.location().map_or(0, |l| l.index()).min(text.len());
+    if let Some(key) = message.split('`').nth(1).filter(|_| message.contains(TWICE) || message.contains("duplicate field")) {
+        let span = second_key(text, key, error.location().map_or(0, |l| l.index()), file);
+        return Diagnostic::error(codes::BAD_SCENARIO, format!("`{key}` {TWICE}"), span).help("which of the two is meant is not known");
+    }
+    let at = text.floor_char_boundary(error.location().map_or(0, |l| l.index()));
     let end = text[at..].find('\n').map_or(text.len(), |n| at + n).max(at + usize::from(at < text.len()));
     let span = Span { file, start: at as u32, end: end as u32 };
     let mut message = message;
     for (theirs, ours) in [
-        (
-            "data did not match any variant of untagged enum Noise",
-            "`noise` is true, false or a mapping from observations to standard deviations",
-        ),
-        ("data did not match any variant of untagged enum Disturbances", "`disturbances` is true, false or a mapping from names to values"),
-        ("data did not match any variant of untagged enum Value", "a number, true, false or a text is expected"),
         ("data did not match any variant of untagged enum VariantEntry", "a variant is a name, NAME=CHOICE or a mapping with a choice"),
-        ("data did not match any variant of untagged enum Recorded", "a disturbance is a number or a list of numbers, one a step"),
         ("expected struct File", "expected keys with values"),
         ("expected u32", "expected a whole number that is not negative"),
     ] {
         message = message.replace(theirs, ours);
     }
     Diagnostic::error(codes::BAD_SCENARIO, message, span)
+}
+
+/// Where a name stands under a key of the file, else where it stands at all, else the key.
+fn find_under(text: &str, key: &str, name: &str, file: FileId) -> Span {
+    let Some(from) = section(text, key) else { return find_name(text, name, file) };
+    let inside = find_name(&text[from..], name, file);
+    if inside.end > inside.start {
+        return Span { start: inside.start + from as u32, end: inside.end + from as u32, ..inside };
+    }
+    let anywhere = find_name(text, name, file);
+    if anywhere.end > anywhere.start { anywhere } else { Span { file, start: from as u32, end: (from + key.len()) as u32 } }
+}
+
+/// Where a key of the file begins.
+fn section(text: &str, key: &str) -> Option<usize> {
+    let begins = |line: &str| line.strip_prefix(key).is_some_and(|rest| rest.trim_start().starts_with(':'));
+    text.split_inclusive('\n').scan(0, |at, line| Some((std::mem::replace(at, *at + line.len()), line))).find(|(_, line)| begins(line)).map(|(at, _)| at)
+}
+
+/// The second place where a name is a key, from where its mapping begins (or from that place itself).
+fn second_key(text: &str, name: &str, from: usize, file: FileId) -> Span {
+    let is_key = |at: &usize| {
+        let line = text[..*at].rfind('\n').map_or(0, |n| n + 1);
+        let before = text[..*at].chars().next_back();
+        let after = text[at + name.len()..].trim_start_matches(['"', '\'']).trim_start();
+        let is_word = before.is_none_or(|c| !c.is_alphanumeric() && c != '_');
+        is_word && after.starts_with(':') && !text[line..*at].contains('#')
+    };
+    let places: Vec<usize> = text.match_indices(name).map(|(at, _)| at).filter(is_key).collect();
+    let inside: Vec<usize> = places.iter().copied().filter(|at| *at >= from).collect();
+    let at = inside.get(1).or(inside.first()).or(places.last());
+    at.map_or_else(|| find_name(text, name, file), |&at| Span { file, start: at as u32, end: (at + name.len()) as u32 })
 }
 
 /// Where a name stands in the text as a word of its own; the beginning if it does not.
@@ -349,7 +478,57 @@ mod tests {
     }
 
     #[test]
+    fn what_is_given_twice_is_refused_at_the_second_place() {
+        for (text, line, column) in [
+            ("parameters:\n  k: 1\n  q: 3\n  k: 2\n", 4, 3),
+            ("noise: {T: 0.1, T: 0.2}\n", 1, 17),
+            ("# k: 0\nsolver: {rtol: 1.0e-6, rtol: 1.0e-3}\n", 2, 25),
+            ("disturbances:\n  z: 1\n  z: [1, 2]\n", 3, 3),
+            ("max_steps: 3\nmax_steps: 4\n", 2, 1),
+        ] {
+            let (message, ..) = parse(text).map(|_| ()).unwrap_err();
+            let found = parse(text).map(|_| ()).unwrap_err();
+            assert!(message.contains("twice"), "{message}");
+            assert_eq!((found.1, found.2), (line, column), "{text}");
+        }
+    }
+
+    #[test]
+    fn numbers_that_nothing_can_mean_are_refused_where_they_stand() {
+        for (text, name, line, column) in [
+            ("noise: true\nsolver: {rtol: 1.0e10}\n", "rtol", 2, 10),
+            ("solver:\n  rtol: 1.0e-20\n", "rtol", 2, 3),
+            ("solver:\n  atol_factor: -1\n", "atol_factor", 2, 3),
+            ("solver: {max_order: 99}\n", "max_order", 1, 10),
+            ("max_steps: 5\nsolver: {max_steps: 0}\n", "max_steps", 2, 10),
+            ("solver: {linear_solver: foo}\n", "linear_solver", 1, 10),
+            ("max_steps: 0\n", "max_steps", 1, 1),
+            ("parameters: {T: 1}\nnoise:\n  T: -0.1\n", "T", 3, 3),
+            ("disturbances: {z: [.nan]}\n", "z", 1, 16),
+            ("disturbances: {z: []}\n", "z", 1, 16),
+            ("initial: {h: .inf}\n", "h", 1, 11),
+        ] {
+            let (message, found_line, found_column, _) = parse(text).map(|_| ()).unwrap_err();
+            assert!(message.contains(&format!("`{name}`")), "{message}");
+            assert_eq!((found_line, found_column), (line, column), "{text}: {message}");
+        }
+    }
+
+    #[test]
+    fn a_disturbance_that_is_to_hold_says_so() {
+        let scenario = parse("disturbances: {z: {values: [1, 2], hold: true}, w: 3}\n").expect("valid");
+        let Some(Disturbances::Values(values)) = scenario.disturbances else { panic!("values") };
+        assert_eq!(values["z"], Recorded::Sequence { values: vec![1.0, 2.0], hold: true });
+        assert_eq!(values["w"], Recorded::Constant(3.0));
+    }
+
+    #[test]
     fn a_value_of_the_wrong_kind_is_refused() {
+        for (text, line) in [("max_steps: 1\nnoise: [1]\n", 2), ("grid: {}\ndisturbances:\n  z: many\n", 3), ("parameters:\n  k: {a: 1}\n", 2)] {
+            let (message, found, ..) = parse(text).map(|_| ()).unwrap_err();
+            assert!(message.contains("expected") && found == line, "{text}: {found}: {message}");
+        }
+
         assert!(parse("max_steps: many\n").is_err());
         assert!(parse("parameters: [1, 2]\n").is_err());
         assert!(parse(": : :\n  - x\n y").is_err());

@@ -1,16 +1,16 @@
 //! What all instances of an environment share: the model, names, settings, the nominal steady state.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::sync::{Arc, OnceLock};
 
 use smpl_compiler::artefact;
 use smpl_compiler::compiled::CompiledModel;
-use smpl_compiler::ir::{Expr, ExprId, Flavour};
+use smpl_compiler::ir::{Expr, ExprId, Exprs, Flavour, Place, Role, VarId};
 use smpl_compiler::layout::{Part, Region};
-use smpl_compiler::model::Variate;
+use smpl_compiler::model::{Solver, Variate};
 use smpl_dsl::diagnostic::SourceMap;
 
-use crate::catalogue::{Catalogue, StructuralParameter, UnknownName};
+use crate::catalogue::{Catalogue, Element, OutsideBounds, StructuralParameter, UnknownName};
 use crate::random;
 use crate::solver::{LinearSolver, PatternError, Quadratures, Settings, SolveError};
 use crate::steady::{self, SteadyError};
@@ -31,8 +31,12 @@ pub struct EnvironmentOptions {
     pub initial: BTreeMap<String, f64>,
     /// Standard deviation of the noise of observations.
     pub noise: BTreeMap<String, f64>,
-    /// Recorded disturbances in place of drawn ones, one value a step; the last one holds from there on.
+    /// Recorded disturbances in place of drawn ones, one value a step; a single one holds throughout.
     pub disturbances: BTreeMap<String, Vec<f64>>,
+    /// Those of them whose last value holds from there on.
+    pub held: BTreeSet<String>,
+    /// The last value of every recorded disturbance holds, in place of the error of a step beyond it.
+    pub hold_records: bool,
     /// Relative tolerance.
     pub rtol: Option<f64>,
     /// Absolute tolerance of an unknown over rtol times its scale.
@@ -54,6 +58,9 @@ pub enum SetupError {
     /// A parameter for which the model is compiled.
     #[error(transparent)]
     Structural(#[from] StructuralParameter),
+    /// A parameter outside of its bounds.
+    #[error(transparent)]
+    OutsideBounds(#[from] OutsideBounds),
     /// A value that is none.
     #[error("{what} must be {expected}, not {value}")]
     Value {
@@ -184,6 +191,28 @@ impl Setup {
         self.checksum.get_or_init(compute).clone()
     }
 
+    /// The parameters that are drawn at a reset, or computed from such.
+    #[must_use]
+    pub fn drawn_parameters(&self) -> Vec<&Element> {
+        let model = self.model().model();
+        let mut drawn: HashSet<VarId> = HashSet::new();
+        for store in model.programs.parameters.nests.iter().flat_map(|nest| &nest.stores) {
+            let Place::Var(target) = store.target.place else { continue };
+            let is_drawn = |expr: &Expr| {
+                matches!(expr, Expr::Load { var, .. } if model.vars[*var].role == Role::Draw || drawn.contains(var))
+            };
+            if any_expression(&model.exprs, vec![store.value], is_drawn) {
+                drawn.insert(target);
+            }
+        }
+        let places: HashSet<usize> = drawn
+            .iter()
+            .filter_map(|&var| Some((self.model().offset(var)?, model.vars[var].len as usize)))
+            .flat_map(|(first, len)| first..first + len)
+            .collect();
+        self.catalogue.parameters.elements().iter().filter(|element| places.contains(&element.at)).collect()
+    }
+
     /// The texts that the model was compiled from.
     #[must_use]
     pub fn sources(&self) -> Option<&SourceMap> {
@@ -216,13 +245,14 @@ impl Setup {
     }
 
     /// Places and values of named parameters.
-    pub(crate) fn given_parameters<'a, E: From<UnknownName> + From<StructuralParameter>>(
+    pub(crate) fn given_parameters<'a, E: From<UnknownName> + From<StructuralParameter> + From<OutsideBounds>>(
         &self,
         named: impl Iterator<Item = (&'a str, f64)>,
     ) -> Result<Vec<(usize, f64)>, E> {
         let place = |(name, value)| {
             let element = self.catalogue.parameters.get(name, "parameter")?;
             element.check(value)?;
+            element.check_bounds(value)?;
             Ok((element.at, value))
         };
         named.map(place).collect()
@@ -261,7 +291,9 @@ fn solver_settings(model: &CompiledModel, catalogue: &Catalogue, options: &Envir
         }
         Err(SetupError::Value { what: what.into(), expected: "a positive number", value: value.to_string() })
     };
-    positive("rtol", rtol)?;
+    if !Solver::RTOL.contains(&rtol) {
+        return Err(SetupError::Value { what: "rtol".into(), expected: Solver::RTOL_TEXT, value: rtol.to_string() });
+    }
     positive("atol_factor", factor)?;
     let rtol = declared.safety * rtol;
     let mut atol = vec![factor * rtol; model.unknowns()];
@@ -352,16 +384,21 @@ fn draws(model: &CompiledModel) -> Vec<Drawn> {
 fn finish_reads_derivatives(model: &CompiledModel) -> bool {
     let model = model.model();
     let programs = [&model.programs.finish, &model.programs.outputs];
-    let mut todo: Vec<ExprId> = programs.iter().flat_map(|p| &p.nests).flat_map(|n| &n.stores).map(|s| s.value).collect();
-    let mut seen = std::collections::HashSet::new();
+    let values = programs.iter().flat_map(|p| &p.nests).flat_map(|n| &n.stores).map(|s| s.value).collect();
+    any_expression(&model.exprs, values, |expr| matches!(expr, Expr::Load { flavour: Flavour::Derivative, .. }))
+}
+
+/// Whether something holds of some expression, or of one inside.
+fn any_expression(exprs: &Exprs, mut todo: Vec<ExprId>, holds: impl Fn(&Expr) -> bool) -> bool {
+    let mut seen = HashSet::new();
     while let Some(e) = todo.pop() {
         if !seen.insert(e) {
             continue;
         }
-        if matches!(model.exprs.node(e), Expr::Load { flavour: Flavour::Derivative, .. }) {
+        if holds(&exprs.node(e)) {
             return true;
         }
-        todo.extend(model.exprs.operands(e));
+        todo.extend(exprs.operands(e));
     }
     false
 }

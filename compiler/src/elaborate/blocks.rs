@@ -9,7 +9,7 @@ use super::cells::Cell;
 use super::functions::BinderValue;
 use super::items::Item;
 use super::names::{Axis, ScopeId, SymbolId, SymbolKind};
-use super::{Bound, Elaborator, Place, Setting, Site, units};
+use super::{Bound, Elaborator, Place, Site, units};
 use crate::ir::{Affine, Expr as Node, ExprId, FastMap, FastSet, LoopVar, Role, VarId};
 use crate::model::{self, Quantity};
 
@@ -178,59 +178,29 @@ impl<'a> Elaborator<'a> {
             self.quantities.insert(var, quantity);
         }
         self.check_settings();
+        self.check_initial();
     }
 
-    /// Settings that nothing used are faults.
-    fn check_settings(&mut self) {
-        let unused: Vec<String> = self
-            .options
-            .settings
-            .keys()
-            .chain(self.options.parameters.keys())
-            .filter(|k| !self.used_parameters.contains(*k))
-            .cloned()
-            .collect();
-        for name in unused {
-            if super::ENTRY_SETTINGS.contains(&name.as_str()) {
-                continue;
-            }
-            let mut known: Vec<&str> = self
-                .names
-                .symbols
-                .values()
-                .filter(|s| matches!(&s.kind, SymbolKind::Variable { var, .. } if self.vars[*var].role == Role::Param))
-                .map(|s| s.path.as_str())
-                .collect();
-            known.extend(self.selection.chosen.keys().map(String::as_str));
-            let hint = smpl_dsl::diagnostic::did_you_mean(&name, known.iter().copied());
-            let text = match hint {
-                Some(hint) => format!("unknown parameter or setting `{name}`: {hint}"),
-                None if known.len() <= 20 => format!("unknown parameter or setting `{name}`; the model has {}", known.join(", ")),
-                None => format!("unknown parameter or setting `{name}`"),
-            };
-            self.scenario_fault(text);
-        }
-    }
-
-    /// Value set from outside for a parameter or an element of it.
-    fn override_of(&mut self, path: &str) -> Option<f64> {
-        let number = match self.options.settings.get(path) {
-            Some(Setting::Number(x)) => Some(*x),
-            Some(Setting::Text(text)) => {
-                self.used_parameters.insert(path.to_owned());
-                self.scenario_fault(format!("the parameter `{path}` takes a number, not `{text}`"));
-                None
-            }
-            None => self.options.parameters.get(path).copied(),
-        };
-        if number.is_some() {
-            self.used_parameters.insert(path.to_owned());
-        }
-        number
-    }
-
-    /// Definition of a parameter, state or discrete variable: for each piece of its elements the address and the value in its unit.
+    /// Definition of a parameter, state or discrete variable: for each piece of its elements the address and the value in its unit. What is
+    /// set from outside comes last.
     pub(super) fn default_pieces(&mut self, symbol: SymbolId, site: Site) -> Vec<Piece<(Affine, ExprId)>> {
+        let SymbolKind::Variable { var, .. } = self.names.symbols[symbol].kind else { return Vec::new() };
+        if self.vars[var].role != Role::Param {
+            return self.declared_pieces(symbol, site);
+        }
+        let (is_whole, set) = self.set_from_outside(symbol);
+        let mut pieces = if is_whole { Vec::new() } else { self.declared_pieces(symbol, site) };
+        for (element, x) in set {
+            let value = self.exprs.constant(x);
+            pieces.push(match element {
+                Some(at) => Piece { extents: Vec::new(), value: (Affine::constant(at), value) },
+                None => self.whole(var, value),
+            });
+        }
+        pieces
+    }
+
+    fn declared_pieces(&mut self, symbol: SymbolId, site: Site) -> Vec<Piece<(Affine, ExprId)>> {
         let SymbolKind::Variable { var, axes, unit, declaration } = self.names.symbols[symbol].kind.clone() else {
             return Vec::new();
         };
@@ -238,12 +208,6 @@ impl<'a> Elaborator<'a> {
             let s = &self.names.symbols[symbol];
             (s.path.clone(), s.scope, s.span)
         };
-        if self.vars[var].role == Role::Param
-            && let Some(x) = self.override_of(&path)
-        {
-            let value = self.exprs.constant(x);
-            return vec![self.whole(var, value)];
-        }
         let given = self.given.get(&(scope, declaration.name.text.clone())).cloned();
         let (e, place) = match given {
             Some((e, outer)) => (e, outer),
@@ -369,6 +333,12 @@ impl<'a> Elaborator<'a> {
         }
         let difference = units::difference(&unit);
         let mut scale = self.declared_number(symbol, &axes, &difference, declaration, declaration.scale.as_ref(), f64::NAN);
+        if let Some(e) = &declaration.scale
+            && let Some(bad) = scale.iter().find(|s| !s.is_nan() && !(s.is_finite() && **s > 0.0))
+        {
+            let message = format!("the scale of `{path}` must be a positive number, it is {bad}");
+            self.report(Diagnostic::error(codes::BAD_SETTING, message, e.span));
+        }
         let n = scale.len().max(low.len()).max(high.len());
         if scale.iter().any(|s| s.is_nan()) {
             scale = (0..n)
@@ -381,7 +351,7 @@ impl<'a> Elaborator<'a> {
         if role == Role::Action {
             self.check_action(&path, declaration, &low, &high, &default);
         }
-        Quantity {
+        let quantity = Quantity {
             var: Some(var),
             name: path,
             axes: self.model_axes(&axes),
@@ -394,7 +364,11 @@ impl<'a> Elaborator<'a> {
             scale,
             affine_unit: units::is_point(&unit),
             structural: false,
+        };
+        if role == Role::Param {
+            self.check_range(symbol, &quantity);
         }
+        quantity
     }
 
     fn check_action(&mut self, path: &str, d: &Declaration, low: &[f64], high: &[f64], nominal: &[f64]) {

@@ -108,6 +108,10 @@ registry! {
     HIDDEN_BUILT_IN "W0201-hidden-built-in" "a declaration takes the place of a built-in name such as `n` or `e`"
     BARE_NUMBER "W0301-bare-number" "a number without a unit beside a percentage, an angle in degrees or the like"
     ONE_SIDED_LIMIT "W0601-one-sided-limit" "a reward that limits a change over a step on one side only"
+    START_OUTSIDE_BOUNDS "W0801-start-outside-bounds" "a state whose initial value lies outside of its declared bounds"
+    INCOMPLETE_STEADY "W0802-incomplete-steady" "a `steady` block that leaves actions at their nominal values without saying so"
+    NO_EPISODE "W0803-no-episode" "a model without an `episode` block: sampling interval and time limit are defaults"
+    UNUSED_PARAMETER "W0804-unused-parameter" "a parameter whose name stands nowhere but in its declaration"
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use smpl_dsl::diagnostic::{Diagnostic, JsonDiagnostic, SourceMap};
 use super::report::{self, Failed};
 use super::{Files, Format, ModelArguments, say};
 use crate::environment::{Environment, ResetOptions, Start};
-use crate::load::{LoadError, Loaded};
+use crate::load::{LoadError, LoadOptions, Loaded};
 use crate::setup::Setup;
 
 #[derive(Debug, Args)]
@@ -73,7 +73,7 @@ pub(super) fn run(arguments: &CheckArguments) -> Result<(), Failed> {
 }
 
 fn check(file: &Path, model: &ModelArguments) -> Result<Loaded, LoadError> {
-    crate::load::load(file, &model.options())
+    crate::load::load(file, &LoadOptions { lints: true, ..model.options() })
 }
 
 fn verdict(loaded: &Loaded) -> String {

@@ -72,6 +72,9 @@ pub(super) fn run(arguments: &CompileArguments) -> Result<(), Failed> {
         Some(Stage::Latex) => return print(super::document::equations(&arguments.file)?),
         _ => {}
     }
+    if arguments.emit.is_none() && arguments.file.extension().is_some_and(|e| e == ARTEFACT_EXTENSION) {
+        return Err(Failed::Message(format!("{} is compiled already; give the `.eq` file", arguments.file.display())));
+    }
     let texts = matches!(arguments.emit, Some(Stage::Clif | Stage::Asm));
     let begin = Instant::now();
     let loaded = arguments.model.load_with(&arguments.file, texts)?;
@@ -85,7 +88,7 @@ pub(super) fn run(arguments: &CompileArguments) -> Result<(), Failed> {
     }
     let out = arguments.output.clone().unwrap_or_else(|| arguments.file.with_extension(ARTEFACT_EXTENSION));
     outputs::check(&[Some(&out)], outputs::names(&loaded.sources).chain([arguments.file.clone()]))?;
-    let bytes = loaded.model.to_bytes(crate::load::fingerprint(&loaded.sources))?;
+    let bytes = loaded.model.to_bytes(loaded.fingerprint, &loaded.circumstances)?;
     write_whole(&out, |file| file.write_all(&bytes))?;
     outputs::conclude(&summary(&loaded.model, loading, &out)?, &[Some(&out)])
 }

@@ -1,13 +1,13 @@
 //! `smpl simulate`
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::report::Failed;
+use super::report::{self, Failed};
 use super::{ModelArguments, outputs};
 use crate::catalogue::UnknownName;
 use crate::environment::{Environment, ResetOptions, Start, StateInput};
@@ -167,8 +167,11 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
     let mut recorder = Recorder::new(&environment);
     recorder.record(&mut environment, None);
     let mut steps = arguments.steps.unwrap_or_else(|| environment.setup().max_steps());
-    if let Policy::Recorded(rows) = &policy {
-        steps = steps.min(rows.len() as u32);
+    if let Policy::Recorded(rows) = &policy
+        && (rows.len() as u32) < steps
+    {
+        warn_of_the_end(arguments.actions.as_deref(), &format!("the actions end after step {} of {steps}, and the run with them", rows.len()));
+        steps = rows.len() as u32;
     }
     let mut action = vec![0.0; environment.catalogue().actions.len()];
     let mut total = 0.0;
@@ -181,6 +184,10 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
         progress.update(environment.steps());
     }
     progress.finish();
+    for (name, values) in environment.ended_records() {
+        let message = format!("the disturbance `{name}` ends after step {values}; its last value held to step {}", environment.steps());
+        warn_of_the_end(arguments.disturbances.as_deref(), &message);
+    }
     if let Some(path) = &arguments.out {
         recorder.table().write(path)?;
     }
@@ -188,6 +195,12 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
         crate::plot::write(recorder.table(), environment.setup(), path)?;
     }
     outputs::conclude(&summary(&mut environment, total), &written)
+}
+
+/// Records that end early are said.
+fn warn_of_the_end(path: Option<&Path>, message: &str) {
+    let file = path.map(|path| format!("{}: ", path.display())).unwrap_or_default();
+    report::note(&format!("warning: {file}{message}\n"));
 }
 
 /// Files that are read beside the sources.
@@ -231,7 +244,7 @@ fn reset_options(arguments: &SimulateArguments, environment: &Environment) -> Re
         StartArgument::Nominal => Start::Nominal,
         StartArgument::Steady => Start::Steady,
     };
-    let mut options = ResetOptions { start, ..ResetOptions::default() };
+    let mut options = ResetOptions { start, hold_records: true, ..ResetOptions::default() };
     if let Some(path) = &arguments.init {
         let (states, discrete) = read_initial(path, catalogue)?;
         options.state = StateInput::Named(states);

@@ -89,9 +89,9 @@ impl Environment {
             model.disturb(memory, t0);
         }
         let row = self.progress.steps as usize;
-        for (at, values) in &self.replay {
-            if let Some(&value) = values.get(row).or(values.last()) {
-                self.system.region_mut(Region::Disturbance)[*at] = value;
+        for replay in &self.replay {
+            if let Some(&value) = replay.values.get(row).or(replay.values.last()) {
+                self.system.region_mut(Region::Disturbance)[replay.at] = value;
             }
         }
     }

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::{Part, Region};
 
-use super::{Environment, Phase};
-use crate::catalogue::{OutOfRange, StructuralParameter, UnknownName};
+use super::{Environment, Phase, Replay};
+use crate::catalogue::{OutsideBounds, StructuralParameter, UnknownName};
 use crate::failure::{SolverFailure, describe_solver};
 use crate::observe::variate;
 use crate::random::{AT_RESET, EpisodeKey, Stream};
@@ -49,8 +49,10 @@ pub struct ResetOptions {
     pub discrete: BTreeMap<String, f64>,
     /// Parameters of this episode by name; they override draws.
     pub parameters: BTreeMap<String, f64>,
-    /// Recorded disturbances by name, one value a step; the last one holds from there on.
+    /// Recorded disturbances by name, one value a step.
     pub disturbances: BTreeMap<String, Vec<f64>>,
+    /// The last value of a recorded disturbance holds where it has ended, in place of the error of a step beyond it.
+    pub hold_records: bool,
 }
 
 /// Why an episode cannot begin.
@@ -62,6 +64,9 @@ pub enum ResetError {
     /// A parameter for which the model is compiled.
     #[error(transparent)]
     Structural(#[from] StructuralParameter),
+    /// A parameter outside of its bounds.
+    #[error(transparent)]
+    OutsideBounds(#[from] OutsideBounds),
     /// The state has the wrong length.
     #[error("state has {given} entries, expected {expected}")]
     Length {
@@ -87,9 +92,6 @@ pub enum ResetError {
         /// What was given.
         value: f64,
     },
-    /// A parameter outside of its declared range.
-    #[error(transparent)]
-    Range(#[from] OutOfRange),
     /// A recorded sequence without values.
     #[error("the recorded disturbance `{name}` has no values")]
     Empty {
@@ -129,7 +131,7 @@ impl Environment {
         self.find_steady_state(options.start)?;
         self.initial_states(options)?;
         self.initial_rest(options)?;
-        self.set_replay(&options.disturbances)?;
+        self.set_replay(options)?;
         self.make_consistent()?;
         self.first_observation();
         self.progress.phase = Phase::Running;
@@ -138,9 +140,6 @@ impl Environment {
 
     fn given_parameters(&self, options: &ResetOptions) -> Result<Vec<(usize, f64)>, ResetError> {
         finite(&options.parameters, "parameter")?;
-        for (name, &value) in &options.parameters {
-            self.setup.catalogue.parameters.get(name, "parameter")?.check_range(value)?;
-        }
         let all = self.setup.options.parameters.iter().chain(&options.parameters);
         self.setup.given_parameters(all.map(|(name, value)| (name.as_str(), *value)))
     }
@@ -254,9 +253,10 @@ impl Environment {
         if exists { Ok(()) } else { Err(ResetError::Phase { phases, value }) }
     }
 
-    fn set_replay(&mut self, recorded: &BTreeMap<String, Vec<f64>>) -> Result<(), ResetError> {
-        let setup = &self.setup;
+    fn set_replay(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
+        let (setup, recorded) = (&self.setup, &options.disturbances);
         self.replay.clear();
+        let all_hold = options.hold_records || setup.options.hold_records;
         let standing = setup.options.disturbances.iter().filter(|(name, _)| !recorded.contains_key(*name));
         for (name, values) in standing.chain(recorded) {
             let at = setup.catalogue.disturbances.get(name, "disturbance")?.at;
@@ -266,7 +266,9 @@ impl Environment {
             if values.iter().any(|v| !v.is_finite()) {
                 return Err(ResetError::NotFinite { what: format!("disturbance `{name}`") });
             }
-            self.replay.push((at, values.clone()));
+            let stands = !recorded.contains_key(name);
+            let holds = all_hold || stands && (values.len() == 1 || setup.options.held.contains(name));
+            self.replay.push(Replay { at, values: values.clone(), holds });
         }
         Ok(())
     }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Environment, Progress};
+use super::{Environment, Progress, Replay};
 use crate::setup::Setup;
 
 /// First bytes of a snapshot; the last one is the version of what follows.
@@ -34,7 +34,7 @@ enum Origin {
 struct Content {
     memory: Vec<f64>,
     progress: Progress,
-    replay: Vec<(usize, Vec<f64>)>,
+    replay: Vec<Replay>,
 }
 
 /// Why a snapshot cannot be used.
@@ -122,7 +122,7 @@ impl Environment {
             return Err(SnapshotError::Damaged("wrong lengths".into()));
         }
         let disturbances = self.disturbances().len();
-        if replay.iter().any(|(at, values)| *at >= disturbances || values.is_empty()) {
+        if replay.iter().any(|replay| replay.at >= disturbances || replay.values.is_empty()) {
             return Err(SnapshotError::Damaged("wrong disturbances".into()));
         }
         self.system.restore(memory);

@@ -10,6 +10,8 @@ pub struct Recorder {
     states: Vec<f64>,
     algebraics: Vec<f64>,
     observations: Vec<f64>,
+    /// Places of the parameters that are drawn: the last columns, so that those before keep their places.
+    drawn: Vec<usize>,
 }
 
 impl Recorder {
@@ -26,10 +28,13 @@ impl Recorder {
         columns.push(("reward".to_owned(), Kind::Number));
         columns.extend(interface.rewards.iter().map(|r| (format!("reward.{}", r.name), Kind::Number)));
         columns.extend(["terminated", "truncated"].map(|name| (name.to_owned(), Kind::Flag)));
+        let drawn = environment.setup().drawn_parameters();
+        columns.extend(drawn.iter().map(|e| (format!("param.{}", e.name), Kind::Number)));
         Self {
             states: vec![0.0; catalogue.states.len()],
             algebraics: vec![0.0; catalogue.algebraics.len()],
             observations: vec![0.0; interface.observations.len()],
+            drawn: drawn.iter().map(|e| e.at).collect(),
             table: Table::new(columns),
         }
     }
@@ -57,6 +62,7 @@ impl Recorder {
         row.extend(environment.rewards().iter().map(only_after_a_step));
         row.push(Cell::Flag(result.is_some_and(|r| r.terminated)));
         row.push(Cell::Flag(result.is_some_and(|r| r.truncated)));
+        row.extend(self.drawn.iter().map(|&at| Cell::Number(environment.parameters()[at])));
         self.table.push(row);
     }
 

@@ -95,7 +95,7 @@ impl<'a> Elaborator<'a> {
         self.vars.iter().filter(|(_, v)| v.role == role).map(|(id, _)| id).collect()
     }
 
-    pub(super) fn state_variables(&self) -> Vec<VarId> {
+    pub(in crate::elaborate) fn state_variables(&self) -> Vec<VarId> {
         self.in_text_order()
             .into_iter()
             .filter_map(|s| match self.names.symbols[s].kind {
@@ -154,6 +154,18 @@ impl<'a> Elaborator<'a> {
                     extents.extend(p.extents);
                     nests.push(Nest { extents, stores: vec![store(Memory::Var(var), at, value)] });
                 }
+            }
+        }
+        for symbol in self.names.symbols.keys().collect::<Vec<_>>() {
+            let SymbolKind::Variable { var, .. } = self.names.symbols[symbol].kind else { continue };
+            let nests = match self.vars[var].role {
+                Role::State => &mut states.nests,
+                Role::Discrete => &mut discretes.nests,
+                _ => continue,
+            };
+            for (at, x) in self.initial_elements(symbol) {
+                let value = self.exprs.constant(x);
+                nests.push(Nest { extents: Vec::new(), stores: vec![store(Memory::Var(var), Affine::constant(at), value)] });
             }
         }
         states.nests = self.ordered(states.nests);

@@ -10,6 +10,9 @@ use super::super::{Elaborator, Place, Setting, Site};
 use super::each;
 use crate::model::{Episode, Solver};
 
+const LINEAR_SOLVERS: &[&str] = &["auto", "dense", "banded", "block", "klu"];
+const LINEAR_SOLVERS_TEXT: &str = "auto, dense, banded, block or klu";
+
 impl<'a> Elaborator<'a> {
     pub(super) fn settings(&mut self, blocks: &[(ScopeId, Vec<Item<'a>>)]) {
         let mut episode = Episode::default();
@@ -32,19 +35,8 @@ impl<'a> Elaborator<'a> {
                 _ => {}
             }
         }
-        for (name, value) in &self.options.settings {
-            match (name.as_str(), value) {
-                ("max_steps", Setting::Number(x)) if *x >= 1.0 => episode.max_steps = *x as u32,
-                ("error_reward", Setting::Number(x)) => episode.error_reward = *x,
-                ("step", Setting::Number(x)) if *x > 0.0 => episode.step = *x,
-                ("integrate", Setting::Number(x)) if *x > 0.0 => integrate = Some(*x),
-                ("rtol", Setting::Number(x)) if *x > 0.0 => solver.rtol = *x,
-                ("atol_factor", Setting::Number(x)) if *x > 0.0 => solver.atol_factor = *x,
-                ("max_order", Setting::Number(x)) if (1.0..=5.0).contains(x) => solver.max_order = *x as u32,
-                ("linear_solver", Setting::Text(text)) => solver.linear_solver.clone_from(text),
-                ("max_internal_steps", Setting::Number(x)) if *x >= 1.0 => solver.max_steps = *x as u32,
-                _ => {}
-            }
+        for (name, value) in self.options.settings.clone() {
+            self.entry_setting(&name, &value, &mut episode, &mut solver, &mut integrate);
         }
         if let Some(n) = self.options.max_steps {
             episode.max_steps = n;
@@ -52,6 +44,48 @@ impl<'a> Elaborator<'a> {
         episode.integrate = integrate.unwrap_or(episode.step);
         self.model.interface.episode = episode;
         self.model.interface.solver = solver;
+    }
+
+    /// An entry of `episode` or `solver` that is set from outside.
+    fn entry_setting(&mut self, name: &str, value: &Setting, episode: &mut Episode, solver: &mut Solver, integrate: &mut Option<f64>) {
+        if self.parameters_named(name) || !super::super::ENTRY_SETTINGS.contains(&name) {
+            return;
+        }
+        let number = match value {
+            Setting::Number(x) => *x,
+            _ => f64::NAN,
+        };
+        let positive = number.is_finite() && number > 0.0;
+        let count = (1.0..4e9).contains(&number) && number.fract() == 0.0;
+        let (holds, expected) = match name {
+            "step" | "integrate" | "atol_factor" => (positive, "a positive number"),
+            "error_reward" => (number.is_finite(), "a number"),
+            "rtol" => (Solver::RTOL.contains(&number), Solver::RTOL_TEXT),
+            "max_order" => ((1.0..=5.0).contains(&number) && number.fract() == 0.0, "a whole number from 1 to 5"),
+            "max_steps" | "max_internal_steps" => (count, "a whole number of at least 1"),
+            _ => (matches!(value, Setting::Text(text) if LINEAR_SOLVERS.contains(&text.as_str())), LINEAR_SOLVERS_TEXT),
+        };
+        if !holds {
+            let given = match value {
+                Setting::Number(x) => x.to_string(),
+                Setting::Text(text) => text.clone(),
+                Setting::List(list) => format!("{list:?}"),
+            };
+            self.scenario_fault(format!("`{name}` must be {expected}, not {given}"));
+            return;
+        }
+        match (name, value) {
+            ("max_steps", _) => episode.max_steps = number as u32,
+            ("error_reward", _) => episode.error_reward = number,
+            ("step", _) => episode.step = number,
+            ("integrate", _) => *integrate = Some(number),
+            ("rtol", _) => solver.rtol = number,
+            ("atol_factor", _) => solver.atol_factor = number,
+            ("max_order", _) => solver.max_order = number as u32,
+            ("max_internal_steps", _) => solver.max_steps = number as u32,
+            (_, Setting::Text(text)) => solver.linear_solver.clone_from(text),
+            _ => {}
+        }
     }
 
     fn setting_number(&mut self, name: &Ident, e: &Expr, unit: &Unit, place: &Place) -> Option<f64> {
@@ -69,10 +103,22 @@ impl<'a> Elaborator<'a> {
 
     fn positive(&mut self, name: &Ident, e: &Expr, unit: &Unit, place: &Place) -> Option<f64> {
         let x = self.setting_number(name, e, unit, place)?;
-        if x > 0.0 {
+        if x > 0.0 && x.is_finite() {
             return Some(x);
         }
-        self.report(Diagnostic::error(codes::BAD_SETTING, format!("`{}` must be positive, it is {x}", name.text), e.span));
+        let what = if x > 0.0 { "finite" } else { "positive" };
+        self.report(Diagnostic::error(codes::BAD_SETTING, format!("`{}` must be {what}, it is {x}", name.text), e.span));
+        None
+    }
+
+    /// A number without a unit for which something holds.
+    fn within(&mut self, name: &Ident, e: &Expr, place: &Place, holds: impl Fn(f64) -> bool, expected: &str) -> Option<f64> {
+        let x = self.setting_number(name, e, &Unit::one(), place)?;
+        if holds(x) {
+            return Some(x);
+        }
+        let message = format!("`{}` must be {expected}, it is {x}", name.text);
+        self.report(Diagnostic::error(codes::BAD_SETTING, message, e.span));
         None
     }
 
@@ -118,20 +164,26 @@ impl<'a> Elaborator<'a> {
 
     fn solver_entry(&mut self, name: &Ident, e: &Expr, place: &Place, solver: &mut Solver) {
         match name.text.as_str() {
-            "rtol" => solver.rtol = self.positive(name, e, &Unit::one(), place).unwrap_or(solver.rtol),
+            "rtol" => solver.rtol = self.within(name, e, place, |x| Solver::RTOL.contains(&x), Solver::RTOL_TEXT).unwrap_or(solver.rtol),
             "atol_factor" => solver.atol_factor = self.positive(name, e, &Unit::one(), place).unwrap_or(solver.atol_factor),
             "safety" => solver.safety = self.positive(name, e, &Unit::one(), place).unwrap_or(solver.safety),
-            "max_order" => solver.max_order = self.whole_number(name, e, place).unwrap_or(5).min(5),
+            "max_order" => {
+                let order = self.within(name, e, place, |x| (1.0..=5.0).contains(&x) && x.fract() == 0.0, "a whole number from 1 to 5");
+                solver.max_order = order.map_or(solver.max_order, |x| x as u32);
+            }
             "max_steps" => solver.max_steps = self.whole_number(name, e, place).unwrap_or(solver.max_steps),
             "quadrature_error_control" => {
                 let c = self.condition(e, place);
                 self.model.quadrature_error_control = matches!(self.exprs.node(c), crate::ir::Expr::Truth(true));
             }
             "linear_solver" => match &e.kind {
-                ExprKind::Name(n) if matches!(n.text.as_str(), "auto" | "dense" | "banded" | "block" | "klu") => {
+                ExprKind::Name(n) if LINEAR_SOLVERS.contains(&n.text.as_str()) => {
                     solver.linear_solver.clone_from(&n.text)
                 }
-                _ => self.report(Diagnostic::error(codes::BAD_SETTING, "the linear solver is auto, dense, banded, block or klu", e.span)),
+                _ => {
+                    let message = format!("the linear solver is {LINEAR_SOLVERS_TEXT}");
+                    self.report(Diagnostic::error(codes::BAD_SETTING, message, e.span));
+                }
             },
             _ => self.unknown_entry(
                 name,

@@ -32,6 +32,7 @@ impl<'a> Elaborator<'a> {
                     match value {
                         Setting::Text(text) => text.clone(),
                         Setting::Number(x) => x.to_string(),
+                        Setting::List(list) => format!("{list:?}"),
                     },
                 ));
             }
@@ -74,7 +75,7 @@ impl<'a> Elaborator<'a> {
         self.scenario_fault_with(message, None);
     }
 
-    fn scenario_fault_with(&mut self, message: String, help: Option<String>) {
+    pub(in crate::elaborate) fn scenario_fault_with(&mut self, message: String, help: Option<String>) {
         // Several may share the place (none): they are told apart by their text.
         self.diagnostics.push(Diagnostic::error(codes::BAD_SCENARIO, message, Span::default()).maybe_help(help));
     }
