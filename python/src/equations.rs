@@ -11,7 +11,7 @@ use smpl_compiler::compiled::CompiledModel;
 use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::{Part, Region};
 use smpl_compiler::model::Variate;
-use smpl_runtime::catalogue::{Catalogue, Family};
+use smpl_runtime::catalogue::{Catalogue, Family, check_parameters};
 use smpl_runtime::linearize::{self, Linearization};
 use smpl_runtime::solver::System;
 use smpl_runtime::steady::{self, SteadyError};
@@ -206,6 +206,8 @@ impl Equations {
         let parameters = self.places("parameter", &self.catalogue.parameters, given)?;
         if !parameters.is_empty() {
             set_parameters(&mut self.work, parameters.into_iter());
+            let checked = check_parameters(&self.catalogue.parameters, self.work.region(Region::Param));
+            checked.map_err(|e| PyValueError::new_err(e.to_string()))?;
         }
         let (discretes, disturbances) = (&self.catalogue.discretes, &self.catalogue.disturbances);
         if discretes.is_empty() && disturbances.is_empty() {
@@ -228,7 +230,13 @@ impl Equations {
     fn places(&self, role: &str, family: &Family, given: &Given) -> PyResult<Vec<(usize, f64)>> {
         let mine = given.iter().filter(|(of, _, _)| of == role);
         mine.map(|&(_, element, value)| match family.elements().get(element) {
-            Some(found) => found.check(value).map(|()| (found.at, value)).map_err(|e| PyValueError::new_err(e.to_string())),
+            Some(found) => {
+                found.check(value).map_err(|e| PyValueError::new_err(e.to_string()))?;
+                if role == "parameter" {
+                    found.check_bounds(value).map_err(|e| PyValueError::new_err(e.to_string()))?;
+                }
+                Ok((found.at, value))
+            }
             None => Err(PyValueError::new_err(format!("there is no {role} number {element}"))),
         })
         .collect()
