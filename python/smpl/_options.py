@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
-from smpl.model import FloatArray, Model, as_number, as_numbers, as_vector, check_names
+from smpl.model import FloatArray, Model, as_number, as_numbers, as_vector, check_names, expand_parameters
 
-OPTIONS = ("state", "discrete", "parameters", "disturbances", "start")
+OPTIONS = ("state", "discrete", "parameters", "disturbances", "hold_disturbances", "start")
 _STARTS = ("sampled", "nominal", "steady")
 
 
@@ -20,8 +20,11 @@ def start_from_options(model: Model, options: Mapping[str, Any] | None) -> _nati
 
     Args:
         model: the model that the names belong to.
-        options: `state` (mapping from names, or array in the order of states), `discrete`, `parameters` (mappings),
-            `disturbances` (name -> one value a step), `start` (`sampled`, `nominal` or `steady`).
+        options: `state` (mapping from names, or array in the order of states), `discrete`, `parameters` (mappings; an
+            array of parameters by its name, with one value or one for each element, or element by element),
+            `disturbances` (name -> one value a step, or one number for all), `hold_disturbances` (the last value holds
+            where a record has ended; otherwise a step beyond it is an error), `start` (`sampled`, `nominal` or
+            `steady`).
 
     Raises:
         ValueError: an unknown key or name, a wrong shape, or a value that is no finite number.
@@ -40,8 +43,9 @@ def start_from_options(model: Model, options: Mapping[str, Any] | None) -> _nati
         mode,
         _state(model, options.get("state")),
         _named("discrete", options.get("discrete"), model.discrete_names),
-        _named("parameters", options.get("parameters"), model.parameter_names),
+        _parameters(model, options.get("parameters")),
         _disturbances(model, options.get("disturbances")),
+        _held(options.get("disturbances"), options.get("hold_disturbances", False)),
     )
 
 
@@ -66,6 +70,23 @@ def _named(key: str, given: Any, names: tuple[str, ...]) -> dict[str, float]:
     return values
 
 
+def _parameters(model: Model, given: Any) -> dict[str, float]:
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping):
+        raise ValueError(f"options['parameters'] must be a mapping from names to values, got {type(given).__name__}")
+    values = expand_parameters("options['parameters']", model, given)
+    _check_finite("parameters", list(values.values()))
+    return values
+
+
+def _held(disturbances: Any, hold: Any) -> list[str]:
+    """Names of the disturbances whose last value holds."""
+    if not isinstance(hold, (bool, np.bool_)):
+        raise ValueError(f"options['hold_disturbances'] is {hold!r}, expected True or False")
+    return [name for name, values in (disturbances or {}).items() if hold or np.ndim(values) == 0]
+
+
 def _disturbances(model: Model, given: Any) -> dict[str, FloatArray]:
     if given is None:
         return {}
@@ -74,7 +95,7 @@ def _disturbances(model: Model, given: Any) -> dict[str, FloatArray]:
     check_names("options['disturbances']", given, model.disturbance_names)
     sequences = {}
     for name, values in given.items():
-        sequence = as_numbers(f"options['disturbances'][{name!r}]", values, "(steps,)")
+        sequence = np.atleast_1d(as_numbers(f"options['disturbances'][{name!r}]", values, "(steps,)"))
         if sequence.ndim != 1 or sequence.size == 0:
             raise ValueError(f"options['disturbances'][{name!r}] has shape {sequence.shape}, expected (steps,)")
         _check_finite("disturbances", sequence)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
 FloatArray = npt.NDArray[np.float64]
-Setting = bool | int | float | str
+Setting = bool | int | float | str | Sequence[float] | FloatArray
 
 # Roles whose values the argument `p` may replace, in the order in which a name is looked up.
 _REPLACEABLE = ("parameter", "discrete", "disturbance")
@@ -54,6 +54,11 @@ class Model(Named):
         self.reward, self.levels = native.reward, tuple(native.levels)
         self.phases = tuple(native.phases)
         self.policies = tuple(native.policies)
+        self._times = _times(native.sources)
+
+    def is_stale(self) -> bool:
+        """Whether a file that the model was compiled from has changed since, imports of any name included."""
+        return self._times != _times(self._times)
 
     def __repr__(self) -> str:
         return f"<smpl.Model {self.name}: {len(self.state_names)} states, {len(self.action_names)} actions>"
@@ -172,8 +177,11 @@ class Model(Named):
     def _given(self, p: Mapping[str, float] | None) -> list[tuple[str, int, float]]:
         if not p:
             return []
-        check_names("p", p, self._replaceable)
-        return [(*self._replaceable[name], as_number(f"p[{name!r}]", value)) for name, value in p.items()]
+        arrays = [name for name in p if name not in self._replaceable and self.native.elements_of(name)]
+        values = {name: value for name, value in p.items() if name not in arrays}
+        check_names("p", values, self._replaceable)
+        expanded = expand_parameters("p", self, {name: p[name] for name in arrays})
+        return [(*self._replaceable[name], as_number(f"p[{name!r}]", value)) for name, value in (expanded | values).items()]
 
 
 def compile(
@@ -193,9 +201,10 @@ def compile(
         source: the text of a model in place of a file.
         scenario: name of a scenario of the model, or a YAML file; none is `default`.
         variants: switches (`"reward_floor"`) and choices (`"axial_scheme=legacy"`).
-        settings: values of settings and parameters by name, which override random draws; also `rtol`, `atol_factor`,
-            `max_order`, `max_internal_steps` and `linear_solver` of the solver, and `step`, `integrate`,
-            `max_steps` and `error_reward` of the episode.
+        settings: values of settings and parameters by name, which override random draws. An array of parameters is
+            named as a whole, with one value or one for each element, or element by element (`"fault[1]"`). Also
+            `rtol`, `atol_factor`, `max_order`, `max_internal_steps` and `linear_solver` of the solver, and `step`,
+            `integrate`, `max_steps` and `error_reward` of the episode.
         observation: observation level.
         reward: the reward that `step` returns; the model's default if none.
 
@@ -215,7 +224,12 @@ def compile(
         observation,
         reward,
     )
-    return _compile(*arguments, _stamp(arguments[0], arguments[2]))
+    stamp = _stamp(arguments[0], arguments[2])
+    model = _compile(*arguments, stamp)
+    if model.is_stale():
+        _compile.cache_clear()
+        model = _compile(*arguments, stamp)
+    return model
 
 
 @lru_cache(maxsize=32)
@@ -279,12 +293,19 @@ def _stamp(path: str | None, scenario: str | None) -> tuple[int, ...]:
     return tuple(file.stat().st_mtime_ns for file in sorted(files))
 
 
+def _times(files: Iterable[str]) -> dict[str, int]:
+    """Times of change of those that are files."""
+    return {file: Path(file).stat().st_mtime_ns for file in files if Path(file).is_file()}
+
+
 def _text(value: Setting) -> str:
     """A setting as the command line would write it."""
     if isinstance(value, (bool, np.bool_)):
         return "true" if value else "false"
     if isinstance(value, (float, np.floating)):
         return repr(float(value))
+    if isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str):
+        return f"[{', '.join(repr(float(x)) for x in value)}]"
     return str(value)
 
 
@@ -338,6 +359,26 @@ def as_count(name: str, value: Any, least: int = 1, expected: str = "a positive 
 def _short(value: Any, most: int = 60) -> str:
     text = repr(value)
     return text if len(text) <= most else f"{text[:most]}..."
+
+
+def expand_parameters(argument: str, model: Model, given: Mapping[str, Any]) -> dict[str, float]:
+    """Values of parameters by flattened names: an array that is named as a whole gives one or each of its elements.
+
+    Raises:
+        ValueError: an unknown name, or a wrong number of values.
+    """
+    values: dict[str, float] = {}
+    # What is said of a single element holds, wherever it stands.
+    for name in sorted(given, key=lambda name: (name in model.parameter_names, name)):
+        elements = model.native.elements_of(name) if isinstance(name, str) else []
+        if not elements:
+            check_names(argument, [name], model.parameter_names)
+        numbers = as_numbers(f"{argument}[{name!r}]", given[name], f"({len(elements)},)")
+        numbers = np.broadcast_to(numbers, len(elements)) if np.ndim(given[name]) == 0 else numbers
+        if numbers.shape != (len(elements),):
+            raise ValueError(f"{argument}: {name!r} has shape {numbers.shape}, expected ({len(elements)},)")
+        values.update(zip(elements, map(float, numbers), strict=True))
+    return values
 
 
 def check_names(argument: str, given: Iterable[str], known: Iterable[str]) -> None:

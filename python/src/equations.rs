@@ -11,7 +11,7 @@ use smpl_compiler::compiled::CompiledModel;
 use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::{Part, Region};
 use smpl_compiler::model::Variate;
-use smpl_runtime::catalogue::{Catalogue, Family};
+use smpl_runtime::catalogue::{Catalogue, Family, check_parameters};
 use smpl_runtime::linearize::{self, Linearization};
 use smpl_runtime::solver::System;
 use smpl_runtime::steady::{self, SteadyError};
@@ -206,6 +206,8 @@ impl Equations {
         let parameters = self.places("parameter", &self.catalogue.parameters, given)?;
         if !parameters.is_empty() {
             set_parameters(&mut self.work, parameters.into_iter());
+            let checked = check_parameters(&self.catalogue.parameters, self.work.region(Region::Param));
+            checked.map_err(|e| PyValueError::new_err(e.to_string()))?;
         }
         let (discretes, disturbances) = (&self.catalogue.discretes, &self.catalogue.disturbances);
         if discretes.is_empty() && disturbances.is_empty() {

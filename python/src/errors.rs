@@ -79,14 +79,16 @@ pub fn compile_error(py: Python<'_>, diagnostics: Vec<Diagnostic>) -> PyErr {
 pub fn step_error(error: &StepError) -> PyErr {
     match error {
         StepError::EpisodeOver | StepError::Interrupted => SimulationError::new_err(error.to_string()),
-        StepError::Length { .. } | StepError::NotANumber { .. } => PyValueError::new_err(error.to_string()),
+        StepError::Length { .. } | StepError::NotANumber { .. } | StepError::RecordEnded { .. } => PyValueError::new_err(error.to_string()),
     }
 }
 
 /// The exception of an environment that cannot be made.
 pub fn setup_error(error: &SetupError) -> PyErr {
     match error {
-        SetupError::UnknownName(_) | SetupError::Structural(_) | SetupError::Value { .. } => ScenarioError::new_err(error.to_string()),
+        SetupError::UnknownName(_) | SetupError::Structural(_) | SetupError::OutsideBounds(_) | SetupError::Value { .. } => {
+            ScenarioError::new_err(error.to_string())
+        }
         _ => SimulationError::new_err(error.to_string()),
     }
 }

@@ -46,7 +46,7 @@ pub fn load(py: Python<'_>, request: Request) -> PyResult<Loaded> {
         settings: request.settings.iter().map(|(name, text)| (name.clone(), Value::parse(text))).collect(),
         reward: request.reward,
         observation: request.level,
-        texts: false,
+        ..LoadOptions::default()
     };
     let path = PathBuf::from(request.path.unwrap_or_else(|| "<source>".into()));
     let source = request.source;

@@ -7,7 +7,8 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
-use smpl_runtime::catalogue::{Catalogue, Element, Family};
+use smpl_dsl::span::FileId;
+use smpl_runtime::catalogue::{self, Catalogue, Element, Family};
 use smpl_runtime::setup::{EnvironmentOptions, Setup};
 
 use crate::arrays::Fresh;
@@ -97,6 +98,13 @@ impl Model {
         self.loaded.model.pattern().row_indices.len()
     }
 
+    /// Names of the texts that it was compiled from: files, and what settings and scenarios say.
+    #[getter]
+    fn sources(&self) -> Vec<String> {
+        let sources = &self.loaded.sources;
+        (0..sources.len()).map(|i| sources.name(FileId(i as u16)).to_owned()).collect()
+    }
+
     /// The chosen reward.
     #[getter]
     fn reward(&self) -> String {
@@ -140,6 +148,12 @@ impl Model {
             "reward" => Ok(interface.rewards.iter().map(|r| r.name.clone()).collect()),
             _ => Ok(self.elements(role)?.iter().map(|e| e.name.clone()).collect()),
         }
+    }
+
+    /// Flattened names of the elements of a parameter: of a whole array by its name, or that of one of them.
+    fn elements_of(&self, parameter: &str) -> Vec<String> {
+        let elements = catalogue::elements_of(&self.loaded.model, &self.catalogue().parameters, parameter);
+        elements.iter().map(|element| element.name.clone()).collect()
     }
 
     /// Units of a role.

@@ -30,6 +30,7 @@ impl Start {
         discrete: BTreeMap<String, f64>,
         parameters: BTreeMap<String, f64>,
         disturbances: BTreeMap<String, Vec<f64>>,
+        held: Vec<String>,
     ) -> PyResult<Self> {
         let start = match mode {
             "sampled" => Mode::Sampled,
@@ -42,6 +43,6 @@ impl Start {
             Some(GivenState::Named(named)) => StateInput::Named(named),
             Some(GivenState::Array(array)) => StateInput::Array(array.as_array().to_vec()),
         };
-        Ok(Self { options: ResetOptions { start, state, discrete, parameters, disturbances } })
+        Ok(Self { options: ResetOptions { start, state, discrete, parameters, disturbances, held: held.into_iter().collect(), hold_records: false } })
     }
 }

@@ -111,7 +111,7 @@ pub struct StructuralParameter {
 
 /// A parameter is given a value outside of its bounds.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("parameter `{name}` = {value} lies outside of its bounds {low}..{high}{unit}")]
+#[error("parameter `{name}` = {value} lies outside of its bounds {low}..{high}{unit}{advice}")]
 pub struct OutsideBounds {
     /// Its name.
     pub name: String,
@@ -123,6 +123,8 @@ pub struct OutsideBounds {
     pub high: f64,
     /// Unit, after a blank; empty where there is none.
     pub unit: String,
+    /// What to do where the value was not given; empty where it was.
+    pub advice: &'static str,
 }
 
 impl Element {
@@ -146,8 +148,19 @@ impl Element {
             return Ok(());
         }
         let unit = if self.unit == "1" { String::new() } else { format!(" {}", self.unit) };
-        Err(OutsideBounds { name: self.name.clone(), value, low: self.low, high: self.high, unit })
+        Err(OutsideBounds { name: self.name.clone(), value, low: self.low, high: self.high, unit, advice: "" })
     }
+}
+
+/// Checks the values of all parameters, those that were drawn or computed too.
+///
+/// # Errors
+/// [`OutsideBounds`] for the first that lies outside.
+pub fn check_parameters(parameters: &Family, values: &[f64]) -> Result<(), OutsideBounds> {
+    const ADVICE: &str = "; it was computed or drawn (`clip bounds` after a distribution keeps what is drawn inside)";
+    let bounded = parameters.elements().iter().filter(|e| e.low.is_finite() || e.high.is_finite());
+    let mut checked = bounded.map(|element| element.check_bounds(values[element.at]));
+    checked.find_map(Result::err).map_or(Ok(()), |fault| Err(OutsideBounds { advice: ADVICE, ..fault }))
 }
 
 /// A name that the model does not have.

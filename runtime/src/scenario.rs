@@ -482,7 +482,7 @@ mod tests {
         for (text, line, column) in [
             ("parameters:\n  k: 1\n  q: 3\n  k: 2\n", 4, 3),
             ("noise: {T: 0.1, T: 0.2}\n", 1, 17),
-            ("# k: 0\nsolver: {rtol: 1.0e-6, rtol: 1.0e-3}\n", 2, 25),
+            ("# k: 0\nsolver: {rtol: 1.0e-6, rtol: 1.0e-3}\n", 2, 24),
             ("disturbances:\n  z: 1\n  z: [1, 2]\n", 3, 3),
             ("max_steps: 3\nmax_steps: 4\n", 2, 1),
         ] {

@@ -10,7 +10,7 @@ use smpl_compiler::layout::{Part, Region};
 use smpl_compiler::model::{Solver, Variate};
 use smpl_dsl::diagnostic::SourceMap;
 
-use crate::catalogue::{Catalogue, Element, OutsideBounds, StructuralParameter, UnknownName};
+use crate::catalogue::{Catalogue, Element, OutsideBounds, StructuralParameter, UnknownName, check_parameters};
 use crate::random;
 use crate::solver::{LinearSolver, PatternError, Quadratures, Settings, SolveError};
 use crate::steady::{self, SteadyError};
@@ -237,6 +237,7 @@ impl Setup {
         let given = self.given_parameters::<SetupError>(self.options.parameters.iter().map(|(n, v)| (n.as_str(), *v)))?;
         fill_means(&mut self.system, &draws);
         set_parameters(&mut self.system, &given);
+        check_parameters(&self.catalogue.parameters, self.system.region(Region::Param))?;
         if self.model().interface().has_steady {
             let guess = steady::guess(&self.system, &self.catalogue);
             steady::solve_declared(&mut self.system, &self.catalogue, &guess)?;

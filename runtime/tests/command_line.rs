@@ -220,3 +220,475 @@ fn json_stays_json_when_invariants_are_asked_for() {
     let output = smpl(&["check", "--format", "json", "--invariants", model.to_str().expect("utf-8")]);
     assert!(serde_json::from_slice::<serde_json::Value>(&output.stdout).is_ok(), "{}{}", text(&output.stdout), text(&output.stderr));
 }
+
+/// The folder of a file, for those that stand beside it.
+fn beside(path: &std::path::Path, name: &str) -> PathBuf {
+    path.with_file_name(name)
+}
+
+fn name(path: &std::path::Path) -> &str {
+    path.to_str().expect("utf-8")
+}
+
+const COOLER: &str = "model Cooler\ntime t : min\nset side = 1..3\nparam k : 1/min = 0.5 in 0..4\nparam fault[side] = 0 in 0..1\n\
+                      param gain = 1 ~ uniform(0.5, 1.5)\nparam twice = 2*gain\nstate T : K = 10 in 0..100\naction F : K/min = 1 in 0..2\n\
+                      disturbance w : K/min = 0 ~ normal(0, 1)\neq d/dt T = F + w - k*gain*twice*T*(1 - fault[1])*(1 - fault[2])*(1 - fault[3])\n\
+                      reward r default = -T/1 [K]\nobserve T noise normal(0, 0.1)\nepisode { step = 1 [min], max_steps = 5 }\n";
+
+#[test]
+fn results_never_replace_what_is_read() {
+    let model = file("replace", "m.eq", format!("use \"part.eqn\"\n{COOLER}"));
+    file("replace", "part.eqn", "def twice_of(x) = 2*x\n");
+    let scenario = file("replace", "m.s.yaml", "max_steps: 4\n");
+    let data = file("replace", "a.csv", "F,w,T\n1,0,10\n");
+    let link = beside(&model, "link.csv");
+    let _ = std::fs::remove_file(&link);
+    #[cfg(unix)]
+    std::os::unix::fs::symlink("m.eq", &link).expect("a link");
+    #[cfg(not(unix))]
+    std::fs::hard_link(&model, &link).expect("a link");
+    let texts = || [&model, &scenario, &data, &beside(&model, "part.eqn")].map(|f| std::fs::read(f).expect("it is there"));
+    let before = texts();
+    let (m, import) = (name(&model), beside(&model, "part.eqn"));
+    let cases: Vec<Vec<&str>> = vec![
+        vec!["compile", m, "-o", m],
+        vec!["compile", m, "-o", name(&link)],
+        vec!["compile", m, "-o", name(&import)],
+        vec!["compile", m, "--emit", "ast", "-o", name(&import)],
+        vec!["compile", m, "--emit", "json", "-o", m],
+        vec!["doc", m, "-o", m],
+        vec!["steady", m, "--out", m],
+        vec!["simulate", m, "--out", m],
+        vec!["simulate", m, "--out", name(&link)],
+        vec!["simulate", m, "--out", name(&import)],
+        vec!["simulate", m, "--plot", name(&link)],
+        vec!["simulate", m, "--scenario", name(&scenario), "--out", name(&scenario)],
+        vec!["simulate", m, "--actions", name(&data), "--out", name(&data)],
+        vec!["simulate", m, "--disturbances", name(&data), "--out", name(&data)],
+        vec!["simulate", m, "--init", name(&data), "--out", name(&data)],
+    ];
+    for mut case in cases {
+        if case.contains(&"--plot") {
+            let svg = case.len() - 1;
+            // A picture has a name of its own kind.
+            let _ = std::fs::remove_file(beside(&model, "link.svg"));
+            std::fs::hard_link(&model, beside(&model, "link.svg")).expect("a link");
+            let picture = beside(&model, "link.svg");
+            case.remove(svg);
+            let mut case: Vec<String> = case.into_iter().map(str::to_owned).collect();
+            case.push(name(&picture).to_owned());
+            let output = smpl(&case.iter().map(String::as_str).collect::<Vec<_>>());
+            assert_eq!(status(&output), 1, "{case:?}");
+            continue;
+        }
+        let output = smpl(&case);
+        assert_eq!(status(&output), 1, "{case:?}: {}", text(&output.stderr));
+        assert!(text(&output.stderr).contains("would be overwritten"), "{case:?}: {}", text(&output.stderr));
+    }
+    assert!(before == texts());
+    let both = smpl(&["simulate", m, "--out", name(&beside(&model, "t.svg")), "--plot", name(&beside(&model, "t.svg"))]);
+    assert_eq!(status(&both), 1, "{}", text(&both.stderr));
+}
+
+#[cfg(target_os = "linux")]
+mod devices {
+    use super::*;
+    use std::os::unix::fs::{FileTypeExt, PermissionsExt};
+
+    /// A copy of a device in a folder of its own: the real ones are never put at risk. None where devices cannot be made.
+    fn device(folder: &std::path::Path, kind: &str, numbers: Option<[&str; 2]>) -> Option<PathBuf> {
+        let path = folder.join(kind);
+        let _ = std::fs::remove_file(&path);
+        let mut command = match numbers {
+            Some([major, minor]) => {
+                let mut command = Command::new("mknod");
+                command.arg(&path).args(["c", major, minor]);
+                command
+            }
+            None => {
+                let mut command = Command::new("mkfifo");
+                command.arg(&path);
+                command
+            }
+        };
+        let made = command.stderr(Stdio::null()).status().is_ok_and(|status| status.success());
+        // A container may make devices that nobody can open.
+        let opens = numbers.is_none() || std::fs::OpenOptions::new().write(true).open(&path).is_ok();
+        (made && opens).then_some(path)
+    }
+
+    #[test]
+    fn devices_and_pipes_are_written_into() {
+        let model = file("devices", "m.eq", COOLER);
+        let folder = model.parent().expect("a folder").to_owned();
+        if let Some(null) = device(&folder, "null", Some(["1", "3"])) {
+            for arguments in [&["simulate", name(&model), "--out", name(&null)][..], &["compile", name(&model), "-o", name(&null)]] {
+                assert_eq!(status(&smpl(arguments)), 0, "{arguments:?}");
+                assert!(std::fs::symlink_metadata(&null).expect("there").file_type().is_char_device(), "{arguments:?}");
+            }
+        }
+        if let Some(full) = device(&folder, "full", Some(["1", "7"])) {
+            let output = smpl(&["simulate", name(&model), "--out", name(&full)]);
+            assert_eq!(status(&output), 1);
+            assert!(text(&output.stderr).contains("No space left"), "{}", text(&output.stderr));
+            assert!(std::fs::symlink_metadata(&full).expect("there").file_type().is_char_device());
+        }
+        if let Some(pipe) = device(&folder, "pipe", None) {
+            let reader = pipe.clone();
+            let reader = std::thread::spawn(move || std::fs::read_to_string(reader).expect("text"));
+            assert_eq!(status(&smpl(&["simulate", name(&model), "--out", name(&pipe)])), 0);
+            assert!(reader.join().expect("read").starts_with("step,time,T,"));
+            assert!(std::fs::symlink_metadata(&pipe).expect("there").file_type().is_fifo());
+        }
+    }
+
+    #[test]
+    fn what_may_never_end_is_not_read() {
+        let model = file("endless", "m.eq", COOLER);
+        let folder = model.parent().expect("a folder").to_owned();
+        let devices = [device(&folder, "zero", Some(["1", "5"])), device(&folder, "pipe", None)];
+        for path in devices.iter().flatten().map(|path| name(path)) {
+            let scenario = format!("{path}.yaml");
+            let _ = std::fs::remove_file(&scenario);
+            std::os::unix::fs::symlink(path, &scenario).expect("a link");
+            let importing = file("endless", "i.eq", format!("use \"{}\"\n{COOLER}", path.rsplit('/').next().expect("a name")));
+            let m = name(&model);
+            for arguments in [
+                &["check", path][..],
+                &["fmt", path],
+                &["doc", path],
+                &["compile", path],
+                &["compile", "--emit", "ast", path],
+                &["check", name(&importing)],
+                &["simulate", m, "--scenario", &scenario],
+                &["simulate", m, "--actions", path],
+                &["simulate", m, "--init", path],
+                &["simulate", m, "--disturbances", path],
+            ] {
+                let output = smpl(arguments);
+                assert_eq!(status(&output), 1, "{arguments:?}");
+                assert!(!output.stderr.is_empty(), "{arguments:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn links_are_followed_and_permissions_are_kept() {
+        let model = file("links", "m.eq", "model   M\nparam a:1=1\n");
+        let mode = |path: &std::path::Path, mode| std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).expect("its mode");
+        let of = |path: &std::path::Path| std::fs::metadata(path).expect("there").permissions().mode() & 0o777;
+        mode(&model, 0o600);
+        let link = beside(&model, "link.eq");
+        let _ = std::fs::remove_file(&link);
+        std::os::unix::fs::symlink("m.eq", &link).expect("a link");
+        assert_eq!(status(&smpl(&["fmt", name(&link)])), 0);
+        assert!(std::fs::symlink_metadata(&link).expect("there").is_symlink());
+        assert_eq!((of(&model), std::fs::read_to_string(&model).expect("text").starts_with("model M\n")), (0o600, true));
+
+        let cooler = file("links", "c.eq", COOLER);
+        let dangling = beside(&cooler, "dangling.csv");
+        let _ = std::fs::remove_file(&dangling);
+        let _ = std::fs::remove_file(beside(&cooler, "behind.csv"));
+        std::os::unix::fs::symlink("behind.csv", &dangling).expect("a link");
+        assert_eq!(status(&smpl(&["simulate", name(&cooler), "--out", name(&dangling)])), 0);
+        assert!(std::fs::symlink_metadata(&dangling).expect("there").is_symlink());
+        assert!(std::fs::read_to_string(beside(&cooler, "behind.csv")).expect("text").starts_with("step,"));
+        let around = beside(&cooler, "around.csv");
+        let _ = std::fs::remove_file(&around);
+        std::os::unix::fs::symlink("around.csv", &around).expect("a link");
+        assert_eq!(status(&smpl(&["simulate", name(&cooler), "--out", name(&around)])), 1);
+    }
+
+    /// The part file of the old kind had a name that could be foreseen: links in its place were followed.
+    #[test]
+    fn part_files_have_names_that_nobody_foresees_and_are_not_left_behind() {
+        let model = file("parts", "m.eq", COOLER);
+        let victim = file("parts", "victim", "untouched");
+        let out = beside(&model, "t.csv");
+        let mut child = Command::new("sh")
+            .args(["-c", "for i in $(seq 0 3); do ln -sf victim \".t.csv.$$.part\"; done; exec \"$0\" simulate m.eq --out t.csv"])
+            .arg(env!("CARGO_BIN_EXE_smpl"))
+            .current_dir(model.parent().expect("a folder"))
+            .stdout(Stdio::null())
+            .spawn()
+            .expect("a shell");
+        assert!(child.wait().expect("ends").success());
+        assert_eq!(std::fs::read_to_string(&victim).expect("text"), "untouched");
+        assert!(std::fs::symlink_metadata(&out).expect("there").is_file());
+        let left = std::fs::read_dir(model.parent().expect("a folder")).expect("a folder").flatten();
+        let parts = left.filter(|e| e.file_name().to_string_lossy().ends_with(".part") && !e.path().is_symlink());
+        assert_eq!(parts.count(), 0);
+    }
+}
+
+#[test]
+fn a_minus_is_the_standard_output() {
+    let model = file("minus", "m.eq", COOLER);
+    for out in ["-", "/dev/stdout"] {
+        let output = smpl(&["simulate", name(&model), "--out", out]);
+        assert_eq!(status(&output), 0);
+        let lines: Vec<String> = text(&output.stdout).lines().map(str::to_owned).collect();
+        assert_eq!(lines.len(), 7, "{lines:?}");
+        assert!(lines[0].starts_with("step,time,T,") && text(&output.stderr).contains("5 steps"), "{}", text(&output.stderr));
+    }
+    assert!(text(&smpl(&["steady", name(&model), "--out", "-"]).stdout).starts_with("name,unit,value\n"));
+}
+
+/// The last row of a trajectory by column.
+fn last_row(output: &Output) -> std::collections::BTreeMap<String, String> {
+    let shown = text(&output.stdout);
+    let mut lines = shown.lines();
+    let heading: Vec<&str> = lines.next().unwrap_or_else(|| panic!("{}", text(&output.stderr))).split(',').collect();
+    let last: Vec<&str> = lines.last().expect("a row").split(',').collect();
+    heading.into_iter().map(str::to_owned).zip(last.into_iter().map(str::to_owned)).collect()
+}
+
+fn number(row: &std::collections::BTreeMap<String, String>, name: &str) -> f64 {
+    row[name].parse().unwrap_or_else(|_| panic!("{name}: {row:?}"))
+}
+
+/// With one fault at 1 nothing leaves: T rises by F a minute. The closed form without: T' = F - k g 2g T.
+#[test]
+fn arrays_of_parameters_are_set_by_element_by_one_value_or_by_a_list() {
+    let model = file("arrays", "m.eq", COOLER);
+    let still = ["--set", "k=0", "--out", "-", "--scenario", "quiet"];
+    file("arrays", "m.quiet.yaml", "disturbances: false\n");
+    let base = [&["simulate", name(&model)][..], &still].concat();
+    assert!((number(&last_row(&smpl(&base)), "T") - 15.0).abs() < 1e-6);
+    let with = |more: &[&str]| {
+        let quiet = ["simulate", name(&model), "--out", "-", "--scenario", "quiet", "--set", "gain=1"];
+        number(&last_row(&smpl(&[&quiet[..], more].concat())), "T")
+    };
+    let free = 1.0 + 9.0 * (-5.0_f64).exp();
+    assert!((with(&[]) - free).abs() < 1e-4, "{}", with(&[]));
+    for set in ["fault[1]=1", "fault[3]=1", "fault=1", "fault=[0, 1, 0]"] {
+        assert!((with(&["--set", set]) - 15.0).abs() < 1e-6, "{set}: {}", with(&["--set", set]));
+    }
+    let half = 2.0 + 8.0 * (-2.5_f64).exp();
+    assert!((with(&["--set", "fault[2]=0.5"]) - half).abs() < 1e-4);
+    assert!((with(&["--set", "fault=0.5", "--set", "fault[1]=1"]) - 15.0).abs() < 1e-6);
+    for (i, content) in ["parameters: {fault: [0, 0.5, 0]}", "parameters:\n  fault[2]: 0.5", "settings: {\"fault[2]\": 0.5}"].iter().enumerate() {
+        let scenario = file("arrays", &format!("s{i}.yaml"), format!("disturbances: false\n{content}\n"));
+        let output = smpl(&["simulate", name(&model), "--out", "-", "--scenario", name(&scenario), "--set", "gain=1"]);
+        assert!((number(&last_row(&output), "T") - half).abs() < 1e-4, "{content}: {}", text(&output.stderr));
+        let output = smpl(&["simulate", name(&model), "--out", "-", "--scenario", name(&scenario), "--set", "gain=1", "--set", "fault=0"]);
+        assert!((number(&last_row(&output), "T") - free).abs() < 1e-4, "{content}: {}", text(&output.stderr));
+    }
+}
+
+#[test]
+fn what_a_setting_cannot_be_is_said_with_what_can_be() {
+    let model = file("unknown", "m.eq", COOLER);
+    for (set, said) in [
+        ("fault[4]=1", "fault[1], fault[2], fault[3]"),
+        ("fault[x]=1", "no element of the parameter `fault`"),
+        ("fault=[0, 1]", "has 3 elements, not 2"),
+        ("F=0.3", "`F` is an action"),
+        ("F=0.3", "--actions"),
+        ("T=3", "`T` is a state"),
+        ("w=3", "`w` is a disturbance"),
+        ("rr=3", "k, gain, twice, fault"),
+        ("k=5", "`k` = 5 lies outside of its bounds 0..4 1/min"),
+        ("fault[2]=-1", "`fault[2]` = -1 lies outside"),
+        ("rtol=1e10", "`rtol` must be between 1e-15 and 1, not 10000000000"),
+        ("rtol=1e-20", "`rtol` must be between"),
+        ("max_order=99", "a whole number from 1 to 5"),
+        ("max_steps=0", "at least 1"),
+        ("step=0", "a positive number"),
+        ("atol_factor=-1", "a positive number"),
+        ("linear_solver=foo", "auto, dense, banded, block or klu"),
+    ] {
+        let output = smpl(&["check", name(&model), "--set", set]);
+        let shown = text(&output.stderr);
+        assert_eq!(status(&output), 1, "{set}: {shown}");
+        let unwrapped = shown.lines().map(|l| l.trim_start_matches([' ', '│', '×', '✖'])).collect::<Vec<_>>().join(" ");
+        assert!(unwrapped.contains(said) && shown.contains("settings:1:1"), "{set}: {shown}");
+    }
+}
+
+#[test]
+fn faults_of_a_scenario_stand_where_they_are() {
+    let model = file("places", "m.eq", COOLER);
+    for (content, said, place) in [
+        (&b"max_steps: 3\ninitial: {nope: 1}\n"[..], "unknown state or discrete variable `nope`", ":2:11"),
+        (b"parameters:\n  k: 9\n", "lies outside of its bounds", ":2:3"),
+        (b"initial:\n  T: -5\n", "lies outside of its bounds", ":2:3"),
+        (b"parameters: {T: 3}\n", "is a state", ":1:14"),
+        (b"noise:\n  T: 0.1\n  Q: 0.2\n", "unknown observation `Q`", ":3:3"),
+        (b"noise: {T: -1}\n", "a standard deviation", ":1:9"),
+        (b"disturbances: {z: [1, 2]}\n", "unknown disturbance `z`", ":1:16"),
+        (b"max_steps: 7\nsolver: {max_order: 99}\n", "`max_order` must be", ":2:10"),
+        (b"parameters: {k: 1, k: 2}\n", "is given twice", ":1:20"),
+        (b"max_steps: 3\n# \xff\n", "not UTF-8", ":2:3"),
+        (b"initial: {T: \"uniform(0, 1)\\neq d/dt T = 0 [K/min]\"}\n", "one expression", ":1:11"),
+        (b"initial: {T: \"uniform(0, 1) ; param q = 1\"}\n", "one expression", ":1:11"),
+        (b"initial: {T: \"uniform(0, 1) clip 0..1\"}\n", "one expression", ":1:11"),
+        (b"initial: {\"T = 1 ; initial T\": \"uniform(0, 1)\"}\n", "one expression", ":1:1"),
+    ] {
+        let scenario = file("places", "s.yaml", content);
+        let output = smpl(&["check", name(&model), "--scenario", name(&scenario)]);
+        let shown = text(&output.stderr);
+        assert_eq!(status(&output), 1, "{}: {shown}", String::from_utf8_lossy(content));
+        let unwrapped = shown.lines().map(|l| l.trim_start_matches([' ', '│', '×', '✖'])).collect::<Vec<_>>().join(" ");
+        assert!(unwrapped.contains(said) && shown.contains(&format!("s.yaml{place}")), "{}: {shown}", String::from_utf8_lossy(content));
+    }
+    let scenario = file("places", "right.yaml", "initial: {T: \"uniform(20, 21)\"}\n");
+    let row = last_row(&smpl(&["simulate", name(&model), "--scenario", name(&scenario), "--steps", "1", "--set", "k=0", "--out", "-"]));
+    let disturbed = number(&row, "T") - 1.0 - number(&row, "w");
+    assert!((20.0..21.0).contains(&disturbed), "{row:?}");
+}
+
+#[test]
+fn what_no_model_can_mean_is_refused_in_its_text() {
+    for (wrong, right, said) in [
+        ("= 0.5 in 0..4", "= 5 in 0..4", "lies outside of its bounds 0..4 1/min"),
+        ("= 10 in 0..100", "= 10 in 0..100 scale 0", "scale of `T` must be a positive number"),
+        ("= 10 in 0..100", "= 10 in 0..100 scale -1", "scale of `T` must be a positive number"),
+        ("step = 1 [min]", "step = inf", "`step` must be finite"),
+        ("reward r", "solver { rtol = 1e10 }\nreward r", "`rtol` must be between 1e-15 and 1"),
+        ("reward r", "solver { rtol = 1e-20 }\nreward r", "`rtol` must be between 1e-15 and 1"),
+        ("reward r", "solver { max_order = 99 }\nreward r", "`max_order` must be a whole number from 1 to 5"),
+    ] {
+        assert!(COOLER.contains(wrong));
+        let model = file("meaning", "m.eq", COOLER.replacen(wrong, right, 1));
+        let output = smpl(&["check", name(&model)]);
+        assert_eq!(status(&output), 1, "{right}");
+        assert!(text(&output.stderr).contains(said), "{right}: {}", text(&output.stderr));
+    }
+}
+
+#[test]
+fn a_compiled_model_runs_under_what_it_was_compiled_for_and_not_otherwise() {
+    let model = file("artefact", "m.eq", format!("use \"part.eqn\"\n{COOLER}"));
+    let part = file("artefact", "part.eqn", "def half(x) = x/2\n");
+    let scenario = file("artefact", "m.legacy.yaml", "max_steps: 3\ndisturbances: false\nparameters: {k: 0}\n");
+    let made = beside(&model, "m.smplc");
+    let (m, c) = (name(&model), name(&made));
+    let home = beside(&model, "home");
+    let run = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_smpl"));
+        command.args(arguments).env("XDG_DATA_HOME", &home).output().expect("smpl runs")
+    };
+    let refused = |arguments: &[&str], said: &str| {
+        let output = run(arguments);
+        assert_eq!(status(&output), 1, "{arguments:?}");
+        assert!(text(&output.stderr).contains(said), "{arguments:?}: {}", text(&output.stderr));
+    };
+    assert_eq!(status(&run(&["compile", m])), 0);
+    assert_eq!(status(&run(&["simulate", c])), 0);
+    refused(&["simulate", c, "--scenario", "legacy"], "`legacy`");
+    refused(&["simulate", c, "--set", "rtol=1e-3"], "`rtol` is set where it is compiled");
+    refused(&["simulate", c, "--set", "k=9"], "lies outside of its bounds");
+    refused(&["compile", c, "-o", name(&beside(&model, "again.smplc"))], "compiled already");
+    // What is imported counts, whatever its name.
+    std::fs::write(&part, "def half(x) = x/3\n").expect("written");
+    refused(&["simulate", c], "has changed since");
+    assert_eq!(status(&run(&["compile", m])), 0);
+    // A source that cannot be looked at is no reason to trust.
+    let text_of_model = std::fs::read(&model).expect("text");
+    std::fs::remove_file(&model).expect("removed");
+    std::fs::create_dir(&model).expect("a folder in its place");
+    refused(&["simulate", c], "cannot be read");
+    std::fs::remove_dir(&model).expect("removed");
+    assert_eq!(status(&run(&["simulate", c])), 0, "without a source beside it, it stands for itself");
+    std::fs::write(&model, &text_of_model).expect("written");
+
+    assert_eq!(status(&run(&["compile", m, "--scenario", "legacy", "--set", "gain=1"])), 0);
+    refused(&["simulate", c], "`legacy`");
+    let output = run(&["simulate", c, "--scenario", "legacy", "--out", "-"]);
+    let row = last_row(&output);
+    assert!(number(&row, "step") == 3.0 && number(&row, "w") == 0.0 && (number(&row, "T") - 13.0).abs() < 1e-6, "{row:?}");
+    assert!(text(&output.stderr).contains("compiled for scenario legacy, gain = 1"), "{}", text(&output.stderr));
+    std::fs::write(&scenario, "max_steps: 2\n").expect("written");
+    refused(&["simulate", c, "--scenario", "legacy"], "has changed since");
+}
+
+#[test]
+fn records_that_end_early_are_said() {
+    let model = file("records", "m.eq", COOLER);
+    let long = file("records", "long.csv", "F,w\n1,0\n1,0\n1,0\n1,0\n1,0\n");
+    let short = file("records", "short.csv", "F,w\n1,0\n1,0.5\n");
+    let run = |option: &str, data: &std::path::Path| smpl(&["simulate", name(&model), option, name(data)]);
+    assert!(run("--actions", &long).stderr.is_empty() && run("--disturbances", &long).stderr.is_empty());
+    let (actions, disturbances) = (run("--actions", &short), run("--disturbances", &short));
+    assert!(text(&actions.stderr).contains("short.csv: the actions end after step 2 of 5"), "{}", text(&actions.stderr));
+    assert!(text(&disturbances.stderr).contains("short.csv: the disturbance `w` ends after step 2"), "{}", text(&disturbances.stderr));
+    let scenario = file("records", "s.yaml", "disturbances: {w: [0, 1]}\n");
+    let output = smpl(&["simulate", name(&model), "--scenario", name(&scenario)]);
+    assert!(status(&output) == 0 && text(&output.stderr).contains("the disturbance `w` ends after step 2"), "{}", text(&output.stderr));
+    let scenario = file("records", "c.yaml", "disturbances: {w: 1}\n");
+    assert!(smpl(&["simulate", name(&model), "--scenario", name(&scenario)]).stderr.is_empty());
+}
+
+/// Without disturbances T follows its closed form with the drawn parameters of the last columns.
+#[test]
+fn a_trajectory_shows_the_parameters_that_were_drawn() {
+    let model = file("drawn", "m.eq", COOLER);
+    file("drawn", "m.quiet.yaml", "disturbances: false\n");
+    for seed in ["1", "2"] {
+        let output = smpl(&["simulate", name(&model), "--scenario", "quiet", "--seed", seed, "--out", "-"]);
+        let heading = text(&output.stdout).lines().next().expect("a heading").to_owned();
+        assert!(heading.ends_with("terminated,truncated,param.gain,param.twice"), "{heading}");
+        let row = last_row(&output);
+        let (gain, twice) = (number(&row, "param.gain"), number(&row, "param.twice"));
+        assert!((0.5..1.5).contains(&gain) && twice == 2.0 * gain && gain != 1.0, "{row:?}");
+        let rate = 0.5 * gain * twice;
+        let expected = 1.0 / rate + (10.0 - 1.0 / rate) * (-5.0 * rate).exp();
+        assert!((number(&row, "T") - expected).abs() < 1e-4 * expected.abs().max(1.0), "{row:?}, {expected}");
+    }
+}
+
+#[test]
+fn check_warns_of_what_is_hardly_meant() {
+    let cases = [
+        ("T : K = 10 in 0..100", "T : K = 100.5 in 0..100", "W0801-start-outside-bounds", "`T` starts at 100.5"),
+        ("reward r", "initial T = -1 [K]\nreward r", "W0801-start-outside-bounds", "`T` starts at -1"),
+        ("disturbance w", "steady { F = 1 }\naction G : K/min = 1 in 0..2\ndisturbance w", "W0802-incomplete-steady", "does not name `G`"),
+        ("episode { step = 1 [min], max_steps = 5 }\n", "", "W0803-no-episode", "no `episode` block"),
+        ("param twice", "param idle : 1/min = 3 # idle: a word in a comment\nparam twice", "W0804-unused-parameter", "`idle` is not used"),
+    ];
+    let sound = file("lints", "m.eq", COOLER);
+    let output = smpl(&["check", name(&sound)]);
+    assert!(status(&output) == 0 && output.stderr.is_empty(), "{}", text(&output.stderr));
+    for (before, after, code, said) in cases {
+        assert!(COOLER.contains(before));
+        let model = file("lints", "w.eq", COOLER.replacen(before, after, 1));
+        let output = smpl(&["check", name(&model)]);
+        let shown = text(&output.stderr);
+        assert!(status(&output) == 0 && shown.contains(code) && shown.contains(said), "{after}: {shown}");
+        assert_eq!(shown.matches("W08").count(), 1, "{shown}");
+        assert!(smpl(&["simulate", name(&model)]).stderr.is_empty(), "{after}");
+    }
+}
+
+/// Draws of a normal distribution leave bounds of one standard deviation in a third of all cases.
+#[test]
+fn a_draw_outside_of_its_bounds_is_no_episode() {
+    let run = |drawn: &str, seed: usize| {
+        let changed = COOLER.replacen("param gain = 1 ~ uniform(0.5, 1.5)", drawn, 1).replacen("param twice = 2*gain", "param twice = 2*gain in 0..3", 1);
+        let model = file("draws", "m.eq", changed);
+        smpl(&["simulate", name(&model), "--steps", "1", "--seed", &seed.to_string(), "--out", "-"])
+    };
+    let (mut refused, mut inside) = (0, 0);
+    for seed in 0..20 {
+        let output = run("param gain = 1 in 0.9..1.1 ~ normal(1, 0.1)", seed);
+        match status(&output) {
+            0 => {
+                inside += 1;
+                assert!((0.9..=1.1).contains(&number(&last_row(&output), "param.gain")));
+            }
+            _ => {
+                refused += 1;
+                assert!(text(&output.stderr).contains("`gain` = ") && text(&output.stderr).contains("clip bounds"), "{}", text(&output.stderr));
+            }
+        }
+        let clipped = last_row(&run("param gain = 1 in 0.9..1.1 ~ normal(1, 0.1) clip bounds", seed));
+        assert!((0.9..=1.1).contains(&number(&clipped, "param.gain")));
+    }
+    assert!(refused > 0 && inside > 0, "{refused} and {inside}");
+    let computed = run("param gain = 1 in 0..2", 0);
+    assert_eq!(status(&computed), 0, "{}", text(&computed.stderr));
+    let model = file("draws", "m.eq", COOLER.replacen("param twice = 2*gain", "param twice = 2*gain in 0..3", 1));
+    let output = smpl(&["simulate", name(&model), "--set", "gain=1.6"]);
+    assert!(status(&output) == 1 && text(&output.stderr).contains("`twice` = 3.2 lies outside"), "{}", text(&output.stderr));
+}

@@ -45,7 +45,7 @@ impl Elaborator<'_> {
         }
     }
 
-    /// Actions that a `steady` block does not name.
+    /// Actions that a `steady` block leaves out, where it names others: one without any is a rest at the nominal actions.
     fn lint_steady(&mut self) {
         let mut named: FastSet<VarId> = FastSet::default();
         let mut at: Option<Span> = None;
@@ -63,9 +63,9 @@ impl Elaborator<'_> {
             }
         }
         let Some(span) = at else { return };
-        let left: Vec<&Quantity> =
-            self.variables_of(Role::Action).into_iter().filter(|v| !named.contains(v)).filter_map(|v| self.quantities.get(&v)).collect();
-        if left.is_empty() {
+        let actions = self.variables_of(Role::Action);
+        let left: Vec<&Quantity> = actions.iter().filter(|v| !named.contains(v)).filter_map(|v| self.quantities.get(v)).collect();
+        if left.is_empty() || left.len() == actions.len() {
             return;
         }
         let entry = |q: &&Quantity| format!("{} = {}", q.name, Quantity::pick(&q.default, 0));

@@ -187,6 +187,10 @@ impl Elaborator<'_> {
         let message = outside_bounds(quantity, i, value(i));
         let (scope, declared) = (self.names.symbols[symbol].scope, self.names.symbols[symbol].span);
         let SymbolKind::Variable { declaration, .. } = &self.names.symbols[symbol].kind else { return };
+        // A value of a wrong unit is told as such.
+        if self.diagnostics.iter().any(|d| declaration.span.contains(d.primary.span)) {
+            return;
+        }
         let (element, given) = (quantity.element_name(i), self.given.get(&(scope, declaration.name.text.clone())));
         if [&element, &quantity.name].iter().any(|name| self.options.settings.contains_key(*name) || self.options.parameters.contains_key(*name)) {
             self.scenario_fault(message);

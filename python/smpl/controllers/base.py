@@ -105,10 +105,16 @@ class Uniform:
 
 
 class OpenLoop:
-    """A recorded sequence of actions; the last one is held when it ends."""
+    """A recorded sequence of actions.
 
-    def __init__(self, actions: Iterable[npt.ArrayLike]) -> None:
+    Args:
+        actions: one action a step, physical units.
+        hold: the last action is held when the sequence has ended; otherwise a step beyond it is an error.
+    """
+
+    def __init__(self, actions: Iterable[npt.ArrayLike], *, hold: bool = False) -> None:
         self._actions = [np.asarray(action, dtype=np.float64) for action in actions]
+        self._hold = hold
         if not self._actions:
             raise ValueError("actions is empty, expected at least one action")
 
@@ -122,7 +128,13 @@ class OpenLoop:
             as_vector(f"action {step}", action, len(env.action_names))
 
     def action(self, env: Env) -> FloatArray:
-        """The action of the environment's step."""
+        """The action of the environment's step.
+
+        Raises:
+            ValueError: the sequence has ended.
+        """
+        if env.steps >= len(self._actions) and not self._hold:
+            raise ValueError(f"the actions end after step {len(self._actions)}: give more, or hold=True")
         return self._actions[min(env.steps, len(self._actions) - 1)].copy()
 
 

@@ -1,12 +1,12 @@
 //! The beginning of an episode.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::{Part, Region};
 
 use super::{Environment, Phase, Replay};
-use crate::catalogue::{OutsideBounds, StructuralParameter, UnknownName};
+use crate::catalogue::{OutsideBounds, StructuralParameter, UnknownName, check_parameters};
 use crate::failure::{SolverFailure, describe_solver};
 use crate::observe::variate;
 use crate::random::{AT_RESET, EpisodeKey, Stream};
@@ -51,7 +51,9 @@ pub struct ResetOptions {
     pub parameters: BTreeMap<String, f64>,
     /// Recorded disturbances by name, one value a step.
     pub disturbances: BTreeMap<String, Vec<f64>>,
-    /// The last value of a recorded disturbance holds where it has ended, in place of the error of a step beyond it.
+    /// Those of them whose last value holds where the record has ended, in place of the error of a step beyond it.
+    pub held: BTreeSet<String>,
+    /// The last value of every one of them holds.
     pub hold_records: bool,
 }
 
@@ -128,6 +130,7 @@ impl Environment {
         let given = self.given_parameters(options)?;
         self.draw(options.start);
         set_parameters(&mut self.system, &given);
+        check_parameters(&setup.catalogue.parameters, self.system.region(Region::Param))?;
         self.find_steady_state(options.start)?;
         self.initial_states(options)?;
         self.initial_rest(options)?;
@@ -266,8 +269,11 @@ impl Environment {
             if values.iter().any(|v| !v.is_finite()) {
                 return Err(ResetError::NotFinite { what: format!("disturbance `{name}`") });
             }
-            let stands = !recorded.contains_key(name);
-            let holds = all_hold || stands && (values.len() == 1 || setup.options.held.contains(name));
+            let holds = match recorded.contains_key(name) {
+                true => options.held.contains(name),
+                false => values.len() == 1 || setup.options.held.contains(name),
+            };
+            let holds = all_hold || holds;
             self.replay.push(Replay { at, values: values.clone(), holds });
         }
         Ok(())
