@@ -181,7 +181,9 @@ class Model(Named):
         values = {name: value for name, value in p.items() if name not in arrays}
         check_names("p", values, self._replaceable)
         expanded = expand_parameters("p", self, {name: p[name] for name in arrays})
-        return [(*self._replaceable[name], as_number(f"p[{name!r}]", value)) for name, value in (expanded | values).items()]
+        return [
+            (*self._replaceable[name], as_number(f"p[{name!r}]", value)) for name, value in (expanded | values).items()
+        ]
 
 
 def compile(
