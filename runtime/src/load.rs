@@ -319,6 +319,7 @@ fn finish(
         atol_factor: scenario.solver.atol_factor,
         max_order: scenario.solver.max_order,
         solver_steps: scenario.solver.max_steps,
+        max_events: scenario.solver.max_events,
         linear_solver: scenario.solver.linear_solver.clone(),
         ..EnvironmentOptions::default()
     };

@@ -4,6 +4,7 @@
 //! keys of the scenario itself are checked here, with their place in the file.
 
 use std::collections::BTreeMap;
+use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
@@ -124,6 +125,8 @@ pub struct SolverOverrides {
     pub max_order: Option<u32>,
     /// Most internal steps within a step.
     pub max_steps: Option<u32>,
+    /// Most instants of events within a step.
+    pub max_events: Option<NonZeroU32>,
     /// `auto`, `dense` or `klu`.
     pub linear_solver: Option<String>,
 }
@@ -153,7 +156,7 @@ struct File {
 
 const KEYS: [&str; 11] =
     ["parameters", "settings", "variants", "grid", "initial", "disturbances", "reward", "observation", "noise", "solver", "max_steps"];
-const SOLVER_KEYS: [&str; 5] = ["rtol", "atol_factor", "max_order", "max_steps", "linear_solver"];
+const SOLVER_KEYS: [&str; 6] = ["rtol", "atol_factor", "max_order", "max_steps", "max_events", "linear_solver"];
 
 /// Under which circumstances a model is run.
 #[derive(Clone, Debug, Default, PartialEq)]

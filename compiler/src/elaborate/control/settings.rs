@@ -43,6 +43,7 @@ impl<'a> Elaborator<'a> {
                 ("max_order", Setting::Number(x)) if (1.0..=5.0).contains(x) => solver.max_order = *x as u32,
                 ("linear_solver", Setting::Text(text)) => solver.linear_solver.clone_from(text),
                 ("max_internal_steps", Setting::Number(x)) if *x >= 1.0 => solver.max_steps = *x as u32,
+                ("max_events", Setting::Number(x)) if *x >= 1.0 => solver.max_events = *x as u32,
                 _ => {}
             }
         }
@@ -123,6 +124,7 @@ impl<'a> Elaborator<'a> {
             "safety" => solver.safety = self.positive(name, e, &Unit::one(), place).unwrap_or(solver.safety),
             "max_order" => solver.max_order = self.whole_number(name, e, place).unwrap_or(5).min(5),
             "max_steps" => solver.max_steps = self.whole_number(name, e, place).unwrap_or(solver.max_steps),
+            "max_events" => solver.max_events = self.whole_number(name, e, place).unwrap_or(solver.max_events),
             "quadrature_error_control" => {
                 let c = self.condition(e, place);
                 self.model.quadrature_error_control = matches!(self.exprs.node(c), crate::ir::Expr::Truth(true));
@@ -136,7 +138,7 @@ impl<'a> Elaborator<'a> {
             _ => self.unknown_entry(
                 name,
                 "solver",
-                &["rtol", "atol_factor", "safety", "max_order", "max_steps", "linear_solver", "quadrature_error_control"],
+                &["rtol", "atol_factor", "safety", "max_order", "max_steps", "max_events", "linear_solver", "quadrature_error_control"],
             ),
         }
     }

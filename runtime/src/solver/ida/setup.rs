@@ -25,7 +25,7 @@ impl Ida {
         let factorisation = Factorisation::new(system.pattern(), settings.linear_solver)?;
         let entries = system.pattern().entries();
         let newton = Newton::new(n, operations, context.0);
-        let watch = Watch::new(system.root_count(), n, system.quadrature_count());
+        let watch = Watch::new(system.root_count(), system.root_kinds());
         let bridge = Bridge::new(operations, settings.rtol, &settings.atol, entries, factorisation, newton, watch);
         let consistent = match system.is_explicit() {
             true => Some(Consistent::new(system, operations, context.0)?),
@@ -35,6 +35,7 @@ impl Ida {
         let quadratures = (system.quadrature_count() > 0).then(|| vector(system.quadrature_count()));
         let sharing = || Vector::sharing(n, operations, context.0, &bridge.shared);
         let (y, yp) = (sharing(), sharing());
+        let later = (system.root_count() > 0).then(|| (sharing(), sharing()));
         let identity = (!system.is_explicit()).then(|| vector(n));
         let pattern = system.pattern();
         let columns = (0..n).flat_map(|column| pattern.column(column).map(move |_| column)).collect();
@@ -54,8 +55,8 @@ impl Ida {
             differential: system.differential().into(),
             rows_of_entries: (pattern.rows().into(), columns),
             events: vec![0; system.root_count()].into(),
-            watches: system.root_count() > 0 && !system.roots_use_derivatives(),
-            finding: false,
+            later,
+            scale: 0.0,
             time: 0.0,
             phase: Phase::Idle,
             counted: IdaCounts::default(),
@@ -63,6 +64,9 @@ impl Ida {
             last_interval: 1.0,
         };
         ida.bridge().memory = ida.memory;
+        if system.root_count() > 0 && system.roots_use_derivatives() {
+            ida.bridge().derivative = Some(Vector::sharing(n, operations, ida.context.0, &unsafe { &*ida.bridge }.shared));
+        }
         ida.configure()?;
         Ok(ida)
     }
@@ -89,7 +93,6 @@ impl Ida {
                 check("IDASetMinStep", IDASetMinStep(memory, self.settings.min_step))?;
             }
         }
-        self.set_root_finding(true)?;
         self.configure_identity()?;
         self.configure_quadratures()
     }
