@@ -118,7 +118,7 @@ struct Firing {
 
 impl Default for Firing {
     fn default() -> Self {
-        Self { time: f64::NEG_INFINITY, gap: 0.0 }
+        Self { time: f64::NEG_INFINITY, gap: f64::INFINITY }
     }
 }
 
@@ -145,8 +145,6 @@ pub struct Environment {
     /// Time at the start of the step.
     begin: f64,
     firings: Vec<Firing>,
-    /// A failure by an event at which the step did not stop.
-    failed_event: Option<u32>,
 }
 
 impl Environment {
@@ -190,7 +188,6 @@ impl Environment {
             keep_going: false,
             begin: 0.0,
             firings: vec![Firing::default(); system.root_count()],
-            failed_event: None,
             replay: Vec::new(),
             progress,
             sensors,
@@ -206,7 +203,6 @@ impl Environment {
     pub fn step(&mut self, action: &[f64]) -> Result<StepResult, StepError> {
         self.check(action)?;
         let excess = self.action_excess(action);
-        self.failed_event = None;
         self.progress.chatter = None;
         let outcome = if action.iter().all(|a| a.is_finite()) {
             self.run_interval(action)
@@ -217,8 +213,8 @@ impl Environment {
         Ok(self.judge(outcome, excess))
     }
 
-    /// Goes on stepping after the end of an episode (off by default). A `fail ... event` then does not stop its step, so that nothing of the
-    /// time course is left out.
+    /// Goes on stepping after the end of an episode (off by default). The step after one that stopped at an event begins
+    /// there and ends where it would: nothing of the time course is left out.
     pub fn set_keep_going(&mut self, keep_going: bool) {
         self.keep_going = keep_going;
     }

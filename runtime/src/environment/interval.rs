@@ -130,6 +130,11 @@ impl Environment {
             events += 1;
             if let Some(outcome) = self.handle_events(t).or_else(|| self.chatter(t, events)) {
                 self.stop_at(t);
+                // What the last event changed is seen by the algebraic unknowns.
+                let (y, yp) = (&self.progress.y, Some(self.progress.yp.as_slice()));
+                if outcome == Outcome::Chatter && self.integrator.restart(&mut self.system, t, y, yp).is_ok() {
+                    self.take_state();
+                }
                 break outcome;
             }
         };
@@ -162,10 +167,7 @@ impl Environment {
     /// Does what the fired events ask for; how the interval ends if they end it.
     fn handle_events(&mut self, t: f64) -> Option<Outcome> {
         if let Some(failure) = self.fired_failure() {
-            self.failed_event.get_or_insert(failure);
-            if !self.keep_going {
-                return Some(Outcome::Event(failure));
-            }
+            return Some(Outcome::Event(failure));
         }
         self.set_builtin(Builtin::Clock, t);
         let mut ran = false;
@@ -202,7 +204,7 @@ impl Environment {
         for (index, firing) in self.firings.iter_mut().enumerate().filter(|(index, _)| self.integrator.events()[*index] != 0) {
             last = Some(index);
             let gap = t - firing.time;
-            if gap > 0.0 && gap <= soon && gap <= firing.gap {
+            if gap > 0.0 && gap <= soon && firing.gap.is_finite() && gap <= firing.gap {
                 accumulates = true;
             }
             *firing = Firing { time: t, gap };

@@ -14,14 +14,14 @@ impl Environment {
             self.progress.solver_failure = None;
         }
         self.progress.action_excess = excess;
-        let ended_inside = !matches!(outcome, Outcome::Completed | Outcome::NotRun) || self.failed_event.is_some();
+        let ended_inside = !matches!(outcome, Outcome::Completed | Outcome::NotRun);
         self.set_builtin(Builtin::Failed, f64::from(u8::from(excess > 0.0 || ended_inside)));
         self.set_builtin(Builtin::ActionExcess, excess);
         let last_step = self.progress.steps + 1 >= self.setup.max_steps;
         self.set_builtin(Builtin::LastStep, f64::from(u8::from(last_step)));
         self.evaluate_finish(self.progress.event_time.unwrap_or_else(|| self.end_time()));
 
-        self.collect_failures(excess);
+        self.collect_failures(outcome, excess);
         let rewards = self.part(3);
         self.progress.rewards.copy_from_slice(&self.finish[rewards]);
         let mut failure = self.first_failure(outcome, excess);
@@ -77,9 +77,12 @@ impl Environment {
     }
 
     /// Takes failures and violations from the `finish` output.
-    fn collect_failures(&mut self, excess: f64) {
+    fn collect_failures(&mut self, outcome: Outcome, excess: f64) {
         let (failures, constraints) = (self.part(0), self.part(2));
-        let event = self.failed_event.map(|index| index as usize);
+        let event = match outcome {
+            Outcome::Event(index) => Some(index as usize),
+            _ => None,
+        };
         self.progress.violations[0] = excess;
         let pairs = self.finish[failures].chunks_exact(2);
         let count = pairs.len();
