@@ -80,15 +80,15 @@ pub struct Row {
     pub span: Span,
 }
 
-/// A root function.
+/// The condition of an event as a root function.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Root {
-    /// Name of the event or failure.
+    /// Name of the event, failure or phase.
     pub name: String,
-    /// Positive on one side of the event, negative on the other.
+    /// Positive where the condition holds, negative where it does not.
     pub value: ExprId,
-    /// +1: only upward crossings count, -1: only downward, 0: both.
-    pub direction: i8,
+    /// The condition does not hold at the threshold itself (`<`, `>`).
+    pub strict: bool,
     /// What happens.
     pub action: RootAction,
 }
@@ -138,11 +138,11 @@ pub struct Programs {
 /// Layout of the output of [`Programs::finish`]: the parts one after another.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Finish {
-    /// For each failure two numbers: 1 if it holds, and the violation (largest excess over the range, 0 when kept).
+    /// For each failure two numbers: 1 if it holds, NaN if that is unknown, and the violation (largest excess over the range, 0 when kept).
     pub failures: u32,
-    /// For each success condition one number, 1 if it holds.
+    /// For each success condition one number, 1 if it holds, NaN if that is unknown.
     pub successes: u32,
-    /// For each constraint one number, the violation.
+    /// For each constraint one number, the violation, NaN if it is unknown.
     pub constraints: u32,
     /// One number a reward, before the error reward of failures.
     pub rewards: u32,
@@ -380,6 +380,8 @@ pub struct Solver {
     pub max_order: u32,
     /// Most internal steps between two output times.
     pub max_steps: u32,
+    /// Most instants of events within a step.
+    pub max_events: u32,
     /// `auto`, `dense` or `klu`.
     pub linear_solver: String,
 }
@@ -407,7 +409,7 @@ impl Solver {
 
 impl Default for Solver {
     fn default() -> Self {
-        Solver { rtol: 1e-8, atol_factor: 0.01, safety: 1.0, max_order: 5, max_steps: 20_000, linear_solver: "auto".into() }
+        Solver { rtol: 1e-8, atol_factor: 0.01, safety: 1.0, max_order: 5, max_steps: 20_000, max_events: 1000, linear_solver: "auto".into() }
     }
 }
 

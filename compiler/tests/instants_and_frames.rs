@@ -144,7 +144,7 @@ fn a_failing_step_is_no_success() {
 }
 
 #[test]
-fn a_policy_counts_steps_and_an_event_knows_its_direction() {
+fn a_policy_counts_steps_and_an_event_is_positive_where_it_holds() {
     let mut r = Running::new(
         "time t : h
          action u = 1 in 0..9
@@ -160,8 +160,8 @@ fn a_policy_counts_steps_and_an_event_knows_its_direction() {
     assert_eq!(out, [2.0]);
     let mut roots = [0.0; 2];
     r.model.roots(&mut r.memory, 0.0, &r.y.clone(), &r.yp.clone(), &mut roots);
-    assert_eq!(roots, [0.5, -1.0]);
-    assert_eq!(r.model.roots_info().iter().map(|root| root.direction).collect::<Vec<_>>(), [-1, 1]);
+    assert_eq!(roots, [-0.5, -1.0]);
+    assert!(r.model.roots_info().iter().all(|root| !root.strict));
     let Running { model, memory, y, .. } = &mut r;
     model.event(0, memory, 0.0, y);
     assert_close(r.get("x"), 7.0);

@@ -23,11 +23,11 @@ pub use reset::{ResetError, ResetOptions, Start, StateInput};
 pub use snapshot::{Snapshot, SnapshotError};
 
 use crate::catalogue::Catalogue;
-use crate::failure::{BOX_SLACK, Cause, Failure, SolverFailure};
+use crate::failure::{BOX_SLACK, Cause, Chatter, Failure, NotFinite, SolverFailure};
 use crate::observe::{Number, Readings, Sensors};
 use crate::random::EpisodeKey;
 use crate::setup::{Setup, SetupError};
-use crate::solver::{Ida, Integrator, Statistics};
+use crate::solver::{Edge, Ida, Integrator, Statistics, System};
 use crate::system::CompiledSystem;
 
 /// What a step ended in. Times are in the model's unit.
@@ -41,11 +41,11 @@ pub struct StepResult {
     pub truncated: bool,
     /// A success condition holds, or a batch of fixed length is over.
     pub success: bool,
-    /// The first failure, in the order action box, solver, then as declared.
+    /// The first failure, in the order action box, solver, events without end, then as declared, then what is not finite.
     pub failure: Option<Failure>,
     /// Sum of the violations.
     pub cost: f64,
-    /// Completed steps times the sampling interval.
+    /// Time of the state: completed steps times the sampling interval, or that of the event at which the step stopped.
     pub time: f64,
 }
 
@@ -112,6 +112,25 @@ struct Progress {
     last: Option<StepResult>,
     solver_failure: Option<SolverFailure>,
     action_excess: f64,
+    /// Which conditions of events hold.
+    edges: Vec<Edge>,
+    /// Where an event ended the last step before its end.
+    event_time: Option<f64>,
+    chatter: Option<Chatter>,
+    not_finite: Option<NotFinite>,
+}
+
+/// When an event fired within the step, and how long after the time before.
+#[derive(Clone, Copy)]
+struct Firing {
+    time: f64,
+    gap: f64,
+}
+
+impl Default for Firing {
+    fn default() -> Self {
+        Self { time: f64::NEG_INFINITY, gap: f64::INFINITY }
+    }
 }
 
 /// A recorded disturbance in place of a drawn one.
@@ -145,6 +164,9 @@ pub struct Environment {
     drifts: Vec<Drift>,
     /// Stepping goes on after the end of an episode.
     keep_going: bool,
+    /// Time at the start of the step.
+    begin: f64,
+    firings: Vec<Firing>,
 }
 
 impl Environment {
@@ -173,6 +195,10 @@ impl Environment {
             last: None,
             solver_failure: None,
             action_excess: 0.0,
+            edges: vec![Edge::default(); system.root_count()],
+            event_time: None,
+            chatter: None,
+            not_finite: None,
         };
         Ok(Self {
             integrals: vec![0.0; system.region(Region::Quadrature).len()],
@@ -182,6 +208,8 @@ impl Environment {
             statistics: Statistics::default(),
             drifts: Vec::new(),
             keep_going: false,
+            begin: 0.0,
+            firings: vec![Firing::default(); system.root_count()],
             replay: Vec::new(),
             progress,
             sensors,
@@ -197,6 +225,7 @@ impl Environment {
     pub fn step(&mut self, action: &[f64]) -> Result<StepResult, StepError> {
         self.check(action)?;
         let excess = self.action_excess(action);
+        self.progress.chatter = None;
         let outcome = if action.iter().all(|a| a.is_finite()) {
             self.run_interval(action)
         } else {
@@ -229,7 +258,8 @@ impl Environment {
         self.progress.phase = Phase::New;
     }
 
-    /// Goes on stepping after the end of an episode (off by default).
+    /// Goes on stepping after the end of an episode (off by default). The step after one that stopped at an event begins
+    /// there and ends where it would: nothing of the time course is left out.
     pub fn set_keep_going(&mut self, keep_going: bool) {
         self.keep_going = keep_going;
     }
@@ -300,10 +330,10 @@ impl Environment {
         self.progress.steps
     }
 
-    /// Completed steps times the sampling interval.
+    /// Time of the present state: completed steps times the sampling interval, or that of the event at which the last step stopped.
     #[must_use]
     pub fn time(&self) -> f64 {
-        f64::from(self.progress.steps) * self.setup.model().interface().episode.step
+        self.progress.event_time.unwrap_or_else(|| f64::from(self.progress.steps) * self.setup.model().interface().episode.step)
     }
 
     /// Whether a step may be taken without a reset.
@@ -349,6 +379,12 @@ impl Environment {
     #[must_use]
     pub fn observation_len(&self) -> usize {
         self.progress.readings.present.len()
+    }
+
+    /// Which observations have no finite value at the present point; what [`observe`](Self::observe) writes for them is the last reading.
+    #[must_use]
+    pub fn missing_readings(&self) -> &[bool] {
+        &self.progress.readings.missing
     }
 
     /// Writes the observation, clipped to its box: physical units, or [-1, 1].

@@ -12,7 +12,9 @@ use crate::catalogue::Catalogue;
 pub const ACTION_BOX: &str = "action_box";
 /// Identifier of the failure of the integrator.
 pub const SOLVER: &str = "solver";
-/// Identifier of the failure of a reward that is no number although nothing else failed.
+/// Identifier of the failure of events that follow one another without end.
+pub const EVENTS: &str = "events";
+/// Identifier of the failure of a number that is none although nothing else failed.
 pub const NOT_FINITE: &str = "not_finite";
 
 /// A failure of a step.
@@ -24,8 +26,10 @@ pub enum Failure {
     Solver,
     /// A failure that the model declares, by its index.
     Declared(u32),
-    /// The reward is not finite.
+    /// Something is not finite.
     NotFinite,
+    /// Events followed one another without end.
+    Events,
 }
 
 impl Failure {
@@ -36,6 +40,7 @@ impl Failure {
             Failure::ActionBox => ACTION_BOX,
             Failure::Solver => SOLVER,
             Failure::NotFinite => NOT_FINITE,
+            Failure::Events => EVENTS,
             Failure::Declared(index) => interface.failures.get(index as usize).map_or("", |f| &f.name),
         }
     }
@@ -65,14 +70,90 @@ pub enum Cause {
     Singular,
     /// No consistent algebraic variables at the start of the interval.
     Inconsistent,
-    /// Events followed one another without end.
-    TooManyEvents,
     /// A function of the model panicked (a fault of the compiler).
     Panicked,
     /// Anything else; the solver's return code.
     Other(i32),
     /// Somebody wanted the integration to stop.
     Interrupted,
+}
+
+/// Events without end within a step.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Chatter {
+    /// Time of the last one.
+    pub time: f64,
+    /// The last one, by its root function.
+    pub event: usize,
+    /// Another one at the same instant.
+    pub partner: Option<usize>,
+    /// The last one came sooner and sooner.
+    pub accumulates: bool,
+}
+
+impl Chatter {
+    /// What happened: `events, the last `hit` at t = 4.06 s, follow one another ever faster`.
+    #[must_use]
+    pub fn describe(&self, model: &CompiledModel, limit: u32) -> String {
+        let name = |index: usize| model.roots_info().get(index).map_or("", |root| &root.name);
+        let at = format!("at t = {} {}", Short(self.time), model.interface().time.1);
+        let event = name(self.event);
+        match (self.accumulates, self.partner) {
+            (true, _) => format!("`{event}` follows itself ever faster {at}"),
+            (false, Some(other)) => format!("`{}` and `{event}` follow each other without end {at} (more than {limit} in the step)", name(other)),
+            (false, None) => format!("more than {limit} in the step, the last one `{event}` {at} (`solver {{ max_events }}` sets the limit)"),
+        }
+    }
+}
+
+/// A number that is none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum NotFinite {
+    /// An unknown, by its place in `y`.
+    Unknown(usize),
+    /// A discrete variable, by its place in the region.
+    Discrete(usize),
+    /// The condition of a failure, by its index.
+    Failure(usize),
+    /// The condition of a success.
+    Success(usize),
+    /// A constraint.
+    Constraint(usize),
+    /// The condition of an event, by its root function.
+    Event(usize),
+    /// A reward.
+    Reward(usize),
+    /// An observation.
+    Observation(usize),
+}
+
+impl NotFinite {
+    /// What is wrong with it.
+    #[must_use]
+    pub fn describe(self, model: &CompiledModel, catalogue: &Catalogue) -> String {
+        format!("{} is not finite", self.quantity(model, catalogue))
+    }
+
+    /// What it is, by name.
+    #[must_use]
+    pub fn quantity(self, model: &CompiledModel, catalogue: &Catalogue) -> String {
+        let interface = model.interface();
+        let element = |family: &crate::catalogue::Family, at: usize| {
+            family.elements().iter().find(|e| e.at == at).map_or_else(String::new, |e| e.name.clone())
+        };
+        let (what, name) = match self {
+            Self::Unknown(at) if at < model.states() => ("the state", element(&catalogue.states, at)),
+            Self::Unknown(at) => ("the variable", element(&catalogue.solved, at)),
+            Self::Discrete(at) => ("the discrete variable", element(&catalogue.discretes, at)),
+            Self::Failure(i) => ("the condition of the failure", interface.failures.get(i).map(|f| f.name.clone()).unwrap_or_default()),
+            Self::Success(i) => ("the condition of the success", interface.successes.get(i).cloned().unwrap_or_default()),
+            Self::Constraint(i) => ("the constraint", interface.constraints.get(i).cloned().unwrap_or_default()),
+            Self::Event(i) => ("the condition of the event", model.roots_info().get(i).map(|r| r.name.clone()).unwrap_or_default()),
+            Self::Reward(i) => ("the reward", interface.rewards.get(i).map(|r| r.name.clone()).unwrap_or_default()),
+            Self::Observation(i) => ("the observation", interface.observations.get(i).map(|o| o.name.clone()).unwrap_or_default()),
+        };
+        format!("{what} `{name}`")
+    }
 }
 
 /// The message of a solver failure: `equation at reactor.eq:41, d/dt T, became NaN at t = 3.2 min`.
@@ -90,7 +171,6 @@ pub fn describe_solver(failure: &SolverFailure, model: &CompiledModel, catalogue
         Cause::TooManySteps => subject("took more internal steps than `solver { max_steps }` allows"),
         Cause::Singular => subject("met a singular iteration matrix"),
         Cause::Inconsistent => subject("has no consistent algebraic variables"),
-        Cause::TooManyEvents => subject("stopped at too many events"),
         Cause::Panicked => subject("was ended by a panic inside a model function"),
         Cause::Interrupted => subject("was interrupted"),
         Cause::Other(code) => subject(&format!("failed (IDA code {code})")),

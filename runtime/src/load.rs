@@ -472,6 +472,7 @@ fn finish(
         atol_factor: scenario.solver.atol_factor,
         max_order: scenario.solver.max_order,
         solver_steps: scenario.solver.max_steps,
+        max_events: scenario.solver.max_events,
         linear_solver: scenario.solver.linear_solver.clone(),
         parameters: given_parameters(&model, [&scenario.parameters, &scenario.settings, settings])?,
         ..EnvironmentOptions::default()

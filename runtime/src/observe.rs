@@ -18,6 +18,8 @@ pub(crate) struct Sensors {
 pub(crate) struct Readings {
     /// Present readings, physical units, unclipped.
     pub present: Vec<f64>,
+    /// Which of them have no value that is finite: the last one is kept.
+    pub missing: Vec<bool>,
     /// Values on their way to be reported, channel after channel.
     pub pipeline: Vec<f64>,
 }
@@ -60,7 +62,8 @@ impl Sensors {
     /// Readings of zero, of the right lengths.
     pub fn blank(&self) -> Readings {
         let delayed = self.channels.iter().map(|c| c.ring.1).sum();
-        Readings { present: vec![0.0; self.channels.len()], pipeline: vec![0.0; delayed] }
+        let channels = self.channels.len();
+        Readings { present: vec![0.0; channels], missing: vec![false; channels], pipeline: vec![0.0; delayed] }
     }
 
     /// First readings of an episode; a delayed channel reports them until its first sample arrives.
@@ -68,17 +71,24 @@ impl Sensors {
         for (i, (channel, &value)) in self.channels.iter().zip(values).enumerate() {
             let reading = value + channel.error(key, AT_RESET);
             readings.present[i] = reading;
+            readings.missing[i] = false;
             readings.pipeline[channel.ring.0..channel.ring.0 + channel.ring.1].fill(reading);
         }
     }
 
     /// Readings after `steps` completed steps.
     pub fn read(&self, readings: &mut Readings, key: EpisodeKey, steps: u32, values: &[f64]) {
+        for ((missing, present), &value) in readings.missing.iter_mut().zip(&mut readings.present).zip(values) {
+            *missing = !value.is_finite();
+            if self.plain && !*missing {
+                *present = value;
+            }
+        }
         if self.plain {
-            readings.present.copy_from_slice(values);
             return;
         }
         for (i, (channel, &value)) in self.channels.iter().zip(values).enumerate() {
+            let value = if value.is_finite() { value } else { readings.present[i] };
             let (start, delay) = channel.ring;
             let due = |step: u32| step.is_multiple_of(channel.every);
             if delay == 0 {
@@ -110,16 +120,14 @@ impl Channel {
         if self.noise == 0.0 { 0.0 } else { self.noise * Stream::from_hash(key, self.stream).normal(step, 0) }
     }
 
-    /// Inside the box; NaN is reported as the lower bound, since an observation must be a number.
+    /// Inside the box. Readings are numbers.
     fn clip(&self, value: f64) -> f64 {
         if value > self.high {
             self.high
-        } else if value >= self.low {
-            value
-        } else if self.low.is_finite() {
+        } else if value < self.low {
             self.low
         } else {
-            0.0
+            value
         }
     }
 
@@ -218,14 +226,19 @@ mod tests {
     }
 
     #[test]
-    fn observations_are_clipped_to_their_box_and_never_nan() {
-        let sensors = Sensors::new(&[observed(1, 0)], &[0.0]);
-        let mut readings = sensors.blank();
-        for (value, expected) in [(12.0, 1.0), (-1.0, -1.0), (f64::NAN, -1.0), (2.5, -0.5)] {
-            sensors.reset(&mut readings, EpisodeKey::default(), &[value]);
-            let mut out = [0.0_f32];
-            sensors.write(&readings, true, &mut out);
-            assert_eq!(f64::from(out[0]), expected);
+    fn observations_are_clipped_to_their_box_and_kept_where_there_is_none() {
+        for (every, delay) in [(1, 0), (1, 1), (2, 0)] {
+            let sensors = Sensors::new(&[observed(every, delay)], &[0.0]);
+            let mut readings = sensors.blank();
+            sensors.reset(&mut readings, EpisodeKey::default(), &[5.0]);
+            for (step, (value, expected)) in [(12.0, 1.0), (f64::NAN, 1.0), (-1.0, -1.0), (f64::INFINITY, -1.0), (2.5, -0.5)].iter().enumerate() {
+                for repeated in 0..2 {
+                    sensors.read(&mut readings, EpisodeKey::default(), 2 * step as u32 + repeated, &[*value]);
+                }
+                let mut out = [0.0_f32];
+                sensors.write(&readings, true, &mut out);
+                assert_eq!((f64::from(out[0]), readings.missing[0]), (*expected, !value.is_finite()), "{every} {delay} {value}");
+            }
         }
     }
 }

@@ -21,8 +21,17 @@ struct Panel {
     /// Bounds, drawn where they are near the curve.
     bounds: [f64; 2],
     set_point: Option<f64>,
-    /// Held over the step rather than joined by lines.
-    held: bool,
+    course: Course,
+}
+
+/// How a quantity goes from one row to the next.
+enum Course {
+    /// Along a line.
+    Line,
+    /// Held over the step that ends in the row.
+    Held,
+    /// Switched at the time that the row tells.
+    Switched(Vec<f64>),
 }
 
 /// Writes an SVG file.
@@ -63,7 +72,7 @@ fn panels(table: &Table, setup: &Setup) -> Vec<Panel> {
             values: table.numbers(&element.name)?,
             bounds: [element.low, element.high],
             set_point,
-            held,
+            course: if held { Course::Held } else { Course::Line },
         })
     };
     let steady = setup.steady_state();
@@ -76,15 +85,17 @@ fn panels(table: &Table, setup: &Setup) -> Vec<Panel> {
     if !phases.is_empty() {
         let names: Vec<String> = phases.iter().enumerate().map(|(i, name)| format!("{} {name}", i + 1)).collect();
         let title = format!("phase: {}", names.join(", "));
-        panels.extend(table.numbers("phase").map(|values| Panel { title, values, bounds, set_point: None, held: true }));
+        let course = Course::Switched(table.numbers("phase_start").unwrap_or_default());
+        panels.extend(table.numbers("phase").map(|values| Panel { title, values, bounds, set_point: None, course }));
     }
-    panels.extend(table.numbers("reward").map(|values| Panel { title: "reward".into(), values, bounds, set_point: None, held: false }));
+    let course = Course::Line;
+    panels.extend(table.numbers("reward").map(|values| Panel { title: "reward".into(), values, bounds, set_point: None, course }));
     panels
 }
 
 fn draw_panel<DB: DrawingBackend>(area: &DrawingArea<DB, Shift>, panel: &Panel, time: &[f64], unit: &str) -> Result<(), String> {
     let text = |e: DrawingAreaErrorKind<DB::ErrorType>| e.to_string();
-    let points: Vec<(f64, f64)> = curve(time, &panel.values, panel.held);
+    let points: Vec<(f64, f64)> = curve(time, &panel.values, &panel.course);
     let end = time.last().copied().filter(|t| *t > 0.0).unwrap_or(1.0);
     let (low, high) = span(&points, panel.set_point);
     let mut chart = ChartBuilder::on(area)
@@ -105,18 +116,23 @@ fn draw_panel<DB: DrawingBackend>(area: &DrawingArea<DB, Shift>, panel: &Panel, 
     Ok(())
 }
 
-/// Finite points of a curve; a held one as a staircase.
-fn curve(time: &[f64], values: &[f64], held: bool) -> Vec<(f64, f64)> {
+/// Finite points of a curve; what does not go along a line as a staircase.
+fn curve(time: &[f64], values: &[f64], course: &Course) -> Vec<(f64, f64)> {
     let mut points = Vec::new();
-    let mut before = None;
-    for (&t, &x) in time.iter().zip(values) {
-        if held && x.is_finite() {
-            points.extend(before.map(|t| (t, x)));
+    let mut before: Option<(f64, f64)> = None;
+    for (i, (&t, &x)) in time.iter().zip(values).enumerate() {
+        match (course, before.filter(|_| x.is_finite())) {
+            (Course::Held, Some((last, _))) => points.push((last, x)),
+            (Course::Switched(starts), Some((last, held))) if held != x => {
+                let switch = starts.get(i).copied().unwrap_or(t).max(last).min(t);
+                points.extend([(switch, held), (switch, x)]);
+            }
+            _ => {}
         }
         if x.is_finite() {
             points.push((t, x));
         }
-        before = Some(t);
+        before = Some((t, x));
     }
     points
 }
@@ -138,9 +154,18 @@ mod tests {
 
     #[test]
     fn a_held_curve_is_a_staircase_and_gaps_are_left_out() {
-        let points = curve(&[0.0, 1.0, 2.0], &[f64::NAN, 3.0, 4.0], true);
+        let points = curve(&[0.0, 1.0, 2.0], &[f64::NAN, 3.0, 4.0], &Course::Held);
         assert_eq!(points, [(0.0, 3.0), (1.0, 3.0), (1.0, 4.0), (2.0, 4.0)]);
-        assert_eq!(curve(&[0.0, 1.0], &[f64::NAN, 3.0], false), [(1.0, 3.0)]);
+        assert_eq!(curve(&[0.0, 1.0], &[f64::NAN, 3.0], &Course::Line), [(1.0, 3.0)]);
+    }
+
+    #[test]
+    fn a_phase_is_drawn_from_its_start_on() {
+        // The second phase begins at 1.5, within the step from 1 to 2; the third with the step from 3 on.
+        let starts = Course::Switched(vec![0.0, 0.0, 1.5, 1.5, 3.0]);
+        let points = curve(&[0.0, 1.0, 2.0, 3.0, 4.0], &[1.0, 1.0, 2.0, 2.0, 3.0], &starts);
+        let stairs = [(0.0, 1.0), (1.0, 1.0), (1.5, 1.0), (1.5, 2.0), (2.0, 2.0), (3.0, 2.0), (3.0, 2.0), (3.0, 3.0), (4.0, 3.0)];
+        assert_eq!(points, stairs);
     }
 
     #[test]

@@ -6,6 +6,7 @@
 mod values;
 
 use std::collections::BTreeMap;
+use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
@@ -157,6 +158,8 @@ pub struct SolverOverrides {
     pub max_order: Option<u32>,
     /// Most internal steps within a step.
     pub max_steps: Option<u32>,
+    /// Most instants of events within a step.
+    pub max_events: Option<NonZeroU32>,
     /// `auto`, `dense` or `klu`.
     pub linear_solver: Option<String>,
 }
@@ -188,7 +191,7 @@ const KEYS: [&str; 11] =
     ["parameters", "settings", "variants", "grid", "initial", "disturbances", "reward", "observation", "noise", "solver", "max_steps"];
 /// What is said of a key that a mapping has more than once.
 const TWICE: &str = "is given twice";
-const SOLVER_KEYS: [&str; 5] = ["rtol", "atol_factor", "max_order", "max_steps", "linear_solver"];
+const SOLVER_KEYS: [&str; 6] = ["rtol", "atol_factor", "max_order", "max_steps", "max_events", "linear_solver"];
 
 /// Under which circumstances a model is run.
 #[derive(Clone, Debug, Default, PartialEq)]

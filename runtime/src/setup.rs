@@ -1,6 +1,7 @@
 //! What all instances of an environment share: the model, names, settings, the nominal steady state.
 
 use std::collections::{BTreeMap, BTreeSet, HashSet};
+use std::num::NonZeroU32;
 use std::sync::{Arc, OnceLock};
 
 use smpl_compiler::artefact;
@@ -45,6 +46,8 @@ pub struct EnvironmentOptions {
     pub max_order: Option<u32>,
     /// Most internal steps within a step.
     pub solver_steps: Option<u32>,
+    /// Most instants of events within a step.
+    pub max_events: Option<NonZeroU32>,
     /// `auto`, `dense` or `klu`.
     pub linear_solver: Option<String>,
 }
@@ -107,6 +110,7 @@ pub struct Setup {
     pub(crate) draws: Vec<Drawn>,
     pub(crate) reward: usize,
     pub(crate) max_steps: u32,
+    pub(crate) max_events: u32,
     /// `finish` reads time derivatives, which then must be those of the final state.
     pub(crate) derivatives_at_end: bool,
     pub(crate) has_start: bool,
@@ -150,6 +154,7 @@ impl Setup {
             draws: draws(&model),
             reward,
             max_steps,
+            max_events: options.max_events.map_or(interface.solver.max_events, NonZeroU32::get),
             derivatives_at_end: finish_reads_derivatives(&model),
             has_start: !programs.start.nests.is_empty(),
             has_end: !programs.end.nests.is_empty(),

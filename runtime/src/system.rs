@@ -4,15 +4,16 @@ use std::sync::Arc;
 
 use smpl_compiler::compiled::CompiledModel;
 use smpl_compiler::layout::{Memory, Part, Region};
+use smpl_compiler::model::{Root, RootAction};
 
-use crate::solver::{Pattern, PatternError, System};
+use crate::solver::{Pattern, PatternError, RootKind, System};
 
 /// What the solver asks for again and again; shared by all instances of a model.
 #[derive(Debug)]
 struct Shape {
     pattern: Pattern,
     differential: Vec<bool>,
-    roots: usize,
+    roots: Vec<RootKind>,
     roots_use_derivatives: bool,
     quadratures: usize,
 }
@@ -35,7 +36,7 @@ impl CompiledSystem {
         let shape = Shape {
             pattern: Pattern::new(pattern.column_pointers.clone(), pattern.row_indices.clone())?,
             differential: (0..model.unknowns()).map(|i| i < model.states()).collect(),
-            roots: model.roots_info().len(),
+            roots: model.roots_info().iter().map(root_kind).collect(),
             roots_use_derivatives: model.roots_use_derivatives(),
             quadratures: model.quadratures(),
         };
@@ -96,6 +97,11 @@ impl CompiledSystem {
     }
 }
 
+/// Where nothing runs at an event it marks a switch in the equations, which matters both ways.
+fn root_kind(root: &Root) -> RootKind {
+    RootKind { strict: root.strict, both: root.action == RootAction::Restart }
+}
+
 /// The present values that a frame keeps beside `y`.
 const PRESENT: [(Part, Region); 3] =
     [(Part::Action, Region::Action), (Part::Discrete, Region::Discrete), (Part::Disturbance, Region::Disturbance)];
@@ -134,7 +140,11 @@ impl System for CompiledSystem {
     }
 
     fn root_count(&self) -> usize {
-        self.shape.roots
+        self.shape.roots.len()
+    }
+
+    fn root_kinds(&self) -> &[RootKind] {
+        &self.shape.roots
     }
 
     fn roots_use_derivatives(&self) -> bool {

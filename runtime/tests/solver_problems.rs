@@ -2,7 +2,7 @@
 
 use smpl_runtime::solver::problems::{self, Problem};
 use smpl_runtime::solver::{
-    Advance, Ida, Integrator, LinearSolver, Method, Pattern, Quadratures, Settings, SolveError, Statistics, System,
+    Advance, Ida, Integrator, LinearSolver, Method, Pattern, Quadratures, RootKind, Settings, SolveError, Statistics, System,
 };
 
 /// Integrates from the problem's start at time 0 to `t_end`.
@@ -274,7 +274,10 @@ impl System for Ramp {
         2
     }
     fn roots(&mut self, _: f64, y: &[f64], _: &[f64], out: &mut [f64]) {
-        out.copy_from_slice(&[y[0] - 1.0, 2.0 + y[0]]);
+        out.copy_from_slice(&[y[0] - 1.0, -2.0 - y[0]]);
+    }
+    fn root_kinds(&self) -> &[RootKind] {
+        const { &[RootKind { strict: false, both: true }] }
     }
     fn quadrature_count(&self) -> usize {
         1
@@ -299,8 +302,9 @@ fn events_stop_with_their_direction_and_quadratures_begin_at_zero() {
         assert_eq!(ida.advance(&mut ramp, 10.0), Ok(Advance::Event));
         assert_close(&[ida.time(), ida.state()[0], ida.quadratures()[0]], &[2.0, 1.0, 1.0], 1e-4);
         assert_eq!(ida.events(), &[1, 0]);
+        ida.restart(&mut ramp, 2.0, &[1.0], None).expect("consistent");
         assert_eq!(ida.advance(&mut ramp, 4.0), Ok(Advance::Reached));
-        assert_close(ida.quadratures(), &[4.0], 1e-4);
+        assert_close(ida.quadratures(), &[3.0], 1e-4);
         ramp.slope = -1.0;
         ida.restart(&mut ramp, 4.0, &[2.0], None).expect("consistent");
         assert_eq!(ida.quadratures(), &[0.0]);
@@ -314,7 +318,7 @@ fn events_stop_with_their_direction_and_quadratures_begin_at_zero() {
 /// and the integral of its speed.
 struct Pendulum {
     pattern: Pattern,
-    /// Leaves all root finding to IDA.
+    /// Wants the derivatives for the root functions.
     looks_at_derivatives: bool,
 }
 
@@ -342,6 +346,9 @@ impl System for Pendulum {
     }
     fn roots(&mut self, _: f64, y: &[f64], _: &[f64], out: &mut [f64]) {
         out.copy_from_slice(&[y[0], y[0] - 0.5]);
+    }
+    fn root_kinds(&self) -> &[RootKind] {
+        const { &[RootKind { strict: false, both: true }; 2] }
     }
     fn quadrature_count(&self) -> usize {
         1
@@ -375,14 +382,15 @@ fn swings(looks_at_derivatives: bool, length: f64) -> Vec<(f64, Vec<i32>, Vec<u6
 }
 
 #[test]
-fn events_that_are_watched_are_those_that_ida_finds_to_the_bit() {
+fn events_are_found_in_steps_of_any_length_and_the_same_with_derivatives() {
     for length in [0.1, 0.7, 10.0] {
         let found = swings(false, length);
         assert_eq!(found, swings(true, length));
-        // sin t is 1/2 at π/6 and 5π/6, and 0 at π: not at the start, where it only leaves zero.
-        let events: Vec<_> = found.iter().filter(|(_, events, _)| *events != [0, 0]).take(3).collect();
+        // sin t is at least 0 from the start on, 1/2 at π/6 and 5π/6, and 0 at π and 2π.
+        let events: Vec<_> = found.iter().filter(|(_, events, _)| *events != [0, 0]).take(5).collect();
         let pi = std::f64::consts::PI;
-        let exact = [(pi / 6.0, [0, 1]), (5.0 * pi / 6.0, [0, -1]), (pi, [-1, 0])];
+        let exact = [(0.0, [1, 0]), (pi / 6.0, [0, 1]), (5.0 * pi / 6.0, [0, -1]), (pi, [-1, 0]), (2.0 * pi, [1, 0])];
+        assert_eq!(events.len(), exact.len());
         for ((t, found, _), (at, expected)) in events.into_iter().zip(exact) {
             assert!((t - at).abs() < 1e-6 && *found == expected, "{t} {found:?}");
         }
@@ -392,7 +400,11 @@ fn events_that_are_watched_are_those_that_ida_finds_to_the_bit() {
 #[test]
 fn events_are_watched_on_from_advance_to_advance() {
     let (mut pendulum, mut ida) = Pendulum::swinging(false);
-    ida.restart(&mut pendulum, 0.1, &[0.1_f64.sin(), 0.1_f64.cos()], None).expect("consistent");
+    for expected in [Advance::Event, Advance::Reached] {
+        // What holds at the start is an event there, once.
+        ida.restart(&mut pendulum, 0.1, &[0.1_f64.sin(), 0.1_f64.cos()], None).expect("consistent");
+        assert_eq!(ida.advance(&mut pendulum, 0.1), Ok(expected));
+    }
     let mut end: f64 = 0.2;
     while ida.advance(&mut pendulum, end).expect("gets on") == Advance::Reached {
         assert!((ida.quadratures()[0] - (end.sin() - 0.1_f64.sin())).abs() < 1e-6);
@@ -402,7 +414,9 @@ fn events_are_watched_on_from_advance_to_advance() {
     assert_eq!(ida.events(), &[0, 1]);
     // What was integrated before the event counts.
     assert!((ida.quadratures()[0] - (0.5 - 0.1_f64.sin())).abs() < 1e-6);
-    // IDA's own search goes on where it stopped.
+    let (t, state) = (ida.time(), ida.state().to_vec());
+    assert!(ida.advance(&mut pendulum, 3.0).is_err(), "an event wants a restart");
+    ida.restart(&mut pendulum, t, &state, None).expect("consistent");
     assert_eq!(ida.advance(&mut pendulum, 3.0), Ok(Advance::Event));
     assert!((ida.time() - 5.0 * std::f64::consts::FRAC_PI_6).abs() < 1e-6);
 }

@@ -9,6 +9,7 @@ mod policies;
 mod ranges;
 mod rewards;
 mod settings;
+mod unknown;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Ident, Statement, StatementKind};
@@ -34,6 +35,8 @@ pub(super) struct Outcome {
 pub(super) struct Condition {
     /// Whether it holds.
     pub holds: ExprId,
+    /// Whether it is neither true nor false.
+    pub unknown: ExprId,
     /// By how much, relative to a range.
     pub excess: ExprId,
     /// Members of its box.
@@ -112,9 +115,9 @@ impl<'a> Elaborator<'a> {
                         on_reward.push((order, place, condition, failure));
                     } else {
                         let c = self.failing(condition, &place);
-                        if *event && let Some((value, direction)) = self.root_of(condition, &place) {
+                        if *event && let Some((value, strict)) = self.root_of(condition, &place) {
                             let name = self.path_of(scope, name);
-                            self.model.roots.push(Root { name, value, direction, action: RootAction::Fail(order as u32) });
+                            self.model.roots.push(Root { name, value, strict, action: RootAction::Fail(order as u32) });
                         }
                         failures.push((order, c, failure));
                     }
@@ -162,10 +165,13 @@ impl<'a> Elaborator<'a> {
 
         let mut scalars: Vec<ExprId> = Vec::new();
         for (_, c, _) in &failures {
-            scalars.push(c.holds);
+            scalars.push(self.or_nan(c.holds, c.unknown));
             scalars.push(c.excess);
         }
-        scalars.extend(successes.iter().map(|s| s.1));
+        for &(_, holds) in &successes {
+            let unknown = self.unknown(holds);
+            scalars.push(self.or_nan(holds, unknown));
+        }
         scalars.extend(constraints.iter().map(|c| c.1));
         scalars.extend(&rewards);
         let finish = &mut self.model.interface.finish;
@@ -207,6 +213,15 @@ impl<'a> Elaborator<'a> {
         self.model.interface.observations = observed.names;
     }
 
+    /// A number or a truth value, NaN where it is unknown.
+    fn or_nan(&mut self, value: ExprId, unknown: ExprId) -> ExprId {
+        if matches!(self.exprs.node(unknown), crate::ir::Expr::Truth(false)) {
+            return value;
+        }
+        let (nan, value) = (self.exprs.constant(f64::NAN), self.exprs.number(value));
+        self.exprs.select(unknown, nan, value)
+    }
+
     fn rewards(&mut self, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> Vec<ExprId> {
         let mut out = Vec::new();
         let mut chosen = None;
@@ -245,7 +260,8 @@ impl<'a> Elaborator<'a> {
             let Item::Other(Statement { kind: StatementKind::Constraint { name, condition, .. }, .. }) = item else { continue };
             let place = self.place(scope, Site::Instant);
             let c = self.failing(condition, &place);
-            out.push((self.path_of(scope, name), c.excess));
+            let excess = self.or_nan(c.excess, c.unknown);
+            out.push((self.path_of(scope, name), excess));
         }
         out
     }

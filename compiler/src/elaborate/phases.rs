@@ -18,7 +18,7 @@ use super::items::Item;
 use super::names::{ScopeId, Set, Symbol, SymbolId, SymbolKind};
 use super::quantity::Value;
 use super::{Elaborator, Place, Site};
-use crate::ir::{Affine, BinaryFn, Compare, ExprId, Flavour, Nest, Place as Memory, Program, Role, VarId};
+use crate::ir::{Affine, Compare, ExprId, Flavour, Nest, Place as Memory, Program, Role, VarId};
 use crate::model::{Quantity, Root, RootAction, Variable};
 
 /// The schedule of a model.
@@ -219,13 +219,10 @@ impl<'a> Elaborator<'a> {
                 let d = self.value(duration, &place);
                 let unit = self.time_unit.clone();
                 let d = self.strictly_in(d, &unit, duration.span, "a duration", phase.name.span);
-                // A root must be crossed to be seen: what has no duration lasts this many units of time.
-                let least = self.exprs.constant(1e-9);
-                let d = self.exprs.binary(BinaryFn::Max, d, least);
                 let (t, since) = (self.exprs.time(), self.discrete(schedule.since));
                 let elapsed = self.exprs.sub(t, since);
                 let value = self.exprs.sub(elapsed, d);
-                self.phase_root(&schedule, i, here, value, 1, &transition);
+                self.phase_root(&schedule, i, here, (value, false), &transition);
             }
             let Some(until) = &phase.until else { continue };
             let holds = self.condition(until, &place);
@@ -233,10 +230,10 @@ impl<'a> Elaborator<'a> {
             leaving = self.exprs.select(now, own, leaving);
             // A comparison of what moves during a step is a root as well; a request made at its start is not.
             if let ExprKind::Binary(BinaryOp::Lt | BinaryOp::Le | BinaryOp::Gt | BinaryOp::Ge, ..) = until.kind
-                && let Some((value, direction)) = self.root_of(until, &place)
+                && let Some((value, strict)) = self.root_of(until, &place)
                 && self.is_dynamic(value)
             {
-                self.phase_root(&schedule, i, here, value, direction, &transition);
+                self.phase_root(&schedule, i, here, (value, strict), &transition);
             }
         }
         if self.exprs.as_const(leaving).is_none() {
@@ -270,9 +267,9 @@ impl<'a> Elaborator<'a> {
         false
     }
 
-    fn phase_root(&mut self, schedule: &Schedule<'a>, i: usize, here: ExprId, value: ExprId, direction: i8, transition: &Program) {
-        // Outside its phase the function stays on the side that it comes from.
-        let away = self.exprs.constant(if direction > 0 { -1.0 } else { 1.0 });
+    fn phase_root(&mut self, schedule: &Schedule<'a>, i: usize, here: ExprId, (value, strict): (ExprId, bool), transition: &Program) {
+        // Outside its phase the condition does not hold: it becomes true anew each time.
+        let away = self.exprs.constant(-1.0);
         let value = self.exprs.select(here, value, away);
         let number = self.exprs.constant(i as f64 + 1.0);
         let stores = vec![store(Memory::Var(schedule.leaving), Affine::default(), number)];
@@ -281,7 +278,7 @@ impl<'a> Elaborator<'a> {
         self.model.programs.events.push(program);
         let action = RootAction::Run(self.model.programs.events.len() as u32 - 1);
         let name = schedule.phases[i].name.text.clone();
-        self.model.roots.push(Root { name, value, direction, action });
+        self.model.roots.push(Root { name, value, strict, action });
     }
 
     /// What runs when a phase is left, for whichever it is.

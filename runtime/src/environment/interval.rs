@@ -4,8 +4,8 @@ use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::{Part, Region};
 use smpl_compiler::model::RootAction;
 
-use super::Environment;
-use crate::failure::{Cause, SolverFailure};
+use super::{Environment, Firing};
+use crate::failure::{Cause, Chatter, SolverFailure};
 use crate::observe::variate;
 use crate::random::Stream;
 use crate::solver::{Advance, SolveError, Statistics};
@@ -17,22 +17,29 @@ pub(super) enum Outcome {
     Completed,
     /// At an event that is a failure, by its index.
     Event(u32),
+    /// Where events follow one another without end.
+    Chatter,
+    /// Where an update made a state or a discrete variable that is not finite.
+    Broken,
     /// The integrator gave up; the state is as before.
     Solver,
     /// It was not run; the state is as before.
     NotRun,
 }
 
-/// Events within one interval beyond which something chatters.
-const MAX_EVENTS: u32 = 1000;
+/// An event that comes again within this part of the step, sooner than the last time, accumulates.
+const ACCUMULATION: f64 = 1e-9;
 
 impl Environment {
     /// Applies a finite action and integrates to the end of the interval, or to what ends it.
     pub(super) fn run_interval(&mut self, action: &[f64]) -> Outcome {
-        self.begin(action);
-        let outcome = self.integrate();
+        self.prepare(action);
+        // An update may have left nothing to integrate.
+        let broken = self.setup.has_start && self.broken_variable().is_some();
+        let outcome = if broken { Outcome::Broken } else { self.integrate() };
         match outcome {
             Outcome::Solver => self.go_back(),
+            Outcome::Broken if broken => self.stop_at(self.begin),
             _ => {
                 self.system.region_mut(Region::Quadrature).copy_from_slice(&self.integrals);
                 if self.setup.has_end && outcome == Outcome::Completed {
@@ -43,20 +50,17 @@ impl Environment {
         outcome
     }
 
-    /// Time at the start of the interval.
-    fn begin_time(&self) -> f64 {
-        self.time()
-    }
-
     /// Time at its end, as integrated. Where nothing is left out it is to the last bit the time at which the next interval begins: an event between the two
     /// would be seen by neither.
     pub(super) fn end_time(&self) -> f64 {
         let episode = &self.setup.model().interface().episode;
-        if episode.integrate == episode.step { f64::from(self.progress.steps + 1) * episode.step } else { self.time() + episode.integrate }
+        let steps = f64::from(self.progress.steps);
+        if episode.integrate == episode.step { (steps + 1.0) * episode.step } else { steps * episode.step + episode.integrate }
     }
 
-    fn begin(&mut self, action: &[f64]) {
-        let (t0, steps) = (self.begin_time(), self.progress.steps);
+    fn prepare(&mut self, action: &[f64]) {
+        let (t0, steps) = (self.time(), self.progress.steps);
+        self.begin = t0;
         self.system.keep(&self.progress.y, Region::Previous);
         let region = self.system.region_mut(Region::Action);
         let single = self.setup.model().interface().episode.single_precision;
@@ -64,6 +68,8 @@ impl Environment {
             let rounded = || f64::from((value / element.scale) as f32) * element.scale;
             region[element.at] = if single { rounded() } else { value };
         }
+        self.progress.event_time = None;
+        self.firings.fill(Firing::default());
         self.set_builtin(Builtin::Steps, f64::from(steps));
         self.set_builtin(Builtin::Clock, t0);
         self.set_builtin(Builtin::Failed, 0.0);
@@ -101,24 +107,16 @@ impl Environment {
         self.collect_statistics();
         self.integrator.forget();
         self.integrals.fill(0.0);
+        self.integrator.edges_mut().copy_from_slice(&self.progress.edges);
         let end = self.end_time();
-        let mut t = self.begin_time();
-        for _ in 0..MAX_EVENTS {
+        let (mut t, mut events) = (self.begin, 0);
+        let outcome = loop {
             match self.advance(t, end) {
-                Ok(Advance::Reached) => {
+                Ok(advance) => {
                     self.take_state();
                     self.add_integrals();
-                    return Outcome::Completed;
-                }
-                Ok(Advance::Event) => {
-                    self.take_state();
-                    self.add_integrals();
-                    t = self.integrator.time();
-                    if let Some(failure) = self.handle_events(t) {
-                        return Outcome::Event(failure);
-                    }
-                    if t >= end {
-                        return Outcome::Completed;
+                    if advance == Advance::Reached {
+                        break Outcome::Completed;
                     }
                 }
                 Err(error) => {
@@ -126,9 +124,27 @@ impl Environment {
                     return Outcome::Solver;
                 }
             }
-        }
-        self.progress.solver_failure = Some(SolverFailure { time: t, cause: Cause::TooManyEvents, unknown: None });
-        Outcome::Solver
+            // What is left within the rounding of time cannot be integrated.
+            let found = self.integrator.time();
+            t = if end - found <= 8.0 * f64::EPSILON * (found.abs() + end.abs()) { end } else { found };
+            events += 1;
+            if let Some(outcome) = self.handle_events(t).or_else(|| self.chatter(t, events)) {
+                self.stop_at(t);
+                // What the last event changed is seen by the algebraic unknowns.
+                let (y, yp) = (&self.progress.y, Some(self.progress.yp.as_slice()));
+                if outcome == Outcome::Chatter && self.integrator.restart(&mut self.system, t, y, yp).is_ok() {
+                    self.take_state();
+                }
+                break outcome;
+            }
+        };
+        self.progress.edges.copy_from_slice(self.integrator.edges());
+        outcome
+    }
+
+    /// The step ends here.
+    fn stop_at(&mut self, t: f64) {
+        self.progress.event_time = Some(t);
     }
 
     fn advance(&mut self, t: f64, end: f64) -> Result<Advance, SolveError> {
@@ -148,30 +164,59 @@ impl Environment {
         }
     }
 
-    /// Does what the fired events ask for; the index of a failure if one of them is.
-    fn handle_events(&mut self, t: f64) -> Option<u32> {
-        let mut changed = false;
-        for index in 0..self.integrator.events().len() {
-            let fired = self.integrator.events()[index];
-            let root = &self.setup.model().roots_info()[index];
-            if fired == 0 || i32::from(root.direction) * fired < 0 {
-                continue;
-            }
-            match root.action {
-                RootAction::Fail(failure) => return Some(failure),
-                RootAction::Run(program) => {
-                    let (model, memory) = self.system.parts();
-                    model.event(program as usize, memory, t, &mut self.progress.y);
-                    changed = true;
-                }
-                RootAction::Restart => changed = true,
+    /// Does what the fired events ask for; how the interval ends if they end it.
+    fn handle_events(&mut self, t: f64) -> Option<Outcome> {
+        if let Some(failure) = self.fired_failure() {
+            return Some(Outcome::Event(failure));
+        }
+        self.set_builtin(Builtin::Clock, t);
+        let mut ran = false;
+        for index in 0..self.progress.edges.len() {
+            let action = self.setup.model().roots_info()[index].action;
+            if let (1, RootAction::Run(program)) = (self.integrator.events()[index], action) {
+                let (model, memory) = self.system.parts();
+                model.event(program as usize, memory, t, &mut self.progress.y);
+                ran = true;
             }
         }
-        if changed {
-            let (model, memory) = self.system.parts();
-            model.prepare_step(memory);
+        self.set_builtin(Builtin::Clock, self.begin);
+        if ran && self.broken_variable().is_some() {
+            return Some(Outcome::Broken);
         }
+        let (model, memory) = self.system.parts();
+        model.prepare_step(memory);
         None
+    }
+
+    /// The first failure among the events that fired.
+    fn fired_failure(&self) -> Option<u32> {
+        let fired = self.integrator.events().iter().zip(self.setup.model().roots_info());
+        fired.into_iter().find_map(|(&fired, root)| match root.action {
+            RootAction::Fail(failure) if fired > 0 => Some(failure),
+            _ => None,
+        })
+    }
+
+    /// Notes which events fired; an end if there are too many of them, or if one accumulates.
+    fn chatter(&mut self, t: f64, events: u32) -> Option<Outcome> {
+        let soon = ACCUMULATION * self.setup.model().interface().episode.step;
+        let (mut last, mut accumulates) = (None, false);
+        for (index, firing) in self.firings.iter_mut().enumerate().filter(|(index, _)| self.integrator.events()[*index] != 0) {
+            last = Some(index);
+            let gap = t - firing.time;
+            if gap > 0.0 && gap <= soon && firing.gap.is_finite() && gap <= firing.gap {
+                accumulates = true;
+            }
+            *firing = Firing { time: t, gap };
+        }
+        if !accumulates && events < self.setup.max_events {
+            return None;
+        }
+        // Another one at the same instant tells of two that undo each other.
+        let other = |&index: &usize| Some(index) != last && self.firings[index].time == t;
+        let partner = (0..self.firings.len()).find(other);
+        self.progress.chatter = Some(Chatter { time: t, event: last.unwrap_or_default(), partner, accumulates });
+        Some(Outcome::Chatter)
     }
 
     /// `at end`, and what depends on the states that it changed.

@@ -11,7 +11,7 @@ use crate::failure::{SolverFailure, describe_solver};
 use crate::observe::variate;
 use crate::random::{AT_RESET, EpisodeKey, Stream};
 use crate::setup::{fill_means, set_parameters};
-use crate::solver::{SolveError, Statistics};
+use crate::solver::{Edge, SolveError, Statistics};
 use crate::steady::{self, SteadyError};
 
 /// Where an episode starts.
@@ -136,7 +136,8 @@ impl Environment {
         self.initial_rest(options)?;
         self.set_replay(options)?;
         self.make_consistent()?;
-        self.first_observation();
+        self.refuse_broken_start()?;
+        self.first_observation()?;
         self.progress.phase = Phase::Running;
         Ok(())
     }
@@ -229,6 +230,7 @@ impl Environment {
             self.system.region_mut(Region::Action)[element.at] = element.default;
         }
         self.progress.steps = 0;
+        self.progress.event_time = None;
         for builtin in [Builtin::Steps, Builtin::Clock, Builtin::LastStep, Builtin::Failed, Builtin::ActionExcess] {
             self.set_builtin(builtin, 0.0);
         }
@@ -308,7 +310,20 @@ impl Environment {
         Ok(())
     }
 
-    fn first_observation(&mut self) {
+    /// Parameters, states and discrete variables are numbers.
+    fn refuse_broken_start(&self) -> Result<(), ResetError> {
+        let parameter = self.parameters().iter().position(|p| p.is_nan());
+        let name = |at: usize| self.catalogue().parameters.elements().iter().find(|e| e.at == at).map(|e| e.name.as_str());
+        if let Some(name) = parameter.and_then(name) {
+            return Err(ResetError::NotFinite { what: format!("the parameter `{name}`") });
+        }
+        match self.broken_variable() {
+            None => Ok(()),
+            Some(broken) => Err(ResetError::NotFinite { what: format!("{} at the start", broken.quantity(self.setup.model(), self.catalogue())) }),
+        }
+    }
+
+    fn first_observation(&mut self) -> Result<(), ResetError> {
         let progress = &mut self.progress;
         progress.rewards.fill(0.0);
         progress.violations.fill(0.0);
@@ -317,9 +332,17 @@ impl Environment {
         progress.last = None;
         progress.solver_failure = None;
         progress.action_excess = 0.0;
+        progress.edges.fill(Edge::default());
+        progress.chatter = None;
+        progress.not_finite = None;
         self.evaluate_finish(0.0);
-        let observations = self.part(4);
-        self.sensors.reset(&mut self.progress.readings, self.progress.key, &self.finish[observations]);
+        let values = &self.finish[self.part(4)];
+        if let Some(at) = values.iter().position(|v| !v.is_finite()) {
+            let name = &self.setup.model().interface().observations[at].name;
+            return Err(ResetError::NotFinite { what: format!("the observation `{name}` at the start") });
+        }
+        self.sensors.reset(&mut self.progress.readings, self.progress.key, values);
+        Ok(())
     }
 }
 

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::{Environment, Progress, Replay};
+use crate::observe::Readings;
 use crate::setup::Setup;
 
 /// First bytes of a snapshot; the last one is the version of what follows.
@@ -143,8 +144,10 @@ impl Environment {
 }
 
 impl Progress {
-    fn lengths(&self) -> [usize; 7] {
-        let (present, pipeline) = (self.readings.present.len(), self.readings.pipeline.len());
-        [self.y.len(), self.yp.len(), present, pipeline, self.rewards.len(), self.violations.len(), self.failing.len()]
+    fn lengths(&self) -> [usize; 9] {
+        let Readings { present, missing, pipeline } = &self.readings;
+        let values = [&self.y, &self.yp, present, pipeline, &self.rewards, &self.violations].map(Vec::len);
+        let [y, yp, present, pipeline, rewards, violations] = values;
+        [y, yp, present, missing.len(), pipeline, rewards, violations, self.failing.len(), self.edges.len()]
     }
 }

@@ -5,7 +5,7 @@ use smpl_compiler::layout::Region;
 
 use super::interval::Outcome;
 use super::{Environment, Phase, StepResult};
-use crate::failure::{ACTION_BOX, BOX_SLACK, Failure, describe_item, describe_solver};
+use crate::failure::{ACTION_BOX, BOX_SLACK, EVENTS, Failure, NOT_FINITE, NotFinite, describe_item, describe_solver};
 
 impl Environment {
     /// Evaluates the end of a step and counts it.
@@ -14,23 +14,52 @@ impl Environment {
             self.progress.solver_failure = None;
         }
         self.progress.action_excess = excess;
-        let failed_outside = excess > 0.0 || matches!(outcome, Outcome::Solver | Outcome::Event(_));
-        self.set_builtin(Builtin::Failed, f64::from(u8::from(failed_outside)));
+        let ended_inside = !matches!(outcome, Outcome::Completed | Outcome::NotRun);
+        self.set_builtin(Builtin::Failed, f64::from(u8::from(excess > 0.0 || ended_inside)));
         self.set_builtin(Builtin::ActionExcess, excess);
         let last_step = self.progress.steps + 1 >= self.setup.max_steps;
         self.set_builtin(Builtin::LastStep, f64::from(u8::from(last_step)));
-        self.evaluate_finish(self.end_time());
+        self.evaluate_finish(self.progress.event_time.unwrap_or_else(|| self.end_time()));
 
         self.collect_failures(outcome, excess);
-        let mut failure = self.first_failure(outcome, excess);
         let rewards = self.part(3);
         self.progress.rewards.copy_from_slice(&self.finish[rewards]);
-        if failure.is_none() && !self.progress.rewards[self.setup.reward..].first().is_none_or(|r| r.is_finite()) {
+        let mut failure = self.first_failure(outcome, excess);
+        self.progress.not_finite = if failure.is_none() { self.not_finite(outcome) } else { None };
+        if self.progress.not_finite.is_some() {
             failure = Some(Failure::NotFinite);
         }
         let result = self.conclude(failure, last_step);
         self.progress.last = Some(result);
         result
+    }
+
+    /// The first number that is none, of those that a step is judged by. Without an integration nothing has changed.
+    fn not_finite(&self, outcome: Outcome) -> Option<NotFinite> {
+        if outcome == Outcome::NotRun {
+            return None;
+        }
+        let infinite = |part: usize| self.finish[self.part(part)].iter().position(|x| !x.is_finite());
+        let condition = |part: usize, stride: usize| self.finish[self.part(part)].iter().step_by(stride).position(|x| x.is_nan());
+        let chosen = self.setup.reward;
+        let dense = self.progress.rewards.get(chosen).filter(|r| !r.is_finite()).map(|_| chosen);
+        (self.broken_variable())
+            .or_else(|| self.integrator.undefined_event().map(NotFinite::Event))
+            .or_else(|| dense.or_else(|| infinite(3)).map(NotFinite::Reward))
+            .or_else(|| condition(0, 2).map(NotFinite::Failure))
+            .or_else(|| condition(1, 1).map(NotFinite::Success))
+            .or_else(|| infinite(2).map(NotFinite::Constraint))
+            .or_else(|| infinite(4).map(NotFinite::Observation))
+    }
+
+    /// A state or an algebraic variable that is not finite, or a discrete variable that is not a number.
+    pub(super) fn broken_variable(&self) -> Option<NotFinite> {
+        let y = &self.progress.y;
+        // The sum of 0 * x is zero unless an entry is not finite.
+        if y.iter().map(|x| x * 0.0).sum::<f64>() != 0.0 {
+            return y.iter().position(|x| !x.is_finite()).map(NotFinite::Unknown);
+        }
+        self.discretes().iter().position(|x| x.is_nan()).map(NotFinite::Discrete)
     }
 
     /// Runs the `finish` program.
@@ -58,12 +87,14 @@ impl Environment {
         let pairs = self.finish[failures].chunks_exact(2);
         let count = pairs.len();
         for (i, pair) in pairs.enumerate() {
-            let failing = pair[0] != 0.0 || event == Some(i);
+            let failing = pair[0] == 1.0 || event == Some(i);
             self.progress.failing[i] = failing;
             // An event stops at the limit itself, and a condition may fail with equality: a breach is never worth nothing.
-            self.progress.violations[1 + i] = if failing { pair[1].max(BOX_SLACK) } else { pair[1] };
+            self.progress.violations[1 + i] = if failing { pair[1].max(BOX_SLACK) } else { known(pair[1]) };
         }
-        self.progress.violations[1 + count..].copy_from_slice(&self.finish[constraints]);
+        for (violation, &excess) in self.progress.violations[1 + count..].iter_mut().zip(&self.finish[constraints]) {
+            *violation = known(excess);
+        }
     }
 
     fn first_failure(&self, outcome: Outcome, excess: f64) -> Option<Failure> {
@@ -72,6 +103,9 @@ impl Environment {
         }
         if outcome == Outcome::Solver {
             return Some(Failure::Solver);
+        }
+        if outcome == Outcome::Chatter {
+            return Some(Failure::Events);
         }
         self.progress.failing.iter().position(|f| *f).map(|index| Failure::Declared(index as u32))
     }
@@ -83,7 +117,7 @@ impl Environment {
         if failure.is_some() {
             self.progress.rewards.fill(error_reward);
         }
-        let met = self.finish[self.part(1)].iter().any(|&s| s != 0.0);
+        let met = self.finish[self.part(1)].iter().any(|&s| s == 1.0);
         // A limit below the model's own cuts the batch short.
         let whole = self.setup.max_steps >= episode.max_steps;
         let success = failure.is_none() && (met || (last_step && whole && end_is_success));
@@ -110,9 +144,9 @@ impl Environment {
 
     /// Every failure of the last step in words, the deciding one first, each beginning with its identifier; empty when nothing failed.
     pub fn failure_message(&mut self) -> String {
-        let Some(first) = self.progress.last.and_then(|r| r.failure) else {
+        if self.progress.last.is_none_or(|r| r.failure.is_none()) {
             return String::new();
-        };
+        }
         let mut parts = Vec::new();
         if self.progress.action_excess > 0.0 {
             parts.push(format!("{ACTION_BOX}: {}", self.describe_action()));
@@ -122,10 +156,12 @@ impl Environment {
             let text = describe_solver(&failure, setup.model(), &setup.catalogue, setup.sources());
             parts.push(format!("{}: {text}", crate::failure::SOLVER));
         }
+        if let Some(chatter) = &self.progress.chatter {
+            parts.push(format!("{EVENTS}: {}", chatter.describe(self.setup.model(), self.setup.max_events)));
+        }
         parts.extend(self.describe_declared());
-        if first == Failure::NotFinite {
-            let reward = &self.setup.model().interface().rewards[self.setup.reward].name;
-            parts.push(format!("{}: reward `{reward}` is not finite", crate::failure::NOT_FINITE));
+        if let Some(what) = self.progress.not_finite {
+            parts.push(format!("{NOT_FINITE}: {}", what.describe(self.setup.model(), &self.setup.catalogue)));
         }
         parts.join("; ")
     }
@@ -160,6 +196,11 @@ impl Environment {
         }
         texts
     }
+}
+
+/// A violation; what is not known counts as one by a whole range.
+fn known(violation: f64) -> f64 {
+    if violation.is_nan() { 1.0 } else { violation }
 }
 
 impl From<&crate::catalogue::Element> for smpl_compiler::model::BoxItem {

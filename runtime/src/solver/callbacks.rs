@@ -10,7 +10,7 @@ use std::ptr::{self, NonNull};
 use std::rc::Rc;
 
 use sundials_sys::{
-    _generic_SUNLinearSolver, _generic_SUNLinearSolver_Ops, _generic_SUNMatrix, _generic_SUNMatrix_Ops, IDAGetCurrentTime, IDAGetLastStep,
+    _generic_SUNLinearSolver, _generic_SUNLinearSolver_Ops, _generic_SUNMatrix, _generic_SUNMatrix_Ops, IDAGetCurrentTime, IDAGetDky, IDAGetLastStep,
     N_Vector, SUNContext, SUNLinearSolver, SUNLinearSolver_ID, SUNLinearSolver_ID_SUNLINEARSOLVER_CUSTOM, SUNLinearSolver_Type,
     SUNLinearSolver_Type_SUNLINEARSOLVER_DIRECT, SUNMatrix, SUNMatrix_ID, SUNMatrix_ID_SUNMATRIX_CUSTOM,
 };
@@ -71,6 +71,8 @@ pub(crate) struct Bridge {
     pub factorisation: Factorisation,
     pub newton: Newton,
     pub watch: Watch,
+    /// Derivatives at the accepted state, where root functions look at them.
+    pub derivative: Option<Vector>,
     pub counts: Statistics,
     pub trouble: Option<Trouble>,
     steps_since_trouble: u32,
@@ -107,6 +109,7 @@ impl Bridge {
             factorisation,
             newton,
             watch,
+            derivative: None,
             counts: Statistics::default(),
             trouble: None,
             steps_since_trouble: 0,
@@ -226,28 +229,40 @@ impl Bridge {
         self.guarded(|system| system.quadratures(t, y.entries(), yp.entries(), out))
     }
 
-    /// Evaluates the root functions into `out`.
-    pub fn roots(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) -> Result<(), c_int> {
-        self.guarded(|system| system.roots(t, y, yp, out))
-    }
-
-    /// Begins to watch the root functions at the present state.
-    pub fn begin_watch(&mut self, t: f64, y: &[f64], yp: &[f64]) -> Result<(), c_int> {
-        let mut watch = std::mem::take(&mut self.watch);
-        let done = watch.begin(|out| self.roots(t, y, yp, out));
-        self.watch = watch;
+    /// Evaluates the root functions at a state.
+    pub fn evaluate_roots(&mut self, t: f64, y: &[f64], yp: &[f64]) -> Result<(), c_int> {
+        let mut values = std::mem::take(&mut self.watch.values);
+        let done = self.guarded(|system| system.roots(t, y, yp, &mut values));
+        self.watch.values = values;
         done
     }
 
-    /// Looks at the root functions at an accepted state, if they are watched; whether a sign has changed. They do not look at y'.
-    pub fn has_crossed(&mut self, t: f64, y: &[f64]) -> Result<bool, c_int> {
-        if !self.watch.active {
+    /// Evaluates them at a state a little later.
+    pub fn evaluate_roots_ahead(&mut self, t: f64, y: &[f64], yp: &[f64]) -> Result<(), c_int> {
+        let mut values = std::mem::take(&mut self.watch.ahead);
+        let done = self.guarded(|system| system.roots(t, y, yp, &mut values));
+        self.watch.ahead = values;
+        done
+    }
+
+    /// Looks at the root functions at an accepted state; whether a condition has become true.
+    pub fn has_passed(&mut self, t: f64, y: &[f64], yp: &[f64]) -> Result<bool, c_int> {
+        if self.watch.is_empty() {
             return Ok(false);
         }
-        let mut watch = std::mem::take(&mut self.watch);
-        let done = watch.accept(|out| self.roots(t, y, y, out));
-        self.watch = watch;
-        done
+        self.evaluate_roots(t, y, yp)?;
+        Ok(self.watch.accept(t))
+    }
+
+    /// The same within IDA's calls, which keep y' in their history.
+    fn has_passed_in_step(&mut self, t: f64, y: &[f64]) -> Result<bool, c_int> {
+        let yp = match &self.derivative {
+            Some(derivative) if unsafe { IDAGetDky(self.memory, t, 1, derivative.raw()) } < 0 => return Err(FATAL),
+            // SAFETY: nobody else touches the vector during the call.
+            Some(derivative) => unsafe { entries(derivative.raw()) },
+            None => y,
+        };
+        self.has_passed(t, y, yp)
     }
 
     fn factorise(&mut self) -> c_int {
@@ -280,7 +295,7 @@ impl Bridge {
         }
         let tiny = step > 0.0 && step <= 4.0 * f64::EPSILON * time.abs();
         self.tiny_steps = if tiny { self.tiny_steps + 1 } else { 0 };
-        if step > 0.0 && self.has_crossed(time, y)? {
+        if step > 0.0 && self.has_passed_in_step(time, y)? {
             return Err(FATAL);
         }
         if self.tiny_steps < TINY_STEPS {
@@ -321,14 +336,6 @@ pub(crate) unsafe extern "C" fn jacobian(
     _work3: N_Vector,
 ) -> c_int {
     code(unsafe { bridge(data) }.jacobian(t, cj, y, yp))
-}
-
-pub(crate) unsafe extern "C" fn roots(t: f64, y: N_Vector, yp: N_Vector, out: *mut f64, data: *mut c_void) -> c_int {
-    let done = unsafe { bridge(data) }.guarded(|system| {
-        let out = unsafe { std::slice::from_raw_parts_mut(out, system.root_count()) };
-        system.roots(t, unsafe { entries(y) }, unsafe { entries(yp) }, out);
-    });
-    code(done)
 }
 
 pub(crate) unsafe extern "C" fn quadratures(t: f64, y: N_Vector, yp: N_Vector, out: N_Vector, data: *mut c_void) -> c_int {

@@ -106,6 +106,11 @@ impl Consistent {
         })
     }
 
+    /// Whether there are unknowns to be solved for.
+    pub fn has_algebraic(&self) -> bool {
+        !self.algebraic.is_empty()
+    }
+
     pub fn forget(&mut self) {
         if let Some(block) = &mut self.block {
             block.forget();

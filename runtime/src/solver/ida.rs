@@ -14,7 +14,7 @@ use super::consistent::{Consistent, Inconsistent};
 use super::forcing::{Course, Forcing};
 use super::linear::Method;
 use super::vector::{Operations, Vector};
-use super::{Advance, FirstStep, IdaFlag, Integrator, Quadratures, Settings, SolveError, Statistics, System};
+use super::{Advance, Edge, FirstStep, IdaFlag, Integrator, Quadratures, Settings, SolveError, Statistics, System};
 
 /// Counters that IDA keeps from one restart to the next.
 #[derive(Clone, Copy, Default)]
@@ -52,17 +52,15 @@ pub struct Ida {
     identity: Option<Vector>,
     consistent: Option<Consistent>,
     forcing: Forcing,
-    /// Root functions before and after a break.
-    sides: [Box<[f64]>; 2],
     context: Context,
     settings: Settings,
     differential: Box<[bool]>,
     rows_of_entries: (Box<[usize]>, Box<[usize]>),
     events: Box<[c_int]>,
-    /// Whether events are watched for, so that IDA has to find them only where there are some.
-    watches: bool,
-    /// Whether IDA looks for events.
-    finding: bool,
+    /// A state a little later and its derivatives, where there are events.
+    later: Option<(Vector, Vector)>,
+    /// The longest interval since the last time that everything was forgotten.
+    scale: f64,
     time: f64,
     phase: Phase,
     counted: IdaCounts,
@@ -224,31 +222,30 @@ impl Ida {
     fn solve(&mut self, t_end: f64) -> Result<Advance, SolveError> {
         self.bridge().begin();
         let (interval, fresh) = (t_end - self.time, self.phase == Phase::Restarted);
+        self.scale = self.scale.max(interval);
+        if fresh && self.settle()? {
+            return Ok(Advance::Event);
+        }
+        if interval == 0.0 {
+            return Ok(Advance::Reached);
+        }
         let course = self.look_inside(interval)?;
         let step = if fresh { self.first_step(interval, course)? } else { self.last_step }.min(interval);
         self.last_interval = interval;
-        self.watch(fresh)?;
-        let mut value = self.attempt(t_end, fresh.then_some(step))?;
-        if self.has_passed_event(value == IDA_SUCCESS || value == IDA_TSTOP_RETURN)? {
-            self.rewind()?;
-            value = self.attempt(t_end, Some(step))?;
+        let value = self.attempt(t_end, fresh.then_some(step))?;
+        if self.has_passed_event(value)? {
+            self.locate()?;
+            return Ok(Advance::Event);
         }
-        let advance = match value {
-            IDA_SUCCESS | IDA_TSTOP_RETURN => {
-                self.time = t_end;
-                Advance::Reached
-            }
-            IDA_ROOT_RETURN => {
-                check("IDAGetRootInfo", unsafe { IDAGetRootInfo(self.memory, self.events.as_mut_ptr()) })?;
-                Advance::Event
-            }
-            failure => return Err(self.failure(failure)),
-        };
+        if !matches!(value, IDA_SUCCESS | IDA_TSTOP_RETURN) {
+            return Err(self.failure(value));
+        }
+        self.time = t_end;
         if let Some(quadratures) = &self.quadratures {
             let mut time = self.time;
             check("IDAGetQuad", unsafe { IDAGetQuad(self.memory, &mut time, quadratures.raw()) })?;
         }
-        Ok(advance)
+        Ok(Advance::Reached)
     }
 
     /// Lets IDA step to `t_end`, anew if a first step is given, and returns its flag.
@@ -360,10 +357,7 @@ impl Integrator for Ida {
         }
         let from = self.time;
         let least = 4.0 * f64::EPSILON * (from.abs() + t_end.abs());
-        if t_end == from {
-            return Ok(Advance::Reached);
-        }
-        if !t_end.is_finite() || t_end - from <= least {
+        if !t_end.is_finite() || (t_end != from && t_end - from <= least) {
             return Err(SolveError::Interval { from, to: t_end });
         }
         let n = self.differential.len();
@@ -381,12 +375,15 @@ impl Integrator for Ida {
         self.phase = Phase::Idle;
         self.last_step = 0.0;
         self.last_interval = 1.0;
+        self.scale = 0.0;
         if let Some(consistent) = &mut self.consistent {
             consistent.forget();
         }
         let bridge = self.bridge();
         bridge.factorisation.forget();
         bridge.newton.forget();
+        bridge.watch.edges.fill(Edge::default());
+        bridge.watch.undefined = None;
         bridge.counts = Statistics::default();
     }
 
@@ -408,6 +405,20 @@ impl Integrator for Ida {
 
     fn events(&self) -> &[i32] {
         &self.events
+    }
+
+    fn edges(&self) -> &[Edge] {
+        // SAFETY: outside of IDA's calls nobody else uses the bridge.
+        unsafe { &(*self.bridge).watch.edges }
+    }
+
+    fn edges_mut(&mut self) -> &mut [Edge] {
+        &mut self.bridge().watch.edges
+    }
+
+    fn undefined_event(&self) -> Option<usize> {
+        // SAFETY: as above.
+        unsafe { (*self.bridge).watch.undefined }
     }
 
     fn statistics(&self) -> Statistics {

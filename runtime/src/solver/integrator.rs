@@ -1,13 +1,13 @@
 //! Stepping, seen from the environments.
 
-use super::{SolveError, System};
+use super::{Edge, SolveError, System};
 
 /// How an [`advance`](Integrator::advance) ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Advance {
     /// At the time asked for, exactly.
     Reached,
-    /// Before it, where root functions changed sign; [`Integrator::events`] tells which.
+    /// Where conditions of root functions became true: before it, at it, or at once; [`Integrator::events`] tells which.
     Event,
 }
 
@@ -46,14 +46,15 @@ pub trait Integrator: Send {
     /// [`SolveError::InitialConditions`] and its like when no consistent state is found near `y`.
     fn restart(&mut self, system: &mut dyn System, t0: f64, y: &[f64], yp: Option<&[f64]>) -> Result<(), SolveError>;
 
-    /// Steps to `t_end`, exactly, or to the first event before it.
+    /// Steps to `t_end`, exactly, or to the first event. What became true by a restart is an event at its time. After an event
+    /// a restart is needed.
     ///
     /// # Errors
     /// Why the integration ended early; [`time`](Self::time) and [`state`](Self::state) are then those of the last
     /// accepted step, and the integrator needs a restart.
     fn advance(&mut self, system: &mut dyn System, t_end: f64) -> Result<Advance, SolveError>;
 
-    /// Forgets what was carried over from earlier restarts (last step, order of pivots) and sets the statistics to zero:
+    /// Forgets what was carried over from earlier restarts (last step, order of pivots, which conditions hold) and sets the statistics to zero:
     /// from here on, results are those of a new instance. To be called where an episode begins.
     fn forget(&mut self);
 
@@ -69,8 +70,18 @@ pub trait Integrator: Send {
     /// Integrals since the last restart.
     fn quadratures(&self) -> &[f64];
 
-    /// After [`Advance::Event`], for each root function: 1 if it rose through zero, −1 if it fell, 0 if it did not fire.
+    /// After [`Advance::Event`], for each root function: 1 if its condition became true, −1 if it ceased to hold and that is an event,
+    /// otherwise 0. There may be none: what stands at the threshold of a strict condition is decided by the next restart.
     fn events(&self) -> &[i32];
+
+    /// Which conditions hold.
+    fn edges(&self) -> &[Edge];
+
+    /// Which conditions hold, to be changed before a restart.
+    fn edges_mut(&mut self) -> &mut [Edge];
+
+    /// A root function that was not a number at a state since the last [`forget`](Self::forget).
+    fn undefined_event(&self) -> Option<usize>;
 
     /// Counts of the work done.
     fn statistics(&self) -> Statistics;

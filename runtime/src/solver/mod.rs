@@ -48,4 +48,5 @@ pub use ida::Ida;
 pub use integrator::{Advance, Integrator, Statistics};
 pub use linear::Method;
 pub use settings::{FirstStep, LinearSolver, Quadratures, Settings};
-pub use system::{Pattern, PatternError, System};
+pub use system::{Pattern, PatternError, RootKind, System};
+pub use watch::Edge;

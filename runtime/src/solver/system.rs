@@ -56,7 +56,13 @@ pub trait System {
         true
     }
 
-    /// Writes the root functions to `out`: [`advance`](super::Integrator::advance) stops where one changes its sign.
+    /// What the root functions mean, in their order; those left out are of the default kind.
+    fn root_kinds(&self) -> &[RootKind] {
+        &[]
+    }
+
+    /// Writes the root functions to `out`, positive where the condition holds: [`advance`](super::Integrator::advance) stops where one becomes
+    /// true.
     fn roots(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
         let _ = (t, y, yp, out);
     }
@@ -70,6 +76,15 @@ pub trait System {
     fn quadratures(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
         let _ = (t, y, yp, out);
     }
+}
+
+/// The condition that a root function stands for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RootKind {
+    /// It does not hold at zero.
+    pub strict: bool,
+    /// The integration stops where it ceases to hold as well.
+    pub both: bool,
 }
 
 /// Structure of a square sparse matrix by compressed columns.

@@ -1,61 +1,182 @@
-//! Watching for events without looking for them.
+//! The conditions of events: whether they hold, and when they become true.
 //!
-//! IDA's root finding interpolates y and y' at the end of every step, which takes up to a quarter of the time of small systems, and
-//! almost always finds no change of sign. Here the root functions are evaluated at the accepted state itself, with the error
-//! weights; where a sign has changed, the interval is integrated again with IDA's root finding. Steps are the same in both, so
-//! that events are those that IDA alone would have found.
+//! A root function is positive where its condition holds. It is evaluated at every accepted state; where a condition has become
+//! true in between, the instant is found on the interpolating polynomial. At the threshold itself, to rounding, a sign says nothing: there
+//! the motion decides, so that a condition that has just become true and is being left may become true again.
 
 use std::os::raw::c_int;
 
-/// Root functions at the last accepted state, and where the interval began.
+use serde::{Deserialize, Serialize};
+
+use super::RootKind;
+
+/// What is known of the condition of one event.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Edge {
+    /// It holds.
+    pub holds: bool,
+    /// While the root function is no larger than this it is at the threshold; negative: it is away from it.
+    band: f64,
+}
+
+/// A root function that has left its threshold.
+const AWAY: f64 = -1.0;
+
+impl Default for Edge {
+    /// Does not hold: what is true at the start becomes true there.
+    fn default() -> Self {
+        Self { holds: false, band: AWAY }
+    }
+}
+
+impl Edge {
+    /// Whether the value is at the threshold that it was at before.
+    fn stays(&self, value: f64) -> bool {
+        self.band >= 0.0 && value.abs() <= self.band
+    }
+}
+
+/// Conditions at the last accepted state, and root functions there and nearby.
 #[derive(Default)]
 pub(crate) struct Watch {
-    /// Whether signs are watched, in place of IDA's search.
-    pub active: bool,
-    /// Whether one has changed.
-    pub changed: bool,
-    values: Box<[f64]>,
-    next: Box<[f64]>,
-    /// Time, unknowns, their derivatives and quadratures at the beginning.
-    pub time: f64,
-    pub y: Box<[f64]>,
-    pub yp: Box<[f64]>,
-    pub quadratures: Box<[f64]>,
+    kinds: Box<[RootKind]>,
+    pub edges: Box<[Edge]>,
+    /// Root functions at the state looked at.
+    pub values: Box<[f64]>,
+    /// The same a little later.
+    pub ahead: Box<[f64]>,
+    /// How they move there.
+    motion: Box<[f64]>,
+    /// Time of the last accepted state in which nothing happened, and of the first one after something did.
+    pub since: f64,
+    pub until: f64,
+    /// Something has happened between the two.
+    pub passed: bool,
+    /// A root function that was not a number.
+    pub undefined: Option<usize>,
 }
 
 impl Watch {
-    /// For so many root functions, unknowns and quadratures.
-    pub fn new(roots: usize, unknowns: usize, quadratures: usize) -> Self {
-        let zeros = |length| vec![0.0; length].into_boxed_slice();
-        let kept = if roots == 0 { 0 } else { unknowns };
-        let quadratures = if roots == 0 { 0 } else { quadratures };
+    /// For root functions of these kinds; those left out are of the default one.
+    pub fn new(roots: usize, kinds: &[RootKind]) -> Self {
+        let zeros = || vec![0.0; roots].into_boxed_slice();
         Self {
-            active: false,
-            changed: false,
-            values: zeros(roots),
-            next: zeros(roots),
-            time: 0.0,
-            y: zeros(kept),
-            yp: zeros(kept),
-            quadratures: zeros(quadratures),
+            kinds: (0..roots).map(|i| kinds.get(i).copied().unwrap_or_default()).collect(),
+            edges: vec![Edge::default(); roots].into(),
+            values: zeros(),
+            ahead: zeros(),
+            motion: zeros(),
+            ..Self::default()
         }
     }
 
-    /// Takes the values at the beginning. A root function that is zero there is left to IDA, which waits for it to move.
-    pub fn begin(&mut self, evaluate: impl FnOnce(&mut [f64]) -> Result<(), c_int>) -> Result<(), c_int> {
-        self.changed = false;
-        evaluate(&mut self.values)?;
-        self.active = self.values.iter().all(|&value| value != 0.0);
-        Ok(())
+    pub fn is_empty(&self) -> bool {
+        self.edges.is_empty()
     }
 
-    /// Takes the values at an accepted state; whether a sign has changed since the one before.
-    pub fn accept(&mut self, evaluate: impl FnOnce(&mut [f64]) -> Result<(), c_int>) -> Result<bool, c_int> {
-        evaluate(&mut self.next)?;
-        // As IDA's: a value that is not a number changes nothing.
-        let changes = |before: f64, now: f64| now == 0.0 || (before < 0.0 && now > 0.0) || (before > 0.0 && now < 0.0);
-        self.changed = self.values.iter().zip(&self.next).any(|(&before, &now)| changes(before, now));
-        std::mem::swap(&mut self.values, &mut self.next);
-        Ok(self.changed)
+    /// Notes values that are no numbers.
+    fn note_undefined(&mut self) {
+        let found = self.values.iter().position(|value| value.is_nan());
+        self.undefined = self.undefined.or(found);
+    }
+
+    /// Takes the values at an accepted state; whether a condition has become true since the one before.
+    pub fn accept(&mut self, time: f64) -> bool {
+        self.passed = (0..self.edges.len()).any(|i| self.stops(i));
+        if self.passed {
+            self.until = time;
+            return true;
+        }
+        self.note_undefined();
+        self.since = time;
+        for (edge, &value) in self.edges.iter_mut().zip(&self.values) {
+            let band = edge.band.max(0.0);
+            if value < -band {
+                *edge = Edge::default();
+            } else if edge.holds && value > band {
+                edge.band = AWAY;
+            }
+        }
+        false
+    }
+
+    /// Whether the integration stops for a root function. NaN stops nothing.
+    fn stops(&self, i: usize) -> bool {
+        let (edge, value, kind) = (self.edges[i], self.values[i], self.kinds[i]);
+        let band = edge.band.max(0.0);
+        match edge.holds {
+            true => kind.both && value < -band,
+            false => value > band || (value == 0.0 && !kind.strict && edge.band < 0.0),
+        }
+    }
+
+    /// Whether a root function is at its threshold, or just there.
+    pub fn is_at_threshold(&mut self) -> bool {
+        self.motion.fill(0.0);
+        self.edges.iter().zip(&self.values).any(|(edge, &value)| value == 0.0 || edge.stays(value))
+    }
+
+    /// Takes the motion from the values ahead, where it did not show yet; whether it shows for all that are at their threshold.
+    pub fn look_ahead(&mut self) -> bool {
+        let mut shows = true;
+        for (i, motion) in self.motion.iter_mut().enumerate() {
+            if *motion == 0.0 {
+                *motion = self.ahead[i] - self.values[i];
+                let value = self.values[i];
+                shows &= *motion != 0.0 || !(value == 0.0 || self.edges[i].stays(value));
+            }
+        }
+        shows
+    }
+
+    /// Conditions after the state, the inputs or the equations may have changed; whether one became true.
+    pub fn settle(&mut self, fired: &mut [c_int]) -> bool {
+        self.note_undefined();
+        for (i, fired) in fired.iter_mut().enumerate() {
+            let (value, kind, edge) = (self.values[i], self.kinds[i], self.edges[i]);
+            let (motion, stays) = (self.motion[i], edge.stays(value));
+            self.edges[i] = match value {
+                value if value.is_nan() => edge,
+                _ if stays && motion != 0.0 => Edge { holds: motion > 0.0, ..edge },
+                _ if stays => edge,
+                0.0 => Edge { holds: if kind.strict { motion > 0.0 } else { true }, band: 0.0 },
+                _ => Edge { holds: value > 0.0, band: AWAY },
+            };
+            *fired = change(edge, self.edges[i], kind);
+        }
+        fired.iter().any(|&f| f != 0)
+    }
+
+    /// Conditions where the integration has stopped. What moves over its threshold to within `reach` times the motion to the values ahead has
+    /// passed it; a strict condition waits for the motion after what happens here.
+    pub fn arrive(&mut self, reach: f64, fired: &mut [c_int]) {
+        self.note_undefined();
+        for (i, fired) in fired.iter_mut().enumerate() {
+            let (value, kind, edge) = (self.values[i], self.kinds[i], self.edges[i]);
+            let motion = self.ahead[i] - value;
+            let near = motion.abs() * reach;
+            let stops = self.stops(i);
+            self.edges[i] = if value.is_nan() {
+                edge
+            } else if value.abs() <= near || edge.stays(value) {
+                let holds = match edge.holds {
+                    true => motion >= 0.0 && !stops,
+                    false => !kind.strict && (motion > 0.0 || stops) && !(edge.stays(value) && !stops),
+                };
+                Edge { holds, band: near.max(value.abs()) }
+            } else {
+                Edge { holds: if edge.holds { value >= 0.0 } else { stops }, band: AWAY }
+            };
+            *fired = change(edge, self.edges[i], kind);
+        }
+    }
+}
+
+/// What an event has to say about a change: 1 for a condition that became true, -1 for one that ceased to hold where that matters.
+fn change(before: Edge, now: Edge, kind: RootKind) -> c_int {
+    match (before.holds, now.holds) {
+        (false, true) => 1,
+        (true, false) if kind.both => -1,
+        _ => 0,
     }
 }

@@ -57,7 +57,8 @@ impl Recorder {
         let present = [&self.states, &self.algebraics, &discretes, &disturbances];
         row.extend(present.into_iter().flatten().map(|x| Cell::Number(*x)));
         row.extend(actions.iter().map(only_after_a_step));
-        row.extend(self.observations.iter().map(|x| Cell::Number(*x)));
+        let readings = self.observations.iter().zip(environment.missing_readings());
+        row.extend(readings.map(|(x, &missing)| Cell::Number(if missing { f64::NAN } else { *x })));
         row.push(result.map_or(Cell::Empty, |r| Cell::Number(r.reward)));
         row.extend(environment.rewards().iter().map(only_after_a_step));
         row.push(Cell::Flag(result.is_some_and(|r| r.terminated)));

@@ -93,8 +93,8 @@ pub fn build(alternatives: Alternatives) -> Model {
     let floor = m.number(1e-8);
     let is_empty = m.less(h, floor);
     m.fail("empty", "the tank has run empty", true, is_empty);
-    let distance = m.model.exprs.sub(h, floor);
-    m.model.roots.push(Root { name: "empty".into(), value: distance, direction: -1, action: RootAction::Fail(1) });
+    let distance = m.model.exprs.sub(floor, h);
+    m.model.roots.push(Root { name: "empty".into(), value: distance, strict: false, action: RootAction::Fail(1) });
     m.model.interface.episode = smpl_compiler::model::Episode {
         step: 0.1,
         integrate: 0.1,

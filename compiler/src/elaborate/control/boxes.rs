@@ -22,7 +22,9 @@ impl<'a> Elaborator<'a> {
             let (excess, items) = self.box_excess(inner, place);
             let holds = self.beyond(excess);
             let excess = self.exprs.select(holds, excess, zero);
-            return Condition { holds, excess, items };
+            // A member that is no number is outside.
+            let unknown = self.exprs.truth(false);
+            return Condition { holds, unknown, excess, items };
         }
         let holds = self.condition(e, place);
         let amount = self.amount(e, place);
@@ -31,7 +33,8 @@ impl<'a> Elaborator<'a> {
             None => self.exprs.constant(1.0),
         };
         let excess = self.exprs.select(holds, excess, zero);
-        Condition { holds, excess, items: Vec::new() }
+        let unknown = self.unknown(holds);
+        Condition { holds, unknown, excess, items: Vec::new() }
     }
 
     /// Beyond the slack, or not a number.

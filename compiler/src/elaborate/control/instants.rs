@@ -11,7 +11,7 @@ use super::super::names::{ScopeId, SymbolKind};
 use super::super::quantity::{Measure, Value};
 use super::super::{Elaborator, Place, Site};
 use super::{each, store};
-use crate::ir::{Affine, ExprId, Flavour, Nest, Place as Memory, Program, Role, VarId};
+use crate::ir::{Affine, Builtin, Expr as Node, ExprId, Flavour, Nest, Place as Memory, Program, Rewritten, Role, VarId};
 use crate::model::{Root, RootAction};
 
 impl<'a> Elaborator<'a> {
@@ -181,6 +181,8 @@ impl<'a> Elaborator<'a> {
             let holds = self.condition(c, place);
             let present = self.exprs.load(var, Flavour::Value, at);
             e = self.exprs.select(holds, e, present);
+            let unknown = self.unknown(holds);
+            e = self.or_nan(e, unknown);
         }
         if let Some(guard) = self.guard {
             let present = self.exprs.load(var, Flavour::Value, at);
@@ -203,7 +205,7 @@ impl<'a> Elaborator<'a> {
         for (scope, item) in each(blocks) {
             let Item::Other(Statement { kind: StatementKind::Event { name, condition, .. }, .. }) = item else { continue };
             let place = self.place(scope, Site::Instant);
-            let Some((value, direction)) = self.root_of(condition, &place) else { continue };
+            let Some((value, strict)) = self.root_of(condition, &place) else { continue };
             let program = programs.iter().position(|(s, n, _)| *n == name.text && *s == scope);
             let action = match program {
                 Some(at) => {
@@ -214,7 +216,7 @@ impl<'a> Elaborator<'a> {
                 None => RootAction::Restart,
             };
             let name = self.path_of(scope, name);
-            self.model.roots.push(Root { name, value, direction, action });
+            self.model.roots.push(Root { name, value, strict, action });
         }
         for ((_, name, _), used) in programs.iter().zip(used) {
             if !used {
@@ -241,8 +243,8 @@ impl<'a> Elaborator<'a> {
         }
     }
 
-    /// Root function and direction of a comparison: its zero is where the condition becomes true.
-    pub(in crate::elaborate) fn root_of(&mut self, condition: &Expr, place: &Place) -> Option<(ExprId, i8)> {
+    /// Root function of a comparison, positive where it holds, and whether it is strict.
+    pub(in crate::elaborate) fn root_of(&mut self, condition: &Expr, place: &Place) -> Option<(ExprId, bool)> {
         let ExprKind::Binary(op, a, b) = &condition.kind else {
             self.report(
                 Diagnostic::error(codes::WRONG_KIND, "an event is a comparison of two quantities", condition.span)
@@ -250,9 +252,11 @@ impl<'a> Elaborator<'a> {
             );
             return None;
         };
-        let direction = match op {
-            BinaryOp::Lt | BinaryOp::Le => -1,
-            BinaryOp::Gt | BinaryOp::Ge => 1,
+        let (rising, strict) = match op {
+            BinaryOp::Lt => (false, true),
+            BinaryOp::Le => (false, false),
+            BinaryOp::Gt => (true, true),
+            BinaryOp::Ge => (true, false),
             _ => {
                 self.report(Diagnostic::error(codes::WRONG_KIND, "an event is a comparison with `<`, `<=`, `>` or `>=`", condition.span));
                 return None;
@@ -260,6 +264,16 @@ impl<'a> Elaborator<'a> {
         };
         let (x, y) = (self.value(a, place), self.value(b, place));
         let (l, r) = self.common(&x, a.span, &y, b.span, condition.span)?;
-        Some((self.exprs.sub(l, r), direction))
+        let value = if rising { self.exprs.sub(l, r) } else { self.exprs.sub(r, l) };
+        Some((self.moving_clock(value), strict))
+    }
+
+    /// The clock of a condition that is watched throughout the step runs; elsewhere it stands at the instant of the program.
+    fn moving_clock(&mut self, e: ExprId) -> ExprId {
+        let (builtins, at) = (self.builtins, Affine::constant(Builtin::Clock as i64));
+        self.exprs.rewrite(e, &mut Rewritten::default(), &mut |exprs, node| match node {
+            Node::Load { var, at: element, .. } if var == builtins && element == at => Some(exprs.time()),
+            _ => None,
+        })
     }
 }

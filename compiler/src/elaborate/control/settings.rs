@@ -62,7 +62,7 @@ impl<'a> Elaborator<'a> {
             "error_reward" => (number.is_finite(), "a number"),
             "rtol" => (Solver::RTOL.contains(&number), Solver::RTOL_TEXT),
             "max_order" => ((1.0..=5.0).contains(&number) && number.fract() == 0.0, "a whole number from 1 to 5"),
-            "max_steps" | "max_internal_steps" => (count, "a whole number of at least 1"),
+            "max_steps" | "max_internal_steps" | "max_events" => (count, "a whole number of at least 1"),
             _ => (matches!(value, Setting::Text(text) if LINEAR_SOLVERS.contains(&text.as_str())), LINEAR_SOLVERS_TEXT),
         };
         if !holds {
@@ -76,6 +76,7 @@ impl<'a> Elaborator<'a> {
         }
         match (name, value) {
             ("max_steps", _) => episode.max_steps = number as u32,
+            ("max_events", _) => solver.max_events = number as u32,
             ("error_reward", _) => episode.error_reward = number,
             ("step", _) => episode.step = number,
             ("integrate", _) => *integrate = Some(number),
@@ -172,6 +173,7 @@ impl<'a> Elaborator<'a> {
                 solver.max_order = order.map_or(solver.max_order, |x| x as u32);
             }
             "max_steps" => solver.max_steps = self.whole_number(name, e, place).unwrap_or(solver.max_steps),
+            "max_events" => solver.max_events = self.whole_number(name, e, place).unwrap_or(solver.max_events),
             "quadrature_error_control" => {
                 let c = self.condition(e, place);
                 self.model.quadrature_error_control = matches!(self.exprs.node(c), crate::ir::Expr::Truth(true));
@@ -188,7 +190,7 @@ impl<'a> Elaborator<'a> {
             _ => self.unknown_entry(
                 name,
                 "solver",
-                &["rtol", "atol_factor", "safety", "max_order", "max_steps", "linear_solver", "quadrature_error_control"],
+                &["rtol", "atol_factor", "safety", "max_order", "max_steps", "max_events", "linear_solver", "quadrature_error_control"],
             ),
         }
     }

@@ -39,39 +39,20 @@ impl Ida {
                 }
             }
             let behind = (at.max(self.time) + width).min(t_end);
-            let advance = self.cross(behind)?;
-            if advance == Advance::Event || behind == t_end {
-                return Ok(advance);
+            self.cross(behind)?;
+            if behind == t_end {
+                return self.solve(t_end);
             }
         }
     }
 
-    /// Goes to the other side of a break, where algebraic unknowns and derivatives are others, and so may be the signs of root functions.
-    fn cross(&mut self, to: f64) -> Result<Advance, SolveError> {
-        self.evaluate_roots(0)?;
+    /// Goes to the other side of a break, where algebraic unknowns and derivatives are others, and so may be what holds: the next step looks.
+    fn cross(&mut self, to: f64) -> Result<(), SolveError> {
         self.time = to;
         self.initialise()?;
         self.bridge().counts.restarts += 1;
         self.phase = Phase::Restarted;
-        self.evaluate_roots(1)?;
-        let [before, after] = &self.sides;
-        let mut advance = Advance::Reached;
-        for ((event, &before), &after) in self.events.iter_mut().zip(before).zip(after) {
-            *event = match () {
-                () if before < 0.0 && after >= 0.0 => 1,
-                () if before > 0.0 && after <= 0.0 => -1,
-                () => 0,
-            };
-            if *event != 0 {
-                advance = Advance::Event;
-            }
-        }
-        Ok(advance)
-    }
-
-    fn evaluate_roots(&mut self, side: usize) -> Result<(), SolveError> {
-        let bridge = unsafe { &mut *self.bridge };
-        bridge.roots(self.time, self.y.entries(), self.yp.entries(), &mut self.sides[side]).map_err(|_| self.fault())
+        Ok(())
     }
 
     /// Looks at what time moves in the interval that begins here, and bounds its steps accordingly.

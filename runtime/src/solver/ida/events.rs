@@ -1,67 +1,111 @@
-//! Events: watched by signs, found by IDA where a sign has changed.
+//! Events: looked for at accepted states, found on the interpolating polynomial of the step in which they happened.
 
 use std::os::raw::c_int;
 
-use sundials_sys::{IDARootInit, IDASetNoInactiveRootWarn};
+use sundials_sys::{IDA_SUCCESS, IDA_TSTOP_RETURN, IDAGetDky, IDAGetQuadDky};
 
-use super::super::callbacks;
 use super::setup::check;
-use super::{Ida, SolveError, Vector};
+use super::{Ida, Phase, SolveError};
+
+/// How far ahead the motion of a root function is looked for, over the interval and over the time itself.
+const AHEAD: [f64; 2] = [1e-7, 1e4 * f64::EPSILON];
+
+/// What happens within this time happens at once, likewise.
+const AT_ONCE: [f64; 2] = [1e-10, 100.0 * f64::EPSILON];
 
 impl Ida {
-    /// Switches IDA's root finding on or off.
-    pub(super) fn set_root_finding(&mut self, on: bool) -> Result<(), SolveError> {
-        if self.finding == on || self.events.is_empty() {
-            return Ok(());
-        }
-        self.finding = on;
-        let count = if on { self.events.len() as c_int } else { 0 };
-        unsafe {
-            check("IDARootInit", IDARootInit(self.memory, count, on.then_some(callbacks::roots)))?;
-            check("IDASetNoInactiveRootWarn", IDASetNoInactiveRootWarn(self.memory))
-        }
+    fn span(&self, [of_interval, of_time]: [f64; 2]) -> f64 {
+        (of_interval * self.scale).max(of_time * self.time.abs())
     }
 
-    /// Watches for events in the interval that begins here, `fresh` if after a restart.
-    pub(super) fn watch(&mut self, fresh: bool) -> Result<(), SolveError> {
-        if !self.watches {
-            return Ok(());
-        }
+    /// Conditions after a restart; whether one becomes true there.
+    pub(super) fn settle(&mut self) -> Result<bool, SolveError> {
         let bridge = unsafe { &mut *self.bridge };
-        if fresh && bridge.begin_watch(self.time, self.y.entries(), self.yp.entries()).is_err() {
+        if bridge.watch.is_empty() {
+            return Ok(false);
+        }
+        bridge.watch.passed = false;
+        bridge.watch.since = self.time;
+        if bridge.evaluate_roots(self.time, self.y.entries(), self.yp.entries()).is_err() {
             return Err(self.fault());
         }
-        if !bridge.watch.active {
-            // IDA cannot take up its search on the way, but it goes on with one.
-            return if fresh { self.set_root_finding(true) } else { Ok(()) };
+        if bridge.watch.is_at_threshold() {
+            let ahead = self.span(AHEAD);
+            // What is slow beside its own size shows further ahead.
+            for ahead in [ahead, 1e3 * ahead, 1e6 * ahead] {
+                self.evaluate_ahead(ahead, true)?;
+                if bridge.watch.look_ahead() {
+                    break;
+                }
+            }
         }
-        bridge.watch.time = self.time;
-        bridge.watch.y.copy_from_slice(self.y.entries());
-        bridge.watch.yp.copy_from_slice(self.yp.entries());
-        bridge.watch.quadratures.copy_from_slice(self.quadratures.as_ref().map_or(&[], Vector::entries));
-        if fresh { self.set_root_finding(false) } else { Ok(()) }
+        let fired = bridge.watch.settle(&mut self.events);
+        if fired {
+            self.phase = Phase::Idle;
+        }
+        Ok(fired)
     }
 
-    /// Whether a sign has changed in the interval that was just integrated, to its end if it was `reached`.
-    pub(super) fn has_passed_event(&mut self, reached: bool) -> Result<bool, SolveError> {
+    /// Root functions a little later, along the derivatives; algebraic unknowns follow those, or their equations.
+    fn evaluate_ahead(&mut self, ahead: f64, by_equations: bool) -> Result<(), SolveError> {
         let bridge = unsafe { &mut *self.bridge };
-        if !reached || !bridge.watch.active || bridge.watch.changed {
-            return Ok(bridge.watch.active && bridge.watch.changed);
+        let Some((later, rate)) = &mut self.later else { return Ok(()) };
+        let moved = self.y.entries().iter().zip(self.yp.entries()).map(|(y, yp)| y + ahead * yp);
+        later.entries_mut().iter_mut().zip(moved).for_each(|(to, from)| *to = from);
+        rate.entries_mut().copy_from_slice(self.yp.entries());
+        if let Some(consistent) = self.consistent.as_mut().filter(|c| by_equations && c.has_algebraic()) {
+            // Where there is no solution ahead, the present algebraic unknowns have to do.
+            if consistent.initialise(bridge, self.time + ahead, later, rate).is_err() {
+                bridge.trouble = None;
+            }
         }
-        bridge.has_crossed(self.time, self.y.entries()).map_err(|_| self.fault())
+        bridge.evaluate_roots_ahead(self.time + ahead, later.entries(), rate.entries()).map_err(|_| self.fault())
     }
 
-    /// Goes back to the beginning of the interval, with IDA's root finding from there on.
-    pub(super) fn rewind(&mut self) -> Result<(), SolveError> {
+    /// Whether a condition has become true in what was just integrated.
+    pub(super) fn has_passed_event(&mut self, value: c_int) -> Result<bool, SolveError> {
         let bridge = unsafe { &mut *self.bridge };
-        bridge.begin();
-        bridge.watch.active = false;
-        self.time = bridge.watch.time;
-        self.y.entries_mut().copy_from_slice(&bridge.watch.y);
-        self.yp.entries_mut().copy_from_slice(&bridge.watch.yp);
-        if let Some(quadratures) = &mut self.quadratures {
-            quadratures.entries_mut().copy_from_slice(&bridge.watch.quadratures);
+        if bridge.watch.passed || !matches!(value, IDA_SUCCESS | IDA_TSTOP_RETURN) {
+            return Ok(bridge.watch.passed);
         }
-        self.set_root_finding(true)
+        bridge.has_passed(self.time, self.y.entries(), self.yp.entries()).map_err(|_| self.fault())
+    }
+
+    /// Goes to the first instant at which a condition became true, to the rounding of time.
+    pub(super) fn locate(&mut self) -> Result<(), SolveError> {
+        let bridge = unsafe { &mut *self.bridge };
+        let (mut low, mut high) = (bridge.watch.since, bridge.watch.until);
+        let fine = f64::EPSILON * (high.abs() + (high - low));
+        while high - low > fine {
+            let middle = low + (high - low) / 2.0;
+            self.interpolate(middle)?;
+            if bridge.has_passed(middle, self.y.entries(), self.yp.entries()).map_err(|_| self.fault())? {
+                high = middle;
+            } else {
+                low = middle;
+            }
+        }
+        self.interpolate(high)?;
+        self.time = high;
+        if bridge.evaluate_roots(high, self.y.entries(), self.yp.entries()).is_err() {
+            return Err(self.fault());
+        }
+        let ahead = self.span(AHEAD);
+        self.evaluate_ahead(ahead, false)?;
+        bridge.watch.arrive(self.span(AT_ONCE) / ahead, &mut self.events);
+        self.phase = Phase::Idle;
+        Ok(())
+    }
+
+    /// State, derivatives and quadratures at a time within the last step.
+    fn interpolate(&mut self, t: f64) -> Result<(), SolveError> {
+        unsafe {
+            check("IDAGetDky", IDAGetDky(self.memory, t, 0, self.y.raw()))?;
+            check("IDAGetDky", IDAGetDky(self.memory, t, 1, self.yp.raw()))?;
+            if let Some(quadratures) = &self.quadratures {
+                check("IDAGetQuadDky", IDAGetQuadDky(self.memory, t, 0, quadratures.raw()))?;
+            }
+        }
+        Ok(())
     }
 }

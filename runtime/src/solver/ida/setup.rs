@@ -26,7 +26,7 @@ impl Ida {
         let factorisation = Factorisation::new(system.pattern(), settings.linear_solver)?;
         let entries = system.pattern().entries();
         let newton = Newton::new(n, operations, context.0);
-        let watch = Watch::new(system.root_count(), n, system.quadrature_count());
+        let watch = Watch::new(system.root_count(), system.root_kinds());
         let bridge = Bridge::new(operations, settings.rtol, &settings.atol, entries, factorisation, newton, watch);
         let consistent = match system.is_explicit() {
             true => Some(Consistent::new(system, operations, context.0)?),
@@ -36,6 +36,7 @@ impl Ida {
         let quadratures = (system.quadrature_count() > 0).then(|| vector(system.quadrature_count()));
         let sharing = || Vector::sharing(n, operations, context.0, &bridge.shared);
         let (y, yp) = (sharing(), sharing());
+        let later = (system.root_count() > 0).then(|| (sharing(), sharing()));
         let identity = (!system.is_explicit()).then(|| vector(n));
         let pattern = system.pattern();
         let columns = (0..n).flat_map(|column| pattern.column(column).map(move |_| column)).collect();
@@ -51,14 +52,13 @@ impl Ida {
             identity,
             consistent,
             forcing: Forcing::new(system.forcing_count()),
-            sides: [vec![0.0; system.root_count()].into(), vec![0.0; system.root_count()].into()],
             context,
             settings,
             differential: system.differential().into(),
             rows_of_entries: (pattern.rows().into(), columns),
             events: vec![0; system.root_count()].into(),
-            watches: system.root_count() > 0 && !system.roots_use_derivatives(),
-            finding: false,
+            later,
+            scale: 0.0,
             time: 0.0,
             phase: Phase::Idle,
             counted: IdaCounts::default(),
@@ -66,6 +66,9 @@ impl Ida {
             last_interval: 1.0,
         };
         ida.bridge().memory = ida.memory;
+        if system.root_count() > 0 && system.roots_use_derivatives() {
+            ida.bridge().derivative = Some(Vector::sharing(n, operations, ida.context.0, &unsafe { &*ida.bridge }.shared));
+        }
         ida.configure()?;
         Ok(ida)
     }
@@ -92,7 +95,6 @@ impl Ida {
                 check("IDASetMinStep", IDASetMinStep(memory, self.settings.min_step))?;
             }
         }
-        self.set_root_finding(true)?;
         self.configure_identity()?;
         self.configure_quadratures()
     }
