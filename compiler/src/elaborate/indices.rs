@@ -2,7 +2,7 @@
 
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, UnaryOp};
+use smpl_dsl::syntax::{self, BinaryOp, Expr, ExprKind, Form, UnaryOp};
 
 use super::cells::Cell;
 use super::names::{Axis, DomainId, ScopeId, SetId, SymbolId, SymbolKind};
@@ -46,7 +46,7 @@ pub enum Target {
     Nothing,
 }
 
-impl Elaborator<'_> {
+impl<'a> Elaborator<'a> {
     /// `a.b.c`, `a[i].b[j, k]`
     pub(super) fn reference(&mut self, e: &Expr, place: &Place) -> Value {
         let (base, index): (&Expr, &[Expr]) = match &e.kind {
@@ -178,12 +178,21 @@ impl Elaborator<'_> {
         self.integer(e, place).map(|n| n.to_string())
     }
 
-    /// `z.first`, `z.last`, `z.cells` as numbers.
+    /// `z.first`, `z.last`, `z.cells`, `z.number` as numbers.
     fn domain_member(&mut self, base: &Expr, member: &str, place: &Place) -> Option<Value> {
-        if !matches!(member, "first" | "last" | "cells") {
+        if !matches!(member, "first" | "last" | "cells" | "number") {
             return None;
         }
         let domain = self.domain_of(base, place)?;
+        if member == "number" {
+            return Some(match cell_number(base, place) {
+                Some(cell) => self.run_value(cell.shifted(1)),
+                None => self.fault(
+                    Diagnostic::error(codes::WRONG_SHAPE, "a cell has a number where the index is bound by `for`", base.span)
+                        .label("stands for no cell here"),
+                ),
+            });
+        }
         let number = if member == "first" { 1 } else { self.names.domains[domain].cells };
         let expr = self.exprs.constant(number as f64);
         Some(Value::bare(expr))
@@ -368,14 +377,19 @@ impl Elaborator<'_> {
         if let Some(numbers) = self.run_index(e, place) {
             return Some(Bound::Cell(domain, numbers.shifted(-1)));
         }
+        if let ExprKind::Member(base, member) = &e.kind
+            && member.text == "number"
+            && let Some(cell) = cell_number(base, place)
+        {
+            return Some(Bound::Cell(domain, cell));
+        }
         if let ExprKind::Name(name) = &e.kind {
             match place.bound(&name.text) {
                 Some(Bound::Cell(other, c)) => {
                     if self.same_cells(*other, domain) {
                         return Some(Bound::Cell(domain, *c));
                     }
-                    let (a, b) = (self.names.domains[*other].name.clone(), self.names.domains[domain].name.clone());
-                    self.report(Diagnostic::error(codes::WRONG_SHAPE, format!("a cell of `{a}` where one of `{b}` is needed"), e.span));
+                    self.report(self.other_domain(*other, domain, e.span));
                     return None;
                 }
                 Some(Bound::Face(other, c)) if *other == domain => return Some(Bound::Face(domain, *c)),
@@ -416,13 +430,40 @@ impl Elaborator<'_> {
         Some(Bound::Cell(domain, Cell::single(n - 1)))
     }
 
-    fn same_cells(&self, a: DomainId, b: DomainId) -> bool {
-        a == b || self.names.domains[a].cells == self.names.domains[b].cells
+    fn other_domain(&self, given: DomainId, wanted: DomainId, span: Span) -> Diagnostic {
+        let (given, wanted) = (&self.names.domains[given], &self.names.domains[wanted]);
+        let (a, b) = (&given.name, &wanted.name);
+        let d = Diagnostic::error(codes::WRONG_SHAPE, format!("a cell of `{a}` where one of `{b}` is needed"), span);
+        if given.cells != wanted.cells {
+            return d.label(format!("`{a}` has {} cells, `{b}` {}", given.cells, wanted.cells));
+        }
+        d.label("cells of one number lie at different places")
+            .secondary(given.declaration.name.span, "the index goes over this domain")
+            .secondary(wanted.declaration.name.span, "the array over this one, which has other ends or another grid")
+            .help(format!("write `{a}.number` if the cell of the same number is meant"))
+    }
+
+    /// Whether the cells of two domains are at the same places: equally many between the same ends, whatever the parameters are.
+    fn same_cells(&mut self, a: DomainId, b: DomainId) -> bool {
+        if a == b || self.names.domains[a].cells != self.names.domains[b].cells {
+            return a == b;
+        }
+        let ((unit, low, high), (other, first, last)) = (self.ends(a), self.ends(b));
+        if self.convert(first, &other, &unit) != Some(low) || self.convert(last, &other, &unit) != Some(high) {
+            return false;
+        }
+        let (a, b) = (&self.names.domains[a], &self.names.domains[b]);
+        let grid = |d: &syntax::Domain| [&d.stretch, &d.faces].map(Option::is_some);
+        let form = |e: &'a Option<Expr>| e.as_ref().map(Form::of);
+        let (p, q) = (a.declaration, b.declaration);
+        let written_alike = a.scope == b.scope && form(&p.stretch) == form(&q.stretch) && form(&p.faces) == form(&q.faces);
+        written_alike || [grid(p), grid(q)] == [[false; 2]; 2]
     }
 
     fn is_cell(&self, e: &Expr, place: &Place) -> bool {
         match &e.kind {
             ExprKind::Name(name) => matches!(place.bound(&name.text), Some(Bound::Cell(..))),
+            ExprKind::Member(base, member) => member.text == "number" && cell_number(base, place).is_some(),
             ExprKind::Binary(BinaryOp::Add | BinaryOp::Sub, a, b) => self.is_cell(a, place) || self.is_cell(b, place),
             _ => false,
         }
@@ -519,5 +560,14 @@ impl Elaborator<'_> {
             }
             _ => None,
         }
+    }
+}
+
+/// The cell to which an index is bound.
+fn cell_number(e: &Expr, place: &Place) -> Option<Cell> {
+    let ExprKind::Name(name) = &e.kind else { return None };
+    match place.bound(&name.text) {
+        Some(Bound::Cell(_, cell)) => Some(*cell),
+        _ => None,
     }
 }

@@ -26,7 +26,7 @@ impl Elaborator<'_> {
     }
 
     /// Unit and ends of a domain.
-    fn ends(&mut self, domain: DomainId) -> (Unit, ExprId, ExprId) {
+    pub(super) fn ends(&mut self, domain: DomainId) -> (Unit, ExprId, ExprId) {
         if let Some(ends) = &self.names.domains[domain].ends {
             return ends.clone();
         }
