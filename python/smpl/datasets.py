@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from smpl.envs import native_seed
 from smpl.evaluation import Episode
 from smpl.model import FloatArray, as_count, as_number, as_numbers
 
@@ -166,7 +167,8 @@ def to_minari(identifier: str, episodes: Sequence[Episode], env: Any, **descript
     buffers = [
         EpisodeBuffer(
             id=index,
-            seed=episode.seed,
+            # The file holds 64 bits of a seed; those that stand for a longer one begin the same episode.
+            seed=None if episode.seed is None else native_seed(int(episode.seed)),
             options=episode.options,
             observations=episode.observations,
             actions=episode.actions.astype(np.float32),

@@ -103,3 +103,11 @@ def test_minari_takes_the_export(episodes, tmp_path, monkeypatch):
     )  # fmt: skip
     assert dataset.total_steps == sum(episode.steps for episode in episodes)
     np.testing.assert_array_equal(dataset[1].observations, episodes[1].observations)
+    # What is stored gives the same episodes again.
+    env = smpl.Env("reactor", max_steps=20)
+    for stored in dataset.iterate_episodes():
+        (start,) = dataset.storage.get_episode_metadata([stored.id])
+        observations = [env.reset(seed=start["seed"], options=start["options"])[0]]
+        steps = [env.step(action) for action in stored.actions]
+        np.testing.assert_array_equal([*observations, *(step[0] for step in steps)], stored.observations)
+        np.testing.assert_array_equal([step[1] for step in steps], stored.rewards)
