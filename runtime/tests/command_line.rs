@@ -478,6 +478,18 @@ fn arrays_of_parameters_are_set_by_element_by_one_value_or_by_a_list() {
     }
 }
 
+/// A drawn array: the element that is set stays as it is, the others are drawn.
+#[test]
+fn an_element_that_is_set_is_not_drawn() {
+    let drawn = COOLER.replacen("param fault[side] = 0 in 0..1", "param fault[side] = 0 ~ uniform(0.2, 0.8) in 0..1", 1);
+    let model = file("element", "m.eq", drawn);
+    for set in ["fault[2]=0.125", "fault[ 2 ]=0.125"] {
+        let row = last_row(&smpl(&["simulate", name(&model), "--steps", "1", "--set", set, "--out", "-"]));
+        let [one, two, three] = [1, 2, 3].map(|i| number(&row, &format!("param.fault[{i}]")));
+        assert!(two == 0.125 && one > 0.2 && three > 0.2 && one != three, "{set}: {row:?}");
+    }
+}
+
 #[test]
 fn what_a_setting_cannot_be_is_said_with_what_can_be() {
     let model = file("unknown", "m.eq", COOLER);
