@@ -43,6 +43,16 @@ impl Start {
             Some(GivenState::Named(named)) => StateInput::Named(named),
             Some(GivenState::Array(array)) => StateInput::Array(array.as_array().to_vec()),
         };
-        Ok(Self { options: ResetOptions { start, state, discrete, parameters, disturbances, held: held.into_iter().collect(), hold_records: false } })
+        Ok(Self {
+            options: ResetOptions {
+                start,
+                state,
+                discrete,
+                parameters,
+                disturbances,
+                held: held.into_iter().collect(),
+                hold_records: false,
+            },
+        })
     }
 }

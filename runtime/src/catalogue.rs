@@ -239,12 +239,14 @@ pub fn parameters(model: &CompiledModel) -> Family {
 /// The elements of a parameter: of a whole array by its name, or one of them; none where there is no such parameter.
 #[must_use]
 pub fn elements_of<'f>(model: &CompiledModel, parameters: &'f Family, name: &str) -> &'f [Element] {
+    // `c[water, 3]` is as good as `c[water,3]`.
+    let name = &name.replace(' ', "");
     if let Some(at) = parameters.position(name) {
         return &parameters.elements()[at..=at];
     }
     let mut first = 0;
     for quantity in &model.interface().parameters {
-        if quantity.name == name {
+        if quantity.name == *name {
             return &parameters.elements()[first..first + quantity.len()];
         }
         first += quantity.len();

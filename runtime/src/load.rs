@@ -378,11 +378,15 @@ fn same_circumstances(made_for: &Circumstances, options: &LoadOptions) -> Result
     let list = |name: Option<&str>| name.map(str::to_owned).into_iter().collect::<Vec<String>>();
     if asked != made {
         let (made, asked) = (named("scenario", &list(made)), named("scenario", &list(asked)));
-        return Err(format!("a compiled model takes neither scenario nor variants but its own: it was compiled for {made}, asked for is {asked}"));
+        return Err(format!(
+            "a compiled model takes neither scenario nor variants but its own: it was compiled for {made}, asked for is {asked}"
+        ));
     }
     if variants != made_for.variants {
         let (made, asked) = (named("variant", &made_for.variants), named("variant", &variants));
-        return Err(format!("a compiled model takes neither scenario nor variants but its own: it was compiled for {made}, asked for is {asked}"));
+        return Err(format!(
+            "a compiled model takes neither scenario nor variants but its own: it was compiled for {made}, asked for is {asked}"
+        ));
     }
     Ok(())
 }

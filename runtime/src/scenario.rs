@@ -249,7 +249,9 @@ impl Scenario {
         };
         match scenario.bad_value() {
             None => Ok(scenario),
-            Some((key, name, message)) => Err(Box::new(Diagnostic::error(codes::BAD_SCENARIO, message, find_under(text, key, &name, file)))),
+            Some((key, name, message)) => {
+                Err(Box::new(Diagnostic::error(codes::BAD_SCENARIO, message, find_under(text, key, &name, file))))
+            }
         }
     }
 
@@ -399,7 +401,15 @@ fn diagnose(error: &serde_yaml::Error, text: &str, file: FileId) -> Diagnostic {
     ] {
         message = message.replace(theirs, ours);
     }
-    Diagnostic::error(codes::BAD_SCENARIO, message, span)
+    Diagnostic::error(codes::BAD_SCENARIO, kind_of_value(&message).unwrap_or(message), span)
+}
+
+/// `noise: invalid type: integer 3, expected a mapping` as a sentence: "`noise` is a mapping, not integer 3".
+fn kind_of_value(message: &str) -> Option<String> {
+    let (key, rest) = message.split_once(": ")?;
+    let rest = rest.strip_prefix("invalid type: ").or_else(|| rest.strip_prefix("invalid value: "))?;
+    let (found, expected) = rest.rsplit_once(", expected ")?;
+    Some(format!("`{key}` is {expected}, not {found}"))
 }
 
 /// Where a name stands under a key of the file, else where it stands at all, else the key.
@@ -416,7 +426,10 @@ fn find_under(text: &str, key: &str, name: &str, file: FileId) -> Span {
 /// Where a key of the file begins.
 fn section(text: &str, key: &str) -> Option<usize> {
     let begins = |line: &str| line.strip_prefix(key).is_some_and(|rest| rest.trim_start().starts_with(':'));
-    text.split_inclusive('\n').scan(0, |at, line| Some((std::mem::replace(at, *at + line.len()), line))).find(|(_, line)| begins(line)).map(|(at, _)| at)
+    text.split_inclusive('\n')
+        .scan(0, |at, line| Some((std::mem::replace(at, *at + line.len()), line)))
+        .find(|(_, line)| begins(line))
+        .map(|(at, _)| at)
 }
 
 /// The second place where a name is a key, from where its mapping begins (or from that place itself).
@@ -527,9 +540,11 @@ mod tests {
 
     #[test]
     fn a_value_of_the_wrong_kind_is_refused() {
-        for (text, line) in [("max_steps: 1\nnoise: [1]\n", 2), ("grid: {}\ndisturbances:\n  z: many\n", 3), ("parameters:\n  k: {a: 1}\n", 2)] {
+        for (text, line) in
+            [("max_steps: 1\nnoise: [1]\n", 2), ("grid: {}\ndisturbances:\n  z: many\n", 3), ("parameters:\n  k: {a: 1}\n", 2)]
+        {
             let (message, found, ..) = parse(text).map(|_| ()).unwrap_err();
-            assert!(message.contains("expected") && found == line, "{text}: {found}: {message}");
+            assert!(message.contains(" is ") && message.contains(", not ") && found == line, "{text}: {found}: {message}");
         }
 
         assert!(parse("max_steps: many\n").is_err());

@@ -203,9 +203,8 @@ impl Setup {
         let mut drawn: HashSet<VarId> = HashSet::new();
         for store in model.programs.parameters.nests.iter().flat_map(|nest| &nest.stores) {
             let Place::Var(target) = store.target.place else { continue };
-            let is_drawn = |expr: &Expr| {
-                matches!(expr, Expr::Load { var, .. } if model.vars[*var].role == Role::Draw || drawn.contains(var))
-            };
+            let is_drawn =
+                |expr: &Expr| matches!(expr, Expr::Load { var, .. } if model.vars[*var].role == Role::Draw || drawn.contains(var));
             if any_expression(&model.exprs, vec![store.value], is_drawn) {
                 drawn.insert(target);
             }

@@ -467,12 +467,26 @@ fn arrays_of_parameters_are_set_by_element_by_one_value_or_by_a_list() {
     let half = 2.0 + 8.0 * (-2.5_f64).exp();
     assert!((with(&["--set", "fault[2]=0.5"]) - half).abs() < 1e-4);
     assert!((with(&["--set", "fault=0.5", "--set", "fault[1]=1"]) - 15.0).abs() < 1e-6);
-    for (i, content) in ["parameters: {fault: [0, 0.5, 0]}", "parameters:\n  fault[2]: 0.5", "settings: {\"fault[2]\": 0.5}"].iter().enumerate() {
+    for (i, content) in
+        ["parameters: {fault: [0, 0.5, 0]}", "parameters:\n  fault[2]: 0.5", "settings: {\"fault[2]\": 0.5}"].iter().enumerate()
+    {
         let scenario = file("arrays", &format!("s{i}.yaml"), format!("disturbances: false\n{content}\n"));
         let output = smpl(&["simulate", name(&model), "--out", "-", "--scenario", name(&scenario), "--set", "gain=1"]);
         assert!((number(&last_row(&output), "T") - half).abs() < 1e-4, "{content}: {}", text(&output.stderr));
         let output = smpl(&["simulate", name(&model), "--out", "-", "--scenario", name(&scenario), "--set", "gain=1", "--set", "fault=0"]);
         assert!((number(&last_row(&output), "T") - free).abs() < 1e-4, "{content}: {}", text(&output.stderr));
+    }
+}
+
+/// A drawn array: the element that is set stays as it is, the others are drawn.
+#[test]
+fn an_element_that_is_set_is_not_drawn() {
+    let drawn = COOLER.replacen("param fault[side] = 0 in 0..1", "param fault[side] = 0 ~ uniform(0.2, 0.8) in 0..1", 1);
+    let model = file("element", "m.eq", drawn);
+    for set in ["fault[2]=0.125", "fault[ 2 ]=0.125"] {
+        let row = last_row(&smpl(&["simulate", name(&model), "--steps", "1", "--set", set, "--out", "-"]));
+        let [one, two, three] = [1, 2, 3].map(|i| number(&row, &format!("param.fault[{i}]")));
+        assert!(two == 0.125 && one > 0.2 && three > 0.2 && one != three, "{set}: {row:?}");
     }
 }
 
@@ -665,13 +679,17 @@ fn check_warns_of_what_is_hardly_meant() {
 #[test]
 fn a_draw_outside_of_its_bounds_is_no_episode() {
     let run = |drawn: &str, seed: usize| {
-        let changed = COOLER.replacen("param gain = 1 ~ uniform(0.5, 1.5)", drawn, 1).replacen("param twice = 2*gain", "param twice = 2*gain in 0..3", 1);
+        let changed = COOLER.replacen("param gain = 1 ~ uniform(0.5, 1.5)", drawn, 1).replacen(
+            "param twice = 2*gain",
+            "param twice = 2*gain in 0..3",
+            1,
+        );
         let model = file("draws", "m.eq", changed);
         smpl(&["simulate", name(&model), "--steps", "1", "--seed", &seed.to_string(), "--out", "-"])
     };
     let (mut refused, mut inside) = (0, 0);
     for seed in 0..20 {
-        let output = run("param gain = 1 in 0.9..1.1 ~ normal(1, 0.1)", seed);
+        let output = run("param gain = 1 ~ normal(1, 0.1) in 0.9..1.1", seed);
         match status(&output) {
             0 => {
                 inside += 1;
@@ -679,10 +697,14 @@ fn a_draw_outside_of_its_bounds_is_no_episode() {
             }
             _ => {
                 refused += 1;
-                assert!(text(&output.stderr).contains("`gain` = ") && text(&output.stderr).contains("clip bounds"), "{}", text(&output.stderr));
+                assert!(
+                    text(&output.stderr).contains("`gain` = ") && text(&output.stderr).contains("clip bounds"),
+                    "{}",
+                    text(&output.stderr)
+                );
             }
         }
-        let clipped = last_row(&run("param gain = 1 in 0.9..1.1 ~ normal(1, 0.1) clip bounds", seed));
+        let clipped = last_row(&run("param gain = 1 ~ normal(1, 0.1) clip bounds in 0.9..1.1", seed));
         assert!((0.9..=1.1).contains(&number(&clipped, "param.gain")));
     }
     assert!(refused > 0 && inside > 0, "{refused} and {inside}");

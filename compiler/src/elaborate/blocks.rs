@@ -334,7 +334,7 @@ impl<'a> Elaborator<'a> {
         let difference = units::difference(&unit);
         let mut scale = self.declared_number(symbol, &axes, &difference, declaration, declaration.scale.as_ref(), f64::NAN);
         if let Some(e) = &declaration.scale
-            && let Some(bad) = scale.iter().find(|s| !s.is_nan() && !(s.is_finite() && **s > 0.0))
+            && let Some(bad) = scale.iter().find(|s| s.is_infinite() || **s <= 0.0)
         {
             let message = format!("the scale of `{path}` must be a positive number, it is {bad}");
             self.report(Diagnostic::error(codes::BAD_SETTING, message, e.span));

@@ -192,7 +192,10 @@ impl Elaborator<'_> {
             return;
         }
         let (element, given) = (quantity.element_name(i), self.given.get(&(scope, declaration.name.text.clone())));
-        if [&element, &quantity.name].iter().any(|name| self.options.settings.contains_key(*name) || self.options.parameters.contains_key(*name)) {
+        if [&element, &quantity.name]
+            .iter()
+            .any(|name| self.options.settings.contains_key(*name) || self.options.parameters.contains_key(*name))
+        {
             self.scenario_fault(message);
             return;
         }

@@ -26,7 +26,9 @@ pub(super) fn check<'p>(outputs: &[Option<&'p Path>], inputs: impl Iterator<Item
     let same = |a: &Path, b: &Path| is_same(a, b) || std::path::absolute(a).ok() == std::path::absolute(b).ok();
     let before = |i: usize, output: &Path| outputs[..i].iter().any(|other| same(other, output));
     match outputs.iter().enumerate().find(|(i, output)| before(*i, output) && twice(output)) {
-        Some((_, output)) => Err(Failed::Message(format!("{} is to hold two results; name another file for one of them", output.display()))),
+        Some((_, output)) => {
+            Err(Failed::Message(format!("{} is to hold two results; name another file for one of them", output.display())))
+        }
         None => Ok(()),
     }
 }

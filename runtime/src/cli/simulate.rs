@@ -170,7 +170,10 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
     if let Policy::Recorded(rows) = &policy
         && (rows.len() as u32) < steps
     {
-        warn_of_the_end(arguments.actions.as_deref(), &format!("the actions end after step {} of {steps}, and the run with them", rows.len()));
+        warn_of_the_end(
+            arguments.actions.as_deref(),
+            &format!("the actions end after step {} of {steps}, and the run with them", rows.len()),
+        );
         steps = rows.len() as u32;
     }
     let mut action = vec![0.0; environment.catalogue().actions.len()];

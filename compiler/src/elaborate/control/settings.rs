@@ -179,9 +179,7 @@ impl<'a> Elaborator<'a> {
                 self.model.quadrature_error_control = matches!(self.exprs.node(c), crate::ir::Expr::Truth(true));
             }
             "linear_solver" => match &e.kind {
-                ExprKind::Name(n) if LINEAR_SOLVERS.contains(&n.text.as_str()) => {
-                    solver.linear_solver.clone_from(&n.text)
-                }
+                ExprKind::Name(n) if LINEAR_SOLVERS.contains(&n.text.as_str()) => solver.linear_solver.clone_from(&n.text),
                 _ => {
                     let message = format!("the linear solver is {LINEAR_SOLVERS_TEXT}");
                     self.report(Diagnostic::error(codes::BAD_SETTING, message, e.span));
