@@ -12,8 +12,8 @@ use smpl_runtime::observe::denormalise;
 
 use crate::arrays::Fresh;
 use crate::errors::{guarded, reset_error, step_error};
-use crate::interrupt::released;
 use crate::info::Keys;
+use crate::interrupt::released;
 use crate::model::{Model, role_error};
 use crate::start::Start;
 
