@@ -142,6 +142,8 @@ struct Replay {
     values: Vec<f64>,
     /// The last value holds where the record has ended.
     holds: bool,
+    /// That it holds was asked for by name.
+    meant: bool,
 }
 
 /// One instance of an environment.
@@ -288,10 +290,10 @@ impl Environment {
         disturbances.find(|element| element.at == at).map_or_else(String::new, |element| element.name.clone())
     }
 
-    /// Recorded disturbances that have ended and hold their last value, with the number of their values; a single value holds throughout.
+    /// Recorded disturbances that have ended and hold their last value though nobody said so of them, with the number of their values.
     #[must_use]
     pub fn ended_records(&self) -> Vec<(String, usize)> {
-        let ended = |replay: &&Replay| replay.values.len() > 1 && replay.values.len() < self.progress.steps as usize;
+        let ended = |replay: &&Replay| !replay.meant && replay.values.len() < self.progress.steps as usize;
         self.replay.iter().filter(ended).map(|replay| (self.name_of_disturbance(replay.at), replay.values.len())).collect()
     }
 

@@ -36,8 +36,6 @@ pub struct EnvironmentOptions {
     pub disturbances: BTreeMap<String, Vec<f64>>,
     /// Those of them whose last value holds from there on.
     pub held: BTreeSet<String>,
-    /// The last value of every recorded disturbance holds, in place of the error of a step beyond it.
-    pub hold_records: bool,
     /// Relative tolerance.
     pub rtol: Option<f64>,
     /// Absolute tolerance of an unknown over rtol times its scale.

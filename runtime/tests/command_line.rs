@@ -627,6 +627,11 @@ fn records_that_end_early_are_said() {
     let (actions, disturbances) = (run("--actions", &short), run("--disturbances", &short));
     assert!(text(&actions.stderr).contains("short.csv: the actions end after step 2 of 5"), "{}", text(&actions.stderr));
     assert!(text(&disturbances.stderr).contains("short.csv: the disturbance `w` ends after step 2"), "{}", text(&disturbances.stderr));
+    let single = file("records", "single.csv", "F,w\n1,0\n");
+    let output = run("--disturbances", &single);
+    assert!(text(&output.stderr).contains("single.csv: the disturbance `w` ends after step 1"), "{}", text(&output.stderr));
+    let scenario = file("records", "h.yaml", "disturbances: {w: {values: [0, 1], hold: true}}\n");
+    assert!(smpl(&["simulate", name(&model), "--scenario", name(&scenario)]).stderr.is_empty());
     let scenario = file("records", "s.yaml", "disturbances: {w: [0, 1]}\n");
     let output = smpl(&["simulate", name(&model), "--scenario", name(&scenario)]);
     assert!(status(&output) == 0 && text(&output.stderr).contains("the disturbance `w` ends after step 2"), "{}", text(&output.stderr));

@@ -261,7 +261,6 @@ impl Environment {
     fn set_replay(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
         let (setup, recorded) = (&self.setup, &options.disturbances);
         self.replay.clear();
-        let all_hold = options.hold_records || setup.options.hold_records;
         let standing = setup.options.disturbances.iter().filter(|(name, _)| !recorded.contains_key(*name));
         for (name, values) in standing.chain(recorded) {
             let at = setup.catalogue.disturbances.get(name, "disturbance")?.at;
@@ -271,12 +270,11 @@ impl Environment {
             if values.iter().any(|v| !v.is_finite()) {
                 return Err(ResetError::NotFinite { what: format!("disturbance `{name}`") });
             }
-            let holds = match recorded.contains_key(name) {
+            let meant = match recorded.contains_key(name) {
                 true => options.held.contains(name),
                 false => values.len() == 1 || setup.options.held.contains(name),
             };
-            let holds = all_hold || holds;
-            self.replay.push(Replay { at, values: values.clone(), holds });
+            self.replay.push(Replay { at, values: values.clone(), holds: options.hold_records || meant, meant });
         }
         Ok(())
     }
