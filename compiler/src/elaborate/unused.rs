@@ -58,9 +58,13 @@ impl<'a> Elaborator<'a> {
     /// Checks what nothing asked for.
     pub(super) fn check_unused(&mut self) {
         let (draws, quadratures) = (self.draws.len(), self.quadratures.len());
-        self.check_unused_symbols();
+        self.check_unused_symbols(is_expression);
+        // Nothing of the rest stays: the numbers of expressions, and with them the code, are those of what is used.
+        let used = self.exprs.clone();
+        [is_random, is_flux, is_function].into_iter().for_each(|kind| self.check_unused_symbols(kind));
         self.check_unused_levels();
         self.check_connectors();
+        self.exprs = used;
         self.draws.truncate(draws);
         self.quadratures.truncate(quadratures);
         if !self.samples.taken() {
@@ -68,16 +72,14 @@ impl<'a> Elaborator<'a> {
         }
     }
 
-    fn check_unused_symbols(&mut self) {
+    fn check_unused_symbols(&mut self, wanted: fn(&SymbolKind) -> bool) {
         let mut seen = FastSet::default();
-        for pass in [is_expression, is_flux, is_function] {
-            let symbols: Vec<SymbolId> = self.names.symbols.keys().filter(|s| !self.expanded.contains(s)).collect();
-            for symbol in symbols {
-                let (kind, span) = (self.names.symbols[symbol].kind.clone(), self.names.symbols[symbol].span);
-                // One instance of a component is as good as another.
-                if pass(&kind) && (is_expression(&kind) || seen.insert(span)) && !self.expanded.contains(&symbol) {
-                    self.check_symbol(symbol, kind, span);
-                }
+        let symbols: Vec<SymbolId> = self.names.symbols.keys().filter(|s| !self.expanded.contains(s)).collect();
+        for symbol in symbols {
+            let (kind, span) = (self.names.symbols[symbol].kind.clone(), self.names.symbols[symbol].span);
+            // One instance of a component is as good as another.
+            if wanted(&kind) && (is_expression(&kind) || seen.insert(span)) && !self.expanded.contains(&symbol) {
+                self.check_symbol(symbol, kind, span);
             }
         }
     }
@@ -198,7 +200,11 @@ impl<'a> Elaborator<'a> {
 }
 
 fn is_expression(kind: &SymbolKind) -> bool {
-    matches!(kind, SymbolKind::Let { .. })
+    matches!(kind, SymbolKind::Let { random: false, .. })
+}
+
+fn is_random(kind: &SymbolKind) -> bool {
+    matches!(kind, SymbolKind::Let { random: true, .. })
 }
 
 fn is_flux(kind: &SymbolKind) -> bool {
