@@ -26,6 +26,7 @@ mod quantity;
 mod runs;
 mod space;
 mod units;
+mod unused;
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::rc::Rc;
@@ -206,8 +207,11 @@ pub(crate) struct Elaborator<'a> {
     /// Numeric defaults of parameters, for constant evaluation.
     known: FastMap<(VarId, i64), f64>,
     expanding: Vec<SymbolId>,
-    /// `let`s that something has asked for.
+    /// `let`s, fluxes and functions that something has asked for.
     expanded: FastSet<SymbolId>,
+    /// Components that have an instance.
+    instantiated: FastSet<&'a str>,
+    samples: unused::Samples,
     /// The equation that is being elaborated.
     statement: Span,
     /// Index names reported as not bound, by statement.
@@ -294,6 +298,8 @@ impl<'a> Elaborator<'a> {
             known: FastMap::default(),
             expanding: Vec::new(),
             expanded: FastSet::default(),
+            instantiated: FastSet::default(),
+            samples: unused::Samples::default(),
             statement: Span::default(),
             unbound: FastSet::default(),
             memo: FastMap::default(),

@@ -1,7 +1,8 @@
 //! The canonical layout of a model's text.
 //!
 //! Statements stand on lines of their own, indented by two blanks a block; blank lines separate groups, one at a time. Consecutive declarations of one
-//! role are aligned in columns, and so are the two sides of consecutive equations and the cells of a table. Comments stay
+//! role are aligned in columns, and so are the two sides of consecutive equations and the cells of a table (by their starts, or where the
+//! author has aligned them by their ends or decimal points; the heads of columns and rows with units where the author has). Comments stay
 //! where they are. A long statement keeps its author's line breaks, with the indentation put right; `*`, `/`, `+` and `-` keep their
 //! author's choice of blanks on both sides or on none, since `2*U/(r*rho) * (T_c - T)` says something that neither form alone does.
 //!
@@ -93,7 +94,7 @@ impl Formatter<'_> {
         let tokens = tokens(self.text, raw.start..raw.end, &self.comments(&(raw.start..raw.end)));
         let padding = self.keyword_padding(siblings, index);
         match &raw.body {
-            None => Row::Line(columns::line(&tokens, indent, padding)),
+            None => Row::Line(columns::line(&tokens, &self.text[raw.start..raw.end], indent, padding)),
             Some(body) => self.block_statement(&tokens, body, indent, padding),
         }
     }

@@ -90,3 +90,48 @@ proptest! {
         check(&text);
     }
 }
+
+/// Tables as their authors have aligned them, and as they are laid out.
+const TABLES: &[(&str, &str)] = &[
+    // Heads above the columns, units and expressions in them.
+    (
+        "table over s {\n  columns:  a [g/mol],  b [kJ/(kg K)]\n  x:        1.5*2,      1020 [J/(kg K)]\n  yy:       -3.0,       944\n}\n",
+        "table over s {\n  columns: a [g/mol], b [kJ/(kg K)]\n  x:       1.5*2,     1020 [J/(kg K)]\n  yy:      -3.0,      944\n}\n",
+    ),
+    // Numbers by their ends, and by their points.
+    (
+        "table over s {\ncolumns: a, b\nx:   1020,   12.5\nyy:   944,    3\nz:     -1,  144.25\n}\n",
+        "table over s {\n  columns: a, b\n  x:  1020,  12.5\n  yy:  944,   3\n  z:    -1, 144.25\n}\n",
+    ),
+    // Rows of members, with comments.
+    (
+        "table nu[r, s] default 0 {\n  r1:  a = -1,   b = 1    # one\n  r10: c = 2,    d = 1/2\n}\n",
+        "table nu[r, s] default 0 {\n  r1:  a = -1, b = 1    # one\n  r10: c = 2,  d = 1/2\n}\n",
+    ),
+    // What is aligned in nothing stays in its lines; plain numbers by their starts.
+    ("table over s {\n  columns: a, b\n  x: 1, 22\n  yy: 333, 4\n}\n", "table over s {\n  columns: a, b\n  x:  1,   22\n  yy: 333, 4\n}\n"),
+    (
+        "table nu[r, s] default 0 {\n  r1: a = -1, b = 1\n  r2: cc = 10, b = 1\n}\n",
+        "table nu[r, s] default 0 {\n  r1: a = -1, b = 1\n  r2: cc = 10, b = 1\n}\n",
+    ),
+];
+
+#[test]
+fn tables_keep_the_columns_that_their_authors_have_aligned() {
+    for (text, expected) in TABLES {
+        assert_eq!(format(text).as_deref(), Ok(*expected), "{text}");
+        check(text);
+    }
+}
+
+proptest! {
+    #[test]
+    fn tables_with_any_blanks_are_laid_out_once(rows in prop::collection::vec(prop::collection::vec((0..4_usize, 0..6_usize), 1..4), 1..5)) {
+        let cells = ["1", "-2.5", "1.25e3", "x^2", "10 [m/s]", "f(1, 2)"];
+        let rows = rows.iter().enumerate().map(|(i, row)| {
+            let row: Vec<String> = row.iter().map(|(blanks, cell)| std::format!("{:blanks$}{}", "", cells[*cell])).collect();
+            std::format!("  m{}: {}\n", 10_usize.pow(i as u32), row.join(","))
+        });
+        check(&std::format!("table over s {{\n  columns: a, b [m/s], c\n{}}}\n", rows.collect::<String>()));
+    }
+}

@@ -64,6 +64,9 @@ fn operators_keep_the_meaning_with_the_fewest_parentheses() {
 fn sums_and_conditions_have_their_own_forms() {
     assert_eq!(typeset("sum(nu[j, i] * r[j] for j in reactions)"), r"\sum_{j \in \mathrm{reactions}} \nu_{j,i} \, r_{j}");
     assert_eq!(typeset("sum(a[i] + b for i in 1..3)"), r"\sum_{i = 1, \ldots, 3} \left(a_{i} + b\right)");
+    assert_eq!(typeset("integral(c[z] for z)"), r"\int c_{z}\,\mathrm{d} z");
+    assert_eq!(typeset("integral(c[z] for z in 2..5)"), r"\int_{z = 2, \ldots, 5} c_{z}\,\mathrm{d} z");
+    assert_eq!(typeset("integral(c[z] for z if c[z] > 1)"), r"\int_{\substack{z \\ c_{z} > 1}} c_{z}\,\mathrm{d} z");
     let cases = r"\begin{cases} a & \text{if } x < 1 \\ b & \text{if } x < 2 \\ c & \text{otherwise} \end{cases}";
     assert_eq!(typeset("if x < 1 then a else if x < 2 then b else c"), cases);
     assert_eq!(typeset("d/dt T"), r"\frac{\mathrm{d} T}{\mathrm{d} t}");

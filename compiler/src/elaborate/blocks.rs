@@ -216,6 +216,7 @@ impl<'a> Elaborator<'a> {
                 None => {
                     let value = match self.vars[var].role {
                         Role::Algebraic | Role::Disturbance => 0.0,
+                        Role::Param if self.samples.taken() => super::unused::SAMPLE,
                         role => {
                             self.missing_default(&path, role, span, scope);
                             f64::NAN

@@ -65,6 +65,41 @@ impl<'a> Elaborator<'a> {
         self.declare_block(root, list, 0);
     }
 
+    /// Declares what a component may see of the file, without what belongs to the file's own model.
+    pub(super) fn declare_seen(&mut self) -> ScopeId {
+        let root = self.names.scopes.push(Scope::default());
+        let mut list = Vec::new();
+        self.gather(0, &mut vec![false; self.files.len()], &mut list);
+        list.iter().for_each(|item| match item {
+            Item::Other(statement) => self.register(statement),
+            Item::Declare(..) | Item::Observe(_) | Item::At(..) => {}
+        });
+        self.declare_time(root, &list);
+        let instances = list.iter().filter_map(|item| match item {
+            Item::Other(Statement { kind: StatementKind::Instance { name, .. }, .. }) => Some(name),
+            _ => None,
+        });
+        let instances: Vec<&Ident> = instances.collect();
+        list.retain(|item| match item {
+            Item::Declare(..) => true,
+            Item::Observe(_) | Item::At(..) => false,
+            Item::Other(statement) => matches!(
+                statement.kind,
+                StatementKind::Set { .. }
+                    | StatementKind::Table(_)
+                    | StatementKind::TimeTable(_)
+                    | StatementKind::Def { .. }
+                    | StatementKind::Domain(_)
+                    | StatementKind::Flux(_)
+                    | StatementKind::Choice { .. }
+                    | StatementKind::Phase(_)
+            ),
+        });
+        self.declare_block(root, list, 0);
+        instances.into_iter().for_each(|name| self.faulty(root, name));
+        root
+    }
+
     /// Items of a file after those of its imports.
     fn gather(&mut self, file: usize, seen: &mut [bool], out: &mut Vec<Item<'a>>) {
         if std::mem::replace(&mut seen[file], true) {

@@ -219,6 +219,7 @@ impl Elaborator<'_> {
             let v = self.value(argument, place);
             inner = inner.bind(&parameter.text, Bound::Value(v));
         }
+        self.expanded.insert(symbol);
         self.expanding.push(symbol);
         self.calls.push(span);
         let v = self.value(body, &inner);

@@ -479,6 +479,8 @@ impl<'a> Elaborator<'a> {
                     return None;
                 }
                 let d = match self.constant_value(v.expr) {
+                    // The number is that of a sample, which need not be whole.
+                    Some(x) if self.samples.taken() && x.abs() < 1e6 => return Some(x.round() as i64),
                     Some(x) if x.abs() >= 1e15 => Diagnostic::error(codes::TOO_LARGE, "a whole number below 1e15 is needed here", e.span),
                     Some(x) => Diagnostic::error(codes::WRONG_KIND, format!("a whole number is needed here, this is {x}"), e.span),
                     None => Diagnostic::error(codes::WRONG_KIND, "a whole number known to the compiler is needed here", e.span)

@@ -75,6 +75,17 @@ impl<'a> Elaborator<'a> {
         out
     }
 
+    /// Works out the observations of a level that is not chosen.
+    pub(super) fn check_level(&mut self, scope: ScopeId, level: Vec<Item<'a>>) {
+        let place = self.place(scope, Site::Instant);
+        let mut out = Observations::default();
+        for item in level {
+            if let Item::Observe(o) = item {
+                self.observation(o, &place, &mut out);
+            }
+        }
+    }
+
     fn attributes(&mut self, o: &Observation, unit: &Unit, place: &Place) -> Attributes {
         let bounds = o.bounds.as_ref().map(|(a, b)| {
             let mut number = |e: &Expr| {
@@ -522,21 +533,6 @@ impl<'a> Elaborator<'a> {
         program.nests.insert(0, Nest { extents: Vec::new(), stores: scalars });
         self.model.programs.outputs = program;
         self.model.interface.algebraics = list;
-    }
-
-    /// Checks the `let`s that nothing asked for: a fault is one even where it has no effect yet.
-    pub(super) fn check_unused(&mut self) {
-        let (draws, quadratures) = (self.draws.len(), self.quadratures.len());
-        let symbols: Vec<SymbolId> = self.names.symbols.keys().filter(|s| !self.expanded.contains(s)).collect();
-        for symbol in symbols {
-            let SymbolKind::Let { random: false, declaration, .. } = self.names.symbols[symbol].kind else { continue };
-            let place = self.place(self.names.symbols[symbol].scope, Site::Instant);
-            let name = |b: &Binder| Expr { span: b.span, kind: ExprKind::Name(b.name.clone()) };
-            let index: Vec<Expr> = declaration.indices.iter().map(name).collect();
-            self.nest(&declaration.indices, &place, &mut |s, inner| s.symbol_value(symbol, &index, declaration.span, inner));
-        }
-        self.draws.truncate(draws);
-        self.quadratures.truncate(quadratures);
     }
 
     /// Lists of quantities.

@@ -417,6 +417,7 @@ impl Elaborator<'_> {
     /// A flux at a face, with its leading indices bound.
     fn flux_at(&mut self, symbol: SymbolId, leading: &[Bound], face: Face, place: &Place) -> Value {
         let SymbolKind::Flux { flux, binders, .. } = self.names.symbols[symbol].kind.clone() else { return self.poison() };
+        self.expanded.insert(symbol);
         let n = self.names.domains[face.domain].cells;
         let (Some(low), Some(high)) = (self.is_number(face.at, 0), self.is_number(face.at, n)) else {
             return self.poison();

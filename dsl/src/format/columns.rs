@@ -1,5 +1,7 @@
 //! Alignment of consecutive lines in columns.
 
+mod table;
+
 use super::tokens::{Kind, Token};
 use super::{GAP, render};
 
@@ -152,11 +154,12 @@ fn flush(group: &mut Vec<Line>, lines: &mut Vec<String>) {
 }
 
 /// A statement without block as a line: in cells where its kind is aligned and it stands on one line.
-pub(super) fn line(tokens: &[Token<'_>], indent: usize, padding: usize) -> Line {
+/// `source` is its text as it stands.
+pub(super) fn line(tokens: &[Token<'_>], source: &str, indent: usize, padding: usize) -> Line {
     let keyword = tokens.first().map_or("", |token| token.text);
     let broken = tokens.iter().skip(1).any(|token| token.newline_before || token.kind == Kind::Comment);
     if broken && keyword == "table" {
-        return Line::plain(table(render::lines(tokens, indent, padding)));
+        return Line::plain(table::aligned(render::lines(tokens, indent, padding), source));
     }
     if broken || keyword == "table" {
         return Line::plain(render::lines(tokens, indent, padding));
@@ -262,31 +265,4 @@ fn column(keyword: &str, token: &Token<'_>, colons: usize) -> Option<usize> {
 
 fn is_declaration(keyword: &str) -> bool {
     matches!(keyword, "param" | "action" | "state" | "var" | "let" | "discrete" | "disturbance" | "random")
-}
-
-/// Aligns the values of rows such as `tropine: 141.21, 1020, 1e-10`.
-fn table(lines: Vec<String>) -> Vec<String> {
-    let rows: Vec<Option<Vec<&str>>> = lines.iter().map(|line| row_cells(line)).collect();
-    let mut widths: Vec<usize> = Vec::new();
-    for row in rows.iter().flatten() {
-        widths.resize(widths.len().max(row.len()), 0);
-        row.iter().zip(&mut widths).for_each(|(cell, width)| *width = (*width).max(cell.chars().count()));
-    }
-    let padded = |(line, row): (&String, &Option<Vec<&str>>)| match row {
-        Some(cells) => cells.iter().zip(&widths).map(|(cell, width)| format!("{cell:width$} ")).collect::<String>().trim_end().to_owned(),
-        None => line.clone(),
-    };
-    lines.iter().zip(&rows).map(padded).collect()
-}
-
-/// Label and values of a row of plain numbers; `None` for any other line.
-fn row_cells(line: &str) -> Option<Vec<&str>> {
-    let (label, rest) = line.split_once(": ")?;
-    let plain = |text: &str| text.bytes().all(|b| b.is_ascii_alphanumeric() || b"_.+-, ".contains(&b));
-    if label.trim() == "columns" || !plain(label) || !plain(rest) || line.starts_with("table") {
-        return None;
-    }
-    let mut cells = vec![&line[..=label.len()]];
-    cells.extend(rest.split_inclusive(',').map(str::trim));
-    Some(cells)
 }

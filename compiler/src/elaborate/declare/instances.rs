@@ -61,6 +61,10 @@ impl<'a> Elaborator<'a> {
             );
             return self.faulty(scope, name);
         };
+        self.instantiated.insert(&component.text);
+        if !self.samples.may_instantiate(depth) {
+            return self.faulty(scope, name);
+        }
         let place = self.place(scope, Site::Dynamics);
         let path = format!("{}{}", self.names.scopes[scope].prefix, name.text);
         if indices.is_empty() {
@@ -83,6 +87,9 @@ impl<'a> Elaborator<'a> {
                 Bound::Number(e) => self.exprs.as_const(*e).map_or_else(String::new, |x| x.to_string()),
                 _ => continue,
             };
+            if !self.samples.may_instantiate(depth) {
+                break;
+            }
             let inner_place = place.bind(&binder.name.text, bound);
             let inner = self.instantiate(statement, &format!("{path}[{label}]"), name.span, arguments, &inner_place, depth);
             list.push((label, inner));
@@ -90,7 +97,7 @@ impl<'a> Elaborator<'a> {
         self.declare(scope, name, SymbolKind::Instances(Row::new(list).into()));
     }
 
-    fn instantiate(
+    pub(in crate::elaborate) fn instantiate(
         &mut self,
         statement: &'a Statement,
         path: &str,
@@ -106,6 +113,11 @@ impl<'a> Elaborator<'a> {
         for (parameter, default) in parameters {
             self.warn_of_name(parameter);
             let given = arguments.iter().find(|(a, _)| a.text == parameter.text).map(|(_, e)| e);
+            if self.samples.taken() && given.is_none() && default.is_none() {
+                let kind = self.sampled(scope, parameter, body);
+                self.declare(scope, parameter, kind);
+                continue;
+            }
             self.structural(scope, (path, used), parameter, given, default.as_ref(), outer);
         }
         let list = items(body, &self.selection);
