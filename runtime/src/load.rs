@@ -318,6 +318,9 @@ fn finish(
         rtol: scenario.solver.rtol,
         atol_factor: scenario.solver.atol_factor,
         max_order: scenario.solver.max_order,
+        max_step: scenario.solver.max_step,
+        algebraic_error_control: scenario.solver.algebraic_error_control,
+        quadrature_error_control: scenario.solver.quadrature_error_control,
         solver_steps: scenario.solver.max_steps,
         linear_solver: scenario.solver.linear_solver.clone(),
         ..EnvironmentOptions::default()

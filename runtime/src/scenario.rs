@@ -124,6 +124,12 @@ pub struct SolverOverrides {
     pub max_order: Option<u32>,
     /// Most internal steps within a step.
     pub max_steps: Option<u32>,
+    /// Longest internal step, in the model's unit of time.
+    pub max_step: Option<f64>,
+    /// Whether algebraic variables enter the error test.
+    pub algebraic_error_control: Option<bool>,
+    /// Whether the integrals of rewards enter the error test.
+    pub quadrature_error_control: Option<bool>,
     /// `auto`, `dense` or `klu`.
     pub linear_solver: Option<String>,
 }
@@ -153,7 +159,8 @@ struct File {
 
 const KEYS: [&str; 11] =
     ["parameters", "settings", "variants", "grid", "initial", "disturbances", "reward", "observation", "noise", "solver", "max_steps"];
-const SOLVER_KEYS: [&str; 5] = ["rtol", "atol_factor", "max_order", "max_steps", "linear_solver"];
+const SOLVER_KEYS: [&str; 8] =
+    ["rtol", "atol_factor", "max_order", "max_steps", "max_step", "algebraic_error_control", "quadrature_error_control", "linear_solver"];
 
 /// Under which circumstances a model is run.
 #[derive(Clone, Debug, Default, PartialEq)]

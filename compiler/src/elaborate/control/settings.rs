@@ -41,6 +41,7 @@ impl<'a> Elaborator<'a> {
                 ("rtol", Setting::Number(x)) if *x > 0.0 => solver.rtol = *x,
                 ("atol_factor", Setting::Number(x)) if *x > 0.0 => solver.atol_factor = *x,
                 ("max_order", Setting::Number(x)) if (1.0..=5.0).contains(x) => solver.max_order = *x as u32,
+                ("max_step", Setting::Number(x)) if *x > 0.0 => solver.max_step = *x,
                 ("linear_solver", Setting::Text(text)) => solver.linear_solver.clone_from(text),
                 ("max_internal_steps", Setting::Number(x)) if *x >= 1.0 => solver.max_steps = *x as u32,
                 _ => {}
@@ -123,10 +124,12 @@ impl<'a> Elaborator<'a> {
             "safety" => solver.safety = self.positive(name, e, &Unit::one(), place).unwrap_or(solver.safety),
             "max_order" => solver.max_order = self.whole_number(name, e, place).unwrap_or(5).min(5),
             "max_steps" => solver.max_steps = self.whole_number(name, e, place).unwrap_or(solver.max_steps),
-            "quadrature_error_control" => {
-                let c = self.condition(e, place);
-                self.model.quadrature_error_control = matches!(self.exprs.node(c), crate::ir::Expr::Truth(true));
+            "max_step" => {
+                let time = self.time_unit.clone();
+                solver.max_step = self.positive(name, e, &time, place).unwrap_or(solver.max_step);
             }
+            "algebraic_error_control" => solver.algebraic_error_control = self.holds(e, place),
+            "quadrature_error_control" => solver.quadrature_error_control = self.holds(e, place),
             "linear_solver" => match &e.kind {
                 ExprKind::Name(n) if matches!(n.text.as_str(), "auto" | "dense" | "banded" | "block" | "klu") => {
                     solver.linear_solver.clone_from(&n.text)
@@ -136,7 +139,17 @@ impl<'a> Elaborator<'a> {
             _ => self.unknown_entry(
                 name,
                 "solver",
-                &["rtol", "atol_factor", "safety", "max_order", "max_steps", "linear_solver", "quadrature_error_control"],
+                &[
+                    "rtol",
+                    "atol_factor",
+                    "safety",
+                    "max_order",
+                    "max_steps",
+                    "max_step",
+                    "linear_solver",
+                    "algebraic_error_control",
+                    "quadrature_error_control",
+                ],
             ),
         }
     }

@@ -6,7 +6,7 @@ use sundials_sys::{IDARootInit, IDASetNoInactiveRootWarn};
 
 use super::super::callbacks;
 use super::setup::check;
-use super::{Ida, SolveError, Vector};
+use super::{Ida, SolveError};
 
 impl Ida {
     /// Switches IDA's root finding on or off.
@@ -38,7 +38,7 @@ impl Ida {
         bridge.watch.time = self.time;
         bridge.watch.y.copy_from_slice(self.y.entries());
         bridge.watch.yp.copy_from_slice(self.yp.entries());
-        bridge.watch.quadratures.copy_from_slice(self.quadratures.as_ref().map_or(&[], Vector::entries));
+        bridge.watch.quadratures.copy_from_slice(self.quadratures.as_ref().map_or(&[], |quadratures| quadratures.values.entries()));
         if fresh { self.set_root_finding(false) } else { Ok(()) }
     }
 
@@ -60,7 +60,7 @@ impl Ida {
         self.y.entries_mut().copy_from_slice(&bridge.watch.y);
         self.yp.entries_mut().copy_from_slice(&bridge.watch.yp);
         if let Some(quadratures) = &mut self.quadratures {
-            quadratures.entries_mut().copy_from_slice(&bridge.watch.quadratures);
+            quadratures.values.entries_mut().copy_from_slice(&bridge.watch.quadratures);
         }
         self.set_root_finding(true)
     }
