@@ -74,7 +74,8 @@ impl<'a> Collector<'a> {
                 Expr::Time => Moves { time: true, unknowns: false },
                 Expr::Load { var, flavour: Flavour::Value | Flavour::Derivative, .. } => {
                     let role = model.vars[var].role;
-                    let inputs = [Role::Param, Role::Action, Role::Discrete, Role::Disturbance, Role::Draw, Role::Builtin, Role::ParamGiven];
+                    let inputs =
+                        [Role::Param, Role::Action, Role::Discrete, Role::Disturbance, Role::Draw, Role::Builtin, Role::ParamGiven];
                     Moves { time: false, unknowns: !inputs.contains(&role) }
                 }
                 _ => model.exprs.operands(id).fold(Moves::default(), |sum, o| Moves {

@@ -28,8 +28,6 @@ pub struct Model {
     pub roots: Vec<Root>,
     /// Integrands of the quadratures over a step, in the order of the variable of role `Quadrature`.
     pub quadratures: Vec<ExprId>,
-    /// Quadratures enter the error test.
-    pub quadrature_error_control: bool,
     /// What runs at the instants of an episode.
     pub programs: Programs,
     /// Position tables of `Place::OutSlots` stores.
@@ -382,6 +380,12 @@ pub struct Solver {
     pub max_steps: u32,
     /// Most instants of events within a step.
     pub max_events: u32,
+    /// Longest internal step, in units of time; infinite where nothing bounds it.
+    pub max_step: f64,
+    /// Algebraic variables enter the error test.
+    pub algebraic_error_control: bool,
+    /// Quadratures enter the error test.
+    pub quadrature_error_control: bool,
     /// `auto`, `dense` or `klu`.
     pub linear_solver: String,
 }
@@ -409,7 +413,18 @@ impl Solver {
 
 impl Default for Solver {
     fn default() -> Self {
-        Solver { rtol: 1e-8, atol_factor: 0.01, safety: 1.0, max_order: 5, max_steps: 20_000, max_events: 1000, linear_solver: "auto".into() }
+        Solver {
+            rtol: 1e-8,
+            atol_factor: 0.01,
+            safety: 1.0,
+            max_order: 5,
+            max_steps: 20_000,
+            max_events: 1000,
+            max_step: f64::INFINITY,
+            algebraic_error_control: false,
+            quadrature_error_control: true,
+            linear_solver: "auto".into(),
+        }
     }
 }
 

@@ -160,6 +160,12 @@ pub struct SolverOverrides {
     pub max_steps: Option<u32>,
     /// Most instants of events within a step.
     pub max_events: Option<NonZeroU32>,
+    /// Longest internal step, in the model's unit of time.
+    pub max_step: Option<f64>,
+    /// Whether algebraic variables enter the error test.
+    pub algebraic_error_control: Option<bool>,
+    /// Whether the integrals of rewards enter the error test.
+    pub quadrature_error_control: Option<bool>,
     /// `auto`, `dense` or `klu`.
     pub linear_solver: Option<String>,
 }
@@ -191,7 +197,17 @@ const KEYS: [&str; 11] =
     ["parameters", "settings", "variants", "grid", "initial", "disturbances", "reward", "observation", "noise", "solver", "max_steps"];
 /// What is said of a key that a mapping has more than once.
 const TWICE: &str = "is given twice";
-const SOLVER_KEYS: [&str; 6] = ["rtol", "atol_factor", "max_order", "max_steps", "max_events", "linear_solver"];
+const SOLVER_KEYS: [&str; 9] = [
+    "rtol",
+    "atol_factor",
+    "max_order",
+    "max_steps",
+    "max_step",
+    "max_events",
+    "algebraic_error_control",
+    "quadrature_error_control",
+    "linear_solver",
+];
 
 /// Under which circumstances a model is run.
 #[derive(Clone, Debug, Default, PartialEq)]

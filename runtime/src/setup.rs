@@ -46,6 +46,12 @@ pub struct EnvironmentOptions {
     pub solver_steps: Option<u32>,
     /// Most instants of events within a step.
     pub max_events: Option<NonZeroU32>,
+    /// Longest internal step, in the model's unit of time.
+    pub max_step: Option<f64>,
+    /// Whether algebraic variables enter the error test.
+    pub algebraic_error_control: Option<bool>,
+    /// Whether the integrals of rewards enter the error test.
+    pub quadrature_error_control: Option<bool>,
     /// `auto`, `dense` or `klu`.
     pub linear_solver: Option<String>,
 }
@@ -309,7 +315,12 @@ fn solver_settings(model: &CompiledModel, catalogue: &Catalogue, options: &Envir
     settings.max_order = options.max_order.unwrap_or(declared.max_order);
     settings.max_steps = options.solver_steps.unwrap_or(declared.max_steps);
     settings.linear_solver = linear_solver(options.linear_solver.as_deref().unwrap_or(&declared.linear_solver))?;
-    if model.model().quadrature_error_control {
+    settings.max_step = options.max_step.unwrap_or(declared.max_step);
+    if settings.max_step.is_nan() || settings.max_step <= 0.0 {
+        positive("max_step", settings.max_step)?;
+    }
+    settings.algebraic_error_control = options.algebraic_error_control.unwrap_or(declared.algebraic_error_control);
+    if options.quadrature_error_control.unwrap_or(declared.quadrature_error_control) {
         settings.quadratures = Quadratures::Checked { rtol, atol: factor * rtol };
     }
     Ok(settings)

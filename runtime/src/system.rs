@@ -24,6 +24,8 @@ pub struct CompiledSystem {
     model: Arc<CompiledModel>,
     shape: Arc<Shape>,
     memory: Memory,
+    /// Values and rates of the invariants, where the rates are integrated too.
+    invariants: Vec<f64>,
 }
 
 impl CompiledSystem {
@@ -41,7 +43,7 @@ impl CompiledSystem {
             quadratures: model.quadratures(),
         };
         let memory = model.memory();
-        Ok(Self { model, shape: Arc::new(shape), memory })
+        Ok(Self { model, shape: Arc::new(shape), memory, invariants: Vec::new() })
     }
 
     /// The model.
@@ -53,6 +55,11 @@ impl CompiledSystem {
     /// Model and memory at once, for calls of compiled functions.
     pub fn parts(&mut self) -> (&CompiledModel, &mut Memory) {
         (&self.model, &mut self.memory)
+    }
+
+    /// Integrates the rates of the invariants from now on, after the quadratures of the model.
+    pub fn watch_invariants(&mut self) {
+        self.invariants = vec![0.0; 2 * self.model.interface().invariants.len()];
     }
 
     /// A region, to be read.
@@ -156,10 +163,15 @@ impl System for CompiledSystem {
     }
 
     fn quadrature_count(&self) -> usize {
-        self.shape.quadratures
+        self.shape.quadratures + self.invariants.len() / 2
     }
 
     fn quadratures(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
-        self.model.quadrature_rates(&mut self.memory, t, y, yp, out);
+        let (own, rates) = out.split_at_mut(self.shape.quadratures);
+        self.model.quadrature_rates(&mut self.memory, t, y, yp, own);
+        if !rates.is_empty() {
+            self.model.invariants(&mut self.memory, t, y, yp, &mut self.invariants);
+            rates.iter_mut().zip(self.invariants.chunks_exact(2)).for_each(|(rate, pair)| *rate = pair[1]);
+        }
     }
 }

@@ -56,7 +56,13 @@ impl System for Plain {
 
 /// The last state after `steps` control steps of a length, from `start` (algebraic unknowns: a guess), and the steps that it took; `None` if the end was
 /// not reached.
-fn attempt(system: &mut dyn System, start: &[f64], rtol: f64, first_step: FirstStep, (steps, length): (u32, f64)) -> Option<(Vec<f64>, u64)> {
+fn attempt(
+    system: &mut dyn System,
+    start: &[f64],
+    rtol: f64,
+    first_step: FirstStep,
+    (steps, length): (u32, f64),
+) -> Option<(Vec<f64>, u64)> {
     let mut settings = Settings::new(rtol, vec![0.01 * rtol; start.len()]);
     settings.first_step = first_step;
     settings.max_steps = 200_000;
@@ -112,7 +118,9 @@ fn forcing(kind: usize, length: f64, periods: f64, phase: f64, place: f64) -> Fo
     let phase = if phase < 0.3 { 0.0 } else { phase * TAU };
     match kind {
         0 => Forcing { text: format!("cos({omega:?}*t + {phase:?})"), value: Box::new(move |t| (omega * t + phase).cos()) },
-        1 => Forcing { text: format!("max(0, sin({omega:?}*t + {phase:?}))"), value: Box::new(move |t| (omega * t + phase).sin().max(0.0)) },
+        1 => {
+            Forcing { text: format!("max(0, sin({omega:?}*t + {phase:?}))"), value: Box::new(move |t| (omega * t + phase).sin().max(0.0)) }
+        }
         2 => Forcing {
             text: format!("4^{}*{s}^{a}*(1 - {s})^{b}", a.max(b)),
             value: Box::new(move |t| 4f64.powi(a.max(b)) * share(t).powi(a) * (1.0 - share(t)).powi(b)),
@@ -380,4 +388,37 @@ fn breaks_without_end_are_a_failure_that_says_so() {
     );
     let result = model.step(&[]).expect("steps");
     assert!(result.failure.is_some(), "{:?}", model.statistics());
+}
+
+#[test]
+fn integrals_are_right_where_the_states_run_along_straight_lines() {
+    // Over a period of the cosine, and over a bump that is zero at both ends.
+    for (rate, exact) in [("sq(cos(pi*x))", 0.5), ("x^3*(1 - x)^3", 1.0 / 140.0), ("max(0, sin(2*pi*t))", 1.0 / std::f64::consts::PI)] {
+        let text = format!(
+            "model M\ntime t : 1\nstate x = 0 in 0..10\neq d/dt x = 1\nreward r default = integral({rate})\nobserve x\n\
+             episode {{ step = 1, max_steps = 1 }}\n"
+        );
+        let reward = environment(&text, EnvironmentOptions::default()).step(&[]).expect("steps").reward;
+        // The tolerance is 1e-8 a step of some hundred.
+        assert!((reward - exact).abs() < 5e-6, "{rate}: {reward} is not {exact}");
+    }
+}
+
+#[test]
+fn the_longest_step_is_set_by_the_model_or_in_its_place() {
+    let text = |solver: &str| {
+        format!(
+            "model M\ntime t : min\nstate x = 0 in 0..10\neq d/dt x = 1/1 [min]\nobserve x\n{solver}\nepisode {{ step = 1 [min], max_steps = 1 }}\n"
+        )
+    };
+    let steps = |text: &str, max_step| {
+        let mut model = environment(text, EnvironmentOptions { max_step, ..EnvironmentOptions::default() });
+        model.step(&[]).expect("steps");
+        model.statistics().steps
+    };
+    assert!(steps(&text(""), None) < 10);
+    assert!((100..120).contains(&steps(&text("solver { max_step = 0.6 [s] }"), None)));
+    assert!((50..70).contains(&steps(&text("solver { max_step = 0.6 [s] }"), Some(0.02))));
+    let wrong = EnvironmentOptions { max_step: Some(-1.0), ..EnvironmentOptions::default() };
+    assert!(Setup::new(compiled(&text("")), wrong, None).is_err());
 }

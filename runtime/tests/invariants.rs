@@ -21,7 +21,7 @@ fn run(model: &str, asked: LoadOptions, steps: u32) -> (Vec<Drift>, Environment)
     let mut environment = Environment::new(setup).unwrap_or_else(|e| panic!("{model}: {e}"));
     environment.set_keep_going(true);
     environment.reset(Some(1), &ResetOptions::default()).unwrap_or_else(|e| panic!("{model}: {e}"));
-    environment.watch_invariants();
+    environment.watch_invariants().expect("watches");
     for step in 0..steps {
         let actions = environment.catalogue().actions.elements();
         let share = |i: u32| f64::from((7 * step + 3 * i) % 11) / 10.0;
@@ -78,4 +78,20 @@ fn biomass_precursor_and_newborn_vacuoles_of_the_penicillin_fermentation_are_con
         // Linear and without a rate: exact but for rounding and what Newton's method leaves.
         assert!(vacuoles.largest < 1e-11 * state(&environment, "phi0"), "{name}: {vacuoles:?}");
     }
+}
+
+#[test]
+fn an_invariant_of_what_moves_fast_is_integrated_as_closely_as_the_states() {
+    let text = "model M\ntime t : 1\nstate x = 0 in -1..1\nstate y = 1 in -1..1\neq d/dt x = y\neq d/dt y = -200*y\n\
+                invariant a = x rate y\nobserve x\nepisode { step = 1, max_steps = 3 }\n";
+    let loaded = smpl_runtime::load::load_text(Path::new("m.eq"), text.into(), &LoadOptions::default()).expect("compiles");
+    let mut environment = Environment::new(Setup::new(loaded.model, loaded.options, None).expect("a setup")).expect("an environment");
+    environment.watch_invariants().expect("watches");
+    environment.reset(Some(1), &ResetOptions::default()).expect("resets");
+    for _ in 0..3 {
+        environment.step(&[]).expect("steps");
+    }
+    // x moves by 1/200.
+    let drift = environment.invariant_drifts()[0];
+    assert!(drift.largest < 1e-8 && (drift.magnitude - 0.005).abs() < 1e-8, "{drift:?}");
 }

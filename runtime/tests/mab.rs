@@ -157,7 +157,7 @@ fn the_column_conserves_what_it_takes_up() {
         let mut replay = Replay::new("mab.eq", scenario, None);
         replay.start(BTreeMap::new());
         let nominal: Vec<f64> = replay.environment.catalogue().actions.elements().iter().map(|a| a.default).collect();
-        replay.environment.watch_invariants();
+        replay.environment.watch_invariants().expect("watches");
         for hour in 0..40 {
             let mut action = nominal.clone();
             action[8] = if hour % 21 == 20 { 1.0 } else { 0.0 };

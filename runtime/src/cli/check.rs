@@ -111,7 +111,7 @@ fn invariants(loaded: Loaded) -> Result<String, Failed> {
     }
     let setup = Setup::new(loaded.model, loaded.options, Some(Arc::clone(&loaded.sources)))?;
     let mut environment = Environment::new(setup)?;
-    environment.watch_invariants();
+    environment.watch_invariants()?;
     environment.reset(Some(0), &ResetOptions { start: Start::Nominal, hold_records: true, ..ResetOptions::default() })?;
     let mut policy = super::simulate::nominal(&environment);
     let mut action = vec![0.0; environment.catalogue().actions.len()];

@@ -56,6 +56,9 @@ pub(super) struct SimulateArguments {
     /// Absolute tolerance of a state = F * R * its scale
     #[arg(long, value_name = "F", value_parser = positive, allow_negative_numbers = true)]
     atol_factor: Option<f64>,
+    /// Longest internal step, in the model's unit of time
+    #[arg(long, value_name = "T", value_parser = positive, allow_negative_numbers = true)]
+    max_step: Option<f64>,
     /// Table of the trajectory, CSV or Parquet
     #[arg(long, value_name = "T.csv|T.parquet")]
     out: Option<PathBuf>,
@@ -215,6 +218,7 @@ fn data_files(arguments: &SimulateArguments) -> impl Iterator<Item = PathBuf> {
 fn make(arguments: &SimulateArguments, loaded: Loaded) -> Result<Environment, Failed> {
     let mut options = loaded.options;
     options.rtol = arguments.rtol.or(options.rtol);
+    options.max_step = arguments.max_step.or(options.max_step);
     options.atol_factor = arguments.atol_factor.or(options.atol_factor);
     options.max_steps = arguments.steps.or(options.max_steps);
     let setup = Setup::new(loaded.model, options, Some(loaded.sources))?;

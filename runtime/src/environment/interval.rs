@@ -243,7 +243,7 @@ impl Environment {
         model.prepare_step(memory);
     }
 
-    fn collect_statistics(&mut self) {
+    pub(super) fn collect_statistics(&mut self) {
         add(&mut self.statistics, &self.integrator.statistics());
     }
 }

@@ -1,10 +1,9 @@
-//! How well declared invariants hold: along the integration, the change of the value must be the integral of the rate.
+//! How well declared invariants hold: along the integration, the change of the value must be the integral of the rate. The rates are integrated
+//! beside the unknowns and take part in the error test, so that what is found is the model's fault and not that of a coarse integral.
 
 use super::Environment;
-use crate::solver::{Advance, SolveError};
-
-/// Pieces of an interval between whose ends the rate is integrated by Simpson's rule; even.
-const PIECES: usize = 32;
+use crate::setup::SetupError;
+use crate::solver::{Advance, Ida, Quadratures, SolveError};
 
 /// Drift of one invariant since the reset.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -18,10 +17,19 @@ pub struct Drift {
 }
 
 impl Environment {
-    /// Evaluates the declared invariants along the integration from now on (slower).
-    pub fn watch_invariants(&mut self) {
-        let count = self.setup.model().interface().invariants.len();
-        self.drifts = vec![Drift::default(); count];
+    /// Evaluates the declared invariants along the integration from now on (slower, and with other steps).
+    ///
+    /// # Errors
+    /// If the solver refuses its settings, which it has accepted before.
+    pub fn watch_invariants(&mut self) -> Result<(), SetupError> {
+        let mut settings = self.setup.settings.clone();
+        let least = settings.atol.iter().copied().fold(settings.rtol, f64::min);
+        settings.quadratures = Quadratures::Checked { rtol: settings.rtol, atol: least };
+        self.system.watch_invariants();
+        self.collect_statistics();
+        self.integrator = Box::new(Ida::new(&self.system, settings)?);
+        self.drifts = vec![Drift::default(); self.setup.model().interface().invariants.len()];
+        Ok(())
     }
 
     /// Drift of each declared invariant, if they are watched.
@@ -30,51 +38,27 @@ impl Environment {
         &self.drifts
     }
 
-    /// Goes to `end` in pieces, adding to the drifts. What an event cuts short is integrated by the trapezoidal rule.
+    /// Goes to `end` or to an event before it, adding to the drifts.
     pub(super) fn advance_watched(&mut self, begin: f64, end: f64) -> Result<Advance, SolveError> {
-        let length = (end - begin) / PIECES as f64;
-        let mut points = vec![self.evaluate_invariants(begin)];
-        let mut last = begin;
-        for piece in 1..=PIECES {
-            let target = if piece == PIECES { end } else { begin + length * piece as f64 };
-            let outcome = self.integrator.advance(&mut self.system, target)?;
-            let at = self.integrator.time();
-            points.push(self.evaluate_invariants(at));
-            if outcome == Advance::Event {
-                self.add_drifts(&points, length, at - last);
-                return Ok(outcome);
-            }
-            last = at;
+        let before = self.evaluate_invariants(begin);
+        let outcome = self.integrator.advance(&mut self.system, end)?;
+        let after = self.evaluate_invariants(self.integrator.time());
+        let integrals = &self.integrator.quadratures()[self.setup.model().quadratures()..];
+        let values = before.chunks_exact(2).zip(after.chunks_exact(2)).map(|(before, after)| (before[0], after[0]));
+        for ((drift, (before, after)), integral) in self.drifts.iter_mut().zip(values).zip(integrals) {
+            drift.sum += after - before - integral;
+            drift.largest = drift.largest.max(drift.sum.abs());
+            drift.magnitude = drift.magnitude.max(before.abs()).max(after.abs());
         }
-        self.add_drifts(&points, length, length);
-        Ok(Advance::Reached)
+        Ok(outcome)
     }
 
+    /// Value and rate of each invariant at the present state.
     fn evaluate_invariants(&mut self, t: f64) -> Vec<f64> {
         let mut out = vec![0.0; 2 * self.drifts.len()];
         let (y, yp) = (self.integrator.state(), self.integrator.derivative());
         let (model, memory) = self.system.parts();
         model.invariants(memory, t, y, yp, &mut out);
         out
-    }
-
-    /// `points` hold value and rate of each invariant, `length` apart but for the last, which is `final_length` from the one before.
-    fn add_drifts(&mut self, points: &[Vec<f64>], length: f64, final_length: f64) {
-        for (i, drift) in self.drifts.iter_mut().enumerate() {
-            let value = |p: usize| points[p][2 * i];
-            let rate = |p: usize| points[p][2 * i + 1];
-            let last = points.len() - 1;
-            // Simpson's rule over pairs of equal pieces, the trapezoidal rule for what is left.
-            let equal = if final_length == length { last } else { last - 1 };
-            let paired = equal - equal % 2;
-            let mut integral: f64 = (0..paired).step_by(2).map(|p| length / 3.0 * (rate(p) + 4.0 * rate(p + 1) + rate(p + 2))).sum();
-            for p in paired..last {
-                let width = if p + 1 == last { final_length } else { length };
-                integral += width / 2.0 * (rate(p) + rate(p + 1));
-            }
-            drift.sum += value(last) - value(0) - integral;
-            drift.largest = drift.largest.max(drift.sum.abs());
-            drift.magnitude = (0..=last).map(|p| value(p).abs()).fold(drift.magnitude, f64::max);
-        }
     }
 }

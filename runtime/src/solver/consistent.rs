@@ -11,6 +11,7 @@ use sundials_sys::{N_VWrmsNorm, SUNContext};
 
 use super::callbacks::Bridge;
 use super::linear::Factorisation;
+use super::quadrature::Integrals;
 use super::vector::{Operations, Vector};
 use super::{LinearSolver, Pattern, SolveError, System};
 
@@ -40,6 +41,18 @@ pub(crate) enum Inconsistent {
     Singular(Option<usize>),
     /// Newton's method did not converge.
     Diverged { iterations: u32, correction: f64 },
+}
+
+/// A consistent state from which a first step is sought.
+pub(crate) struct Start<'a> {
+    pub bridge: &'a mut Bridge,
+    pub time: f64,
+    /// Time to the end of the integration, over which a change of the equations counts.
+    pub interval: f64,
+    pub y: &'a Vector,
+    /// The algebraic entries are found with the first step.
+    pub yp: &'a mut Vector,
+    pub quadratures: Option<&'a mut Integrals>,
 }
 
 /// Space for the computations above.
@@ -218,19 +231,13 @@ impl Consistent {
         None
     }
 
-    /// Sets the algebraic entries of `yp` and returns the first step whose estimated local error is `safety` tolerances
-    /// (infinite if y'' is zero). `span` is the time over which a change of the equations counts.
-    pub fn first_step(
-        &mut self,
-        bridge: &mut Bridge,
-        t: f64,
-        span: f64,
-        y: &Vector,
-        yp: &mut Vector,
-        safety: f64,
-    ) -> Result<f64, Inconsistent> {
+    /// Sets the algebraic entries of y' and returns the first step whose estimated local error is `safety` tolerances
+    /// (infinite if y'' is zero).
+    pub fn first_step(&mut self, start: &mut Start<'_>, safety: f64) -> Result<f64, Inconsistent> {
+        let Start { bridge, time, interval, y, yp, quadratures } = start;
+        let (t, later) = (*time, *time + (1e-7 * *interval).max(1e-8 * time.abs()).min(*interval));
         self.factorise_block(bridge, t, y, yp)?;
-        self.time_derivative(bridge, t, span, y, yp)?;
+        self.time_derivative(bridge, t, later, y, yp)?;
         self.accumulate(bridge, yp, |differential, row_differential| differential && !row_differential);
         if let Some(block) = &mut self.block {
             for (correction, &i) in self.correction.iter_mut().zip(&self.algebraic) {
@@ -243,34 +250,55 @@ impl Consistent {
         self.accumulate(bridge, yp, |_, row_differential| row_differential);
         let second = self.work.entries_mut();
         self.algebraic.iter().for_each(|&i| second[i] = 0.0);
-        let size = self.norm(bridge, y, &self.work);
+        let mut size = self.norm(bridge, y, &self.work);
+        if let Some(quadratures) = quadratures {
+            self.move_ahead(y, yp, later - t);
+            let change = quadratures.change(bridge, later, &self.work, yp).map_err(|_| Inconsistent::Callback)?;
+            size = size.max(change / (later - t));
+        }
         Ok((2.0 * safety / size).sqrt())
+    }
+
+    /// Leaves the state that is `ahead` on the straight line from `y` in `work`.
+    fn move_ahead(&mut self, y: &Vector, yp: &Vector, ahead: f64) {
+        let there = self.work.entries_mut().iter_mut().zip(y.entries()).zip(yp.entries());
+        there.for_each(|((there, y), yp)| *there = ahead.mul_add(*yp, *y));
     }
 
     /// Shortens a first `step`, at most `bound`, over which the rates do not stay what they are at its beginning, although they may be the same
     /// again at its end, where the error test looks. What rests and is not `forced` stays at rest.
-    pub fn look_ahead(&mut self, bridge: &mut Bridge, t: f64, (y, yp): (&Vector, &Vector), (step, bound): (f64, f64), forced: bool) -> f64 {
-        let step = step.min(bound);
-        if step < LONG * bound || !(forced || self.norm(bridge, y, yp) * step > AT_REST) {
+    pub fn look_ahead(&mut self, start: &mut Start<'_>, step: f64, bound: f64, forced: bool) -> f64 {
+        if step < LONG * bound || !(forced || self.norm(start.bridge, start.y, start.yp) * step > AT_REST) {
             return step;
         }
         let mut before = 0.0;
         for share in LOOKS {
             let ahead = share * step;
-            let there = self.work.entries_mut().iter_mut().zip(y.entries()).zip(yp.entries());
-            there.for_each(|((there, y), yp)| *there = ahead.mul_add(*yp, *y));
-            if bridge.residual(t + ahead, self.work.raw(), yp.raw(), self.residual.raw()).is_err() {
-                // The integrator is to find out by itself what happens there.
-                bridge.trouble = None;
-                return if before > 0.0 { before } else { 0.5 * ahead };
+            match self.change_ahead(start, ahead) {
+                Ok(change) if change * ahead <= 1.0 => before = ahead,
+                Ok(_) => return 0.5 * ahead,
+                Err(_) => {
+                    // The integrator is to find out by itself what happens there.
+                    start.bridge.trouble = None;
+                    return if before > 0.0 { before } else { 0.5 * ahead };
+                }
             }
-            self.follow_algebraic(bridge, y);
-            if self.norm(bridge, y, &self.residual) * ahead > 1.0 {
-                return 0.5 * ahead;
-            }
-            before = ahead;
         }
         step
+    }
+
+    /// The change of the rates on the straight line from the start, in tolerances a unit of time.
+    fn change_ahead(&mut self, start: &mut Start<'_>, ahead: f64) -> Result<f64, Inconsistent> {
+        let Start { bridge, time, y, yp, quadratures, .. } = start;
+        let t = *time + ahead;
+        self.move_ahead(y, yp, ahead);
+        bridge.residual(t, self.work.raw(), yp.raw(), self.residual.raw()).map_err(|_| Inconsistent::Callback)?;
+        let of_integrals = match quadratures {
+            Some(quadratures) => quadratures.change(bridge, t, &self.work, yp).map_err(|_| Inconsistent::Callback)?,
+            None => 0.0,
+        };
+        self.follow_algebraic(bridge, y);
+        Ok(self.norm(bridge, y, &self.residual).max(of_integrals))
     }
 
     /// From the residual, the change of the rates if the algebraic unknowns follow, by the Jacobian at the beginning.
@@ -292,8 +320,7 @@ impl Consistent {
     }
 
     /// Leaves ∂F/∂t in `work`: zero to the bit in rows where time does not occur.
-    fn time_derivative(&mut self, bridge: &mut Bridge, t: f64, span: f64, y: &Vector, yp: &Vector) -> Result<(), Inconsistent> {
-        let later = t + (1e-7 * span).max(1e-8 * t.abs());
+    fn time_derivative(&mut self, bridge: &mut Bridge, t: f64, later: f64, y: &Vector, yp: &Vector) -> Result<(), Inconsistent> {
         bridge
             .residual(t, y.raw(), yp.raw(), self.residual.raw())
             .and_then(|()| bridge.residual(later, y.raw(), yp.raw(), self.work.raw()))

@@ -10,11 +10,12 @@ use sundials_sys::*;
 
 use self::setup::check;
 use super::callbacks::{Bridge, LinearObjects, Trouble};
-use super::consistent::{Consistent, Inconsistent};
+use super::consistent::{Consistent, Inconsistent, Start};
 use super::forcing::{Course, Forcing};
 use super::linear::Method;
+use super::quadrature::Integrals;
 use super::vector::{Operations, Vector};
-use super::{Advance, Edge, FirstStep, IdaFlag, Integrator, Quadratures, Settings, SolveError, Statistics, System};
+use super::{Advance, Edge, FirstStep, IdaFlag, Integrator, Settings, SolveError, Statistics, System};
 
 /// Counters that IDA keeps from one restart to the next.
 #[derive(Clone, Copy, Default)]
@@ -48,7 +49,7 @@ pub struct Ida {
     nonlinear: Box<_generic_SUNNonlinearSolver>,
     y: Vector,
     yp: Vector,
-    quadratures: Option<Vector>,
+    quadratures: Option<Integrals>,
     identity: Option<Vector>,
     consistent: Option<Consistent>,
     forcing: Forcing,
@@ -191,7 +192,10 @@ impl Ida {
             check("IDASetInitStep", IDASetInitStep(self.memory, step))?;
             check("IDAReInit", IDAReInit(self.memory, self.time, self.y.raw(), self.yp.raw()))?;
             if let Some(quadratures) = &self.quadratures {
-                check("IDAQuadReInit", IDAQuadReInit(self.memory, quadratures.raw()))?;
+                check("IDAQuadReInit", IDAQuadReInit(self.memory, quadratures.values.raw()))?;
+                if let Some(rtol) = quadratures.checked() {
+                    check("IDAQuadSVtolerances", IDAQuadSVtolerances(self.memory, rtol, quadratures.tolerances.raw()))?;
+                }
             }
         }
         self.counted = IdaCounts::default();
@@ -203,16 +207,19 @@ impl Ida {
     fn first_step(&mut self, interval: f64, course: Course) -> Result<f64, SolveError> {
         let bridge = unsafe { &mut *self.bridge };
         let time = self.time;
+        if let Some(quadratures) = &mut self.quadratures
+            && quadratures.begin(bridge, time, interval, &self.y, &self.yp).is_err()
+        {
+            return Err(self.fault());
+        }
         Ok(match (self.settings.first_step, &mut self.consistent) {
             (FirstStep::Fixed(step), _) => step,
             (FirstStep::Scaled { factor }, _) => factor * self.last_step,
-            // Only IDA's rule looks at the quadratures.
-            _ if self.settings.quadratures != Quadratures::Unchecked => 0.0,
             (FirstStep::Estimated { safety }, Some(consistent)) => {
-                let (y, yp) = (&self.y, &mut self.yp);
-                let step = consistent.first_step(bridge, time, interval, y, yp, safety);
+                let mut start = Start { bridge, time, interval, y: &self.y, yp: &mut self.yp, quadratures: self.quadratures.as_mut() };
                 let bound = course.longest_first_step(interval).min(interval);
-                step.map(|step| consistent.look_ahead(bridge, time, (y, yp), (step, bound), course > Course::Flat))
+                let step = consistent.first_step(&mut start, safety);
+                step.map(|step| consistent.look_ahead(&mut start, step.min(bound), bound, course > Course::Flat))
                     .map_err(|cause| self.inconsistent(cause))?
             }
             _ => 0.0,
@@ -243,7 +250,7 @@ impl Ida {
         self.time = t_end;
         if let Some(quadratures) = &self.quadratures {
             let mut time = self.time;
-            check("IDAGetQuad", unsafe { IDAGetQuad(self.memory, &mut time, quadratures.raw()) })?;
+            check("IDAGetQuad", unsafe { IDAGetQuad(self.memory, &mut time, quadratures.values.raw()) })?;
         }
         Ok(Advance::Reached)
     }
@@ -343,7 +350,7 @@ impl Integrator for Ida {
             None => self.yp.entries_mut().fill(0.0),
         }
         if let Some(quadratures) = &mut self.quadratures {
-            quadratures.entries_mut().fill(0.0);
+            quadratures.values.entries_mut().fill(0.0);
         }
         self.lending(system, Self::initialise)?;
         self.bridge().counts.restarts += 1;
@@ -400,7 +407,7 @@ impl Integrator for Ida {
     }
 
     fn quadratures(&self) -> &[f64] {
-        self.quadratures.as_ref().map_or(&[], Vector::entries)
+        self.quadratures.as_ref().map_or(&[], |quadratures| quadratures.values.entries())
     }
 
     fn events(&self) -> &[i32] {

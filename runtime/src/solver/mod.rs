@@ -38,6 +38,7 @@ mod kernels;
 pub(crate) mod linear;
 mod newton;
 pub mod problems;
+mod quadrature;
 mod settings;
 mod system;
 mod vector;

@@ -19,6 +19,9 @@ pub struct Settings {
     pub min_step: f64,
     /// Largest step. Default infinite.
     pub max_step: f64,
+    /// Whether the error of algebraic unknowns is part of the error test. Default false: they are solved for at every step, and as
+    /// right as the differential ones that they follow from.
+    pub algebraic_error_control: bool,
     /// Linear solver. Default [`LinearSolver::Auto`].
     pub linear_solver: LinearSolver,
     /// Tolerances of the quadratures. Default [`Quadratures::Unchecked`].
@@ -29,8 +32,8 @@ pub struct Settings {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FirstStep {
     /// From y'' by the exact Jacobian: the step whose estimated local error at order one is `safety` of the
-    /// tolerance. Depends on nothing but the present state. Systems that are not explicit in
-    /// their derivatives, and those with checked quadratures, use IDA's rule.
+    /// tolerance, shortened where the rates change inside of it. Depends on nothing but the present state. Systems that are not explicit in
+    /// their derivatives use IDA's rule.
     Estimated {
         /// Fraction of the tolerance. Default 0.25.
         safety: f64,
@@ -79,7 +82,7 @@ pub enum Quadratures {
     Checked {
         /// Relative tolerance.
         rtol: f64,
-        /// Absolute tolerance of every quadrature, positive.
+        /// Absolute tolerance of every quadrature, positive; to it comes `rtol` of what the integrand at the beginning would amount to.
         atol: f64,
     },
 }
@@ -95,6 +98,7 @@ impl Settings {
             max_steps: 10_000,
             min_step: 0.0,
             max_step: f64::INFINITY,
+            algebraic_error_control: false,
             linear_solver: LinearSolver::default(),
             quadratures: Quadratures::default(),
         }

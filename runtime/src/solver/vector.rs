@@ -214,6 +214,14 @@ unsafe extern "C" fn minimum(x: N_Vector) -> f64 {
     unsafe { entries(x) }.iter().fold(f64::MAX, |least, &value| least.min(value))
 }
 
+/// Weighted root mean square over the entries whose mask is positive.
+unsafe extern "C" fn masked_norm(x: N_Vector, w: N_Vector, mask: N_Vector) -> f64 {
+    let (x, w, mask) = unsafe { (entries(x), entries(w), entries(mask)) };
+    let terms = x.iter().zip(w).zip(mask).filter(|&(_, &counts)| counts > 0.0);
+    let (sum, count) = terms.fold((0.0, 0.0_f64), |(sum, count), ((x, w), _)| (sum + (x * w) * (x * w), count + 1.0));
+    (sum / count.max(1.0)).sqrt()
+}
+
 unsafe extern "C" fn maximum_norm(x: N_Vector) -> f64 {
     unsafe { entries(x) }.iter().fold(0.0, |most: f64, value| most.max(value.abs()))
 }
@@ -520,6 +528,7 @@ const COMMON: _generic_N_Vector_Ops = _generic_N_Vector_Ops {
     nvinv: Some(invert),
     nvaddconst: Some(add_constant),
     nvmin: Some(minimum),
+    nvwrmsnormmask: Some(masked_norm),
     nvmaxnorm: Some(maximum_norm),
     // SAFETY: every other field is an optional function pointer, for which all zeros mean `None`.
     ..unsafe { std::mem::zeroed() }

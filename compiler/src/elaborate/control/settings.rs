@@ -58,7 +58,7 @@ impl<'a> Elaborator<'a> {
         let positive = number.is_finite() && number > 0.0;
         let count = (1.0..4e9).contains(&number) && number.fract() == 0.0;
         let (holds, expected) = match name {
-            "step" | "integrate" | "atol_factor" => (positive, "a positive number"),
+            "step" | "integrate" | "atol_factor" | "max_step" => (positive, "a positive number"),
             "error_reward" => (number.is_finite(), "a number"),
             "rtol" => (Solver::RTOL.contains(&number), Solver::RTOL_TEXT),
             "max_order" => ((1.0..=5.0).contains(&number) && number.fract() == 0.0, "a whole number from 1 to 5"),
@@ -82,6 +82,7 @@ impl<'a> Elaborator<'a> {
             ("integrate", _) => *integrate = Some(number),
             ("rtol", _) => solver.rtol = number,
             ("atol_factor", _) => solver.atol_factor = number,
+            ("max_step", _) => solver.max_step = number,
             ("max_order", _) => solver.max_order = number as u32,
             ("max_internal_steps", _) => solver.max_steps = number as u32,
             (_, Setting::Text(text)) => solver.linear_solver.clone_from(text),
@@ -174,10 +175,12 @@ impl<'a> Elaborator<'a> {
             }
             "max_steps" => solver.max_steps = self.whole_number(name, e, place).unwrap_or(solver.max_steps),
             "max_events" => solver.max_events = self.whole_number(name, e, place).unwrap_or(solver.max_events),
-            "quadrature_error_control" => {
-                let c = self.condition(e, place);
-                self.model.quadrature_error_control = matches!(self.exprs.node(c), crate::ir::Expr::Truth(true));
+            "max_step" => {
+                let time = self.time_unit.clone();
+                solver.max_step = self.positive(name, e, &time, place).unwrap_or(solver.max_step);
             }
+            "algebraic_error_control" => solver.algebraic_error_control = self.holds(e, place),
+            "quadrature_error_control" => solver.quadrature_error_control = self.holds(e, place),
             "linear_solver" => match &e.kind {
                 ExprKind::Name(n) if LINEAR_SOLVERS.contains(&n.text.as_str()) => solver.linear_solver.clone_from(&n.text),
                 _ => {
@@ -188,7 +191,18 @@ impl<'a> Elaborator<'a> {
             _ => self.unknown_entry(
                 name,
                 "solver",
-                &["rtol", "atol_factor", "safety", "max_order", "max_steps", "max_events", "linear_solver", "quadrature_error_control"],
+                &[
+                    "rtol",
+                    "atol_factor",
+                    "safety",
+                    "max_order",
+                    "max_steps",
+                    "max_step",
+                    "max_events",
+                    "linear_solver",
+                    "algebraic_error_control",
+                    "quadrature_error_control",
+                ],
             ),
         }
     }

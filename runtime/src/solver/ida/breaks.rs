@@ -21,7 +21,7 @@ impl Ida {
             let near = NEAR * self.time.abs().max(t_end.abs());
             let now = self.time;
             let at = self.bridge().next_break(now).map_err(|_| self.fault())?;
-            if at > t_end + near {
+            if at.is_nan() || at > t_end + near {
                 return self.solve(t_end);
             }
             stops += 1;

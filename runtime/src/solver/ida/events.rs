@@ -103,7 +103,7 @@ impl Ida {
             check("IDAGetDky", IDAGetDky(self.memory, t, 0, self.y.raw()))?;
             check("IDAGetDky", IDAGetDky(self.memory, t, 1, self.yp.raw()))?;
             if let Some(quadratures) = &self.quadratures {
-                check("IDAGetQuadDky", IDAGetQuadDky(self.memory, t, 0, quadratures.raw()))?;
+                check("IDAGetQuadDky", IDAGetQuadDky(self.memory, t, 0, quadratures.values.raw()))?;
             }
         }
         Ok(())

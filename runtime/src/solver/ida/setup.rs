@@ -10,9 +10,10 @@ use super::super::consistent::Consistent;
 use super::super::forcing::Forcing;
 use super::super::linear::Factorisation;
 use super::super::newton::{self, Newton};
+use super::super::quadrature::Integrals;
 use super::super::vector::{Operations, Vector};
 use super::super::watch::Watch;
-use super::super::{IdaFlag, Quadratures, Settings, SolveError, System};
+use super::super::{IdaFlag, Settings, SolveError, System};
 use super::{Context, Ida, IdaCounts, Phase};
 
 impl Ida {
@@ -33,11 +34,12 @@ impl Ida {
             false => None,
         };
         let vector = |length| Vector::zeros(length, operations, context.0);
-        let quadratures = (system.quadrature_count() > 0).then(|| vector(system.quadrature_count()));
+        let quadratures = Integrals::new(system, &settings.quadratures, operations, context.0);
         let sharing = || Vector::sharing(n, operations, context.0, &bridge.shared);
         let (y, yp) = (sharing(), sharing());
         let later = (system.root_count() > 0).then(|| (sharing(), sharing()));
-        let identity = (!system.is_explicit()).then(|| vector(n));
+        let masks = !settings.algebraic_error_control && system.differential().contains(&false);
+        let identity = (masks || !system.is_explicit()).then(|| vector(n));
         let pattern = system.pattern();
         let columns = (0..n).flat_map(|column| pattern.column(column).map(move |_| column)).collect();
         let bridge = Box::into_raw(Box::new(bridge));
@@ -114,7 +116,7 @@ impl Ida {
         check("SUNContext_PushErrHandler", unsafe { SUNContext_PushErrHandler(context, Some(callbacks::message), data) })
     }
 
-    /// Implicit systems: which unknowns are differential.
+    /// Implicit systems, and those whose algebraic unknowns are left out of the error test: which unknowns are differential.
     fn configure_identity(&mut self) -> Result<(), SolveError> {
         let Some(identity) = &mut self.identity else {
             return Ok(());
@@ -122,17 +124,22 @@ impl Ida {
         for (entry, &differential) in identity.entries_mut().iter_mut().zip(&self.differential) {
             *entry = f64::from(u8::from(differential));
         }
-        check("IDASetId", unsafe { IDASetId(self.memory, identity.raw()) })
+        check("IDASetId", unsafe { IDASetId(self.memory, identity.raw()) })?;
+        if !self.settings.algebraic_error_control {
+            check("IDASetSuppressAlg", unsafe { IDASetSuppressAlg(self.memory, 1) })?;
+        }
+        Ok(())
     }
 
     fn configure_quadratures(&mut self) -> Result<(), SolveError> {
-        let Some(vector) = &self.quadratures else {
+        let Some(quadratures) = &self.quadratures else {
             return Ok(());
         };
         let function = Some(callbacks::quadratures as unsafe extern "C" fn(_, _, _, _, _) -> _);
-        check("IDAQuadInit", unsafe { IDAQuadInit(self.memory, function, vector.raw()) })?;
-        if let Quadratures::Checked { rtol, atol } = self.settings.quadratures {
-            check("IDAQuadSStolerances", unsafe { IDAQuadSStolerances(self.memory, rtol, atol) })?;
+        check("IDAQuadInit", unsafe { IDAQuadInit(self.memory, function, quadratures.values.raw()) })?;
+        if let Some(rtol) = quadratures.checked() {
+            let tolerances = quadratures.tolerances.raw();
+            check("IDAQuadSVtolerances", unsafe { IDAQuadSVtolerances(self.memory, rtol, tolerances) })?;
             check("IDASetQuadErrCon", unsafe { IDASetQuadErrCon(self.memory, 1) })?;
         }
         Ok(())
