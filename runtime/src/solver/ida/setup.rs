@@ -50,6 +50,7 @@ impl Ida {
             identity,
             consistent,
             context,
+            operations,
             settings,
             differential: system.differential().into(),
             rows_of_entries: (pattern.rows().into(), columns),
