@@ -7,7 +7,7 @@ use clap::Args;
 
 use super::report::Failed;
 use super::{ModelArguments, number, say};
-use crate::catalogue::Catalogue;
+use crate::catalogue::{Catalogue, Element};
 use crate::failure::{Short, describe_equation, unit_suffix};
 use crate::linearize::linearize;
 use crate::setup::Setup;
@@ -132,8 +132,10 @@ fn others(found: &[Vec<f64>], catalogue: &Catalogue) -> String {
     let mut text = String::new();
     for y in found {
         let states = catalogue.states.elements();
-        let shown: Vec<String> =
-            states.iter().take(STATES).map(|e| format!("{} = {}{}", e.name, Short(y[e.at]), unit_suffix(&e.unit))).collect();
+        // Zero is met to rounding only.
+        let value = |e: &Element| if y[e.at].abs() < 1e-12 * e.scale { 0.0 } else { y[e.at] };
+        let state = |e: &Element| format!("{} = {}{}", e.name, Short(value(e)), unit_suffix(&e.unit));
+        let shown: Vec<String> = states.iter().take(STATES).map(state).collect();
         let more = if states.len() > STATES { ", ..." } else { "" };
         // Writing into a string cannot fail.
         let _ = writeln!(text, "another steady state (begin near it by --guess): {}{more}", shown.join(", "));
@@ -147,7 +149,7 @@ fn values(system: &mut crate::system::CompiledSystem, catalogue: &Catalogue, y: 
     let mut algebraics = vec![0.0; catalogue.algebraics.len()];
     let (model, memory) = system.parts();
     model.outputs(memory, 0.0, y, &yp, &mut algebraics);
-    let row = |e: &crate::catalogue::Element, value: f64| (e.name.clone(), e.unit.clone(), value);
+    let row = |e: &Element, value: f64| (e.name.clone(), e.unit.clone(), value);
     let states = catalogue.states.elements().iter().map(|e| row(e, y[e.at]));
     let outputs = catalogue.algebraics.elements().iter().map(|e| row(e, algebraics[e.at]));
     states.chain(outputs).collect()
