@@ -144,7 +144,7 @@ pub struct CompiledModel {
     pieces: [Box<[CompiledFn]>; Function::ALL.len()],
     surroundings: Surroundings,
     /// Tapes of derivatives, made when first asked for.
-    derivatives: [OnceLock<Result<Derivative, BackEndError>>; 8],
+    derivatives: [OnceLock<Result<Derivative, BackEndError>>; 12],
     /// Holds the code that `functions` point to.
     executable: Executable,
 }

@@ -200,6 +200,8 @@ pub struct Interface {
     pub invariants: Vec<(String, String)>,
     /// State elements (positions in `y`) whose values the steady problem fixes; the program `steady` gives them.
     pub steady_fixed: Vec<u32>,
+    /// Number of conditions on the steady state, `A + B = 1`; the program `steady` gives their differences, left less right, last.
+    pub steady_conditions: u32,
     /// The steady state is given in full, nothing is solved.
     pub steady_given: bool,
     /// A `steady` block exists, or `steady()` is used.

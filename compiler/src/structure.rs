@@ -5,6 +5,7 @@
 //! 2. Explicit algebraic variables are substituted, unless keeping one as an unknown makes the Jacobian sparser, or it closes a loop.
 //! 3. What is left is matched: implicit equations to unknowns without an equation. What cannot be matched is reported by name:
 //!    unknowns that nothing determines, equations too many, and equations that bind states only (index above 1).
+//! 4. Loops of equations that are singular whatever the numbers are refused.
 //!
 //! Equations over cells are treated as wholes; the work grows with the text, not with the grid.
 
@@ -12,6 +13,7 @@ mod algebraic;
 mod matching;
 mod rates;
 mod runs;
+mod singular;
 mod whole;
 
 use smpl_dsl::diagnostic::Diagnostic;
@@ -35,6 +37,10 @@ pub fn analyse(elaborated: Elaborated) -> Result<(Model, Vec<Diagnostic>), Vec<D
     let plan = algebraic::plan(&mut model, &mut equations);
     algebraic::substitute(&mut model, &mut equations, &plan);
     let rows = matching::rows(&mut model, equations, &plan, &rates)?;
+    let faults = singular::singular_loops(&model, &rows);
+    if !faults.is_empty() {
+        return Err(faults);
+    }
     model.explicit = is_explicit(&model.exprs, &model, &rows);
     model.rows = rows;
     Ok((model, warnings))

@@ -76,7 +76,7 @@ pub enum StatementKind {
     Connect { chain: Vec<Expr> },
     /// `initial c_A ~ uniform(0.7, 1.3) * value(steady(c_A)) clip bounds for x in (...)`
     Initial { target: Expr, random: bool, value: Expr, clip: Option<Clip>, binders: Vec<Binder> },
-    /// `steady { T_c = 26.85 [degC], h = 0.659 [m] }`
+    /// `steady { T_c = 26.85 [degC], h = 0.659 [m], A + B = 1 }`
     Steady { entries: Vec<(Expr, Expr)> },
     /// `observe c_A, T` or `observe pH = -log10(H) in 0..16`
     Observe { items: Vec<Observation> },

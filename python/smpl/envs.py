@@ -207,7 +207,11 @@ class Env(Interface, gymnasium.Env[Any, Any]):
 
     @property
     def steady_state(self) -> FloatArray | None:
-        """Steady state of the model's `steady` block with the parameters of the episode; none without such a block."""
+        """Steady state of the model's `steady` block with the parameters of the episode; none without such a block.
+
+        Raises:
+            SimulationError: where the block has no solution and nothing needs it.
+        """
         return self._native.steady_state
 
     @property

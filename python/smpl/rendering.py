@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from smpl._native import SimulationError
+
 if TYPE_CHECKING:
     from smpl.envs import Env
 
@@ -107,7 +109,10 @@ class History:
         env = self._env
         times = np.asarray(self.times)
         low, high = env.model.native.bounds("state")
-        targets = env.steady_state
+        try:
+            targets = env.steady_state
+        except SimulationError:  # declared without a solution, and not needed
+            targets = None
         states = np.asarray(self.states)
         most = max(1, _MOST_PANELS - len(env.action_names) - 1)
         panels = [

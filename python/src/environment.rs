@@ -11,7 +11,7 @@ use smpl_runtime::environment::{self, Environment};
 use smpl_runtime::observe::denormalise;
 
 use crate::arrays::Fresh;
-use crate::errors::{guarded, reset_error, step_error};
+use crate::errors::{SimulationError, guarded, reset_error, step_error};
 use crate::info::Keys;
 use crate::interrupt::released;
 use crate::model::{Model, role_error};
@@ -170,22 +170,26 @@ impl Env {
     }
 
     #[getter]
-    fn steady_state<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+    fn steady_state<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
         self.with(|environment| {
+            check_steady(environment)?;
             let setup = environment.setup();
             let states = &setup.catalogue.states;
-            let steady = setup.model().interface().has_steady.then(|| environment.steady_state())?;
-            Some(Fresh::vector(py, states.len()).filled(|out| gather(states, steady, out)))
+            let steady = setup.model().interface().has_steady.then(|| environment.steady_state());
+            Ok(steady.map(|steady| Fresh::vector(py, states.len()).filled(|out| gather(states, steady, out))))
         })
     }
 
     #[getter]
-    fn steady_action<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+    fn steady_action<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
         self.with(|environment| {
             let setup = environment.setup();
+            if let Some(error) = setup.no_steady() {
+                return Err(SimulationError::new_err(format!("steady state: {error}")));
+            }
             let actions = &setup.catalogue.actions;
-            let steady = setup.model().interface().has_steady.then(|| setup.steady_action())?;
-            Some(Fresh::vector(py, actions.len()).filled(|out| gather(actions, steady, out)))
+            let steady = setup.model().interface().has_steady.then(|| setup.steady_action());
+            Ok(steady.map(|steady| Fresh::vector(py, actions.len()).filled(|out| gather(actions, steady, out))))
         })
     }
 
@@ -246,4 +250,15 @@ pub fn gather(family: &Family, values: &[f64], out: &mut [f64]) {
     for (element, out) in family.elements().iter().zip(out) {
         *out = values[element.at];
     }
+}
+
+/// An exception where the model declares a steady state and there is none.
+fn check_steady(environment: &Environment) -> PyResult<()> {
+    if let Some(error) = environment.setup().no_steady() {
+        return Err(SimulationError::new_err(format!("steady state: {error}")));
+    }
+    if environment.steady_state().iter().any(|x| x.is_nan()) {
+        return Err(SimulationError::new_err("no steady state was found with the parameters of this episode"));
+    }
+    Ok(())
 }

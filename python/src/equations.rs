@@ -14,7 +14,7 @@ use smpl_compiler::model::Variate;
 use smpl_runtime::catalogue::{Catalogue, Family, check_parameters};
 use smpl_runtime::linearize::{self, Linearization};
 use smpl_runtime::solver::System;
-use smpl_runtime::steady::{self, SteadyError};
+use smpl_runtime::steady::{self, Held, SteadyError};
 use smpl_runtime::system::CompiledSystem;
 
 use crate::errors::SimulationError;
@@ -72,7 +72,7 @@ impl Equations {
         if model.interface().has_steady {
             let guess = steady::guess(&nominal, &catalogue);
             if steady::solve_declared(&mut nominal, &catalogue, &guess).is_err() {
-                forget_steady_state(&mut nominal);
+                steady::forget(&mut nominal);
             }
         }
         let order: Vec<usize> = catalogue.states.elements().iter().chain(catalogue.solved.elements()).map(|e| e.at).collect();
@@ -150,9 +150,9 @@ impl Equations {
         self.set_given(given)?;
         let mut y = guess;
         let (_, declared) = steady::declared(&mut self.work, &self.catalogue, &mut y);
-        let fixed: Vec<(usize, f64)> = match fixed {
+        let held_states: Held = match fixed {
             [] => declared,
-            some => some.iter().map(|&(i, value)| (self.order[i], value)).collect(),
+            some => Held { states: some.iter().map(|&(i, value)| (self.order[i], value)).collect(), conditions: Vec::new() },
         };
         let mut held = Vec::new();
         for (role, family, region) in
@@ -160,7 +160,7 @@ impl Equations {
         {
             held.extend(self.places(role, family, given)?.into_iter().map(|(at, value)| (region, at, value)));
         }
-        steady::solve_given(&mut self.work, &self.catalogue, u, &fixed, &held, &mut y).map_err(|e| steady_error(&e))?;
+        steady::solve_held(&mut self.work, &self.catalogue, u, &held_states, &held, &mut y).map_err(|e| steady_error(&e))?;
         Ok(self.order.iter().map(|&at| y[at]).collect())
     }
 
@@ -259,13 +259,6 @@ impl Columns {
             columns.pointers.push(columns.rows.len() as i32);
         }
         columns
-    }
-}
-
-/// Makes everything that refers to the steady state NaN: there is none, yet the equations may do without.
-fn forget_steady_state(system: &mut CompiledSystem) {
-    for part in [Part::Y, Part::Action, Part::Discrete, Part::Disturbance] {
-        system.region_mut(Region::Steady(part)).fill(f64::NAN);
     }
 }
 

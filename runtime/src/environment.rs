@@ -407,11 +407,26 @@ impl Environment {
         }
     }
 
-    /// Writes the algebraic outputs that belong to the present state and action.
+    /// Writes the algebraic outputs that belong to the present state and action; after a step that the solver gave up, those of before it,
+    /// as the state.
     pub fn algebraics(&mut self, out: &mut [f64]) {
         let t = self.time();
-        let (model, memory) = self.system.parts();
-        model.outputs(memory, t, &self.progress.y, &self.progress.yp, out);
+        self.at_the_state(|system, progress| {
+            let (model, memory) = system.parts();
+            model.outputs(memory, t, &progress.y, &progress.yp, out);
+        });
+    }
+
+    /// Calls `work` with the inputs that belong to the state: those of before the step where the solver gave it up.
+    fn at_the_state(&mut self, work: impl FnOnce(&mut CompiledSystem, &Progress)) {
+        let gone_back = self.progress.solver_failure.is_some();
+        if gone_back {
+            self.system.exchange_inputs(Region::Previous);
+        }
+        work(&mut self.system, &self.progress);
+        if gone_back {
+            self.system.exchange_inputs(Region::Previous);
+        }
     }
 
     /// Discrete variables, by the places of the catalogue; so the following.

@@ -159,7 +159,7 @@ impl NotFinite {
 /// The message of a solver failure: `equation at reactor.eq:41, d/dt T, became NaN at t = 3.2 min`.
 #[must_use]
 pub fn describe_solver(failure: &SolverFailure, model: &CompiledModel, catalogue: &Catalogue, sources: Option<&SourceMap>) -> String {
-    let when = format!("at t = {} {}", Short(failure.time), model.interface().time.1);
+    let when = format!("at t = {}{}", Short(failure.time), unit_suffix(&model.interface().time.1));
     let equation = failure.unknown.map(|unknown| describe_equation(unknown, model, catalogue, sources));
     let subject = |verb: &str| match &equation {
         Some(equation) => format!("{equation}, {verb} {when}"),
@@ -170,7 +170,7 @@ pub fn describe_solver(failure: &SolverFailure, model: &CompiledModel, catalogue
         Cause::NoConvergence => subject("could not be integrated (no convergence at the smallest step)"),
         Cause::TooManySteps => subject("took more internal steps than `solver { max_steps }` allows"),
         Cause::Singular => subject("met a singular iteration matrix"),
-        Cause::Inconsistent => subject("has no consistent algebraic variables"),
+        Cause::Inconsistent => subject("could not be solved (no consistent algebraic variables)"),
         Cause::Panicked => subject("was ended by a panic inside a model function"),
         Cause::Interrupted => subject("was interrupted"),
         Cause::Other(code) => subject(&format!("failed (IDA code {code})")),
@@ -221,7 +221,7 @@ fn covers(extents: &[u32], at: &Affine, element: i64) -> bool {
 pub fn describe_item(item: &BoxItem, value: f64) -> Option<String> {
     let slack = BOX_SLACK * (item.high - item.low).abs();
     let slack = if slack.is_finite() { slack } else { 0.0 };
-    let unit = if item.unit == "1" { String::new() } else { format!(" {}", item.unit) };
+    let unit = unit_suffix(&item.unit);
     if !value.is_finite() {
         Some(format!("{} is not finite", item.name))
     } else if value > item.high + slack {
@@ -231,6 +231,12 @@ pub fn describe_item(item: &BoxItem, value: f64) -> Option<String> {
     } else {
         None
     }
+}
+
+/// A unit behind a number; nothing for a number without one.
+#[must_use]
+pub fn unit_suffix(unit: &str) -> String {
+    if unit == "1" || unit.is_empty() { String::new() } else { format!(" {unit}") }
 }
 
 /// What counts as inside a box: a value beyond a bound by at most this part of the range.

@@ -76,7 +76,7 @@ fn panels(table: &Table, setup: &Setup) -> Vec<Panel> {
         })
     };
     let steady = setup.steady_state();
-    let set_point = |element: &Element| steady.get(element.at).copied().filter(|_| has_steady);
+    let set_point = |element: &Element| steady.get(element.at).copied().filter(|x| has_steady && x.is_finite());
     let states = catalogue.states.elements().iter().take(MAX_PANELS).filter_map(|e| of(e, false, set_point(e)));
     let actions = catalogue.actions.elements().iter().take(MAX_PANELS).filter_map(|e| of(e, true, None));
     let mut panels: Vec<Panel> = states.chain(actions).collect();

@@ -6,9 +6,9 @@ use std::sync::{Arc, OnceLock};
 
 use smpl_compiler::artefact;
 use smpl_compiler::compiled::CompiledModel;
-use smpl_compiler::ir::{Expr, ExprId, Exprs, Flavour, Place, Role, VarId};
+use smpl_compiler::ir::{Expr, ExprId, Exprs, Flavour, Place, Program, Role, VarId};
 use smpl_compiler::layout::{Part, Region};
-use smpl_compiler::model::{Solver, Variate};
+use smpl_compiler::model::{Model, Solver, Variate};
 use smpl_dsl::diagnostic::SourceMap;
 
 use crate::catalogue::{Catalogue, Element, OutsideBounds, StructuralParameter, UnknownName, check_parameters};
@@ -124,6 +124,10 @@ pub struct Setup {
     pub(crate) noise: Vec<f64>,
     /// Place of the number of the phase, where there is a schedule.
     pub(crate) phase: Option<usize>,
+    /// Something in the model reads the steady state.
+    pub(crate) needs_steady: bool,
+    /// Why there is no nominal steady state, where there should be one and nothing needs it.
+    pub(crate) no_steady: Option<SteadyError>,
     /// Made when it is first asked for.
     checksum: OnceLock<Result<[u8; 32], String>>,
 }
@@ -134,6 +138,28 @@ impl Setup {
     /// # Errors
     /// Unknown names, values out of range, or no steady state where the model starts from one.
     pub fn new(model: Arc<CompiledModel>, options: EnvironmentOptions, sources: Option<Arc<SourceMap>>) -> Result<Arc<Self>, SetupError> {
+        let needs_steady = reads(&model, Flavour::Steady);
+        Self::make(model, options, sources, needs_steady)
+    }
+
+    /// As [`new`](Self::new), for those who look for a steady state themselves: that the model's own is not found is no error.
+    ///
+    /// # Errors
+    /// Unknown names, values out of range.
+    pub fn without_steady(
+        model: Arc<CompiledModel>,
+        options: EnvironmentOptions,
+        sources: Option<Arc<SourceMap>>,
+    ) -> Result<Arc<Self>, SetupError> {
+        Self::make(model, options, sources, false)
+    }
+
+    fn make(
+        model: Arc<CompiledModel>,
+        options: EnvironmentOptions,
+        sources: Option<Arc<SourceMap>>,
+        needs_steady: bool,
+    ) -> Result<Arc<Self>, SetupError> {
         let catalogue = Catalogue::new(&model);
         let interface = model.interface();
         let settings = solver_settings(&model, &catalogue, &options)?;
@@ -167,11 +193,13 @@ impl Setup {
             noise,
             phase: catalogue.discretes.find("phase").filter(|_| has_phases).map(|e| e.at),
             checksum: OnceLock::new(),
+            no_steady: None,
+            needs_steady,
             catalogue,
             options,
             system: CompiledSystem::new(model)?,
         };
-        setup.prepare_nominal()?;
+        setup.prepare_nominal(needs_steady)?;
         Ok(Arc::new(setup))
     }
 
@@ -239,8 +267,14 @@ impl Setup {
         self.system.region(Region::Steady(Part::Action))
     }
 
+    /// Why the model has no steady state with parameters at their means although it declares one.
+    #[must_use]
+    pub fn no_steady(&self) -> Option<&SteadyError> {
+        self.no_steady.as_ref()
+    }
+
     /// Parameters at their means with the given ones in place, and their steady state.
-    fn prepare_nominal(&mut self) -> Result<(), SetupError> {
+    fn prepare_nominal(&mut self, needs_steady: bool) -> Result<(), SetupError> {
         let draws = self.draws.clone();
         let given = self.given_parameters::<SetupError>(self.options.parameters.iter().map(|(n, v)| (n.as_str(), *v)))?;
         fill_means(&mut self.system, &draws);
@@ -248,7 +282,15 @@ impl Setup {
         check_parameters(&self.catalogue.parameters, self.system.region(Region::Param))?;
         if self.model().interface().has_steady {
             let guess = steady::guess(&self.system, &self.catalogue);
-            steady::solve_declared(&mut self.system, &self.catalogue, &guess)?;
+            let before = self.system.clone();
+            if let Err(error) = steady::solve_declared(&mut self.system, &self.catalogue, &guess) {
+                if needs_steady {
+                    return Err(error.into());
+                }
+                self.system = before;
+                steady::forget(&mut self.system);
+                self.no_steady = Some(error);
+            }
         }
         Ok(())
     }
@@ -396,10 +438,41 @@ fn draws(model: &CompiledModel) -> Vec<Drawn> {
 
 /// Whether `finish` or the algebraic outputs read a time derivative.
 fn finish_reads_derivatives(model: &CompiledModel) -> bool {
+    let programs = &model.model().programs;
+    reads_in(model.model(), values(&[&programs.finish, &programs.outputs]), Flavour::Derivative)
+}
+
+/// Whether anything reads values of a kind.
+fn reads(model: &CompiledModel, flavour: Flavour) -> bool {
     let model = model.model();
-    let programs = [&model.programs.finish, &model.programs.outputs];
-    let values = programs.iter().flat_map(|p| &p.nests).flat_map(|n| &n.stores).map(|s| s.value).collect();
-    any_expression(&model.exprs, values, |expr| matches!(expr, Expr::Load { flavour: Flavour::Derivative, .. }))
+    let p = &model.programs;
+    let mut programs = vec![
+        &p.parameters,
+        &p.initial_states,
+        &p.initial_discretes,
+        &p.disturb,
+        &p.start,
+        &p.end,
+        &p.finish,
+        &p.outputs,
+        &p.invariants,
+        &p.boxes,
+    ];
+    programs.extend(p.events.iter().chain(p.policies.iter().map(|(_, program)| program)));
+    let mut todo = values(&programs);
+    todo.extend(model.rows.iter().map(|row| row.residual));
+    todo.extend(model.roots.iter().map(|root| root.value));
+    todo.extend(&model.quadratures);
+    reads_in(model, todo, flavour)
+}
+
+fn values(programs: &[&Program]) -> Vec<ExprId> {
+    programs.iter().flat_map(|p| &p.nests).flat_map(|n| &n.stores).map(|s| s.value).collect()
+}
+
+/// Whether a value of a kind is read in some of these expressions.
+fn reads_in(model: &Model, todo: Vec<ExprId>, wanted: Flavour) -> bool {
+    any_expression(&model.exprs, todo, |expr| matches!(expr, Expr::Load { flavour, .. } if *flavour == wanted))
 }
 
 /// Whether something holds of some expression, or of one inside.

@@ -3,16 +3,22 @@
 //! States that the equations leave free (an integrating level) are fixed by the caller, and their rows are dropped. The search
 //! is Newton's method, damped by the natural monotonicity test (Deuflhard, Newton Methods for Nonlinear Problems, section 3.3), with the
 //! exact Jacobian. Where it does not converge, pseudo-transient continuation (Kelley and Keyes, SIAM J. Numer. Anal. 35 (1998) 508-523)
-//! follows the process itself to rest first, so that what is found is a stable state near the guess.
+//! follows the process itself to rest first, so that what is found is a stable state near the guess. What is outside of the declared bounds
+//! is not taken: the process is followed, the search kept inside, and other guesses are tried.
 
+mod bounds;
+mod error;
+mod freedom;
+mod kinks;
 mod newton;
 
 use smpl_compiler::compiled::CompiledModel;
 use smpl_compiler::layout::{Part, Region};
 
-use crate::catalogue::{Catalogue, UnknownName};
-use crate::solver::SolveError;
+use crate::catalogue::Catalogue;
 use crate::system::CompiledSystem;
+pub use error::{ConservedSum, Freedom, SteadyError};
+pub use kinks::kink;
 use newton::Search;
 
 /// Rounds between unknowns and discrete variables: each passes a held value one unit further down a flowsheet.
@@ -27,58 +33,45 @@ const PARTS: [Part; 4] = [Part::Y, Part::Action, Part::Discrete, Part::Disturban
 pub struct SteadyReport {
     /// Euclidean norm of the rows that were solved: all but those of fixed states, in the model's units.
     pub residual_norm: f64,
-    /// Largest rate of a fixed state and its place in `y`: how far what is held is from rest. `None` where nothing is fixed.
+    /// Largest rate of a fixed state, or of one whose row a condition took, and its place in `y`: how far what is held is from rest. `None` where nothing is fixed.
     pub held: Option<(usize, f64)>,
     /// Newton iterations and pseudo-time steps.
     pub iterations: u32,
 }
 
-/// Why no steady state was found.
-#[derive(Debug, thiserror::Error)]
-pub enum SteadyError {
-    /// Neither Newton's method nor the process itself came to rest.
-    #[error(
-        "no steady state was found: after {iterations} iterations the largest residual is {residual:e}, in the {equation}; give a better initial value, or fix a state that integrates"
-    )]
-    NotFound {
-        /// Iterations made.
-        iterations: u32,
-        /// Largest residual.
-        residual: f64,
-        /// Its equation.
-        equation: String,
-    },
-    /// The equations do not determine all unknowns.
-    #[error("the steady state is not determined{}: fix a state that integrates ({})", unknown.as_ref().map_or(String::new(), |u| format!(" (unknown `{u}`)")), fixing(unknown.as_deref()))]
-    Undetermined {
-        /// An unknown that is free, where known.
-        unknown: Option<String>,
-    },
-    /// An equation is NaN or infinite at the first guess.
-    #[error("the {equation} is not finite at the first guess")]
-    NotFinite {
-        /// The equation.
-        equation: String,
-    },
-    /// Somebody wanted the search to stop, see [`crate::interrupt`].
-    #[error("the search was interrupted")]
-    Interrupted,
-    /// A name that the model does not have.
-    #[error(transparent)]
-    UnknownName(#[from] UnknownName),
-    /// The linear solver.
-    #[error(transparent)]
-    Solver(#[from] SolveError),
+/// Other guesses from which [`others`] looks for steady states.
+const GUESSES: u64 = 24;
+/// Unknowns beyond which it does not.
+const MANY: usize = 100;
+/// Difference of two steady states, relative to sizes and scales, that counts as none.
+const SAME: f64 = 1e-6;
+
+/// What is held in a search.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Held {
+    /// States (places in `y`) and their values.
+    pub states: Vec<(usize, f64)>,
+    /// Conditions of the model's `steady` block, `A + B = 1`, by number.
+    pub conditions: Vec<usize>,
 }
 
-/// How a free unknown is fixed, in words.
-fn fixing(unknown: Option<&str>) -> String {
-    let name = unknown.unwrap_or("h");
-    let named = if unknown.is_some() { "" } else { "for example " };
-    format!("{named}`steady {{ {name} = ... }}` in the model, or `--fix {name}=...`")
+impl Held {
+    /// Holds one more state; a condition that it occurs in is given up for it.
+    ///
+    /// # Errors
+    /// If a condition cannot be differentiated.
+    pub fn fix(&mut self, at: usize, value: f64, system: &mut CompiledSystem, y: &[f64]) -> Result<(), SteadyError> {
+        self.states.retain(|(place, _)| *place != at);
+        self.states.push((at, value));
+        if !self.conditions.is_empty() {
+            let concerned = newton::gradient(system, y)?;
+            self.conditions.retain(|&c| !concerned.iter().any(|t| t.0 == c && t.1 == at));
+        }
+        Ok(())
+    }
 }
 
-/// A first guess: the declared values of states and solved variables.
+/// A first guess: the initial values of states where they do not depend on the steady state itself, the declared values of the others.
 #[must_use]
 pub fn guess(system: &CompiledSystem, catalogue: &Catalogue) -> Vec<f64> {
     let mut y = vec![0.0; system.model().unknowns()];
@@ -87,22 +80,44 @@ pub fn guess(system: &CompiledSystem, catalogue: &Catalogue) -> Vec<f64> {
             y[element.at] = element.default;
         }
     }
+    let mut initial = y.clone();
+    let mut unknown = system.clone();
+    for part in PARTS {
+        unknown.region_mut(Region::Steady(part)).fill(f64::NAN);
+    }
+    let (model, memory) = unknown.parts();
+    model.initial_states(memory, &mut initial);
+    for element in catalogue.states.elements() {
+        let value = initial[element.at];
+        if value.is_finite() {
+            y[element.at] = value;
+        }
+    }
     y
 }
 
-/// The actions and fixed states (places in `y` and values) of the model's `steady` block; nominal actions without one.
+/// The actions and what the model's `steady` block holds; nominal actions without one.
 #[must_use]
-pub fn declared(system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut [f64]) -> (Vec<f64>, Vec<(usize, f64)>) {
+pub fn declared(system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut [f64]) -> (Vec<f64>, Held) {
     let (model, memory) = system.parts();
     let interface = model.interface();
     let actions = catalogue.actions.elements();
     if !interface.has_steady {
-        return (actions.iter().map(|a| a.default).collect(), Vec::new());
+        return (actions.iter().map(|a| a.default).collect(), Held::default());
     }
-    let mut out = vec![0.0; actions.len() + interface.steady_fixed.len()];
+    let conditions = interface.steady_conditions as usize;
+    let mut out = vec![0.0; actions.len() + interface.steady_fixed.len() + conditions];
     model.steady(memory, y, &mut out);
     let states = out.split_off(actions.len());
-    (out, interface.steady_fixed.iter().map(|&at| at as usize).zip(states).collect())
+    let states = interface.steady_fixed.iter().map(|&at| at as usize).zip(states).collect();
+    (out, Held { states, conditions: (0..conditions).collect() })
+}
+
+/// Makes everything that refers to the steady state NaN: there is none, yet the equations may do without.
+pub fn forget(system: &mut CompiledSystem) {
+    for part in PARTS {
+        system.region_mut(Region::Steady(part)).fill(f64::NAN);
+    }
 }
 
 /// Finds the model's own steady state and keeps it in the steady frame of the instance. The instance's actions and
@@ -112,8 +127,8 @@ pub fn declared(system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut [f64
 /// See [`SteadyError`].
 pub fn solve_declared(system: &mut CompiledSystem, catalogue: &Catalogue, guess: &[f64]) -> Result<SteadyReport, SteadyError> {
     let mut y = guess.to_vec();
-    let (actions, fixed) = declared(system, catalogue, &mut y);
-    let report = solve(system, catalogue, &actions, &fixed, &mut y)?;
+    let (actions, held) = declared(system, catalogue, &mut y);
+    let report = solve_held(system, catalogue, &actions, &held, &[], &mut y)?;
     system.keep(&y, Region::Steady);
     Ok(report)
 }
@@ -129,21 +144,22 @@ pub fn solve(
     fixed: &[(usize, f64)],
     y: &mut [f64],
 ) -> Result<SteadyReport, SteadyError> {
-    solve_given(system, catalogue, actions, fixed, &[], y)
+    let held = Held { states: fixed.to_vec(), conditions: Vec::new() };
+    solve_held(system, catalogue, actions, &held, &[], y)
 }
 
 /// A value in place of the one that the model computes: its region, its place there, the value.
 pub type GivenValue = (Region, usize, f64);
 
-/// As [`solve`], with discrete variables or disturbances held at given values.
+/// As [`solve`], with conditions, and with discrete variables or disturbances held at given values.
 ///
 /// # Errors
 /// See [`SteadyError`].
-pub fn solve_given(
+pub fn solve_held(
     system: &mut CompiledSystem,
     catalogue: &Catalogue,
     actions: &[f64],
-    fixed: &[(usize, f64)],
+    held: &Held,
     given: &[GivenValue],
     y: &mut [f64],
 ) -> Result<SteadyReport, SteadyError> {
@@ -151,32 +167,33 @@ pub fn solve_given(
     for (element, &value) in catalogue.actions.elements().iter().zip(actions) {
         region[element.at] = value;
     }
-    let mut is_fixed = vec![false; y.len()];
-    for &(at, value) in fixed {
+    let mut is_held = vec![false; y.len()];
+    for &(at, value) in &held.states {
         y[at] = value;
-        is_fixed[at] = true;
+        is_held[at] = true;
     }
     let frame = PARTS.map(|part| system.region(Region::Steady(part)).to_vec());
-    let iterations = settle(system, catalogue, &is_fixed, given, y);
+    let found = settle(system, catalogue, (&is_held, &held.conditions), given, y);
     for (part, values) in PARTS.into_iter().zip(&frame) {
         system.region_mut(Region::Steady(part)).copy_from_slice(values);
     }
-    let iterations = iterations?;
+    let (iterations, replaced) = found?;
+    replaced.into_iter().for_each(|row| is_held[row] = true);
     let (model, memory) = system.parts();
     model.prepare_step(memory);
-    Ok(report(system, &is_fixed, y, iterations))
+    Ok(report(system, &is_held, y, iterations))
 }
 
 /// Unknowns and discrete variables that belong to each other: a discrete variable stands for its initial value, which may be an
-/// expression of the steady state. The steady frame is that of the state on the way.
+/// expression of the steady state. The steady frame is that of the state on the way. Returns iterations and the rows that conditions replace.
 fn settle(
     system: &mut CompiledSystem,
     catalogue: &Catalogue,
-    fixed: &[bool],
+    (fixed, conditions): (&[bool], &[usize]),
     given: &[GivenValue],
     y: &mut [f64],
-) -> Result<u32, SteadyError> {
-    let mut search = Search::new(system, catalogue, fixed)?;
+) -> Result<(u32, Vec<usize>), SteadyError> {
+    let mut search: Option<Search> = None;
     let mut iterations = 0;
     for round in 0..MAX_ROUNDS {
         let before = system.region(Region::Discrete).to_vec();
@@ -193,9 +210,14 @@ fn settle(
         } else if unchanged(catalogue, &before, system.region(Region::Discrete)) {
             break;
         }
+        let search = match &mut search {
+            Some(search) => search,
+            none => none.insert(Search::new(system, catalogue, fixed, conditions, y)?),
+        };
         iterations += search.run(system, catalogue, y)?;
     }
-    Ok(iterations)
+    let replaced = search.iter().flat_map(Search::replaced).collect();
+    Ok((iterations, replaced))
 }
 
 /// Makes the solved variables fit the guessed states where that is possible: their own guesses are often none.
@@ -206,8 +228,7 @@ fn settle_algebraic(system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut 
     }
     let is_state: Vec<bool> = (0..y.len()).map(|at| at < states).collect();
     let mut trial = y.to_vec();
-    let found = Search::new(system, catalogue, &is_state).and_then(|mut search| search.run(system, catalogue, &mut trial));
-    if found.is_ok() {
+    if Search::new(system, catalogue, &is_state, &[], y).is_ok_and(|mut search| search.run_once(system, &mut trial)) {
         y.copy_from_slice(&trial);
     }
 }
@@ -218,6 +239,40 @@ fn unchanged(catalogue: &Catalogue, before: &[f64], after: &[f64]) -> bool {
         let (a, b) = (before[e.at], after[e.at]);
         a.to_bits() == b.to_bits() || (a - b).abs() <= SETTLED * a.abs().max(b.abs()).max(e.scale)
     })
+}
+
+/// Other steady states inside of the bounds than `y`, as far as searches from some other guesses find them: `system` is at `y`.
+#[must_use]
+pub fn others(system: &CompiledSystem, catalogue: &Catalogue, actions: &[f64], held: &Held, y: &[f64]) -> Vec<Vec<f64>> {
+    let mut found: Vec<Vec<f64>> = Vec::new();
+    let mut fixed = vec![false; y.len()];
+    held.states.iter().for_each(|&(at, _)| fixed[at] = true);
+    let free = fixed.iter().filter(|fixed| !**fixed).count();
+    if free == 0 || free > MANY {
+        return found;
+    }
+    for number in 0..GUESSES {
+        let mut system = system.clone();
+        let mut trial = y.to_vec();
+        let Ok(mut search) = Search::new(&mut system, catalogue, &fixed, &held.conditions, y) else { break };
+        search.other_guess(number, &mut trial);
+        let near = search.run_once(&mut system, &mut trial) && search.is_inside(&trial);
+        let is_new =
+            |trial: &[f64]| !std::iter::once(y).chain(found.iter().map(Vec::as_slice)).any(|known| is_same(catalogue, known, trial));
+        // Discrete variables may depend on the steady state: once more with those that belong to it.
+        if near && is_new(&trial) && solve_held(&mut system, catalogue, actions, held, &[], &mut trial).is_ok() && is_new(&trial) {
+            found.push(trial);
+        }
+    }
+    found
+}
+
+fn is_same(catalogue: &Catalogue, a: &[f64], b: &[f64]) -> bool {
+    let close = |e: &crate::catalogue::Element| {
+        let (a, b) = (a[e.at], b[e.at]);
+        (a - b).abs() <= SAME * a.abs().max(b.abs()).max(if e.scale.is_finite() { e.scale.abs() } else { 1.0 })
+    };
+    catalogue.states.elements().iter().chain(catalogue.solved.elements()).all(close)
 }
 
 fn report(system: &mut CompiledSystem, fixed: &[bool], y: &[f64], iterations: u32) -> SteadyReport {

@@ -95,6 +95,16 @@ impl CompiledSystem {
         }
     }
 
+    /// Exchanges the present actions and disturbances with those of another instant.
+    pub fn exchange_inputs(&mut self, instant: fn(Part) -> Region) {
+        for (part, present) in PRESENT.into_iter().filter(|(part, _)| *part != Part::Discrete) {
+            for i in 0..self.memory.region(present).len() {
+                let value = self.memory.region(present)[i];
+                self.memory.region_mut(present)[i] = std::mem::replace(&mut self.memory.region_mut(instant(part))[i], value);
+            }
+        }
+    }
+
     /// Copies one region over another of the same length.
     pub fn copy(&mut self, from: Region, to: Region) {
         for i in 0..self.memory.region(from).len() {

@@ -195,6 +195,49 @@ fn the_residual_norm_is_that_of_the_equations_that_were_solved() {
     assert!(second.contains("residual norm 0.000e0") && second.contains("= 1.000e0 is the largest rate"), "{second}");
 }
 
+const EXCHANGE: &str =
+    "model M\ntime t : s\nstate A = 1 in 0..9, B = 0 in 0..9\neq d/dt A = (2*B - A)/1 [s]\neq d/dt B = (A - 2*B)/1 [s]\n";
+
+#[test]
+fn a_conserved_sum_is_asked_for_and_a_state_of_it_can_be_fixed() {
+    for block in ["", "steady { }\n"] {
+        let model = file("conserved", "m.eq", format!("{EXCHANGE}{block}"));
+        let name = model.to_str().expect("utf-8");
+        let refused = smpl(&["steady", name]);
+        assert_eq!(status(&refused), 1);
+        assert!(text(&refused.stderr).contains("A + B (1 at the first guess) is conserved"), "{}", text(&refused.stderr));
+        let shown = text(&smpl(&["steady", name, "--fix", "B=1"]).stdout);
+        assert!(shown.contains("A = 2\n") && shown.contains("B = 1\n"), "{shown}");
+    }
+    let model = file("conserved", "n.eq", format!("{EXCHANGE}steady {{ A + B = 6 }}\n"));
+    let name = model.to_str().expect("utf-8");
+    assert!(text(&smpl(&["steady", name]).stdout).contains("A = 4\nB = 2\n"));
+    // A state that is fixed takes the place of the sum that it belongs to.
+    assert!(text(&smpl(&["steady", name, "--fix", "B=1"]).stdout).contains("A = 2\nB = 1\n"));
+}
+
+/// x' = x - x^3 rests at -1, 0 and 1; max(0, 1 - x) has two slopes at 1.
+#[test]
+fn a_guess_chooses_the_steady_state_and_the_others_and_one_sided_stability_are_told() {
+    let three = "model M\ntime t : s\nstate x = 0.9 in -3..3\nvar z = 0\neq z + z^3 = x\neq d/dt x = (x - x^3)/1 [s]\ninitial x = 0.8\n";
+    let model = file("guess", "m.eq", three);
+    let name = model.to_str().expect("utf-8");
+    let shown = text(&smpl(&["steady", name]).stdout);
+    assert!(shown.contains("\nx = 1\n") && shown.contains("\nstable;") && !shown.contains("one-sided"), "{shown}");
+    assert!(shown.contains(": x = -1\n") && shown.contains(": x = 0\n"), "{shown}");
+    for (guess, rest) in [("x=-2", "x = -1"), ("x=0.01", "x = 0")] {
+        let shown = text(&smpl(&["steady", name, "--guess", guess, "--guess", "z=0.1"]).stdout);
+        assert!(shown.lines().nth(1).is_some_and(|line| line.starts_with(rest)), "{shown}");
+    }
+    let table = file("guess", "i.csv", "x\n-2\n");
+    let shown = text(&smpl(&["steady", name, "--init", table.to_str().expect("utf-8")]).stdout);
+    assert!(shown.contains("\nx = -1\n"), "{shown}");
+    let tie = "model M\ntime t : s\nstate x = 0.5\neq d/dt x = (max(0, 1 - x) - 10*max(0, x - 1))/1 [s]\n";
+    let model = file("guess", "n.eq", tie);
+    let shown = text(&smpl(&["steady", model.to_str().expect("utf-8")]).stdout);
+    assert!(shown.contains("one-sided: ") && shown.contains("n.eq:4, d/dt x"), "{shown}");
+}
+
 #[test]
 fn a_definition_counts_as_an_algebraic_variable_and_every_phase_has_its_time() {
     let model = file("count", "m.eq", TANK);

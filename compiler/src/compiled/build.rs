@@ -317,6 +317,11 @@ fn elements(quantities: &[Quantity]) -> usize {
     quantities.iter().map(Quantity::len).sum()
 }
 
+/// Length of the output of `steady` after the actions.
+pub(super) fn steady_len(model: &Model) -> usize {
+    model.interface.steady_fixed.len() + model.interface.steady_conditions as usize
+}
+
 /// Length of the output of `finish`.
 pub(super) fn finish_len(model: &Model) -> usize {
     let f = &model.interface.finish;
@@ -348,7 +353,7 @@ pub(super) fn tapes(parts: &Parts, layout: &Layout) -> Result<Tapes, BackEndErro
     let program = |name, program: &Program, y, yp, out| tape(name, &rebase(program.job(), model), y, yp, out);
     let actions = elements(&model.interface.actions);
     let boxed = model.interface.failures.iter().map(|f| f.items.len()).sum();
-    let steady = actions + model.interface.steady_fixed.len();
+    let steady = actions + steady_len(model);
     Ok(Tapes {
         prepare_parameters: tape("prepare_parameters", &parts.prepare_parameters, false, false, 0)?,
         parameters: program("parameters", &programs.parameters, false, false, 0)?,

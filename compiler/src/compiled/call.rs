@@ -182,10 +182,11 @@ impl CompiledModel {
         self.interpret(&self.tapes.initial_discretes, m, 0.0, y, &[], &mut []);
     }
 
-    /// What the steady problem fixes: one number an action element, then one a state of `steady_fixed`.
+    /// What the steady problem fixes: one number an action element, then one a state of `steady_fixed`, then by how much each condition
+    /// is missed at `y`.
     pub fn steady(&self, m: &mut Memory, y: &mut [f64], out: &mut [f64]) {
         self.check(m, y, y);
-        let expected = self.actions_len() + self.interface().steady_fixed.len();
+        let expected = self.actions_len() + build::steady_len(self.model());
         assert_eq!(out.len(), expected, "numbers of the steady problem");
         self.interpret(&self.tapes.steady, m, 0.0, y, &[], out);
     }

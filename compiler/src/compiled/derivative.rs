@@ -4,7 +4,7 @@ use super::{BackEndError, CompiledModel, build};
 use crate::differentiate::{self, Column, Entry, Rows};
 use crate::generate::schedule::{Access, Job, Sink, Task};
 use crate::interpret::{Tape, View};
-use crate::ir::{Affine, Flavour, Place, Role, VarId};
+use crate::ir::{Affine, Flavour, Place, Program, Role, VarId};
 use crate::layout::Memory;
 
 /// What is differentiated.
@@ -14,6 +14,8 @@ pub enum Derived {
     Rows,
     /// The observations of the `finish` program; rows in their order.
     Observations,
+    /// The conditions on the steady state; rows in their order.
+    SteadyConditions,
 }
 
 /// What it is differentiated with respect to; columns are positions in the region of that role.
@@ -76,7 +78,14 @@ impl CompiledModel {
         };
         let mut rows = match of {
             Derived::Rows => build::rows(&mut model)?,
-            Derived::Observations => observation_rows(&model),
+            Derived::Observations => {
+                let first = build::finish_len(&model) as i64 - i64::from(model.interface.finish.observations);
+                output_rows(&model.programs.finish, first)
+            }
+            Derived::SteadyConditions => {
+                let first = model.programs.steady.nests.iter().map(|n| n.stores.len()).sum::<usize>() as i64;
+                output_rows(&model.programs.steady, first - i64::from(model.interface.steady_conditions))
+            }
         };
         for row in &mut rows {
             row.value = differentiate::normalise(&mut model.exprs, row.extents.len(), row.value, &column_of)?;
@@ -88,13 +97,12 @@ impl CompiledModel {
     }
 }
 
-/// The stores of `finish` that are observations.
-fn observation_rows(model: &crate::model::Model) -> Vec<Rows> {
-    let first = build::finish_len(model) as i64 - i64::from(model.interface.finish.observations);
+/// The stores of a program from a place of its output on.
+fn output_rows(program: &Program, first: i64) -> Vec<Rows> {
     let mut rows = vec![];
-    for nest in &model.programs.finish.nests {
-        let observed = nest.stores.iter().filter(|s| s.target.place == Place::Out && s.target.at.offset >= first);
-        rows.extend(observed.map(|s| Rows {
+    for nest in &program.nests {
+        let wanted = nest.stores.iter().filter(|s| s.target.place == Place::Out && s.target.at.offset >= first);
+        rows.extend(wanted.map(|s| Rows {
             extents: nest.extents.clone(),
             row: s.target.at.plus(Affine::constant(-first)),
             value: s.value,

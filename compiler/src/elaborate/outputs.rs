@@ -561,10 +561,10 @@ impl<'a> Elaborator<'a> {
         discretes.extend(self.schedule_quantities());
         self.model.interface.phases = self.schedule_phases();
         if states.is_empty() && !self.has_errors() {
-            self.report(
-                Diagnostic::error(codes::UNDERDETERMINED, "the model has no state", smpl_dsl::span::Span::default())
-                    .help("declare one, `state x = 0`, with an equation `eq d/dt x = ...`"),
-            );
+            self.report(Diagnostic::error(codes::UNDERDETERMINED, "the model has no state", smpl_dsl::span::Span::default()).help(
+                "declare one, `state x = 0`, with an equation `eq d/dt x = ...`; a model that is algebraic throughout (a flash) is \
+                         stepped with `state idle = 0` and `eq d/dt idle = 0`",
+            ));
         }
         let positions = self.state_positions();
         let mut order = Vec::new();

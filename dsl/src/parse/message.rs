@@ -135,7 +135,7 @@ pub(super) fn describe(rule: Rule) -> &'static str {
         Rule::binder | Rule::set_binder => "an index",
         Rule::binder_tuple => "a list in parentheses",
         Rule::declaration => "a declaration",
-        Rule::argument | Rule::place_entry | Rule::structural_parameter => "`name = value`",
+        Rule::argument | Rule::place_entry | Rule::steady_entry | Rule::structural_parameter => "`name = value`",
         Rule::row | Rule::sparse_cell => "a row of the table",
         Rule::time_entry => "`time: value`",
         Rule::column => "a column",

@@ -10,7 +10,7 @@ use crate::syntax::{Binder, BinderSet, Expr, ExprKind, Observation, Phase, State
 pub(super) fn lower(context: &Context<'_>, mut children: Children<'_>, body: Vec<Statement>) -> Fallible<StatementKind> {
     match context.keyword {
         "initial" => initial(context, children),
-        "steady" => Ok(StatementKind::Steady { entries: place_entries(context, children)? }),
+        "steady" => Ok(StatementKind::Steady { entries: steady_entries(context, children)? }),
         "observe" => Ok(StatementKind::Observe { items: observations(context, children)? }),
         "level" => Ok(StatementKind::Level { name: children.name(context)?, text: children.text(), body }),
         "reward" => reward(context, children),
@@ -34,6 +34,17 @@ fn initial(context: &Context<'_>, mut children: Children<'_>) -> Fallible<Statem
     let value = expression::expr(context, children.expect(context, Rule::expr)?)?;
     let clip = declaration::clip(context, &mut children)?;
     Ok(StatementKind::Initial { target, random, value, clip, binders: expression::for_clause(context, &mut children)? })
+}
+
+/// Each side of an entry is an expression: `h = 0.7`, `A + B = 1`.
+fn steady_entries(context: &Context<'_>, children: Children<'_>) -> Fallible<Vec<(Expr, Expr)>> {
+    let lower = |part: Pair<'_, Rule>| {
+        let mut children = Children::new(part);
+        let left = expression::expr(context, children.expect(context, Rule::expr)?)?;
+        children.skip(Rule::equals);
+        Ok((left, expression::expr(context, children.expect(context, Rule::expr)?)?))
+    };
+    children.pairs.filter(|part| part.as_rule() == Rule::steady_entry).map(lower).collect()
 }
 
 fn place_entries(context: &Context<'_>, children: Children<'_>) -> Fallible<Vec<(Expr, Expr)>> {

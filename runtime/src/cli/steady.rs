@@ -7,18 +7,20 @@ use clap::Args;
 
 use super::report::Failed;
 use super::{ModelArguments, number, outputs};
-use crate::failure::Short;
+use crate::catalogue::{Catalogue, Element};
+use crate::failure::{Short, describe_equation, unit_suffix};
 use crate::files::write_whole;
 use crate::linearize::linearize;
 use crate::setup::Setup;
 use crate::spectrum::{DENSE, eigenvalues};
 use crate::steady;
-use crate::trajectory::seventeen_digits;
+use crate::trajectory::{read_initial, seventeen_digits};
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   smpl steady models/reactor.eq
+  smpl steady plant.eq --guess X=2 --guess S=0.1
   smpl steady models/reactor.eq --action T_c=28 --fix h=0.7 --out s.csv")]
 pub(super) struct SteadyArguments {
     /// Model
@@ -32,6 +34,12 @@ pub(super) struct SteadyArguments {
     /// State that the equations leave free; repeatable
     #[arg(long = "fix", value_name = "STATE=VALUE", value_parser = number)]
     fixed: Vec<(String, f64)>,
+    /// First guess of a state or an algebraic variable; the others as they start; repeatable
+    #[arg(long = "guess", value_name = "NAME=VALUE", value_parser = number)]
+    guesses: Vec<(String, f64)>,
+    /// First guess of states: one row, columns named as states
+    #[arg(long, value_name = "I.csv")]
+    init: Option<PathBuf>,
     /// Table with name, unit and value of every state and algebraic variable
     #[arg(long, value_name = "S.csv")]
     out: Option<PathBuf>,
@@ -47,12 +55,13 @@ pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
     let loaded = arguments.model.load(&arguments.file)?;
     let out = arguments.out.as_deref();
     outputs::check(&[out], outputs::names(&loaded.sources).chain([arguments.file.clone()]))?;
-    let setup = Setup::new(loaded.model, loaded.options, Some(loaded.sources))?;
+    let setup = Setup::without_steady(loaded.model, loaded.options, Some(loaded.sources))?;
     let catalogue = &setup.catalogue;
     let mut system = setup.system.clone();
-    let has_steady = setup.model().interface().has_steady;
-    let mut y = if has_steady { setup.steady_state().to_vec() } else { steady::guess(&system, catalogue) };
-    let (mut actions, mut fixed) = steady::declared(&mut system, catalogue, &mut y);
+    let found = setup.model().interface().has_steady && setup.no_steady().is_none();
+    let mut y = if found { setup.steady_state().to_vec() } else { steady::guess(&system, catalogue) };
+    take_guesses(arguments, catalogue, &mut y)?;
+    let (mut actions, mut held) = steady::declared(&mut system, catalogue, &mut y);
     for (name, value) in &arguments.actions {
         catalogue.actions.get(name, "action")?;
         if let Some(at) = catalogue.actions.position(name) {
@@ -61,10 +70,9 @@ pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
     }
     for (name, value) in &arguments.fixed {
         let at = catalogue.states.get(name, "state")?.at;
-        fixed.retain(|(place, _)| *place != at);
-        fixed.push((at, *value));
+        held.fix(at, *value, &mut system, &y)?;
     }
-    let report = steady::solve(&mut system, catalogue, &actions, &fixed, &mut y)?;
+    let report = steady::solve_held(&mut system, catalogue, &actions, &held, &[], &mut y)?;
     let rows = values(&mut system, catalogue, &y);
     if let Some(path) = &arguments.out {
         write_whole(path, |out| {
@@ -84,33 +92,74 @@ pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
     let resting = catalogue.states.elements().iter().map(|e| e.scale).fold(0.0, f64::max) * 1e-9;
     if let Some((at, rate)) = report.held.filter(|&(_, rate)| rate > resting) {
         let name = catalogue.states.elements().iter().find(|e| e.at == at).map_or("", |e| e.name.as_str());
-        let count = fixed.len();
+        let count = held.states.len() + held.conditions.len();
         let _ = writeln!(text, "{count} states are held at given values and not all at rest: d/dt {name} = {rate:.3e} is the largest rate");
     }
     if arguments.out.is_none() {
         for (name, unit, value) in &rows {
-            let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
-            let _ = writeln!(text, "{name} = {}{unit}", Short(*value));
+            let _ = writeln!(text, "{name} = {}{}", Short(*value), unit_suffix(unit));
         }
     }
     text += &spectrum(&mut system, catalogue, &y, &setup.model().interface().time.1);
+    if let Some(at) = steady::kink(&mut system, catalogue, &y) {
+        let equation = describe_equation(at, setup.model(), catalogue, setup.sources());
+        let _ = writeln!(
+            text,
+            "one-sided: at a tie of `min`, `max`, `if` or their like in the {equation}; on another side of it the eigenvalues are others"
+        );
+    }
+    text += &others(&steady::others(&system, catalogue, &actions, &held, &y), catalogue);
     outputs::conclude(&text, &[out])
 }
 
+/// Puts what is given on the command line into the first guess.
+fn take_guesses(arguments: &SteadyArguments, catalogue: &Catalogue, y: &mut [f64]) -> Result<(), Failed> {
+    if let Some(path) = &arguments.init {
+        for (name, value) in &read_initial(path, catalogue)?.0 {
+            y[catalogue.states.get(name, "state")?.at] = *value;
+        }
+    }
+    for (name, value) in &arguments.guesses {
+        let element = match catalogue.solved.find(name) {
+            Some(element) => element,
+            None => catalogue.states.get(name, "state")?,
+        };
+        y[element.at] = *value;
+    }
+    Ok(())
+}
+
+/// Other steady states in words.
+fn others(found: &[Vec<f64>], catalogue: &Catalogue) -> String {
+    const STATES: usize = 8;
+    let mut text = String::new();
+    for y in found {
+        let states = catalogue.states.elements();
+        // Zero is met to rounding only.
+        let value = |e: &Element| if y[e.at].abs() < 1e-12 * e.scale { 0.0 } else { y[e.at] };
+        let state = |e: &Element| format!("{} = {}{}", e.name, Short(value(e)), unit_suffix(&e.unit));
+        let shown: Vec<String> = states.iter().take(STATES).map(state).collect();
+        let more = if states.len() > STATES { ", ..." } else { "" };
+        // Writing into a string cannot fail.
+        let _ = writeln!(text, "another steady state (begin near it by --guess): {}{more}", shown.join(", "));
+    }
+    text
+}
+
 /// Name, unit and value of every state and algebraic output.
-fn values(system: &mut crate::system::CompiledSystem, catalogue: &crate::catalogue::Catalogue, y: &[f64]) -> Vec<(String, String, f64)> {
+fn values(system: &mut crate::system::CompiledSystem, catalogue: &Catalogue, y: &[f64]) -> Vec<(String, String, f64)> {
     let yp = vec![0.0; y.len()];
     let mut algebraics = vec![0.0; catalogue.algebraics.len()];
     let (model, memory) = system.parts();
     model.outputs(memory, 0.0, y, &yp, &mut algebraics);
-    let row = |e: &crate::catalogue::Element, value: f64| (e.name.clone(), e.unit.clone(), value);
+    let row = |e: &Element, value: f64| (e.name.clone(), e.unit.clone(), value);
     let states = catalogue.states.elements().iter().map(|e| row(e, y[e.at]));
     let outputs = catalogue.algebraics.elements().iter().map(|e| row(e, algebraics[e.at]));
     states.chain(outputs).collect()
 }
 
 /// The eigenvalues of the linearisation in words.
-fn spectrum(system: &mut crate::system::CompiledSystem, catalogue: &crate::catalogue::Catalogue, y: &[f64], time_unit: &str) -> String {
+fn spectrum(system: &mut crate::system::CompiledSystem, catalogue: &Catalogue, y: &[f64], time_unit: &str) -> String {
     if catalogue.states.len() > LARGE {
         return format!("eigenvalues: not computed for more than {LARGE} states\n");
     }
@@ -127,7 +176,8 @@ fn spectrum(system: &mut crate::system::CompiledSystem, catalogue: &crate::catal
         Some(re) if re > -1e-9 => "not asymptotically stable (an eigenvalue is zero)",
         _ => "stable",
     };
-    let mut text = format!("{kind}; eigenvalues, 1/{time_unit}:\n");
+    let unit = if time_unit == "1" { String::new() } else { format!(", 1/{time_unit}") };
+    let mut text = format!("{kind}; eigenvalues{unit}:\n");
     for value in values.iter().take(SHOWN) {
         let imaginary = match value.im {
             0.0 => String::new(),

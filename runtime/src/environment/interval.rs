@@ -62,6 +62,7 @@ impl Environment {
         let (t0, steps) = (self.time(), self.progress.steps);
         self.begin = t0;
         self.system.keep(&self.progress.y, Region::Previous);
+        self.scratch.copy_from_slice(&self.progress.yp);
         let region = self.system.region_mut(Region::Action);
         let single = self.setup.model().interface().episode.single_precision;
         for (element, &value) in self.setup.catalogue.actions.elements().iter().zip(action) {
@@ -235,9 +236,10 @@ impl Environment {
         }
     }
 
-    /// The state as before the step.
+    /// The state as before the step. The action that was given stays, for those who look what it was.
     fn go_back(&mut self) {
         self.progress.y.copy_from_slice(self.system.region(Region::Previous(Part::Y)));
+        self.progress.yp.copy_from_slice(&self.scratch);
         self.system.copy(Region::Previous(Part::Discrete), Region::Discrete);
         let (model, memory) = self.system.parts();
         model.prepare_step(memory);
@@ -263,14 +265,14 @@ pub(super) fn add(sum: &mut Statistics, part: &Statistics) {
 /// The failure that an error of the solver is; `start` is where the attempt began.
 pub(super) fn blame(error: &SolveError, start: f64) -> SolverFailure {
     let (time, cause, unknown) = match error {
-        SolveError::TooManySteps { time, .. } => (*time, Cause::TooManySteps, None),
-        SolveError::StepTooSmall { time, .. }
-        | SolveError::ErrorTestFailures { time, .. }
-        | SolveError::ConvergenceFailures { time, .. } => (*time, Cause::NoConvergence, None),
+        SolveError::TooManySteps { time, unknown, .. } => (*time, Cause::TooManySteps, *unknown),
+        SolveError::StepTooSmall { time, unknown, .. }
+        | SolveError::ErrorTestFailures { time, unknown, .. }
+        | SolveError::ConvergenceFailures { time, unknown, .. } => (*time, Cause::NoConvergence, *unknown),
         SolveError::NotFinite { time, row } | SolveError::JacobianNotFinite { time, row, .. } => (*time, Cause::NotFinite, Some(*row)),
         SolveError::SingularJacobian { time, column } => (*time, Cause::Singular, *column),
-        SolveError::InitialConditions { time, .. } | SolveError::ImplicitInitialConditions { time, .. } => {
-            (*time, Cause::Inconsistent, None)
+        SolveError::InitialConditions { time, unknown, .. } | SolveError::ImplicitInitialConditions { time, unknown, .. } => {
+            (*time, Cause::Inconsistent, *unknown)
         }
         SolveError::Interrupted { time } => (*time, Cause::Interrupted, None),
         SolveError::Panicked { time } => (*time, Cause::Panicked, None),

@@ -166,8 +166,20 @@ impl Environment {
         let setup = &self.setup;
         let has_steady = setup.model().interface().has_steady;
         let nominal = self.system.region(Region::Param) == setup.system.region(Region::Param);
+        if let Some(error) = setup.no_steady() {
+            // Nothing reads it: other parameters are not searched for one either.
+            return if start == Start::Steady { Err(error.clone().into()) } else { Ok(()) };
+        }
         if has_steady && !nominal {
-            steady::solve_declared(&mut self.system, &setup.catalogue, setup.steady_state())?;
+            let needed = setup.needs_steady || start == Start::Steady;
+            let before = (!needed).then(|| self.system.clone());
+            match (steady::solve_declared(&mut self.system, &setup.catalogue, setup.steady_state()), before) {
+                (Err(_), Some(before)) => {
+                    self.system = before;
+                    steady::forget(&mut self.system);
+                }
+                (result, _) => drop(result?),
+            }
         }
         if !has_steady && start == Start::Steady {
             let guess = steady::guess(&self.system, &setup.catalogue);
@@ -182,7 +194,8 @@ impl Environment {
         for element in states.elements().iter().chain(setup.catalogue.solved.elements()) {
             self.progress.y[element.at] = if element.default.is_finite() { element.default } else { 0.0 };
         }
-        if setup.model().interface().has_steady || options.start == Start::Steady {
+        let rest = self.system.region(Region::Steady(Part::Y));
+        if (setup.model().interface().has_steady || options.start == Start::Steady) && rest.iter().all(|x| x.is_finite()) {
             // The algebraic part of the steady state is the best guess there is.
             let first = setup.model().states();
             let steady = self.system.region(Region::Steady(Part::Y));

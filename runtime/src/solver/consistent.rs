@@ -15,14 +15,14 @@ use super::quadrature::Integrals;
 use super::vector::{Operations, Vector};
 use super::{LinearSolver, Pattern, SolveError, System};
 
-/// Newton iterations at most.
-const MAX_ITERATIONS: u32 = 40;
+/// Newton iterations at most: exp(z) = x comes down from a large z by one in each.
+const MAX_ITERATIONS: u32 = 400;
 
 /// A correction below this many tolerances is the last: the next one would be its square.
 const LAST_CORRECTION: f64 = 1e-3;
 
-/// Smallest fraction of a Newton correction that is tried.
-const MIN_DAMPING: f64 = 1e-4;
+/// Smallest fraction of a Newton correction that is tried: exp(z) = x asks for one of exp(z) where z is very negative.
+const MIN_DAMPING: f64 = 1e-15;
 
 /// A first step is looked at before it is taken if it is longer than this part of what it may be at most.
 const LONG: f64 = 0.25;
@@ -40,7 +40,7 @@ pub(crate) enum Inconsistent {
     /// g_z is singular in this unknown.
     Singular(Option<usize>),
     /// Newton's method did not converge.
-    Diverged { iterations: u32, correction: f64 },
+    Diverged { iterations: u32, correction: f64, unknown: Option<usize> },
 }
 
 /// A consistent state from which a first step is sought.
@@ -157,7 +157,7 @@ impl Consistent {
                 return Ok(());
             }
             let last = size <= LAST_CORRECTION;
-            let next = self.damped_step(bridge, t, y, yp).ok_or(Inconsistent::Diverged { iterations, correction: size })?;
+            let next = self.damped_step(bridge, t, y, yp).ok_or_else(|| self.diverged(iterations, size))?;
             if last {
                 return Ok(());
             }
@@ -169,7 +169,12 @@ impl Consistent {
                 self.correct(bridge, y)
             };
         }
-        Err(Inconsistent::Diverged { iterations: MAX_ITERATIONS, correction: size })
+        Err(self.diverged(MAX_ITERATIONS, size))
+    }
+
+    /// Newton's method gave up: the unknown with the largest correction, in tolerances, is to blame.
+    fn diverged(&self, iterations: u32, correction: f64) -> Inconsistent {
+        Inconsistent::Diverged { iterations, correction, unknown: largest(self.work.entries(), self.reference.entries()) }
     }
 
     fn factorise_block(&mut self, bridge: &mut Bridge, t: f64, y: &Vector, yp: &Vector) -> Result<(), Inconsistent> {
@@ -344,4 +349,11 @@ impl Consistent {
             }
         }
     }
+}
+
+/// Where an entry is largest in tolerances; one that is no number is larger than all.
+pub(crate) fn largest(entries: &[f64], weights: &[f64]) -> Option<usize> {
+    let sizes = entries.iter().zip(weights).map(|(x, w)| (x * w).abs());
+    let order = |x: f64| if x.is_nan() { f64::INFINITY } else { x };
+    sizes.map(order).enumerate().filter(|&(_, size)| size > 0.0).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(at, _)| at)
 }

@@ -35,6 +35,8 @@ pub enum SolveError {
         time: f64,
         /// The limit.
         steps: u32,
+        /// The unknown that was to blame most, where known.
+        unknown: Option<usize>,
     },
     /// The step shrank to nothing: the solution is singular there, or the tolerances are too tight.
     #[error("the step shrank to {step} at t = {time}")]
@@ -43,6 +45,8 @@ pub enum SolveError {
         time: f64,
         /// The last step.
         step: f64,
+        /// The unknown that was to blame most, where known.
+        unknown: Option<usize>,
     },
     /// The error test failed repeatedly, or at the smallest step.
     #[error("the error test failed repeatedly at t = {time} ({flag})")]
@@ -51,6 +55,8 @@ pub enum SolveError {
         time: f64,
         /// What IDA returned.
         flag: IdaFlag,
+        /// The unknown that was to blame most, where known.
+        unknown: Option<usize>,
     },
     /// The Newton iteration failed repeatedly, or at the smallest step.
     #[error("the Newton iteration did not converge at t = {time} ({flag})")]
@@ -59,6 +65,8 @@ pub enum SolveError {
         time: f64,
         /// What IDA returned.
         flag: IdaFlag,
+        /// The unknown that was to blame most, where known.
+        unknown: Option<usize>,
     },
     /// An equation is not finite where the solution leads.
     #[error("equation {row} is not finite at t = {time}")]
@@ -95,6 +103,8 @@ pub enum SolveError {
         iterations: u32,
         /// Norm of the last correction, in tolerances (weighted root mean square).
         correction: f64,
+        /// The unknown that was to blame most, where known.
+        unknown: Option<usize>,
     },
     /// IDA found no consistent initial condition of an implicit system.
     #[error("no consistent initial condition at t = {time} ({flag})")]
@@ -103,6 +113,8 @@ pub enum SolveError {
         time: f64,
         /// What IDA returned.
         flag: IdaFlag,
+        /// The unknown that was to blame most, where known.
+        unknown: Option<usize>,
     },
     /// A function of the system panicked.
     #[error("a model function panicked at t = {time}")]

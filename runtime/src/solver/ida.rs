@@ -10,7 +10,7 @@ use sundials_sys::*;
 
 use self::setup::check;
 use super::callbacks::{Bridge, LinearObjects, Trouble};
-use super::consistent::{Consistent, Inconsistent, Start};
+use super::consistent::{Consistent, Inconsistent, Start, largest};
 use super::forcing::{Course, Forcing};
 use super::linear::Method;
 use super::quadrature::Integrals;
@@ -54,6 +54,7 @@ pub struct Ida {
     consistent: Option<Consistent>,
     forcing: Forcing,
     context: Context,
+    operations: Operations,
     settings: Settings,
     differential: Box<[bool]>,
     rows_of_entries: (Box<[usize]>, Box<[usize]>),
@@ -150,8 +151,8 @@ impl Ida {
         if value == IDA_SUCCESS {
             return Ok(());
         }
-        let flag = self.flag(value);
-        Err(self.trouble().unwrap_or(SolveError::ImplicitInitialConditions { time: self.time, flag }))
+        let (time, flag, unknown) = (self.time, self.flag(value), self.largest_residual());
+        Err(self.trouble().unwrap_or(SolveError::ImplicitInitialConditions { time, flag, unknown }))
     }
 
     fn inconsistent(&mut self, cause: Inconsistent) -> SolveError {
@@ -160,7 +161,9 @@ impl Ida {
             _ if self.bridge().trouble == Some(Trouble::Interrupted) => SolveError::Interrupted { time },
             Inconsistent::Callback => self.fault(),
             Inconsistent::Singular(column) => SolveError::SingularJacobian { time, column },
-            Inconsistent::Diverged { iterations, correction } => SolveError::InitialConditions { time, iterations, correction },
+            Inconsistent::Diverged { iterations, correction, unknown } => {
+                SolveError::InitialConditions { time, iterations, correction, unknown }
+            }
         }
     }
 
@@ -180,7 +183,7 @@ impl Ida {
                 SolveError::JacobianNotFinite { time, row: rows[entry], column: columns[entry] }
             }
             Trouble::Singular { time, column } => SolveError::SingularJacobian { time, column },
-            Trouble::TinySteps { step } => SolveError::StepTooSmall { time, step },
+            Trouble::TinySteps { step } => SolveError::StepTooSmall { time, step, unknown: self.largest_error() },
             Trouble::Panic => SolveError::Panicked { time },
             Trouble::Interrupted => SolveError::Interrupted { time },
         })
@@ -324,11 +327,41 @@ impl Ida {
         }
         let (time, flag) = (self.time, self.flag(value));
         match value {
-            IDA_TOO_MUCH_WORK => SolveError::TooManySteps { time, steps: self.settings.max_steps },
-            IDA_ERR_FAIL => SolveError::ErrorTestFailures { time, flag },
-            IDA_CONV_FAIL => SolveError::ConvergenceFailures { time, flag },
+            IDA_TOO_MUCH_WORK => SolveError::TooManySteps { time, steps: self.settings.max_steps, unknown: self.largest_error() },
+            IDA_ERR_FAIL => SolveError::ErrorTestFailures { time, flag, unknown: self.largest_error() },
+            IDA_CONV_FAIL => SolveError::ConvergenceFailures { time, flag, unknown: self.largest_correction() },
             _ => SolveError::Other { time, flag },
         }
+    }
+
+    /// The unknown with the largest local error of the last step that was tried.
+    fn largest_error(&self) -> Option<usize> {
+        let n = self.differential.len();
+        let (errors, weights) = (Vector::zeros(n, self.operations, self.context.0), self.weights()?);
+        let value = unsafe { IDAGetEstLocalErrors(self.memory, errors.raw()) };
+        (value == IDA_SUCCESS).then(|| largest(errors.entries(), weights.entries())).flatten()
+    }
+
+    /// The unknown that Newton's method last corrected most.
+    fn largest_correction(&self) -> Option<usize> {
+        // SAFETY: outside of IDA's calls nobody else uses the bridge.
+        let corrections = unsafe { (*self.bridge).newton.corrections() };
+        largest(corrections, self.weights()?.entries())
+    }
+
+    /// The unknown whose equation is furthest from holding at the present y and y'.
+    fn largest_residual(&mut self) -> Option<usize> {
+        let out = Vector::zeros(self.differential.len(), self.operations, self.context.0);
+        let (time, y, yp) = (self.time, self.y.raw(), self.yp.raw());
+        self.bridge().evaluate(time, y, yp, out.raw()).ok()?;
+        largest(out.entries(), &vec![1.0; self.differential.len()])
+    }
+
+    /// The present error weights: reciprocal tolerances.
+    fn weights(&self) -> Option<Vector> {
+        let weights = Vector::zeros(self.differential.len(), self.operations, self.context.0);
+        let value = unsafe { IDAGetErrWeights(self.memory, weights.raw()) };
+        (value == IDA_SUCCESS).then_some(weights)
     }
 }
 

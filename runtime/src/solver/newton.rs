@@ -65,6 +65,11 @@ impl Newton {
         }
     }
 
+    /// The last correction of the last solve.
+    pub fn corrections(&self) -> &[f64] {
+        self.correction.entries()
+    }
+
     /// Forgets earlier solves.
     pub fn forget(&mut self) {
         self.cj = f64::NAN;

@@ -16,11 +16,16 @@ use crate::model::{Instant, Quantity};
 impl<'a> Elaborator<'a> {
     pub(super) fn steady_program(&mut self, blocks: &[(ScopeId, Vec<Item<'a>>)]) {
         let mut given: FastMap<(VarId, i64), ExprId> = FastMap::default();
+        let mut conditions = Vec::new();
         for (scope, item) in each(blocks) {
             let Item::Other(Statement { kind: StatementKind::Steady { entries }, .. }) = item else { continue };
             self.model.interface.has_steady = true;
             let place = self.place(scope, Site::Instant);
             for (target, value) in entries {
+                if !is_place(target) {
+                    conditions.push(self.steady_condition(target, value, &place));
+                    continue;
+                }
                 if self.steady_instance(target, value, &place, &mut given) {
                     continue;
                 }
@@ -60,9 +65,46 @@ impl<'a> Elaborator<'a> {
             }
             base += i64::from(self.vars[var].len);
         }
+        self.model.interface.steady_conditions = conditions.len() as u32;
+        for condition in conditions {
+            stores.push(store(Memory::Out, Affine::constant(stores.len() as i64), condition));
+        }
         self.model.interface.steady_given = base > 0 && fixed.len() as i64 == base;
         self.model.interface.steady_fixed = fixed;
         self.model.programs.steady = Program { nests: vec![Nest { extents: Vec::new(), stores }], in_place: false };
+    }
+
+    /// `A + B = 1`: left less right.
+    fn steady_condition(&mut self, left: &Expr, right: &Expr, place: &Place) -> ExprId {
+        let reports = self.diagnostics.len();
+        let value = self.value(left, place);
+        let unit = value.unit.unit();
+        let value = self.in_unit(value, &unit, left.span, "this value", left.span);
+        let right = self.number_in(right, &unit, "the steady value", left.span, place);
+        let difference = self.exprs.sub(value, right);
+        if self.diagnostics.len() == reports && !self.reads_unknown(difference) {
+            let message = "no state stands in this condition on the steady state";
+            self.report(
+                Diagnostic::error(codes::WRONG_KIND, message, left.span).help("give a state, or an expression of states, its value"),
+            );
+        }
+        difference
+    }
+
+    fn reads_unknown(&self, e: ExprId) -> bool {
+        let mut seen = FastSet::default();
+        let mut stack = vec![e];
+        while let Some(e) = stack.pop() {
+            if let crate::ir::Expr::Load { var, flavour: Flavour::Value, .. } = self.exprs.node(e)
+                && matches!(self.vars[var].role, Role::State | Role::Algebraic)
+            {
+                return true;
+            }
+            if seen.insert(e) {
+                stack.extend(self.exprs.operands(e));
+            }
+        }
+        false
     }
 
     /// `col = 0`: every state of an instance, or of the instances of an array.
@@ -346,5 +388,14 @@ impl<'a> Elaborator<'a> {
         }
         let (at, _) = self.address(symbol, &axes, index, e.span, place)?;
         Some((symbol, Some(at)))
+    }
+}
+
+/// Whether an expression names a variable or an element of one.
+fn is_place(e: &Expr) -> bool {
+    match &e.kind {
+        ExprKind::Name(_) => true,
+        ExprKind::Member(base, _) | ExprKind::Index(base, _) => is_place(base),
+        _ => false,
     }
 }

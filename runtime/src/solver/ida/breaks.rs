@@ -26,7 +26,7 @@ impl Ida {
             }
             stops += 1;
             if stops > self.settings.max_steps {
-                return Err(SolveError::TooManySteps { time: self.time, steps: self.settings.max_steps });
+                return Err(SolveError::TooManySteps { time: self.time, steps: self.settings.max_steps, unknown: None });
             }
             if at - width <= self.time + near {
                 // A break that is not left behind by roundings is by a few more of them.

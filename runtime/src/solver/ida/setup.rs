@@ -55,6 +55,7 @@ impl Ida {
             consistent,
             forcing: Forcing::new(system.forcing_count()),
             context,
+            operations,
             settings,
             differential: system.differential().into(),
             rows_of_entries: (pattern.rows().into(), columns),

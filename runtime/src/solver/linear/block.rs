@@ -37,6 +37,11 @@ impl Block {
         Ok(Self { pattern: pattern.clone(), structure: structure::analyse(pattern)?, pivoting: None, pivoted: false })
     }
 
+    /// Dimension of the largest diagonal block of the block triangular form.
+    pub fn largest(pattern: &Pattern) -> Result<usize, SolveError> {
+        Ok(order::Order::new(pattern)?.blocks().map(|block| block.len()).max().unwrap_or(0))
+    }
+
     pub fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
         if !self.pivoted && values.len() == self.pattern.entries() && self.eliminate(values) {
             return Ok(());

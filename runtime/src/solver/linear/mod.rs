@@ -71,6 +71,8 @@ impl Factorisation {
         let full = pattern.entries() * 2 >= n * n;
         let method = match choice {
             LinearSolver::Auto if n <= SMALL || (n <= MEDIUM && full) => Method::Dense,
+            // A list of the places of all products, which is what the sparse one works by, would be that of n^3/3 of them.
+            LinearSolver::Auto if full && Block::largest(pattern)? * 2 > n => Method::Dense,
             LinearSolver::Auto | LinearSolver::Block => Method::Block,
             LinearSolver::Dense => Method::Dense,
             LinearSolver::Banded => Method::Banded,
@@ -155,6 +157,16 @@ mod tests {
             starts.push(rows.len());
         }
         (Pattern::new(starts, rows).expect("a pattern"), values)
+    }
+
+    /// Of a full matrix the sparse one would list the places of n^3/3 products; of a triangular one, as full by half, there are none.
+    #[test]
+    fn large_matrices_that_are_one_full_block_are_taken_as_dense() {
+        let n = 60;
+        let triangle = Pattern::new((0..=n).map(|c| c * n - c * (c.max(1) - 1) / 2).collect(), (0..n).flat_map(|c| c..n).collect());
+        let method = |pattern: &Pattern| Factorisation::new(pattern, LinearSolver::Auto).expect("a solver").method();
+        assert_eq!(method(&Pattern::full(n)), Method::Dense);
+        assert_eq!(method(&triangle.expect("a pattern")), Method::Block);
     }
 
     #[test]

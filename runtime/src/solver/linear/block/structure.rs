@@ -1,6 +1,7 @@
 //! What is known of a factorisation before there are numbers, and the factorisation of one block by it.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BinaryHeap};
 use std::ops::Range;
 
 use super::super::substitution::{Places, Source, Substitution};
@@ -314,9 +315,10 @@ fn draft_small(entries: &Entries, block: Range<u32>, sums: &mut Vec<Vec<Source>>
 fn draft_large(entries: &Entries, block: Range<u32>, sums: &mut Vec<Vec<Source>>, unknowns: &mut [u32]) -> Draft {
     let (mut lower, mut upper) = (Vec::new(), Vec::<Vec<u32>>::new());
     let first = sums.len() as u32;
+    let mut seen = vec![u32::MAX; block.len()];
     for row in block.clone() {
         let (before, inside) = entries.split(row, block.start);
-        let (left, right) = filled(row - block.start, inside.iter().map(|m| m.to - block.start), &upper);
+        let (left, right) = filled(row - block.start, inside.iter().map(|m| m.to - block.start), &upper, &mut seen);
         let mut terms = vec![Source::Right(entries.order.rows[row as usize])];
         terms.extend(before.iter().map(|m| Source::Sum(unknowns[m.to as usize])));
         terms.extend(left.iter().map(|&column| Source::Sum(first + column)));
@@ -334,17 +336,27 @@ fn draft_large(entries: &Entries, block: Range<u32>, sums: &mut Vec<Vec<Source>>
     Draft::Large { block, lower, upper, sums: first..sums.len() as u32 }
 }
 
-/// Columns of a row of L and U, fill included, from its entries and the rows of U above.
-fn filled(row: u32, entries: impl Iterator<Item = u32>, upper: &[Vec<u32>]) -> (Vec<u32>, Vec<u32>) {
-    let mut columns: BTreeSet<u32> = entries.collect();
-    let mut left = Vec::new();
-    while let Some(&column) = columns.first().filter(|&&column| column < row) {
-        columns.pop_first();
-        columns.extend(&upper[column as usize]);
+/// Columns of a row of L and U, fill included, from its entries and the rows of U above. `seen` holds the last row that each column was
+/// found in.
+fn filled(row: u32, entries: impl Iterator<Item = u32>, upper: &[Vec<u32>], seen: &mut [u32]) -> (Vec<u32>, Vec<u32>) {
+    let (mut waiting, mut left, mut right) = (BinaryHeap::new(), Vec::new(), Vec::new());
+    let mut take = |column: u32, waiting: &mut BinaryHeap<Reverse<u32>>| {
+        if std::mem::replace(&mut seen[column as usize], row) == row || column == row {
+            return;
+        }
+        if column < row {
+            waiting.push(Reverse(column));
+        } else {
+            right.push(column);
+        }
+    };
+    entries.for_each(|column| take(column, &mut waiting));
+    while let Some(Reverse(column)) = waiting.pop() {
+        upper[column as usize].iter().for_each(|&next| take(next, &mut waiting));
         left.push(column);
     }
-    columns.remove(&row);
-    (left, columns.into_iter().collect())
+    right.sort_unstable();
+    (left, right)
 }
 
 impl Draft {

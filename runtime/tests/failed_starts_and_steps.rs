@@ -1,0 +1,64 @@
+//! Starts far from consistent, and what is said and shown where a start or a step fails.
+
+use std::path::Path;
+
+use smpl_runtime::environment::{Environment, ResetError, ResetOptions};
+use smpl_runtime::load::{LoadOptions, load_text};
+use smpl_runtime::setup::{EnvironmentOptions, Setup};
+
+fn environment(text: &str) -> Environment {
+    let text = format!("model M\ntime t : 1\nepisode {{ step = 1, max_steps = 10 }}\n{text}");
+    let loaded = load_text(Path::new("m.eq"), text, &LoadOptions::default()).expect("compiles");
+    let setup = Setup::new(loaded.model, EnvironmentOptions::default(), Some(loaded.sources)).expect("a setup");
+    Environment::new(setup).expect("an environment")
+}
+
+fn started(text: &str) -> Result<Environment, ResetError> {
+    let mut environment = environment(text);
+    environment.reset(Some(1), &ResetOptions::default())?;
+    Ok(environment)
+}
+
+#[test]
+fn a_logarithm_is_found_from_far_above_and_far_below() {
+    for guess in [40.0, 300.0, -30.0, 0.0] {
+        let text = format!("state x = 2\nvar z = {guess}\neq exp(z) = x\neq d/dt x = -x");
+        let environment = started(&text).expect("starts");
+        assert!((environment.unknowns()[1] - 2.0_f64.ln()).abs() < 1e-9, "from {guess}: {:?}", environment.unknowns());
+    }
+}
+
+#[test]
+fn a_start_without_a_solution_names_the_equation_and_the_variable_and_no_unit_1() {
+    let error = started("state x = -1\nvar y = 1\nvar z = 2\neq y = x + 1\neq z^2 + z = x\neq d/dt x = z - y").err().expect("no real root");
+    let text = error.to_string();
+    assert!(text.contains("m.eq:8, z,") && text.ends_with("at t = 0"), "{text}");
+}
+
+#[test]
+fn a_solution_that_blows_up_names_its_equation_and_its_state() {
+    let mut environment = started("state w = 1\nstate x = 0.8\neq d/dt w = -w\neq d/dt x = x^2").expect("starts");
+    assert!(!environment.step(&[]).expect("steps").terminated);
+    assert!(environment.step(&[]).expect("steps").terminated, "the pole is at t = 1.25");
+    let text = environment.failure_message();
+    assert!(text.contains("m.eq:7, d/dt x,"), "{text}");
+    assert!(text.contains("at t = 1.25") && !text.contains("1.25 1"), "{text}");
+}
+
+/// The pole of x' = u x^2 is at 1/u: the second step fails. What is shown then is that of before it, of one moment.
+#[test]
+fn after_a_failed_step_states_and_algebraic_variables_are_those_before_it() {
+    let model = "action u = 0.1 in 0..10\nstate x = 1\nlet q : 1 = u*x\nvar z = 1\neq z^3 = 8*u^3*x^3\neq d/dt x = u*x^2\nobserve x, z";
+    let mut environment = started(model).expect("starts");
+    environment.step(&[0.1]).expect("steps");
+    let names: Vec<String> = environment.catalogue().algebraics.names().map(str::to_owned).collect();
+    let (mut before, mut after) = (vec![0.0; names.len()], vec![0.0; names.len()]);
+    environment.algebraics(&mut before);
+    assert!(environment.step(&[5.0]).expect("steps").terminated);
+    environment.algebraics(&mut after);
+    assert_eq!(before, after, "{names:?}");
+    let q = names.iter().position(|name| name == "q").expect("an output");
+    // x = 1/(1 - 0.1) after the first step.
+    assert!((after[q] - 0.1 / 0.9).abs() < 1e-5, "{}", after[q]);
+    assert_eq!(environment.actions(), [5.0], "the action that was given");
+}

@@ -1,0 +1,171 @@
+//! Steady states of small models against closed forms: bounds, conserved sums, conditions, first guesses, blocks that nothing needs.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use smpl_runtime::environment::{Environment, ResetOptions, Start};
+use smpl_runtime::load::{LoadOptions, load_text};
+use smpl_runtime::setup::{EnvironmentOptions, Setup, SetupError};
+use smpl_runtime::steady::{self, SteadyError};
+
+fn made(text: &str) -> Result<Arc<Setup>, SetupError> {
+    let text = format!("model M\ntime t : s\nepisode {{ step = 0.1 [s], max_steps = 10 }}\n{text}");
+    let loaded = load_text(Path::new("m.eq"), text, &LoadOptions::default()).expect("compiles");
+    Setup::without_steady(loaded.model.clone(), EnvironmentOptions::default(), None)?;
+    Setup::new(loaded.model, EnvironmentOptions::default(), None)
+}
+
+fn setup(text: &str) -> Arc<Setup> {
+    made(text).expect("a setup")
+}
+
+/// The steady state that the block declares, from a first guess.
+fn solved(text: &str, guess: Option<&[f64]>) -> Result<Vec<f64>, SteadyError> {
+    let setup = setup(text);
+    let mut system = smpl_runtime::system::CompiledSystem::new(setup.model().clone()).expect("a system");
+    let (model, memory) = system.parts();
+    model.parameters(memory);
+    model.prepare_parameters(memory);
+    let mut y = steady::guess(&system, &setup.catalogue);
+    y.iter_mut().zip(guess.unwrap_or_default()).for_each(|(y, guess)| *y = *guess);
+    let (actions, held) = steady::declared(&mut system, &setup.catalogue, &mut y);
+    steady::solve_held(&mut system, &setup.catalogue, &actions, &held, &[], &mut y)?;
+    Ok(y)
+}
+
+fn assert_close(found: &[f64], expected: &[f64]) {
+    assert_eq!(found.len(), expected.len());
+    assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-10 * b.abs().max(1.0)), "{found:?} is not {expected:?}");
+}
+
+/// S^2 + 2.1 S - 0.1 = 0 has a root of each sign.
+fn chemostat(bounds: &str) -> String {
+    format!(
+        "state S : g/L = 0.04 {bounds}
+         eq d/dt S = 1 [1/s]*(1 [g/L] - S) - 3 [g/(L s)]*S/(0.1 [g/L] + S)"
+    )
+}
+
+#[test]
+fn a_root_is_inside_of_the_bounds_wherever_the_search_begins() {
+    let root = (-2.1 + 4.81_f64.sqrt()) / 2.0;
+    for guess in [0.0, 0.04, 0.5, 1.0, 3.0, 10.0] {
+        assert_close(&solved(&chemostat("in 0..10"), Some(&[guess])).expect("found"), &[root]);
+    }
+    // Without bounds the guess decides.
+    assert_close(&solved(&chemostat(""), Some(&[10.0])).expect("found"), &[(-2.1 - 4.81_f64.sqrt()) / 2.0]);
+}
+
+#[test]
+fn where_no_root_is_inside_of_the_bounds_the_state_is_named() {
+    let error = solved(&chemostat("in 0.5..10"), Some(&[5.0])).expect_err("refused");
+    assert!(matches!(&error, SteadyError::Outside { name, below: true, bound: 0.5, .. } if name == "S"), "{error}");
+    assert!(error.to_string().contains("S = ") && error.to_string().contains("below 0.5 g/L"), "{error}");
+}
+
+const EXCHANGE: &str = "state A = 1, B = 0\neq d/dt A = -1 [1/s]*A + 2 [1/s]*B\neq d/dt B = 1 [1/s]*A - 2 [1/s]*B\n";
+
+#[test]
+fn a_conserved_sum_is_found_and_asked_for() {
+    let error = solved(EXCHANGE, None).expect_err("not determined").to_string();
+    assert!(error.contains("A + B (1 at the first guess) is conserved") && error.contains("`steady { A + B = 1 }`"), "{error}");
+}
+
+#[test]
+fn a_conserved_sum_is_given_by_a_condition() {
+    assert_close(&solved(&format!("{EXCHANGE}steady {{ A + B = 3 }}"), None).expect("found"), &[2.0, 1.0]);
+    assert_close(&solved(&format!("{EXCHANGE}steady {{ B = 3 }}"), None).expect("found"), &[6.0, 3.0]);
+    // Any expression of states: with A = 2 B, A^2 + B = 5 is 4 B^2 + B = 5.
+    assert_close(&solved(&format!("{EXCHANGE}steady {{ A^2 + B = 5 }}"), None).expect("found"), &[2.0, 1.0]);
+}
+
+/// A cycle whose rates add up to zero only to rounding: the sum is found by its null vector, not by a pivot that is zero.
+#[test]
+fn a_cycle_of_enzymes_with_roundoff_in_its_rates_is_not_reported_as_a_residual() {
+    let cycle = "state E0 = 1, E1 = 0, E2 = 0
+        param k1 : 1/s = 0.3, k2 : 1/s = 0.7, k3 : 1/s = 1.1
+        eq d/dt E0 = -k1*E0 + k3*E2
+        eq d/dt E1 = k1*E0 - k2*E1
+        eq d/dt E2 = k2*E1 - k3*E2\n";
+    let error = solved(cycle, None).expect_err("not determined").to_string();
+    assert!(error.contains("E0 + E1 + E2 (1 at the first guess) is conserved"), "{error}");
+    // At rest already, where nothing is wrong with the residual.
+    let weights = [1.0 / 0.3, 1.0 / 0.7, 1.0 / 1.1];
+    let total: f64 = weights.iter().sum();
+    let rest: Vec<f64> = weights.iter().map(|w| w / total).collect();
+    assert!(matches!(solved(cycle, Some(&rest)), Err(SteadyError::Undetermined(_))));
+    assert_close(&solved(&format!("{cycle}steady {{ E0 + E1 + E2 = 1 }}"), None).expect("found"), &rest);
+}
+
+#[test]
+fn the_sums_of_a_closed_reaction_are_named_all_at_once() {
+    let batch = "state E = 1, S = 5, C = 0, P = 0
+        eq d/dt E = (-2*E*S + 1.5*C - 0.25*E*P)/1 [s]
+        eq d/dt C = (2*E*S - 1.5*C + 0.25*E*P)/1 [s]
+        eq d/dt S = (-2*E*S + C)/1 [s]
+        eq d/dt P = (0.5*C - 0.25*E*P)/1 [s]\n";
+    let error = solved(batch, None).expect_err("not determined").to_string();
+    assert!(error.contains("E + C (1 at the first guess) and S + C + P (5 at the first guess) are conserved"), "{error}");
+    assert!(error.contains("`--fix E=... --fix S=...`"), "{error}");
+    let y = solved(&format!("{batch}steady {{ E + C = 1, S + C + P = 5 }}"), None).expect("found");
+    let (e, s, c, p) = (y[0], y[1], y[2], y[3]);
+    assert_close(&[e + c, s + c + p, 2.0 * e * s, 0.25 * e * p], &[1.0, 5.0, c, 0.5 * c]);
+}
+
+#[test]
+fn all_states_that_integrate_are_named_at_once_and_no_others() {
+    let tanks = "action F = 1 in 0..2\nstate h1 = 1, c = 0, h2 = 1
+        eq d/dt h1 = (F - 1)/1 [s]
+        eq d/dt c = (1 - c)*F/h1/1 [s]
+        eq d/dt h2 = (1 - F)/1 [s]\n";
+    let error = solved(tanks, None).expect_err("not determined").to_string();
+    assert!(error.contains("fix 2 states") && error.contains("`--fix h1=... --fix h2=...`"), "{error}");
+    assert_close(&solved(&format!("{tanks}steady {{ h1 = 0.5, h2 = 2 }}"), None).expect("found"), &[0.5, 1.0, 2.0]);
+}
+
+#[test]
+fn the_search_begins_where_the_episode_does() {
+    // x' = x - x^3 rests at -1, 0 and 1.
+    let model = |initial: f64| format!("state x = 0.9\ninitial x = {initial}\neq d/dt x = (x - x^3)/1 [s]\nsteady {{ }}");
+    for (initial, rest) in [(-0.9, -1.0), (0.1, 0.0), (1.2, 1.0)] {
+        assert_close(setup(&model(initial)).steady_state(), &[rest]);
+    }
+}
+
+#[test]
+fn other_steady_states_inside_of_the_bounds_are_found() {
+    let setup = setup("state x = 0.9 in -0.5..3\neq d/dt x = (x - x^3)/1 [s]\nsteady { }");
+    let mut system = smpl_runtime::system::CompiledSystem::new(setup.model().clone()).expect("a system");
+    let (model, memory) = system.parts();
+    model.prepare_parameters(memory);
+    let held = steady::Held::default();
+    let mut found: Vec<f64> = steady::others(&system, &setup.catalogue, &[], &held, &[1.0]).iter().map(|y| y[0]).collect();
+    found.sort_by(f64::total_cmp);
+    assert_close(&found, &[0.0]);
+    assert!(steady::kink(&mut system, &setup.catalogue, &[1.0]).is_none());
+}
+
+#[test]
+fn a_tie_of_max_is_a_kink() {
+    let setup = setup("state x = 0.5\neq d/dt x = (max(0, 1 - x) - 10*max(0, x - 1))/1 [s]\nsteady { }");
+    assert_close(setup.steady_state(), &[1.0]);
+    let mut system = smpl_runtime::system::CompiledSystem::new(setup.model().clone()).expect("a system");
+    assert_eq!(steady::kink(&mut system, &setup.catalogue, &[1.0]), Some(0));
+    assert_eq!(steady::kink(&mut system, &setup.catalogue, &[0.7]), None);
+}
+
+/// x' = 1 + x^2 never rests; x = tan(t + atan 1).
+#[test]
+fn a_steady_block_without_a_solution_stops_only_what_needs_it() {
+    let endless = "state x = 1\neq d/dt x = (1 + x*x)/1 [s]\nsteady { }\n";
+    let setup = setup(endless);
+    assert!(setup.no_steady().is_some());
+    let mut environment = Environment::new(setup).expect("an environment");
+    environment.reset(Some(1), &ResetOptions::default()).expect("resets");
+    assert!(!environment.step(&[]).expect("steps").terminated);
+    let expected = (0.1 + std::f64::consts::FRAC_PI_4).tan();
+    assert!((environment.unknowns()[0] - expected).abs() < 1e-4, "{}", environment.unknowns()[0]);
+    let start = ResetOptions { start: Start::Steady, ..ResetOptions::default() };
+    assert!(environment.reset(Some(1), &start).expect_err("there is none").to_string().starts_with("steady state: no steady state"));
+    assert!(matches!(made(&format!("{endless}reward r = -sq(x - steady(x))")), Err(SetupError::Steady(_))));
+}
