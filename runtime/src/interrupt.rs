@@ -23,6 +23,8 @@ thread_local! {
     static ASKED: Cell<Option<Instant>> = const { Cell::new(None) };
     /// What this thread looks at in place of the hook.
     static FLAG: RefCell<Option<Arc<AtomicBool>>> = const { RefCell::new(None) };
+    /// Whether it has one. The first look at a value that is dropped with its thread allocates, which a step must not.
+    static FOLLOWS: Cell<bool> = const { Cell::new(false) };
 }
 
 /// Says whom to ask; the first one stays. Asked again after it said yes, it must say so until the computation has returned.
@@ -33,13 +35,16 @@ pub fn set_hook(ask: fn() -> bool) {
 /// Makes this thread look at a flag in place of the hook.
 pub fn follow(flag: Arc<AtomicBool>) {
     FLAG.with(|mine| *mine.borrow_mut() = Some(flag));
+    FOLLOWS.set(true);
 }
 
 /// Whether somebody wants the computation to stop, asked now.
 #[must_use]
 pub fn requested() -> bool {
-    let flagged = FLAG.with(|flag| flag.borrow().as_ref().map(|flag| flag.load(Ordering::Relaxed)));
-    flagged.unwrap_or_else(|| HOOK.get().is_some_and(|ask| ask()))
+    if FOLLOWS.get() {
+        return FLAG.with(|flag| flag.borrow().as_ref().is_some_and(|flag| flag.load(Ordering::Relaxed)));
+    }
+    HOOK.get().is_some_and(|ask| ask())
 }
 
 /// Counts a computation's parts, and asks now and then whether it is to stop.
