@@ -402,7 +402,15 @@ impl Default for Episode {
 
 impl Default for Solver {
     fn default() -> Self {
-        Solver { rtol: 1e-8, atol_factor: 0.01, safety: 1.0, max_order: 5, max_steps: 20_000, max_events: 1000, linear_solver: "auto".into() }
+        Solver {
+            rtol: 1e-8,
+            atol_factor: 0.01,
+            safety: 1.0,
+            max_order: 5,
+            max_steps: 20_000,
+            max_events: 1000,
+            linear_solver: "auto".into(),
+        }
     }
 }
 
