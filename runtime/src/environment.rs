@@ -169,6 +169,7 @@ pub struct Environment {
     /// Time at the start of the step.
     begin: f64,
     firings: Vec<Firing>,
+    last_fired: Option<usize>,
 }
 
 impl Environment {
@@ -211,6 +212,7 @@ impl Environment {
             drifts: Vec::new(),
             keep_going: false,
             begin: 0.0,
+            last_fired: None,
             firings: vec![Firing::default(); system.root_count()],
             replay: Vec::new(),
             progress,

@@ -100,8 +100,12 @@ impl Chatter {
         let event = name(self.event);
         match (self.accumulates, self.partner) {
             (true, _) => format!("`{event}` follows itself ever faster {at}"),
-            (false, Some(other)) => format!("`{}` and `{event}` follow each other without end {at} (more than {limit} in the step)", name(other)),
-            (false, None) => format!("more than {limit} in the step, the last one `{event}` {at} (`solver {{ max_events }}` sets the limit)"),
+            (false, Some(other)) => {
+                format!("`{}` and `{event}` follow each other without end {at} (more than {limit} in the step)", name(other))
+            }
+            (false, None) => {
+                format!("more than {limit} in the step, the last one `{event}` {at} (`solver {{ max_events }}` sets the limit)")
+            }
         }
     }
 }

@@ -231,7 +231,9 @@ mod tests {
             let sensors = Sensors::new(&[observed(every, delay)], &[0.0]);
             let mut readings = sensors.blank();
             sensors.reset(&mut readings, EpisodeKey::default(), &[5.0]);
-            for (step, (value, expected)) in [(12.0, 1.0), (f64::NAN, 1.0), (-1.0, -1.0), (f64::INFINITY, -1.0), (2.5, -0.5)].iter().enumerate() {
+            for (step, (value, expected)) in
+                [(12.0, 1.0), (f64::NAN, 1.0), (-1.0, -1.0), (f64::INFINITY, -1.0), (2.5, -0.5)].iter().enumerate()
+            {
                 for repeated in 0..2 {
                     sensors.read(&mut readings, EpisodeKey::default(), 2 * step as u32 + repeated, &[*value]);
                 }

@@ -207,7 +207,8 @@ fn case() -> impl Strategy<Value = Case> {
 
 fn check(case: &Case) -> Result<(), TestCaseError> {
     let text = case.text();
-    let loaded = load_text(Path::new("random.eq"), text.clone(), &LoadOptions::default()).map_err(|e| TestCaseError::fail(format!("{e}\n{text}")))?;
+    let loaded = load_text(Path::new("random.eq"), text.clone(), &LoadOptions::default())
+        .map_err(|e| TestCaseError::fail(format!("{e}\n{text}")))?;
     let setup = Setup::new(loaded.model, loaded.options, Some(loaded.sources)).expect("a setup");
     let mut environment = Environment::new(setup).expect("the solver takes it");
     environment.reset(Some(0), &ResetOptions::default()).expect("a start");
@@ -235,10 +236,91 @@ fn check(case: &Case) -> Result<(), TestCaseError> {
     Ok(())
 }
 
+/// A room that cools towards `cold` and is heated towards `hot`, switched at `low` and `high`, from a start anywhere.
+#[derive(Clone, Debug)]
+struct Room {
+    cold: f64,
+    low: f64,
+    high: f64,
+    hot: f64,
+    start: f64,
+    step: f64,
+}
+
+impl Room {
+    fn text(&self) -> String {
+        format!(
+            "model Room\ntime t : h\ndiscrete heat = 0\ndiscrete n = 0\nstate x = {} in -100..100\nvar flow = 1\n             eq d/dt x = flow / 1 [h]\neq flow = {} + ({})*heat - x\nevent cold when x <= {}\nevent warm when x >= {}\n             at cold {{ next heat = 1 ; next n = n + 1 }}\nat warm {{ next heat = 0 ; next n = n + 1 }}\nobserve x in -100..100\n             episode {{ step = {} [h], max_steps = {STEPS} }}\nsolver {{ rtol = 1e-10 }}\n",
+            self.start,
+            self.cold,
+            self.hot - self.cold,
+            self.low,
+            self.high,
+            self.step
+        )
+    }
+
+    /// Temperature, number of switches, and heating at a time; exponentials one after another.
+    fn exact(&self, end: f64) -> [f64; 3] {
+        let (mut t, mut x, mut heats, mut count) = (0.0, self.start, false, 0.0);
+        if x <= self.low {
+            (heats, count) = (true, 1.0);
+        } else if x >= self.high {
+            count = 1.0;
+        }
+        loop {
+            let (target, limit) = if heats { (self.hot, self.high) } else { (self.cold, self.low) };
+            let wait = ((x - target) / (limit - target)).ln();
+            if t + wait > end {
+                return [target + (x - target) * (t - end).exp(), count, f64::from(u8::from(heats))];
+            }
+            (t, x, heats, count) = (t + wait, limit, !heats, count + 1.0);
+        }
+    }
+}
+
+fn room() -> impl Strategy<Value = Room> {
+    (-10.0..10.0, 0.5..5.0, 0.2..5.0, 0.5..5.0, -20.0..30.0, 0.1..5.0).prop_map(
+        |(cold, a, b, c, start, step): (f64, f64, f64, f64, f64, f64)| Room {
+            cold,
+            low: cold + a,
+            high: cold + a + b,
+            hot: cold + a + b + c,
+            start,
+            step,
+        },
+    )
+}
+
+fn check_room(room: &Room) -> Result<(), TestCaseError> {
+    let loaded = load_text(Path::new("room.eq"), room.text(), &LoadOptions::default()).map_err(|e| TestCaseError::fail(format!("{e}")))?;
+    let setup = Setup::new(loaded.model, loaded.options, Some(loaded.sources)).expect("a setup");
+    let mut environment = Environment::new(setup).expect("the solver takes it");
+    environment.reset(Some(0), &ResetOptions::default()).expect("a start");
+    for step in 1..=STEPS {
+        let failure = environment.step(&[]).expect("a step").failure;
+        prop_assert_eq!(failure, None);
+        let [x, count, heats] = room.exact(f64::from(step) * room.step);
+        let place = |name: &str| environment.catalogue().discretes.find(name).expect("there").at;
+        let found = [environment.unknowns()[0], environment.discretes()[place("n")], environment.discretes()[place("heat")]];
+        prop_assert!(
+            (found[0] - x).abs() < 1e-5 && found[1..] == [count, heats],
+            "step {step}: {found:?}, exact {x} {count} {heats}\n{}",
+            room.text()
+        );
+    }
+    Ok(())
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
     #[test]
     fn events_of_states_with_constant_rates_are_those_of_an_exact_simulation(case in case()) {
         check(&case)?;
+    }
+
+    #[test]
+    fn a_room_between_two_temperatures_follows_the_exponentials(room in room()) {
+        check_room(&room)?;
     }
 }

@@ -104,7 +104,7 @@ impl<'a> Elaborator<'a> {
                         items: Vec::new(),
                         on_reward: condition.mentions("reward"),
                     };
-                    if ["action_box", "solver"].contains(&name.text.as_str()) {
+                    if ["action_box", "solver", "events", "not_finite"].contains(&name.text.as_str()) {
                         self.report(Diagnostic::error(
                             codes::DUPLICATE_NAME,
                             format!("`{}` is the name of a failure that every model has", name.text),

@@ -71,6 +71,7 @@ impl Environment {
         }
         self.progress.event_time = None;
         self.firings.fill(Firing::default());
+        self.last_fired = None;
         self.set_builtin(Builtin::Steps, f64::from(steps));
         self.set_builtin(Builtin::Clock, t0);
         self.set_builtin(Builtin::Failed, 0.0);
@@ -201,9 +202,9 @@ impl Environment {
     /// Notes which events fired; an end if there are too many of them, or if one accumulates.
     fn chatter(&mut self, t: f64, events: u32) -> Option<Outcome> {
         let soon = ACCUMULATION * self.setup.model().interface().episode.step;
-        let (mut last, mut accumulates) = (None, false);
+        let mut accumulates = false;
         for (index, firing) in self.firings.iter_mut().enumerate().filter(|(index, _)| self.integrator.events()[*index] != 0) {
-            last = Some(index);
+            self.last_fired = Some(index);
             let gap = t - firing.time;
             if gap > 0.0 && gap <= soon && firing.gap.is_finite() && gap <= firing.gap {
                 accumulates = true;
@@ -214,6 +215,7 @@ impl Environment {
             return None;
         }
         // Another one at the same instant tells of two that undo each other.
+        let last = self.last_fired;
         let other = |&index: &usize| Some(index) != last && self.firings[index].time == t;
         let partner = (0..self.firings.len()).find(other);
         self.progress.chatter = Some(Chatter { time: t, event: last.unwrap_or_default(), partner, accumulates });

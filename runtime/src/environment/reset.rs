@@ -330,7 +330,9 @@ impl Environment {
         }
         match self.broken_variable() {
             None => Ok(()),
-            Some(broken) => Err(ResetError::NotFinite { what: format!("{} at the start", broken.quantity(self.setup.model(), self.catalogue())) }),
+            Some(broken) => {
+                Err(ResetError::NotFinite { what: format!("{} at the start", broken.quantity(self.setup.model(), self.catalogue())) })
+            }
         }
     }
 

@@ -117,7 +117,7 @@ impl Environment {
         if failure.is_some() {
             self.progress.rewards.fill(error_reward);
         }
-        let met = self.finish[self.part(1)].iter().any(|&s| s == 1.0);
+        let met = self.finish[self.part(1)].contains(&1.0);
         // A limit below the model's own cuts the batch short.
         let whole = self.setup.max_steps >= episode.max_steps;
         let success = failure.is_none() && (met || (last_step && whole && end_is_success));

@@ -10,9 +10,9 @@ use std::ptr::{self, NonNull};
 use std::rc::Rc;
 
 use sundials_sys::{
-    _generic_SUNLinearSolver, _generic_SUNLinearSolver_Ops, _generic_SUNMatrix, _generic_SUNMatrix_Ops, IDAGetCurrentTime, IDAGetDky, IDAGetLastStep,
-    N_Vector, SUNContext, SUNLinearSolver, SUNLinearSolver_ID, SUNLinearSolver_ID_SUNLINEARSOLVER_CUSTOM, SUNLinearSolver_Type,
-    SUNLinearSolver_Type_SUNLINEARSOLVER_DIRECT, SUNMatrix, SUNMatrix_ID, SUNMatrix_ID_SUNMATRIX_CUSTOM,
+    _generic_SUNLinearSolver, _generic_SUNLinearSolver_Ops, _generic_SUNMatrix, _generic_SUNMatrix_Ops, IDAGetCurrentTime, IDAGetDky,
+    IDAGetLastStep, N_Vector, SUNContext, SUNLinearSolver, SUNLinearSolver_ID, SUNLinearSolver_ID_SUNLINEARSOLVER_CUSTOM,
+    SUNLinearSolver_Type, SUNLinearSolver_Type_SUNLINEARSOLVER_DIRECT, SUNMatrix, SUNMatrix_ID, SUNMatrix_ID_SUNMATRIX_CUSTOM,
 };
 
 use super::kernels::Block;

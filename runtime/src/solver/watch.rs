@@ -47,6 +47,8 @@ pub(crate) struct Watch {
     pub ahead: Box<[f64]>,
     /// How they move there.
     motion: Box<[f64]>,
+    /// What of them is rounding.
+    noise: Box<[f64]>,
     /// Time of the last accepted state in which nothing happened, and of the first one after something did.
     pub since: f64,
     pub until: f64,
@@ -66,6 +68,7 @@ impl Watch {
             values: zeros(),
             ahead: zeros(),
             motion: zeros(),
+            noise: zeros(),
             ..Self::default()
         }
     }
@@ -147,21 +150,30 @@ impl Watch {
         fired.iter().any(|&f| f != 0)
     }
 
-    /// Conditions where the integration has stopped. What moves over its threshold to within `reach` times the motion to the values ahead has
-    /// passed it; a strict condition waits for the motion after what happens here.
+    /// Adds what a state that differs by rounding gives otherwise; `first` begins anew.
+    pub fn note_noise(&mut self, first: bool) {
+        for ((noise, ahead), value) in self.noise.iter_mut().zip(&self.ahead).zip(&self.values) {
+            *noise = (ahead - value).abs() + if first { 0.0 } else { *noise };
+        }
+    }
+
+    /// Conditions where the integration has stopped. What moves over its threshold to within rounding or `reach` times the motion to the values ahead
+    /// has passed it; what the equations move the other way has not, whatever the polynomial says. A strict condition waits for the motion after what
+    /// happens here.
     pub fn arrive(&mut self, reach: f64, fired: &mut [c_int]) {
         self.note_undefined();
         for (i, fired) in fired.iter_mut().enumerate() {
             let (value, kind, edge) = (self.values[i], self.kinds[i], self.edges[i]);
             let motion = self.ahead[i] - value;
-            let near = motion.abs() * reach;
+            let near = (motion.abs() * reach).max(self.noise[i]);
             let stops = self.stops(i);
             self.edges[i] = if value.is_nan() {
                 edge
-            } else if value.abs() <= near || edge.stays(value) {
+            // What stood at its threshold stops just outside of its band.
+            } else if value.abs() <= near.max(2.0 * edge.band) {
                 let holds = match edge.holds {
                     true => motion >= 0.0 && !stops,
-                    false => !kind.strict && (motion > 0.0 || stops) && !(edge.stays(value) && !stops),
+                    false => !kind.strict && (motion > 0.0 || (stops && motion == 0.0)) && (stops || !edge.stays(value)),
                 };
                 Edge { holds, band: near.max(value.abs()) }
             } else {

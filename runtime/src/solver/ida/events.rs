@@ -13,6 +13,9 @@ const AHEAD: [f64; 2] = [1e-7, 1e4 * f64::EPSILON];
 /// What happens within this time happens at once, likewise.
 const AT_ONCE: [f64; 2] = [1e-10, 100.0 * f64::EPSILON];
 
+/// Relative rounding of a state.
+const ROUNDING: f64 = 4.0 * f64::EPSILON;
+
 impl Ida {
     fn span(&self, [of_interval, of_time]: [f64; 2]) -> f64 {
         (of_interval * self.scale).max(of_time * self.time.abs())
@@ -33,7 +36,7 @@ impl Ida {
             let ahead = self.span(AHEAD);
             // What is slow beside its own size shows further ahead.
             for ahead in [ahead, 1e3 * ahead, 1e6 * ahead] {
-                self.evaluate_ahead(ahead, true)?;
+                self.evaluate_ahead(ahead)?;
                 if bridge.watch.look_ahead() {
                     break;
                 }
@@ -46,20 +49,49 @@ impl Ida {
         Ok(fired)
     }
 
-    /// Root functions a little later, along the derivatives; algebraic unknowns follow those, or their equations.
-    fn evaluate_ahead(&mut self, ahead: f64, by_equations: bool) -> Result<(), SolveError> {
+    /// Root functions a little later, along the derivatives; algebraic unknowns follow their equations.
+    fn evaluate_ahead(&mut self, ahead: f64) -> Result<(), SolveError> {
         let bridge = unsafe { &mut *self.bridge };
         let Some((later, rate)) = &mut self.later else { return Ok(()) };
         let moved = self.y.entries().iter().zip(self.yp.entries()).map(|(y, yp)| y + ahead * yp);
         later.entries_mut().iter_mut().zip(moved).for_each(|(to, from)| *to = from);
         rate.entries_mut().copy_from_slice(self.yp.entries());
-        if let Some(consistent) = self.consistent.as_mut().filter(|c| by_equations && c.has_algebraic()) {
+        if let Some(consistent) = self.consistent.as_mut().filter(|c| c.has_algebraic()) {
             // Where there is no solution ahead, the present algebraic unknowns have to do.
             if consistent.initialise(bridge, self.time + ahead, later, rate).is_err() {
                 bridge.trouble = None;
             }
         }
         bridge.evaluate_roots_ahead(self.time + ahead, later.entries(), rate.entries()).map_err(|_| self.fault())
+    }
+
+    /// The derivatives that the equations give, in place of those of the polynomial, which may be off by the tolerance.
+    fn derive(&mut self) {
+        let bridge = unsafe { &mut *self.bridge };
+        let (Some((later, rate)), Some(consistent)) = (&mut self.later, &mut self.consistent) else { return };
+        later.entries_mut().copy_from_slice(self.y.entries());
+        rate.entries_mut().fill(0.0);
+        match consistent.initialise(bridge, self.time, later, rate) {
+            Ok(()) => self.yp.entries_mut().copy_from_slice(rate.entries()),
+            Err(_) => bridge.trouble = None,
+        }
+    }
+
+    /// What of the root functions is rounding of the state.
+    fn measure_noise(&mut self) -> Result<(), SolveError> {
+        let bridge = unsafe { &mut *self.bridge };
+        let Some((later, _)) = &mut self.later else { return Ok(()) };
+        for pattern in [1, 2] {
+            // Signs of two patterns: a difference of two unknowns shows in one of them.
+            let factor = |i: usize| 1.0 + if i & pattern == 0 { ROUNDING } else { -ROUNDING };
+            let moved = self.y.entries().iter().enumerate().map(|(i, y)| y * factor(i));
+            later.entries_mut().iter_mut().zip(moved).for_each(|(to, from)| *to = from);
+            if bridge.evaluate_roots_ahead(self.time * factor(0), later.entries(), self.yp.entries()).is_err() {
+                return Err(self.fault());
+            }
+            bridge.watch.note_noise(pattern == 1);
+        }
+        Ok(())
     }
 
     /// Whether a condition has become true in what was just integrated.
@@ -91,7 +123,9 @@ impl Ida {
             return Err(self.fault());
         }
         let ahead = self.span(AHEAD);
-        self.evaluate_ahead(ahead, false)?;
+        self.measure_noise()?;
+        self.derive();
+        self.evaluate_ahead(ahead)?;
         bridge.watch.arrive(self.span(AT_ONCE) / ahead, &mut self.events);
         self.phase = Phase::Idle;
         Ok(())
