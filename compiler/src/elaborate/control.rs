@@ -9,6 +9,8 @@ mod policies;
 mod ranges;
 mod settings;
 
+pub use order::ordered_initial;
+
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Expr, ExprKind, Ident, Statement, StatementKind};
 use smpl_dsl::units::Unit;
