@@ -264,7 +264,7 @@ impl Elaborator<'_> {
             return Some(at(self, -1));
         }
         Some(match self.names.domains[face.domain].scheme {
-            Scheme::Upwind | Scheme::Upwind2 | Scheme::Limited => self.from_side(face, true, &mut |s, by| at(s, by)),
+            Scheme::Upwind | Scheme::Upwind2 | Scheme::Limited => self.value_from_side(face, true, &mut |s, by| at(s, by)),
             Scheme::Downwind => at(self, 0),
             Scheme::Central => {
                 let (l, r) = (at(self, -1), at(self, 0));
@@ -275,7 +275,7 @@ impl Elaborator<'_> {
     }
 
     /// A value at an inner face by the domain's scheme, from below or from above; `cell` gives it in the cell so many above the face.
-    pub(super) fn from_side(&mut self, face: Face, below: bool, cell: &mut dyn FnMut(&mut Self, i64) -> Value) -> Value {
+    pub(super) fn value_from_side(&mut self, face: Face, below: bool, cell: &mut dyn FnMut(&mut Self, i64) -> Value) -> Value {
         // The cell on that side, the one behind it, and the one across the face.
         let (near, behind, across) = if below { (-1, -2, 0) } else { (0, 1, -1) };
         let scheme = self.names.domains[face.domain].scheme;
@@ -431,7 +431,7 @@ impl Elaborator<'_> {
             return self.beside(face, if low { 0 } else { -1 }, field, place);
         }
         let sign = self.interval(v.expr);
-        let side = |s: &mut Self, below: bool| s.from_side(face, below, &mut |s, by| s.beside(face, by, field, place));
+        let side = |s: &mut Self, below: bool| s.value_from_side(face, below, &mut |s, by| s.beside(face, by, field, place));
         if sign.has_sign() {
             return side(self, sign.is_not_negative());
         }

@@ -618,8 +618,9 @@ impl Elaborator<'_> {
     /// A field at its face from one side; `None` where the loop has to be cut.
     fn side(&mut self, f: &FaceValue, below: bool) -> Option<ExprId> {
         let faces = self.faces.take();
-        let v = self
-            .from_side(f.face, below, &mut |s, by| s.in_cell(f.symbol, &f.index, f.span, f.face.at.shifted(by), f.face.domain, &f.place));
+        let v = self.value_from_side(f.face, below, &mut |s, by| {
+            s.in_cell(f.symbol, &f.index, f.span, f.face.at.shifted(by), f.face.domain, &f.place)
+        });
         self.faces = faces;
         (!v.is_poison()).then_some(v.expr)
     }
