@@ -79,7 +79,7 @@ let q4 : mL/min = q4_ss + dq4    "feed S4, sodium hydroxide"
 let rho_feed[k in feeds]           = 1 / sum(w_feed[k, i] / rho[i] for i in species)
 let feed[k in feeds, i in species] = w_feed[k, i] * rho_feed[k]    # g/L
 
-connector Stream { Q : L/min, c[species] : mol/L }
+connector Stream { Q : L/min in 0..inf, c[species] : mol/L }
 
 component Mixer "ideal mixing by mass; the volume follows from the densities of the pure species" {
   port inlet, outlet : Stream

@@ -13,13 +13,15 @@ use std::rc::Rc;
 use thiserror::Error;
 
 use crate::ir::hash::FastMap;
-use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, Flavour, LoopVar, MAX_DEPTH, ReduceFn, UnaryFn, VarId};
+use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, Flavour, LoopVar, MAX_DEPTH, ReduceFn, UnaryFn, VarId};
 
 pub mod pattern;
 mod rules;
 
-/// Reductions that are no sums are written out up to this many passes to be differentiated.
+/// Reductions that are no sums are written out up to this many passes to be differentiated; longer ones stay loops.
 const LONGEST_UNROLLED: u32 = 64;
+/// Counters beside its own that the derivative of a long reduction needs.
+const TWINS: u8 = 2;
 /// Sums are written out up to this many passes, if the result stays small.
 const SHORT_SUM: u32 = 8;
 /// Largest number of nodes of a sum that is written out.
@@ -31,14 +33,6 @@ pub enum DifferentiateError {
     /// Loops nest too deeply.
     #[error("sums inside of arrays nest deeper than {MAX_DEPTH} loops")]
     TooDeep,
-    /// A long product, minimum or maximum over unknowns.
-    #[error("a {op:?} over {extent} elements that depend on unknowns cannot be differentiated (at most {LONGEST_UNROLLED})")]
-    LongReduction {
-        /// The reduction.
-        op: ReduceFn,
-        /// Its passes.
-        extent: u32,
-    },
 }
 
 /// Rows of a nest: an expression and where it stands.
@@ -162,14 +156,21 @@ fn renumber_reduce(
         return Err(DifferentiateError::TooDeep);
     }
     map[depth.0 as usize] = next;
-    let body = renumber(exprs, body, map, next + 1, column_of)?;
+    let written = body;
+    let body = renumber(exprs, written, map, next + 1, column_of)?;
     let (size, depends) = survey(exprs, body, column_of);
     let short = op == ReduceFn::Sum && extent <= SHORT_SUM && size * extent as usize <= SHORT_SUM_NODES;
     if extent == 0 || !(short || (op != ReduceFn::Sum && depends)) {
         return Ok(exprs.reduce(op, LoopVar(next), extent, body));
     }
     if extent > LONGEST_UNROLLED {
-        return Err(DifferentiateError::LongReduction { op, extent });
+        // Its derivative needs two more reductions over the same elements.
+        let inner = next + 1 + TWINS;
+        if usize::from(inner) > MAX_DEPTH {
+            return Err(DifferentiateError::TooDeep);
+        }
+        let body = renumber(exprs, written, map, inner, column_of)?;
+        return Ok(exprs.reduce(op, LoopVar(next), extent, body));
     }
     let combine = match op {
         ReduceFn::Sum => BinaryFn::Add,
@@ -262,7 +263,17 @@ impl Differentiator<'_, '_> {
                 let (a, b) = (self.of(a), self.of(b));
                 self.select(c, &a, &b)
             }
-            Expr::Reduce { depth, extent, body, .. } => self.sum(depth, extent, body),
+            Expr::Reduce { op, depth, extent, body } => {
+                let terms = self.of(body);
+                if terms.is_empty() {
+                    return terms;
+                }
+                match op {
+                    ReduceFn::Sum => self.sum(depth, extent, &terms),
+                    ReduceFn::Min | ReduceFn::Max => self.extremum(op, (depth, extent), body, &terms),
+                    ReduceFn::Product => self.product((depth, extent), body, &terms),
+                }
+            }
             _ => self.nothing.clone(),
         }
     }
@@ -276,10 +287,59 @@ impl Differentiator<'_, '_> {
         Terms::new([Term { leaf, value }])
     }
 
-    /// Other reductions have been written out where they depend on columns.
-    fn sum(&mut self, depth: LoopVar, extent: u32, body: ExprId) -> Terms {
+    /// The body of a reduction with another counter.
+    fn twin(&mut self, body: ExprId, depth: LoopVar, by: u8) -> (ExprId, LoopVar) {
+        let (from, to) = (depth.0 as usize, LoopVar(depth.0 + by));
+        let twin = self.exprs.rewrite(body, &mut crate::ir::Rewritten::default(), &mut |exprs, node| match node {
+            Expr::Counter(v) if v == depth => Some(exprs.counter(to)),
+            Expr::Load { var, flavour, mut at } if at.strides[from] != 0 => {
+                at.strides[to.0 as usize] += std::mem::take(&mut at.strides[from]);
+                Some(exprs.load(var, flavour, at))
+            }
+            _ => None,
+        });
+        (twin, to)
+    }
+
+    /// The derivative of the greatest (least) element; of several that are equal, the mean of theirs.
+    fn extremum(&mut self, op: ReduceFn, (depth, extent): (LoopVar, u32), body: ExprId, terms: &Terms) -> Terms {
+        let (second, over) = self.twin(body, depth, 2);
+        let value = self.exprs.reduce(op, over, extent, second);
+        let (first, counted) = self.twin(body, depth, 1);
+        let (zero, one) = (self.exprs.constant(0.0), self.exprs.constant(1.0));
+        let x = &mut *self.exprs;
+        let (hit, equal) = (x.compare(Compare::Eq, body, value), x.compare(Compare::Eq, first, value));
+        let each = x.select(equal, one, zero);
+        let count = x.reduce(ReduceFn::Sum, counted, extent, each);
+        // There is one at least, unless the value is no number.
+        let count = x.binary(BinaryFn::Max, count, one);
+        let share = x.div(one, count);
+        let nothing = self.nothing.clone();
+        let chosen = self.select(hit, terms, &nothing);
+        let sum = self.sum(depth, extent, &chosen);
+        self.scaled(&sum, share)
+    }
+
+    /// The derivative of a long product, which may have factors that are zero.
+    fn product(&mut self, (depth, extent): (LoopVar, u32), body: ExprId, terms: &Terms) -> Terms {
+        let (factor, counter) = self.twin(body, depth, 1);
+        let (zero, one) = (self.exprs.constant(0.0), self.exprs.constant(1.0));
+        let x = &mut *self.exprs;
+        let is_zero = x.compare(Compare::Eq, factor, zero);
+        let (others, each) = (x.select(is_zero, one, factor), x.select(is_zero, one, zero));
+        let others = x.reduce(ReduceFn::Product, counter, extent, others);
+        let zeros = x.reduce(ReduceFn::Sum, counter, extent, each);
+        let (none, only) = (x.compare(Compare::Eq, zeros, zero), x.compare(Compare::Eq, zeros, one));
+        let (here, rest) = (x.compare(Compare::Eq, body, zero), x.div(others, body));
+        let (at_zero, elsewhere) = (x.select(only, others, zero), x.select(none, rest, zero));
+        let slope = x.select(here, at_zero, elsewhere);
+        let scaled = self.scaled(terms, slope);
+        self.sum(depth, extent, &scaled)
+    }
+
+    fn sum(&mut self, depth: LoopVar, extent: u32, inner: &Terms) -> Terms {
         let d = depth.0 as usize;
-        let inner = self.of(body);
+        let inner = inner.clone();
         let stays = inner.factor.is_none_or(|f| self.exprs.free(f) & (1 << d) == 0);
         let inner = if stays { inner } else { Terms::new(self.expanded(&inner)) };
         let mut terms = vec![];

@@ -16,6 +16,7 @@ mod equations;
 mod expression;
 mod functions;
 mod indices;
+mod interval;
 mod items;
 mod lints;
 mod names;
@@ -25,6 +26,7 @@ mod phases;
 mod quantity;
 mod runs;
 mod space;
+mod transport;
 mod units;
 mod unused;
 
@@ -44,6 +46,7 @@ use names::{Names, ScopeId, SymbolId};
 use quantity::{Measure, Value};
 
 pub use blocks::for_each_element;
+pub use control::ordered_initial;
 pub use equations::{Equation, EquationForm};
 pub(crate) use lints::unused_parameters;
 
@@ -267,6 +270,10 @@ pub(crate) struct Elaborator<'a> {
     given: FastMap<(ScopeId, String), (&'a Expr, Place)>,
     /// Observed numbers with their boxes, for failures on the observation box.
     observed_members: Vec<(crate::model::BoxItem, ExprId)>,
+    /// Face values of the flux that is being elaborated, where their directions are yet to be found.
+    faces: Option<Vec<transport::FaceValue>>,
+    /// Face values are means of both cells: in a velocity.
+    averaging: bool,
     /// Parameters whose default is being worked out.
     knowing: FastSet<VarId>,
 }
@@ -338,6 +345,8 @@ impl<'a> Elaborator<'a> {
             used_at: FastMap::default(),
             given: FastMap::default(),
             observed_members: Vec::new(),
+            faces: None,
+            averaging: false,
             knowing: FastSet::default(),
         }
     }

@@ -11,9 +11,10 @@ mod infix;
 use infix::Printer;
 
 /// Names of loop counters by depth.
-const COUNTERS: [&str; 4] = ["i", "j", "k", "l"];
+const COUNTERS: [&str; crate::ir::MAX_DEPTH] = ["i", "j", "k", "l", "m", "n"];
 
-/// The flat model: variables, equations as loops, root functions, quadratures, programs. What occurs several times is named `%n`.
+/// The flat model: variables, equations as loops, root functions, quadratures, programs. What occurs several times is named `%n`;
+/// where it depends on the counters of sums it is a function of them, `%n(j)`.
 #[must_use]
 pub fn ir(model: &Model) -> String {
     let mut text = String::new();
@@ -93,7 +94,7 @@ fn nest(text: &mut String, model: &Model, extents: &[u32], content: impl Fn(&mut
     for (depth, extent) in extents.iter().enumerate() {
         line(text, depth, &format!("for {} in 0..{extent}", COUNTERS.get(depth).unwrap_or(&"?")));
     }
-    let mut printer = Printer::new(model);
+    let mut printer = Printer::new(model, extents.len());
     let lines = content(&mut printer);
     for part in printer.parts.iter().map(String::as_str).chain(lines.lines()) {
         line(text, extents.len(), part);

@@ -10,6 +10,7 @@
 //! Equations over cells are treated as wholes; the work grows with the text, not with the grid.
 
 mod algebraic;
+mod initial;
 mod matching;
 mod rates;
 mod runs;
@@ -43,6 +44,7 @@ pub fn analyse(elaborated: Elaborated) -> Result<(Model, Vec<Diagnostic>), Vec<D
     }
     model.explicit = is_explicit(&model.exprs, &model, &rows);
     model.rows = rows;
+    initial::order(&mut model)?;
     Ok((model, warnings))
 }
 

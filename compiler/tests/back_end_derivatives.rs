@@ -284,17 +284,6 @@ fn derivatives_at_singular_points_are_finite() {
 }
 
 #[test]
-fn a_long_product_over_unknowns_is_refused_with_its_length() {
-    let mut m = Maker::new();
-    let x = m.variable("x", Role::State, 100);
-    let element = m.load(x, Affine::along(0, LoopVar(1), 1));
-    let product = m.model.exprs.reduce(ReduceFn::Product, LoopVar(1), 100, element);
-    m.rate(&[100], x, cell(0), product);
-    let Err(error) = CompiledModel::build(m.model, &BackEndSettings::default()) else { panic!("it compiled") };
-    assert!(matches!(error, BackEndError::Differentiate(_)) && error.to_string().contains("100"));
-}
-
-#[test]
 fn too_few_equations_are_refused() {
     let mut m = Maker::new();
     m.variable("x", Role::State, 4);

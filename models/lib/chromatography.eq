@@ -1,14 +1,14 @@
 # Units of a chromatographic train. A liquid carries the product, a modifier (salt or acid) and, if wanted, a tracer that binds nowhere; flows may stand still.
 
-connector Liquid { Q : L/min, c : mg/L, c_s : M, c_t : mg/L }
+connector Liquid { Q : L/min in 0..inf, c : mg/L, c_s : M, c_t : mg/L }
 
 choice fluxes  = upwind | central    "convection in columns and loops: first order and monotone, or second order"
 choice tracer  = off | on            "a tracer that binds nowhere, for the proxy of purity"
 choice elution = smooth | flag       "where Protein A elutes: where the modifier has come, or in the whole bed from the first cut on"
 
 component Bed "transport alone: a loop (eps = 1), a column in flow-through" {
-  param L   : dm        "length"
-  param V   : L         "volume with the packing"
+  param L   : dm in 0..inf "length"
+  param V   : L  in 0..inf "volume with the packing"
   param D_v : dm        "axial dispersion over superficial velocity"
   param eps      = 1    "void"
   param n_z             "cells"
@@ -37,8 +37,8 @@ component Bed "transport alone: a loop (eps = 1), a column in flow-through" {
 }
 
 component LumpedColumn "binding in one lumped step, with a Henry factor that falls with the modifier" {
-  param L         : dm           "length"
-  param V         : L            "volume with the packing"
+  param L         : dm in 0..inf "length"
+  param V         : L  in 0..inf "volume with the packing"
   param D_v       : dm           "axial dispersion over superficial velocity"
   param eps                      "void"
   param q_max     : mg/L         "capacity"
@@ -76,7 +76,7 @@ component LumpedColumn "binding in one lumped step, with a Henry factor that fal
 
 component AffinityColumn "Protein A through all phases: general rate model, loading and elution in one binding law" {
   param L         : dm         = 2                     "bed length"
-  param A         : dm^2       = 50                    "cross-section"
+  param A         : dm^2       = 50 in 0..inf          "cross-section"
   param eps_c                  = 0.31                  "void between the beads"
   param eps_p                  = 0.94                  "porosity of the beads"
   param r_p       : dm         = 4.25e-4               "radius of a bead"

@@ -6,7 +6,7 @@ use std::sync::{Arc, OnceLock};
 
 use smpl_compiler::artefact;
 use smpl_compiler::compiled::CompiledModel;
-use smpl_compiler::ir::{Expr, ExprId, Exprs, Flavour, Place, Program, Role, VarId};
+use smpl_compiler::ir::{Expr, ExprId, Exprs, Flavour, Nest, Place, Program, Role, VarId};
 use smpl_compiler::layout::{Part, Region};
 use smpl_compiler::model::{Model, Solver, Variate};
 use smpl_dsl::diagnostic::SourceMap;
@@ -117,6 +117,8 @@ pub struct Setup {
     pub(crate) max_events: u32,
     /// `finish` reads time derivatives, which then must be those of the final state.
     pub(crate) derivatives_at_end: bool,
+    /// Most passes in which initial values that read what is known only at a consistent start get theirs.
+    pub(crate) start_passes: usize,
     pub(crate) has_start: bool,
     pub(crate) has_end: bool,
     pub(crate) has_disturbances: bool,
@@ -186,6 +188,7 @@ impl Setup {
             max_steps,
             max_events: options.max_events.map_or(interface.solver.max_events, NonZeroU32::get),
             derivatives_at_end: finish_reads_derivatives(&model),
+            start_passes: start_passes(&model),
             has_start: !programs.start.nests.is_empty(),
             has_end: !programs.end.nests.is_empty(),
             has_disturbances: !programs.disturb.nests.is_empty(),
@@ -488,4 +491,35 @@ fn any_expression(exprs: &Exprs, mut todo: Vec<ExprId>, holds: impl Fn(&Expr) ->
         todo.extend(exprs.operands(e));
     }
     false
+}
+
+/// Number of elements whose initial value reads an algebraic unknown or a value at the start, and one pass that finds them settled.
+fn start_passes(model: &CompiledModel) -> usize {
+    const MOST: usize = 50;
+    let model = model.model();
+    let programs = [&model.programs.initial_states, &model.programs.initial_discretes];
+    let reads = |e: ExprId| {
+        let mut todo = vec![e];
+        let mut seen = std::collections::HashSet::new();
+        while let Some(e) = todo.pop() {
+            if !seen.insert(e) {
+                continue;
+            }
+            if let Expr::Load { var, flavour, .. } = model.exprs.node(e)
+                && (flavour == Flavour::Initial || (flavour == Flavour::Value && model.vars[var].role == Role::Algebraic))
+            {
+                return true;
+            }
+            todo.extend(model.exprs.operands(e));
+        }
+        false
+    };
+    let of_nest = |nest: &Nest| {
+        let passes: usize = nest.extents.iter().map(|&n| n as usize).product();
+        passes.saturating_mul(nest.stores.iter().filter(|s| reads(s.value)).count())
+    };
+    match programs.iter().flat_map(|p| &p.nests).map(of_nest).fold(0, usize::saturating_add) {
+        0 => 0,
+        many => many.min(MOST) + 1,
+    }
 }

@@ -1,6 +1,8 @@
 """The console script is the command line of the runtime."""
 
 import csv
+import json
+import re
 import subprocess
 import sys
 
@@ -59,3 +61,43 @@ def test_the_trajectory_goes_to_standard_output_where_it_is_asked_to():
     assert "param.mu_p" in drawn and drawn == list(rows[0])[-len(drawn) :]
     for name in drawn:
         assert float(rows[0][name]) == float(rows[-1][name]) == env.parameters[name.removeprefix("param.")]
+
+
+SUMS = """
+set s = 1..20
+domain z in 0..1 cells 5
+param k[s] = 0.5 in 0..1
+state c[z] = 1
+eq d/dt c[z] = -sum((k[i] + c[z]) / (1 + (k[i] + c[z])^2) for i in s) / 1 [s] for z
+"""
+
+
+def test_the_flat_model_says_what_depends_on_the_counter_of_a_sum(tmp_path):
+    (tmp_path / "m.eq").write_text(SUMS)
+    result = run("compile", str(tmp_path / "m.eq"), "--emit", "ir")
+    assert result.returncode == 0, result.stderr
+    # What the sum uses twice depends on the cell `i` and on the counter `j` of the sum.
+    part = re.search(r"^  (%\d+)(.*) = (.*k\[j\].*)$", result.stdout, re.MULTILINE)
+    assert part and part[2] == "(j)" and "c[i]" in part[3], result.stdout
+    row = next(line for line in result.stdout.splitlines() if "# row of c[i]" in line)
+    assert f"sum(j in 0..20: {part[1]}(j) / (1.0 + {part[1]}(j)^2))" in row
+
+
+def test_the_interface_says_where_each_name_is(tmp_path):
+    (tmp_path / "m.eq").write_text(
+        "set s = { a, b }\ndomain z in 0..1 cells 3\nstate c[s, z] = 1\nlet y : 1 = c[b,2]\nparam k[s] = 0.5\n"
+        "action u = 0 in 0..1\neq d/dt c[i, z] = -k[i]*c[i, z] / 1 [s] for i in s, z\n"
+    )
+    result = run("compile", str(tmp_path / "m.eq"), "--emit", "json")
+    interface = json.loads(result.stdout)
+    places = {
+        e["name"]: (e["array"], e["element"]) for kind in ("states", "parameters", "actions") for e in interface[kind]
+    }
+    names = [("a", 1), ("a", 2), ("a", 3), ("b", 1), ("b", 2), ("b", 3)]
+    assert places == {
+        **{f"c[{i},{k}]": ("c", at) for at, (i, k) in enumerate(names)},
+        "k[a]": ("k", 0),
+        "k[b]": ("k", 1),
+        "u": ("u", 0),
+    }
+    assert [(e["name"], e["array"], e["element"]) for e in interface["algebraics"]] == [("y", "out", 0)]

@@ -11,6 +11,8 @@ mod rewards;
 mod settings;
 mod unknown;
 
+pub use order::ordered_initial;
+
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Ident, Statement, StatementKind};
 use smpl_dsl::units::Unit;

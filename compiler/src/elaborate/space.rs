@@ -246,6 +246,17 @@ impl Elaborator<'_> {
         let (at_low, at_high) = (self.is_number(face.at, 0), self.is_number(face.at, n));
         let (Some(at_low), Some(at_high)) = (at_low, at_high) else { return Some(self.poison()) };
         let at = |s: &mut Self, by: i64| s.in_cell(symbol, index, span, face.at.shifted(by), face.domain, place);
+        let is_marked = self.faces.is_some() && self.is_directed(face);
+        if self.averaging || is_marked {
+            let beside = at(self, if at_low { 0 } else { -1 });
+            let marked = if is_marked { self.marked((symbol, index, span), face, place, &beside, self.averaging) } else { beside.clone() };
+            if !self.averaging || at_low || at_high {
+                return Some(if self.averaging { beside } else { marked });
+            }
+            let above = at(self, 0);
+            let expr = self.interpolate(face, beside.expr, above.expr);
+            return Some(Value { expr, unit: beside.unit });
+        }
         if at_low {
             return Some(at(self, 0));
         }
@@ -253,26 +264,34 @@ impl Elaborator<'_> {
             return Some(at(self, -1));
         }
         Some(match self.names.domains[face.domain].scheme {
-            Scheme::Upwind => at(self, -1),
+            Scheme::Upwind | Scheme::Upwind2 | Scheme::Limited => self.value_from_side(face, true, &mut |s, by| at(s, by)),
             Scheme::Downwind => at(self, 0),
             Scheme::Central => {
                 let (l, r) = (at(self, -1), at(self, 0));
                 let expr = self.interpolate(face, l.expr, r.expr);
                 Value { expr, unit: l.unit }
             }
-            scheme @ (Scheme::Upwind2 | Scheme::Limited) => {
-                let Some(second) = self.is_number(face.at, 1) else { return Some(self.poison()) };
-                let l = at(self, -1);
-                if second {
-                    // Only one cell lies below: first order here.
-                    return Some(l);
-                }
-                let (ll, r) = (at(self, -2), at(self, 0));
-                let expr =
-                    if scheme == Scheme::Upwind2 { self.extrapolate(ll.expr, l.expr) } else { self.limited(ll.expr, l.expr, r.expr) };
-                Value { expr, unit: l.unit }
-            }
         })
+    }
+
+    /// A value at an inner face by the domain's scheme, from below or from above; `cell` gives it in the cell so many above the face.
+    pub(super) fn value_from_side(&mut self, face: Face, below: bool, cell: &mut dyn FnMut(&mut Self, i64) -> Value) -> Value {
+        // The cell on that side, the one behind it, and the one across the face.
+        let (near, behind, across) = if below { (-1, -2, 0) } else { (0, 1, -1) };
+        let scheme = self.names.domains[face.domain].scheme;
+        if !matches!(scheme, Scheme::Upwind2 | Scheme::Limited) {
+            return cell(self, near);
+        }
+        let only = if below { 1 } else { self.names.domains[face.domain].cells - 1 };
+        let Some(is_only) = self.is_number(face.at, only) else { return self.poison() };
+        let l = cell(self, near);
+        if is_only {
+            // Only one cell lies on that side: first order here.
+            return l;
+        }
+        let (ll, r) = (cell(self, behind), cell(self, across));
+        let expr = if scheme == Scheme::Upwind2 { self.extrapolate(ll.expr, l.expr) } else { self.limited(ll.expr, l.expr, r.expr) };
+        Value { expr, unit: l.unit }
     }
 
     /// Position of the axis whose index is the face of `domain`.
@@ -284,7 +303,7 @@ impl Elaborator<'_> {
     }
 
     /// The field in one cell, with the face's index bound to it.
-    fn in_cell(&mut self, symbol: SymbolId, index: &[Expr], span: Span, cell: Cell, domain: DomainId, place: &Place) -> Value {
+    pub(super) fn in_cell(&mut self, symbol: SymbolId, index: &[Expr], span: Span, cell: Cell, domain: DomainId, place: &Place) -> Value {
         let mut inner = place.clone();
         inner.face = None;
         for e in index {
@@ -297,7 +316,7 @@ impl Elaborator<'_> {
         self.symbol_value(symbol, index, span, &inner)
     }
 
-    fn interpolate(&mut self, face: Face, l: ExprId, r: ExprId) -> ExprId {
+    pub(super) fn interpolate(&mut self, face: Face, l: ExprId, r: ExprId) -> ExprId {
         if self.is_uniform(face.domain) {
             let half = self.exprs.constant(0.5);
             let sum = self.exprs.add(l, r);
@@ -393,7 +412,7 @@ impl Elaborator<'_> {
         self.value(e, &inner)
     }
 
-    /// `upwind(v, c[z])`: the field from the side that the flow comes from.
+    /// `upwind(v, c[z])`: the field from the side that the flow comes from, by the domain's scheme where that is a directed one.
     pub(super) fn upwind(&mut self, span: Span, velocity: &Expr, field: &Expr, place: &Place) -> Value {
         let Some(face) = place.face else {
             return self.fault(Diagnostic::error(codes::MISPLACED_FUNCTION, "`upwind` has a meaning inside a `flux` only", span));
@@ -402,10 +421,22 @@ impl Elaborator<'_> {
         let (Some(low), Some(high)) = (self.is_number(face.at, 0), self.is_number(face.at, n)) else {
             return self.poison();
         };
+        let averaging = std::mem::replace(&mut self.averaging, true);
         let v = self.value(velocity, place);
-        let l = self.beside(face, if low { 0 } else { -1 }, field, place);
-        let r = self.beside(face, if high { -1 } else { 0 }, field, place);
-        if l.is_poison() || r.is_poison() || v.is_poison() {
+        self.averaging = averaging;
+        if v.is_poison() {
+            return v;
+        }
+        if low || high {
+            return self.beside(face, if low { 0 } else { -1 }, field, place);
+        }
+        let sign = self.interval(v.expr);
+        let side = |s: &mut Self, below: bool| s.value_from_side(face, below, &mut |s, by| s.beside(face, by, field, place));
+        if sign.has_sign() {
+            return side(self, sign.is_not_negative());
+        }
+        let (l, r) = (side(self, true), side(self, false));
+        if l.is_poison() || r.is_poison() {
             return self.poison();
         }
         let zero = self.exprs.constant(0.0);
@@ -416,6 +447,14 @@ impl Elaborator<'_> {
 
     /// A flux at a face, with its leading indices bound.
     fn flux_at(&mut self, symbol: SymbolId, leading: &[Bound], face: Face, place: &Place) -> Value {
+        // It may stand in another flux, whose face values are not its own.
+        let (faces, averaging) = (self.faces.take(), std::mem::take(&mut self.averaging));
+        let v = self.own_flux_at(symbol, leading, face, place);
+        (self.faces, self.averaging) = (faces, averaging);
+        v
+    }
+
+    fn own_flux_at(&mut self, symbol: SymbolId, leading: &[Bound], face: Face, place: &Place) -> Value {
         let SymbolKind::Flux { flux, binders, .. } = self.names.symbols[symbol].kind.clone() else { return self.poison() };
         self.expanded.insert(symbol);
         let n = self.names.domains[face.domain].cells;
@@ -436,15 +475,19 @@ impl Elaborator<'_> {
         } else {
             None
         };
+        let mut at_face = inner.clone();
+        if let Some(z) = binders.last() {
+            at_face = at_face.bind(z, Bound::Face(face.domain, face.at));
+        }
+        at_face.face = Some(face);
         if let Some(e) = end {
-            let v = self.value(e, &inner);
+            let mut v = self.value(e, &inner);
+            if self.is_directed(face) {
+                v = self.entering(v, flux, low, &at_face);
+            }
             return self.flux_in_unit(v, flux, e.span, &inner);
         }
-        if let Some(z) = binders.last() {
-            inner = inner.bind(z, Bound::Face(face.domain, face.at));
-        }
-        inner.face = Some(face);
-        let v = self.value(&flux.inner, &inner);
+        let v = if self.is_directed(face) && !low && !high { self.directed(flux, &at_face) } else { self.value(&flux.inner, &at_face) };
         self.flux_in_unit(v, flux, flux.inner.span, &inner)
     }
 

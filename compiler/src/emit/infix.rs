@@ -2,7 +2,7 @@
 
 use super::COUNTERS;
 use crate::ir::hash::FastMap;
-use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, Flavour, VarId};
+use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, Flavour, MAX_DEPTH, VarId};
 use crate::model::Model;
 
 /// Longer parts get a name of their own.
@@ -21,16 +21,19 @@ enum Tightness {
     Atom,
 }
 
-/// Prints expressions; what is used several times is printed once, in `parts`.
+/// Prints expressions; what is used several times is printed once, in `parts`. A part that depends on the counter of a sum is a
+/// function of it, `%7(j)`.
 pub(super) struct Printer<'m> {
     model: &'m Model,
+    /// Loops around the expressions.
+    depth: usize,
     done: FastMap<ExprId, (String, Tightness)>,
     pub(super) parts: Vec<String>,
 }
 
 impl<'m> Printer<'m> {
-    pub(super) fn new(model: &'m Model) -> Self {
-        Printer { model, done: FastMap::default(), parts: vec![] }
+    pub(super) fn new(model: &'m Model, depth: usize) -> Self {
+        Printer { model, depth, done: FastMap::default(), parts: vec![] }
     }
 
     /// The text of an expression.
@@ -49,13 +52,22 @@ impl<'m> Printer<'m> {
             let (text, tightness) = self.node(self.model.exprs.node(expr));
             let repeated = uses.get(&expr).is_some_and(|&n| n > 1) && tightness < Tightness::Atom;
             if (repeated || text.len() > LONGEST) && expr != root {
-                self.parts.push(format!("%{} = {text}", expr.as_u32()));
-                self.done.insert(expr, (format!("%{}", expr.as_u32()), Tightness::Atom));
+                let name = self.name(expr);
+                self.parts.push(format!("{name} = {text}"));
+                self.done.insert(expr, (name, Tightness::Atom));
             } else {
                 self.done.insert(expr, (text, tightness));
             }
         }
         self.text(root, Tightness::Or)
+    }
+
+    /// The name of a part, with the counters of sums that it depends on.
+    fn name(&self, expr: ExprId) -> String {
+        let free = self.model.exprs.free(expr);
+        let counters: Vec<&str> = (self.depth..MAX_DEPTH).filter(|d| free & (1 << d) != 0).map(counter).collect();
+        let arguments = if counters.is_empty() { String::new() } else { format!("({})", counters.join(", ")) };
+        format!("%{}{arguments}", expr.as_u32())
     }
 
     /// A part, in parentheses if it binds less tightly than its place wants.

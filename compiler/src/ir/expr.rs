@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use cranelift_entity::{PrimaryMap, entity_impl};
+use cranelift_entity::{EntityRef, entity_impl};
 use serde::{Deserialize, Serialize};
 
 use super::VarId;
@@ -231,16 +231,16 @@ pub type Rewritten = FastMap<ExprId, ExprId>;
 /// The arena of nodes; equal nodes are one.
 #[derive(Clone, Default)]
 pub struct Exprs {
-    nodes: PrimaryMap<ExprId, Expr>,
+    nodes: Vec<Expr>,
     /// Free loop counters of each node, one bit a depth, and [`DERIVATIVE`].
-    free: PrimaryMap<ExprId, u8>,
+    free: Vec<u8>,
     index: FastMap<Expr, ExprId>,
 }
 
 /// Only the nodes are written; what follows from them is computed again when they are read.
 impl Serialize for Exprs {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_seq(self.nodes.values())
+        serializer.collect_seq(&self.nodes)
     }
 }
 
@@ -260,7 +260,7 @@ impl<'de> Deserialize<'de> for Exprs {
 
 impl fmt::Debug for Exprs {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_map().entries(self.nodes.iter()).finish()
+        f.debug_map().entries(self.nodes.iter().enumerate().map(|(i, node)| (ExprId::new(i), node))).finish()
     }
 }
 
@@ -268,7 +268,7 @@ impl Exprs {
     /// The node of an id.
     #[must_use]
     pub fn node(&self, id: ExprId) -> Expr {
-        self.nodes[id]
+        self.nodes[id.index()]
     }
 
     /// Number of nodes.
@@ -283,6 +283,14 @@ impl Exprs {
         self.nodes.is_empty()
     }
 
+    /// Forgets the nodes from the `len`-th on: nothing may hold one of them.
+    pub fn truncate(&mut self, len: usize) {
+        for node in self.nodes.drain(len.min(self.nodes.len())..) {
+            self.index.remove(&node);
+        }
+        self.free.truncate(len);
+    }
+
     /// One more than the deepest *free* loop counter; 0 where the value is one number for a whole nest.
     #[must_use]
     pub fn depth(&self, id: ExprId) -> u8 {
@@ -292,19 +300,19 @@ impl Exprs {
     /// The *free* loop counters, bit `d` for the counter at depth `d`.
     #[must_use]
     pub fn free(&self, id: ExprId) -> u8 {
-        self.free[id] & !DERIVATIVE
+        self.free[id.index()] & !DERIVATIVE
     }
 
     /// Whether the node or something in it is the time derivative of a variable.
     #[must_use]
     pub fn has_derivative(&self, id: ExprId) -> bool {
-        self.free[id] & DERIVATIVE != 0
+        self.free[id.index()] & DERIVATIVE != 0
     }
 
     /// The number of a constant.
     #[must_use]
     pub fn as_const(&self, id: ExprId) -> Option<f64> {
-        match self.nodes[id] {
+        match self.nodes[id.index()] {
             Expr::Const(bits) => Some(f64::from_bits(bits)),
             _ => None,
         }
@@ -313,12 +321,12 @@ impl Exprs {
     /// Whether the node has a truth value.
     #[must_use]
     pub fn is_truth(&self, id: ExprId) -> bool {
-        matches!(self.nodes[id], Expr::Truth(_) | Expr::Compare(..) | Expr::And(..) | Expr::Or(..) | Expr::Not(_))
+        matches!(self.nodes[id.index()], Expr::Truth(_) | Expr::Compare(..) | Expr::And(..) | Expr::Or(..) | Expr::Not(_))
     }
 
     /// The nodes that a node uses directly.
     pub fn operands(&self, id: ExprId) -> impl Iterator<Item = ExprId> + use<> {
-        Self::operands_of(self.nodes[id])
+        Self::operands_of(self.nodes[id.index()])
     }
 
     fn operands_of(node: Expr) -> impl Iterator<Item = ExprId> {
@@ -342,10 +350,11 @@ impl Exprs {
                 let derivative = if flavour == Flavour::Derivative { DERIVATIVE } else { 0 };
                 (0..MAX_DEPTH).filter(|&d| at.strides[d] != 0).map(|d| 1 << d).sum::<u8>() | derivative
             }
-            Expr::Reduce { depth, body, .. } => self.free[body] & !(1 << depth.0),
-            _ => Self::operands_of(node).fold(0, |mask, o| mask | self.free[o]),
+            Expr::Reduce { depth, body, .. } => self.free[body.index()] & !(1 << depth.0),
+            _ => Self::operands_of(node).fold(0, |mask, o| mask | self.free[o.index()]),
         };
-        let id = self.nodes.push(node);
+        let id = ExprId::new(self.nodes.len());
+        self.nodes.push(node);
         self.free.push(free);
         self.index.insert(node, id);
         id
@@ -388,7 +397,7 @@ impl Exprs {
         if let Some(x) = self.as_const(a) {
             return self.constant(f.apply(x));
         }
-        match (f, self.nodes[a]) {
+        match (f, self.nodes[a.index()]) {
             (UnaryFn::Neg, Expr::Unary(UnaryFn::Neg, inner)) => inner,
             (UnaryFn::Neg, Expr::Binary(BinaryFn::Sub, x, y)) => self.binary(BinaryFn::Sub, y, x),
             _ => self.intern(Expr::Unary(f, a)),
@@ -406,10 +415,10 @@ impl Exprs {
                 (Some(0.0), _) => return b,
                 (_, Some(0.0)) => return a,
                 _ => {
-                    if let Expr::Unary(UnaryFn::Neg, n) = self.nodes[b] {
+                    if let Expr::Unary(UnaryFn::Neg, n) = self.nodes[b.index()] {
                         return self.binary(BinaryFn::Sub, a, n);
                     }
-                    if let Expr::Unary(UnaryFn::Neg, n) = self.nodes[a] {
+                    if let Expr::Unary(UnaryFn::Neg, n) = self.nodes[a.index()] {
                         return self.binary(BinaryFn::Sub, b, n);
                     }
                 }
@@ -424,7 +433,7 @@ impl Exprs {
                 if a == b {
                     return self.constant(0.0);
                 }
-                if let Expr::Unary(UnaryFn::Neg, n) = self.nodes[b] {
+                if let Expr::Unary(UnaryFn::Neg, n) = self.nodes[b.index()] {
                     return self.binary(BinaryFn::Add, a, n);
                 }
             }
@@ -524,7 +533,7 @@ impl Exprs {
 
     /// Conjunction.
     pub fn and(&mut self, a: ExprId, b: ExprId) -> ExprId {
-        match (self.nodes[a], self.nodes[b]) {
+        match (self.nodes[a.index()], self.nodes[b.index()]) {
             (Expr::Truth(false), _) | (_, Expr::Truth(true)) => a,
             (Expr::Truth(true), _) | (_, Expr::Truth(false)) => b,
             _ if a == b => a,
@@ -534,7 +543,7 @@ impl Exprs {
 
     /// Disjunction.
     pub fn or(&mut self, a: ExprId, b: ExprId) -> ExprId {
-        match (self.nodes[a], self.nodes[b]) {
+        match (self.nodes[a.index()], self.nodes[b.index()]) {
             (Expr::Truth(true), _) | (_, Expr::Truth(false)) => a,
             (Expr::Truth(false), _) | (_, Expr::Truth(true)) => b,
             _ if a == b => a,
@@ -544,7 +553,7 @@ impl Exprs {
 
     /// Negation.
     pub fn not(&mut self, a: ExprId) -> ExprId {
-        match self.nodes[a] {
+        match self.nodes[a.index()] {
             Expr::Truth(v) => self.truth(!v),
             Expr::Not(inner) => inner,
             _ => self.intern(Expr::Not(a)),
@@ -556,7 +565,7 @@ impl Exprs {
         if a == b {
             return a;
         }
-        if let Expr::Truth(v) = self.nodes[c] {
+        if let Expr::Truth(v) = self.nodes[c.index()] {
             return if v { a } else { b };
         }
         if self.is_truth(a) || self.is_truth(b) {
@@ -645,7 +654,7 @@ impl Exprs {
             if done.contains_key(&id) || !concerned(self, id) {
                 continue;
             }
-            let node = self.nodes[id];
+            let node = self.nodes[id.index()];
             if entered {
                 let copy = self.rebuild(node, |o| done.get(&o).copied().unwrap_or(o));
                 done.insert(id, copy);

@@ -8,7 +8,7 @@ param U        : 1/s = 0.5     "heat transfer over heat capacity"
 param heat     : K  = 40       "adiabatic rise"
 param k_0      : 1/s = 3e7     "pre-exponential factor"
 param E_R      : K  = 6000     "activation energy over the gas constant"
-param v        : 1/s = 1       "velocity over length"
+param v        : 1/s = 1 in 0..inf    "velocity over length"
 
 action T_j : K = 330 in 300..360    "jacket"
 

@@ -1,5 +1,6 @@
 //! `smpl compile`
 
+use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -11,7 +12,7 @@ use smpl_compiler::model::Quantity;
 
 use super::report::Failed;
 use super::{ModelArguments, outputs, say};
-use crate::catalogue::{Catalogue, Family};
+use crate::catalogue::{Catalogue, Element, Family};
 use crate::files::write_whole;
 use crate::load::{self, ARTEFACT_EXTENSION};
 use crate::setup::linear_solver;
@@ -131,13 +132,46 @@ fn method(model: &std::sync::Arc<CompiledModel>) -> Result<String, Failed> {
     Ok(format!("{}, exact", factorisation.method()))
 }
 
-/// Names, units and bounds of all that is seen from outside.
+/// The array that holds each element with a public name, by its name in the flat model, and the element's number in it. What is no
+/// variable of its own is an output.
+fn places(model: &CompiledModel) -> HashMap<String, (String, usize)> {
+    let interface = model.interface();
+    let lists = [
+        &interface.states,
+        &interface.algebraics,
+        &interface.discretes,
+        &interface.actions,
+        &interface.disturbances,
+        &interface.parameters,
+    ];
+    let mut places = HashMap::new();
+    for list in lists {
+        let mut output = 0;
+        for quantity in list {
+            for element in 0..quantity.len() {
+                let place = match quantity.var {
+                    Some(var) => (model.model().vars[var].name.clone(), element),
+                    None => ("out".to_owned(), output),
+                };
+                places.insert(quantity.element_name(element), place);
+                output += 1;
+            }
+        }
+    }
+    places
+}
+
+/// Names, units, bounds and places of all that is seen from outside.
 fn interface_json(model: &CompiledModel) -> Result<String, Failed> {
     let interface = model.interface();
     let catalogue = Catalogue::new(model);
+    let places = places(model);
     let family = |family: &Family| -> Vec<_> {
-        let elements = family.elements().iter();
-        elements.map(|e| json!({"name": e.name, "unit": e.unit, "low": e.low, "high": e.high, "default": e.default})).collect()
+        let described = |e: &Element| {
+            let (array, element) = places.get(&e.name).map_or((None, None), |(array, element)| (Some(array), Some(element)));
+            json!({"name": e.name, "unit": e.unit, "low": e.low, "high": e.high, "default": e.default, "array": array, "element": element})
+        };
+        family.elements().iter().map(described).collect()
     };
     let observations: Vec<_> = interface
         .observations

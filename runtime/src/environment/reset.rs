@@ -132,10 +132,8 @@ impl Environment {
         set_parameters(&mut self.system, &given);
         check_parameters(&setup.catalogue.parameters, self.system.region(Region::Param))?;
         self.find_steady_state(options.start)?;
-        self.initial_states(options)?;
-        self.initial_rest(options)?;
         self.set_replay(options)?;
-        self.make_consistent()?;
+        self.initial_values(options)?;
         self.refuse_broken_start()?;
         self.first_observation()?;
         self.progress.phase = Phase::Running;
@@ -188,6 +186,48 @@ impl Environment {
         Ok(())
     }
 
+    /// States, discrete variables and what the algebraic equations make of them. Initial values that read algebraic unknowns are worked
+    /// out from their guesses first, and again from the solution, as often as one such value needs another.
+    fn initial_values(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
+        self.initial_states(options)?;
+        self.initial_rest(options)?;
+        self.make_consistent()?;
+        for passes_left in (0..self.setup.start_passes).rev() {
+            let first = self.setup.model().states();
+            let solved = self.progress.y[first..].to_vec();
+            let states = self.progress.y[..first].to_vec();
+            let discretes = self.system.region(Region::Discrete).to_vec();
+            self.initial_states(options)?;
+            self.progress.y[first..].copy_from_slice(&solved);
+            if options.start != Start::Steady {
+                self.run_initial_states(options)?;
+            }
+            self.initial_rest(options)?;
+            let tolerance = 1e-6_f64.max(10.0 * self.setup.model().interface().solver.rtol);
+            let moved = |old: &[f64], new: &[f64]| {
+                let far = |(a, b): (&f64, &f64)| (a - b).abs() > tolerance * a.abs().max(b.abs());
+                old.iter().zip(new).position(|pair| far(pair))
+            };
+            let state = moved(&states, &self.progress.y[..first]);
+            let discrete = moved(&discretes, self.system.region(Region::Discrete));
+            if state.is_none() && discrete.is_none() {
+                // What differs by rounding stays what the algebraic equations were solved for.
+                self.progress.y[..first].copy_from_slice(&states);
+                self.system.region_mut(Region::Discrete).copy_from_slice(&discretes);
+                return Ok(());
+            }
+            if passes_left == 0 {
+                let families = [(&self.setup.catalogue.states, state), (&self.setup.catalogue.discretes, discrete)];
+                let found = families.into_iter().find_map(|(f, at)| f.elements().iter().find(|e| Some(e.at) == at));
+                let name = found.map_or_else(String::new, |e| format!(" of `{}`", e.name));
+                let message = format!("the initial value{name} depends on an algebraic variable that depends on it");
+                return Err(ResetError::Inconsistent { message });
+            }
+            self.make_consistent()?;
+        }
+        Ok(())
+    }
+
     fn initial_states(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
         let setup = std::sync::Arc::clone(&self.setup);
         let states = &setup.catalogue.states;
@@ -201,6 +241,12 @@ impl Environment {
             let steady = self.system.region(Region::Steady(Part::Y));
             self.progress.y[first..].copy_from_slice(&steady[first..]);
         }
+        self.run_initial_states(options)
+    }
+
+    fn run_initial_states(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
+        let setup = std::sync::Arc::clone(&self.setup);
+        let states = &setup.catalogue.states;
         let (model, memory) = self.system.parts();
         if options.start == Start::Steady {
             self.progress.y.copy_from_slice(memory.region(Region::Steady(Part::Y)));

@@ -32,19 +32,27 @@ class Domain:
         power, factor = GEOMETRIES[self.geometry]
         return factor * power * self.edge(world, face) ** (power - 1)
 
-    def at_face(self, face: int, cells: Sequence[Number]) -> Number:
-        """The value at a face; the cell beside the end where there is none beyond."""
+    def at_face(self, face: int, cells: Sequence[Number], forward: bool = True) -> Number:
+        """The value at a face; the cell beside the end where there is none beyond. `forward`: the flow goes up."""
         if face in (0, self.cells):
             return cells[0] if face == 0 else cells[-1]
         low, high = cells[face - 1], cells[face]
         if self.scheme in ("downwind", "central"):
             return high if self.scheme == "downwind" else (low + high) / 2
-        if self.scheme == "upwind" or face == 1:
-            return low
-        before, after = low - cells[face - 2], high - low
+        # Cells in the direction of the flow, the last one behind the face.
+        behind, ahead = (cells[:face], high) if forward else (cells[: face - 1 : -1], low)
+        near = behind[-1]
+        if self.scheme == "upwind" or len(behind) == 1:
+            return near
+        before, after = near - behind[-2], ahead - near
         if self.scheme == "upwind2":
-            return low + before / 2
-        return low + before * after / (before + after) if real(before) * real(after) > 0 else low
+            return near + before / 2
+        return near + before * after / (before + after) if real(before) * real(after) > 0 else near
+
+    @property
+    def directed(self) -> bool:
+        """Whether the scheme follows the flow."""
+        return self.scheme in ("upwind", "upwind2", "limited")
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """Random models on spatial domains, with an evaluation of their own from the documented formulas."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -8,7 +9,9 @@ import numpy as np
 from .domains import GEOMETRIES, SCHEMES, Domain, Field, Flux
 from .terms import (
     FUNCTIONS,
+    POWER,
     PRODUCT,
+    SUM,
     Definitions,
     Expr,
     Key,
@@ -19,12 +22,31 @@ from .terms import (
     constant,
     greatest,
     infix,
+    real,
 )
 
 SPECIES = ("A", "B", "C")
 
 Bound = Mapping[str, tuple[int, int]]  # cells of a bound domain, places of a bound species
 T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Velocity:
+    """A factor of face values; `turns`: nothing declared tells its sign, and it is known at the ends."""
+
+    factor: Expr
+    turns: bool = False
+
+
+@dataclass(frozen=True)
+class Flow:
+    """What a flux carries; the velocity that may be given at an end, its direction there, what it carries out."""
+
+    inside: Expr
+    given: Velocity | None
+    forward: Callable[[World, Scope], bool]
+    carried: Callable[[World, Scope], Number]
 
 
 class RandomSpace:
@@ -38,12 +60,16 @@ class RandomSpace:
         self.roles: dict[str, list[Field]] = {"param": [], "action": [Field("u", ())], "state": [], "var": []}
         self.statements = ["set species = { A, B, C }", "action u = 0.5 in 0..2"]
         self.fluxes: list[Flux] = []
+        self.positive: list[Field] = []  # states that are declared so
         self.domains = {name: self._domain(name) for name in "zr"}
         shapes = ((), ("z",), ("r",), ("z", "r"), ("i", "z"))
         for k, axes in enumerate([("z",), ("r",), *(self.pick(shapes) for _ in range(self.random.integers(3)))]):
             field = Field(f"x{k}", axes)
             self.roles["state"].append(field)
-            self.statements.append(f"state {self._declared(field)} = 1")
+            if self.chance(0.5):
+                self.positive.append(field)
+            bounds = " in 0..inf" if field in self.positive else ""
+            self.statements.append(f"state {self._declared(field)} = 1{bounds}")
         for k in range(self.random.integers(1, 4)):
             self._var(f"v{k}")
         for k in range(self.random.integers(1, 4)):
@@ -207,23 +233,114 @@ class RandomSpace:
         axes = self.pick((("z",), ("r",), ("z", "r"), ("i", "z")))
         d, leading = self.domains[axes[-1]], self._whole(axes[:-1])
         field = Field(name, axes)
-        term = infix(self._face(d, leading), "-", infix(constant(0.1), "*", self._gradient(d, leading)))
-        edge = Expr(d.name, lambda w, s: d.edge(w, s[d.name]))
-        inside = infix(term, self.pick("+-*"), infix(edge, "*", self._face(d, leading)))
-        low, high = (self.expression(leading, 1) if self.chance(0.6) else None for _ in range(2))
+        kind = self.pick(("terms", "terms", "terms", "product", "named"))
+        flow = {"terms": self._terms, "product": self._product, "named": self._named}[kind](d, leading)
+        inside = infix(flow.inside, "-", infix(constant(0.1), "*", self._gradient(d, leading)))
+        low, high = (self._end(d, flow, side) if self.chance(0.6) else None for side in ("low", "high"))
         ends = "".join(f", {side} = {e.text}" for side, e in (("low", low), ("high", high)) if e)
         self.statements.append(f"flux {self._declared(field)} = {inside.text}{ends}")
         self.fluxes.append(Flux(field, inside, (low, high)))
 
-    def _cells(self, d: Domain, leading: Bound) -> tuple[Expr, Callable[[World, Scope], list[Number]]]:
+    def _velocity(self, d: Domain, leading: Bound) -> "Velocity":
+        """A factor of face values: of one sign by what is declared, or of any sign."""
+        e = self.digits()
+        form = self.pick(("number", "bounded", "action", "action", "state", "state", "place"))
+        if form == "number":
+            return Velocity(constant(-e.value(None, {}) if self.chance(0.5) else e.value(None, {})))
+        u = Expr("u", lambda w, s: w.get(("u", ())))
+        if form == "bounded":
+            return Velocity(infix(u, "*", e) if self.chance(0.5) else infix(constant(-1.0), "*", u))
+        if form == "place":
+            edge = Expr(d.name, lambda w, s: d.edge(w, s[d.name]))
+            return Velocity(infix(edge, "-", infix(e, "*", Expr(d.length, lambda w, s: w.get((d.length, ()))))))
+        other = (
+            u if form == "action" else self._element(self.pick(self.roles["state"]), {a: leading[a] for a in leading})
+        )
+        return Velocity(infix(other, "-", e) if self.chance(0.5) else infix(e, "-", other), turns=True)
+
+    def _terms(self, d: Domain, leading: Bound) -> "Flow":
+        """Fields with a factor each; a field with two factors follows their sum."""
+        terms = [(self._velocity(d, leading), *self._cells(d, leading)) for _ in range(self.random.integers(1, 3))]
+        if len(terms) == 2 and all(v.factor.text.strip("-").replace(".", "").isdigit() for v, _, _ in terms):
+            terms.pop()
+
+        def along(world: World, scope: Scope, k: int) -> list[int]:
+            """The terms with the field of one of them: indices may meet in one element."""
+            own = terms[k][2](world, scope)[0]
+            return [j for j, (_, _, cells) in enumerate(terms) if cells(world, scope)[0] is own]
+
+        def speed(world: World, scope: Scope, k: int = 0) -> Number:
+            return sum(terms[j][0].factor.value(world, scope) for j in along(world, scope, k))
+
+        def part(world: World, scope: Scope, k: int = 0) -> Number:
+            total = speed(world, scope, k)
+            return total * d.at_face(scope[d.name], terms[k][2](world, scope), real(total) >= 0)
+
+        def value(world: World, scope: Scope) -> Number:
+            return sum(part(world, scope, k) for k in range(len(terms)) if along(world, scope, k)[0] == k)
+
+        text = " + ".join(f"{v.factor.within(POWER)}*{e.text}" for v, e, _ in terms)
+        given = terms[0][0] if terms[0][0].turns else None
+        return Flow(Expr(text, value, 4.0, SUM), given, lambda w, s: real(speed(w, s)) >= 0, part)
+
+    def _product(self, d: Domain, leading: Bound) -> "Flow":
+        """Positive fields of one product come from one side."""
+        v = self._velocity(d, leading)
+        fields = [f for f in self.positive if d.name in f.axes]
+        if not fields:
+            return self._terms(d, leading)
+        factors = [self._cells(d, leading, fields) for _ in range(2)]
+
+        def value(world: World, scope: Scope) -> Number:
+            total = v.factor.value(world, scope)
+            for _, cells in factors:
+                total = total * d.at_face(scope[d.name], cells(world, scope), real(v.factor.value(world, scope)) >= 0)
+            return total
+
+        text = f"{v.factor.within(POWER)}*{factors[0][0].text}*{factors[1][0].text}"
+        return Flow(Expr(text, value, 4.0, PRODUCT), None, lambda w, s: True, value)
+
+    def _named(self, d: Domain, leading: Bound) -> "Flow":
+        """A velocity with a value in each cell, named by `upwind`: its mean at the face."""
+        (v, speeds), (e, cells) = self._cells(d, leading), self._cells(d, leading)
+        shift = self.digits()
+
+        def value(world: World, scope: Scope) -> Number:
+            face, all_speeds = scope[d.name], speeds(world, scope)
+            if face in (0, d.cells):
+                speed = all_speeds[0 if face == 0 else -1]
+            else:
+                speed = (all_speeds[face - 1] + all_speeds[face]) / 2
+            forward = real(speed) >= real(shift.value(world, scope))
+            carried = cells(world, scope)
+            if d.directed or face in (0, d.cells):
+                return d.at_face(face, carried, forward)
+            return carried[face - 1] if forward else carried[face]
+
+        return Flow(Expr(f"upwind({v.text} - {shift.text}, {e.text})", value, 2.0), None, lambda w, s: True, value)
+
+    def _end(self, d: Domain, flow: "Flow", side: str) -> Expr:
+        """A given flux: by itself, or carried by the velocity, which holds while the flow enters."""
+        e = self.digits()
+        if flow.given is None or self.chance(0.4):
+            return e
+        carried = infix(flow.given.factor, "*", e)
+        face = 0 if side == "low" else d.cells
+
+        def value(world: World, scope: Scope) -> Number:
+            if not d.directed or flow.forward(world, scope) == (side == "low"):
+                return carried.value(world, scope)
+            return flow.carried(world, {**scope, d.name: face})
+
+        return Expr(carried.text, value, carried.size, carried.level)
+
+    def _cells(
+        self, d: Domain, leading: Bound, fields: list[Field] | None = None
+    ) -> tuple[Expr, Callable[[World, Scope], list[Number]]]:
         """An element of a field over the domain, and its values in all cells."""
-        fields = [f for role in ("state", "var") for f in self.roles[role] if d.name in f.axes]
+        fields = fields or [f for role in ("state", "var") for f in self.roles[role] if d.name in f.axes]
         e = self._element(self.pick(fields), {**leading, d.name: (1, d.cells)})
         return e, lambda w, s: [e.value(w, {**s, d.name: k}) for k in range(1, d.cells + 1)]
-
-    def _face(self, d: Domain, leading: Bound) -> Expr:
-        e, cells = self._cells(d, leading)
-        return Expr(e.text, lambda w, s: d.at_face(s[d.name], cells(w, s)), 2.0)
 
     def _gradient(self, d: Domain, leading: Bound) -> Expr:
         e, cells = self._cells(d, leading)

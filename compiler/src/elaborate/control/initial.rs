@@ -1,16 +1,15 @@
 //! The steady problem and the start of an episode.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
-use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Clip, Expr, ExprKind, Statement, StatementKind};
 
 use super::super::blocks::Piece;
 use super::super::items::Item;
 use super::super::names::{ScopeId, SymbolId, SymbolKind};
 use super::super::{Elaborator, Place, Site};
-use super::order::each_after_its_needs;
+use super::order::ordered_initial;
 use super::{each, store, stream_name};
-use crate::ir::{Affine, ExprId, FastMap, FastSet, Flavour, Nest, Place as Memory, Program, Role, Store, VarId};
+use crate::ir::{Affine, ExprId, FastMap, FastSet, Flavour, Nest, Place as Memory, Program, Role, VarId};
 use crate::model::{Instant, Quantity};
 
 impl<'a> Elaborator<'a> {
@@ -210,76 +209,11 @@ impl<'a> Elaborator<'a> {
                 nests.push(Nest { extents: Vec::new(), stores: vec![store(Memory::Var(var), Affine::constant(at), value)] });
             }
         }
-        states.nests = self.ordered(states.nests);
+        let (nests, cycles) = ordered_initial(states.nests, &self.exprs, &self.vars);
+        states.nests = nests;
+        cycles.into_iter().for_each(|d| self.report(d));
         self.model.programs.initial_states = states;
         self.model.programs.initial_discretes = discretes;
-    }
-
-    /// Nests of initial values so that each follows those whose results it reads; scalars that read nothing stay together, first.
-    fn ordered(&mut self, nests: Vec<Nest>) -> Vec<Nest> {
-        let mut list = Vec::with_capacity(nests.len());
-        for mut nest in nests {
-            if nest.extents.is_empty() && nest.stores.len() > 1 {
-                let (dependent, free): (Vec<Store>, Vec<Store>) =
-                    std::mem::take(&mut nest.stores).into_iter().partition(|s| !self.states_read(s.value).is_empty());
-                nest.stores = free;
-                list.push(nest);
-                list.extend(dependent.into_iter().map(|s| Nest { extents: Vec::new(), stores: vec![s] }));
-            } else {
-                list.push(nest);
-            }
-        }
-        let reads: Vec<Vec<(VarId, Affine)>> =
-            list.iter().map(|n| n.stores.iter().flat_map(|s| self.states_read(s.value)).collect()).collect();
-        if reads.iter().all(Vec::is_empty) {
-            return list;
-        }
-        let writes: Vec<Vec<(VarId, Affine)>> = list
-            .iter()
-            .map(|n| {
-                let target = |s: &Store| match s.target.place {
-                    Memory::Var(var) => Some((var, s.target.at)),
-                    _ => None,
-                };
-                n.stores.iter().filter_map(target).collect()
-            })
-            .collect();
-        let meets = |a: &(VarId, Affine), b: &(VarId, Affine)| a.0 == b.0 && (a.1 == b.1 || !a.1.is_constant() || !b.1.is_constant());
-        let needs = |i: usize| {
-            let own = |j: usize| writes[j].iter().any(|w| writes[i].iter().any(|v| meets(v, w)));
-            let read = |j: usize| reads[i].iter().any(|r| writes[j].iter().any(|w| meets(r, w)));
-            // Of two that write the same element the later one holds.
-            (0..list.len()).filter(|&j| j != i && if own(j) { j < i } else { read(j) }).collect()
-        };
-        let (order, cycles) = each_after_its_needs(list.len(), needs);
-        for (i, j) in cycles {
-            let names: Vec<String> =
-                [i, j].iter().filter_map(|&k| writes[k].first()).map(|w| format!("`{}`", self.vars[w.0].name)).collect();
-            let span = writes[i].first().map_or_else(Span::default, |w| self.vars[w.0].span);
-            let message = format!("the initial values of {} need each other", names.join(" and "));
-            self.report(Diagnostic::error(codes::CYCLIC_DEFINITION, message, span));
-        }
-        let mut slots: Vec<Option<Nest>> = list.into_iter().map(Some).collect();
-        order.into_iter().filter_map(|i| slots[i].take()).collect()
-    }
-
-    /// States that an initial value reads.
-    fn states_read(&self, e: ExprId) -> Vec<(VarId, Affine)> {
-        let mut seen = FastSet::default();
-        let mut stack = vec![e];
-        let mut out = Vec::new();
-        while let Some(e) = stack.pop() {
-            if !seen.insert(e) {
-                continue;
-            }
-            if let crate::ir::Expr::Load { var, flavour: Flavour::Value, at } = self.exprs.node(e)
-                && self.vars[var].role == Role::State
-            {
-                out.push((var, at));
-            }
-            stack.extend(self.exprs.operands(e));
-        }
-        out
     }
 
     /// One `initial` statement at one place: a scalar, an element, or a whole array.

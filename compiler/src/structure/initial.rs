@@ -1,0 +1,65 @@
+//! Initial values that depend on algebraic variables.
+
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+
+use super::loads;
+use crate::elaborate::ordered_initial;
+use crate::ir::{FastMap, FastSet, Flavour, Place, Role, VarId};
+use crate::model::Model;
+
+/// Puts initial values into order again, now that explicit algebraic variables are known by what they consist of.
+///
+/// # Errors
+/// Initial values that need each other, through algebraic variables that are solved for too.
+pub fn order(model: &mut Model) -> Result<(), Vec<Diagnostic>> {
+    let nests = std::mem::take(&mut model.programs.initial_states.nests);
+    let (nests, mut faults) = ordered_initial(nests, &model.exprs, &model.vars);
+    model.programs.initial_states.nests = nests;
+    faults.extend(circular(model));
+    if faults.is_empty() { Ok(()) } else { Err(faults) }
+}
+
+/// Scalars whose initial value needs an algebraic unknown that is solved for with it.
+fn circular(model: &Model) -> Vec<Diagnostic> {
+    let all = |e| loads(&model.exprs, e, |_, flavour| matches!(flavour, Flavour::Value | Flavour::Initial));
+    let vars_in = |e| all(e).into_iter().map(|(var, ..)| var).collect::<Vec<_>>();
+    let is_held = |var: VarId| matches!(model.vars[var].role, Role::State | Role::Discrete);
+    // What a variable needs: of an algebraic one what its equation reads, of others what their initial values read.
+    let mut needs: FastMap<VarId, Vec<VarId>> = FastMap::default();
+    for row in model.rows.iter().filter(|r| model.vars[r.var].role == Role::Algebraic) {
+        let read = vars_in(row.residual).into_iter().filter(|v| *v != row.var);
+        needs.entry(row.var).or_default().extend(read);
+    }
+    if needs.is_empty() {
+        return Vec::new();
+    }
+    let programs = [&model.programs.initial_states, &model.programs.initial_discretes];
+    for store in programs.into_iter().flat_map(|p| &p.nests).flat_map(|n| &n.stores) {
+        if let Place::Var(var) = store.target.place {
+            // The last one holds.
+            needs.insert(var, vars_in(store.value));
+        }
+    }
+    let reaches = |from: VarId| {
+        let mut seen = FastSet::default();
+        let mut stack = needs.get(&from).cloned().unwrap_or_default();
+        while let Some(var) = stack.pop() {
+            if var == from {
+                return true;
+            }
+            if seen.insert(var) {
+                stack.extend(needs.get(&var).into_iter().flatten());
+            }
+        }
+        false
+    };
+    let own = model.vars.iter().filter(|&(id, v)| v.len == 1 && is_held(id));
+    let circular = own.filter(|&(id, _)| reaches(id));
+    circular
+        .map(|(_, v)| {
+            let message = format!("the initial value of `{}` needs an algebraic variable that depends on it", v.name);
+            Diagnostic::error(codes::CYCLIC_DEFINITION, message, v.span)
+                .help("write the initial value out, or make the algebraic variable's equation hold at the start by another state")
+        })
+        .collect()
+}

@@ -1,0 +1,52 @@
+"""Initial values that depend on algebraic variables, which are solved for at the start."""
+
+import numpy as np
+import pytest
+
+import smpl
+
+SOURCE = """
+state v = 0
+state y = 0
+state q = 0
+state x = 1
+initial v = 5*w
+initial y = 10*z
+initial q = 3*z + r
+initial x ~ uniform(3, 5)
+var w
+var z = 1
+var r = 1
+eq w = 2*x
+eq z^3 + z = x + 6
+eq r^3 + r = y/10 + 8
+discrete d = z in 0..100
+discrete g = initial(z) in 0..100
+observe d, g in 0..100
+eq d/dt v = -v / 1 [s]
+eq d/dt y = -y / 1 [s]
+eq d/dt q = -q / 1 [s]
+eq d/dt x = -x / 1 [s]
+action u = 0 in 0..1
+episode { step = 1 [s], max_steps = 2 }
+"""
+
+
+def root(c: float) -> float:
+    """Of z^3 + z = c."""
+    return float(np.real(next(z for z in np.roots([1, 0, 1, -c]) if abs(z.imag) < 1e-9)))
+
+
+@pytest.mark.parametrize("options", [{}, {"state": {"x": 4.0}}])
+def test_initial_values_follow_the_solution(options):
+    env = smpl.Env(smpl.compile(source=SOURCE), normalize=False)
+    observation, _ = env.reset(seed=1, options=options)
+    state = dict(zip(env.model.state_names, env.state, strict=True))
+    if options:
+        assert state["x"] == 4
+    z = root(state["x"] + 6)
+    if not options:
+        assert state["v"] == pytest.approx(10 * state["x"], rel=1e-12)
+    assert state["y"] == pytest.approx(10 * z, rel=1e-8)
+    assert state["q"] == pytest.approx(3 * z + root(z + 8), rel=1e-8)
+    np.testing.assert_allclose(observation, [z, z], rtol=1e-6)
