@@ -14,7 +14,7 @@ mod rates;
 mod runs;
 mod whole;
 
-use smpl_dsl::diagnostic::Diagnostic;
+use smpl_dsl::diagnostic::Faults;
 
 use crate::elaborate::{Elaborated, Equation, EquationForm};
 use crate::ir::{Affine, Expr, ExprId, Exprs, Flavour, Role, VarId};
@@ -24,7 +24,7 @@ use crate::model::{Model, Row};
 ///
 /// # Errors
 /// Under- and over-determined parts and equations of high index, by name.
-pub fn analyse(elaborated: Elaborated) -> Result<(Model, Vec<Diagnostic>), Vec<Diagnostic>> {
+pub fn analyse(elaborated: Elaborated) -> Result<(Model, Faults), Faults> {
     let Elaborated { mut model, mut equations, runs, warnings } = elaborated;
     if runs {
         runs::write_out(&mut model, &mut equations);

@@ -215,7 +215,7 @@ fn compile_options(sources: &mut SourceMap, scenario: &Scenario, options: &LoadO
         let file = sources.add("initial of the scenario", text.clone());
         let parsed = smpl_dsl::parse(&text, file);
         if parsed.diagnostics.iter().any(Diagnostic::is_error) {
-            return Err(parsed.diagnostics);
+            return Err(parsed.diagnostics.shown());
         }
         out.overlay = parsed.file.statements;
     }

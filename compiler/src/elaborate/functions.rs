@@ -4,7 +4,7 @@ mod binders;
 mod reductions;
 mod tables;
 
-use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
+use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident};
 use smpl_dsl::units::Unit;
@@ -160,11 +160,11 @@ impl Elaborator<'_> {
                     .help(format!("multiply with `*`: `{name} * (...)`")),
             );
         }
-        let visible = self.names.visible(place.scope);
         let help = match name.as_str() {
             "log" => Some("write `ln` for the natural logarithm, `log10` for the decimal one".to_owned()),
             "pow" => Some("write `x^y`".to_owned()),
-            _ => did_you_mean(name, FUNCTIONS.iter().copied().chain(visible)),
+            _ if self.may_suggest() => self.did_you_mean(name, FUNCTIONS.iter().copied().chain(self.names.visible(place.scope))),
+            _ => None,
         };
         let d = Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown function `{name}`"), function.span).maybe_help(help);
         self.fault(d)
