@@ -1,13 +1,17 @@
-//! Changes model files at random, by words and by bytes, and puts the result through the whole compiler:
-//! `fuzz --minutes 10 models/*.eq models/lib/*.eq tests/language/*.md`. Whatever the text, the parser, the formatter and the front end must end in
-//! a result or in faults, soon and in bounded memory; what is formatted must stay so; what is a model must become machine code whose
-//! residual can be evaluated. What takes long, takes much or panics is written to `fuzz-SEED.eq` and told; the text at work is always in
-//! `fuzz-current.eq`, for the case that the process itself ends.
+//! Changes models at random, by words and by bytes, and puts the result through the whole compiler: `fuzz --minutes 10` from the root of
+//! the repository. Whatever the text, the parser, the formatter and the front end must end in a result or in faults, soon and in bounded
+//! memory; what is formatted must stay so; what is a model must become machine code whose residual can be evaluated.
+//!
+//! The texts that are changed are all models of the repository: files, code blocks of Markdown pages, and texts in the sources of tests.
+//! They are tried in a child process with limits of memory and of time, so that a fault ends that process and nothing else. What takes long,
+//! takes much, panics or ends the process is written to `fuzz-SEED.eq` and told.
 
-use std::alloc::{GlobalAlloc, Layout, System};
+use std::collections::BTreeSet;
+use std::io::{BufRead, BufReader, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
 use smpl_compiler::compiled::{BackEndSettings, CompiledModel};
@@ -15,37 +19,20 @@ use smpl_compiler::elaborate::Options;
 use smpl_compiler::front::flatten;
 use smpl_dsl::diagnostic::SourceMap;
 
-/// Longest time that one text may take.
+/// Longest time that one text may take of a processor.
 const LIMIT: Duration = Duration::from_secs(5);
-/// Most memory that one text may take at a time.
-const MOST: usize = 1 << 30;
-/// Stack of the thread that works: what a thread has by default.
-const STACK: usize = 2 << 20;
-
-/// The system's allocator, which keeps count.
-struct Counting;
-
-static IN_USE: AtomicUsize = AtomicUsize::new(0);
-static PEAK: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call is handed on to the system's allocator as it is.
-#[expect(unsafe_code, reason = "an allocator is made of unsafe functions")]
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        PEAK.fetch_max(IN_USE.fetch_add(layout.size(), Relaxed) + layout.size(), Relaxed);
-        // SAFETY: the caller's promises are those that the system's allocator asks for.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        IN_USE.fetch_sub(layout.size(), Relaxed);
-        // SAFETY: as above.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
+/// How often a process that says nothing is looked at, and how often at most: on a busy machine it may wait for long.
+const LOOK: Duration = Duration::from_secs(5);
+const LOOKS: u32 = 120;
+/// Most address space of the process that tries texts, in kilobytes.
+const MEMORY: u32 = 1_500_000;
+/// Stack of the thread that tries texts: the compiler is to need none of its caller.
+const STACK: usize = 256 << 10;
+/// Texts that one process tries.
+const BATCH: u64 = 5000;
+/// Where models are looked for.
+const PLACES: &[&str] =
+    &["models", "tests", "docs", "README.md", "dsl/tests", "compiler/tests", "compiler/src", "runtime/tests", "runtime/src"];
 
 /// A reproducible stream of whole numbers (splitmix64).
 struct Random(u64);
@@ -269,13 +256,59 @@ fn survive(text: &str, folder: &Path) -> bool {
     true
 }
 
-/// The models in a file: its text, or the code blocks of a page.
-fn models_in(path: &str) -> Vec<String> {
+/// Files in a folder and below it, or the file itself.
+fn files(path: &Path, out: &mut Vec<PathBuf>) {
+    let Ok(entries) = std::fs::read_dir(path) else { return out.push(path.to_owned()) };
+    let mut entries: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+    entries.sort();
+    entries.iter().for_each(|entry| files(entry, out));
+}
+
+/// The models in a file: its text, the code blocks of a page, or the longer texts of a source.
+fn models_in(path: &Path) -> Vec<String> {
     let Ok(text) = std::fs::read_to_string(path) else { return Vec::new() };
-    if !path.ends_with(".md") {
-        return vec![text];
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("eq") => vec![text],
+        Some("md") => text.split("```").skip(1).step_by(2).filter_map(|block| Some(block.split_once('\n')?.1.to_owned())).collect(),
+        Some("rs" | "py") => quoted(&text),
+        _ => Vec::new(),
     }
-    text.split("```").skip(1).step_by(2).map(|block| block.split_once('\n').map_or("", |(_, code)| code).to_owned()).collect()
+}
+
+/// Texts between quotes that look like statements.
+fn quoted(source: &str) -> Vec<String> {
+    let mut out = Vec::new();
+    let mut rest = source;
+    while let Some(at) = rest.find('"') {
+        let triple = rest[at..].starts_with("\"\"\"");
+        let raw = rest[..at].ends_with('#');
+        let (open, close) = match (triple, raw) {
+            (true, _) => (3, "\"\"\""),
+            (_, true) => (1, "\"#"),
+            _ => (1, "\""),
+        };
+        let Some(content) = rest.get(at + open..) else { break };
+        let end = content.match_indices(close).map(|(end, _)| end).find(|&end| raw || !content[..end].ends_with('\\'));
+        let Some(end) = end else { break };
+        out.push(content[..end].replace("\\n", "\n").replace("\\\"", "\"").replace("{{", "{").replace("}}", "}"));
+        rest = &content[end + close.len()..];
+    }
+    let statement =
+        |line: &str| ["eq ", "state ", "param ", "let ", "var ", "use ", "observe "].iter().any(|k| line.trim_start().starts_with(k));
+    out.retain(|text| text.lines().any(statement));
+    out
+}
+
+/// A line of the text many times.
+fn repeated(text: &str, random: &mut Random) -> String {
+    let lines: Vec<&str> = text.lines().collect();
+    let at = random.below(lines.len());
+    let times = 1 << random.below(12);
+    let mut out = Vec::with_capacity(lines.len() + times);
+    out.extend(&lines[..at]);
+    out.extend(std::iter::repeat_n(lines[at], times));
+    out.extend(&lines[at..]);
+    out.join("\n")
 }
 
 /// The next text.
@@ -284,8 +317,9 @@ fn next_text(texts: &[String], tokens: &[Vec<&str>], pool: &[&str], random: &mut
     let files = texts.iter().position(|text| text.lines().count() < 15).unwrap_or(texts.len());
     let half = random.below(2) == 0 && files > 0;
     let at = random.below(if half { files } else { texts.len() });
-    match random.below(10) {
+    match random.below(11) {
         0..=4 => changed(&tokens[at], pool, random),
+        10 => repeated(&texts[at], random),
         5..=6 => bytewise(&texts[at], random),
         7 => nested(&tokens[at], random),
         8 => spliced(&texts[at], &texts[random.below(texts.len())], random),
@@ -293,65 +327,210 @@ fn next_text(texts: &[String], tokens: &[Vec<&str>], pool: &[&str], random: &mut
     }
 }
 
-fn main() {
-    let mut minutes = 1.0;
-    let mut seed = 0_u64;
-    let mut paths = Vec::new();
+/// What the command line asks for.
+struct Asked {
+    minutes: f64,
+    seed: u64,
+    /// How many texts a child tries.
+    child: Option<u64>,
+    paths: Vec<String>,
+}
+
+fn asked() -> Asked {
+    let mut asked = Asked { minutes: 1.0, seed: 0, child: None, paths: Vec::new() };
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
         let mut number = || arguments.next().and_then(|n| n.parse::<f64>().ok()).unwrap_or(1.0);
         match argument.as_str() {
-            "--minutes" => minutes = number(),
-            "--seed" => seed = number() as u64,
-            _ => paths.push(argument),
+            "--minutes" => asked.minutes = number(),
+            "--seed" => asked.seed = number() as u64,
+            "--child" => asked.child = Some(number() as u64),
+            _ => asked.paths.push(argument),
         }
     }
-    let texts: Vec<String> = paths.iter().flat_map(|path| models_in(path)).filter(|text| !text.trim().is_empty()).collect();
-    if texts.is_empty() {
-        println!("usage: fuzz [--minutes M] [--seed N] FILE...");
-        return;
+    if asked.paths.is_empty() {
+        asked.paths = PLACES.iter().map(|&place| place.to_owned()).collect();
     }
-    let folder = Path::new(&paths[0]).parent().map(Path::to_path_buf).unwrap_or_default();
-    let work = move || fuzz(&texts, &folder, seed, Duration::from_secs_f64(60.0 * minutes));
-    let thread = std::thread::Builder::new().stack_size(STACK).spawn(work);
-    let found = thread.ok().and_then(|thread| thread.join().ok()).unwrap_or(1);
+    asked
+}
+
+/// The texts that are changed, and their words.
+struct Seeds {
+    texts: Vec<String>,
+}
+
+impl Seeds {
+    fn of(paths: &[String]) -> Self {
+        let mut list = Vec::new();
+        paths.iter().for_each(|path| files(Path::new(path), &mut list));
+        let texts: BTreeSet<String> = list.iter().flat_map(|path| models_in(path)).filter(|text| !text.trim().is_empty()).collect();
+        let mut texts: Vec<String> = texts.into_iter().collect();
+        // Whole models first.
+        texts.sort_by_key(|text| text.lines().count() < 15);
+        Self { texts }
+    }
+
+    /// Calls `each` with the texts of some numbers in the sequence, until that is told to end.
+    fn run(&self, numbers: impl Iterator<Item = u64>, mut each: impl FnMut(u64, &str)) {
+        let tokens: Vec<Vec<&str>> = self.texts.iter().map(|t| words(t)).collect();
+        let pool: Vec<&str> = tokens.iter().flatten().copied().filter(|w| !w.trim().is_empty()).collect();
+        for seed in numbers {
+            let mut random = Random(seed.wrapping_mul(0xD134_2543_DE82_EF95));
+            each(seed, &next_text(&self.texts, &tokens, &pool, &mut random));
+        }
+    }
+}
+
+fn main() {
+    let asked = asked();
+    let seeds = Seeds::of(&asked.paths);
+    if seeds.texts.is_empty() {
+        println!("usage: fuzz [--minutes M] [--seed N] [FILE or FOLDER]...");
+        std::process::exit(2);
+    }
+    if let Some(count) = asked.child {
+        let work = move || try_texts(&seeds, asked.seed, count);
+        let thread = std::thread::Builder::new().stack_size(STACK).spawn(work);
+        let ended = thread.ok().and_then(|thread| thread.join().ok());
+        std::process::exit(i32::from(ended.is_none()));
+    }
+    let found = Parent { seeds, asked, texts: 0, models: 0, found: 0, slowest: Duration::ZERO }.run();
     std::process::exit(i32::from(found > 0));
 }
 
-/// Tries texts for a while; how many are at fault.
-fn fuzz(texts: &[String], folder: &Path, mut seed: u64, time: Duration) -> u64 {
-    let tokens: Vec<Vec<&str>> = texts.iter().map(|t| words(t)).collect();
-    let pool: Vec<&str> = tokens.iter().flatten().copied().filter(|w| !w.trim().is_empty()).collect();
-    let (mut count, mut sound, mut found) = (0_u64, 0_u64, 0_u64);
-    let (mut slowest, mut largest) = (Duration::ZERO, 0);
-    let start = Instant::now();
-    while start.elapsed() < time {
-        seed += 1;
-        let mut random = Random(seed.wrapping_mul(0xD134_2543_DE82_EF95));
-        let text = next_text(texts, &tokens, &pool, &mut random);
-        let _ = std::fs::write("fuzz-current.eq", &text);
-        let before = IN_USE.load(Relaxed);
-        PEAK.store(before, Relaxed);
-        let began = Instant::now();
-        let result = catch_unwind(AssertUnwindSafe(|| survive(&text, folder)));
-        let (took, used) = (began.elapsed(), PEAK.load(Relaxed).saturating_sub(before));
-        (slowest, largest) = (slowest.max(took), largest.max(used));
-        count += 1;
-        sound += u64::from(matches!(result, Ok(true)));
-        let fault = match result {
+/// Tries texts, and says of each when it begins and what came out.
+fn try_texts(seeds: &Seeds, seed: u64, count: u64) {
+    seeds.run(seed + 1..=seed + count, |seed, text| {
+        say(&format!("begin {seed}"));
+        let result = catch_unwind(AssertUnwindSafe(|| survive(text, Path::new("models"))));
+        say(match result {
+            Ok(true) => "model",
+            Ok(false) => "text",
             Err(_) => "panic",
-            Ok(_) if took > LIMIT => "slow",
-            Ok(_) if used > MOST => "large",
-            Ok(_) => continue,
-        };
-        found += 1;
-        let path = format!("fuzz-{seed}.eq");
-        println!("{path}: {fault}, {took:?}, {} MB", used >> 20);
-        if let Err(error) = std::fs::write(&path, &text) {
-            println!("{error}");
-        }
+        });
+    });
+    say("end");
+}
+
+fn say(line: &str) {
+    let mut out = std::io::stdout().lock();
+    // The parent is gone.
+    if writeln!(out, "{line}").and_then(|()| out.flush()).is_err() {
+        std::process::exit(0);
     }
-    let _ = std::fs::remove_file("fuzz-current.eq");
-    println!("{count} texts, {sound} of them models, {found} at fault; the slowest took {slowest:?}, the largest {} MB", largest >> 20);
-    found
+}
+
+/// How long a process has run on processors; `None` where the system does not say.
+fn processor_time(child: &Child) -> Option<Duration> {
+    const TICK: Duration = Duration::from_millis(10);
+    let stat = std::fs::read_to_string(format!("/proc/{}/stat", child.id())).ok()?;
+    // The name before may hold blanks. User and system time are the fields 14 and 15.
+    let (_, fields) = stat.rsplit_once(')')?;
+    let ticks = |at: usize| fields.split_whitespace().nth(at).and_then(|ticks| ticks.parse::<u32>().ok());
+    Some(TICK * (ticks(11)? + ticks(12)?))
+}
+
+/// Starts processes that try texts, and watches them.
+struct Parent {
+    seeds: Seeds,
+    asked: Asked,
+    texts: u64,
+    models: u64,
+    found: u64,
+    slowest: Duration,
+}
+
+impl Parent {
+    fn run(mut self) -> u64 {
+        let start = Instant::now();
+        let end = start + Duration::from_secs_f64(60.0 * self.asked.minutes);
+        println!("{} texts to start from", self.seeds.texts.len());
+        let mut seed = self.asked.seed;
+        while Instant::now() < end {
+            match self.start(seed) {
+                Some((child, lines)) => seed = self.watch(child, &lines, seed, end),
+                None => return self.found + 1,
+            }
+        }
+        let minutes = start.elapsed().as_secs_f64() / 60.0;
+        println!(
+            "{} texts in {minutes:.1} minutes, {} of them models, {} at fault; the slowest took {:?}",
+            self.texts, self.models, self.found, self.slowest
+        );
+        self.found
+    }
+
+    /// A process with a limit of memory, and what it says.
+    fn start(&self, seed: u64) -> Option<(Child, Receiver<String>)> {
+        let program = std::env::current_exe().ok()?;
+        let limited = format!("ulimit -v {MEMORY}; ulimit -c 0; exec \"$0\" \"$@\"");
+        let mut command = Command::new("sh");
+        command.arg("-c").arg(limited).arg(program);
+        command.args(["--seed", &seed.to_string(), "--child", &BATCH.to_string()]).args(&self.asked.paths);
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().ok()?;
+        let output = BufReader::new(child.stdout.take()?);
+        let (sender, receiver) = channel();
+        std::thread::spawn(move || output.lines().map_while(Result::ok).all(|line| sender.send(line).is_ok()));
+        Some((child, receiver))
+    }
+
+    /// Follows a process until its end, a fault, or the end of the time; the last number in the sequence that it tried.
+    fn watch(&mut self, mut child: Child, lines: &Receiver<String>, mut seed: u64, end: Instant) -> u64 {
+        let (mut began, mut used) = (Instant::now(), Duration::ZERO);
+        let (mut working, mut looks) = (false, 0);
+        let fault = loop {
+            let line = match lines.recv_timeout(LOOK) {
+                Ok(line) => line,
+                Err(RecvTimeoutError::Timeout) => {
+                    looks += 1;
+                    let slow = processor_time(&child).is_none_or(|now| now.saturating_sub(used) > LIMIT);
+                    if slow || looks > LOOKS {
+                        break Some("too slow");
+                    }
+                    continue;
+                }
+                Err(RecvTimeoutError::Disconnected) => break working.then_some("the process ended: out of memory or of stack"),
+            };
+            let took = began.elapsed();
+            match line.split_once(' ') {
+                Some(("begin", number)) => {
+                    seed = number.parse().unwrap_or(seed + 1);
+                    (began, working, looks) = (Instant::now(), true, 0);
+                    used = processor_time(&child).unwrap_or(used);
+                    continue;
+                }
+                _ if line == "end" => break None,
+                _ => {}
+            }
+            working = false;
+            self.texts += 1;
+            self.models += u64::from(line == "model");
+            self.slowest = self.slowest.max(took);
+            if line == "panic" {
+                self.tell(seed, "panic");
+            }
+            if Instant::now() > end {
+                break None;
+            }
+        };
+        if let Some(fault) = fault {
+            self.tell(seed, fault);
+        }
+        // It may have ended already.
+        let _ = child.kill();
+        let _ = child.wait();
+        seed
+    }
+
+    /// Writes the text of a fault to a file.
+    fn tell(&mut self, seed: u64, fault: &str) {
+        self.found += 1;
+        let path = format!("fuzz-{seed}.eq");
+        println!("{path}: {fault}");
+        self.seeds.run(std::iter::once(seed), |_, text| {
+            if let Err(error) = std::fs::write(&path, text) {
+                println!("{path}: {error}");
+            }
+        });
+    }
 }

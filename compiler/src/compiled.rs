@@ -160,8 +160,7 @@ impl CompiledModel {
     /// # Errors
     /// If an equation cannot be differentiated, a program addresses what it cannot have, or no code can be made.
     pub fn build(model: Model, settings: &BackEndSettings) -> Result<CompiledModel, BackEndError> {
-        let parts = build::passes(model, settings)?;
-        CompiledModel::assemble(parts)
+        smpl_dsl::stack::on_own_stack(|| CompiledModel::assemble(build::passes(model, settings)?))
     }
 
     /// Maps the code and prepares the tapes.

@@ -30,11 +30,12 @@ mod transport;
 mod units;
 mod unused;
 
+use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::rc::Rc;
 
 use cranelift_entity::PrimaryMap;
-use smpl_dsl::diagnostic::{Code, Diagnostic, Label, Severity, codes};
+use smpl_dsl::diagnostic::{Code, Diagnostic, Faults, Label, Severity, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{self, Expr};
 use smpl_dsl::units::Unit;
@@ -52,6 +53,18 @@ pub(crate) use lints::unused_parameters;
 
 /// Most terms, elements and calls that are written out in one model.
 const MAX_WRITTEN_OUT: u32 = 1_000_000;
+
+/// Most expressions that are elaborated in one model, those of attempts that fail included.
+const MAX_WORK: u32 = 20_000_000;
+
+/// Most names that are compared with unknown ones.
+const MAX_COMPARED: usize = 3_000_000;
+
+/// What a report counts among the expressions: its words take longer than they do.
+const REPORT: u32 = 50;
+
+/// Most nodes of the expressions of one model.
+const MAX_NODES: usize = 8_000_000;
 
 /// What a compilation is asked for beside the text.
 #[derive(Clone, Debug, Default)]
@@ -112,14 +125,14 @@ pub struct Elaborated {
     /// Whether a range of numbers stayed a loop.
     pub runs: bool,
     /// Warnings.
-    pub warnings: Vec<Diagnostic>,
+    pub warnings: Faults,
 }
 
 /// Elaborates the main file `files[0]`; `imports` tells which file a `use "path"` means.
 ///
 /// # Errors
 /// All independent faults of the model.
-pub fn elaborate(files: &[syntax::File], imports: &HashMap<String, usize>, options: &Options) -> Result<Elaborated, Vec<Diagnostic>> {
+pub fn elaborate(files: &[syntax::File], imports: &HashMap<String, usize>, options: &Options) -> Result<Elaborated, Faults> {
     let mut elaborator = Elaborator::new(files, imports, options);
     elaborator.run();
     elaborator.finish()
@@ -190,14 +203,26 @@ pub(crate) struct Elaborator<'a> {
     imports: &'a HashMap<String, usize>,
     options: &'a Options,
     selection: Selection,
-    diagnostics: Vec<Diagnostic>,
+    diagnostics: Faults,
     reported: FastSet<Reported>,
+    /// What was added to `reported` and to `unbound` since the outermost attempt began.
+    reports: Vec<Reported>,
     /// Calls through which the places of faults in functions were reached.
     reached_by: FastMap<Reported, BTreeSet<Span>>,
     /// Expressions inside one another, definitions expanded.
     nesting: u32,
     /// Terms, elements and calls written out so far.
     written_out: u32,
+    /// Expressions elaborated so far.
+    work: u32,
+    /// Where that became too much: from there on nothing is elaborated or reported.
+    exhausted: Option<Span>,
+    /// Components that are being instantiated, one inside another.
+    instantiating: Vec<&'a str>,
+    /// Declarations made for instances so far.
+    instantiated: usize,
+    /// Names that were compared with unknown ones so far.
+    compared: Cell<usize>,
     /// Calls of functions that are being expanded.
     calls: Vec<Span>,
     names: Names<'a>,
@@ -224,12 +249,13 @@ pub(crate) struct Elaborator<'a> {
     /// `let`s, fluxes and functions that something has asked for.
     expanded: FastSet<SymbolId>,
     /// Components that have an instance.
-    instantiated: FastSet<&'a str>,
+    used_components: FastSet<&'a str>,
     samples: unused::Samples,
     /// The equation that is being elaborated.
     statement: Span,
     /// Index names reported as not bound, by statement.
     unbound: FastSet<(Span, String)>,
+    unbound_names: Vec<(Span, String)>,
     memo: FastMap<Expansion, Value>,
     /// Ranges of numbers may stay loops.
     runs: bool,
@@ -292,11 +318,17 @@ impl<'a> Elaborator<'a> {
             imports,
             options,
             selection: Selection::default(),
-            diagnostics: Vec::new(),
+            diagnostics: Faults::default(),
             reported: FastSet::default(),
             reached_by: FastMap::default(),
+            reports: Vec::new(),
             nesting: 0,
             written_out: 0,
+            work: 0,
+            exhausted: None,
+            instantiating: Vec::new(),
+            compared: Cell::new(0),
+            instantiated: 0,
             calls: Vec::new(),
             names: Names::default(),
             exprs: Exprs::default(),
@@ -316,10 +348,11 @@ impl<'a> Elaborator<'a> {
             known: FastMap::default(),
             expanding: Vec::new(),
             expanded: FastSet::default(),
-            instantiated: FastSet::default(),
+            used_components: FastSet::default(),
             samples: unused::Samples::default(),
             statement: Span::default(),
             unbound: FastSet::default(),
+            unbound_names: Vec::new(),
             memo: FastMap::default(),
             runs: false,
             structural: FastSet::default(),
@@ -369,9 +402,16 @@ impl<'a> Elaborator<'a> {
         }
     }
 
-    fn finish(mut self) -> Result<Elaborated, Vec<Diagnostic>> {
+    fn finish(mut self) -> Result<Elaborated, Faults> {
+        if let Some(span) = self.exhausted.filter(|_| self.written_out <= MAX_WRITTEN_OUT) {
+            self.diagnostics.push(
+                Diagnostic::error(codes::TOO_LARGE, "the model is too large: tens of millions of expressions would be written out", span)
+                    .label("so far the compiler came")
+                    .help("use a `domain` in place of a large set, and name with `let` what is used again and again"),
+            );
+        }
         self.name_calls();
-        self.diagnostics.sort_by_key(|d| (d.primary.span.file, d.primary.span.start, d.primary.span.end));
+        self.diagnostics.sort();
         if self.has_errors() {
             return Err(self.diagnostics);
         }
@@ -392,19 +432,26 @@ impl<'a> Elaborator<'a> {
 
     /// Reports a fault once: the same fault at the same place, met again in another cell, instance or call, is not repeated.
     fn report(&mut self, diagnostic: Diagnostic) {
+        self.work = self.work.saturating_add(REPORT);
+        if self.exhausted.is_some() {
+            return;
+        }
         let call = self.calls.first().copied().filter(|c| !c.contains(diagnostic.primary.span));
         let key = reported(&diagnostic, call.is_some());
         if let Some(call) = call {
             self.reached_by.entry(key.clone()).or_default().insert(call);
         }
-        if self.reported.insert(key) {
+        if self.reported.insert(key.clone()) {
+            if self.attempts > 0 {
+                self.reports.push(key);
+            }
             self.diagnostics.push(diagnostic);
         }
     }
 
     /// Shows with faults in functions the calls that led there: of many, the first.
     fn name_calls(&mut self) {
-        for diagnostic in &mut self.diagnostics {
+        for diagnostic in self.diagnostics.iter_mut() {
             let Some(calls) = self.reached_by.get(&reported(diagnostic, true)) else { continue };
             diagnostic.secondary.extend(calls.first().map(|&span| Label { span, text: "in this call".to_owned() }));
             match calls.len() - 1 {
@@ -417,6 +464,9 @@ impl<'a> Elaborator<'a> {
 
     /// Counts something that is written out: a term, an element, a call. `false` where the model is beyond reason, which is reported once.
     fn may_write_out(&mut self, span: Span) -> bool {
+        if self.exhausted.is_some() {
+            return false;
+        }
         if self.written_out < MAX_WRITTEN_OUT {
             self.written_out += 1;
             return true;
@@ -429,6 +479,31 @@ impl<'a> Elaborator<'a> {
             );
         }
         false
+    }
+
+    /// Whether one more expression may be elaborated. What an attempt took is not given back.
+    fn may_elaborate(&mut self, span: Span) -> bool {
+        self.work = self.work.saturating_add(1);
+        if self.exhausted.is_none() && (self.work > MAX_WORK || self.exprs.len() > MAX_NODES) {
+            self.exhausted = Some(span);
+        }
+        self.exhausted.is_none()
+    }
+
+    /// Whether nothing more may be written out.
+    fn is_full(&self) -> bool {
+        self.written_out > MAX_WRITTEN_OUT || self.exhausted.is_some()
+    }
+
+    /// Whether one more diagnostic would be shown, so that a search for what was meant is worth its time.
+    fn may_suggest(&self) -> bool {
+        self.diagnostics.has_room() && self.compared.get() < MAX_COMPARED
+    }
+
+    /// "did you mean `k_0`?", where that would be shown.
+    fn did_you_mean<'n>(&self, name: &str, known: impl IntoIterator<Item = &'n str>) -> Option<String> {
+        let count = |_: &&str| self.compared.set(self.compared.get() + 1);
+        if self.may_suggest() { smpl_dsl::diagnostic::did_you_mean(name, known.into_iter().inspect(count)) } else { None }
     }
 
     fn poison(&mut self) -> Value {

@@ -2,8 +2,9 @@
 
 use std::collections::{HashMap, HashSet};
 
-use smpl_dsl::diagnostic::{Diagnostic, Severity, SourceMap, codes};
+use smpl_dsl::diagnostic::{Diagnostic, Faults, SourceMap, codes};
 use smpl_dsl::span::FileId;
+use smpl_dsl::stack::on_own_stack;
 use smpl_dsl::syntax::{File, Statement, StatementKind};
 
 use crate::elaborate::{self, Options};
@@ -12,12 +13,12 @@ use crate::structure;
 
 /// Finds the text of a `use "path"`: its name for messages and its content. Refusing paths outside the model's folder and the library is
 /// the loader's duty.
-pub type Loader<'l> = dyn FnMut(&str) -> Option<(String, String)> + 'l;
+pub type Loader<'l> = dyn FnMut(&str) -> Option<(String, String)> + Send + 'l;
 
 /// Most files of one model.
 const MAX_FILES: usize = 256;
 
-/// Compiles a file of `sources` to a flat model, with the warnings.
+/// Compiles a file of `sources` to a flat model, with the warnings, on a stack of its own: a caller's thread may have a small one.
 ///
 /// # Errors
 /// All independent faults of the text and of what it imports.
@@ -27,20 +28,33 @@ pub fn flatten(
     loader: &mut Loader,
     options: &Options,
 ) -> Result<(Model, Vec<Diagnostic>), Vec<Diagnostic>> {
+    on_own_stack(|| flattened(sources, main, loader, options))
+}
+
+fn flattened(
+    sources: &mut SourceMap,
+    main: FileId,
+    loader: &mut Loader,
+    options: &Options,
+) -> Result<(Model, Vec<Diagnostic>), Vec<Diagnostic>> {
     let before = sources.len();
     let (files, imports, mut faults) = parse_all(sources, main, loader);
     let broken = words_of(sources, &faults);
+    // Of so many faults not all are known, so that what follows from them could not be told from what does not.
+    if faults.more() > 0 {
+        return Err(faults.shown());
+    }
     match elaborate::elaborate(&files, &imports, options) {
         Ok(elaborated) if faults.is_empty() => {
-            let (model, mut warnings) = structure::analyse(elaborated)?;
+            let (model, mut warnings) = structure::analyse(elaborated).map_err(Faults::shown)?;
             if options.lints {
                 let files: Vec<FileId> = [main].into_iter().chain((before..sources.len()).map(|i| FileId(i as u16))).collect();
-                warnings.extend(elaborate::unused_parameters(&model, sources, main, &files));
+                elaborate::unused_parameters(&model, sources, main, &files).into_iter().for_each(|w| warnings.push(w));
             }
-            Ok((model, warnings))
+            Ok((model, warnings.shown()))
         }
-        Ok(_) => Err(faults),
-        Err(more) => {
+        Ok(_) => Err(faults.shown()),
+        Err(mut more) => {
             // What a faulty statement would have declared is not missing.
             let independent = |d: &Diagnostic| {
                 broken.is_empty()
@@ -50,23 +64,24 @@ pub fn flatten(
                         _ => true,
                     }
             };
-            faults.extend(more.into_iter().filter(independent));
-            faults.sort_by_key(|d| (d.severity != Severity::Error, d.primary.span.file, d.primary.span.start));
-            Err(faults)
+            more.retain(independent);
+            faults.append(more);
+            faults.sort();
+            Err(faults.shown())
         }
     }
 }
 
 /// Reads the main file and what it imports into `sources`, without compiling.
 pub fn read(sources: &mut SourceMap, main: FileId, loader: &mut Loader) {
-    let _ = parse_all(sources, main, loader);
+    on_own_stack(|| parse_all(sources, main, loader));
 }
 
 /// The main file and what it imports, each once.
-fn parse_all(sources: &mut SourceMap, main: FileId, loader: &mut Loader) -> (Vec<File>, HashMap<String, usize>, Vec<Diagnostic>) {
+fn parse_all(sources: &mut SourceMap, main: FileId, loader: &mut Loader) -> (Vec<File>, HashMap<String, usize>, Faults) {
     let mut files = Vec::new();
     let mut imports = HashMap::new();
-    let mut faults = Vec::new();
+    let mut faults = Faults::default();
     let mut queue = vec![main];
     let mut at = 0;
     while at < queue.len() {
@@ -74,7 +89,7 @@ fn parse_all(sources: &mut SourceMap, main: FileId, loader: &mut Loader) -> (Vec
         at += 1;
         let text = sources.file(id).map(|f| f.text().to_owned()).unwrap_or_default();
         let parsed = smpl_dsl::parse(&text, id);
-        faults.extend(parsed.diagnostics);
+        faults.append(parsed.diagnostics);
         let mut paths = Vec::new();
         imported(&parsed.file.statements, &mut paths);
         files.push(parsed.file);
@@ -102,7 +117,7 @@ fn imported(statements: &[Statement], out: &mut Vec<String>) {
 }
 
 /// Names that occur on the lines of faulty statements.
-fn words_of(sources: &SourceMap, faults: &[Diagnostic]) -> HashSet<String> {
+fn words_of(sources: &SourceMap, faults: &Faults) -> HashSet<String> {
     let mut out = HashSet::new();
     let mut seen = HashSet::new();
     for fault in faults.iter().filter(|f| f.is_error()) {

@@ -17,7 +17,7 @@ mod runs;
 mod singular;
 mod whole;
 
-use smpl_dsl::diagnostic::Diagnostic;
+use smpl_dsl::diagnostic::Faults;
 
 use crate::elaborate::{Elaborated, Equation, EquationForm};
 use crate::ir::{Affine, Expr, ExprId, Exprs, Flavour, Role, VarId};
@@ -27,7 +27,7 @@ use crate::model::{Model, Row};
 ///
 /// # Errors
 /// Under- and over-determined parts and equations of high index, by name.
-pub fn analyse(elaborated: Elaborated) -> Result<(Model, Vec<Diagnostic>), Vec<Diagnostic>> {
+pub fn analyse(elaborated: Elaborated) -> Result<(Model, Faults), Faults> {
     let Elaborated { mut model, mut equations, runs, warnings } = elaborated;
     if runs {
         runs::write_out(&mut model, &mut equations);
@@ -40,7 +40,7 @@ pub fn analyse(elaborated: Elaborated) -> Result<(Model, Vec<Diagnostic>), Vec<D
     let rows = matching::rows(&mut model, equations, &plan, &rates)?;
     let faults = singular::singular_loops(&model, &rows);
     if !faults.is_empty() {
-        return Err(faults);
+        return Err(faults.into());
     }
     model.explicit = is_explicit(&model.exprs, &model, &rows);
     model.rows = rows;

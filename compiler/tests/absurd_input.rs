@@ -4,12 +4,12 @@ use std::time::{Duration, Instant};
 
 use smpl_compiler::elaborate::Options;
 use smpl_compiler::front::flatten;
-use smpl_dsl::diagnostic::{Diagnostic, SourceMap};
+use smpl_dsl::diagnostic::{Diagnostic, SHOWN, SourceMap};
 
 /// Soon: no slow or busy machine takes that long, and what grows exponentially takes longer.
 const SOON: Duration = Duration::from_secs(60);
 
-/// Flattens on the stack that a thread has by default.
+/// Flattens on a stack too small for anything: the compiler brings its own.
 fn faults(source: &str) -> Vec<Diagnostic> {
     let source = source.to_owned();
     let work = move || {
@@ -18,7 +18,7 @@ fn faults(source: &str) -> Vec<Diagnostic> {
         flatten(&mut sources, main, &mut |_| None, &Options::default()).err().unwrap_or_default()
     };
     let start = Instant::now();
-    let found = std::thread::Builder::new().stack_size(2 << 20).spawn(work).expect("a thread").join().expect("no panic");
+    let found = std::thread::Builder::new().stack_size(128 << 10).spawn(work).expect("a thread").join().expect("no panic");
     assert!(start.elapsed() < SOON, "{:?}", start.elapsed());
     found
 }
@@ -88,6 +88,83 @@ fn sizes_beyond_reason() {
         assert!(!faults(&format!("{head}\n{rest}")).is_empty(), "{head}");
     }
     assert!(faults(&format!("domain z in 0..1 cells 50000000\nstate c[z] = 0\neq d/dt c[z] = -c[z]/1 [s] for z\n{rest}")).len() <= 1);
+}
+
+/// Each is refused at a place in the text, before the instances are made.
+#[test]
+fn components_that_multiply() {
+    let atom = "component A0 { state x = 1 ; eq d/dt x = -x / 1 [s] }\n";
+    let levels: String = (1..=40).map(|i| format!("component A{i} {{ use A{0} as i ; use A{0} as j }}\n", i - 1)).collect();
+    let arrays = "component B { use A0 as a[i in 1..1000] }\ncomponent C { use B as b[i in 1..1000] }\nuse C as c[i in 1..1000]\n";
+    for (source, code) in [
+        ("component A { state x = 1 ; use A as i ; use A as j }\nuse A as a\n".to_owned(), "E0205"),
+        ("component A { use B as i ; use B as j }\ncomponent B { use A as i ; use A as j }\nuse A as a\n".to_owned(), "E0205"),
+        ("component A { use A as a[i in 1..1000] }\nuse A as c[i in 1..1000]\n".to_owned(), "E0205"),
+        (format!("{atom}{levels}use A40 as a\n"), "E0105"),
+        (format!("{atom}{levels}use A25 as a\n"), "E0105"),
+        (format!("{atom}{arrays}"), "E0105"),
+    ] {
+        refused(&source, code);
+        assert!(faults(&source).iter().all(|d| d.primary.span.end > 0), "{source}");
+    }
+    assert!(faults(&format!("{atom}{levels}use A6 as a\n")).is_empty());
+}
+
+/// All are counted and the first ones shown.
+#[test]
+fn a_hundred_thousand_faults() {
+    const N: usize = 100_000;
+    let lines = |line: &dyn Fn(usize) -> String| (0..N).map(|i| line(i) + "\n").collect::<String>();
+    for (text, count) in [
+        (lines(&|i| format!("let a{i} = nope{i}")), N),
+        (lines(&|_| "let a = 1".to_owned()), N - 1),
+        (lines(&|_| "eq d/dt x = -x / 1 [s]".to_owned()), N),
+        (lines(&|i| format!("var a{i} = 1")), N),
+        (lines(&|i| format!("let a{i} : kq = 1")), N),
+        (lines(&|_| "let = 3".to_owned()), N),
+        (lines(&|i| format!("def f{i}(q) = y\nlet a{i} = f{i}(1)")), N),
+    ] {
+        let found = faults(&format!("state x = 1\neq d/dt x = -x / 1 [s]\n{text}"));
+        let head = &text[..text.find('\n').unwrap_or(0)];
+        assert_eq!(found.len(), SHOWN + 1, "{head}");
+        assert_eq!(found[SHOWN].message, format!("{} more faults are not shown", count - SHOWN), "{head}");
+    }
+    let chain = |n: usize| (0..n).rev().map(|i| format!("let a{} = a{i} + 1\n", i + 1)).collect::<String>();
+    refused(&format!("{}let a0 = 1\nstate x = 1\neq d/dt x = -a{N} * x / 1 [s]\n", chain(N)), "E0105");
+    let rows: String = (0..N).map(|i| format!("{i}: {}\n", i % 7)).collect();
+    assert!(faults(&format!("set s = 0..{}\ntable f[s] = {{\n{rows}}}\nstate x = 1\neq d/dt x = -x * f[9] / 1 [s]\n", N - 1)).is_empty());
+}
+
+/// A thread of a mebibyte, as Python gives them, overflowed.
+#[test]
+fn a_thousand_lets_in_a_circle() {
+    let circle: String = (0..1000).map(|i| format!("let a{i} = a{}\n", (i + 1) % 1000)).collect();
+    assert!(!faults(&format!("{circle}state x = 1\neq d/dt x = -a0 * x / 1 [s]\n")).is_empty());
+}
+
+#[test]
+fn loops_in_loops_in_loops() {
+    let six = |over: &str| (0..6).map(|i| format!("i{i} in {over}")).collect::<Vec<_>>().join(", ");
+    let product = |of: &dyn Fn(usize) -> String| (0..6).map(of).collect::<Vec<_>>().join(" * ");
+    let numbers = product(&|i| format!("i{i}"));
+    let elements = product(&|i| format!("c[i{i}]"));
+    let nested = (0..6).fold("1".to_owned(), |inner, i| format!("sum({inner} * c[i{i}] for i{i} in s)"));
+    let pairs = |body: &str| (0..130).fold(body.to_owned(), |inner, i| format!("sum({inner} for i{i} in 1..2)"));
+    let set = "set s = 1..1000\nstate c[s] = 1\neq d/dt c[i] = 0 for i in s\nstate x = 1\n";
+    for text in [
+        format!("state x = 1\neq d/dt x = sum({numbers} for {})", six("1..1000")),
+        format!("{set}eq d/dt x = sum({elements} for {})", six("s")),
+        format!("{set}eq d/dt x = {nested}"),
+        format!("set s = 1..1000\nstate c[s] = 1\nstate x = 1\neq d/dt x = 0\neq d/dt c[i0] = {elements} for {}", six("s")),
+        format!(
+            "domain z in 0..1 cells 1000\nstate c[z] = 1\neq d/dt c[z] = 0 for z\nstate x = 1\neq d/dt x = sum({elements} for {})",
+            six("z")
+        ),
+        format!("state x = 1\neq d/dt x = {}", pairs("x")),
+        format!("state x = 1\neq d/dt x = {}", pairs("y")),
+    ] {
+        refused(&text, "E0105");
+    }
 }
 
 #[test]

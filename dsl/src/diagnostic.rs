@@ -15,6 +15,7 @@
 //! ```
 
 pub mod codes;
+mod faults;
 mod json;
 mod source_map;
 mod suggest;
@@ -22,6 +23,7 @@ mod suggest;
 use serde::Serialize;
 
 pub use codes::Code;
+pub use faults::{Faults, SHOWN};
 pub use json::JsonDiagnostic;
 pub use source_map::{Location, SourceFile, SourceMap};
 pub use suggest::{did_you_mean, suggest};

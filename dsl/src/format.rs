@@ -18,6 +18,7 @@ use crate::diagnostic::Diagnostic;
 use crate::layout::{Layout, RawBody, RawStatement, layout};
 use crate::parse::parse;
 use crate::span::FileId;
+use crate::stack::on_own_stack;
 
 use columns::{Line, Row, align};
 use tokens::{Token, tokens};
@@ -34,9 +35,13 @@ const WIDTH: usize = 140;
 /// # Errors
 /// The syntax errors of a text that cannot be parsed.
 pub fn format(text: &str) -> Result<String, Vec<Diagnostic>> {
+    on_own_stack(|| formatted(text))
+}
+
+fn formatted(text: &str) -> Result<String, Vec<Diagnostic>> {
     let parsed = parse(text, FileId(0));
     if !parsed.is_ok() {
-        return Err(parsed.diagnostics);
+        return Err(parsed.diagnostics.shown());
     }
     let layout = layout(text, FileId(0));
     let formatter = Formatter { text, layout: &layout };

@@ -14,16 +14,13 @@ pub(crate) use words::{KEYWORDS, has_block, is_reserved};
 
 use std::ops::Range;
 
-use crate::diagnostic::{Diagnostic, codes};
+use crate::diagnostic::{Diagnostic, Faults, codes};
 use crate::span::{FileId, Span};
 
 /// Deepest nesting of brackets, blocks and conditions.
 pub(crate) const MAX_NESTING: usize = 200;
 /// Largest file in bytes.
 pub(crate) const MAX_BYTES: usize = 16 << 20;
-
-/// Faults that are worth reporting in one run.
-pub(crate) const MAX_FAULTS: usize = 1000;
 
 /// What the layout pass found.
 #[derive(Debug, Default)]
@@ -35,7 +32,7 @@ pub(crate) struct Layout {
     /// Where comments stand, without the newline.
     pub(crate) comments: Vec<Range<usize>>,
     /// Faults of brackets, texts and characters.
-    pub(crate) diagnostics: Vec<Diagnostic>,
+    pub(crate) diagnostics: Faults,
 }
 
 /// A statement: its own text, and the statements of its block.
@@ -67,7 +64,7 @@ pub(crate) fn layout(text: &str, file: FileId) -> Layout {
     if text.len() > MAX_BYTES {
         let message = format!("the file has {} bytes; a model may have {MAX_BYTES}", text.len());
         let fault = Diagnostic::error(codes::TOO_LARGE, message, Span { file, start: 0, end: 0 });
-        return Layout { diagnostics: vec![fault], ..Layout::default() };
+        return Layout { diagnostics: vec![fault].into(), ..Layout::default() };
     }
     Scanner::new(text, file).run()
 }
@@ -136,7 +133,7 @@ struct Scanner<'t> {
     /// First byte of the next token after the newline looked at last.
     next_token: usize,
     comments: Vec<Range<usize>>,
-    diagnostics: Vec<Diagnostic>,
+    diagnostics: Faults,
 }
 
 impl<'t> Scanner<'t> {
@@ -158,7 +155,7 @@ impl<'t> Scanner<'t> {
             last_is_else: false,
             next_token: 0,
             comments: Vec::new(),
-            diagnostics: Vec::new(),
+            diagnostics: Faults::default(),
         }
     }
 
@@ -417,7 +414,7 @@ impl<'t> Scanner<'t> {
             .label("no bracket is open here")
             .help("remove it, or open the bracket before it");
         if self.pending.is_none() {
-            self.push_fault(fault);
+            self.diagnostics.push(fault);
             self.at += 1;
         } else {
             self.token(range.end, false);
@@ -514,13 +511,7 @@ impl<'t> Scanner<'t> {
         if let Some(pending) = &mut self.pending {
             pending.damaged = true;
         }
-        self.push_fault(fault);
-    }
-
-    fn push_fault(&mut self, fault: Diagnostic) {
-        if self.diagnostics.len() < MAX_FAULTS {
-            self.diagnostics.push(fault);
-        }
+        self.diagnostics.push(fault);
     }
 
     fn blank(&mut self, range: Range<usize>) {

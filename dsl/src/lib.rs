@@ -6,6 +6,7 @@ pub mod latex;
 mod layout;
 mod parse;
 pub mod span;
+pub mod stack;
 pub mod syntax;
 pub mod units;
 

@@ -16,9 +16,10 @@ use std::thread;
 use pest::Parser;
 use pest::iterators::{Pair, Pairs};
 
-use crate::diagnostic::{Diagnostic, codes, did_you_mean};
-use crate::layout::{KEYWORDS, MAX_FAULTS, RawStatement, has_block, is_reserved, layout, span};
+use crate::diagnostic::{Diagnostic, Faults, codes, did_you_mean};
+use crate::layout::{KEYWORDS, RawStatement, has_block, is_reserved, layout, span};
 use crate::span::{FileId, Span};
+use crate::stack::SIZES;
 use crate::syntax::{File, Ident, Statement, StatementKind};
 
 /// Shorter texts are read sooner than a thread has started.
@@ -41,7 +42,7 @@ pub struct Parsed {
     /// The syntax tree; statements at fault are left out.
     pub file: File,
     /// Faults in the order of the text.
-    pub diagnostics: Vec<Diagnostic>,
+    pub diagnostics: Faults,
 }
 
 impl Parsed {
@@ -57,13 +58,14 @@ impl Parsed {
 pub fn parse(text: &str, file: FileId) -> Parsed {
     let layout = layout(text, file);
     let parse = |raw: &[RawStatement]| {
-        let mut parser = StatementParser { text: &layout.text, file, diagnostics: vec![] };
+        let mut parser = StatementParser { text: &layout.text, file, diagnostics: Faults::default() };
         (parser.statements(raw), parser.diagnostics)
     };
     let middle = layout.statements.partition_point(|statement| statement.start < text.len() / 2);
     let (first, second) = layout.statements.split_at(if text.len() < WORTH_A_THREAD { 0 } else { middle });
     let ((mut statements, faults), rest) = thread::scope(|scope| {
-        let helper = (!first.is_empty()).then(|| thread::Builder::new().spawn_scoped(scope, || parse(first)).ok()).flatten();
+        let helper =
+            (!first.is_empty()).then(|| thread::Builder::new().stack_size(SIZES[1]).spawn_scoped(scope, || parse(first)).ok()).flatten();
         let rest = parse(second);
         // Without a second thread this one does it all.
         let first = helper.and_then(|helper| helper.join().ok()).unwrap_or_else(|| parse(first));
@@ -71,9 +73,9 @@ pub fn parse(text: &str, file: FileId) -> Parsed {
     });
     statements.extend(rest.0);
     let mut diagnostics = layout.diagnostics;
-    diagnostics.extend(faults.into_iter().chain(rest.1));
-    diagnostics.sort_by_key(|fault| fault.primary.span.start);
-    diagnostics.truncate(MAX_FAULTS);
+    diagnostics.append(faults);
+    diagnostics.append(rest.1);
+    diagnostics.sort();
     Parsed { file: File { statements }, diagnostics }
 }
 
@@ -83,7 +85,7 @@ type Fallible<T> = Result<T, Box<Diagnostic>>;
 struct StatementParser<'t> {
     text: &'t str,
     file: FileId,
-    diagnostics: Vec<Diagnostic>,
+    diagnostics: Faults,
 }
 
 impl StatementParser<'_> {
@@ -105,8 +107,7 @@ impl StatementParser<'_> {
         let span = span(self.file, raw.start, end);
         match self.kinds(raw, body) {
             Ok(kinds) => into.extend(kinds.into_iter().map(|kind| Statement { span, kind })),
-            Err(fault) if self.diagnostics.len() < 2 * MAX_FAULTS => self.diagnostics.push(*fault),
-            Err(_) => {}
+            Err(fault) => self.diagnostics.push(*fault),
         }
     }
 

@@ -69,6 +69,15 @@ fn entries_on_several_lines_stand_below_each_other() {
     assert_eq!(format(text).as_deref(), Ok(expected));
 }
 
+/// Found by fuzzing: what follows a keyword begins an expression, so that a sign is one with or without blanks.
+#[test]
+fn an_observation_may_begin_with_a_sign() {
+    for text in ["observe -x noise normal(0, 1), y = x in 0..2\n", "observe - x noise normal(0, 1), y = x in 0..2\n"] {
+        assert_eq!(format(text).as_deref(), Ok("observe -x noise normal(0, 1), y = x in 0..2\n"));
+        check(text);
+    }
+}
+
 /// Found by fuzzing: the sign was taken for an operator once a blank stood before it.
 #[test]
 fn an_equation_may_begin_with_a_sign() {

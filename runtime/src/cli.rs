@@ -6,6 +6,7 @@
 mod check;
 mod compile;
 mod document;
+mod excerpt;
 mod outputs;
 mod report;
 mod simulate;
@@ -150,14 +151,12 @@ fn dispatch(command: Command) -> Result<(), Failed> {
 }
 
 /// Deeply nested text makes deep recursions; and whatever goes wrong inside, a message is all that comes out.
-fn on_a_deep_stack(work: impl FnOnce() -> i32 + Send + 'static) -> i32 {
-    const STACK: usize = 512 << 20;
+fn on_a_deep_stack(work: impl FnOnce() -> i32 + Send) -> i32 {
     std::panic::set_hook(Box::new(|info| {
         let at = info.location().map(|l| format!(" at {}:{}", l.file(), l.line())).unwrap_or_default();
         let _ = writeln!(io::stderr(), "error: internal error{at}; please report it with the model that caused it");
     }));
-    let thread = std::thread::Builder::new().name("smpl".into()).stack_size(STACK).spawn(work);
-    thread.ok().and_then(|thread| thread.join().ok()).unwrap_or(1)
+    std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| smpl_dsl::stack::on_own_stack(work))).unwrap_or(1)
 }
 
 /// Writes to standard output. A reader that has gone away is no fault: the command is done then.

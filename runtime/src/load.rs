@@ -292,7 +292,7 @@ fn distribution(sources: &mut SourceMap, scenario: &Scenario, name: &str, value:
     let file = sources.add("initial of the scenario", text.clone());
     let parsed = smpl_dsl::parse(&text, file);
     let alone = |kind: &StatementKind| matches!(kind, StatementKind::Initial { clip: None, binders, .. } if binders.is_empty());
-    let fault = parsed.diagnostics.into_iter().find(Diagnostic::is_error).map(|d| d.message);
+    let fault = parsed.diagnostics.shown().into_iter().find(Diagnostic::is_error).map(|d| d.message);
     match (fault, <[Statement; 1]>::try_from(parsed.file.statements)) {
         (None, Ok([statement])) if alone(&statement.kind) && !text.contains(['\n', '{', '#']) => Ok(statement),
         (fault, _) => {

@@ -248,6 +248,11 @@ impl Scenario {
         if text.lines().all(|line| line.trim().is_empty() || line.trim_start().starts_with('#')) {
             return Ok(Self { file: Some(file), ..Self::default() });
         }
+        if let Some(at) = too_deep(text) {
+            let span = Span { file, start: at as u32, end: at as u32 + 1 };
+            let message = format!("brackets inside one another, more than {MAX_NESTING} deep");
+            return Err(Box::new(Diagnostic::error(codes::BAD_SCENARIO, message, span)));
+        }
         let raw: File = serde_yaml::from_str(text).map_err(|error| Box::new(diagnose(&error, text, file)))?;
         let scenario = Self {
             parameters: raw.parameters.0,
@@ -387,6 +392,23 @@ pub fn beside(model: &Path) -> Vec<String> {
     names.sort();
     names.insert(0, "default".into());
     names
+}
+
+/// Deepest nest of brackets in a scenario, which needs two or three.
+const MAX_NESTING: usize = 100;
+
+/// Where brackets are nested too deep: the YAML reader takes time that grows with the square of the depth. Brackets in texts and comments
+/// count too; nobody opens a hundred there.
+fn too_deep(text: &str) -> Option<usize> {
+    let mut depth = 0_usize;
+    text.bytes().position(|byte| {
+        match byte {
+            b'[' | b'{' => depth += 1,
+            b']' | b'}' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        depth > MAX_NESTING
+    })
 }
 
 /// What the YAML reader says, as a diagnostic of ours.
@@ -566,6 +588,18 @@ mod tests {
         assert!(parse("max_steps: many\n").is_err());
         assert!(parse("parameters: [1, 2]\n").is_err());
         assert!(parse(": : :\n  - x\n y").is_err());
+    }
+
+    /// The reader would take minutes.
+    #[test]
+    fn a_hundred_thousand_brackets_are_refused_at_the_first_too_many() {
+        for open in ["[", "{a: "] {
+            let text = format!("max_steps: 3\nparameters: {}", open.repeat(100_000));
+            let (message, line, column, _) = parse(&text).unwrap_err();
+            assert_eq!(message, "brackets inside one another, more than 100 deep");
+            assert_eq!((line, column), (2, "parameters: ".len() + 100 * open.len() + 1));
+        }
+        assert!(parse(&format!("parameters: {{{}}}", (0..1000).map(|i| format!("p{i}: [[1]], ")).collect::<String>())).is_err());
     }
 
     #[test]

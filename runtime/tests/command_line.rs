@@ -87,6 +87,29 @@ fn json_diagnostics_have_the_fields_of_the_contract() {
 }
 
 #[test]
+fn of_many_faults_the_first_are_shown_and_the_rest_is_counted() {
+    let model = (0..1234).map(|i| format!("let a{i} = nope{i}\n")).collect::<String>() + "state x = 1\neq d/dt x = 0\n";
+    let path = file("many", "many.eq", model);
+    let output = smpl(&["check", "--format", "json", path.to_str().expect("utf-8")]);
+    assert_eq!(status(&output), 1);
+    let objects: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let list = objects.as_array().expect("an array");
+    assert_eq!((list.len(), list[49]["line"].as_u64()), (51, Some(50)));
+    assert_eq!((list[50]["code"].as_str(), list[50]["severity"].as_str()), (Some("E0115-more-faults"), Some("info")));
+    assert_eq!(list[50]["message"].as_str(), Some("1184 more faults are not shown"));
+}
+
+/// The stack was so large that no thread could be started, and nothing was said.
+#[cfg(target_os = "linux")]
+#[test]
+fn it_runs_in_little_address_space() {
+    let path = file("little", "little.eq", "model M\ntime t : s\nstate x = 1\neq d/dt x = -x / 1 [s]\n");
+    let limited = "ulimit -v 400000; exec \"$0\" check \"$1\"";
+    let output = Command::new("sh").args(["-c", limited, env!("CARGO_BIN_EXE_smpl")]).arg(path).output().expect("sh runs");
+    assert_eq!(status(&output), 0, "{}", text(&output.stderr));
+}
+
+#[test]
 fn an_unknown_scenario_lists_those_there_are() {
     let path = file("scenario", "m.eq", "model M\n");
     file("scenario", "m.legacy.yaml", "max_steps: 3\n");

@@ -63,6 +63,9 @@ pub struct Loop {
     cuts: BTreeSet<i64>,
 }
 
+/// Most passes of loops inside one another: each evaluation of the model would take seconds.
+const MOST_PASSES: i64 = 1_000_000_000;
+
 impl Elaborator<'_> {
     /// Elaborates `body` over the cells `low..=high` as few loops as its stencils allow; gives back the pieces in order.
     pub(super) fn cells<T>(
@@ -90,6 +93,12 @@ impl Elaborator<'_> {
                 }
                 if place.depth as usize >= MAX_DEPTH {
                     self.report(Diagnostic::error(codes::TOO_LARGE, format!("more than {MAX_DEPTH} loops inside one another"), span));
+                    return Vec::new();
+                }
+                let around = self.loops.iter().take(place.depth.into()).fold(1, |n: i64, l| n.saturating_mul(l.passes));
+                if around.saturating_mul(count) > MOST_PASSES {
+                    let fault = Diagnostic::error(codes::TOO_LARGE, "loops inside one another with more than a billion passes", span);
+                    self.report(fault.help("sum over fewer indices: a product of sums in place of a sum of products"));
                     return Vec::new();
                 }
                 let mut inner = place.clone();

@@ -5,7 +5,7 @@ mod instances;
 mod tables;
 mod variants;
 
-use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
+use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{self, Declaration, Form, Ident, SetMembers, Statement, StatementKind, Table};
 use smpl_dsl::units::Unit;
@@ -31,12 +31,12 @@ impl<'a> Elaborator<'a> {
                         Some(options) => {
                             let list: Vec<&str> = options.iter().map(|o| o.text.as_str()).collect();
                             let message = format!("`{}` has no option `{}`: {}", choice.text, option.text, list.join(", "));
-                            let help = did_you_mean(&option.text, list);
+                            let help = self.did_you_mean(&option.text, list);
                             self.report(Diagnostic::error(codes::UNKNOWN_NAME, message, option.span).maybe_help(help));
                         }
                         None if switches.contains(&choice.text.as_str()) && matches!(option.text.as_str(), "true" | "false") => {}
                         None => {
-                            let help = did_you_mean(&choice.text, choices.iter().map(|(c, _)| *c).chain(switches.iter().copied()));
+                            let help = self.did_you_mean(&choice.text, choices.iter().map(|(c, _)| *c).chain(switches.iter().copied()));
                             let message = format!("unknown choice `{}`", choice.text);
                             self.report(Diagnostic::error(codes::UNKNOWN_NAME, message, choice.span).maybe_help(help));
                         }
@@ -407,7 +407,7 @@ impl<'a> Elaborator<'a> {
     }
 
     fn new_set(&mut self, scope: ScopeId, name: &Ident, labels: Vec<String>, first: Option<i64>) {
-        let set = self.names.sets.push(Set { name: name.text.clone(), labels, first });
+        let set = self.names.sets.push(Set::new(name.text.clone(), labels, first));
         self.declare(scope, name, SymbolKind::Set(set));
     }
 
@@ -416,8 +416,7 @@ impl<'a> Elaborator<'a> {
             Some(SymbolKind::Set(set) | SymbolKind::Phase(set)) => Some(set),
             Some(SymbolKind::Faulty) => None,
             _ => {
-                let known: Vec<String> = self.names.sets.values().map(|s| s.name.clone()).collect();
-                let help = did_you_mean(&name.text, known.iter().map(String::as_str));
+                let help = self.did_you_mean(&name.text, self.names.sets.values().map(|s| s.name.as_str()));
                 self.report(Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown set `{}`", name.text), name.span).maybe_help(help));
                 None
             }

@@ -1,6 +1,6 @@
 //! Expressions: names, operators, reductions.
 
-use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
+use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident, UnaryOp};
 use smpl_dsl::units::Unit;
@@ -17,6 +17,9 @@ const MAX_NESTING: u32 = 500;
 impl<'a> Elaborator<'a> {
     /// Elaborates an expression.
     pub(super) fn value(&mut self, e: &Expr, place: &Place) -> Value {
+        if !self.may_elaborate(e.span) {
+            return self.poison();
+        }
         self.nested(e.span, |s| s.value_of(e, place))
     }
 
@@ -226,7 +229,7 @@ impl<'a> Elaborator<'a> {
     }
 
     fn unknown_name(&mut self, name: &Ident, scope: ScopeId) -> Value {
-        let help = did_you_mean(&name.text, self.names.visible(scope));
+        let help = if self.may_suggest() { self.did_you_mean(&name.text, self.names.visible(scope)) } else { None };
         let d = Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown name `{}`", name.text), name.span)
             .label("not declared")
             .maybe_help(help);

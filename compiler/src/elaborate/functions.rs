@@ -4,7 +4,7 @@ mod binders;
 mod reductions;
 mod tables;
 
-use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
+use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident};
 use smpl_dsl::units::Unit;
@@ -160,12 +160,12 @@ impl Elaborator<'_> {
                     .help(format!("multiply with `*`: `{name} * (...)`")),
             );
         }
-        let visible = self.names.visible(place.scope);
         let help = match name.as_str() {
             "log" => Some("write `ln` for the natural logarithm, `log10` for the decimal one".to_owned()),
             "pow" => Some("write `x^y`".to_owned()),
             "sum" | "product" | "mean" | "any" | "all" => Some(format!("say over what: `{name}(x[i] for i in set)`")),
-            _ => did_you_mean(name, FUNCTIONS.iter().copied().chain(visible)),
+            _ if self.may_suggest() => self.did_you_mean(name, FUNCTIONS.iter().copied().chain(self.names.visible(place.scope))),
+            _ => None,
         };
         let message = match name.as_str() {
             "sum" | "product" | "mean" | "any" | "all" => format!("`{name}` runs over a set, here is none"),

@@ -1,6 +1,6 @@
 //! Index expressions: members, cells, whole numbers, and the addresses they make.
 
-use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
+use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{self, BinaryOp, Expr, ExprKind, Form, UnaryOp};
 
@@ -90,8 +90,7 @@ impl<'a> Elaborator<'a> {
                 match self.names.scopes[scope].names.get(&member.text) {
                     Some(&symbol) => Target::Symbol(symbol),
                     None => {
-                        let known: Vec<&str> = self.names.scopes[scope].names.keys().map(String::as_str).collect();
-                        let help = did_you_mean(&member.text, known);
+                        let help = self.did_you_mean(&member.text, self.names.scopes[scope].names.keys().map(String::as_str));
                         let prefix = self.names.scopes[scope].prefix.trim_end_matches('.').to_owned();
                         self.report(
                             Diagnostic::error(codes::UNKNOWN_NAME, format!("`{prefix}` has no `{}`", member.text), member.span)
@@ -306,12 +305,12 @@ impl<'a> Elaborator<'a> {
                 }
                 Some(_) => {}
                 None => {
-                    if let Some(i) = self.names.sets[set].labels.iter().position(|l| *l == name.text) {
+                    if let Some(i) = self.names.sets[set].position(&name.text) {
                         return Some(i);
                     }
                     if self.names.sets[set].first.is_none() {
                         let labels = &self.names.sets[set].labels;
-                        let is_member = did_you_mean(&name.text, labels.iter().map(String::as_str)).is_some();
+                        let is_member = self.did_you_mean(&name.text, labels.iter().map(String::as_str)).is_some();
                         if !is_member {
                             self.not_bound(&name.text, &self.names.sets[set].name.clone(), e.span);
                             return None;
@@ -330,9 +329,22 @@ impl<'a> Elaborator<'a> {
         self.labelled(set, &n.to_string(), e.span)
     }
 
+    /// Whether an index name that is not bound is met for the first time in the present statement.
+    fn is_first_unbound(&mut self, name: &str) -> bool {
+        if self.statement == Span::default() {
+            return true;
+        }
+        let key = (self.statement, name.to_owned());
+        let first = self.unbound.insert(key.clone());
+        if first && self.attempts > 0 {
+            self.unbound_names.push(key);
+        }
+        first
+    }
+
     /// An index name that is neither bound nor a member: one report for a statement.
     fn not_bound(&mut self, name: &str, set: &str, span: Span) {
-        if self.statement != Span::default() && !self.unbound.insert((self.statement, name.to_owned())) {
+        if !self.is_first_unbound(name) {
             return;
         }
         let first = self.names.sets.values().find(|s| s.name == set).and_then(|s| s.labels.first().cloned());
@@ -353,10 +365,11 @@ impl<'a> Elaborator<'a> {
     }
 
     fn labelled(&mut self, set: SetId, label: &str, span: Span) -> Option<usize> {
-        let found = self.names.sets[set].labels.iter().position(|l| l == label);
+        let found = self.names.sets[set].position(label);
         if found.is_none() {
             let name = self.names.sets[set].name.clone();
-            let help = did_you_mean(label, self.names.sets[set].labels.iter().map(String::as_str))
+            let help = self
+                .did_you_mean(label, self.names.sets[set].labels.iter().map(String::as_str))
                 .filter(|_| self.names.sets[set].first.is_none());
             let members = &self.names.sets[set].labels;
             let members = match self.names.sets[set].first {
@@ -395,7 +408,7 @@ impl<'a> Elaborator<'a> {
                 Some(Bound::Face(other, c)) if *other == domain => return Some(Bound::Face(domain, *c)),
                 None if self.names.domains[domain].name == name.text => {
                     let z = &name.text;
-                    if self.statement != Span::default() && !self.unbound.insert((self.statement, z.clone())) {
+                    if !self.is_first_unbound(z) {
                         return None;
                     }
                     self.report(
@@ -536,7 +549,7 @@ impl<'a> Elaborator<'a> {
                 if options.contains(&name) {
                     return Some(Some(x == name));
                 }
-                let help = did_you_mean(&name, options.iter().map(String::as_str));
+                let help = self.did_you_mean(&name, options.iter().map(String::as_str));
                 self.report(
                     Diagnostic::error(codes::UNKNOWN_NAME, format!("`{name}` is none of {}", options.join(", ")), other.span)
                         .maybe_help(help),

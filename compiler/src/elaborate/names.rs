@@ -135,6 +135,31 @@ pub struct Set {
     pub labels: Vec<String>,
     /// The first member of a set of integers.
     pub first: Option<i64>,
+    /// Positions of the members of a long set of names.
+    by_label: FastMap<String, usize>,
+}
+
+impl Set {
+    /// A set of names, or of the integers from `first` on.
+    pub fn new(name: String, labels: Vec<String>, first: Option<i64>) -> Set {
+        const LONG: usize = 32;
+        let mut by_label = FastMap::default();
+        if labels.len() > LONG && first.is_none() {
+            labels.iter().enumerate().for_each(|(i, label)| {
+                by_label.entry(label.clone()).or_insert(i);
+            });
+        }
+        Set { name, labels, first, by_label }
+    }
+
+    /// Position of a member.
+    pub fn position(&self, label: &str) -> Option<usize> {
+        if let Some(first) = self.first {
+            let at = label.parse::<i64>().ok()?.checked_sub(first)?;
+            return usize::try_from(at).ok().filter(|&at| self.labels.get(at).is_some_and(|l| l == label));
+        }
+        if self.by_label.is_empty() { self.labels.iter().position(|l| l == label) } else { self.by_label.get(label).copied() }
+    }
 }
 
 /// How field values reach the faces.
@@ -209,7 +234,7 @@ impl<'a> Names<'a> {
         None
     }
 
-    /// All names that can be seen from a scope, for suggestions.
+    /// All names that can be seen from a scope, for suggestions; in no order.
     pub fn visible(&self, scope: ScopeId) -> Vec<&str> {
         let mut names = Vec::new();
         let mut at = Some(scope);
@@ -217,7 +242,6 @@ impl<'a> Names<'a> {
             names.extend(self.scopes[id].names.keys().map(String::as_str));
             at = self.scopes[id].parent;
         }
-        names.sort_unstable();
         names
     }
 

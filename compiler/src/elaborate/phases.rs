@@ -56,7 +56,7 @@ impl<'a> Elaborator<'a> {
                 self.report(Diagnostic::error(codes::DUPLICATE_NAME, text, phase.name.span));
             }
         }
-        let set = self.names.sets.push(Set { name: "phase".to_owned(), labels, first: None });
+        let set = self.names.sets.push(Set::new("phase".to_owned(), labels, None));
         let mut variable =
             |name: &str| self.vars.push(Variable { name: name.to_owned(), role: Role::Discrete, len: 1, span: first.name.span });
         let (current, since, leaving) = (variable("phase"), variable("phase_start"), variable("phase_left"));

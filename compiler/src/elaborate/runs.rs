@@ -5,14 +5,12 @@
 //! give (a single number, an entry of a table, a neighbour beyond the range), every trace of the attempt is removed and the range is
 //! written out, with the same meaning and with the faults of its single members.
 
-use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Binder, BinderSet, Expr, ExprKind};
 
 use super::cells::Cell;
 use super::names::{Axis, SetId, SymbolKind};
 use super::quantity::Value;
-use super::{Bound, Elaborator, Place, Reported, Site};
-use crate::ir::FastSet;
+use super::{Bound, Elaborator, Place, Site};
 
 /// Shorter ranges are written out: their numbers become constants.
 pub(super) const SHORTEST: i64 = 16;
@@ -22,8 +20,8 @@ const MOST_PASSES: i64 = 20_000_000;
 /// What an attempt may change.
 pub(super) struct Trace {
     diagnostics: usize,
-    reported: FastSet<Reported>,
-    unbound: FastSet<(Span, String)>,
+    reports: usize,
+    unbound: usize,
     written_out: u32,
     passes: i64,
     remembered: usize,
@@ -105,6 +103,8 @@ impl Elaborator<'_> {
         self.looped = true;
         if self.attempts == 0 {
             self.remembered.clear();
+            self.reports.clear();
+            self.unbound_names.clear();
         }
         Some(value)
     }
@@ -113,8 +113,8 @@ impl Elaborator<'_> {
     pub(super) fn trace(&self) -> Trace {
         Trace {
             diagnostics: self.diagnostics.len(),
-            reported: self.reported.clone(),
-            unbound: self.unbound.clone(),
+            reports: self.reports.len(),
+            unbound: self.unbound_names.len(),
             written_out: self.written_out,
             passes: self.passes,
             remembered: self.remembered.len(),
@@ -125,8 +125,12 @@ impl Elaborator<'_> {
     /// Removes what an attempt has left.
     pub(super) fn forget(&mut self, before: Trace) {
         self.diagnostics.truncate(before.diagnostics);
-        self.reported = before.reported;
-        self.unbound = before.unbound;
+        for key in self.reports.drain(before.reports..) {
+            self.reported.remove(&key);
+        }
+        for key in self.unbound_names.drain(before.unbound..) {
+            self.unbound.remove(&key);
+        }
         self.written_out = before.written_out;
         self.passes = before.passes;
         self.refused = before.refused;

@@ -108,8 +108,7 @@ impl<'a> Elaborator<'a> {
                 self.value(body, &place);
                 self.expanding.pop();
                 // Where it is called from decides which functions have a meaning.
-                let told = self.diagnostics.split_off(before).into_iter();
-                self.diagnostics.extend(told.filter(|d| d.code != codes::MISPLACED_FUNCTION && !OF_VALUES.contains(&d.code)));
+                self.diagnostics.retain_after(before, |d| d.code != codes::MISPLACED_FUNCTION && !OF_VALUES.contains(&d.code));
             }
             _ => {}
         }
@@ -127,8 +126,7 @@ impl<'a> Elaborator<'a> {
                 self.check_level(scope, items(body, &self.selection));
             }
         }
-        let told = self.diagnostics.split_off(before).into_iter();
-        self.diagnostics.extend(told.filter(|d| d.is_error()));
+        self.diagnostics.retain_after(before, |d| d.is_error());
     }
 
     /// Units and sets of connectors.
@@ -149,7 +147,7 @@ impl<'a> Elaborator<'a> {
 
     /// Components of which there is no instance, elaborated apart, beside what the file declares.
     fn check_unused_components(&mut self) {
-        let unused = |s: &&Statement| matches!(&s.kind, StatementKind::Component { name, .. } if !self.instantiated.contains(&*name.text));
+        let unused = |s: &&Statement| matches!(&s.kind, StatementKind::Component { name, .. } if !self.used_components.contains(&*name.text));
         let mut unused: Vec<&'a Statement> = self.components.values().copied().filter(unused).collect();
         if unused.is_empty() {
             return;
@@ -168,10 +166,10 @@ impl<'a> Elaborator<'a> {
         sample.check_unused();
         sample.name_calls();
         let inside = |span: Span| unused.iter().any(|s| s.span.contains(span));
-        for d in sample.diagnostics {
+        for d in &sample.diagnostics {
             let of_component = inside(d.primary.span) || d.secondary.iter().any(|l| inside(l.span));
             if of_component && !OF_VALUES.contains(&d.code) {
-                self.report(d);
+                self.report(d.clone());
             }
         }
     }

@@ -149,11 +149,17 @@ fn shape(exprs: &Exprs, sink: Sink, value: ExprId) -> Option<Shape> {
     let mut shape = Shape { tokens: vec![], loads: vec![], offsets: vec![], counters: 0 };
     let mut places: FastMap<ExprId, u32> = FastMap::default();
     let mut stack = vec![(value, false)];
+    let mut entries = 0;
     while let Some((expr, entered)) = stack.pop() {
         if places.contains_key(&expr) {
             continue;
         }
         if !entered {
+            // A chain is entered to its end before its first node has a place.
+            entries += 1;
+            if entries > 2 * LARGEST {
+                return None;
+            }
             stack.push((expr, true));
             stack.extend(exprs.operands(expr).map(|o| (o, false)));
             continue;

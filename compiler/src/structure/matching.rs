@@ -1,15 +1,16 @@
 //! Matching of equations to unknowns, and the rows that result.
 
 use std::collections::BTreeSet;
+use std::rc::Rc;
 
-use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::diagnostic::{Diagnostic, Faults, codes};
 use smpl_dsl::span::Span;
 
 use super::algebraic::{Element, Plan};
 use super::rates::Rates;
 use super::{element_name, loads, passes};
 use crate::elaborate::{Equation, EquationForm, for_each_element};
-use crate::ir::{Affine, Expr, ExprId, FastMap, FastSet, Flavour, LoopVar, Role, VarId};
+use crate::ir::{Affine, Expr, ExprId, FastMap, Flavour, LoopVar, Role, VarId};
 use crate::model::{Model, Quantity, Row, Variable};
 
 /// Largest number of passes of an implicit equation that is written out for matching.
@@ -19,7 +20,7 @@ const WRITTEN_OUT: i64 = 20_000;
 ///
 /// # Errors
 /// Unknowns without an equation, equations without an unknown.
-pub fn rows(model: &mut Model, equations: Vec<Equation>, plan: &Plan, rates: &Rates) -> Result<Vec<Row>, Vec<Diagnostic>> {
+pub fn rows(model: &mut Model, equations: Vec<Equation>, plan: &Plan, rates: &Rates) -> Result<Vec<Row>, Faults> {
     let mut rows = Vec::new();
     let mut definitions = Vec::new();
     let mut implicit = Vec::new();
@@ -134,36 +135,29 @@ impl Matching {
         }
     }
 
-    fn solve(&self, model: &mut Model, unknown: &BTreeSet<Element>, out: &mut Vec<Row>) -> Result<(), Vec<Diagnostic>> {
-        let mut owner: FastMap<Element, usize> = FastMap::default();
-        let mut unmatched = Vec::new();
-        for equation in 0..self.residuals.len() {
-            let mut seen = FastSet::default();
-            if !self.augment(equation, unknown, &mut owner, &mut seen) {
-                unmatched.push((equation, seen));
-            }
-        }
+    fn solve(&self, model: &mut Model, unknown: &BTreeSet<Element>, out: &mut Vec<Row>) -> Result<(), Faults> {
+        let mut pairs = Pairs { owner: FastMap::default(), own: vec![None; self.residuals.len()], closed: FastMap::default() };
+        let unmatched: Vec<_> = (0..self.residuals.len()).filter_map(|e| Some((e, self.augment(e, unknown, &mut pairs)?))).collect();
+        let owner = pairs.owner;
         let missing: Vec<Element> = unknown.iter().filter(|e| !owner.contains_key(*e)).copied().collect();
-        let mut faults: Vec<Diagnostic> = self
-            .too_large
-            .iter()
-            .map(|&span| {
-                Diagnostic::error(codes::TOO_LARGE, "an implicit equation over very many cells", span)
-                    .help("give each variable an equation of its own: `eq v[z] = ...`")
-            })
-            .collect();
-        faults.extend(unmatched.iter().map(|(e, seen)| self.left_over(model, *e, seen)));
+        let mut faults = Faults::default();
+        for &span in &self.too_large {
+            let fault = Diagnostic::error(codes::TOO_LARGE, "an implicit equation over very many cells", span);
+            faults.push(fault.help("give each variable an equation of its own: `eq v[z] = ...`"));
+        }
+        for (equation, reach) in &unmatched {
+            faults.push_with(|| self.left_over(model, *equation, reach));
+        }
         let high_index = faults.iter().filter(|d| d.code == codes::HIGH_INDEX).count();
         let without = undetermined(model, &missing);
         if high_index > 0 && without.len() <= high_index {
             // One cause: the constraint that should determine them does not contain them.
-            let names: Vec<String> = missing.iter().map(|&(v, i)| element_name(model, v, i)).collect();
-            let note = format!("{} {} left without an equation", listed(&names), if names.len() == 1 { "is" } else { "are" });
-            if let Some(fault) = faults.iter_mut().find(|d| d.code == codes::HIGH_INDEX) {
-                fault.notes.extend((!names.is_empty()).then_some(note));
+            let note = format!("{} {} left without an equation", listed(model, &missing), if missing.len() == 1 { "is" } else { "are" });
+            if let Some(fault) = faults.find_mut(|d| d.code == codes::HIGH_INDEX) {
+                fault.notes.extend((!missing.is_empty()).then_some(note));
             }
         } else {
-            faults.extend(without);
+            faults.append(without);
         }
         if !faults.is_empty() {
             return Err(faults);
@@ -180,37 +174,41 @@ impl Matching {
         Ok(())
     }
 
-    /// An augmenting path from an equation; `seen` collects the unknowns it can reach. Iterative, since paths may be long.
-    fn augment(&self, start: usize, unknown: &BTreeSet<Element>, owner: &mut FastMap<Element, usize>, seen: &mut FastSet<Element>) -> bool {
+    /// An augmenting path from an equation; the unknowns that it can reach where there is none. Iterative, since paths may be long.
+    fn augment(&self, start: usize, unknown: &BTreeSet<Element>, pairs: &mut Pairs) -> Option<Rc<[Element]>> {
         let mut from: FastMap<Element, usize> = FastMap::default();
+        let mut reached: Option<Rc<[Element]>> = None;
         let mut queue = vec![start];
         while let Some(equation) = queue.pop() {
             for &element in self.candidates[equation].iter().filter(|e| unknown.contains(*e)) {
-                if !seen.insert(element) {
+                // No path leads on from what an earlier equation reached in vain.
+                if let Some(closed) = pairs.closed.get(&element) {
+                    reached.get_or_insert_with(|| Rc::clone(closed));
+                    continue;
+                }
+                if from.contains_key(&element) {
                     continue;
                 }
                 from.insert(element, equation);
-                if let Some(&next) = owner.get(&element) {
+                if let Some(&next) = pairs.owner.get(&element) {
                     queue.push(next);
                     continue;
                 }
-                // Turn the path round.
-                let mut at = element;
-                loop {
-                    let equation = from[&at];
-                    let before = owner.iter().find(|(_, e)| **e == equation).map(|(v, _)| *v);
-                    owner.insert(at, equation);
-                    match before.filter(|_| equation != start) {
-                        Some(v) => at = v,
-                        None => return true,
-                    }
-                }
+                pairs.turn(element, start, &from);
+                return None;
             }
         }
-        false
+        if from.is_empty() {
+            return Some(reached.unwrap_or_default());
+        }
+        let mut all: Vec<Element> = from.keys().chain(reached.iter().flat_map(|r| r.iter())).copied().collect();
+        all.sort_unstable();
+        let all: Rc<[Element]> = all.into();
+        pairs.closed.extend(from.into_keys().map(|element| (element, Rc::clone(&all))));
+        Some(all)
     }
 
-    fn left_over(&self, model: &Model, equation: usize, seen: &FastSet<Element>) -> Diagnostic {
+    fn left_over(&self, model: &Model, equation: usize, reach: &[Element]) -> Diagnostic {
         let span = self.spans[equation];
         if let Some(own) = self.written_for[equation]
             && let Some(&first) = self.determined.get(&own)
@@ -221,14 +219,14 @@ impl Matching {
                 .secondary(first, "the first one")
                 .help("remove one of them, or declare what the second should determine as a `var`");
         }
-        if seen.is_empty() {
+        if reach.is_empty() {
             if let Some(d) = given(model, self.residuals[equation], span) {
                 return d;
             }
-            let states: Vec<String> =
+            let states: Vec<Element> =
                 loads(&model.exprs, self.residuals[equation], |v, f| f == Flavour::Value && model.vars[v].role == Role::State)
                     .into_iter()
-                    .map(|(v, _, at)| element_name(model, v, at.offset))
+                    .map(|(v, _, at)| (v, at.offset))
                     .collect();
             if states.is_empty() {
                 return Diagnostic::error(codes::OVERDETERMINED, "this equation has no unknown that is not determined already", span)
@@ -236,17 +234,41 @@ impl Matching {
             }
             return Diagnostic::error(
                 codes::HIGH_INDEX,
-                format!("this equation binds states only ({}): the system has an index above 1", listed(&states)),
+                format!("this equation binds states only ({}): the system has an index above 1", listed(model, &states)),
                 span,
             )
             .label("constrains states, determines nothing")
             .help("differentiate the constraint by hand, or make one of the states a `var`");
         }
-        let mut names: Vec<String> = seen.iter().map(|&(v, i)| element_name(model, v, i)).collect();
-        names.sort();
-        Diagnostic::error(codes::OVERDETERMINED, format!("more equations than unknowns: {} has too many", listed(&names)), span)
+        let message = format!("more equations than unknowns: {} has too many", listed(model, reach));
+        Diagnostic::error(codes::OVERDETERMINED, message, span)
             .label("one equation too many")
             .help("remove one of the equations, or declare another unknown as a `var`")
+    }
+}
+
+/// Unknowns and equations that belong together so far.
+struct Pairs {
+    owner: FastMap<Element, usize>,
+    /// The unknown of each equation.
+    own: Vec<Option<Element>>,
+    /// Unknowns from which no path leads to a free one, with all that are reached together with them.
+    closed: FastMap<Element, Rc<[Element]>>,
+}
+
+impl Pairs {
+    /// Turns a path round that ends in a free unknown.
+    fn turn(&mut self, free: Element, start: usize, from: &FastMap<Element, usize>) {
+        let mut at = free;
+        loop {
+            let equation = from[&at];
+            let before = self.own[equation].replace(at);
+            self.owner.insert(at, equation);
+            match before.filter(|_| equation != start) {
+                Some(element) => at = element,
+                None => return,
+            }
+        }
     }
 }
 
@@ -282,45 +304,42 @@ fn incidence(model: &Model, e: ExprId) -> Vec<Element> {
 }
 
 /// One report for each variable, however many of its elements are undetermined.
-fn undetermined(model: &Model, missing: &[Element]) -> Vec<Diagnostic> {
-    let mut out = Vec::new();
-    let mut done = FastSet::default();
-    for &(var, i) in missing {
-        if !done.insert(var) {
-            continue;
-        }
-        let v = &model.vars[var];
-        let count = missing.iter().filter(|m| m.0 == var).count();
-        let name = element_name(model, var, i);
-        let is_state = v.role == Role::State;
-        let what = if is_state { format!("`d/dt {name}`") } else { format!("`{name}`") };
-        let more = if count > 1 { format!(" (and {} more of its elements)", count - 1) } else { String::new() };
-        let whole = count > 1 && count == v.len as usize;
-        let own = match model.interface.states.iter().chain(&model.interface.algebraics).find(|q| q.var == Some(var)) {
-            Some(q) if whole && !q.axes.is_empty() => format!("{}[{}]", q.name, vec!["..."; q.axes.len()].join(", ")),
-            _ => name.clone(),
-        };
-        let help = if is_state {
-            format!("add `eq d/dt {own} = ...`")
-        } else if v.name.contains('.') {
-            format!("connect the port, or add `eq {own} = ...`")
-        } else {
-            format!("add `eq {own} = ...`, or make it a `let` or a `param`")
-        };
-        out.push(
-            Diagnostic::error(codes::UNDERDETERMINED, format!("no equation determines {what}{more}"), v.span)
-                .label("has no equation")
-                .help(help),
-        );
+fn undetermined(model: &Model, missing: &[Element]) -> Faults {
+    let mut out = Faults::default();
+    // The elements stand in the order of their variables.
+    for elements in missing.chunk_by(|a, b| a.0 == b.0) {
+        out.push_with(|| without_equation(model, elements[0], elements.len()));
     }
     out
 }
 
-fn listed(names: &[String]) -> String {
+fn without_equation(model: &Model, (var, i): Element, count: usize) -> Diagnostic {
+    let v = &model.vars[var];
+    let name = element_name(model, var, i);
+    let is_state = v.role == Role::State;
+    let what = if is_state { format!("`d/dt {name}`") } else { format!("`{name}`") };
+    let more = if count > 1 { format!(" (and {} more of its elements)", count - 1) } else { String::new() };
+    let whole = count > 1 && count == v.len as usize;
+    let own = match model.interface.states.iter().chain(&model.interface.algebraics).find(|q| q.var == Some(var)) {
+        Some(q) if whole && !q.axes.is_empty() => format!("{}[{}]", q.name, vec!["..."; q.axes.len()].join(", ")),
+        _ => name.clone(),
+    };
+    let help = if is_state {
+        format!("add `eq d/dt {own} = ...`")
+    } else if v.name.contains('.') {
+        format!("connect the port, or add `eq {own} = ...`")
+    } else {
+        format!("add `eq {own} = ...`, or make it a `let` or a `param`")
+    };
+    Diagnostic::error(codes::UNDERDETERMINED, format!("no equation determines {what}{more}"), v.span).label("has no equation").help(help)
+}
+
+/// Names of elements, the first few of many.
+fn listed(model: &Model, elements: &[Element]) -> String {
     const SHOWN: usize = 6;
-    let mut text = names.iter().take(SHOWN).map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");
-    if names.len() > SHOWN {
-        text.push_str(&format!(" and {} more", names.len() - SHOWN));
+    let mut text = elements.iter().take(SHOWN).map(|&(v, i)| format!("`{}`", element_name(model, v, i))).collect::<Vec<_>>().join(", ");
+    if elements.len() > SHOWN {
+        text.push_str(&format!(" and {} more", elements.len() - SHOWN));
     }
     text
 }
@@ -328,11 +347,14 @@ fn listed(names: &[String]) -> String {
 /// Adds the solved algebraic variables to the unknowns. Single elements of arrays become variables of their own.
 fn complete(model: &mut Model, mut rows: Vec<Row>) -> Vec<Row> {
     let mut whole: FastMap<VarId, i64> = FastMap::default();
+    let mut elements_of: FastMap<VarId, Vec<i64>> = FastMap::default();
     for row in &rows {
         if model.vars[row.var].role == Role::Algebraic {
             *whole.entry(row.var).or_default() += passes(&row.extents);
+            elements_of.entry(row.var).or_default().push(row.at.offset);
         }
     }
+    let quantities: FastMap<VarId, usize> = model.interface.algebraics.iter().enumerate().filter_map(|(i, q)| Some((q.var?, i))).collect();
     let mut order: Vec<VarId> = whole.keys().copied().collect();
     order.sort_unstable();
     let mut renamed: FastMap<Element, VarId> = FastMap::default();
@@ -341,7 +363,7 @@ fn complete(model: &mut Model, mut rows: Vec<Row>) -> Vec<Row> {
     for var in order {
         let len = i64::from(model.vars[var].len);
         solved += whole[&var] as u32;
-        let quantity = model.interface.algebraics.iter().find(|q| q.var == Some(var)).cloned();
+        let quantity = quantities.get(&var).map(|&i| model.interface.algebraics[i].clone());
         // Members of ports are shown nowhere, but may be solved for.
         hidden += if quantity.is_none() { whole[&var] as u32 } else { 0 };
         if whole[&var] == len {
@@ -349,7 +371,7 @@ fn complete(model: &mut Model, mut rows: Vec<Row>) -> Vec<Row> {
             model.interface.solved.push(quantity.unwrap_or_else(|| plain(model, var, None)));
             continue;
         }
-        let mut elements: Vec<i64> = rows.iter().filter(|r| r.var == var).map(|r| r.at.offset).collect();
+        let mut elements = elements_of.remove(&var).unwrap_or_default();
         elements.sort_unstable();
         for i in elements {
             let name = match &quantity {

@@ -1,7 +1,7 @@
 //! Rates of the states: solving for derivatives, coverage, substitution on right sides.
 
 use cranelift_entity::PrimaryMap;
-use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::diagnostic::{Diagnostic, Faults, codes};
 use smpl_dsl::span::Span;
 
 use super::{derivatives, element_name, replace_everywhere};
@@ -103,10 +103,10 @@ fn depends(exprs: &Exprs, e: ExprId, x: ExprId) -> bool {
 ///
 /// # Errors
 /// States with two equations for their derivative.
-pub fn cover_states(model: &Model, equations: &[Equation]) -> Result<Rates, Vec<Diagnostic>> {
+pub fn cover_states(model: &Model, equations: &[Equation]) -> Result<Rates, Faults> {
     let mut covered: FastMap<VarId, Vec<bool>> = FastMap::default();
     let mut first: FastMap<VarId, Span> = FastMap::default();
-    let mut faults = Vec::new();
+    let mut faults = Faults::default();
     for (var, v) in model.vars.iter().filter(|(_, v)| v.role == Role::State) {
         covered.insert(var, vec![false; v.len as usize]);
     }
@@ -120,12 +120,12 @@ pub fn cover_states(model: &Model, equations: &[Equation]) -> Result<Rates, Vec<
             None => {}
         });
         if let Some(i) = twice {
-            let name = element_name(model, var, i);
-            faults.push(
-                Diagnostic::error(codes::OVERDETERMINED, format!("two equations determine `d/dt {name}`"), equation.span)
+            faults.push_with(|| {
+                let message = format!("two equations determine `d/dt {}`", element_name(model, var, i));
+                Diagnostic::error(codes::OVERDETERMINED, message, equation.span)
                     .label("the second one")
-                    .secondary(first.get(&var).copied().unwrap_or_default(), "the first one"),
-            );
+                    .secondary(first.get(&var).copied().unwrap_or_default(), "the first one")
+            });
         }
         first.entry(var).or_insert(equation.span);
     }

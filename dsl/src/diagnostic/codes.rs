@@ -80,6 +80,7 @@ registry! {
     BAD_NUMBER "E0112-bad-number" "a number that cannot be represented"
     BAD_BINDER "E0113-bad-binder" "an index runs over a set, a range `low..high` or a list `(a, b)`"
     MISPLACED_BLOCK "E0114-misplaced-block" "this kind of statement has no block, or lacks the one that it must have"
+    MORE_FAULTS "E0115-more-faults" "more faults than are worth reading at once: the last entry of a list says how many follow"
     UNKNOWN_NAME "E0201-unknown-name" "a name that is declared nowhere"
     DUPLICATE_NAME "E0202-duplicate-name" "two declarations of one name"
     UNKNOWN_IMPORT "E0203-unknown-import" "an imported file that does not exist or may not be read"

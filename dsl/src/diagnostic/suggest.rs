@@ -4,12 +4,19 @@
 /// a difference of case or of underscores alone always is). Names of one or two letters are matched only so, or where a letter was doubled.
 #[must_use]
 pub fn suggest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let limit = if name.chars().count() < 3 { 0 } else { (name.chars().count() / 3).max(1) };
-    let folded = fold(name);
+    let letters = name.chars().count();
+    let limit = if letters < 3 { 0 } else { (letters / 3).max(1) };
+    let edits = |candidate: &str| {
+        if folded(candidate).eq(folded(name)) || doubled(name, candidate) {
+            return 0;
+        }
+        // No fewer edits than the difference of their lengths.
+        if candidate.chars().count().abs_diff(letters) > limit { usize::MAX } else { distance(name, candidate) }
+    };
     candidates
         .into_iter()
         .filter(|candidate| *candidate != name)
-        .map(|candidate| (if fold(candidate) == folded || doubled(name, candidate) { 0 } else { distance(name, candidate) }, candidate))
+        .map(|candidate| (edits(candidate), candidate))
         .filter(|(edits, _)| *edits <= limit)
         .min_by(|a, b| a.0.cmp(&b.0).then_with(|| a.1.cmp(b.1)))
         .map(|(_, candidate)| candidate)
@@ -28,8 +35,9 @@ fn doubled(name: &str, candidate: &str) -> bool {
     letters.len() < name.chars().count() && letters.iter().copied().eq(candidate.chars())
 }
 
-fn fold(name: &str) -> String {
-    name.chars().filter(|c| *c != '_').flat_map(char::to_lowercase).collect()
+/// The letters without case and underscores.
+fn folded(name: &str) -> impl Iterator<Item = char> + '_ {
+    name.chars().filter(|c| *c != '_').flat_map(char::to_lowercase)
 }
 
 /// Edits (insert, delete, replace, swap neighbours) between two words. Words that are longer than any name are as far as they are long.

@@ -96,7 +96,8 @@ fn classify_operators(tokens: &mut [Token<'_>]) {
         let previous = tokens[..index].iter().rfind(|token| token.kind != Kind::Comment).copied();
         let next = tokens.get(index + 1).copied();
         let attached = tokens[index].blank_before && next.is_some_and(|token| !token.blank_before);
-        let begins = index == 1 && tokens[0].text == "eq";
+        // What follows the keyword of a statement begins an expression.
+        let begins = index == 1;
         let sign = matches!(tokens[index].text, "+" | "-") && (begins || previous.is_none_or(|token| opens_expression(&token, attached)));
         let rate = previous.is_some_and(|token| token.text == "d") && next.is_some_and(|token| token.text == "dt");
         let spaced = !rate && (tokens[index].blank_before || next.is_some_and(|token| token.blank_before));

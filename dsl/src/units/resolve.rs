@@ -44,6 +44,9 @@ fn overflow(span: Span) -> Diagnostic {
     Diagnostic::error(codes::UNIT_OVERFLOW, "this unit has exponents or factors beyond what can be represented", span)
 }
 
+/// Longer symbols are no slip of the pen.
+const LONGEST: usize = 32;
+
 /// What an unknown symbol was probably meant to be.
 fn meant(symbol: &str) -> Option<String> {
     if let Some((_, known)) = table::SYNONYMS.iter().find(|(other, _)| *other == symbol) {
@@ -53,7 +56,8 @@ fn meant(symbol: &str) -> Option<String> {
     if letters.len() < symbol.len() && Unit::named(letters).is_some() {
         return Some(format!("a power is written `{letters}^{}`", &symbol[letters.len()..]));
     }
-    split(symbol).or_else(|| nearest(symbol)).or_else(|| Some(all()))
+    let near = if symbol.len() > LONGEST { None } else { split(symbol).or_else(|| nearest(symbol)) };
+    near.or_else(|| Some(all()))
 }
 
 /// The units that there are.

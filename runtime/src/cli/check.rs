@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use clap::Args;
 use serde_json::{Value as Json, json};
-use smpl_dsl::diagnostic::{Diagnostic, JsonDiagnostic, SourceMap};
+use smpl_dsl::diagnostic::{Diagnostic, JsonDiagnostic, SHOWN, SourceMap};
 
 use super::report::{self, Failed};
 use super::{Files, Format, ModelArguments, say};
@@ -81,6 +81,7 @@ fn verdict(loaded: &Loaded) -> String {
     let warnings = match loaded.warnings.len() {
         0 => String::new(),
         1 => ", 1 warning".into(),
+        n if n > SHOWN => format!(", more than {SHOWN} warnings"),
         n => format!(", {n} warnings"),
     };
     format!("ok ({} states, {} solved algebraic variables{warnings})", model.states(), model.unknowns() - model.states())

@@ -97,7 +97,7 @@ fn parse(file: &Path) -> Result<(smpl_dsl::syntax::File, SourceMap), Failed> {
     let id = sources.add(file.display().to_string(), text.clone());
     let parsed = smpl_dsl::parse(&text, id);
     if parsed.diagnostics.iter().any(smpl_dsl::diagnostic::Diagnostic::is_error) {
-        return Err(Failed::Diagnostics(parsed.diagnostics, Arc::new(sources)));
+        return Err(Failed::Diagnostics(parsed.diagnostics.shown(), Arc::new(sources)));
     }
     Ok((parsed.file, sources))
 }

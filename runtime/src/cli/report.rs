@@ -4,12 +4,11 @@ use std::fmt;
 use std::io::{IsTerminal, Write};
 use std::path::Path;
 
-use miette::{
-    GraphicalReportHandler, GraphicalTheme, LabeledSpan, MietteError, MietteSpanContents, NamedSource, SourceCode, SourceSpan, SpanContents,
-};
+use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan};
 use smpl_dsl::diagnostic::{Diagnostic, Label, Severity, SourceMap, codes};
 use smpl_dsl::span::Span;
 
+use super::excerpt::Excerpt;
 use crate::environment::{ResetError, StepError};
 use crate::load::LoadError;
 use crate::setup::SetupError;
@@ -149,42 +148,37 @@ struct Shown {
     severity: Severity,
     help: Option<String>,
     labels: Vec<LabeledSpan>,
-    source: Source,
-}
-
-/// A text whose parts count their own lines. The renderer joins marks whose parts meet; by the lines of the whole text up to a mark, which
-/// the library's sources give, it would join marks that are far apart and print everything between.
-#[derive(Debug)]
-struct Source(NamedSource<String>);
-
-impl SourceCode for Source {
-    fn read_span<'a>(&'a self, span: &SourceSpan, before: usize, after: usize) -> Result<Box<dyn SpanContents<'a> + 'a>, MietteError> {
-        let part = self.0.read_span(span, before, after)?;
-        let lines = part.data().split_inclusive(|b| *b == b'\n').count();
-        let name = part.name().unwrap_or_default().to_owned();
-        Ok(Box::new(MietteSpanContents::new_named(name, part.data(), *part.span(), part.line(), part.column(), lines)))
-    }
+    source: Excerpt,
 }
 
 impl Shown {
     fn new(diagnostic: &Diagnostic, sources: &SourceMap) -> Self {
         let file = diagnostic.primary.span.file;
         let text = sources.file(file).map_or("", |f| f.text());
-        let clip = |span: Span| {
-            let start = text.floor_char_boundary((span.start as usize).min(text.len()));
-            let end = text.floor_char_boundary((span.end as usize).clamp(start, text.len()));
-            (start, end - start)
-        };
-        let label = |text: &str| (!text.is_empty()).then(|| text.to_owned());
-        let primary = LabeledSpan::new_primary_with_span(label(&diagnostic.primary.text), clip(diagnostic.primary.span));
         let (here, elsewhere): (Vec<_>, Vec<_>) = diagnostic.secondary.iter().partition(|l| l.span.file == file);
         // Marks within marks cannot be drawn: where labelled parts lie inside of the whole, they are shown alone.
         let whole = diagnostic.primary.span;
         let inside = |l: &Label| whole.start <= l.span.start && l.span.end <= whole.end;
         let parts_alone = diagnostic.primary.text.is_empty() && here.iter().any(|l| inside(l));
-        let mut labels = if parts_alone { vec![] } else { vec![primary] };
-        labels.extend(here.iter().map(|l| LabeledSpan::new_with_span(label(&l.text), clip(l.span))));
-        let remote = elsewhere.iter().map(|l| format!("{} ({}:{})", l.text, sources.name(l.span.file), sources.locate(l.span).line));
+        let marked: Vec<&Label> = (!parts_alone).then_some(&diagnostic.primary).into_iter().chain(here).collect();
+        let spans: Vec<Span> = marked.iter().map(|label| label.span).collect();
+        let (source, places) = Excerpt::new(sources.name(file), text, &spans);
+        let mut labels = Vec::new();
+        let mut remote: Vec<&Label> = elsewhere;
+        for (&label, place) in marked.iter().zip(places) {
+            let text = (!label.text.is_empty()).then(|| label.text.clone());
+            match place {
+                Some(place) if std::ptr::eq(label, &raw const diagnostic.primary) => {
+                    labels.push(LabeledSpan::new_primary_with_span(text, place))
+                }
+                Some(place) => labels.push(LabeledSpan::new_with_span(text, place)),
+                None => remote.push(label),
+            }
+        }
+        let remote = remote.iter().filter(|l| !l.text.is_empty()).map(|l| {
+            let at = sources.locate(l.span);
+            format!("{} ({}:{}:{})", l.text, sources.name(l.span.file), at.line, at.column)
+        });
         let help: Vec<String> = diagnostic.help.iter().cloned().chain(diagnostic.notes.iter().cloned()).chain(remote).collect();
         Self {
             message: diagnostic.message.clone(),
@@ -192,7 +186,7 @@ impl Shown {
             severity: diagnostic.severity,
             help: (!help.is_empty()).then(|| help.join("\n")),
             labels,
-            source: Source(NamedSource::new(sources.name(file), text.to_owned())),
+            source,
         }
     }
 }
@@ -228,5 +222,48 @@ impl miette::Diagnostic for Shown {
 
     fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
         Some(Box::new(self.labels.iter().cloned()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use smpl_dsl::diagnostic::codes;
+
+    /// The diagnostic at a word of a text, with a label at another one.
+    fn shown(text: &str, word: &str, other: &str) -> String {
+        let mut sources = SourceMap::new();
+        let file = sources.add("m.eq", text);
+        let span = |word: &str| {
+            let at = text.rfind(word).expect("in the text");
+            Span { file, start: at as u32, end: (at + word.len()) as u32 }
+        };
+        let fault = Diagnostic::error(codes::UNKNOWN_NAME, "unknown", span(word)).label("here").secondary(span(other), "and there");
+        render(&fault, &sources, false)
+    }
+
+    /// Columns beyond 65,535 made the renderer panic; and all of the line was printed.
+    #[test]
+    fn a_mark_far_to_the_right_is_shown_with_what_is_near_it() {
+        for filling in [" ", "\t", "1 + ", "\u{b5}"] {
+            let before = format!("let a = first + {}", filling.repeat(70_000));
+            let text = format!("state x = 1\n{before}nope + 2{}\nlet b = 1\n", " + 1".repeat(9000));
+            let out = shown(&text, "nope", "first");
+            assert!(out.len() < 4000, "{} bytes", out.len());
+            assert!(out.contains("nope + 2") && !out.contains("first"), "{out}");
+            assert!(out.contains("and there (m.eq:2:9)"), "{out}");
+            let column = before.chars().count() + 1;
+            let bytes = before.len() + 1;
+            assert!(out.contains(&format!("m.eq:2:{column}]")) || out.contains(&format!("m.eq:2:{bytes}]")), "{out}");
+        }
+    }
+
+    #[test]
+    fn marks_of_distant_lines_are_told_under_their_numbers() {
+        let text = format!("let first = 1\n{}let a = nope\n", "let b = 1\n".repeat(5000));
+        let out = shown(&text, "nope", "first");
+        assert!(out.contains("m.eq:5002:9") && out.contains("5002 ") && out.contains("and there (m.eq:1:5)"), "{out}");
+        let near = shown("let first = 1\nlet b = 1\nlet c = 1\nlet d = 1\nlet e = 1\nlet a = nope", "nope", "first");
+        assert!(near.contains(" 1 ") && near.contains(" 6 ") && near.contains("and there") && !near.contains("(m.eq"), "{near}");
     }
 }

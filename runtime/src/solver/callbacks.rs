@@ -163,10 +163,7 @@ impl Bridge {
         }
         // SAFETY: the lender holds the exclusive borrow as long as the pointer is here.
         let system = unsafe { system.as_mut() };
-        catch_unwind(AssertUnwindSafe(|| call(system))).map_err(|_| {
-            self.note(Trouble::Panic);
-            FATAL
-        })
+        catch_unwind(AssertUnwindSafe(|| call(system))).map_err(|_| self.panicked())
     }
 
     /// Evaluates the residual at `y`, `yp` into `out`; whether it is finite is left open.
@@ -265,11 +262,37 @@ impl Bridge {
         self.has_passed(t, y, yp)
     }
 
+    /// Solves with the factorised matrix in place.
+    fn solve(&mut self, x: &mut [f64]) -> c_int {
+        self.counts.linear_solves += 1;
+        match catch_unwind(AssertUnwindSafe(|| self.factorisation.solve(x))) {
+            Ok(()) => 0,
+            Err(_) => self.panicked(),
+        }
+    }
+
+    /// Error weights at `y`, and a look at the step that led there.
+    unsafe fn weigh(&mut self, y: N_Vector, weights: N_Vector) -> c_int {
+        let weighed = catch_unwind(AssertUnwindSafe(|| {
+            unsafe { self.operations.error_weights(self.rtol, y, &self.atol, weights) };
+            self.shared.renew(weights);
+            code(self.step_accepted(unsafe { entries(y) }))
+        }));
+        weighed.unwrap_or_else(|_| self.panicked())
+    }
+
+    /// Notes a panic, which is not to leave a callback.
+    pub fn panicked(&mut self) -> c_int {
+        self.note(Trouble::Panic);
+        FATAL
+    }
+
     fn factorise(&mut self) -> c_int {
         self.counts.factorisations += 1;
-        match self.factorisation.factorise(&self.values) {
-            Ok(()) => 0,
-            Err(singular) => {
+        match catch_unwind(AssertUnwindSafe(|| self.factorisation.factorise(&self.values))) {
+            Err(_) => self.panicked(),
+            Ok(Ok(())) => 0,
+            Ok(Err(singular)) => {
                 let mut time = 0.0;
                 unsafe { IDAGetCurrentTime(self.memory, &mut time) };
                 self.note(Trouble::Singular { time, column: singular.column });
@@ -347,10 +370,7 @@ pub(crate) unsafe extern "C" fn quadratures(t: f64, y: N_Vector, yp: N_Vector, o
 
 /// Error weights; IDA asks for them once a step, which also makes it the place to watch the steps.
 pub(crate) unsafe extern "C" fn error_weights(y: N_Vector, weights: N_Vector, data: *mut c_void) -> c_int {
-    let bridge = unsafe { bridge(data) };
-    unsafe { bridge.operations.error_weights(bridge.rtol, y, &bridge.atol, weights) };
-    bridge.shared.renew(weights);
-    code(bridge.step_accepted(unsafe { entries(y) }))
+    unsafe { bridge(data).weigh(y, weights) }
 }
 
 /// Keeps the last message in place of printing it: SUNDIALS 6.
@@ -407,12 +427,9 @@ unsafe extern "C" fn solver_setup(solver: SUNLinearSolver, _: SUNMatrix) -> c_in
 }
 
 unsafe extern "C" fn solver_solve(solver: SUNLinearSolver, _: SUNMatrix, x: N_Vector, b: N_Vector, _: f64) -> c_int {
-    let bridge = unsafe { bridge((*solver).content) };
-    bridge.counts.linear_solves += 1;
     let x = unsafe { entries_mut(x) };
     x.copy_from_slice(unsafe { entries(b) });
-    bridge.factorisation.solve(x);
-    0
+    unsafe { bridge((*solver).content) }.solve(x)
 }
 
 unsafe extern "C" fn solver_last_flag(_: SUNLinearSolver) -> i64 {
@@ -458,5 +475,29 @@ impl LinearObjects {
         let solver = _generic_SUNLinearSolver { content: bridge.cast(), ops: ptr::from_ref(&SOLVER).cast_mut(), sunctx };
         let matrix = _generic_SUNMatrix { content: bridge.cast(), ops: ptr::from_ref(&MATRIX).cast_mut(), sunctx };
         Self { solver: Box::new(solver), matrix: Box::new(matrix) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{LinearSolver, Pattern};
+    use super::*;
+
+    /// A bridge whose matrix has no values: to factorise it panics, and so does a solve with a vector that is too short.
+    fn bridge() -> Bridge {
+        let operations = Operations::detect();
+        let factorisation = Factorisation::new(&Pattern::full(2), LinearSolver::Dense).expect("a factorisation");
+        let newton = Newton::new(2, operations, ptr::null_mut());
+        Bridge::new(operations, 1e-6, &[1e-6, 1e-6], 0, factorisation, newton, Watch::new(0, 2, 0))
+    }
+
+    #[test]
+    fn a_panic_leaves_no_callback() {
+        let mut bridge = bridge();
+        assert_eq!(bridge.factorise(), FATAL);
+        assert_eq!(bridge.trouble, Some(Trouble::Panic));
+        bridge.begin();
+        assert_eq!(bridge.solve(&mut []), FATAL);
+        assert_eq!(bridge.trouble, Some(Trouble::Panic));
     }
 }

@@ -6,6 +6,7 @@
 //! (Hindmarsh et al., *SUNDIALS*, ACM TOMS 31, 2005, section 2.3): steps and orders are the same.
 
 use std::os::raw::{c_int, c_long, c_void};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::ptr;
 
 use sundials_sys::{
@@ -282,8 +283,11 @@ unsafe extern "C" fn solver_solve(
 ) -> c_int {
     unsafe {
         bridge(solver).shared.set_corrections(sum);
-        let solve = Solve { bridge: (*solver).content.cast(), memory, step: Step::of(memory), sum, weights, tolerance };
-        solve.run(setup != 0)
+        let solve = || {
+            let step = Step::of(memory);
+            Solve { bridge: (*solver).content.cast(), memory, step, sum, weights, tolerance }.run(setup != 0)
+        };
+        catch_unwind(AssertUnwindSafe(solve)).unwrap_or_else(|_| bridge(solver).panicked())
     }
 }
 

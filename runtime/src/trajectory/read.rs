@@ -1,6 +1,6 @@
 //! Reading of actions, initial states and disturbances.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use crate::catalogue::{Catalogue, Family, UnknownName};
@@ -45,7 +45,7 @@ pub enum DataError {
         text: String,
     },
     /// Columns are missing.
-    #[error("{}:1: missing column{} {}; the file has: {}", path.display(), if names.len() == 1 { "" } else { "s" }, names.join(", "), present.join(", "))]
+    #[error("{}:1: missing column{} {}; the file has: {}", path.display(), if names.len() == 1 { "" } else { "s" }, listed(names), listed(present))]
     MissingColumns {
         /// The file.
         path: PathBuf,
@@ -76,6 +76,15 @@ pub enum DataError {
     },
 }
 
+/// Names, the first few of many.
+fn listed(names: &[String]) -> String {
+    const SHOWN: usize = 50;
+    match names.get(..SHOWN) {
+        Some(first) if names.len() > SHOWN => format!("{} and {} more", first.join(", "), names.len() - SHOWN),
+        _ => names.join(", "),
+    }
+}
+
 fn quoted(text: &str) -> String {
     if text.is_empty() { "an empty cell".into() } else { format!("`{text}`") }
 }
@@ -101,7 +110,8 @@ impl RawTable {
             let message = format!("the columns are separated by {name}; a table has commas between them and points in its numbers");
             return Err(DataError::Malformed { path: path.to_owned(), line: 1, message });
         }
-        if let Some(twice) = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)).map(|(_, name)| name) {
+        let mut seen = HashSet::new();
+        if let Some(twice) = names.iter().find(|name| !seen.insert(name.as_str())) {
             let message = format!("two columns are named `{twice}`");
             return Err(DataError::Malformed { path: path.to_owned(), line: 1, message });
         }

@@ -57,11 +57,12 @@ impl<'a> Elaborator<'a> {
             }
         }
         let order = self.dependency_order(&pieces);
+        let offsets = self.offsets_of(Role::Param);
         let mut program = Program { nests: Vec::new(), in_place: true };
         for i in order {
             let (var, piece) = &pieces[i];
             let (at, value) = piece.value;
-            let offset = self.role_offset(*var);
+            let offset = offsets.get(var).copied().unwrap_or_default();
             let given = self.exprs.load(self.param_given, Flavour::Value, Affine::constant(offset).plus(at));
             let zero = self.exprs.constant(0.0);
             let keep = self.exprs.compare(Compare::Lt, zero, given);
@@ -72,10 +73,15 @@ impl<'a> Elaborator<'a> {
         self.model.programs.parameters = program;
     }
 
-    /// Position of a variable in the region of its role.
-    fn role_offset(&self, var: VarId) -> i64 {
-        let role = self.vars[var].role;
-        self.vars.iter().take_while(|(v, _)| *v < var).filter(|(_, v)| v.role == role).map(|(_, v)| i64::from(v.len)).sum()
+    /// Positions of the variables of a role in its region.
+    fn offsets_of(&self, role: Role) -> FastMap<VarId, i64> {
+        let mut offsets = FastMap::default();
+        let mut next = 0;
+        for (var, v) in self.vars.iter().filter(|(_, v)| v.role == role) {
+            offsets.insert(var, next);
+            next += i64::from(v.len);
+        }
+        offsets
     }
 
     /// The pieces so that each follows those that it needs.

@@ -1,6 +1,6 @@
 //! Components: ports, instances, structural parameters.
 
-use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
+use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{self, Binder, Expr, ExprKind, Ident, Statement, StatementKind};
 use smpl_dsl::units::Unit;
@@ -13,11 +13,13 @@ use crate::ir::Role;
 /// Deepest nest of components.
 const MAX_COMPONENT_DEPTH: usize = 32;
 
+/// Most declarations and equations that instances of components make together.
+const MAX_INSTANTIATED: usize = 300_000;
+
 impl<'a> Elaborator<'a> {
     pub(super) fn declare_port(&mut self, scope: ScopeId, name: &Ident, connector: &Ident) {
         let Some(StatementKind::Connector { members, .. }) = self.connectors.get(connector.text.as_str()).map(|s| &s.kind) else {
-            let known: Vec<&str> = self.connectors.keys().copied().collect();
-            let help = did_you_mean(&connector.text, known);
+            let help = self.did_you_mean(&connector.text, self.connectors.keys().copied());
             self.report(
                 Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown connector `{}`", connector.text), connector.span).maybe_help(help),
             );
@@ -49,19 +51,28 @@ impl<'a> Elaborator<'a> {
         arguments: &'a [(Ident, Expr)],
         depth: usize,
     ) {
+        // Enough was said.
+        if self.instantiated > MAX_INSTANTIATED {
+            return self.faulty(scope, name);
+        }
+        if let Some(at) = self.instantiating.iter().position(|c| *c == component.text) {
+            self.contains_itself(at, component);
+            return self.faulty(scope, name);
+        }
         if depth >= MAX_COMPONENT_DEPTH {
-            self.report(Diagnostic::error(codes::CYCLIC_DEFINITION, format!("`{}` contains itself", component.text), component.span));
+            self.instantiated = usize::MAX;
+            let message = format!("components inside one another, more than {MAX_COMPONENT_DEPTH} deep");
+            self.report(Diagnostic::error(codes::TOO_LARGE, message, component.span));
             return self.faulty(scope, name);
         }
         let Some(statement) = self.components.get(component.text.as_str()).copied() else {
-            let known: Vec<&str> = self.components.keys().copied().collect();
-            let help = did_you_mean(&component.text, known);
+            let help = self.did_you_mean(&component.text, self.components.keys().copied());
             self.report(
                 Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown component `{}`", component.text), component.span).maybe_help(help),
             );
             return self.faulty(scope, name);
         };
-        self.instantiated.insert(&component.text);
+        self.used_components.insert(&component.text);
         if !self.samples.may_instantiate(depth) {
             return self.faulty(scope, name);
         }
@@ -78,6 +89,9 @@ impl<'a> Elaborator<'a> {
         };
         let mut list = Vec::new();
         for value in self.bindings_of(binder, &place) {
+            if self.instantiated > MAX_INSTANTIATED {
+                return self.faulty(scope, name);
+            }
             let super::super::functions::BinderValue::One(bound) = value else {
                 self.report(Diagnostic::error(codes::WRONG_KIND, "instances are counted by a set", binder.span));
                 return self.faulty(scope, name);
@@ -95,6 +109,33 @@ impl<'a> Elaborator<'a> {
             list.push((label, inner));
         }
         self.declare(scope, name, SymbolKind::Instances(Row::new(list).into()));
+    }
+
+    /// Reports a component that is inside of itself, with those between.
+    fn contains_itself(&mut self, at: usize, component: &Ident) {
+        let between: Vec<String> = self.instantiating[at + 1..].iter().map(|c| format!("`{c}`")).collect();
+        let through = if between.is_empty() { String::new() } else { format!(" through {}", between.join(" and ")) };
+        let message = format!("`{}` contains itself{through}", component.text);
+        let fault = Diagnostic::error(codes::CYCLIC_DEFINITION, message, component.span);
+        self.report(fault.help("a component has a fixed size: use an array of instances, `use Stage as s[k in 1..n]`, and connect them"));
+    }
+
+    /// Counts the declarations of an instance; `false`, and one report, where they are beyond reason.
+    fn may_instantiate(&mut self, declarations: usize, used: Span) -> bool {
+        let before = self.instantiated;
+        self.instantiated = before.saturating_add(1 + declarations);
+        let fits = self.instantiated <= MAX_INSTANTIATED;
+        if !fits && before <= MAX_INSTANTIATED {
+            self.report(
+                Diagnostic::error(
+                    codes::TOO_LARGE,
+                    "instances of components would make more than 300,000 declarations and equations",
+                    used,
+                )
+                .help("use indexed states or a `domain`, whose elements stay a loop, in place of instances"),
+            );
+        }
+        fits
     }
 
     pub(in crate::elaborate) fn instantiate(
@@ -136,7 +177,7 @@ impl<'a> Elaborator<'a> {
             if known.contains(&argument.text.as_str()) {
                 self.given.insert((scope, argument.text.clone()), (e, outer.clone()));
             } else {
-                let help = did_you_mean(&argument.text, known);
+                let help = self.did_you_mean(&argument.text, known);
                 self.report(
                     Diagnostic::error(
                         codes::WRONG_ARGUMENTS,
@@ -147,7 +188,11 @@ impl<'a> Elaborator<'a> {
                 );
             }
         }
-        self.declare_block(scope, list, depth + 1);
+        if self.may_instantiate(list.len(), used) {
+            self.instantiating.push(&name.text);
+            self.declare_block(scope, list, depth + 1);
+            self.instantiating.pop();
+        }
         scope
     }
 

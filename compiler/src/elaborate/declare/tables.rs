@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
+use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Expr, Ident, Table, TableCells, TimeTable};
 use smpl_dsl::units::Unit;
@@ -88,10 +88,10 @@ impl<'a> Elaborator<'a> {
     }
 
     fn row_member(&mut self, set: SetId, label: &Ident) -> Option<usize> {
-        let found = self.names.sets[set].labels.iter().position(|l| *l == label.text);
+        let found = self.names.sets[set].position(&label.text);
         if found.is_none() {
             let name = self.names.sets[set].name.clone();
-            let help = did_you_mean(&label.text, self.names.sets[set].labels.iter().map(String::as_str));
+            let help = self.did_you_mean(&label.text, self.names.sets[set].labels.iter().map(String::as_str));
             self.report(
                 Diagnostic::error(codes::OUT_OF_RANGE, format!("`{}` is no member of `{name}`", label.text), label.span).maybe_help(help),
             );

@@ -1,6 +1,6 @@
 //! What binders run over.
 
-use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
+use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Binder, BinderSet, Expr, ExprKind, Ident};
 
 use super::super::names::{Axis, SymbolKind};
@@ -65,7 +65,7 @@ impl Elaborator<'_> {
                 .filter(|s| matches!(s.kind, SymbolKind::Set(_) | SymbolKind::Domain(_)))
                 .map(|s| s.path.clone())
                 .collect();
-            let help = did_you_mean(&name.text, known.iter().map(String::as_str));
+            let help = self.did_you_mean(&name.text, known.iter().map(String::as_str));
             self.report(
                 Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown set or domain `{}`", name.text), name.span).maybe_help(help),
             );
@@ -157,7 +157,7 @@ impl Elaborator<'_> {
         let known = self.names.sets.iter().find(|(_, s)| s.name == name).map(|(id, _)| id);
         Some(known.unwrap_or_else(|| {
             let labels = (a..=b).map(|i| i.to_string()).collect();
-            self.names.sets.push(super::super::names::Set { name, labels, first: Some(a) })
+            self.names.sets.push(super::super::names::Set::new(name, labels, Some(a)))
         }))
     }
 

@@ -7,7 +7,7 @@ use smpl_dsl::syntax::{BinaryOp, Binder, Expr, Ident};
 use super::super::cells::Cell;
 use super::super::names::DomainId;
 use super::super::quantity::{Measure, Value};
-use super::super::{Bound, Elaborator, MAX_WRITTEN_OUT, Place, units};
+use super::super::{Bound, Elaborator, Place, units};
 use super::BinderValue;
 use crate::ir::{BinaryFn, Compare, Expr as Node, ExprId, LoopVar, ReduceFn};
 
@@ -76,7 +76,7 @@ impl Elaborator<'_> {
             }
         }
         for bound in self.bindings_of(binder, place) {
-            if self.written_out > MAX_WRITTEN_OUT {
+            if self.is_full() {
                 return;
             }
             match bound {
