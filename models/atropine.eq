@@ -223,7 +223,7 @@ reward improvement      = scored(previous(E) - E)    "its decrease over the step
 fail observation_box when outside bounds(observations)
 
 episode { step = 10 [min], max_steps = 60, error_reward = -100000 }
-solver  { rtol = 1e-8 }
+solver  { rtol = 1e-8, algebraic_error_control = true }
 
 policy mpc "horizon 30 on the linear model, a constant gain since no bound is ever active" {
   dq1 = -0.0006933485803061856*xe1 - 0.0003452202636051542*xe2

@@ -188,7 +188,7 @@ when chain = integrated {
   constraint pool_dilute when V_pool > 0 and c_pool < c_pool_min
 
   episode { step = 60 [min], max_steps = 200, error_reward = -100 }
-  solver  { rtol = 1e-6, atol_factor = 1 }
+  solver  { rtol = 1e-6, atol_factor = 1, algebraic_error_control = true }
 
   policy nominal "level of the buffer tank by F_out, a swap every 20 h" {
     F_out = clip(21.689197033088462 + 50/180*(value(h) - 15), value(low(F_out)), value(high(F_out)))

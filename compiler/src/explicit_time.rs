@@ -215,7 +215,7 @@ impl<'a> Collector<'a> {
             }
             Expr::Unary(f @ (UnaryFn::Floor | UnaryFn::Ceil | UnaryFn::Round), a) => {
                 let Some(slope) = self.slope(a) else { return };
-                (self.to_next_whole(f, a, slope), slope)
+                (self.left_to_whole(f, a, slope), slope)
             }
             _ => return,
         };
@@ -226,7 +226,7 @@ impl<'a> Collector<'a> {
     }
 
     /// What is left to the next jump of `floor(a)` and the like: negative on the way up, positive on the way down.
-    fn to_next_whole(&mut self, f: UnaryFn, a: ExprId, slope: ExprId) -> ExprId {
+    fn left_to_whole(&mut self, f: UnaryFn, a: ExprId, slope: ExprId) -> ExprId {
         let exprs = self.exprs();
         let (zero, half, one) = (exprs.constant(0.0), exprs.constant(0.5), exprs.constant(1.0));
         let a = if f == UnaryFn::Round { exprs.add(a, half) } else { a };

@@ -64,7 +64,7 @@ fn equations_with_other_left_sides_are_added() {
         ("eq sum(a + i*b for i in k if i == 1) = 3", "eq sum(a + i*b for i in k if i == 2) = 5"),
         ("eq sum(a + i*b for i in k) = 3", "eq sum(a + i*b for i in k if i == 2) = 5"),
         ("eq sum(u for u in (a, b)) = 3", "eq sum(u for u in (a, -b)) = 5"),
-        ("eq sum(width(z)*a + b * 1 [m] for z in 1..2) = 3 [m]", "eq sum(width(w)*a + b * 1 [m] for w in 1..2) = 5 [m]"),
+        ("eq sum(width(z)*a + b * 1 [m] for z in 1..2) = 3 [m]", "eq sum(width(w)*a - b * 1 [m] for w in 1..2) = 5 [m]"),
         ("eq sum(a*x[i] + b for i in 1..2) = 3", "eq sum(a*x[j] - b for j in 1..2) = 5"),
         ("eq max(a, 1) = 3", "eq min(a, 1) + b = 5"),
         ("eq -a = 3", "eq +a = b"),

@@ -726,11 +726,11 @@ fn a_trajectory_shows_the_parameters_that_were_drawn() {
 #[test]
 fn check_warns_of_what_is_hardly_meant() {
     let cases = [
-        ("T : K = 10 in 0..100", "T : K = 100.5 in 0..100", "W0801-start-outside-bounds", "`T` starts at 100.5"),
-        ("reward r", "initial T = -1 [K]\nreward r", "W0801-start-outside-bounds", "`T` starts at -1"),
-        ("disturbance w", "steady { F = 1 }\naction G : K/min = 1 in 0..2\ndisturbance w", "W0802-incomplete-steady", "does not name `G`"),
-        ("episode { step = 1 [min], max_steps = 5 }\n", "", "W0803-no-episode", "no `episode` block"),
-        ("param twice", "param idle : 1/min = 3 # idle: a word in a comment\nparam twice", "W0804-unused-parameter", "`idle` is not used"),
+        ("T : K = 10 in 0..100", "T : K = 100.5 in 0..100", "W0602-start-outside-bounds", "`T` starts at 100.5"),
+        ("reward r", "initial T = -1 [K]\nreward r", "W0602-start-outside-bounds", "`T` starts at -1"),
+        ("disturbance w", "steady { F = 1 }\naction G : K/min = 1 in 0..2\ndisturbance w", "W0603-incomplete-steady", "does not name `G`"),
+        ("episode { step = 1 [min], max_steps = 5 }\n", "", "W0604-no-episode", "no `episode` block"),
+        ("param twice", "param idle : 1/min = 3 # idle: a word in a comment\nparam twice", "W0202-unused-parameter", "`idle` is not used"),
     ];
     let sound = file("lints", "m.eq", COOLER);
     let output = smpl(&["check", name(&sound)]);
@@ -741,7 +741,7 @@ fn check_warns_of_what_is_hardly_meant() {
         let output = smpl(&["check", name(&model)]);
         let shown = text(&output.stderr);
         assert!(status(&output) == 0 && shown.contains(code) && shown.contains(said), "{after}: {shown}");
-        assert_eq!(shown.matches("W08").count(), 1, "{shown}");
+        assert_eq!(shown.matches('⚠').count(), 1, "{shown}");
         assert!(smpl(&["simulate", name(&model)]).stderr.is_empty(), "{after}");
     }
 }

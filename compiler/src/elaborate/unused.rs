@@ -147,7 +147,8 @@ impl<'a> Elaborator<'a> {
 
     /// Components of which there is no instance, elaborated apart, beside what the file declares.
     fn check_unused_components(&mut self) {
-        let unused = |s: &&Statement| matches!(&s.kind, StatementKind::Component { name, .. } if !self.used_components.contains(&*name.text));
+        let unused =
+            |s: &&Statement| matches!(&s.kind, StatementKind::Component { name, .. } if !self.used_components.contains(&*name.text));
         let mut unused: Vec<&'a Statement> = self.components.values().copied().filter(unused).collect();
         if unused.is_empty() {
             return;

@@ -488,7 +488,7 @@ mod tests {
         let operations = Operations::detect();
         let factorisation = Factorisation::new(&Pattern::full(2), LinearSolver::Dense).expect("a factorisation");
         let newton = Newton::new(2, operations, ptr::null_mut());
-        Bridge::new(operations, 1e-6, &[1e-6, 1e-6], 0, factorisation, newton, Watch::new(0, 2, 0))
+        Bridge::new(operations, 1e-6, &[1e-6, 1e-6], 0, factorisation, newton, Watch::new(0, &[]))
     }
 
     #[test]
