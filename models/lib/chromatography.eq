@@ -7,11 +7,11 @@ choice tracer  = off | on            "a tracer that binds nowhere, for the proxy
 choice elution = smooth | flag       "where Protein A elutes: where the modifier has come, or in the whole bed from the first cut on"
 
 component Bed "transport alone: a loop (eps = 1), a column in flow-through" {
-  param L   : dm in 0..inf "length"
-  param V   : L  in 0..inf "volume with the packing"
-  param D_v : dm        "axial dispersion over superficial velocity"
-  param eps      = 1    "void"
-  param n_z             "cells"
+  param L   : dm      in 0..inf    "length"
+  param V   : L       in 0..inf    "volume with the packing"
+  param D_v : dm                   "axial dispersion over superficial velocity"
+  param eps      = 1               "void"
+  param n_z                        "cells"
   port inlet, outlet : Liquid
   domain z in 0..L cells n_z scheme upwind
   state c[z]   : mg/L = 0  in 0..inf  scale 1       "product"
@@ -37,16 +37,16 @@ component Bed "transport alone: a loop (eps = 1), a column in flow-through" {
 }
 
 component LumpedColumn "binding in one lumped step, with a Henry factor that falls with the modifier" {
-  param L         : dm in 0..inf "length"
-  param V         : L  in 0..inf "volume with the packing"
-  param D_v       : dm           "axial dispersion over superficial velocity"
-  param eps                      "void"
-  param q_max     : mg/L         "capacity"
-  param k         : 1/min        "rate"
-  param H_0                      "Henry factor at 1 M"
-  param beta                     "its exponent"
-  param c_s_floor : M     = 0    "the Henry factor does not grow below"
-  param n_z                      "cells"
+  param L         : dm         in 0..inf    "length"
+  param V         : L          in 0..inf    "volume with the packing"
+  param D_v       : dm                      "axial dispersion over superficial velocity"
+  param eps                                 "void"
+  param q_max     : mg/L                    "capacity"
+  param k         : 1/min                   "rate"
+  param H_0                                 "Henry factor at 1 M"
+  param beta                                "its exponent"
+  param c_s_floor : M     = 0               "the Henry factor does not grow below"
+  param n_z                                 "cells"
   port inlet, outlet : Liquid
   domain z in 0..L cells n_z scheme upwind
   state c[z]   : mg/L = 0  in 0..inf  scale 1       "product, mobile"
@@ -75,27 +75,27 @@ component LumpedColumn "binding in one lumped step, with a Henry factor that fal
 }
 
 component AffinityColumn "Protein A through all phases: general rate model, loading and elution in one binding law" {
-  param L         : dm         = 2                     "bed length"
-  param A         : dm^2       = 50 in 0..inf          "cross-section"
-  param eps_c                  = 0.31                  "void between the beads"
-  param eps_p                  = 0.94                  "porosity of the beads"
-  param r_p       : dm         = 4.25e-4               "radius of a bead"
-  param D_eff     : dm^2/min   = 7.6e-7                "effective diffusivity in the pores"
-  param D_v       : dm         = 0.055                 "axial dispersion over superficial velocity"
-  param k_f0      : dm/min     = 0.0254726895534776    "film coefficient at 1 dm/min"
-  param n_f                    = 0.58                  "its exponent"
-  param q_max1    : mg/L       = 36450                 "capacity of the fast sites"
-  param q_max2    : mg/L       = 77850                 "capacity of the slow sites"
-  param k_1       : L/(mg min) = 7.04e-4               "adsorption rate of the fast sites"
-  param k_2       : L/(mg min) = 2.1e-5                "adsorption rate of the slow sites"
-  param K         : L/mg       = 0.0153                "equilibrium constant of loading"
-  param q_max_elu : mg/L       = 114300                "capacity in elution"
-  param k_elu     : 1/min      = 0.64                  "rate of elution"
-  param H0_elu                 = 2.2e-2                "Henry factor of elution at 1 M"
-  param beta_elu               = 0.2                   "its exponent"
-  param c_s_half  : M          = 0.01                  "modifier at which elution is half switched on"
-  param n_z                    = 50                    "cells along the bed"
-  param n_r                    = 6                     "cells along the radius of a bead"
+  param L         : dm         = 2                                "bed length"
+  param A         : dm^2       = 50                  in 0..inf    "cross-section"
+  param eps_c                  = 0.31                             "void between the beads"
+  param eps_p                  = 0.94                             "porosity of the beads"
+  param r_p       : dm         = 4.25e-4                          "radius of a bead"
+  param D_eff     : dm^2/min   = 7.6e-7                           "effective diffusivity in the pores"
+  param D_v       : dm         = 0.055                            "axial dispersion over superficial velocity"
+  param k_f0      : dm/min     = 0.0254726895534776               "film coefficient at 1 dm/min"
+  param n_f                    = 0.58                             "its exponent"
+  param q_max1    : mg/L       = 36450                            "capacity of the fast sites"
+  param q_max2    : mg/L       = 77850                            "capacity of the slow sites"
+  param k_1       : L/(mg min) = 7.04e-4                          "adsorption rate of the fast sites"
+  param k_2       : L/(mg min) = 2.1e-5                           "adsorption rate of the slow sites"
+  param K         : L/mg       = 0.0153                           "equilibrium constant of loading"
+  param q_max_elu : mg/L       = 114300                           "capacity in elution"
+  param k_elu     : 1/min      = 0.64                             "rate of elution"
+  param H0_elu                 = 2.2e-2                           "Henry factor of elution at 1 M"
+  param beta_elu               = 0.2                              "its exponent"
+  param c_s_half  : M          = 0.01                             "modifier at which elution is half switched on"
+  param n_z                    = 50                               "cells along the bed"
+  param n_r                    = 6                                "cells along the radius of a bead"
 
   port inlet, outlet : Liquid
   var eluting    # 1 from the first cut to the strip

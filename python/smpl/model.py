@@ -375,8 +375,11 @@ def expand_parameters(argument: str, model: Model, given: Mapping[str, Any]) -> 
         elements = model.native.elements_of(name) if isinstance(name, str) else []
         if not elements:
             check_names(argument, [name], model.parameter_names)
-        numbers = as_numbers(f"{argument}[{name!r}]", given[name], f"({len(elements)},)")
-        numbers = np.broadcast_to(numbers, len(elements)) if np.ndim(given[name]) == 0 else numbers
+        what = f"{argument}[{name!r}]"
+        if np.ndim(given[name]) == 0:
+            values.update(dict.fromkeys(elements, as_number(what, given[name])))
+            continue
+        numbers = as_numbers(what, given[name], f"({len(elements)},)")
         if numbers.shape != (len(elements),):
             raise ValueError(f"{argument}: {name!r} has shape {numbers.shape}, expected ({len(elements)},)")
         values.update(zip(elements, map(float, numbers), strict=True))

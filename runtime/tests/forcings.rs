@@ -136,11 +136,14 @@ fn forcing(kind: usize, length: f64, periods: f64, phase: f64, place: f64) -> Fo
     }
 }
 
+/// What an integral comes to, of a function of time, at a time.
+type Expected = Box<dyn Fn(&dyn Fn(f64) -> f64, f64) -> f64>;
+
 /// A model that takes a forcing up, its start, and its last state from the integral of the forcing's function `g`.
 struct Taken {
     text: String,
     start: Vec<f64>,
-    expected: Box<dyn Fn(&dyn Fn(f64) -> f64, f64) -> f64>,
+    expected: Expected,
 }
 
 fn taken(form: usize, f: &str, length: f64) -> Taken {

@@ -206,7 +206,7 @@ impl Environment {
             let tolerance = 1e-6_f64.max(10.0 * self.setup.model().interface().solver.rtol);
             let moved = |old: &[f64], new: &[f64]| {
                 let far = |(a, b): (&f64, &f64)| (a - b).abs() > tolerance * a.abs().max(b.abs());
-                old.iter().zip(new).position(|pair| far(pair))
+                old.iter().zip(new).position(far)
             };
             let state = moved(&states, &self.progress.y[..first]);
             let discrete = moved(&discretes, self.system.region(Region::Discrete));

@@ -291,7 +291,8 @@ impl Search {
         let mut solution: Vec<f64> = sizes.iter().enumerate().map(|(i, size)| sign(i) * size).collect();
         self.factorisation.solve(&mut solution);
         // A number that is none counts as large.
-        !(self.norm(&solution) <= SUSPICIOUS)
+        let size = self.norm(&solution);
+        size.is_nan() || size > SUSPICIOUS
     }
 
     /// Rows, columns and values of the reduced Jacobian, columns scaled.
