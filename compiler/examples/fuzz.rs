@@ -330,6 +330,8 @@ fn next_text(texts: &[String], tokens: &[Vec<&str>], pool: &[&str], random: &mut
 /// What the command line asks for.
 struct Asked {
     minutes: f64,
+    /// Most texts.
+    texts: u64,
     seed: u64,
     /// How many texts a child tries.
     child: Option<u64>,
@@ -337,12 +339,13 @@ struct Asked {
 }
 
 fn asked() -> Asked {
-    let mut asked = Asked { minutes: 1.0, seed: 0, child: None, paths: Vec::new() };
+    let mut asked = Asked { minutes: 1.0, texts: u64::MAX, seed: 0, child: None, paths: Vec::new() };
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
         let mut number = || arguments.next().and_then(|n| n.parse::<f64>().ok()).unwrap_or(1.0);
         match argument.as_str() {
             "--minutes" => asked.minutes = number(),
+            "--texts" => asked.texts = number() as u64,
             "--seed" => asked.seed = number() as u64,
             "--child" => asked.child = Some(number() as u64),
             _ => asked.paths.push(argument),
@@ -385,7 +388,7 @@ fn main() {
     let asked = asked();
     let seeds = Seeds::of(&asked.paths);
     if seeds.texts.is_empty() {
-        println!("usage: fuzz [--minutes M] [--seed N] [FILE or FOLDER]...");
+        println!("usage: fuzz [--minutes M] [--texts N] [--seed N] [FILE or FOLDER]...");
         std::process::exit(2);
     }
     if let Some(count) = asked.child {
@@ -446,7 +449,7 @@ impl Parent {
         let end = start + Duration::from_secs_f64(60.0 * self.asked.minutes);
         println!("{} texts to start from", self.seeds.texts.len());
         let mut seed = self.asked.seed;
-        while Instant::now() < end {
+        while Instant::now() < end && self.texts < self.asked.texts {
             match self.start(seed) {
                 Some((child, lines)) => seed = self.watch(child, &lines, seed, end),
                 None => return self.found + 1,
@@ -509,7 +512,7 @@ impl Parent {
             if line == "panic" {
                 self.tell(seed, "panic");
             }
-            if Instant::now() > end {
+            if Instant::now() > end || self.texts >= self.asked.texts {
                 break None;
             }
         };

@@ -211,6 +211,8 @@ pub(crate) struct Elaborator<'a> {
     reached_by: FastMap<Reported, BTreeSet<Span>>,
     /// Expressions inside one another, definitions expanded.
     nesting: u32,
+    /// Members of sets of numbers so far.
+    members: i64,
     /// Terms, elements and calls written out so far.
     written_out: u32,
     /// Expressions elaborated so far.
@@ -323,6 +325,7 @@ impl<'a> Elaborator<'a> {
             reached_by: FastMap::default(),
             reports: Vec::new(),
             nesting: 0,
+            members: 0,
             written_out: 0,
             work: 0,
             exhausted: None,

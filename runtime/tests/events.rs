@@ -325,3 +325,22 @@ fn a_phase_that_ends_within_a_step_begins_the_next_one_there_though_its_end_has_
     assert_eq!(running.discrete("phase"), 4.0);
     close(running.discrete("phase_start"), 0.7, 1e-9);
 }
+
+#[test]
+fn what_happens_at_the_instant_of_a_failing_event_is_done() {
+    let text = |first: &str, second: &str| {
+        format!(
+            "time t : s\nstate x = 0 in -1..9\ndiscrete k = 0\neq d/dt x = 1 [1/s]\n{first}\n{second}\nat a {{ next k = k + 1 }}\nobserve x\n\
+             episode {{ step = 1 [s], max_steps = 5 }}"
+        )
+    };
+    let (event, fail) = ("event a when x >= 1.5", "fail f event x >= 1.5");
+    for text in [text(event, fail), text(fail, event)] {
+        let mut running = Running::new(&text);
+        running.step();
+        let failed = running.step();
+        assert!(failed.failure.is_some(), "{failed:?}");
+        close(failed.time, 1.5, 1e-9);
+        close(running.discrete("k"), 1.0, 0.0);
+    }
+}

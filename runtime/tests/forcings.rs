@@ -396,14 +396,35 @@ fn breaks_without_end_are_a_failure_that_says_so() {
 #[test]
 fn integrals_are_right_where_the_states_run_along_straight_lines() {
     // Over a period of the cosine, and over a bump that is zero at both ends.
-    for (rate, exact) in [("sq(cos(pi*x))", 0.5), ("x^3*(1 - x)^3", 1.0 / 140.0)] {
+    for (rate, exact) in [
+        ("sq(cos(pi*x))", 0.5),
+        ("x^3*(1 - x)^3", 1.0 / 140.0),
+        ("max(0, sin(2*pi*t))", 1.0 / std::f64::consts::PI),
+        ("t", 0.5),
+        ("x", 0.5),
+    ] {
         let text = format!(
             "model M\ntime t : 1\nstate x = 0 in 0..10\neq d/dt x = 1\nreward r default = integral({rate})\nobserve x\n\
              episode {{ step = 1, max_steps = 1 }}\n"
         );
         let reward = environment(&text, EnvironmentOptions::default()).step(&[]).expect("steps").reward;
-        // The tolerance is 1e-8 a step of some hundred.
-        assert!((reward - exact).abs() < 5e-6, "{rate}: {reward} is not {exact}");
+        assert!((reward - exact).abs() < 5e-8, "{rate}: {reward} is not {exact}");
+    }
+}
+
+#[test]
+fn integrals_are_right_where_the_states_rest() {
+    let exact = |a: f64, b: f64| (10.0 * a).cos() / 10.0 - (10.0 * b).cos() / 10.0;
+    for rtol in [1e-4, 1e-6, 1e-8, 1e-10] {
+        let text = format!(
+            "model M\ntime t : 1\nstate x = 1 in 0..10\neq d/dt x = 0\nreward r default = integral(sin(10*t))\nobserve x\n\
+             episode {{ step = 4, max_steps = 2 }}\nsolver {{ rtol = {rtol} }}\n"
+        );
+        let mut running = environment(&text, EnvironmentOptions::default());
+        for (a, b) in [(0.0, 4.0), (4.0, 8.0)] {
+            let reward = running.step(&[]).expect("steps").reward;
+            assert!((reward - exact(a, b)).abs() < 10.0 * rtol, "{rtol}: {reward} is not {}", exact(a, b));
+        }
     }
 }
 

@@ -17,7 +17,9 @@ use crate::ir::{FastMap, Role, VarId};
 use crate::model::Variable;
 
 /// Most elements of one variable.
-const MAX_ELEMENTS: i64 = 50_000_000;
+const MAX_ELEMENTS: i64 = 10_000_000;
+/// Most members of all sets of numbers together: each has a label.
+const MAX_MEMBERS: i64 = 2_000_000;
 
 impl<'a> Elaborator<'a> {
     /// A `when` that no choice can fulfil is a fault.
@@ -361,10 +363,14 @@ impl<'a> Elaborator<'a> {
                         let (Some(a), Some(b)) = (self.integer(a, &place), self.integer(b, &place)) else {
                             return self.faulty(scope, name);
                         };
-                        if b.saturating_sub(a) >= 100_000 {
+                        if b.saturating_sub(a) >= 100_000 || !self.may_hold(b.saturating_sub(a)) {
                             self.report(
-                                Diagnostic::error(codes::TOO_LARGE, "a set of more than a hundred thousand members", name.span)
-                                    .help("use a `domain`: its cells stay a loop"),
+                                Diagnostic::error(
+                                    codes::TOO_LARGE,
+                                    "a set of more than a hundred thousand members, or sets of more than two million together",
+                                    name.span,
+                                )
+                                .help("use a `domain`: its cells stay a loop"),
                             );
                             return self.faulty(scope, name);
                         }
@@ -404,6 +410,12 @@ impl<'a> Elaborator<'a> {
             }
             seen.entry(&name.text).or_insert(name.span);
         }
+    }
+
+    /// Counts members of sets of numbers; `false` where they are beyond reason.
+    pub(super) fn may_hold(&mut self, members: i64) -> bool {
+        self.members = self.members.saturating_add(members.max(0));
+        self.members <= MAX_MEMBERS
     }
 
     fn new_set(&mut self, scope: ScopeId, name: &Ident, labels: Vec<String>, first: Option<i64>) {
@@ -454,7 +466,7 @@ impl<'a> Elaborator<'a> {
         if !(1..=MAX_ELEMENTS).contains(&cells) {
             let code = if cells < 1 { codes::EMPTY_SET } else { codes::TOO_LARGE };
             self.report(
-                Diagnostic::error(code, format!("a domain of {cells} cells"), domain.cells.span).label("at least 1, at most 50 million"),
+                Diagnostic::error(code, format!("a domain of {cells} cells"), domain.cells.span).label("at least 1, at most 10 million"),
             );
             return self.faulty(scope, &domain.name);
         }
@@ -564,7 +576,7 @@ impl<'a> Elaborator<'a> {
         if len > MAX_ELEMENTS {
             self.report(
                 Diagnostic::error(codes::TOO_LARGE, format!("`{}` would have {len} elements", name.text), d.span)
-                    .label("at most 50 million"),
+                    .label("at most 10 million"),
             );
             self.faulty(scope, name);
             return None;

@@ -49,6 +49,13 @@ impl<'a> Elaborator<'a> {
             self.report(Diagnostic::error(codes::DUPLICATE_NAME, "a model has one schedule of phases", first.name.span));
             return;
         }
+        if let Some(phase) = phases.iter().find(|p| p.name.text == "phase") {
+            let text = "a phase cannot be called `phase`: that is the phase in force";
+            self.report(Diagnostic::error(codes::DUPLICATE_NAME, text, phase.name.span).help("give the phase another name"));
+            // `x[phase]` would be an element and all of them at once.
+            self.names.declare("phase", Symbol { path: "phase".to_owned(), scope, span: phase.name.span, kind: SymbolKind::Faulty }).ok();
+            return;
+        }
         let labels: Vec<String> = phases.iter().map(|p| p.name.text.clone()).collect();
         for (i, phase) in phases.iter().enumerate() {
             if labels[..i].contains(&phase.name.text) {

@@ -80,6 +80,8 @@ pub(super) fn run(arguments: &CompileArguments) -> Result<(), Failed> {
     let begin = Instant::now();
     let loaded = arguments.model.load_with(&arguments.file, texts)?;
     let loading = begin.elapsed();
+    let read = || outputs::names(&loaded.sources).chain([arguments.file.clone()]);
+    outputs::check(&[given], read())?;
     match arguments.emit {
         Some(Stage::Ir) => return print(emit::ir(loaded.model.model())),
         Some(Stage::Json) => return print(interface_json(&loaded.model)? + "\n"),
@@ -88,7 +90,7 @@ pub(super) fn run(arguments: &CompileArguments) -> Result<(), Failed> {
         Some(Stage::Ast | Stage::Latex) | None => {}
     }
     let out = arguments.output.clone().unwrap_or_else(|| arguments.file.with_extension(ARTEFACT_EXTENSION));
-    outputs::check(&[Some(&out)], outputs::names(&loaded.sources).chain([arguments.file.clone()]))?;
+    outputs::check(&[Some(&out)], read())?;
     let bytes = loaded.model.to_bytes(loaded.fingerprint, &loaded.circumstances)?;
     write_whole(&out, |file| file.write_all(&bytes))?;
     outputs::conclude(&summary(&loaded.model, loading, &out)?, &[Some(&out)])

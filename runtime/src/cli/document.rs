@@ -72,7 +72,8 @@ pub(super) fn describe(arguments: &DocArguments) -> Result<(), Failed> {
     let loaded = arguments.model.load(&arguments.file)?;
     let equations = equations(&arguments.file).unwrap_or_default();
     let text = document::markdown(&loaded.model, &equations);
-    super::outputs::check(&[arguments.output.as_deref()], load::files_of(&arguments.file).into_iter())?;
+    let read = super::outputs::names(&loaded.sources).chain([arguments.file.clone()]);
+    super::outputs::check(&[arguments.output.as_deref()], read)?;
     match &arguments.output {
         Some(path) => Ok(write_whole(path, |out| out.write_all(text.as_bytes()))?),
         None => say(text),

@@ -168,9 +168,7 @@ impl Environment {
 
     /// Does what the fired events ask for; how the interval ends if they end it.
     fn handle_events(&mut self, t: f64) -> Option<Outcome> {
-        if let Some(failure) = self.fired_failure() {
-            return Some(Outcome::Event(failure));
-        }
+        let failure = self.fired_failure();
         self.set_builtin(Builtin::Clock, t);
         let mut ran = false;
         for index in 0..self.progress.edges.len() {
@@ -185,9 +183,11 @@ impl Environment {
         if ran && self.broken_variable().is_some() {
             return Some(Outcome::Broken);
         }
-        let (model, memory) = self.system.parts();
-        model.prepare_step(memory);
-        None
+        if ran || failure.is_none() {
+            let (model, memory) = self.system.parts();
+            model.prepare_step(memory);
+        }
+        failure.map(Outcome::Event)
     }
 
     /// The first failure among the events that fired.

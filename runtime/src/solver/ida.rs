@@ -194,7 +194,7 @@ impl Ida {
         unsafe {
             check("IDASetInitStep", IDASetInitStep(self.memory, step))?;
             check("IDAReInit", IDAReInit(self.memory, self.time, self.y.raw(), self.yp.raw()))?;
-            if let Some(quadratures) = &self.quadratures {
+            if let Some(quadratures) = self.quadratures.as_ref().filter(|q| q.by_steps.is_none()) {
                 check("IDAQuadReInit", IDAQuadReInit(self.memory, quadratures.values.raw()))?;
                 if let Some(rtol) = quadratures.checked() {
                     check("IDAQuadSVtolerances", IDAQuadSVtolerances(self.memory, rtol, quadratures.tolerances.raw()))?;
@@ -251,7 +251,7 @@ impl Ida {
             return Err(self.failure(value));
         }
         self.time = t_end;
-        if let Some(quadratures) = &self.quadratures {
+        if let Some(quadratures) = self.quadratures.as_ref().filter(|q| q.by_steps.is_none()) {
             let mut time = self.time;
             check("IDAGetQuad", unsafe { IDAGetQuad(self.memory, &mut time, quadratures.values.raw()) })?;
         }
@@ -276,12 +276,43 @@ impl Ida {
     fn run(&mut self, t_end: f64) -> Result<c_int, SolveError> {
         let (memory, y, yp) = (self.memory, self.y.raw(), self.yp.raw());
         check("IDASetStopTime", unsafe { IDASetStopTime(memory, t_end) })?;
-        // After each Newton iteration IDA sets y and y', which quadratures alone look at; what it returns is interpolated.
-        self.discard(self.quadratures.is_none());
-        let value = unsafe { IDASolve(memory, t_end, &mut self.time, y, yp, IDA_NORMAL) };
+        // After each Newton iteration IDA sets y and y', which its quadratures alone look at; what it returns is interpolated.
+        let by_steps = self.quadratures.as_ref().is_some_and(|q| q.by_steps.is_some());
+        self.discard(self.quadratures.is_none() || by_steps);
+        let value = match by_steps {
+            true => self.run_by_steps(t_end),
+            false => Ok(unsafe { IDASolve(memory, t_end, &mut self.time, y, yp, IDA_NORMAL) }),
+        };
         self.discard(false);
         self.count();
-        Ok(value)
+        value
+    }
+
+    /// As IDA alone, with a look at each step for the integrals.
+    fn run_by_steps(&mut self, t_end: f64) -> Result<c_int, SolveError> {
+        let (memory, y, yp) = (self.memory, self.y.raw(), self.yp.raw());
+        for _ in 0..self.settings.max_steps {
+            let begin = self.time;
+            let value = unsafe { IDASolve(memory, t_end, &mut self.time, y, yp, IDA_ONE_STEP) };
+            if !matches!(value, IDA_SUCCESS | IDA_TSTOP_RETURN) {
+                return Ok(value);
+            }
+            if let Some(quadratures) = &mut self.quadratures {
+                quadratures.next_step(begin);
+            }
+            self.take_integrals(self.time)?;
+            if value == IDA_TSTOP_RETURN || self.time >= t_end {
+                return Ok(value);
+            }
+        }
+        Ok(IDA_TOO_MUCH_WORK)
+    }
+
+    /// Takes the integrals up to a time in the last step.
+    fn take_integrals(&mut self, to: f64) -> Result<(), SolveError> {
+        let bridge = unsafe { &mut *self.bridge };
+        let taken = self.quadratures.as_mut().map_or(Ok(()), |quadratures| quadratures.take(bridge, self.memory, to));
+        taken.map_err(|_| self.fault())
     }
 
     fn discard(&mut self, discards: bool) {
@@ -383,7 +414,7 @@ impl Integrator for Ida {
             None => self.yp.entries_mut().fill(0.0),
         }
         if let Some(quadratures) = &mut self.quadratures {
-            quadratures.values.entries_mut().fill(0.0);
+            quadratures.restart(t0);
         }
         self.lending(system, Self::initialise)?;
         self.bridge().counts.restarts += 1;

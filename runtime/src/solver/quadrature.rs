@@ -1,10 +1,23 @@
 //! Integrals beside the unknowns: their values, their tolerances, and what a first step has to know of them.
+//!
+//! IDA integrates along with its steps. Its order follows the unknowns: where these rest or run along straight lines it stays at one, whatever the
+//! integrands do. So the integrals of a small system are taken step by step on the interpolating polynomial instead, by Boole's rule on as many
+//! pieces as Simpson's rule needs to agree with it. Each point costs an interpolation of all unknowns, which is why large systems,
+//! whose unknowns never all rest, leave their integrals to IDA.
 
-use sundials_sys::SUNContext;
+use std::os::raw::c_void;
+
+use sundials_sys::{IDAGetDky, SUNContext};
 
 use super::callbacks::Bridge;
 use super::vector::{Operations, Vector};
 use super::{Quadratures, System};
+
+/// Unknowns up to which integrals are taken on the interpolating polynomials.
+const SMALL: usize = 200;
+
+/// Most pieces of a step: beyond, an integrand jumps.
+const MOST_PIECES: u32 = 64;
 
 /// The integrals of an integrator.
 pub(crate) struct Integrals {
@@ -17,6 +30,21 @@ pub(crate) struct Integrals {
     there: Box<[f64]>,
     /// Relative and absolute tolerance, where they are part of the error test.
     checked: Option<(f64, f64)>,
+    /// Where they are taken step by step.
+    pub by_steps: Option<BySteps>,
+}
+
+/// Integrals over the steps of IDA.
+pub(crate) struct BySteps {
+    rtol: f64,
+    atol: f64,
+    /// Unknowns and derivatives at a point of the step.
+    inside: [Vector; 2],
+    /// Boole's and Simpson's sums.
+    sums: [Box<[f64]>; 2],
+    /// Values before the last step, and where it began.
+    before: Box<[f64]>,
+    begin: f64,
 }
 
 impl Integrals {
@@ -28,8 +56,47 @@ impl Integrals {
             Quadratures::Unchecked => None,
             Quadratures::Checked { rtol, atol } => Some((rtol, atol)),
         };
-        let (rates, there) = (vec![0.0; count].into(), vec![0.0; count].into());
-        (count > 0).then(|| Self { values: zeros(), tolerances: zeros(), rates, there, checked })
+        let numbers = || vec![0.0; count].into_boxed_slice();
+        let unknown = || Vector::zeros(system.dimension(), operations, context);
+        let by_steps = checked.filter(|_| count > 0 && system.dimension() <= SMALL).map(|(rtol, atol)| BySteps {
+            rtol,
+            atol,
+            inside: [unknown(), unknown()],
+            sums: [numbers(), numbers()],
+            before: numbers(),
+            begin: 0.0,
+        });
+        let checked = checked.filter(|_| by_steps.is_none());
+        (count > 0).then(|| Self { values: zeros(), tolerances: zeros(), rates: numbers(), there: numbers(), checked, by_steps })
+    }
+
+    /// Zero at a restart.
+    pub fn restart(&mut self, t: f64) {
+        self.values.entries_mut().fill(0.0);
+        if let Some(steps) = &mut self.by_steps {
+            steps.before.fill(0.0);
+            steps.begin = t;
+        }
+    }
+
+    /// Begins a step: what has come to so far stays.
+    pub fn next_step(&mut self, t: f64) {
+        if let Some(steps) = &mut self.by_steps {
+            steps.before.copy_from_slice(self.values.entries());
+            steps.begin = t;
+        }
+    }
+
+    /// Takes the integrals from the beginning of IDA's last step to a time in it.
+    pub fn take(&mut self, bridge: &mut Bridge, memory: *mut c_void, to: f64) -> Result<(), i32> {
+        let Some(steps) = &mut self.by_steps else { return Ok(()) };
+        let mut pieces = 1;
+        while !steps.agree(bridge, memory, &mut self.there, to, pieces)? && pieces < MOST_PIECES {
+            pieces *= 2;
+        }
+        let sums = steps.before.iter().zip(&steps.sums[0]);
+        self.values.entries_mut().iter_mut().zip(sums).for_each(|(value, (before, sum))| *value = before + sum);
+        Ok(())
     }
 
     /// Relative tolerance, if the integrals are part of the error test.
@@ -57,5 +124,42 @@ impl Integrals {
         let tolerances = self.tolerances.entries().iter().zip(self.values.entries()).map(|(atol, value)| rtol.mul_add(value.abs(), *atol));
         let changes = self.there.iter().zip(&self.rates).zip(tolerances).map(|((there, here), tolerance)| (there - here) / tolerance);
         Ok((changes.map(|x| x * x).sum::<f64>() / self.rates.len() as f64).sqrt())
+    }
+}
+
+impl BySteps {
+    /// Boole's and Simpson's rule over so many pieces of the step up to a time; whether they agree to the tolerance.
+    fn agree(&mut self, bridge: &mut Bridge, memory: *mut c_void, rates: &mut [f64], to: f64, pieces: u32) -> Result<bool, i32> {
+        let [boole, simpson] = &mut self.sums;
+        boole.fill(0.0);
+        simpson.fill(0.0);
+        let (points, [y, yp]) = (4 * pieces, &self.inside);
+        let width = (to - self.begin) / f64::from(pieces);
+        for point in 0..=points {
+            let t = if point == points { to } else { self.begin + width * f64::from(point) / 4.0 };
+            for (order, vector) in [(0, y), (1, yp)] {
+                // SAFETY: IDA's memory is alive, and the vector has its dimension.
+                let flag = unsafe { IDAGetDky(memory, t, order, vector.raw()) };
+                if flag < 0 {
+                    return Err(flag);
+                }
+            }
+            bridge.integrands(t, y, yp, rates)?;
+            let end = point == 0 || point == points;
+            let (in_boole, in_simpson) = match point % 4 {
+                0 if end => (7.0, 1.0),
+                0 => (14.0, 2.0),
+                2 => (12.0, 4.0),
+                _ => (32.0, 0.0),
+            };
+            for ((boole, simpson), rate) in boole.iter_mut().zip(simpson.iter_mut()).zip(rates.iter()) {
+                *boole += width * in_boole / 90.0 * rate;
+                *simpson += width * in_simpson / 6.0 * rate;
+            }
+        }
+        let sums = boole.iter().zip(simpson.iter()).zip(&self.before);
+        let (rtol, atol) = (self.rtol, self.atol);
+        // What is no number is told elsewhere.
+        Ok(sums.map(|((boole, simpson), before)| (boole - simpson).abs() > rtol * (before + boole).abs() + atol).all(|far| !far))
     }
 }

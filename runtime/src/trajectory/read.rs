@@ -85,8 +85,14 @@ fn listed(names: &[String]) -> String {
     }
 }
 
+/// A cell in a message; a long one is cut.
 fn quoted(text: &str) -> String {
-    if text.is_empty() { "an empty cell".into() } else { format!("`{text}`") }
+    const LONGEST: usize = 60;
+    match text.len() {
+        0 => "an empty cell".into(),
+        n if n > LONGEST => format!("`{}...`", &text[..text.floor_char_boundary(LONGEST)]),
+        _ => format!("`{text}`"),
+    }
 }
 
 /// A table of text with the line of each row.

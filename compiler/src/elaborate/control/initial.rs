@@ -1,6 +1,7 @@
 //! The steady problem and the start of an episode.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Clip, Expr, ExprKind, Statement, StatementKind};
 
 use super::super::blocks::Piece;
@@ -152,6 +153,7 @@ impl<'a> Elaborator<'a> {
         let symbols = self.in_text_order();
         let mut plain = Vec::new();
         let mut plain_discretes = Vec::new();
+        let mut given: FastMap<(ScopeId, VarId, Option<i64>), Span> = FastMap::default();
         for symbol in symbols {
             let SymbolKind::Variable { var, .. } = self.names.symbols[symbol].kind else { continue };
             let (list, nests, site) = match self.vars[var].role {
@@ -185,6 +187,9 @@ impl<'a> Elaborator<'a> {
                 continue;
             };
             let place = self.place(scope, Site::Reset);
+            if binders.is_empty() {
+                self.check_single(&mut given, scope, target, &place);
+            }
             let pieces = self.nest(binders, &place, &mut |s, inner| s.initial(target, *random, value, clip.as_ref(), inner));
             for piece in pieces {
                 let Some((var, list)) = piece.value else { continue };
@@ -214,6 +219,20 @@ impl<'a> Elaborator<'a> {
         cycles.into_iter().for_each(|d| self.report(d));
         self.model.programs.initial_states = states;
         self.model.programs.initial_discretes = discretes;
+    }
+
+    /// Reports a second `initial` of one variable or element in one block: the order of statements has no meaning.
+    fn check_single(&mut self, given: &mut FastMap<(ScopeId, VarId, Option<i64>), Span>, scope: ScopeId, target: &Expr, place: &Place) {
+        let Some((symbol, at)) = self.target(target, place, &[Role::State, Role::Discrete, Role::Disturbance]) else { return };
+        let SymbolKind::Variable { var, .. } = self.names.symbols[symbol].kind else { return };
+        if let Some(first) = given.insert((scope, var, at.map(|at| at.offset)), target.span) {
+            let path = self.names.symbols[symbol].path.clone();
+            self.report(
+                Diagnostic::error(codes::DUPLICATE_NAME, format!("`{path}` has two initial values"), target.span)
+                    .secondary(first, "the first one")
+                    .help("keep one of them"),
+            );
+        }
     }
 
     /// One `initial` statement at one place: a scalar, an element, or a whole array.

@@ -204,6 +204,11 @@ impl<'a> Elaborator<'a> {
         let mut used = vec![false; programs.len()];
         for (scope, item) in each(blocks) {
             let Item::Other(Statement { kind: StatementKind::Event { name, condition, .. }, .. }) = item else { continue };
+            if matches!(name.text.as_str(), "start" | "end") {
+                let message = format!("an event cannot be called `{}`: that is the {} of every step", name.text, name.text);
+                self.report(Diagnostic::error(codes::DUPLICATE_NAME, message, name.span).help("give the event another name"));
+                continue;
+            }
             let place = self.place(scope, Site::Instant);
             let Some((value, strict)) = self.root_of(condition, &place) else { continue };
             let program = programs.iter().position(|(s, n, _)| *n == name.text && *s == scope);

@@ -155,10 +155,15 @@ impl Elaborator<'_> {
         }
         let name = format!("{a}..{b}");
         let known = self.names.sets.iter().find(|(_, s)| s.name == name).map(|(id, _)| id);
-        Some(known.unwrap_or_else(|| {
-            let labels = (a..=b).map(|i| i.to_string()).collect();
-            self.names.sets.push(super::super::names::Set::new(name, labels, Some(a)))
-        }))
+        if known.is_some() {
+            return known;
+        }
+        if !self.may_hold(b - a) {
+            self.report(Diagnostic::error(codes::TOO_LARGE, "sets of more than two million members together", binder.span));
+            return None;
+        }
+        let labels = (a..=b).map(|i| i.to_string()).collect();
+        Some(self.names.sets.push(super::super::names::Set::new(name, labels, Some(a))))
     }
 
     /// Axes and binder names of an index list (`i in species, z`).

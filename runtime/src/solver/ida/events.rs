@@ -118,6 +118,7 @@ impl Ida {
             }
         }
         self.interpolate(high)?;
+        self.take_integrals(high)?;
         self.time = high;
         if bridge.evaluate_roots(high, self.y.entries(), self.yp.entries()).is_err() {
             return Err(self.fault());
@@ -136,7 +137,7 @@ impl Ida {
         unsafe {
             check("IDAGetDky", IDAGetDky(self.memory, t, 0, self.y.raw()))?;
             check("IDAGetDky", IDAGetDky(self.memory, t, 1, self.yp.raw()))?;
-            if let Some(quadratures) = &self.quadratures {
+            if let Some(quadratures) = self.quadratures.as_ref().filter(|q| q.by_steps.is_none()) {
                 check("IDAGetQuadDky", IDAGetQuadDky(self.memory, t, 0, quadratures.values.raw()))?;
             }
         }

@@ -133,7 +133,7 @@ impl Ida {
     }
 
     fn configure_quadratures(&mut self) -> Result<(), SolveError> {
-        let Some(quadratures) = &self.quadratures else {
+        let Some(quadratures) = self.quadratures.as_ref().filter(|q| q.by_steps.is_none()) else {
             return Ok(());
         };
         let function = Some(callbacks::quadratures as unsafe extern "C" fn(_, _, _, _, _) -> _);
