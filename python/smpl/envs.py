@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -15,6 +15,9 @@ from smpl import _native
 from smpl._names import Named
 from smpl._options import start_from_options
 from smpl.model import FloatArray, Model, Setting, as_count, as_vector, compile
+
+if TYPE_CHECKING:
+    from smpl.rollout import Rollout
 
 Observation = npt.NDArray[np.float32]
 SEEDS = 2**64
@@ -251,6 +254,27 @@ class Env(Interface, gymnasium.Env[Any, Any]):
             ValueError: the snapshot is of another model, or damaged.
         """
         self._native.restore(snapshot)
+
+    def rollout(
+        self, actions: npt.ArrayLike, seed: int | None = None, threads: int | None = None, *, outputs: bool = False
+    ) -> Rollout:
+        """What the given actions would lead to from here; the environment itself stays where it is.
+
+        Args:
+            actions: physical units: (N, H, actions), or (H, actions).
+            seed: random numbers of trajectory i are those of seed + i. Without one they are at their means, and
+                observations without noise.
+            threads, outputs: as for `smpl.Model.rollout`.
+
+        Raises:
+            ValueError: a wrong shape, or a NaN; there is no running episode.
+        """
+        from smpl.rollout import rollout
+
+        limit = self._options[-1]
+        return rollout(
+            self.model, self.snapshot(), actions, seed=seed, threads=threads, outputs=outputs, max_steps=limit
+        )
 
     # Copies and pickles go on where the original is. A copy shares the model; a pickle names it, and the snapshot in it
     # tells whether what is found under that name is the same.

@@ -18,6 +18,8 @@ from smpl._names import Named
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
+    from smpl.rollout import Rollout
+
 FloatArray = npt.NDArray[np.float64]
 Setting = bool | int | float | str | Sequence[float] | FloatArray
 
@@ -159,6 +161,54 @@ class Model(Named):
         d(dx)/dt = A dx + B du, dz = C dx + D du with states x, actions u and observations z, physical units.
         """
         return self.native.linearize(self._y(y), self._u(u), self._given(p))
+
+    def rollout(
+        self,
+        states: npt.ArrayLike,
+        actions: npt.ArrayLike,
+        parameters: Mapping[str, npt.ArrayLike] | None = None,
+        discrete: Mapping[str, npt.ArrayLike] | None = None,
+        disturbances: Mapping[str, npt.ArrayLike] | None = None,
+        seed: int | None = None,
+        threads: int | None = None,
+        *,
+        first_step: int = 0,
+        outputs: bool = False,
+    ) -> Rollout:
+        """Many trajectories at once, on all cores and without the interpreter lock; nothing is kept.
+
+        Each trajectory is an episode from a given state: the same, bit for bit, as steps of an `smpl.Env` that was reset
+        to it, for any number of threads.
+
+        Args:
+            states: differential states at the start, physical units: (N, states), or (states,) for all trajectories.
+            actions: physical units: (N, H, actions), or (H, actions) for all trajectories.
+            parameters: values by name, one for all trajectories or one for each, shape (N,).
+            discrete: discrete variables at the start, likewise.
+            disturbances: recorded sequences by name, (H,) for all trajectories or (N, H), or one number throughout.
+            seed: trajectory i has the random numbers of `reset(seed=seed + i)`. Without one, random numbers are at their
+                means and observations without noise: what is expected.
+            threads: all processors if none.
+            first_step: steps that count as completed at the start, so that the clock, and what depends on it, begins there.
+            outputs: also return the algebraic outputs.
+
+        Raises:
+            ValueError: an unknown name, a wrong shape, a value that is no finite number; the message names the argument.
+        """
+        from smpl.rollout import rollout
+
+        return rollout(
+            self,
+            states,
+            actions,
+            parameters=parameters,
+            discrete=discrete,
+            disturbances=disturbances,
+            seed=seed,
+            threads=threads,
+            first_step=first_step,
+            outputs=outputs,
+        )
 
     def _y(self, values: npt.ArrayLike, name: str = "y") -> FloatArray:
         return as_vector(name, values, len(self.unknown_names))

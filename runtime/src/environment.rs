@@ -17,6 +17,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::{Part, Region};
+use smpl_compiler::model::Interface;
 
 pub use invariants::Drift;
 pub use reset::{ResetError, ResetOptions, Start, StateInput};
@@ -96,6 +97,8 @@ enum Phase {
 struct Progress {
     key: EpisodeKey,
     next_key: EpisodeKey,
+    /// Random numbers of the steps are at their means.
+    expected: bool,
     steps: u32,
     phase: Phase,
     y: Vec<f64>,
@@ -138,12 +141,28 @@ impl Default for Firing {
 struct Replay {
     /// Place in the region.
     at: usize,
+    /// Completed steps at its beginning.
+    first: u32,
     /// One value a step.
     values: Vec<f64>,
     /// The last value holds where the record has ended.
     holds: bool,
     /// That it holds was asked for by name.
     meant: bool,
+}
+
+impl Replay {
+    /// Which value belongs to the step after `steps` completed ones.
+    fn row(&self, steps: u32) -> usize {
+        steps.saturating_sub(self.first) as usize
+    }
+}
+
+impl Progress {
+    /// Key of the errors of measurements; none where there are none.
+    fn errors(&self) -> Option<EpisodeKey> {
+        (!self.expected).then_some(self.key)
+    }
 }
 
 /// One instance of an environment.
@@ -186,6 +205,7 @@ impl Environment {
         let progress = Progress {
             key: EpisodeKey::default(),
             next_key: EpisodeKey::default(),
+            expected: false,
             steps: 0,
             phase: Phase::New,
             y: vec![0.0; unknowns],
@@ -281,7 +301,7 @@ impl Environment {
             Phase::Over if self.keep_going => {}
             _ => return Err(StepError::EpisodeOver),
         }
-        match self.replay.iter().find(|replay| !replay.holds && self.progress.steps as usize >= replay.values.len()) {
+        match self.replay.iter().find(|replay| !replay.holds && replay.row(self.progress.steps) >= replay.values.len()) {
             Some(ended) => Err(StepError::RecordEnded { name: self.name_of_disturbance(ended.at), steps: ended.values.len() }),
             None => Ok(()),
         }
@@ -295,7 +315,7 @@ impl Environment {
     /// Recorded disturbances that have ended and hold their last value though nobody said so of them, with the number of their values.
     #[must_use]
     pub fn ended_records(&self) -> Vec<(String, usize)> {
-        let ended = |replay: &&Replay| !replay.meant && replay.values.len() < self.progress.steps as usize;
+        let ended = |replay: &&Replay| !replay.meant && replay.values.len() < replay.row(self.progress.steps);
         self.replay.iter().filter(ended).map(|replay| (self.name_of_disturbance(replay.at), replay.values.len())).collect()
     }
 
@@ -374,9 +394,7 @@ impl Environment {
 
     /// Names of all limits: `action_box`, the declared failures, the declared constraints.
     pub fn constraint_names(&self) -> impl Iterator<Item = &str> {
-        let interface = self.setup.model().interface();
-        let failures = interface.failures.iter().map(|f| f.name.as_str());
-        std::iter::once(crate::failure::ACTION_BOX).chain(failures).chain(interface.constraints.iter().map(String::as_str))
+        constraint_names(self.setup.model().interface())
     }
 
     /// Number of observations.
@@ -484,4 +502,10 @@ impl Environment {
         let (model, memory) = self.system.parts();
         model.invariants(memory, t, &self.progress.y, &self.progress.yp, out);
     }
+}
+
+/// Names of all limits of a model, see [`Environment::constraint_names`].
+pub fn constraint_names(interface: &Interface) -> impl Iterator<Item = &str> {
+    let failures = interface.failures.iter().map(|f| f.name.as_str());
+    std::iter::once(crate::failure::ACTION_BOX).chain(failures).chain(interface.constraints.iter().map(String::as_str))
 }

@@ -87,7 +87,7 @@ impl Environment {
     /// New values of the disturbances: drawn, then replaced by recorded ones.
     fn disturb(&mut self, t0: f64) {
         let step = self.progress.steps + 1;
-        for draw in self.setup.draws.iter().filter(|d| d.each_step) {
+        for draw in self.setup.draws.iter().filter(|d| d.each_step && !self.progress.expected) {
             let stream = Stream::from_hash(self.progress.key, draw.stream);
             let value = variate(&stream, draw.kind, step, draw.element);
             self.system.region_mut(Region::Draw)[draw.at] = value;
@@ -96,9 +96,8 @@ impl Environment {
             let (model, memory) = self.system.parts();
             model.disturb(memory, t0);
         }
-        let row = self.progress.steps as usize;
         for replay in &self.replay {
-            if let Some(&value) = replay.values.get(row).or(replay.values.last()) {
+            if let Some(&value) = replay.values.get(replay.row(self.progress.steps)).or(replay.values.last()) {
                 self.system.region_mut(Region::Disturbance)[replay.at] = value;
             }
         }
