@@ -177,8 +177,8 @@ class Model(Named):
     ) -> Rollout:
         """Many trajectories at once, on all cores and without the interpreter lock; nothing is kept.
 
-        Each trajectory is an episode from a given state: the same, bit for bit, as steps of an `smpl.Env` that was reset
-        to it, for any number of threads.
+        Each trajectory is an episode from a given state: the same, bit for bit, as steps of an `smpl.Env` that was
+        reset to it, for any number of threads.
 
         Args:
             states: differential states at the start, physical units: (N, states), or (states,) for all trajectories.
@@ -186,14 +186,14 @@ class Model(Named):
             parameters: values by name, one for all trajectories or one for each, shape (N,).
             discrete: discrete variables at the start, likewise.
             disturbances: recorded sequences by name, (H,) for all trajectories or (N, H), or one number throughout.
-            seed: trajectory i has the random numbers of `reset(seed=seed + i)`. Without one, random numbers are at their
-                means and observations without noise: what is expected.
+            seed: trajectory i has the random numbers of `reset(seed=seed + i)`. Without one, random numbers are at
+                their means and observations without noise: what is expected.
             threads: all processors if none.
-            first_step: steps that count as completed at the start, so that the clock, and what depends on it, begins there.
+            first_step: steps that count as completed at the start: the clock begins there.
             outputs: also return the algebraic outputs.
 
         Raises:
-            ValueError: an unknown name, a wrong shape, a value that is no finite number; the message names the argument.
+            ValueError: an unknown name, a wrong shape, no finite number; the message names the argument.
         """
         from smpl.rollout import rollout
 

@@ -22,8 +22,8 @@ class Rollout:
     """N trajectories of at most H steps, physical units.
 
     A trajectory that has ended keeps its last states, observations and outputs; its rewards, costs and violations are
-    0 from there on. One whose equations have no consistent start has NaN in place of states, no steps, and a failure that
-    begins with `start`.
+    0 from there on. One whose equations have no consistent start has NaN in place of states, no steps, and a failure
+    that begins with `start`.
 
     Attributes:
         states: shape (N, H + 1, states); index 0 is the start.
@@ -76,21 +76,16 @@ def rollout(
     max_steps: int | None = None,
 ) -> Rollout:
     """Trajectories from states or from a snapshot, see `Model.rollout` and `Env.rollout`."""
-    from_snapshot = isinstance(start, _native.Snapshot)
-    states = None if from_snapshot else _rows("states", start, len(model.state_names), 1)
     chosen = _rows("actions", actions, len(model.action_names), 2)
-    several = [
-        len(array) for array in (states, chosen) if array is not None and array.ndim == (2 if array is states else 3)
-    ]
-    count = max(several, default=1)
-    horizon = chosen.shape[-2]
-    for name, array, single in (("states", states, 1), ("actions", chosen, 2)):
-        if array is not None and array.ndim > single and len(array) != count:
-            raise ValueError(
-                f"{name} has {len(array)} trajectories, expected {count} as the other array, or one for all"
-            )
+    count, horizon = len(chosen) if chosen.ndim == 3 else 1, chosen.shape[-2]
+    origin: FloatArray | _native.Snapshot
+    if isinstance(start, _native.Snapshot):
+        origin = start
+    else:
+        origin = _rows("states", start, len(model.state_names), 1)
+        count = _common(count, len(origin) if origin.ndim == 2 else 1)
     result = model.native.rollout(
-        start if from_snapshot else states,
+        origin,
         chosen,
         _each("parameters", _flattened(model, parameters or {}, count), count),
         _each("discrete", _known("discrete", discrete or {}, model.discrete_names), count),
@@ -113,6 +108,12 @@ def rollout(
         failure=failure,
         constraint_names=tuple(model.native.constraint_names),
     )
+
+
+def _common(actions: int, states: int) -> int:
+    if actions != states and actions > 1 and states > 1:
+        raise ValueError(f"states has {states} trajectories, expected {actions} as actions has, or one for all")
+    return max(actions, states)
 
 
 def _seed(seed: int | None) -> int | None:
@@ -149,7 +150,7 @@ def _known(argument: str, given: Mapping[str, npt.ArrayLike], names: tuple[str, 
 
 
 def _flattened(model: Model, given: Mapping[str, npt.ArrayLike], count: int) -> dict[str, npt.ArrayLike]:
-    """Parameters by flattened names: an array of them has one value, one for each element, or a row for each trajectory."""
+    """Parameters by flattened names: an array has one value, one for each element, or a row for each trajectory."""
     if not isinstance(given, Mapping):
         raise ValueError(f"parameters must be a mapping from names to values, got {type(given).__name__}")
     values: dict[str, npt.ArrayLike] = {}

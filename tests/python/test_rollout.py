@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 import smpl
 
 NOISY = """model Noisy "a decay that is disturbed and measured badly"
