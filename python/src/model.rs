@@ -60,7 +60,13 @@ impl Model {
         let level = (observation != "default").then(|| observation.to_owned());
         let request = load::Request { path, source, scenario, variants, settings, level, reward };
         let loaded = load::load(py, request)?;
-        Ok(Self { catalogue: OnceLock::new(), loaded, equations: Mutex::new(None), setups: Mutex::new(HashMap::new()), rollouts: Mutex::new(HashMap::new()) })
+        Ok(Self {
+            catalogue: OnceLock::new(),
+            loaded,
+            equations: Mutex::new(None),
+            setups: Mutex::new(HashMap::new()),
+            rollouts: Mutex::new(HashMap::new()),
+        })
     }
 
     #[getter]

@@ -347,13 +347,7 @@ impl Environment {
                 true => options.held.contains(name),
                 false => values.len() == 1 || setup.options.held.contains(name),
             };
-            self.replay.push(Replay {
-                at,
-                first: options.first_step,
-                values: values.clone(),
-                holds: options.hold_records || meant,
-                meant,
-            });
+            self.replay.push(Replay { at, first: options.first_step, values: values.clone(), holds: options.hold_records || meant, meant });
         }
         Ok(())
     }
