@@ -195,5 +195,7 @@ def _base(env: Any) -> Env:
     if not isinstance(base, Env):
         raise TypeError(f"env is {type(base).__name__}, expected an environment of smpl")
     if not isinstance(env, gymnasium.Env):
-        raise TypeError(f"env is {type(env).__name__}, which has not Gymnasium's interface: give the one inside, env.env")
+        raise TypeError(
+            f"env is {type(env).__name__}, which has not Gymnasium's interface: give the one inside, env.env"
+        )
     return base

@@ -466,7 +466,8 @@ fn finish(
     settings: &BTreeMap<String, Value>,
     options: &LoadOptions,
 ) -> Result<Loaded, LoadError> {
-    let faults: Vec<Diagnostic> = names_of_scenario(scenario, &model, &sources).into_iter().chain(grid_faults(scenario, &model, &sources)).collect();
+    let faults: Vec<Diagnostic> =
+        names_of_scenario(scenario, &model, &sources).into_iter().chain(grid_faults(scenario, &model, &sources)).collect();
     if !faults.is_empty() {
         return Err(LoadError::Diagnostics { sources: Arc::new(sources), diagnostics: faults });
     }
@@ -547,7 +548,8 @@ fn grid_faults(scenario: &Scenario, model: &CompiledModel, sources: &SourceMap) 
     let shapes_nothing = |name: &&String| model.interface().parameters.iter().any(|p| p.name == **name && !p.structural);
     let fault = |name: &String| {
         let message = format!("`{name}` is no number of cells");
-        Diagnostic::error(codes::BAD_SCENARIO, message, scenario.place_under(sources, "grid", name)).help("values of parameters stand under `parameters`")
+        Diagnostic::error(codes::BAD_SCENARIO, message, scenario.place_under(sources, "grid", name))
+            .help("values of parameters stand under `parameters`")
     };
     scenario.grid.keys().filter(shapes_nothing).map(fault).collect()
 }

@@ -71,7 +71,7 @@ fn a_name_of_a_hundred_thousand_letters_is_not_repeated() {
         folder.file("s.yaml", if key.is_empty() { format!("{long}: 1\n") } else { format!("{key}{{{long}: {value}}}\n") });
         let output = folder.smpl(&["check", "m.eq", "--scenario", "s.yaml"]);
         assert_eq!(output.status.code(), Some(1), "{key}");
-        assert!(output.stderr.len() < 2000, "{key}: {} bytes", output.stderr.len());
+        assert!(output.stderr.len() < 4000, "{key}: {} bytes", output.stderr.len());
     }
     folder.file("s.yaml", format!("max_steps: {long}\n"));
     assert!(folder.smpl(&["check", "m.eq", "--scenario", "s.yaml"]).stderr.len() < 2000);
@@ -138,7 +138,8 @@ fn start_values_outside_of_their_bounds_are_warned_of() {
 /// z^3 = z has the roots -1, 0 and 1 whatever x is.
 #[test]
 fn steady_states_that_differ_in_algebraic_variables_alone_are_told_apart() {
-    let folder = Folder::new("twins", "model M\ntime t : s\nstate x = 1 in -9..9\nvar z = 0.9 in -9..9\neq z^3 = z\neq d/dt x = (2 - x)/1 [s]\n");
+    let folder =
+        Folder::new("twins", "model M\ntime t : s\nstate x = 1 in -9..9\nvar z = 0.9 in -9..9\neq z^3 = z\neq d/dt x = (2 - x)/1 [s]\n");
     let shown = stdout(&folder.smpl(&["steady", "m.eq"]));
     let mut others: Vec<&str> = shown.lines().filter(|line| line.starts_with("another")).collect();
     others.sort_unstable();
@@ -176,7 +177,10 @@ fn a_seed_beyond_64_bits_is_refused_with_the_largest() {
 /// The pole of x' = x^2 from 0.8 is at 1.25.
 #[test]
 fn the_last_row_after_a_failure_of_the_solver_has_the_time_of_its_state() {
-    let folder = Folder::new("pole", "model M\ntime t : 1\nstate x = 0.8\neq d/dt x = x^2\nobserve x\nreward r default = x\nepisode { step = 1, max_steps = 9 }\n");
+    let folder = Folder::new(
+        "pole",
+        "model M\ntime t : 1\nstate x = 0.8\neq d/dt x = x^2\nobserve x\nreward r default = x\nepisode { step = 1, max_steps = 9 }\n",
+    );
     let shown = stdout(&folder.smpl(&["simulate", "m.eq", "--out", "-"]));
     let rows: Vec<Vec<&str>> = shown.lines().map(|line| line.split(',').take(3).collect()).collect();
     assert_eq!(rows[0], ["step", "time", "x"]);

@@ -88,7 +88,8 @@ def test_texts_and_masked_values_are_no_actions(reactor, action):
 def test_arrays_without_a_masked_value_and_of_any_number_are_actions():
     env = smpl.Env("reactor", normalize=False)
     plain = env.reset(seed=0), env.step(NOMINAL)
-    for action in (np.ma.array(NOMINAL), NOMINAL.astype(object), np.ma.array(NOMINAL, mask=[False, False]), tuple(NOMINAL)):
+    masked = np.ma.array(NOMINAL), np.ma.array(NOMINAL, mask=[False, False])
+    for action in (*masked, NOMINAL.astype(object), tuple(NOMINAL)):
         again = env.reset(seed=0), env.step(action)
         np.testing.assert_array_equal(plain[1][0], again[1][0])
     env.reset(seed=0)
@@ -100,21 +101,23 @@ def test_a_wrong_argument_of_an_evaluation_is_named():
     for seed in ("a", None, -1, 1.5):
         with pytest.raises(ValueError, match=rf"^seed is {seed!r}, expected an integer"):
             evaluate(env, controller, 1, seed=seed)
-    with pytest.raises(ValueError, match="^starts is 3, expected states"):
+    with pytest.raises(ValueError, match=r"^starts is 3, expected states"):
         evaluate(env, controller, starts=3)
-    with pytest.raises(TypeError, match="^env is SafetyGymnasium, .*env.env"):
+    with pytest.raises(TypeError, match=r"^env is SafetyGymnasium, .*env.env"):
         evaluate(SafetyGymnasium(env), controller, 1)
-    with pytest.raises(TypeError, match="^env is CartPoleEnv, expected an environment of smpl"):
+    with pytest.raises(TypeError, match=r"^env is CartPoleEnv, expected an environment of smpl"):
         evaluate(gymnasium.make("CartPole-v1"), controller, 1)
 
 
 @pytest.mark.parametrize("layout", [datasets.transitions, datasets.legacy_rows, datasets.d3rlpy_arrays])
 def test_no_episodes_are_no_data_set(layout):
-    with pytest.raises(ValueError, match="^episodes is empty, expected one at least"):
+    with pytest.raises(ValueError, match=r"^episodes is empty, expected one at least"):
         layout([])
 
 
-UNUSED = "model M\ntime t : s\nparam k = 1\nparam idle = 2\nstate x = 5 in 0..1\neq d/dt x = -k*x/1 [s]\nobserve x in 0..1\n"
+UNUSED = (
+    "model M\ntime t : s\nparam k = 1\nparam idle = 2\nstate x = 5 in 0..1\neq d/dt x = -k*x/1 [s]\nobserve x in 0..1\n"
+)
 
 
 def test_what_a_scenario_is_refused_for_is_said_without_warnings_of_the_model():
@@ -130,14 +133,24 @@ def test_observations_are_clipped_and_states_are_not():
 
 
 def test_in_the_first_step_no_steps_are_completed():
-    text = "model M\ntime t : s\nstate x = 0\neq d/dt x = 1 [1/s]\nobserve x\nreward r default = n\nepisode { step = 1 [s], max_steps = 3 }"
+    text = (
+        "model M\ntime t : s\nstate x = 0\neq d/dt x = 1 [1/s]\nobserve x\nreward r default = n\n"
+        "episode { step = 1 [s], max_steps = 3 }"
+    )
     env = smpl.Env(smpl.compile(source=text))
     env.reset(seed=0)
     assert [env.step([])[1] for _ in range(3)] == [0.0, 1.0, 2.0]
 
 
 # x' = x - x^3 rests at -1, 0 and 1, and z + z^3 = x.
-THREE = "model M\ntime t : s\nstate x = 0.9 in -3..3\nvar z = 0\neq z + z^3 = x\neq d/dt x = (x - x^3)/1 [s]\nobserve x\n"
+THREE = """model M
+time t : s
+state x = 0.9 in -3..3
+var z = 0
+eq z + z^3 = x
+eq d/dt x = (x - x^3)/1 [s]
+observe x
+"""
 
 
 @pytest.mark.parametrize(("guess", "rest"), [(None, 1.0), ({}, 1.0), ({"x": -2.0}, -1.0), ({"x": 0.01, "z": 0.0}, 0.0)])
@@ -156,7 +169,10 @@ def test_a_guess_of_an_algebraic_variable_tells_which_of_its_values():
 
 def test_after_a_failed_step_time_is_that_of_the_state():
     # The pole of x' = u x^2 is at 1/u.
-    text = "model M\ntime t : 1\naction u = 0.1 in 0..10\nstate x = 1\neq d/dt x = u*x^2\nobserve x\nepisode { step = 1, max_steps = 9 }"
+    text = (
+        "model M\ntime t : 1\naction u = 0.1 in 0..10\nstate x = 1\neq d/dt x = u*x^2\nobserve x\n"
+        "episode { step = 1, max_steps = 9 }"
+    )
     env = smpl.Env(smpl.compile(source=text), normalize=False)
     for action in (5.0, np.inf):
         env.reset(seed=0)
