@@ -65,7 +65,8 @@ class Env(Interface, gymnasium.Env[Any, Any]):
     """A process model as a Gymnasium environment.
 
     Actions and observations are `float32` boxes: [-1, 1] with `normalize=True`, else physical units. Arithmetic is in
-    double precision whatever the type of an action. An observation whose bounds are not finite is never normalised.
+    double precision whatever the type of an action. Observations are clipped to their bounds; one whose bounds are not
+    finite is never normalised.
 
     Args:
         model: a compiled model, a path or the name of a shipped model.

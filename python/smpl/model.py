@@ -372,13 +372,14 @@ def as_numbers(name: str, values: npt.ArrayLike, expected: str) -> FloatArray:
     Raises:
         ValueError: they are no numbers, or masked; the message names the argument and the shape that it should have.
     """
+    if type(values) is np.ndarray and values.dtype.kind in _NUMBERS:
+        return np.ascontiguousarray(values, dtype=np.float64)
     try:
         array = np.asarray(values)
-        if array.dtype.kind in _NUMBERS and not isinstance(values, np.ma.MaskedArray):
-            return np.ascontiguousarray(array, dtype=np.float64)
-        if np.ma.is_masked(values):
-            raise TypeError("values are masked")
-        if array.dtype.kind != "O" or any(isinstance(one, (str, bytes)) for one in array.flat):
+        if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
+            raise TypeError("masked values")
+        kind = array.dtype.kind
+        if kind not in _NUMBERS and (kind != "O" or any(isinstance(one, (str, bytes)) for one in array.flat)):
             raise TypeError("no numbers")
         return np.ascontiguousarray(array, dtype=np.float64)
     except (TypeError, ValueError) as error:

@@ -312,7 +312,7 @@ fn check_room(room: &Room) -> Result<(), TestCaseError> {
     Ok(())
 }
 
-/// One event that falls on the end of a step, but for the rounding of its threshold and of the integration.
+/// One event that falls on the end of a step, but for the rounding of its threshold and of the integration, or near it.
 #[derive(Clone, Debug)]
 struct Coincidence {
     step: f64,
@@ -321,6 +321,8 @@ struct Coincidence {
     start: f64,
     /// The step at whose end it happens.
     number: u32,
+    /// How much later than that, in steps.
+    later: f64,
     condition: usize,
     strict: bool,
 }
@@ -328,15 +330,16 @@ struct Coincidence {
 impl Coincidence {
     fn text(&self) -> String {
         let (rate, start) = (self.change / self.step, self.start * self.change);
-        let threshold = start + self.change * f64::from(self.number);
+        let steps = f64::from(self.number) + self.later;
+        let threshold = start + self.change * steps;
         let equals = if self.strict { "" } else { "=" };
         let rises = if self.change > 0.0 { ">" } else { "<" };
         let condition = match self.condition {
             0 => format!("x {rises}{equals} {threshold}"),
             1 => format!("z {rises}{equals} {threshold}"),
             2 => format!("{threshold} - x {}{equals} 0", if self.change > 0.0 { "<" } else { ">" }),
-            3 => format!("t >{equals} {} [s]", self.step * f64::from(self.number)),
-            _ => format!("clock >{equals} {} [s]", self.step * f64::from(self.number)),
+            3 => format!("t >{equals} {} [s]", self.step * steps),
+            _ => format!("clock >{equals} {} [s]", self.step * steps),
         };
         format!(
             "model Coincidence\ntime t : s\ndiscrete n = 0\ndiscrete at_time = 0\nstate x = {start}\nvar z = {start}\neq d/dt x = {rate} [1/s]\n\
@@ -349,8 +352,11 @@ impl Coincidence {
 
 fn coincidence() -> impl Strategy<Value = Coincidence> {
     let change = prop_oneof![0.01..100.0, -100.0..-0.01];
-    (0.001..100.0, change, 0.5..8.0, 1..=6_u32, 0..5_usize, any::<bool>())
-        .prop_map(|(step, change, start, number, condition, strict)| Coincidence { step, change, start, number, condition, strict })
+    let later = prop::sample::select(vec![0.0, 0.0, 0.0, 1e-13, -1e-13, 1e-11, -1e-11, 1e-10, -1e-10, 1e-9, -1e-9, 1e-7, -1e-7]);
+    let kind = (0..5_usize, any::<bool>());
+    (0.001..100.0, change, 0.5..8.0, 1..=6_u32, later, kind).prop_map(|(step, change, start, number, later, (condition, strict))| {
+        Coincidence { step, change, start, number, later, condition, strict }
+    })
 }
 
 fn check_coincidence(case: &Coincidence) -> Result<(), TestCaseError> {
@@ -364,10 +370,14 @@ fn check_coincidence(case: &Coincidence) -> Result<(), TestCaseError> {
     let (n, at_time) = (place("n"), place("at_time"));
     for step in 1..=case.number + 3 {
         prop_assert_eq!(environment.step(&[]).expect("a step").failure, None);
-        let expected = if step < case.number { 0.0 } else { 1.0 };
-        prop_assert_eq!(environment.discretes()[n], expected, "after step {} of {:?}\n{}", step, case, text);
+        // What is later by 1e-10 of the step is at the border.
+        let last = case.number + u32::from(case.later > 1e-11);
+        let open = step == case.number && case.later == 1e-10;
+        let expected = if step < last { 0.0 } else { 1.0 };
+        let count = environment.discretes()[n];
+        prop_assert!(count == expected || (open && count == 1.0), "{} after step {} of {:?}\n{}", count, step, case, text);
     }
-    let distance = (environment.discretes()[at_time] - f64::from(case.number) * case.step).abs();
+    let distance = (environment.discretes()[at_time] - (f64::from(case.number) + case.later) * case.step).abs();
     prop_assert!(distance < 1e-9 * case.step, "{distance}\n{text}");
     Ok(())
 }

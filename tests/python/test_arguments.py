@@ -36,7 +36,7 @@ def test_a_wrong_argument_of_an_environment_is_named(arguments, says):
 
 
 def test_a_model_that_is_no_path_is_refused():
-    with pytest.raises(ValueError, match="^path is 3, expected a name or a path"):
+    with pytest.raises(ValueError, match=r"^path is 3, expected a name or a path"):
         smpl.Env(3)
 
 
@@ -76,12 +76,12 @@ def test_a_wrong_argument_of_a_model_is_named(reactor_model, call, says):
 )
 def test_texts_and_masked_values_are_no_actions(reactor, action):
     reactor.reset(seed=0)
-    with pytest.raises(ValueError, match=r"^action is .*expected numbers of shape \(2,\)"):
+    with pytest.raises(ValueError, match=r"(?s)^action is .*expected numbers of shape \(2,\)"):
         reactor.step(action)
     assert reactor.steps == 0
     vector = smpl.VectorEnv("reactor", 1)
     vector.reset(seed=0)
-    with pytest.raises(ValueError, match=r"^actions is .*expected numbers of shape \(1, 2\)"):
+    with pytest.raises(ValueError, match=r"(?s)^actions is .*expected numbers of shape \(1, 2\)"):
         vector.step(action[None] if isinstance(action, np.ndarray) else [action])
 
 

@@ -50,7 +50,10 @@ fn found(text: &str) -> String {
         return (*ours).into();
     }
     let value = KINDS.iter().find_map(|kind| text.strip_prefix(kind)).unwrap_or(text);
-    shortened(value.trim_matches('`')).into_owned()
+    match value.strip_prefix('"').and_then(|value| value.strip_suffix('"')) {
+        Some(inside) => format!("\"{}\"", shortened(inside)),
+        None => shortened(value.trim_matches('`')).into_owned(),
+    }
 }
 
 /// A name or a value of a file as a message repeats it: a long one is cut.
