@@ -338,7 +338,7 @@ def _text(name: str, value: Setting) -> str:
     """A setting as the command line would write it.
 
     Raises:
-        ValueError: it is no setting.
+        ScenarioError: it is no setting.
     """
     if isinstance(value, (bool, np.bool_)):
         return "true" if value else "false"
@@ -348,10 +348,13 @@ def _text(name: str, value: Setting) -> str:
         return repr(float(value))
     what = f"settings[{name!r}]"
     if isinstance(value, (Sequence, np.ndarray)):
-        numbers = as_numbers(what, value, "(elements,)")
+        try:
+            numbers = as_numbers(what, value, "(elements,)")
+        except ValueError as error:
+            raise _native.ScenarioError(str(error)) from error
         if numbers.ndim == 1:
             return f"[{', '.join(map(repr, numbers.tolist()))}]"
-    raise ValueError(f"{what} is {_short(value)}, expected a number, a list of numbers, True, False or a text")
+    raise _native.ScenarioError(f"{what} is {_short(value)}, expected a number, numbers, True, False or a text")
 
 
 def as_vector(name: str, values: npt.ArrayLike, length: int) -> FloatArray:

@@ -4,10 +4,10 @@ use std::borrow::Cow;
 
 /// What the reader expects, and how it is called here.
 const EXPECTED: [(&str, &str); 9] = [
-    ("struct File", "a mapping from keys to values"),
+    ("struct File", "a mapping of keys with values"),
     ("struct SolverOverrides", "a mapping from solver settings to values"),
     ("a nonzero u32", "a whole number from 1 on"),
-    ("u32", "a whole number from 0 on"),
+    ("u32", "a whole number that is not negative"),
     ("f64", "a number"),
     ("a boolean", "true or false"),
     ("a string", "a text"),
