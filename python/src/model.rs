@@ -232,9 +232,16 @@ impl Model {
     }
 
     /// Steady state at given actions.
-    fn steady_state<'py>(&self, py: Python<'py>, u: Input<'py>, given: Given, fixed: Vec<(usize, f64)>) -> PyResult<Vector<'py>> {
+    fn steady_state<'py>(
+        &self,
+        py: Python<'py>,
+        u: Input<'py>,
+        given: Given,
+        fixed: Vec<(usize, f64)>,
+        guess: Vec<(usize, f64)>,
+    ) -> PyResult<Vector<'py>> {
         let u = u.as_slice()?;
-        let y = self.evaluate(py, |equations| released(py, || equations.steady_state(u, &given, &fixed))?)?;
+        let y = self.evaluate(py, |equations| released(py, || equations.steady_state(u, &given, &fixed, &guess))?)?;
         Ok(PyArray1::from_vec(py, y))
     }
 

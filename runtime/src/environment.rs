@@ -46,7 +46,8 @@ pub struct StepResult {
     pub failure: Option<Failure>,
     /// Sum of the violations.
     pub cost: f64,
-    /// Time of the state: completed steps times the sampling interval, or that of the event at which the step stopped.
+    /// Time of the state: completed steps times the sampling interval, that of the event at which the step stopped, or that of before a
+    /// step that was not integrated.
     pub time: f64,
 }
 
@@ -117,7 +118,7 @@ struct Progress {
     action_excess: f64,
     /// Which conditions of events hold.
     edges: Vec<Edge>,
-    /// Where an event ended the last step before its end.
+    /// Time of the state where the last step ended before its end: at an event, or where it began if nothing was integrated.
     event_time: Option<f64>,
     chatter: Option<Chatter>,
     not_finite: Option<NotFinite>,
@@ -254,7 +255,8 @@ impl Environment {
         let outcome = if action.iter().all(|a| a.is_finite()) {
             self.run_interval(action)
         } else {
-            // Nothing can be integrated with an infinite input; the state stays.
+            // Nothing can be integrated with an infinite input; state and time stay.
+            self.stop_at(self.time());
             interval::Outcome::NotRun
         };
         if self.was_interrupted(outcome) {
@@ -355,7 +357,8 @@ impl Environment {
         self.progress.steps
     }
 
-    /// Time of the present state: completed steps times the sampling interval, or that of the event at which the last step stopped.
+    /// Time of the present state: completed steps times the sampling interval, that of the event at which the last step stopped, or that of before
+    /// a step that was not integrated.
     #[must_use]
     pub fn time(&self) -> f64 {
         self.progress.event_time.unwrap_or_else(|| f64::from(self.progress.steps) * self.setup.model().interface().episode.step)

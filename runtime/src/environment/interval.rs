@@ -41,7 +41,10 @@ impl Environment {
         let broken = self.setup.has_start && self.broken_variable().is_some();
         let outcome = if broken { Outcome::Broken } else { self.integrate() };
         match outcome {
-            Outcome::Solver => self.go_back(),
+            Outcome::Solver => {
+                self.go_back();
+                self.stop_at(self.begin);
+            }
             Outcome::Broken if broken => self.stop_at(self.begin),
             _ => {
                 self.system.region_mut(Region::Quadrature).copy_from_slice(&self.integrals);
@@ -146,8 +149,8 @@ impl Environment {
         outcome
     }
 
-    /// The step ends here.
-    fn stop_at(&mut self, t: f64) {
+    /// The step ends here, where its state is that of.
+    pub(super) fn stop_at(&mut self, t: f64) {
         self.progress.event_time = Some(t);
     }
 
