@@ -8,6 +8,7 @@ mod compile;
 mod document;
 mod excerpt;
 mod outputs;
+mod plot;
 mod report;
 mod simulate;
 mod steady;
@@ -49,6 +50,8 @@ enum Command {
     Compile(compile::CompileArguments),
     /// Run one episode
     Simulate(simulate::SimulateArguments),
+    /// Draw tables of runs
+    Plot(plot::PlotArguments),
     /// Find a steady state and describe it
     Steady(steady::SteadyArguments),
     /// Lay models out in the canonical way
@@ -144,6 +147,7 @@ fn dispatch(command: Command) -> Result<(), Failed> {
         Command::Check(arguments) => check::run(&arguments),
         Command::Compile(arguments) => compile::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Plot(arguments) => plot::run(&arguments),
         Command::Steady(arguments) => steady::run(&arguments),
         Command::Fmt(arguments) => document::format(&arguments),
         Command::Doc(arguments) => document::describe(&arguments),

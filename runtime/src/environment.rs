@@ -10,6 +10,7 @@ mod interval;
 mod invariants;
 mod reset;
 mod snapshot;
+mod trace;
 mod verdict;
 
 use std::sync::Arc;
@@ -21,6 +22,7 @@ use smpl_compiler::layout::{Part, Region};
 pub use invariants::Drift;
 pub use reset::{ResetError, ResetOptions, Start, StateInput};
 pub use snapshot::{Snapshot, SnapshotError};
+pub use trace::{Followed, Trace};
 
 use crate::catalogue::Catalogue;
 use crate::failure::{BOX_SLACK, Cause, Chatter, Failure, NotFinite, SolverFailure};
@@ -164,6 +166,8 @@ pub struct Environment {
     statistics: Statistics,
     /// Drifts of the invariants; empty unless they are watched.
     drifts: Vec<Drift>,
+    /// What is followed within steps, if anything is.
+    trace: Option<Box<Trace>>,
     /// Stepping goes on after the end of an episode.
     keep_going: bool,
     /// Time at the start of the step.
@@ -210,6 +214,7 @@ impl Environment {
             scratch: vec![0.0; unknowns],
             statistics: Statistics::default(),
             drifts: Vec::new(),
+            trace: None,
             keep_going: false,
             begin: 0.0,
             last_fired: None,

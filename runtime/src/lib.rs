@@ -1,8 +1,8 @@
 //! smpl-runtime: compiled models in motion.
 //!
 //! [`solver`] integrates; [`environment`] turns a compiled model into episodes with actions, rewards and failures; [`batch`] runs many instances on
-//! several threads; [`steady`], [`linearize`] and [`spectrum`] find and describe points of rest; [`trajectory`] reads and writes tables, [`files`]
-//! anything else; [`load`] goes from a file to a model ready to run; [`interrupt`] stops what takes long; [`cli`] is the command `smpl`.
+//! several threads; [`steady`], [`linearize`] and [`spectrum`] find and describe points of rest; [`trajectory`] reads and writes tables, [`picture`]
+//! draws them, [`files`] writes anything; [`load`] goes from a file to a model ready to run; [`interrupt`] stops what takes long; [`cli`] is the command `smpl`.
 //!
 //! What all instances share is a [`setup::Setup`]; what changes is an [`environment::Environment`].
 
@@ -18,7 +18,7 @@ mod inverse;
 pub mod linearize;
 pub mod load;
 pub mod observe;
-pub mod plot;
+pub mod picture;
 pub mod random;
 pub mod scenario;
 pub mod setup;

@@ -6,7 +6,7 @@ mod read;
 mod record;
 
 pub use format::seventeen_digits;
-pub use read::{DataError, Sequences, Values, read_actions, read_disturbances, read_initial};
+pub use read::{Columns, DataError, Sequences, Values, read_actions, read_columns, read_disturbances, read_initial};
 pub use record::Recorder;
 
 use std::io::{self, Write};

@@ -9,6 +9,18 @@ use super::report::Failed;
 use super::say;
 use crate::files::{is_same, is_standard_output};
 
+/// A file for a table: CSV where the name has no ending.
+pub(super) fn table(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let known = |ending: &std::ffi::OsStr| ["csv", "parquet"].iter().any(|known| ending.eq_ignore_ascii_case(known));
+    match path.extension() {
+        Some(ending) if !known(ending) && !is_standard_output(&path) => {
+            Err(format!("tables end in .csv or .parquet; name it `{}`", path.with_extension("csv").display()))
+        }
+        _ => Ok(path),
+    }
+}
+
 /// The files of a compilation.
 pub(super) fn names(sources: &SourceMap) -> impl Iterator<Item = PathBuf> {
     (0..sources.len()).map(|i| PathBuf::from(sources.name(FileId(i as u16))))

@@ -8,6 +8,7 @@ use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::report::{self, Failed};
+use super::plot::{self, Sketch};
 use super::{ModelArguments, outputs};
 use crate::catalogue::UnknownName;
 use crate::environment::{Environment, ResetOptions, Start, StateInput};
@@ -60,11 +61,14 @@ pub(super) struct SimulateArguments {
     #[arg(long, value_name = "T", value_parser = positive, allow_negative_numbers = true)]
     max_step: Option<f64>,
     /// Table of the trajectory, CSV or Parquet
-    #[arg(long, value_name = "T.csv|T.parquet")]
+    #[arg(long, value_name = "T.csv|T.parquet", value_parser = outputs::table)]
     out: Option<PathBuf>,
-    /// Picture of states, actions and reward
-    #[arg(long, value_name = "P.svg", value_parser = picture)]
+    /// Picture of the run: SVG, PNG, PDF, or HTML to look into
+    #[arg(long, value_name = "P.svg|png|pdf|html", value_parser = plot::picture)]
     plot: Option<PathBuf>,
+    /// What the picture shows: names of quantities, `states`, `observations`, `outputs`, `actions`, `discretes`, `rewards`, `all`
+    #[arg(long, value_name = "NAME,...", requires = "plot")]
+    show: Vec<String>,
     /// Go on after the end of the episode
     #[arg(long = "continue")]
     keep_going: bool,
@@ -93,15 +97,6 @@ fn tolerance(text: &str) -> Result<f64, String> {
     match positive(text)? {
         x if (1e-15..1.0).contains(&x) => Ok(x),
         x => Err(format!("a relative tolerance lies between 1e-15 and 1, not {x}")),
-    }
-}
-
-/// A file for a picture.
-fn picture(text: &str) -> Result<PathBuf, String> {
-    let path = PathBuf::from(text);
-    match path.extension().map(std::ffi::OsStr::to_ascii_lowercase) {
-        Some(other) if other != "svg" => Err(format!("pictures are SVG; name it `{}`", path.with_extension("svg").display())),
-        _ => Ok(path),
     }
 }
 
@@ -167,6 +162,8 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
     environment.set_keep_going(arguments.keep_going);
     environment.reset(Some(arguments.seed), &reset)?;
 
+    let setup = Arc::clone(environment.setup());
+    let mut sketch = arguments.plot.as_deref().map(|path| Sketch::new(path, &arguments.show, &setup)).transpose()?;
     let mut recorder = Recorder::new(&environment);
     recorder.record(&mut environment, None);
     let mut steps = arguments.steps.unwrap_or_else(|| environment.setup().max_steps());
@@ -182,8 +179,14 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
     let mut action = vec![0.0; environment.catalogue().actions.len()];
     let mut total = 0.0;
     let mut progress = Progress::new(steps);
+    if let Some(sketch) = &mut sketch {
+        sketch.follow_run(&setup, steps)?;
+    }
     while environment.steps() < steps && (environment.is_running() || arguments.keep_going) {
         policy.choose(&mut environment, &mut action);
+        if let Some(sketch) = &mut sketch {
+            sketch.follow(&environment, &action)?;
+        }
         let result = environment.step(&action)?;
         total += result.reward;
         recorder.record(&mut environment, Some(&result));
@@ -197,10 +200,12 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
     if let Some(path) = &arguments.out {
         recorder.table().write(path)?;
     }
-    if let Some(path) = &arguments.plot {
-        crate::plot::write(recorder.table(), environment.setup(), path)?;
+    let summary = summary(&mut environment, total);
+    if let Some(sketch) = sketch {
+        let how = summary.split_once(": ").map_or("", |(_, how)| how).trim_end();
+        sketch.write(recorder.table(), &setup, format!("{}; {how}", arguments.circumstances()))?;
     }
-    outputs::conclude(&summary(&mut environment, total), &written)
+    outputs::conclude(&summary, &written)
 }
 
 /// Records that end early are said.
@@ -213,6 +218,21 @@ fn warn_of_the_end(path: Option<&Path>, message: &str) {
 fn data_files(arguments: &SimulateArguments) -> impl Iterator<Item = PathBuf> {
     let data = [&arguments.actions, &arguments.init, &arguments.disturbances];
     data.into_iter().flatten().chain([&arguments.file]).cloned()
+}
+
+impl SimulateArguments {
+    /// What the run depends on, in words.
+    fn circumstances(&self) -> String {
+        let actions = match &self.actions {
+            Some(path) => format!("actions of {}", path.file_name().unwrap_or_default().display()),
+            None => format!("policy {}", self.policy),
+        };
+        let scenario = self.model.scenario.iter().map(|name| format!("scenario {name}"));
+        let variants = self.model.variants.iter().map(|variant| format!("variant {variant}"));
+        let settings = self.model.settings.iter().map(|(name, value)| format!("{name} = {value}"));
+        let all = scenario.chain(variants).chain(settings).chain([format!("seed {}", self.seed), actions]);
+        all.collect::<Vec<_>>().join(", ")
+    }
 }
 
 fn make(arguments: &SimulateArguments, loaded: Loaded) -> Result<Environment, Failed> {
