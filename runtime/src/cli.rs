@@ -7,9 +7,11 @@ mod check;
 mod compile;
 mod document;
 mod excerpt;
+mod new;
 mod outputs;
 mod plot;
 mod report;
+mod runs;
 mod simulate;
 mod steady;
 
@@ -44,11 +46,13 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Write a small model that runs, to begin with
+    New(new::NewArguments),
     /// Check models: syntax, names, units, structure
     Check(check::CheckArguments),
     /// Compile a model to machine code and say what was compiled
     Compile(compile::CompileArguments),
-    /// Run one episode
+    /// Run one episode, or many
     Simulate(simulate::SimulateArguments),
     /// Draw tables of runs
     Plot(plot::PlotArguments),
@@ -144,6 +148,7 @@ pub fn run(arguments: impl Iterator<Item = OsString>) -> i32 {
 
 fn dispatch(command: Command) -> Result<(), Failed> {
     match command {
+        Command::New(arguments) => new::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Compile(arguments) => compile::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),

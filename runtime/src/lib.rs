@@ -25,5 +25,6 @@ pub mod setup;
 pub mod solver;
 pub mod spectrum;
 pub mod steady;
+pub mod sweep;
 pub mod system;
 pub mod trajectory;

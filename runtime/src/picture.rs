@@ -12,6 +12,7 @@ mod html;
 pub mod items;
 mod layout;
 mod legend;
+mod make;
 mod panel;
 mod pdf;
 mod plan;
@@ -25,6 +26,7 @@ use std::path::Path;
 pub use drawing::Drawing;
 pub use font::Weight;
 pub use layout::Heading;
+pub use make::{NominalError, SavedError, nominal, of_tables};
 pub use plan::{Kind, PanelPlan, plan, split_names};
 pub use run::{Follower, Followings, Run};
 

@@ -1,6 +1,5 @@
 //! Pictures: of a run that is simulated (`--plot`), and of saved tables (`smpl plot`).
 
-use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -9,7 +8,7 @@ use clap::Args;
 use super::report::Failed;
 use super::{ModelArguments, outputs};
 use crate::environment::Environment;
-use crate::picture::{Follower, Format, Heading, PanelPlan, Picture, Run, heading, items, plan, split_names};
+use crate::picture::{Follower, Format, PanelPlan, Picture, Run, SavedError, heading, items, of_tables, plan, split_names};
 use crate::setup::Setup;
 use crate::trajectory::Table;
 
@@ -102,38 +101,20 @@ pub(super) fn run(arguments: &PlotArguments) -> Result<(), Failed> {
     let inputs = arguments.tables.iter().chain(&arguments.file).cloned();
     outputs::check(&[Some(arguments.output.as_path())], inputs)?;
     let setup = arguments.file.as_deref().map(|file| setup_of(file, &arguments.model)).transpose()?;
-    let mut runs = Vec::new();
-    for path in &arguments.tables {
-        runs.extend(Run::read(path)?);
+    let picture = of_tables(&arguments.tables, &names(&arguments.show), setup.as_deref())?;
+    Ok(picture.write(&arguments.output)?)
+}
+
+impl From<SavedError> for Failed {
+    fn from(error: SavedError) -> Self {
+        match error {
+            SavedError::Data(error) => error.into(),
+            SavedError::Name(error) => error.into(),
+        }
     }
-    let present: HashSet<&str> = runs.iter().flat_map(Run::names).map(String::as_str).collect();
-    let mut all = match &setup {
-        Some(setup) => items::of_model(setup),
-        None => items::of_columns(runs[0].names(), |name| runs[0].is_action(name)),
-    };
-    for item in &mut all {
-        item.members.retain(|member| present.contains(member.column.as_str()));
-    }
-    all.retain(|item| !item.members.is_empty());
-    let plans = plan(&all, &names(&arguments.show))?;
-    let (heading, unit) = match &setup {
-        Some(setup) => (heading(setup, String::new()), setup.model().interface().time.1.clone()),
-        None => (Heading { title: title(&arguments.tables), ..Heading::default() }, String::new()),
-    };
-    Ok(Picture::new(&plans, &runs, &heading, &unit).write(&arguments.output)?)
 }
 
 fn setup_of(file: &Path, model: &ModelArguments) -> Result<Arc<Setup>, Failed> {
     let loaded = model.load(file)?;
     Ok(Setup::without_steady(loaded.model, loaded.options, Some(loaded.sources))?)
-}
-
-fn title(tables: &[PathBuf]) -> String {
-    let name = |path: &PathBuf| path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned());
-    const SHOWN: usize = 4;
-    let mut names: Vec<String> = tables.iter().take(SHOWN).map(name).collect();
-    if tables.len() > SHOWN {
-        names.push(format!("and {} more", tables.len() - SHOWN));
-    }
-    names.join(", ")
 }

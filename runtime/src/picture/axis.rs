@@ -52,7 +52,7 @@ fn round_step(least: f64) -> f64 {
 
 /// Powers of a thousand where numbers would have many digits.
 fn exponent(largest: f64) -> i32 {
-    if largest > 0.0 && largest.is_finite() && !(0.01..1e5).contains(&largest) {
+    if largest > 0.0 && largest.is_finite() && !(0.01..1e4).contains(&largest) {
         3 * (largest.log10() / 3.0 + 1e-9).floor() as i32
     } else {
         0

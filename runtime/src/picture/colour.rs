@@ -3,8 +3,7 @@
 use super::drawing::Colour;
 
 /// The qualitative colours of M. Okabe and K. Ito, Color Universal Design (2008), without yellow, which is lost on white; darkest contrasts first.
-pub(super) const CURVES: [Colour; 8] =
-    [BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, Colour(0, 0, 0), Colour(120, 120, 120)];
+pub(super) const CURVES: [Colour; 8] = [BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, Colour(0, 0, 0), Colour(120, 120, 120)];
 /// Blue of that palette; so the following.
 pub(super) const BLUE: Colour = Colour(0, 114, 178);
 /// Vermilion.
@@ -27,7 +26,8 @@ pub(super) const AXIS: Colour = Colour(140, 140, 140);
 pub(super) const GRID: Colour = Colour(228, 228, 228);
 
 /// Bands behind curves: pale, so that the curves' colours stay what they are.
-const BANDS: [Colour; 6] = [SKY, ORANGE, GREEN, PURPLE, Colour(240, 228, 66), Colour(120, 120, 120)];
+/// The first phase, in which most plants rest, is grey.
+const BANDS: [Colour; 6] = [Colour(150, 150, 150), ORANGE, SKY, PURPLE, Colour(240, 228, 66), GREEN];
 
 /// The pale colour of the band of that number.
 pub(super) fn band(index: usize) -> Colour {

@@ -43,7 +43,7 @@ impl Role {
 
     /// Whether values hold over the step that ends where they stand.
     pub(super) fn is_held(self) -> bool {
-        matches!(self, Role::Action | Role::Disturbance)
+        matches!(self, Role::Action | Role::Disturbance | Role::Reward)
     }
 }
 
@@ -131,10 +131,8 @@ pub fn of_model(setup: &Setup) -> Vec<Item> {
 }
 
 fn blank(quantity: &Quantity, role: Role) -> Item {
-    let index = |axis: &Axis| Index {
-        labels: (0..axis.len()).map(|i| axis.label(i)).collect(),
-        numbers: matches!(axis, Axis::Numbers { .. }),
-    };
+    let index =
+        |axis: &Axis| Index { labels: (0..axis.len()).map(|i| axis.label(i)).collect(), numbers: matches!(axis, Axis::Numbers { .. }) };
     Item {
         name: quantity.name.clone(),
         role,
@@ -259,14 +257,14 @@ fn indices(members: &[Member]) -> Vec<Index> {
     vec![Index { labels: members.iter().map(|m| m.label.clone()).collect(), numbers: false }]
 }
 
-/// `R1.c` of `R1.c[tropine,3]`.
+/// `col[1].c` of `col[1].c[tropine,3]`.
 pub(super) fn base(name: &str) -> &str {
-    name.split_once('[').filter(|(_, rest)| rest.ends_with(']')).map_or(name, |(base, _)| base)
+    name.strip_suffix(']').and_then(|rest| rest.rsplit_once('[')).map_or(name, |(base, _)| base)
 }
 
-/// `tropine,3` of `R1.c[tropine,3]`.
+/// `tropine,3` of `col[1].c[tropine,3]`.
 pub(super) fn index_of(name: &str) -> Option<&str> {
-    name.split_once('[').and_then(|(_, rest)| rest.strip_suffix(']'))
+    name.strip_suffix(']').and_then(|rest| rest.rsplit_once('[')).map(|(_, index)| index)
 }
 
 #[cfg(test)]
@@ -288,15 +286,18 @@ mod tests {
     }
 
     #[test]
+    fn the_index_is_the_last_one_in_brackets() {
+        assert_eq!((base("col[1].c[2,3]"), index_of("col[1].c[2,3]")), ("col[1].c", Some("2,3")));
+        assert_eq!((base("col[1].c"), index_of("col[1].c")), ("col[1].c", None));
+    }
+
+    #[test]
     fn keys_are_no_quantities_and_prefixes_tell_roles() {
         let columns = names(&["step", "time", "x", "u", "obs.x", "reward", "reward.yield", "terminated", "truncated", "param.k"]);
         let items = of_columns(&columns, |name| name == "u");
         let roles: Vec<(&str, Role)> = items.iter().map(|i| (i.name.as_str(), i.role)).collect();
         let (other, action, reward) = (Role::Other, Role::Action, Role::Reward);
-        assert_eq!(
-            roles,
-            [("x", other), ("u", action), ("x", Role::Observation), ("reward", reward), ("reward.yield", reward)]
-        );
+        assert_eq!(roles, [("x", other), ("u", action), ("x", Role::Observation), ("reward", reward), ("reward.yield", reward)]);
     }
 
     #[test]

@@ -15,7 +15,7 @@ const ACROSS: f64 = 794.0;
 const UPRIGHT: f64 = 1588.0;
 const MARGIN: f64 = 18.0;
 /// Height of a cell of the grid.
-const LOWEST: f64 = 138.0;
+const LOWEST: f64 = 150.0;
 const HIGHEST: f64 = 250.0;
 /// Size of tick labels.
 pub(super) const LABEL: f64 = 9.0;
@@ -25,6 +25,8 @@ pub(super) const SCALE: f64 = 44.0;
 /// Width of the bar of that scale.
 pub(super) const BAR: f64 = 9.0;
 const SERIES: f64 = 13.0;
+/// Height of a line of the footer.
+const FOOT: f64 = 13.0;
 
 /// What stands above everything.
 #[derive(Clone, Debug, Default)]
@@ -85,14 +87,37 @@ pub(super) fn page(panels: &Panels, runs: &[Run], heading: &Heading) -> Page {
     let legend = Legend::new(panels, runs, &occurring, room);
     let top = MARGIN + 20.0 + if heading.note.is_empty() { 0.0 } else { 15.0 } + legend.height() + 6.0;
     let grid = Grid::new(panels, width, top, !occurring.is_empty());
-    let mut drawing = Drawing::new(width, grid.bottom() + MARGIN, heading.title.clone());
+    let footer = wrapped(&panels.constants, room);
+    let height = grid.bottom() + FOOT * footer.len() as f64 + MARGIN;
+    let mut drawing = Drawing::new(width, height, heading.title.clone());
     write_heading(&mut drawing, heading, room);
     legend.draw(&mut drawing, MARGIN, top - legend.height() - 6.0, room);
     let placed: Vec<Placed> = panels.panels.iter().enumerate().map(|(i, panel)| grid.place(i, panel, panels)).collect();
     for (panel, place) in panels.panels.iter().zip(&placed) {
         write_names(&mut drawing, panel, place, panels);
     }
+    for (i, letters) in footer.into_iter().enumerate() {
+        let y = grid.bottom() + FOOT * (i + 1) as f64;
+        let (size, weight) = (font::fitting(&letters, LABEL + 0.5, Weight::Regular, room), Weight::Regular);
+        drawing.marks.push(Mark::Text(Text { x: MARGIN, y, size, anchor: Anchor::Start, colour: colour::GREY, weight, letters }));
+    }
     Page { drawing, placed }
+}
+
+/// What does not change, in lines no wider than `room`.
+fn wrapped(constants: &[String], room: f64) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for (i, constant) in constants.iter().enumerate() {
+        let end = if i + 1 < constants.len() { ";" } else { "" };
+        match lines.last_mut() {
+            Some(line) if font::width(&format!("{line} {constant}{end}"), LABEL + 0.5, Weight::Regular) <= room => {
+                line.push_str(&format!(" {constant}{end}"));
+            }
+            Some(_) => lines.push(format!("{constant}{end}")),
+            None => lines.push(format!("Constant: {constant}{end}")),
+        }
+    }
+    lines
 }
 
 /// The phases that occur, by number, with their names.
@@ -130,8 +155,8 @@ struct Grid {
     strip: bool,
     /// Left room of each column for labels.
     left: Vec<f64>,
-    /// Rows that have names of series, and those that have names of abscissae.
-    named: Vec<bool>,
+    /// Height of the names of series in each row, and rows that have names of abscissae.
+    named: Vec<f64>,
     abscissae: Vec<bool>,
 }
 
@@ -149,13 +174,19 @@ impl Grid {
         let cell = ((page - top - MARGIN) / rows as f64).clamp(LOWEST, HIGHEST);
         let mut grid = Self { columns, count, width, top, cell, strip, left: vec![0.0; columns], named: vec![], abscissae: vec![] };
         let row = |r: usize| &panels.panels[(r * columns).min(count)..((r + 1) * columns).min(count)];
-        grid.named = (0..rows).map(|r| row(r).iter().any(is_named)).collect();
+        let room = grid.cell_width();
+        grid.named = (0..rows).map(|r| row(r).iter().map(|p| SERIES * series_lines(p, room).len() as f64).fold(0.0, f64::max)).collect();
         grid.abscissae = (0..rows).map(|r| (r * columns..((r + 1) * columns).min(count)).any(|i| grid.is_free(i, panels))).collect();
         for (i, panel) in panels.panels.iter().enumerate() {
             let labels = grid.label_room(i, panel);
             grid.left[i % columns] = grid.left[i % columns].max(labels);
         }
         grid
+    }
+
+    /// Width that names may have.
+    fn cell_width(&self) -> f64 {
+        (self.width - 2.0 * MARGIN) / self.columns as f64 - 10.0
     }
 
     fn bottom(&self) -> f64 {
@@ -170,7 +201,7 @@ impl Grid {
 
     /// Vertical room: above the plot and below it.
     fn above_and_below(&self, row: usize) -> (f64, f64) {
-        let above = NAME + 6.0 + if self.named[row] { SERIES } else { 0.0 } + if self.strip && row == 0 { STRIP } else { 0.0 };
+        let above = NAME + 6.0 + self.named[row] + if self.strip && row == 0 { STRIP } else { 0.0 };
         let below = LABEL + 7.0 + if self.abscissae[row] { LABEL + 4.0 } else { 0.0 } + 10.0;
         (above, below)
     }
@@ -213,10 +244,6 @@ impl Grid {
             names_phases: self.strip && row == 0 && !panel.over_space,
         }
     }
-}
-
-fn is_named(panel: &Panel) -> bool {
-    matches!(&panel.body, Body::Curves(curves) if curves.named)
 }
 
 fn ordinate((low, high): (f64, f64), height: f64) -> Axis {
@@ -283,30 +310,48 @@ fn write_names(drawing: &mut Drawing, panel: &Panel, place: &Placed, panels: &Pa
     }
 }
 
-/// Names of series in the colours of their curves, small enough to stand in a line.
-fn write_series(drawing: &mut Drawing, panel: &Panel, place: &Placed) {
-    let Body::Curves(curves) = &panel.body else { return };
-    if !curves.named {
-        return;
-    }
-    let mut entries: Vec<(&str, Colour)> = Vec::new();
-    for series in curves.series.iter().filter(|s| !s.dots) {
-        if !entries.contains(&(series.label.as_str(), series.colour)) {
-            entries.push((&series.label, series.colour));
+/// Names of the series of a panel with their colours, in lines no wider than `room`; none where they need no names.
+fn series_lines(panel: &Panel, room: f64) -> Vec<Vec<(&str, Colour)>> {
+    let Body::Curves(curves) = &panel.body else { return Vec::new() };
+    let mut lines: Vec<Vec<(&str, Colour)>> = Vec::new();
+    let mut used = f64::INFINITY;
+    let mut known: Vec<(&str, Colour)> = Vec::new();
+    for series in curves.series.iter().filter(|s| curves.named && !s.dots) {
+        let entry = (series.label.as_str(), series.colour);
+        if known.contains(&entry) {
+            continue;
         }
+        known.push(entry);
+        let wide = KEY + font::width(entry.0, LABEL, Weight::Regular) + 9.0;
+        match lines.last_mut() {
+            Some(line) if used + wide <= room => line.push(entry),
+            _ => {
+                lines.push(vec![entry]);
+                used = 0.0;
+            }
+        }
+        used += wide;
     }
-    let (x, room) = place.cell;
-    let wide = |size: f64| entries.iter().map(|(label, _)| font::width(label, size, Weight::Bold) + 1.9 * size).sum::<f64>();
-    let size = LABEL * (room / wide(LABEL)).min(1.0);
-    let (mut x, y) = (x, place.top + NAME + SERIES);
-    for (label, colour) in entries {
-        let bar = Frame { x, y: y - 0.45 * size, width: 0.9 * size, height: 0.22 * size };
-        drawing.marks.push(Mark::Rect(bar, colour));
-        x += 1.15 * size;
-        let (letters, weight) = (label.to_owned(), Weight::Bold);
-        let text = Text { x, y, size, anchor: Anchor::Start, colour: darker(colour), weight, letters };
-        x += text.width() + 0.75 * size;
-        drawing.marks.push(Mark::Text(text));
+    lines
+}
+
+/// Room for the sign of a series before its name.
+const KEY: f64 = 13.0;
+
+/// Names of series beside their colours.
+fn write_series(drawing: &mut Drawing, panel: &Panel, place: &Placed) {
+    let (left, room) = place.cell;
+    for (i, line) in series_lines(panel, room).into_iter().enumerate() {
+        let (mut x, y) = (left, place.top + NAME + SERIES * (i + 1) as f64);
+        for (label, colour) in line {
+            let bar = Frame { x, y: y - 4.2, width: KEY - 4.0, height: 2.2 };
+            drawing.marks.push(Mark::Rect(bar, colour));
+            let size = font::fitting(label, LABEL, Weight::Regular, room - KEY);
+            let (letters, weight, colour) = (label.to_owned(), Weight::Regular, darker(colour));
+            let text = Text { x: x + KEY, y, size, anchor: Anchor::Start, colour, weight, letters };
+            x += KEY + text.width() + 9.0;
+            drawing.marks.push(Mark::Text(text));
+        }
     }
 }
 

@@ -104,10 +104,8 @@ impl Legend {
 }
 
 fn run_entries(runs: &[Run]) -> Vec<Entry> {
-    let entry = |(i, run): (usize, &Run)| Entry {
-        sign: Sign::Line(Stroke::full(run_colour(i, runs.len()), 2.0)),
-        meaning: run.label.clone(),
-    };
+    let entry =
+        |(i, run): (usize, &Run)| Entry { sign: Sign::Line(Stroke::full(run_colour(i, runs.len()), 2.0)), meaning: run.label.clone() };
     match runs.len() {
         0 | 1 => Vec::new(),
         n if n > MOST_RUNS => vec![Entry { sign: Sign::Line(Stroke::full(run_colour(0, n), 2.0)), meaning: format!("{n} runs") }],

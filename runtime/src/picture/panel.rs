@@ -87,7 +87,12 @@ pub(super) struct Panels {
     pub time_unit: String,
     /// What the model's times are multiplied with.
     pub factor: f64,
+    /// What does not change and has no panel, in words.
+    pub constants: Vec<String>,
 }
+
+/// More panels than this have no room for what does not change.
+const ROOMY: usize = 12;
 
 /// Dashes by the number of the run, where colours tell something else.
 const DASHES: [&[f64]; 4] = [&[], &[6.0, 2.5], &[2.0, 2.0], &[7.0, 2.0, 2.0, 2.0]];
@@ -106,8 +111,41 @@ pub(super) fn fill(plans: &[PanelPlan], runs: &[Run], given_unit: &str) -> Panel
     let (low, high) = if low < high { (low, high) } else { (low.min(0.0), low.max(0.0) + 1.0) };
     let (low, high) = if low.is_finite() { (low, high) } else { (0.0, 1.0) };
     let (time_unit, factor) = readable_time(given_unit, high - low);
-    let panels = plans.iter().flat_map(|plan| panels_of(plan, runs, factor, &time_unit)).collect();
-    Panels { panels, time: (low * factor, high * factor), time_unit: unit(&time_unit), factor }
+    let mut filled: Vec<(bool, Panel)> = Vec::new();
+    for plan in plans.iter().filter(|plan| !(plan.dispensable && counts_time(plan, runs))) {
+        let leaves = plan.dispensable && (plan.role != Role::Reward);
+        filled.extend(panels_of(plan, runs, factor, &time_unit).into_iter().map(|panel| (leaves && is_flat(&panel), panel)));
+    }
+    let crowded = filled.len() > ROOMY;
+    let (flat, kept): (Vec<_>, Vec<_>) = filled.into_iter().partition(|(flat, _)| *flat && crowded);
+    let constants = flat.iter().filter_map(|(_, panel)| constant(panel)).collect();
+    let panels = kept.into_iter().map(|(_, panel)| panel).collect();
+    Panels { panels, time: (low * factor, high * factor), time_unit: unit(&time_unit), factor, constants }
+}
+
+/// Whether a quantity is the time or the number of the step, which the abscissa tells.
+fn counts_time(plan: &PanelPlan, runs: &[Run]) -> bool {
+    let Kind::Lines(lines) = &plan.kind else { return false };
+    let same = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-9 * b.abs().max(1.0));
+    let is_clock = |run: &Run| {
+        let Some(line) = lines.first() else { return false };
+        let values = run.column(&line.member.column).unwrap_or_default();
+        !values.is_empty() && (same(values, &run.time()) || run.column("step").is_some_and(|steps| same(values, steps)))
+    };
+    lines.iter().filter(|line| !line.dots).count() == 1 && runs.iter().all(is_clock)
+}
+
+fn is_flat(panel: &Panel) -> bool {
+    matches!(&panel.body, Body::Curves(curves) if !panel.over_space && curves.series.iter().all(|s| is_constant(&s.y)))
+}
+
+/// `h = 0.6590 m`; of several values the first is said of all where they are equal, else nothing.
+fn constant(panel: &Panel) -> Option<String> {
+    let Body::Curves(curves) = &panel.body else { return None };
+    let values: Vec<f64> = curves.series.iter().filter(|s| !s.dots).filter_map(|s| s.y.iter().copied().find(|y| y.is_finite())).collect();
+    let shown: Vec<String> = values.iter().take(4).map(|v| short(*v)).collect();
+    let more = if values.len() > 4 { ", ..." } else { "" };
+    Some(format!("{} = {}{more} {}", panel.name, shown.join(", "), panel.unit).trim_end().to_owned())
 }
 
 fn panels_of(plan: &PanelPlan, runs: &[Run], factor: f64, time_unit: &str) -> Vec<Panel> {
@@ -122,8 +160,7 @@ fn panels_of(plan: &PanelPlan, runs: &[Run], factor: f64, time_unit: &str) -> Ve
         let text = if runs.len() > 1 && !label.is_empty() { label } else { text(plan, &body) };
         Panel { name: plan.name.clone(), unit: unit(&plan.unit), text, over_space, body }
     };
-    let constant = |body: &Body| matches!(body, Body::Curves(c) if c.series.iter().all(|s| is_constant(&s.y)));
-    bodies.into_iter().filter(|(_, body)| !(plan.dispensable && constant(body))).map(panel).collect()
+    bodies.into_iter().map(panel).collect()
 }
 
 fn text(plan: &PanelPlan, body: &Body) -> String {
@@ -225,10 +262,16 @@ fn differs(run: &Run, exact: &Line, reading: &Line) -> bool {
 /// Adds bounds and set-points that leave the curves readable, and the range of the ordinate.
 fn with_guides(series: Vec<Series>, members: &[&Member], named: bool, is_action: bool) -> Curves {
     let (low, high) = extremes(series.iter().flat_map(|s| s.y.iter().copied()));
-    let width = if low <= high { (high - low).max(2e-3 * low.abs().max(high.abs())) } else { 1.0 };
+    let width = if low <= high { (high - low).max(2e-3 * low.abs().max(high.abs())).max(1e-300) } else { 1.0 };
     let reach = |room: f64| move |x: &f64| x.is_finite() && *x >= low - room * width && *x <= high + room * width;
     let constant = high - low <= 1e-9 * low.abs().max(high.abs());
-    let room = if is_action && constant { f64::INFINITY } else if is_action { 10.0 } else { 0.4 };
+    let room = if is_action && constant {
+        f64::INFINITY
+    } else if is_action {
+        10.0
+    } else {
+        0.4
+    };
     let bounds = distinct(members.iter().flat_map(|m| [m.low, m.high]).filter(reach(room)));
     let targets = distinct(members.iter().filter_map(|m| m.target).filter(reach(20.0)));
     let all = [low, high].into_iter().chain(bounds.iter().copied()).chain(targets.iter().copied());
@@ -259,9 +302,7 @@ fn places(cells: &[Member]) -> Vec<f64> {
 
 fn profile(groups: &[(String, Vec<Member>)], runs: &[Run]) -> Body {
     let values = |cells: &[Member], run: &Run| -> Vec<f64> { cells.iter().map(|m| last(run, &m.column)).collect() };
-    let size = |group: &(String, Vec<Member>)| {
-        runs.iter().map(|run| variation(&values(&group.1, run))).fold(0.0, f64::max)
-    };
+    let size = |group: &(String, Vec<Member>)| runs.iter().map(|run| variation(&values(&group.1, run))).fold(0.0, f64::max);
     let chosen = most_varying(groups, size);
     let mut series = Vec::new();
     for (index, group) in chosen.into_iter().map(|i| &groups[i]).enumerate() {

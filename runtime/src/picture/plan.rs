@@ -1,6 +1,6 @@
 //! Which panels a picture has: what `--show` asks for, or a sensible choice.
 
-use super::items::{Item, Member, Role};
+use super::items::{Item, Member, Role, base, index_of};
 use crate::catalogue::UnknownName;
 use crate::environment::Followed;
 
@@ -8,6 +8,9 @@ use crate::environment::Followed;
 pub(super) const MOST_LINES: usize = 8;
 /// Most panels that are chosen where nobody asks for any; they fit a page.
 const MOST_PANELS: usize = 24;
+const MOST_FIELDS: usize = 4;
+const MOST_ACTIONS: usize = 6;
+const MOST_OTHERS: usize = 3;
 
 /// One panel before there are numbers.
 #[derive(Clone, Debug)]
@@ -22,7 +25,7 @@ pub struct PanelPlan {
     pub role: Role,
     /// How it is shown.
     pub kind: Kind,
-    /// Left out where nothing changes.
+    /// Left out where there is no room and nothing changes.
     pub dispensable: bool,
 }
 
@@ -116,10 +119,11 @@ fn unknown(items: &[Item], name: &str) -> UnknownName {
 /// The quantity of a name, with those of its numbers that the name means.
 fn found(items: &[Item], name: &str) -> Result<Item, UnknownName> {
     let name = name.replace(' ', "");
-    let (array, pattern) = match name.split_once('[') {
-        Some((array, rest)) => (array, rest.strip_suffix(']')),
-        None => (name.as_str(), None),
-    };
+    let whole = |item: &&Item| item.name == name || (item.role == Role::Observation && name == format!("obs.{}", item.name));
+    if let Some(item) = items.iter().find(whole) {
+        return Ok(item.clone());
+    }
+    let (array, pattern) = (base(&name), index_of(&name));
     let of_name = |item: &&Item| match array.strip_prefix("obs.") {
         Some(array) => item.role == Role::Observation && item.name == array,
         None => item.name == array,
@@ -129,7 +133,7 @@ fn found(items: &[Item], name: &str) -> Result<Item, UnknownName> {
         return Ok(part_of(item, &name, vec![member.clone()]));
     }
     for item in items.iter().filter(of_name) {
-        let Some(pattern) = pattern else { return Ok(item.clone()) };
+        let Some(pattern) = pattern else { continue };
         let members: Vec<Member> = item.members.iter().filter(|m| matches(&m.label, pattern)).cloned().collect();
         if !members.is_empty() {
             return Ok(part_of(item, &name, members));
@@ -182,7 +186,8 @@ fn in_space(item: &Item) -> PanelPlan {
     match item.indices.len() {
         1 => panel(item, Kind::Map(item.members.clone())),
         _ if item.indices[item.indices.len() - 2].is_space() => {
-            let rim: Vec<Member> = item.members.chunks(cells).filter_map(|chunk| chunk.last().cloned()).collect();
+            let outer = |member: &Member| Member { label: leading(&member.label), ..member.clone() };
+            let rim: Vec<Member> = item.members.chunks(cells).filter_map(|chunk| chunk.last().map(outer)).collect();
             let last = item.indices.last().and_then(|i| i.labels.last()).cloned().unwrap_or_default();
             let mut outer = Item { members: rim, ..item.clone() };
             outer.indices.pop();
@@ -235,25 +240,26 @@ fn is_shadow(items: &[Item], observation: &Item) -> bool {
     items.iter().any(|i| i.role != Role::Observation && i.role != Role::Reward && i.name == observation.name)
 }
 
-/// What is shown where nobody says: what is observed, the states, the outputs, the actions, what is discrete, the reward.
+/// What is shown where nobody says: what is observed, the states, the outputs, fields, the actions, what is discrete, the reward.
 fn usual(items: &[Item]) -> Vec<PanelPlan> {
     let schedule = |name: &str| matches!(name, "phase" | "phase_start" | "phase_time") && items.iter().any(|i| i.name == "phase");
     let of = |role: Role, observed: bool| {
         let fits = move |i: &&Item| i.role == role && i.observed == observed && !schedule(&i.name);
-        items.iter().filter(fits).flat_map(move |item| summary(items, item))
+        items.iter().filter(fits).filter_map(move |item| summary(items, item))
     };
-    let dispensable = |panels: Vec<PanelPlan>| panels.into_iter().map(|p| PanelPlan { dispensable: true, ..p });
     let seen = [Role::State, Role::Output].into_iter().flat_map(|role| of(role, true));
-    let own = items.iter().filter(|i| i.role == Role::Observation && !is_shadow(items, i)).flat_map(|item| summary(items, item));
-    let first: Vec<PanelPlan> = seen.chain(own).chain(of(Role::State, false)).chain(of(Role::Other, false)).collect();
-    let outputs = dispensable(of(Role::Output, false).collect());
-    let actions: Vec<PanelPlan> = of(Role::Action, false).chain(of(Role::Action, true)).take(6).collect();
+    let own = items.iter().filter(|i| i.role == Role::Observation && !is_shadow(items, i)).filter_map(|item| summary(items, item));
+    let first = seen.chain(own).chain(of(Role::State, false)).chain(of(Role::Other, false)).chain(of(Role::Output, false));
+    let (curves, mut fields): (Vec<PanelPlan>, Vec<PanelPlan>) = first.partition(|panel| matches!(panel.kind, Kind::Lines(_)));
+    fields.truncate(MOST_FIELDS);
+    let actions: Vec<PanelPlan> = of(Role::Action, false).chain(of(Role::Action, true)).take(MOST_ACTIONS).collect();
     let discretes = of(Role::Discrete, true).chain(of(Role::Discrete, false));
-    let others = dispensable(discretes.chain(of(Role::Disturbance, true)).chain(of(Role::Disturbance, false)).collect()).take(4);
+    let others = discretes.chain(of(Role::Disturbance, true)).chain(of(Role::Disturbance, false)).take(MOST_OTHERS);
     let reward = items.iter().filter(|i| i.role == Role::Reward).take(1).flat_map(expanded);
-    let last: Vec<PanelPlan> = actions.into_iter().chain(others).chain(reward).collect();
+    let last: Vec<PanelPlan> = fields.into_iter().chain(actions).chain(others).chain(reward).collect();
     let room = MOST_PANELS.saturating_sub(last.len());
-    first.into_iter().chain(outputs).take(room).chain(last).collect()
+    let all = curves.into_iter().take(room).chain(last);
+    all.map(|panel| PanelPlan { dispensable: true, ..panel }).collect()
 }
 
 /// One panel for a quantity, with the readings of it.

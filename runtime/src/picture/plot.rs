@@ -91,7 +91,11 @@ impl Pen<'_> {
         for (time, name) in runs.iter().flat_map(|run| &run.events) {
             let index = names.iter().position(|n| n == name).unwrap_or_default();
             let (x, colour) = (self.place.across(time * panels.factor), event_colour(index));
-            self.drawing.line((x, plot.y), (x, plot.bottom()), Stroke { colour: colour::paler(colour, 0.6), width: 0.8, dashes: &[2.0, 2.0] });
+            self.drawing.line(
+                (x, plot.y),
+                (x, plot.bottom()),
+                Stroke { colour: colour::paler(colour, 0.6), width: 0.8, dashes: &[2.0, 2.0] },
+            );
             triangle(self.drawing, x, plot.y, colour);
         }
     }
@@ -118,8 +122,7 @@ impl Pen<'_> {
             self.drawing.marks.push(Mark::Dots(lone, 1.8, series.colour));
         }
         let stroke = Stroke { colour: series.colour, width: 1.5, dashes: series.dashes };
-        let lines: Vec<Vec<(f64, f64)>> =
-            pieces.iter().filter(|p| p.len() > 1).map(|p| thinned(p, self.place.plot.width)).collect();
+        let lines: Vec<Vec<(f64, f64)>> = pieces.iter().filter(|p| p.len() > 1).map(|p| thinned(p, self.place.plot.width)).collect();
         if !lines.is_empty() {
             self.drawing.marks.push(Mark::Lines(lines, stroke));
         }

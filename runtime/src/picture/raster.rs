@@ -1,8 +1,7 @@
 //! Drawings as bitmaps.
 
 use tiny_skia::{
-    Color, FillRule, FilterQuality, LineJoin, Paint, PathBuilder, Pixmap, PixmapPaint, Rect, Stroke as SkiaStroke, StrokeDash,
-    Transform,
+    Color, FillRule, FilterQuality, LineJoin, Paint, PathBuilder, Pixmap, PixmapPaint, Rect, Stroke as SkiaStroke, StrokeDash, Transform,
 };
 
 use super::drawing::{Colour, Drawing, Frame, Mark, Stroke, Text};
@@ -186,7 +185,6 @@ fn letters(map: &mut Pixmap, text: &Text, to_pixels: Transform) {
         map.fill_path(&path, &paint_of(text.colour), FillRule::Winding, to_pixels, None);
     }
 }
-
 
 #[cfg(test)]
 mod tests {
