@@ -160,7 +160,12 @@ fn runs_over_one_another_have_a_legend() {
     let setup = setup_of_model("reactor");
     let (run, _) = run_of(&setup, 5, "T");
     let plans = plan(&items::of_model(&setup), &["T".to_owned(), "q_out".to_owned()]).expect("names there are");
-    let runs: Vec<Run> = ["first", "second", "a third one"].map(|label| Run { label: label.into(), ..run.clone() }).to_vec();
+    let named = |label: &str| {
+        let mut run = run.clone();
+        run.label = label.to_owned();
+        run
+    };
+    let runs = ["first", "second", "a third one"].map(named);
     let picture = Picture::new(&plans, &runs, &heading(&setup, String::new()), "min");
     let texts = texts_of_svg(&picture.svg());
     assert!(runs.iter().all(|run| texts.contains(&run.label)), "{texts:?}");
