@@ -130,7 +130,15 @@ class Env:
 
 # time, success, failure, constraints (names first), cost, rewards (names first), state, phase
 BatchInfo = tuple[
-    FloatArray, BoolArray, list[str] | None, FloatArray, FloatArray, FloatArray, FloatArray | None, list[int] | None
+    FloatArray,
+    BoolArray,
+    list[str] | None,
+    FloatArray,
+    FloatArray,
+    FloatArray,
+    FloatArray | None,
+    list[int] | None,
+    list[str] | None,
 ]
 
 class Batch:

@@ -112,6 +112,8 @@ struct Progress {
     /// Sum of the chosen reward over the episode.
     sum: f64,
     last: Option<StepResult>,
+    /// The success condition of the last step, counted from 0; beyond them all the end of a batch of fixed length.
+    met: Option<u32>,
     solver_failure: Option<SolverFailure>,
     action_excess: f64,
     /// Which conditions of events hold.
@@ -201,6 +203,7 @@ impl Environment {
             failing: vec![false; layout.failures as usize],
             sum: 0.0,
             last: None,
+            met: None,
             solver_failure: None,
             action_excess: 0.0,
             edges: vec![Edge::default(); system.root_count()],
@@ -356,6 +359,13 @@ impl Environment {
     #[must_use]
     pub fn last(&self) -> Option<&StepResult> {
         self.progress.last.as_ref()
+    }
+
+    /// Name of the success condition that ended the last step; `end` for the end of a batch of fixed length, empty where there was none.
+    #[must_use]
+    pub fn success_name(&self) -> &str {
+        let names = &self.setup.model().interface().successes;
+        self.progress.met.map_or("", |met| names.get(met as usize).map_or("end", String::as_str))
     }
 
     /// Number of the phase in force, from 0, in the order of the interface's phases; `None` without a schedule.

@@ -94,7 +94,7 @@ def test_info_has_the_same_keys_and_shapes_at_every_step(identifier):
     env = gymnasium.make(identifier, info_state=True).unwrapped
     _, first = env.reset(seed=0)
     _, _, _, _, second = env.step(np.zeros(env.action_space.shape, dtype=np.float32))
-    expected = {"time", "failure", "success", "constraints", "cost", "rewards", "state"}
+    expected = {"time", "failure", "success", "success_name", "constraints", "cost", "rewards", "state"}
     expected |= {"phase"} if env.model.phases else set()
     assert expected == set(first) == set(second)
     for key in ("constraints", "rewards"):

@@ -77,11 +77,6 @@ pub fn prefixes() -> &'static [Prefix] {
 
 /// The unit and prefix that a symbol stands for. A unit without prefix comes first: `min` is the minute, `cd` the candela.
 pub(super) fn find(symbol: &str) -> Option<(Option<Prefix>, Symbol)> {
-    let symbol = match symbol {
-        "\u{b0}C" => "degC",
-        "\u{b0}F" => "degF",
-        other => other,
-    };
     if let Some(unit) = SYMBOLS.iter().find(|unit| unit.symbol == symbol) {
         return Some((None, *unit));
     }

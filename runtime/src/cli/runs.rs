@@ -100,6 +100,7 @@ impl End {
 pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
     let written = [arguments.out.as_deref(), arguments.summary.as_deref(), arguments.plot.as_deref()];
     outputs::check(&written, arguments.inputs())?;
+    outputs::endings(&written[..2])?;
     let episodes = arguments.episodes.unwrap_or(1) as usize;
     let count = combinations(&arguments.sweep).and_then(|n| n.checked_mul(episodes)).filter(|n| *n <= MOST_RUNS);
     let Some(count) = count else { return Err(Failed::Message(format!("these are more than {MOST_RUNS} runs"))) };

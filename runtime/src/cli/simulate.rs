@@ -182,6 +182,7 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
     let loaded = arguments.model.load(&arguments.file)?;
     let written = [arguments.out.as_deref(), arguments.plot.as_deref()];
     outputs::check(&written, outputs::names(&loaded.sources).chain(data_files(arguments)))?;
+    outputs::endings(&written[..1])?;
     let mut environment = Environment::new(arguments.setup_of(loaded)?)?;
     let mut policy = arguments.policy_named(&arguments.policy, arguments.seed, &environment)?;
     let reset = arguments.reset_options(environment.setup())?;

@@ -66,7 +66,8 @@ pub(super) fn span(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
         return None;
     }
     let size = low.abs().max(high.abs());
-    let least = if size > 0.0 { 2e-3 * size } else { 1.0 };
+    let changes = high - low > 1e-9 * size;
+    let least = if size > 0.0 { size * if changes { 2e-3 } else { 0.1 } } else { 1.0 };
     let (middle, half) = (0.5 * low + 0.5 * high, (0.5 * high - 0.5 * low).max(0.5 * least));
     Some((middle - 1.06 * half, middle + 1.06 * half))
 }
@@ -159,7 +160,7 @@ mod tests {
     fn a_constant_has_an_axis_of_few_digits() {
         let (low, high) = span([26.85, 26.85].into_iter()).expect("a value");
         assert!(low < 26.85 && 26.85 < high);
-        assert!(labels(low, high, 5).iter().all(|label| label.len() <= 6), "{:?}", labels(low, high, 5));
+        assert!(labels(low, high, 5).iter().all(|label| label.len() <= 4), "{:?}", labels(low, high, 5));
         assert_eq!(span([f64::NAN].into_iter()), None);
         let (low, high) = span([0.0].into_iter()).expect("a value");
         assert!(low < 0.0 && high > 0.0);

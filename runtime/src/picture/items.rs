@@ -154,7 +154,7 @@ fn members(
         let column = quantity.element_name(element);
         let at = family.find(&column).map(|e| e.at);
         Member {
-            label: index_of(&column).unwrap_or_default().to_owned(),
+            label: label(&quantity.axes, element),
             low: Quantity::pick(&quantity.low, element),
             high: Quantity::pick(&quantity.high, element),
             target: at.and_then(target),
@@ -163,6 +163,18 @@ fn members(
         }
     };
     (0..quantity.len()).map(member).collect()
+}
+
+/// The indices of an element, `tropine,3`, however its name shows them.
+fn label(axes: &[Axis], element: usize) -> String {
+    let mut rest = element;
+    let mut labels: Vec<String> = Vec::with_capacity(axes.len());
+    for axis in axes.iter().rev() {
+        labels.push(axis.label(rest % axis.len().max(1)));
+        rest /= axis.len().max(1);
+    }
+    labels.reverse();
+    labels.join(",")
 }
 
 /// Observations, those of one array together.

@@ -223,7 +223,8 @@ fn curves(lines: &[Line], runs: &[Run], factor: f64, role: Role) -> Body {
             series.push(Series { label, colour, dashes, dots: false, x, y });
         }
     }
-    for line in lines.iter().filter(|line| line.dots) {
+    // Of several runs nobody could tell whose readings these are.
+    for line in lines.iter().filter(|line| line.dots && runs.len() == 1) {
         let readings = runs.iter().filter(|run| chosen.first().is_none_or(|exact| differs(run, exact, line)));
         series.extend(readings.map(|run| {
             let (x, y) = curve(line, run);

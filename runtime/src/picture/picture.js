@@ -6,6 +6,7 @@ const timed = data.panels.filter((panel) => !panel.overSpace);
 const whole = timed.length ? timed[0].x : [0, 1];
 let seen = whole.slice();
 let dragged = null;
+const most = 12;
 
 function element(name, attributes, parent) {
   const made = document.createElementNS(xmlns, name);
@@ -79,7 +80,12 @@ function show(panel, place, event) {
   const head = document.createElement("div");
   head.textContent = (panel.overSpace ? "cell " : "") + number(x) + (panel.overSpace ? "" : " " + data.timeUnit);
   reading.appendChild(head);
-  for (const [label, colour, value] of lines(panel, x, place[1])) {
+  // Of more curves than can be read those nearest to the pointer.
+  const aim = panel.y[1] - ((place[1] - panel.frame[1]) / panel.frame[3]) * (panel.y[1] - panel.y[0]);
+  const near = (line) => (line[2] === null ? Infinity : Math.abs(line[2] - aim));
+  let all = lines(panel, x, place[1]);
+  if (all.length > most) all = all.sort((a, b) => near(a) - near(b)).slice(0, most);
+  for (const [label, colour, value] of all) {
     const line = document.createElement("div");
     const name = document.createElement("b");
     name.textContent = (label || panel.name) + " ";

@@ -10,7 +10,7 @@ pub(super) const MOST_LINES: usize = 8;
 const MOST_PANELS: usize = 24;
 const MOST_FIELDS: usize = 4;
 const MOST_ACTIONS: usize = 6;
-const MOST_OTHERS: usize = 3;
+const MOST_OTHERS: usize = 4;
 
 /// One panel before there are numbers.
 #[derive(Clone, Debug)]
