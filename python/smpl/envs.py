@@ -187,6 +187,12 @@ class Env(Interface, gymnasium.Env[Any, Any]):
             return None
         return self.picture()._repr_html_()
 
+    def _repr_svg_(self) -> str | None:
+        """The episode so far; none without a `render_mode` or an episode."""
+        if self._history is None or not self._history.is_recorded:
+            return None
+        return self.picture().svg()
+
     @property
     def native(self) -> _native.Env:
         """The compiled part."""

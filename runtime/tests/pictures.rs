@@ -3,13 +3,14 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use proptest::prelude::*;
 use smpl_runtime::environment::{Environment, ResetOptions};
 use smpl_runtime::load::{self, LoadOptions};
 use smpl_runtime::picture::drawing::Frame;
 use smpl_runtime::picture::items::Role;
-use smpl_runtime::picture::{Follower, Format, Picture, Run, heading, items, plan, split_names};
+use smpl_runtime::picture::{Follower, Format, Heading, Picture, Run, heading, items, plan, split_names};
 use smpl_runtime::setup::Setup;
-use smpl_runtime::trajectory::Recorder;
+use smpl_runtime::trajectory::{Cell, Kind, Recorder, Table};
 
 fn setup_of_text(text: &str) -> Arc<Setup> {
     let loaded = load::load_text(&PathBuf::from("test.eq"), text.to_owned(), &LoadOptions::default());
@@ -182,6 +183,45 @@ fn values_that_are_missing_or_beyond_measure_still_make_a_picture() {
     assert_eq!(faults(&picture), Vec::<String>::new());
     for (_, format) in Format::ENDINGS {
         assert!(!picture.bytes(format).expect("a file").is_empty());
+    }
+}
+
+/// A table of columns with these names; the values of each go from `low` to `low + width`.
+fn table_of(columns: &[(String, f64, f64)], end: f64) -> Table {
+    const ROWS: usize = 12;
+    let names = ["step", "time"].into_iter().chain(columns.iter().map(|(name, ..)| name.as_str()));
+    let mut table = Table::new(names.map(|name| (name.to_owned(), Kind::Number)).collect());
+    for row in 0..ROWS {
+        let share = row as f64 / (ROWS - 1) as f64;
+        let values = columns.iter().map(|(_, low, width)| low + width * share);
+        table.push([row as f64, end * share].into_iter().chain(values).map(Cell::Number));
+    }
+    table
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 128, ..ProptestConfig::default() })]
+
+    #[test]
+    fn labels_stand_apart_whatever_the_names_and_numbers(
+        columns in proptest::collection::vec(("[a-zA-Z_]{1,60}", -1.0..1.0, 0.0..1.0, -9..10_i32, 0..4_i32), 1..30),
+        end in 1e-3..1e6,
+        runs in 1..12_usize,
+        array in 0..12_usize,
+    ) {
+        let size = |exponent: i32| 10_f64.powi(exponent);
+        let scalars = columns.iter().enumerate().map(|(i, (name, low, width, exponent, narrow))| {
+            (format!("{name}{i}"), low * size(*exponent), width * size(exponent - narrow))
+        });
+        let members = (0..array).map(|i| (format!("many[a_rather_long_name_{i}]"), i as f64, 1.0));
+        let columns: Vec<(String, f64, f64)> = scalars.chain(members).collect();
+        let table = table_of(&columns, end);
+        let named = |i: usize| Run::of_table(&format!("run number {i} of those"), &table);
+        let runs: Vec<Run> = (0..runs).map(named).collect();
+        let plans = plan(&items::of_columns(runs[0].names(), |_| false), &[]).expect("a choice");
+        let heading = Heading { title: "A title".into(), ..Heading::default() };
+        let picture = Picture::new(&plans, &runs, &heading, "min");
+        prop_assert_eq!(faults(&picture), Vec::<String>::new());
     }
 }
 

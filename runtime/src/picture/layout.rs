@@ -201,7 +201,7 @@ impl Grid {
 
     /// Vertical room: above the plot and below it.
     fn above_and_below(&self, row: usize) -> (f64, f64) {
-        let above = NAME + 6.0 + self.named[row] + if self.strip && row == 0 { STRIP } else { 0.0 };
+        let above = NAME + 9.0 + self.named[row] + if self.strip && row == 0 { STRIP } else { 0.0 };
         let below = LABEL + 7.0 + if self.abscissae[row] { LABEL + 4.0 } else { 0.0 } + 10.0;
         (above, below)
     }
