@@ -78,9 +78,7 @@ def _row(model: Model, role: str, most: int = 20) -> str:
     if not named:
         return ""
     units = getattr(model, f"{role}_units", ("1",) * len(named))
-    shown = [
-        name if unit == "1" else f"{name} [{unit}]" for name, unit in list(zip(named, units, strict=False))[:most]
-    ]
+    shown = [name if unit == "1" else f"{name} [{unit}]" for name, unit in list(zip(named, units, strict=False))[:most]]
     if len(named) > most:
         shown.append(f"... ({len(named)} in all)")
     return f"<tr><th>{role}s</th><td style='text-align:left'>{html.escape(', '.join(shown))}</td></tr>"

@@ -52,7 +52,12 @@ def test_a_picture_shows_what_is_asked_for():
 
 def test_pictures_are_saved_by_their_ending(tmp_path):
     picture = played().picture()
-    for name, first in [("p.svg", b"<svg "), ("p.png", b"\x89PNG"), ("p.pdf", b"%PDF-"), ("p.html", b"<!DOCTYPE html>")]:
+    for name, first in [
+        ("p.svg", b"<svg "),
+        ("p.png", b"\x89PNG"),
+        ("p.pdf", b"%PDF-"),
+        ("p.html", b"<!DOCTYPE html>"),
+    ]:
         picture.save(tmp_path / name)
         assert (tmp_path / name).read_bytes().startswith(first)
     with pytest.raises(ValueError, match=r"\.svg, \.png"):
