@@ -361,13 +361,6 @@ impl Environment {
         self.progress.last.as_ref()
     }
 
-    /// Name of the success condition that ended the last step; `end` for the end of a batch of fixed length, empty where there was none.
-    #[must_use]
-    pub fn success_name(&self) -> &str {
-        let names = &self.setup.model().interface().successes;
-        self.progress.met.map_or("", |met| names.get(met as usize).map_or("end", String::as_str))
-    }
-
     /// Number of the phase in force, from 0, in the order of the interface's phases; `None` without a schedule.
     #[must_use]
     pub fn phase(&self) -> Option<usize> {

@@ -114,7 +114,8 @@ def test_stable_baselines3_checker_passes(identifier):
 def test_a_file_of_ones_own_is_registered_like_any_environment(tmp_path):
     file = tmp_path / "own.eq"
     file.write_text(
-        "model Own\nstate x = 1 in 0..2\naction u = 0 in 0..1\neq d/dt x = (u - x) / 1 [s]\nobserve x\nreward r default = x\n"
+        "model Own\nstate x = 1 in 0..2\naction u = 0 in 0..1\neq d/dt x = (u - x) / 1 [s]\n"
+        "observe x\nreward r default = x\n"
     )
     gymnasium.register(
         "own/Own-v0",

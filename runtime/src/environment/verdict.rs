@@ -144,6 +144,13 @@ impl Environment {
         StepResult { reward, terminated, truncated, success, failure, cost, time: self.time() }
     }
 
+    /// Name of the success condition that ended the last step; `end` for the end of a batch of fixed length, empty where there was none.
+    #[must_use]
+    pub fn success_name(&self) -> &str {
+        let names = &self.setup.model().interface().successes;
+        self.progress.met.map_or("", |met| names.get(met as usize).map_or("end", String::as_str))
+    }
+
     /// Every failure of the last step in words, the deciding one first, each beginning with its identifier; empty when nothing failed.
     pub fn failure_message(&mut self) -> String {
         if self.progress.last.is_none_or(|r| r.failure.is_none()) {
