@@ -7,8 +7,11 @@ mod check;
 mod compile;
 mod document;
 mod excerpt;
+mod new;
 mod outputs;
+mod plot;
 mod report;
+mod runs;
 mod simulate;
 mod steady;
 
@@ -43,12 +46,16 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Write a small model that runs, to begin with
+    New(new::NewArguments),
     /// Check models: syntax, names, units, structure
     Check(check::CheckArguments),
     /// Compile a model to machine code and say what was compiled
     Compile(compile::CompileArguments),
-    /// Run one episode
+    /// Run one episode, or many
     Simulate(simulate::SimulateArguments),
+    /// Draw tables of runs
+    Plot(plot::PlotArguments),
     /// Find a steady state and describe it
     Steady(steady::SteadyArguments),
     /// Lay models out in the canonical way
@@ -141,9 +148,11 @@ pub fn run(arguments: impl Iterator<Item = OsString>) -> i32 {
 
 fn dispatch(command: Command) -> Result<(), Failed> {
     match command {
+        Command::New(arguments) => new::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Compile(arguments) => compile::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Plot(arguments) => plot::run(&arguments),
         Command::Steady(arguments) => steady::run(&arguments),
         Command::Fmt(arguments) => document::format(&arguments),
         Command::Doc(arguments) => document::describe(&arguments),
