@@ -11,6 +11,7 @@ pub mod catalogue;
 pub mod cli;
 pub mod document;
 pub mod environment;
+pub mod export;
 pub mod failure;
 pub mod files;
 pub mod interrupt;
