@@ -188,6 +188,26 @@ def test_names_of_parameters_that_there_are_not_are_refused():
         smpl.export.casadi(smpl.compile("reactor"), kind="XX")
 
 
+def test_what_a_call_leaves_out_is_nominal_and_what_changes_from_step_to_step_must_be_given():
+    functions = smpl.export.casadi(smpl.compile("reactor"))
+    x, u, p = functions.state_nominal * 1.01, functions.action_nominal, functions.parameters()
+    reward, c = functions.rewards["setpoint"], functions.context({"initial(T)": 55.0})
+    assert float(reward(x, u, p, c)) == float(reward(x, [], u, p, c)) < 0.0
+    with pytest.raises(TypeError, match=r"reward_0 needs c, for it reads initial\(T\)"):
+        reward(x, u, p)
+    np.testing.assert_array_equal(functions.observations(x, u).full().ravel(), x)
+    np.testing.assert_array_equal(functions.rhs(x, u), functions.rhs(x, u, p))
+    np.testing.assert_array_equal(functions.dae(x, [], u, p)[0], functions.rhs(x, u, p))
+    changed = functions.rhs(x, u, {"k_0": 1e10})
+    assert float(changed[0]) != float(functions.rhs(x, u, p)[0])
+    np.testing.assert_array_equal(changed, functions.rhs(x, u, functions.parameters({"k_0": 1e10})))
+    assert isinstance(functions.rhs, ca.Function)
+    with pytest.raises(TypeError, match=r"needs c, for it reads .*draw"):
+        functions.functions["initial_states"](x, u)
+    with pytest.raises(TypeError, match=r"rhs\(x, u, p\) was called with 1 arguments"):
+        functions.rhs(x)
+
+
 def test_without_casadi_the_error_names_the_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "casadi", None)
     with pytest.raises(ImportError, match="pip install casadi"):

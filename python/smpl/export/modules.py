@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from smpl.export.calls import completing
 from smpl.export.files import text
 from smpl.model import FloatArray, Model, check_names
 
@@ -106,6 +107,8 @@ class CasadiModel(Tables):
     `action_names` and `parameter_names` say what the elements are. p holds the parameters, then discrete variables and
     disturbances, then what else the equations need (time last, where they depend on it). Functions of a whole step may
     also take c (`context_names`): values at other instants, counters. The `name_in()` of a function says what it takes.
+    Calls may leave out z where there is none, p (the nominal one) and c where it holds constants only; p may be a
+    mapping.
 
     Attributes:
         rhs: `rhs(x, u, p)`, rates of the states; None unless the model is explicit without algebraic variables.
@@ -123,7 +126,9 @@ class CasadiModel(Tables):
         super().__init__(namespace)
         self.kind: str = kind or namespace["KIND"]
         made = namespace["build"](self.kind, smooth)
-        self.rewards: dict[str, Any] = made.pop("rewards")
+        rewards = made.pop("rewards")
+        self.rewards: dict[str, Any] = {name: completing(function, self) for name, function in rewards.items()}
+        made = {name: completing(function, self) for name, function in made.items()}
         self.functions: dict[str, Any] = made
         self.rhs: Any = made.get("rhs")
         self.dae: Any = made.get("dae")
