@@ -179,10 +179,14 @@ fn passes(sheet: &mut Sheet, nest: &Nest) -> Vec<Nest> {
     let mut counters = vec![];
     each(&nest.loops, |c| counters.push(*c));
     let exprs = &mut sheet.model.exprs;
-    let at = |exprs: &mut _, store: &Store, (pass, counters): (usize, &[i64; MAX_DEPTH])| {
-        let value = at_pass(exprs, store.value, &nest.loops, counters);
-        Store { array: store.array, positions: vec![store.positions[pass]], add: store.add, value }
-    };
-    let mut single = |pass| Nest { loops: vec![], stores: nest.stores.iter().map(|s| at(exprs, s, pass)).collect() };
-    counters.iter().enumerate().map(single).collect()
+    let mut out = Vec::with_capacity(counters.len());
+    for (pass, counters) in counters.iter().enumerate() {
+        let mut single = nest.stores.clone();
+        for store in &mut single {
+            store.value = at_pass(exprs, store.value, &nest.loops, counters);
+            store.positions = vec![store.positions[pass]];
+        }
+        out.push(Nest { loops: vec![], stores: single });
+    }
+    out
 }
