@@ -101,21 +101,21 @@ fn a_table_that_is_not_utf_8_has_the_code_and_the_place_of_a_table() {
 fn two_results_for_one_file_that_is_not_there_yet_are_refused_however_it_is_named() {
     let folder = Folder::new("twice", TANK);
     std::fs::create_dir(folder.0.join("sub")).expect("a folder");
-    std::os::unix::fs::symlink("new.svg", folder.0.join("link.svg")).expect("a link");
+    std::os::unix::fs::symlink("new.csv", folder.0.join("link.csv")).expect("a link");
     std::os::unix::fs::symlink("sub", folder.0.join("other")).expect("a link");
-    let absolute = folder.0.join("new.svg");
+    let absolute = folder.0.join("new.csv");
     let absolute = absolute.to_str().expect("utf-8");
-    for (out, plot) in [
-        ("new.svg", "sub/../new.svg"),
-        ("./new.svg", "new.svg"),
-        (absolute, "new.svg"),
-        ("link.svg", "new.svg"),
-        ("other/../new.svg", "link.svg"),
-        ("sub/new.svg", "other/new.svg"),
+    for (out, summary) in [
+        ("new.csv", "sub/../new.csv"),
+        ("./new.csv", "new.csv"),
+        (absolute, "new.csv"),
+        ("link.csv", "new.csv"),
+        ("other/../new.csv", "link.csv"),
+        ("sub/new.csv", "other/new.csv"),
     ] {
-        let (status, shown) = folder.errors(&["simulate", "m.eq", "--out", out, "--plot", plot]);
-        assert!(status == 1 && shown.contains("is to hold two results"), "{out} {plot}: {shown}");
-        assert!(!folder.0.join("new.svg").exists(), "{out} {plot}");
+        let (status, shown) = folder.errors(&["simulate", "m.eq", "--out", out, "--episodes", "2", "--summary", summary]);
+        assert!(status == 1 && shown.contains("is to hold two results"), "{out} {summary}: {shown}");
+        assert!(!folder.0.join("new.csv").exists(), "{out} {summary}");
     }
     let (status, shown) = folder.errors(&["simulate", "m.eq", "--out", "sub/new.csv", "--plot", "new.svg"]);
     assert_eq!(status, 0, "{shown}");
