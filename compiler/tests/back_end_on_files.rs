@@ -3,13 +3,13 @@
 
 use std::path::Path;
 
+use smpl_compiler::compile::flatten;
 use smpl_compiler::compiled::{BackEndSettings, CompiledModel};
 use smpl_compiler::elaborate::Options;
-use smpl_compiler::front::flatten;
-use smpl_compiler::generate::schedule::{Access, Job, Sink, Task};
 use smpl_compiler::interpret::{Tape, View};
 use smpl_compiler::ir::{Affine, Program};
 use smpl_compiler::layout::Memory;
+use smpl_compiler::schedule::{Access, Job, Sink, Task};
 use smpl_dsl::diagnostic::SourceMap;
 
 fn compile(name: &str) -> CompiledModel {

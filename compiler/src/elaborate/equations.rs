@@ -148,7 +148,7 @@ impl<'a> Elaborator<'a> {
     fn may_loop(&self, form: EquationForm) -> bool {
         match form {
             EquationForm::Rate { value, .. } | EquationForm::Definition { value, .. } => !self.exprs.has_derivative(value),
-            EquationForm::Implicit { residual } => crate::structure::derivatives(&self.exprs, residual, |_| true).len() == 1,
+            EquationForm::Implicit { residual } => self.exprs.derivatives(residual, |_| true).len() == 1,
         }
     }
 

@@ -1,75 +1,16 @@
 //! Scalar code and loops.
 
 use cranelift_codegen::ir::condcodes::{FloatCC, IntCC};
-use cranelift_codegen::ir::{AbiParam, Constant, ConstantData, InstBuilder, MemFlagsData, SigRef, Signature, Type, Value, types};
+use cranelift_codegen::ir::{InstBuilder, Value, types};
 use cranelift_codegen::isa::TargetIsa;
 use cranelift_frontend::FunctionBuilder;
 
-use super::memory::{Start, constant_memory};
+use super::emitter::{Arguments, Emitter, Lanes};
 use super::plan::{Part, Piece, Plan};
-use super::schedule::{BlockId, Item, Schedule, is_immediate};
-use super::segments::{Segments, is_load};
-use super::wide::{LINE, WideResidence};
-use crate::interpret::identity;
-use crate::ir::hash::FastMap;
-use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, MAX_DEPTH, ReduceFn, UnaryFn};
-use crate::kernels::{self, UNARY_COUNT};
-use crate::layout::{Base, Layout};
-
-/// Bytes of a number, a pointer.
-pub(super) const WORD: i64 = 8;
-
-/// Arguments of the function.
-#[derive(Clone, Copy)]
-pub(super) struct Arguments {
-    time: Value,
-    factor: Value,
-    pub(super) y: Value,
-    pub(super) yp: Value,
-    pub(super) work: Value,
-    pub(super) out: Value,
-    pub(super) surroundings: Value,
-}
-
-/// Lanes of the code that is being written.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Lanes {
-    /// One number.
-    One,
-    /// Two neighbours along the counter of the block.
-    Two(BlockId),
-}
-
-/// Writes one function.
-pub(super) struct Emitter<'a> {
-    pub(super) b: FunctionBuilder<'a>,
-    pub(super) exprs: &'a Exprs,
-    pub(super) layout: &'a Layout,
-    pub(super) schedule: &'a Schedule,
-    pub(super) arguments: Arguments,
-    pub(super) lanes: Lanes,
-    /// Values by block; those of a block are forgotten when its code ends.
-    pub(super) values: Vec<FastMap<ExprId, Value>>,
-    /// Two equal lanes of values from outside of the loop of lanes.
-    pub(super) splats: FastMap<(BlockId, ExprId), Value>,
-    /// Loop counters by block.
-    pub(super) counters: Vec<Option<Value>>,
-    /// Pointers by block: memory and strides that they already contain.
-    pub(super) pointers: Vec<FastMap<(Start, [i64; MAX_DEPTH]), Value>>,
-    signatures: FastMap<(usize, bool), SigRef>,
-    /// Numbers in both lanes, by their bits.
-    constants: FastMap<u64, Constant>,
-    /// How the code outside of loops is cut.
-    pub(super) segments: &'a Segments,
-    /// Where the values of the loop of lanes stay, if it is long.
-    pub(super) wide: Option<WideResidence>,
-    /// The code is long.
-    pub(super) lean: bool,
-    pub(super) in_place: bool,
-    rounding: bool,
-    /// Numbers of working memory used.
-    pub(super) columns: u32,
-}
+use super::segments::is_load;
+use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, FastMap, ReduceFn};
+use crate::layout::Layout;
+use crate::schedule::{BlockId, Item, is_immediate};
 
 /// Writes the code of the parts of a function; returns the numbers of working memory it uses.
 pub(super) fn emit(
@@ -189,11 +130,6 @@ impl Emitter<'_> {
         });
     }
 
-    /// Numbers of working memory ahead of the columns: those of [`Segments`].
-    pub(super) fn reserved(&self) -> u32 {
-        self.segments.len().next_multiple_of(LINE)
-    }
-
     fn scalar_loop(&mut self, block: BlockId) {
         self.prepare_pointers(block);
         let extent = i64::from(self.schedule.blocks[block].extent);
@@ -265,24 +201,6 @@ impl Emitter<'_> {
         }
     }
 
-    /// Writes a value to its place in memory.
-    pub(super) fn write_slot(&mut self, slot: u32, value: Value) {
-        let (pointer, offset) = self.slot(slot);
-        self.b.ins().store(MemFlagsData::new().with_notrap().with_aligned(), value, pointer, offset);
-    }
-
-    /// Reads a value of a block from its place in memory.
-    pub(super) fn read_slot(&mut self, block: BlockId, slot: u32, expr: ExprId) -> Value {
-        let (pointer, offset) = self.slot(slot);
-        let kind = match (self.is_two(block), self.exprs.is_truth(expr)) {
-            (true, false) => types::F64X2,
-            (true, true) => types::I64X2,
-            (false, false) => types::F64,
-            (false, true) => types::I8,
-        };
-        self.b.ins().load(kind, MemFlagsData::new().with_notrap().with_aligned(), pointer, offset)
-    }
-
     /// The value of a node in its block: known, or loaded again in this segment.
     fn value(&mut self, home: BlockId, expr: ExprId) -> Option<Value> {
         if let Some(&value) = self.values[home].get(&expr) {
@@ -301,27 +219,9 @@ impl Emitter<'_> {
         Some(value)
     }
 
-    /// Pointer and offset of a place ahead of the columns or after them.
-    fn slot(&mut self, slot: u32) -> (Value, i32) {
-        self.pointer(0, Base::Work, Affine::constant(i64::from(self.layout.columns() + slot)))
-    }
-
-    /// The type of numbers in a block.
-    fn number_type(&self, block: BlockId) -> Type {
-        if self.is_two(block) { types::F64X2 } else { types::F64 }
-    }
-
-    /// Whether values of a block have two lanes.
-    pub(super) fn is_two(&self, block: BlockId) -> bool {
-        match self.lanes {
-            Lanes::One => false,
-            Lanes::Two(outer) => self.schedule.is_inside(block, outer),
-        }
-    }
-
     fn reduce(&mut self, op: ReduceFn, body: ExprId, inner: BlockId) -> Value {
         let here = &self.schedule.blocks[inner];
-        let start = self.number(inner, identity(op));
+        let start = self.number(inner, op.identity());
         if here.extent == 0 {
             return start;
         }
@@ -351,43 +251,6 @@ impl Emitter<'_> {
         self.b.ins().brif(more, pass, &[next.into(), sum.into()], exit, &[sum.into()]);
         self.b.switch_to_block(exit);
         result
-    }
-
-    /// A constant in the lanes of a block.
-    pub(super) fn number(&mut self, block: BlockId, x: f64) -> Value {
-        if !self.is_two(block) {
-            return self.b.ins().f64const(x);
-        }
-        self.two_numbers(x)
-    }
-
-    /// A constant in the lanes of a block, to be held in a register: in long code read from memory, where it would else pass through a
-    /// register for whole numbers (the mid-end, which long code goes without, would share it over calls).
-    fn held_number(&mut self, block: BlockId, x: f64) -> Value {
-        if self.is_two(block) || !self.lean || !cfg!(target_arch = "x86_64") || x.to_bits() == 0 {
-            return self.number(block, x);
-        }
-        let both = self.two_numbers(x);
-        self.b.ins().extractlane(both, 0u8)
-    }
-
-    fn two_numbers(&mut self, x: f64) -> Value {
-        let func = &mut self.b.func;
-        let both = *self.constants.entry(x.to_bits()).or_insert_with(|| {
-            let bytes = x.to_le_bytes();
-            let both: ConstantData = bytes.into_iter().chain(bytes).collect();
-            func.dfg.constants.insert(both)
-        });
-        self.b.ins().vconst(types::F64X2, both)
-    }
-
-    /// `-a`
-    fn negative(&mut self, block: BlockId, a: Value) -> Value {
-        if !self.lean || !cfg!(target_arch = "x86_64") {
-            return self.b.ins().fneg(a);
-        }
-        let sign = self.held_number(block, -0.0);
-        self.b.ins().bxor(a, sign)
     }
 
     /// The second operand of an arithmetic operation: a constant is read from memory by the instruction itself.
@@ -516,14 +379,6 @@ impl Emitter<'_> {
         }
     }
 
-    fn select(&mut self, two: bool, c: Value, a: Value, b: Value) -> Value {
-        if !two {
-            return self.b.ins().select(c, a, b);
-        }
-        let mask = self.b.ins().bitcast(types::F64X2, MemFlagsData::new(), c);
-        self.b.ins().bitselect(mask, a, b)
-    }
-
     fn counter_number(&mut self, block: BlockId, counter: u8) -> Value {
         let bound = self.schedule.binder(block, counter);
         let counter = match bound.and_then(|b| self.counters[b]) {
@@ -544,113 +399,6 @@ impl Emitter<'_> {
         self.b.ins().insertlane(both, second, 1u8)
     }
 
-    fn unary(&mut self, block: BlockId, f: UnaryFn, a: Value) -> Value {
-        match f {
-            UnaryFn::Neg => self.negative(block, a),
-            UnaryFn::Abs => self.b.ins().fabs(a),
-            UnaryFn::Sqrt => self.b.ins().sqrt(a),
-            UnaryFn::Floor if self.rounding => self.b.ins().floor(a),
-            UnaryFn::Ceil if self.rounding => self.b.ins().ceil(a),
-            UnaryFn::Round if self.rounding => self.b.ins().nearest(a),
-            UnaryFn::Sign => {
-                let two = self.is_two(block);
-                let (zero, one, minus) = (self.number(block, 0.0), self.number(block, 1.0), self.number(block, -1.0));
-                let (up, down) = (self.b.ins().fcmp(FloatCC::GreaterThan, a, zero), self.b.ins().fcmp(FloatCC::LessThan, a, zero));
-                let lower = self.select(two, down, minus, a);
-                self.select(two, up, one, lower)
-            }
-            _ => match kernels::index(f) {
-                Some(i) => self.call(block, i as i64, &[a]),
-                None => a,
-            },
-        }
-    }
-
-    fn whole_power(&mut self, block: BlockId, a: Value, n: i32) -> Value {
-        let power = kernels::power_chain(n.unsigned_abs(), a, |x, y| self.b.ins().fmul(x, y));
-        if let Some(power) = power.filter(|_| n > 0) {
-            return power;
-        }
-        let one = self.held_number(block, 1.0);
-        power.map_or(one, |power| self.b.ins().fdiv(one, power))
-    }
-
-    fn binary(&mut self, block: BlockId, f: BinaryFn, a: Value, b: Value) -> Value {
-        match f {
-            BinaryFn::Add => self.b.ins().fadd(a, b),
-            BinaryFn::Sub => self.b.ins().fsub(a, b),
-            BinaryFn::Mul => self.b.ins().fmul(a, b),
-            BinaryFn::Div => self.b.ins().fdiv(a, b),
-            BinaryFn::Min => self.choose(FloatCC::LessThan, a, b),
-            BinaryFn::Max => self.choose(FloatCC::GreaterThan, a, b),
-            BinaryFn::Pow => self.call(block, pow_entry(), &[a, b]),
-            BinaryFn::Atan2 => self.call(block, pow_entry() + 1, &[a, b]),
-        }
-    }
-
-    /// `a` where it is NaN or compares so with `b`, else `b`.
-    fn choose(&mut self, condition: FloatCC, a: Value, b: Value) -> Value {
-        let two = self.b.func.dfg.value_type(a) == types::F64X2;
-        let compares = self.b.ins().fcmp(condition, a, b);
-        let nan = self.b.ins().fcmp(FloatCC::Unordered, a, a);
-        let first = self.b.ins().bor(compares, nan);
-        self.select(two, first, a, b)
-    }
-
-    /// Calls a kernel of numbers by its place in the table, once a lane.
-    fn call(&mut self, block: BlockId, entry: i64, arguments: &[Value]) -> Value {
-        if !self.is_two(block) {
-            return self.call_scalar(entry, arguments);
-        }
-        let mut both = None;
-        for lane in [0u8, 1] {
-            let numbers: Vec<Value> = arguments.iter().map(|a| self.b.ins().extractlane(*a, lane)).collect();
-            let result = self.call_scalar(entry, &numbers);
-            both = Some(match both {
-                None => self.b.ins().splat(types::F64X2, result),
-                Some(first) => self.b.ins().insertlane(first, result, lane),
-            });
-        }
-        both.unwrap_or(arguments[0])
-    }
-
-    fn call_scalar(&mut self, entry: i64, arguments: &[Value]) -> Value {
-        let signature = self.signature(arguments.len(), true);
-        let callee = self.kernel(entry);
-        let call = self.b.ins().call_indirect(signature, callee, arguments);
-        self.b.inst_results(call)[0]
-    }
-
-    /// Calls an array kernel by its place in the table: pointers, then the number of elements.
-    pub(super) fn call_array(&mut self, entry: i64, pointers: &[Value], n: u32) {
-        let count = self.b.ins().iconst(types::I64, i64::from(n));
-        let mut arguments = pointers.to_vec();
-        arguments.push(count);
-        let signature = self.signature(arguments.len(), false);
-        let callee = self.kernel(entry);
-        self.b.ins().call_indirect(signature, callee, &arguments);
-    }
-
-    fn kernel(&mut self, entry: i64) -> Value {
-        let offset = (entry * WORD) as i32;
-        self.b.ins().load(types::I64, constant_memory(), self.arguments.surroundings, offset)
-    }
-
-    fn signature(&mut self, arguments: usize, numbers: bool) -> SigRef {
-        if let Some(&known) = self.signatures.get(&(arguments, numbers)) {
-            return known;
-        }
-        let mut signature = Signature::new(self.b.func.signature.call_conv);
-        let kind = if numbers { types::F64 } else { types::I64 };
-        signature.params.extend((0..arguments).map(|_| AbiParam::new(kind)));
-        if numbers {
-            signature.returns.push(AbiParam::new(types::F64));
-        }
-        let known = self.b.import_signature(signature);
-        self.signatures.insert((arguments, numbers), known);
-        known
-    }
-
     /// The value of an operand, a truth value as 1 or 0.
     pub(super) fn as_number(&mut self, block: BlockId, expr: ExprId) -> Value {
         let value = self.operand(block, expr);
@@ -660,9 +408,4 @@ impl Emitter<'_> {
         let (one, zero) = (self.number(block, 1.0), self.number(block, 0.0));
         self.select(self.is_two(block), value, one, zero)
     }
-}
-
-/// Place of `pow` in the table of kernels; `atan2` and the two array versions follow.
-pub(super) fn pow_entry() -> i64 {
-    2 * UNARY_COUNT as i64
 }

@@ -2,33 +2,31 @@
 
 use cranelift_codegen::ir::{Endianness, InstBuilder, MemFlagsData, Value, types};
 
-use super::body::{Emitter, Lanes, WORD};
-use super::schedule::{BlockId, Item, Sink};
-use crate::ir::hash::FastSet;
-use crate::ir::{Affine, Expr, ExprId, Flavour, MAX_DEPTH};
+use super::emitter::{Emitter, Lanes, Start, WORD};
+use crate::ir::{Affine, Expr, ExprId, FastSet, Flavour, MAX_DEPTH};
 use crate::kernels::KernelTable;
 use crate::layout::Base;
-
-/// What a pointer counts from.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(super) enum Start {
-    /// Memory of numbers.
-    Memory(Base),
-    /// The position tables.
-    Tables,
-}
-
-impl Start {
-    /// Bytes of an element.
-    fn size(self) -> i64 {
-        match self {
-            Start::Memory(_) => WORD,
-            Start::Tables => 4,
-        }
-    }
-}
+use crate::schedule::{BlockId, Item, Sink};
 
 impl Emitter<'_> {
+    /// Writes a value to its place in memory.
+    pub(super) fn write_slot(&mut self, slot: u32, value: Value) {
+        let (pointer, offset) = self.slot(slot);
+        self.b.ins().store(MemFlagsData::new().with_notrap().with_aligned(), value, pointer, offset);
+    }
+
+    /// Reads a value of a block from its place in memory.
+    pub(super) fn read_slot(&mut self, block: BlockId, slot: u32, expr: ExprId) -> Value {
+        let (pointer, offset) = self.slot(slot);
+        let kind = match (self.is_two(block), self.exprs.is_truth(expr)) {
+            (true, false) => types::F64X2,
+            (true, true) => types::I64X2,
+            (false, false) => types::F64,
+            (false, true) => types::I8,
+        };
+        self.b.ins().load(kind, MemFlagsData::new().with_notrap().with_aligned(), pointer, offset)
+    }
+
     /// Properties of loads: in place, memory changes under the function.
     pub(super) fn flags(&self, two: bool) -> MemFlagsData {
         let flags = MemFlagsData::new().with_notrap();

@@ -7,18 +7,14 @@
 use cranelift_codegen::ir::condcodes::{FloatCC, IntCC};
 use cranelift_codegen::ir::{InstBuilder, MemFlagsData, Value, types};
 
-use super::body::{Emitter, Lanes, WORD, pow_entry};
-use super::residence::{Course, Residence};
-use super::schedule::{BlockId, Item, Schedule, Sink, is_immediate};
-use crate::ir::hash::{FastMap, FastSet};
-use crate::ir::{Affine, BinaryFn, Expr, ExprId, UnaryFn};
-use crate::kernels::{self, UNARY_COUNT};
+use super::arithmetic::pow_entry;
+use super::emitter::{Emitter, LINE, Lanes, WORD};
+use super::plan::is_wide;
+use super::residence::{Course, Residence, WideResidence};
+use crate::ir::{Affine, BinaryFn, Expr, ExprId, FastMap, FastSet, UnaryFn};
+use crate::kernels::UNARY_COUNT;
 use crate::layout::Base;
-
-/// Shorter loops stay scalar.
-const SHORTEST: u32 = 4;
-/// Columns start at cache lines.
-pub(super) const LINE: u32 = 8;
+use crate::schedule::{BlockId, Item, Sink, is_immediate};
 
 /// How the items of a loop are spread over phases.
 #[derive(Default)]
@@ -35,34 +31,6 @@ struct Phases {
     column: FastMap<ExprId, u32>,
     /// Column of the first of two arguments.
     first: FastMap<ExprId, u32>,
-}
-
-/// What stays in the registers within a pass of a long loop; everything from outside of it is in memory, in both lanes.
-pub(super) struct WideResidence {
-    pub(super) block: BlockId,
-    residence: Residence,
-    /// Places of values from outside.
-    splats: FastMap<(BlockId, ExprId), u32>,
-    /// First place of values of the loop.
-    start: u32,
-}
-
-impl WideResidence {
-    /// Place of a value of the loop that leaves the registers.
-    pub(super) fn slot(&self, expr: ExprId) -> Option<u32> {
-        self.residence.slot(expr).map(|slot| self.start + 2 * slot)
-    }
-
-    /// Place of a value from outside.
-    pub(super) fn splat(&self, home: BlockId, expr: ExprId) -> Option<u32> {
-        self.splats.get(&(home, expr)).copied()
-    }
-}
-
-/// Whether a block of a function without storing in place is a loop written in lanes.
-pub(super) fn is_wide(schedule: &Schedule, block: BlockId) -> bool {
-    let here = &schedule.blocks[block];
-    here.leaf && here.children.is_empty() && here.extent >= SHORTEST
 }
 
 impl Emitter<'_> {
@@ -208,7 +176,10 @@ impl Emitter<'_> {
         self.keep(block, &mut phases);
         let length = column_length(self.schedule.blocks[block].extent);
         let start = self.layout.columns() + self.reserved();
-        let results = phases.functions.iter().chain(&phases.kept).copied();
+        // In an order that no hash decides.
+        let mut kept: Vec<ExprId> = phases.kept.iter().copied().collect();
+        kept.sort_unstable();
+        let results = phases.functions.iter().copied().chain(kept);
         phases.column = results.zip(0u32..).map(|(expr, i)| (expr, start + i * length)).collect();
         let pairs = phases.functions.iter().copied().filter(|f| matches!(self.exprs.node(*f), Expr::Binary(..)));
         let next = phases.column.len() as u32;
@@ -398,10 +369,10 @@ impl Emitter<'_> {
         };
         match self.exprs.node(expr) {
             Expr::Unary(f, _) => {
-                let Some(entry) = kernels::index(f) else {
+                let Some(kernel) = f.kernel() else {
                     return;
                 };
-                self.call_array((UNARY_COUNT + entry) as i64, &[to, to], extent);
+                self.call_array((UNARY_COUNT + kernel as usize) as i64, &[to, to], extent);
             }
             Expr::Binary(f, ..) => {
                 let Some(first) = self.column_pointer(phases.first.get(&expr)) else {
@@ -424,7 +395,7 @@ fn column_length(extent: u32) -> u32 {
 fn is_function(node: Expr) -> bool {
     match node {
         // Rounding and signs are a few instructions.
-        Expr::Unary(f, _) => kernels::index(f).is_some() && !matches!(f, UnaryFn::Floor | UnaryFn::Ceil | UnaryFn::Round | UnaryFn::Sign),
+        Expr::Unary(f, _) => f.kernel().is_some() && !matches!(f, UnaryFn::Floor | UnaryFn::Ceil | UnaryFn::Round | UnaryFn::Sign),
         Expr::Binary(f, ..) => matches!(f, BinaryFn::Pow | BinaryFn::Atan2),
         _ => false,
     }

@@ -4,45 +4,9 @@ use cranelift_entity::PrimaryMap;
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 
+use crate::graph::{Order, after_needs};
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastSet, Flavour, Nest, Place, Role, Store, VarId};
 use crate::model::Variable;
-
-/// The numbers below `count` so that each follows those that it `needs`, and the pairs (one, what it needs) that close a cycle.
-pub(super) fn each_after_its_needs(count: usize, mut needs: impl FnMut(usize) -> Vec<usize>) -> (Vec<usize>, Vec<(usize, usize)>) {
-    #[derive(Clone, Copy)]
-    enum State {
-        New,
-        Open,
-        Done,
-    }
-    let (mut order, mut cycles) = (Vec::with_capacity(count), Vec::new());
-    let mut state = vec![State::New; count];
-    // An explicit stack: chains may be long.
-    let mut stack: Vec<usize> = (0..count).rev().collect();
-    while let Some(&i) = stack.last() {
-        match state[i] {
-            State::New => {
-                state[i] = State::Open;
-                for j in needs(i) {
-                    match state[j] {
-                        State::New => stack.push(j),
-                        State::Open => cycles.push((i, j)),
-                        State::Done => {}
-                    }
-                }
-            }
-            State::Open => {
-                stack.pop();
-                state[i] = State::Done;
-                order.push(i);
-            }
-            State::Done => {
-                stack.pop();
-            }
-        }
-    }
-    (order, cycles)
-}
 
 /// Nests of initial values so that each follows those whose results it reads; scalars that read nothing stay together, first. And
 /// those that need each other.
@@ -81,14 +45,14 @@ pub fn ordered_initial(nests: Vec<Nest>, exprs: &Exprs, vars: &PrimaryMap<VarId,
         // Of two that write the same element the later one holds.
         (0..list.len()).filter(|&j| j != i && if own(j) { j < i } else { read(j) }).collect()
     };
-    let (order, cycles) = each_after_its_needs(list.len(), needs);
+    let Order { order, closing } = after_needs(0..list.len(), needs);
     let fault = |(i, j): (usize, usize)| {
         let names: Vec<String> = [i, j].iter().filter_map(|&k| writes[k].first()).map(|w| format!("`{}`", vars[w.0].name)).collect();
         let span = writes[i].first().map_or_else(Span::default, |w| vars[w.0].span);
         let message = format!("the initial values of {} need each other", names.join(" and "));
         Diagnostic::error(codes::CYCLIC_DEFINITION, message, span)
     };
-    let faults = cycles.into_iter().map(fault).collect();
+    let faults = closing.into_iter().map(fault).collect();
     let mut slots: Vec<Option<Nest>> = list.into_iter().map(Some).collect();
     (order.into_iter().filter_map(|i| slots[i].take()).collect(), faults)
 }

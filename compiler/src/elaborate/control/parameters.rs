@@ -7,8 +7,8 @@ use smpl_dsl::units::Unit;
 use super::super::blocks::Piece;
 use super::super::names::{SymbolId, SymbolKind};
 use super::super::{Elaborator, Place, Site};
-use super::order::each_after_its_needs;
 use super::{store, stream_name};
+use crate::graph::{Order, after_needs};
 use crate::ir::{Affine, BinaryFn, Compare, ExprId, FastMap, Flavour, Nest, Place as Memory, Program, Role, VarId};
 use crate::model::{Instant, Quantity};
 
@@ -99,8 +99,8 @@ impl<'a> Elaborator<'a> {
             };
             read.into_iter().flat_map(needed).collect()
         };
-        let (order, cycles) = each_after_its_needs(pieces.len(), needs);
-        for (_, j) in cycles {
+        let Order { order, closing } = after_needs(0..pieces.len(), needs);
+        for (_, j) in closing {
             let v = &self.vars[pieces[j].0];
             let d = Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the value of `{}` needs itself", v.name), v.span);
             self.report(d);

@@ -1,52 +1,13 @@
 //! Order of evaluation: which node is computed in which loop.
 //!
-//! A function is a list of [`Task`]s. Each node is placed in the innermost loop whose counter it uses, once; tasks over equal
-//! loops share them. The interpreter and the code generator walk the same [`Schedule`], so both evaluate in the same order.
+//! Each node is placed in the innermost loop whose counter it uses, once; tasks over equal loops share them. The interpreter and the code
+//! generator walk the same [`Schedule`], so both evaluate in the same order.
 
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::ir::hash::FastSet;
-use crate::ir::{Affine, Expr, ExprId, Exprs, MAX_DEPTH, Place, Program, ReduceFn, VarId};
+use super::job::{Job, Sink, Task};
+use crate::ir::{Affine, Expr, ExprId, Exprs, FastSet, Flavour, MAX_DEPTH, ReduceFn};
 use crate::layout::{Address, Base, Layout};
-
-/// Stores inside a nest of loops.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Task {
-    /// Counter and number of passes of each loop, outermost first.
-    pub loops: Vec<(u8, u32)>,
-    /// What is stored where.
-    pub stores: Vec<(Sink, ExprId)>,
-}
-
-/// Where a value goes.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Sink {
-    /// Element of the output.
-    Out(Affine),
-    /// Element of the output at `tables[table + index] + plus`; added to what is there if so marked.
-    Table {
-        /// Start of the table.
-        table: u32,
-        /// Entry of the table.
-        index: Affine,
-        /// Added to the entry.
-        plus: Affine,
-        /// Add instead of store.
-        add: bool,
-    },
-    /// Element of a variable.
-    Var(VarId, Affine),
-}
-
-/// A function to be interpreted or compiled.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Job {
-    /// What it does: tasks of one stage share loops and values and may run in any order, stages run one after another.
-    pub stages: Vec<Vec<Task>>,
-    /// It stores into what it reads.
-    pub in_place: bool,
-}
 
 /// What a function may touch.
 #[derive(Clone, Copy, Debug)]
@@ -145,38 +106,12 @@ pub struct Schedule {
     floor: BlockId,
 }
 
-impl Program {
-    /// The program as tasks; tables of `Place::OutSlots` by their numbers.
-    #[must_use]
-    pub fn job(&self) -> Job {
-        let sink = |place: Place, at: Affine| match place {
-            Place::Out => Sink::Out(at),
-            Place::OutSlots(table) => Sink::Table { table, index: at, plus: Affine::default(), add: false },
-            Place::Var(var) => Sink::Var(var, at),
-        };
-        let tasks = self.nests.iter().map(|nest| Task {
-            loops: (0..).zip(nest.extents.iter().copied()).collect(),
-            stores: nest.stores.iter().map(|s| (sink(s.target.place, s.target.at), s.value)).collect(),
-        });
-        let stages = if self.in_place { tasks.map(|t| vec![t]).collect() } else { vec![tasks.collect()] };
-        Job { stages, in_place: self.in_place }
-    }
-}
-
-impl Job {
-    /// Whether nothing is stored.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.stages.iter().flatten().all(|t| t.stores.is_empty())
-    }
-
-    /// The schedules of the job, to be run one after another.
-    ///
-    /// # Errors
-    /// If the job addresses what it cannot have.
-    pub fn schedules(&self, exprs: &Exprs, layout: &Layout, access: Access) -> Result<Vec<Schedule>, ScheduleError> {
-        self.stages.iter().map(|tasks| Builder::new(exprs, layout, access).build(tasks, self.in_place)).collect()
-    }
+/// The schedules of a job, to be run one after another.
+///
+/// # Errors
+/// If the job addresses what it cannot have.
+pub fn schedules(job: &Job, exprs: &Exprs, layout: &Layout, access: Access) -> Result<Vec<Schedule>, ScheduleError> {
+    job.stages.iter().map(|tasks| Builder::new(exprs, layout, access).build(tasks, job.in_place)).collect()
 }
 
 impl Schedule {
@@ -387,7 +322,7 @@ impl<'a> Builder<'a> {
             Sink::Table { .. } => Ok(()),
             Sink::Var(var, at) => {
                 let variable = var.to_string();
-                match self.layout.address(var, crate::ir::Flavour::Value) {
+                match self.layout.address(var, Flavour::Value) {
                     Some(Address { base: Base::Y, .. }) if !self.access.y => Err(ScheduleError::Unavailable { function, variable }),
                     None => Err(ScheduleError::Unavailable { function, variable }),
                     Some(_) => self.check_range(block, at, i64::from(self.layout.elements(var)), || variable),

@@ -3,9 +3,8 @@
 //! Resets, bounds and observations are often written element by element: `c[0] := f(c[0])`, `c[1] := f(c[1])`, … Each run of at
 //! least [`SHORTEST`] such stores with addresses in arithmetic sequence becomes one loop; in place, the order of passes is that of the stores.
 
-use super::schedule::{Job, Sink, Task};
-use crate::ir::hash::FastMap;
-use crate::ir::{Affine, Expr, ExprId, Exprs, MAX_DEPTH, VarId};
+use super::job::{Job, Sink, Task};
+use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, MAX_DEPTH, Rewritten, VarId};
 
 /// Fewer stores stay as they are.
 const SHORTEST: usize = 4;
@@ -129,7 +128,7 @@ fn looped(exprs: &mut Exprs, (sink, value): (Sink, ExprId), shapes: &[Option<Sha
         at
     };
     let step_of: FastMap<ExprId, i64> = first.loads.iter().copied().zip(steps.iter().copied()).collect();
-    let value = exprs.rewrite(value, &mut crate::ir::Rewritten::default(), &mut |exprs, node| match node {
+    let value = exprs.rewrite(value, &mut Rewritten::default(), &mut |exprs, node| match node {
         Expr::Load { var, flavour, at } => {
             let step = step_of.get(&exprs.raw(node)).copied().unwrap_or(0);
             Some(exprs.load(var, flavour, along(at, step)))
