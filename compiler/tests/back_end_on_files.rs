@@ -122,7 +122,7 @@ fn check_programs(model: &CompiledModel, name: &str) {
     let programs = &model.model().programs;
     let tape = |program: &Program, out| {
         let access = Access { name: "program", y: true, yp: true, out };
-        Tape::new(&program.job(), &model.model().exprs, model.layout(), access).expect("a tape")
+        Tape::new(&Job::of_program(program, &model.model().slots), &model.model().exprs, model.layout(), access).expect("a tape")
     };
     let outputs = model.interface().algebraics.iter().map(smpl_compiler::model::Quantity::len).sum();
     let mut random = Random(5);
