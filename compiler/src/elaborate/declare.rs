@@ -1,63 +1,33 @@
 //! Declarations: variants, imports, sets, tables, variables, components.
 
-pub(super) mod built_ins;
-mod instances;
-mod tables;
-mod variants;
+pub(in crate::elaborate) mod built_ins;
+pub(in crate::elaborate) mod defaults;
+pub(in crate::elaborate) mod instances;
+pub(in crate::elaborate) mod outside;
+pub(in crate::elaborate) mod symbols;
+pub(in crate::elaborate) mod tables;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{self, Declaration, Form, Ident, SetMembers, Statement, StatementKind, Table};
 use smpl_dsl::units::Unit;
 
-use super::items::{Item, items, observed, overlay, plain, reference, selected};
-use super::names::{Axis, Domain, Geometry, Scheme, Scope, ScopeId, Set, SetId, Symbol, SymbolId, SymbolKind};
-use super::{Elaborator, Site};
+use crate::elaborate::declare::symbols::{Axis, Domain, Geometry, Scheme, Scope, ScopeId, Set, SetId, Symbol, SymbolId, SymbolKind};
+use crate::elaborate::select::imports::gathered;
+use crate::elaborate::select::items::{Item, items, observed, overlay, plain, reference, selected};
+use crate::elaborate::{Elaborator, Place, Site};
 use crate::ir::{FastMap, Role, VarId};
 use crate::model::Variable;
 
 /// Most elements of one variable.
 const MAX_ELEMENTS: i64 = 10_000_000;
-/// Most members of all sets of numbers together: each has a label.
-const MAX_MEMBERS: i64 = 2_000_000;
 
 impl<'a> Elaborator<'a> {
-    /// A `when` that no choice can fulfil is a fault.
-    fn check_whens(&mut self, statements: &[Statement], switches: &[&str], choices: &[(&str, &[Ident])]) {
-        for statement in statements {
-            match &statement.kind {
-                StatementKind::When { choice, option, body } => {
-                    let known = choices.iter().find(|(c, _)| **c == choice.text).map(|(_, options)| *options);
-                    match known {
-                        Some(options) if options.iter().any(|o| o.text == option.text) => {}
-                        Some(options) => {
-                            let list: Vec<&str> = options.iter().map(|o| o.text.as_str()).collect();
-                            let message = format!("`{}` has no option `{}`: {}", choice.text, option.text, list.join(", "));
-                            let help = self.did_you_mean(&option.text, list);
-                            self.report(Diagnostic::error(codes::UNKNOWN_NAME, message, option.span).maybe_help(help));
-                        }
-                        None if switches.contains(&choice.text.as_str()) && matches!(option.text.as_str(), "true" | "false") => {}
-                        None => {
-                            let help = self.did_you_mean(&choice.text, choices.iter().map(|(c, _)| *c).chain(switches.iter().copied()));
-                            let message = format!("unknown choice `{}`", choice.text);
-                            self.report(Diagnostic::error(codes::UNKNOWN_NAME, message, choice.span).maybe_help(help));
-                        }
-                    }
-                    self.check_whens(body, switches, choices);
-                }
-                StatementKind::Variant { body, .. } | StatementKind::Component { body, .. } => self.check_whens(body, switches, choices),
-                _ => {}
-            }
-        }
-    }
-
     /// Declares everything of the main file and what it imports.
-    pub(super) fn declare_file(&mut self) {
-        let root = self.names.scopes.push(Scope::default());
-        let mut list = Vec::new();
-        let mut seen = vec![false; self.files.len()];
-        self.gather(0, &mut seen, &mut list);
-        overlay(&mut list, items(&self.options.overlay, &self.selection));
+    pub(in crate::elaborate) fn declare_file(&mut self) {
+        let root = self.symbols.scopes.push(Scope::default());
+        let mut list = self.gathered();
+        overlay(&mut list, items(&self.input.options.overlay, &self.input.selection));
         for item in &list {
             if let Item::Other(statement) = item {
                 self.register(statement);
@@ -68,10 +38,9 @@ impl<'a> Elaborator<'a> {
     }
 
     /// Declares what a component may see of the file, without what belongs to the file's own model.
-    pub(super) fn declare_seen(&mut self) -> ScopeId {
-        let root = self.names.scopes.push(Scope::default());
-        let mut list = Vec::new();
-        self.gather(0, &mut vec![false; self.files.len()], &mut list);
+    pub(in crate::elaborate) fn declare_seen(&mut self) -> ScopeId {
+        let root = self.symbols.scopes.push(Scope::default());
+        let mut list = self.gathered();
         list.iter().for_each(|item| match item {
             Item::Other(statement) => self.register(statement),
             Item::Declare(..) | Item::Observe(_) | Item::At(..) => {}
@@ -102,44 +71,17 @@ impl<'a> Elaborator<'a> {
         root
     }
 
-    /// Items of a file after those of its imports.
-    fn gather(&mut self, file: usize, seen: &mut [bool], out: &mut Vec<Item<'a>>) {
-        if std::mem::replace(&mut seen[file], true) {
-            return;
-        }
-        let statements = &self.files[file].statements;
-        self.gather_items(plain(statements), seen, out);
-        // Variants and choices may replace what is imported.
-        let bodies: Vec<&'a [Statement]> = selected(statements, &self.selection).collect();
-        for body in bodies {
-            let mut over = Vec::new();
-            self.gather_items(items(body, &self.selection), seen, &mut over);
-            overlay(out, over);
-        }
-    }
-
-    /// Items, with those of the files that they import in place of the imports.
-    fn gather_items(&mut self, list: Vec<Item<'a>>, seen: &mut [bool], out: &mut Vec<Item<'a>>) {
-        for item in list {
-            let Item::Other(Statement { kind: StatementKind::Import { path, path_span }, .. }) = item else {
-                out.push(item);
-                continue;
-            };
-            match self.imports.get(path) {
-                Some(&imported) => self.gather(imported, seen, out),
-                None => self.report(Diagnostic::error(
-                    codes::UNKNOWN_IMPORT,
-                    format!("the file `{path}` was not found beside the model or in the library"),
-                    *path_span,
-                )),
-            }
-        }
+    /// The items of the main file and of what it imports.
+    fn gathered(&mut self) -> Vec<Item<'a>> {
+        let (list, faults) = gathered(self.input.files, self.input.imports, &self.input.selection);
+        faults.into_iter().for_each(|fault| self.report(fault));
+        list
     }
 
     fn register(&mut self, statement: &'a Statement) {
         let (table, name) = match &statement.kind {
-            StatementKind::Component { name, .. } => (&mut self.components, name),
-            StatementKind::Connector { name, .. } => (&mut self.connectors, name),
+            StatementKind::Component { name, .. } => (&mut self.instances.components, name),
+            StatementKind::Connector { name, .. } => (&mut self.instances.connectors, name),
             _ => return,
         };
         if let Some(before) = table.insert(&name.text, statement) {
@@ -170,7 +112,7 @@ impl<'a> Elaborator<'a> {
                 StatementKind::Time { name: n, unit: u } => {
                     name.clone_from(&n.text);
                     span = statement.span;
-                    let place = self.place(root, Site::Dynamics);
+                    let place = Place::new(root, Site::Dynamics);
                     unit = self.unit(u, &place);
                 }
                 StatementKind::Model { name: n, text } => {
@@ -183,23 +125,23 @@ impl<'a> Elaborator<'a> {
                 _ => {}
             }
         }
-        self.time_unit = unit.unwrap_or_else(Unit::one);
-        self.time_name.clone_from(&name);
-        self.model.interface.time = (name.clone(), self.time_unit.to_string());
+        self.symbols.time_unit = unit.unwrap_or_else(Unit::one);
+        self.symbols.time_name.clone_from(&name);
+        self.model.interface.time = (name.clone(), self.symbols.time_unit.to_string());
         let symbol = Symbol { path: name.clone(), scope: root, span, kind: SymbolKind::Time };
-        let _ = self.names.declare(&name, symbol);
+        let _ = self.symbols.declare(&name, symbol);
     }
 
     /// Declares a symbol; a second one of that name is a fault.
     fn declare(&mut self, scope: ScopeId, name: &Ident, kind: SymbolKind<'a>) -> Option<SymbolId> {
-        let path = format!("{}{}", self.names.scopes[scope].prefix, name.text);
-        match self.names.declare(&name.text, Symbol { path, scope, span: name.span, kind }) {
+        let path = format!("{}{}", self.symbols.scopes[scope].prefix, name.text);
+        match self.symbols.declare(&name.text, Symbol { path, scope, span: name.span, kind }) {
             Ok(id) => Some(id),
             Err(before) => {
-                let at = self.names.symbols[before].span;
+                let at = self.symbols[before].span;
                 self.duplicate(name, at);
                 // Which of both is meant is not known: what depends on it is not reported.
-                self.names.symbols[before].kind = SymbolKind::Faulty;
+                self.symbols[before].kind = SymbolKind::Faulty;
                 None
             }
         }
@@ -260,7 +202,7 @@ impl<'a> Elaborator<'a> {
     }
 
     /// Declares a block: sets and scalars first, since sizes of domains may need them, then what is indexed, then instances.
-    pub(super) fn declare_block(&mut self, scope: ScopeId, list: Vec<Item<'a>>, depth: usize) {
+    pub(in crate::elaborate) fn declare_block(&mut self, scope: ScopeId, list: Vec<Item<'a>>, depth: usize) {
         self.declare_phases(scope, &list);
         self.check_names(&list);
         self.check_built_ins(&list);
@@ -311,7 +253,7 @@ impl<'a> Elaborator<'a> {
                 Item::Declare(role, d) if !d.indices.is_empty() => self.declare_variable(scope, *role, d),
                 Item::Other(statement) => match &statement.kind {
                     StatementKind::Flux(flux) => {
-                        let place = self.place(scope, Site::Dynamics);
+                        let place = Place::new(scope, Site::Dynamics);
                         let Some((axes, binders)) = self.axes(&flux.indices, &place) else {
                             self.faulty(scope, &flux.name);
                             continue;
@@ -337,8 +279,8 @@ impl<'a> Elaborator<'a> {
                 _ => {}
             }
         }
-        let at = self.blocks.len();
-        self.blocks.push((scope, Vec::new()));
+        let at = self.instances.blocks.len();
+        self.instances.blocks.push((scope, Vec::new()));
         for item in &list {
             if let Item::Other(statement) = item
                 && let StatementKind::Instance { component, name, indices, arguments } = &statement.kind
@@ -346,24 +288,24 @@ impl<'a> Elaborator<'a> {
                 self.declare_instance(scope, component, name, indices, arguments, depth);
             }
         }
-        self.blocks[at].1 = list;
+        self.instances.blocks[at].1 = list;
     }
 
     fn declare_set(&mut self, scope: ScopeId, statement: &'a Statement) {
         match &statement.kind {
             StatementKind::Choice { name, options, .. } => {
-                let chosen = self.selection.chosen.get(&name.text).and_then(|c| options.iter().position(|o| o.text == *c));
+                let chosen = self.input.selection.chosen.get(&name.text).and_then(|c| options.iter().position(|o| o.text == *c));
                 self.declare(scope, name, SymbolKind::Choice { options, chosen: chosen.unwrap_or(0) });
             }
             StatementKind::Set { name, members, .. } => {
-                let place = self.place(scope, Site::Dynamics);
+                let place = Place::new(scope, Site::Dynamics);
                 let (labels, first) = match members {
                     SetMembers::Names(names) => (names.iter().map(|n| n.text.clone()).collect::<Vec<_>>(), None),
                     SetMembers::Range(a, b) => {
                         let (Some(a), Some(b)) = (self.integer(a, &place), self.integer(b, &place)) else {
                             return self.faulty(scope, name);
                         };
-                        if b.saturating_sub(a) >= 100_000 || !self.may_hold(b.saturating_sub(a)) {
+                        if b.saturating_sub(a) >= 100_000 || !self.budget.may_hold(b.saturating_sub(a)) {
                             self.report(
                                 Diagnostic::error(
                                     codes::TOO_LARGE,
@@ -388,7 +330,7 @@ impl<'a> Elaborator<'a> {
             // `table over species { ... }` declares the set as well, unless it exists.
             StatementKind::Table(table) => {
                 if let [index] = table.indices.as_slice()
-                    && self.names.lookup(scope, &index.text).is_none()
+                    && self.symbols.lookup(scope, &index.text).is_none()
                 {
                     let labels = table.rows.iter().map(|r| r.label.text.clone()).collect();
                     self.new_set(scope, index, labels, None);
@@ -412,23 +354,17 @@ impl<'a> Elaborator<'a> {
         }
     }
 
-    /// Counts members of sets of numbers; `false` where they are beyond reason.
-    pub(super) fn may_hold(&mut self, members: i64) -> bool {
-        self.members = self.members.saturating_add(members.max(0));
-        self.members <= MAX_MEMBERS
-    }
-
     fn new_set(&mut self, scope: ScopeId, name: &Ident, labels: Vec<String>, first: Option<i64>) {
-        let set = self.names.sets.push(Set::new(name.text.clone(), labels, first));
+        let set = self.symbols.sets.push(Set::new(name.text.clone(), labels, first));
         self.declare(scope, name, SymbolKind::Set(set));
     }
 
     fn set_named(&mut self, scope: ScopeId, name: &Ident) -> Option<SetId> {
-        match self.names.lookup(scope, &name.text).map(|s| self.names.symbols[s].kind.clone()) {
+        match self.symbols.lookup(scope, &name.text).map(|s| self.symbols[s].kind.clone()) {
             Some(SymbolKind::Set(set) | SymbolKind::Phase(set)) => Some(set),
             Some(SymbolKind::Faulty) => None,
             _ => {
-                let help = self.did_you_mean(&name.text, self.names.sets.values().map(|s| s.name.as_str()));
+                let help = self.reports.did_you_mean(&name.text, self.symbols.sets.values().map(|s| s.name.as_str()));
                 self.report(Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown set `{}`", name.text), name.span).maybe_help(help));
                 None
             }
@@ -442,7 +378,7 @@ impl<'a> Elaborator<'a> {
             let mut rest = at;
             let mut labels = Vec::new();
             for &set in sets.iter().rev() {
-                let members = &self.names.sets[set].labels;
+                let members = &self.symbols.sets[set].labels;
                 labels.push(members[rest % members.len().max(1)].clone());
                 rest /= members.len().max(1);
             }
@@ -461,7 +397,7 @@ impl<'a> Elaborator<'a> {
     }
 
     fn declare_domain(&mut self, scope: ScopeId, domain: &'a syntax::Domain) {
-        let place = self.place(scope, Site::Dynamics);
+        let place = Place::new(scope, Site::Dynamics);
         let Some(cells) = self.integer(&domain.cells, &place) else { return self.faulty(scope, &domain.name) };
         if !(1..=MAX_ELEMENTS).contains(&cells) {
             let code = if cells < 1 { codes::EMPTY_SET } else { codes::TOO_LARGE };
@@ -488,7 +424,7 @@ impl<'a> Elaborator<'a> {
             Geometry::Planar,
             &[("planar", Geometry::Planar), ("cylindrical", Geometry::Cylindrical), ("spherical", Geometry::Spherical)],
         );
-        let id = self.names.domains.push(Domain {
+        let id = self.symbols.domains.push(Domain {
             name: domain.name.text.clone(),
             scope,
             declaration: domain,
@@ -516,11 +452,11 @@ impl<'a> Elaborator<'a> {
     /// Declares a parameter, state, `let` and so on.
     fn declare_variable(&mut self, scope: ScopeId, role: syntax::Role, d: &'a Declaration) {
         // Declared member by member: the first one was reported.
-        let before = self.names.scopes[scope].names.get(&d.name.text);
-        if !d.indices.is_empty() && before.is_some_and(|&s| matches!(self.names.symbols[s].kind, SymbolKind::Faulty)) {
+        let before = self.symbols.scopes[scope].names.get(&d.name.text);
+        if !d.indices.is_empty() && before.is_some_and(|&s| matches!(self.symbols[s].kind, SymbolKind::Faulty)) {
             return;
         }
-        let place = self.place(scope, Site::Dynamics);
+        let place = Place::new(scope, Site::Dynamics);
         let Some((axes, binders)) = self.axes(&d.indices, &place) else { return self.faulty(scope, &d.name) };
         let written = d.unit.as_ref().map(|u| self.unit(u, &place));
         if matches!(written, Some(None)) {
@@ -572,7 +508,7 @@ impl<'a> Elaborator<'a> {
     }
 
     fn new_variable(&mut self, scope: ScopeId, name: &Ident, role: Role, axes: Vec<Axis>, unit: Unit, d: &'a Declaration) -> Option<VarId> {
-        let len = axes.iter().try_fold(1_i64, |n, &a| n.checked_mul(self.names.axis_len(a))).unwrap_or(i64::MAX);
+        let len = axes.iter().try_fold(1_i64, |n, &a| n.checked_mul(self.symbols.axis_len(a))).unwrap_or(i64::MAX);
         if len > MAX_ELEMENTS {
             self.report(
                 Diagnostic::error(codes::TOO_LARGE, format!("`{}` would have {len} elements", name.text), d.span)
@@ -581,10 +517,10 @@ impl<'a> Elaborator<'a> {
             self.faulty(scope, name);
             return None;
         }
-        let path = format!("{}{}", self.names.scopes[scope].prefix, name.text);
-        let var = self.vars.push(Variable { name: path, role, len: len as u32, span: d.span });
+        let path = format!("{}{}", self.symbols.scopes[scope].prefix, name.text);
+        let var = self.symbols.vars.push(Variable { name: path, role, len: len as u32, span: d.span });
         let symbol = self.declare(scope, name, SymbolKind::Variable { var, axes: axes.into(), unit, declaration: d })?;
-        self.symbol_of.insert(var, symbol);
+        self.symbols.of_var.insert(var, symbol);
         Some(var)
     }
 }

@@ -7,11 +7,11 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Expr, Ident, Table, TableCells, TimeTable};
 use smpl_dsl::units::Unit;
 
-use super::super::names::{Axis, ScopeId, SetId, SymbolKind};
-use super::super::{Elaborator, Site};
+use crate::elaborate::declare::symbols::{Axis, ScopeId, SetId, SymbolKind};
+use crate::elaborate::{Elaborator, Place, Site};
 
 impl<'a> Elaborator<'a> {
-    pub(super) fn declare_table(&mut self, scope: ScopeId, table: &'a Table) {
+    pub(in crate::elaborate) fn declare_table(&mut self, scope: ScopeId, table: &'a Table) {
         let mut sets = Vec::new();
         for index in &table.indices {
             let Some(set) = self.set_named(scope, index) else {
@@ -22,10 +22,10 @@ impl<'a> Elaborator<'a> {
             };
             sets.push(set);
         }
-        let place = self.place(scope, Site::Dynamics);
+        let place = Place::new(scope, Site::Dynamics);
         let columns = table.columns.len().max(1);
-        let inner: usize = sets.iter().skip(1).map(|&s| self.names.sets[s].labels.len()).product();
-        let outer = sets.first().map_or(1, |&s| self.names.sets[s].labels.len());
+        let inner: usize = sets.iter().skip(1).map(|&s| self.symbols.sets[s].labels.len()).product();
+        let outer = sets.first().map_or(1, |&s| self.symbols.sets[s].labels.len());
         // One table of several columns, or one table of one or two indices.
         let width = if columns > 1 { columns } else { inner };
         let mut values = vec![vec![f64::NAN; outer * inner]; columns];
@@ -44,7 +44,7 @@ impl<'a> Elaborator<'a> {
                 v.fill(x);
             }
         }
-        let before = self.diagnostics.len();
+        let before = self.reports.diagnostics.len();
         for row in &table.rows {
             let Some(i) = sets.first().and_then(|&s| self.row_member(s, &row.label)) else { continue };
             match &row.cells {
@@ -78,7 +78,7 @@ impl<'a> Elaborator<'a> {
             }
         }
         // What a faulty row would have given is not missing.
-        if self.diagnostics.len() == before {
+        if self.reports.diagnostics.len() == before {
             self.check_table(table, &sets, &values);
         }
         let axes: Rc<[Axis]> = sets.iter().map(|&s| Axis::Set(s)).collect();
@@ -88,10 +88,10 @@ impl<'a> Elaborator<'a> {
     }
 
     fn row_member(&mut self, set: SetId, label: &Ident) -> Option<usize> {
-        let found = self.names.sets[set].position(&label.text);
+        let found = self.symbols.sets[set].position(&label.text);
         if found.is_none() {
-            let name = self.names.sets[set].name.clone();
-            let help = self.did_you_mean(&label.text, self.names.sets[set].labels.iter().map(String::as_str));
+            let name = self.symbols.sets[set].name.clone();
+            let help = self.reports.did_you_mean(&label.text, self.symbols.sets[set].labels.iter().map(String::as_str));
             self.report(
                 Diagnostic::error(codes::OUT_OF_RANGE, format!("`{}` is no member of `{name}`", label.text), label.span).maybe_help(help),
             );
@@ -99,19 +99,19 @@ impl<'a> Elaborator<'a> {
         found
     }
 
-    fn table_number(&mut self, e: &Expr, unit: Option<&Unit>, place: &super::super::Place) -> Option<f64> {
+    fn table_number(&mut self, e: &Expr, unit: Option<&Unit>, place: &crate::elaborate::Place) -> Option<f64> {
         let one = Unit::one();
         let expr = self.number_in(e, unit.unwrap_or(&one), "the table's entry", Span::default(), place);
-        let reports = self.diagnostics.len();
+        let reports = self.reports.diagnostics.len();
         let value = self.constant_value(expr);
-        if value.is_none() && reports == self.diagnostics.len() {
+        if value.is_none() && reports == self.reports.diagnostics.len() {
             self.missing_value("an entry of a table", e.span);
         }
         value.filter(|v| !v.is_nan())
     }
 
-    pub(super) fn declare_time_table(&mut self, scope: ScopeId, table: &'a TimeTable) {
-        let place = self.place(scope, Site::Dynamics);
+    pub(in crate::elaborate) fn declare_time_table(&mut self, scope: ScopeId, table: &'a TimeTable) {
+        let place = Place::new(scope, Site::Dynamics);
         let unit = match &table.unit {
             Some(u) => self.unit(u, &place).unwrap_or_else(Unit::one),
             None => Unit::one(),
