@@ -14,7 +14,7 @@ use smpl_dsl::units::Unit;
 
 use crate::elaborate::declare::symbols::{Axis, Domain, Geometry, Scheme, Scope, ScopeId, Set, SetId, Symbol, SymbolId, SymbolKind};
 use crate::elaborate::select::imports::gathered;
-use crate::elaborate::select::items::{Item, items, observed, overlay, plain, reference, selected};
+use crate::elaborate::select::items::{Item, items, observed, overlay, reference};
 use crate::elaborate::{Elaborator, Place, Site};
 use crate::ir::{FastMap, Role, VarId};
 use crate::model::Variable;

@@ -56,7 +56,7 @@ impl Elaborator<'_> {
         if self.input.options.initial.contains_key(&self.symbols[*symbol].path) {
             return None;
         }
-        let of = |(scope, item): (crate::elaborate::ScopeId, Item<'_>)| {
+        let of = |(scope, item): (crate::elaborate::declare::symbols::ScopeId, Item<'_>)| {
             let Item::Other(Statement { kind: StatementKind::Initial { target, .. }, span }) = item else { return None };
             let base = if let ExprKind::Index(base, _) = &target.kind { base } else { target };
             (self.variable_of(base, &Place::new(scope, Site::Reset)) == Some(var)).then_some(*span)

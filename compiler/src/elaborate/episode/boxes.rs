@@ -2,7 +2,7 @@
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident};
+use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind};
 
 use crate::elaborate::declare::symbols::{SymbolId, SymbolKind};
 use crate::elaborate::episode::Condition;

@@ -205,6 +205,6 @@ pub(in crate::elaborate) fn find(name: &str) -> Option<&'static Builtin> {
 }
 
 /// The names, for suggestions.
-pub(in crate::elaborate) fn names() -> impl Iterator<Item = &'static str> {
+pub(in crate::elaborate) fn names<'n>() -> impl Iterator<Item = &'n str> {
     BUILTINS.iter().map(|b| b.name)
 }

@@ -447,7 +447,7 @@ impl<'a> Elaborator<'a> {
     }
 
     /// `d/dt x`
-    fn derivative(&mut self, span: Span, inner: &Expr, place: &Place) -> Value {
+    pub(in crate::elaborate) fn derivative(&mut self, span: Span, inner: &Expr, place: &Place) -> Value {
         let v = self.value(inner, place);
         let Measure::Of(unit) = &v.unit else {
             return if v.is_poison() { v } else { self.not_a_state(span, inner) };

@@ -2,7 +2,7 @@
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{BinaryOp, Expr, Ident, TimeTableKind};
+use smpl_dsl::syntax::{BinaryOp, Expr, TimeTableKind};
 
 use crate::elaborate::declare::symbols::{SymbolId, SymbolKind};
 use crate::elaborate::lower::builtins::Distribution;

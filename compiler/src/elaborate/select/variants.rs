@@ -1,7 +1,6 @@
 //! Which variants are on and which options are chosen.
 
 use smpl_dsl::diagnostic::{Diagnostic, Faults, codes, did_you_mean};
-use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{File, Ident, Statement, StatementKind};
 
 use crate::elaborate::reports::scenario_fault;
