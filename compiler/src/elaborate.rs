@@ -16,6 +16,7 @@ mod episode;
 mod equations;
 mod expansions;
 mod hidden;
+mod ledger;
 mod lower;
 mod options;
 mod reports;
@@ -25,27 +26,23 @@ mod speculation;
 
 use std::collections::HashMap;
 
-use smpl_dsl::diagnostic::{Diagnostic, Faults, codes};
-use smpl_dsl::span::Span;
+use smpl_dsl::diagnostic::{Faults, codes};
 use smpl_dsl::syntax;
 
 use crate::ir::{ExprId, Exprs, FastSet};
 use crate::model::Model;
-use budget::{Budget, Verdict};
 use constants::Constants;
 use declare::instances::Instances;
 use declare::symbols::Symbols;
 use episode::Episode;
 use expansions::Expansions;
 use hidden::Hidden;
+use ledger::Ledger;
 use lower::cells::Loops;
 use lower::place::{Bound, Place, Site};
-use lower::value::{Measure, Value};
-use reports::Reports;
 use select::items::Selection;
 use select::variants::Choices;
 use space::transport::Fluxes;
-use speculation::Speculation;
 
 pub(crate) use check::lints::unused_parameters;
 pub use declare::defaults::for_each_element;
@@ -90,9 +87,7 @@ struct Input<'a> {
 /// The state of an elaboration, a part for each thing that it keeps.
 pub(crate) struct Elaborator<'a> {
     input: Input<'a>,
-    reports: Reports,
-    budget: Budget,
-    speculation: Speculation,
+    ledger: Ledger,
     symbols: Symbols<'a>,
     instances: Instances<'a>,
     exprs: Exprs,
@@ -113,9 +108,7 @@ impl<'a> Elaborator<'a> {
         let input = Input { files, imports, options, selection: Selection::default(), used_settings: FastSet::default() };
         Elaborator {
             input,
-            reports: Reports::default(),
-            budget: Budget::default(),
-            speculation: Speculation::default(),
+            ledger: Ledger::default(),
             symbols,
             instances: Instances::default(),
             exprs: Exprs::default(),
@@ -134,16 +127,16 @@ impl<'a> Elaborator<'a> {
         self.select();
         self.declare_file();
         // What a missing file declares would be missed everywhere.
-        if self.reports.diagnostics.iter().any(|d| d.code == codes::UNKNOWN_IMPORT) {
+        if self.ledger.reports.diagnostics.iter().any(|d| d.code == codes::UNKNOWN_IMPORT) {
             return;
         }
         self.declare_defaults();
         self.check_ends();
-        self.speculation.enabled = true;
+        self.ledger.speculation.enabled = true;
         self.elaborate_equations();
         self.elaborate_control();
         self.check_unused();
-        if self.input.options.lints && !self.reports.has_errors() {
+        if self.input.options.lints && !self.ledger.reports.has_errors() {
             self.lint();
         }
     }
@@ -155,7 +148,7 @@ impl<'a> Elaborator<'a> {
         self.input.files.iter().for_each(|file| choices.check_whens(&file.statements, &mut faults));
         let chosen = choices.choose(self.input.options);
         faults.append(chosen.faults);
-        self.reports.diagnostics.append(faults);
+        self.ledger.reports.diagnostics.append(faults);
         self.model.interface.variants = choices.shown_variants(&chosen.selection);
         self.model.interface.choices = choices.shown_choices(&chosen.selection);
         self.input.selection = chosen.selection;
@@ -163,11 +156,11 @@ impl<'a> Elaborator<'a> {
     }
 
     fn finish(mut self) -> Result<Elaborated, Faults> {
-        self.budget.fault().into_iter().for_each(|fault| self.reports.diagnostics.push(fault));
-        self.reports.name_calls();
-        self.reports.diagnostics.sort();
-        if self.reports.has_errors() {
-            return Err(self.reports.diagnostics);
+        self.ledger.budget.fault().into_iter().for_each(|fault| self.ledger.reports.diagnostics.push(fault));
+        self.ledger.reports.name_calls();
+        self.ledger.reports.diagnostics.sort();
+        if self.ledger.reports.has_errors() {
+            return Err(self.ledger.reports.diagnostics);
         }
         self.hidden.close(&mut self.symbols.vars);
         let mut model = self.model;
@@ -175,36 +168,8 @@ impl<'a> Elaborator<'a> {
         model.quadratures = self.hidden.quadratures.list;
         model.exprs = self.exprs;
         model.vars = self.symbols.vars;
-        let (runs, warnings) = (self.speculation.looped, self.reports.diagnostics);
+        let (runs, warnings) = (self.ledger.speculation.looped, self.ledger.reports.diagnostics);
         Ok(Elaborated { model, equations: self.equations, runs, warnings })
-    }
-
-    /// Reports a fault, unless it was said or nothing is said any more.
-    fn report(&mut self, diagnostic: Diagnostic) {
-        if self.budget.may_report() {
-            self.reports.report(diagnostic, self.speculation.is_active());
-        }
-    }
-
-    /// Counts something that is written out: a term, an element, a call. `false` where the model is beyond reason, which is reported once.
-    fn may_write_out(&mut self, span: Span) -> bool {
-        match self.budget.write_out(span, self.speculation.is_active()) {
-            Verdict::Granted => true,
-            Verdict::Spent => false,
-            Verdict::Refused(fault) => {
-                self.report(*fault);
-                false
-            }
-        }
-    }
-
-    fn poison(&mut self) -> Value {
-        Value { expr: self.exprs.constant(f64::NAN), unit: Measure::Poison }
-    }
-
-    fn fault(&mut self, diagnostic: Diagnostic) -> Value {
-        self.report(diagnostic);
-        self.poison()
     }
 
     /// The number that an expression of constants and parameters has with the parameters' defaults and means of random numbers.
@@ -212,7 +177,7 @@ impl<'a> Elaborator<'a> {
         if let Some(x) = self.exprs.as_const(e) {
             return Some(x);
         }
-        for (var, _) in self.parameters_in(e) {
+        for (var, _) in self.symbols.parameters_in(&self.exprs, e) {
             if let Some(&symbol) = self.symbols.of_var.get(&var) {
                 self.know(symbol);
             }
@@ -227,14 +192,7 @@ impl<'a> Elaborator<'a> {
 
     /// Notes that sizes or indices were computed from an expression: its parameters keep their numbers.
     fn mark_structural(&mut self, e: ExprId) {
-        let parameters = self.parameters_in(e);
+        let parameters = self.symbols.parameters_in(&self.exprs, e);
         self.constants.mark_structural(parameters.into_iter().map(|p| p.0));
-    }
-
-    fn missing_value(&mut self, what: &str, span: Span) {
-        self.report(
-            Diagnostic::error(codes::MISSING_DEFAULT, format!("{what} must be known when the model is compiled"), span)
-                .label("depends on something that is not"),
-        );
     }
 }

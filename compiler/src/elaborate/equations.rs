@@ -85,18 +85,18 @@ impl<'a> Elaborator<'a> {
 
     fn equation(&mut self, scope: ScopeId, lhs: &Expr, rhs: &Expr, binders: &[Binder], span: Span) {
         let place = Place::new(scope, Site::Dynamics);
-        self.reports.statement = span;
-        let before = self.reports.diagnostics.len();
+        self.ledger.reports.statement = span;
+        let before = self.ledger.reports.diagnostics.len();
         let pieces = self.looped_nest(binders, &place, &mut |s, inner| {
             let left = s.value(lhs, inner);
             let right = s.value(rhs, inner);
             if left.is_poison() || right.is_poison() {
-                s.speculation.refuse();
+                s.ledger.speculation.refuse();
                 return None;
             }
             let (left, right) = match (&left.unit, &right.unit) {
                 (Measure::Truth, _) | (_, Measure::Truth) => {
-                    s.report(
+                    s.ledger.report(
                         Diagnostic::error(codes::WRONG_KIND, "an equation has a number on each side, this is a condition", span)
                             .help("write `if condition then 1 else 0`"),
                     );
@@ -105,11 +105,11 @@ impl<'a> Elaborator<'a> {
                 (Measure::Zero, _) | (_, Measure::Zero) => (left.expr, right.expr),
                 (m, n) => {
                     let (ul, ur) = (m.unit(), n.unit());
-                    s.warn_of_scale((&left, lhs.span), (&right, rhs.span));
-                    match s.convert(right.expr, &ur, &ul) {
+                    s.values().warn_of_scale((&left, lhs.span), (&right, rhs.span));
+                    match s.values().convert(right.expr, &ur, &ul) {
                         Some(converted) => (left.expr, converted),
                         None => {
-                            s.report(units::sides(&ul, lhs.span, &ur, rhs.span));
+                            s.ledger.report(units::sides(&ul, lhs.span, &ur, rhs.span));
                             return None;
                         }
                     }
@@ -118,12 +118,12 @@ impl<'a> Elaborator<'a> {
             let form = s.form(left, right);
             let runs = inner.runs();
             if runs != 0 && !(s.may_loop(form) && s.shares_sums(form, runs, inner.depth)) {
-                s.speculation.refuse();
+                s.ledger.speculation.refuse();
             }
             Some((form, runs))
         });
-        self.reports.statement = Span::default();
-        self.blame_lengths(before, &[lhs, rhs]);
+        self.ledger.reports.statement = Span::default();
+        self.naming().blame_lengths(before, &[lhs, rhs]);
         for piece in pieces {
             if let Some((form, runs)) = piece.value {
                 self.equations.push(Equation { extents: piece.extents, runs, repeats: None, form, span });
@@ -171,7 +171,7 @@ impl<'a> Elaborator<'a> {
             };
             let (sources, targets) = (members(self, from), members(self, to));
             if sources.keys().ne(targets.keys()) {
-                self.report(
+                self.ledger.report(
                     Diagnostic::error(codes::WRONG_SHAPE, "two ports of different connectors are connected", span)
                         .secondary(pair[0].span, "this one")
                         .secondary(pair[1].span, "and this one"),
@@ -190,11 +190,11 @@ impl<'a> Elaborator<'a> {
         let (SymbolKind::Variable { var: from, axes: source_axes, unit, .. }, SymbolKind::Variable { var: to, axes, unit: wanted, .. }) =
             (self.symbols[source].kind.clone(), self.symbols[target].kind.clone())
         else {
-            self.report(Diagnostic::error(codes::WRONG_KIND, "only ports are connected", span));
+            self.ledger.report(Diagnostic::error(codes::WRONG_KIND, "only ports are connected", span));
             return;
         };
         if self.symbols.vars[from].len != self.symbols.vars[to].len || source_axes.len() != axes.len() {
-            self.report(Diagnostic::error(codes::WRONG_SHAPE, "two ports of different sizes are connected", span));
+            self.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, "two ports of different sizes are connected", span));
             return;
         }
         let len = i64::from(self.symbols.vars[to].len);
@@ -207,7 +207,7 @@ impl<'a> Elaborator<'a> {
         for (extents, at) in addresses {
             let runs = u8::from(sets && !extents.is_empty());
             let load = self.exprs.load(from, Flavour::Value, at);
-            let Some(value) = self.convert(load, &unit, &wanted) else { continue };
+            let Some(value) = self.values().convert(load, &unit, &wanted) else { continue };
             let form = EquationForm::Definition { var: to, at, value };
             self.equations.push(Equation { extents, runs, repeats: None, form, span });
         }

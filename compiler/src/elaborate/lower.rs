@@ -12,3 +12,4 @@ pub(in crate::elaborate) mod ranges;
 pub(in crate::elaborate) mod reductions;
 pub(in crate::elaborate) mod units;
 pub(in crate::elaborate) mod value;
+pub(in crate::elaborate) mod values;

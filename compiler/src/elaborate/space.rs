@@ -13,10 +13,12 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{self, Expr, ExprKind};
 use smpl_dsl::units::Unit;
 
-use crate::elaborate::declare::symbols::{Axis, DomainId, Geometry, Scheme, SymbolId, SymbolKind};
+use crate::elaborate::declare::naming::Naming;
+use crate::elaborate::declare::symbols::{Axis, DomainId, Geometry, Scheme, SymbolId, SymbolKind, Symbols};
 use crate::elaborate::lower::cells::{Cell, Face};
 use crate::elaborate::lower::units;
 use crate::elaborate::lower::value::{Measure, Value};
+use crate::elaborate::lower::values::Values;
 use crate::elaborate::{Bound, Elaborator, Place, Site};
 use crate::ir::{BinaryFn, Compare, ExprId};
 
@@ -41,8 +43,8 @@ impl Elaborator<'_> {
             (_, Measure::Of(u)) | (Measure::Of(u), _) => u.clone(),
             _ => Unit::one(),
         };
-        let low = self.in_unit(low, &unit, declaration.range.0.span, "the end of the domain", declaration.range.1.span);
-        let high = self.in_unit(high, &unit, declaration.range.1.span, "the end of the domain", declaration.range.0.span);
+        let low = self.values().in_unit(low, &unit, declaration.range.0.span, "the end of the domain", declaration.range.1.span);
+        let high = self.values().in_unit(high, &unit, declaration.range.1.span, "the end of the domain", declaration.range.0.span);
         self.check_fixed(low, declaration.range.0.span);
         self.check_fixed(high, declaration.range.1.span);
         let ends = (unit, low, high);
@@ -50,51 +52,15 @@ impl Elaborator<'_> {
         ends
     }
 
-    /// Names with units that do not fit in derivatives over space the domain whose ends have none.
-    pub(in crate::elaborate) fn blame_lengths(&mut self, before: usize, parts: &[&Expr]) {
-        let mut over_space = false;
-        let is_derivative = |e: &Expr| matches!(&e.kind, ExprKind::Call { function, .. } if matches!(&*function.text, "div" | "grad"));
-        parts.iter().for_each(|e| e.walk(&mut |e| over_space |= is_derivative(e)));
-        if self.reports.diagnostics.len() == before || !over_space {
-            return;
-        }
-        let is_bare = |d: &&crate::elaborate::declare::symbols::Domain<'_>| d.ends.as_ref().is_some_and(|(unit, ..)| unit.is_one());
-        let Some(domain) = self.symbols.domains.values().find(is_bare) else { return };
-        let (name, (low, high)) = (&domain.name, &domain.declaration.range);
-        let span = Span { end: high.span.end, ..low.span };
-        for fault in self.reports.diagnostics.iter_mut().skip(before).filter(|d| d.code == codes::UNIT_MISMATCH) {
-            fault.secondary.push(Label { span, text: format!("`{name}` is a pure number") });
-            fault.notes.push(format!("if `{name}` is a length, its ends need the unit: `domain {name} in 0 [m]..1 [m]`"));
-        }
-    }
-
     /// A grid rests: it depends on parameters only.
     fn check_fixed(&mut self, e: ExprId, span: Span) {
-        if let Some(what) = self.varying(e) {
-            self.report(
+        if let Some(what) = self.symbols.varying(&self.exprs, e) {
+            self.ledger.report(
                 Diagnostic::error(codes::WRONG_KIND, format!("the grid cannot depend on {what}: it does not move"), span)
                     .label("changes while the model runs")
                     .help("use parameters; for a moving boundary transform to a fixed coordinate"),
             );
         }
-    }
-
-    /// The number of a cell or face as a node.
-    fn number(&mut self, cell: Cell, plus: f64) -> ExprId {
-        let first = self.exprs.constant(cell.first as f64 + plus);
-        match cell.along {
-            None => first,
-            Some(v) => {
-                let counter = self.exprs.counter(v);
-                self.exprs.add(counter, first)
-            }
-        }
-    }
-
-    /// Whether all cells have one width.
-    fn is_uniform(&self, domain: DomainId) -> bool {
-        let d = self.symbols.domains[domain].declaration;
-        d.stretch.is_none() && d.faces.is_none()
     }
 
     /// Width of every cell of a uniform grid.
@@ -109,7 +75,7 @@ impl Elaborator<'_> {
     fn prescribed(&mut self, domain: DomainId, e: &Expr, k: ExprId, unit: &Unit) -> ExprId {
         let place = Place::new(self.symbols.domains[domain].scope, Site::Dynamics).bind("k", Bound::Number(k));
         let v = self.value(e, &place);
-        let expr = self.in_unit(v, unit, e.span, "the grid", e.span);
+        let expr = self.values().in_unit(v, unit, e.span, "the grid", e.span);
         self.check_fixed(expr, e.span);
         expr
     }
@@ -118,7 +84,7 @@ impl Elaborator<'_> {
     fn face_position(&mut self, domain: DomainId, face: Cell) -> ExprId {
         let (unit, low, high) = self.ends(domain);
         let declaration = self.symbols.domains[domain].declaration;
-        let k = self.number(face, 0.0);
+        let k = self.values().number(face, 0.0);
         if let Some(e) = &declaration.faces {
             return self.prescribed(domain, e, k, &unit);
         }
@@ -126,7 +92,7 @@ impl Elaborator<'_> {
             // Widths grow by the ratio q from cell to cell: x_k = low + length (q^k - 1)/(q^n - 1).
             let place = Place::new(self.symbols.domains[domain].scope, Site::Dynamics);
             let v = self.value(q, &place);
-            let q = self.in_unit(v, &Unit::one(), q.span, "the ratio of neighbouring cells", q.span);
+            let q = self.values().in_unit(v, &Unit::one(), q.span, "the ratio of neighbouring cells", q.span);
             let n = self.exprs.constant(self.symbols.domains[domain].cells as f64);
             let one = self.exprs.constant(1.0);
             let (a, b) = (self.exprs.binary(BinaryFn::Pow, q, k), self.exprs.binary(BinaryFn::Pow, q, n));
@@ -142,10 +108,10 @@ impl Elaborator<'_> {
     }
 
     fn centre(&mut self, domain: DomainId, cell: Cell) -> ExprId {
-        if self.is_uniform(domain) {
+        if self.symbols.is_uniform(domain) {
             let (_, low, _) = self.ends(domain);
             let h = self.spacing(domain);
-            let k = self.number(cell, 0.5);
+            let k = self.values().number(cell, 0.5);
             let x = self.exprs.mul(k, h);
             return self.exprs.add(low, x);
         }
@@ -172,7 +138,7 @@ impl Elaborator<'_> {
     /// `width(z)`
     pub(in crate::elaborate) fn cell_width(&mut self, domain: DomainId, cell: Cell) -> Value {
         let unit = self.ends(domain).0;
-        let expr = if self.is_uniform(domain) {
+        let expr = if self.symbols.is_uniform(domain) {
             self.spacing(domain)
         } else {
             let (a, b) = (self.face_position(domain, cell), self.face_position(domain, cell.shifted(1)));
@@ -184,7 +150,7 @@ impl Elaborator<'_> {
     /// Area of a face without the angular factor (1, x, x²).
     fn area(&mut self, domain: DomainId, face: Cell) -> ExprId {
         if let Some(e) = &self.symbols.domains[domain].declaration.areas {
-            let k = self.number(face, 0.0);
+            let k = self.values().number(face, 0.0);
             let unit = self.area_unit(domain);
             return self.prescribed(domain, e, k, &unit);
         }
@@ -217,7 +183,7 @@ impl Elaborator<'_> {
     /// Measure of a cell without the angular factor.
     fn measure(&mut self, domain: DomainId, cell: Cell) -> ExprId {
         if let Some(e) = &self.symbols.domains[domain].declaration.volumes {
-            let k = self.number(cell, 1.0);
+            let k = self.values().number(cell, 1.0);
             let unit = {
                 let area = self.area_unit(domain);
                 units::times(&area, &self.ends(domain).0)
@@ -268,7 +234,7 @@ impl Elaborator<'_> {
         let (at_low, at_high) = (self.is_number(face.at, 0), self.is_number(face.at, n));
         let (Some(at_low), Some(at_high)) = (at_low, at_high) else { return Some(self.poison()) };
         let at = |s: &mut Self, by: i64| s.in_cell(symbol, index, span, face.at.shifted(by), face.domain, place);
-        let is_marked = self.fluxes.faces.is_some() && self.is_directed(face);
+        let is_marked = self.fluxes.faces.is_some() && self.symbols.is_directed(face);
         if self.fluxes.averaging || is_marked {
             let beside = at(self, if at_low { 0 } else { -1 });
             let marked =
@@ -318,7 +284,11 @@ impl Elaborator<'_> {
             return l;
         }
         let (ll, r) = (cell(self, behind), cell(self, across));
-        let expr = if scheme == Scheme::Upwind2 { self.extrapolate(ll.expr, l.expr) } else { self.limited(ll.expr, l.expr, r.expr) };
+        let expr = if scheme == Scheme::Upwind2 {
+            self.values().extrapolate(ll.expr, l.expr)
+        } else {
+            self.values().limited(ll.expr, l.expr, r.expr)
+        };
         Value { expr, unit: l.unit }
     }
 
@@ -353,7 +323,7 @@ impl Elaborator<'_> {
     }
 
     pub(in crate::elaborate) fn interpolate(&mut self, face: Face, l: ExprId, r: ExprId) -> ExprId {
-        if self.is_uniform(face.domain) {
+        if self.symbols.is_uniform(face.domain) {
             let half = self.exprs.constant(0.5);
             let sum = self.exprs.add(l, r);
             return self.exprs.mul(half, sum);
@@ -364,25 +334,6 @@ impl Elaborator<'_> {
         let weight = self.exprs.div(part, whole);
         let difference = self.exprs.sub(r, l);
         let step = self.exprs.mul(weight, difference);
-        self.exprs.add(l, step)
-    }
-
-    fn extrapolate(&mut self, ll: ExprId, l: ExprId) -> ExprId {
-        let half = self.exprs.constant(0.5);
-        let difference = self.exprs.sub(l, ll);
-        let step = self.exprs.mul(half, difference);
-        self.exprs.add(l, step)
-    }
-
-    /// Van Leer's limiter: the harmonic mean of both differences where they have one sign, else first order.
-    fn limited(&mut self, ll: ExprId, l: ExprId, r: ExprId) -> ExprId {
-        let (a, b) = (self.exprs.sub(l, ll), self.exprs.sub(r, l));
-        let product = self.exprs.mul(a, b);
-        let sum = self.exprs.add(a, b);
-        let zero = self.exprs.constant(0.0);
-        let same_sign = self.exprs.compare(Compare::Lt, zero, product);
-        let step = self.exprs.div(product, sum);
-        let step = self.exprs.select(same_sign, step, zero);
         self.exprs.add(l, step)
     }
 
@@ -417,21 +368,14 @@ impl Elaborator<'_> {
         }
         let l = self.beside(face, -1, e, place);
         let difference = self.exprs.sub(r.expr, l.expr);
-        let distance = if self.is_uniform(face.domain) {
+        let distance = if self.symbols.is_uniform(face.domain) {
             self.spacing(face.domain)
         } else {
             let (a, b) = (self.centre(face.domain, face.at.shifted(-1)), self.centre(face.domain, face.at));
             self.exprs.sub(b, a)
         };
-        let expr = self.over_fixed(difference, distance);
+        let expr = self.values().over_fixed(difference, distance);
         Value::of(expr, gradient_unit)
-    }
-
-    /// A quotient by a length of the grid: its reciprocal is known before the solve, and a product takes a tenth of the time.
-    fn over_fixed(&mut self, value: ExprId, length: ExprId) -> ExprId {
-        let one = self.exprs.constant(1.0);
-        let reciprocal = self.exprs.div(one, length);
-        self.exprs.mul(value, reciprocal)
     }
 
     /// An expression in a cell beside the face: -1 the one below, 0 the one above.
@@ -516,12 +460,13 @@ impl Elaborator<'_> {
         at_face.face = Some(face);
         if let Some(e) = end {
             let mut v = self.value(e, &inner);
-            if self.is_directed(face) {
+            if self.symbols.is_directed(face) {
                 v = self.entering(v, flux, low, &at_face);
             }
             return self.flux_in_unit(v, flux, e.span, &inner);
         }
-        let v = if self.is_directed(face) && !low && !high { self.directed(flux, &at_face) } else { self.value(&flux.inner, &at_face) };
+        let v =
+            if self.symbols.is_directed(face) && !low && !high { self.directed(flux, &at_face) } else { self.value(&flux.inner, &at_face) };
         self.flux_in_unit(v, flux, flux.inner.span, &inner)
     }
 
@@ -532,17 +477,17 @@ impl Elaborator<'_> {
             return v;
         }
         let Some(unit) = self.unit(written, place) else { return self.poison() };
-        let reports = self.reports.diagnostics.len();
-        let expr = self.strictly_in(v, &unit, span, &format!("the flux `{}`", flux.name.text), flux.name.span);
-        if self.reports.diagnostics.len() > reports { self.poison() } else { Value::of(expr, unit) }
+        let reports = self.ledger.reports.diagnostics.len();
+        let expr = self.values().strictly_in(v, &unit, span, &format!("the flux `{}`", flux.name.text), flux.name.span);
+        if self.ledger.reports.diagnostics.len() > reports { self.poison() } else { Value::of(expr, unit) }
     }
 
     /// `J[i, z.low]`, `J[i, z.high]`: the flux at an end.
     pub(in crate::elaborate) fn flux_at_end(&mut self, symbol: SymbolId, index: &[Expr], span: Span, place: &Place) -> Value {
-        let Some((axes, last)) = self.flux_axes(symbol, index, span) else { return self.poison() };
+        let Some((axes, last)) = self.naming().flux_axes(symbol, index, span) else { return self.poison() };
         let Axis::Domain(domain) = axes[axes.len() - 1] else { return self.poison() };
         let end = match &last.kind {
-            ExprKind::Member(base, end) if self.domain_of(base, place) == Some(domain) => match end.text.as_str() {
+            ExprKind::Member(base, end) if self.symbols.domain_of(base, place) == Some(domain) => match end.text.as_str() {
                 "low" => Some(0),
                 "high" => Some(self.symbols.domains[domain].cells),
                 _ => None,
@@ -561,21 +506,6 @@ impl Elaborator<'_> {
         let mut outer = place.clone();
         outer.face = None;
         self.flux_at(symbol, &leading, Face { domain, at: Cell::single(number) }, &outer)
-    }
-
-    fn flux_axes<'e>(&mut self, symbol: SymbolId, index: &'e [Expr], span: Span) -> Option<(Rc<[Axis]>, &'e Expr)> {
-        let SymbolKind::Flux { axes, .. } = &self.symbols[symbol].kind else { return None };
-        let axes = axes.clone();
-        match index.last() {
-            Some(last) if index.len() == axes.len() => Some((axes, last)),
-            _ => {
-                let path = self.symbols[symbol].path.clone();
-                let wanted: Vec<&str> = axes.iter().map(|&a| self.symbols.axis_name(a)).collect();
-                let help = format!("write `{path}[{}]`", wanted.join(", "));
-                self.report(Diagnostic::error(codes::WRONG_SHAPE, format!("`{path}` needs its indices"), span).help(help));
-                None
-            }
-        }
     }
 
     /// `div(J[i, z])`: what leaves the cell, over its measure.
@@ -603,7 +533,7 @@ impl Elaborator<'_> {
                     .help("declare `flux J[z] = v*c[z]` and write `div(J[z])`"),
             );
         }
-        let Some((axes, last)) = self.flux_axes(symbol, index, span) else { return self.poison() };
+        let Some((axes, last)) = self.naming().flux_axes(symbol, index, span) else { return self.poison() };
         let Some(&Axis::Domain(domain)) = axes.last() else { return self.poison() };
         let Some((_, bounds)) = self.address(symbol, &axes, index, last.span, place) else { return self.poison() };
         let Some(Bound::Cell(_, cell)) = bounds.last().cloned() else { return self.poison() };
@@ -628,14 +558,97 @@ impl Elaborator<'_> {
             _ => Unit::one(),
         };
         let what = format!("the flux `{}`", self.symbols[symbol].path);
-        let inflow = self.strictly_in(inflow, &unit, low_span, &what, inner_span);
-        let outflow = self.strictly_in(outflow, &unit, high_span, &what, inner_span);
+        let inflow = self.values().strictly_in(inflow, &unit, low_span, &what, inner_span);
+        let outflow = self.values().strictly_in(outflow, &unit, high_span, &what, inner_span);
         let (a, b) = (self.area(domain, cell), self.area(domain, cell.shifted(1)));
         let (inflow, outflow) = (self.exprs.mul(a, inflow), self.exprs.mul(b, outflow));
         let net = self.exprs.sub(outflow, inflow);
         let measure = self.measure(domain, cell);
-        let expr = self.over_fixed(net, measure);
+        let expr = self.values().over_fixed(net, measure);
         let length = self.ends(domain).0;
         Value::of(expr, units::over(&unit, &length))
+    }
+}
+
+impl Values<'_> {
+    /// The number of a cell or face as a node.
+    fn number(&mut self, cell: Cell, plus: f64) -> ExprId {
+        let first = self.exprs.constant(cell.first as f64 + plus);
+        match cell.along {
+            None => first,
+            Some(v) => {
+                let counter = self.exprs.counter(v);
+                self.exprs.add(counter, first)
+            }
+        }
+    }
+
+    fn extrapolate(&mut self, ll: ExprId, l: ExprId) -> ExprId {
+        let half = self.exprs.constant(0.5);
+        let difference = self.exprs.sub(l, ll);
+        let step = self.exprs.mul(half, difference);
+        self.exprs.add(l, step)
+    }
+
+    /// Van Leer's limiter: the harmonic mean of both differences where they have one sign, else first order.
+    fn limited(&mut self, ll: ExprId, l: ExprId, r: ExprId) -> ExprId {
+        let (a, b) = (self.exprs.sub(l, ll), self.exprs.sub(r, l));
+        let product = self.exprs.mul(a, b);
+        let sum = self.exprs.add(a, b);
+        let zero = self.exprs.constant(0.0);
+        let same_sign = self.exprs.compare(Compare::Lt, zero, product);
+        let step = self.exprs.div(product, sum);
+        let step = self.exprs.select(same_sign, step, zero);
+        self.exprs.add(l, step)
+    }
+
+    /// A quotient by a length of the grid: its reciprocal is known before the solve, and a product takes a tenth of the time.
+    fn over_fixed(&mut self, value: ExprId, length: ExprId) -> ExprId {
+        let one = self.exprs.constant(1.0);
+        let reciprocal = self.exprs.div(one, length);
+        self.exprs.mul(value, reciprocal)
+    }
+}
+
+impl<'a> Naming<'_, 'a> {
+    fn flux_axes<'e>(&mut self, symbol: SymbolId, index: &'e [Expr], span: Span) -> Option<(Rc<[Axis]>, &'e Expr)> {
+        let SymbolKind::Flux { axes, .. } = &self.symbols[symbol].kind else { return None };
+        let axes = axes.clone();
+        match index.last() {
+            Some(last) if index.len() == axes.len() => Some((axes, last)),
+            _ => {
+                let path = self.symbols[symbol].path.clone();
+                let wanted: Vec<&str> = axes.iter().map(|&a| self.symbols.axis_name(a)).collect();
+                let help = format!("write `{path}[{}]`", wanted.join(", "));
+                self.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, format!("`{path}` needs its indices"), span).help(help));
+                None
+            }
+        }
+    }
+
+    /// Names with units that do not fit in derivatives over space the domain whose ends have none.
+    pub(in crate::elaborate) fn blame_lengths(&mut self, before: usize, parts: &[&Expr]) {
+        let mut over_space = false;
+        let is_derivative = |e: &Expr| matches!(&e.kind, ExprKind::Call { function, .. } if matches!(&*function.text, "div" | "grad"));
+        parts.iter().for_each(|e| e.walk(&mut |e| over_space |= is_derivative(e)));
+        if self.ledger.reports.diagnostics.len() == before || !over_space {
+            return;
+        }
+        let is_bare = |d: &&crate::elaborate::declare::symbols::Domain<'_>| d.ends.as_ref().is_some_and(|(unit, ..)| unit.is_one());
+        let Some(domain) = self.symbols.domains.values().find(is_bare) else { return };
+        let (name, (low, high)) = (&domain.name, &domain.declaration.range);
+        let span = Span { end: high.span.end, ..low.span };
+        for fault in self.ledger.reports.diagnostics.iter_mut().skip(before).filter(|d| d.code == codes::UNIT_MISMATCH) {
+            fault.secondary.push(Label { span, text: format!("`{name}` is a pure number") });
+            fault.notes.push(format!("if `{name}` is a length, its ends need the unit: `domain {name} in 0 [m]..1 [m]`"));
+        }
+    }
+}
+
+impl<'a> Symbols<'a> {
+    /// Whether all cells have one width.
+    fn is_uniform(&self, domain: DomainId) -> bool {
+        let d = self.domains[domain].declaration;
+        d.stretch.is_none() && d.faces.is_none()
     }
 }

@@ -5,6 +5,7 @@ use smpl_dsl::span::{FileId, Span};
 use smpl_dsl::syntax::{Expr, ExprKind, Statement, StatementKind};
 
 use crate::elaborate::declare::defaults::for_each_element;
+use crate::elaborate::declare::symbols::Symbols;
 use crate::elaborate::select::items::Item;
 use crate::elaborate::{Elaborator, Place, Site};
 use crate::ir::{FastMap, FastSet, Place as Memory, Role, VarId};
@@ -45,7 +46,7 @@ impl Elaborator<'_> {
                     Some(span) => Diagnostic::warning(codes::START_OUTSIDE_BOUNDS, message, span).secondary(declared, "declared here"),
                     None => Diagnostic::warning(codes::START_OUTSIDE_BOUNDS, message, declared),
                 };
-                self.report(warning.help(help));
+                self.ledger.report(warning.help(help));
             }
         }
     }
@@ -59,7 +60,7 @@ impl Elaborator<'_> {
         let of = |(scope, item): (crate::elaborate::declare::symbols::ScopeId, Item<'_>)| {
             let Item::Other(Statement { kind: StatementKind::Initial { target, .. }, span }) = item else { return None };
             let base = if let ExprKind::Index(base, _) = &target.kind { base } else { target };
-            (self.variable_of(base, &Place::new(scope, Site::Reset)) == Some(var)).then_some(*span)
+            (self.symbols.variable_of(base, &Place::new(scope, Site::Reset)) == Some(var)).then_some(*span)
         };
         crate::elaborate::episode::each(&self.instances.blocks).filter_map(of).last()
     }
@@ -78,7 +79,7 @@ impl Elaborator<'_> {
                     ExprKind::Index(base, _) => base,
                     _ => target,
                 };
-                named.extend(self.variable_of(base, &place));
+                named.extend(self.symbols.variable_of(base, &place));
             }
         }
         let Some(span) = at else { return };
@@ -91,18 +92,10 @@ impl Elaborator<'_> {
         let entries = left.iter().map(entry).collect::<Vec<_>>().join(", ");
         let names = left.iter().map(|q| format!("`{}`", q.name)).collect::<Vec<_>>().join(", ");
         let verb = if left.len() == 1 { "is" } else { "are" };
-        self.report(
+        self.ledger.report(
             Diagnostic::warning(codes::INCOMPLETE_STEADY, format!("`steady` does not name {names}, which {verb} taken as nominal"), span)
                 .help(format!("write `{entries}` in the block")),
         );
-    }
-
-    fn variable_of(&self, e: &Expr, place: &crate::elaborate::Place) -> Option<VarId> {
-        let ExprKind::Name(name) = &e.kind else { return None };
-        match self.symbols[self.symbols.lookup(place.scope, &name.text)?].kind {
-            crate::elaborate::declare::symbols::SymbolKind::Variable { var, .. } => Some(var),
-            _ => None,
-        }
     }
 
     /// A model without an `episode` block.
@@ -122,7 +115,17 @@ impl Elaborator<'_> {
         let (step, limit) = (episode.step, episode.max_steps);
         let message = format!("the model has no `episode` block: it is sampled every {step} {} over {limit} steps", self.symbols.time_unit);
         let help = format!("write `episode {{ step = {step} [{}], max_steps = {limit} }}`", self.symbols.time_unit);
-        self.report(Diagnostic::warning(codes::NO_EPISODE, message, span).help(help));
+        self.ledger.report(Diagnostic::warning(codes::NO_EPISODE, message, span).help(help));
+    }
+}
+
+impl<'a> Symbols<'a> {
+    fn variable_of(&self, e: &Expr, place: &crate::elaborate::Place) -> Option<VarId> {
+        let ExprKind::Name(name) = &e.kind else { return None };
+        match self[self.lookup(place.scope, &name.text)?].kind {
+            crate::elaborate::declare::symbols::SymbolKind::Variable { var, .. } => Some(var),
+            _ => None,
+        }
     }
 }
 

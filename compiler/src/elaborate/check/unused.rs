@@ -7,7 +7,7 @@ use smpl_dsl::diagnostic::{Code, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Binder, BinderSet, Expr, ExprKind, Ident, Statement, StatementKind};
 
-use crate::elaborate::declare::symbols::{ScopeId, SymbolId, SymbolKind};
+use crate::elaborate::declare::symbols::{ScopeId, SymbolId, SymbolKind, Symbols};
 use crate::elaborate::select::items::{Item, items};
 use crate::elaborate::{Bound, Elaborator, Options, Place, Site};
 use crate::ir::FastSet;
@@ -103,11 +103,14 @@ impl<'a> Elaborator<'a> {
                     place = place.bind(&parameter.text, Bound::Value(self.poison()));
                 }
                 self.expansions.enter(symbol);
-                let before = self.reports.diagnostics.len();
+                let before = self.ledger.reports.diagnostics.len();
                 self.value(body, &place);
                 self.expansions.leave();
                 // Where it is called from decides which functions have a meaning.
-                self.reports.diagnostics.retain_after(before, |d| d.code != codes::MISPLACED_FUNCTION && !OF_VALUES.contains(&d.code));
+                self.ledger
+                    .reports
+                    .diagnostics
+                    .retain_after(before, |d| d.code != codes::MISPLACED_FUNCTION && !OF_VALUES.contains(&d.code));
             }
             _ => {}
         }
@@ -115,7 +118,7 @@ impl<'a> Elaborator<'a> {
 
     /// Observations of levels that are not chosen; what is odd about them matters when they are.
     fn check_unused_levels(&mut self) {
-        let before = self.reports.diagnostics.len();
+        let before = self.ledger.reports.diagnostics.len();
         for (scope, items_of) in self.instances.blocks.clone() {
             for item in items_of {
                 let Item::Other(Statement { kind: StatementKind::Level { name, body, .. }, .. }) = item else { continue };
@@ -125,7 +128,7 @@ impl<'a> Elaborator<'a> {
                 self.check_level(scope, items(body, &self.input.selection));
             }
         }
-        self.reports.diagnostics.retain_after(before, |d| d.is_error());
+        self.ledger.reports.diagnostics.retain_after(before, |d| d.is_error());
     }
 
     /// Units and sets of connectors.
@@ -160,16 +163,16 @@ impl<'a> Elaborator<'a> {
         sample.declare_samples(&unused);
         sample.declare_defaults();
         sample.check_ends();
-        sample.speculation.enabled = true;
+        sample.ledger.speculation.enabled = true;
         sample.elaborate_equations();
         sample.elaborate_control();
         sample.check_unused();
-        sample.reports.name_calls();
+        sample.ledger.reports.name_calls();
         let inside = |span: Span| unused.iter().any(|s| s.span.contains(span));
-        for d in &sample.reports.diagnostics {
+        for d in &sample.ledger.reports.diagnostics {
             let of_component = inside(d.primary.span) || d.secondary.iter().any(|l| inside(l.span));
             if of_component && !OF_VALUES.contains(&d.code) {
-                self.report(d.clone());
+                self.ledger.report(d.clone());
             }
         }
     }
@@ -183,14 +186,16 @@ impl<'a> Elaborator<'a> {
             self.instantiate(statement, &name.text, name.span, &[], &place, 0);
         }
     }
+}
 
+impl<'a> Symbols<'a> {
     /// Kind of a structural parameter in a sample: a set where something runs over it, else a number.
     pub(in crate::elaborate) fn sampled(&self, scope: ScopeId, name: &Ident, body: &[Statement]) -> SymbolKind<'a> {
         if !body.iter().any(|s| runs_over(s, &name.text)) {
             return SymbolKind::Integer(SAMPLE as i64);
         }
         // The set that it stands for mostly has its name.
-        match self.symbols.lookup(scope, &name.text).map(|s| self.symbols[s].kind.clone()) {
+        match self.lookup(scope, &name.text).map(|s| self[s].kind.clone()) {
             Some(kind @ SymbolKind::Set(_)) => kind,
             _ => SymbolKind::Faulty,
         }

@@ -6,7 +6,7 @@
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Ident, StatementKind, TimeTable};
 
-use crate::elaborate::Elaborator;
+use crate::elaborate::ledger::Ledger;
 use crate::elaborate::lower::builtins;
 use crate::elaborate::select::items::Item;
 
@@ -40,10 +40,10 @@ pub(in crate::elaborate) fn note(diagnostic: Diagnostic, name: &str) -> Diagnost
     }
 }
 
-impl<'a> Elaborator<'a> {
+impl Ledger {
     /// Warns of declarations of a block that take the place of built-in names. An array and what is no number do not: without an index they
     /// are faults, which say so.
-    pub(in crate::elaborate) fn check_built_ins(&mut self, list: &[Item<'a>]) {
+    pub(in crate::elaborate) fn check_built_ins(&mut self, list: &[Item<'_>]) {
         for item in list {
             match item {
                 Item::Declare(_, d) if d.indices.is_empty() => self.warn_of_name(&d.name),

@@ -1,16 +1,18 @@
 //! Nests of loops over binders, the order of declarations, and the numbers that declarations give.
 
-use smpl_dsl::diagnostic::{Diagnostic, codes};
-use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Binder, Declaration, Expr, StatementKind};
-use smpl_dsl::units::Unit;
-
-use crate::elaborate::declare::symbols::{Axis, ScopeId, SymbolId, SymbolKind};
+use crate::elaborate::declare::symbols::{Axis, ScopeId, SymbolId, SymbolKind, Symbols};
+use crate::elaborate::ledger::Ledger;
 use crate::elaborate::lower::cells::Cell;
 use crate::elaborate::lower::functions::BinderValue;
 use crate::elaborate::lower::units;
 use crate::elaborate::select::items::Item;
 use crate::elaborate::{Bound, Elaborator, Place, Site};
+use crate::ir::Exprs;
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::span::Span;
+use smpl_dsl::syntax::{Binder, Declaration, Expr, StatementKind};
+use smpl_dsl::units::Unit;
+
 use crate::ir::{Affine, Expr as Node, ExprId, FastMap, FastSet, LoopVar, Role, VarId};
 use crate::model::{self, Quantity};
 
@@ -57,7 +59,7 @@ impl<'a> Elaborator<'a> {
         }
         let mut out = Vec::new();
         for value in self.bindings_of(binder, place) {
-            if !self.may_write_out(binder.span) {
+            if !self.ledger.may_write_out(binder.span) {
                 break;
             }
             let (low, high) = match &value {
@@ -101,66 +103,12 @@ impl<'a> Elaborator<'a> {
         out
     }
 
-    /// Address of the element that bound index names mean.
-    pub(in crate::elaborate) fn bound_address(&self, axes: &[Axis], indices: &[Binder], place: &Place) -> Affine {
-        let mut at = Affine::default();
-        for (&axis, binder) in axes.iter().zip(indices) {
-            let part = match place.bound(&binder.name.text) {
-                Some(Bound::Member(_, i)) => Affine::constant(*i as i64),
-                Some(Bound::Cell(_, c)) => c.affine(),
-                Some(Bound::Run(numbers)) => match axis {
-                    Axis::Set(set) => numbers.shifted(-self.symbols.sets[set].first.unwrap_or(0)).affine(),
-                    Axis::Domain(_) => numbers.shifted(-1).affine(),
-                },
-                _ => Affine::default(),
-            };
-            at = at.times(self.symbols.axis_len(axis)).plus(part);
-        }
-        at
-    }
-
     /// Symbols of variables and outputs in the order of the text, instances where they stand.
     pub(in crate::elaborate) fn in_text_order(&self) -> Vec<SymbolId> {
         let mut out = Vec::new();
         let blocks = self.instances.blocks.iter().map(|(scope, items)| (*scope, items.as_slice())).collect();
-        self.walk(ScopeId::from_u32(0), &blocks, &mut out);
+        self.symbols.walk(ScopeId::from_u32(0), &blocks, &mut out);
         out
-    }
-
-    fn walk(&self, scope: ScopeId, blocks: &FastMap<ScopeId, &[Item<'a>]>, out: &mut Vec<SymbolId>) {
-        let Some(items) = blocks.get(&scope) else {
-            // A port: its members in the order of declaration.
-            let mut members: Vec<SymbolId> = self.symbols.scopes[scope].names.values().copied().collect();
-            members.sort_unstable();
-            out.extend(members);
-            return;
-        };
-        let own = |name: &str| self.symbols.scopes[scope].names.get(name).copied();
-        for item in *items {
-            match item {
-                Item::Declare(_, d) => out.extend(own(&d.name.text)),
-                Item::Other(statement) => match &statement.kind {
-                    StatementKind::Instance { name, .. } => match own(&name.text).map(|s| &self.symbols[s].kind) {
-                        Some(SymbolKind::Instance(inner)) => self.walk(*inner, blocks, out),
-                        Some(SymbolKind::Instances(row)) => {
-                            for (_, inner) in &row.list {
-                                self.walk(*inner, blocks, out);
-                            }
-                        }
-                        _ => {}
-                    },
-                    StatementKind::Port { names, .. } => {
-                        for name in names {
-                            if let Some(SymbolKind::Instance(port)) = own(&name.text).map(|s| &self.symbols[s].kind) {
-                                self.walk(*port, blocks, out);
-                            }
-                        }
-                    }
-                    _ => {}
-                },
-                _ => {}
-            }
-        }
     }
 
     /// Numbers of every declared variable: bounds, default, scale. Parameters come first, since others may depend on them.
@@ -200,7 +148,7 @@ impl<'a> Elaborator<'a> {
             let value = self.exprs.constant(x);
             pieces.push(match element {
                 Some(at) => Piece { extents: Vec::new(), value: (Affine::constant(at), value) },
-                None => self.whole(var, value),
+                None => self.symbols.whole(var, value),
             });
         }
         pieces
@@ -229,19 +177,19 @@ impl<'a> Elaborator<'a> {
                         }
                     };
                     let value = self.exprs.constant(value);
-                    return vec![self.whole(var, value)];
+                    return vec![self.symbols.whole(var, value)];
                 }
             },
         };
         let what = format!("`{path}`");
         if axes.is_empty() || !mentions(e, &declaration.indices) {
             let value = self.number_in(e, &unit, &what, span, &place);
-            return vec![self.whole(var, value)];
+            return vec![self.symbols.whole(var, value)];
         }
         let mut place = place;
         place.scope = scope;
         self.nest(&declaration.indices, &place, &mut |s, inner| {
-            let at = s.bound_address(&axes, &declaration.indices, inner);
+            let at = s.symbols.bound_address(&axes, &declaration.indices, inner);
             (at, s.number_in(e, &unit, &what, span, inner))
         })
     }
@@ -257,15 +205,7 @@ impl<'a> Elaborator<'a> {
         if let Some(&used) = self.instances.used_at.get(&scope) {
             d = d.secondary(used, "used here");
         }
-        self.report(d);
-    }
-
-    /// One value for all elements of a variable.
-    pub(in crate::elaborate) fn whole(&self, var: VarId, value: ExprId) -> Piece<(Affine, ExprId)> {
-        match self.symbols.vars[var].len {
-            1 => Piece { extents: Vec::new(), value: (Affine::default(), value) },
-            len => Piece { extents: vec![len], value: (Affine::along(0, LoopVar(0), 1), value) },
-        }
+        self.ledger.report(d);
     }
 
     /// Makes the default of a parameter known to constant evaluation, after those that it needs (with an explicit stack: chains may be
@@ -286,7 +226,7 @@ impl<'a> Elaborator<'a> {
             self.hidden.draws.site = outer;
             let mut needed = Vec::new();
             for piece in &pieces {
-                for (needs, _) in self.parameters_in(piece.value.1) {
+                for (needs, _) in self.symbols.parameters_in(&self.exprs, piece.value.1) {
                     self.constants.note_need(var, needs);
                     let var = needs;
                     if let Some(&symbol) = self.symbols.of_var.get(&var).filter(|_| !self.constants.is_begun(var)) {
@@ -332,7 +272,7 @@ impl<'a> Elaborator<'a> {
         if let Some((a, b)) = bounds
             && low.iter().zip(&high).any(|(l, h)| l > h)
         {
-            self.report(Diagnostic::error(
+            self.ledger.report(Diagnostic::error(
                 codes::BAD_SETTING,
                 format!("the bounds of `{path}` are the wrong way round"),
                 a.span.to(b.span),
@@ -344,7 +284,7 @@ impl<'a> Elaborator<'a> {
             && let Some(bad) = scale.iter().find(|s| s.is_infinite() || **s <= 0.0)
         {
             let message = format!("the scale of `{path}` must be a positive number, it is {bad}");
-            self.report(Diagnostic::error(codes::BAD_SETTING, message, e.span));
+            self.ledger.report(Diagnostic::error(codes::BAD_SETTING, message, e.span));
         }
         let n = scale.len().max(low.len()).max(high.len());
         if scale.iter().any(|s| s.is_nan()) {
@@ -356,12 +296,12 @@ impl<'a> Elaborator<'a> {
                 .collect();
         }
         if role == Role::Action {
-            self.check_action(&path, declaration, &low, &high, &default);
+            self.ledger.check_action(&path, declaration, &low, &high, &default);
         }
         let quantity = Quantity {
             var: Some(var),
             name: path,
-            axes: self.model_axes(&axes),
+            axes: self.symbols.model_axes(&axes),
             pattern: declaration.pattern.clone(),
             unit: unit.to_string(),
             text: declaration.text.clone().unwrap_or_default(),
@@ -376,36 +316,6 @@ impl<'a> Elaborator<'a> {
             self.check_range(symbol, &quantity);
         }
         quantity
-    }
-
-    fn check_action(&mut self, path: &str, d: &Declaration, low: &[f64], high: &[f64], nominal: &[f64]) {
-        if !low.iter().chain(high).all(|x| x.is_finite()) {
-            self.report(
-                Diagnostic::error(codes::MISSING_CLAUSE, format!("the action `{path}` needs finite bounds"), d.name.span)
-                    .help("write `in low..high`"),
-            );
-        } else if nominal.iter().enumerate().any(|(i, &x)| x < Quantity::pick(low, i) || x > Quantity::pick(high, i)) {
-            self.report(Diagnostic::warning(
-                codes::BAD_SETTING,
-                format!("the nominal value of `{path}` lies outside its bounds"),
-                d.name.span,
-            ));
-        }
-    }
-
-    pub(in crate::elaborate) fn model_axes(&self, axes: &[Axis]) -> Vec<model::Axis> {
-        axes.iter()
-            .map(|&axis| match axis {
-                Axis::Domain(d) => model::Axis::Numbers { first: 1, count: self.symbols.domains[d].cells as u32 },
-                Axis::Set(s) => {
-                    let set = &self.symbols.sets[s];
-                    match set.first {
-                        Some(first) => model::Axis::Numbers { first, count: set.labels.len() as u32 },
-                        None => model::Axis::Names(set.labels.clone()),
-                    }
-                }
-            })
-            .collect()
     }
 
     /// Numbers of the elements; one for all where they are equal.
@@ -443,32 +353,34 @@ impl<'a> Elaborator<'a> {
         let mut pieces = Vec::new();
         if axes.is_empty() || !mentions(e, &d.indices) {
             let value = self.number_in(e, unit, &what, d.span, &place);
-            pieces.push(self.whole(var, value));
+            pieces.push(self.symbols.whole(var, value));
         } else {
             pieces = self.nest(&d.indices, &place, &mut |s, inner| {
-                (s.bound_address(axes, &d.indices, inner), s.number_in(e, unit, &what, d.span, inner))
+                (s.symbols.bound_address(axes, &d.indices, inner), s.number_in(e, unit, &what, d.span, inner))
             });
         }
         let numbers = self.numbers(var, pieces);
-        if numbers.iter().any(|x| x.is_nan()) && !self.reports.has_errors() {
-            self.missing_value("a bound or scale", e.span);
+        if numbers.iter().any(|x| x.is_nan()) && !self.ledger.reports.has_errors() {
+            self.ledger.missing_value("a bound or scale", e.span);
         }
         numbers
     }
+}
 
+impl Symbols<'_> {
     /// What an expression depends on that is no parameter, for messages.
-    pub(in crate::elaborate) fn varying(&self, e: ExprId) -> Option<String> {
+    pub(in crate::elaborate) fn varying(&self, exprs: &Exprs, e: ExprId) -> Option<String> {
         let mut seen = std::collections::HashSet::new();
         let mut stack = vec![e];
         while let Some(e) = stack.pop() {
             if !seen.insert(e) {
                 continue;
             }
-            match self.exprs.node(e) {
-                Node::Time => return Some(format!("the time `{}`", self.symbols.time_name)),
+            match exprs.node(e) {
+                Node::Time => return Some(format!("the time `{}`", self.time_name)),
                 Node::Load { var, .. } => {
-                    let name = &self.symbols.vars[var].name;
-                    let what = match self.symbols.vars[var].role {
+                    let name = &self.vars[var].name;
+                    let what = match self.vars[var].role {
                         Role::State => "the state",
                         Role::Algebraic => "the algebraic variable",
                         Role::Action => "the action",
@@ -480,14 +392,16 @@ impl<'a> Elaborator<'a> {
                     };
                     return Some(format!("{what} `{name}`"));
                 }
-                _ => stack.extend(self.exprs.operands(e)),
+                _ => stack.extend(exprs.operands(e)),
             }
         }
         None
     }
+}
 
+impl Symbols<'_> {
     /// Elements of parameters that an expression loads.
-    pub(in crate::elaborate) fn parameters_in(&self, e: ExprId) -> Vec<(VarId, Affine)> {
+    pub(in crate::elaborate) fn parameters_in(&self, exprs: &Exprs, e: ExprId) -> Vec<(VarId, Affine)> {
         let mut seen = FastSet::default();
         let mut stack = vec![e];
         let mut out = Vec::new();
@@ -495,14 +409,110 @@ impl<'a> Elaborator<'a> {
             if !seen.insert(e) {
                 continue;
             }
-            if let Node::Load { var, at, .. } = self.exprs.node(e)
-                && self.symbols.vars[var].role == Role::Param
+            if let Node::Load { var, at, .. } = exprs.node(e)
+                && self.vars[var].role == Role::Param
             {
                 out.push((var, at));
             }
-            stack.extend(self.exprs.operands(e));
+            stack.extend(exprs.operands(e));
         }
         out
+    }
+}
+
+impl<'a> Symbols<'a> {
+    /// Address of the element that bound index names mean.
+    pub(in crate::elaborate) fn bound_address(&self, axes: &[Axis], indices: &[Binder], place: &Place) -> Affine {
+        let mut at = Affine::default();
+        for (&axis, binder) in axes.iter().zip(indices) {
+            let part = match place.bound(&binder.name.text) {
+                Some(Bound::Member(_, i)) => Affine::constant(*i as i64),
+                Some(Bound::Cell(_, c)) => c.affine(),
+                Some(Bound::Run(numbers)) => match axis {
+                    Axis::Set(set) => numbers.shifted(-self.sets[set].first.unwrap_or(0)).affine(),
+                    Axis::Domain(_) => numbers.shifted(-1).affine(),
+                },
+                _ => Affine::default(),
+            };
+            at = at.times(self.axis_len(axis)).plus(part);
+        }
+        at
+    }
+
+    fn walk(&self, scope: ScopeId, blocks: &FastMap<ScopeId, &[Item<'a>]>, out: &mut Vec<SymbolId>) {
+        let Some(items) = blocks.get(&scope) else {
+            // A port: its members in the order of declaration.
+            let mut members: Vec<SymbolId> = self.scopes[scope].names.values().copied().collect();
+            members.sort_unstable();
+            out.extend(members);
+            return;
+        };
+        let own = |name: &str| self.scopes[scope].names.get(name).copied();
+        for item in *items {
+            match item {
+                Item::Declare(_, d) => out.extend(own(&d.name.text)),
+                Item::Other(statement) => match &statement.kind {
+                    StatementKind::Instance { name, .. } => match own(&name.text).map(|s| &self[s].kind) {
+                        Some(SymbolKind::Instance(inner)) => self.walk(*inner, blocks, out),
+                        Some(SymbolKind::Instances(row)) => {
+                            for (_, inner) in &row.list {
+                                self.walk(*inner, blocks, out);
+                            }
+                        }
+                        _ => {}
+                    },
+                    StatementKind::Port { names, .. } => {
+                        for name in names {
+                            if let Some(SymbolKind::Instance(port)) = own(&name.text).map(|s| &self[s].kind) {
+                                self.walk(*port, blocks, out);
+                            }
+                        }
+                    }
+                    _ => {}
+                },
+                _ => {}
+            }
+        }
+    }
+
+    /// One value for all elements of a variable.
+    pub(in crate::elaborate) fn whole(&self, var: VarId, value: ExprId) -> Piece<(Affine, ExprId)> {
+        match self.vars[var].len {
+            1 => Piece { extents: Vec::new(), value: (Affine::default(), value) },
+            len => Piece { extents: vec![len], value: (Affine::along(0, LoopVar(0), 1), value) },
+        }
+    }
+
+    pub(in crate::elaborate) fn model_axes(&self, axes: &[Axis]) -> Vec<model::Axis> {
+        axes.iter()
+            .map(|&axis| match axis {
+                Axis::Domain(d) => model::Axis::Numbers { first: 1, count: self.domains[d].cells as u32 },
+                Axis::Set(s) => {
+                    let set = &self.sets[s];
+                    match set.first {
+                        Some(first) => model::Axis::Numbers { first, count: set.labels.len() as u32 },
+                        None => model::Axis::Names(set.labels.clone()),
+                    }
+                }
+            })
+            .collect()
+    }
+}
+
+impl Ledger {
+    fn check_action(&mut self, path: &str, d: &Declaration, low: &[f64], high: &[f64], nominal: &[f64]) {
+        if !low.iter().chain(high).all(|x| x.is_finite()) {
+            self.report(
+                Diagnostic::error(codes::MISSING_CLAUSE, format!("the action `{path}` needs finite bounds"), d.name.span)
+                    .help("write `in low..high`"),
+            );
+        } else if nominal.iter().enumerate().any(|(i, &x)| x < Quantity::pick(low, i) || x > Quantity::pick(high, i)) {
+            self.report(Diagnostic::warning(
+                codes::BAD_SETTING,
+                format!("the nominal value of `{path}` lies outside its bounds"),
+                d.name.span,
+            ));
+        }
     }
 }
 

@@ -43,15 +43,15 @@ pub(in crate::elaborate) struct Instances<'a> {
 impl<'a> Elaborator<'a> {
     pub(in crate::elaborate) fn declare_port(&mut self, scope: ScopeId, name: &Ident, connector: &Ident) {
         let Some(StatementKind::Connector { members, .. }) = self.instances.connectors.get(connector.text.as_str()).map(|s| &s.kind) else {
-            let help = self.reports.did_you_mean(&connector.text, self.instances.connectors.keys().copied());
-            self.report(
+            let help = self.ledger.reports.did_you_mean(&connector.text, self.instances.connectors.keys().copied());
+            self.ledger.report(
                 Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown connector `{}`", connector.text), connector.span).maybe_help(help),
             );
-            return self.faulty(scope, name);
+            return self.naming().faulty(scope, name);
         };
         let prefix = format!("{}{}.", self.symbols.scopes[scope].prefix, name.text);
         let port = self.symbols.scopes.push(Scope { prefix, parent: Some(scope), names: Default::default() });
-        self.declare(scope, name, SymbolKind::Instance(port));
+        self.naming().declare(scope, name, SymbolKind::Instance(port));
         for member in members {
             let place = Place::new(scope, Site::Dynamics);
             let Some((axes, _)) = self.axes(&member.indices, &place) else { continue };
@@ -60,7 +60,7 @@ impl<'a> Elaborator<'a> {
                 None => Some(Unit::one()),
             };
             let Some(unit) = unit else { continue };
-            if let Some(var) = self.new_variable(port, &member.name, Role::Algebraic, axes, unit, member) {
+            if let Some(var) = self.naming().new_variable(port, &member.name, Role::Algebraic, axes, unit, member) {
                 self.symbols.ports.insert(var);
             }
         }
@@ -77,48 +77,48 @@ impl<'a> Elaborator<'a> {
     ) {
         // Enough was said.
         if self.instances.made > MAX_INSTANTIATED {
-            return self.faulty(scope, name);
+            return self.naming().faulty(scope, name);
         }
         if let Some(at) = self.instances.open.iter().position(|c| *c == component.text) {
             self.contains_itself(at, component);
-            return self.faulty(scope, name);
+            return self.naming().faulty(scope, name);
         }
         if depth >= MAX_COMPONENT_DEPTH {
             self.instances.made = usize::MAX;
             let message = format!("components inside one another, more than {MAX_COMPONENT_DEPTH} deep");
-            self.report(Diagnostic::error(codes::TOO_LARGE, message, component.span));
-            return self.faulty(scope, name);
+            self.ledger.report(Diagnostic::error(codes::TOO_LARGE, message, component.span));
+            return self.naming().faulty(scope, name);
         }
         let Some(statement) = self.instances.components.get(component.text.as_str()).copied() else {
-            let help = self.reports.did_you_mean(&component.text, self.instances.components.keys().copied());
-            self.report(
+            let help = self.ledger.reports.did_you_mean(&component.text, self.instances.components.keys().copied());
+            self.ledger.report(
                 Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown component `{}`", component.text), component.span).maybe_help(help),
             );
-            return self.faulty(scope, name);
+            return self.naming().faulty(scope, name);
         };
         self.instances.used.insert(&component.text);
         if !self.instances.samples.may_instantiate(depth) {
-            return self.faulty(scope, name);
+            return self.naming().faulty(scope, name);
         }
         let place = Place::new(scope, Site::Dynamics);
         let path = format!("{}{}", self.symbols.scopes[scope].prefix, name.text);
         if indices.is_empty() {
             let inner = self.instantiate(statement, &path, name.span, arguments, &place, depth);
-            self.declare(scope, name, SymbolKind::Instance(inner));
+            self.naming().declare(scope, name, SymbolKind::Instance(inner));
             return;
         }
         let [binder] = indices else {
-            self.report(Diagnostic::error(codes::WRONG_SHAPE, "instances take one index", name.span));
-            return self.faulty(scope, name);
+            self.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, "instances take one index", name.span));
+            return self.naming().faulty(scope, name);
         };
         let mut list = Vec::new();
         for value in self.bindings_of(binder, &place) {
             if self.instances.made > MAX_INSTANTIATED {
-                return self.faulty(scope, name);
+                return self.naming().faulty(scope, name);
             }
             let crate::elaborate::lower::functions::BinderValue::One(bound) = value else {
-                self.report(Diagnostic::error(codes::WRONG_KIND, "instances are counted by a set", binder.span));
-                return self.faulty(scope, name);
+                self.ledger.report(Diagnostic::error(codes::WRONG_KIND, "instances are counted by a set", binder.span));
+                return self.naming().faulty(scope, name);
             };
             let label = match &bound {
                 Bound::Member(set, i) => self.symbols.sets[*set].labels[*i].clone(),
@@ -132,7 +132,7 @@ impl<'a> Elaborator<'a> {
             let inner = self.instantiate(statement, &format!("{path}[{label}]"), name.span, arguments, &inner_place, depth);
             list.push((label, inner));
         }
-        self.declare(scope, name, SymbolKind::Instances(Row::new(list).into()));
+        self.naming().declare(scope, name, SymbolKind::Instances(Row::new(list).into()));
     }
 
     /// Reports a component that is inside of itself, with those between.
@@ -141,7 +141,8 @@ impl<'a> Elaborator<'a> {
         let through = if between.is_empty() { String::new() } else { format!(" through {}", between.join(" and ")) };
         let message = format!("`{}` contains itself{through}", component.text);
         let fault = Diagnostic::error(codes::CYCLIC_DEFINITION, message, component.span);
-        self.report(fault.help("a component has a fixed size: use an array of instances, `use Stage as s[k in 1..n]`, and connect them"));
+        self.ledger
+            .report(fault.help("a component has a fixed size: use an array of instances, `use Stage as s[k in 1..n]`, and connect them"));
     }
 
     /// Counts the declarations of an instance; `false`, and one report, where they are beyond reason.
@@ -150,7 +151,7 @@ impl<'a> Elaborator<'a> {
         self.instances.made = before.saturating_add(1 + declarations);
         let fits = self.instances.made <= MAX_INSTANTIATED;
         if !fits && before <= MAX_INSTANTIATED {
-            self.report(
+            self.ledger.report(
                 Diagnostic::error(
                     codes::TOO_LARGE,
                     "instances of components would make more than 300,000 declarations and equations",
@@ -176,11 +177,11 @@ impl<'a> Elaborator<'a> {
         self.instances.used_at.insert(scope, used);
         let StatementKind::Component { name, parameters, body, .. } = &statement.kind else { return scope };
         for (parameter, default) in parameters {
-            self.warn_of_name(parameter);
+            self.ledger.warn_of_name(parameter);
             let given = arguments.iter().find(|(a, _)| a.text == parameter.text).map(|(_, e)| e);
             if self.instances.samples.taken() && given.is_none() && default.is_none() {
-                let kind = self.sampled(scope, parameter, body);
-                self.declare(scope, parameter, kind);
+                let kind = self.symbols.sampled(scope, parameter, body);
+                self.naming().declare(scope, parameter, kind);
                 continue;
             }
             self.structural(scope, (path, used), parameter, given, default.as_ref(), outer);
@@ -201,8 +202,8 @@ impl<'a> Elaborator<'a> {
             if known.contains(&argument.text.as_str()) {
                 self.instances.given.insert((scope, argument.text.clone()), (e, outer.clone()));
             } else {
-                let help = self.reports.did_you_mean(&argument.text, known);
-                self.report(
+                let help = self.ledger.reports.did_you_mean(&argument.text, known);
+                self.ledger.report(
                     Diagnostic::error(
                         codes::WRONG_ARGUMENTS,
                         format!("the component `{}` has no parameter `{}`", name.text, argument.text),
@@ -234,28 +235,28 @@ impl<'a> Elaborator<'a> {
             if let Some(Setting::Number(x)) = self.input.options.settings.get(&key) {
                 self.input.used_settings.insert(key.clone());
                 if x.fract() == 0.0 && *x >= 0.0 && *x < 1e9 {
-                    self.declare(scope, name, SymbolKind::Integer(*x as i64));
+                    self.naming().declare(scope, name, SymbolKind::Integer(*x as i64));
                     return;
                 }
-                self.reports.scenario_fault(format!("`{key}` takes a whole number, not {x}"), None);
+                self.ledger.reports.scenario_fault(format!("`{key}` takes a whole number, not {x}"), None);
             }
         }
         let Some(e) = given.or(default) else {
-            self.report(
+            self.ledger.report(
                 Diagnostic::error(codes::MISSING_DEFAULT, format!("`{path}` needs a value of `{}`", name.text), used)
                     .secondary(name.span, "it has no default")
                     .help(format!("write `({} = ...)` after the instance's name", name.text)),
             );
-            return self.faulty(scope, name);
+            return self.naming().faulty(scope, name);
         };
         if let ExprKind::Name(n) = &e.kind
             && let Some(symbol) = self.symbols.lookup(outer.scope, &n.text)
             && let SymbolKind::Set(set) = self.symbols[symbol].kind
         {
-            self.declare(scope, name, SymbolKind::Set(set));
+            self.naming().declare(scope, name, SymbolKind::Set(set));
             return;
         }
         let kind = self.integer(e, outer).map_or(SymbolKind::Faulty, SymbolKind::Integer);
-        self.declare(scope, name, kind);
+        self.naming().declare(scope, name, kind);
     }
 }

@@ -7,6 +7,7 @@ use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind};
 use crate::elaborate::declare::symbols::{SymbolId, SymbolKind};
 use crate::elaborate::episode::Condition;
 use crate::elaborate::lower::value::Value;
+use crate::elaborate::lower::values::Values;
 use crate::elaborate::{Elaborator, Place};
 use crate::ir::{Affine, BinaryFn, Compare, ExprId, Role};
 use crate::model::{BoxItem, Quantity};
@@ -20,7 +21,7 @@ impl<'a> Elaborator<'a> {
             && let [inner] = arguments.as_slice()
         {
             let (excess, items) = self.box_excess(inner, place);
-            let holds = self.beyond(excess);
+            let holds = self.values().beyond(excess);
             let excess = self.exprs.select(holds, excess, zero);
             // A member that is no number is outside.
             let unknown = self.exprs.truth(false);
@@ -33,15 +34,8 @@ impl<'a> Elaborator<'a> {
             None => self.exprs.constant(1.0),
         };
         let excess = self.exprs.select(holds, excess, zero);
-        let unknown = self.unknown(holds);
+        let unknown = self.doubting().unknown(holds);
         Condition { holds, unknown, excess, items: Vec::new() }
-    }
-
-    /// Beyond the slack, or not a number.
-    fn beyond(&mut self, excess: ExprId) -> ExprId {
-        let slack = self.exprs.constant(1e-6);
-        let inside = self.exprs.compare(Compare::Le, excess, slack);
-        self.exprs.not(inside)
     }
 
     /// By how much a comparison holds, relative to the range of its left side.
@@ -55,7 +49,7 @@ impl<'a> Elaborator<'a> {
             }
             BinaryOp::Lt | BinaryOp::Le | BinaryOp::Gt | BinaryOp::Ge => {
                 let (x, y) = (self.value(a, place), self.value(b, place));
-                let (l, r) = self.common(&x, a.span, &y, b.span, e.span)?;
+                let (l, r) = self.values().common(&x, a.span, &y, b.span, e.span)?;
                 let range = self.range_of(l).or_else(|| self.constant_value(r).map(f64::abs)).filter(|r| *r > 0.0 && r.is_finite());
                 let range = self.exprs.constant(range.unwrap_or(1.0));
                 let difference = if matches!(op, BinaryOp::Lt | BinaryOp::Le) { self.exprs.sub(r, l) } else { self.exprs.sub(l, r) };
@@ -76,7 +70,7 @@ impl<'a> Elaborator<'a> {
     /// `outside bounds(...)`, `inside bounds(...)` as a condition.
     pub(in crate::elaborate) fn box_condition(&mut self, inside: bool, a: &Expr, place: &Place) -> Value {
         let (excess, _) = self.box_excess(a, place);
-        let outside = self.beyond(excess);
+        let outside = self.values().beyond(excess);
         let expr = if inside { self.exprs.not(outside) } else { outside };
         Value::truth(expr)
     }
@@ -87,7 +81,8 @@ impl<'a> Elaborator<'a> {
         let arguments = match &e.kind {
             ExprKind::Call { function, arguments } if function.text == "bounds" => arguments,
             _ => {
-                self.report(Diagnostic::error(codes::WRONG_ARGUMENTS, "a box is needed here", e.span).help("`outside bounds(x, y)`"));
+                self.ledger
+                    .report(Diagnostic::error(codes::WRONG_ARGUMENTS, "a box is needed here", e.span).help("`outside bounds(x, y)`"));
                 return (zero, Vec::new());
             }
         };
@@ -152,7 +147,7 @@ impl<'a> Elaborator<'a> {
             BoxItem { name: q.element_name(i), unit: q.unit.clone(), low: Quantity::pick(&q.low, i), high: Quantity::pick(&q.high, i) };
         if !item.low.is_finite() && !item.high.is_finite() {
             let (name, declared) = (item.name.clone(), self.symbols[symbol].span);
-            self.report(
+            self.ledger.report(
                 Diagnostic::error(codes::MISSING_CLAUSE, format!("`{name}` has no bounds"), span)
                     .secondary(declared, "declared here")
                     .help("write `in low..high` in its declaration"),
@@ -161,5 +156,14 @@ impl<'a> Elaborator<'a> {
         }
         let value = self.load(symbol, at);
         out.push((item, value.expr));
+    }
+}
+
+impl Values<'_> {
+    /// Beyond the slack, or not a number.
+    fn beyond(&mut self, excess: ExprId) -> ExprId {
+        let slack = self.exprs.constant(1e-6);
+        let inside = self.exprs.compare(Compare::Le, excess, slack);
+        self.exprs.not(inside)
     }
 }

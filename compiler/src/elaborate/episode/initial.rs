@@ -5,13 +5,29 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Clip, Expr, ExprKind, Statement, StatementKind};
 
 use crate::elaborate::declare::defaults::Piece;
-use crate::elaborate::declare::symbols::{ScopeId, SymbolId, SymbolKind};
+use crate::elaborate::declare::symbols::{ScopeId, SymbolId, SymbolKind, Symbols};
+use crate::elaborate::episode::assembly::Assembly;
 use crate::elaborate::episode::order::ordered_initial;
 use crate::elaborate::episode::{each, store, stream_name};
 use crate::elaborate::select::items::Item;
 use crate::elaborate::{Elaborator, Place, Site};
 use crate::ir::{Affine, ExprId, Exprs, FastMap, FastSet, Flavour, Nest, Place as Memory, Program, Role, VarId};
 use crate::model::{Instant, Quantity};
+
+/// The start values of an episode.
+#[derive(Default)]
+struct Starts {
+    states: Assembly,
+    /// Of discrete variables and disturbances.
+    discretes: Assembly,
+}
+
+impl Starts {
+    /// Where the start of a variable of a role goes.
+    fn of(&mut self, role: Role) -> &mut Assembly {
+        if role == Role::State { &mut self.states } else { &mut self.discretes }
+    }
+}
 
 impl<'a> Elaborator<'a> {
     pub(in crate::elaborate) fn steady_program(&mut self, blocks: &[(ScopeId, Vec<Item<'a>>)]) {
@@ -76,35 +92,19 @@ impl<'a> Elaborator<'a> {
 
     /// `A + B = 1`: left less right.
     fn steady_condition(&mut self, left: &Expr, right: &Expr, place: &Place) -> ExprId {
-        let reports = self.reports.diagnostics.len();
+        let reports = self.ledger.reports.diagnostics.len();
         let value = self.value(left, place);
         let unit = value.unit.unit();
-        let value = self.in_unit(value, &unit, left.span, "this value", left.span);
+        let value = self.values().in_unit(value, &unit, left.span, "this value", left.span);
         let right = self.number_in(right, &unit, "the steady value", left.span, place);
         let difference = self.exprs.sub(value, right);
-        if self.reports.diagnostics.len() == reports && !self.reads_unknown(difference) {
+        if self.ledger.reports.diagnostics.len() == reports && !self.symbols.reads_unknown(&self.exprs, difference) {
             let message = "no state stands in this condition on the steady state";
-            self.report(
+            self.ledger.report(
                 Diagnostic::error(codes::WRONG_KIND, message, left.span).help("give a state, or an expression of states, its value"),
             );
         }
         difference
-    }
-
-    fn reads_unknown(&self, e: ExprId) -> bool {
-        let mut seen = FastSet::default();
-        let mut stack = vec![e];
-        while let Some(e) = stack.pop() {
-            if let crate::ir::Expr::Load { var, flavour: Flavour::Value, .. } = self.exprs.node(e)
-                && matches!(self.symbols.vars[var].role, Role::State | Role::Algebraic)
-            {
-                return true;
-            }
-            if seen.insert(e) {
-                stack.extend(self.exprs.operands(e));
-            }
-        }
-        false
     }
 
     /// `col = 0`: every state of an instance, or of the instances of an array.
@@ -148,24 +148,35 @@ impl<'a> Elaborator<'a> {
     }
 
     pub(in crate::elaborate) fn initial_programs(&mut self, blocks: &[(ScopeId, Vec<Item<'a>>)]) {
-        let mut states = Program { nests: Vec::new(), in_place: true };
-        let mut discretes = Program { nests: Vec::new(), in_place: true };
-        let symbols = self.in_text_order();
-        let mut plain = Vec::new();
-        let mut plain_discretes = Vec::new();
-        let mut given: FastMap<(ScopeId, VarId, Option<i64>), Span> = FastMap::default();
-        for symbol in symbols {
+        let mut starts = Starts::default();
+        self.declared_starts(&mut starts);
+        starts.discretes.single.extend(self.schedule_initial());
+        let mut starts = Starts {
+            states: Assembly { nests: starts.states.gathered(), single: Vec::new() },
+            discretes: Assembly { nests: starts.discretes.gathered(), single: Vec::new() },
+        };
+        self.stated_starts(blocks, &mut starts);
+        self.asked_starts(&mut starts);
+        let (nests, cycles) = ordered_initial(starts.states.nests, &self.exprs, &self.symbols.vars);
+        cycles.into_iter().for_each(|d| self.ledger.report(d));
+        self.model.programs.initial_states = Program { nests, in_place: true };
+        self.model.programs.initial_discretes = Program { nests: starts.discretes.nests, in_place: true };
+    }
+
+    /// Starts that stand with the declarations, or that were asked for in their place.
+    fn declared_starts(&mut self, starts: &mut Starts) {
+        for symbol in self.in_text_order() {
             let SymbolKind::Variable { var, .. } = self.symbols[symbol].kind else { continue };
-            let (list, nests, site) = match self.symbols.vars[var].role {
-                Role::State => (&mut plain, &mut states.nests, Site::Reset),
-                Role::Discrete | Role::Disturbance => (&mut plain_discretes, &mut discretes.nests, Site::Instant),
+            let role = self.symbols.vars[var].role;
+            let site = match role {
+                Role::State => Site::Reset,
+                Role::Discrete | Role::Disturbance => Site::Instant,
                 _ => continue,
             };
-            let path = self.symbols[symbol].path.clone();
-            let pieces = match self.input.options.initial.get(&path) {
+            let pieces = match self.input.options.initial.get(&self.symbols[symbol].path) {
                 Some(&x) => {
                     let value = self.exprs.constant(x);
-                    vec![self.whole(var, value)]
+                    vec![self.symbols.whole(var, value)]
                 }
                 None => self.default_pieces(symbol, site),
             };
@@ -173,17 +184,14 @@ impl<'a> Elaborator<'a> {
             for piece in pieces {
                 let (at, value) = piece.value;
                 self.check_start(value, var, at, span);
-                let s = store(Memory::Var(var), at, value);
-                if piece.extents.is_empty() {
-                    list.push(s);
-                } else {
-                    nests.push(Nest { extents: piece.extents, stores: vec![s] });
-                }
+                starts.of(role).push(piece.extents, store(Memory::Var(var), at, value));
             }
         }
-        states.nests.insert(0, Nest { extents: Vec::new(), stores: plain });
-        plain_discretes.extend(self.schedule_initial());
-        discretes.nests.insert(0, Nest { extents: Vec::new(), stores: plain_discretes });
+    }
+
+    /// Starts that `initial` states.
+    fn stated_starts(&mut self, blocks: &[(ScopeId, Vec<Item<'a>>)], starts: &mut Starts) {
+        let mut given: FastMap<(ScopeId, VarId, Option<i64>), Span> = FastMap::default();
         for (scope, item) in each(blocks) {
             let Item::Other(Statement { kind: StatementKind::Initial { target, random, value, clip, binders }, .. }) = item else {
                 continue;
@@ -195,32 +203,31 @@ impl<'a> Elaborator<'a> {
             let pieces = self.nest(binders, &place, &mut |s, inner| s.initial(target, *random, value, clip.as_ref(), inner));
             for piece in pieces {
                 let Some((var, list)) = piece.value else { continue };
-                let nests = if self.symbols.vars[var].role == Role::State { &mut states.nests } else { &mut discretes.nests };
                 for p in list {
                     let (at, value) = p.value;
                     let mut extents = piece.extents.clone();
                     extents.extend(p.extents);
-                    nests.push(Nest { extents, stores: vec![store(Memory::Var(var), at, value)] });
+                    let stores = vec![store(Memory::Var(var), at, value)];
+                    starts.of(self.symbols.vars[var].role).nests.push(Nest { extents, stores });
                 }
             }
         }
+    }
+
+    /// Single elements that were asked for; they come last.
+    fn asked_starts(&mut self, starts: &mut Starts) {
         for symbol in self.symbols.list.keys().collect::<Vec<_>>() {
             let SymbolKind::Variable { var, .. } = self.symbols[symbol].kind else { continue };
-            let nests = match self.symbols.vars[var].role {
-                Role::State => &mut states.nests,
-                Role::Discrete => &mut discretes.nests,
-                _ => continue,
-            };
+            let role = self.symbols.vars[var].role;
+            if !matches!(role, Role::State | Role::Discrete) {
+                continue;
+            }
             for (at, x) in self.initial_elements(symbol) {
                 let value = self.exprs.constant(x);
-                nests.push(Nest { extents: Vec::new(), stores: vec![store(Memory::Var(var), Affine::constant(at), value)] });
+                let stores = vec![store(Memory::Var(var), Affine::constant(at), value)];
+                starts.of(role).nests.push(Nest { extents: Vec::new(), stores });
             }
         }
-        let (nests, cycles) = ordered_initial(states.nests, &self.exprs, &self.symbols.vars);
-        states.nests = nests;
-        cycles.into_iter().for_each(|d| self.report(d));
-        self.model.programs.initial_states = states;
-        self.model.programs.initial_discretes = discretes;
     }
 
     /// Reports a start value that reads what it sets, or elements that the same loop sets in its later passes: the declared values would be
@@ -232,7 +239,7 @@ impl<'a> Elaborator<'a> {
         }
         let name = self.symbols.vars[var].name.clone();
         let itself = if at.is_constant() { "itself" } else { "elements that are set with it or after it" };
-        self.report(
+        self.ledger.report(
             Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the initial value of `{name}` reads {itself}"), span)
                 .label(format!("`{name}` has no value yet"))
                 .help(format!("write the value out, or name it: `param {name}_0 : unit = ...`, then `{name}_0` in place of `{name}`")),
@@ -245,7 +252,7 @@ impl<'a> Elaborator<'a> {
         let SymbolKind::Variable { var, .. } = self.symbols[symbol].kind else { return };
         if let Some(first) = given.insert((scope, var, at.map(|at| at.offset)), target.span) {
             let path = self.symbols[symbol].path.clone();
-            self.report(
+            self.ledger.report(
                 Diagnostic::error(codes::DUPLICATE_NAME, format!("`{path}` has two initial values"), target.span)
                     .secondary(first, "the first one")
                     .help("keep one of them"),
@@ -268,7 +275,7 @@ impl<'a> Elaborator<'a> {
         let path = self.symbols[symbol].path.clone();
         if let Some(&x) = self.input.options.initial.get(&path) {
             let value = self.exprs.constant(x);
-            return Some((var, vec![self.whole(var, value)]));
+            return Some((var, vec![self.symbols.whole(var, value)]));
         }
         let len = self.symbols.vars[var].len;
         let mut place = place.clone();
@@ -319,7 +326,7 @@ impl<'a> Elaborator<'a> {
             crate::elaborate::lower::indices::Target::Symbol(symbol) => symbol,
             crate::elaborate::lower::indices::Target::Value(v) => {
                 if !v.is_poison() {
-                    self.report(Diagnostic::error(codes::WRONG_KIND, "a variable is needed here", e.span));
+                    self.ledger.report(Diagnostic::error(codes::WRONG_KIND, "a variable is needed here", e.span));
                 }
                 return None;
             }
@@ -328,7 +335,7 @@ impl<'a> Elaborator<'a> {
         let SymbolKind::Variable { var, axes, .. } = self.symbols[symbol].kind.clone() else {
             if !matches!(self.symbols[symbol].kind, SymbolKind::Faulty) {
                 let path = self.symbols[symbol].path.clone();
-                self.report(Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is no variable that can be assigned"), e.span));
+                self.ledger.report(Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is no variable that can be assigned"), e.span));
             }
             return None;
         };
@@ -348,7 +355,7 @@ impl<'a> Elaborator<'a> {
                 (Role::Discrete, [Role::State]) => Some("discrete variables are set by `next`".to_owned()),
                 _ => None,
             };
-            self.report(
+            self.ledger.report(
                 Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is {what}, which cannot be set here"), e.span)
                     .secondary(declared, "declared here")
                     .maybe_help(help),
@@ -360,6 +367,24 @@ impl<'a> Elaborator<'a> {
         }
         let (at, _) = self.address(symbol, &axes, index, e.span, place)?;
         Some((symbol, Some(at)))
+    }
+}
+
+impl Symbols<'_> {
+    fn reads_unknown(&self, exprs: &Exprs, e: ExprId) -> bool {
+        let mut seen = FastSet::default();
+        let mut stack = vec![e];
+        while let Some(e) = stack.pop() {
+            if let crate::ir::Expr::Load { var, flavour: Flavour::Value, .. } = exprs.node(e)
+                && matches!(self.vars[var].role, Role::State | Role::Algebraic)
+            {
+                return true;
+            }
+            if seen.insert(e) {
+                stack.extend(exprs.operands(e));
+            }
+        }
+        false
     }
 }
 

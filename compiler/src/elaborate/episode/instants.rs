@@ -9,6 +9,7 @@ use crate::elaborate::declare::defaults::for_each_element;
 use crate::elaborate::declare::symbols::{ScopeId, SymbolKind};
 use crate::elaborate::episode::{each, store};
 use crate::elaborate::lower::value::{Measure, Value};
+use crate::elaborate::lower::values::Values;
 use crate::elaborate::select::items::Item;
 use crate::elaborate::{Elaborator, Place, Site};
 use crate::ir::{Affine, Builtin, Expr as Node, ExprId, Flavour, Nest, Place as Memory, Program, Rewritten, Role, VarId};
@@ -82,7 +83,7 @@ impl<'a> Elaborator<'a> {
                 (target, value, Some(condition), binders, &[Role::State, Role::Discrete])
             }
             _ => {
-                self.report(Diagnostic::error(
+                self.ledger.report(Diagnostic::error(
                     codes::MISPLACED_BLOCK,
                     "only `next`, `reset` and `clamp` may stand in `at`",
                     statement.span,
@@ -94,7 +95,7 @@ impl<'a> Elaborator<'a> {
         // `next`s assign together; other statements one element after another, written out or in a loop.
         if !is_next {
             let parts: Vec<&Expr> = [target, value].into_iter().chain(condition).collect();
-            self.loops.counted = self.counted_cells(binders, &parts, &place);
+            self.loops.counted = self.symbols.counted_cells(binders, &parts, &place);
         }
         let pieces = self.nest(binders, &place, &mut |s, inner| s.assignment(target, value, condition, roles, inner));
         self.loops.counted.clear();
@@ -145,7 +146,7 @@ impl<'a> Elaborator<'a> {
         });
         if let Some((element, first)) = twice {
             let name = self.symbols.quantities.get(&var).map_or_else(String::new, |q| q.element_name(element.max(0) as usize));
-            self.report(
+            self.ledger.report(
                 Diagnostic::error(codes::DUPLICATE_NAME, format!("two `next {name}` at one instant"), span)
                     .secondary(first, "the first one")
                     .help("all `next` of an instant assign together, so there can be one only"),
@@ -174,29 +175,21 @@ impl<'a> Elaborator<'a> {
                 if len == 1 { (Affine::default(), None) } else { (Affine::along(0, depth, 1), Some(len)) }
             }
         };
-        let taken = &mut |s: &mut Self, v, span| s.strictly_or_bare(v, &unit, span, &what, declared);
+        let taken = &mut |s: &mut Self, v, span| s.values().strictly_or_bare(v, &unit, span, &what, declared);
         let v = self.declared_value(value, place, taken, &unit);
-        let mut e = self.strictly_or_bare(v, &unit, value.span, &what, declared);
+        let mut e = self.values().strictly_or_bare(v, &unit, value.span, &what, declared);
         if let Some(c) = condition {
             let holds = self.condition(c, place);
             let present = self.exprs.load(var, Flavour::Value, at);
             e = self.exprs.select(holds, e, present);
-            let unknown = self.unknown(holds);
-            e = self.or_nan(e, unknown);
+            let unknown = self.doubting().unknown(holds);
+            e = self.values().or_nan(e, unknown);
         }
         if let Some(guard) = self.episode.guard {
             let present = self.exprs.load(var, Flavour::Value, at);
             e = self.exprs.select(guard, e, present);
         }
         Some((var, at, e, whole))
-    }
-
-    /// A literal number is taken in the target's unit, anything else must have it.
-    pub(in crate::elaborate) fn strictly_or_bare(&mut self, v: Value, unit: &Unit, span: Span, what: &str, declared: Span) -> ExprId {
-        if matches!(v.unit, Measure::Bare) {
-            return self.in_unit(v, unit, span, what, declared);
-        }
-        self.strictly_in(v, unit, span, what, declared)
     }
 
     /// `event name when condition`, with what happens `at name`.
@@ -206,7 +199,7 @@ impl<'a> Elaborator<'a> {
             let Item::Other(Statement { kind: StatementKind::Event { name, condition, .. }, .. }) = item else { continue };
             if matches!(name.text.as_str(), "start" | "end") {
                 let message = format!("an event cannot be called `{}`: that is the {} of every step", name.text, name.text);
-                self.report(Diagnostic::error(codes::DUPLICATE_NAME, message, name.span).help("give the event another name"));
+                self.ledger.report(Diagnostic::error(codes::DUPLICATE_NAME, message, name.span).help("give the event another name"));
                 continue;
             }
             let program = programs.iter().position(|(s, n, _)| *n == name.text && *s == scope);
@@ -220,7 +213,7 @@ impl<'a> Elaborator<'a> {
                 }
                 None => RootAction::Restart,
             };
-            let name = self.path_of(scope, name);
+            let name = self.symbols.path_of(scope, name);
             self.model.roots.push(Root { name, value, strict, action });
         }
         for ((_, name, _), used) in programs.iter().zip(used) {
@@ -250,10 +243,11 @@ impl<'a> Elaborator<'a> {
                 });
                 let Some(failure) = failure else {
                     let help = did_you_mean(name, known);
-                    self.report(Diagnostic::error(codes::UNKNOWN_NAME, format!("no event is called `{name}`"), span).maybe_help(help));
+                    self.ledger
+                        .report(Diagnostic::error(codes::UNKNOWN_NAME, format!("no event is called `{name}`"), span).maybe_help(help));
                     continue;
                 };
-                self.report(
+                self.ledger.report(
                     Diagnostic::error(
                         codes::WRONG_KIND,
                         format!("`{name}` is a failure: the episode ends there, and nothing is set"),
@@ -271,7 +265,7 @@ impl<'a> Elaborator<'a> {
     /// Root function of a comparison, positive where it holds, and whether it is strict.
     pub(in crate::elaborate) fn root_of(&mut self, condition: &Expr, place: &Place) -> Option<(ExprId, bool)> {
         let ExprKind::Binary(op, a, b) = &condition.kind else {
-            self.report(
+            self.ledger.report(
                 Diagnostic::error(codes::WRONG_KIND, "an event is a comparison of two quantities", condition.span)
                     .help("for example `h <= 0 [m]`"),
             );
@@ -283,12 +277,16 @@ impl<'a> Elaborator<'a> {
             BinaryOp::Gt => (true, true),
             BinaryOp::Ge => (true, false),
             _ => {
-                self.report(Diagnostic::error(codes::WRONG_KIND, "an event is a comparison with `<`, `<=`, `>` or `>=`", condition.span));
+                self.ledger.report(Diagnostic::error(
+                    codes::WRONG_KIND,
+                    "an event is a comparison with `<`, `<=`, `>` or `>=`",
+                    condition.span,
+                ));
                 return None;
             }
         };
         let (x, y) = (self.value(a, place), self.value(b, place));
-        let (l, r) = self.common(&x, a.span, &y, b.span, condition.span)?;
+        let (l, r) = self.values().common(&x, a.span, &y, b.span, condition.span)?;
         let value = if rising { self.exprs.sub(l, r) } else { self.exprs.sub(r, l) };
         Some((self.moving_clock(value), strict))
     }
@@ -300,5 +298,15 @@ impl<'a> Elaborator<'a> {
             Node::Load { var, at: element, .. } if var == builtins && element == at => Some(exprs.time()),
             _ => None,
         })
+    }
+}
+
+impl Values<'_> {
+    /// A literal number is taken in the target's unit, anything else must have it.
+    pub(in crate::elaborate) fn strictly_or_bare(&mut self, v: Value, unit: &Unit, span: Span, what: &str, declared: Span) -> ExprId {
+        if matches!(v.unit, Measure::Bare) {
+            return self.in_unit(v, unit, span, what, declared);
+        }
+        self.strictly_in(v, unit, span, what, declared)
     }
 }

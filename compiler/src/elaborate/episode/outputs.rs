@@ -3,16 +3,17 @@
 use std::rc::Rc;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
-use smpl_dsl::syntax::{Binder, BinderSet, Expr, ExprKind, Ident, Observation, Statement, StatementKind};
+use smpl_dsl::syntax::{Binder, BinderSet, Declaration, Expr, ExprKind, Ident, Observation, Statement, StatementKind};
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::declare::defaults::Piece;
-use crate::elaborate::declare::symbols::{Axis, ScopeId, SymbolId, SymbolKind};
+use crate::elaborate::declare::symbols::{Axis, ScopeId, SymbolId, SymbolKind, Symbols};
+use crate::elaborate::episode::assembly::Assembly;
 use crate::elaborate::episode::{each, store};
 use crate::elaborate::lower::value::Measure;
 use crate::elaborate::select::items::{Item, items};
 use crate::elaborate::{Bound, Elaborator, Place, Site};
-use crate::ir::{Affine, ExprId, LoopVar, Nest, Place as Memory, Program, Role, VarId};
+use crate::ir::{Affine, ExprId, LoopVar, Nest, Place as Memory, Role, VarId};
 use crate::model::{BoxItem, Observed, Quantity};
 
 /// The observations of a level with the nests that compute them.
@@ -58,7 +59,9 @@ impl<'a> Elaborator<'a> {
         }
         if !levels.contains(&wanted) {
             let hint = did_you_mean(&wanted, levels.iter().map(String::as_str)).unwrap_or_default();
-            self.reports.scenario_fault(format!("unknown observation level `{wanted}`; the model has {} {hint}", levels.join(", ")), None);
+            self.ledger
+                .reports
+                .scenario_fault(format!("unknown observation level `{wanted}`; the model has {} {hint}", levels.join(", ")), None);
         }
         let mut out = Observations::default();
         for (scope, o) in chosen {
@@ -93,7 +96,7 @@ impl<'a> Elaborator<'a> {
                 match self.constant_value(expr) {
                     Some(x) => x,
                     None => {
-                        self.missing_value("a bound", e.span);
+                        self.ledger.missing_value("a bound", e.span);
                         f64::NAN
                     }
                 }
@@ -104,7 +107,7 @@ impl<'a> Elaborator<'a> {
             Some(e) => match s.integer(e, place) {
                 Some(n) if n >= least && n < 1_000_000 => n as u32,
                 Some(n) => {
-                    s.report(Diagnostic::error(
+                    s.ledger.report(Diagnostic::error(
                         codes::BAD_SETTING,
                         format!("a number of steps from {least} on is needed, not {n}"),
                         e.span,
@@ -131,7 +134,7 @@ impl<'a> Elaborator<'a> {
                 return x;
             }
         }
-        self.report(Diagnostic::error(codes::WRONG_ARGUMENTS, "noise is given as `normal(0, standard deviation)`", e.span).help(
+        self.ledger.report(Diagnostic::error(codes::WRONG_ARGUMENTS, "noise is given as `normal(0, standard deviation)`", e.span).help(
             "noise is added to what is observed, with mean zero; what is drawn otherwise can be a `disturbance` in the observed expression",
         ));
         0.0
@@ -174,7 +177,7 @@ impl<'a> Elaborator<'a> {
             let what = "the observation".to_owned();
             let expr = match v.unit {
                 Measure::Bare => v.expr,
-                _ => s.strictly_in(v, &unit, o.value.span, &what, o.span),
+                _ => s.values().strictly_in(v, &unit, o.value.span, &what, o.span),
             };
             let name = s.observation_name(o, inner);
             let mut attributes = s.attributes(o, &unit, inner);
@@ -186,7 +189,7 @@ impl<'a> Elaborator<'a> {
         for Piece { extents, value } in pieces {
             let Some((name, unit, expr, attributes)) = value else { continue };
             if !extents.is_empty() {
-                self.report(
+                self.ledger.report(
                     Diagnostic::error(codes::WRONG_SHAPE, "an observation over the cells of a domain", o.span)
                         .help("observe the whole array, `observe c`, or single cells"),
                 );
@@ -199,7 +202,7 @@ impl<'a> Elaborator<'a> {
     fn push_observation(&mut self, name: String, unit: &str, expr: ExprId, a: &Attributes, o: &Observation, out: &mut Observations) {
         let (low, high) = a.bounds.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
         if a.bounds.is_none() {
-            self.report(
+            self.ledger.report(
                 Diagnostic::warning(codes::MISSING_CLAUSE, format!("the observation `{name}` has no bounds"), o.span)
                     .help("write `in low..high`: learners need a finite box"),
             );
@@ -244,7 +247,7 @@ impl<'a> Elaborator<'a> {
                     _ => crate::elaborate::select::items::reference(&o.value),
                 },
                 _ => {
-                    self.report(
+                    self.ledger.report(
                         Diagnostic::error(codes::MISSING_CLAUSE, "an observed expression needs a name", o.span)
                             .help("write `observe name = expression in low..high`"),
                     );
@@ -255,16 +258,8 @@ impl<'a> Elaborator<'a> {
         if o.binders.is_empty() {
             return base;
         }
-        let labels: Vec<String> = o.binders.iter().map(|b| self.bound_label(&b.name.text, place)).collect();
+        let labels: Vec<String> = o.binders.iter().map(|b| self.symbols.bound_label(&b.name.text, place)).collect();
         format!("{base}[{}]", labels.join(","))
-    }
-
-    fn bound_label(&self, name: &str, place: &Place) -> String {
-        match place.bound(name) {
-            Some(Bound::Member(set, i)) => self.symbols.sets[*set].labels[*i].clone(),
-            Some(Bound::Cell(_, c)) => (c.first + 1).to_string(),
-            _ => String::new(),
-        }
     }
 
     fn element_name(&mut self, symbol: SymbolId, index: &[Expr], place: &Place) -> Option<String> {
@@ -459,8 +454,7 @@ impl<'a> Elaborator<'a> {
 
     /// Declared algebraic variables and `let`s with a unit.
     pub(in crate::elaborate) fn output_program(&mut self) {
-        let mut program = Program::default();
-        let mut scalars = Vec::new();
+        let mut program = Assembly::default();
         let mut at = 0_i64;
         let mut list = Vec::new();
         for symbol in self.in_text_order() {
@@ -469,77 +463,76 @@ impl<'a> Elaborator<'a> {
                     if self.symbols.vars[var].role == Role::Algebraic && !self.symbols.ports.contains(&var) =>
                 {
                     let Some(q) = self.symbols.quantities.get(&var).cloned() else { continue };
-                    let len = self.symbols.vars[var].len;
-                    if !axes.iter().any(|&a| self.may_run(a)) {
-                        // Element by element, so that each definition can be substituted.
-                        for i in 0..i64::from(len) {
-                            let value = self.exprs.load(var, crate::ir::Flavour::Value, Affine::constant(i));
-                            scalars.push(store(Memory::Out, Affine::constant(at), value));
-                            at += 1;
-                        }
-                        list.push(q);
-                        continue;
-                    }
-                    let piece = if len == 1 { (Vec::new(), Affine::default()) } else { (vec![len], Affine::along(0, LoopVar(0), 1)) };
-                    let value = self.exprs.load(var, crate::ir::Flavour::Value, piece.1);
-                    let s = store(Memory::Out, Affine::constant(at).plus(piece.1), value);
-                    if len == 1 {
-                        scalars.push(s);
-                    } else {
-                        program.nests.push(Nest { extents: piece.0, stores: vec![s] });
-                    }
-                    at += i64::from(len);
+                    self.variable_output(var, &axes, at, &mut program);
+                    at += i64::from(self.symbols.vars[var].len);
                     list.push(q);
                 }
                 SymbolKind::Let { axes, unit: Some(unit), declaration, .. } if axes.iter().all(|a| matches!(a, Axis::Set(_))) => {
-                    let path = self.symbols[symbol].path.clone();
+                    self.let_output(symbol, &axes, declaration, at, &mut program);
                     let count = axes.iter().map(|&a| self.symbols.axis_len(a)).product::<i64>();
-                    let place = Place::new(self.symbols[symbol].scope, Site::Instant);
-                    let binders = declaration.indices.clone();
-                    let index: Vec<Expr> = binders
-                        .iter()
-                        .map(|b| Expr { span: b.span, kind: ExprKind::Name(Ident { text: b.name.text.clone(), span: b.span }) })
-                        .collect();
-                    let pieces = self.looped_nest(&binders, &place, &mut |s, inner| {
-                        let value = s.symbol_value(symbol, &index, declaration.span, inner);
-                        if value.is_poison() {
-                            s.speculation.refuse();
-                        }
-                        (s.bound_address(&axes, &binders, inner), value.expr)
-                    });
-                    for Piece { extents, value: (element, value) } in pieces {
-                        let value = self.exprs.number(value);
-                        let store = store(Memory::Out, Affine::constant(at).plus(element), value);
-                        if extents.is_empty() {
-                            scalars.push(store);
-                        } else {
-                            program.nests.push(Nest { extents, stores: vec![store] });
-                        }
-                    }
                     at += count;
                     if count > 0 {
-                        list.push(Quantity {
-                            var: None,
-                            name: path,
-                            axes: self.model_axes(&axes),
-                            pattern: declaration.pattern.clone(),
-                            unit: unit.to_string(),
-                            text: declaration.text.clone().unwrap_or_default(),
-                            low: vec![f64::NEG_INFINITY],
-                            high: vec![f64::INFINITY],
-                            default: vec![f64::NAN],
-                            scale: vec![1.0],
-                            affine_unit: unit.is_point(),
-                            structural: false,
-                        });
+                        list.push(self.let_quantity(symbol, &axes, &unit, declaration));
                     }
                 }
                 _ => {}
             }
         }
-        program.nests.insert(0, Nest { extents: Vec::new(), stores: scalars });
-        self.model.programs.outputs = program;
+        self.model.programs.outputs = program.program();
         self.model.interface.algebraics = list;
+    }
+
+    /// The elements of an algebraic variable from a place of the output on.
+    fn variable_output(&mut self, var: VarId, axes: &[Axis], at: i64, program: &mut Assembly) {
+        let len = self.symbols.vars[var].len;
+        let mut load = |element: Affine| {
+            let value = self.exprs.load(var, crate::ir::Flavour::Value, element);
+            store(Memory::Out, Affine::constant(at).plus(element), value)
+        };
+        if !axes.iter().any(|&a| self.symbols.may_run(a)) {
+            // Element by element, so that each definition can be substituted.
+            program.single.extend((0..i64::from(len)).map(|i| load(Affine::constant(i))));
+        } else if len == 1 {
+            program.single.push(load(Affine::default()));
+        } else {
+            program.push(vec![len], load(Affine::along(0, LoopVar(0), 1)));
+        }
+    }
+
+    /// The elements of a `let` from a place of the output on.
+    fn let_output(&mut self, symbol: SymbolId, axes: &[Axis], declaration: &Declaration, at: i64, program: &mut Assembly) {
+        let place = Place::new(self.symbols[symbol].scope, Site::Instant);
+        let binders = &declaration.indices;
+        let name = |b: &Binder| Expr { span: b.span, kind: ExprKind::Name(Ident { text: b.name.text.clone(), span: b.span }) };
+        let index: Vec<Expr> = binders.iter().map(name).collect();
+        let pieces = self.looped_nest(binders, &place, &mut |s, inner| {
+            let value = s.symbol_value(symbol, &index, declaration.span, inner);
+            if value.is_poison() {
+                s.ledger.speculation.refuse();
+            }
+            (s.symbols.bound_address(axes, binders, inner), value.expr)
+        });
+        for Piece { extents, value: (element, value) } in pieces {
+            let value = self.exprs.number(value);
+            program.push(extents, store(Memory::Out, Affine::constant(at).plus(element), value));
+        }
+    }
+
+    fn let_quantity(&self, symbol: SymbolId, axes: &[Axis], unit: &Unit, declaration: &Declaration) -> Quantity {
+        Quantity {
+            var: None,
+            name: self.symbols[symbol].path.clone(),
+            axes: self.symbols.model_axes(axes),
+            pattern: declaration.pattern.clone(),
+            unit: unit.to_string(),
+            text: declaration.text.clone().unwrap_or_default(),
+            low: vec![f64::NEG_INFINITY],
+            high: vec![f64::INFINITY],
+            default: vec![f64::NAN],
+            scale: vec![1.0],
+            affine_unit: unit.is_point(),
+            structural: false,
+        }
     }
 
     /// Lists of quantities.
@@ -567,8 +560,8 @@ impl<'a> Elaborator<'a> {
         }
         discretes.extend(self.schedule_quantities());
         self.model.interface.phases = self.schedule_phases();
-        if states.is_empty() && !self.reports.has_errors() {
-            self.report(Diagnostic::error(codes::UNDERDETERMINED, "the model has no state", smpl_dsl::span::Span::default()).help(
+        if states.is_empty() && !self.ledger.reports.has_errors() {
+            self.ledger.report(Diagnostic::error(codes::UNDERDETERMINED, "the model has no state", smpl_dsl::span::Span::default()).help(
                 "declare one, `state x = 0`, with an equation `eq d/dt x = ...`; a model that is algebraic throughout (a flash) is \
                          stepped with `state idle = 0` and `eq d/dt idle = 0`",
             ));
@@ -594,6 +587,16 @@ impl<'a> Elaborator<'a> {
         interface.actions = actions;
         interface.disturbances = disturbances;
         interface.parameters = parameters;
+    }
+}
+
+impl<'a> Symbols<'a> {
+    fn bound_label(&self, name: &str, place: &Place) -> String {
+        match place.bound(name) {
+            Some(Bound::Member(set, i)) => self.sets[*set].labels[*i].clone(),
+            Some(Bound::Cell(_, c)) => (c.first + 1).to_string(),
+            _ => String::new(),
+        }
     }
 }
 

@@ -5,7 +5,7 @@ use smpl_dsl::syntax::Clip;
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::declare::defaults::Piece;
-use crate::elaborate::declare::symbols::{SymbolId, SymbolKind};
+use crate::elaborate::declare::symbols::{SymbolId, SymbolKind, Symbols};
 use crate::elaborate::episode::{store, stream_name};
 use crate::elaborate::{Elaborator, Place, Site};
 use crate::graph::{Order, after_needs};
@@ -30,7 +30,7 @@ impl<'a> Elaborator<'a> {
                 let place = Place::new(scope, Site::Reset);
                 let span = declaration.span;
                 let list = self.nest(&declaration.indices, &place, &mut |s, inner| {
-                    let at = s.bound_address(&axes, &declaration.indices, inner);
+                    let at = s.symbols.bound_address(&axes, &declaration.indices, inner);
                     let outer = s.hidden.draws.site.replace((stream_name(&path, at, s.symbols.vars[var].len), Instant::Reset));
                     let v = s.number_in(sample, &unit, &path, span, inner);
                     s.hidden.draws.site = outer;
@@ -44,9 +44,9 @@ impl<'a> Elaborator<'a> {
                 if self.exprs.as_const(piece.value.1).is_some() {
                     continue;
                 }
-                if let Some(what) = self.varying(piece.value.1) {
+                if let Some(what) = self.symbols.varying(&self.exprs, piece.value.1) {
                     let span = declaration.value.as_ref().map_or(declaration.span, |e| e.span);
-                    self.report(
+                    self.ledger.report(
                         Diagnostic::error(codes::WRONG_KIND, format!("the parameter `{path}` cannot depend on {what}"), span)
                             .label("changes while the model runs")
                             .help(format!("make it a `let`: `let {} = ...`", declaration.name.text)),
@@ -57,7 +57,7 @@ impl<'a> Elaborator<'a> {
             }
         }
         let order = self.dependency_order(&pieces);
-        let offsets = self.offsets_of(Role::Param);
+        let offsets = self.symbols.offsets_of(Role::Param);
         let mut program = Program { nests: Vec::new(), in_place: true };
         for i in order {
             let (var, piece) = &pieces[i];
@@ -73,17 +73,6 @@ impl<'a> Elaborator<'a> {
         self.model.programs.parameters = program;
     }
 
-    /// Positions of the variables of a role in its region.
-    fn offsets_of(&self, role: Role) -> FastMap<VarId, i64> {
-        let mut offsets = FastMap::default();
-        let mut next = 0;
-        for (var, v) in self.symbols.vars.iter().filter(|(_, v)| v.role == role) {
-            offsets.insert(var, next);
-            next += i64::from(v.len);
-        }
-        offsets
-    }
-
     /// The pieces so that each follows those that it needs.
     fn dependency_order(&mut self, pieces: &[(VarId, Piece<(Affine, ExprId)>)]) -> Vec<usize> {
         let mut of: FastMap<VarId, Vec<usize>> = FastMap::default();
@@ -92,7 +81,7 @@ impl<'a> Elaborator<'a> {
         }
         let meets = |a: Affine, b: Affine| a == b || !a.is_constant() || !b.is_constant();
         let needs = |i: usize| {
-            let read = self.parameters_in(pieces[i].1.value.1);
+            let read = self.symbols.parameters_in(&self.exprs, pieces[i].1.value.1);
             let needed = |(var, at): (VarId, Affine)| {
                 let candidates = of.get(&var).into_iter().flatten().copied();
                 candidates.filter(move |&j| meets(at, pieces[j].1.value.0))
@@ -103,7 +92,7 @@ impl<'a> Elaborator<'a> {
         for (_, j) in closing {
             let v = &self.symbols.vars[pieces[j].0];
             let d = Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the value of `{}` needs itself", v.name), v.span);
-            self.report(d);
+            self.ledger.report(d);
         }
         order
     }
@@ -130,13 +119,13 @@ impl<'a> Elaborator<'a> {
                 let has_one_box = uniform(&q.low) && uniform(&q.high);
                 if !at.is_constant() && !has_one_box {
                     let span = *span;
-                    self.report(Diagnostic::error(codes::WRONG_SHAPE, "the bounds differ from element to element", span));
+                    self.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, "the bounds differ from element to element", span));
                     return v;
                 }
                 let (low, high) = (Quantity::pick(&q.low, i), Quantity::pick(&q.high, i));
                 if !low.is_finite() && !high.is_finite() {
                     let (name, declared) = (q.name.clone(), self.symbols.vars[var].span);
-                    self.report(
+                    self.ledger.report(
                         Diagnostic::error(codes::MISSING_CLAUSE, format!("`{name}` has no bounds to clip to"), *span)
                             .secondary(declared, "declared here")
                             .help("write `in low..high` in its declaration, or `clip low..high`"),
@@ -163,7 +152,7 @@ impl<'a> Elaborator<'a> {
             let path = self.symbols[symbol].path.clone();
             let place = Place::new(self.symbols[symbol].scope, Site::Disturb);
             let pieces = self.nest(&declaration.indices, &place, &mut |s, inner| {
-                let at = s.bound_address(&axes, &declaration.indices, inner);
+                let at = s.symbols.bound_address(&axes, &declaration.indices, inner);
                 let outer = s.hidden.draws.site.replace((stream_name(&path, at, s.symbols.vars[var].len), Instant::Step));
                 let v = s.number_in(rule, &unit, &path, declaration.span, inner);
                 s.hidden.draws.site = outer;
@@ -182,5 +171,18 @@ impl<'a> Elaborator<'a> {
             program.nests.insert(0, Nest { extents: Vec::new(), stores: scalars });
         }
         self.model.programs.disturb = program;
+    }
+}
+
+impl<'a> Symbols<'a> {
+    /// Positions of the variables of a role in its region.
+    fn offsets_of(&self, role: Role) -> FastMap<VarId, i64> {
+        let mut offsets = FastMap::default();
+        let mut next = 0;
+        for (var, v) in self.vars.iter().filter(|(_, v)| v.role == role) {
+            offsets.insert(var, next);
+            next += i64::from(v.len);
+        }
+        offsets
     }
 }

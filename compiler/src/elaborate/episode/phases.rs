@@ -9,15 +9,18 @@
 //! next phase. A duration is a root linear in time, so that the integration stops exactly there. A condition that holds when a step starts
 //! (a request) ends the phase before the integration.
 
+use crate::elaborate::declare::symbols::{ScopeId, Set, Symbol, SymbolId, SymbolKind, Symbols};
+use crate::elaborate::episode::store;
+use crate::elaborate::ledger::Ledger;
+use crate::elaborate::lower::value::Value;
+use crate::elaborate::lower::values::Values;
+use crate::elaborate::select::items::Item;
+use crate::elaborate::{Elaborator, Place, Site};
+use crate::ir::Exprs;
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident, Phase, Statement, StatementKind};
 
-use crate::elaborate::declare::symbols::{ScopeId, Set, Symbol, SymbolId, SymbolKind};
-use crate::elaborate::episode::store;
-use crate::elaborate::lower::value::Value;
-use crate::elaborate::select::items::Item;
-use crate::elaborate::{Elaborator, Place, Site};
 use crate::ir::{Affine, Compare, ExprId, Flavour, Nest, Place as Memory, Program, Role, VarId};
 use crate::model::{Quantity, Root, RootAction, Variable};
 
@@ -46,12 +49,12 @@ impl<'a> Elaborator<'a> {
             .collect();
         let Some(first) = phases.first() else { return };
         if self.episode.schedule.is_some() {
-            self.report(Diagnostic::error(codes::DUPLICATE_NAME, "a model has one schedule of phases", first.name.span));
+            self.ledger.report(Diagnostic::error(codes::DUPLICATE_NAME, "a model has one schedule of phases", first.name.span));
             return;
         }
         if let Some(phase) = phases.iter().find(|p| p.name.text == "phase") {
             let text = "a phase cannot be called `phase`: that is the phase in force";
-            self.report(Diagnostic::error(codes::DUPLICATE_NAME, text, phase.name.span).help("give the phase another name"));
+            self.ledger.report(Diagnostic::error(codes::DUPLICATE_NAME, text, phase.name.span).help("give the phase another name"));
             // `x[phase]` would be an element and all of them at once.
             self.symbols.declare("phase", Symbol { path: "phase".to_owned(), scope, span: phase.name.span, kind: SymbolKind::Faulty }).ok();
             return;
@@ -60,7 +63,7 @@ impl<'a> Elaborator<'a> {
         for (i, phase) in phases.iter().enumerate() {
             if labels[..i].contains(&phase.name.text) {
                 let text = format!("two phases are called `{}`", phase.name.text);
-                self.report(Diagnostic::error(codes::DUPLICATE_NAME, text, phase.name.span));
+                self.ledger.report(Diagnostic::error(codes::DUPLICATE_NAME, text, phase.name.span));
             }
         }
         let set = self.symbols.sets.push(Set::new("phase".to_owned(), labels, None));
@@ -70,34 +73,10 @@ impl<'a> Elaborator<'a> {
         let symbol = Symbol { path: "phase".to_owned(), scope, span: first.name.span, kind: SymbolKind::Phase(set) };
         if self.symbols.declare("phase", symbol).is_err() {
             let text = "`phase` is the name of the phase in force and cannot be declared";
-            self.report(Diagnostic::error(codes::DUPLICATE_NAME, text, first.name.span));
+            self.ledger.report(Diagnostic::error(codes::DUPLICATE_NAME, text, first.name.span));
         }
-        self.check_reachable(&phases);
+        self.ledger.check_reachable(&phases);
         self.episode.schedule = Some(Schedule { current, since, leaving, scope, phases });
-    }
-
-    /// Every phase but the first must follow another one, and every follower must exist.
-    fn check_reachable(&mut self, phases: &[&'a Phase]) {
-        let names: Vec<&str> = phases.iter().map(|p| p.name.text.as_str()).collect();
-        for (i, phase) in phases.iter().enumerate() {
-            let follows = phases.iter().any(|p| p.next.as_ref().is_some_and(|n| n.text == phase.name.text));
-            if i > 0 && !follows {
-                let text = format!("no phase leads to `{}`", phase.name.text);
-                let d = Diagnostic::error(codes::UNREACHABLE_PHASE, text, phase.name.span);
-                self.report(d.help(format!("let another one end `then {}`", phase.name.text)));
-            }
-            let Some(next) = &phase.next else { continue };
-            if !names.contains(&next.text.as_str()) {
-                let help = did_you_mean(&next.text, names.iter().copied());
-                let d = Diagnostic::error(codes::UNKNOWN_NAME, format!("no phase is called `{}`", next.text), next.span);
-                self.report(d.maybe_help(help));
-            }
-            if phase.duration.is_none() && phase.until.is_none() {
-                let text = format!("`{}` has a phase after it, but nothing that ends it", phase.name.text);
-                let d = Diagnostic::error(codes::MISSING_CLAUSE, text, phase.name.span);
-                self.report(d.help("write `for 60 [min]` or `until condition`"));
-            }
-        }
     }
 
     /// Discrete variables of the schedule with their initial values.
@@ -142,17 +121,13 @@ impl<'a> Elaborator<'a> {
         ]
     }
 
-    fn discrete(&mut self, var: VarId) -> ExprId {
-        self.exprs.load(var, Flavour::Value, Affine::default())
-    }
-
     /// `phase` as a number, `phase_time` as a time; `None` for other names.
     pub(in crate::elaborate) fn schedule_name(&mut self, name: &Ident) -> Option<Value> {
         let schedule = self.episode.schedule.clone()?;
         match name.text.as_str() {
-            "phase" => Some(Value::bare(self.discrete(schedule.current))),
+            "phase" => Some(Value::bare(self.values().discrete(schedule.current))),
             "phase_time" => {
-                let (t, since) = (self.exprs.time(), self.discrete(schedule.since));
+                let (t, since) = (self.exprs.time(), self.values().discrete(schedule.since));
                 let expr = self.exprs.sub(t, since);
                 Some(Value::of(expr, self.symbols.time_unit.clone()))
             }
@@ -182,7 +157,7 @@ impl<'a> Elaborator<'a> {
             let d = Diagnostic::error(codes::UNKNOWN_NAME, format!("no phase is called `{}`", name.text), name.span);
             return Some(self.fault(d.maybe_help(help)));
         };
-        let (current, number) = (self.discrete(schedule.current), self.exprs.constant(at as f64 + 1.0));
+        let (current, number) = (self.values().discrete(schedule.current), self.exprs.constant(at as f64 + 1.0));
         let expr = self.exprs.compare(Compare::Eq, current, number);
         Some(Value::truth(expr))
     }
@@ -194,7 +169,7 @@ impl<'a> Elaborator<'a> {
             matches!(&e.kind, ExprKind::Name(n) if n.text == "phase" && place.bound("phase").is_none()
                 && self.symbols.lookup(place.scope, "phase").is_some_and(|id| matches!(self.symbols[id].kind, SymbolKind::Phase(_))))
         })?;
-        let current = self.discrete(schedule.current);
+        let current = self.values().discrete(schedule.current);
         let mut chosen: Option<Value> = None;
         for (i, phase) in schedule.phases.iter().enumerate().rev() {
             let mut index = index.to_vec();
@@ -205,7 +180,7 @@ impl<'a> Elaborator<'a> {
                 Some(rest) => {
                     let number = self.exprs.constant(i as f64 + 1.0);
                     let here = self.exprs.compare(Compare::Eq, current, number);
-                    self.choose(here, (value, span), (rest, span), span)
+                    self.values().choose(here, (value, span), (rest, span), span)
                 }
             });
         }
@@ -220,13 +195,13 @@ impl<'a> Elaborator<'a> {
         let mut leaving = self.exprs.constant(0.0);
         for (i, phase) in schedule.phases.iter().enumerate().rev() {
             let number = i as f64 + 1.0;
-            let (current, own) = (self.discrete(schedule.current), self.exprs.constant(number));
+            let (current, own) = (self.values().discrete(schedule.current), self.exprs.constant(number));
             let here = self.exprs.compare(Compare::Eq, current, own);
             if let Some(duration) = &phase.duration {
                 let d = self.value(duration, &place);
                 let unit = self.symbols.time_unit.clone();
-                let d = self.strictly_in(d, &unit, duration.span, "a duration", phase.name.span);
-                let (t, since) = (self.exprs.time(), self.discrete(schedule.since));
+                let d = self.values().strictly_in(d, &unit, duration.span, "a duration", phase.name.span);
+                let (t, since) = (self.exprs.time(), self.values().discrete(schedule.since));
                 let elapsed = self.exprs.sub(t, since);
                 let value = self.exprs.sub(elapsed, d);
                 self.phase_root(&schedule, i, here, (value, false), &transition);
@@ -238,7 +213,7 @@ impl<'a> Elaborator<'a> {
             // A comparison of what moves during a step is a root as well; a request made at its start is not.
             if let ExprKind::Binary(BinaryOp::Lt | BinaryOp::Le | BinaryOp::Gt | BinaryOp::Ge, ..) = until.kind
                 && let Some((value, strict)) = self.root_of(until, &place)
-                && self.is_dynamic(value)
+                && self.symbols.is_dynamic(&self.exprs, value)
             {
                 self.phase_root(&schedule, i, here, (value, strict), &transition);
             }
@@ -251,27 +226,6 @@ impl<'a> Elaborator<'a> {
             start.in_place = true;
             self.model.interface.start_resets = true;
         }
-    }
-
-    /// Whether a value changes within a step.
-    fn is_dynamic(&self, e: ExprId) -> bool {
-        let mut stack = vec![e];
-        let mut seen = std::collections::HashSet::new();
-        while let Some(e) = stack.pop() {
-            if !seen.insert(e) {
-                continue;
-            }
-            match self.exprs.node(e) {
-                crate::ir::Expr::Time => return true,
-                crate::ir::Expr::Load { var, flavour: Flavour::Value | Flavour::Derivative, .. }
-                    if matches!(self.symbols.vars[var].role, Role::State | Role::Algebraic) =>
-                {
-                    return true;
-                }
-                _ => stack.extend(self.exprs.operands(e)),
-            }
-        }
-        false
     }
 
     fn phase_root(&mut self, schedule: &Schedule<'a>, i: usize, here: ExprId, (value, strict): (ExprId, bool), transition: &Program) {
@@ -291,8 +245,8 @@ impl<'a> Elaborator<'a> {
     /// What runs when a phase is left, for whichever it is.
     fn transition(&mut self, schedule: &Schedule<'a>, place: &Place) -> Program {
         let mut program = Program { nests: Vec::new(), in_place: true };
-        let (current, since) = (self.discrete(schedule.current), self.discrete(schedule.since));
-        let leaving = self.discrete(schedule.leaving);
+        let (current, since) = (self.values().discrete(schedule.current), self.values().discrete(schedule.since));
+        let leaving = self.values().discrete(schedule.leaving);
         let mut group = Vec::new();
         let (mut next, mut left) = (current, self.exprs.truth(false));
         for (i, phase) in schedule.phases.iter().enumerate() {
@@ -317,5 +271,60 @@ impl<'a> Elaborator<'a> {
             .map(|(var, value)| store(Memory::Var(var), Affine::default(), value));
         program.nests.push(Nest { extents: Vec::new(), stores: stores.to_vec() });
         program
+    }
+}
+
+impl Symbols<'_> {
+    /// Whether a value changes within a step.
+    fn is_dynamic(&self, exprs: &Exprs, e: ExprId) -> bool {
+        let mut stack = vec![e];
+        let mut seen = std::collections::HashSet::new();
+        while let Some(e) = stack.pop() {
+            if !seen.insert(e) {
+                continue;
+            }
+            match exprs.node(e) {
+                crate::ir::Expr::Time => return true,
+                crate::ir::Expr::Load { var, flavour: Flavour::Value | Flavour::Derivative, .. }
+                    if matches!(self.vars[var].role, Role::State | Role::Algebraic) =>
+                {
+                    return true;
+                }
+                _ => stack.extend(exprs.operands(e)),
+            }
+        }
+        false
+    }
+}
+
+impl Values<'_> {
+    fn discrete(&mut self, var: VarId) -> ExprId {
+        self.exprs.load(var, Flavour::Value, Affine::default())
+    }
+}
+
+impl Ledger {
+    /// Every phase but the first must follow another one, and every follower must exist.
+    fn check_reachable(&mut self, phases: &[&Phase]) {
+        let names: Vec<&str> = phases.iter().map(|p| p.name.text.as_str()).collect();
+        for (i, phase) in phases.iter().enumerate() {
+            let follows = phases.iter().any(|p| p.next.as_ref().is_some_and(|n| n.text == phase.name.text));
+            if i > 0 && !follows {
+                let text = format!("no phase leads to `{}`", phase.name.text);
+                let d = Diagnostic::error(codes::UNREACHABLE_PHASE, text, phase.name.span);
+                self.report(d.help(format!("let another one end `then {}`", phase.name.text)));
+            }
+            let Some(next) = &phase.next else { continue };
+            if !names.contains(&next.text.as_str()) {
+                let help = did_you_mean(&next.text, names.iter().copied());
+                let d = Diagnostic::error(codes::UNKNOWN_NAME, format!("no phase is called `{}`", next.text), next.span);
+                self.report(d.maybe_help(help));
+            }
+            if phase.duration.is_none() && phase.until.is_none() {
+                let text = format!("`{}` has a phase after it, but nothing that ends it", phase.name.text);
+                let d = Diagnostic::error(codes::MISSING_CLAUSE, text, phase.name.span);
+                self.report(d.help("write `for 60 [min]` or `until condition`"));
+            }
+        }
     }
 }

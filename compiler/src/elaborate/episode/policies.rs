@@ -67,14 +67,14 @@ impl<'a> Elaborator<'a> {
                 Some(e) => {
                     let wanted = units::rate(&unit, &self.symbols.time_unit);
                     let r = self.value(e, &place);
-                    self.strictly_in(r, &wanted, e.span, &format!("the rate of `{}`", name.text), name.span)
+                    self.values().strictly_in(r, &wanted, e.span, &format!("the rate of `{}`", name.text), name.span)
                 }
                 None => self.exprs.constant(0.0),
             };
             for e in [v.expr, rate_expr] {
                 stores.push(store(Memory::Out, Affine::constant(stores.len() as i64), e));
             }
-            let name = self.path_of(scope, name);
+            let name = self.symbols.path_of(scope, name);
             self.model.interface.invariants.push((name, text.clone().unwrap_or_default()));
         }
         self.model.programs.invariants = Program { nests: vec![Nest { extents: Vec::new(), stores }], in_place: false };

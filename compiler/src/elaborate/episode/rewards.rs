@@ -4,6 +4,7 @@ use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 
 use crate::elaborate::Elaborator;
+use crate::elaborate::lower::values::Values;
 use crate::ir::{BinaryFn, Expr, ExprId, Flavour, Role, UnaryFn};
 
 impl Elaborator<'_> {
@@ -13,19 +14,21 @@ impl Elaborator<'_> {
         if self.limits_one_side(reward) {
             let message = format!("the reward `{name}` limits a change on one side only");
             let warning = Diagnostic::warning(codes::ONE_SIDED_LIMIT, message, span);
-            self.report(warning.help("an episode that goes far and comes back is paid without end: write `max(low, d) - previous(max(low, d))`, or limit both sides by `clip`"));
+            self.ledger.report(warning.help("an episode that goes far and comes back is paid without end: write `max(low, d) - previous(max(low, d))`, or limit both sides by `clip`"));
         }
     }
 
     /// Whether a term of a sum is a limited difference, with a sign that pays.
-    fn limits_one_side(&self, reward: ExprId) -> bool {
+    fn limits_one_side(&mut self, reward: ExprId) -> bool {
         let mut terms = vec![(reward, true)];
         while let Some((e, adds)) = terms.pop() {
             match self.exprs.node(e) {
                 Expr::Unary(UnaryFn::Neg, a) => terms.push((a, !adds)),
                 Expr::Binary(BinaryFn::Add, a, b) => terms.extend([(a, adds), (b, adds)]),
                 Expr::Binary(BinaryFn::Sub, a, b) => terms.extend([(a, adds), (b, !adds)]),
-                Expr::Binary(BinaryFn::Mul | BinaryFn::Div, a, b) => terms.extend(self.scaled(a, b).map(|(e, sign)| (e, adds == sign))),
+                Expr::Binary(BinaryFn::Mul | BinaryFn::Div, a, b) => {
+                    terms.extend(self.values().scaled(a, b).map(|(e, sign)| (e, adds == sign)))
+                }
                 // A cost of a change in one direction only is a usual one.
                 Expr::Binary(BinaryFn::Max, a, b) if adds && self.limits(a, b) => return true,
                 Expr::Binary(BinaryFn::Min, a, b) if self.limits(a, b) => return true,
@@ -33,15 +36,6 @@ impl Elaborator<'_> {
             }
         }
         false
-    }
-
-    /// The factor beside a number, and whether the number is positive.
-    fn scaled(&self, a: ExprId, b: ExprId) -> Option<(ExprId, bool)> {
-        match (self.exprs.node(a), self.exprs.node(b)) {
-            (Expr::Const(bits), _) => Some((b, f64::from_bits(bits) > 0.0)),
-            (_, Expr::Const(bits)) => Some((a, f64::from_bits(bits) > 0.0)),
-            _ => None,
-        }
     }
 
     /// Whether one of two is a change over a step, and the other one does not change.
@@ -76,5 +70,16 @@ impl Elaborator<'_> {
             todo.extend(self.exprs.operands(e));
         }
         found
+    }
+}
+
+impl Values<'_> {
+    /// The factor beside a number, and whether the number is positive.
+    fn scaled(&self, a: ExprId, b: ExprId) -> Option<(ExprId, bool)> {
+        match (self.exprs.node(a), self.exprs.node(b)) {
+            (Expr::Const(bits), _) => Some((b, f64::from_bits(bits) > 0.0)),
+            (_, Expr::Const(bits)) => Some((a, f64::from_bits(bits) > 0.0)),
+            _ => None,
+        }
     }
 }

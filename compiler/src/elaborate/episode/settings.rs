@@ -6,6 +6,7 @@ use smpl_dsl::units::Unit;
 
 use crate::elaborate::declare::symbols::ScopeId;
 use crate::elaborate::episode::each;
+use crate::elaborate::ledger::Ledger;
 use crate::elaborate::select::items::Item;
 use crate::elaborate::{Elaborator, Place, Setting, Site};
 use crate::model::{Episode, Solver};
@@ -48,7 +49,7 @@ impl<'a> Elaborator<'a> {
 
     /// An entry of `episode` or `solver` that is set from outside.
     fn entry_setting(&mut self, name: &str, value: &Setting, episode: &mut Episode, solver: &mut Solver, integrate: &mut Option<f64>) {
-        if self.parameters_named(name) || !crate::elaborate::ENTRY_SETTINGS.contains(&name) {
+        if self.symbols.parameters_named(name) || !crate::elaborate::ENTRY_SETTINGS.contains(&name) {
             return;
         }
         let number = match value {
@@ -71,7 +72,7 @@ impl<'a> Elaborator<'a> {
                 Setting::Text(text) => text.clone(),
                 Setting::List(list) => format!("{list:?}"),
             };
-            self.reports.scenario_fault(format!("`{name}` must be {expected}, not {given}"), None);
+            self.ledger.reports.scenario_fault(format!("`{name}` must be {expected}, not {given}"), None);
             return;
         }
         match (name, value) {
@@ -91,14 +92,14 @@ impl<'a> Elaborator<'a> {
     }
 
     fn setting_number(&mut self, name: &Ident, e: &Expr, unit: &Unit, place: &Place) -> Option<f64> {
-        let reports = self.reports.diagnostics.len();
+        let reports = self.ledger.reports.diagnostics.len();
         let expr = self.number_in(e, unit, &format!("`{}`", name.text), name.span, place);
         let value = self.constant_value(expr).filter(|x| !x.is_nan());
-        if self.reports.diagnostics.len() != reports {
+        if self.ledger.reports.diagnostics.len() != reports {
             return None;
         }
         if value.is_none() {
-            self.missing_value(&format!("`{}`", name.text), e.span);
+            self.ledger.missing_value(&format!("`{}`", name.text), e.span);
         }
         value
     }
@@ -109,7 +110,7 @@ impl<'a> Elaborator<'a> {
             return Some(x);
         }
         let what = if x > 0.0 { "finite" } else { "positive" };
-        self.report(Diagnostic::error(codes::BAD_SETTING, format!("`{}` must be {what}, it is {x}", name.text), e.span));
+        self.ledger.report(Diagnostic::error(codes::BAD_SETTING, format!("`{}` must be {what}, it is {x}", name.text), e.span));
         None
     }
 
@@ -120,7 +121,7 @@ impl<'a> Elaborator<'a> {
             return Some(x);
         }
         let message = format!("`{}` must be {expected}, it is {x}", name.text);
-        self.report(Diagnostic::error(codes::BAD_SETTING, message, e.span));
+        self.ledger.report(Diagnostic::error(codes::BAD_SETTING, message, e.span));
         None
     }
 
@@ -129,7 +130,7 @@ impl<'a> Elaborator<'a> {
         if x >= 1.0 && x.fract() == 0.0 && x < 4e9 {
             return Some(x as u32);
         }
-        self.report(Diagnostic::error(
+        self.ledger.report(Diagnostic::error(
             codes::BAD_SETTING,
             format!("`{}` must be a whole number of at least 1, it is {x}", name.text),
             e.span,
@@ -159,7 +160,7 @@ impl<'a> Elaborator<'a> {
             "single_precision" => episode.single_precision = self.holds(e, place),
             _ => {
                 let known = ["step", "integrate", "max_steps", "error_reward", "end_is_success", "failure_pays_alone", "single_precision"];
-                self.unknown_entry(name, "episode", &known);
+                self.ledger.unknown_entry(name, "episode", &known);
             }
         }
     }
@@ -185,10 +186,10 @@ impl<'a> Elaborator<'a> {
                 ExprKind::Name(n) if LINEAR_SOLVERS.contains(&n.text.as_str()) => solver.linear_solver.clone_from(&n.text),
                 _ => {
                     let message = format!("the linear solver is {LINEAR_SOLVERS_TEXT}");
-                    self.report(Diagnostic::error(codes::BAD_SETTING, message, e.span));
+                    self.ledger.report(Diagnostic::error(codes::BAD_SETTING, message, e.span));
                 }
             },
-            _ => self.unknown_entry(
+            _ => self.ledger.unknown_entry(
                 name,
                 "solver",
                 &[
@@ -206,7 +207,9 @@ impl<'a> Elaborator<'a> {
             ),
         }
     }
+}
 
+impl Ledger {
     fn unknown_entry(&mut self, name: &Ident, block: &str, known: &[&str]) {
         let help = did_you_mean(&name.text, known.iter().copied());
         self.report(

@@ -4,7 +4,8 @@
 //! guard keeps its meaning: `x > 0 and ln(x) > 3` is false at x = -1.
 
 use crate::elaborate::Elaborator;
-use crate::ir::{BinaryFn, Compare, Expr as Node, ExprId, FastMap, FastSet, Flavour, ReduceFn, Role, UnaryFn};
+use crate::elaborate::declare::symbols::Symbols;
+use crate::ir::{BinaryFn, Compare, Expr as Node, ExprId, Exprs, FastMap, FastSet, Flavour, ReduceFn, Role, UnaryFn};
 
 /// What is known of a node.
 #[derive(Clone, Copy)]
@@ -17,7 +18,20 @@ struct Doubt {
 
 type Doubts = FastMap<ExprId, Doubt>;
 
-impl Elaborator<'_> {
+/// What finding them needs.
+pub(in crate::elaborate) struct Doubting<'d, 'a> {
+    exprs: &'d mut Exprs,
+    symbols: &'d Symbols<'a>,
+}
+
+impl<'a> Elaborator<'a> {
+    /// What finding where conditions are unknown needs.
+    pub(in crate::elaborate) fn doubting(&mut self) -> Doubting<'_, 'a> {
+        Doubting { exprs: &mut self.exprs, symbols: &self.symbols }
+    }
+}
+
+impl Doubting<'_, '_> {
     /// Where a condition is unknown; the constant `false` for almost all.
     pub(in crate::elaborate) fn unknown(&mut self, condition: ExprId) -> ExprId {
         let mut seen = FastSet::default();
@@ -60,6 +74,23 @@ impl Elaborator<'_> {
             }
         };
         Doubt { nan, unknown }
+    }
+
+    fn may_be_nan(&self, e: ExprId, doubts: &Doubts) -> bool {
+        let of = |e: ExprId| doubts[&e].nan;
+        match self.exprs.node(e) {
+            Node::Const(bits) => f64::from_bits(bits).is_nan(),
+            Node::Load { var, flavour, .. } => match self.symbols.vars[var].role {
+                Role::State => flavour == Flavour::Derivative,
+                Role::Param | Role::Action | Role::Discrete | Role::Draw | Role::Builtin => false,
+                _ => true,
+            },
+            Node::Unary(UnaryFn::Sqrt | UnaryFn::Ln | UnaryFn::Log10 | UnaryFn::Asin | UnaryFn::Acos, _) => true,
+            Node::Binary(BinaryFn::Pow, ..) => true,
+            Node::Binary(BinaryFn::Div, a, b) => of(a) || self.exprs.as_const(b).is_none_or(|b| b == 0.0),
+            Node::PowInt(a, n) => of(a) || n < 0,
+            _ => self.exprs.operands(e).any(of),
+        }
     }
 
     /// Whether one of the passes of a loop gives more than 0.
@@ -106,22 +137,5 @@ impl Elaborator<'_> {
         };
         let open = self.exprs.not(decided);
         self.exprs.and(unknown, open)
-    }
-
-    fn may_be_nan(&self, e: ExprId, doubts: &Doubts) -> bool {
-        let of = |e: ExprId| doubts[&e].nan;
-        match self.exprs.node(e) {
-            Node::Const(bits) => f64::from_bits(bits).is_nan(),
-            Node::Load { var, flavour, .. } => match self.symbols.vars[var].role {
-                Role::State => flavour == Flavour::Derivative,
-                Role::Param | Role::Action | Role::Discrete | Role::Draw | Role::Builtin => false,
-                _ => true,
-            },
-            Node::Unary(UnaryFn::Sqrt | UnaryFn::Ln | UnaryFn::Log10 | UnaryFn::Asin | UnaryFn::Acos, _) => true,
-            Node::Binary(BinaryFn::Pow, ..) => true,
-            Node::Binary(BinaryFn::Div, a, b) => of(a) || self.exprs.as_const(b).is_none_or(|b| b == 0.0),
-            Node::PowInt(a, n) => of(a) || n < 0,
-            _ => self.exprs.operands(e).any(of),
-        }
     }
 }

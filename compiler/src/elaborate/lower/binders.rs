@@ -3,7 +3,8 @@
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Binder, BinderSet, Expr, ExprKind, Ident};
 
-use crate::elaborate::declare::symbols::{Axis, SymbolKind};
+use crate::elaborate::declare::naming::Naming;
+use crate::elaborate::declare::symbols::{Axis, SymbolKind, Symbols};
 use crate::elaborate::lower::functions::BinderValue;
 use crate::elaborate::{Bound, Elaborator, Place};
 use crate::ir::{ExprId, Role};
@@ -12,14 +13,14 @@ impl Elaborator<'_> {
     /// What a binder runs over.
     pub(in crate::elaborate) fn bindings_of(&mut self, binder: &Binder, place: &Place) -> Vec<BinderValue> {
         match &binder.over {
-            BinderSet::Itself => self.bindings_of_name(&binder.name, place),
+            BinderSet::Itself => self.naming().bindings_of_name(&binder.name, place),
             BinderSet::Set(name)
                 if matches!(name.text.as_str(), "states" | "actions") && self.symbols.lookup(place.scope, &name.text).is_none() =>
             {
                 let role = if name.text == "states" { Role::State } else { Role::Action };
-                self.arrays_of(role)
+                self.symbols.arrays_of(role)
             }
-            BinderSet::Set(name) => self.bindings_of_name(name, place),
+            BinderSet::Set(name) => self.naming().bindings_of_name(name, place),
             BinderSet::Range(low, high) => self.bindings_of_range(binder, low, high, place),
             BinderSet::Tuple(list) => {
                 let scope = place.scope;
@@ -37,62 +38,11 @@ impl Elaborator<'_> {
         }
     }
 
-    /// All variables of a role, each as the row of its elements.
-    fn arrays_of(&self, role: Role) -> Vec<BinderValue> {
-        let of_role = |kind: &SymbolKind| match kind {
-            SymbolKind::Variable { var, .. } if self.symbols.vars[*var].role == role => Some(i64::from(self.symbols.vars[*var].len)),
-            _ => None,
-        };
-        self.symbols.list.iter().filter_map(|(id, s)| of_role(&s.kind).map(|len| BinderValue::Elements(id, len))).collect()
-    }
-
-    fn bindings_of_name(&mut self, name: &Ident, place: &Place) -> Vec<BinderValue> {
-        let Some(symbol) = self.symbols.lookup(place.scope, &name.text) else {
-            if let Some(set) = self.symbols.sets.values().find(|s| s.labels.contains(&name.text)) {
-                let set = set.name.clone();
-                let message = format!("`{}` is a member of `{set}`; an array is declared over its whole set", name.text);
-                let help = format!(
-                    "declare it once, `[{set}]`: a `var` with one equation for each member (`eq x[{}] = ...`), or a `let` with `if i == {} then ... else ...` for `i in {set}`",
-                    name.text, name.text
-                );
-                self.report(Diagnostic::error(codes::WRONG_KIND, message, name.span).help(help));
-                return Vec::new();
-            }
-            let known: Vec<String> = self
-                .symbols
-                .list
-                .values()
-                .filter(|s| matches!(s.kind, SymbolKind::Set(_) | SymbolKind::Domain(_)))
-                .map(|s| s.path.clone())
-                .collect();
-            let help = self.reports.did_you_mean(&name.text, known.iter().map(String::as_str));
-            self.report(
-                Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown set or domain `{}`", name.text), name.span).maybe_help(help),
-            );
-            return Vec::new();
-        };
-        match self.symbols[symbol].kind {
-            SymbolKind::Set(set) | SymbolKind::Phase(set) => {
-                (0..self.symbols.sets[set].labels.len()).map(|i| BinderValue::One(Bound::Member(set, i))).collect()
-            }
-            SymbolKind::Domain(domain) => vec![BinderValue::Cells(domain, 0, self.symbols.domains[domain].cells - 1)],
-            SymbolKind::Faulty => Vec::new(),
-            _ => {
-                let at = self.symbols[symbol].span;
-                self.report(
-                    Diagnostic::error(codes::WRONG_KIND, format!("`{}` is neither a set nor a domain", name.text), name.span)
-                        .secondary(at, "declared here"),
-                );
-                Vec::new()
-            }
-        }
-    }
-
     fn bindings_of_range(&mut self, binder: &Binder, low: &Expr, high: &Expr, place: &Place) -> Vec<BinderValue> {
         let symbol = self.symbols.lookup(place.scope, &binder.name.text);
         let (Some(a), Some(b)) = (self.integer(low, place), self.integer(high, place)) else { return Vec::new() };
         if b - a >= 10_000_000 {
-            self.report(Diagnostic::error(codes::TOO_LARGE, "a range of more than ten million numbers", binder.span));
+            self.ledger.report(Diagnostic::error(codes::TOO_LARGE, "a range of more than ten million numbers", binder.span));
             return Vec::new();
         }
         if let Some(&(_, domain)) = self.loops.counted.iter().find(|(name, _)| *name == binder.name.text)
@@ -109,7 +59,7 @@ impl Elaborator<'_> {
                     return Vec::new();
                 }
                 if a < 1 || b > n {
-                    self.report(Diagnostic::error(
+                    self.ledger.report(Diagnostic::error(
                         codes::OUT_OF_RANGE,
                         format!("`{}` has the cells 1 to {n}, the range is {a} to {b}", binder.name.text),
                         binder.span,
@@ -133,7 +83,7 @@ impl Elaborator<'_> {
             }
             _ => {
                 if b - a >= 10_000 {
-                    self.report(
+                    self.ledger.report(
                         Diagnostic::error(codes::TOO_LARGE, "a range of more than ten thousand numbers is written out", binder.span)
                             .help("use a `domain`: its cells stay a loop"),
                     );
@@ -156,7 +106,7 @@ impl Elaborator<'_> {
         let (a, b) = (self.integer(low, place)?, self.integer(high, place)?);
         if a > b || b - a >= 100_000 {
             let d = Diagnostic::error(codes::EMPTY_SET, format!("an index from {a} to {b}"), binder.span);
-            self.report(d.label("must have between one and a hundred thousand members"));
+            self.ledger.report(d.label("must have between one and a hundred thousand members"));
             return None;
         }
         let name = format!("{a}..{b}");
@@ -164,8 +114,8 @@ impl Elaborator<'_> {
         if known.is_some() {
             return known;
         }
-        if !self.budget.may_hold(b - a) {
-            self.report(Diagnostic::error(codes::TOO_LARGE, "sets of more than two million members together", binder.span));
+        if !self.ledger.budget.may_hold(b - a) {
+            self.ledger.report(Diagnostic::error(codes::TOO_LARGE, "sets of more than two million members together", binder.span));
             return None;
         }
         let labels = (a..=b).map(|i| i.to_string()).collect();
@@ -187,7 +137,11 @@ impl Elaborator<'_> {
                     continue;
                 }
                 BinderSet::Tuple(_) => {
-                    self.report(Diagnostic::error(codes::BAD_BINDER, "an index of a declaration runs over a set or a domain", binder.span));
+                    self.ledger.report(Diagnostic::error(
+                        codes::BAD_BINDER,
+                        "an index of a declaration runs over a set or a domain",
+                        binder.span,
+                    ));
                     return None;
                 }
             };
@@ -195,7 +149,7 @@ impl Elaborator<'_> {
                 Some(SymbolKind::Set(set) | SymbolKind::Phase(set)) => Axis::Set(set),
                 Some(SymbolKind::Domain(domain)) => Axis::Domain(domain),
                 _ => {
-                    self.bindings_of_name(set, place);
+                    self.naming().bindings_of_name(set, place);
                     return None;
                 }
             };
@@ -203,5 +157,60 @@ impl Elaborator<'_> {
             names.push(binder.name.text.clone());
         }
         Some((axes, names))
+    }
+}
+
+impl<'a> Naming<'_, 'a> {
+    fn bindings_of_name(&mut self, name: &Ident, place: &Place) -> Vec<BinderValue> {
+        let Some(symbol) = self.symbols.lookup(place.scope, &name.text) else {
+            if let Some(set) = self.symbols.sets.values().find(|s| s.labels.contains(&name.text)) {
+                let set = set.name.clone();
+                let message = format!("`{}` is a member of `{set}`; an array is declared over its whole set", name.text);
+                let help = format!(
+                    "declare it once, `[{set}]`: a `var` with one equation for each member (`eq x[{}] = ...`), or a `let` with `if i == {} then ... else ...` for `i in {set}`",
+                    name.text, name.text
+                );
+                self.ledger.report(Diagnostic::error(codes::WRONG_KIND, message, name.span).help(help));
+                return Vec::new();
+            }
+            let known: Vec<String> = self
+                .symbols
+                .list
+                .values()
+                .filter(|s| matches!(s.kind, SymbolKind::Set(_) | SymbolKind::Domain(_)))
+                .map(|s| s.path.clone())
+                .collect();
+            let help = self.ledger.reports.did_you_mean(&name.text, known.iter().map(String::as_str));
+            self.ledger.report(
+                Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown set or domain `{}`", name.text), name.span).maybe_help(help),
+            );
+            return Vec::new();
+        };
+        match self.symbols[symbol].kind {
+            SymbolKind::Set(set) | SymbolKind::Phase(set) => {
+                (0..self.symbols.sets[set].labels.len()).map(|i| BinderValue::One(Bound::Member(set, i))).collect()
+            }
+            SymbolKind::Domain(domain) => vec![BinderValue::Cells(domain, 0, self.symbols.domains[domain].cells - 1)],
+            SymbolKind::Faulty => Vec::new(),
+            _ => {
+                let at = self.symbols[symbol].span;
+                self.ledger.report(
+                    Diagnostic::error(codes::WRONG_KIND, format!("`{}` is neither a set nor a domain", name.text), name.span)
+                        .secondary(at, "declared here"),
+                );
+                Vec::new()
+            }
+        }
+    }
+}
+
+impl<'a> Symbols<'a> {
+    /// All variables of a role, each as the row of its elements.
+    fn arrays_of(&self, role: Role) -> Vec<BinderValue> {
+        let of_role = |kind: &SymbolKind| match kind {
+            SymbolKind::Variable { var, .. } if self.vars[*var].role == role => Some(i64::from(self.vars[*var].len)),
+            _ => None,
+        };
+        self.list.iter().filter_map(|(id, s)| of_role(&s.kind).map(|len| BinderValue::Elements(id, len))).collect()
     }
 }

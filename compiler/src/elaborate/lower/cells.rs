@@ -101,13 +101,17 @@ impl Elaborator<'_> {
                     continue;
                 }
                 if place.depth as usize >= MAX_DEPTH {
-                    self.report(Diagnostic::error(codes::TOO_LARGE, format!("more than {MAX_DEPTH} loops inside one another"), span));
+                    self.ledger.report(Diagnostic::error(
+                        codes::TOO_LARGE,
+                        format!("more than {MAX_DEPTH} loops inside one another"),
+                        span,
+                    ));
                     return Vec::new();
                 }
                 let around = self.loops.frames.iter().take(place.depth.into()).fold(1, |n: i64, l| n.saturating_mul(l.passes));
                 if around.saturating_mul(count) > MOST_PASSES {
                     let fault = Diagnostic::error(codes::TOO_LARGE, "loops inside one another with more than a billion passes", span);
-                    self.report(fault.help("sum over fewer indices: a product of sums in place of a sum of products"));
+                    self.ledger.report(fault.help("sum over fewer indices: a product of sums in place of a sum of products"));
                     return Vec::new();
                 }
                 let mut inner = place.clone();
@@ -116,7 +120,7 @@ impl Elaborator<'_> {
                 // A loop's frame stands at its depth; reductions beside one another reuse it.
                 self.loops.frames.truncate(place.depth as usize);
                 self.loops.frames.push(Loop { passes: count, cuts: BTreeSet::new() });
-                let before = (self.speculation.is_active()).then(|| self.trace());
+                let before = (self.ledger.speculation.is_active()).then(|| self.ledger.trace());
                 let result = body(self, cell, &inner);
                 let cuts = match self.loops.frames.get(place.depth as usize) {
                     Some(frame) => frame.cuts.clone(),
@@ -124,7 +128,7 @@ impl Elaborator<'_> {
                 };
                 self.loops.frames.truncate(place.depth as usize);
                 if !cuts.is_empty() {
-                    before.into_iter().for_each(|before| self.forget(before));
+                    before.into_iter().for_each(|before| self.ledger.roll_back(before, &mut self.expansions));
                     starts.extend(cuts.iter().map(|pass| first + pass));
                     continue 'again;
                 }

@@ -5,16 +5,17 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident, UnaryOp};
 use smpl_dsl::units::Unit;
 
-use crate::elaborate::declare::symbols::{Axis, ScopeId, SymbolId, SymbolKind};
+use crate::elaborate::declare::symbols::{Axis, ScopeId, SymbolId, SymbolKind, Symbols};
 use crate::elaborate::lower::units;
 use crate::elaborate::lower::value::{Measure, Value};
+use crate::elaborate::lower::values::Values;
 use crate::elaborate::{Bound, Elaborator, Place};
 use crate::ir::{Affine, BinaryFn, Builtin, Compare, Expr as Node, ExprId, Flavour, Role};
 
 impl<'a> Elaborator<'a> {
     /// Elaborates an expression.
     pub(in crate::elaborate) fn value(&mut self, e: &Expr, place: &Place) -> Value {
-        if !self.budget.may_elaborate(e.span, self.exprs.len()) {
+        if !self.ledger.budget.may_elaborate(e.span, self.exprs.len()) {
             return self.poison();
         }
         self.nested(e.span, |s| s.value_of(e, place))
@@ -22,14 +23,14 @@ impl<'a> Elaborator<'a> {
 
     /// Elaborates one level deeper, unless that is too deep.
     fn nested(&mut self, span: Span, value: impl FnOnce(&mut Self) -> Value) -> Value {
-        if !self.budget.enter() {
+        if !self.ledger.budget.enter() {
             return self.fault(
                 Diagnostic::error(codes::TOO_LARGE, "definitions within definitions, hundreds deep", span)
                     .help("break the chain: make one of its members a `var` with an equation"),
             );
         }
         let v = value(self);
-        self.budget.leave();
+        self.ledger.budget.leave();
         v
     }
 
@@ -64,7 +65,7 @@ impl<'a> Elaborator<'a> {
             ExprKind::As(a, unit) => {
                 let Some(target) = self.unit(unit, place) else { return self.poison() };
                 let v = self.value(a, place);
-                self.put_unit(v, target, a.span)
+                self.values().put_unit(v, target, a.span)
             }
             ExprKind::Tuple(_) => self.fault(
                 Diagnostic::error(codes::WRONG_SHAPE, "a list of values where one value is needed", e.span)
@@ -88,7 +89,7 @@ impl<'a> Elaborator<'a> {
             Measure::Truth => Some(v.expr),
             Measure::Poison => None,
             _ => {
-                self.report(
+                self.ledger.report(
                     Diagnostic::error(codes::WRONG_KIND, "a condition is needed here, this is a number", e.span)
                         .help("compare it with something: `x > 0`"),
                 );
@@ -99,8 +100,8 @@ impl<'a> Elaborator<'a> {
 
     /// An expression as a number in `target`; a pure number is taken in it. Reports a mismatch against `what`.
     pub(in crate::elaborate) fn number_in(&mut self, e: &Expr, target: &Unit, what: &str, declared: Span, place: &Place) -> ExprId {
-        let v = self.declared_value(e, place, &mut |s, v, span| s.in_unit(v, target, span, what, declared), target);
-        self.in_unit(v, target, e.span, what, declared)
+        let v = self.declared_value(e, place, &mut |s, v, span| s.values().in_unit(v, target, span, what, declared), target);
+        self.values().in_unit(v, target, e.span, what, declared)
     }
 
     /// An expression where a unit is declared. The branches of an `if` stand in that place themselves: each is taken in the unit, by `taken`, so
@@ -122,95 +123,6 @@ impl<'a> Elaborator<'a> {
         self.nested(e.span, |s| s.conditional_of(e.span, c, (a, b), place, &mut |s, e| s.declared_value(e, place, taken, unit)))
     }
 
-    /// A value as a number in `target`; a pure number is taken in it.
-    pub(in crate::elaborate) fn in_unit(&mut self, v: Value, target: &Unit, span: Span, what: &str, declared: Span) -> ExprId {
-        match &v.unit {
-            Measure::Poison | Measure::Zero | Measure::Bare => v.expr,
-            Measure::Truth => {
-                self.report(
-                    Diagnostic::error(codes::WRONG_KIND, "a number is needed here, this is a condition", span)
-                        .help("write `if condition then 1 else 0`"),
-                );
-                v.expr
-            }
-            Measure::Of(unit) => {
-                let unit = unit.clone();
-                // A dimensionless factor on a bare number (`value(x)*uniform(...)`) still is a number of the declared unit.
-                if units::is_plain_number(&unit) && !units::is_dimensionless(target) {
-                    return v.expr;
-                }
-                match self.convert(v.expr, &unit, target) {
-                    Some(e) => e,
-                    None => {
-                        self.report(units::mismatch(&unit, target, span, what, declared));
-                        v.expr
-                    }
-                }
-            }
-        }
-    }
-
-    /// A value as a number in `target`, strictly: a dimensionless number does not pass for a quantity.
-    pub(in crate::elaborate) fn strictly_in(&mut self, v: Value, target: &Unit, span: Span, what: &str, declared: Span) -> ExprId {
-        match &v.unit {
-            Measure::Bare if !units::is_dimensionless(target) => {
-                let mut fault = units::mismatch(&Unit::one(), target, span, what, declared);
-                if let Some(x) = self.exprs.as_const(v.expr) {
-                    fault = fault.help(units::literal(x, target));
-                }
-                self.report(fault);
-                v.expr
-            }
-            Measure::Of(unit) if units::is_plain_number(unit) && !units::is_dimensionless(target) => {
-                self.report(units::mismatch(&unit.clone(), target, span, what, declared));
-                v.expr
-            }
-            Measure::Bare => self.convert(v.expr, &Unit::one(), target).unwrap_or(v.expr),
-            _ => self.in_unit(v, target, span, what, declared),
-        }
-    }
-
-    /// The number of one unit as the number of another one; `None` where the dimensions differ.
-    pub(in crate::elaborate) fn convert(&mut self, e: ExprId, from: &Unit, to: &Unit) -> Option<ExprId> {
-        let (factor, offset) = units::conversion(from, to)?;
-        let mut e = e;
-        if factor != 1.0 {
-            let f = self.exprs.constant(factor);
-            e = self.exprs.mul(e, f);
-        }
-        if offset != 0.0 {
-            let o = self.exprs.constant(offset);
-            e = self.exprs.add(e, o);
-        }
-        Some(e)
-    }
-
-    /// `v as [unit]`: a pure number gets the unit, a quantity is converted.
-    fn put_unit(&mut self, v: Value, target: Unit, span: Span) -> Value {
-        match &v.unit {
-            Measure::Poison => v,
-            Measure::Zero | Measure::Bare => Value::of(v.expr, target),
-            Measure::Truth => {
-                self.fault(Diagnostic::error(codes::WRONG_KIND, "a condition has no unit", span).label("this is a condition"))
-            }
-            Measure::Of(unit) => {
-                let unit = unit.clone();
-                // A number gets the unit, `mg/g` and `%` included; a dimensionless quantity with a scale is a number first.
-                if units::is_plain_number(&unit) {
-                    return Value::of(v.expr, target);
-                }
-                if units::is_dimensionless(&unit) && !units::is_dimensionless(&target) {
-                    let expr = self.convert(v.expr, &unit, &Unit::one()).unwrap_or(v.expr);
-                    return Value::of(expr, target);
-                }
-                match self.convert(v.expr, &unit, &target) {
-                    Some(expr) => Value::of(expr, target),
-                    None => self.fault(units::mismatch(&unit, &target, span, "the unit after `as`", Span::default())),
-                }
-            }
-        }
-    }
-
     /// A name by itself.
     pub(in crate::elaborate) fn name(&mut self, name: &Ident, place: &Place) -> Value {
         if let Some(bound) = place.bound(&name.text).cloned() {
@@ -229,7 +141,11 @@ impl<'a> Elaborator<'a> {
     }
 
     fn unknown_name(&mut self, name: &Ident, scope: ScopeId) -> Value {
-        let help = if self.reports.may_suggest() { self.reports.did_you_mean(&name.text, self.symbols.visible(scope)) } else { None };
+        let help = if self.ledger.reports.may_suggest() {
+            self.ledger.reports.did_you_mean(&name.text, self.symbols.visible(scope))
+        } else {
+            None
+        };
         let d = Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown name `{}`", name.text), name.span)
             .label("not declared")
             .maybe_help(help);
@@ -240,7 +156,7 @@ impl<'a> Elaborator<'a> {
         match bound {
             Bound::Value(v) => v.clone(),
             Bound::Number(e) => Value::bare(*e),
-            Bound::Run(numbers) => self.run_value(*numbers),
+            Bound::Run(numbers) => self.values().run_value(*numbers),
             Bound::Member(set, index) => match self.symbols.sets[*set].first {
                 Some(first) => {
                     let expr = self.exprs.constant((first + *index as i64) as f64);
@@ -298,7 +214,7 @@ impl<'a> Elaborator<'a> {
                     Value::of(expr, unit)
                 }
                 _ => {
-                    self.speculation.refuse();
+                    self.ledger.speculation.refuse();
                     self.poison()
                 }
             },
@@ -380,18 +296,18 @@ impl<'a> Elaborator<'a> {
             self.hidden.draws.site.replace((path, crate::model::Instant::Reset))
         });
         // A fault of a definition is its own, whoever asks for it.
-        let calls = std::mem::take(&mut self.reports.calls);
+        let calls = std::mem::take(&mut self.ledger.reports.calls);
         let v = match unit {
             Some(unit) => self.value_of_let(symbol, definition, unit, random, &inner),
             None => self.value(definition, &inner),
         };
-        self.reports.calls = calls;
+        self.ledger.reports.calls = calls;
         if let Some(outer) = outer_stream {
             self.hidden.draws.site = outer;
         }
         self.expansions.leave();
         if let Some(key) = key {
-            self.speculation.remember(&key);
+            self.ledger.speculation.remember(&key);
             self.expansions.remember(key, v.clone());
         }
         v
@@ -402,7 +318,11 @@ impl<'a> Elaborator<'a> {
         let declared = self.symbols[symbol].span;
         let what = format!("`{}`", self.symbols[symbol].path);
         let taken = &mut |s: &mut Self, v: Value, span: Span| {
-            if random { s.in_unit(v, unit, span, &what, declared) } else { s.strictly_or_bare(v, unit, span, &what, declared) }
+            if random {
+                s.values().in_unit(v, unit, span, &what, declared)
+            } else {
+                s.values().strictly_or_bare(v, unit, span, &what, declared)
+            }
         };
         self.declared_value(definition, place, taken, unit)
     }
@@ -450,29 +370,15 @@ impl<'a> Elaborator<'a> {
     pub(in crate::elaborate) fn derivative(&mut self, span: Span, inner: &Expr, place: &Place) -> Value {
         let v = self.value(inner, place);
         let Measure::Of(unit) = &v.unit else {
-            return if v.is_poison() { v } else { self.not_a_state(span, inner) };
+            return if v.is_poison() { v } else { self.values().not_a_state(span, inner) };
         };
         match self.exprs.node(v.expr) {
             Node::Load { var, flavour: Flavour::Value, at } if self.symbols.vars[var].role == Role::State => {
                 let expr = self.exprs.load(var, Flavour::Derivative, at);
                 Value::of(expr, units::rate(unit, &self.symbols.time_unit))
             }
-            _ => self.not_a_state(span, inner),
+            _ => self.values().not_a_state(span, inner),
         }
-    }
-
-    fn not_a_state(&mut self, span: Span, inner: &Expr) -> Value {
-        let help = match &inner.kind {
-            ExprKind::Binary(BinaryOp::Mul, a, b) => match (&a.kind, &b.kind) {
-                (ExprKind::Name(Ident { text: a, .. }), ExprKind::Name(Ident { text: b, .. })) => format!(
-                    "write the product rule, `{a} * d/dt {b} + {b} * d/dt {a}` (one term where the other factor is constant), or make the product a state and divide"
-                ),
-                _ => "write the product rule, or make the product a state of its own and divide".to_owned(),
-            },
-            ExprKind::Name(_) | ExprKind::Index(..) | ExprKind::Member(..) => "declare it with `state`".to_owned(),
-            _ => "write out the derivative of the expression, or make it a state of its own".to_owned(),
-        };
-        self.fault(Diagnostic::error(codes::WRONG_KIND, "only a state has a time derivative", span).help(help))
     }
 
     fn unary(&mut self, op: UnaryOp, a: &Expr, place: &Place) -> Value {
@@ -490,7 +396,7 @@ impl<'a> Elaborator<'a> {
             // A literal -5 in a declaration of degC is a number, but the negative of a temperature means nothing.
             Measure::Of(unit) if units::is_point(unit) && !matches!(a.kind, ExprKind::Number { .. }) => {
                 let unit = unit.clone();
-                self.point_fault(&unit, a.span)
+                self.values().point_fault(&unit, a.span)
             }
             unit => {
                 let unit = unit.clone();
@@ -498,14 +404,6 @@ impl<'a> Elaborator<'a> {
                 Value { expr, unit }
             }
         }
-    }
-
-    fn point_fault(&mut self, unit: &Unit, span: Span) -> Value {
-        self.fault(
-            Diagnostic::error(codes::AFFINE_UNIT, format!("a temperature in {unit} is a point on a scale, not an amount"), span)
-                .label(format!("in {unit}"))
-                .help("use `kelvin(T)` for the absolute temperature, or a difference of two temperatures"),
-        )
     }
 
     fn binary(&mut self, span: Span, op: BinaryOp, a: &Expr, b: &Expr, place: &Place) -> Value {
@@ -519,7 +417,7 @@ impl<'a> Elaborator<'a> {
             BinaryOp::Lt | BinaryOp::Le | BinaryOp::Gt | BinaryOp::Ge | BinaryOp::Eq | BinaryOp::Ne => {
                 self.comparison(span, op, a, b, place)
             }
-            BinaryOp::Div if self.is_rate_slip(a, b, place) => {
+            BinaryOp::Div if self.symbols.is_rate_slip(a, b, place) => {
                 let what = match &a.kind {
                     ExprKind::Name(name) => name.text.strip_prefix('d').unwrap_or_default().to_owned(),
                     ExprKind::Call { arguments, .. } => {
@@ -540,18 +438,6 @@ impl<'a> Elaborator<'a> {
         }
     }
 
-    /// `dx/dt`, `d(x)/dt` where that means nothing else.
-    fn is_rate_slip(&self, a: &Expr, b: &Expr, place: &Place) -> bool {
-        let is_free = |name: &str| place.bound(name).is_none() && self.symbols.lookup(place.scope, name).is_none();
-        let by_time = matches!(&b.kind, ExprKind::Name(dt) if dt.text == "dt" && is_free("dt"));
-        by_time
-            && match &a.kind {
-                ExprKind::Name(dx) => dx.text.len() > 1 && dx.text.starts_with('d') && is_free(&dx.text),
-                ExprKind::Call { function, .. } => function.text == "d" && is_free("d"),
-                _ => false,
-            }
-    }
-
     /// `a + b` and so on, on values.
     pub(in crate::elaborate) fn arithmetic(&mut self, op: BinaryOp, a: (Value, Span), b: (Value, Span), span: Span) -> Value {
         if a.0.is_poison() || b.0.is_poison() {
@@ -565,10 +451,216 @@ impl<'a> Elaborator<'a> {
             }
         }
         match op {
-            BinaryOp::Add | BinaryOp::Sub => self.sum(op, a, b, span),
-            BinaryOp::Mul | BinaryOp::Div => self.product(op, a, b),
+            BinaryOp::Add | BinaryOp::Sub => self.values().sum(op, a, b, span),
+            BinaryOp::Mul | BinaryOp::Div => self.values().product(op, a, b),
             _ => self.power(a, b),
         }
+    }
+
+    fn power(&mut self, (a, sa): (Value, Span), (b, sb): (Value, Span)) -> Value {
+        let exponent = match &b.unit {
+            Measure::Of(u) => {
+                let u = u.clone();
+                match self.values().convert(b.expr, &u, &Unit::one()) {
+                    Some(e) => e,
+                    None => {
+                        return self.fault(
+                            Diagnostic::error(codes::NOT_DIMENSIONLESS, "an exponent must be dimensionless", sb).label(units::describe(&u)),
+                        );
+                    }
+                }
+            }
+            _ => b.expr,
+        };
+        // Powers of whole numbers are products.
+        if self.exprs.free(exponent) != 0 {
+            self.ledger.speculation.refuse();
+        }
+        let unit = match &a.unit {
+            Measure::Of(u) if units::is_point(u) => {
+                let u = u.clone();
+                return self.values().point_fault(&u, sa);
+            }
+            Measure::Of(u) if !units::is_dimensionless(u) => {
+                let u = u.clone();
+                let power = self.constant_value(exponent).and_then(|x| units::power(&u, x));
+                match power {
+                    Some(unit) => Measure::Of(unit),
+                    None => {
+                        return self.fault(
+                            Diagnostic::error(codes::NOT_DIMENSIONLESS, "only a simple constant power of a quantity has a unit", sa)
+                                .label(units::describe(&u))
+                                .secondary(sb, "this exponent is not a simple fraction")
+                                .help("divide the base by a reference of its unit, or take the unit off: `value(x)^p`"),
+                        );
+                    }
+                }
+            }
+            Measure::Of(u) => {
+                let u = u.clone();
+                let base = self.values().convert(a.expr, &u, &Unit::one()).unwrap_or(a.expr);
+                let expr = self.exprs.binary(BinaryFn::Pow, base, exponent);
+                return Value::of(expr, Unit::one());
+            }
+            m => m.clone(),
+        };
+        let unit = if matches!(unit, Measure::Zero) { Measure::Bare } else { unit };
+        let expr = self.exprs.binary(BinaryFn::Pow, a.expr, exponent);
+        Value { expr, unit }
+    }
+
+    fn comparison(&mut self, span: Span, op: BinaryOp, a: &Expr, b: &Expr, place: &Place) -> Value {
+        if let Some(v) = self.phase_comparison(a, b, place) {
+            return match op {
+                BinaryOp::Eq => v,
+                BinaryOp::Ne if v.is_poison() => v,
+                BinaryOp::Ne => Value::truth(self.exprs.not(v.expr)),
+                _ => self.fault(Diagnostic::error(codes::WRONG_KIND, "phases have no order; compare with `==` or `!=`", span)),
+            };
+        }
+        if let Some(equal) = self.naming().name_comparison(a, b, place) {
+            return match (op, equal) {
+                (_, None) => self.poison(),
+                (BinaryOp::Eq, Some(equal)) => Value::truth(self.exprs.truth(equal)),
+                (BinaryOp::Ne, Some(equal)) => Value::truth(self.exprs.truth(!equal)),
+                _ => self.fault(Diagnostic::error(codes::WRONG_KIND, "names have no order; compare with `==` or `!=`", span)),
+            };
+        }
+        if let Some(holds) = self.run_comparison(op, a, b, place) {
+            return Value::truth(self.exprs.truth(holds));
+        }
+        let (x, y) = (self.value(a, place), self.value(b, place));
+        let Some((l, r)) = self.values().common(&x, a.span, &y, b.span, span) else { return self.poison() };
+        let expr = match op {
+            BinaryOp::Lt => self.exprs.compare(Compare::Lt, l, r),
+            BinaryOp::Le => self.exprs.compare(Compare::Le, l, r),
+            BinaryOp::Gt => self.exprs.compare(Compare::Lt, r, l),
+            BinaryOp::Ge => self.exprs.compare(Compare::Le, r, l),
+            BinaryOp::Eq => self.exprs.compare(Compare::Eq, l, r),
+            _ => self.exprs.compare(Compare::Ne, l, r),
+        };
+        Value::truth(expr)
+    }
+
+    /// `if c then a else b`, with the way to elaborate a branch.
+    fn conditional_of(
+        &mut self,
+        span: Span,
+        c: &Expr,
+        (a, b): (&Expr, &Expr),
+        place: &Place,
+        branch: &mut dyn FnMut(&mut Self, &Expr) -> Value,
+    ) -> Value {
+        let Some(condition) = self.sound_condition(c, place) else {
+            // The branches may have faults of their own.
+            branch(self, a);
+            branch(self, b);
+            return self.poison();
+        };
+        // What the compiler can decide is decided: the other branch need not even have a meaning here.
+        if let Node::Truth(holds) = self.exprs.node(condition) {
+            return branch(self, if holds { a } else { b });
+        }
+        let (x, y) = (branch(self, a), branch(self, b));
+        self.values().choose(condition, (x, a.span), (y, b.span), span)
+    }
+}
+
+impl Values<'_> {
+    /// A value as a number in `target`; a pure number is taken in it.
+    pub(in crate::elaborate) fn in_unit(&mut self, v: Value, target: &Unit, span: Span, what: &str, declared: Span) -> ExprId {
+        match &v.unit {
+            Measure::Poison | Measure::Zero | Measure::Bare => v.expr,
+            Measure::Truth => {
+                self.ledger.report(
+                    Diagnostic::error(codes::WRONG_KIND, "a number is needed here, this is a condition", span)
+                        .help("write `if condition then 1 else 0`"),
+                );
+                v.expr
+            }
+            Measure::Of(unit) => {
+                let unit = unit.clone();
+                // A dimensionless factor on a bare number (`value(x)*uniform(...)`) still is a number of the declared unit.
+                if units::is_plain_number(&unit) && !units::is_dimensionless(target) {
+                    return v.expr;
+                }
+                match self.convert(v.expr, &unit, target) {
+                    Some(e) => e,
+                    None => {
+                        self.ledger.report(units::mismatch(&unit, target, span, what, declared));
+                        v.expr
+                    }
+                }
+            }
+        }
+    }
+
+    /// A value as a number in `target`, strictly: a dimensionless number does not pass for a quantity.
+    pub(in crate::elaborate) fn strictly_in(&mut self, v: Value, target: &Unit, span: Span, what: &str, declared: Span) -> ExprId {
+        match &v.unit {
+            Measure::Bare if !units::is_dimensionless(target) => {
+                let mut fault = units::mismatch(&Unit::one(), target, span, what, declared);
+                if let Some(x) = self.exprs.as_const(v.expr) {
+                    fault = fault.help(units::literal(x, target));
+                }
+                self.ledger.report(fault);
+                v.expr
+            }
+            Measure::Of(unit) if units::is_plain_number(unit) && !units::is_dimensionless(target) => {
+                self.ledger.report(units::mismatch(&unit.clone(), target, span, what, declared));
+                v.expr
+            }
+            Measure::Bare => self.convert(v.expr, &Unit::one(), target).unwrap_or(v.expr),
+            _ => self.in_unit(v, target, span, what, declared),
+        }
+    }
+
+    /// `v as [unit]`: a pure number gets the unit, a quantity is converted.
+    fn put_unit(&mut self, v: Value, target: Unit, span: Span) -> Value {
+        match &v.unit {
+            Measure::Poison => v,
+            Measure::Zero | Measure::Bare => Value::of(v.expr, target),
+            Measure::Truth => {
+                self.fault(Diagnostic::error(codes::WRONG_KIND, "a condition has no unit", span).label("this is a condition"))
+            }
+            Measure::Of(unit) => {
+                let unit = unit.clone();
+                // A number gets the unit, `mg/g` and `%` included; a dimensionless quantity with a scale is a number first.
+                if units::is_plain_number(&unit) {
+                    return Value::of(v.expr, target);
+                }
+                if units::is_dimensionless(&unit) && !units::is_dimensionless(&target) {
+                    let expr = self.convert(v.expr, &unit, &Unit::one()).unwrap_or(v.expr);
+                    return Value::of(expr, target);
+                }
+                match self.convert(v.expr, &unit, &target) {
+                    Some(expr) => Value::of(expr, target),
+                    None => self.fault(units::mismatch(&unit, &target, span, "the unit after `as`", Span::default())),
+                }
+            }
+        }
+    }
+
+    fn not_a_state(&mut self, span: Span, inner: &Expr) -> Value {
+        let help = match &inner.kind {
+            ExprKind::Binary(BinaryOp::Mul, a, b) => match (&a.kind, &b.kind) {
+                (ExprKind::Name(Ident { text: a, .. }), ExprKind::Name(Ident { text: b, .. })) => format!(
+                    "write the product rule, `{a} * d/dt {b} + {b} * d/dt {a}` (one term where the other factor is constant), or make the product a state and divide"
+                ),
+                _ => "write the product rule, or make the product a state of its own and divide".to_owned(),
+            },
+            ExprKind::Name(_) | ExprKind::Index(..) | ExprKind::Member(..) => "declare it with `state`".to_owned(),
+            _ => "write out the derivative of the expression, or make it a state of its own".to_owned(),
+        };
+        self.fault(Diagnostic::error(codes::WRONG_KIND, "only a state has a time derivative", span).help(help))
+    }
+
+    fn point_fault(&mut self, unit: &Unit, span: Span) -> Value {
+        self.fault(
+            Diagnostic::error(codes::AFFINE_UNIT, format!("a temperature in {unit} is a point on a scale, not an amount"), span)
+                .label(format!("in {unit}"))
+                .help("use `kelvin(T)` for the absolute temperature, or a difference of two temperatures"),
+        )
     }
 
     fn sum(&mut self, op: BinaryOp, (a, sa): (Value, Span), (b, sb): (Value, Span), span: Span) -> Value {
@@ -621,7 +713,7 @@ impl<'a> Elaborator<'a> {
                 && units::conversion(&Unit::one(), unit).is_some_and(|(factor, _)| factor != 1.0)
             {
                 let x = self.exprs.as_const(number.expr);
-                self.report(units::bare_beside(x, unit, span));
+                self.ledger.report(units::bare_beside(x, unit, span));
             }
         }
     }
@@ -655,91 +747,6 @@ impl<'a> Elaborator<'a> {
         Value::of(expr, unit)
     }
 
-    fn power(&mut self, (a, sa): (Value, Span), (b, sb): (Value, Span)) -> Value {
-        let exponent = match &b.unit {
-            Measure::Of(u) => {
-                let u = u.clone();
-                match self.convert(b.expr, &u, &Unit::one()) {
-                    Some(e) => e,
-                    None => {
-                        return self.fault(
-                            Diagnostic::error(codes::NOT_DIMENSIONLESS, "an exponent must be dimensionless", sb).label(units::describe(&u)),
-                        );
-                    }
-                }
-            }
-            _ => b.expr,
-        };
-        // Powers of whole numbers are products.
-        if self.exprs.free(exponent) != 0 {
-            self.speculation.refuse();
-        }
-        let unit = match &a.unit {
-            Measure::Of(u) if units::is_point(u) => {
-                let u = u.clone();
-                return self.point_fault(&u, sa);
-            }
-            Measure::Of(u) if !units::is_dimensionless(u) => {
-                let u = u.clone();
-                let power = self.constant_value(exponent).and_then(|x| units::power(&u, x));
-                match power {
-                    Some(unit) => Measure::Of(unit),
-                    None => {
-                        return self.fault(
-                            Diagnostic::error(codes::NOT_DIMENSIONLESS, "only a simple constant power of a quantity has a unit", sa)
-                                .label(units::describe(&u))
-                                .secondary(sb, "this exponent is not a simple fraction")
-                                .help("divide the base by a reference of its unit, or take the unit off: `value(x)^p`"),
-                        );
-                    }
-                }
-            }
-            Measure::Of(u) => {
-                let u = u.clone();
-                let base = self.convert(a.expr, &u, &Unit::one()).unwrap_or(a.expr);
-                let expr = self.exprs.binary(BinaryFn::Pow, base, exponent);
-                return Value::of(expr, Unit::one());
-            }
-            m => m.clone(),
-        };
-        let unit = if matches!(unit, Measure::Zero) { Measure::Bare } else { unit };
-        let expr = self.exprs.binary(BinaryFn::Pow, a.expr, exponent);
-        Value { expr, unit }
-    }
-
-    fn comparison(&mut self, span: Span, op: BinaryOp, a: &Expr, b: &Expr, place: &Place) -> Value {
-        if let Some(v) = self.phase_comparison(a, b, place) {
-            return match op {
-                BinaryOp::Eq => v,
-                BinaryOp::Ne if v.is_poison() => v,
-                BinaryOp::Ne => Value::truth(self.exprs.not(v.expr)),
-                _ => self.fault(Diagnostic::error(codes::WRONG_KIND, "phases have no order; compare with `==` or `!=`", span)),
-            };
-        }
-        if let Some(equal) = self.name_comparison(a, b, place) {
-            return match (op, equal) {
-                (_, None) => self.poison(),
-                (BinaryOp::Eq, Some(equal)) => Value::truth(self.exprs.truth(equal)),
-                (BinaryOp::Ne, Some(equal)) => Value::truth(self.exprs.truth(!equal)),
-                _ => self.fault(Diagnostic::error(codes::WRONG_KIND, "names have no order; compare with `==` or `!=`", span)),
-            };
-        }
-        if let Some(holds) = self.run_comparison(op, a, b, place) {
-            return Value::truth(self.exprs.truth(holds));
-        }
-        let (x, y) = (self.value(a, place), self.value(b, place));
-        let Some((l, r)) = self.common(&x, a.span, &y, b.span, span) else { return self.poison() };
-        let expr = match op {
-            BinaryOp::Lt => self.exprs.compare(Compare::Lt, l, r),
-            BinaryOp::Le => self.exprs.compare(Compare::Le, l, r),
-            BinaryOp::Gt => self.exprs.compare(Compare::Lt, r, l),
-            BinaryOp::Ge => self.exprs.compare(Compare::Le, r, l),
-            BinaryOp::Eq => self.exprs.compare(Compare::Eq, l, r),
-            _ => self.exprs.compare(Compare::Ne, l, r),
-        };
-        Value::truth(expr)
-    }
-
     /// Both values as numbers of the first one's unit (points stay points); reports a clash.
     pub(in crate::elaborate) fn common(&mut self, a: &Value, sa: Span, b: &Value, sb: Span, span: Span) -> Option<(ExprId, ExprId)> {
         self.common_for(a, sa, b, sb, span, "compared")
@@ -752,13 +759,13 @@ impl<'a> Elaborator<'a> {
         }
         match (&a.unit, &b.unit) {
             (Measure::Truth, Measure::Truth) => {
-                self.report(
+                self.ledger.report(
                     Diagnostic::error(codes::WRONG_KIND, "conditions are not compared", span).help("combine them with `and`, `or`, `not`"),
                 );
                 None
             }
             (Measure::Truth, _) | (_, Measure::Truth) => {
-                self.report(Diagnostic::error(codes::WRONG_KIND, "a condition meets a number", span));
+                self.ledger.report(Diagnostic::error(codes::WRONG_KIND, "a condition meets a number", span));
                 None
             }
             (Measure::Zero, _) | (_, Measure::Zero) => Some((a.expr, b.expr)),
@@ -770,35 +777,12 @@ impl<'a> Elaborator<'a> {
                     _ => {
                         let d = units::clash(&ua, sa, &ub, sb, span, verb);
                         let d = self.with_literal(d, (a, &ua), (b, &ub));
-                        self.report(d);
+                        self.ledger.report(d);
                         None
                     }
                 }
             }
         }
-    }
-
-    /// `if c then a else b`, with the way to elaborate a branch.
-    fn conditional_of(
-        &mut self,
-        span: Span,
-        c: &Expr,
-        (a, b): (&Expr, &Expr),
-        place: &Place,
-        branch: &mut dyn FnMut(&mut Self, &Expr) -> Value,
-    ) -> Value {
-        let Some(condition) = self.sound_condition(c, place) else {
-            // The branches may have faults of their own.
-            branch(self, a);
-            branch(self, b);
-            return self.poison();
-        };
-        // What the compiler can decide is decided: the other branch need not even have a meaning here.
-        if let Node::Truth(holds) = self.exprs.node(condition) {
-            return branch(self, if holds { a } else { b });
-        }
-        let (x, y) = (branch(self, a), branch(self, b));
-        self.choose(condition, (x, a.span), (y, b.span), span)
     }
 
     /// `if c then a else b` on values.
@@ -822,14 +806,14 @@ impl<'a> Elaborator<'a> {
             Measure::Poison => None,
             Measure::Zero | Measure::Bare => Some(v.expr),
             Measure::Truth => {
-                self.report(Diagnostic::error(codes::WRONG_KIND, format!("`{function}` of a condition"), span));
+                self.ledger.report(Diagnostic::error(codes::WRONG_KIND, format!("`{function}` of a condition"), span));
                 None
             }
             Measure::Of(u) => {
                 let u = u.clone();
                 let converted = self.convert(v.expr, &u, &Unit::one());
                 if converted.is_none() {
-                    self.report(
+                    self.ledger.report(
                         Diagnostic::error(
                             codes::NOT_DIMENSIONLESS,
                             format!("`{function}` takes a dimensionless number, this is {}", units::describe(&u)),
@@ -842,5 +826,34 @@ impl<'a> Elaborator<'a> {
                 converted
             }
         }
+    }
+
+    /// The number of one unit as the number of another one; `None` where the dimensions differ.
+    pub(in crate::elaborate) fn convert(&mut self, e: ExprId, from: &Unit, to: &Unit) -> Option<ExprId> {
+        let (factor, offset) = units::conversion(from, to)?;
+        let mut e = e;
+        if factor != 1.0 {
+            let f = self.exprs.constant(factor);
+            e = self.exprs.mul(e, f);
+        }
+        if offset != 0.0 {
+            let o = self.exprs.constant(offset);
+            e = self.exprs.add(e, o);
+        }
+        Some(e)
+    }
+}
+
+impl<'a> Symbols<'a> {
+    /// `dx/dt`, `d(x)/dt` where that means nothing else.
+    fn is_rate_slip(&self, a: &Expr, b: &Expr, place: &Place) -> bool {
+        let is_free = |name: &str| place.bound(name).is_none() && self.lookup(place.scope, name).is_none();
+        let by_time = matches!(&b.kind, ExprKind::Name(dt) if dt.text == "dt" && is_free("dt"));
+        by_time
+            && match &a.kind {
+                ExprKind::Name(dx) => dx.text.len() > 1 && dx.text.starts_with('d') && is_free(&dx.text),
+                ExprKind::Call { function, .. } => function.text == "d" && is_free("d"),
+                _ => false,
+            }
     }
 }

@@ -6,9 +6,11 @@ use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident};
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::declare::symbols::{SymbolId, SymbolKind};
+use crate::elaborate::ledger::Ledger;
 use crate::elaborate::lower::builtins::{self, Attribute, Builtin, Call};
 use crate::elaborate::lower::units;
 use crate::elaborate::lower::value::{Measure, Value};
+use crate::elaborate::lower::values::Values;
 use crate::elaborate::{Bound, Elaborator, Place, Site};
 use crate::ir::{Affine, BinaryFn, Expr as Node, Flavour, Role, UnaryFn};
 use crate::model::Quantity;
@@ -26,7 +28,7 @@ impl Elaborator<'_> {
         let Some(&Builtin { name, arity, call: Some(call), .. }) = builtins::find(&function.text) else {
             return self.unknown_function(function, place);
         };
-        if arity.is_some_and(|wanted| !self.argument(span, function, arguments, wanted)) {
+        if arity.is_some_and(|wanted| !self.ledger.argument(span, function, arguments, wanted)) {
             return self.poison();
         }
         self.built_in(span, (name, call), arguments, place)
@@ -61,7 +63,7 @@ impl Elaborator<'_> {
             (Call::Upwind, [v, e]) => self.upwind(span, v, e, place),
             (Call::Width | Call::Volume, [a]) => self.cell_size(span, name, call, a, place),
             _ => {
-                self.wrong_number(span, name, 1, arguments.len());
+                self.ledger.wrong_number(span, name, 1, arguments.len());
                 self.poison()
             }
         }
@@ -83,7 +85,9 @@ impl Elaborator<'_> {
             "log" => Some("write `ln` for the natural logarithm, `log10` for the decimal one".to_owned()),
             "pow" => Some("write `x^y`".to_owned()),
             _ if over_sets => Some(format!("say over what: `{name}(x[i] for i in set)`")),
-            _ if self.reports.may_suggest() => self.reports.did_you_mean(name, builtins::names().chain(self.symbols.visible(place.scope))),
+            _ if self.ledger.reports.may_suggest() => {
+                self.ledger.reports.did_you_mean(name, builtins::names().chain(self.symbols.visible(place.scope)))
+            }
             _ => None,
         };
         let message = if over_sets { format!("`{name}` runs over a set, here is none") } else { format!("unknown function `{name}`") };
@@ -91,22 +95,8 @@ impl Elaborator<'_> {
         self.fault(d)
     }
 
-    /// Reports a wrong number of arguments.
-    pub(in crate::elaborate) fn argument(&mut self, span: Span, function: &Ident, arguments: &[Expr], wanted: usize) -> bool {
-        if arguments.len() != wanted {
-            self.wrong_number(span, &function.text, wanted, arguments.len());
-        }
-        arguments.len() == wanted
-    }
-
-    fn wrong_number(&mut self, span: Span, name: &str, wanted: usize, given: usize) {
-        let plural = if wanted == 1 { "" } else { "s" };
-        let message = format!("`{name}` takes {wanted} argument{plural}, not {given}");
-        self.report(Diagnostic::error(codes::WRONG_ARGUMENTS, message, span));
-    }
-
     fn expand_def(&mut self, span: Span, symbol: SymbolId, parameters: &[Ident], body: &Expr, arguments: &[Expr], place: &Place) -> Value {
-        if !self.may_write_out(span) {
+        if !self.ledger.may_write_out(span) {
             return self.poison();
         }
         let path = self.symbols[symbol].path.clone();
@@ -138,16 +128,16 @@ impl Elaborator<'_> {
         }
         self.expansions.note_use(symbol);
         self.expansions.enter(symbol);
-        self.reports.calls.push(span);
+        self.ledger.reports.calls.push(span);
         let v = self.value(body, &inner);
-        self.reports.calls.pop();
+        self.ledger.reports.calls.pop();
         self.expansions.leave();
         v
     }
 
     fn elementary(&mut self, name: &str, f: UnaryFn, a: &Expr, place: &Place) -> Value {
         let v = self.value(a, place);
-        match self.dimensionless(&v, a.span, name) {
+        match self.values().dimensionless(&v, a.span, name) {
             Some(x) => {
                 let expr = self.exprs.unary(f, x);
                 if v.unit.is_plain() { Value::bare(expr) } else { Value::of(expr, Unit::one()) }
@@ -181,30 +171,19 @@ impl Elaborator<'_> {
             );
         }
         let values: Vec<(Value, Span)> = arguments.iter().map(|a| (self.value(a, place), a.span)).collect();
-        self.fold_extremum(f, values, span)
-    }
-
-    pub(in crate::elaborate) fn fold_extremum(&mut self, f: BinaryFn, values: Vec<(Value, Span)>, span: Span) -> Value {
-        let mut list = values.into_iter();
-        let Some(mut best) = list.next() else { return self.poison() };
-        for next in list {
-            let Some((l, r)) = self.common(&best.0, best.1, &next.0, next.1, span) else { return self.poison() };
-            let expr = self.exprs.binary(f, l, r);
-            best = (Value { expr, unit: best.0.unit.beside(&next.0.unit) }, best.1);
-        }
-        best.0
+        self.values().fold_extremum(f, values, span)
     }
 
     fn clip(&mut self, span: Span, arguments: &[Expr], place: &Place) -> Value {
         let v: Vec<(Value, Span)> = arguments.iter().map(|a| (self.value(a, place), a.span)).collect();
         let [x, low, high] = &v[..] else { return self.poison() };
-        let above = self.fold_extremum(BinaryFn::Max, vec![x.clone(), low.clone()], span);
-        self.fold_extremum(BinaryFn::Min, vec![(above, x.1), high.clone()], span)
+        let above = self.values().fold_extremum(BinaryFn::Max, vec![x.clone(), low.clone()], span);
+        self.values().fold_extremum(BinaryFn::Min, vec![(above, x.1), high.clone()], span)
     }
 
     fn atan2(&mut self, span: Span, y: &Expr, x: &Expr, place: &Place) -> Value {
         let (a, b) = (self.value(y, place), self.value(x, place));
-        let Some((l, r)) = self.common(&a, y.span, &b, x.span, span) else { return self.poison() };
+        let Some((l, r)) = self.values().common(&a, y.span, &b, x.span, span) else { return self.poison() };
         let expr = self.exprs.binary(BinaryFn::Atan2, l, r);
         Value::of(expr, Unit::one())
     }
@@ -212,7 +191,7 @@ impl Elaborator<'_> {
     /// `mod(a, b)`: what is left of `a` after whole multiples of `b`, with the sign of `b`.
     fn modulo(&mut self, span: Span, first: &Expr, second: &Expr, place: &Place) -> Value {
         let (a, b) = (self.value(first, place), self.value(second, place));
-        let Some((l, r)) = self.common(&a, first.span, &b, second.span, span) else { return self.poison() };
+        let Some((l, r)) = self.values().common(&a, first.span, &b, second.span, span) else { return self.poison() };
         let ratio = self.exprs.div(l, r);
         let whole = self.exprs.unary(UnaryFn::Floor, ratio);
         let multiple = self.exprs.mul(r, whole);
@@ -332,7 +311,8 @@ impl Elaborator<'_> {
         match self.exprs.node(v.expr) {
             Node::Load { var, at, .. } if self.symbols.quantities.contains_key(&var) => Some((var, at)),
             _ => {
-                self.report(Diagnostic::error(codes::WRONG_KIND, "a declared variable is needed here", span).label("not a variable"));
+                self.ledger
+                    .report(Diagnostic::error(codes::WRONG_KIND, "a declared variable is needed here", span).label("not a variable"));
                 None
             }
         }
@@ -366,6 +346,35 @@ impl Elaborator<'_> {
             return if call == Call::Width { self.cell_width(domain, cell) } else { self.cell_volume(domain, cell) };
         }
         self.fault(Diagnostic::error(codes::WRONG_KIND, format!("`{name}` takes a cell: an index bound by `for`"), span))
+    }
+}
+
+impl Values<'_> {
+    pub(in crate::elaborate) fn fold_extremum(&mut self, f: BinaryFn, values: Vec<(Value, Span)>, span: Span) -> Value {
+        let mut list = values.into_iter();
+        let Some(mut best) = list.next() else { return self.poison() };
+        for next in list {
+            let Some((l, r)) = self.common(&best.0, best.1, &next.0, next.1, span) else { return self.poison() };
+            let expr = self.exprs.binary(f, l, r);
+            best = (Value { expr, unit: best.0.unit.beside(&next.0.unit) }, best.1);
+        }
+        best.0
+    }
+}
+
+impl Ledger {
+    /// Reports a wrong number of arguments.
+    pub(in crate::elaborate) fn argument(&mut self, span: Span, function: &Ident, arguments: &[Expr], wanted: usize) -> bool {
+        if arguments.len() != wanted {
+            self.wrong_number(span, &function.text, wanted, arguments.len());
+        }
+        arguments.len() == wanted
+    }
+
+    fn wrong_number(&mut self, span: Span, name: &str, wanted: usize, given: usize) {
+        let plural = if wanted == 1 { "" } else { "s" };
+        let message = format!("`{name}` takes {wanted} argument{plural}, not {given}");
+        self.report(Diagnostic::error(codes::WRONG_ARGUMENTS, message, span));
     }
 }
 

@@ -4,7 +4,9 @@ use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{self, BinaryOp, Expr, ExprKind, Form, UnaryOp};
 
-use crate::elaborate::declare::symbols::{Axis, DomainId, ScopeId, SetId, SymbolId, SymbolKind};
+use crate::elaborate::declare::naming::Naming;
+use crate::elaborate::declare::symbols::{Axis, DomainId, ScopeId, SetId, SymbolId, SymbolKind, Symbols};
+use crate::elaborate::ledger::Ledger;
 use crate::elaborate::lower::cells::Cell;
 use crate::elaborate::lower::value::Value;
 use crate::elaborate::{Bound, Elaborator, Place};
@@ -58,6 +60,7 @@ impl<'a> Elaborator<'a> {
             Target::Value(v) if index.is_empty() => v,
             Target::Value(v) if v.is_poison() => v,
             Target::Value(_) => self
+                .values()
                 .fault(Diagnostic::error(codes::WRONG_SHAPE, "an index after something that has none", e.span).help("multiply with `*`")),
             Target::Nothing => self.poison(),
         }
@@ -90,9 +93,10 @@ impl<'a> Elaborator<'a> {
                 match self.symbols.scopes[scope].names.get(&member.text) {
                     Some(&symbol) => Target::Symbol(symbol),
                     None => {
-                        let help = self.reports.did_you_mean(&member.text, self.symbols.scopes[scope].names.keys().map(String::as_str));
+                        let help =
+                            self.ledger.reports.did_you_mean(&member.text, self.symbols.scopes[scope].names.keys().map(String::as_str));
                         let prefix = self.symbols.scopes[scope].prefix.trim_end_matches('.').to_owned();
-                        self.report(
+                        self.ledger.report(
                             Diagnostic::error(codes::UNKNOWN_NAME, format!("`{prefix}` has no `{}`", member.text), member.span)
                                 .label("not declared there")
                                 .maybe_help(help),
@@ -115,9 +119,9 @@ impl<'a> Elaborator<'a> {
             Target::Symbol(symbol) => symbol,
             Target::Value(v) if v.is_poison() => return None,
             Target::Value(_) => {
-                self.report(
+                self.ledger.report(
                     Diagnostic::error(codes::WRONG_KIND, "only components, ports and domains have members", e.span)
-                        .maybe_help(self.end_of(e, place)),
+                        .maybe_help(self.symbols.end_of(e, place)),
                 );
                 return None;
             }
@@ -131,7 +135,7 @@ impl<'a> Elaborator<'a> {
                 if found.is_none() {
                     let known = crate::elaborate::declare::symbols::listed(row.list.iter().map(|(l, _)| l.as_str()));
                     let message = format!("there is no instance `{label}`: {known}");
-                    self.report(Diagnostic::error(codes::OUT_OF_RANGE, message, index[0].span));
+                    self.ledger.report(Diagnostic::error(codes::OUT_OF_RANGE, message, index[0].span));
                 }
                 found
             }
@@ -139,7 +143,7 @@ impl<'a> Elaborator<'a> {
             SymbolKind::Instances(row) => {
                 let path = self.symbols[symbol].path.clone();
                 let first = row.list.first().map_or("1", |(l, _)| l.as_str());
-                self.report(
+                self.ledger.report(
                     Diagnostic::error(codes::WRONG_SHAPE, format!("`{path}` is a row of instances and takes one index"), e.span)
                         .help(format!("write `{path}[{first}]`")),
                 );
@@ -148,22 +152,13 @@ impl<'a> Elaborator<'a> {
             _ => {
                 let path = self.symbols[symbol].path.clone();
                 let declared = self.symbols[symbol].span;
-                self.report(
+                self.ledger.report(
                     Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is neither a component nor a port: it has no members"), e.span)
                         .secondary(declared, "declared here"),
                 );
                 None
             }
         }
-    }
-
-    /// What to write for the end of a set of numbers, which has no `.last`.
-    fn end_of(&self, e: &Expr, place: &Place) -> Option<String> {
-        let ExprKind::Name(name) = &e.kind else { return None };
-        let Some(Bound::Member(set, _)) = place.bound(&name.text) else { return None };
-        let set = &self.symbols.sets[*set];
-        let (first, last) = (set.labels.first()?, set.labels.last()?);
-        Some(format!("`.first` and `.last` are those of a domain; `{}` runs from `{first}` to `{last}`", set.name))
     }
 
     fn instance_label(&mut self, e: &Expr, place: &Place) -> Option<String> {
@@ -182,10 +177,10 @@ impl<'a> Elaborator<'a> {
         if !matches!(member, "first" | "last" | "cells" | "number") {
             return None;
         }
-        let domain = self.domain_of(base, place)?;
+        let domain = self.symbols.domain_of(base, place)?;
         if member == "number" {
             return Some(match cell_number(base, place) {
-                Some(cell) => self.run_value(cell.shifted(1)),
+                Some(cell) => self.values().run_value(cell.shifted(1)),
                 None => self.fault(
                     Diagnostic::error(codes::WRONG_SHAPE, "a cell has a number where the index is bound by `for`", base.span)
                         .label("stands for no cell here"),
@@ -195,28 +190,6 @@ impl<'a> Elaborator<'a> {
         let number = if member == "first" { 1 } else { self.symbols.domains[domain].cells };
         let expr = self.exprs.constant(number as f64);
         Some(Value::bare(expr))
-    }
-
-    /// The domain that a path names, without a report where it names something else.
-    pub(in crate::elaborate) fn domain_of(&mut self, e: &Expr, place: &Place) -> Option<DomainId> {
-        let symbol = match &e.kind {
-            ExprKind::Name(name) => match place.bound(&name.text) {
-                Some(Bound::Cell(domain, _) | Bound::Face(domain, _)) => return Some(*domain),
-                Some(_) => return None,
-                None => self.symbols.lookup(place.scope, &name.text)?,
-            },
-            ExprKind::Member(base, member) => {
-                let ExprKind::Name(first) = &base.kind else { return None };
-                let outer = self.symbols.lookup(place.scope, &first.text)?;
-                let SymbolKind::Instance(scope) = self.symbols[outer].kind else { return None };
-                *self.symbols.scopes[scope].names.get(&member.text)?
-            }
-            _ => return None,
-        };
-        match self.symbols[symbol].kind {
-            SymbolKind::Domain(domain) => Some(domain),
-            _ => None,
-        }
     }
 
     /// Address of an element of an array, and what its indices are bound to.
@@ -244,7 +217,7 @@ impl<'a> Elaborator<'a> {
             if index.is_empty() {
                 d = crate::elaborate::declare::built_ins::note(d, &path);
             }
-            self.report(d);
+            self.ledger.report(d);
             return None;
         }
         let mut at = Affine::default();
@@ -253,7 +226,7 @@ impl<'a> Elaborator<'a> {
             let len = self.symbols.axis_len(axis);
             let (part, bound) = match axis {
                 Axis::Set(set) => match self.run_index(e, place) {
-                    Some(numbers) => (self.run_members(set, numbers)?.affine(), Bound::Run(numbers)),
+                    Some(numbers) => (self.naming().run_members(set, numbers)?.affine(), Bound::Run(numbers)),
                     None => {
                         let i = self.member(set, e, place)?;
                         (Affine::constant(i as i64), Bound::Member(set, i))
@@ -266,7 +239,7 @@ impl<'a> Elaborator<'a> {
                         continue;
                     };
                     if c.first < 0 || c.last() >= len {
-                        self.out_of_domain(domain, c, e);
+                        self.naming().out_of_domain(domain, c, e);
                         return None;
                     }
                     (c.affine(), bound)
@@ -278,22 +251,6 @@ impl<'a> Elaborator<'a> {
         Some((at, bounds))
     }
 
-    fn out_of_domain(&mut self, domain: DomainId, c: Cell, index: &Expr) {
-        let (name, cells) = (self.symbols.domains[domain].name.clone(), self.symbols.domains[domain].cells);
-        let number = if c.first < 0 { c.first + 1 } else { c.last() + 1 };
-        let rest = match (&index.kind, number < 1) {
-            (ExprKind::Binary(..), true) => Some(format!("{}..{name}.last", 1 + (1 - number).min(cells))),
-            (ExprKind::Binary(..), false) => Some(format!("1..{name}.last-{}", number - cells)),
-            _ => None,
-        };
-        let message = format!("cell {number} of `{name}` does not exist: its cells are 1 to {cells}");
-        self.report(
-            Diagnostic::error(codes::OUT_OF_RANGE, message, index.span).label("reaches beyond the domain").maybe_help(
-                rest.map(|range| format!("restrict the equation, `for {name} in {range}`, and write the other cells separately")),
-            ),
-        );
-    }
-
     /// Position of a member in its set.
     pub(in crate::elaborate) fn member(&mut self, set: SetId, e: &Expr, place: &Place) -> Option<usize> {
         if let ExprKind::Name(name) = &e.kind {
@@ -301,7 +258,7 @@ impl<'a> Elaborator<'a> {
                 Some(Bound::Member(other, i)) if *other == set => return Some(*i),
                 Some(Bound::Member(other, i)) => {
                     let label = self.symbols.sets[*other].labels[*i].clone();
-                    return self.labelled(set, &label, e.span);
+                    return self.naming().labelled(set, &label, e.span);
                 }
                 Some(_) => {}
                 None => {
@@ -310,12 +267,13 @@ impl<'a> Elaborator<'a> {
                     }
                     if self.symbols.sets[set].first.is_none() {
                         let labels = &self.symbols.sets[set].labels;
-                        let is_member = self.reports.did_you_mean(&name.text, labels.iter().map(String::as_str)).is_some();
+                        let is_member = self.ledger.reports.did_you_mean(&name.text, labels.iter().map(String::as_str)).is_some();
                         if !is_member {
-                            self.not_bound(&name.text, &self.symbols.sets[set].name.clone(), e.span);
+                            let over = self.symbols.sets[set].name.clone();
+                            self.naming().not_bound(&name.text, &over, e.span);
                             return None;
                         }
-                        return self.labelled(set, &name.text, e.span);
+                        return self.naming().labelled(set, &name.text, e.span);
                     }
                 }
             }
@@ -326,56 +284,7 @@ impl<'a> Elaborator<'a> {
         {
             return Some(i as usize);
         }
-        self.labelled(set, &n.to_string(), e.span)
-    }
-
-    /// Whether an index name that is not bound is met for the first time in the present statement.
-    fn is_first_unbound(&mut self, name: &str) -> bool {
-        self.reports.is_first_unbound(name, self.speculation.is_active())
-    }
-
-    /// An index name that is neither bound nor a member: one report for a statement.
-    fn not_bound(&mut self, name: &str, set: &str, span: Span) {
-        if !self.is_first_unbound(name) {
-            return;
-        }
-        let first = self.symbols.sets.values().find(|s| s.name == set).and_then(|s| s.labels.first().cloned());
-        let advice = match first {
-            // The set's own name: a member, or all of them.
-            Some(member) if name == set => {
-                format!(
-                    "name a member, `[{member}]`; for every member add `for {name}` to the statement, or sum with `sum(... for {name})`"
-                )
-            }
-            _ => format!("add `for {name} in {set}` to the statement"),
-        };
-        self.report(
-            Diagnostic::error(codes::UNKNOWN_NAME, format!("`{name}` is neither bound by `for` nor a member of `{set}`"), span)
-                .label("not bound here")
-                .help(advice),
-        );
-    }
-
-    fn labelled(&mut self, set: SetId, label: &str, span: Span) -> Option<usize> {
-        let found = self.symbols.sets[set].position(label);
-        if found.is_none() {
-            let name = self.symbols.sets[set].name.clone();
-            let help = self
-                .reports
-                .did_you_mean(label, self.symbols.sets[set].labels.iter().map(String::as_str))
-                .filter(|_| self.symbols.sets[set].first.is_none());
-            let members = &self.symbols.sets[set].labels;
-            let members = match self.symbols.sets[set].first {
-                Some(first) => format!("{first} to {}", first + members.len() as i64 - 1),
-                None => crate::elaborate::declare::symbols::listed(members.iter().map(String::as_str)),
-            };
-            self.report(
-                Diagnostic::error(codes::OUT_OF_RANGE, format!("`{label}` is no member of `{name}`: {members}"), span)
-                    .label("not in the set")
-                    .maybe_help(help),
-            );
-        }
-        found
+        self.naming().labelled(set, &n.to_string(), e.span)
     }
 
     /// A cell (or the face at which a flux is taken) of a domain.
@@ -395,16 +304,16 @@ impl<'a> Elaborator<'a> {
                     if self.same_cells(*other, domain) {
                         return Some(Bound::Cell(domain, *c));
                     }
-                    self.report(self.other_domain(*other, domain, e.span));
+                    self.ledger.report(self.symbols.other_domain(*other, domain, e.span));
                     return None;
                 }
                 Some(Bound::Face(other, c)) if *other == domain => return Some(Bound::Face(domain, *c)),
                 None if self.symbols.domains[domain].name == name.text => {
                     let z = &name.text;
-                    if !self.is_first_unbound(z) {
+                    if !self.ledger.is_first_unbound(z) {
                         return None;
                     }
-                    self.report(
+                    self.ledger.report(
                         Diagnostic::error(codes::WRONG_SHAPE, format!("`{z}` is not bound here"), e.span)
                             .help(format!("add `for {z}` to the statement, or name a cell: `{z}.last`")),
                     );
@@ -415,7 +324,7 @@ impl<'a> Elaborator<'a> {
         }
         if let ExprKind::Binary(op @ (BinaryOp::Add | BinaryOp::Sub), a, b) = &e.kind {
             if let Some(z) = [a, b].into_iter().find_map(|side| at_face(side, place)) {
-                self.report(
+                self.ledger.report(
                     Diagnostic::error(codes::WRONG_KIND, format!("inside of a flux `{z}` is a face, which has no neighbours by number"), e.span)
                         .label("beside a face")
                         .help(format!("`x[{z}]` is the value at the face by the domain's `scheme`, `grad(x[{z}])` the difference of the cells beside it over their distance")),
@@ -436,26 +345,13 @@ impl<'a> Elaborator<'a> {
         Some(Bound::Cell(domain, Cell::single(n - 1)))
     }
 
-    fn other_domain(&self, given: DomainId, wanted: DomainId, span: Span) -> Diagnostic {
-        let (given, wanted) = (&self.symbols.domains[given], &self.symbols.domains[wanted]);
-        let (a, b) = (&given.name, &wanted.name);
-        let d = Diagnostic::error(codes::WRONG_SHAPE, format!("a cell of `{a}` where one of `{b}` is needed"), span);
-        if given.cells != wanted.cells {
-            return d.label(format!("`{a}` has {} cells, `{b}` {}", given.cells, wanted.cells));
-        }
-        d.label("cells of one number lie at different places")
-            .secondary(given.declaration.name.span, "the index goes over this domain")
-            .secondary(wanted.declaration.name.span, "the array over this one, which has other ends or another grid")
-            .help(format!("write `{a}.number` if the cell of the same number is meant"))
-    }
-
     /// Whether the cells of two domains are at the same places: equally many between the same ends, whatever the parameters are.
     fn same_cells(&mut self, a: DomainId, b: DomainId) -> bool {
         if a == b || self.symbols.domains[a].cells != self.symbols.domains[b].cells {
             return a == b;
         }
         let ((unit, low, high), (other, first, last)) = (self.ends(a), self.ends(b));
-        if self.convert(first, &other, &unit) != Some(low) || self.convert(last, &other, &unit) != Some(high) {
+        if self.values().convert(first, &other, &unit) != Some(low) || self.values().convert(last, &other, &unit) != Some(high) {
             return false;
         }
         let (a, b) = (&self.symbols.domains[a], &self.symbols.domains[b]);
@@ -493,7 +389,7 @@ impl<'a> Elaborator<'a> {
                         .label("changes while the model runs")
                         .help("use numbers and parameters that are computed from numbers"),
                 };
-                self.report(d);
+                self.ledger.report(d);
                 None
             }
         }
@@ -514,9 +410,9 @@ impl<'a> Elaborator<'a> {
                 }
             }
             _ => {
-                let reports = self.reports.diagnostics.len();
+                let reports = self.ledger.reports.diagnostics.len();
                 let v = self.value(e, place);
-                if v.is_poison() || self.reports.diagnostics.len() != reports {
+                if v.is_poison() || self.ledger.reports.diagnostics.len() != reports {
                     return None;
                 }
                 let x = self.constant_value(v.expr)?;
@@ -525,10 +421,73 @@ impl<'a> Elaborator<'a> {
             }
         }
     }
+}
+
+impl<'a> Naming<'_, 'a> {
+    fn out_of_domain(&mut self, domain: DomainId, c: Cell, index: &Expr) {
+        let (name, cells) = (self.symbols.domains[domain].name.clone(), self.symbols.domains[domain].cells);
+        let number = if c.first < 0 { c.first + 1 } else { c.last() + 1 };
+        let rest = match (&index.kind, number < 1) {
+            (ExprKind::Binary(..), true) => Some(format!("{}..{name}.last", 1 + (1 - number).min(cells))),
+            (ExprKind::Binary(..), false) => Some(format!("1..{name}.last-{}", number - cells)),
+            _ => None,
+        };
+        let message = format!("cell {number} of `{name}` does not exist: its cells are 1 to {cells}");
+        self.ledger.report(
+            Diagnostic::error(codes::OUT_OF_RANGE, message, index.span).label("reaches beyond the domain").maybe_help(
+                rest.map(|range| format!("restrict the equation, `for {name} in {range}`, and write the other cells separately")),
+            ),
+        );
+    }
+
+    /// An index name that is neither bound nor a member: one report for a statement.
+    fn not_bound(&mut self, name: &str, set: &str, span: Span) {
+        if !self.ledger.is_first_unbound(name) {
+            return;
+        }
+        let first = self.symbols.sets.values().find(|s| s.name == set).and_then(|s| s.labels.first().cloned());
+        let advice = match first {
+            // The set's own name: a member, or all of them.
+            Some(member) if name == set => {
+                format!(
+                    "name a member, `[{member}]`; for every member add `for {name}` to the statement, or sum with `sum(... for {name})`"
+                )
+            }
+            _ => format!("add `for {name} in {set}` to the statement"),
+        };
+        self.ledger.report(
+            Diagnostic::error(codes::UNKNOWN_NAME, format!("`{name}` is neither bound by `for` nor a member of `{set}`"), span)
+                .label("not bound here")
+                .help(advice),
+        );
+    }
+
+    fn labelled(&mut self, set: SetId, label: &str, span: Span) -> Option<usize> {
+        let found = self.symbols.sets[set].position(label);
+        if found.is_none() {
+            let name = self.symbols.sets[set].name.clone();
+            let help = self
+                .ledger
+                .reports
+                .did_you_mean(label, self.symbols.sets[set].labels.iter().map(String::as_str))
+                .filter(|_| self.symbols.sets[set].first.is_none());
+            let members = &self.symbols.sets[set].labels;
+            let members = match self.symbols.sets[set].first {
+                Some(first) => format!("{first} to {}", first + members.len() as i64 - 1),
+                None => crate::elaborate::declare::symbols::listed(members.iter().map(String::as_str)),
+            };
+            self.ledger.report(
+                Diagnostic::error(codes::OUT_OF_RANGE, format!("`{label}` is no member of `{name}`: {members}"), span)
+                    .label("not in the set")
+                    .maybe_help(help),
+            );
+        }
+        found
+    }
 
     /// `i == water`, `scheme == upwind`: comparison of names. Outer `None`: not one; inner `None`: reported.
     pub(in crate::elaborate) fn name_comparison(&mut self, a: &Expr, b: &Expr, place: &Place) -> Option<Option<bool>> {
-        let (left, right) = (self.label(a, place), self.label(b, place));
+        let (left, right) = (self.symbols.label(a, place), self.symbols.label(b, place));
         let label = |e: &Expr| match &e.kind {
             ExprKind::Name(n) => Some(n.text.clone()),
             ExprKind::Bool(b) => Some(b.to_string()),
@@ -537,13 +496,13 @@ impl<'a> Elaborator<'a> {
         match (left, right) {
             (Some((x, _)), Some((y, _))) => Some(Some(x == y)),
             (Some((x, options)), None) | (None, Some((x, options))) => {
-                let other = if self.label(a, place).is_some() { b } else { a };
+                let other = if self.symbols.label(a, place).is_some() { b } else { a };
                 let name = label(other)?;
                 if options.contains(&name) {
                     return Some(Some(x == name));
                 }
-                let help = self.reports.did_you_mean(&name, options.iter().map(String::as_str));
-                self.report(
+                let help = self.ledger.reports.did_you_mean(&name, options.iter().map(String::as_str));
+                self.ledger.report(
                     Diagnostic::error(codes::UNKNOWN_NAME, format!("`{name}` is none of {}", options.join(", ")), other.span)
                         .maybe_help(help),
                 );
@@ -552,22 +511,75 @@ impl<'a> Elaborator<'a> {
             _ => None,
         }
     }
+}
+
+impl<'a> Symbols<'a> {
+    /// What to write for the end of a set of numbers, which has no `.last`.
+    fn end_of(&self, e: &Expr, place: &Place) -> Option<String> {
+        let ExprKind::Name(name) = &e.kind else { return None };
+        let Some(Bound::Member(set, _)) = place.bound(&name.text) else { return None };
+        let set = &self.sets[*set];
+        let (first, last) = (set.labels.first()?, set.labels.last()?);
+        Some(format!("`.first` and `.last` are those of a domain; `{}` runs from `{first}` to `{last}`", set.name))
+    }
+
+    /// The domain that a path names, without a report where it names something else.
+    pub(in crate::elaborate) fn domain_of(&mut self, e: &Expr, place: &Place) -> Option<DomainId> {
+        let symbol = match &e.kind {
+            ExprKind::Name(name) => match place.bound(&name.text) {
+                Some(Bound::Cell(domain, _) | Bound::Face(domain, _)) => return Some(*domain),
+                Some(_) => return None,
+                None => self.lookup(place.scope, &name.text)?,
+            },
+            ExprKind::Member(base, member) => {
+                let ExprKind::Name(first) = &base.kind else { return None };
+                let outer = self.lookup(place.scope, &first.text)?;
+                let SymbolKind::Instance(scope) = self[outer].kind else { return None };
+                *self.scopes[scope].names.get(&member.text)?
+            }
+            _ => return None,
+        };
+        match self[symbol].kind {
+            SymbolKind::Domain(domain) => Some(domain),
+            _ => None,
+        }
+    }
+
+    fn other_domain(&self, given: DomainId, wanted: DomainId, span: Span) -> Diagnostic {
+        let (given, wanted) = (&self.domains[given], &self.domains[wanted]);
+        let (a, b) = (&given.name, &wanted.name);
+        let d = Diagnostic::error(codes::WRONG_SHAPE, format!("a cell of `{a}` where one of `{b}` is needed"), span);
+        if given.cells != wanted.cells {
+            return d.label(format!("`{a}` has {} cells, `{b}` {}", given.cells, wanted.cells));
+        }
+        d.label("cells of one number lie at different places")
+            .secondary(given.declaration.name.span, "the index goes over this domain")
+            .secondary(wanted.declaration.name.span, "the array over this one, which has other ends or another grid")
+            .help(format!("write `{a}.number` if the cell of the same number is meant"))
+    }
 
     fn label(&self, e: &Expr, place: &Place) -> Option<(String, Vec<String>)> {
         let ExprKind::Name(name) = &e.kind else { return None };
         if let Some(bound) = place.bound(&name.text) {
             let Bound::Member(set, i) = bound else { return None };
-            let set = &self.symbols.sets[*set];
+            let set = &self.sets[*set];
             return set.first.is_none().then(|| (set.labels[*i].clone(), set.labels.clone()));
         }
-        let symbol = self.symbols.lookup(place.scope, &name.text)?;
-        match &self.symbols[symbol].kind {
+        let symbol = self.lookup(place.scope, &name.text)?;
+        match &self[symbol].kind {
             SymbolKind::Choice { options, chosen } => {
                 let options: Vec<String> = options.iter().map(|o| o.text.clone()).collect();
                 Some((options.get(*chosen)?.clone(), options))
             }
             _ => None,
         }
+    }
+}
+
+impl Ledger {
+    /// Whether an index name that is not bound is met for the first time in the present statement.
+    fn is_first_unbound(&mut self, name: &str) -> bool {
+        self.reports.is_first_unbound(name, self.speculation.is_active())
     }
 }
 

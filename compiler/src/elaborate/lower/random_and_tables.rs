@@ -7,6 +7,7 @@ use smpl_dsl::syntax::{BinaryOp, Expr, TimeTableKind};
 use crate::elaborate::declare::symbols::{SymbolId, SymbolKind};
 use crate::elaborate::lower::builtins::Distribution;
 use crate::elaborate::lower::value::Value;
+use crate::elaborate::lower::values::Values;
 use crate::elaborate::{Elaborator, Place};
 use crate::ir::{Affine, Compare, ExprId, Flavour, LoopVar, UnaryFn};
 use crate::model::{Draw, Instant, Variate};
@@ -46,7 +47,7 @@ impl Elaborator<'_> {
         if distribution == Distribution::Normal {
             return x;
         }
-        match self.dimensionless(&x, span, "lognormal") {
+        match self.values().dimensionless(&x, span, "lognormal") {
             Some(e) => {
                 let expr = self.exprs.unary(UnaryFn::Exp, e);
                 Value::bare(expr)
@@ -84,12 +85,14 @@ impl Elaborator<'_> {
         let declared = self.symbols[symbol].span;
         let t = self.number_in(argument, &time_unit, &format!("the time of `{path}`"), declared, place);
         let expr = match kind {
-            TimeTableKind::Linear => self.linear_table(t, &points),
-            _ => self.step_table(t, &points, kind == TimeTableKind::Until),
+            TimeTableKind::Linear => self.values().linear_table(t, &points),
+            _ => self.values().step_table(t, &points, kind == TimeTableKind::Until),
         };
         Value::of(expr, unit)
     }
+}
 
+impl Values<'_> {
     /// Steps: up to and including a time (`until`), or from it on.
     fn step_table(&mut self, t: ExprId, points: &[(f64, f64)], until: bool) -> ExprId {
         let mut list = points.iter().rev();

@@ -7,10 +7,11 @@
 
 use smpl_dsl::syntax::{BinaryOp, Binder, BinderSet, Expr, ExprKind};
 
-use crate::elaborate::declare::symbols::{Axis, SetId, SymbolKind};
+use crate::elaborate::declare::naming::Naming;
+use crate::elaborate::declare::symbols::{Axis, SetId, SymbolKind, Symbols};
 use crate::elaborate::lower::cells::Cell;
 use crate::elaborate::lower::value::Value;
-use crate::elaborate::speculation::Trace;
+use crate::elaborate::lower::values::Values;
 use crate::elaborate::{Bound, Elaborator, Place, Site};
 
 /// Shorter ranges are written out: their numbers become constants.
@@ -18,20 +19,20 @@ pub(in crate::elaborate) const SHORTEST: i64 = 16;
 impl Elaborator<'_> {
     /// The first and the last number that a binder counts, if they may stay a loop here.
     pub(in crate::elaborate) fn run_of(&mut self, binder: &Binder, place: &Place) -> Option<(i64, i64)> {
-        if !self.speculation.enabled || !matches!(place.site, Site::Dynamics | Site::Instant) {
+        if !self.ledger.speculation.enabled || !matches!(place.site, Site::Dynamics | Site::Instant) {
             return None;
         }
         let (low, high) = match &binder.over {
-            BinderSet::Itself => self.numbers_of(&binder.name.text, place)?,
-            BinderSet::Set(name) => self.numbers_of(&name.text, place)?,
+            BinderSet::Itself => self.symbols.numbers_of(&binder.name.text, place)?,
+            BinderSet::Set(name) => self.symbols.numbers_of(&name.text, place)?,
             BinderSet::Range(low, high) => {
                 let name = &binder.name.text;
                 let symbol = self.symbols.lookup(place.scope, name);
-                if self.loops.counted.iter().any(|(n, _)| n == name) || symbol.is_some_and(|s| self.is_domain(s)) {
+                if self.loops.counted.iter().any(|(n, _)| n == name) || symbol.is_some_and(|s| self.symbols.is_domain(s)) {
                     return None;
                 }
                 let (low, high) = (self.integer_quietly(low, place)?, self.integer_quietly(high, place)?);
-                match self.numbers_of(name, place) {
+                match self.symbols.numbers_of(name, place) {
                     Some((first, last)) => (low.max(first), high.min(last)),
                     None => (low, high),
                 }
@@ -43,58 +44,25 @@ impl Elaborator<'_> {
         if passes < SHORTEST {
             return None;
         }
-        if !self.speculation.may_loop(passes.saturating_mul(around)) {
-            self.budget.give_up(binder.span);
+        if !self.ledger.speculation.may_loop(passes.saturating_mul(around)) {
+            self.ledger.budget.give_up(binder.span);
             return None;
         }
         Some((low, high))
     }
 
-    fn is_domain(&self, symbol: crate::elaborate::declare::symbols::SymbolId) -> bool {
-        matches!(self.symbols[symbol].kind, SymbolKind::Domain(_))
-    }
-
-    /// The first and the last member of a set of numbers.
-    fn numbers_of(&self, name: &str, place: &Place) -> Option<(i64, i64)> {
-        match self.symbols[self.symbols.lookup(place.scope, name)?].kind {
-            SymbolKind::Set(set) => {
-                let set = &self.symbols.sets[set];
-                set.first.map(|first| (first, first + set.labels.len() as i64 - 1))
-            }
-            _ => None,
-        }
-    }
-
-    /// Whether an index goes over the cells of a domain or over a range that may stay a loop.
-    pub(in crate::elaborate) fn may_run(&self, axis: Axis) -> bool {
-        match axis {
-            Axis::Domain(_) => true,
-            Axis::Set(set) => self.symbols.sets[set].first.is_some() && self.symbols.axis_len(axis) >= SHORTEST,
-        }
-    }
-
     /// Elaborates something with a range as a loop; `None`, and no trace of it, where that was refused or at fault.
     pub(in crate::elaborate) fn attempt<T>(&mut self, body: impl FnOnce(&mut Self) -> T) -> Option<T> {
-        let before = self.trace();
-        self.speculation.begin();
+        let before = self.ledger.trace();
+        self.ledger.speculation.begin();
         let value = body(self);
-        self.speculation.end();
-        if !self.speculation.succeeded(&before, &self.reports) {
-            self.forget(before);
+        self.ledger.speculation.end();
+        if !self.ledger.speculation.succeeded(&before, &self.ledger.reports) {
+            self.ledger.roll_back(before, &mut self.expansions);
             return None;
         }
-        self.speculation.commit(&before, &mut self.reports);
+        self.ledger.speculation.commit(&before, &mut self.ledger.reports);
         Some(value)
-    }
-
-    /// What there is before something that may have to be forgotten.
-    pub(in crate::elaborate) fn trace(&self) -> Trace {
-        self.speculation.trace(&self.reports, &self.budget)
-    }
-
-    /// Removes what an attempt has left.
-    pub(in crate::elaborate) fn forget(&mut self, before: Trace) {
-        self.speculation.roll_back(before, &mut self.reports, &mut self.budget, &mut self.expansions);
     }
 
     /// The numbers that an index expression stands for, `i`, `i + 2`, `1 + i`, `i - 1`, where `i` is bound to a range.
@@ -119,20 +87,11 @@ impl Elaborator<'_> {
         }
     }
 
-    /// The members of a set that numbers of a range are; those of other sets, and numbers beyond it, are written out and reported.
-    pub(in crate::elaborate) fn run_members(&mut self, set: SetId, numbers: Cell) -> Option<Cell> {
-        let len = self.symbols.sets[set].labels.len() as i64;
-        let members = self.symbols.sets[set].first.map(|first| numbers.shifted(-first)).filter(|m| m.first >= 0 && m.last() < len);
-        if members.is_none() {
-            self.speculation.refuse();
-        }
-        members
-    }
-
     /// A whole number that cannot change: of numbers, and of parameters that give sizes and indices.
     fn settled_number(&mut self, e: &Expr, place: &Place) -> Option<i64> {
         let v = self.value(e, place);
-        let settled = !v.is_poison() && self.parameters_in(v.expr).iter().all(|(var, _)| self.constants.is_structural(*var));
+        let settled =
+            !v.is_poison() && self.symbols.parameters_in(&self.exprs, v.expr).iter().all(|(var, _)| self.constants.is_structural(*var));
         let x = self.constant_value(v.expr).filter(|x| settled && x.fract() == 0.0 && x.abs() < 1e15)?;
         Some(x as i64)
     }
@@ -159,14 +118,6 @@ impl Elaborator<'_> {
         }
     }
 
-    /// The numbers of a range as a value.
-    pub(in crate::elaborate) fn run_value(&mut self, numbers: Cell) -> Value {
-        let first = self.exprs.constant(numbers.first as f64);
-        let Some(along) = numbers.along else { return Value::bare(first) };
-        let counter = self.exprs.counter(along);
-        Value::bare(if numbers.first == 0 { counter } else { self.exprs.add(counter, first) })
-    }
-
     /// `i < 4`, `n == i`: decided where one side is an index and the other one a number that the size of some range depends on too, so
     /// that it cannot change. A loop is cut where that holds in some passes only; what is made of this pass is thrown away then.
     pub(in crate::elaborate) fn run_comparison(&mut self, op: BinaryOp, a: &Expr, b: &Expr, place: &Place) -> Option<bool> {
@@ -188,6 +139,53 @@ impl Elaborator<'_> {
             numbers.along.into_iter().for_each(|along| self.cut(along, turn - numbers.first));
         }
         Some(holds(op, numbers.first, n))
+    }
+}
+
+impl<'a> Naming<'_, 'a> {
+    /// The members of a set that numbers of a range are; those of other sets, and numbers beyond it, are written out and reported.
+    pub(in crate::elaborate) fn run_members(&mut self, set: SetId, numbers: Cell) -> Option<Cell> {
+        let len = self.symbols.sets[set].labels.len() as i64;
+        let members = self.symbols.sets[set].first.map(|first| numbers.shifted(-first)).filter(|m| m.first >= 0 && m.last() < len);
+        if members.is_none() {
+            self.ledger.speculation.refuse();
+        }
+        members
+    }
+}
+
+impl Values<'_> {
+    /// The numbers of a range as a value.
+    pub(in crate::elaborate) fn run_value(&mut self, numbers: Cell) -> Value {
+        let first = self.exprs.constant(numbers.first as f64);
+        let Some(along) = numbers.along else { return Value::bare(first) };
+        let counter = self.exprs.counter(along);
+        Value::bare(if numbers.first == 0 { counter } else { self.exprs.add(counter, first) })
+    }
+}
+
+impl<'a> Symbols<'a> {
+    fn is_domain(&self, symbol: crate::elaborate::declare::symbols::SymbolId) -> bool {
+        matches!(self[symbol].kind, SymbolKind::Domain(_))
+    }
+
+    /// The first and the last member of a set of numbers.
+    fn numbers_of(&self, name: &str, place: &Place) -> Option<(i64, i64)> {
+        match self[self.lookup(place.scope, name)?].kind {
+            SymbolKind::Set(set) => {
+                let set = &self.sets[set];
+                set.first.map(|first| (first, first + set.labels.len() as i64 - 1))
+            }
+            _ => None,
+        }
+    }
+
+    /// Whether an index goes over the cells of a domain or over a range that may stay a loop.
+    pub(in crate::elaborate) fn may_run(&self, axis: Axis) -> bool {
+        match axis {
+            Axis::Domain(_) => true,
+            Axis::Set(set) => self.sets[set].first.is_some() && self.axis_len(axis) >= SHORTEST,
+        }
     }
 }
 

@@ -11,6 +11,7 @@ use crate::elaborate::lower::cells::Cell;
 use crate::elaborate::lower::functions::BinderValue;
 use crate::elaborate::lower::units;
 use crate::elaborate::lower::value::{Measure, Value};
+use crate::elaborate::lower::values::Values;
 use crate::elaborate::{Bound, Elaborator, Place};
 use crate::ir::{BinaryFn, Compare, Expr as Node, ExprId, LoopVar, ReduceFn};
 
@@ -41,8 +42,8 @@ impl Elaborator<'_> {
             Some(Over::Reduce(op)) => self.fold(terms, op, span),
             Some(Over::Mean) => self.mean(terms, span),
             Some(Over::Integral) => self.space_integral(terms, span),
-            Some(Over::Any) => self.quantified(terms, true, span),
-            Some(Over::All) => self.quantified(terms, false, span),
+            Some(Over::Any) => self.values().quantified(terms, true, span),
+            Some(Over::All) => self.values().quantified(terms, false, span),
             None => self.unknown_function(function, place),
         }
     }
@@ -50,7 +51,7 @@ impl Elaborator<'_> {
     /// All terms of a reduction: one for each member, one a piece of a range of cells.
     fn terms(&mut self, body: &Expr, binders: &[Binder], condition: Option<&Expr>, kind: Terms, place: &Place, out: &mut Vec<Term>) {
         let Some((binder, rest)) = binders.split_first() else {
-            if !self.may_write_out(body.span) {
+            if !self.ledger.may_write_out(body.span) {
                 return;
             }
             let keep = condition.map(|c| self.condition(c, place));
@@ -71,7 +72,7 @@ impl Elaborator<'_> {
             let looped = self.attempt(|s| {
                 s.looped_terms(binder, range, &mut Bound::Run, body, rest, condition, (kind, None), place, &mut terms);
                 if terms.iter().any(|t| t.value.is_poison() || s.repeats_sums(t)) {
-                    s.speculation.refuse();
+                    s.ledger.speculation.refuse();
                 }
             });
             if looped.is_some() {
@@ -79,7 +80,7 @@ impl Elaborator<'_> {
             }
         }
         for bound in self.bindings_of(binder, place) {
-            if self.budget.is_full() {
+            if self.ledger.budget.is_full() {
                 return;
             }
             match bound {
@@ -150,20 +151,6 @@ impl Elaborator<'_> {
         self.exprs.has_reduction(term.value.expr, |free| free & own != 0 && around & !free != 0)
     }
 
-    /// A term summed over its loops.
-    fn close(&mut self, term: &Term, op: ReduceFn, body: ExprId) -> ExprId {
-        let mut e = body;
-        if let Some(c) = term.keep {
-            let neutral = self.exprs.constant(op.identity());
-            e = self.exprs.select(c, e, neutral);
-        }
-        // Loops were collected from the innermost outwards.
-        for &(v, extent) in &term.loops {
-            e = self.exprs.reduce(op, v, extent, e);
-        }
-        e
-    }
-
     fn fold(&mut self, terms: Vec<Term>, op: ReduceFn, span: Span) -> Value {
         if terms.is_empty() {
             return match op {
@@ -174,7 +161,7 @@ impl Elaborator<'_> {
         }
         let mut values = Vec::with_capacity(terms.len());
         for term in terms {
-            let expr = self.close(&term, op, term.value.expr);
+            let expr = self.values().close(&term, op, term.value.expr);
             values.push((Value { expr, unit: term.value.unit }, term.span));
         }
         let mut list = values.into_iter();
@@ -183,8 +170,8 @@ impl Elaborator<'_> {
         for next in list {
             let v = match op {
                 ReduceFn::Sum => self.arithmetic(BinaryOp::Add, total, next, span),
-                ReduceFn::Min => self.fold_extremum(BinaryFn::Min, vec![total, next], span),
-                ReduceFn::Max => self.fold_extremum(BinaryFn::Max, vec![total, next], span),
+                ReduceFn::Min => self.values().fold_extremum(BinaryFn::Min, vec![total, next], span),
+                ReduceFn::Max => self.values().fold_extremum(BinaryFn::Max, vec![total, next], span),
                 ReduceFn::Product => self.arithmetic(BinaryOp::Mul, total, next, span),
             };
             total = (v, first);
@@ -205,24 +192,12 @@ impl Elaborator<'_> {
         self.fold(terms, ReduceFn::Product, span)
     }
 
-    /// Makes differences from the zero of their scale of temperatures in degC, whose mean is one again; the scale, where all are such.
-    fn as_differences(&mut self, terms: &mut [Term]) -> Option<Unit> {
-        let point = |t: &Term| if let Measure::Of(unit) = &t.value.unit { units::is_point(unit).then(|| unit.clone()) } else { None };
-        let scales: Vec<Unit> = terms.iter().map(point).collect::<Option<_>>()?;
-        let scale = scales.first()?.clone();
-        for (term, own) in terms.iter_mut().zip(&scales) {
-            let expr = self.convert(term.value.expr, own, &scale)?;
-            term.value = Value::of(expr, units::difference(&scale));
-        }
-        Some(scale)
-    }
-
     /// Mean over members; weighted with the measure over cells.
     fn mean(&mut self, mut terms: Vec<Term>, span: Span) -> Value {
         if terms.is_empty() {
             return self.fault(Diagnostic::error(codes::EMPTY_SET, "the mean of nothing", span));
         }
-        if let Some(point) = self.as_differences(&mut terms) {
+        if let Some(point) = self.values().as_differences(&mut terms) {
             let mean = self.mean(terms, span);
             return Value { unit: if mean.is_poison() { mean.unit } else { Measure::Of(point) }, ..mean };
         }
@@ -259,7 +234,9 @@ impl Elaborator<'_> {
         }
         self.fold(weighted, ReduceFn::Sum, span)
     }
+}
 
+impl Values<'_> {
     fn quantified(&mut self, terms: Vec<Term>, any: bool, span: Span) -> Value {
         let mut total = self.exprs.truth(!any);
         let zero = self.exprs.constant(0.0);
@@ -286,6 +263,32 @@ impl Elaborator<'_> {
             total = if any { self.exprs.or(total, holds) } else { self.exprs.and(total, holds) };
         }
         Value::truth(total)
+    }
+
+    /// A term summed over its loops.
+    fn close(&mut self, term: &Term, op: ReduceFn, body: ExprId) -> ExprId {
+        let mut e = body;
+        if let Some(c) = term.keep {
+            let neutral = self.exprs.constant(op.identity());
+            e = self.exprs.select(c, e, neutral);
+        }
+        // Loops were collected from the innermost outwards.
+        for &(v, extent) in &term.loops {
+            e = self.exprs.reduce(op, v, extent, e);
+        }
+        e
+    }
+
+    /// Makes differences from the zero of their scale of temperatures in degC, whose mean is one again; the scale, where all are such.
+    fn as_differences(&mut self, terms: &mut [Term]) -> Option<Unit> {
+        let point = |t: &Term| if let Measure::Of(unit) = &t.value.unit { units::is_point(unit).then(|| unit.clone()) } else { None };
+        let scales: Vec<Unit> = terms.iter().map(point).collect::<Option<_>>()?;
+        let scale = scales.first()?.clone();
+        for (term, own) in terms.iter_mut().zip(&scales) {
+            let expr = self.convert(term.value.expr, own, &scale)?;
+            term.value = Value::of(expr, units::difference(&scale));
+        }
+        Some(scale)
     }
 }
 

@@ -172,7 +172,7 @@ impl Elaborator<'_> {
             Ok(_) if inner_fault => None,
             Ok(unit) => Some(unit),
             Err(d) => {
-                self.report(d);
+                self.ledger.report(d);
                 None
             }
         }
@@ -182,7 +182,8 @@ impl Elaborator<'_> {
     pub(in crate::elaborate) fn unit_argument(&mut self, e: &Expr, place: &Place) -> Option<Unit> {
         let mut factors = Vec::new();
         if collect(e, 1, &mut factors).is_none() {
-            self.report(Diagnostic::error(codes::UNKNOWN_UNIT, "a unit is needed here", e.span).help("for example `value(T, degC)`"));
+            self.ledger
+                .report(Diagnostic::error(codes::UNKNOWN_UNIT, "a unit is needed here", e.span).help("for example `value(T, degC)`"));
             return None;
         }
         self.unit(&UnitExpr { span: e.span, factors }, place)

@@ -10,7 +10,7 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Expr, Flux};
 use smpl_dsl::units::Unit;
 
-use crate::elaborate::declare::symbols::{Scheme, SymbolId, SymbolKind};
+use crate::elaborate::declare::symbols::{Scheme, SymbolId, SymbolKind, Symbols};
 use crate::elaborate::lower::cells::Face;
 use crate::elaborate::lower::units;
 use crate::elaborate::lower::value::{Measure, Value};
@@ -101,11 +101,6 @@ pub(in crate::elaborate) struct Fluxes {
 }
 
 impl Elaborator<'_> {
-    /// Whether the scheme of a domain looks where the flow comes from.
-    pub(in crate::elaborate) fn is_directed(&self, face: Face) -> bool {
-        matches!(self.symbols.domains[face.domain].scheme, Scheme::Upwind | Scheme::Upwind2 | Scheme::Limited)
-    }
-
     /// The inner expression of a flux at a face between two cells.
     pub(in crate::elaborate) fn directed(&mut self, flux: &Flux, place: &Place) -> Value {
         let outcome = self.with_marks(|s| {
@@ -147,21 +142,21 @@ impl Elaborator<'_> {
 
     /// Elaborates something with marks for face values; leaves no trace unless it is what was wanted.
     fn with_marks(&mut self, body: impl FnOnce(&mut Self) -> Outcome) -> Outcome {
-        let before = self.trace();
-        let (nodes, diagnostics) = (self.exprs.len(), self.reports.diagnostics.len());
+        let before = self.ledger.trace();
+        let (nodes, diagnostics) = (self.exprs.len(), self.ledger.reports.diagnostics.len());
         let drawn = self.hidden.len();
         let outer = self.fluxes.faces.replace(Vec::new());
-        self.speculation.enter();
+        self.ledger.speculation.enter();
         let mut outcome = body(self);
-        self.speculation.end();
+        self.ledger.speculation.end();
         self.fluxes.faces = outer;
-        if self.reports.diagnostics.len() > diagnostics {
+        if self.ledger.reports.diagnostics.len() > diagnostics {
             outcome = Outcome::Plain;
         }
         if matches!(outcome, Outcome::Built(_)) {
-            self.speculation.settle(&mut self.reports);
+            self.ledger.speculation.settle(&mut self.ledger.reports);
         } else {
-            self.forget(before);
+            self.ledger.roll_back(before, &mut self.expansions);
             // What was drawn in there keeps its node.
             if drawn == self.hidden.len() {
                 self.exprs.truncate(nodes);
@@ -656,7 +651,7 @@ impl Elaborator<'_> {
             }
         }
         let given_expr = match (&given.unit, &inner.unit) {
-            (Measure::Of(a), Measure::Of(b)) => self.convert(given.expr, &a.clone(), &b.clone())?,
+            (Measure::Of(a), Measure::Of(b)) => self.values().convert(given.expr, &a.clone(), &b.clone())?,
             _ => given.expr,
         };
         let velocities: Vec<FastSet<ExprId>> = conditions.iter().map(|&holds| self.velocities(holds)).collect();
@@ -719,7 +714,7 @@ impl Elaborator<'_> {
         let mut fixed = FastSet::default();
         self.reaches(holds, &mut |s, node| {
             if !s.exprs.is_truth(node) && !s.interval(node).has_sign() {
-                if s.varying(node).is_some() {
+                if s.symbols.varying(&s.exprs, node).is_some() {
                     moving.insert(node)
                 } else {
                     fixed.insert(node)
@@ -758,6 +753,13 @@ impl Elaborator<'_> {
             }
         }
         false
+    }
+}
+
+impl<'a> Symbols<'a> {
+    /// Whether the scheme of a domain looks where the flow comes from.
+    pub(in crate::elaborate) fn is_directed(&self, face: Face) -> bool {
+        matches!(self.domains[face.domain].scheme, Scheme::Upwind | Scheme::Upwind2 | Scheme::Limited)
     }
 }
 
