@@ -15,9 +15,9 @@ impl Emitter<'_> {
             UnaryFn::Neg => self.negative(block, a),
             UnaryFn::Abs => self.b.ins().fabs(a),
             UnaryFn::Sqrt => self.b.ins().sqrt(a),
-            UnaryFn::Floor if self.rounding => self.b.ins().floor(a),
-            UnaryFn::Ceil if self.rounding => self.b.ins().ceil(a),
-            UnaryFn::Round if self.rounding => self.b.ins().nearest(a),
+            UnaryFn::Floor if self.input.rounding => self.b.ins().floor(a),
+            UnaryFn::Ceil if self.input.rounding => self.b.ins().ceil(a),
+            UnaryFn::Round if self.input.rounding => self.b.ins().nearest(a),
             UnaryFn::Sign => {
                 let two = self.is_two(block);
                 let (zero, one, minus) = (self.number(block, 0.0), self.number(block, 1.0), self.number(block, -1.0));
@@ -90,7 +90,7 @@ impl Emitter<'_> {
 
     fn kernel(&mut self, entry: i64) -> Value {
         let offset = (entry * WORD) as i32;
-        self.b.ins().load(types::I64, constant_memory(), self.arguments.surroundings, offset)
+        self.b.ins().load(types::I64, constant_memory(), self.input.arguments.surroundings, offset)
     }
 
     fn signature(&mut self, arguments: usize, numbers: bool) -> SigRef {

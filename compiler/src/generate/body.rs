@@ -5,10 +5,10 @@ use cranelift_codegen::ir::{InstBuilder, Value, types};
 use cranelift_codegen::isa::TargetIsa;
 use cranelift_frontend::FunctionBuilder;
 
-use super::emitter::{Arguments, Emitter, Lanes};
+use super::emitter::{Arguments, Emitter, Input, Lanes};
 use super::plan::{Part, Piece, Plan};
 use super::segments::is_load;
-use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, FastMap, ReduceFn};
+use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, ReduceFn};
 use crate::layout::Layout;
 use crate::schedule::{BlockId, Item, is_immediate};
 
@@ -32,28 +32,8 @@ pub(super) fn emit(
     for part in &piece.parts {
         let Some(b) = rest.take() else { break };
         let (schedule, segments) = &plan.schedules[part.schedule];
-        let blocks = schedule.blocks.len();
-        let mut emitter = Emitter {
-            b,
-            exprs,
-            layout,
-            schedule,
-            arguments,
-            lanes: Lanes::One,
-            values: vec![FastMap::default(); blocks],
-            splats: FastMap::default(),
-            counters: vec![None; blocks],
-            pointers: vec![FastMap::default(); blocks],
-            signatures: FastMap::default(),
-            constants: FastMap::default(),
-            segments,
-            wide: None,
-            lean: piece.lean,
-            in_place: plan.in_place,
-            rounding,
-            columns: 0,
-        };
-        emitter.columns = emitter.reserved();
+        let (lean, in_place) = (piece.lean, plan.in_place);
+        let mut emitter = Emitter::new(b, Input { exprs, layout, schedule, segments, arguments, lean, in_place, rounding });
         emitter.outside(part);
         columns = columns.max(emitter.columns);
         rest = Some(emitter.b);
@@ -76,9 +56,9 @@ impl Emitter<'_> {
     /// Writes items and loops of a part of a function.
     fn outside(&mut self, part: &Part) {
         for i in part.items.clone() {
-            let item = self.schedule.blocks[0].items[i];
+            let item = self.input.schedule.blocks[0].items[i];
             self.item(0, item);
-            if self.segments.ends_at(i) {
+            if self.input.segments.ends_at(i) {
                 let result = match item {
                     Item::Eval(expr) | Item::Reduce { expr, .. } => self.values[0].remove_entry(&expr),
                     Item::Store(..) => None,
@@ -88,9 +68,9 @@ impl Emitter<'_> {
             }
         }
         for &child in &part.loops {
-            if self.segments.is_active() {
+            if self.input.segments.is_active() {
                 self.values[0].clear();
-                if !self.lean {
+                if !self.input.lean {
                     self.fetch_for_loop(child);
                 }
             }
@@ -100,7 +80,7 @@ impl Emitter<'_> {
 
     /// Writes the items of a loop, then the loops in it.
     fn inside(&mut self, block: BlockId) {
-        let schedule = self.schedule;
+        let schedule = self.input.schedule;
         schedule.blocks[block].items.iter().for_each(|item| self.item(block, *item));
         schedule.blocks[block].children.iter().for_each(|&child| self.inner_loop(child));
     }
@@ -116,13 +96,13 @@ impl Emitter<'_> {
     /// Loads what a loop of stores needs from outside ahead of it.
     fn fetch_for_loop(&mut self, child: BlockId) {
         let mut items = vec![];
-        self.schedule.each_item(child, &mut |block, item| items.push((block, item)));
+        self.input.schedule.each_item(child, &mut |block, item| items.push((block, item)));
         items.into_iter().for_each(|(block, item)| self.fetch_outside(block, item));
     }
 
     /// Loads what an item needs from outside of loops.
     fn fetch_outside(&mut self, block: BlockId, item: Item) {
-        let (schedule, exprs) = (self.schedule, self.exprs);
+        let (schedule, exprs) = (self.input.schedule, self.input.exprs);
         schedule.each_use(exprs, block, item, &mut |from, expr| {
             if !is_immediate(exprs.node(expr)) && schedule.home(exprs, from, expr) == 0 {
                 self.value(0, expr);
@@ -132,7 +112,7 @@ impl Emitter<'_> {
 
     fn scalar_loop(&mut self, block: BlockId) {
         self.prepare_pointers(block);
-        let extent = i64::from(self.schedule.blocks[block].extent);
+        let extent = i64::from(self.input.schedule.blocks[block].extent);
         self.counted(extent, &mut |emitter, counter| {
             emitter.counters[block] = Some(counter);
             emitter.inside(block);
@@ -160,8 +140,8 @@ impl Emitter<'_> {
 
     /// Forgets what was computed in a block and inside of it.
     pub(super) fn forget(&mut self, block: BlockId) {
-        for b in 0..self.schedule.blocks.len() {
-            if self.schedule.is_inside(b, block) {
+        for b in 0..self.input.schedule.blocks.len() {
+            if self.input.schedule.is_inside(b, block) {
                 self.values[b].clear();
                 self.pointers[b].clear();
                 self.counters[b] = None;
@@ -172,13 +152,13 @@ impl Emitter<'_> {
     pub(super) fn item(&mut self, block: BlockId, item: Item) {
         match item {
             // Written where it is used.
-            Item::Eval(expr) if block == 0 && self.segments.is_active() && is_load(self.exprs.node(expr)) => {}
+            Item::Eval(expr) if block == 0 && self.input.segments.is_active() && is_load(self.input.exprs.node(expr)) => {}
             Item::Eval(expr) => {
                 let value = self.node(block, expr);
                 self.define(block, expr, value);
             }
             Item::Reduce { expr, op, body, block: inner } => {
-                if block == 0 && self.segments.is_active() {
+                if block == 0 && self.input.segments.is_active() {
                     self.fetch_outside(block, item);
                 }
                 let value = self.reduce(op, body, inner);
@@ -193,7 +173,7 @@ impl Emitter<'_> {
         self.values[block].insert(expr, value);
         let slot = match &self.wide {
             Some(wide) if block == wide.block => wide.slot(expr),
-            _ if block == 0 => self.segments.slot(expr),
+            _ if block == 0 => self.input.segments.slot(expr),
             _ => None,
         };
         if let Some(slot) = slot {
@@ -206,13 +186,13 @@ impl Emitter<'_> {
         if let Some(&value) = self.values[home].get(&expr) {
             return Some(value);
         }
-        if home != 0 || !self.segments.is_active() {
+        if home != 0 || !self.input.segments.is_active() {
             return None;
         }
-        let value = if is_load(self.exprs.node(expr)) {
+        let value = if is_load(self.input.exprs.node(expr)) {
             self.node(0, expr)
         } else {
-            let slot = self.segments.slot(expr)?;
+            let slot = self.input.segments.slot(expr)?;
             self.read_slot(0, slot, expr)
         };
         self.values[home].insert(expr, value);
@@ -220,7 +200,7 @@ impl Emitter<'_> {
     }
 
     fn reduce(&mut self, op: ReduceFn, body: ExprId, inner: BlockId) -> Value {
-        let here = &self.schedule.blocks[inner];
+        let here = &self.input.schedule.blocks[inner];
         let start = self.number(inner, op.identity());
         if here.extent == 0 {
             return start;
@@ -235,7 +215,7 @@ impl Emitter<'_> {
         self.b.ins().jump(pass, &[zero.into(), start.into()]);
         self.b.switch_to_block(pass);
         self.counters[inner] = Some(counter);
-        for item in &self.schedule.blocks[inner].items {
+        for item in &self.input.schedule.blocks[inner].items {
             self.item(inner, *item);
         }
         let value = self.operand(inner, body);
@@ -255,7 +235,7 @@ impl Emitter<'_> {
 
     /// The second operand of an arithmetic operation: a constant is read from memory by the instruction itself.
     fn second_operand(&mut self, block: BlockId, expr: ExprId) -> Value {
-        match self.exprs.node(expr) {
+        match self.input.exprs.node(expr) {
             Expr::Const(bits) => self.number(block, f64::from_bits(bits)),
             _ => self.operand(block, expr),
         }
@@ -263,12 +243,12 @@ impl Emitter<'_> {
 
     /// The value of an operand in the lanes of a block.
     pub(super) fn operand(&mut self, block: BlockId, expr: ExprId) -> Value {
-        match self.exprs.node(expr) {
+        match self.input.exprs.node(expr) {
             Expr::Const(bits) => return self.held_number(block, f64::from_bits(bits)),
             Expr::Truth(truth) => return self.truth(block, truth),
             _ => {}
         }
-        let home = self.schedule.home(self.exprs, block, expr);
+        let home = self.input.schedule.home(self.input.exprs, block, expr);
         if self.is_two(block) && !self.is_two(home) {
             return self.splat(home, expr);
         }
@@ -301,7 +281,7 @@ impl Emitter<'_> {
             let nan = self.b.ins().f64const(f64::NAN);
             return self.b.ins().splat(types::F64X2, nan);
         };
-        let value = if self.exprs.is_truth(expr) {
+        let value = if self.input.exprs.is_truth(expr) {
             let (yes, no) = (self.b.ins().iconst(types::I64, -1), self.b.ins().iconst(types::I64, 0));
             let mask = self.b.ins().select(one, yes, no);
             self.b.ins().splat(types::I64X2, mask)
@@ -315,16 +295,16 @@ impl Emitter<'_> {
     /// Writes the computation of a node whose operands have values.
     pub(super) fn node(&mut self, block: BlockId, expr: ExprId) -> Value {
         let two = self.is_two(block);
-        match self.exprs.node(expr) {
+        match self.input.exprs.node(expr) {
             Expr::Const(bits) => self.number(block, f64::from_bits(bits)),
             Expr::Truth(truth) => self.truth(block, truth),
-            Expr::Time => self.arguments.time,
+            Expr::Time => self.input.arguments.time,
             Expr::Counter(v) => self.counter_number(block, v.0),
             Expr::Load { var, flavour, at } => {
-                if self.layout.is_factor(var, at.offset) {
-                    return self.arguments.factor;
+                if self.input.layout.is_factor(var, at.offset) {
+                    return self.input.arguments.factor;
                 }
-                match self.layout.address(var, flavour) {
+                match self.input.layout.address(var, flavour) {
                     Some(a) => self.load(block, a.base, at.plus(Affine::constant(i64::from(a.offset)))),
                     // The schedule has refused variables without memory.
                     None => self.number(block, f64::NAN),
@@ -340,7 +320,7 @@ impl Emitter<'_> {
             }
             Expr::Binary(f, a, b) => {
                 // A constant as the second operand is read from memory by the instruction itself.
-                let swap = matches!(f, BinaryFn::Add | BinaryFn::Mul) && is_immediate(self.exprs.node(a));
+                let swap = matches!(f, BinaryFn::Add | BinaryFn::Mul) && is_immediate(self.input.exprs.node(a));
                 let (a, b) = if swap { (b, a) } else { (a, b) };
                 let arithmetic = matches!(f, BinaryFn::Add | BinaryFn::Sub | BinaryFn::Mul | BinaryFn::Div);
                 let a = self.operand(block, a);
@@ -380,7 +360,7 @@ impl Emitter<'_> {
     }
 
     fn counter_number(&mut self, block: BlockId, counter: u8) -> Value {
-        let bound = self.schedule.binder(block, counter);
+        let bound = self.input.schedule.binder(block, counter);
         let counter = match bound.and_then(|b| self.counters[b]) {
             Some(counter) => counter,
             None => self.b.ins().iconst(types::I64, 0),
@@ -402,7 +382,7 @@ impl Emitter<'_> {
     /// The value of an operand, a truth value as 1 or 0.
     pub(super) fn as_number(&mut self, block: BlockId, expr: ExprId) -> Value {
         let value = self.operand(block, expr);
-        if !self.exprs.is_truth(expr) {
+        if !self.input.exprs.is_truth(expr) {
             return value;
         }
         let (one, zero) = (self.number(block, 1.0), self.number(block, 0.0));

@@ -56,13 +56,27 @@ pub(super) enum Lanes {
     Two(BlockId),
 }
 
-/// Writes one function.
-pub(super) struct Emitter<'a> {
-    pub(super) b: FunctionBuilder<'a>,
+/// What is written, and where it finds its operands.
+#[derive(Clone, Copy)]
+pub(super) struct Input<'a> {
     pub(super) exprs: &'a Exprs,
     pub(super) layout: &'a Layout,
     pub(super) schedule: &'a Schedule,
+    /// How the code outside of loops is cut.
+    pub(super) segments: &'a Segments,
     pub(super) arguments: Arguments,
+    /// The code is long.
+    pub(super) lean: bool,
+    /// The function stores into what it reads.
+    pub(super) in_place: bool,
+    /// Rounding is an instruction.
+    pub(super) rounding: bool,
+}
+
+/// Writes one function.
+pub(super) struct Emitter<'a> {
+    pub(super) b: FunctionBuilder<'a>,
+    pub(super) input: Input<'a>,
     pub(super) lanes: Lanes,
     /// Values by block; those of a block are forgotten when its code ends.
     pub(super) values: Vec<FastMap<ExprId, Value>>,
@@ -75,27 +89,43 @@ pub(super) struct Emitter<'a> {
     pub(super) signatures: FastMap<(usize, bool), SigRef>,
     /// Numbers in both lanes, by their bits.
     pub(super) constants: FastMap<u64, Constant>,
-    /// How the code outside of loops is cut.
-    pub(super) segments: &'a Segments,
     /// Where the values of the loop of lanes stay, if it is long.
     pub(super) wide: Option<WideResidence>,
-    /// The code is long.
-    pub(super) lean: bool,
-    pub(super) in_place: bool,
-    pub(super) rounding: bool,
     /// Numbers of working memory used.
     pub(super) columns: u32,
+}
+
+impl<'a> Emitter<'a> {
+    /// Begins to write; nothing has a value yet.
+    pub(super) fn new(b: FunctionBuilder<'a>, input: Input<'a>) -> Self {
+        let blocks = input.schedule.blocks.len();
+        let mut emitter = Emitter {
+            b,
+            input,
+            lanes: Lanes::One,
+            values: vec![FastMap::default(); blocks],
+            splats: FastMap::default(),
+            counters: vec![None; blocks],
+            pointers: vec![FastMap::default(); blocks],
+            signatures: FastMap::default(),
+            constants: FastMap::default(),
+            wide: None,
+            columns: 0,
+        };
+        emitter.columns = emitter.reserved();
+        emitter
+    }
 }
 
 impl Emitter<'_> {
     /// Numbers of working memory ahead of the columns: those of [`Segments`].
     pub(super) fn reserved(&self) -> u32 {
-        self.segments.len().next_multiple_of(LINE)
+        self.input.segments.len().next_multiple_of(LINE)
     }
 
     /// Pointer and offset of a place ahead of the columns or after them.
     pub(super) fn slot(&mut self, slot: u32) -> (Value, i32) {
-        self.pointer(0, Base::Work, Affine::constant(i64::from(self.layout.columns() + slot)))
+        self.pointer(0, Base::Work, Affine::constant(i64::from(self.input.layout.columns() + slot)))
     }
 
     /// The type of numbers in a block.
@@ -107,7 +137,7 @@ impl Emitter<'_> {
     pub(super) fn is_two(&self, block: BlockId) -> bool {
         match self.lanes {
             Lanes::One => false,
-            Lanes::Two(outer) => self.schedule.is_inside(block, outer),
+            Lanes::Two(outer) => self.input.schedule.is_inside(block, outer),
         }
     }
 
@@ -122,7 +152,7 @@ impl Emitter<'_> {
     /// A constant in the lanes of a block, to be held in a register: in long code read from memory, where it would else pass through a
     /// register for whole numbers (the mid-end, which long code goes without, would share it over calls).
     pub(super) fn held_number(&mut self, block: BlockId, x: f64) -> Value {
-        if self.is_two(block) || !self.lean || !cfg!(target_arch = "x86_64") || x.to_bits() == 0 {
+        if self.is_two(block) || !self.input.lean || !cfg!(target_arch = "x86_64") || x.to_bits() == 0 {
             return self.number(block, x);
         }
         let both = self.two_numbers(x);
@@ -141,7 +171,7 @@ impl Emitter<'_> {
 
     /// `-a`
     pub(super) fn negative(&mut self, block: BlockId, a: Value) -> Value {
-        if !self.lean || !cfg!(target_arch = "x86_64") {
+        if !self.input.lean || !cfg!(target_arch = "x86_64") {
             return self.b.ins().fneg(a);
         }
         let sign = self.held_number(block, -0.0);
