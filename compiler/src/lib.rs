@@ -8,7 +8,7 @@
 //! 4. [`differentiate`]: rows and the entries of the Jacobian; [`explicit_time`]: where time occurs explicitly;
 //! 5. [`schedule`]: what each function computes ([`functions`]) and in which loop; [`hoist`]: what can be known before it runs;
 //! 6. [`layout`], [`generate`]: memory, machine code;
-//! 7. [`compiled`]: the result, with [`interpret`] for what runs rarely.
+//! 7. [`compiled`]: the result, with [`interpret`] for what runs rarely; [`export`] writes it for other tools.
 //!
 //! [`compile`] is the list of these passes.
 
@@ -19,6 +19,7 @@ pub mod differentiate;
 pub mod elaborate;
 pub mod emit;
 mod explicit_time;
+pub mod export;
 mod functions;
 pub mod generate;
 pub mod graph;

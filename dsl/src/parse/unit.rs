@@ -4,7 +4,7 @@ use pest::iterators::Pair;
 
 use super::{Children, Context, Fallible, Rule, expression};
 use crate::diagnostic::{Diagnostic, codes};
-use crate::syntax::{UnitBase, UnitExpr, UnitFactor};
+use crate::syntax::{Ident, UnitBase, UnitExpr, UnitFactor};
 use crate::units::Rational;
 
 /// Largest numerator and denominator of an exponent.
@@ -60,12 +60,20 @@ fn factor(context: &Context<'_>, part: Pair<'_, Rule>, exponent: Rational, facto
             UnitBase::Of(Box::new(expression::expr(context, children.expect(context, Rule::expr)?)?))
         }
         Rule::number => UnitBase::Number(expression::number_value(context, &part)?, context.span(&part)),
-        _ => UnitBase::Symbol(context.word(&part)),
+        _ => UnitBase::Symbol(symbol(context.word(&part))),
     };
     // Exponents are small, see `small`.
     let narrow = |part: i128| i32::try_from(part).unwrap_or_default();
     factors.push(UnitFactor { base, exponent: (narrow(exponent.numerator()), narrow(exponent.denominator())) });
     Ok(())
+}
+
+/// Degrees with their sign are those with their word.
+fn symbol(word: Ident) -> Ident {
+    match word.text.strip_prefix('\u{b0}') {
+        Some(scale) => Ident { text: format!("deg{scale}"), ..word },
+        None => word,
+    }
 }
 
 /// `^2`, `^-1`, `^2.5`, `^(5/2)`

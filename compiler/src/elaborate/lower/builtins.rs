@@ -49,6 +49,8 @@ pub(in crate::elaborate) enum Call {
     Quadrature,
     /// `kelvin(T)`
     Kelvin,
+    /// `celsius(T)`
+    Celsius,
     /// `value(x)`, `value(x, unit)`
     Value,
     /// A declared number of a variable.
@@ -128,6 +130,7 @@ const ELEMENTARY: &str = "of a dimensionless number";
 const ROUNDING: &str = "to a whole number, down, up, to the nearest (ties to even)";
 const FRAME: &str =
     "value of `e` at the start of the episode, at the end of the step before (at the start, in the first step), at the steady state";
+const TEMPERATURE: &str = "absolute temperature, point in degC, see Units";
 const DECLARED: &str = "declared bounds, scale, default of a variable";
 const BOX: &str = "whether a variable is outside of its declared bounds, all are inside; with the slack of 1e-6 of each range";
 const RANDOM: &str = "random numbers, in `~` only; `noise` takes `normal(0, sd)`";
@@ -181,7 +184,8 @@ pub const BUILTINS: &[Builtin] = &[
         Over::Integral,
     ),
     call("der", "der(x)", 1, Call::Derivative, "time derivative, on a right side too"),
-    call("kelvin", "kelvin(T)", 1, Call::Kelvin, "absolute temperature, see Units"),
+    call("kelvin", "kelvin(T)", 1, Call::Kelvin, TEMPERATURE),
+    call("celsius", "celsius(T)", 1, Call::Celsius, TEMPERATURE),
     any_call("value", "value(x)`, `value(x, unit)", Call::Value, "the number without its unit, in its own or in another one, see Units"),
     call("low", "low(x)", 1, Call::Attribute(Attribute::Low), DECLARED),
     call("high", "high(x)", 1, Call::Attribute(Attribute::High), DECLARED),

@@ -53,6 +53,7 @@ impl Elaborator<'_> {
             (Call::Frame(flavour), [a]) => self.flavoured(span, name, flavour, a, place),
             (Call::Quadrature, [a]) => self.quadrature(span, a, place),
             (Call::Kelvin, [a]) => self.kelvin(a, place),
+            (Call::Celsius, [a]) => self.celsius(a, place),
             (Call::Value, [a]) => self.plain_value(a, None, place),
             (Call::Value, [a, unit]) => self.plain_value(a, Some(unit), place),
             (Call::Attribute(attribute), [a]) => self.attribute(span, name, attribute, a, place),
@@ -280,6 +281,28 @@ impl Elaborator<'_> {
                     .help("give the number its unit: `25 [degC]`"),
             ),
         }
+    }
+
+    /// The point in degC of an absolute temperature, or of a point on another scale.
+    fn celsius(&mut self, a: &Expr, place: &Place) -> Value {
+        let v = self.value(a, place);
+        let Some(celsius) = Unit::named("degC") else { return self.poison() };
+        let found = match &v.unit {
+            Measure::Poison => return v,
+            Measure::Of(u) => u.clone(),
+            _ => {
+                let fault = Diagnostic::error(codes::UNIT_MISMATCH, "`celsius` takes a temperature, this is a pure number", a.span);
+                return self.fault(fault.help("give the number its unit: `298.15 [K]`"));
+            }
+        };
+        let Some(conversion) = found.conversion_to(&celsius) else {
+            let fault = Diagnostic::error(codes::UNIT_MISMATCH, "`celsius` takes a temperature", a.span);
+            return self.fault(fault.label(units::describe(&found)));
+        };
+        let (factor, offset) = (self.exprs.constant(conversion.factor), self.exprs.constant(conversion.offset));
+        let scaled = self.exprs.mul(v.expr, factor);
+        let expr = self.exprs.add(scaled, offset);
+        Value::of(expr, celsius)
     }
 
     /// `value(x)`, `value(x, unit)`
