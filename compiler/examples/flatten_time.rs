@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use smpl_compiler::compile::flatten;
 use smpl_compiler::elaborate::Options;
-use smpl_compiler::front::flatten;
 use smpl_dsl::diagnostic::SourceMap;
 
 fn once(path: &Path, text: &str) -> Duration {

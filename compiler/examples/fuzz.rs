@@ -14,9 +14,9 @@ use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
+use smpl_compiler::compile::flatten;
 use smpl_compiler::compiled::{BackEndSettings, CompiledModel};
 use smpl_compiler::elaborate::Options;
-use smpl_compiler::front::flatten;
 use smpl_dsl::diagnostic::SourceMap;
 
 /// Longest time that one text may take of a processor.

@@ -6,9 +6,9 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use smpl_compiler::compile::flatten;
 use smpl_compiler::compiled::{BackEndSettings, CompiledModel};
 use smpl_compiler::elaborate::Options;
-use smpl_compiler::front::flatten;
 use smpl_compiler::model::Model;
 use smpl_dsl::diagnostic::SourceMap;
 

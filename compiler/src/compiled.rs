@@ -1,137 +1,26 @@
 //! A model ready to run: interface, pattern, memory layout, machine code, and tapes for what runs rarely.
 
-use std::io;
 use std::sync::{Arc, OnceLock};
 
-use serde::{Deserialize, Serialize};
-use thiserror::Error;
-
-use crate::differentiate::DifferentiateError;
 use crate::differentiate::pattern::Pattern;
-use crate::generate::schedule::{Job, ScheduleError};
-use crate::generate::{Code, CompiledFn, Executable, GenerateError, Surroundings};
-use crate::interpret::Tape;
+use crate::functions::Function;
+use crate::generate::{CompiledFn, Executable, Surroundings};
 use crate::ir::{Builtin, VarId};
 use crate::kernels;
 use crate::layout::Layout;
 pub use crate::layout::{Memory, Part, Region};
 use crate::model::{Interface, Model, Quantity, Root};
 
-mod build;
 mod call;
 mod derivative;
+mod parts;
+mod tapes;
 
-pub use build::{BackEndSettings, CompileStatistics};
 use derivative::Derivative;
 pub use derivative::{Derived, Triplet, WithRespectTo};
-
-/// Failures of the back end.
-#[derive(Debug, Error)]
-pub enum BackEndError {
-    /// An equation cannot be differentiated.
-    #[error(transparent)]
-    Differentiate(#[from] DifferentiateError),
-    /// A program addresses what it cannot have: a fault of elaboration.
-    #[error(transparent)]
-    Schedule(#[from] ScheduleError),
-    /// No machine code.
-    #[error(transparent)]
-    Generate(#[from] GenerateError),
-    /// No executable memory.
-    #[error("no executable memory: {0}")]
-    Executable(#[from] io::Error),
-    /// The unknowns and the rows do not match.
-    #[error("{unknowns} unknowns but {rows} equations")]
-    NotSquare {
-        /// Elements of unknowns.
-        unknowns: usize,
-        /// Rows.
-        rows: usize,
-    },
-}
-
-/// Functions that are compiled.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Function {
-    PrepareStep,
-    Residual,
-    Jacobian,
-    Roots,
-    Quadratures,
-    Start,
-    End,
-    Finish,
-    Outputs,
-    Disturb,
-    NextBreak,
-    Forcings,
-}
-
-impl Function {
-    pub(crate) const ALL: [Function; 12] = [
-        Function::PrepareStep,
-        Function::Residual,
-        Function::Jacobian,
-        Function::Roots,
-        Function::Quadratures,
-        Function::Start,
-        Function::End,
-        Function::Finish,
-        Function::Outputs,
-        Function::Disturb,
-        Function::NextBreak,
-        Function::Forcings,
-    ];
-
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Function::PrepareStep => "prepare_step",
-            Function::Residual => "residual",
-            Function::Jacobian => "jacobian",
-            Function::Roots => "roots",
-            Function::Quadratures => "quadratures",
-            Function::Start => "start",
-            Function::End => "end",
-            Function::Finish => "finish",
-            Function::Outputs => "outputs",
-            Function::Disturb => "disturb",
-            Function::NextBreak => "next_break",
-            Function::Forcings => "forcings",
-        }
-    }
-}
-
-/// Functions that are interpreted.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Tapes {
-    pub(crate) prepare_parameters: Tape,
-    pub(crate) parameters: Tape,
-    pub(crate) initial_states: Tape,
-    pub(crate) initial_discretes: Tape,
-    pub(crate) steady: Tape,
-    pub(crate) invariants: Tape,
-    pub(crate) boxes: Tape,
-    pub(crate) events: Vec<Tape>,
-    pub(crate) policies: Vec<Tape>,
-}
-
-/// What an artefact holds: all that the passes made; the rest follows from it at once.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(crate) struct Parts {
-    pub(crate) model: Model,
-    pub(crate) pattern: Pattern,
-    /// Position tables of all compiled functions.
-    pub(crate) tables: Vec<u32>,
-    /// Pieces of the code of each function of [`Function::ALL`], to be called one after another.
-    pub(crate) codes: Vec<Vec<Code>>,
-    /// Fills the caches that depend on parameters; interpreted.
-    pub(crate) prepare_parameters: Job,
-    /// An equation changes its form at times known beforehand.
-    pub(crate) has_breaks: bool,
-    /// Number of expressions that time moves other than along straight lines.
-    pub(crate) forcings: u32,
-    pub(crate) statistics: CompileStatistics,
-}
+pub(crate) use parts::Parts;
+pub use parts::{BackEndError, BackEndSettings, CompileStatistics};
+use tapes::Tapes;
 
 /// A model ready to run; shared by many instances, each with its own [`Memory`].
 pub struct CompiledModel {
@@ -155,19 +44,11 @@ unsafe impl Send for CompiledModel {}
 unsafe impl Sync for CompiledModel {}
 
 impl CompiledModel {
-    /// Compiles a flat model.
-    ///
-    /// # Errors
-    /// If an equation cannot be differentiated, a program addresses what it cannot have, or no code can be made.
-    pub fn build(model: Model, settings: &BackEndSettings) -> Result<CompiledModel, BackEndError> {
-        smpl_dsl::stack::on_own_stack(|| CompiledModel::assemble(build::passes(model, settings)?))
-    }
-
     /// Maps the code and prepares the tapes.
     pub(crate) fn assemble(parts: Parts) -> Result<CompiledModel, BackEndError> {
         let columns = parts.codes.iter().flatten().map(|c| c.columns).max().unwrap_or(0);
         let layout = Layout::new(&parts.model, columns);
-        let tapes = build::tapes(&parts, &layout)?;
+        let tapes = Tapes::new(&parts, &layout)?;
         let codes: Vec<&[u8]> = parts.codes.iter().flatten().map(|c| c.bytes.as_slice()).collect();
         let executable = Executable::new(&codes)?;
         let pieces: [Box<[CompiledFn]>; Function::ALL.len()] = Function::ALL.map(|f| {

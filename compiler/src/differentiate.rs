@@ -12,11 +12,13 @@ use std::rc::Rc;
 
 use thiserror::Error;
 
-use crate::ir::hash::FastMap;
-use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, Flavour, LoopVar, MAX_DEPTH, ReduceFn, UnaryFn, VarId};
+use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, LoopVar, MAX_DEPTH, ReduceFn, UnaryFn, VarId};
 
 pub mod pattern;
+mod rows;
 mod rules;
+
+pub use rows::{jacobian, rows};
 
 /// Reductions that are no sums are written out up to this many passes to be differentiated; longer ones stay loops.
 const LONGEST_UNROLLED: u32 = 64;
@@ -187,7 +189,7 @@ fn renumber_reduce(
 
 /// Number of nodes, and whether any is a load of a column.
 fn survey(exprs: &Exprs, root: ExprId, column_of: &ColumnOf<'_>) -> (usize, bool) {
-    let mut seen = crate::ir::hash::FastSet::default();
+    let mut seen = FastSet::default();
     let (mut stack, mut depends) = (vec![root], false);
     while let Some(e) = stack.pop() {
         if seen.insert(e) {

@@ -2,7 +2,8 @@
 
 use std::fmt::Write;
 
-use crate::compiled::{CompiledModel, Function};
+use crate::compiled::CompiledModel;
+use crate::functions::Function;
 use crate::ir::{Affine, ExprId, Place, Program, Store, VarId};
 use crate::model::Model;
 

@@ -10,22 +10,30 @@
 use std::collections::BTreeSet;
 
 use crate::differentiate::Rows;
-use crate::generate::schedule::{Job, Sink, Task};
-use crate::ir::hash::{FastMap, FastSet};
-use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, Flavour, LoopVar, MAX_DEPTH, ReduceFn, Role, UnaryFn};
+use crate::ir::{BinaryFn, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, LoopVar, MAX_DEPTH, ReduceFn, Role, UnaryFn};
 use crate::model::Model;
 
 /// Passes of the loops around, by counter; 0 where there is none.
 type Extents = [u32; MAX_DEPTH];
 
+/// An expression over loops, by counter and number of passes, outermost first.
+pub type Looped = (Vec<(u8, u32)>, ExprId);
+
 /// What the integrator asks for.
 pub struct ExplicitTime {
-    /// One number: the next break from the present time on, infinite if none. `None` where there are no breaks at all.
-    pub next_break: Option<Job>,
-    /// The values of all forcings.
-    pub forcings: Job,
-    /// How many there are.
-    pub forcing_count: u32,
+    /// The next break from the present time on, infinite if none. `None` where there are no breaks at all.
+    pub next_break: Option<ExprId>,
+    /// All forcings.
+    pub forcings: Vec<Looped>,
+}
+
+impl ExplicitTime {
+    /// Number of values of all forcings.
+    #[must_use]
+    pub fn forcing_count(&self) -> u32 {
+        let passes = |(loops, _): &Looped| loops.iter().fold(1_u32, |n, &(_, extent)| n.saturating_mul(extent));
+        self.forcings.iter().map(passes).fold(0, u32::saturating_add)
+    }
 }
 
 /// Collects the breaks and forcings of equations, integrands and root functions.
@@ -302,26 +310,14 @@ impl<'a> Collector<'a> {
     }
 
     fn finish(mut self) -> ExplicitTime {
-        let next_break = self.breaks_job();
-        let mut tasks = vec![];
-        let mut count: u32 = 0;
-        for (value, around) in std::mem::take(&mut self.forcings) {
-            let loops: Vec<(u8, u32)> = (0..).zip(around).filter(|&(_, extent)| extent > 0).collect();
-            let mut at = Affine::constant(i64::from(count));
-            let mut passes: u32 = 1;
-            for &(d, extent) in loops.iter().rev() {
-                at = at.plus(Affine::along(0, LoopVar(d), i64::from(passes)));
-                passes = passes.saturating_mul(extent);
-            }
-            count = count.saturating_add(passes);
-            tasks.push(Task { loops, stores: vec![(Sink::Out(at), value)] });
-        }
-        let stages = if tasks.is_empty() { vec![] } else { vec![tasks] };
-        ExplicitTime { next_break, forcings: Job { stages, in_place: false }, forcing_count: count }
+        let next_break = self.next_break();
+        let loops = |around: Extents| (0..).zip(around).filter(|&(_, extent)| extent > 0).collect();
+        let forcings = self.forcings.into_iter().map(|(value, around)| (loops(around), value)).collect();
+        ExplicitTime { next_break, forcings }
     }
 
     /// The least of all next breaks.
-    fn breaks_job(&mut self) -> Option<Job> {
+    fn next_break(&mut self) -> Option<ExprId> {
         let mut next = None;
         for (mut value, around) in std::mem::take(&mut self.breaks) {
             for (d, extent) in (0..).zip(around).filter(|&(_, extent)| extent > 0).collect::<Vec<_>>().into_iter().rev() {
@@ -332,7 +328,6 @@ impl<'a> Collector<'a> {
                 None => value,
             });
         }
-        let stores = vec![(Sink::Out(Affine::constant(0)), next?)];
-        Some(Job { stages: vec![vec![Task { loops: vec![], stores }]], in_place: false })
+        next
     }
 }

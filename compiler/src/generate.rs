@@ -1,19 +1,19 @@
 //! Machine code by Cranelift: one function a job, position-independent, without relocations.
 //!
-//! `schedule` decides what is computed in which loop; `body` walks the schedule and emits scalar code and loops; `wide` emits innermost
+//! [`schedule`](crate::schedule) decides what is computed in which loop; `body` walks the schedule and emits scalar code and loops; `wide` emits innermost
 //! loops two lanes at a time, with elementary functions taken out into array kernels over columns of working memory.
 //! Loops stay loops: the size of the code does not depend on extents.
 
-pub mod reroll;
-pub mod schedule;
-
+mod arithmetic;
 mod body;
+mod emitter;
 mod executable;
 mod memory;
 mod plan;
 mod residence;
 mod segments;
 mod wide;
+mod workers;
 
 use std::sync::OnceLock;
 
@@ -27,11 +27,12 @@ use thiserror::Error;
 
 pub use executable::Executable;
 pub use plan::{Piece, Plan};
+pub use workers::{Generated, Request, generate};
 
 use crate::ir::Exprs;
 use crate::kernels::KernelTable;
 use crate::layout::Layout;
-use schedule::{Access, Job, ScheduleError};
+use crate::schedule::{Access, Job, ScheduleError, schedules};
 
 /// What compiled code calls and reads beside its arguments.
 #[derive(Clone, Copy)]
@@ -103,7 +104,7 @@ pub struct Code {
 /// # Errors
 /// If the job addresses what it cannot have.
 pub fn plan(job: &Job, exprs: &Exprs, layout: &Layout, access: Access) -> Result<Plan, GenerateError> {
-    let schedules = if job.is_empty() { vec![] } else { job.schedules(exprs, layout, access)? };
+    let schedules = if job.is_empty() { vec![] } else { schedules(job, exprs, layout, access)? };
     Ok(Plan::new(schedules, exprs, job.in_place))
 }
 

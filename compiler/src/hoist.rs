@@ -5,10 +5,9 @@
 
 use std::collections::hash_map::Entry;
 
-use crate::generate::schedule::{Job, Sink, Task};
-use crate::ir::hash::FastMap;
-use crate::ir::{Affine, Builtin, Expr, ExprId, Flavour, MAX_DEPTH, Rewritten, Role, UnaryFn, VarId};
+use crate::ir::{Affine, Builtin, Expr, ExprId, FastMap, Flavour, MAX_DEPTH, Rewritten, Role, UnaryFn, VarId};
 use crate::model::{Instant, Model, Variable};
+use crate::schedule::{Job, Sink, Task};
 use smpl_dsl::span::Span;
 
 /// Largest cache for one sub-expression.

@@ -2,11 +2,10 @@
 //!
 //! A [`Tape`] is a schedule with a register for each value; it visits nodes in the order of the compiled code.
 
-use crate::generate::schedule::{Access, BlockId, Item, Job, Schedule, ScheduleError, Sink};
-use crate::ir::hash::FastMap;
-use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, Flavour, MAX_DEPTH, ReduceFn, VarId};
+use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, Flavour, MAX_DEPTH, ReduceFn, VarId};
 use crate::kernels;
 use crate::layout::{Base, Layout};
+use crate::schedule::{Access, BlockId, Item, Job, Schedule, ScheduleError, Sink, schedules};
 
 /// What a tape reads and writes.
 #[derive(Debug)]
@@ -61,7 +60,7 @@ impl Tape {
     /// If it addresses what it cannot have.
     pub fn new(job: &Job, exprs: &Exprs, layout: &Layout, access: Access) -> Result<Tape, ScheduleError> {
         let mut tape = Tape::default();
-        for schedule in job.schedules(exprs, layout, access)? {
+        for schedule in schedules(job, exprs, layout, access)? {
             let mut recorder = Recorder { exprs, layout, schedule: &schedule, registers: FastMap::default(), next: 0 };
             let steps = recorder.block(0);
             tape.registers = tape.registers.max(recorder.next as usize);
@@ -185,12 +184,12 @@ impl Machine<'_, '_> {
                     self.registers[*to as usize] = value;
                 }
                 Step::Reduce { to, op, counter, extent, body, value } => {
-                    let mut sum = identity(*op);
+                    let mut sum = op.identity();
                     let outer = self.counters[*counter as usize];
                     for i in 0..*extent {
                         self.counters[*counter as usize] = i64::from(i);
                         self.run(body);
-                        sum = accumulate(*op, sum, self.get(*value));
+                        sum = op.binary().apply(sum, self.get(*value));
                     }
                     self.counters[*counter as usize] = outer;
                     self.registers[*to as usize] = sum;
@@ -254,28 +253,6 @@ impl Machine<'_, '_> {
     }
 }
 
-/// The reduction of nothing.
-#[must_use]
-pub fn identity(op: ReduceFn) -> f64 {
-    match op {
-        ReduceFn::Sum => 0.0,
-        ReduceFn::Product => 1.0,
-        ReduceFn::Min => f64::INFINITY,
-        ReduceFn::Max => f64::NEG_INFINITY,
-    }
-}
-
-/// One step of a reduction.
-#[must_use]
-pub fn accumulate(op: ReduceFn, sum: f64, value: f64) -> f64 {
-    match op {
-        ReduceFn::Sum => sum + value,
-        ReduceFn::Product => sum * value,
-        ReduceFn::Min => BinaryFn::Min.apply(sum, value),
-        ReduceFn::Max => BinaryFn::Max.apply(sum, value),
-    }
-}
-
 /// The value of an expression of constants and of what `value_of` knows (variable, copy, element); `None` if it uses anything else.
 ///
 /// Meant for parameters whose numbers are known while the model is built: extents, bounds, exponents.
@@ -322,10 +299,10 @@ fn evaluate(
             Expr::Reduce { op, depth, extent, body } => {
                 let d = depth.0 as usize;
                 let outer = counters[d];
-                let mut sum = identity(op);
+                let mut sum = op.identity();
                 for i in 0..extent {
                     counters[d] = i64::from(i);
-                    sum = accumulate(op, sum, evaluate(exprs, body, counters, value_of, &mut FastMap::default())?);
+                    sum = op.binary().apply(sum, evaluate(exprs, body, counters, value_of, &mut FastMap::default())?);
                 }
                 counters[d] = outer;
                 sum

@@ -10,45 +10,38 @@ mod table;
 
 pub use table::{ArrayKernel, BinaryArrayKernel, BinaryKernel, KernelTable, ScalarKernel, table};
 
-use crate::ir::UnaryFn;
+/// Functions of one number, in the order of [`KernelTable::unary`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the names say it")]
+pub enum Kernel {
+    Exp,
+    Ln,
+    Log10,
+    Tanh,
+    Sin,
+    Cos,
+    Tan,
+    Asin,
+    Acos,
+    Atan,
+    Sinh,
+    Cosh,
+    Floor,
+    Ceil,
+    /// To the nearest integer, ties to even.
+    Round,
+    Sign,
+    /// To the nearest number of single precision.
+    Single,
+}
 
 /// Number of functions in [`KernelTable::unary`].
-pub const UNARY_COUNT: usize = 17;
-
-/// Position of a function in [`KernelTable::unary`]; `None` for those that are single machine instructions.
-#[must_use]
-pub fn index(f: UnaryFn) -> Option<usize> {
-    Some(match f {
-        UnaryFn::Exp => 0,
-        UnaryFn::Ln => 1,
-        UnaryFn::Log10 => 2,
-        UnaryFn::Tanh => 3,
-        UnaryFn::Sin => 4,
-        UnaryFn::Cos => 5,
-        UnaryFn::Tan => 6,
-        UnaryFn::Asin => 7,
-        UnaryFn::Acos => 8,
-        UnaryFn::Atan => 9,
-        UnaryFn::Sinh => 10,
-        UnaryFn::Cosh => 11,
-        UnaryFn::Floor => 12,
-        UnaryFn::Ceil => 13,
-        UnaryFn::Round => 14,
-        UnaryFn::Sign => 15,
-        UnaryFn::Single => 16,
-        UnaryFn::Neg | UnaryFn::Abs | UnaryFn::Sqrt => return None,
-    })
-}
+pub const UNARY_COUNT: usize = Kernel::Single as usize + 1;
 
 /// A function of one number, the same bits as in compiled code.
 #[must_use]
-pub fn unary(f: UnaryFn, x: f64) -> f64 {
-    match (index(f), f) {
-        (Some(i), _) => (table().unary[i])(x),
-        (None, UnaryFn::Neg) => -x,
-        (None, UnaryFn::Abs) => x.abs(),
-        (None, _) => x.sqrt(),
-    }
+pub fn unary(kernel: Kernel, x: f64) -> f64 {
+    (table().unary[kernel as usize])(x)
 }
 
 /// `x^y`, the same bits as in compiled code.

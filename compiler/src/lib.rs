@@ -2,25 +2,33 @@
 //!
 //! Text becomes a model that runs, pass by pass, each a module:
 //!
-//! 1. [`front`] parses the file and what it imports, and drives the next two;
+//! 1. [`read`] parses the file and what it imports;
 //! 2. [`elaborate`]: names, units, shapes, spatial schemes; out come equations over indexed expressions ([`ir`]);
 //! 3. [`structure`]: which equation determines which unknown; substitution; the flat [`model`];
-//! 4. [`differentiate`], [`hoist`], [`layout`], [`generate`]: derivatives, caches, memory, machine code;
-//! 5. [`compiled`]: the result, with [`interpret`] for what runs rarely; [`export`] writes it for other tools.
+//! 4. [`differentiate`]: rows and the entries of the Jacobian; [`explicit_time`]: where time occurs explicitly;
+//! 5. [`schedule`]: what each function computes ([`functions`]) and in which loop; [`hoist`]: what can be known before it runs;
+//! 6. [`layout`], [`generate`]: memory, machine code;
+//! 7. [`compiled`]: the result, with [`interpret`] for what runs rarely; [`export`] writes it for other tools.
+//!
+//! [`compile`] is the list of these passes.
 
 pub mod artefact;
+pub mod compile;
 pub mod compiled;
 pub mod differentiate;
 pub mod elaborate;
 pub mod emit;
 mod explicit_time;
 pub mod export;
-pub mod front;
+mod functions;
 pub mod generate;
+pub mod graph;
 pub mod hoist;
 pub mod interpret;
 pub mod ir;
 pub mod kernels;
 pub mod layout;
 pub mod model;
+pub mod read;
+pub mod schedule;
 pub mod structure;

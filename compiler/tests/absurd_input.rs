@@ -2,8 +2,8 @@
 
 use std::time::{Duration, Instant};
 
+use smpl_compiler::compile::flatten;
 use smpl_compiler::elaborate::Options;
-use smpl_compiler::front::flatten;
 use smpl_dsl::diagnostic::{Diagnostic, SHOWN, SourceMap};
 
 /// Soon: no slow or busy machine takes that long, and what grows exponentially takes longer.

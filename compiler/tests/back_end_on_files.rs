@@ -3,13 +3,13 @@
 
 use std::path::Path;
 
+use smpl_compiler::compile::flatten;
 use smpl_compiler::compiled::{BackEndSettings, CompiledModel};
 use smpl_compiler::elaborate::Options;
-use smpl_compiler::front::flatten;
-use smpl_compiler::generate::schedule::{Access, Job, Sink, Task};
 use smpl_compiler::interpret::{Tape, View};
 use smpl_compiler::ir::{Affine, Program};
 use smpl_compiler::layout::Memory;
+use smpl_compiler::schedule::{Access, Job, Sink, Task};
 use smpl_dsl::diagnostic::SourceMap;
 
 fn compile(name: &str) -> CompiledModel {
@@ -122,7 +122,7 @@ fn check_programs(model: &CompiledModel, name: &str) {
     let programs = &model.model().programs;
     let tape = |program: &Program, out| {
         let access = Access { name: "program", y: true, yp: true, out };
-        Tape::new(&program.job(), &model.model().exprs, model.layout(), access).expect("a tape")
+        Tape::new(&Job::of_program(program, &model.model().slots), &model.model().exprs, model.layout(), access).expect("a tape")
     };
     let outputs = model.interface().algebraics.iter().map(smpl_compiler::model::Quantity::len).sum();
     let mut random = Random(5);

@@ -5,8 +5,8 @@ mod runner;
 
 use std::path::Path;
 
+use smpl_compiler::compile::flatten;
 use smpl_compiler::elaborate::Options;
-use smpl_compiler::front::flatten;
 use smpl_dsl::diagnostic::{Diagnostic, SourceMap};
 
 /// Files that the cases may import.

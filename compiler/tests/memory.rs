@@ -3,8 +3,8 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
+use smpl_compiler::compile::flatten;
 use smpl_compiler::elaborate::Options;
-use smpl_compiler::front::flatten;
 use smpl_dsl::diagnostic::{Diagnostic, SourceMap};
 
 /// The system's allocator, with the bytes that are held and the most that were.

@@ -8,8 +8,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use smpl_compiler::artefact::{self, Circumstances, Header};
+use smpl_compiler::compile::{Compiled, compile};
 use smpl_compiler::compiled::{BackEndSettings, CompiledModel};
 use smpl_compiler::elaborate::{ENTRY_SETTINGS, Options, Setting};
+use smpl_compiler::read::read_sources;
 use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes, suggest};
 use smpl_dsl::span::{FileId, Span};
 use smpl_dsl::syntax::{Statement, StatementKind};
@@ -148,8 +150,8 @@ pub fn load_text(path: &Path, text: String, options: &LoadOptions) -> Result<Loa
         }
     };
     let settings = settings_as_text(&mut sources, options);
-    match front_end(&mut sources, main, &scenario, options) {
-        Ok((model, warnings, imports)) => {
+    match compiled(&mut sources, main, &scenario, options) {
+        Ok(Compiled { model, warnings, imports }) => {
             let texts = [main].into_iter().chain(imports).filter_map(|id| Some(sources.file(id)?.text()));
             let print = fingerprint(texts, scenario_text(&scenario, &sources));
             let circumstances = circumstances(&scenario, &sources, options);
@@ -213,22 +215,11 @@ fn setting_line(sources: &SourceMap, file: FileId, name: &str) -> Option<Span> {
 }
 
 /// Compiles a text with everything that the scenario and the options say about it.
-fn front_end(
-    sources: &mut SourceMap,
-    main: FileId,
-    scenario: &Scenario,
-    options: &LoadOptions,
-) -> Result<(CompiledModel, Vec<Diagnostic>, Vec<FileId>), Vec<Diagnostic>> {
+fn compiled(sources: &mut SourceMap, main: FileId, scenario: &Scenario, options: &LoadOptions) -> Result<Compiled, Vec<Diagnostic>> {
     let folder = Path::new(sources.name(main)).parent().map(Path::to_owned).unwrap_or_default();
     let asked = compile_options(sources, scenario, options)?;
-    let mut loader = |path: &str| import(&folder, path);
-    let before = sources.len();
-    let (model, warnings) = smpl_compiler::front::flatten(sources, main, &mut loader, &asked)?;
-    let imports = (before..sources.len()).map(|i| FileId(i as u16)).collect();
     let settings = BackEndSettings { texts: options.texts, ..BackEndSettings::default() };
-    let built = CompiledModel::build(model, &settings);
-    let whole = Span { file: main, start: 0, end: 0 };
-    built.map(|model| (model, warnings, imports)).map_err(|e| vec![Diagnostic::error(codes::BACK_END, e.to_string(), whole)])
+    compile(sources, main, &mut |path| import(&folder, path), &asked, &settings)
 }
 
 /// The text that `use "path"` means: a file beside the model or in the library (`SMPL_LIBRARY`), never outside them.
@@ -331,7 +322,7 @@ fn check_source(path: &Path, header: &Header) -> Result<(), LoadError> {
     let mut sources = SourceMap::new();
     let main = sources.add(source.display().to_string(), text);
     let folder = source.parent().map(Path::to_owned).unwrap_or_default();
-    smpl_compiler::front::read(&mut sources, main, &mut |name| import(&folder, name));
+    read_sources(&mut sources, main, &mut |name| import(&folder, name));
     let texts = (0..sources.len()).filter_map(|i| Some(sources.file(FileId(i as u16))?.text()));
     if header.fingerprint == fingerprint(texts, &scenario) {
         return Ok(());
@@ -409,7 +400,7 @@ pub fn files_of(path: &Path) -> Vec<PathBuf> {
     if let Ok(text) = files::read_text(path) {
         let main = sources.add(path.display().to_string(), text);
         let folder = path.parent().map(Path::to_owned).unwrap_or_default();
-        smpl_compiler::front::read(&mut sources, main, &mut |name| import(&folder, name));
+        read_sources(&mut sources, main, &mut |name| import(&folder, name));
     }
     let imports = (1..sources.len()).map(|i| PathBuf::from(sources.name(FileId(i as u16))));
     [path.to_owned()].into_iter().chain(imports).collect()

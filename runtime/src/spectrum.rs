@@ -12,6 +12,7 @@
 //!   method on the inverse (Saad, Numerical Methods for Large Eigenvalue Problems, chapter 6); [`Spectrum::omitted`] counts the others.
 
 use nalgebra::{Complex, DMatrix, DVector, Schur};
+use smpl_compiler::graph::connected;
 
 use crate::inverse::Inverse;
 
@@ -180,48 +181,10 @@ fn balance(a: &mut DMatrix<f64>) {
 
 /// The strongly connected parts of the pattern, as sorted lists of rows.
 fn blocks(a: &DMatrix<f64>) -> Vec<Vec<usize>> {
-    const NEW: usize = usize::MAX;
     let n = a.nrows();
     // A step from j leads to the rows in which column j stands.
     let next: Vec<Vec<usize>> = (0..n).map(|j| (0..n).filter(|&i| i != j && a[(i, j)] != 0.0).collect()).collect();
-    let (mut number, mut lowest) = (vec![NEW; n], vec![0; n]);
-    let (mut path, mut on_path) = (Vec::new(), vec![false; n]);
-    let (mut parts, mut count) = (Vec::new(), 0);
-    for root in 0..n {
-        if number[root] != NEW {
-            continue;
-        }
-        let mut visits = vec![(root, 0)];
-        while let Some((at, edge)) = visits.pop() {
-            if edge == 0 {
-                number[at] = count;
-                lowest[at] = count;
-                count += 1;
-                path.push(at);
-                on_path[at] = true;
-            } else {
-                lowest[at] = lowest[at].min(lowest[next[at][edge - 1]]);
-            }
-            let unseen = (edge..next[at].len()).find(|&e| {
-                let to = next[at][e];
-                if number[to] != NEW && on_path[to] {
-                    lowest[at] = lowest[at].min(number[to]);
-                }
-                number[to] == NEW
-            });
-            if let Some(e) = unseen {
-                visits.push((at, e + 1));
-                visits.push((next[at][e], 0));
-            } else if lowest[at] == number[at] {
-                let first = path.iter().rposition(|&state| state == at).unwrap_or_default();
-                let mut part = path.split_off(first);
-                part.iter().for_each(|&state| on_path[state] = false);
-                part.sort_unstable();
-                parts.push(part);
-            }
-        }
-    }
-    parts
+    connected(&next)
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! The functions of a compiled model, with their lengths checked.
 
-use super::{CompiledModel, Function, build};
+use super::CompiledModel;
+use crate::functions::{Function, finish_len, steady_len};
 use crate::interpret::{Tape, View};
 use crate::layout::Memory;
 
@@ -145,7 +146,7 @@ impl CompiledModel {
     /// Length of the output of [`CompiledModel::finish`].
     #[must_use]
     pub fn finish_len(&self) -> usize {
-        build::finish_len(&self.parts.model)
+        finish_len(&self.parts.model)
     }
 
     /// Updates at the start of a step: discrete variables, resets of `y`.
@@ -186,7 +187,7 @@ impl CompiledModel {
     /// is missed at `y`.
     pub fn steady(&self, m: &mut Memory, y: &mut [f64], out: &mut [f64]) {
         self.check(m, y, y);
-        let expected = self.actions_len() + build::steady_len(self.model());
+        let expected = self.actions_len() + steady_len(self.model());
         assert_eq!(out.len(), expected, "numbers of the steady problem");
         self.interpret(&self.tapes.steady, m, 0.0, y, &[], out);
     }

@@ -1,11 +1,13 @@
 //! Sparse derivatives for linearisation and sensitivities: interpreted, made when first asked for.
 
-use super::{BackEndError, CompiledModel, build};
+use super::{BackEndError, CompiledModel};
+use crate::differentiate::pattern::each_place;
 use crate::differentiate::{self, Column, Entry, Rows};
-use crate::generate::schedule::{Access, Job, Sink, Task};
+use crate::functions::finish_len;
 use crate::interpret::{Tape, View};
 use crate::ir::{Affine, Flavour, Place, Program, Role, VarId};
 use crate::layout::Memory;
+use crate::schedule::{Access, Job};
 
 /// What is differentiated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,9 +79,9 @@ impl CompiledModel {
             Some(Column { first, factor: None })
         };
         let mut rows = match of {
-            Derived::Rows => build::rows(&mut model)?,
+            Derived::Rows => differentiate::rows(&mut model)?,
             Derived::Observations => {
-                let first = build::finish_len(&model) as i64 - i64::from(model.interface.finish.observations);
+                let first = finish_len(&model) as i64 - i64::from(model.interface.finish.observations);
                 output_rows(&model.programs.finish, first)
             }
             Derived::SteadyConditions => {
@@ -114,13 +116,6 @@ fn output_rows(program: &Program, first: i64) -> Vec<Rows> {
 /// A job that writes the values of entries one after another, and their places.
 fn list(entries: &[Entry]) -> (Job, Vec<(usize, usize)>) {
     let mut places = vec![];
-    let tasks = entries.iter().map(|entry| {
-        let at = differentiate::pattern::row_major(&entry.loops).plus(Affine::constant(places.len() as i64));
-        differentiate::pattern::each(&entry.loops, |counters| {
-            places.push((entry.row.at(counters) as usize, entry.column.at(counters) as usize));
-        });
-        Task { loops: entry.loops.clone(), stores: vec![(Sink::Out(at), entry.value)] }
-    });
-    let stages = vec![tasks.collect()];
-    (Job { stages, in_place: false }, places)
+    entries.iter().for_each(|entry| each_place(entry, |row, column| places.push((row, column))));
+    (Job::of_lists(entries.iter().map(|entry| (&entry.loops, entry.value))), places)
 }

@@ -1,63 +1,57 @@
 //! Declarations: variants, imports, sets, tables, variables, components.
 
-pub(super) mod built_ins;
-mod instances;
-mod tables;
-mod variants;
+pub(in crate::elaborate) mod built_ins;
+pub(in crate::elaborate) mod defaults;
+pub(in crate::elaborate) mod instances;
+pub(in crate::elaborate) mod naming;
+pub(in crate::elaborate) mod outside;
+pub(in crate::elaborate) mod symbols;
+pub(in crate::elaborate) mod tables;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{self, Declaration, Form, Ident, SetMembers, Statement, StatementKind, Table};
+use smpl_dsl::syntax::{self, Declaration, Flux, Form, Ident, SetMembers, Statement, StatementKind, Table};
 use smpl_dsl::units::Unit;
 
-use super::items::{Item, items, observed, overlay, plain, reference, selected};
-use super::names::{Axis, Domain, Geometry, Scheme, Scope, ScopeId, Set, SetId, Symbol, SymbolId, SymbolKind};
-use super::{Elaborator, Site};
+use crate::elaborate::declare::naming::Naming;
+use crate::elaborate::declare::symbols::{Axis, Domain, Geometry, Scheme, Scope, ScopeId, Set, SetId, Symbol, SymbolId, SymbolKind};
+use crate::elaborate::ledger::Ledger;
+use crate::elaborate::select::imports::gathered;
+use crate::elaborate::select::items::{Item, items, observed, overlay, reference};
+use crate::elaborate::{Elaborator, Place, Site};
 use crate::ir::{FastMap, Role, VarId};
 use crate::model::Variable;
 
 /// Most elements of one variable.
 const MAX_ELEMENTS: i64 = 10_000_000;
-/// Most members of all sets of numbers together: each has a label.
-const MAX_MEMBERS: i64 = 2_000_000;
 
-impl<'a> Elaborator<'a> {
-    /// A `when` that no choice can fulfil is a fault.
-    fn check_whens(&mut self, statements: &[Statement], switches: &[&str], choices: &[(&str, &[Ident])]) {
-        for statement in statements {
-            match &statement.kind {
-                StatementKind::When { choice, option, body } => {
-                    let known = choices.iter().find(|(c, _)| **c == choice.text).map(|(_, options)| *options);
-                    match known {
-                        Some(options) if options.iter().any(|o| o.text == option.text) => {}
-                        Some(options) => {
-                            let list: Vec<&str> = options.iter().map(|o| o.text.as_str()).collect();
-                            let message = format!("`{}` has no option `{}`: {}", choice.text, option.text, list.join(", "));
-                            let help = self.did_you_mean(&option.text, list);
-                            self.report(Diagnostic::error(codes::UNKNOWN_NAME, message, option.span).maybe_help(help));
-                        }
-                        None if switches.contains(&choice.text.as_str()) && matches!(option.text.as_str(), "true" | "false") => {}
-                        None => {
-                            let help = self.did_you_mean(&choice.text, choices.iter().map(|(c, _)| *c).chain(switches.iter().copied()));
-                            let message = format!("unknown choice `{}`", choice.text);
-                            self.report(Diagnostic::error(codes::UNKNOWN_NAME, message, choice.span).maybe_help(help));
-                        }
-                    }
-                    self.check_whens(body, switches, choices);
-                }
-                StatementKind::Variant { body, .. } | StatementKind::Component { body, .. } => self.check_whens(body, switches, choices),
-                _ => {}
-            }
+/// When a set is declared.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Turn {
+    /// Ahead of everything: its members are written.
+    Named,
+    /// After the scalars: its ends may be computed from them.
+    Ranges,
+    /// After all other sets: the rows of a table are a set where there is no other of that name.
+    Tables,
+}
+
+impl Turn {
+    fn of(statement: &Statement) -> Turn {
+        match &statement.kind {
+            StatementKind::Set { members: SetMembers::Range(..), .. } => Turn::Ranges,
+            StatementKind::Table(_) => Turn::Tables,
+            _ => Turn::Named,
         }
     }
+}
 
+impl<'a> Elaborator<'a> {
     /// Declares everything of the main file and what it imports.
-    pub(super) fn declare_file(&mut self) {
-        let root = self.names.scopes.push(Scope::default());
-        let mut list = Vec::new();
-        let mut seen = vec![false; self.files.len()];
-        self.gather(0, &mut seen, &mut list);
-        overlay(&mut list, items(&self.options.overlay, &self.selection));
+    pub(in crate::elaborate) fn declare_file(&mut self) {
+        let root = self.symbols.scopes.push(Scope::default());
+        let mut list = self.gathered();
+        overlay(&mut list, items(&self.input.options.overlay, &self.input.selection));
         for item in &list {
             if let Item::Other(statement) = item {
                 self.register(statement);
@@ -68,10 +62,9 @@ impl<'a> Elaborator<'a> {
     }
 
     /// Declares what a component may see of the file, without what belongs to the file's own model.
-    pub(super) fn declare_seen(&mut self) -> ScopeId {
-        let root = self.names.scopes.push(Scope::default());
-        let mut list = Vec::new();
-        self.gather(0, &mut vec![false; self.files.len()], &mut list);
+    pub(in crate::elaborate) fn declare_seen(&mut self) -> ScopeId {
+        let root = self.symbols.scopes.push(Scope::default());
+        let mut list = self.gathered();
         list.iter().for_each(|item| match item {
             Item::Other(statement) => self.register(statement),
             Item::Declare(..) | Item::Observe(_) | Item::At(..) => {}
@@ -98,65 +91,27 @@ impl<'a> Elaborator<'a> {
             ),
         });
         self.declare_block(root, list, 0);
-        instances.into_iter().for_each(|name| self.faulty(root, name));
+        instances.into_iter().for_each(|name| self.naming().faulty(root, name));
         root
     }
 
-    /// Items of a file after those of its imports.
-    fn gather(&mut self, file: usize, seen: &mut [bool], out: &mut Vec<Item<'a>>) {
-        if std::mem::replace(&mut seen[file], true) {
-            return;
-        }
-        let statements = &self.files[file].statements;
-        self.gather_items(plain(statements), seen, out);
-        // Variants and choices may replace what is imported.
-        let bodies: Vec<&'a [Statement]> = selected(statements, &self.selection).collect();
-        for body in bodies {
-            let mut over = Vec::new();
-            self.gather_items(items(body, &self.selection), seen, &mut over);
-            overlay(out, over);
-        }
-    }
-
-    /// Items, with those of the files that they import in place of the imports.
-    fn gather_items(&mut self, list: Vec<Item<'a>>, seen: &mut [bool], out: &mut Vec<Item<'a>>) {
-        for item in list {
-            let Item::Other(Statement { kind: StatementKind::Import { path, path_span }, .. }) = item else {
-                out.push(item);
-                continue;
-            };
-            match self.imports.get(path) {
-                Some(&imported) => self.gather(imported, seen, out),
-                None => self.report(Diagnostic::error(
-                    codes::UNKNOWN_IMPORT,
-                    format!("the file `{path}` was not found beside the model or in the library"),
-                    *path_span,
-                )),
-            }
-        }
+    /// The items of the main file and of what it imports.
+    fn gathered(&mut self) -> Vec<Item<'a>> {
+        let (list, faults) = gathered(self.input.files, self.input.imports, &self.input.selection);
+        faults.into_iter().for_each(|fault| self.ledger.report(fault));
+        list
     }
 
     fn register(&mut self, statement: &'a Statement) {
         let (table, name) = match &statement.kind {
-            StatementKind::Component { name, .. } => (&mut self.components, name),
-            StatementKind::Connector { name, .. } => (&mut self.connectors, name),
+            StatementKind::Component { name, .. } => (&mut self.instances.components, name),
+            StatementKind::Connector { name, .. } => (&mut self.instances.connectors, name),
             _ => return,
         };
         if let Some(before) = table.insert(&name.text, statement) {
             let at = before.span;
-            self.duplicate(name, at);
+            self.ledger.duplicate(name, at);
         }
-    }
-
-    fn duplicate(&mut self, name: &Ident, before: Span) {
-        // Kinds are declared one after another; the reader goes by the order of the text.
-        let position = |s: Span| (s.file, s.start);
-        let (before, second) = if position(before) <= position(name.span) { (before, name.span) } else { (name.span, before) };
-        self.report(
-            Diagnostic::error(codes::DUPLICATE_NAME, format!("`{}` is declared twice", name.text), second)
-                .label("second declaration")
-                .secondary(before, "first declaration"),
-        );
     }
 
     fn declare_time(&mut self, root: ScopeId, list: &[Item<'a>]) {
@@ -170,12 +125,12 @@ impl<'a> Elaborator<'a> {
                 StatementKind::Time { name: n, unit: u } => {
                     name.clone_from(&n.text);
                     span = statement.span;
-                    let place = self.place(root, Site::Dynamics);
+                    let place = Place::new(root, Site::Dynamics);
                     unit = self.unit(u, &place);
                 }
                 StatementKind::Model { name: n, text } => {
                     if let Some(before) = model_seen.replace(statement.span) {
-                        self.duplicate(n, before);
+                        self.ledger.duplicate(n, before);
                     }
                     self.model.interface.name.clone_from(&n.text);
                     self.model.interface.text = text.clone().unwrap_or_default();
@@ -183,23 +138,241 @@ impl<'a> Elaborator<'a> {
                 _ => {}
             }
         }
-        self.time_unit = unit.unwrap_or_else(Unit::one);
-        self.time_name.clone_from(&name);
-        self.model.interface.time = (name.clone(), self.time_unit.to_string());
+        self.symbols.time_unit = unit.unwrap_or_else(Unit::one);
+        self.symbols.time_name.clone_from(&name);
+        self.model.interface.time = (name.clone(), self.symbols.time_unit.to_string());
         let symbol = Symbol { path: name.clone(), scope: root, span, kind: SymbolKind::Time };
-        let _ = self.names.declare(&name, symbol);
+        let _ = self.symbols.declare(&name, symbol);
     }
 
+    /// Declares a block: sets and scalars first, since sizes of domains may need them, then what is indexed, then instances.
+    pub(in crate::elaborate) fn declare_block(&mut self, scope: ScopeId, list: Vec<Item<'a>>, depth: usize) {
+        self.declare_phases(scope, &list);
+        self.ledger.check_names(&list);
+        self.ledger.check_built_ins(&list);
+        // Ends of ranges may be computed from scalars; a table declares its set only where nothing else does.
+        self.declare_sets(scope, &list, Turn::Named);
+        for item in &list {
+            if let Item::Declare(role, d) = item
+                && d.indices.is_empty()
+            {
+                self.declare_variable(scope, *role, d);
+            }
+        }
+        self.declare_sets(scope, &list, Turn::Ranges);
+        self.declare_sets(scope, &list, Turn::Tables);
+        for item in &list {
+            self.declare_unindexed(scope, item);
+        }
+        for item in &list {
+            self.declare_indexed(scope, item);
+        }
+        let at = self.instances.blocks.len();
+        self.instances.blocks.push((scope, Vec::new()));
+        for item in &list {
+            if let Item::Other(statement) = item
+                && let StatementKind::Instance { component, name, indices, arguments } = &statement.kind
+            {
+                self.declare_instance(scope, component, name, indices, arguments, depth);
+            }
+        }
+        self.instances.blocks[at].1 = list;
+    }
+
+    /// Declares the sets whose turn it is.
+    fn declare_sets(&mut self, scope: ScopeId, list: &[Item<'a>], turn: Turn) {
+        for item in list {
+            if let Item::Other(statement) = item
+                && Turn::of(statement) == turn
+            {
+                self.declare_set(scope, statement);
+            }
+        }
+    }
+
+    /// Declares tables, functions and domains.
+    fn declare_unindexed(&mut self, scope: ScopeId, item: &Item<'a>) {
+        let Item::Other(statement) = item else { return };
+        match &statement.kind {
+            StatementKind::Table(table) => self.declare_table(scope, table),
+            StatementKind::TimeTable(table) => self.declare_time_table(scope, table),
+            StatementKind::Def { name, parameters, body } => {
+                self.naming().declare(scope, name, SymbolKind::Def { parameters, body });
+            }
+            StatementKind::Domain(domain) => self.declare_domain(scope, domain),
+            _ => {}
+        }
+    }
+
+    /// Declares arrays, fluxes and ports.
+    fn declare_indexed(&mut self, scope: ScopeId, item: &Item<'a>) {
+        match item {
+            Item::Declare(role, d) if !d.indices.is_empty() => self.declare_variable(scope, *role, d),
+            Item::Other(Statement { kind: StatementKind::Flux(flux), .. }) => self.declare_flux(scope, flux),
+            Item::Other(Statement { kind: StatementKind::Port { names, connector }, .. }) => {
+                names.iter().for_each(|name| self.declare_port(scope, name, connector));
+            }
+            _ => {}
+        }
+    }
+
+    fn declare_flux(&mut self, scope: ScopeId, flux: &'a Flux) {
+        let place = Place::new(scope, Site::Dynamics);
+        let Some((axes, binders)) = self.axes(&flux.indices, &place) else { return self.naming().faulty(scope, &flux.name) };
+        if matches!(axes.last(), Some(Axis::Domain(_))) {
+            self.naming().declare(scope, &flux.name, SymbolKind::Flux { flux, axes: axes.into(), binders: binders.into() });
+            return;
+        }
+        let message = format!("the last index of the flux `{}` must be the domain along which it flows", flux.name.text);
+        self.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, message, flux.name.span));
+        self.naming().faulty(scope, &flux.name);
+    }
+
+    fn declare_set(&mut self, scope: ScopeId, statement: &'a Statement) {
+        match &statement.kind {
+            StatementKind::Choice { name, options, .. } => {
+                let chosen = self.input.selection.chosen.get(&name.text).and_then(|c| options.iter().position(|o| o.text == *c));
+                self.naming().declare(scope, name, SymbolKind::Choice { options, chosen: chosen.unwrap_or(0) });
+            }
+            StatementKind::Set { name, members, .. } => {
+                let place = Place::new(scope, Site::Dynamics);
+                let (labels, first) = match members {
+                    SetMembers::Names(names) => (names.iter().map(|n| n.text.clone()).collect::<Vec<_>>(), None),
+                    SetMembers::Range(a, b) => {
+                        let (Some(a), Some(b)) = (self.integer(a, &place), self.integer(b, &place)) else {
+                            return self.naming().faulty(scope, name);
+                        };
+                        if b.saturating_sub(a) >= 100_000 || !self.ledger.budget.may_hold(b.saturating_sub(a)) {
+                            self.ledger.report(
+                                Diagnostic::error(
+                                    codes::TOO_LARGE,
+                                    "a set of more than a hundred thousand members, or sets of more than two million together",
+                                    name.span,
+                                )
+                                .help("use a `domain`: its cells stay a loop"),
+                            );
+                            return self.naming().faulty(scope, name);
+                        }
+                        ((a..=b).map(|i| i.to_string()).collect(), Some(a))
+                    }
+                };
+                if labels.is_empty() {
+                    self.ledger.report(Diagnostic::error(codes::EMPTY_SET, format!("the set `{}` has no members", name.text), name.span));
+                }
+                if let SetMembers::Names(names) = members {
+                    self.ledger.check_members(names);
+                }
+                self.naming().new_set(scope, name, labels, first);
+            }
+            // `table over species { ... }` declares the set as well, unless it exists.
+            StatementKind::Table(table) => {
+                if let [index] = table.indices.as_slice()
+                    && self.symbols.lookup(scope, &index.text).is_none()
+                {
+                    let labels = table.rows.iter().map(|r| r.label.text.clone()).collect();
+                    self.naming().new_set(scope, index, labels, None);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn declare_domain(&mut self, scope: ScopeId, domain: &'a syntax::Domain) {
+        let place = Place::new(scope, Site::Dynamics);
+        let Some(cells) = self.integer(&domain.cells, &place) else { return self.naming().faulty(scope, &domain.name) };
+        if !(1..=MAX_ELEMENTS).contains(&cells) {
+            let code = if cells < 1 { codes::EMPTY_SET } else { codes::TOO_LARGE };
+            self.ledger.report(
+                Diagnostic::error(code, format!("a domain of {cells} cells"), domain.cells.span).label("at least 1, at most 10 million"),
+            );
+            return self.naming().faulty(scope, &domain.name);
+        }
+        let scheme = self.ledger.option(
+            domain.scheme.as_ref(),
+            "scheme",
+            Scheme::Central,
+            &[
+                ("upwind", Scheme::Upwind),
+                ("downwind", Scheme::Downwind),
+                ("central", Scheme::Central),
+                ("upwind2", Scheme::Upwind2),
+                ("limited", Scheme::Limited),
+            ],
+        );
+        let geometry = self.ledger.option(
+            domain.geometry.as_ref(),
+            "geometry",
+            Geometry::Planar,
+            &[("planar", Geometry::Planar), ("cylindrical", Geometry::Cylindrical), ("spherical", Geometry::Spherical)],
+        );
+        let id = self.symbols.domains.push(Domain {
+            name: domain.name.text.clone(),
+            scope,
+            declaration: domain,
+            cells,
+            scheme,
+            geometry,
+            ends: None,
+        });
+        self.naming().declare(scope, &domain.name, SymbolKind::Domain(id));
+    }
+
+    /// Declares a parameter, state, `let` and so on.
+    fn declare_variable(&mut self, scope: ScopeId, role: syntax::Role, d: &'a Declaration) {
+        // Declared member by member: the first one was reported.
+        let before = self.symbols.scopes[scope].names.get(&d.name.text);
+        if !d.indices.is_empty() && before.is_some_and(|&s| matches!(self.symbols[s].kind, SymbolKind::Faulty)) {
+            return;
+        }
+        let place = Place::new(scope, Site::Dynamics);
+        let Some((axes, binders)) = self.axes(&d.indices, &place) else { return self.naming().faulty(scope, &d.name) };
+        let written = d.unit.as_ref().map(|u| self.unit(u, &place));
+        if matches!(written, Some(None)) {
+            // The unit is at fault; the name is declared so that its uses cause no further report.
+            return self.naming().declare_poison(scope, role, d, axes, binders);
+        }
+        let unit = written.flatten();
+        let role = match role {
+            syntax::Role::Let | syntax::Role::Random => {
+                let random = role == syntax::Role::Random;
+                let definition = if random { d.sample.as_ref().or(d.value.as_ref()) } else { d.value.as_ref() };
+                let Some(definition) = definition else {
+                    self.ledger.report(
+                        Diagnostic::error(codes::MISSING_CLAUSE, format!("`{}` has no definition", d.name.text), d.span)
+                            .help("write `= expression`, or declare a `var` and give it an equation"),
+                    );
+                    return self.naming().faulty(scope, &d.name);
+                };
+                self.naming().declare(
+                    scope,
+                    &d.name,
+                    SymbolKind::Let { axes: axes.into(), binders: binders.into(), unit, definition, random, declaration: d },
+                );
+                return;
+            }
+            syntax::Role::Param => Role::Param,
+            syntax::Role::Action => Role::Action,
+            syntax::Role::State => Role::State,
+            syntax::Role::Var => Role::Algebraic,
+            syntax::Role::Discrete => Role::Discrete,
+            syntax::Role::Disturbance => Role::Disturbance,
+        };
+        let unit = unit.unwrap_or_else(Unit::one);
+        self.naming().new_variable(scope, &d.name, role, axes, unit, d);
+    }
+}
+
+impl<'a> Naming<'_, 'a> {
     /// Declares a symbol; a second one of that name is a fault.
     fn declare(&mut self, scope: ScopeId, name: &Ident, kind: SymbolKind<'a>) -> Option<SymbolId> {
-        let path = format!("{}{}", self.names.scopes[scope].prefix, name.text);
-        match self.names.declare(&name.text, Symbol { path, scope, span: name.span, kind }) {
+        let path = format!("{}{}", self.symbols.scopes[scope].prefix, name.text);
+        match self.symbols.declare(&name.text, Symbol { path, scope, span: name.span, kind }) {
             Ok(id) => Some(id),
             Err(before) => {
-                let at = self.names.symbols[before].span;
-                self.duplicate(name, at);
+                let at = self.symbols[before].span;
+                self.ledger.duplicate(name, at);
                 // Which of both is meant is not known: what depends on it is not reported.
-                self.names.symbols[before].kind = SymbolKind::Faulty;
+                self.symbols[before].kind = SymbolKind::Faulty;
                 None
             }
         }
@@ -210,8 +383,101 @@ impl<'a> Elaborator<'a> {
         self.declare(scope, name, SymbolKind::Faulty);
     }
 
+    fn new_set(&mut self, scope: ScopeId, name: &Ident, labels: Vec<String>, first: Option<i64>) {
+        let set = self.symbols.sets.push(Set::new(name.text.clone(), labels, first));
+        self.declare(scope, name, SymbolKind::Set(set));
+    }
+
+    fn set_named(&mut self, scope: ScopeId, name: &Ident) -> Option<SetId> {
+        match self.symbols.lookup(scope, &name.text).map(|s| self.symbols[s].kind.clone()) {
+            Some(SymbolKind::Set(set) | SymbolKind::Phase(set)) => Some(set),
+            Some(SymbolKind::Faulty) => None,
+            _ => {
+                let help = self.ledger.reports.did_you_mean(&name.text, self.symbols.sets.values().map(|s| s.name.as_str()));
+                self.ledger
+                    .report(Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown set `{}`", name.text), name.span).maybe_help(help));
+                None
+            }
+        }
+    }
+
+    /// Reports the first entry that has no value.
+    fn check_table(&mut self, table: &Table, sets: &[SetId], values: &[Vec<f64>]) {
+        for (column, values) in table.columns.iter().zip(values) {
+            let Some(at) = values.iter().position(|v| v.is_nan()) else { continue };
+            let mut rest = at;
+            let mut labels = Vec::new();
+            for &set in sets.iter().rev() {
+                let members = &self.symbols.sets[set].labels;
+                labels.push(members[rest % members.len().max(1)].clone());
+                rest /= members.len().max(1);
+            }
+            labels.reverse();
+            self.ledger.report(
+                Diagnostic::error(
+                    codes::MISSING_DEFAULT,
+                    format!("`{}` has no value for `{}`", column.name.text, labels.join(", ")),
+                    column.name.span,
+                )
+                .help("give every member a row, or the table a `default`"),
+            );
+            // The other columns lack the same rows.
+            return;
+        }
+    }
+
+    fn declare_poison(&mut self, scope: ScopeId, role: syntax::Role, d: &'a Declaration, axes: Vec<Axis>, binders: Vec<String>) {
+        if matches!(role, syntax::Role::Let | syntax::Role::Random) {
+            if let Some(definition) = d.value.as_ref().or(d.sample.as_ref()) {
+                self.declare(
+                    scope,
+                    &d.name,
+                    SymbolKind::Let { axes: axes.into(), binders: binders.into(), unit: None, definition, random: false, declaration: d },
+                );
+            }
+            return;
+        }
+        self.declare(scope, &d.name, SymbolKind::Faulty);
+    }
+
+    fn new_variable(&mut self, scope: ScopeId, name: &Ident, role: Role, axes: Vec<Axis>, unit: Unit, d: &'a Declaration) -> Option<VarId> {
+        let len = axes.iter().try_fold(1_i64, |n, &a| n.checked_mul(self.symbols.axis_len(a))).unwrap_or(i64::MAX);
+        if len > MAX_ELEMENTS {
+            self.ledger.report(
+                Diagnostic::error(codes::TOO_LARGE, format!("`{}` would have {len} elements", name.text), d.span)
+                    .label("at most 10 million"),
+            );
+            self.faulty(scope, name);
+            return None;
+        }
+        let path = format!("{}{}", self.symbols.scopes[scope].prefix, name.text);
+        let var = self.symbols.vars.push(Variable { name: path, role, len: len as u32, span: d.span });
+        let symbol = self.declare(scope, name, SymbolKind::Variable { var, axes: axes.into(), unit, declaration: d })?;
+        self.symbols.of_var.insert(var, symbol);
+        Some(var)
+    }
+}
+
+impl Ledger {
+    fn duplicate(&mut self, name: &Ident, before: Span) {
+        // Kinds are declared one after another; the reader goes by the order of the text.
+        let position = |s: Span| (s.file, s.start);
+        let (before, second) = if position(before) <= position(name.span) { (before, name.span) } else { (name.span, before) };
+        self.report(
+            Diagnostic::error(codes::DUPLICATE_NAME, format!("`{}` is declared twice", name.text), second)
+                .label("second declaration")
+                .secondary(before, "first declaration"),
+        );
+    }
+
+    fn two_of(&mut self, what: &str, name: &str, first: Span, second: Span) {
+        self.report(
+            Diagnostic::error(codes::DUPLICATE_NAME, format!("two {what} are called `{name}`"), second).secondary(first, "the first one"),
+        );
+    }
+
     /// Statements with names of their own: two with one name are a fault.
-    fn check_names(&mut self, list: &[Item<'a>]) {
+    fn check_names(&mut self, list: &[Item<'_>]) {
         let mut seen: FastMap<String, Span> = FastMap::default();
         let mut unnamed: FastMap<Form, Span> = FastMap::default();
         for item in list {
@@ -253,151 +519,6 @@ impl<'a> Elaborator<'a> {
         }
     }
 
-    fn two_of(&mut self, what: &str, name: &str, first: Span, second: Span) {
-        self.report(
-            Diagnostic::error(codes::DUPLICATE_NAME, format!("two {what} are called `{name}`"), second).secondary(first, "the first one"),
-        );
-    }
-
-    /// Declares a block: sets and scalars first, since sizes of domains may need them, then what is indexed, then instances.
-    pub(super) fn declare_block(&mut self, scope: ScopeId, list: Vec<Item<'a>>, depth: usize) {
-        self.declare_phases(scope, &list);
-        self.check_names(&list);
-        self.check_built_ins(&list);
-        // Ends of ranges may be computed from scalars; a table declares its set only where nothing else does.
-        let late = |s: &Statement| match &s.kind {
-            StatementKind::Set { members: SetMembers::Range(..), .. } => 1,
-            StatementKind::Table(_) => 2,
-            _ => 0,
-        };
-        for item in &list {
-            if let Item::Other(statement) = item
-                && late(statement) == 0
-            {
-                self.declare_set(scope, statement);
-            }
-        }
-        for item in &list {
-            if let Item::Declare(role, d) = item
-                && d.indices.is_empty()
-            {
-                self.declare_variable(scope, *role, d);
-            }
-        }
-        for turn in [1, 2] {
-            for item in &list {
-                if let Item::Other(statement) = item
-                    && late(statement) == turn
-                {
-                    self.declare_set(scope, statement);
-                }
-            }
-        }
-        for item in &list {
-            if let Item::Other(statement) = item {
-                match &statement.kind {
-                    StatementKind::Table(table) => self.declare_table(scope, table),
-                    StatementKind::TimeTable(table) => self.declare_time_table(scope, table),
-                    StatementKind::Def { name, parameters, body } => {
-                        self.declare(scope, name, SymbolKind::Def { parameters, body });
-                    }
-                    StatementKind::Domain(domain) => self.declare_domain(scope, domain),
-                    _ => {}
-                }
-            }
-        }
-        for item in &list {
-            match item {
-                Item::Declare(role, d) if !d.indices.is_empty() => self.declare_variable(scope, *role, d),
-                Item::Other(statement) => match &statement.kind {
-                    StatementKind::Flux(flux) => {
-                        let place = self.place(scope, Site::Dynamics);
-                        let Some((axes, binders)) = self.axes(&flux.indices, &place) else {
-                            self.faulty(scope, &flux.name);
-                            continue;
-                        };
-                        if !matches!(axes.last(), Some(Axis::Domain(_))) {
-                            self.report(Diagnostic::error(
-                                codes::WRONG_SHAPE,
-                                format!("the last index of the flux `{}` must be the domain along which it flows", flux.name.text),
-                                flux.name.span,
-                            ));
-                            self.faulty(scope, &flux.name);
-                            continue;
-                        }
-                        self.declare(scope, &flux.name, SymbolKind::Flux { flux, axes: axes.into(), binders: binders.into() });
-                    }
-                    StatementKind::Port { names, connector } => {
-                        for name in names {
-                            self.declare_port(scope, name, connector);
-                        }
-                    }
-                    _ => {}
-                },
-                _ => {}
-            }
-        }
-        let at = self.blocks.len();
-        self.blocks.push((scope, Vec::new()));
-        for item in &list {
-            if let Item::Other(statement) = item
-                && let StatementKind::Instance { component, name, indices, arguments } = &statement.kind
-            {
-                self.declare_instance(scope, component, name, indices, arguments, depth);
-            }
-        }
-        self.blocks[at].1 = list;
-    }
-
-    fn declare_set(&mut self, scope: ScopeId, statement: &'a Statement) {
-        match &statement.kind {
-            StatementKind::Choice { name, options, .. } => {
-                let chosen = self.selection.chosen.get(&name.text).and_then(|c| options.iter().position(|o| o.text == *c));
-                self.declare(scope, name, SymbolKind::Choice { options, chosen: chosen.unwrap_or(0) });
-            }
-            StatementKind::Set { name, members, .. } => {
-                let place = self.place(scope, Site::Dynamics);
-                let (labels, first) = match members {
-                    SetMembers::Names(names) => (names.iter().map(|n| n.text.clone()).collect::<Vec<_>>(), None),
-                    SetMembers::Range(a, b) => {
-                        let (Some(a), Some(b)) = (self.integer(a, &place), self.integer(b, &place)) else {
-                            return self.faulty(scope, name);
-                        };
-                        if b.saturating_sub(a) >= 100_000 || !self.may_hold(b.saturating_sub(a)) {
-                            self.report(
-                                Diagnostic::error(
-                                    codes::TOO_LARGE,
-                                    "a set of more than a hundred thousand members, or sets of more than two million together",
-                                    name.span,
-                                )
-                                .help("use a `domain`: its cells stay a loop"),
-                            );
-                            return self.faulty(scope, name);
-                        }
-                        ((a..=b).map(|i| i.to_string()).collect(), Some(a))
-                    }
-                };
-                if labels.is_empty() {
-                    self.report(Diagnostic::error(codes::EMPTY_SET, format!("the set `{}` has no members", name.text), name.span));
-                }
-                if let SetMembers::Names(names) = members {
-                    self.check_members(names);
-                }
-                self.new_set(scope, name, labels, first);
-            }
-            // `table over species { ... }` declares the set as well, unless it exists.
-            StatementKind::Table(table) => {
-                if let [index] = table.indices.as_slice()
-                    && self.names.lookup(scope, &index.text).is_none()
-                {
-                    let labels = table.rows.iter().map(|r| r.label.text.clone()).collect();
-                    self.new_set(scope, index, labels, None);
-                }
-            }
-            _ => {}
-        }
-    }
-
     /// Members of a set are distinct.
     fn check_members(&mut self, names: &[Ident]) {
         let mut seen: FastMap<&str, Span> = FastMap::default();
@@ -412,94 +533,6 @@ impl<'a> Elaborator<'a> {
         }
     }
 
-    /// Counts members of sets of numbers; `false` where they are beyond reason.
-    pub(super) fn may_hold(&mut self, members: i64) -> bool {
-        self.members = self.members.saturating_add(members.max(0));
-        self.members <= MAX_MEMBERS
-    }
-
-    fn new_set(&mut self, scope: ScopeId, name: &Ident, labels: Vec<String>, first: Option<i64>) {
-        let set = self.names.sets.push(Set::new(name.text.clone(), labels, first));
-        self.declare(scope, name, SymbolKind::Set(set));
-    }
-
-    fn set_named(&mut self, scope: ScopeId, name: &Ident) -> Option<SetId> {
-        match self.names.lookup(scope, &name.text).map(|s| self.names.symbols[s].kind.clone()) {
-            Some(SymbolKind::Set(set) | SymbolKind::Phase(set)) => Some(set),
-            Some(SymbolKind::Faulty) => None,
-            _ => {
-                let help = self.did_you_mean(&name.text, self.names.sets.values().map(|s| s.name.as_str()));
-                self.report(Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown set `{}`", name.text), name.span).maybe_help(help));
-                None
-            }
-        }
-    }
-
-    /// Reports the first entry that has no value.
-    fn check_table(&mut self, table: &Table, sets: &[SetId], values: &[Vec<f64>]) {
-        for (column, values) in table.columns.iter().zip(values) {
-            let Some(at) = values.iter().position(|v| v.is_nan()) else { continue };
-            let mut rest = at;
-            let mut labels = Vec::new();
-            for &set in sets.iter().rev() {
-                let members = &self.names.sets[set].labels;
-                labels.push(members[rest % members.len().max(1)].clone());
-                rest /= members.len().max(1);
-            }
-            labels.reverse();
-            self.report(
-                Diagnostic::error(
-                    codes::MISSING_DEFAULT,
-                    format!("`{}` has no value for `{}`", column.name.text, labels.join(", ")),
-                    column.name.span,
-                )
-                .help("give every member a row, or the table a `default`"),
-            );
-            // The other columns lack the same rows.
-            return;
-        }
-    }
-
-    fn declare_domain(&mut self, scope: ScopeId, domain: &'a syntax::Domain) {
-        let place = self.place(scope, Site::Dynamics);
-        let Some(cells) = self.integer(&domain.cells, &place) else { return self.faulty(scope, &domain.name) };
-        if !(1..=MAX_ELEMENTS).contains(&cells) {
-            let code = if cells < 1 { codes::EMPTY_SET } else { codes::TOO_LARGE };
-            self.report(
-                Diagnostic::error(code, format!("a domain of {cells} cells"), domain.cells.span).label("at least 1, at most 10 million"),
-            );
-            return self.faulty(scope, &domain.name);
-        }
-        let scheme = self.option(
-            domain.scheme.as_ref(),
-            "scheme",
-            Scheme::Central,
-            &[
-                ("upwind", Scheme::Upwind),
-                ("downwind", Scheme::Downwind),
-                ("central", Scheme::Central),
-                ("upwind2", Scheme::Upwind2),
-                ("limited", Scheme::Limited),
-            ],
-        );
-        let geometry = self.option(
-            domain.geometry.as_ref(),
-            "geometry",
-            Geometry::Planar,
-            &[("planar", Geometry::Planar), ("cylindrical", Geometry::Cylindrical), ("spherical", Geometry::Spherical)],
-        );
-        let id = self.names.domains.push(Domain {
-            name: domain.name.text.clone(),
-            scope,
-            declaration: domain,
-            cells,
-            scheme,
-            geometry,
-            ends: None,
-        });
-        self.declare(scope, &domain.name, SymbolKind::Domain(id));
-    }
-
     fn option<T: Copy>(&mut self, written: Option<&Ident>, what: &str, default: T, known: &[(&str, T)]) -> T {
         let Some(name) = written else { return default };
         if let Some((_, value)) = known.iter().find(|(k, _)| *k == name.text) {
@@ -511,80 +544,5 @@ impl<'a> Elaborator<'a> {
                 .help(format!("it is one of {}", list.join(", "))),
         );
         default
-    }
-
-    /// Declares a parameter, state, `let` and so on.
-    fn declare_variable(&mut self, scope: ScopeId, role: syntax::Role, d: &'a Declaration) {
-        // Declared member by member: the first one was reported.
-        let before = self.names.scopes[scope].names.get(&d.name.text);
-        if !d.indices.is_empty() && before.is_some_and(|&s| matches!(self.names.symbols[s].kind, SymbolKind::Faulty)) {
-            return;
-        }
-        let place = self.place(scope, Site::Dynamics);
-        let Some((axes, binders)) = self.axes(&d.indices, &place) else { return self.faulty(scope, &d.name) };
-        let written = d.unit.as_ref().map(|u| self.unit(u, &place));
-        if matches!(written, Some(None)) {
-            // The unit is at fault; the name is declared so that its uses cause no further report.
-            return self.declare_poison(scope, role, d, axes, binders);
-        }
-        let unit = written.flatten();
-        let role = match role {
-            syntax::Role::Let | syntax::Role::Random => {
-                let random = role == syntax::Role::Random;
-                let definition = if random { d.sample.as_ref().or(d.value.as_ref()) } else { d.value.as_ref() };
-                let Some(definition) = definition else {
-                    self.report(
-                        Diagnostic::error(codes::MISSING_CLAUSE, format!("`{}` has no definition", d.name.text), d.span)
-                            .help("write `= expression`, or declare a `var` and give it an equation"),
-                    );
-                    return self.faulty(scope, &d.name);
-                };
-                self.declare(
-                    scope,
-                    &d.name,
-                    SymbolKind::Let { axes: axes.into(), binders: binders.into(), unit, definition, random, declaration: d },
-                );
-                return;
-            }
-            syntax::Role::Param => Role::Param,
-            syntax::Role::Action => Role::Action,
-            syntax::Role::State => Role::State,
-            syntax::Role::Var => Role::Algebraic,
-            syntax::Role::Discrete => Role::Discrete,
-            syntax::Role::Disturbance => Role::Disturbance,
-        };
-        let unit = unit.unwrap_or_else(Unit::one);
-        self.new_variable(scope, &d.name, role, axes, unit, d);
-    }
-
-    fn declare_poison(&mut self, scope: ScopeId, role: syntax::Role, d: &'a Declaration, axes: Vec<Axis>, binders: Vec<String>) {
-        if matches!(role, syntax::Role::Let | syntax::Role::Random) {
-            if let Some(definition) = d.value.as_ref().or(d.sample.as_ref()) {
-                self.declare(
-                    scope,
-                    &d.name,
-                    SymbolKind::Let { axes: axes.into(), binders: binders.into(), unit: None, definition, random: false, declaration: d },
-                );
-            }
-            return;
-        }
-        self.declare(scope, &d.name, SymbolKind::Faulty);
-    }
-
-    fn new_variable(&mut self, scope: ScopeId, name: &Ident, role: Role, axes: Vec<Axis>, unit: Unit, d: &'a Declaration) -> Option<VarId> {
-        let len = axes.iter().try_fold(1_i64, |n, &a| n.checked_mul(self.names.axis_len(a))).unwrap_or(i64::MAX);
-        if len > MAX_ELEMENTS {
-            self.report(
-                Diagnostic::error(codes::TOO_LARGE, format!("`{}` would have {len} elements", name.text), d.span)
-                    .label("at most 10 million"),
-            );
-            self.faulty(scope, name);
-            return None;
-        }
-        let path = format!("{}{}", self.names.scopes[scope].prefix, name.text);
-        let var = self.vars.push(Variable { name: path, role, len: len as u32, span: d.span });
-        let symbol = self.declare(scope, name, SymbolKind::Variable { var, axes: axes.into(), unit, declaration: d })?;
-        self.symbol_of.insert(var, symbol);
-        Some(var)
     }
 }

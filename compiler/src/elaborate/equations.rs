@@ -6,11 +6,12 @@ use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Binder, Expr, StatementKind};
 
-use super::items::Item;
-use super::names::{Axis, ScopeId, SymbolId, SymbolKind};
-use super::quantity::Measure;
-use super::runs::SHORTEST;
-use super::{Elaborator, Site, units};
+use crate::elaborate::declare::symbols::{Axis, ScopeId, SymbolId, SymbolKind};
+use crate::elaborate::lower::ranges::SHORTEST;
+use crate::elaborate::lower::units;
+use crate::elaborate::lower::value::Measure;
+use crate::elaborate::select::items::Item;
+use crate::elaborate::{Elaborator, Place, Site};
 use crate::ir::{Affine, Expr as Node, ExprId, Flavour, LoopVar, Role, VarId};
 
 /// An equation over a nest of loops.
@@ -67,8 +68,8 @@ impl EquationForm {
 }
 
 impl<'a> Elaborator<'a> {
-    pub(super) fn elaborate_equations(&mut self) {
-        let blocks = std::mem::take(&mut self.blocks);
+    pub(in crate::elaborate) fn elaborate_equations(&mut self) {
+        let blocks = std::mem::take(&mut self.instances.blocks);
         for (scope, items) in &blocks {
             for item in items {
                 let Item::Other(statement) = item else { continue };
@@ -79,23 +80,23 @@ impl<'a> Elaborator<'a> {
                 }
             }
         }
-        self.blocks = blocks;
+        self.instances.blocks = blocks;
     }
 
     fn equation(&mut self, scope: ScopeId, lhs: &Expr, rhs: &Expr, binders: &[Binder], span: Span) {
-        let place = self.place(scope, Site::Dynamics);
-        self.statement = span;
-        let before = self.diagnostics.len();
+        let place = Place::new(scope, Site::Dynamics);
+        self.ledger.reports.statement = span;
+        let before = self.ledger.reports.diagnostics.len();
         let pieces = self.looped_nest(binders, &place, &mut |s, inner| {
             let left = s.value(lhs, inner);
             let right = s.value(rhs, inner);
             if left.is_poison() || right.is_poison() {
-                s.refuse();
+                s.ledger.speculation.refuse();
                 return None;
             }
             let (left, right) = match (&left.unit, &right.unit) {
                 (Measure::Truth, _) | (_, Measure::Truth) => {
-                    s.report(
+                    s.ledger.report(
                         Diagnostic::error(codes::WRONG_KIND, "an equation has a number on each side, this is a condition", span)
                             .help("write `if condition then 1 else 0`"),
                     );
@@ -104,11 +105,11 @@ impl<'a> Elaborator<'a> {
                 (Measure::Zero, _) | (_, Measure::Zero) => (left.expr, right.expr),
                 (m, n) => {
                     let (ul, ur) = (m.unit(), n.unit());
-                    s.warn_of_scale((&left, lhs.span), (&right, rhs.span));
-                    match s.convert(right.expr, &ur, &ul) {
+                    s.values().warn_of_scale((&left, lhs.span), (&right, rhs.span));
+                    match s.values().convert(right.expr, &ur, &ul) {
                         Some(converted) => (left.expr, converted),
                         None => {
-                            s.report(units::sides(&ul, lhs.span, &ur, rhs.span));
+                            s.ledger.report(units::sides(&ul, lhs.span, &ur, rhs.span));
                             return None;
                         }
                     }
@@ -117,12 +118,12 @@ impl<'a> Elaborator<'a> {
             let form = s.form(left, right);
             let runs = inner.runs();
             if runs != 0 && !(s.may_loop(form) && s.shares_sums(form, runs, inner.depth)) {
-                s.refuse();
+                s.ledger.speculation.refuse();
             }
             Some((form, runs))
         });
-        self.statement = Span::default();
-        self.blame_lengths(before, &[lhs, rhs]);
+        self.ledger.reports.statement = Span::default();
+        self.naming().blame_lengths(before, &[lhs, rhs]);
         for piece in pieces {
             if let Some((form, runs)) = piece.value {
                 self.equations.push(Equation { extents: piece.extents, runs, repeats: None, form, span });
@@ -136,7 +137,7 @@ impl<'a> Elaborator<'a> {
                 Node::Load { var, flavour: Flavour::Derivative, at } => return EquationForm::Rate { var, at, value },
                 // What determines a rate is no definition: `M * d/dt x = v`.
                 Node::Load { var, flavour: Flavour::Value, at }
-                    if self.vars[var].role == Role::Algebraic && !self.exprs.has_derivative(value) =>
+                    if self.symbols.vars[var].role == Role::Algebraic && !self.exprs.has_derivative(value) =>
                 {
                     return EquationForm::Definition { var, at, value };
                 }
@@ -150,7 +151,7 @@ impl<'a> Elaborator<'a> {
     fn may_loop(&self, form: EquationForm) -> bool {
         match form {
             EquationForm::Rate { value, .. } | EquationForm::Definition { value, .. } => !self.exprs.has_derivative(value),
-            EquationForm::Implicit { residual } => crate::structure::derivatives(&self.exprs, residual, |_| true).len() == 1,
+            EquationForm::Implicit { residual } => self.exprs.derivatives(residual, |_| true).len() == 1,
         }
     }
 
@@ -162,15 +163,15 @@ impl<'a> Elaborator<'a> {
 
     /// `connect a -> b`: every member of `b` equals that of `a`.
     fn connect(&mut self, scope: ScopeId, chain: &[Expr], span: Span) {
-        let place = self.place(scope, Site::Dynamics);
+        let place = Place::new(scope, Site::Dynamics);
         for pair in chain.windows(2) {
             let (Some(from), Some(to)) = (self.scope_of(&pair[0], &place), self.scope_of(&pair[1], &place)) else { continue };
             let members = |s: &Self, scope: ScopeId| -> BTreeMap<String, SymbolId> {
-                s.names.scopes[scope].names.iter().map(|(n, &id)| (n.clone(), id)).collect()
+                s.symbols.scopes[scope].names.iter().map(|(n, &id)| (n.clone(), id)).collect()
             };
             let (sources, targets) = (members(self, from), members(self, to));
             if sources.keys().ne(targets.keys()) {
-                self.report(
+                self.ledger.report(
                     Diagnostic::error(codes::WRONG_SHAPE, "two ports of different connectors are connected", span)
                         .secondary(pair[0].span, "this one")
                         .secondary(pair[1].span, "and this one"),
@@ -187,16 +188,16 @@ impl<'a> Elaborator<'a> {
 
     fn join(&mut self, source: SymbolId, target: SymbolId, span: Span) {
         let (SymbolKind::Variable { var: from, axes: source_axes, unit, .. }, SymbolKind::Variable { var: to, axes, unit: wanted, .. }) =
-            (self.names.symbols[source].kind.clone(), self.names.symbols[target].kind.clone())
+            (self.symbols[source].kind.clone(), self.symbols[target].kind.clone())
         else {
-            self.report(Diagnostic::error(codes::WRONG_KIND, "only ports are connected", span));
+            self.ledger.report(Diagnostic::error(codes::WRONG_KIND, "only ports are connected", span));
             return;
         };
-        if self.vars[from].len != self.vars[to].len || source_axes.len() != axes.len() {
-            self.report(Diagnostic::error(codes::WRONG_SHAPE, "two ports of different sizes are connected", span));
+        if self.symbols.vars[from].len != self.symbols.vars[to].len || source_axes.len() != axes.len() {
+            self.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, "two ports of different sizes are connected", span));
             return;
         }
-        let len = i64::from(self.vars[to].len);
+        let len = i64::from(self.symbols.vars[to].len);
         let sets = axes.iter().all(|a| matches!(a, Axis::Set(_)));
         let addresses: Vec<(Vec<u32>, Affine)> = if sets && len < SHORTEST {
             (0..len).map(|i| (Vec::new(), Affine::constant(i))).collect()
@@ -206,7 +207,7 @@ impl<'a> Elaborator<'a> {
         for (extents, at) in addresses {
             let runs = u8::from(sets && !extents.is_empty());
             let load = self.exprs.load(from, Flavour::Value, at);
-            let Some(value) = self.convert(load, &unit, &wanted) else { continue };
+            let Some(value) = self.values().convert(load, &unit, &wanted) else { continue };
             let form = EquationForm::Definition { var: to, at, value };
             self.equations.push(Equation { extents, runs, repeats: None, form, span });
         }

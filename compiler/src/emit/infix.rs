@@ -1,8 +1,7 @@
 //! Expressions in infix notation.
 
 use super::COUNTERS;
-use crate::ir::hash::FastMap;
-use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, Flavour, MAX_DEPTH, VarId};
+use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, MAX_DEPTH, VarId};
 use crate::model::Model;
 
 /// Longer parts get a name of their own.
@@ -170,7 +169,7 @@ pub(super) fn affine(at: Affine) -> String {
 
 /// The nodes below a root, operands before users.
 fn reachable(exprs: &Exprs, root: ExprId) -> Vec<ExprId> {
-    let mut seen = crate::ir::hash::FastSet::default();
+    let mut seen = FastSet::default();
     let mut stack = vec![root];
     while let Some(expr) = stack.pop() {
         if seen.insert(expr) {

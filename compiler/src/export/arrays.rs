@@ -6,9 +6,7 @@ use super::ExportError;
 use super::functions::{at_pass, extents, is_sequential};
 use super::sheet::{Array, Extents, Function, Loops, Nest, Sheet, Store};
 use crate::differentiate::pattern::each;
-use crate::interpret::identity;
-use crate::ir::hash::{FastMap, FastSet};
-use crate::ir::{BinaryFn, Compare, Expr, ExprId, LoopVar, MAX_DEPTH, ReduceFn, UnaryFn};
+use crate::ir::{BinaryFn, Compare, Expr, ExprId, FastMap, FastSet, LoopVar, MAX_DEPTH, ReduceFn, UnaryFn};
 
 /// Position of a value in [`Arrays::values`].
 pub(super) type Id = usize;
@@ -146,7 +144,7 @@ impl Arrays {
             Expr::Or(a, b) => Op::Or(id(a), id(b)),
             Expr::Not(a) => Op::Not(id(a)),
             Expr::Select(c, a, b) => Op::Select(id(c), id(a), id(b)),
-            Expr::Reduce { op, extent: 0, .. } => Op::Const(identity(op)),
+            Expr::Reduce { op, extent: 0, .. } => Op::Const(op.identity()),
             Expr::Reduce { op, depth, extent, body } => {
                 let mut inside = around;
                 inside[depth.0 as usize] = extent;

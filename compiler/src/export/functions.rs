@@ -237,7 +237,7 @@ pub(super) fn extents(loops: &Loops) -> super::sheet::Extents {
 
 /// Positions that some of the loops move, for every pass of all of them.
 pub(super) fn spread(all: &Loops, some: &Loops, positions: &[u32]) -> Vec<u32> {
-    let index: Affine = crate::differentiate::pattern::row_major(some);
+    let index: Affine = crate::schedule::row_major(some);
     places(all, |counters| positions[index.at(counters) as usize])
 }
 
@@ -250,7 +250,7 @@ pub(super) fn is_sequential(sheet: &Sheet, nest: &Nest) -> bool {
         sorted.windows(2).any(|pair| pair[0] == pair[1])
     });
     let mut stack: Vec<ExprId> = nest.stores.iter().map(|s| s.value).collect();
-    let mut seen = crate::ir::hash::FastSet::default();
+    let mut seen = crate::ir::FastSet::default();
     let around = extents(&nest.loops);
     while let Some(expr) = stack.pop() {
         if !seen.insert(expr) {

@@ -4,8 +4,7 @@ use super::ExportError;
 use super::sheet::{Function, Loops, Nest, Sheet, Store};
 use crate::differentiate::pattern::each;
 use crate::differentiate::{self, Column, Entry, Rows};
-use crate::ir::hash::FastMap;
-use crate::ir::{Affine, Builtin, Flavour, Role, VarId};
+use crate::ir::{Affine, Builtin, FastMap, Flavour, Role, VarId};
 
 /// Positions of the non-zeros, column after column.
 pub(super) struct Pattern {

@@ -6,8 +6,7 @@ use cranelift_entity::EntityRef;
 use serde_json::{Map, Value, json};
 
 use super::{Element, ExportError, Families, Nominal, Origin};
-use crate::ir::hash::{FastMap, FastSet};
-use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Flavour, MAX_DEPTH, Place, Program, ReduceFn, Role, UnaryFn};
+use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, FastMap, FastSet, Flavour, MAX_DEPTH, Place, Program, ReduceFn, Role, UnaryFn};
 use crate::model::{Instant, Model, RootAction, Variate};
 
 /// Version of the form; what changes the meaning of a file counts it up.

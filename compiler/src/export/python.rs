@@ -5,9 +5,8 @@ use std::fmt::Write as _;
 use super::arrays::{Arrays, Id, Op, Step, loops};
 use super::functions::spread;
 use super::sheet::{Array, Extents, Loops};
-use crate::differentiate::pattern::row_major;
-use crate::ir::hash::FastMap;
-use crate::ir::{BinaryFn, Compare, MAX_DEPTH, ReduceFn, UnaryFn};
+use crate::ir::{BinaryFn, Compare, FastMap, MAX_DEPTH, ReduceFn, UnaryFn};
+use crate::schedule::row_major;
 
 /// The library that the text is for.
 #[derive(Clone, Copy, PartialEq, Eq)]

@@ -7,8 +7,7 @@
 use super::functions;
 use super::{Element, ExportError, Families, Nominal};
 use crate::differentiate::pattern::each;
-use crate::ir::hash::{FastMap, FastSet};
-use crate::ir::{Affine, Builtin, Expr, ExprId, Flavour, MAX_DEPTH, Role, VarId};
+use crate::ir::{Affine, Builtin, Expr, ExprId, FastMap, FastSet, Flavour, MAX_DEPTH, Role, VarId};
 use crate::model::Model;
 
 /// Vectors that exported functions take.

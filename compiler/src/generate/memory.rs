@@ -2,44 +2,42 @@
 
 use cranelift_codegen::ir::{Endianness, InstBuilder, MemFlagsData, Value, types};
 
-use super::body::{Emitter, Lanes, WORD};
-use super::schedule::{BlockId, Item, Sink};
-use crate::ir::hash::FastSet;
-use crate::ir::{Affine, Expr, ExprId, Flavour, MAX_DEPTH};
+use super::emitter::{Emitter, Lanes, Start, WORD};
+use crate::ir::{Affine, Expr, ExprId, FastSet, Flavour, MAX_DEPTH};
 use crate::kernels::KernelTable;
 use crate::layout::Base;
-
-/// What a pointer counts from.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(super) enum Start {
-    /// Memory of numbers.
-    Memory(Base),
-    /// The position tables.
-    Tables,
-}
-
-impl Start {
-    /// Bytes of an element.
-    fn size(self) -> i64 {
-        match self {
-            Start::Memory(_) => WORD,
-            Start::Tables => 4,
-        }
-    }
-}
+use crate::schedule::{BlockId, Item, Sink};
 
 impl Emitter<'_> {
+    /// Writes a value to its place in memory.
+    pub(super) fn write_slot(&mut self, slot: u32, value: Value) {
+        let (pointer, offset) = self.slot(slot);
+        self.b.ins().store(MemFlagsData::new().with_notrap().with_aligned(), value, pointer, offset);
+    }
+
+    /// Reads a value of a block from its place in memory.
+    pub(super) fn read_slot(&mut self, block: BlockId, slot: u32, expr: ExprId) -> Value {
+        let (pointer, offset) = self.slot(slot);
+        let kind = match (self.is_two(block), self.input.exprs.is_truth(expr)) {
+            (true, false) => types::F64X2,
+            (true, true) => types::I64X2,
+            (false, false) => types::F64,
+            (false, true) => types::I8,
+        };
+        self.b.ins().load(kind, MemFlagsData::new().with_notrap().with_aligned(), pointer, offset)
+    }
+
     /// Properties of loads: in place, memory changes under the function.
     pub(super) fn flags(&self, two: bool) -> MemFlagsData {
         let flags = MemFlagsData::new().with_notrap();
-        let flags = if self.in_place { flags } else { flags.with_readonly().with_can_move() };
+        let flags = if self.input.in_place { flags } else { flags.with_readonly().with_can_move() };
         if two { flags } else { flags.with_aligned() }
     }
 
     pub(super) fn load(&mut self, block: BlockId, base: Base, at: Affine) -> Value {
         let two = self.is_two(block);
         let flags =
-            if block == 0 && self.segments.is_active() { MemFlagsData::new().with_notrap().with_aligned() } else { self.flags(two) };
+            if block == 0 && self.input.segments.is_active() { MemFlagsData::new().with_notrap().with_aligned() } else { self.flags(two) };
         let (pointer, offset) = self.pointer(block, base, at);
         if !two {
             return self.b.ins().load(types::F64, flags, pointer, offset);
@@ -65,7 +63,7 @@ impl Emitter<'_> {
         let Lanes::Two(outer) = self.lanes else {
             return 0;
         };
-        let counter = self.schedule.blocks[outer].counter.filter(|&c| self.schedule.binder(block, c) == Some(outer));
+        let counter = self.input.schedule.blocks[outer].counter.filter(|&c| self.input.schedule.binder(block, c) == Some(outer));
         counter.map_or(0, |c| at.strides[c as usize])
     }
 
@@ -86,7 +84,7 @@ impl Emitter<'_> {
             return known;
         }
         let key = (start, strides);
-        let here = &self.schedule.blocks[block];
+        let here = &self.input.schedule.blocks[block];
         let step = here.counter.map_or(0, |c| std::mem::take(&mut strides[c as usize]));
         let mut pointer = match here.parent {
             Some(parent) => self.advanced(parent, start, strides),
@@ -107,20 +105,20 @@ impl Emitter<'_> {
 
     fn start(&mut self, start: Start) -> Value {
         match start {
-            Start::Memory(Base::Y) => self.arguments.y,
-            Start::Memory(Base::Yp) => self.arguments.yp,
-            Start::Memory(Base::Work | Base::Factor) => self.arguments.work,
-            Start::Memory(Base::Out) => self.arguments.out,
+            Start::Memory(Base::Y) => self.input.arguments.y,
+            Start::Memory(Base::Yp) => self.input.arguments.yp,
+            Start::Memory(Base::Work | Base::Factor) => self.input.arguments.work,
+            Start::Memory(Base::Out) => self.input.arguments.out,
             Start::Tables => {
                 let tables_at = (std::mem::size_of::<KernelTable>()) as i32;
-                self.b.ins().load(types::I64, constant_memory(), self.arguments.surroundings, tables_at)
+                self.b.ins().load(types::I64, constant_memory(), self.input.arguments.surroundings, tables_at)
             }
         }
     }
 
     /// Makes the parts of pointers that a loop does not change ahead of it.
     pub(super) fn prepare_pointers(&mut self, child: BlockId) {
-        let (schedule, exprs, layout) = (self.schedule, self.exprs, self.layout);
+        let (schedule, exprs, layout) = (self.input.schedule, self.input.exprs, self.input.layout);
         let here = &schedule.blocks[child];
         let Some(parent) = here.parent else { return };
         let mut wanted = FastSet::default();
@@ -158,7 +156,7 @@ impl Emitter<'_> {
         match sink {
             Sink::Out(at) => self.store_at(block, Base::Out, at, value),
             Sink::Var(var, at) => {
-                if let Some(a) = self.layout.address(var, Flavour::Value) {
+                if let Some(a) = self.input.layout.address(var, Flavour::Value) {
                     self.store_at(block, a.base, at.plus(Affine::constant(i64::from(a.offset))), value);
                 }
             }

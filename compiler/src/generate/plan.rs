@@ -5,13 +5,14 @@
 
 use std::ops::Range;
 
-use super::schedule::{BlockId, Item, Schedule};
 use super::segments::Segments;
-use super::wide::is_wide;
 use crate::ir::Exprs;
+use crate::schedule::{BlockId, Item, Schedule};
 
 /// Items of a piece, about; shorter functions stay whole.
 const PIECE: usize = 400;
+/// Shorter loops stay scalar.
+const SHORTEST_WIDE: u32 = 4;
 /// Loops with fewer items share a piece.
 const LONG: usize = 64;
 
@@ -110,4 +111,10 @@ fn is_lean(schedule: &Schedule, part: &Part) -> bool {
     let straight = &schedule.blocks[0].items[part.items.clone()];
     let is_long = |items: &[Item]| items.is_empty() || items.len() >= LONG && !has_reduction(items);
     is_long(straight) && part.loops.iter().all(|&block| is_wide(schedule, block) && is_long(&schedule.blocks[block].items))
+}
+
+/// Whether a block of a function without storing in place is a loop written in lanes.
+pub(super) fn is_wide(schedule: &Schedule, block: BlockId) -> bool {
+    let here = &schedule.blocks[block];
+    here.leaf && here.children.is_empty() && here.extent >= SHORTEST_WIDE
 }

@@ -5,8 +5,8 @@
 //! [`RESIDENT`] values are alive at once: the others are stored once, where they are computed, and loaded again where they are needed;
 //! what is in memory anyway is simply loaded again.
 
-use crate::ir::ExprId;
-use crate::ir::hash::FastMap;
+use crate::ir::{ExprId, FastMap};
+use crate::schedule::BlockId;
 
 /// Values that are alive between two items; the registers left over are for operands and intermediate results.
 const RESIDENT: usize = 12;
@@ -126,5 +126,27 @@ impl Residence {
     /// Number of places in memory.
     pub(super) fn len(&self) -> u32 {
         self.slots.len() as u32
+    }
+}
+
+/// What stays in the registers within a pass of a long loop; everything from outside of it is in memory, in both lanes.
+pub(super) struct WideResidence {
+    pub(super) block: BlockId,
+    pub(super) residence: Residence,
+    /// Places of values from outside.
+    pub(super) splats: FastMap<(BlockId, ExprId), u32>,
+    /// First place of values of the loop.
+    pub(super) start: u32,
+}
+
+impl WideResidence {
+    /// Place of a value of the loop that leaves the registers.
+    pub(super) fn slot(&self, expr: ExprId) -> Option<u32> {
+        self.residence.slot(expr).map(|slot| self.start + 2 * slot)
+    }
+
+    /// Place of a value from outside.
+    pub(super) fn splat(&self, home: BlockId, expr: ExprId) -> Option<u32> {
+        self.splats.get(&(home, expr)).copied()
     }
 }

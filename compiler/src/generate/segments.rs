@@ -4,10 +4,8 @@
 //! in memory anyway. So a value lives in registers within one segment only: what a later segment needs is stored once where it is
 //! computed and loaded again where it is used; elements of variables are simply loaded again.
 
-use super::schedule::{BlockId, Item, Schedule, is_immediate};
-use crate::ir::hash::FastMap;
-use crate::ir::{BinaryFn, Expr, ExprId, Exprs};
-use crate::kernels;
+use crate::ir::{BinaryFn, Expr, ExprId, Exprs, FastMap};
+use crate::schedule::{BlockId, Item, Schedule, is_immediate};
 
 /// Functions with fewer items outside of loops stay whole.
 const SHORTEST: usize = 64;
@@ -117,7 +115,7 @@ pub(super) fn is_load(node: Expr) -> bool {
 /// Whether a node calls a kernel.
 fn is_call(node: Expr) -> bool {
     match node {
-        Expr::Unary(f, _) => kernels::index(f).is_some(),
+        Expr::Unary(f, _) => f.kernel().is_some(),
         Expr::Binary(f, ..) => matches!(f, BinaryFn::Pow | BinaryFn::Atan2),
         _ => false,
     }

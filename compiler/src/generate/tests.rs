@@ -5,13 +5,13 @@ use std::sync::Arc;
 use proptest::prelude::*;
 use smpl_dsl::span::Span;
 
-use super::schedule::{Access, Job, Sink, Task};
 use super::{Code, CompiledFn, Effort, Executable, Generator, Surroundings, plan};
 use crate::interpret::{Tape, View};
 use crate::ir::{Affine, BinaryFn, Compare, ExprId, Flavour, LoopVar, MAX_DEPTH, ReduceFn, Role, UnaryFn, VarId};
 use crate::kernels;
 use crate::layout::{Layout, Memory};
 use crate::model::{Model, Variable};
+use crate::schedule::{Access, Job, Sink, Task};
 
 /// Elements of each array: enough for every address that is made below.
 const LEN: u32 = 64;
@@ -200,7 +200,7 @@ proptest! {
         let loops: Vec<(u8, u32)> = (0..).zip(extents).collect();
         let size: u32 = loops.iter().map(|l| l.1).product();
         let place = |i: usize| {
-            let mut at = crate::differentiate::pattern::row_major(&loops);
+            let mut at = crate::schedule::row_major(&loops);
             at.offset = (i * size as usize) as i64;
             Sink::Out(at)
         };

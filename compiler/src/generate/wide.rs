@@ -7,18 +7,14 @@
 use cranelift_codegen::ir::condcodes::{FloatCC, IntCC};
 use cranelift_codegen::ir::{InstBuilder, MemFlagsData, Value, types};
 
-use super::body::{Emitter, Lanes, WORD, pow_entry};
-use super::residence::{Course, Residence};
-use super::schedule::{BlockId, Item, Schedule, Sink, is_immediate};
-use crate::ir::hash::{FastMap, FastSet};
-use crate::ir::{Affine, BinaryFn, Expr, ExprId, UnaryFn};
-use crate::kernels::{self, UNARY_COUNT};
+use super::arithmetic::pow_entry;
+use super::emitter::{Emitter, LINE, Lanes, WORD};
+use super::plan::is_wide;
+use super::residence::{Course, Residence, WideResidence};
+use crate::ir::{Affine, BinaryFn, Expr, ExprId, FastMap, FastSet, UnaryFn};
+use crate::kernels::UNARY_COUNT;
 use crate::layout::Base;
-
-/// Shorter loops stay scalar.
-const SHORTEST: u32 = 4;
-/// Columns start at cache lines.
-pub(super) const LINE: u32 = 8;
+use crate::schedule::{BlockId, Item, Sink, is_immediate};
 
 /// How the items of a loop are spread over phases.
 #[derive(Default)]
@@ -37,38 +33,10 @@ struct Phases {
     first: FastMap<ExprId, u32>,
 }
 
-/// What stays in the registers within a pass of a long loop; everything from outside of it is in memory, in both lanes.
-pub(super) struct WideResidence {
-    pub(super) block: BlockId,
-    residence: Residence,
-    /// Places of values from outside.
-    splats: FastMap<(BlockId, ExprId), u32>,
-    /// First place of values of the loop.
-    start: u32,
-}
-
-impl WideResidence {
-    /// Place of a value of the loop that leaves the registers.
-    pub(super) fn slot(&self, expr: ExprId) -> Option<u32> {
-        self.residence.slot(expr).map(|slot| self.start + 2 * slot)
-    }
-
-    /// Place of a value from outside.
-    pub(super) fn splat(&self, home: BlockId, expr: ExprId) -> Option<u32> {
-        self.splats.get(&(home, expr)).copied()
-    }
-}
-
-/// Whether a block of a function without storing in place is a loop written in lanes.
-pub(super) fn is_wide(schedule: &Schedule, block: BlockId) -> bool {
-    let here = &schedule.blocks[block];
-    here.leaf && here.children.is_empty() && here.extent >= SHORTEST
-}
-
 impl Emitter<'_> {
     /// Whether a loop is written in lanes.
     pub(super) fn is_wide(&self, block: BlockId) -> bool {
-        !self.in_place && is_wide(self.schedule, block)
+        !self.input.in_place && is_wide(self.input.schedule, block)
     }
 
     /// The loop of lanes that is being written.
@@ -78,16 +46,16 @@ impl Emitter<'_> {
 
     /// Writes an innermost loop in lanes.
     pub(super) fn wide_loop(&mut self, block: BlockId) {
-        let extent = self.schedule.blocks[block].extent;
+        let extent = self.input.schedule.blocks[block].extent;
         let phases = self.phases(block);
-        let adds = self.schedule.blocks[block].items.iter().any(|i| matches!(i, Item::Store(Sink::Table { add: true, .. }, _)));
+        let adds = self.input.schedule.blocks[block].items.iter().any(|i| matches!(i, Item::Store(Sink::Table { add: true, .. }, _)));
         self.columns = self.columns.max(self.reserved() + (phases.column.len() + phases.first.len()) as u32 * column_length(extent));
         self.prepare_pointers(block);
-        if self.lean {
+        if self.input.lean {
             self.spread_to_memory(block, &phases);
         }
         for phase in 0..phases.count {
-            if self.lean {
+            if self.input.lean {
                 self.reside(block, &phases, phase);
             } else {
                 self.spread(block, &phases, phase);
@@ -112,7 +80,7 @@ impl Emitter<'_> {
         for phase in 0..phases.count {
             self.spread(block, phases, phase);
         }
-        let length = column_length(self.schedule.blocks[block].extent);
+        let length = column_length(self.input.schedule.blocks[block].extent);
         let start = self.reserved() + (phases.column.len() + phases.first.len()) as u32 * length;
         let mut wide = WideResidence { block, residence: Residence::default(), splats: FastMap::default(), start };
         let mut outside: Vec<_> = self.splats.drain().collect();
@@ -124,14 +92,14 @@ impl Emitter<'_> {
         }
         self.columns = self.columns.max(wide.start);
         self.wide = Some(wide);
-        if self.segments.is_active() {
+        if self.input.segments.is_active() {
             self.values[0].clear();
         }
     }
 
     /// Decides what stays in the registers in a phase.
     fn reside(&mut self, block: BlockId, phases: &Phases, phase: usize) {
-        let (schedule, exprs) = (self.schedule, self.exprs);
+        let (schedule, exprs) = (self.input.schedule, self.input.exprs);
         let mut course = Course::default();
         for (i, item) in schedule.blocks[block].items.iter().enumerate() {
             let result = match *item {
@@ -164,7 +132,7 @@ impl Emitter<'_> {
         let Some(wide) = &self.wide else { return };
         for expr in wide.residence.leaving(item) {
             self.values[block].remove(&expr);
-            self.splats.remove(&(self.schedule.home(self.exprs, block, expr), expr));
+            self.splats.remove(&(self.input.schedule.home(self.input.exprs, block, expr), expr));
         }
     }
 
@@ -192,25 +160,28 @@ impl Emitter<'_> {
     /// Finds the phase of every item.
     fn phases(&self, block: BlockId) -> Phases {
         let mut phases = Phases { count: 1, ..Phases::default() };
-        for item in &self.schedule.blocks[block].items {
+        for item in &self.input.schedule.blocks[block].items {
             let expr = match *item {
                 Item::Eval(expr) | Item::Reduce { expr, .. } => expr,
                 Item::Store(..) => continue,
             };
             let phase = self.needs(block, *item).into_iter().map(|o| self.ready(&phases, o)).max().unwrap_or(0);
             phases.of.insert(expr, phase);
-            if is_function(self.exprs.node(expr)) {
+            if is_function(self.input.exprs.node(expr)) {
                 phases.functions.push(expr);
             }
             phases.count = phases.count.max(self.ready(&phases, expr) + 1);
         }
         self.postpone(block, &mut phases);
         self.keep(block, &mut phases);
-        let length = column_length(self.schedule.blocks[block].extent);
-        let start = self.layout.columns() + self.reserved();
-        let results = phases.functions.iter().chain(&phases.kept).copied();
+        let length = column_length(self.input.schedule.blocks[block].extent);
+        let start = self.input.layout.columns() + self.reserved();
+        // In an order that no hash decides.
+        let mut kept: Vec<ExprId> = phases.kept.iter().copied().collect();
+        kept.sort_unstable();
+        let results = phases.functions.iter().copied().chain(kept);
         phases.column = results.zip(0u32..).map(|(expr, i)| (expr, start + i * length)).collect();
-        let pairs = phases.functions.iter().copied().filter(|f| matches!(self.exprs.node(*f), Expr::Binary(..)));
+        let pairs = phases.functions.iter().copied().filter(|f| matches!(self.input.exprs.node(*f), Expr::Binary(..)));
         let next = phases.column.len() as u32;
         phases.first = pairs.zip(next..).map(|(expr, i)| (expr, start + i * length)).collect();
         phases
@@ -219,9 +190,9 @@ impl Emitter<'_> {
     /// Moves what no function waits for to the phase that needs it first: it has not to be kept until then.
     fn postpone(&self, block: BlockId, phases: &mut Phases) {
         let mut needed: FastMap<ExprId, usize> = FastMap::default();
-        for item in self.schedule.blocks[block].items.iter().rev() {
+        for item in self.input.schedule.blocks[block].items.iter().rev() {
             if let Item::Eval(expr) | Item::Reduce { expr, .. } = *item
-                && !is_function(self.exprs.node(expr))
+                && !is_function(self.input.exprs.node(expr))
                 && let (Some(phase), Some(first)) = (phases.of.get_mut(&expr), needed.get(&expr))
             {
                 *phase = *first;
@@ -236,16 +207,16 @@ impl Emitter<'_> {
 
     /// First phase in which a value can be used.
     fn ready(&self, phases: &Phases, expr: ExprId) -> usize {
-        phases.of.get(&expr).map_or(0, |p| p + usize::from(is_function(self.exprs.node(expr))))
+        phases.of.get(&expr).map_or(0, |p| p + usize::from(is_function(self.input.exprs.node(expr))))
     }
 
     /// Marks the values that have to live from one phase to a later one.
     fn keep(&self, block: BlockId, phases: &mut Phases) {
         let mut kept = FastSet::default();
-        for item in &self.schedule.blocks[block].items {
+        for item in &self.input.schedule.blocks[block].items {
             let phase = self.phase_of(phases, *item);
             for needed in self.needs(block, *item) {
-                let node = self.exprs.node(needed);
+                let node = self.input.exprs.node(needed);
                 let elsewhere = is_repeated(node) || is_function(node);
                 if !elsewhere && phases.of.get(&needed).is_some_and(|&p| p < phase) {
                     kept.insert(needed);
@@ -266,8 +237,8 @@ impl Emitter<'_> {
     /// The values of the loop that an item uses, also inside of reductions.
     fn needs(&self, block: BlockId, item: Item) -> Vec<ExprId> {
         let mut needed = vec![];
-        self.schedule.each_use(self.exprs, block, item, &mut |from, e| {
-            if !is_immediate(self.exprs.node(e)) && self.schedule.home(self.exprs, from, e) == block {
+        self.input.schedule.each_use(self.input.exprs, block, item, &mut |from, e| {
+            if !is_immediate(self.input.exprs.node(e)) && self.input.schedule.home(self.input.exprs, from, e) == block {
                 needed.push(e);
             }
         });
@@ -277,13 +248,13 @@ impl Emitter<'_> {
     /// Puts values from outside into both lanes ahead of the loop.
     fn spread(&mut self, block: BlockId, phases: &Phases, phase: usize) {
         let mut outside = vec![];
-        for item in &self.schedule.blocks[block].items {
+        for item in &self.input.schedule.blocks[block].items {
             if self.phase_of(phases, *item) != phase {
                 continue;
             }
-            self.schedule.each_use(self.exprs, block, *item, &mut |from, operand| {
-                let home = self.schedule.home(self.exprs, from, operand);
-                if !self.schedule.is_inside(home, block) && !is_immediate(self.exprs.node(operand)) {
+            self.input.schedule.each_use(self.input.exprs, block, *item, &mut |from, operand| {
+                let home = self.input.schedule.home(self.input.exprs, from, operand);
+                if !self.input.schedule.is_inside(home, block) && !is_immediate(self.input.exprs.node(operand)) {
                     outside.push((home, operand));
                 }
             });
@@ -296,7 +267,7 @@ impl Emitter<'_> {
     /// One pass of one phase.
     fn pass(&mut self, block: BlockId, phases: &Phases, phase: usize, counter: Value) {
         self.counters[block] = Some(counter);
-        let schedule = self.schedule;
+        let schedule = self.input.schedule;
         for (i, item) in schedule.blocks[block].items.iter().enumerate() {
             if self.phase_of(phases, *item) != phase {
                 continue;
@@ -305,9 +276,9 @@ impl Emitter<'_> {
                 self.fetch(block, phases, phase, needed);
             }
             match *item {
-                Item::Eval(expr) if is_function(self.exprs.node(expr)) => self.write_arguments(block, phases, expr),
+                Item::Eval(expr) if is_function(self.input.exprs.node(expr)) => self.write_arguments(block, phases, expr),
                 // Loads are written when they are needed, in each phase.
-                Item::Eval(expr) if is_repeated(self.exprs.node(expr)) => {}
+                Item::Eval(expr) if is_repeated(self.input.exprs.node(expr)) => {}
                 Item::Eval(expr) | Item::Reduce { expr, .. } => {
                     self.item(block, *item);
                     let kept = phases.kept.contains(&expr).then(|| phases.column.get(&expr)).flatten();
@@ -331,7 +302,7 @@ impl Emitter<'_> {
         if self.values[block].contains_key(&expr) {
             return;
         }
-        let node = self.exprs.node(expr);
+        let node = self.input.exprs.node(expr);
         let earlier = phases.of.get(&expr).is_some_and(|&p| p < phase);
         let value = if is_repeated(node) {
             self.node(block, expr)
@@ -350,7 +321,7 @@ impl Emitter<'_> {
 
     fn column_at(&self, block: BlockId, column: u32) -> Affine {
         let mut at = Affine::constant(i64::from(column));
-        if let Some(counter) = self.schedule.blocks[block].counter {
+        if let Some(counter) = self.input.schedule.blocks[block].counter {
             at.strides[counter as usize] = 1;
         }
         at
@@ -362,7 +333,7 @@ impl Emitter<'_> {
         let kind = if self.is_two(block) { types::F64X2 } else { types::F64 };
         // Columns change between phases.
         let number = self.b.ins().load(kind, MemFlagsData::new().with_notrap(), pointer, offset);
-        if !self.exprs.is_truth(expr) {
+        if !self.input.exprs.is_truth(expr) {
             return number;
         }
         let zero = self.number(block, 0.0);
@@ -377,7 +348,7 @@ impl Emitter<'_> {
 
     fn write_arguments(&mut self, block: BlockId, phases: &Phases, expr: ExprId) {
         let columns = [phases.first.get(&expr), phases.column.get(&expr)];
-        let operands: Vec<ExprId> = self.exprs.operands(expr).collect();
+        let operands: Vec<ExprId> = self.input.exprs.operands(expr).collect();
         // The last argument shares the column of the result.
         for (&operand, column) in operands.iter().rev().zip(columns.into_iter().rev()) {
             let value = self.operand(block, operand);
@@ -388,20 +359,20 @@ impl Emitter<'_> {
     }
 
     fn column_pointer(&mut self, column: Option<&u32>) -> Option<Value> {
-        column.map(|&c| self.b.ins().iadd_imm_s(self.arguments.work, i64::from(c) * WORD))
+        column.map(|&c| self.b.ins().iadd_imm_s(self.input.arguments.work, i64::from(c) * WORD))
     }
 
     fn apply(&mut self, block: BlockId, phases: &Phases, expr: ExprId) {
-        let extent = self.schedule.blocks[block].extent;
+        let extent = self.input.schedule.blocks[block].extent;
         let Some(to) = self.column_pointer(phases.column.get(&expr)) else {
             return;
         };
-        match self.exprs.node(expr) {
+        match self.input.exprs.node(expr) {
             Expr::Unary(f, _) => {
-                let Some(entry) = kernels::index(f) else {
+                let Some(kernel) = f.kernel() else {
                     return;
                 };
-                self.call_array((UNARY_COUNT + entry) as i64, &[to, to], extent);
+                self.call_array((UNARY_COUNT + kernel as usize) as i64, &[to, to], extent);
             }
             Expr::Binary(f, ..) => {
                 let Some(first) = self.column_pointer(phases.first.get(&expr)) else {
@@ -424,7 +395,7 @@ fn column_length(extent: u32) -> u32 {
 fn is_function(node: Expr) -> bool {
     match node {
         // Rounding and signs are a few instructions.
-        Expr::Unary(f, _) => kernels::index(f).is_some() && !matches!(f, UnaryFn::Floor | UnaryFn::Ceil | UnaryFn::Round | UnaryFn::Sign),
+        Expr::Unary(f, _) => f.kernel().is_some() && !matches!(f, UnaryFn::Floor | UnaryFn::Ceil | UnaryFn::Round | UnaryFn::Sign),
         Expr::Binary(f, ..) => matches!(f, BinaryFn::Pow | BinaryFn::Atan2),
         _ => false,
     }

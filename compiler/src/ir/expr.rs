@@ -1,101 +1,22 @@
 //! Nodes, their arena, and the constructors that simplify while they build.
 
 use std::fmt;
-use std::hash::{BuildHasher, BuildHasherDefault};
+use std::hash::BuildHasher;
 
 use cranelift_entity::{EntityRef, entity_impl};
 use hashbrown::HashTable;
+use rustc_hash::{FxBuildHasher, FxHashMap as FastMap, FxHashSet as FastSet};
 use serde::{Deserialize, Serialize};
 
-use super::VarId;
-use super::hash::{FastMap, FastSet, Mixer};
+use super::affine::{Affine, LoopVar, MAX_DEPTH};
+use super::function::{BinaryFn, Compare, ReduceFn, UnaryFn};
+use super::var::VarId;
 use crate::kernels;
 
 /// A node of the graph.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct ExprId(u32);
 entity_impl!(ExprId, "e");
-
-/// Deepest nest of loops.
-pub const MAX_DEPTH: usize = 6;
-
-/// Counter of the loop at a depth, from 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct LoopVar(pub u8);
-
-/// Element of an array as an affine function of the loop counters: `offset + Σ strides[d]·l_d`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct Affine {
-    /// Constant part, in elements.
-    pub offset: i64,
-    /// Factor of each loop counter, in elements.
-    pub strides: [i64; MAX_DEPTH],
-}
-
-impl Affine {
-    /// The constant address.
-    #[must_use]
-    pub fn constant(offset: i64) -> Self {
-        Affine { offset, strides: [0; MAX_DEPTH] }
-    }
-
-    /// `offset + stride·l_depth`
-    #[must_use]
-    pub fn along(offset: i64, depth: LoopVar, stride: i64) -> Self {
-        let mut a = Self::constant(offset);
-        a.strides[depth.0 as usize] = stride;
-        a
-    }
-
-    /// Sum of two addresses.
-    #[must_use]
-    pub fn plus(self, other: Affine) -> Self {
-        let mut a = self;
-        a.offset += other.offset;
-        for (s, o) in a.strides.iter_mut().zip(other.strides) {
-            *s += o;
-        }
-        a
-    }
-
-    /// The address times a number.
-    #[must_use]
-    pub fn times(self, factor: i64) -> Self {
-        Affine { offset: self.offset * factor, strides: self.strides.map(|s| s * factor) }
-    }
-
-    /// Whether no loop counter occurs.
-    #[must_use]
-    pub fn is_constant(&self) -> bool {
-        self.strides == [0; MAX_DEPTH]
-    }
-
-    /// One more than the deepest loop that occurs; 0 for a constant.
-    #[must_use]
-    pub fn depth(&self) -> u8 {
-        (0..MAX_DEPTH).rev().find(|&d| self.strides[d] != 0).map_or(0, |d| d as u8 + 1)
-    }
-
-    /// The address in one pass of the loop at a depth.
-    #[must_use]
-    pub fn at_pass(mut self, depth: usize, pass: i64) -> Affine {
-        self.offset += self.strides[depth] * pass;
-        self.strides[depth] = 0;
-        self
-    }
-
-    /// The counters that it depends on, by bit.
-    #[must_use]
-    pub fn counters(&self) -> u8 {
-        (0..MAX_DEPTH).filter(|&d| self.strides[d] != 0).fold(0, |bits, d| bits | 1 << d)
-    }
-
-    /// The element at given counters.
-    #[must_use]
-    pub fn at(&self, counters: &[i64; MAX_DEPTH]) -> i64 {
-        self.offset + self.strides.iter().zip(counters).map(|(s, c)| s * c).sum::<i64>()
-    }
-}
 
 /// Which copy of a variable a load reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -110,69 +31,6 @@ pub enum Flavour {
     Previous,
     /// The value at the steady state.
     Steady,
-}
-
-/// Functions of one number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[allow(missing_docs, reason = "the names say it")]
-pub enum UnaryFn {
-    Neg,
-    Abs,
-    /// -1, 0 or 1
-    Sign,
-    Sqrt,
-    Exp,
-    Ln,
-    Log10,
-    Sin,
-    Cos,
-    Tan,
-    Asin,
-    Acos,
-    Atan,
-    Sinh,
-    Cosh,
-    Tanh,
-    Floor,
-    Ceil,
-    /// To the nearest integer, ties to even.
-    Round,
-    /// To the nearest number of single precision.
-    Single,
-}
-
-/// Functions of two numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[allow(missing_docs, reason = "the names say it")]
-pub enum BinaryFn {
-    Add,
-    Sub,
-    Mul,
-    Div,
-    Pow,
-    Min,
-    Max,
-    Atan2,
-}
-
-/// Comparisons; their result is a truth value.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[allow(missing_docs, reason = "the names say it")]
-pub enum Compare {
-    Lt,
-    Le,
-    Eq,
-    Ne,
-}
-
-/// Reductions over a loop.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[allow(missing_docs, reason = "the names say it")]
-pub enum ReduceFn {
-    Sum,
-    Product,
-    Min,
-    Max,
 }
 
 /// A node. Those marked *truth* have a truth value, all others a number.
@@ -241,7 +99,7 @@ pub struct Exprs {
 }
 
 fn hash(node: &Expr) -> u64 {
-    BuildHasherDefault::<Mixer>::default().hash_one(node)
+    FxBuildHasher.hash_one(node)
 }
 
 /// Only the nodes are written; what follows from them is computed again when they are read.
@@ -692,75 +550,6 @@ impl Exprs {
             Expr::Or(a, b) => self.or(operand(a), operand(b)),
             Expr::Select(c, a, b) => self.select(operand(c), operand(a), operand(b)),
             Expr::Reduce { op, depth, extent, body } => self.reduce(op, depth, extent, operand(body)),
-        }
-    }
-}
-
-impl UnaryFn {
-    /// The function's value.
-    #[must_use]
-    pub fn apply(self, x: f64) -> f64 {
-        match self {
-            UnaryFn::Neg => -x,
-            UnaryFn::Abs => x.abs(),
-            UnaryFn::Sign => {
-                if x > 0.0 {
-                    1.0
-                } else if x < 0.0 {
-                    -1.0
-                } else {
-                    x
-                }
-            }
-            UnaryFn::Sqrt => x.sqrt(),
-            UnaryFn::Floor => x.floor(),
-            UnaryFn::Ceil => x.ceil(),
-            UnaryFn::Round => x.round_ties_even(),
-            UnaryFn::Single => f64::from(x as f32),
-            _ => kernels::unary(self, x),
-        }
-    }
-}
-
-impl BinaryFn {
-    /// The function's value.
-    #[must_use]
-    pub fn apply(self, x: f64, y: f64) -> f64 {
-        match self {
-            BinaryFn::Add => x + y,
-            BinaryFn::Sub => x - y,
-            BinaryFn::Mul => x * y,
-            BinaryFn::Div => x / y,
-            BinaryFn::Pow => kernels::pow(x, y),
-            // A NaN must come through: a box test or a clip must not hide it.
-            BinaryFn::Min => {
-                if x.is_nan() || x < y {
-                    x
-                } else {
-                    y
-                }
-            }
-            BinaryFn::Max => {
-                if x.is_nan() || x > y {
-                    x
-                } else {
-                    y
-                }
-            }
-            BinaryFn::Atan2 => kernels::atan2(x, y),
-        }
-    }
-}
-
-impl Compare {
-    /// The comparison's value; any comparison with NaN but `Ne` is false.
-    #[must_use]
-    pub fn apply(self, x: f64, y: f64) -> bool {
-        match self {
-            Compare::Lt => x < y,
-            Compare::Le => x <= y,
-            Compare::Eq => x == y,
-            Compare::Ne => x != y,
         }
     }
 }

@@ -2,7 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Affine, ExprId, VarId};
+use super::affine::Affine;
+use super::expr::ExprId;
+use super::var::VarId;
 
 /// Nests executed in order.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -15,7 +15,7 @@ pub type BinaryArrayKernel = unsafe extern "C" fn(*const f64, *const f64, *mut f
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct KernelTable {
-    /// Functions of one number, by [`super::index`].
+    /// Functions of one number, by [`super::Kernel`].
     pub unary: [ScalarKernel; UNARY_COUNT],
     /// The same over arrays.
     pub unary_array: [ArrayKernel; UNARY_COUNT],
@@ -175,7 +175,7 @@ macro_rules! kernels {
     };
 }
 
-/// One table; the functions stand in the order of [`super::index`], after `exp`.
+/// One table; the functions stand in the order of [`super::Kernel`], after `exp`.
 macro_rules! table {
     ($module:ident, $feature:meta) => {
         kernels! {

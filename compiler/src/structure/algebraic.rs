@@ -2,9 +2,10 @@
 
 use smpl_dsl::span::Span;
 
+use super::common::{passes, replace_everywhere};
 use super::whole::{Whole, looped_loads, placed, take_apart, wholes};
-use super::{loads, passes, replace_everywhere};
 use crate::elaborate::{Equation, EquationForm};
+use crate::graph::{Order, after_needs};
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, Rewritten, Role, VarId};
 use crate::model::Model;
 
@@ -55,28 +56,10 @@ pub fn plan(model: &mut Model, equations: &mut [Equation]) -> Plan {
     candidates.retain(|(var, _), _| !in_loops.contains(var));
     let defined: FastSet<VarId> = candidates.keys().map(|e| e.0).collect();
     take_apart(model, &arrays, &defined);
-    let mut walk = Walk {
-        exprs: &model.exprs,
-        vars: &model.vars,
-        equations,
-        candidates: &candidates,
-        arrays: &arrays,
-        state: FastMap::default(),
-        kept: FastSet::default(),
-        order: Vec::new(),
-    };
-    let mut elements: Vec<Element> = candidates.keys().copied().collect();
-    elements.sort_unstable();
-    for element in elements {
-        walk.visit(element);
-    }
-    let mut array_list: Vec<VarId> = arrays.keys().copied().collect();
-    array_list.sort_unstable();
-    for var in array_list {
-        (0..arrays[&var].equations.len() as i64).for_each(|part| walk.visit((var, -1 - part)));
-    }
-    let order = std::mem::take(&mut walk.order);
-    let mut kept = std::mem::take(&mut walk.kept);
+    let definitions = Definitions { exprs: &model.exprs, vars: &model.vars, equations, candidates: &candidates, arrays: &arrays };
+    let Order { order, closing } = after_needs(definitions.elements().into_iter(), |element| definitions.needs(element));
+    // The element at which a loop of definitions closes is kept as an unknown.
+    let mut kept: FastSet<Element> = closing.into_iter().map(|(_, needed)| needed).collect();
     keep_for_sparsity(model, equations, &candidates, &order, &mut kept);
     let of = |e: &Element, i: &usize| (*e, equations[*i].span);
     let parts = |(v, whole): (&VarId, &Whole)| whole.equations.iter().zip(1..).map(|(i, n)| of(&(*v, -n), i)).collect::<Vec<_>>();
@@ -108,54 +91,31 @@ fn second_definitions(model: &mut Model, equations: &mut [Equation], plan: &Plan
     }
 }
 
-/// Finds loops of definitions: the element at which a loop closes is kept as an unknown.
-struct Walk<'m> {
+/// What may be substituted.
+struct Definitions<'m> {
     exprs: &'m Exprs,
     vars: &'m cranelift_entity::PrimaryMap<VarId, crate::model::Variable>,
     equations: &'m [Equation],
     candidates: &'m FastMap<Element, usize>,
     arrays: &'m FastMap<VarId, Whole>,
-    state: FastMap<Element, bool>,
-    kept: FastSet<Element>,
-    order: Vec<Element>,
 }
 
-impl Walk<'_> {
-    /// Depth-first with an explicit stack: chains of connections may be long.
-    fn visit(&mut self, start: Element) {
-        let mut stack = vec![(start, false)];
-        while let Some((element, leaving)) = stack.pop() {
-            if leaving {
-                self.state.insert(element, true);
-                self.order.push(element);
-                continue;
-            }
-            match self.state.get(&element) {
-                Some(true) => continue,
-                Some(false) => {
-                    self.kept.insert(element);
-                    continue;
-                }
-                None => {}
-            }
-            self.state.insert(element, false);
-            stack.push((element, true));
-            for next in self.needs(element) {
-                match self.state.get(&next) {
-                    Some(false) => {
-                        self.kept.insert(next);
-                    }
-                    Some(true) => {}
-                    None => stack.push((next, false)),
-                }
-            }
-        }
+impl Definitions<'_> {
+    /// All elements and parts of arrays, in the order of their variables.
+    fn elements(&self) -> Vec<Element> {
+        let mut elements: Vec<Element> = self.candidates.keys().copied().collect();
+        elements.sort_unstable();
+        let mut arrays: Vec<VarId> = self.arrays.keys().copied().collect();
+        arrays.sort_unstable();
+        elements.extend(arrays.iter().flat_map(|var| (0..self.arrays[var].equations.len() as i64).map(|part| (*var, -1 - part))));
+        elements
     }
 
     fn needs(&self, element: Element) -> Vec<Element> {
         let equation = part_of(self.arrays, element).or_else(|| self.candidates.get(&element).copied());
         let Some(EquationForm::Definition { value, .. }) = equation.map(|i| self.equations[i].form) else { return Vec::new() };
-        loads(self.exprs, value, |v, f| f == Flavour::Value && self.vars[v].role == Role::Algebraic)
+        self.exprs
+            .loads(value, |v, f| f == Flavour::Value && self.vars[v].role == Role::Algebraic)
             .into_iter()
             .filter_map(|(v, _, at)| {
                 if let Some(whole) = self.arrays.get(&v) {
@@ -184,7 +144,7 @@ fn keep_for_sparsity(
     kept: &mut FastSet<Element>,
 ) {
     let exprs = &model.exprs;
-    let unknowns = |e: ExprId| loads(exprs, e, |v, f| f == Flavour::Value && matches!(model.vars[v].role, Role::State | Role::Algebraic));
+    let unknowns = |e: ExprId| exprs.loads(e, |v, f| f == Flavour::Value && matches!(model.vars[v].role, Role::State | Role::Algebraic));
     let needs: FastMap<Element, Vec<(VarId, Flavour, Affine)>> = candidates
         .iter()
         .filter_map(|(&element, &i)| match equations[i].form {

@@ -2,7 +2,6 @@
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 
-use super::loads;
 use crate::elaborate::ordered_initial;
 use crate::ir::{FastMap, FastSet, Flavour, Place, Role, VarId};
 use crate::model::Model;
@@ -21,7 +20,7 @@ pub fn order(model: &mut Model) -> Result<(), Vec<Diagnostic>> {
 
 /// Scalars whose initial value needs an algebraic unknown that is solved for with it.
 fn circular(model: &Model) -> Vec<Diagnostic> {
-    let all = |e| loads(&model.exprs, e, |_, flavour| matches!(flavour, Flavour::Value | Flavour::Initial));
+    let all = |e| model.exprs.loads(e, |_, flavour| matches!(flavour, Flavour::Value | Flavour::Initial));
     let vars_in = |e| all(e).into_iter().map(|(var, ..)| var).collect::<Vec<_>>();
     let is_held = |var: VarId| matches!(model.vars[var].role, Role::State | Role::Discrete);
     // What a variable needs: of an algebraic one what its equation reads, of others what their initial values read.

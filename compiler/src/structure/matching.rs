@@ -7,8 +7,8 @@ use smpl_dsl::diagnostic::{Diagnostic, Faults, codes};
 use smpl_dsl::span::Span;
 
 use super::algebraic::{Element, Plan};
+use super::common::{element_name, passes, replace_everywhere};
 use super::rates::Rates;
-use super::{element_name, loads, passes};
 use crate::elaborate::{Equation, EquationForm, for_each_element};
 use crate::ir::{Affine, Expr, ExprId, FastMap, Flavour, LoopVar, Role, VarId};
 use crate::model::{Model, Quantity, Row, Variable};
@@ -223,11 +223,12 @@ impl Matching {
             if let Some(d) = given(model, self.residuals[equation], span) {
                 return d;
             }
-            let states: Vec<Element> =
-                loads(&model.exprs, self.residuals[equation], |v, f| f == Flavour::Value && model.vars[v].role == Role::State)
-                    .into_iter()
-                    .map(|(v, _, at)| (v, at.offset))
-                    .collect();
+            let states: Vec<Element> = model
+                .exprs
+                .loads(self.residuals[equation], |v, f| f == Flavour::Value && model.vars[v].role == Role::State)
+                .into_iter()
+                .map(|(v, _, at)| (v, at.offset))
+                .collect();
             if states.is_empty() {
                 return Diagnostic::error(codes::OVERDETERMINED, "this equation has no unknown that is not determined already", span)
                     .help("remove it, or declare what it should determine as a `var` without another equation");
@@ -292,15 +293,17 @@ fn given(model: &Model, residual: ExprId, span: Span) -> Option<Diagnostic> {
 
 /// Unknowns that an equation could determine: algebraic values and derivatives.
 fn incidence(model: &Model, e: ExprId) -> Vec<Element> {
-    loads(&model.exprs, e, |v, f| match f {
-        Flavour::Value => model.vars[v].role == Role::Algebraic,
-        Flavour::Derivative => model.vars[v].role == Role::State,
-        _ => false,
-    })
-    .into_iter()
-    .filter(|l| l.2.is_constant())
-    .map(|(v, _, at)| (v, at.offset))
-    .collect()
+    model
+        .exprs
+        .loads(e, |v, f| match f {
+            Flavour::Value => model.vars[v].role == Role::Algebraic,
+            Flavour::Derivative => model.vars[v].role == Role::State,
+            _ => false,
+        })
+        .into_iter()
+        .filter(|l| l.2.is_constant())
+        .map(|(v, _, at)| (v, at.offset))
+        .collect()
 }
 
 /// One report for each variable, however many of its elements are undetermined.
@@ -395,7 +398,7 @@ fn complete(model: &mut Model, mut rows: Vec<Row>) -> Vec<Row> {
             }
             _ => None,
         };
-        super::replace_everywhere(model, &mut [], &mut done, &|_, _| true, &mut replace);
+        replace_everywhere(model, &mut [], &mut done, &|_, _| true, &mut replace);
         for row in &mut rows {
             row.residual = model.exprs.rewrite(row.residual, &mut done, &mut replace);
             if let Some(&new) = renamed.get(&(row.var, row.at.offset)) {

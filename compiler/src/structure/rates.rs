@@ -4,7 +4,7 @@ use cranelift_entity::PrimaryMap;
 use smpl_dsl::diagnostic::{Diagnostic, Faults, codes};
 use smpl_dsl::span::Span;
 
-use super::{derivatives, element_name, replace_everywhere};
+use super::common::{element_name, replace_everywhere};
 use crate::elaborate::{Equation, EquationForm};
 use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, LoopVar, MAX_DEPTH, Rewritten, Role, UnaryFn, VarId};
 use crate::model::{Model, Variable};
@@ -23,14 +23,14 @@ pub fn solve_for_derivatives(exprs: &mut Exprs, vars: &PrimaryMap<VarId, Variabl
             EquationForm::Rate { var, at, value } => {
                 // A rate that mentions itself is an equation for it.
                 let own = exprs.load(var, Flavour::Derivative, at);
-                if !derivatives(exprs, value, |v| v == var).contains(&(var, Flavour::Derivative, at)) {
+                if !exprs.derivatives(value, |v| v == var).contains(&(var, Flavour::Derivative, at)) {
                     continue;
                 }
                 exprs.sub(own, value)
             }
             EquationForm::Definition { .. } => continue,
         };
-        let derivatives = derivatives(exprs, residual, |v| vars[v].role == Role::State);
+        let derivatives = exprs.derivatives(residual, |v| vars[v].role == Role::State);
         equation.form = EquationForm::Implicit { residual };
         // With several derivatives, the first with a factor free of derivatives is taken; the others stay on the right side.
         for &(var, _, at) in &derivatives {
@@ -215,4 +215,26 @@ fn shifted(exprs: &mut Exprs, e: ExprId, passes: &[i64]) -> ExprId {
         e = exprs.shift(e, LoopVar(d as u8), pass);
     }
     e
+}
+
+/// Whether every rate is `f(t, y) - y'` and nothing else mentions a derivative.
+pub(crate) fn is_explicit(model: &Model) -> bool {
+    let exprs = &model.exprs;
+    model.rows.iter().all(|row| {
+        if model.vars[row.var].role != Role::State {
+            return !exprs.has_derivative(row.residual);
+        }
+        match exprs.node(row.residual) {
+            Expr::Binary(BinaryFn::Sub, value, own) => {
+                let own_is =
+                    matches!(exprs.node(own), Expr::Load { var, flavour: Flavour::Derivative, at } if var == row.var && at == row.at);
+                own_is && !exprs.has_derivative(value)
+            }
+            // 0 - y'
+            Expr::Unary(UnaryFn::Neg, own) => {
+                matches!(exprs.node(own), Expr::Load { var, flavour: Flavour::Derivative, at } if var == row.var && at == row.at)
+            }
+            _ => false,
+        }
+    })
 }

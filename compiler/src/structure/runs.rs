@@ -4,10 +4,10 @@
 //! need each other, or are sums that a loop would work out again in every pass, they are substituted one by one, and so every equation
 //! and sum that reads them must name them one by one.
 
+use super::common::replace_everywhere;
 use super::whole::{Whole, looped_loads, wholes};
-use super::{loads, replace_everywhere};
 use crate::elaborate::{Equation, EquationForm};
-use crate::ir::{BinaryFn, Expr, ExprId, Exprs, FastMap, FastSet, LoopVar, ReduceFn, Rewritten, VarId};
+use crate::ir::{Expr, ExprId, Exprs, FastMap, FastSet, LoopVar, Rewritten, VarId};
 use crate::model::Model;
 
 /// Writes out the ranges over which elements of algebraic variables are defined or read one by one.
@@ -56,7 +56,7 @@ fn scattered(model: &Model, equations: &[Equation]) -> FastSet<VarId> {
     let mut needs: FastMap<(VarId, usize), Vec<(VarId, usize)>> = FastMap::default();
     for (&var, whole) in &wholes {
         for (part, &i) in whole.equations.iter().enumerate() {
-            let needed = loads(&model.exprs, equations[i].form.value(), |v, _| wholes.contains_key(&v));
+            let needed = model.exprs.loads(equations[i].form.value(), |v, _| wholes.contains_key(&v));
             let parts = needed.into_iter().filter_map(|(v, _, at)| Some((v, wholes[&v].locate(at)?.0)));
             needs.insert((var, part), parts.collect());
         }
@@ -84,7 +84,7 @@ fn repeated(model: &Model, equations: &[Equation], wholes: &FastMap<VarId, Whole
         for (&var, whole) in wholes {
             let has = |e: ExprId| {
                 let own = exprs.has_reduction(e, |free| free != 0);
-                own || loads(exprs, e, |v, _| with_sums.contains(&v)).iter().any(|(_, _, at)| !at.is_constant())
+                own || exprs.loads(e, |v, _| with_sums.contains(&v)).iter().any(|(_, _, at)| !at.is_constant())
             };
             if !with_sums.contains(&var) && whole.equations.iter().any(|&i| has(equations[i].form.value())) {
                 with_sums.insert(var);
@@ -100,13 +100,13 @@ fn repeated(model: &Model, equations: &[Equation], wholes: &FastMap<VarId, Whole
     }
     for e in (0..exprs.len() as u32).map(ExprId::from_u32) {
         if let Expr::Reduce { depth, body, .. } = exprs.node(e) {
-            let read = loads(exprs, body, |v, _| with_sums.contains(&v));
+            let read = exprs.loads(body, |v, _| with_sums.contains(&v));
             let inside = read.into_iter().filter(|(_, _, at)| at.strides[usize::from(depth.0)] != 0);
             out.extend(inside.filter(|(_, _, at)| exprs.free(e) & !at.counters() != 0).map(|l| l.0));
         }
     }
     for equation in equations.iter().filter(|e| e.extents.len() > 1) {
-        let read = loads(exprs, equation.form.value(), |v, _| with_sums.contains(&v));
+        let read = exprs.loads(equation.form.value(), |v, _| with_sums.contains(&v));
         let repeats = |bits: u8| (0..equation.extents.len()).any(|d| bits & (1 << d) != 0 && !bits & ((1 << d) - 1) != 0);
         out.extend(read.into_iter().filter(|(_, _, at)| repeats(at.counters())).map(|l| l.0));
     }
@@ -121,7 +121,7 @@ fn touches(model: &Model, equation: &Equation, scattered: &FastSet<VarId>) -> bo
 
 /// Whether an expression reads an element of one of the variables at an address that loops change.
 fn reads(exprs: &Exprs, value: ExprId, scattered: &FastSet<VarId>) -> bool {
-    loads(exprs, value, |v, _| scattered.contains(&v)).iter().any(|(_, _, at)| !at.is_constant())
+    exprs.loads(value, |v, _| scattered.contains(&v)).iter().any(|(_, _, at)| !at.is_constant())
 }
 
 /// One equation for each pass of the loops over numbers.
@@ -162,21 +162,15 @@ fn write_out_sums(model: &mut Model, equations: &mut [Equation], scattered: &Fas
 /// The terms of a reduction over elements of the variables.
 fn written_out(exprs: &mut Exprs, node: Expr, scattered: &FastSet<VarId>) -> Option<ExprId> {
     let Expr::Reduce { op, depth, extent, body } = node else { return None };
-    let through = loads(exprs, body, |v, _| scattered.contains(&v)).iter().any(|(_, _, at)| at.strides[usize::from(depth.0)] != 0);
+    let through = exprs.loads(body, |v, _| scattered.contains(&v)).iter().any(|(_, _, at)| at.strides[usize::from(depth.0)] != 0);
     if !through {
         return None;
     }
-    let function = match op {
-        ReduceFn::Sum => BinaryFn::Add,
-        ReduceFn::Product => BinaryFn::Mul,
-        ReduceFn::Min => BinaryFn::Min,
-        ReduceFn::Max => BinaryFn::Max,
-    };
     let mut total = None;
     for pass in 0..i64::from(extent) {
         let term = exprs.shift(body, depth, pass);
         let term = exprs.rewrite(term, &mut Rewritten::default(), &mut |exprs, node| written_out(exprs, node, scattered));
-        total = Some(total.map_or(term, |t| exprs.binary(function, t, term)));
+        total = Some(total.map_or(term, |t| exprs.binary(op.binary(), t, term)));
     }
-    Some(total.unwrap_or_else(|| exprs.constant(crate::interpret::identity(op))))
+    Some(total.unwrap_or_else(|| exprs.constant(op.identity())))
 }

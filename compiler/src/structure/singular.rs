@@ -9,7 +9,8 @@ use std::hash::{Hash, Hasher};
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 
-use super::{element_name, loads};
+use super::common::element_name;
+use crate::graph::connected;
 use crate::ir::{BinaryFn, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, Role, UnaryFn, VarId};
 use crate::model::{Model, Row};
 
@@ -27,8 +28,16 @@ const ROUNDING: f64 = 1e-13;
 /// An unknown of an equation: an algebraic value or a derivative.
 type Unknown = (VarId, Flavour, i64);
 
-/// Reports the parts that are singular.
-pub fn singular_loops(model: &Model, rows: &[Row]) -> Vec<Diagnostic> {
+/// Looks for parts that are singular.
+///
+/// # Errors
+/// The parts that are.
+pub fn refuse_singular_loops(model: &Model) -> Result<(), Vec<Diagnostic>> {
+    let faults = singular_loops(model, &model.rows);
+    if faults.is_empty() { Ok(()) } else { Err(faults) }
+}
+
+fn singular_loops(model: &Model, rows: &[Row]) -> Vec<Diagnostic> {
     let single: Vec<&Row> = rows.iter().filter(|row| row.extents.is_empty() && row.at.is_constant() && !is_rate(model, row)).collect();
     let unknowns: Vec<Unknown> = single.iter().map(|row| unknown(model, row)).collect();
     let numbers: FastMap<Unknown, usize> = unknowns.iter().copied().zip(0..).collect();
@@ -58,37 +67,12 @@ fn unknown(model: &Model, row: &Row) -> Unknown {
 
 /// Unknowns of single equations in the equation of one.
 fn needs(model: &Model, row: &Row, numbers: &FastMap<Unknown, usize>) -> Vec<usize> {
-    let found = loads(&model.exprs, row.residual, |_, flavour| matches!(flavour, Flavour::Value | Flavour::Derivative));
+    let found = model.exprs.loads(row.residual, |_, flavour| matches!(flavour, Flavour::Value | Flavour::Derivative));
     found
         .into_iter()
         .filter(|l| l.2.is_constant())
         .filter_map(|(var, flavour, at)| numbers.get(&(var, flavour, at.offset)).copied())
         .collect()
-}
-
-/// Strongly connected parts: Kosaraju's two searches, with explicit stacks.
-fn connected(needs: &[Vec<usize>]) -> Vec<Vec<usize>> {
-    let mut users = vec![Vec::new(); needs.len()];
-    needs.iter().enumerate().for_each(|(i, list)| list.iter().for_each(|&j| users[j].push(i)));
-    let mut seen = vec![false; needs.len()];
-    let order: Vec<usize> = (0..needs.len()).flat_map(|start| finished(start, needs, &mut seen)).collect();
-    seen.fill(false);
-    order.into_iter().rev().map(|start| finished(start, &users, &mut seen)).filter(|part| !part.is_empty()).collect()
-}
-
-/// What a depth-first search from `start` reaches that was not seen before, each after what it leads to.
-fn finished(start: usize, next: &[Vec<usize>], seen: &mut [bool]) -> Vec<usize> {
-    let mut out = Vec::new();
-    let mut stack = vec![(start, false)];
-    while let Some((i, leaving)) = stack.pop() {
-        if leaving {
-            out.push(i);
-        } else if !std::mem::replace(&mut seen[i], true) {
-            stack.push((i, true));
-            stack.extend(next[i].iter().filter(|&&j| !seen[j]).map(|&j| (j, false)));
-        }
-    }
-    out
 }
 
 fn is_singular(exprs: &Exprs, part: &[usize], rows: &[&Row], unknowns: &[Unknown]) -> bool {

@@ -1,6 +1,6 @@
 //! Arrays that loops define as wholes.
 
-use super::loads;
+use super::common::passes;
 use crate::elaborate::{Equation, EquationForm};
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, FastSet, LoopVar, MAX_DEPTH, Nest, Role, Store, Target, VarId};
 use crate::model::Model;
@@ -34,7 +34,7 @@ pub fn wholes(model: &Model, equations: &[Equation]) -> FastMap<VarId, Whole> {
 impl Whole {
     fn of(len: i64, pieces: &[usize], equations: &[Equation]) -> Option<Whole> {
         let extents = &equations[*pieces.first()?].extents;
-        let size = super::passes(extents);
+        let size = passes(extents);
         if extents.is_empty() || size * pieces.len() as i64 != len {
             return None;
         }
@@ -66,7 +66,7 @@ impl Whole {
 
     /// The part in which the elements at an address lie, and their index along each of its loops; `None` if they lie in several.
     pub fn locate(&self, at: Affine) -> Option<(usize, Vec<Affine>)> {
-        let (size, count) = (super::passes(&self.extents), self.equations.len() as i64);
+        let (size, count) = (passes(&self.extents), self.equations.len() as i64);
         let mut indices = vec![Affine::default(); self.extents.len()];
         let part;
         if self.interleaved {
@@ -98,7 +98,7 @@ impl Whole {
 
     /// The addresses of the elements of each part, with the extents of their loops.
     pub fn parts(&self) -> impl Iterator<Item = (Vec<u32>, Affine)> + '_ {
-        let (size, count) = (super::passes(&self.extents), self.equations.len() as i64);
+        let (size, count) = (passes(&self.extents), self.equations.len() as i64);
         let inner = if self.interleaved { Affine::along(0, LoopVar(0), count) } else { row_major(&self.extents) };
         let step = if self.interleaved { 1 } else { size };
         (0..count).map(move |part| (self.extents.clone(), inner.plus(Affine::constant(part * step))))
@@ -125,7 +125,7 @@ pub fn looped_loads(model: &Model, equations: &[Equation]) -> Vec<(VarId, Affine
     for program in [&p.initial_discretes, &p.start, &p.end, &p.finish, &p.outputs, &p.invariants, &p.boxes].into_iter().chain(&p.events) {
         for store in program.nests.iter().flat_map(|n| &n.stores) {
             model.exprs.each_reduction(store.value, &mut |depth, body| {
-                let read = loads(&model.exprs, body, |v, _| model.vars[v].role == Role::Algebraic);
+                let read = model.exprs.loads(body, |v, _| model.vars[v].role == Role::Algebraic);
                 out.extend(read.into_iter().filter(|(_, _, at)| at.strides[usize::from(depth.0)] != 0).map(|(var, _, at)| (var, at)));
             });
         }
@@ -182,7 +182,7 @@ fn across(exprs: &Exprs, nest: &Nest, arrays: &FastMap<VarId, Whole>, defined: &
         let Some((_, indices)) = whole.locate(at) else { return true };
         !indices.iter().zip(&whole.extents).all(|(index, &n)| last(index) < i64::from(n))
     };
-    let found = nest.stores.iter().flat_map(|s| loads(exprs, s.value, |v, _| concerned(v)));
+    let found = nest.stores.iter().flat_map(|s| exprs.loads(s.value, |v, _| concerned(v)));
     let mut found = found.filter(|(_, _, at)| looped(at));
     found.find(|&(var, _, at)| goes_across(var, at)).map(|(var, _, at)| (var, at))
 }

@@ -1,9 +1,9 @@
 //! Models compiled from text, with what they give at one point.
 #![allow(dead_code, reason = "each test needs some of it")]
 
+use smpl_compiler::compile::flatten;
 use smpl_compiler::compiled::{BackEndSettings, CompiledModel, Memory, Part, Region};
 use smpl_compiler::elaborate::Options;
-use smpl_compiler::front::flatten;
 use smpl_compiler::model::{Model, Quantity};
 use smpl_dsl::diagnostic::SourceMap;
 

@@ -42,27 +42,9 @@ fn folded(name: &str) -> impl Iterator<Item = char> + '_ {
 
 /// Edits (insert, delete, replace, swap neighbours) between two words. Words that are longer than any name are as far as they are long.
 fn distance(a: &str, b: &str) -> usize {
-    let a: Vec<char> = a.chars().collect();
-    let b: Vec<char> = b.chars().collect();
-    if a.len().abs_diff(b.len()) > 8 || a.len() > 64 || b.len() > 64 {
-        return a.len().max(b.len());
-    }
-    let mut rows = vec![vec![0; b.len() + 1]; a.len() + 1];
-    for (i, row) in rows.iter_mut().enumerate() {
-        row[0] = i;
-    }
-    rows[0] = (0..=b.len()).collect();
-    for i in 1..=a.len() {
-        for j in 1..=b.len() {
-            let replace = rows[i - 1][j - 1] + usize::from(a[i - 1] != b[j - 1]);
-            let mut best = replace.min(rows[i - 1][j] + 1).min(rows[i][j - 1] + 1);
-            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
-                best = best.min(rows[i - 2][j - 2] + 1);
-            }
-            rows[i][j] = best;
-        }
-    }
-    rows[a.len()][b.len()]
+    let (letters, others) = (a.chars().count(), b.chars().count());
+    let longest = letters.max(others);
+    if letters.abs_diff(others) > 8 || longest > 64 { longest } else { strsim::osa_distance(a, b) }
 }
 
 #[cfg(test)]

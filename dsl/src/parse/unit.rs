@@ -1,13 +1,14 @@
 //! Units: a product of powers, flattened, with exact exponents.
 
-use num_rational::Ratio;
 use pest::iterators::Pair;
 
 use super::{Children, Context, Fallible, Rule, expression};
 use crate::diagnostic::{Diagnostic, codes};
 use crate::syntax::{Ident, UnitBase, UnitExpr, UnitFactor};
+use crate::units::Rational;
 
-type Exponent = Ratio<i32>;
+/// Largest numerator and denominator of an exponent.
+const LARGEST: i128 = 1_000_000;
 
 /// `: unit` after a declared name, where it was written.
 pub(super) fn declared(context: &Context<'_>, children: &mut Children<'_>) -> Fallible<Option<UnitExpr>> {
@@ -24,13 +25,13 @@ pub(super) fn brackets(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<
 pub(super) fn unit(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<UnitExpr> {
     let span = context.span(&pair);
     let mut factors = Vec::new();
-    product(context, pair, Exponent::ONE, &mut factors)?;
+    product(context, pair, Rational::ONE, &mut factors)?;
     factors.retain(|factor| !matches!(factor.base, UnitBase::Number(value, _) if value == 1.0));
     Ok(UnitExpr { span, factors })
 }
 
 /// Adds the factors of a product, each to the power `outer`.
-fn product(context: &Context<'_>, pair: Pair<'_, Rule>, outer: Exponent, factors: &mut Vec<UnitFactor>) -> Fallible<()> {
+fn product(context: &Context<'_>, pair: Pair<'_, Rule>, outer: Rational, factors: &mut Vec<UnitFactor>) -> Fallible<()> {
     let mut parts = pair.into_inner().peekable();
     let mut divide = false;
     while let Some(part) = parts.next() {
@@ -38,17 +39,17 @@ fn product(context: &Context<'_>, pair: Pair<'_, Rule>, outer: Exponent, factors
             divide = part.as_str() == "/";
             continue;
         }
-        let mut exponent = if divide { -outer } else { outer };
+        let mut exponent = if divide { outer.negate() } else { outer };
         divide = false;
         if let Some(power) = parts.next_if(|next| next.as_rule() == Rule::unit_power) {
-            exponent = multiply(context, &power, exponent, unit_power(context, power.clone())?)?;
+            exponent = small(exponent.multiply(unit_power(context, power.clone())?)).ok_or_else(|| overflow(context, &power))?;
         }
         factor(context, part, exponent, factors)?;
     }
     Ok(())
 }
 
-fn factor(context: &Context<'_>, part: Pair<'_, Rule>, exponent: Exponent, factors: &mut Vec<UnitFactor>) -> Fallible<()> {
+fn factor(context: &Context<'_>, part: Pair<'_, Rule>, exponent: Rational, factors: &mut Vec<UnitFactor>) -> Fallible<()> {
     let base = match part.as_rule() {
         Rule::unit_group => {
             let mut children = Children::new(part);
@@ -61,7 +62,9 @@ fn factor(context: &Context<'_>, part: Pair<'_, Rule>, exponent: Exponent, facto
         Rule::number => UnitBase::Number(expression::number_value(context, &part)?, context.span(&part)),
         _ => UnitBase::Symbol(symbol(context.word(&part))),
     };
-    factors.push(UnitFactor { base, exponent: (*exponent.numer(), *exponent.denom()) });
+    // Exponents are small, see `small`.
+    let narrow = |part: i128| i32::try_from(part).unwrap_or_default();
+    factors.push(UnitFactor { base, exponent: (narrow(exponent.numerator()), narrow(exponent.denominator())) });
     Ok(())
 }
 
@@ -74,35 +77,27 @@ fn symbol(word: Ident) -> Ident {
 }
 
 /// `^2`, `^-1`, `^2.5`, `^(5/2)`
-fn unit_power(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Exponent> {
+fn unit_power(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Rational> {
     let mut parts = pair.clone().into_inner();
     let numerator = parts.next().and_then(|part| decimal(part.as_str()));
-    let denominator = parts.next().map_or(Some(Exponent::ONE), |part| decimal(part.as_str()));
-    match (numerator, denominator) {
-        (Some(numerator), Some(denominator)) if *denominator.numer() != 0 => Ok(numerator / denominator),
-        _ => Err(overflow(context, &pair)),
-    }
+    let denominator = parts.next().map_or(Some(Rational::ONE), |part| decimal(part.as_str()));
+    let quotient = numerator.zip(denominator).and_then(|(numerator, denominator)| numerator.multiply(denominator.reciprocal()?));
+    quotient.ok_or_else(|| overflow(context, &pair))
 }
 
 /// An exponent as written, exactly: at most three decimals and four digits before them.
-fn decimal(text: &str) -> Option<Exponent> {
+fn decimal(text: &str) -> Option<Rational> {
     let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
     if fraction.len() > 3 || whole.len() > 5 {
         return None;
     }
     let digits: i32 = format!("{whole}{fraction}").parse().ok()?;
-    Some(Exponent::new(digits, 10_i32.pow(u32::try_from(fraction.len()).ok()?)))
+    Rational::new(digits.into(), 10_i128.pow(u32::try_from(fraction.len()).ok()?))
 }
 
-fn multiply(context: &Context<'_>, pair: &Pair<'_, Rule>, a: Exponent, b: Exponent) -> Fallible<Exponent> {
-    let numerator = i64::from(*a.numer()) * i64::from(*b.numer());
-    let denominator = i64::from(*a.denom()) * i64::from(*b.denom());
-    let exact = Ratio::new(numerator, denominator);
-    let narrow = |value: i64| i32::try_from(value).ok().filter(|value| value.abs() <= 1_000_000);
-    match (narrow(*exact.numer()), narrow(*exact.denom())) {
-        (Some(numerator), Some(denominator)) => Ok(Exponent::new(numerator, denominator)),
-        _ => Err(overflow(context, pair)),
-    }
+/// An exponent that may stand in a unit.
+fn small(exponent: Option<Rational>) -> Option<Rational> {
+    exponent.filter(|e| e.numerator().abs() <= LARGEST && e.denominator() <= LARGEST)
 }
 
 fn overflow(context: &Context<'_>, pair: &Pair<'_, Rule>) -> Box<Diagnostic> {

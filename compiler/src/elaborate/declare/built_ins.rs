@@ -6,9 +6,9 @@
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Ident, StatementKind, TimeTable};
 
-use super::super::Elaborator;
-use super::super::functions::FUNCTIONS;
-use super::super::items::Item;
+use crate::elaborate::ledger::Ledger;
+use crate::elaborate::lower::builtins;
+use crate::elaborate::select::items::Item;
 
 /// Names that stand for something without being declared, what that is, and another way to write it.
 const NAMES: &[(&str, &str, Option<&str>)] = &[
@@ -40,10 +40,10 @@ pub(in crate::elaborate) fn note(diagnostic: Diagnostic, name: &str) -> Diagnost
     }
 }
 
-impl<'a> Elaborator<'a> {
+impl Ledger {
     /// Warns of declarations of a block that take the place of built-in names. An array and what is no number do not: without an index they
     /// are faults, which say so.
-    pub(super) fn check_built_ins(&mut self, list: &[Item<'a>]) {
+    pub(in crate::elaborate) fn check_built_ins(&mut self, list: &[Item<'_>]) {
         for item in list {
             match item {
                 Item::Declare(_, d) if d.indices.is_empty() => self.warn_of_name(&d.name),
@@ -58,13 +58,13 @@ impl<'a> Elaborator<'a> {
     }
 
     /// A name that is no function hides no function: `min` by itself and `min(a, b)` are told apart.
-    pub(super) fn warn_of_name(&mut self, name: &Ident) {
+    pub(in crate::elaborate) fn warn_of_name(&mut self, name: &Ident) {
         let Some((_, meaning, other)) = built_in(&name.text) else { return };
         self.warn_of_built_in(name, &format!("built-in name for {meaning}"), *other);
     }
 
     fn warn_of_function(&mut self, name: &Ident) {
-        if FUNCTIONS.contains(&name.text.as_str()) {
+        if builtins::find(&name.text).is_some() {
             self.warn_of_built_in(name, "built-in function of that name", None);
         } else {
             self.warn_of_name(name);

@@ -5,10 +5,11 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{self, Binder, Expr, ExprKind, Ident, Statement, StatementKind};
 use smpl_dsl::units::Unit;
 
-use super::super::items::{Item, items};
-use super::super::names::{Row, Scope, ScopeId, SymbolKind};
-use super::super::{Bound, Elaborator, Setting, Site};
-use crate::ir::Role;
+use crate::elaborate::check::unused::Samples;
+use crate::elaborate::declare::symbols::{Row, Scope, ScopeId, SymbolKind};
+use crate::elaborate::select::items::{Item, items};
+use crate::elaborate::{Bound, Elaborator, Place, Setting, Site};
+use crate::ir::{FastMap, FastSet, Role};
 
 /// Deepest nest of components.
 const MAX_COMPONENT_DEPTH: usize = 32;
@@ -16,33 +17,56 @@ const MAX_COMPONENT_DEPTH: usize = 32;
 /// Most declarations and equations that instances of components make together.
 const MAX_INSTANTIATED: usize = 300_000;
 
+/// Components and their instances.
+#[derive(Default)]
+pub(in crate::elaborate) struct Instances<'a> {
+    /// Components by name with their declaring statement.
+    pub components: FastMap<&'a str, &'a Statement>,
+    /// Connectors, likewise.
+    pub connectors: FastMap<&'a str, &'a Statement>,
+    /// Items of every scope in the order of instances; the file first.
+    pub blocks: Vec<(ScopeId, Vec<Item<'a>>)>,
+    /// Components that are being instantiated, one inside another.
+    pub open: Vec<&'a str>,
+    /// Declarations made for instances so far.
+    pub made: usize,
+    /// Components that have an instance.
+    pub used: FastSet<&'a str>,
+    /// Where the component of each instance is used.
+    pub used_at: FastMap<ScopeId, Span>,
+    /// Arguments of instances.
+    pub given: FastMap<(ScopeId, String), (&'a Expr, Place)>,
+    /// Components that stand for themselves.
+    pub samples: Samples,
+}
+
 impl<'a> Elaborator<'a> {
-    pub(super) fn declare_port(&mut self, scope: ScopeId, name: &Ident, connector: &Ident) {
-        let Some(StatementKind::Connector { members, .. }) = self.connectors.get(connector.text.as_str()).map(|s| &s.kind) else {
-            let help = self.did_you_mean(&connector.text, self.connectors.keys().copied());
-            self.report(
+    pub(in crate::elaborate) fn declare_port(&mut self, scope: ScopeId, name: &Ident, connector: &Ident) {
+        let Some(StatementKind::Connector { members, .. }) = self.instances.connectors.get(connector.text.as_str()).map(|s| &s.kind) else {
+            let help = self.ledger.reports.did_you_mean(&connector.text, self.instances.connectors.keys().copied());
+            self.ledger.report(
                 Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown connector `{}`", connector.text), connector.span).maybe_help(help),
             );
-            return self.faulty(scope, name);
+            return self.naming().faulty(scope, name);
         };
-        let prefix = format!("{}{}.", self.names.scopes[scope].prefix, name.text);
-        let port = self.names.scopes.push(Scope { prefix, parent: Some(scope), names: Default::default() });
-        self.declare(scope, name, SymbolKind::Instance(port));
+        let prefix = format!("{}{}.", self.symbols.scopes[scope].prefix, name.text);
+        let port = self.symbols.scopes.push(Scope { prefix, parent: Some(scope), names: Default::default() });
+        self.naming().declare(scope, name, SymbolKind::Instance(port));
         for member in members {
-            let place = self.place(scope, Site::Dynamics);
+            let place = Place::new(scope, Site::Dynamics);
             let Some((axes, _)) = self.axes(&member.indices, &place) else { continue };
             let unit = match &member.unit {
                 Some(u) => self.unit(u, &place),
                 None => Some(Unit::one()),
             };
             let Some(unit) = unit else { continue };
-            if let Some(var) = self.new_variable(port, &member.name, Role::Algebraic, axes, unit, member) {
-                self.port_variables.insert(var);
+            if let Some(var) = self.naming().new_variable(port, &member.name, Role::Algebraic, axes, unit, member) {
+                self.symbols.ports.insert(var);
             }
         }
     }
 
-    pub(super) fn declare_instance(
+    pub(in crate::elaborate) fn declare_instance(
         &mut self,
         scope: ScopeId,
         component: &'a Ident,
@@ -52,81 +76,82 @@ impl<'a> Elaborator<'a> {
         depth: usize,
     ) {
         // Enough was said.
-        if self.instantiated > MAX_INSTANTIATED {
-            return self.faulty(scope, name);
+        if self.instances.made > MAX_INSTANTIATED {
+            return self.naming().faulty(scope, name);
         }
-        if let Some(at) = self.instantiating.iter().position(|c| *c == component.text) {
+        if let Some(at) = self.instances.open.iter().position(|c| *c == component.text) {
             self.contains_itself(at, component);
-            return self.faulty(scope, name);
+            return self.naming().faulty(scope, name);
         }
         if depth >= MAX_COMPONENT_DEPTH {
-            self.instantiated = usize::MAX;
+            self.instances.made = usize::MAX;
             let message = format!("components inside one another, more than {MAX_COMPONENT_DEPTH} deep");
-            self.report(Diagnostic::error(codes::TOO_LARGE, message, component.span));
-            return self.faulty(scope, name);
+            self.ledger.report(Diagnostic::error(codes::TOO_LARGE, message, component.span));
+            return self.naming().faulty(scope, name);
         }
-        let Some(statement) = self.components.get(component.text.as_str()).copied() else {
-            let help = self.did_you_mean(&component.text, self.components.keys().copied());
-            self.report(
+        let Some(statement) = self.instances.components.get(component.text.as_str()).copied() else {
+            let help = self.ledger.reports.did_you_mean(&component.text, self.instances.components.keys().copied());
+            self.ledger.report(
                 Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown component `{}`", component.text), component.span).maybe_help(help),
             );
-            return self.faulty(scope, name);
+            return self.naming().faulty(scope, name);
         };
-        self.used_components.insert(&component.text);
-        if !self.samples.may_instantiate(depth) {
-            return self.faulty(scope, name);
+        self.instances.used.insert(&component.text);
+        if !self.instances.samples.may_instantiate(depth) {
+            return self.naming().faulty(scope, name);
         }
-        let place = self.place(scope, Site::Dynamics);
-        let path = format!("{}{}", self.names.scopes[scope].prefix, name.text);
+        let place = Place::new(scope, Site::Dynamics);
+        let path = format!("{}{}", self.symbols.scopes[scope].prefix, name.text);
         if indices.is_empty() {
             let inner = self.instantiate(statement, &path, name.span, arguments, &place, depth);
-            self.declare(scope, name, SymbolKind::Instance(inner));
+            self.naming().declare(scope, name, SymbolKind::Instance(inner));
             return;
         }
         let [binder] = indices else {
-            self.report(Diagnostic::error(codes::WRONG_SHAPE, "instances take one index", name.span));
-            return self.faulty(scope, name);
+            self.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, "instances take one index", name.span));
+            return self.naming().faulty(scope, name);
         };
         let mut list = Vec::new();
         for value in self.bindings_of(binder, &place) {
-            if self.instantiated > MAX_INSTANTIATED {
-                return self.faulty(scope, name);
+            if self.instances.made > MAX_INSTANTIATED {
+                return self.naming().faulty(scope, name);
             }
-            let super::super::functions::BinderValue::One(bound) = value else {
-                self.report(Diagnostic::error(codes::WRONG_KIND, "instances are counted by a set", binder.span));
-                return self.faulty(scope, name);
+            let crate::elaborate::lower::functions::BinderValue::One(bound) = value else {
+                self.ledger.report(Diagnostic::error(codes::WRONG_KIND, "instances are counted by a set", binder.span));
+                return self.naming().faulty(scope, name);
             };
             let label = match &bound {
-                Bound::Member(set, i) => self.names.sets[*set].labels[*i].clone(),
+                Bound::Member(set, i) => self.symbols.sets[*set].labels[*i].clone(),
                 Bound::Number(e) => self.exprs.as_const(*e).map_or_else(String::new, |x| x.to_string()),
                 _ => continue,
             };
-            if !self.samples.may_instantiate(depth) {
+            if !self.instances.samples.may_instantiate(depth) {
                 break;
             }
             let inner_place = place.bind(&binder.name.text, bound);
             let inner = self.instantiate(statement, &format!("{path}[{label}]"), name.span, arguments, &inner_place, depth);
             list.push((label, inner));
         }
-        self.declare(scope, name, SymbolKind::Instances(Row::new(list).into()));
+        self.naming().declare(scope, name, SymbolKind::Instances(Row::new(list).into()));
     }
 
     /// Reports a component that is inside of itself, with those between.
     fn contains_itself(&mut self, at: usize, component: &Ident) {
-        let between: Vec<String> = self.instantiating[at + 1..].iter().map(|c| format!("`{c}`")).collect();
+        let between: Vec<String> = self.instances.open[at + 1..].iter().map(|c| format!("`{c}`")).collect();
         let through = if between.is_empty() { String::new() } else { format!(" through {}", between.join(" and ")) };
         let message = format!("`{}` contains itself{through}", component.text);
         let fault = Diagnostic::error(codes::CYCLIC_DEFINITION, message, component.span);
-        self.report(fault.help("a component has a fixed size: use an array of instances, `use Stage as s[k in 1..n]`, and connect them"));
+        self.ledger
+            .report(fault.help("a component has a fixed size: use an array of instances, `use Stage as s[k in 1..n]`, and connect them"));
     }
 
     /// Counts the declarations of an instance; `false`, and one report, where they are beyond reason.
     fn may_instantiate(&mut self, declarations: usize, used: Span) -> bool {
-        let before = self.instantiated;
-        self.instantiated = before.saturating_add(1 + declarations);
-        let fits = self.instantiated <= MAX_INSTANTIATED;
+        let before = self.instances.made;
+        self.instances.made = before.saturating_add(1 + declarations);
+        let fits = self.instances.made <= MAX_INSTANTIATED;
         if !fits && before <= MAX_INSTANTIATED {
-            self.report(
+            self.ledger.report(
                 Diagnostic::error(
                     codes::TOO_LARGE,
                     "instances of components would make more than 300,000 declarations and equations",
@@ -144,24 +169,24 @@ impl<'a> Elaborator<'a> {
         path: &str,
         used: Span,
         arguments: &'a [(Ident, Expr)],
-        outer: &super::super::Place,
+        outer: &crate::elaborate::Place,
         depth: usize,
     ) -> ScopeId {
         let root = ScopeId::from_u32(0);
-        let scope = self.names.scopes.push(Scope { prefix: format!("{path}."), parent: Some(root), names: Default::default() });
-        self.used_at.insert(scope, used);
+        let scope = self.symbols.scopes.push(Scope { prefix: format!("{path}."), parent: Some(root), names: Default::default() });
+        self.instances.used_at.insert(scope, used);
         let StatementKind::Component { name, parameters, body, .. } = &statement.kind else { return scope };
         for (parameter, default) in parameters {
-            self.warn_of_name(parameter);
+            self.ledger.warn_of_name(parameter);
             let given = arguments.iter().find(|(a, _)| a.text == parameter.text).map(|(_, e)| e);
-            if self.samples.taken() && given.is_none() && default.is_none() {
-                let kind = self.sampled(scope, parameter, body);
-                self.declare(scope, parameter, kind);
+            if self.instances.samples.taken() && given.is_none() && default.is_none() {
+                let kind = self.symbols.sampled(scope, parameter, body);
+                self.naming().declare(scope, parameter, kind);
                 continue;
             }
             self.structural(scope, (path, used), parameter, given, default.as_ref(), outer);
         }
-        let list = items(body, &self.selection);
+        let list = items(body, &self.input.selection);
         for (argument, e) in arguments {
             if parameters.iter().any(|(p, _)| p.text == argument.text) {
                 continue;
@@ -175,10 +200,10 @@ impl<'a> Elaborator<'a> {
                 .chain(parameters.iter().map(|(p, _)| p.text.as_str()))
                 .collect();
             if known.contains(&argument.text.as_str()) {
-                self.given.insert((scope, argument.text.clone()), (e, outer.clone()));
+                self.instances.given.insert((scope, argument.text.clone()), (e, outer.clone()));
             } else {
-                let help = self.did_you_mean(&argument.text, known);
-                self.report(
+                let help = self.ledger.reports.did_you_mean(&argument.text, known);
+                self.ledger.report(
                     Diagnostic::error(
                         codes::WRONG_ARGUMENTS,
                         format!("the component `{}` has no parameter `{}`", name.text, argument.text),
@@ -189,9 +214,9 @@ impl<'a> Elaborator<'a> {
             }
         }
         if self.may_instantiate(list.len(), used) {
-            self.instantiating.push(&name.text);
+            self.instances.open.push(&name.text);
             self.declare_block(scope, list, depth + 1);
-            self.instantiating.pop();
+            self.instances.open.pop();
         }
         scope
     }
@@ -204,34 +229,34 @@ impl<'a> Elaborator<'a> {
         name: &'a Ident,
         given: Option<&Expr>,
         default: Option<&Expr>,
-        outer: &super::super::Place,
+        outer: &crate::elaborate::Place,
     ) {
         for key in [format!("{path}.{}", name.text), name.text.clone()] {
-            if let Some(Setting::Number(x)) = self.options.settings.get(&key) {
-                self.used_parameters.insert(key.clone());
+            if let Some(Setting::Number(x)) = self.input.options.settings.get(&key) {
+                self.input.used_settings.insert(key.clone());
                 if x.fract() == 0.0 && *x >= 0.0 && *x < 1e9 {
-                    self.declare(scope, name, SymbolKind::Integer(*x as i64));
+                    self.naming().declare(scope, name, SymbolKind::Integer(*x as i64));
                     return;
                 }
-                self.scenario_fault(format!("`{key}` takes a whole number, not {x}"));
+                self.ledger.reports.scenario_fault(format!("`{key}` takes a whole number, not {x}"), None);
             }
         }
         let Some(e) = given.or(default) else {
-            self.report(
+            self.ledger.report(
                 Diagnostic::error(codes::MISSING_DEFAULT, format!("`{path}` needs a value of `{}`", name.text), used)
                     .secondary(name.span, "it has no default")
                     .help(format!("write `({} = ...)` after the instance's name", name.text)),
             );
-            return self.faulty(scope, name);
+            return self.naming().faulty(scope, name);
         };
         if let ExprKind::Name(n) = &e.kind
-            && let Some(symbol) = self.names.lookup(outer.scope, &n.text)
-            && let SymbolKind::Set(set) = self.names.symbols[symbol].kind
+            && let Some(symbol) = self.symbols.lookup(outer.scope, &n.text)
+            && let SymbolKind::Set(set) = self.symbols[symbol].kind
         {
-            self.declare(scope, name, SymbolKind::Set(set));
+            self.naming().declare(scope, name, SymbolKind::Set(set));
             return;
         }
         let kind = self.integer(e, outer).map_or(SymbolKind::Faulty, SymbolKind::Integer);
-        self.declare(scope, name, kind);
+        self.naming().declare(scope, name, kind);
     }
 }

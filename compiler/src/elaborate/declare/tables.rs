@@ -7,111 +7,113 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Expr, Ident, Table, TableCells, TimeTable};
 use smpl_dsl::units::Unit;
 
-use super::super::names::{Axis, ScopeId, SetId, SymbolKind};
-use super::super::{Elaborator, Site};
+use crate::elaborate::declare::naming::Naming;
+use crate::elaborate::declare::symbols::{Axis, ScopeId, SetId, SymbolKind};
+use crate::elaborate::{Elaborator, Place, Site};
+
+/// A table while its rows are read.
+struct Numbers {
+    /// Unit of each column.
+    units: Vec<Unit>,
+    /// Entries of each column, the last index fastest.
+    values: Vec<Vec<f64>>,
+    /// Entries of one member of the first set.
+    inner: usize,
+    place: Place,
+}
 
 impl<'a> Elaborator<'a> {
-    pub(super) fn declare_table(&mut self, scope: ScopeId, table: &'a Table) {
-        let mut sets = Vec::new();
-        for index in &table.indices {
-            let Some(set) = self.set_named(scope, index) else {
-                for column in &table.columns {
-                    self.faulty(scope, &column.name);
-                }
-                return;
-            };
-            sets.push(set);
+    pub(in crate::elaborate) fn declare_table(&mut self, scope: ScopeId, table: &'a Table) {
+        let sets: Option<Vec<SetId>> = table.indices.iter().map(|index| self.naming().set_named(scope, index)).collect();
+        let Some(sets) = sets else {
+            return table.columns.iter().for_each(|column| self.naming().faulty(scope, &column.name));
+        };
+        let place = Place::new(scope, Site::Dynamics);
+        let mut numbers = self.empty_table(table, &sets, place);
+        if let Some(e) = &table.default
+            && let Some(x) = self.table_number(e, numbers.units.first(), &numbers.place)
+        {
+            numbers.values.iter_mut().for_each(|v| v.fill(x));
         }
-        let place = self.place(scope, Site::Dynamics);
-        let columns = table.columns.len().max(1);
-        let inner: usize = sets.iter().skip(1).map(|&s| self.names.sets[s].labels.len()).product();
-        let outer = sets.first().map_or(1, |&s| self.names.sets[s].labels.len());
-        // One table of several columns, or one table of one or two indices.
-        let width = if columns > 1 { columns } else { inner };
-        let mut values = vec![vec![f64::NAN; outer * inner]; columns];
-        let mut tables_units = Vec::new();
+        let before = self.ledger.reports.diagnostics.len();
+        for row in &table.rows {
+            let Some(i) = sets.first().and_then(|&s| self.naming().row_member(s, &row.label)) else { continue };
+            match &row.cells {
+                TableCells::Values(cells) => self.row_of_values(&mut numbers, i, cells, row.span),
+                TableCells::Sparse(cells) => self.row_of_members(&mut numbers, i, cells, sets.get(1).copied(), row.span),
+            }
+        }
+        // What a faulty row would have given is not missing.
+        if self.ledger.reports.diagnostics.len() == before {
+            self.naming().check_table(table, &sets, &numbers.values);
+        }
+        let axes: Rc<[Axis]> = sets.iter().map(|&s| Axis::Set(s)).collect();
+        for ((column, unit), values) in table.columns.iter().zip(numbers.units).zip(numbers.values) {
+            self.naming().declare(scope, &column.name, SymbolKind::Table { axes: Rc::clone(&axes), unit, values: values.into() });
+        }
+    }
+
+    /// A table whose entries are not known yet.
+    fn empty_table(&mut self, table: &Table, sets: &[SetId], place: Place) -> Numbers {
+        let size = |&s: &SetId| self.symbols.sets[s].labels.len();
+        let inner: usize = sets.iter().skip(1).map(size).product();
+        let outer = sets.first().map_or(1, size);
+        let values = vec![vec![f64::NAN; outer * inner]; table.columns.len().max(1)];
+        let mut units = Vec::new();
         for column in &table.columns {
             let unit = match &column.unit {
                 Some(u) => self.unit(u, &place),
                 None => Some(Unit::one()),
             };
-            tables_units.push(unit.unwrap_or_else(Unit::one));
+            units.push(unit.unwrap_or_else(Unit::one));
         }
-        if let Some(e) = &table.default
-            && let Some(x) = self.table_number(e, tables_units.first(), &place)
-        {
-            for v in &mut values {
-                v.fill(x);
+        Numbers { units, values, inner, place }
+    }
+
+    /// `member: 1 2 3`: one value a column, or a member of the second set.
+    fn row_of_values(&mut self, numbers: &mut Numbers, i: usize, cells: &[Expr], span: Span) {
+        let (columns, inner) = (numbers.values.len(), numbers.inner);
+        let width = if columns > 1 { columns } else { inner };
+        if cells.len() != width {
+            let message = format!("this row has {} values, not {width}", cells.len());
+            let fault = Diagnostic::error(codes::WRONG_SHAPE, message, span);
+            return self.ledger.report(fault.help("one value a column, or a member of the second set"));
+        }
+        for (j, e) in cells.iter().enumerate() {
+            let (table, at) = if columns > 1 { (j, i) } else { (0, i * inner + j) };
+            if let Some(x) = self.table_number(e, numbers.units.get(table), &numbers.place) {
+                numbers.values[table][at] = x;
             }
-        }
-        let before = self.diagnostics.len();
-        for row in &table.rows {
-            let Some(i) = sets.first().and_then(|&s| self.row_member(s, &row.label)) else { continue };
-            match &row.cells {
-                TableCells::Values(cells) => {
-                    if cells.len() != width {
-                        self.report(
-                            Diagnostic::error(codes::WRONG_SHAPE, format!("this row has {} values, not {width}", cells.len()), row.span)
-                                .help("one value a column, or a member of the second set"),
-                        );
-                        continue;
-                    }
-                    for (j, e) in cells.iter().enumerate() {
-                        let (table, at) = if columns > 1 { (j, i) } else { (0, i * inner + j) };
-                        if let Some(x) = self.table_number(e, tables_units.get(table), &place) {
-                            values[table][at] = x;
-                        }
-                    }
-                }
-                TableCells::Sparse(cells) => {
-                    let Some(&second) = sets.get(1) else {
-                        self.report(Diagnostic::error(codes::WRONG_SHAPE, "`member = value` needs a table over two sets", row.span));
-                        continue;
-                    };
-                    for (label, e) in cells {
-                        let Some(j) = self.row_member(second, label) else { continue };
-                        if let Some(x) = self.table_number(e, tables_units.first(), &place) {
-                            values[0][i * inner + j] = x;
-                        }
-                    }
-                }
-            }
-        }
-        // What a faulty row would have given is not missing.
-        if self.diagnostics.len() == before {
-            self.check_table(table, &sets, &values);
-        }
-        let axes: Rc<[Axis]> = sets.iter().map(|&s| Axis::Set(s)).collect();
-        for ((column, unit), values) in table.columns.iter().zip(tables_units).zip(values) {
-            self.declare(scope, &column.name, SymbolKind::Table { axes: Rc::clone(&axes), unit, values: values.into() });
         }
     }
 
-    fn row_member(&mut self, set: SetId, label: &Ident) -> Option<usize> {
-        let found = self.names.sets[set].position(&label.text);
-        if found.is_none() {
-            let name = self.names.sets[set].name.clone();
-            let help = self.did_you_mean(&label.text, self.names.sets[set].labels.iter().map(String::as_str));
-            self.report(
-                Diagnostic::error(codes::OUT_OF_RANGE, format!("`{}` is no member of `{name}`", label.text), label.span).maybe_help(help),
-            );
+    /// `member: other = 1, another = 2`: some members of the second set.
+    fn row_of_members(&mut self, numbers: &mut Numbers, i: usize, cells: &[(Ident, Expr)], second: Option<SetId>, span: Span) {
+        let Some(second) = second else {
+            let fault = Diagnostic::error(codes::WRONG_SHAPE, "`member = value` needs a table over two sets", span);
+            return self.ledger.report(fault);
+        };
+        for (label, e) in cells {
+            let Some(j) = self.naming().row_member(second, label) else { continue };
+            if let Some(x) = self.table_number(e, numbers.units.first(), &numbers.place) {
+                numbers.values[0][i * numbers.inner + j] = x;
+            }
         }
-        found
     }
 
-    fn table_number(&mut self, e: &Expr, unit: Option<&Unit>, place: &super::super::Place) -> Option<f64> {
+    fn table_number(&mut self, e: &Expr, unit: Option<&Unit>, place: &crate::elaborate::Place) -> Option<f64> {
         let one = Unit::one();
         let expr = self.number_in(e, unit.unwrap_or(&one), "the table's entry", Span::default(), place);
-        let reports = self.diagnostics.len();
+        let reports = self.ledger.reports.diagnostics.len();
         let value = self.constant_value(expr);
-        if value.is_none() && reports == self.diagnostics.len() {
-            self.missing_value("an entry of a table", e.span);
+        if value.is_none() && reports == self.ledger.reports.diagnostics.len() {
+            self.ledger.missing_value("an entry of a table", e.span);
         }
         value.filter(|v| !v.is_nan())
     }
 
-    pub(super) fn declare_time_table(&mut self, scope: ScopeId, table: &'a TimeTable) {
-        let place = self.place(scope, Site::Dynamics);
+    pub(in crate::elaborate) fn declare_time_table(&mut self, scope: ScopeId, table: &'a TimeTable) {
+        let place = Place::new(scope, Site::Dynamics);
         let unit = match &table.unit {
             Some(u) => self.unit(u, &place).unwrap_or_else(Unit::one),
             None => Unit::one(),
@@ -123,14 +125,28 @@ impl<'a> Elaborator<'a> {
             let v = self.table_number(value, Some(&unit), &place);
             if let (Some(t), Some(v)) = (t, v) {
                 if points.last().is_some_and(|&(before, _): &(f64, f64)| before >= t) {
-                    self.report(Diagnostic::error(codes::BAD_SETTING, "times of a table must increase", time.span));
+                    self.ledger.report(Diagnostic::error(codes::BAD_SETTING, "times of a table must increase", time.span));
                 }
                 points.push((t, v));
             }
         }
         if points.is_empty() {
-            self.report(Diagnostic::error(codes::EMPTY_SET, format!("the table `{}` is empty", table.name.text), table.name.span));
+            self.ledger.report(Diagnostic::error(codes::EMPTY_SET, format!("the table `{}` is empty", table.name.text), table.name.span));
         }
-        self.declare(scope, &table.name, SymbolKind::TimeTable { unit, time_unit, kind: table.kind, points: points.into() });
+        self.naming().declare(scope, &table.name, SymbolKind::TimeTable { unit, time_unit, kind: table.kind, points: points.into() });
+    }
+}
+
+impl<'a> Naming<'_, 'a> {
+    fn row_member(&mut self, set: SetId, label: &Ident) -> Option<usize> {
+        let found = self.symbols.sets[set].position(&label.text);
+        if found.is_none() {
+            let name = self.symbols.sets[set].name.clone();
+            let help = self.ledger.reports.did_you_mean(&label.text, self.symbols.sets[set].labels.iter().map(String::as_str));
+            self.ledger.report(
+                Diagnostic::error(codes::OUT_OF_RANGE, format!("`{}` is no member of `{name}`", label.text), label.span).maybe_help(help),
+            );
+        }
+        found
     }
 }

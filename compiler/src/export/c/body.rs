@@ -9,9 +9,7 @@ use super::index::{Tables, subscript};
 use crate::export::ExportError;
 use crate::export::functions::extents;
 use crate::export::sheet::{Array, Extents, Function, Loops, Nest, Sheet, Store};
-use crate::interpret::identity;
-use crate::ir::hash::{FastMap, FastSet};
-use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Flavour, LoopVar, ReduceFn, UnaryFn, VarId};
+use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, FastMap, FastSet, Flavour, LoopVar, ReduceFn, UnaryFn, VarId};
 use crate::kernels::power_chain;
 
 /// A block of the text.
@@ -226,7 +224,7 @@ impl<'s> Body<'s> {
     fn reduce(&mut self, home: usize, op: ReduceFn, counter: (u8, u32), body: ExprId) -> Result<String, ExportError> {
         let name = format!("v{}", self.names);
         self.names += 1;
-        self.line(home, &format!("double {name} = {};", number(identity(op))));
+        self.line(home, &format!("double {name} = {};", number(op.identity())));
         let inside = self.scopes.split_off(home + 1);
         self.scopes.push(Scope { counter: Some(counter), ..Scope::default() });
         self.place(body)?;

@@ -2,10 +2,10 @@
 
 use std::fmt::Write as _;
 
-use crate::differentiate::pattern::{each, row_major};
+use crate::differentiate::pattern::each;
 use crate::export::sheet::Loops;
-use crate::ir::hash::FastMap;
-use crate::ir::{Affine, MAX_DEPTH};
+use crate::ir::{Affine, FastMap, MAX_DEPTH};
+use crate::schedule::row_major;
 
 /// Position tables of a file; equal ones are one.
 #[derive(Default)]

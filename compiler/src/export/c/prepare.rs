@@ -3,9 +3,9 @@
 use crate::export::ExportError;
 use crate::export::functions::{extents, is_dynamic, spread};
 use crate::export::sheet::{Nest, Sheet, Store};
-use crate::generate::schedule::{Job, Sink, Task};
 use crate::hoist::{Hoister, Stage};
 use crate::ir::{Affine, Flavour, Role, VarId};
+use crate::schedule::{Job, Sink, Task};
 
 /// Replaces what actions and parameters alone determine by elements of `w`; the nests that fill it, stage after stage, and its length.
 pub(super) fn hoist(sheet: &mut Sheet) -> Result<(Vec<Vec<Nest>>, u32), ExportError> {

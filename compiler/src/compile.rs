@@ -1,0 +1,182 @@
+//! The list of passes, from text to machine code: the one way that the command, Python and the tests take.
+//!
+//! | part | from | to |
+//! |---|---|---|
+//! | [`flatten`] | texts, [`Options`] | a flat [`Model`]: variables, rows, programs, interface |
+//! | [`CompiledModel::build`] | the flat model, [`BackEndSettings`] | a [`CompiledModel`] |
+//!
+//! [`compile`] is both.
+
+use std::time::Instant;
+
+use smpl_dsl::diagnostic::{Diagnostic, Faults, SourceMap, codes};
+use smpl_dsl::span::{FileId, Span};
+use smpl_dsl::stack::on_own_stack;
+
+use crate::compiled::{BackEndError, BackEndSettings, CompileStatistics, CompiledModel, Parts};
+use crate::differentiate::pattern::Pattern;
+use crate::elaborate::{self, Elaborated, Options};
+use crate::functions::{self, Function};
+use crate::generate::{Effort, Generated, Request, generate};
+use crate::hoist::Hoister;
+use crate::ir::{Exprs, Role};
+use crate::layout::Layout;
+use crate::model::Model;
+use crate::read::{Loader, independent, read};
+use crate::schedule::{Job, reroll};
+use crate::{differentiate, explicit_time, schedule, structure};
+
+/// What a text was compiled to.
+pub struct Compiled {
+    /// The model.
+    pub model: CompiledModel,
+    /// Warnings.
+    pub warnings: Vec<Diagnostic>,
+    /// What was imported, among the sources.
+    pub imports: Vec<FileId>,
+}
+
+/// Compiles a file of `sources` with all that it imports.
+///
+/// # Errors
+/// All independent faults of the texts; one at the head of the file where the back end refuses.
+pub fn compile(
+    sources: &mut SourceMap,
+    main: FileId,
+    loader: &mut Loader,
+    options: &Options,
+    settings: &BackEndSettings,
+) -> Result<Compiled, Vec<Diagnostic>> {
+    let before = sources.len();
+    let (model, warnings) = flatten(sources, main, loader, options)?;
+    let imports = (before..sources.len()).map(|i| FileId(i as u16)).collect();
+    let whole = Span { file: main, start: 0, end: 0 };
+    let refused = |error: BackEndError| vec![Diagnostic::error(codes::BACK_END, error.to_string(), whole)];
+    let model = CompiledModel::build(model, settings).map_err(refused)?;
+    Ok(Compiled { model, warnings, imports })
+}
+
+/// Compiles a file of `sources` to a flat model, with the warnings, on a stack of its own: a caller's thread may have a small one.
+///
+/// # Errors
+/// All independent faults of the text and of what it imports.
+pub fn flatten(
+    sources: &mut SourceMap,
+    main: FileId,
+    loader: &mut Loader,
+    options: &Options,
+) -> Result<(Model, Vec<Diagnostic>), Vec<Diagnostic>> {
+    let (model, warnings) = on_own_stack(|| front_end(sources, main, loader, options)).map_err(Faults::shown)?;
+    Ok((model, warnings.shown()))
+}
+
+impl CompiledModel {
+    /// Compiles a flat model.
+    ///
+    /// # Errors
+    /// If an equation cannot be differentiated, a program addresses what it cannot have, or no code can be made.
+    pub fn build(model: Model, settings: &BackEndSettings) -> Result<CompiledModel, BackEndError> {
+        on_own_stack(|| CompiledModel::assemble(back_end(model, settings)?))
+    }
+}
+
+/// Texts to a flat model.
+fn front_end(sources: &mut SourceMap, main: FileId, loader: &mut Loader, options: &Options) -> Result<(Model, Faults), Faults> {
+    let texts = read(sources, main, loader);
+    // Of so many faults not all are known, so that what follows from them could not be told from what does not.
+    if texts.faults.more() > 0 {
+        return Err(texts.faults);
+    }
+    let elaborated = match elaborate::elaborate(&texts.files, &texts.imports, options) {
+        Ok(_) if !texts.faults.is_empty() => return Err(texts.faults),
+        Ok(elaborated) => elaborated,
+        Err(faults) => return Err(independent(sources, texts.faults, faults)),
+    };
+    let (model, mut warnings) = determine(elaborated)?;
+    if options.lints {
+        elaborate::unused_parameters(&model, sources, main, &texts.ids).into_iter().for_each(|w| warnings.push(w));
+    }
+    Ok((model, warnings))
+}
+
+/// Which equation determines which unknown: completes the model, equations to rows.
+fn determine(elaborated: Elaborated) -> Result<(Model, Faults), Faults> {
+    let Elaborated { mut model, mut equations, runs, warnings } = elaborated;
+    if runs {
+        structure::write_out_ranges(&mut model, &mut equations);
+    }
+    structure::solve_for_derivatives(&mut model.exprs, &model.vars, &mut equations);
+    let rates = structure::cover_states(&model, &equations)?;
+    structure::substitute_derivatives(&mut model, &mut equations);
+    let plan = structure::plan_algebraic(&mut model, &mut equations);
+    structure::substitute_algebraic(&mut model, &mut equations, &plan);
+    model.rows = structure::match_rows(&mut model, equations, &plan, &rates)?;
+    structure::refuse_singular_loops(&model)?;
+    model.explicit = structure::is_explicit(&model);
+    structure::order_initial(&mut model)?;
+    Ok((model, warnings))
+}
+
+/// A flat model to machine code.
+fn back_end(mut model: Model, settings: &BackEndSettings) -> Result<Parts, BackEndError> {
+    let started = Instant::now();
+    let unknowns = check_square(&model)?;
+    let mut tables: Vec<u32> = model.slots.concat();
+    let rows = differentiate::rows(&mut model)?;
+    let entries = differentiate::jacobian(&mut model, &rows);
+    let pattern = Pattern::new(&entries, unknowns);
+    let jacobian = schedule::of_entries(&entries, &pattern, &mut model.exprs, &mut tables);
+    let differentiated = Instant::now();
+
+    let time = explicit_time::collect(&mut model, &rows);
+    let jobs = functions::jobs(&model, &rows, jacobian, &time);
+    let jobs = rerolled(jobs, &mut model.exprs);
+    let (jobs, prepare_parameters) = hoisted(jobs, &mut model);
+    let layout = Layout::new(&model, 0);
+    let hoisted = Instant::now();
+
+    let (nonzeros, forcings) = (pattern.nonzeros(), time.forcing_count());
+    let request = |(function, job)| request(function, job, &model, (nonzeros, forcings as usize), settings.quick);
+    let requests: Vec<Request<'_>> = jobs.iter().map(|(function, job)| request((*function, job))).collect();
+    let generated = generate(&requests, &model.exprs, &layout, settings.texts)?;
+    let named = jobs.iter().map(|(function, _)| function.name().to_owned());
+    let statistics = CompileStatistics {
+        differentiate: differentiated - started,
+        hoist: hoisted - differentiated,
+        generate: hoisted.elapsed(),
+        code_bytes: generated.iter().map(Generated::size).sum(),
+        nonzeros,
+        expressions: model.exprs.len(),
+        cached: model.vars.values().filter(|v| v.role == Role::Cache).map(|v| v.len as usize).sum(),
+        functions: named.zip(&generated).map(|(name, g)| (name, g.time, g.size())).collect(),
+    };
+    let codes = generated.into_iter().map(|g| g.codes).collect();
+    Ok(Parts { model, pattern, tables, codes, prepare_parameters, has_breaks: time.next_break.is_some(), forcings, statistics })
+}
+
+fn check_square(model: &Model) -> Result<usize, BackEndError> {
+    let unknowns = model.unknowns.iter().map(|v| model.vars[*v].len as usize).sum();
+    let rows = model.rows.iter().map(|r| r.extents.iter().map(|&e| e as usize).product::<usize>()).sum();
+    if unknowns == rows { Ok(unknowns) } else { Err(BackEndError::NotSquare { unknowns, rows }) }
+}
+
+/// The jobs of programs with runs of stores as loops.
+fn rerolled(jobs: Vec<(Function, Job)>, exprs: &mut Exprs) -> Vec<(Function, Job)> {
+    let mut pass = |(function, job): (Function, Job)| (function, if function.is_program() { reroll(job, exprs) } else { job });
+    jobs.into_iter().map(&mut pass).collect()
+}
+
+/// The jobs in the order of [`Function::ALL`] with what is known before they run in caches, and the job that fills the caches once
+/// parameters are set.
+fn hoisted(jobs: Vec<(Function, Job)>, model: &mut Model) -> (Vec<(Function, Job)>, Job) {
+    let mut hoister = Hoister::new(model);
+    let dynamic: Vec<_> = jobs.iter().map(|(function, job)| (*function, hoister.job(job, function.limit()))).collect();
+    let (prepare_parameters, prepare_step) = hoister.finish();
+    let jobs = [(Function::PrepareStep, prepare_step)].into_iter().chain(dynamic).collect();
+    (jobs, prepare_parameters)
+}
+
+fn request<'j>(function: Function, job: &'j Job, model: &Model, (nonzeros, forcings): (usize, usize), quick: bool) -> Request<'j> {
+    let effort = if function.is_hot() && !quick { Effort::Hot } else { Effort::Lukewarm };
+    Request { job, access: function.access(model, nonzeros, forcings), effort, rank: function.rank() }
+}

@@ -1,0 +1,47 @@
+//! Functions that are interpreted: what runs rarely.
+
+use super::parts::{BackEndError, Parts};
+use crate::functions::{elements, steady_len};
+use crate::interpret::Tape;
+use crate::ir::Program;
+use crate::layout::Layout;
+use crate::schedule::{Access, Job};
+
+/// Functions that are interpreted.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Tapes {
+    pub(super) prepare_parameters: Tape,
+    pub(super) parameters: Tape,
+    pub(super) initial_states: Tape,
+    pub(super) initial_discretes: Tape,
+    pub(super) steady: Tape,
+    pub(super) invariants: Tape,
+    pub(super) boxes: Tape,
+    pub(super) events: Vec<Tape>,
+    pub(super) policies: Vec<Tape>,
+}
+
+impl Tapes {
+    /// Prepares what is interpreted.
+    pub(super) fn new(parts: &Parts, layout: &Layout) -> Result<Tapes, BackEndError> {
+        let (model, programs) = (&parts.model, &parts.model.programs);
+        let tape = |name: &'static str, job: &Job, y: bool, yp: bool, out: usize| {
+            Tape::new(job, &model.exprs, layout, Access { name, y, yp, out })
+        };
+        let program = |name, program: &Program, y, yp, out| tape(name, &Job::of_program(program, &model.slots), y, yp, out);
+        let actions = elements(&model.interface.actions);
+        let boxed = model.interface.failures.iter().map(|f| f.items.len()).sum();
+        let steady = actions + steady_len(model);
+        Ok(Tapes {
+            prepare_parameters: tape("prepare_parameters", &parts.prepare_parameters, false, false, 0)?,
+            parameters: program("parameters", &programs.parameters, false, false, 0)?,
+            initial_states: program("initial_states", &programs.initial_states, true, false, 0)?,
+            initial_discretes: program("initial_discretes", &programs.initial_discretes, true, false, 0)?,
+            steady: program("steady", &programs.steady, true, false, steady)?,
+            invariants: program("invariants", &programs.invariants, true, true, 2 * model.interface.invariants.len())?,
+            boxes: program("boxes", &programs.boxes, true, true, boxed)?,
+            events: programs.events.iter().map(|p| program("event", p, true, false, 0)).collect::<Result<_, _>>()?,
+            policies: programs.policies.iter().map(|(_, p)| program("policy", p, true, false, actions)).collect::<Result<_, _>>()?,
+        })
+    }
+}

@@ -1,0 +1,135 @@
+//! How much a model may ask of the compiler.
+
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::span::Span;
+
+/// Most terms, elements and calls that are written out in one model.
+const MAX_WRITTEN_OUT: u32 = 1_000_000;
+
+/// Most expressions that are elaborated in one model, those of attempts that fail included.
+const MAX_WORK: u32 = 20_000_000;
+
+/// What a report counts among the expressions: its words take longer than they do.
+const REPORT: u32 = 50;
+
+/// Most nodes of the expressions of one model.
+const MAX_NODES: usize = 4_000_000;
+
+/// Deepest nest of expressions, definitions expanded; each level takes two kilobytes of stack.
+const MAX_NESTING: u32 = 500;
+
+/// Most members of all sets of numbers together: each has a label.
+const MAX_MEMBERS: i64 = 2_000_000;
+
+/// What has been used up.
+#[derive(Debug, Default)]
+pub(in crate::elaborate) struct Budget {
+    /// Expressions inside one another, definitions expanded.
+    nesting: u32,
+    /// Members of sets of numbers so far.
+    members: i64,
+    /// Terms, elements and calls written out so far.
+    written_out: u32,
+    /// Expressions elaborated so far.
+    work: u32,
+    /// Where that became too much: from there on nothing is elaborated or reported.
+    exhausted: Option<Span>,
+}
+
+/// Whether something may be written out.
+pub(in crate::elaborate) enum Verdict {
+    /// It may.
+    Granted,
+    /// It may not, which is to be said.
+    Refused(Box<Diagnostic>),
+    /// It may not, which was said.
+    Spent,
+}
+
+impl Budget {
+    /// Counts something that is written out: a term, an element, a call. Refused where the model is beyond reason, once; in an `attempt` to
+    /// keep a loop the model is given up, since what is too much in one pass of a loop is too much without the loop as well.
+    pub(in crate::elaborate) fn write_out(&mut self, span: Span, attempt: bool) -> Verdict {
+        if self.exhausted.is_some() {
+            return Verdict::Spent;
+        }
+        if self.written_out < MAX_WRITTEN_OUT {
+            self.written_out += 1;
+            return Verdict::Granted;
+        }
+        if attempt {
+            self.give_up(span);
+            return Verdict::Spent;
+        }
+        if self.written_out > MAX_WRITTEN_OUT {
+            return Verdict::Spent;
+        }
+        self.written_out += 1;
+        let fault = Diagnostic::error(codes::TOO_LARGE, "more than a million terms and elements would be written out", span);
+        Verdict::Refused(Box::new(fault.help("use a `domain` in place of a large set: its cells stay a loop")))
+    }
+
+    /// From here on nothing is elaborated or reported.
+    pub(in crate::elaborate) fn give_up(&mut self, span: Span) {
+        self.exhausted.get_or_insert(span);
+    }
+
+    /// Whether one more expression may be elaborated, where there are so many nodes. What an attempt took is not given back.
+    pub(in crate::elaborate) fn may_elaborate(&mut self, span: Span, nodes: usize) -> bool {
+        self.work = self.work.saturating_add(1);
+        if self.work > MAX_WORK || nodes > MAX_NODES {
+            self.give_up(span);
+        }
+        self.exhausted.is_none()
+    }
+
+    /// Counts a report; `false` where nothing is said any more.
+    pub(in crate::elaborate) fn may_report(&mut self) -> bool {
+        self.work = self.work.saturating_add(REPORT);
+        self.exhausted.is_none()
+    }
+
+    /// Goes one level deeper; `false` where that is too deep.
+    pub(in crate::elaborate) fn enter(&mut self) -> bool {
+        let may = self.nesting < MAX_NESTING;
+        self.nesting += u32::from(may);
+        may
+    }
+
+    /// Comes back from where [`Self::enter`] led.
+    pub(in crate::elaborate) fn leave(&mut self) {
+        self.nesting -= 1;
+    }
+
+    /// Counts members of sets of numbers; `false` where they are beyond reason.
+    pub(in crate::elaborate) fn may_hold(&mut self, members: i64) -> bool {
+        self.members = self.members.saturating_add(members.max(0));
+        self.members <= MAX_MEMBERS
+    }
+
+    /// Whether nothing more may be written out.
+    pub(in crate::elaborate) fn is_full(&self) -> bool {
+        self.written_out > MAX_WRITTEN_OUT || self.exhausted.is_some()
+    }
+
+    /// What was written out so far.
+    pub(in crate::elaborate) fn written_out(&self) -> u32 {
+        self.written_out
+    }
+
+    /// Takes back what an attempt has written out.
+    pub(in crate::elaborate) fn roll_back(&mut self, written_out: u32) {
+        self.written_out = written_out;
+    }
+
+    /// What to say at the end where the compiler gave up.
+    pub(in crate::elaborate) fn fault(&self) -> Option<Diagnostic> {
+        let span = self.exhausted.filter(|_| self.written_out <= MAX_WRITTEN_OUT)?;
+        let fault = Diagnostic::error(codes::TOO_LARGE, "the model is too large: it has tens of millions of terms", span);
+        Some(
+            fault
+                .label("so far the compiler came")
+                .help("use a `domain` in place of a large set, and name with `let` what is used again and again"),
+        )
+    }
+}

@@ -1,0 +1,318 @@
+//! Scopes, symbols, sets and domains: what a name can stand for.
+
+use std::rc::Rc;
+
+use cranelift_entity::{PrimaryMap, entity_impl};
+use smpl_dsl::span::Span;
+use smpl_dsl::syntax::{Declaration, Expr, Flux, Ident, TimeTableKind};
+use smpl_dsl::units::Unit;
+
+use crate::ir::{ExprId, FastMap, FastSet, VarId};
+use crate::model::{Quantity, Variable};
+
+/// A scope: the file, an instance of a component, or a port of one.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct ScopeId(u32);
+entity_impl!(ScopeId, "scope");
+
+/// Something with a name.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct SymbolId(u32);
+entity_impl!(SymbolId, "symbol");
+
+/// An index set.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct SetId(u32);
+entity_impl!(SetId, "set");
+
+/// A spatial domain of one instance.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct DomainId(u32);
+entity_impl!(DomainId, "domain");
+
+/// Names of one scope.
+#[derive(Debug, Default)]
+pub struct Scope {
+    /// Path with a trailing dot, empty for the file: `R1.inlet.`
+    pub prefix: String,
+    /// Where names are looked up next.
+    pub parent: Option<ScopeId>,
+    /// The names declared here.
+    pub names: FastMap<String, SymbolId>,
+}
+
+/// A symbol.
+#[derive(Clone, Debug)]
+pub struct Symbol<'a> {
+    /// Name with its path.
+    pub path: String,
+    /// Where it is declared.
+    pub scope: ScopeId,
+    /// Place of the declaration.
+    pub span: Span,
+    /// What it is.
+    pub kind: SymbolKind<'a>,
+}
+
+/// What a symbol is.
+#[derive(Clone, Debug)]
+pub enum SymbolKind<'a> {
+    /// State, algebraic variable, parameter, action, discrete variable or disturbance.
+    Variable { var: VarId, axes: Rc<[Axis]>, unit: Unit, declaration: &'a Declaration },
+    /// Named expression; a `random` number is one whose definition draws.
+    Let { axes: Rc<[Axis]>, binders: Rc<[String]>, unit: Option<Unit>, definition: &'a Expr, random: bool, declaration: &'a Declaration },
+    /// Numbers over sets.
+    Table { axes: Rc<[Axis]>, unit: Unit, values: Rc<[f64]> },
+    /// A function of time.
+    TimeTable { unit: Unit, time_unit: Unit, kind: TimeTableKind, points: Rc<[(f64, f64)]> },
+    /// A function.
+    Def { parameters: &'a [Ident], body: &'a Expr },
+    /// An index set.
+    Set(SetId),
+    /// A domain.
+    Domain(DomainId),
+    /// A flux on the faces of a domain.
+    Flux { flux: &'a Flux, axes: Rc<[Axis]>, binders: Rc<[String]> },
+    /// An instance of a component, or a port of one.
+    Instance(ScopeId),
+    /// Instances over a set.
+    Instances(Rc<Row>),
+    /// A choice: the options and the chosen one.
+    Choice { options: &'a [Ident], chosen: usize },
+    /// A structural number.
+    Integer(i64),
+    /// The phase in force; as a set, all phases.
+    Phase(SetId),
+    /// The independent variable.
+    Time,
+    /// Something whose declaration is at fault; its uses are not reported.
+    Faulty,
+}
+
+/// Instances in a row, by the labels of their index.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// Label and scope of each.
+    pub list: Vec<(String, ScopeId)>,
+    by_label: FastMap<String, ScopeId>,
+}
+
+impl Row {
+    /// A row of instances.
+    pub fn new(list: Vec<(String, ScopeId)>) -> Row {
+        let by_label = list.iter().cloned().collect();
+        Row { list, by_label }
+    }
+
+    /// The instance with a label.
+    pub fn find(&self, label: &str) -> Option<ScopeId> {
+        self.by_label.get(label).copied()
+    }
+}
+
+/// One index of a declared array.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axis {
+    /// Members of a set: written out.
+    Set(SetId),
+    /// Cells of a domain: loops.
+    Domain(DomainId),
+}
+
+/// Names in a message; of many, the first few.
+pub fn listed<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> String {
+    const MANY: usize = 8;
+    let n = names.len();
+    let shown: Vec<&str> = names.take(if n > MANY { MANY / 2 } else { MANY }).collect();
+    if n > MANY { format!("{}, ... ({n} members)", shown.join(", ")) } else { shown.join(", ") }
+}
+
+/// An index set.
+#[derive(Clone, Debug)]
+pub struct Set {
+    /// Its name.
+    pub name: String,
+    /// Labels of its members.
+    pub labels: Vec<String>,
+    /// The first member of a set of integers.
+    pub first: Option<i64>,
+    /// Positions of the members of a long set of names.
+    by_label: FastMap<String, usize>,
+}
+
+impl Set {
+    /// A set of names, or of the integers from `first` on.
+    pub fn new(name: String, labels: Vec<String>, first: Option<i64>) -> Set {
+        const LONG: usize = 32;
+        let mut by_label = FastMap::default();
+        if labels.len() > LONG && first.is_none() {
+            labels.iter().enumerate().for_each(|(i, label)| {
+                by_label.entry(label.clone()).or_insert(i);
+            });
+        }
+        Set { name, labels, first, by_label }
+    }
+
+    /// Position of a member.
+    pub fn position(&self, label: &str) -> Option<usize> {
+        if let Some(first) = self.first {
+            let at = label.parse::<i64>().ok()?.checked_sub(first)?;
+            return usize::try_from(at).ok().filter(|&at| self.labels.get(at).is_some_and(|l| l == label));
+        }
+        if self.by_label.is_empty() { self.labels.iter().position(|l| l == label) } else { self.by_label.get(label).copied() }
+    }
+}
+
+/// How field values reach the faces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scheme {
+    /// The cell on the low side.
+    Upwind,
+    /// The cell on the high side.
+    Downwind,
+    /// Linear between the neighbours.
+    Central,
+    /// Linear from two cells on the low side.
+    Upwind2,
+    /// Second order limited by van Leer's function.
+    Limited,
+}
+
+/// Shape of space.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Geometry {
+    /// Faces of equal area.
+    Planar,
+    /// Areas grow with the radius.
+    Cylindrical,
+    /// Areas grow with its square.
+    Spherical,
+}
+
+/// A domain.
+#[derive(Clone, Debug)]
+pub struct Domain<'a> {
+    /// Name of the domain and of its index.
+    pub name: String,
+    /// Scope in which its expressions stand.
+    pub scope: ScopeId,
+    /// The declaration.
+    pub declaration: &'a smpl_dsl::syntax::Domain,
+    /// Number of cells.
+    pub cells: i64,
+    /// Scheme of its fluxes.
+    pub scheme: Scheme,
+    /// Shape.
+    pub geometry: Geometry,
+    /// Unit and values of both ends, once elaborated.
+    pub ends: Option<(Unit, ExprId, ExprId)>,
+}
+
+/// All scopes, symbols, sets and domains, and the variables that they stand for.
+#[derive(Debug)]
+pub struct Symbols<'a> {
+    /// Scopes; the file is the first.
+    pub scopes: PrimaryMap<ScopeId, Scope>,
+    /// Symbols in the order of declaration.
+    pub list: PrimaryMap<SymbolId, Symbol<'a>>,
+    /// Sets.
+    pub sets: PrimaryMap<SetId, Set>,
+    /// Domains.
+    pub domains: PrimaryMap<DomainId, Domain<'a>>,
+    /// Variables of the flat model.
+    pub vars: PrimaryMap<VarId, Variable>,
+    /// What is seen of each declared variable from outside.
+    pub quantities: FastMap<VarId, Quantity>,
+    /// The symbol of each declared variable.
+    pub of_var: FastMap<VarId, SymbolId>,
+    /// Members of ports: connections, not outputs.
+    pub ports: FastSet<VarId>,
+    /// Name of the independent variable.
+    pub time_name: String,
+    /// Its unit.
+    pub time_unit: Unit,
+}
+
+impl Default for Symbols<'_> {
+    fn default() -> Self {
+        Symbols {
+            scopes: PrimaryMap::new(),
+            list: PrimaryMap::new(),
+            sets: PrimaryMap::new(),
+            domains: PrimaryMap::new(),
+            vars: PrimaryMap::new(),
+            quantities: FastMap::default(),
+            of_var: FastMap::default(),
+            ports: FastSet::default(),
+            time_name: "t".to_owned(),
+            time_unit: Unit::one(),
+        }
+    }
+}
+
+impl<'a> std::ops::Index<SymbolId> for Symbols<'a> {
+    type Output = Symbol<'a>;
+
+    fn index(&self, symbol: SymbolId) -> &Symbol<'a> {
+        &self.list[symbol]
+    }
+}
+
+impl std::ops::IndexMut<SymbolId> for Symbols<'_> {
+    fn index_mut(&mut self, symbol: SymbolId) -> &mut Self::Output {
+        &mut self.list[symbol]
+    }
+}
+
+impl<'a> Symbols<'a> {
+    /// Looks a name up from a scope outwards.
+    pub fn lookup(&self, scope: ScopeId, name: &str) -> Option<SymbolId> {
+        let mut at = Some(scope);
+        while let Some(id) = at {
+            let scope = &self.scopes[id];
+            if let Some(&symbol) = scope.names.get(name) {
+                return Some(symbol);
+            }
+            at = scope.parent;
+        }
+        None
+    }
+
+    /// All names that can be seen from a scope, for suggestions; in no order.
+    pub fn visible(&self, scope: ScopeId) -> Vec<&str> {
+        let mut names = Vec::new();
+        let mut at = Some(scope);
+        while let Some(id) = at {
+            names.extend(self.scopes[id].names.keys().map(String::as_str));
+            at = self.scopes[id].parent;
+        }
+        names
+    }
+
+    /// Declares a symbol; gives back the earlier one of that name in that scope.
+    pub fn declare(&mut self, name: &str, symbol: Symbol<'a>) -> Result<SymbolId, SymbolId> {
+        let scope = symbol.scope;
+        if let Some(&before) = self.scopes[scope].names.get(name) {
+            return Err(before);
+        }
+        let id = self.list.push(symbol);
+        self.scopes[scope].names.insert(name.to_owned(), id);
+        Ok(id)
+    }
+
+    /// Number of members along an axis.
+    pub fn axis_len(&self, axis: Axis) -> i64 {
+        match axis {
+            Axis::Set(set) => self.sets[set].labels.len() as i64,
+            Axis::Domain(domain) => self.domains[domain].cells,
+        }
+    }
+
+    /// Name of the set or domain of an axis.
+    pub fn axis_name(&self, axis: Axis) -> &str {
+        match axis {
+            Axis::Set(set) => &self.sets[set].name,
+            Axis::Domain(domain) => &self.domains[domain].name,
+        }
+    }
+}

@@ -1,0 +1,81 @@
+//! Variables that nothing declares: random numbers, integrals over the step, what the runtime tells.
+
+use cranelift_entity::PrimaryMap;
+use smpl_dsl::span::Span;
+
+use crate::ir::{BUILTIN_COUNT, ExprId, Role, VarId};
+use crate::model::{Draw, Instant, Variable};
+
+/// The variables, each an array that grows as it is used.
+#[derive(Debug)]
+pub(in crate::elaborate) struct Hidden {
+    /// Elements by [`crate::ir::Builtin`].
+    pub builtins: VarId,
+    /// Which parameters were given.
+    pub param_given: VarId,
+    /// Random numbers.
+    pub draws: Draws,
+    /// Integrals over the step.
+    pub quadratures: Quadratures,
+}
+
+/// Standard variates.
+#[derive(Debug)]
+pub(in crate::elaborate) struct Draws {
+    /// The array.
+    pub var: VarId,
+    /// Its elements.
+    pub list: Vec<Draw>,
+    /// For whom numbers are drawn now, and when.
+    pub site: Option<(String, Instant)>,
+}
+
+/// Quadratures.
+#[derive(Debug)]
+pub(in crate::elaborate) struct Quadratures {
+    /// The array.
+    pub var: VarId,
+    /// Integrands of its elements.
+    pub list: Vec<ExprId>,
+}
+
+impl Hidden {
+    /// Declares the variables, without elements but for the builtins.
+    pub(in crate::elaborate) fn new(vars: &mut PrimaryMap<VarId, Variable>) -> Self {
+        let mut hidden = |name: &str, role| vars.push(Variable { name: name.to_owned(), role, len: 0, span: Span::default() });
+        let builtins = hidden("builtin", Role::Builtin);
+        let draws = Draws { var: hidden("draw", Role::Draw), list: Vec::new(), site: None };
+        let quadratures = Quadratures { var: hidden("quadrature", Role::Quadrature), list: Vec::new() };
+        let param_given = hidden("given", Role::ParamGiven);
+        vars[builtins].len = BUILTIN_COUNT;
+        Hidden { builtins, param_given, draws, quadratures }
+    }
+
+    /// Elements of both arrays: what tells whether an attempt has added some.
+    pub(in crate::elaborate) fn len(&self) -> (usize, usize) {
+        (self.draws.list.len(), self.quadratures.list.len())
+    }
+
+    /// Takes back elements.
+    pub(in crate::elaborate) fn truncate(&mut self, (draws, quadratures): (usize, usize)) {
+        self.draws.list.truncate(draws);
+        self.quadratures.list.truncate(quadratures);
+    }
+
+    /// Gives the variables their lengths.
+    pub(in crate::elaborate) fn close(&self, vars: &mut PrimaryMap<VarId, Variable>) {
+        vars[self.draws.var].len = self.draws.list.len() as u32;
+        vars[self.quadratures.var].len = self.quadratures.list.len() as u32;
+        vars[self.param_given].len = vars.values().filter(|v| v.role == Role::Param).map(|v| v.len).sum();
+    }
+}
+
+impl Quadratures {
+    /// The element that integrates an expression.
+    pub(in crate::elaborate) fn element(&mut self, integrand: ExprId) -> usize {
+        self.list.iter().position(|&q| q == integrand).unwrap_or_else(|| {
+            self.list.push(integrand);
+            self.list.len() - 1
+        })
+    }
+}

@@ -1,0 +1,58 @@
+//! What was said, what was used up, and what may be taken back.
+
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::span::Span;
+
+use crate::elaborate::budget::{Budget, Verdict};
+use crate::elaborate::expansions::Expansions;
+use crate::elaborate::reports::Reports;
+use crate::elaborate::speculation::{Speculation, Trace};
+
+/// What every part of elaboration writes to.
+#[derive(Debug, Default)]
+pub(in crate::elaborate) struct Ledger {
+    /// Faults and warnings.
+    pub reports: Reports,
+    /// What the model asked of the compiler.
+    pub budget: Budget,
+    /// Attempts to keep ranges loops.
+    pub speculation: Speculation,
+}
+
+impl Ledger {
+    /// Reports a fault, unless it was said or nothing is said any more.
+    pub(in crate::elaborate) fn report(&mut self, diagnostic: Diagnostic) {
+        if self.budget.may_report() {
+            self.reports.report(diagnostic, self.speculation.is_active());
+        }
+    }
+
+    /// Counts something that is written out: a term, an element, a call. `false` where the model is beyond reason, which is reported once.
+    pub(in crate::elaborate) fn may_write_out(&mut self, span: Span) -> bool {
+        match self.budget.write_out(span, self.speculation.is_active()) {
+            Verdict::Granted => true,
+            Verdict::Spent => false,
+            Verdict::Refused(fault) => {
+                self.report(*fault);
+                false
+            }
+        }
+    }
+
+    pub(in crate::elaborate) fn missing_value(&mut self, what: &str, span: Span) {
+        self.report(
+            Diagnostic::error(codes::MISSING_DEFAULT, format!("{what} must be known when the model is compiled"), span)
+                .label("depends on something that is not"),
+        );
+    }
+
+    /// What there is before something that may have to be forgotten.
+    pub(in crate::elaborate) fn trace(&self) -> Trace {
+        self.speculation.trace(&self.reports, &self.budget)
+    }
+
+    /// Removes what was left since.
+    pub(in crate::elaborate) fn roll_back(&mut self, to: Trace, expansions: &mut Expansions) {
+        self.speculation.roll_back(to, &mut self.reports, &mut self.budget, expansions);
+    }
+}

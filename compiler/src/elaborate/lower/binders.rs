@@ -1,0 +1,216 @@
+//! What binders run over.
+
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::syntax::{Binder, BinderSet, Expr, ExprKind, Ident};
+
+use crate::elaborate::declare::naming::Naming;
+use crate::elaborate::declare::symbols::{Axis, SymbolKind, Symbols};
+use crate::elaborate::lower::functions::BinderValue;
+use crate::elaborate::{Bound, Elaborator, Place};
+use crate::ir::{ExprId, Role};
+
+impl Elaborator<'_> {
+    /// What a binder runs over.
+    pub(in crate::elaborate) fn bindings_of(&mut self, binder: &Binder, place: &Place) -> Vec<BinderValue> {
+        match &binder.over {
+            BinderSet::Itself => self.naming().bindings_of_name(&binder.name, place),
+            BinderSet::Set(name)
+                if matches!(name.text.as_str(), "states" | "actions") && self.symbols.lookup(place.scope, &name.text).is_none() =>
+            {
+                let role = if name.text == "states" { Role::State } else { Role::Action };
+                self.symbols.arrays_of(role)
+            }
+            BinderSet::Set(name) => self.naming().bindings_of_name(name, place),
+            BinderSet::Range(low, high) => self.bindings_of_range(binder, low, high, place),
+            BinderSet::Tuple(list) => {
+                let scope = place.scope;
+                let mut out = Vec::new();
+                for e in list {
+                    // An element that is itself bound here must be taken now.
+                    let bound = match &e.kind {
+                        ExprKind::Name(n) if place.bound(&n.text).is_some() => place.bound(&n.text).cloned(),
+                        _ => None,
+                    };
+                    out.push(BinderValue::One(bound.unwrap_or_else(|| Bound::Alias(e.clone(), scope, place.bindings.clone()))));
+                }
+                out
+            }
+        }
+    }
+
+    fn bindings_of_range(&mut self, binder: &Binder, low: &Expr, high: &Expr, place: &Place) -> Vec<BinderValue> {
+        let symbol = self.symbols.lookup(place.scope, &binder.name.text);
+        let (Some(a), Some(b)) = (self.integer(low, place), self.integer(high, place)) else { return Vec::new() };
+        if b - a >= 10_000_000 {
+            self.ledger.report(Diagnostic::error(codes::TOO_LARGE, "a range of more than ten million numbers", binder.span));
+            return Vec::new();
+        }
+        if let Some(&(_, domain)) = self.loops.counted.iter().find(|(name, _)| *name == binder.name.text)
+            && a >= 1
+            && a <= b
+            && b <= self.symbols.domains[domain].cells
+        {
+            return vec![BinderValue::Cells(domain, a - 1, b - 1)];
+        }
+        match symbol.map(|s| self.symbols[s].kind.clone()) {
+            Some(SymbolKind::Domain(domain)) => {
+                let n = self.symbols.domains[domain].cells;
+                if a > b {
+                    return Vec::new();
+                }
+                if a < 1 || b > n {
+                    self.ledger.report(Diagnostic::error(
+                        codes::OUT_OF_RANGE,
+                        format!("`{}` has the cells 1 to {n}, the range is {a} to {b}", binder.name.text),
+                        binder.span,
+                    ));
+                    return Vec::new();
+                }
+                vec![BinderValue::Cells(domain, a - 1, b - 1)]
+            }
+            Some(SymbolKind::Set(set)) if self.symbols.sets[set].first.is_some() => {
+                let first = self.symbols.sets[set].first.unwrap_or(0);
+                let len = self.symbols.sets[set].labels.len() as i64;
+                (a..=b)
+                    .filter(|i| (first..first + len).contains(i))
+                    .map(|i| BinderValue::One(Bound::Member(set, (i - first) as usize)))
+                    .collect()
+            }
+            _ if self.symbols.sets.values().any(|s| s.name == format!("{a}..{b}")) => {
+                let name = format!("{a}..{b}");
+                let set = self.symbols.sets.iter().find(|(_, s)| s.name == name).map(|(id, _)| id);
+                set.map_or_else(Vec::new, |set| (0..=(b - a) as usize).map(|i| BinderValue::One(Bound::Member(set, i))).collect())
+            }
+            _ => {
+                if b - a >= 10_000 {
+                    self.ledger.report(
+                        Diagnostic::error(codes::TOO_LARGE, "a range of more than ten thousand numbers is written out", binder.span)
+                            .help("use a `domain`: its cells stay a loop"),
+                    );
+                    return Vec::new();
+                }
+                let numbers: Vec<ExprId> = (a..=b).map(|i| self.exprs.constant(i as f64)).collect();
+                numbers.into_iter().map(|e| BinderValue::One(Bound::Number(e))).collect()
+            }
+        }
+    }
+
+    /// The set of integers behind `k in 1..4` in a declaration; equal ranges are one set.
+    fn anonymous_set(
+        &mut self,
+        binder: &Binder,
+        low: &Expr,
+        high: &Expr,
+        place: &Place,
+    ) -> Option<crate::elaborate::declare::symbols::SetId> {
+        let (a, b) = (self.integer(low, place)?, self.integer(high, place)?);
+        if a > b || b - a >= 100_000 {
+            let d = Diagnostic::error(codes::EMPTY_SET, format!("an index from {a} to {b}"), binder.span);
+            self.ledger.report(d.label("must have between one and a hundred thousand members"));
+            return None;
+        }
+        let name = format!("{a}..{b}");
+        let known = self.symbols.sets.iter().find(|(_, s)| s.name == name).map(|(id, _)| id);
+        if known.is_some() {
+            return known;
+        }
+        if !self.ledger.budget.may_hold(b - a) {
+            self.ledger.report(Diagnostic::error(codes::TOO_LARGE, "sets of more than two million members together", binder.span));
+            return None;
+        }
+        let labels = (a..=b).map(|i| i.to_string()).collect();
+        Some(self.symbols.sets.push(crate::elaborate::declare::symbols::Set::new(name, labels, Some(a))))
+    }
+
+    /// Axes and binder names of an index list (`i in species, z`).
+    pub(in crate::elaborate) fn axes(&mut self, binders: &[Binder], place: &Place) -> Option<(Vec<Axis>, Vec<String>)> {
+        let mut axes = Vec::with_capacity(binders.len());
+        let mut names = Vec::with_capacity(binders.len());
+        for binder in binders {
+            let set = match &binder.over {
+                BinderSet::Set(name) => name,
+                BinderSet::Itself => &binder.name,
+                BinderSet::Range(low, high) => {
+                    let set = self.anonymous_set(binder, low, high, place)?;
+                    axes.push(Axis::Set(set));
+                    names.push(binder.name.text.clone());
+                    continue;
+                }
+                BinderSet::Tuple(_) => {
+                    self.ledger.report(Diagnostic::error(
+                        codes::BAD_BINDER,
+                        "an index of a declaration runs over a set or a domain",
+                        binder.span,
+                    ));
+                    return None;
+                }
+            };
+            let axis = match self.symbols.lookup(place.scope, &set.text).map(|s| self.symbols[s].kind.clone()) {
+                Some(SymbolKind::Set(set) | SymbolKind::Phase(set)) => Axis::Set(set),
+                Some(SymbolKind::Domain(domain)) => Axis::Domain(domain),
+                _ => {
+                    self.naming().bindings_of_name(set, place);
+                    return None;
+                }
+            };
+            axes.push(axis);
+            names.push(binder.name.text.clone());
+        }
+        Some((axes, names))
+    }
+}
+
+impl<'a> Naming<'_, 'a> {
+    fn bindings_of_name(&mut self, name: &Ident, place: &Place) -> Vec<BinderValue> {
+        let Some(symbol) = self.symbols.lookup(place.scope, &name.text) else {
+            if let Some(set) = self.symbols.sets.values().find(|s| s.labels.contains(&name.text)) {
+                let set = set.name.clone();
+                let message = format!("`{}` is a member of `{set}`; an array is declared over its whole set", name.text);
+                let help = format!(
+                    "declare it once, `[{set}]`: a `var` with one equation for each member (`eq x[{}] = ...`), or a `let` with `if i == {} then ... else ...` for `i in {set}`",
+                    name.text, name.text
+                );
+                self.ledger.report(Diagnostic::error(codes::WRONG_KIND, message, name.span).help(help));
+                return Vec::new();
+            }
+            let known: Vec<String> = self
+                .symbols
+                .list
+                .values()
+                .filter(|s| matches!(s.kind, SymbolKind::Set(_) | SymbolKind::Domain(_)))
+                .map(|s| s.path.clone())
+                .collect();
+            let help = self.ledger.reports.did_you_mean(&name.text, known.iter().map(String::as_str));
+            self.ledger.report(
+                Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown set or domain `{}`", name.text), name.span).maybe_help(help),
+            );
+            return Vec::new();
+        };
+        match self.symbols[symbol].kind {
+            SymbolKind::Set(set) | SymbolKind::Phase(set) => {
+                (0..self.symbols.sets[set].labels.len()).map(|i| BinderValue::One(Bound::Member(set, i))).collect()
+            }
+            SymbolKind::Domain(domain) => vec![BinderValue::Cells(domain, 0, self.symbols.domains[domain].cells - 1)],
+            SymbolKind::Faulty => Vec::new(),
+            _ => {
+                let at = self.symbols[symbol].span;
+                self.ledger.report(
+                    Diagnostic::error(codes::WRONG_KIND, format!("`{}` is neither a set nor a domain", name.text), name.span)
+                        .secondary(at, "declared here"),
+                );
+                Vec::new()
+            }
+        }
+    }
+}
+
+impl<'a> Symbols<'a> {
+    /// All variables of a role, each as the row of its elements.
+    fn arrays_of(&self, role: Role) -> Vec<BinderValue> {
+        let of_role = |kind: &SymbolKind| match kind {
+            SymbolKind::Variable { var, .. } if self.vars[*var].role == role => Some(i64::from(self.vars[*var].len)),
+            _ => None,
+        };
+        self.list.iter().filter_map(|(id, s)| of_role(&s.kind).map(|len| BinderValue::Elements(id, len))).collect()
+    }
+}

@@ -1,0 +1,160 @@
+//! Ranges of cells and faces, and loops that are split on demand.
+
+use std::collections::BTreeSet;
+
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::span::Span;
+
+use crate::elaborate::declare::symbols::DomainId;
+use crate::elaborate::{Elaborator, Place};
+use crate::ir::{Affine, LoopVar, MAX_DEPTH};
+
+/// The cells (or faces) of a domain that one piece of an equation stands for: `first + l` for the passes `l < count` of a loop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Cell {
+    /// Number (from 0) in the first pass.
+    pub first: i64,
+    /// Number of passes.
+    pub count: i64,
+    /// The loop; `None` for a single cell.
+    pub along: Option<LoopVar>,
+}
+
+impl Cell {
+    /// One cell.
+    pub fn single(number: i64) -> Self {
+        Cell { first: number, count: 1, along: None }
+    }
+
+    /// The number in the last pass.
+    pub fn last(self) -> i64 {
+        self.first + self.count - 1
+    }
+
+    /// The cell `by` further on.
+    pub fn shifted(self, by: i64) -> Self {
+        Cell { first: self.first + by, ..self }
+    }
+
+    /// The number as an address.
+    pub fn affine(self) -> Affine {
+        match self.along {
+            Some(v) => Affine::along(self.first, v, 1),
+            None => Affine::constant(self.first),
+        }
+    }
+}
+
+/// A face of a domain: face `k` lies below cell `k`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Face {
+    /// The domain.
+    pub domain: DomainId,
+    /// Its number.
+    pub at: Cell,
+}
+
+/// A loop that is being elaborated.
+#[derive(Debug)]
+pub struct Loop {
+    /// Number of passes.
+    pub passes: i64,
+    /// Passes before which the body asked for a cut.
+    cuts: BTreeSet<i64>,
+}
+
+/// The loops around what is being elaborated.
+#[derive(Debug, Default)]
+pub struct Loops {
+    /// By depth.
+    pub frames: Vec<Loop>,
+    /// Indices over ranges of numbers that only count cells, in the statement that is being elaborated.
+    pub counted: Vec<(String, DomainId)>,
+}
+
+/// Most passes of loops inside one another: each evaluation of the model would take seconds.
+const MOST_PASSES: i64 = 1_000_000_000;
+
+impl Elaborator<'_> {
+    /// Elaborates `body` over the cells `low..=high` as few loops as its stencils allow; gives back the pieces in order.
+    pub(in crate::elaborate) fn cells<T>(
+        &mut self,
+        low: i64,
+        high: i64,
+        span: Span,
+        place: &Place,
+        body: &mut dyn FnMut(&mut Self, Cell, &Place) -> T,
+    ) -> Vec<(Cell, T)> {
+        let mut starts = BTreeSet::from([low]);
+        'again: loop {
+            let mut pieces = Vec::new();
+            let bounds: Vec<i64> = starts.iter().copied().chain([high + 1]).collect();
+            for pair in bounds.windows(2) {
+                let (first, count) = (pair[0], pair[1] - pair[0]);
+                if count <= 0 {
+                    continue;
+                }
+                if count == 1 {
+                    let cell = Cell::single(first);
+                    let result = body(self, cell, place);
+                    pieces.push((cell, result));
+                    continue;
+                }
+                if place.depth as usize >= MAX_DEPTH {
+                    self.ledger.report(Diagnostic::error(
+                        codes::TOO_LARGE,
+                        format!("more than {MAX_DEPTH} loops inside one another"),
+                        span,
+                    ));
+                    return Vec::new();
+                }
+                let around = self.loops.frames.iter().take(place.depth.into()).fold(1, |n: i64, l| n.saturating_mul(l.passes));
+                if around.saturating_mul(count) > MOST_PASSES {
+                    let fault = Diagnostic::error(codes::TOO_LARGE, "loops inside one another with more than a billion passes", span);
+                    self.ledger.report(fault.help("sum over fewer indices: a product of sums in place of a sum of products"));
+                    return Vec::new();
+                }
+                let mut inner = place.clone();
+                inner.depth += 1;
+                let cell = Cell { first, count, along: Some(LoopVar(place.depth)) };
+                // A loop's frame stands at its depth; reductions beside one another reuse it.
+                self.loops.frames.truncate(place.depth as usize);
+                self.loops.frames.push(Loop { passes: count, cuts: BTreeSet::new() });
+                let before = (self.ledger.speculation.is_active()).then(|| self.ledger.trace());
+                let result = body(self, cell, &inner);
+                let cuts = match self.loops.frames.get(place.depth as usize) {
+                    Some(frame) => frame.cuts.clone(),
+                    None => BTreeSet::new(),
+                };
+                self.loops.frames.truncate(place.depth as usize);
+                if !cuts.is_empty() {
+                    before.into_iter().for_each(|before| self.ledger.roll_back(before, &mut self.expansions));
+                    starts.extend(cuts.iter().map(|pass| first + pass));
+                    continue 'again;
+                }
+                pieces.push((cell, result));
+            }
+            return pieces;
+        }
+    }
+
+    /// Whether the cell is number `v` in all passes or in none; `None` after asking for a cut where it is so in some.
+    pub(in crate::elaborate) fn is_number(&mut self, cell: Cell, v: i64) -> Option<bool> {
+        let Some(along) = cell.along else { return Some(cell.first == v) };
+        if v < cell.first || v > cell.last() {
+            return Some(false);
+        }
+        self.cut(along, v - cell.first);
+        self.cut(along, v - cell.first + 1);
+        None
+    }
+
+    /// Asks for a cut of a loop before a pass.
+    pub(in crate::elaborate) fn cut(&mut self, along: LoopVar, pass: i64) {
+        if let Some(frame) = self.loops.frames.get_mut(along.0 as usize)
+            && (1..frame.passes).contains(&pass)
+        {
+            frame.cuts.insert(pass);
+        }
+    }
+}

@@ -1,0 +1,593 @@
+//! Index expressions: members, cells, whole numbers, and the addresses they make.
+
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::span::Span;
+use smpl_dsl::syntax::{self, BinaryOp, Expr, ExprKind, Form, UnaryOp};
+
+use crate::elaborate::declare::naming::Naming;
+use crate::elaborate::declare::symbols::{Axis, DomainId, ScopeId, SetId, SymbolId, SymbolKind, Symbols};
+use crate::elaborate::ledger::Ledger;
+use crate::elaborate::lower::cells::Cell;
+use crate::elaborate::lower::value::Value;
+use crate::elaborate::{Bound, Elaborator, Place};
+use crate::ir::{Affine, LoopVar};
+
+/// An index as a key of what was expanded for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum IndexKey {
+    /// Member of a set.
+    Member(usize),
+    /// Cells of a loop.
+    Cell(i64, i64, Option<LoopVar>),
+}
+
+impl IndexKey {
+    /// The key of a bound index.
+    pub fn of(bound: &Bound) -> Self {
+        match bound {
+            Bound::Member(_, i) => IndexKey::Member(*i),
+            Bound::Cell(_, c) | Bound::Face(_, c) | Bound::Run(c) => IndexKey::Cell(c.first, c.count, c.along),
+            _ => IndexKey::Member(usize::MAX),
+        }
+    }
+}
+
+/// The name of an index that stands for a face.
+fn at_face<'e>(e: &'e Expr, place: &Place) -> Option<&'e str> {
+    let ExprKind::Name(name) = &e.kind else { return None };
+    matches!(place.bound(&name.text), Some(Bound::Face(..))).then_some(name.text.as_str())
+}
+
+/// What a path such as `R1.inlet` or `col[2].c` leads to.
+pub enum Target {
+    /// A symbol.
+    Symbol(SymbolId),
+    /// Already a value.
+    Value(Value),
+    /// An error was reported.
+    Nothing,
+}
+
+impl<'a> Elaborator<'a> {
+    /// `a.b.c`, `a[i].b[j, k]`
+    pub(in crate::elaborate) fn reference(&mut self, e: &Expr, place: &Place) -> Value {
+        let (base, index): (&Expr, &[Expr]) = match &e.kind {
+            ExprKind::Index(base, index) => (base, index),
+            _ => (e, &[]),
+        };
+        match self.resolve(base, place) {
+            Target::Symbol(symbol) => self.symbol_value(symbol, index, e.span, place),
+            Target::Value(v) if index.is_empty() => v,
+            Target::Value(v) if v.is_poison() => v,
+            Target::Value(_) => self
+                .values()
+                .fault(Diagnostic::error(codes::WRONG_SHAPE, "an index after something that has none", e.span).help("multiply with `*`")),
+            Target::Nothing => self.poison(),
+        }
+    }
+
+    /// The symbol at the end of a path.
+    pub(in crate::elaborate) fn resolve(&mut self, e: &Expr, place: &Place) -> Target {
+        match &e.kind {
+            ExprKind::Name(name) => {
+                match place.bound(&name.text).cloned() {
+                    Some(Bound::Alias(inner, scope, bindings)) => {
+                        let mut there = place.clone();
+                        there.scope = scope;
+                        there.bindings = bindings;
+                        return self.resolve(&inner, &there);
+                    }
+                    Some(_) => return Target::Value(self.name(name, place)),
+                    None => {}
+                }
+                match self.symbols.lookup(place.scope, &name.text) {
+                    Some(symbol) => Target::Symbol(symbol),
+                    None => Target::Value(self.name(name, place)),
+                }
+            }
+            ExprKind::Member(base, member) => {
+                if let Some(v) = self.domain_member(base, &member.text, place) {
+                    return Target::Value(v);
+                }
+                let Some(scope) = self.scope_of(base, place) else { return Target::Nothing };
+                match self.symbols.scopes[scope].names.get(&member.text) {
+                    Some(&symbol) => Target::Symbol(symbol),
+                    None => {
+                        let help =
+                            self.ledger.reports.did_you_mean(&member.text, self.symbols.scopes[scope].names.keys().map(String::as_str));
+                        let prefix = self.symbols.scopes[scope].prefix.trim_end_matches('.').to_owned();
+                        self.ledger.report(
+                            Diagnostic::error(codes::UNKNOWN_NAME, format!("`{prefix}` has no `{}`", member.text), member.span)
+                                .label("not declared there")
+                                .maybe_help(help),
+                        );
+                        Target::Nothing
+                    }
+                }
+            }
+            _ => Target::Value(self.value(e, place)),
+        }
+    }
+
+    /// The scope that a path names: an instance or a port.
+    pub(in crate::elaborate) fn scope_of(&mut self, e: &Expr, place: &Place) -> Option<ScopeId> {
+        let (base, index) = match &e.kind {
+            ExprKind::Index(base, index) => (&**base, index.as_slice()),
+            _ => (e, &[][..]),
+        };
+        let symbol = match self.resolve(base, place) {
+            Target::Symbol(symbol) => symbol,
+            Target::Value(v) if v.is_poison() => return None,
+            Target::Value(_) => {
+                self.ledger.report(
+                    Diagnostic::error(codes::WRONG_KIND, "only components, ports and domains have members", e.span)
+                        .maybe_help(self.symbols.end_of(e, place)),
+                );
+                return None;
+            }
+            Target::Nothing => return None,
+        };
+        match self.symbols[symbol].kind.clone() {
+            SymbolKind::Instance(scope) if index.is_empty() => Some(scope),
+            SymbolKind::Instances(row) if index.len() == 1 => {
+                let label = self.instance_label(&index[0], place)?;
+                let found = row.find(&label);
+                if found.is_none() {
+                    let known = crate::elaborate::declare::symbols::listed(row.list.iter().map(|(l, _)| l.as_str()));
+                    let message = format!("there is no instance `{label}`: {known}");
+                    self.ledger.report(Diagnostic::error(codes::OUT_OF_RANGE, message, index[0].span));
+                }
+                found
+            }
+            SymbolKind::Faulty => None,
+            SymbolKind::Instances(row) => {
+                let path = self.symbols[symbol].path.clone();
+                let first = row.list.first().map_or("1", |(l, _)| l.as_str());
+                self.ledger.report(
+                    Diagnostic::error(codes::WRONG_SHAPE, format!("`{path}` is a row of instances and takes one index"), e.span)
+                        .help(format!("write `{path}[{first}]`")),
+                );
+                None
+            }
+            _ => {
+                let path = self.symbols[symbol].path.clone();
+                let declared = self.symbols[symbol].span;
+                self.ledger.report(
+                    Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is neither a component nor a port: it has no members"), e.span)
+                        .secondary(declared, "declared here"),
+                );
+                None
+            }
+        }
+    }
+
+    fn instance_label(&mut self, e: &Expr, place: &Place) -> Option<String> {
+        if let ExprKind::Name(name) = &e.kind {
+            return Some(match place.bound(&name.text) {
+                Some(Bound::Member(set, i)) => self.symbols.sets[*set].labels[*i].clone(),
+                Some(Bound::Number(e)) => self.exprs.as_const(*e).map_or_else(String::new, |x| x.to_string()),
+                _ => name.text.clone(),
+            });
+        }
+        self.integer(e, place).map(|n| n.to_string())
+    }
+
+    /// `z.first`, `z.last`, `z.cells`, `z.number` as numbers.
+    fn domain_member(&mut self, base: &Expr, member: &str, place: &Place) -> Option<Value> {
+        if !matches!(member, "first" | "last" | "cells" | "number") {
+            return None;
+        }
+        let domain = self.symbols.domain_of(base, place)?;
+        if member == "number" {
+            return Some(match cell_number(base, place) {
+                Some(cell) => self.values().run_value(cell.shifted(1)),
+                None => self.fault(
+                    Diagnostic::error(codes::WRONG_SHAPE, "a cell has a number where the index is bound by `for`", base.span)
+                        .label("stands for no cell here"),
+                ),
+            });
+        }
+        let number = if member == "first" { 1 } else { self.symbols.domains[domain].cells };
+        let expr = self.exprs.constant(number as f64);
+        Some(Value::bare(expr))
+    }
+
+    /// Address of an element of an array, and what its indices are bound to.
+    pub(in crate::elaborate) fn address(
+        &mut self,
+        symbol: SymbolId,
+        axes: &[Axis],
+        index: &[Expr],
+        span: Span,
+        place: &Place,
+    ) -> Option<(Affine, Vec<Bound>)> {
+        if axes.len() != index.len() {
+            let path = self.symbols[symbol].path.clone();
+            let declared = self.symbols[symbol].span;
+            let wanted: Vec<&str> = axes.iter().map(|&a| self.symbols.axis_name(a)).collect();
+            let message = match (axes.len(), index.len()) {
+                (0, _) => format!("`{path}` is a scalar, it takes no index"),
+                (n, 0) => format!("`{path}` is an array and needs {n} ind{}", if n == 1 { "ex" } else { "ices" }),
+                (n, m) => format!("`{path}` takes {n} ind{}, not {m}", if n == 1 { "ex" } else { "ices" }),
+            };
+            let mut d = Diagnostic::error(codes::WRONG_SHAPE, message, span).secondary(declared, "declared here");
+            if !wanted.is_empty() {
+                d = d.help(format!("write `{path}[{}]`", wanted.join(", ")));
+            }
+            if index.is_empty() {
+                d = crate::elaborate::declare::built_ins::note(d, &path);
+            }
+            self.ledger.report(d);
+            return None;
+        }
+        let mut at = Affine::default();
+        let mut bounds = Vec::with_capacity(axes.len());
+        for (&axis, e) in axes.iter().zip(index) {
+            let len = self.symbols.axis_len(axis);
+            let (part, bound) = match axis {
+                Axis::Set(set) => match self.run_index(e, place) {
+                    Some(numbers) => (self.naming().run_members(set, numbers)?.affine(), Bound::Run(numbers)),
+                    None => {
+                        let i = self.member(set, e, place)?;
+                        (Affine::constant(i as i64), Bound::Member(set, i))
+                    }
+                },
+                Axis::Domain(domain) => {
+                    let bound = self.cell(domain, e, place)?;
+                    let Bound::Cell(_, c) = bound else {
+                        bounds.push(bound);
+                        continue;
+                    };
+                    if c.first < 0 || c.last() >= len {
+                        self.naming().out_of_domain(domain, c, e);
+                        return None;
+                    }
+                    (c.affine(), bound)
+                }
+            };
+            at = at.times(len).plus(part);
+            bounds.push(bound);
+        }
+        Some((at, bounds))
+    }
+
+    /// Position of a member in its set.
+    pub(in crate::elaborate) fn member(&mut self, set: SetId, e: &Expr, place: &Place) -> Option<usize> {
+        if let ExprKind::Name(name) = &e.kind {
+            match place.bound(&name.text) {
+                Some(Bound::Member(other, i)) if *other == set => return Some(*i),
+                Some(Bound::Member(other, i)) => {
+                    let label = self.symbols.sets[*other].labels[*i].clone();
+                    return self.naming().labelled(set, &label, e.span);
+                }
+                Some(_) => {}
+                None => {
+                    if let Some(i) = self.symbols.sets[set].position(&name.text) {
+                        return Some(i);
+                    }
+                    if self.symbols.sets[set].first.is_none() {
+                        let labels = &self.symbols.sets[set].labels;
+                        let is_member = self.ledger.reports.did_you_mean(&name.text, labels.iter().map(String::as_str)).is_some();
+                        if !is_member {
+                            let over = self.symbols.sets[set].name.clone();
+                            self.naming().not_bound(&name.text, &over, e.span);
+                            return None;
+                        }
+                        return self.naming().labelled(set, &name.text, e.span);
+                    }
+                }
+            }
+        }
+        let n = self.integer(e, place)?;
+        if let Some(first) = self.symbols.sets[set].first
+            && let Some(i) = n.checked_sub(first).filter(|i| (0..self.symbols.sets[set].labels.len() as i64).contains(i))
+        {
+            return Some(i as usize);
+        }
+        self.naming().labelled(set, &n.to_string(), e.span)
+    }
+
+    /// A cell (or the face at which a flux is taken) of a domain.
+    fn cell(&mut self, domain: DomainId, e: &Expr, place: &Place) -> Option<Bound> {
+        if let Some(numbers) = self.run_index(e, place) {
+            return Some(Bound::Cell(domain, numbers.shifted(-1)));
+        }
+        if let ExprKind::Member(base, member) = &e.kind
+            && member.text == "number"
+            && let Some(cell) = cell_number(base, place)
+        {
+            return Some(Bound::Cell(domain, cell));
+        }
+        if let ExprKind::Name(name) = &e.kind {
+            match place.bound(&name.text) {
+                Some(Bound::Cell(other, c)) => {
+                    if self.same_cells(*other, domain) {
+                        return Some(Bound::Cell(domain, *c));
+                    }
+                    self.ledger.report(self.symbols.other_domain(*other, domain, e.span));
+                    return None;
+                }
+                Some(Bound::Face(other, c)) if *other == domain => return Some(Bound::Face(domain, *c)),
+                None if self.symbols.domains[domain].name == name.text => {
+                    let z = &name.text;
+                    if !self.ledger.is_first_unbound(z) {
+                        return None;
+                    }
+                    self.ledger.report(
+                        Diagnostic::error(codes::WRONG_SHAPE, format!("`{z}` is not bound here"), e.span)
+                            .help(format!("add `for {z}` to the statement, or name a cell: `{z}.last`")),
+                    );
+                    return None;
+                }
+                _ => {}
+            }
+        }
+        if let ExprKind::Binary(op @ (BinaryOp::Add | BinaryOp::Sub), a, b) = &e.kind {
+            if let Some(z) = [a, b].into_iter().find_map(|side| at_face(side, place)) {
+                self.ledger.report(
+                    Diagnostic::error(codes::WRONG_KIND, format!("inside of a flux `{z}` is a face, which has no neighbours by number"), e.span)
+                        .label("beside a face")
+                        .help(format!("`x[{z}]` is the value at the face by the domain's `scheme`, `grad(x[{z}])` the difference of the cells beside it over their distance")),
+                );
+                return None;
+            }
+            if self.is_cell(a, place) {
+                let Some(Bound::Cell(_, c)) = self.cell(domain, a, place) else { return None };
+                let by = self.integer(b, place)?;
+                return Some(Bound::Cell(domain, c.shifted(if *op == BinaryOp::Add { by } else { -by })));
+            }
+            if *op == BinaryOp::Add && self.is_cell(b, place) {
+                let Some(Bound::Cell(_, c)) = self.cell(domain, b, place) else { return None };
+                return Some(Bound::Cell(domain, c.shifted(self.integer(a, place)?)));
+            }
+        }
+        let n = self.integer(e, place)?;
+        Some(Bound::Cell(domain, Cell::single(n - 1)))
+    }
+
+    /// Whether the cells of two domains are at the same places: equally many between the same ends, whatever the parameters are.
+    fn same_cells(&mut self, a: DomainId, b: DomainId) -> bool {
+        if a == b || self.symbols.domains[a].cells != self.symbols.domains[b].cells {
+            return a == b;
+        }
+        let ((unit, low, high), (other, first, last)) = (self.ends(a), self.ends(b));
+        if self.values().convert(first, &other, &unit) != Some(low) || self.values().convert(last, &other, &unit) != Some(high) {
+            return false;
+        }
+        let (a, b) = (&self.symbols.domains[a], &self.symbols.domains[b]);
+        let grid = |d: &syntax::Domain| [&d.stretch, &d.faces].map(Option::is_some);
+        let form = |e: &'a Option<Expr>| e.as_ref().map(Form::of);
+        let (p, q) = (a.declaration, b.declaration);
+        let written_alike = a.scope == b.scope && form(&p.stretch) == form(&q.stretch) && form(&p.faces) == form(&q.faces);
+        written_alike || [grid(p), grid(q)] == [[false; 2]; 2]
+    }
+
+    fn is_cell(&self, e: &Expr, place: &Place) -> bool {
+        match &e.kind {
+            ExprKind::Name(name) => matches!(place.bound(&name.text), Some(Bound::Cell(..))),
+            ExprKind::Member(base, member) => member.text == "number" && cell_number(base, place).is_some(),
+            ExprKind::Binary(BinaryOp::Add | BinaryOp::Sub, a, b) => self.is_cell(a, place) || self.is_cell(b, place),
+            _ => false,
+        }
+    }
+
+    /// A whole number known to the compiler.
+    pub(in crate::elaborate) fn integer(&mut self, e: &Expr, place: &Place) -> Option<i64> {
+        match self.integer_quietly(e, place) {
+            Some(n) => Some(n),
+            None => {
+                let v = self.value(e, place);
+                if v.is_poison() {
+                    return None;
+                }
+                let d = match self.constant_value(v.expr) {
+                    // The number is that of a sample, which need not be whole.
+                    Some(x) if self.instances.samples.taken() && x.abs() < 1e6 => return Some(x.round() as i64),
+                    Some(x) if x.abs() >= 1e15 => Diagnostic::error(codes::TOO_LARGE, "a whole number below 1e15 is needed here", e.span),
+                    Some(x) => Diagnostic::error(codes::WRONG_KIND, format!("a whole number is needed here, this is {x}"), e.span),
+                    None => Diagnostic::error(codes::WRONG_KIND, "a whole number known to the compiler is needed here", e.span)
+                        .label("changes while the model runs")
+                        .help("use numbers and parameters that are computed from numbers"),
+                };
+                self.ledger.report(d);
+                None
+            }
+        }
+    }
+
+    pub(in crate::elaborate) fn integer_quietly(&mut self, e: &Expr, place: &Place) -> Option<i64> {
+        match &e.kind {
+            ExprKind::Number { value, unit: None } if value.fract() == 0.0 && value.abs() < 1e15 => Some(*value as i64),
+            ExprKind::Unary(UnaryOp::Neg, a) => Some(-self.integer_quietly(a, place)?),
+            ExprKind::Binary(op, a, b) => {
+                let (a, b) = (self.integer_quietly(a, place)?, self.integer_quietly(b, place)?);
+                match op {
+                    BinaryOp::Add => a.checked_add(b),
+                    BinaryOp::Sub => a.checked_sub(b),
+                    BinaryOp::Mul => a.checked_mul(b),
+                    BinaryOp::Div if b != 0 && a % b == 0 => Some(a / b),
+                    _ => None,
+                }
+            }
+            _ => {
+                let reports = self.ledger.reports.diagnostics.len();
+                let v = self.value(e, place);
+                if v.is_poison() || self.ledger.reports.diagnostics.len() != reports {
+                    return None;
+                }
+                let x = self.constant_value(v.expr)?;
+                self.mark_structural(v.expr);
+                (x.fract() == 0.0 && x.abs() < 1e15).then_some(x as i64)
+            }
+        }
+    }
+}
+
+impl<'a> Naming<'_, 'a> {
+    fn out_of_domain(&mut self, domain: DomainId, c: Cell, index: &Expr) {
+        let (name, cells) = (self.symbols.domains[domain].name.clone(), self.symbols.domains[domain].cells);
+        let number = if c.first < 0 { c.first + 1 } else { c.last() + 1 };
+        let rest = match (&index.kind, number < 1) {
+            (ExprKind::Binary(..), true) => Some(format!("{}..{name}.last", 1 + (1 - number).min(cells))),
+            (ExprKind::Binary(..), false) => Some(format!("1..{name}.last-{}", number - cells)),
+            _ => None,
+        };
+        let message = format!("cell {number} of `{name}` does not exist: its cells are 1 to {cells}");
+        self.ledger.report(
+            Diagnostic::error(codes::OUT_OF_RANGE, message, index.span).label("reaches beyond the domain").maybe_help(
+                rest.map(|range| format!("restrict the equation, `for {name} in {range}`, and write the other cells separately")),
+            ),
+        );
+    }
+
+    /// An index name that is neither bound nor a member: one report for a statement.
+    fn not_bound(&mut self, name: &str, set: &str, span: Span) {
+        if !self.ledger.is_first_unbound(name) {
+            return;
+        }
+        let first = self.symbols.sets.values().find(|s| s.name == set).and_then(|s| s.labels.first().cloned());
+        let advice = match first {
+            // The set's own name: a member, or all of them.
+            Some(member) if name == set => {
+                format!(
+                    "name a member, `[{member}]`; for every member add `for {name}` to the statement, or sum with `sum(... for {name})`"
+                )
+            }
+            _ => format!("add `for {name} in {set}` to the statement"),
+        };
+        self.ledger.report(
+            Diagnostic::error(codes::UNKNOWN_NAME, format!("`{name}` is neither bound by `for` nor a member of `{set}`"), span)
+                .label("not bound here")
+                .help(advice),
+        );
+    }
+
+    fn labelled(&mut self, set: SetId, label: &str, span: Span) -> Option<usize> {
+        let found = self.symbols.sets[set].position(label);
+        if found.is_none() {
+            let name = self.symbols.sets[set].name.clone();
+            let help = self
+                .ledger
+                .reports
+                .did_you_mean(label, self.symbols.sets[set].labels.iter().map(String::as_str))
+                .filter(|_| self.symbols.sets[set].first.is_none());
+            let members = &self.symbols.sets[set].labels;
+            let members = match self.symbols.sets[set].first {
+                Some(first) => format!("{first} to {}", first + members.len() as i64 - 1),
+                None => crate::elaborate::declare::symbols::listed(members.iter().map(String::as_str)),
+            };
+            self.ledger.report(
+                Diagnostic::error(codes::OUT_OF_RANGE, format!("`{label}` is no member of `{name}`: {members}"), span)
+                    .label("not in the set")
+                    .maybe_help(help),
+            );
+        }
+        found
+    }
+
+    /// `i == water`, `scheme == upwind`: comparison of names. Outer `None`: not one; inner `None`: reported.
+    pub(in crate::elaborate) fn name_comparison(&mut self, a: &Expr, b: &Expr, place: &Place) -> Option<Option<bool>> {
+        let (left, right) = (self.symbols.label(a, place), self.symbols.label(b, place));
+        let label = |e: &Expr| match &e.kind {
+            ExprKind::Name(n) => Some(n.text.clone()),
+            ExprKind::Bool(b) => Some(b.to_string()),
+            _ => None,
+        };
+        match (left, right) {
+            (Some((x, _)), Some((y, _))) => Some(Some(x == y)),
+            (Some((x, options)), None) | (None, Some((x, options))) => {
+                let other = if self.symbols.label(a, place).is_some() { b } else { a };
+                let name = label(other)?;
+                if options.contains(&name) {
+                    return Some(Some(x == name));
+                }
+                let help = self.ledger.reports.did_you_mean(&name, options.iter().map(String::as_str));
+                self.ledger.report(
+                    Diagnostic::error(codes::UNKNOWN_NAME, format!("`{name}` is none of {}", options.join(", ")), other.span)
+                        .maybe_help(help),
+                );
+                Some(None)
+            }
+            _ => None,
+        }
+    }
+}
+
+impl<'a> Symbols<'a> {
+    /// What to write for the end of a set of numbers, which has no `.last`.
+    fn end_of(&self, e: &Expr, place: &Place) -> Option<String> {
+        let ExprKind::Name(name) = &e.kind else { return None };
+        let Some(Bound::Member(set, _)) = place.bound(&name.text) else { return None };
+        let set = &self.sets[*set];
+        let (first, last) = (set.labels.first()?, set.labels.last()?);
+        Some(format!("`.first` and `.last` are those of a domain; `{}` runs from `{first}` to `{last}`", set.name))
+    }
+
+    /// The domain that a path names, without a report where it names something else.
+    pub(in crate::elaborate) fn domain_of(&mut self, e: &Expr, place: &Place) -> Option<DomainId> {
+        let symbol = match &e.kind {
+            ExprKind::Name(name) => match place.bound(&name.text) {
+                Some(Bound::Cell(domain, _) | Bound::Face(domain, _)) => return Some(*domain),
+                Some(_) => return None,
+                None => self.lookup(place.scope, &name.text)?,
+            },
+            ExprKind::Member(base, member) => {
+                let ExprKind::Name(first) = &base.kind else { return None };
+                let outer = self.lookup(place.scope, &first.text)?;
+                let SymbolKind::Instance(scope) = self[outer].kind else { return None };
+                *self.scopes[scope].names.get(&member.text)?
+            }
+            _ => return None,
+        };
+        match self[symbol].kind {
+            SymbolKind::Domain(domain) => Some(domain),
+            _ => None,
+        }
+    }
+
+    fn other_domain(&self, given: DomainId, wanted: DomainId, span: Span) -> Diagnostic {
+        let (given, wanted) = (&self.domains[given], &self.domains[wanted]);
+        let (a, b) = (&given.name, &wanted.name);
+        let d = Diagnostic::error(codes::WRONG_SHAPE, format!("a cell of `{a}` where one of `{b}` is needed"), span);
+        if given.cells != wanted.cells {
+            return d.label(format!("`{a}` has {} cells, `{b}` {}", given.cells, wanted.cells));
+        }
+        d.label("cells of one number lie at different places")
+            .secondary(given.declaration.name.span, "the index goes over this domain")
+            .secondary(wanted.declaration.name.span, "the array over this one, which has other ends or another grid")
+            .help(format!("write `{a}.number` if the cell of the same number is meant"))
+    }
+
+    fn label(&self, e: &Expr, place: &Place) -> Option<(String, Vec<String>)> {
+        let ExprKind::Name(name) = &e.kind else { return None };
+        if let Some(bound) = place.bound(&name.text) {
+            let Bound::Member(set, i) = bound else { return None };
+            let set = &self.sets[*set];
+            return set.first.is_none().then(|| (set.labels[*i].clone(), set.labels.clone()));
+        }
+        let symbol = self.lookup(place.scope, &name.text)?;
+        match &self[symbol].kind {
+            SymbolKind::Choice { options, chosen } => {
+                let options: Vec<String> = options.iter().map(|o| o.text.clone()).collect();
+                Some((options.get(*chosen)?.clone(), options))
+            }
+            _ => None,
+        }
+    }
+}
+
+impl Ledger {
+    /// Whether an index name that is not bound is met for the first time in the present statement.
+    fn is_first_unbound(&mut self, name: &str) -> bool {
+        self.reports.is_first_unbound(name, self.speculation.is_active())
+    }
+}
+
+/// The cell to which an index is bound.
+fn cell_number(e: &Expr, place: &Place) -> Option<Cell> {
+    let ExprKind::Name(name) = &e.kind else { return None };
+    match place.bound(&name.text) {
+        Some(Bound::Cell(_, cell)) => Some(*cell),
+        _ => None,
+    }
+}

@@ -1,0 +1,99 @@
+//! Where an expression stands, and what is bound there.
+
+use std::rc::Rc;
+
+use smpl_dsl::syntax::Expr;
+
+use crate::elaborate::declare::symbols::{DomainId, ScopeId, SetId, SymbolId};
+use crate::elaborate::lower::cells::{Cell, Face};
+use crate::elaborate::lower::value::Value;
+use crate::ir::{Affine, ExprId};
+
+/// Where an expression stands, and what is bound there.
+#[derive(Clone, Debug)]
+pub(crate) struct Place {
+    /// Where names are looked up.
+    pub scope: ScopeId,
+    /// What is bound.
+    pub bindings: Option<Rc<Binding>>,
+    /// Number of loops around.
+    pub depth: u8,
+    /// The face at which field values are taken, inside a flux.
+    pub face: Option<Face>,
+    /// What kind of text it belongs to.
+    pub site: Site,
+}
+
+/// What kind of text an expression belongs to: decides which functions have a meaning.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Site {
+    /// Equations, `let`s, fluxes.
+    Dynamics,
+    /// Parameters, initial values: random numbers drawn at reset.
+    Reset,
+    /// Update of a disturbance: random numbers drawn at each step.
+    Disturb,
+    /// Sampling instants, rewards, conditions, policies, observations.
+    Instant,
+}
+
+/// An index, argument or tuple element that is bound to a name.
+#[derive(Debug)]
+pub(crate) struct Binding {
+    name: String,
+    to: Bound,
+    next: Option<Rc<Binding>>,
+}
+
+/// What a name is bound to.
+#[derive(Clone, Debug)]
+pub(crate) enum Bound {
+    /// A member of a set.
+    Member(SetId, usize),
+    /// A cell of a domain.
+    Cell(DomainId, Cell),
+    /// The face at which a flux is taken.
+    Face(DomainId, Cell),
+    /// A value: argument of a function.
+    Value(Value),
+    /// An expression at its own place, with what is bound there: element of a tuple.
+    Alias(Expr, ScopeId, Option<Rc<Binding>>),
+    /// An element of a variable, by its linear address: element of `states` and the like.
+    Element(SymbolId, Affine),
+    /// A whole number: face or cell number of a prescribed grid.
+    Number(ExprId),
+    /// The numbers of a range that stays a loop.
+    Run(Cell),
+}
+
+impl Place {
+    /// A place with nothing bound.
+    pub(in crate::elaborate) fn new(scope: ScopeId, site: Site) -> Place {
+        Place { scope, bindings: None, depth: 0, face: None, site }
+    }
+
+    /// The place with one more name bound.
+    pub(in crate::elaborate) fn bind(&self, name: &str, to: Bound) -> Place {
+        let mut place = self.clone();
+        place.bindings = Some(Rc::new(Binding { name: name.to_owned(), to, next: self.bindings.clone() }));
+        place
+    }
+
+    /// What is bound here, the innermost first.
+    pub(in crate::elaborate) fn all_bound(&self) -> impl Iterator<Item = (&str, &Bound)> {
+        std::iter::successors(self.bindings.as_deref(), |binding| binding.next.as_deref()).map(|b| (b.name.as_str(), &b.to))
+    }
+
+    /// Which loops around count numbers, by bit.
+    pub(in crate::elaborate) fn runs(&self) -> u8 {
+        self.all_bound().fold(0, |bits, (_, bound)| match bound {
+            Bound::Run(Cell { along: Some(v), .. }) => bits | 1 << v.0,
+            _ => bits,
+        })
+    }
+
+    /// What a name is bound to.
+    pub(in crate::elaborate) fn bound(&self, name: &str) -> Option<&Bound> {
+        self.all_bound().find(|(bound, _)| *bound == name).map(|(_, to)| to)
+    }
+}

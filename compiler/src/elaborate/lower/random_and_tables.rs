@@ -1,0 +1,141 @@
+//! Tables over time and random numbers.
+
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::span::Span;
+use smpl_dsl::syntax::{BinaryOp, Expr, TimeTableKind};
+
+use crate::elaborate::declare::symbols::{SymbolId, SymbolKind};
+use crate::elaborate::lower::builtins::Distribution;
+use crate::elaborate::lower::value::Value;
+use crate::elaborate::lower::values::Values;
+use crate::elaborate::{Elaborator, Place};
+use crate::ir::{Affine, Compare, ExprId, Flavour, LoopVar, UnaryFn};
+use crate::model::{Draw, Instant, Variate};
+
+/// Times this near each other, relative to their size or to 1, are one: a clock that counts in steps is a sum of roundings. Short enough that what
+/// happens in between is below every tolerance.
+const SLACK: f64 = 1e-12;
+
+impl Elaborator<'_> {
+    /// `uniform(a, b)`, `normal(mean, sd)`, `lognormal(mu, sigma)`: a standard variate in its own slot, scaled.
+    pub(in crate::elaborate) fn random(
+        &mut self,
+        span: Span,
+        name: &str,
+        distribution: Distribution,
+        (first, second): (&Expr, &Expr),
+        place: &Place,
+    ) -> Value {
+        let Some((stream, instant)) = self.hidden.draws.site.clone() else {
+            return self.fault(
+                Diagnostic::error(codes::MISPLACED_FUNCTION, format!("`{name}` has no meaning here"), span)
+                    .help("random numbers are drawn in `param ... ~`, `initial ... ~`, `random ... ~`, `disturbance ... ~` and `noise`"),
+            );
+        };
+        let kind = if distribution == Distribution::Uniform { Variate::Uniform } else { Variate::Normal };
+        let (a, b) = (self.value(first, place), self.value(second, place));
+        let draw = self.draw(&stream, kind, instant, place);
+        let draw = (Value::bare(draw), span);
+        let (a, b) = ((a, first.span), (b, second.span));
+        if distribution == Distribution::Uniform {
+            let width = self.arithmetic(BinaryOp::Sub, b, a.clone(), span);
+            let part = self.arithmetic(BinaryOp::Mul, (width, span), draw, span);
+            return self.arithmetic(BinaryOp::Add, a, (part, span), span);
+        }
+        let part = self.arithmetic(BinaryOp::Mul, b, draw, span);
+        let x = self.arithmetic(BinaryOp::Add, a, (part, span), span);
+        if distribution == Distribution::Normal {
+            return x;
+        }
+        match self.values().dimensionless(&x, span, "lognormal") {
+            Some(e) => {
+                let expr = self.exprs.unary(UnaryFn::Exp, e);
+                Value::bare(expr)
+            }
+            None => self.poison(),
+        }
+    }
+
+    /// New slots for a random number: one for every pass of the loops around.
+    fn draw(&mut self, stream: &str, kind: Variate, instant: Instant, place: &Place) -> ExprId {
+        let passes: i64 = self.loops.frames.iter().take(place.depth as usize).map(|l| l.passes).product();
+        let first = self.hidden.draws.list.len() as i64;
+        for i in 0..passes {
+            let stream = if passes == 1 { stream.to_owned() } else { format!("{stream}#{i}") };
+            self.hidden.draws.list.push(Draw { stream, kind, instant });
+        }
+        let mut at = Affine::constant(0);
+        for d in 0..place.depth {
+            let passes = self.loops.frames.get(d as usize).map_or(1, |l| l.passes);
+            at = at.times(passes).plus(Affine::along(0, LoopVar(d), 1));
+        }
+        at.offset = first;
+        self.exprs.load(self.hidden.draws.var, Flavour::Value, at)
+    }
+
+    /// A table over time at a given time.
+    pub(in crate::elaborate) fn time_table(&mut self, span: Span, symbol: SymbolId, arguments: &[Expr], place: &Place) -> Value {
+        let path = self.symbols[symbol].path.clone();
+        let [argument] = arguments else {
+            return self.fault(Diagnostic::error(codes::WRONG_ARGUMENTS, format!("`{path}` takes a time"), span));
+        };
+        let SymbolKind::TimeTable { unit, time_unit, kind, points } = self.symbols[symbol].kind.clone() else {
+            return self.poison();
+        };
+        let declared = self.symbols[symbol].span;
+        let t = self.number_in(argument, &time_unit, &format!("the time of `{path}`"), declared, place);
+        let expr = match kind {
+            TimeTableKind::Linear => self.values().linear_table(t, &points),
+            _ => self.values().step_table(t, &points, kind == TimeTableKind::Until),
+        };
+        Value::of(expr, unit)
+    }
+}
+
+impl Values<'_> {
+    /// Steps: up to and including a time (`until`), or from it on.
+    fn step_table(&mut self, t: ExprId, points: &[(f64, f64)], until: bool) -> ExprId {
+        let mut list = points.iter().rev();
+        let Some(&(_, last)) = list.next() else { return self.exprs.constant(f64::NAN) };
+        if until {
+            let mut expr = self.exprs.constant(last);
+            for &(time, value) in list {
+                // A hair past the time still belongs to it.
+                let limit = self.exprs.constant(time + SLACK * time.abs().max(1.0));
+                let holds = self.exprs.compare(Compare::Le, t, limit);
+                let value = self.exprs.constant(value);
+                expr = self.exprs.select(holds, value, expr);
+            }
+            return expr;
+        }
+        let mut expr = self.exprs.constant(points.first().map_or(f64::NAN, |p| p.1));
+        for &(time, value) in points.iter().skip(1) {
+            let limit = self.exprs.constant(time - SLACK * time.abs().max(1.0));
+            let reached = self.exprs.compare(Compare::Le, limit, t);
+            let value = self.exprs.constant(value);
+            expr = self.exprs.select(reached, value, expr);
+        }
+        expr
+    }
+
+    fn linear_table(&mut self, t: ExprId, points: &[(f64, f64)]) -> ExprId {
+        let Some(&(_, last)) = points.last() else { return self.exprs.constant(f64::NAN) };
+        let mut expr = self.exprs.constant(last);
+        for pair in points.windows(2).rev() {
+            let ((t0, v0), (t1, v1)) = (pair[0], pair[1]);
+            let slope = self.exprs.constant((v1 - v0) / (t1 - t0));
+            let (start, v0, end) = (self.exprs.constant(t0), self.exprs.constant(v0), self.exprs.constant(t1));
+            let since = self.exprs.sub(t, start);
+            let rise = self.exprs.mul(slope, since);
+            let inside = self.exprs.add(v0, rise);
+            let before = self.exprs.compare(Compare::Lt, t, end);
+            expr = self.exprs.select(before, inside, expr);
+        }
+        if let Some(&(t0, v0)) = points.first() {
+            let (start, v0) = (self.exprs.constant(t0), self.exprs.constant(v0));
+            let before = self.exprs.compare(Compare::Lt, t, start);
+            expr = self.exprs.select(before, v0, expr);
+        }
+        expr
+    }
+}

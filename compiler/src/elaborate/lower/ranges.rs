@@ -1,0 +1,213 @@
+//! Ranges of whole numbers as loops.
+//!
+//! A set of names is written out: what is said of water need not be said of salt. A range of numbers mostly counts: trays, cells of a
+//! battery, stages. It is elaborated as one loop first, with its index as a symbol. Where the body asks for more than a loop can
+//! give (a single number, an entry of a table, a neighbour beyond the range), every trace of the attempt is removed and the range is
+//! written out, with the same meaning and with the faults of its single members.
+
+use smpl_dsl::syntax::{BinaryOp, Binder, BinderSet, Expr, ExprKind};
+
+use crate::elaborate::declare::naming::Naming;
+use crate::elaborate::declare::symbols::{Axis, SetId, SymbolKind, Symbols};
+use crate::elaborate::lower::cells::Cell;
+use crate::elaborate::lower::value::Value;
+use crate::elaborate::lower::values::Values;
+use crate::elaborate::{Bound, Elaborator, Place, Site};
+
+/// Shorter ranges are written out: their numbers become constants.
+pub(in crate::elaborate) const SHORTEST: i64 = 16;
+impl Elaborator<'_> {
+    /// The first and the last number that a binder counts, if they may stay a loop here.
+    pub(in crate::elaborate) fn run_of(&mut self, binder: &Binder, place: &Place) -> Option<(i64, i64)> {
+        if !self.ledger.speculation.enabled || !matches!(place.site, Site::Dynamics | Site::Instant) {
+            return None;
+        }
+        let (low, high) = match &binder.over {
+            BinderSet::Itself => self.symbols.numbers_of(&binder.name.text, place)?,
+            BinderSet::Set(name) => self.symbols.numbers_of(&name.text, place)?,
+            BinderSet::Range(low, high) => {
+                let name = &binder.name.text;
+                let symbol = self.symbols.lookup(place.scope, name);
+                if self.loops.counted.iter().any(|(n, _)| n == name) || symbol.is_some_and(|s| self.symbols.is_domain(s)) {
+                    return None;
+                }
+                let (low, high) = (self.integer_quietly(low, place)?, self.integer_quietly(high, place)?);
+                match self.symbols.numbers_of(name, place) {
+                    Some((first, last)) => (low.max(first), high.min(last)),
+                    None => (low, high),
+                }
+            }
+            BinderSet::Tuple(_) => return None,
+        };
+        let passes = high.saturating_sub(low).saturating_add(1);
+        let around = self.loops.frames.iter().take(place.depth.into()).fold(1, |n: i64, l| n.saturating_mul(l.passes));
+        if passes < SHORTEST {
+            return None;
+        }
+        if !self.ledger.speculation.may_loop(passes.saturating_mul(around)) {
+            self.ledger.budget.give_up(binder.span);
+            return None;
+        }
+        Some((low, high))
+    }
+
+    /// Elaborates something with a range as a loop; `None`, and no trace of it, where that was refused or at fault.
+    pub(in crate::elaborate) fn attempt<T>(&mut self, body: impl FnOnce(&mut Self) -> T) -> Option<T> {
+        let before = self.ledger.trace();
+        self.ledger.speculation.begin();
+        let value = body(self);
+        self.ledger.speculation.end();
+        if !self.ledger.speculation.succeeded(&before, &self.ledger.reports) {
+            self.ledger.roll_back(before, &mut self.expansions);
+            return None;
+        }
+        self.ledger.speculation.commit(&before, &mut self.ledger.reports);
+        Some(value)
+    }
+
+    /// The numbers that an index expression stands for, `i`, `i + 2`, `1 + i`, `i - 1`, where `i` is bound to a range.
+    pub(in crate::elaborate) fn run_index(&mut self, e: &Expr, place: &Place) -> Option<Cell> {
+        match &e.kind {
+            ExprKind::Name(name) => match place.bound(&name.text) {
+                Some(Bound::Run(numbers)) => Some(*numbers),
+                _ => None,
+            },
+            ExprKind::Binary(op @ (BinaryOp::Add | BinaryOp::Sub), a, b) => {
+                if let Some(numbers) = self.run_index(a, place) {
+                    let by = self.integer_quietly(b, place)?;
+                    return Some(numbers.shifted(if *op == BinaryOp::Add { by } else { -by }));
+                }
+                if *op == BinaryOp::Sub {
+                    return None;
+                }
+                let numbers = self.run_index(b, place)?;
+                Some(numbers.shifted(self.integer_quietly(a, place)?))
+            }
+            _ => None,
+        }
+    }
+
+    /// A whole number that cannot change: of numbers, and of parameters that give sizes and indices.
+    fn settled_number(&mut self, e: &Expr, place: &Place) -> Option<i64> {
+        let v = self.value(e, place);
+        let settled =
+            !v.is_poison() && self.symbols.parameters_in(&self.exprs, v.expr).iter().all(|(var, _)| self.constants.is_structural(*var));
+        let x = self.constant_value(v.expr).filter(|x| settled && x.fract() == 0.0 && x.abs() < 1e15)?;
+        Some(x as i64)
+    }
+
+    /// The number that an index has, or the numbers of its range.
+    fn counted_index(&mut self, e: &Expr, place: &Place) -> Option<Cell> {
+        if let Some(numbers) = self.run_index(e, place) {
+            return Some(numbers);
+        }
+        let number = |s: &Self, e: &Expr| match &e.kind {
+            ExprKind::Name(name) => match place.bound(&name.text)? {
+                Bound::Member(set, i) => s.symbols.sets[*set].first.map(|first| first + *i as i64),
+                Bound::Number(e) => s.exprs.as_const(*e).map(|x| x as i64),
+                _ => None,
+            },
+            _ => None,
+        };
+        match &e.kind {
+            ExprKind::Binary(op @ (BinaryOp::Add | BinaryOp::Sub), a, b) if number(self, a).is_some() => {
+                let by = self.integer_quietly(b, place)?;
+                number(self, a).map(|n| Cell::single(if *op == BinaryOp::Add { n + by } else { n - by }))
+            }
+            _ => number(self, e).map(Cell::single),
+        }
+    }
+
+    /// `i < 4`, `n == i`: decided where one side is an index and the other one a number that the size of some range depends on too, so
+    /// that it cannot change. A loop is cut where that holds in some passes only; what is made of this pass is thrown away then.
+    pub(in crate::elaborate) fn run_comparison(&mut self, op: BinaryOp, a: &Expr, b: &Expr, place: &Place) -> Option<bool> {
+        let (numbers, op, n) = match (self.counted_index(a, place), self.counted_index(b, place)) {
+            (Some(x), Some(y)) if x.along == y.along => return Some(holds(op, x.first, y.first)),
+            (Some(x), Some(y)) if y.along.is_none() => (x, op, y.first),
+            (Some(x), Some(y)) if x.along.is_none() => (y, mirrored(op), x.first),
+            (Some(numbers), None) => (numbers, op, self.settled_number(b, place)?),
+            (None, Some(numbers)) => (numbers, mirrored(op), self.settled_number(a, place)?),
+            _ => return None,
+        };
+        // The passes at which the answer may change.
+        let turns = match op {
+            BinaryOp::Lt | BinaryOp::Ge => vec![n],
+            BinaryOp::Le | BinaryOp::Gt => vec![n + 1],
+            _ => vec![n, n + 1],
+        };
+        for turn in turns {
+            numbers.along.into_iter().for_each(|along| self.cut(along, turn - numbers.first));
+        }
+        Some(holds(op, numbers.first, n))
+    }
+}
+
+impl<'a> Naming<'_, 'a> {
+    /// The members of a set that numbers of a range are; those of other sets, and numbers beyond it, are written out and reported.
+    pub(in crate::elaborate) fn run_members(&mut self, set: SetId, numbers: Cell) -> Option<Cell> {
+        let len = self.symbols.sets[set].labels.len() as i64;
+        let members = self.symbols.sets[set].first.map(|first| numbers.shifted(-first)).filter(|m| m.first >= 0 && m.last() < len);
+        if members.is_none() {
+            self.ledger.speculation.refuse();
+        }
+        members
+    }
+}
+
+impl Values<'_> {
+    /// The numbers of a range as a value.
+    pub(in crate::elaborate) fn run_value(&mut self, numbers: Cell) -> Value {
+        let first = self.exprs.constant(numbers.first as f64);
+        let Some(along) = numbers.along else { return Value::bare(first) };
+        let counter = self.exprs.counter(along);
+        Value::bare(if numbers.first == 0 { counter } else { self.exprs.add(counter, first) })
+    }
+}
+
+impl<'a> Symbols<'a> {
+    fn is_domain(&self, symbol: crate::elaborate::declare::symbols::SymbolId) -> bool {
+        matches!(self[symbol].kind, SymbolKind::Domain(_))
+    }
+
+    /// The first and the last member of a set of numbers.
+    fn numbers_of(&self, name: &str, place: &Place) -> Option<(i64, i64)> {
+        match self[self.lookup(place.scope, name)?].kind {
+            SymbolKind::Set(set) => {
+                let set = &self.sets[set];
+                set.first.map(|first| (first, first + set.labels.len() as i64 - 1))
+            }
+            _ => None,
+        }
+    }
+
+    /// Whether an index goes over the cells of a domain or over a range that may stay a loop.
+    pub(in crate::elaborate) fn may_run(&self, axis: Axis) -> bool {
+        match axis {
+            Axis::Domain(_) => true,
+            Axis::Set(set) => self.sets[set].first.is_some() && self.axis_len(axis) >= SHORTEST,
+        }
+    }
+}
+
+/// Whether `a op b`.
+fn holds(op: BinaryOp, a: i64, b: i64) -> bool {
+    match op {
+        BinaryOp::Lt => a < b,
+        BinaryOp::Le => a <= b,
+        BinaryOp::Gt => a > b,
+        BinaryOp::Ge => a >= b,
+        BinaryOp::Eq => a == b,
+        _ => a != b,
+    }
+}
+
+/// `b op a` for `a op b`.
+fn mirrored(op: BinaryOp) -> BinaryOp {
+    match op {
+        BinaryOp::Lt => BinaryOp::Gt,
+        BinaryOp::Le => BinaryOp::Ge,
+        BinaryOp::Gt => BinaryOp::Lt,
+        BinaryOp::Ge => BinaryOp::Le,
+        other => other,
+    }
+}

@@ -1,0 +1,315 @@
+//! Sums, products, means and the like.
+
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::span::Span;
+use smpl_dsl::syntax::{BinaryOp, Binder, Expr, Ident};
+use smpl_dsl::units::Unit;
+
+use crate::elaborate::declare::symbols::DomainId;
+use crate::elaborate::lower::builtins::{self, Over};
+use crate::elaborate::lower::cells::Cell;
+use crate::elaborate::lower::functions::BinderValue;
+use crate::elaborate::lower::units;
+use crate::elaborate::lower::value::{Measure, Value};
+use crate::elaborate::lower::values::Values;
+use crate::elaborate::{Bound, Elaborator, Place};
+use crate::ir::{BinaryFn, Compare, Expr as Node, ExprId, LoopVar, ReduceFn};
+
+impl Elaborator<'_> {
+    /// `sum(e for i in set, z if condition)`
+    pub(in crate::elaborate) fn reduction(
+        &mut self,
+        span: Span,
+        function: &Ident,
+        body: &Expr,
+        binders: &[Binder],
+        condition: Option<&Expr>,
+        place: &Place,
+    ) -> Value {
+        let mut terms = Vec::new();
+        let over = builtins::find(&function.text).and_then(|b| b.over);
+        let kind = match over {
+            Some(Over::Integral | Over::Mean) => Terms::Weighted,
+            Some(Over::Reduce(ReduceFn::Sum) | Over::Any | Over::All) => Terms::Plain,
+            _ => Terms::Single,
+        };
+        self.terms(body, binders, condition, kind, place, &mut terms);
+        if terms.iter().any(|t| t.value.is_poison()) {
+            return self.poison();
+        }
+        match over {
+            Some(Over::Reduce(ReduceFn::Product)) => self.product_of(terms, span),
+            Some(Over::Reduce(op)) => self.fold(terms, op, span),
+            Some(Over::Mean) => self.mean(terms, span),
+            Some(Over::Integral) => self.space_integral(terms, span),
+            Some(Over::Any) => self.values().quantified(terms, true, span),
+            Some(Over::All) => self.values().quantified(terms, false, span),
+            None => self.unknown_function(function, place),
+        }
+    }
+
+    /// All terms of a reduction: one for each member, one a piece of a range of cells.
+    fn terms(&mut self, body: &Expr, binders: &[Binder], condition: Option<&Expr>, kind: Terms, place: &Place, out: &mut Vec<Term>) {
+        let Some((binder, rest)) = binders.split_first() else {
+            if !self.ledger.may_write_out(body.span) {
+                return;
+            }
+            let keep = condition.map(|c| self.condition(c, place));
+            if let Some(c) = keep
+                && matches!(self.exprs.node(c), Node::Truth(false))
+            {
+                return;
+            }
+            let keep = keep.filter(|&c| !matches!(self.exprs.node(c), Node::Truth(true)));
+            let value = self.value(body, place);
+            out.push(Term { value, span: body.span, keep, loops: Vec::new(), weight: None });
+            return;
+        };
+        if kind != Terms::Single
+            && let Some(range) = self.run_of(binder, place)
+        {
+            let mut terms = Vec::new();
+            let looped = self.attempt(|s| {
+                s.looped_terms(binder, range, &mut Bound::Run, body, rest, condition, (kind, None), place, &mut terms);
+                if terms.iter().any(|t| t.value.is_poison() || s.repeats_sums(t)) {
+                    s.ledger.speculation.refuse();
+                }
+            });
+            if looped.is_some() {
+                return out.append(&mut terms);
+            }
+        }
+        for bound in self.bindings_of(binder, place) {
+            if self.ledger.budget.is_full() {
+                return;
+            }
+            match bound {
+                BinderValue::One(bound) => {
+                    let written = if let Bound::Alias(e, ..) = &bound { Some(e.span) } else { None };
+                    let first = out.len();
+                    let inner = place.bind(&binder.name.text, bound);
+                    self.terms(body, rest, condition, kind, &inner, out);
+                    if let Some(span) = written {
+                        out[first..].iter_mut().for_each(|t| t.span = span);
+                    }
+                }
+                BinderValue::Cells(domain, low, high) => {
+                    let mut make = |cell: Cell| Bound::Cell(domain, cell);
+                    self.looped_terms(binder, (low, high), &mut make, body, rest, condition, (kind, Some(domain)), place, out);
+                }
+                BinderValue::Elements(symbol, len) => {
+                    let mut make = |cell: Cell| Bound::Element(symbol, cell.affine());
+                    self.looped_terms(binder, (0, len - 1), &mut make, body, rest, condition, (kind, None), place, out);
+                }
+            }
+        }
+    }
+
+    #[allow(clippy::too_many_arguments, reason = "the parts of one reduction")]
+    fn looped_terms(
+        &mut self,
+        binder: &Binder,
+        (low, high): (i64, i64),
+        bound: &mut dyn FnMut(Cell) -> Bound,
+        body: &Expr,
+        rest: &[Binder],
+        condition: Option<&Expr>,
+        (kind, domain): (Terms, Option<DomainId>),
+        place: &Place,
+        out: &mut Vec<Term>,
+    ) {
+        let pieces = self.cells(low, high, binder.span, place, &mut |s, cell, inner| {
+            let inner = inner.bind(&binder.name.text, bound(cell));
+            let mut list = Vec::new();
+            s.terms(body, rest, condition, kind, &inner, &mut list);
+            if let Some(domain) = domain.filter(|_| kind == Terms::Weighted) {
+                for term in &mut list {
+                    let volume = s.cell_volume(domain, cell);
+                    term.weight = Some(match term.weight.take() {
+                        Some(w) => s.arithmetic(BinaryOp::Mul, (w, body.span), (volume, body.span), body.span),
+                        None => volume,
+                    });
+                }
+            }
+            list
+        });
+        for (cell, list) in pieces {
+            for mut term in list {
+                if let Some(v) = cell.along {
+                    term.loops.push((v, cell.count as u32));
+                }
+                out.push(term);
+            }
+        }
+    }
+
+    /// Whether a term has sums that depend on its loops and not on what is around them: as a loop it would work them out again for each
+    /// pass around it; written out, they are shared.
+    fn repeats_sums(&self, term: &Term) -> bool {
+        let own = term.loops.iter().fold(0, |bits, (v, _)| bits | 1 << v.0);
+        let around = self.exprs.free(term.value.expr) & !own;
+        self.exprs.has_reduction(term.value.expr, |free| free & own != 0 && around & !free != 0)
+    }
+
+    fn fold(&mut self, terms: Vec<Term>, op: ReduceFn, span: Span) -> Value {
+        if terms.is_empty() {
+            return match op {
+                ReduceFn::Sum => Value { expr: self.exprs.constant(0.0), unit: Measure::Zero },
+                ReduceFn::Product => Value::bare(self.exprs.constant(1.0)),
+                _ => self.fault(Diagnostic::error(codes::EMPTY_SET, "the least or greatest of nothing", span)),
+            };
+        }
+        let mut values = Vec::with_capacity(terms.len());
+        for term in terms {
+            let expr = self.values().close(&term, op, term.value.expr);
+            values.push((Value { expr, unit: term.value.unit }, term.span));
+        }
+        let mut list = values.into_iter();
+        let Some(mut total) = list.next() else { return self.poison() };
+        let first = total.1;
+        for next in list {
+            let v = match op {
+                ReduceFn::Sum => self.arithmetic(BinaryOp::Add, total, next, span),
+                ReduceFn::Min => self.values().fold_extremum(BinaryFn::Min, vec![total, next], span),
+                ReduceFn::Max => self.values().fold_extremum(BinaryFn::Max, vec![total, next], span),
+                ReduceFn::Product => self.arithmetic(BinaryOp::Mul, total, next, span),
+            };
+            total = (v, first);
+        }
+        total.0
+    }
+
+    fn product_of(&mut self, terms: Vec<Term>, span: Span) -> Value {
+        if let Some(term) = terms.iter().find(|t| !t.loops.is_empty())
+            && !term.value.unit.is_plain()
+            && !units::is_dimensionless(&term.value.unit.unit())
+        {
+            return self.fault(
+                Diagnostic::error(codes::NOT_DIMENSIONLESS, "a product over cells takes dimensionless factors", span)
+                    .label("its unit would depend on the grid"),
+            );
+        }
+        self.fold(terms, ReduceFn::Product, span)
+    }
+
+    /// Mean over members; weighted with the measure over cells.
+    fn mean(&mut self, mut terms: Vec<Term>, span: Span) -> Value {
+        if terms.is_empty() {
+            return self.fault(Diagnostic::error(codes::EMPTY_SET, "the mean of nothing", span));
+        }
+        if let Some(point) = self.values().as_differences(&mut terms) {
+            let mean = self.mean(terms, span);
+            return Value { unit: if mean.is_poison() { mean.unit } else { Measure::Of(point) }, ..mean };
+        }
+        if terms.iter().any(|t| t.weight.is_some()) {
+            let weights: Vec<Term> = terms
+                .iter()
+                .filter_map(|t| {
+                    t.weight.clone().map(|w| Term { value: w, span: t.span, keep: t.keep, loops: t.loops.clone(), weight: None })
+                })
+                .collect();
+            let total = self.space_integral(terms, span);
+            let measure = self.fold(weights, ReduceFn::Sum, span);
+            return self.arithmetic(BinaryOp::Div, (total, span), (measure, span), span);
+        }
+        // Each term counts where its condition holds.
+        let one = Value::bare(self.exprs.constant(1.0));
+        let counted = terms.iter().map(|t| Term { value: one.clone(), weight: None, ..t.clone() }).collect();
+        let n = self.fold(counted, ReduceFn::Sum, span);
+        let total = self.fold(terms, ReduceFn::Sum, span);
+        self.arithmetic(BinaryOp::Div, (total, span), (n, span), span)
+    }
+
+    fn space_integral(&mut self, terms: Vec<Term>, span: Span) -> Value {
+        let mut weighted = Vec::with_capacity(terms.len());
+        for term in terms {
+            let Some(w) = term.weight.clone() else {
+                return self.fault(
+                    Diagnostic::error(codes::WRONG_KIND, "`integral(... for z)` runs over the cells of a domain", span)
+                        .help("use `sum` over a set"),
+                );
+            };
+            let value = self.arithmetic(BinaryOp::Mul, (w, span), (term.value, span), span);
+            weighted.push(Term { value, span: term.span, keep: term.keep, loops: term.loops, weight: None });
+        }
+        self.fold(weighted, ReduceFn::Sum, span)
+    }
+}
+
+impl Values<'_> {
+    fn quantified(&mut self, terms: Vec<Term>, any: bool, span: Span) -> Value {
+        let mut total = self.exprs.truth(!any);
+        let zero = self.exprs.constant(0.0);
+        for term in terms {
+            if !matches!(term.value.unit, Measure::Truth) {
+                return self.fault(Diagnostic::error(codes::WRONG_KIND, "`any` and `all` take conditions", span));
+            }
+            let mut holds = term.value.expr;
+            if let Some(c) = term.keep {
+                holds = if any {
+                    self.exprs.and(c, holds)
+                } else {
+                    let not = self.exprs.not(c);
+                    self.exprs.or(not, holds)
+                };
+            }
+            if !term.loops.is_empty() {
+                // Over cells: the greatest (least) of the conditions as numbers.
+                let number = self.exprs.number(holds);
+                let bare = Term { value: term.value.clone(), span: term.span, keep: None, loops: term.loops.clone(), weight: None };
+                let e = self.close(&bare, if any { ReduceFn::Max } else { ReduceFn::Min }, number);
+                holds = self.exprs.compare(Compare::Lt, zero, e);
+            }
+            total = if any { self.exprs.or(total, holds) } else { self.exprs.and(total, holds) };
+        }
+        Value::truth(total)
+    }
+
+    /// A term summed over its loops.
+    fn close(&mut self, term: &Term, op: ReduceFn, body: ExprId) -> ExprId {
+        let mut e = body;
+        if let Some(c) = term.keep {
+            let neutral = self.exprs.constant(op.identity());
+            e = self.exprs.select(c, e, neutral);
+        }
+        // Loops were collected from the innermost outwards.
+        for &(v, extent) in &term.loops {
+            e = self.exprs.reduce(op, v, extent, e);
+        }
+        e
+    }
+
+    /// Makes differences from the zero of their scale of temperatures in degC, whose mean is one again; the scale, where all are such.
+    fn as_differences(&mut self, terms: &mut [Term]) -> Option<Unit> {
+        let point = |t: &Term| if let Measure::Of(unit) = &t.value.unit { units::is_point(unit).then(|| unit.clone()) } else { None };
+        let scales: Vec<Unit> = terms.iter().map(point).collect::<Option<_>>()?;
+        let scale = scales.first()?.clone();
+        for (term, own) in terms.iter_mut().zip(&scales) {
+            let expr = self.convert(term.value.expr, own, &scale)?;
+            term.value = Value::of(expr, units::difference(&scale));
+        }
+        Some(scale)
+    }
+}
+
+/// What becomes of the terms of a reduction.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Terms {
+    /// A range of numbers may stay a loop.
+    Plain,
+    /// So it may, and cells are weighted with their measure.
+    Weighted,
+    /// Long ranges of factors and the like cannot be differentiated as loops.
+    Single,
+}
+
+/// A term of a reduction.
+#[derive(Clone)]
+struct Term {
+    value: Value,
+    /// What was written: the body, or the element of a tuple.
+    span: Span,
+    keep: Option<ExprId>,
+    loops: Vec<(LoopVar, u32)>,
+    weight: Option<Value>,
+}

@@ -1,0 +1,221 @@
+//! Units of measure in conversions and messages: a thin layer over [`smpl_dsl::units`].
+
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::span::Span;
+use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident, UnaryOp, UnitBase, UnitExpr, UnitFactor};
+use smpl_dsl::units::{Rational, Unit};
+
+use crate::elaborate::lower::value::Measure;
+use crate::elaborate::{Elaborator, Place};
+
+/// Whether the unit has no dimension (it may have a scale, as `%`).
+pub fn is_dimensionless(unit: &Unit) -> bool {
+    unit.dimension().is_none()
+}
+
+/// Whether the unit is that of numbers.
+pub fn is_plain_number(unit: &Unit) -> bool {
+    unit.is_one()
+}
+
+/// Whether numbers in the unit are points on a temperature scale.
+pub fn is_point(unit: &Unit) -> bool {
+    unit.is_point()
+}
+
+/// The unit of differences.
+pub fn difference(unit: &Unit) -> Unit {
+    unit.difference()
+}
+
+/// Product of units; beyond all representable exponents the unit of numbers.
+pub fn times(a: &Unit, b: &Unit) -> Unit {
+    a.multiply(b).unwrap_or_else(Unit::one)
+}
+
+/// Quotient of units.
+pub fn over(a: &Unit, b: &Unit) -> Unit {
+    a.divide(b).unwrap_or_else(Unit::one)
+}
+
+/// Unit of the rate of change.
+pub fn rate(unit: &Unit, time: &Unit) -> Unit {
+    over(&difference(unit), time)
+}
+
+/// A power with an exponent that is a simple fraction.
+pub fn power(unit: &Unit, exponent: f64) -> Option<Unit> {
+    let simple = (1..=12_i32).find_map(|d| {
+        let n = exponent * f64::from(d);
+        ((n - n.round()).abs() < 1e-12 && n.abs() < 1e4).then(|| Rational::new(n.round() as i128, i128::from(d)))?
+    })?;
+    unit.power(simple)
+}
+
+/// Factor and offset from numbers of one unit to numbers of the other; `None` where they measure different things.
+pub fn conversion(from: &Unit, to: &Unit) -> Option<(f64, f64)> {
+    if from.is_point() != to.is_point() {
+        return None;
+    }
+    from.conversion_to(to).map(|c| (c.factor, c.offset))
+}
+
+/// What a unit measures, for messages.
+pub fn describe(unit: &Unit) -> String {
+    unit.describe()
+}
+
+/// "needs a length [m], this is a time [s]"
+pub fn mismatch(found: &Unit, wanted: &Unit, span: Span, what: &str, declared: Span) -> Diagnostic {
+    let mut d = Diagnostic::error(codes::UNIT_MISMATCH, format!("{what} is {}, but this is {}", describe(wanted), describe(found)), span)
+        .label(describe(found));
+    if declared != Span::default() && declared != span {
+        d = d.secondary(declared, describe(wanted));
+    }
+    d.maybe_help(repair(found, wanted))
+}
+
+/// "cannot be added"
+pub fn clash(a: &Unit, sa: Span, b: &Unit, sb: Span, span: Span, verb: &str) -> Diagnostic {
+    // What is added to a point on a scale, or taken from it, is a difference.
+    let adds = matches!(verb, "added" | "subtracted");
+    let of = |unit: &Unit| if adds { difference(unit) } else { unit.clone() };
+    let help = if is_dimensionless(a) && !is_dimensionless(b) {
+        repair(a, &of(b)).map(|r| r.replace("it by", "the first by"))
+    } else {
+        repair(b, &if is_dimensionless(b) { of(a) } else { a.clone() }).map(|r| r.replace("it by", "the second by"))
+    };
+    Diagnostic::error(codes::UNIT_MISMATCH, format!("{} and {} cannot be {verb}", describe(a), describe(b)), span)
+        .secondary(sa, describe(a))
+        .secondary(sb, describe(b))
+        .maybe_help(help)
+}
+
+/// A pure number where a quantity is needed: the number with its unit.
+pub fn literal(x: f64, unit: &Unit) -> String {
+    format!("give the number its unit: `{x} [{unit}]`")
+}
+
+/// A number without a unit beside a dimensionless quantity with a scale: what it counts as.
+pub fn bare_beside(number: Option<f64>, unit: &Unit, span: Span) -> Diagnostic {
+    let factor = conversion(&Unit::one(), unit).map_or(1.0, |c| c.0);
+    let counts = match number {
+        Some(x) => format!("{x} without a unit is {} [{unit}]", rounded(x * factor)),
+        None => format!("a number without a unit counts {} [{unit}] for one", rounded(factor)),
+    };
+    let written = number.map_or_else(|| format!("`... as [{unit}]`"), |x| format!("`{x} [{unit}]`"));
+    let other = number.map_or_else(|| "`... as [1]`".to_owned(), |x| format!("`{x} [1]`"));
+    Diagnostic::warning(codes::BARE_NUMBER, format!("{counts} here"), span)
+        .label("beside a quantity in another scale")
+        .help(format!("write {written} if that is meant, {other} for the pure number"))
+}
+
+/// A number with no more digits than a reader wants.
+fn rounded(x: f64) -> f64 {
+    format!("{x:.6e}").parse().unwrap_or(x)
+}
+
+/// The sides of an equation measure different things.
+pub fn sides(left: &Unit, sl: Span, right: &Unit, sr: Span) -> Diagnostic {
+    Diagnostic::error(codes::UNIT_MISMATCH, format!("the left side is {}, the right side is {}", describe(left), describe(right)), sr)
+        .label(describe(right))
+        .secondary(sl, describe(left))
+        .maybe_help(repair(right, left).map(|r| r.replace("it by", "the right side by")))
+}
+
+/// What would make `found` into `wanted`.
+fn repair(found: &Unit, wanted: &Unit) -> Option<String> {
+    if found.commensurable(wanted) {
+        // Same dimension: one of them is a point on a scale.
+        return Some(if wanted.is_point() {
+            format!("a point on a scale is meant: give it in {wanted}, or take `celsius(T)` of an absolute temperature")
+        } else {
+            "take a difference of two temperatures, or `kelvin(T)`".to_owned()
+        });
+    }
+    if is_dimensionless(found) {
+        return Some(format!("state the unit if the number has one: `... as [{wanted}]`"));
+    }
+    let missing = over(wanted, &difference(found));
+    let inverse = over(&difference(found), wanted);
+    let quantity = |u: &Unit| u.dimension().describe();
+    if simple(&missing) {
+        return Some(format!("multiply it by {} [{missing}]", article(&quantity(&missing))));
+    }
+    simple(&inverse).then(|| format!("divide it by {} [{inverse}]", article(&quantity(&inverse))))
+}
+
+/// A unit of few factors in the numerator only, worth naming in a hint.
+fn simple(unit: &Unit) -> bool {
+    let text = unit.to_string();
+    !text.starts_with("1/") && text.matches([' ', '/']).count() <= 1
+}
+
+fn article(what: &str) -> String {
+    let article = if what.starts_with(['a', 'e', 'i', 'o', 'u']) { "an" } else { "a" };
+    format!("{article} {what}")
+}
+
+impl Elaborator<'_> {
+    /// The unit that a text means; reports what is wrong with it.
+    pub(in crate::elaborate) fn unit(&mut self, written: &UnitExpr, place: &Place) -> Option<Unit> {
+        let mut inner_fault = false;
+        let result = smpl_dsl::units::resolve(written, &mut |e: &Expr| {
+            let v = self.value(e, place);
+            inner_fault |= v.is_poison();
+            Ok(match v.unit {
+                Measure::Of(unit) => unit.difference(),
+                _ => Unit::one(),
+            })
+        });
+        match result {
+            Ok(_) if inner_fault => None,
+            Ok(unit) => Some(unit),
+            Err(d) => {
+                self.ledger.report(d);
+                None
+            }
+        }
+    }
+
+    /// A unit written where an expression stands: `value(x, kmol/m^3)`.
+    pub(in crate::elaborate) fn unit_argument(&mut self, e: &Expr, place: &Place) -> Option<Unit> {
+        let mut factors = Vec::new();
+        if collect(e, 1, &mut factors).is_none() {
+            self.ledger
+                .report(Diagnostic::error(codes::UNKNOWN_UNIT, "a unit is needed here", e.span).help("for example `value(T, degC)`"));
+            return None;
+        }
+        self.unit(&UnitExpr { span: e.span, factors }, place)
+    }
+}
+
+fn collect(e: &Expr, sign: i32, out: &mut Vec<UnitFactor>) -> Option<()> {
+    let symbol = |name: &Ident, exponent: (i32, i32)| UnitFactor { base: UnitBase::Symbol(name.clone()), exponent };
+    match &e.kind {
+        ExprKind::Name(name) => out.push(symbol(name, (sign, 1))),
+        ExprKind::Number { value, unit: None } if *value == 1.0 => {}
+        ExprKind::Binary(BinaryOp::Mul, a, b) => {
+            collect(a, sign, out)?;
+            collect(b, sign, out)?;
+        }
+        ExprKind::Binary(BinaryOp::Div, a, b) => {
+            collect(a, sign, out)?;
+            collect(b, -sign, out)?;
+        }
+        ExprKind::Binary(BinaryOp::Pow, a, b) => {
+            let (ExprKind::Name(name), Some(n)) = (&a.kind, whole(b)) else { return None };
+            out.push(symbol(name, (sign * n, 1)));
+        }
+        _ => return None,
+    }
+    Some(())
+}
+
+fn whole(e: &Expr) -> Option<i32> {
+    match &e.kind {
+        ExprKind::Number { value, unit: None } if value.fract() == 0.0 && value.abs() < 100.0 => Some(*value as i32),
+        ExprKind::Unary(UnaryOp::Neg, a) => Some(-whole(a)?),
+        _ => None,
+    }
+}

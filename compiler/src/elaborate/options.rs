@@ -1,0 +1,54 @@
+//! What a compilation is asked for beside the text.
+
+use std::collections::BTreeMap;
+
+use smpl_dsl::syntax;
+
+/// What a compilation is asked for beside the text.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Variants that are on and options of choices: name and option (`true` for a variant).
+    pub variants: Vec<(String, String)>,
+    /// Values of parameters, in their declared units; they replace default and distribution.
+    pub parameters: BTreeMap<String, f64>,
+    /// Settings by name: a parameter, a choice, a grid size, or an entry of `episode` or `solver`.
+    pub settings: BTreeMap<String, Setting>,
+    /// Replacements of initial values: `name -> text of an expression` from a scenario.
+    pub initial: BTreeMap<String, f64>,
+    /// Observation level; `None` is `default`.
+    pub observation: Option<String>,
+    /// Reward that is the default.
+    pub reward: Option<String>,
+    /// Statements that replace those of the model with the same key, as a variant does.
+    pub overlay: Vec<syntax::Statement>,
+    /// Overrides `max_steps`.
+    pub max_steps: Option<u32>,
+    /// Look for what is allowed but hardly meant, too.
+    pub lints: bool,
+}
+
+/// Entries of `episode` and `solver` that are settings as well; `max_internal_steps` is `max_steps` of the solver.
+pub const ENTRY_SETTINGS: &[&str] = &[
+    "max_steps",
+    "error_reward",
+    "step",
+    "integrate",
+    "rtol",
+    "atol_factor",
+    "max_order",
+    "max_step",
+    "linear_solver",
+    "max_internal_steps",
+    "max_events",
+];
+
+/// Value of a setting.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Setting {
+    /// A number.
+    Number(f64),
+    /// An option of a choice.
+    Text(String),
+    /// The elements of an array of parameters, in their order.
+    List(Vec<f64>),
+}

@@ -1,0 +1,167 @@
+//! Which variants are on and which options are chosen.
+
+use smpl_dsl::diagnostic::{Diagnostic, Faults, codes, did_you_mean};
+use smpl_dsl::syntax::{File, Ident, Statement, StatementKind};
+
+use crate::elaborate::reports::scenario_fault;
+use crate::elaborate::select::items::Selection;
+use crate::elaborate::{Options, Setting};
+
+/// What a model lets choose.
+#[derive(Debug, Default)]
+pub(in crate::elaborate) struct Choices<'a> {
+    /// Variants, by name.
+    switches: Vec<&'a str>,
+    /// Choices with their options.
+    choices: Vec<(&'a str, &'a [Ident])>,
+}
+
+/// What is chosen.
+#[derive(Debug, Default)]
+pub(in crate::elaborate) struct Chosen {
+    /// Options and variants.
+    pub selection: Selection,
+    /// Settings that were choices.
+    pub settings: Vec<String>,
+    /// What cannot be chosen.
+    pub faults: Faults,
+}
+
+impl<'a> Choices<'a> {
+    /// The variants and choices of all files.
+    pub(in crate::elaborate) fn of(files: &'a [File]) -> Choices<'a> {
+        let mut out = Choices::default();
+        files.iter().for_each(|file| out.collect(&file.statements));
+        out
+    }
+
+    fn collect(&mut self, statements: &'a [Statement]) {
+        for statement in statements {
+            match &statement.kind {
+                StatementKind::Variant { name, body, .. } => {
+                    if !self.is_switch(&name.text) {
+                        self.switches.push(&name.text);
+                    }
+                    self.collect(body);
+                }
+                StatementKind::Choice { name, options, .. } if self.options(&name.text).is_none() => {
+                    self.choices.push((&name.text, options));
+                }
+                StatementKind::When { body, .. } | StatementKind::Component { body, .. } => self.collect(body),
+                _ => {}
+            }
+        }
+    }
+
+    fn is_switch(&self, name: &str) -> bool {
+        self.switches.contains(&name)
+    }
+
+    fn options(&self, choice: &str) -> Option<&'a [Ident]> {
+        self.choices.iter().find(|(name, _)| *name == choice).map(|(_, options)| *options)
+    }
+
+    /// Variants as an outsider sees them: name, and whether they are on.
+    pub(in crate::elaborate) fn shown_variants(&self, selection: &Selection) -> Vec<(String, bool)> {
+        let is_on = |name: &str| selection.chosen.get(name).is_some_and(|v| v == "true");
+        self.switches.iter().map(|name| ((*name).to_owned(), is_on(name))).collect()
+    }
+
+    /// Choices, likewise: name, options, number of the chosen one.
+    pub(in crate::elaborate) fn shown_choices(&self, selection: &Selection) -> Vec<(String, Vec<String>, u32)> {
+        let shown = |(name, options): &(&str, &[Ident])| {
+            let labels: Vec<String> = options.iter().map(|o| o.text.clone()).collect();
+            let at = selection.chosen.get(*name).and_then(|c| labels.iter().position(|l| l == c)).unwrap_or(0);
+            ((*name).to_owned(), labels, at as u32)
+        };
+        self.choices.iter().map(shown).collect()
+    }
+
+    /// What the options ask for; the first option of a choice where they ask for none.
+    pub(in crate::elaborate) fn choose(&self, options: &Options) -> Chosen {
+        let mut out = Chosen::default();
+        for (name, options) in &self.choices {
+            if let Some(first) = options.first() {
+                out.selection.chosen.insert((*name).to_owned(), first.text.clone());
+            }
+        }
+        let mut asked: Vec<(String, String)> = options.variants.clone();
+        for (name, value) in &options.settings {
+            if self.options(name).is_some() || self.is_switch(name) {
+                out.settings.push(name.clone());
+                asked.push((name.clone(), label(value)));
+            }
+        }
+        for (name, option) in asked {
+            match self.check(&name, &option) {
+                Ok(()) => {
+                    out.selection.chosen.insert(name, option);
+                }
+                Err(fault) => out.faults.push(fault),
+            }
+        }
+        out
+    }
+
+    /// Whether something can be chosen so.
+    fn check(&self, name: &str, option: &str) -> Result<(), Diagnostic> {
+        if let Some(options) = self.options(name) {
+            if options.iter().any(|o| o.text == option) {
+                return Ok(());
+            }
+            let known: Vec<&str> = options.iter().map(|o| o.text.as_str()).collect();
+            return Err(scenario_fault(format!("`{name}` cannot be `{option}`; it is one of {}", known.join(", ")), None));
+        }
+        if self.is_switch(name) {
+            let message = || format!("the variant `{name}` is a switch: it takes true or false, not `{option}`");
+            return if matches!(option, "true" | "false") { Ok(()) } else { Err(scenario_fault(message(), None)) };
+        }
+        let known: Vec<&str> = self.names().collect();
+        let list = if known.is_empty() { "the model has none".to_owned() } else { format!("the model has {}", known.join(", ")) };
+        Err(scenario_fault(format!("unknown variant `{name}`: {list}"), did_you_mean(name, known)))
+    }
+
+    fn names(&self) -> impl Iterator<Item = &'a str> + '_ {
+        self.switches.iter().copied().chain(self.choices.iter().map(|(name, _)| *name))
+    }
+
+    /// The `when` blocks that no choice can fulfil.
+    pub(in crate::elaborate) fn check_whens(&self, statements: &[Statement], faults: &mut Faults) {
+        for statement in statements {
+            match &statement.kind {
+                StatementKind::When { choice, option, body } => {
+                    self.check_when(choice, option, faults);
+                    self.check_whens(body, faults);
+                }
+                StatementKind::Variant { body, .. } | StatementKind::Component { body, .. } => self.check_whens(body, faults),
+                _ => {}
+            }
+        }
+    }
+
+    fn check_when(&self, choice: &Ident, option: &Ident, faults: &mut Faults) {
+        match self.options(&choice.text) {
+            Some(options) if options.iter().any(|o| o.text == option.text) => {}
+            Some(options) => faults.push_with(|| {
+                let list: Vec<&str> = options.iter().map(|o| o.text.as_str()).collect();
+                let message = format!("`{}` has no option `{}`: {}", choice.text, option.text, list.join(", "));
+                Diagnostic::error(codes::UNKNOWN_NAME, message, option.span).maybe_help(did_you_mean(&option.text, list))
+            }),
+            None if self.is_switch(&choice.text) && matches!(option.text.as_str(), "true" | "false") => {}
+            None => faults.push_with(|| {
+                let known = self.choices.iter().map(|(name, _)| *name).chain(self.switches.iter().copied());
+                let message = format!("unknown choice `{}`", choice.text);
+                Diagnostic::error(codes::UNKNOWN_NAME, message, choice.span).maybe_help(did_you_mean(&choice.text, known))
+            }),
+        }
+    }
+}
+
+/// A setting as the name of an option.
+fn label(value: &Setting) -> String {
+    match value {
+        Setting::Text(text) => text.clone(),
+        Setting::Number(x) => x.to_string(),
+        Setting::List(list) => format!("{list:?}"),
+    }
+}

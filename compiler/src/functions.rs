@@ -1,0 +1,139 @@
+//! The functions that a model is compiled to: what each computes, may touch and may know beforehand.
+
+use crate::differentiate::Rows;
+use crate::explicit_time::ExplicitTime;
+use crate::hoist::Stage;
+use crate::ir::Program;
+use crate::model::{Model, Quantity};
+use crate::schedule::{Access, Job};
+
+/// Functions that are compiled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Function {
+    PrepareStep,
+    Residual,
+    Jacobian,
+    Roots,
+    Quadratures,
+    Start,
+    End,
+    Finish,
+    Outputs,
+    Disturb,
+    NextBreak,
+    Forcings,
+}
+
+impl Function {
+    pub(crate) const ALL: [Function; 12] = [
+        Function::PrepareStep,
+        Function::Residual,
+        Function::Jacobian,
+        Function::Roots,
+        Function::Quadratures,
+        Function::Start,
+        Function::End,
+        Function::Finish,
+        Function::Outputs,
+        Function::Disturb,
+        Function::NextBreak,
+        Function::Forcings,
+    ];
+
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Function::PrepareStep => "prepare_step",
+            Function::Residual => "residual",
+            Function::Jacobian => "jacobian",
+            Function::Roots => "roots",
+            Function::Quadratures => "quadratures",
+            Function::Start => "start",
+            Function::End => "end",
+            Function::Finish => "finish",
+            Function::Outputs => "outputs",
+            Function::Disturb => "disturb",
+            Function::NextBreak => "next_break",
+            Function::Forcings => "forcings",
+        }
+    }
+
+    /// Caches that it may use: discrete variables may have changed since the step was prepared.
+    pub(crate) fn limit(self) -> Stage {
+        match self {
+            Function::Residual | Function::Jacobian | Function::Roots | Function::Quadratures => Stage::Step,
+            Function::NextBreak | Function::Forcings => Stage::Step,
+            _ => Stage::Parameter,
+        }
+    }
+
+    /// Whether it comes from a program, which is often written element by element; equations are loops already.
+    pub(crate) fn is_program(self) -> bool {
+        matches!(self, Function::Start | Function::End | Function::Finish | Function::Outputs | Function::Disturb)
+    }
+
+    /// Whether the solver calls it in its inner loop.
+    pub(crate) fn is_hot(self) -> bool {
+        matches!(self, Function::Residual | Function::Jacobian | Function::Roots | Function::Quadratures)
+    }
+
+    /// Its place among the plans of code generation: the longest first.
+    pub(crate) fn rank(self) -> u8 {
+        match self {
+            Function::Jacobian => 0,
+            Function::Residual => 1,
+            _ => 2,
+        }
+    }
+
+    /// What it may touch; `nonzeros` of the Jacobian and values of `forcings` are the lengths of two outputs.
+    pub(crate) fn access(self, model: &Model, nonzeros: usize, forcings: usize) -> Access {
+        let (y, yp, out) = match self {
+            Function::PrepareStep | Function::Disturb => (false, false, 0),
+            Function::NextBreak => (false, false, 1),
+            Function::Forcings => (true, true, forcings),
+            Function::Residual => (true, true, model.unknowns.iter().map(|v| model.vars[*v].len as usize).sum()),
+            Function::Jacobian => (true, true, nonzeros),
+            Function::Roots => (true, true, model.roots.len()),
+            Function::Quadratures => (true, true, model.quadratures.len()),
+            Function::Start | Function::End => (true, false, 0),
+            Function::Finish => (true, true, finish_len(model)),
+            Function::Outputs => (true, true, elements(&model.interface.algebraics)),
+        };
+        Access { name: self.name(), y, yp, out }
+    }
+}
+
+/// What the functions compute, but for the one that fills caches, in the order of [`Function::ALL`].
+pub(crate) fn jobs(model: &Model, rows: &[Rows], jacobian: Job, time: &ExplicitTime) -> Vec<(Function, Job)> {
+    let programs = &model.programs;
+    let program = |program: &Program| Job::of_program(program, &model.slots);
+    vec![
+        (Function::Residual, Job::of_rows(rows)),
+        (Function::Jacobian, jacobian),
+        (Function::Roots, Job::of_numbers(model.roots.iter().map(|r| r.value))),
+        (Function::Quadratures, Job::of_numbers(model.quadratures.iter().copied())),
+        (Function::Start, program(&programs.start)),
+        (Function::End, program(&programs.end)),
+        (Function::Finish, program(&programs.finish)),
+        (Function::Outputs, program(&programs.outputs)),
+        (Function::Disturb, program(&programs.disturb)),
+        (Function::NextBreak, time.next_break.map_or_else(Job::default, |value| Job::of_numbers([value]))),
+        (Function::Forcings, Job::of_lists(time.forcings.iter().cloned())),
+    ]
+}
+
+/// Elements of several quantities.
+pub(crate) fn elements(quantities: &[Quantity]) -> usize {
+    quantities.iter().map(Quantity::len).sum()
+}
+
+/// Length of the output of `steady` after the actions.
+pub(crate) fn steady_len(model: &Model) -> usize {
+    model.interface.steady_fixed.len() + model.interface.steady_conditions as usize
+}
+
+/// Length of the output of `finish`.
+pub(crate) fn finish_len(model: &Model) -> usize {
+    let f = &model.interface.finish;
+    (2 * f.failures + f.successes + f.constraints + f.rewards + f.observations) as usize
+}

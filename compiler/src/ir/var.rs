@@ -1,0 +1,63 @@
+//! Variables of the flat model: ids, roles, and what the runtime tells.
+
+use cranelift_entity::entity_impl;
+use serde::{Deserialize, Serialize};
+
+/// A variable of the flat model: a scalar or an array of any number of elements.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct VarId(u32);
+entity_impl!(VarId, "v");
+
+/// What holds a variable's values, and when they change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum Role {
+    /// Differential unknown.
+    State,
+    /// Algebraic unknown, or a variable to be substituted (structure decides).
+    Algebraic,
+    /// Constant over an episode.
+    Param,
+    /// Input held over a step.
+    Action,
+    /// Changes at sampling instants and events.
+    Discrete,
+    /// Exogenous sequence, one value a step.
+    Disturbance,
+    /// Standard variate (uniform on (0,1) or standard normal) filled in by the runtime.
+    Draw,
+    /// Number of the quadrature over the current step.
+    Quadrature,
+    /// What the runtime tells a program: see [`Builtin`].
+    Builtin,
+    /// 1 where the parameter was given from outside and must not be computed or drawn; same shape as the parameters.
+    ParamGiven,
+    /// Value computed ahead of the step by a preparing program (hoisted).
+    Cache,
+    /// Working memory of one call.
+    Scratch,
+}
+
+/// Elements of the one variable of role [`Role::Builtin`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[repr(u32)]
+pub enum Builtin {
+    /// Completed steps before the current one.
+    Steps = 0,
+    /// Time at the start of the step, in the model's unit.
+    Clock = 1,
+    /// Sampling interval.
+    StepLength = 2,
+    /// 1 when this step is the last that the limit allows.
+    LastStep = 3,
+    /// 1 when the step failed for a reason outside the model's conditions (action box, event, solver).
+    Failed = 4,
+    /// Largest excess of an action over its box, relative to its range.
+    ActionExcess = 5,
+    /// Random episode time: reserved, always 0.
+    Reserved = 6,
+    /// Factor of the derivatives in the Jacobian (an argument of that function, not memory).
+    DerivativeFactor = 7,
+}
+
+/// Number of elements of the builtin variable.
+pub const BUILTIN_COUNT: u32 = 8;

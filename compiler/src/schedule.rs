@@ -1,0 +1,15 @@
+//! From what a model does to the order in which it is computed.
+//!
+//! The passes before write expressions over loops; here they become the functions of the back end. A [`Job`] is what one function does, made of
+//! programs, rows and entries of the Jacobian. Of its stores those that differ only in their addresses are [`rerolled`](reroll) into loops; then
+//! each node is placed in a loop: the [`Schedule`], which the interpreter and the code generator walk alike.
+
+mod blocks;
+mod jacobian;
+mod job;
+mod reroll;
+
+pub use blocks::{Access, Block, BlockId, Item, Schedule, ScheduleError, is_immediate, schedules};
+pub use jacobian::of_entries;
+pub use job::{Job, Sink, Task, row_major};
+pub use reroll::reroll;

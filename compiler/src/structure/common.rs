@@ -1,0 +1,64 @@
+//! What several passes need.
+
+use crate::elaborate::{Equation, EquationForm};
+use crate::ir::{Expr, ExprId, Exprs, Rewritten, VarId};
+use crate::model::Model;
+
+/// Number of passes of a nest.
+pub(super) fn passes(extents: &[u32]) -> i64 {
+    extents.iter().map(|&n| i64::from(n)).product()
+}
+
+/// Name of an element, as the outside knows it.
+pub(super) fn element_name(model: &Model, var: VarId, element: i64) -> String {
+    let i = &model.interface;
+    let lists = [&i.states, &i.algebraics, &i.solved];
+    match lists.into_iter().flatten().find(|q| q.var == Some(var)) {
+        Some(q) => q.element_name(element.max(0) as usize),
+        None if model.vars[var].len == 1 => model.vars[var].name.clone(),
+        None => format!("{}[{}]", model.vars[var].name, element + 1),
+    }
+}
+
+/// Replaces nodes everywhere: equations, programs, roots, quadratures; only `concerned` nodes are looked at.
+pub(super) fn replace_everywhere(
+    model: &mut Model,
+    equations: &mut [Equation],
+    done: &mut Rewritten,
+    concerned: &dyn Fn(&Exprs, ExprId) -> bool,
+    replace: &mut dyn FnMut(&mut Exprs, Expr) -> Option<ExprId>,
+) {
+    let exprs = &mut model.exprs;
+    let mut rewritten = |e: ExprId| exprs.rewrite_where(e, done, concerned, replace);
+    for equation in equations.iter_mut() {
+        match &mut equation.form {
+            EquationForm::Rate { value, .. } | EquationForm::Definition { value, .. } => *value = rewritten(*value),
+            EquationForm::Implicit { residual } => *residual = rewritten(*residual),
+        }
+    }
+    for root in &mut model.roots {
+        root.value = rewritten(root.value);
+    }
+    for quadrature in &mut model.quadratures {
+        *quadrature = rewritten(*quadrature);
+    }
+    let p = &mut model.programs;
+    let programs = [
+        &mut p.parameters,
+        &mut p.initial_states,
+        &mut p.initial_discretes,
+        &mut p.steady,
+        &mut p.disturb,
+        &mut p.start,
+        &mut p.end,
+        &mut p.finish,
+        &mut p.outputs,
+        &mut p.invariants,
+        &mut p.boxes,
+    ];
+    for program in programs.into_iter().chain(&mut p.events).chain(p.policies.iter_mut().map(|(_, p)| p)) {
+        for store in program.nests.iter_mut().flat_map(|n| &mut n.stores) {
+            store.value = rewritten(store.value);
+        }
+    }
+}
