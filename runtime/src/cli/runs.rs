@@ -121,7 +121,8 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
         table::summary(&keys, &outcomes).write(path)?;
     }
     if let Some(sketch) = sketch {
-        let note = format!("{}; {count} runs", arguments.circumstances());
+        let part = if count > table::MOST_DRAWN { format!("the first {} of ", table::MOST_DRAWN) } else { String::new() };
+        let note = format!("{}; {part}{count} runs", arguments.circumstances());
         sketch.write_runs(&table::pictures(&keys, &outcomes), &points[0].setup, note)?;
     }
     outputs::conclude(&said(&keys, &outcomes, spent), &written)
