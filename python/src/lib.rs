@@ -14,6 +14,7 @@ mod interrupt;
 mod load;
 mod model;
 mod picture;
+mod rollout;
 mod start;
 
 use pyo3::prelude::*;

@@ -105,6 +105,7 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
     let count = combinations(&arguments.sweep).and_then(|n| n.checked_mul(episodes)).filter(|n| *n <= MOST_RUNS);
     let Some(count) = count else { return Err(Failed::Message(format!("these are more than {MOST_RUNS} runs"))) };
     let points = points(arguments)?;
+    arguments.warn_of_initial(&points[0].setup, &arguments.reset_options(&points[0].setup)?);
     let mut sketch = None;
     if let Some(path) = &arguments.plot {
         sketch = Some(Sketch::new(path, &arguments.show, &points[0].setup)?);

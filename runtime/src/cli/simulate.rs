@@ -52,7 +52,7 @@ pub(super) struct SimulateArguments {
     #[arg(long, value_name = "D.csv")]
     disturbances: Option<PathBuf>,
     /// Seed of the episode
-    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = seed, allow_negative_numbers = true)]
     pub(super) seed: u64,
     /// Relative tolerance
     #[arg(long, value_name = "R", value_parser = tolerance, allow_negative_numbers = true)]
@@ -105,6 +105,11 @@ fn positive(text: &str) -> Result<f64, String> {
         Ok(x) if x.is_finite() && x > 0.0 => Ok(x),
         _ => Err(format!("expected a positive number, found `{text}`")),
     }
+}
+
+/// The seeds of the command are those of 64 bits; Python takes longer ones too.
+fn seed(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| format!("a seed is a whole number from 0 to 2^64 - 1 = {}, not `{text}`", u64::MAX))
 }
 
 /// A relative tolerance that double precision can keep.
@@ -186,6 +191,7 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
     let mut environment = Environment::new(arguments.setup_of(loaded)?)?;
     let mut policy = arguments.policy_named(&arguments.policy, arguments.seed, &environment)?;
     let reset = arguments.reset_options(environment.setup())?;
+    arguments.warn_of_initial(environment.setup(), &reset);
     environment.set_keep_going(arguments.keep_going);
     environment.reset(Some(arguments.seed), &reset)?;
 
@@ -322,6 +328,15 @@ impl SimulateArguments {
             options.disturbances = read_disturbances(path, &setup.catalogue)?;
         }
         Ok(options)
+    }
+
+    /// Says which of the initial values that are given lie outside of their bounds.
+    pub fn warn_of_initial(&self, setup: &Setup, reset: &ResetOptions) {
+        let (Some(path), StateInput::Named(states)) = (&self.init, &reset.state) else { return };
+        let catalogue = &setup.catalogue;
+        let states = states.iter().filter_map(|(name, &value)| Some((catalogue.states.find(name)?, value)));
+        let discretes = reset.discrete.iter().filter_map(|(name, &value)| Some((catalogue.discretes.find(name)?, value)));
+        report::warn_of_bounds(&path.display().to_string(), states.chain(discretes));
     }
 }
 

@@ -67,7 +67,10 @@ impl Integrals {
             begin: 0.0,
         });
         let checked = checked.filter(|_| by_steps.is_none());
-        (count > 0).then(|| Self { values: zeros(), tolerances: zeros(), rates: numbers(), there: numbers(), checked, by_steps })
+        let mut tolerances = zeros();
+        // IDA looks at them before a start is known: none may be zero.
+        tolerances.entries_mut().fill(checked.map_or(0.0, |(_, atol)| atol.max(f64::MIN_POSITIVE)));
+        (count > 0).then(|| Self { values: zeros(), tolerances, rates: numbers(), there: numbers(), checked, by_steps })
     }
 
     /// Zero at a restart.

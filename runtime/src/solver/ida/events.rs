@@ -5,13 +5,16 @@ use std::os::raw::c_int;
 use sundials_sys::{IDA_SUCCESS, IDA_TSTOP_RETURN, IDAGetDky, IDAGetQuadDky};
 
 use super::setup::check;
-use super::{Ida, Phase, SolveError};
+use super::{Advance, Ida, Phase, SolveError};
 
 /// How far ahead the motion of a root function is looked for, over the interval and over the time itself.
 const AHEAD: [f64; 2] = [1e-7, 1e4 * f64::EPSILON];
 
 /// What happens within this time happens at once, likewise.
 const AT_ONCE: [f64; 2] = [1e-10, 100.0 * f64::EPSILON];
+
+/// By this many times as much a condition has to move anew, where it became true at the end of an interval.
+const AGAIN: f64 = 2.0;
 
 /// Relative rounding of a state.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
@@ -49,14 +52,52 @@ impl Ida {
         Ok(fired)
     }
 
+    /// Steps to `t_end` or to the first event, which may be at `t_end` itself.
+    pub(super) fn go_to_event(&mut self, t_end: f64) -> Result<Advance, SolveError> {
+        match self.go(t_end)? {
+            Advance::Reached if self.ends_at_event()? => Ok(Advance::Event),
+            advance => Ok(advance),
+        }
+    }
+
+    /// Whether a condition becomes true at the end of the interval although rounding puts its instant just behind: the next interval begins with
+    /// other inputs, perhaps, under which it would not.
+    fn ends_at_event(&mut self) -> Result<bool, SolveError> {
+        let bridge = unsafe { &mut *self.bridge };
+        if bridge.watch.is_empty() {
+            return Ok(false);
+        }
+        let ahead = self.span(AHEAD);
+        self.evaluate_along(ahead, false)?;
+        bridge.watch.forget_noise();
+        if !bridge.watch.is_about_to_stop(1.0) {
+            return Ok(false);
+        }
+        self.measure_noise(self.time)?;
+        self.derive();
+        self.evaluate_ahead(ahead)?;
+        let reach = self.span(AT_ONCE) / ahead;
+        if !bridge.watch.is_about_to_stop(reach) {
+            return Ok(false);
+        }
+        bridge.watch.arrive(AGAIN * reach, &mut self.events);
+        self.phase = Phase::Idle;
+        Ok(true)
+    }
+
     /// Root functions a little later, along the derivatives; algebraic unknowns follow their equations.
     fn evaluate_ahead(&mut self, ahead: f64) -> Result<(), SolveError> {
+        self.evaluate_along(ahead, true)
+    }
+
+    /// The same, where algebraic unknowns may go on along their derivatives too.
+    fn evaluate_along(&mut self, ahead: f64, consistently: bool) -> Result<(), SolveError> {
         let bridge = unsafe { &mut *self.bridge };
         let Some((later, rate)) = &mut self.later else { return Ok(()) };
         let moved = self.y.entries().iter().zip(self.yp.entries()).map(|(y, yp)| y + ahead * yp);
         later.entries_mut().iter_mut().zip(moved).for_each(|(to, from)| *to = from);
         rate.entries_mut().copy_from_slice(self.yp.entries());
-        if let Some(consistent) = self.consistent.as_mut().filter(|c| c.has_algebraic()) {
+        if let Some(consistent) = self.consistent.as_mut().filter(|c| consistently && c.has_algebraic()) {
             // Where there is no solution ahead, the present algebraic unknowns have to do.
             if consistent.initialise(bridge, self.time + ahead, later, rate).is_err() {
                 bridge.trouble = None;
@@ -77,8 +118,8 @@ impl Ida {
         }
     }
 
-    /// What of the root functions is rounding of the state.
-    fn measure_noise(&mut self) -> Result<(), SolveError> {
+    /// What of the root functions is rounding of the state, and of the time if another one is given.
+    fn measure_noise(&mut self, time: f64) -> Result<(), SolveError> {
         let bridge = unsafe { &mut *self.bridge };
         let Some((later, _)) = &mut self.later else { return Ok(()) };
         for pattern in [1, 2] {
@@ -86,7 +127,7 @@ impl Ida {
             let factor = |i: usize| 1.0 + if i & pattern == 0 { ROUNDING } else { -ROUNDING };
             let moved = self.y.entries().iter().enumerate().map(|(i, y)| y * factor(i));
             later.entries_mut().iter_mut().zip(moved).for_each(|(to, from)| *to = from);
-            if bridge.evaluate_roots_ahead(self.time * factor(0), later.entries(), self.yp.entries()).is_err() {
+            if bridge.evaluate_roots_ahead(time, later.entries(), self.yp.entries()).is_err() {
                 return Err(self.fault());
             }
             bridge.watch.note_noise(pattern == 1);
@@ -124,7 +165,7 @@ impl Ida {
             return Err(self.fault());
         }
         let ahead = self.span(AHEAD);
-        self.measure_noise()?;
+        self.measure_noise(self.time * (1.0 + ROUNDING))?;
         self.derive();
         self.evaluate_ahead(ahead)?;
         bridge.watch.arrive(self.span(AT_ONCE) / ahead, &mut self.events);
