@@ -7,6 +7,7 @@ mod check;
 mod compile;
 mod document;
 mod excerpt;
+mod export;
 mod new;
 mod outputs;
 mod plot;
@@ -34,6 +35,7 @@ Examples:
   smpl simulate models/beer.eq --policy profile --scenario legacy --plot beer.svg
   smpl steady models/reactor.eq --action T_c=28 --fix h=0.7
   smpl compile models/pensim.eq --variant vacuole_flux --set paa_schedule=minutes
+  smpl export models/reactor.eq --to c -o reactor.c
   smpl fmt --check models/*.eq";
 
 /// The command line.
@@ -58,6 +60,8 @@ enum Command {
     Plot(plot::PlotArguments),
     /// Find a steady state and describe it
     Steady(steady::SteadyArguments),
+    /// Write a model in the form of another tool
+    Export(export::ExportArguments),
     /// Lay models out in the canonical way
     Fmt(document::FormatArguments),
     /// Describe a model in Markdown, with its equations typeset
@@ -154,6 +158,7 @@ fn dispatch(command: Command) -> Result<(), Failed> {
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Plot(arguments) => plot::run(&arguments),
         Command::Steady(arguments) => steady::run(&arguments),
+        Command::Export(arguments) => export::run(&arguments),
         Command::Fmt(arguments) => document::format(&arguments),
         Command::Doc(arguments) => document::describe(&arguments),
     }

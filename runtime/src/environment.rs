@@ -473,6 +473,11 @@ impl Environment {
         self.system.region(Region::Disturbance)
     }
 
+    /// The memory of the instance.
+    pub(crate) fn memory(&self) -> &smpl_compiler::layout::Memory {
+        self.system.memory()
+    }
+
     /// Parameters of the episode.
     #[must_use]
     pub fn parameters(&self) -> &[f64] {

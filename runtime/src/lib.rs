@@ -12,6 +12,7 @@ pub mod catalogue;
 pub mod cli;
 pub mod document;
 pub mod environment;
+pub mod export;
 pub mod failure;
 pub mod files;
 pub mod interrupt;
