@@ -162,7 +162,7 @@ pub fn nominal_picture(py: Python<'_>, model: &Model, show: Vec<String>, most_st
     let setup = model.setup(py, true, None)?;
     let drawn = released(py, || picture::nominal(&setup, &show, most_steps))?;
     let picture = drawn.map_err(|error| match error {
-        NominalError::Name(error) => PyValueError::new_err(error.to_string()),
+        NominalError::Show(error) => PyValueError::new_err(error.to_string()),
         NominalError::Setup(error) => setup_error(&error),
         NominalError::Reset(error) => reset_error(&error),
         NominalError::Step(error) => step_error(&error),

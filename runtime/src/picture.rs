@@ -27,7 +27,7 @@ pub use drawing::Drawing;
 pub use font::Weight;
 pub use layout::Heading;
 pub use make::{NominalError, SavedError, nominal, of_tables};
-pub use plan::{Kind, PanelPlan, plan, split_names};
+pub use plan::{Kind, PanelPlan, ShowError, plan, split_names};
 pub use run::{Follower, Followings, Run};
 
 use crate::files::{WriteError, write_whole};

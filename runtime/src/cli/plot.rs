@@ -109,7 +109,7 @@ impl From<SavedError> for Failed {
     fn from(error: SavedError) -> Self {
         match error {
             SavedError::Data(error) => error.into(),
-            SavedError::Name(error) => error.into(),
+            SavedError::Show(error) => error.into(),
         }
     }
 }

@@ -69,7 +69,8 @@ failed_by_message!(
     ResetError,
     StepError,
     crate::steady::SteadyError,
-    crate::catalogue::UnknownName
+    crate::catalogue::UnknownName,
+    crate::picture::ShowError
 );
 
 /// A reader of the standard output that has gone away is no fault.

@@ -105,6 +105,7 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
     let count = combinations(&arguments.sweep).and_then(|n| n.checked_mul(episodes)).filter(|n| *n <= MOST_RUNS);
     let Some(count) = count else { return Err(Failed::Message(format!("these are more than {MOST_RUNS} runs"))) };
     let points = points(arguments)?;
+    arguments.warn_of_initial(&points[0].setup, &arguments.reset_options(&points[0].setup)?);
     let mut sketch = None;
     if let Some(path) = &arguments.plot {
         sketch = Some(Sketch::new(path, &arguments.show, &points[0].setup)?);
@@ -121,7 +122,8 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
         table::summary(&keys, &outcomes).write(path)?;
     }
     if let Some(sketch) = sketch {
-        let note = format!("{}; {count} runs", arguments.circumstances());
+        let part = if count > table::MOST_DRAWN { format!("the first {} of ", table::MOST_DRAWN) } else { String::new() };
+        let note = format!("{}; {part}{count} runs", arguments.circumstances());
         sketch.write_runs(&table::pictures(&keys, &outcomes), &points[0].setup, note)?;
     }
     outputs::conclude(&said(&keys, &outcomes, spent), &written)

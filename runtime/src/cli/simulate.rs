@@ -191,6 +191,7 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
     let mut environment = Environment::new(arguments.setup_of(loaded)?)?;
     let mut policy = arguments.policy_named(&arguments.policy, arguments.seed, &environment)?;
     let reset = arguments.reset_options(environment.setup())?;
+    arguments.warn_of_initial(environment.setup(), &reset);
     environment.set_keep_going(arguments.keep_going);
     environment.reset(Some(arguments.seed), &reset)?;
 
@@ -320,10 +321,6 @@ impl SimulateArguments {
         let mut options = ResetOptions { start, hold_records: true, ..ResetOptions::default() };
         if let Some(path) = &self.init {
             let (states, discrete) = read_initial(path, &setup.catalogue)?;
-            let catalogue = &setup.catalogue;
-            let states_given = states.iter().filter_map(|(name, &value)| Some((catalogue.states.find(name)?, value)));
-            let discretes_given = discrete.iter().filter_map(|(name, &value)| Some((catalogue.discretes.find(name)?, value)));
-            report::warn_of_bounds(&path.display().to_string(), states_given.chain(discretes_given));
             options.state = StateInput::Named(states);
             options.discrete = discrete;
         }
@@ -331,6 +328,15 @@ impl SimulateArguments {
             options.disturbances = read_disturbances(path, &setup.catalogue)?;
         }
         Ok(options)
+    }
+
+    /// Says which of the initial values that are given lie outside of their bounds.
+    pub fn warn_of_initial(&self, setup: &Setup, reset: &ResetOptions) {
+        let (Some(path), StateInput::Named(states)) = (&self.init, &reset.state) else { return };
+        let catalogue = &setup.catalogue;
+        let states = states.iter().filter_map(|(name, &value)| Some((catalogue.states.find(name)?, value)));
+        let discretes = reset.discrete.iter().filter_map(|(name, &value)| Some((catalogue.discretes.find(name)?, value)));
+        report::warn_of_bounds(&path.display().to_string(), states.chain(discretes));
     }
 }
 

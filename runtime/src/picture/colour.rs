@@ -27,7 +27,7 @@ pub(super) const GRID: Colour = Colour(228, 228, 228);
 
 /// Bands behind curves: pale, so that the curves' colours stay what they are.
 /// The first phase, in which most plants rest, is grey.
-const BANDS: [Colour; 6] = [Colour(150, 150, 150), ORANGE, SKY, PURPLE, Colour(240, 228, 66), GREEN];
+const BANDS: [Colour; 6] = [Colour(190, 190, 190), ORANGE, SKY, PURPLE, Colour(240, 228, 66), GREEN];
 
 /// The pale colour of the band of that number.
 pub(super) fn band(index: usize) -> Colour {

@@ -4,8 +4,7 @@ use std::collections::HashSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::{Follower, Heading, Picture, Run, heading, items, plan};
-use crate::catalogue::UnknownName;
+use super::{Follower, Heading, Picture, Run, ShowError, heading, items, plan};
 use crate::environment::{Environment, ResetError, ResetOptions, StepError};
 use crate::setup::{Setup, SetupError};
 use crate::trajectory::{DataError, Recorder};
@@ -16,9 +15,9 @@ pub enum SavedError {
     /// A table is at fault.
     #[error(transparent)]
     Data(#[from] DataError),
-    /// A name that is to be shown is not there.
+    /// What is to be shown is not there, or too much.
     #[error(transparent)]
-    Name(#[from] UnknownName),
+    Show(#[from] ShowError),
 }
 
 /// A picture of tables that `smpl simulate --out` wrote, drawn over one another. Units, bounds and set-points come from the model, if there is one.
@@ -60,9 +59,9 @@ fn title(paths: &[PathBuf]) -> String {
 /// Why a model alone cannot be drawn.
 #[derive(Debug, thiserror::Error)]
 pub enum NominalError {
-    /// A name that is to be shown is not there.
+    /// What is to be shown is not there, or too much.
     #[error(transparent)]
-    Name(#[from] UnknownName),
+    Show(#[from] ShowError),
     /// There is no environment.
     #[error(transparent)]
     Setup(#[from] SetupError),

@@ -91,6 +91,9 @@ pub(super) struct Panels {
     pub constants: Vec<String>,
 }
 
+/// Fields of more runs than these are not shown side by side.
+const MOST_MAPS: usize = 4;
+
 /// More panels than this have no room for what does not change.
 const ROOMY: usize = 12;
 
@@ -149,11 +152,12 @@ fn constant(panel: &Panel) -> Option<String> {
 }
 
 fn panels_of(plan: &PanelPlan, runs: &[Run], factor: f64, time_unit: &str) -> Vec<Panel> {
+    let few = || runs.iter().take(MOST_MAPS);
     let bodies = match &plan.kind {
         Kind::Lines(lines) => vec![(String::new(), curves(lines, runs, factor, plan.role))],
         Kind::Profile(groups) => vec![(String::new(), profile(groups, runs))],
-        Kind::Map(cells) => runs.iter().map(|run| (run.label.clone(), Body::Map(map(cells, run)))).collect(),
-        Kind::Course(cells) => runs.iter().map(|run| (run.label.clone(), course(cells, run, factor, time_unit))).collect(),
+        Kind::Map(cells) => few().map(|run| (run.label.clone(), Body::Map(map(cells, run)))).collect(),
+        Kind::Course(cells) => few().map(|run| (run.label.clone(), course(cells, run, factor, time_unit))).collect(),
     };
     let over_space = matches!(plan.kind, Kind::Profile(_) | Kind::Course(_));
     let panel = |(label, body): (String, Body)| {

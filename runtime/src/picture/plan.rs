@@ -12,6 +12,23 @@ const MOST_FIELDS: usize = 4;
 const MOST_ACTIONS: usize = 6;
 const MOST_OTHERS: usize = 4;
 
+/// Most panels of a page, whoever asks for them.
+const MOST_OF_PAGE: usize = 200;
+
+/// Why a picture cannot show what is asked for.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ShowError {
+    /// A name that there is not.
+    #[error(transparent)]
+    Unknown(#[from] UnknownName),
+    /// More than fits.
+    #[error("{panels} panels are asked for, and a page has at most {MOST_OF_PAGE}; name fewer quantities")]
+    TooMany {
+        /// Their number.
+        panels: usize,
+    },
+}
+
 /// One panel before there are numbers.
 #[derive(Clone, Debug)]
 pub struct PanelPlan {
@@ -79,13 +96,14 @@ fn split(list: &str, separator: char) -> Vec<String> {
 /// (`obs.T`, `reward.yield`), of all of a role (`states`), or `all`; `profile:col.c` are curves over space, `T+T_c` share a panel.
 ///
 /// # Errors
-/// A name that there is not, with the ones there are.
-pub fn plan(items: &[Item], show: &[String]) -> Result<Vec<PanelPlan>, UnknownName> {
+/// See [`ShowError`].
+pub fn plan(items: &[Item], show: &[String]) -> Result<Vec<PanelPlan>, ShowError> {
     if show.is_empty() {
         return Ok(usual(items));
     }
     let asked: Result<Vec<Vec<PanelPlan>>, UnknownName> = show.iter().map(|name| named(items, name)).collect();
-    Ok(asked?.into_iter().flatten().collect())
+    let panels: Vec<PanelPlan> = asked?.into_iter().flatten().collect();
+    if panels.len() > MOST_OF_PAGE { Err(ShowError::TooMany { panels: panels.len() }) } else { Ok(panels) }
 }
 
 fn named(items: &[Item], name: &str) -> Result<Vec<PanelPlan>, UnknownName> {
@@ -319,6 +337,12 @@ mod tests {
         assert_eq!(kinds(&["profile:c"]), [("c".into(), "course", 10)]);
         assert_eq!(kinds(&["T+u"]), [("T, u".into(), "lines", 2)]);
         assert_eq!(kinds(&["actions", "reward.yield"]), [("u".into(), "lines", 1), ("reward.yield".into(), "lines", 1)]);
+    }
+
+    #[test]
+    fn more_than_fits_a_page_is_refused() {
+        let show = vec!["all".to_owned(); 100];
+        assert!(matches!(plan(&items(), &show), Err(ShowError::TooMany { panels }) if panels > 200));
     }
 
     #[test]

@@ -151,8 +151,13 @@ impl Pen<'_> {
         const SHADES: usize = 64;
         let plot = self.place.plot;
         let bar = Frame { x: plot.right() + 6.0, y: plot.y, width: BAR, height: plot.height };
-        let pixels = (0..SHADES).rev().map(|i| colour::viridis((i as f64 + 0.5) / SHADES as f64)).collect();
-        self.drawing.marks.push(Mark::Image { frame: bar, columns: 1, pixels });
+        // Each shade goes a little beneath the one above it, lest the page shines through between them.
+        for i in 0..SHADES {
+            let height = plot.height / SHADES as f64;
+            let top = plot.bottom() - height * (i + 1) as f64;
+            let shade = Frame { y: top, height: if i == 0 { height } else { height + 0.4 }, ..bar };
+            self.drawing.marks.push(Mark::Rect(shade, colour::viridis((i as f64 + 0.5) / SHADES as f64)));
+        }
         let place = self.place;
         for tick in place.y.ticks.iter().filter(|t| **t >= map.range.0 && **t <= map.range.1) {
             let y = place.up(*tick);

@@ -8,7 +8,7 @@ use super::drawing::{Colour, Drawing, Frame, Mark, Stroke, Text};
 use super::font;
 
 /// Most pixels of a side.
-const LARGEST: f64 = 16_000.0;
+const LARGEST: f64 = 20_000.0;
 
 /// A picture of `scale` pixels for each pixel of the drawing; `None` where it would be empty or beyond reason.
 fn paint(drawing: &Drawing, scale: f64) -> Option<Pixmap> {

@@ -149,7 +149,7 @@ fn base64(bytes: &[u8]) -> String {
     let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
     for chunk in bytes.chunks(3) {
         let at = |i: usize| u32::from(chunk.get(i).copied().unwrap_or_default());
-        let word = at(0) << 16 | at(1) << 8 | at(2);
+        let word = (at(0) << 16) | (at(1) << 8) | at(2);
         for digit in 0..4 {
             let value = (word >> (18 - 6 * digit)) as usize & 63;
             out.push(if digit <= chunk.len() { DIGITS[value] as char } else { '=' });

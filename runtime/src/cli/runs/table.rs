@@ -116,10 +116,13 @@ pub(super) fn summary(keys: &Keys<'_>, outcomes: &[Outcome]) -> Table {
     out
 }
 
-/// The runs as they are drawn.
+/// Most runs that are drawn over one another.
+pub(super) const MOST_DRAWN: usize = 200;
+
+/// The runs as they are drawn, the first ones of many.
 pub(super) fn pictures(keys: &Keys<'_>, outcomes: &[Outcome]) -> Vec<Run> {
     let run = |(index, outcome): (usize, &Outcome)| Some(Run::of_table(&keys.label(index), outcome.table.as_ref()?));
-    outcomes.iter().enumerate().filter_map(run).collect()
+    outcomes.iter().enumerate().filter_map(run).take(MOST_DRAWN).collect()
 }
 
 /// A line for each combination: its values, mean and standard deviation of the return, ends.
