@@ -188,6 +188,24 @@ def test_names_of_parameters_that_there_are_not_are_refused():
         smpl.export.casadi(smpl.compile("reactor"), kind="XX")
 
 
+def test_a_parameter_that_shaped_the_model_keeps_its_value():
+    source = """
+model Column "as many cells as a parameter says"
+time t : s
+param n : 1 = 3
+action u : 1 = 0.3 in 0..1
+state x[i in 1..n] : 1 = 0.5 in -10..10
+eq d/dt x[i] = (u - n*x[i]) / 1 [s] for i in 1..n
+observe x[1]
+reward r default = -x[1]
+episode { step = 1 [s], max_steps = 5 }
+"""
+    functions = smpl.export.casadi(smpl.compile(source=source))
+    assert functions.parameters({"n": 3})[functions.parameter_names.index("n")] == 3.0
+    with pytest.raises(ValueError, match=r"'n' shaped the model, exported with 3\.0"):
+        functions.parameters({"n": 4})
+
+
 def test_what_a_call_leaves_out_is_nominal_and_what_changes_from_step_to_step_must_be_given():
     functions = smpl.export.casadi(smpl.compile("reactor"))
     x, u, p = functions.state_nominal * 1.01, functions.action_nominal, functions.parameters()
