@@ -114,7 +114,9 @@ class Tables:
         for name, value in (values or {}).items():
             at = names.index(name)
             if name in self._fixed and value != vector[at]:
-                raise ValueError(f"{name!r} shaped the model, exported with {vector[at]}: compile it with another value")
+                raise ValueError(
+                    f"{name!r} shaped the model, exported with {vector[at]}: compile it with another value"
+                )
             vector[at] = value
         return vector
 
