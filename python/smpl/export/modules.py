@@ -11,6 +11,7 @@ import numpy as np
 
 from smpl.export.calls import completing
 from smpl.export.files import text
+from smpl.export.parts import CasadiPart, cut
 from smpl.model import FloatArray, Model, check_names
 
 # Name, unit, lower and upper bound, magnitude, nominal value.
@@ -114,9 +115,7 @@ class Tables:
         for name, value in (values or {}).items():
             at = names.index(name)
             if name in self._fixed and value != vector[at]:
-                raise ValueError(
-                    f"{name!r} shaped the model, exported with {vector[at]}: compile it with another value"
-                )
+                raise ValueError(f"{name!r} shaped the model, exported with {vector[at]}: compile it anew")
             vector[at] = value
         return vector
 
@@ -146,7 +145,8 @@ class CasadiModel(Tables):
     def __init__(self, namespace: Mapping[str, Any], kind: str | None, smooth: float) -> None:
         super().__init__(namespace)
         self.kind: str = kind or namespace["KIND"]
-        made = namespace["build"](self.kind, smooth)
+        self._build, self._smooth = namespace["build"], smooth
+        made = self._build(self.kind, smooth)
         rewards = made.pop("rewards")
         self.rewards: dict[str, Any] = {name: completing(function, self) for name, function in rewards.items()}
         made = {name: completing(function, self) for name, function in made.items()}
@@ -162,6 +162,20 @@ class CasadiModel(Tables):
         self.invariants: Any = made.get("invariants")
         self.events: Any = made.get("events")
         self.integrals: Any = made.get("integrals")
+
+    def part(self, states: Iterable[str]) -> CasadiPart:
+        """The part of the model that holds some states: their rates, with what they get from the others as inputs.
+
+        Args:
+            states: names of states, or of components and arrays for all that belongs to them: `["R1", "T"]`.
+
+        Raises:
+            ValueError: a name means no state, or the model is not explicit in its rates.
+        """
+        if self.dae is None:
+            raise ValueError(f"{self.name} is not explicit in its rates: its states have none of their own")
+        nominal = np.concatenate([self.state_nominal, self.algebraic_nominal])
+        return cut(self._build, self._smooth, states, (self.state_names, self.algebraic_names), nominal)
 
     def _update(self, name: str, changed: Mapping[str, FloatArray]) -> FloatArray:
         function = self.functions[name]
