@@ -15,6 +15,7 @@ from smpl._native import CompileError, Diagnostic, ScenarioError, SimulationErro
 from smpl._registry import register_envs
 from smpl.envs import Env
 from smpl.model import Model, compile
+from smpl.pictures import Picture, plot
 from smpl.vector import VectorEnv, make_vec
 
 __all__ = [
@@ -22,12 +23,14 @@ __all__ = [
     "Diagnostic",
     "Env",
     "Model",
+    "Picture",
     "ScenarioError",
     "SimulationError",
     "VectorEnv",
     "__version__",
     "compile",
     "make_vec",
+    "plot",
     "register_envs",
 ]
 

@@ -8,8 +8,11 @@ mod compile;
 mod document;
 mod excerpt;
 mod export;
+mod new;
 mod outputs;
+mod plot;
 mod report;
+mod runs;
 mod simulate;
 mod steady;
 
@@ -45,12 +48,16 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Write a small model that runs, to begin with
+    New(new::NewArguments),
     /// Check models: syntax, names, units, structure
     Check(check::CheckArguments),
     /// Compile a model to machine code and say what was compiled
     Compile(compile::CompileArguments),
-    /// Run one episode
+    /// Run one episode, or many
     Simulate(simulate::SimulateArguments),
+    /// Draw tables of runs
+    Plot(plot::PlotArguments),
     /// Find a steady state and describe it
     Steady(steady::SteadyArguments),
     /// Write a model in the form of another tool
@@ -145,9 +152,11 @@ pub fn run(arguments: impl Iterator<Item = OsString>) -> i32 {
 
 fn dispatch(command: Command) -> Result<(), Failed> {
     match command {
+        Command::New(arguments) => new::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Compile(arguments) => compile::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Plot(arguments) => plot::run(&arguments),
         Command::Steady(arguments) => steady::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Fmt(arguments) => document::format(&arguments),
