@@ -184,11 +184,7 @@ fn place(name: &str, model: &CompiledModel, k: &Catalogue) -> (Region, usize) {
     let frame: fn(Part) -> Region = match kind {
         "draw" => return (Region::Draw, last()),
         "integral" => return (Region::Quadrature, last()),
-        "given" => {
-            let parameter = inside.rsplit_once(',').expect("a name").0;
-            let var = model.model().vars.iter().find(|(_, v)| v.name == parameter && v.role == Role::ParamGiven);
-            return (Region::ParamGiven, model.offset(var.expect("a flag").0).expect("a place") + last());
-        }
+        "given" => return (Region::ParamGiven, k.parameters.find(inside).expect("a parameter").at),
         "initial" => Region::Initial,
         "previous" => Region::Previous,
         "steady" => Region::Steady,

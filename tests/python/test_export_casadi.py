@@ -188,6 +188,52 @@ def test_names_of_parameters_that_there_are_not_are_refused():
         smpl.export.casadi(smpl.compile("reactor"), kind="XX")
 
 
+def test_a_part_has_the_rates_of_its_states_and_names_what_it_gets_from_the_rest():
+    model = smpl.compile("mab")
+    functions = smpl.export.casadi(model)
+    vessel = ("Xv1", "Xt1", "GLC1", "GLN1", "LAC1", "AMM1", "mAb1", "V1")
+    culture, part = functions.part(functions.state_names[:17]), functions.part(vessel)
+    assert culture.outside_names == ()  # the seventeen states of the culture know nothing of the column
+    assert set(part.outside_names) <= set(functions.state_names[8:17])
+    assert part.outside_names
+    random = np.random.default_rng(0)
+    x = functions.state_nominal * random.uniform(0.9, 1.1, len(functions.state_names))
+    u, p = functions.action_nominal, functions.parameters()
+    named = dict(zip(functions.state_names, x, strict=True))
+    rates = dict(zip(model.state_names, model.rhs(0.0, x, u), strict=True))
+    for some in (culture, part):
+        inside, outside = ([named[name] for name in names] for names in (some.state_names, some.outside_names))
+        found = some.rates(inside, outside, u, p).full().ravel()
+        np.testing.assert_allclose(found, [rates[name] for name in some.state_names], rtol=1e-12)
+
+
+def test_a_part_is_named_by_states_arrays_or_components():
+    functions = smpl.export.casadi(smpl.compile("atropine"))
+    reactor = functions.part(["R1"])
+    assert set(reactor.state_names) == {name for name in functions.state_names if name.startswith("R1.")}
+    assert functions.part(["R1.c"]).state_names == reactor.state_names
+    with pytest.raises(ValueError, match="states: unknown 'R9'"):
+        functions.part(["R9"])
+
+
+def test_a_parameter_that_shaped_the_model_keeps_its_value():
+    source = """
+model Column "as many cells as a parameter says"
+time t : s
+param n : 1 = 3
+action u : 1 = 0.3 in 0..1
+state x[i in 1..n] : 1 = 0.5 in -10..10
+eq d/dt x[i] = (u - n*x[i]) / 1 [s] for i in 1..n
+observe x[1]
+reward r default = -x[1]
+episode { step = 1 [s], max_steps = 5 }
+"""
+    functions = smpl.export.casadi(smpl.compile(source=source))
+    assert functions.parameters({"n": 3})[functions.parameter_names.index("n")] == 3.0
+    with pytest.raises(ValueError, match=r"'n' shaped the model, exported with 3\.0"):
+        functions.parameters({"n": 4})
+
+
 def test_what_a_call_leaves_out_is_nominal_and_what_changes_from_step_to_step_must_be_given():
     functions = smpl.export.casadi(smpl.compile("reactor"))
     x, u, p = functions.state_nominal * 1.01, functions.action_nominal, functions.parameters()

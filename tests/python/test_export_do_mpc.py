@@ -58,3 +58,33 @@ episode { step = 1 [s], max_steps = 5 }
         pytest.skip("the compiler solves it for its rates")
     with pytest.raises(ValueError, match="not explicit in its rates"):
         smpl.export.do_mpc(model)
+
+
+def test_a_controller_of_do_mpc_brings_the_reactor_to_its_steady_state():
+    env = smpl.Env("reactor", normalize=False)
+    env.reset(seed=3)
+    made = smpl.export.do_mpc(env.model)
+    controller = do_mpc.controller.MPC(made)
+    controller.set_param(
+        n_horizon=10,
+        t_step=env.model.step,
+        store_full_solution=False,
+        nlpsol_opts={"ipopt.print_level": 0, "print_time": 0},
+    )
+    names, target = env.state_names, env.steady_state
+    cost = sum(((made.x[name] - value) / value) ** 2 for name, value in zip(names, target, strict=True))
+    controller.set_objective(mterm=cost, lterm=cost)
+    for name, low, high in zip(env.action_names, env.action_low, env.action_high, strict=True):
+        controller.bounds["lower", "_u", name], controller.bounds["upper", "_u", name] = low, high
+    controller.setup()
+
+    def distance():
+        return float(np.max(np.abs(env.state / target - 1.0)))
+
+    start = distance()
+    controller.x0 = env.state[:, None]
+    controller.set_initial_guess()
+    for _ in range(60):
+        _, _, terminated, truncated, info = env.step(np.ravel(controller.make_step(env.state[:, None])))
+        assert not (terminated or truncated), info["failure"]
+    assert distance() < 0.02 < start

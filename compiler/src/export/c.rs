@@ -204,7 +204,8 @@ fn is_used(body: &str, name: &str) -> bool {
 
 fn element(e: &Element) -> String {
     let numbers = [e.low, e.high, e.scale, e.nominal].map(number).join(", ");
-    format!("    {{\"{}\", \"{}\", {numbers}}},\n", quoted(&e.name), quoted(&e.unit))
+    let fixed = if e.structural { " /* shaped the model: has that value */" } else { "" };
+    format!("    {{\"{}\", \"{}\", {numbers}}},{fixed}\n", quoted(&e.name), quoted(&e.unit))
 }
 
 /// Text inside of a string literal.

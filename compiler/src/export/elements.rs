@@ -21,6 +21,8 @@ pub struct Element {
     pub scale: f64,
     /// Value at the nominal point.
     pub nominal: f64,
+    /// The model was shaped by its value, which is part of the export: another one needs another export.
+    pub structural: bool,
     /// Where it is kept; `None` for what is no variable of its own.
     pub place: Option<(VarId, u32)>,
 }
@@ -123,6 +125,7 @@ fn flatten(quantities: &[Quantity], nominal: &Nominal<'_>) -> Vec<Element> {
                 high: pick(&quantity.high),
                 scale: pick(&quantity.scale),
                 nominal: place.map_or(pick(&quantity.default), |(var, i)| nominal.value(var, Flavour::Value, i)),
+                structural: quantity.structural,
                 place,
             });
         }

@@ -88,7 +88,7 @@ fn elements(elements: &[Element]) -> Vec<Value> {
     let described = |e: &Element| {
         json!({
             "name": e.name, "unit": e.unit, "text": e.text,
-            "low": e.low, "high": e.high, "scale": e.scale, "nominal": e.nominal,
+            "low": e.low, "high": e.high, "scale": e.scale, "nominal": e.nominal, "structural": e.structural,
             "variable": e.place.map(|(var, _)| var.index()), "element": e.place.map(|(_, element)| element),
         })
     };

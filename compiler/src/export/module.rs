@@ -139,6 +139,8 @@ impl Module {
             let rows: String = elements.iter().map(row).chain(time).collect();
             let _ = writeln!(text, "{name} = [\n{rows}]");
         }
+        let fixed: Vec<String> = self.sheet.parameters.iter().filter(|e| e.structural).map(|e| string(&e.name)).collect();
+        let _ = writeln!(text, "\n# Parameters that shaped the model: they have their nominal values.\nFIXED = [{}]", fixed.join(", "));
         text + &self.labels("NAMES", "Names", |label| &label.name) + &self.labels("UNITS", "Units", |label| &label.unit)
     }
 

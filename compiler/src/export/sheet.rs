@@ -219,7 +219,7 @@ impl Sheet {
         rest.dedup();
         for (array, keys) in [(Array::P, dynamic), (Array::C, rest)] {
             for (var, flavour, element) in keys {
-                let name = self.extra_name(var, flavour, element);
+                let name = self.extra_name((var, flavour, element), nominal);
                 let made = extra_element(name, nominal.value(var, flavour, element), (var, element));
                 let elements = if array == Array::P { &mut self.parameters } else { &mut self.context };
                 self.extra.insert((var, flavour, element), (array, elements.len() as u32));
@@ -250,7 +250,7 @@ impl Sheet {
         self.model.vars[var].role == Role::Builtin && element == Builtin::DerivativeFactor as i64
     }
 
-    fn extra_name(&self, var: VarId, flavour: Flavour, element: u32) -> String {
+    fn extra_name(&self, (var, flavour, element): (VarId, Flavour, u32), nominal: &Nominal<'_>) -> String {
         let variable = &self.model.vars[var];
         let copy = match flavour {
             Flavour::Value => None,
@@ -269,10 +269,19 @@ impl Sheet {
                 format!("draw({stream},{})", element + 1)
             }
             Role::Quadrature => format!("integral({})", element + 1),
-            Role::ParamGiven => format!("given({},{})", variable.name, element + 1),
+            Role::ParamGiven => format!("given({})", self.parameter_at(element, nominal)),
             _ => public.unwrap_or_else(|| numbered(&variable.name, element, variable.len)),
         };
         copy.map_or(name.clone(), |copy| format!("{copy}({name})"))
+    }
+
+    /// The name of the parameter at a place of their region.
+    fn parameter_at(&self, at: u32, nominal: &Nominal<'_>) -> String {
+        let here = |e: &&Element| {
+            let of = |(var, element): (VarId, u32)| Some((self.model.vars[var].role, nominal.layout.offset(var)? as u32 + element));
+            e.place.and_then(of) == Some((Role::Param, at))
+        };
+        self.parameters.iter().find(here).map_or_else(|| (at + 1).to_string(), |e| e.name.clone())
     }
 
     /// Vector and element that hold an element of a variable.
@@ -324,5 +333,5 @@ fn numbered(name: &str, element: u32, len: u32) -> String {
 
 fn extra_element(name: String, nominal: f64, place: (VarId, u32)) -> Element {
     let (low, high) = (f64::NEG_INFINITY, f64::INFINITY);
-    Element { name, unit: "1".into(), text: String::new(), low, high, scale: 1.0, nominal, place: Some(place) }
+    Element { name, unit: "1".into(), text: String::new(), low, high, scale: 1.0, nominal, structural: false, place: Some(place) }
 }

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from smpl.export.files import json, text, write
 from smpl.export.modules import CasadiModel, JaxModel, casadi, jax
+from smpl.export.parts import CasadiPart
 from smpl.export.predictive import do_mpc
 
-__all__ = ["CasadiModel", "JaxModel", "casadi", "do_mpc", "jax", "json", "text", "write"]
+__all__ = ["CasadiModel", "CasadiPart", "JaxModel", "casadi", "do_mpc", "jax", "json", "text", "write"]

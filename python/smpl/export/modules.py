@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import ModuleType
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from smpl.export.calls import completing
 from smpl.export.files import text
+from smpl.export.parts import CasadiPart, cut
 from smpl.model import FloatArray, Model, check_names
 
 # Name, unit, lower and upper bound, magnitude, nominal value.
@@ -58,6 +59,7 @@ class Tables:
             else namespace["CONTEXT"]
             for kind in self._kinds
         }
+        self._fixed: list[str] = namespace["FIXED"]
         self.labels = {name: tuple(names) for name, names in namespace["NAMES"].items()}
         self.label_units = {name: tuple(units) for name, units in namespace["UNITS"].items()}
         self.observation_names = self.labels.get("observations", ())
@@ -75,13 +77,28 @@ class Tables:
         setattr(self, name, value)
         return value
 
+    functions: dict[str, Any]
+
     def parameters(self, values: Mapping[str, float] | None = None) -> FloatArray:
-        """The vector p: nominal values with those by name in their place.
+        """The vector p: nominal values with those by name in their place, and what is computed from them.
 
         Raises:
             ValueError: an unknown name; the message lists the right ones.
         """
-        return self._filled("parameter", values)
+        p = self._filled("parameter", values)
+        if not values or "parameters" not in self.functions:
+            return p
+        flags = {f"given({name})": 1.0 for name in values}
+        c = self.context({name: flag for name, flag in flags.items() if name in self.context_names})
+        return self._update("parameters", {"p": p, "c": c})
+
+    def _update(self, name: str, changed: Mapping[str, FloatArray]) -> FloatArray:
+        """The vector p after an update at the nominal point."""
+        raise NotImplementedError
+
+    def _arguments(self, names: Iterable[str], changed: Mapping[str, FloatArray]) -> list[Any]:
+        nominal = {"x": self.state_nominal, "z": self.algebraic_nominal, "u": self.action_nominal, "t": 0.0}
+        return [{**nominal, **changed}[name] for name in names]
 
     def context(self, values: Mapping[str, float] | None = None) -> FloatArray:
         """The vector c: nominal values with those by name in their place.
@@ -96,7 +113,10 @@ class Tables:
         check_names(kind, values or {}, names)
         vector: FloatArray = getattr(self, f"{kind}_nominal").copy()
         for name, value in (values or {}).items():
-            vector[names.index(name)] = value
+            at = names.index(name)
+            if name in self._fixed and value != vector[at]:
+                raise ValueError(f"{name!r} shaped the model, exported with {vector[at]}: compile it anew")
+            vector[at] = value
         return vector
 
 
@@ -125,11 +145,12 @@ class CasadiModel(Tables):
     def __init__(self, namespace: Mapping[str, Any], kind: str | None, smooth: float) -> None:
         super().__init__(namespace)
         self.kind: str = kind or namespace["KIND"]
-        made = namespace["build"](self.kind, smooth)
+        self._build, self._smooth = namespace["build"], smooth
+        made = self._build(self.kind, smooth)
         rewards = made.pop("rewards")
         self.rewards: dict[str, Any] = {name: completing(function, self) for name, function in rewards.items()}
         made = {name: completing(function, self) for name, function in made.items()}
-        self.functions: dict[str, Any] = made
+        self.functions = made
         self.rhs: Any = made.get("rhs")
         self.dae: Any = made.get("dae")
         self.residual = made["residual"]
@@ -141,6 +162,24 @@ class CasadiModel(Tables):
         self.invariants: Any = made.get("invariants")
         self.events: Any = made.get("events")
         self.integrals: Any = made.get("integrals")
+
+    def part(self, states: Iterable[str]) -> CasadiPart:
+        """The part of the model that holds some states: their rates, with what they get from the others as inputs.
+
+        Args:
+            states: names of states, or of components and arrays for all that belongs to them: `["R1", "T"]`.
+
+        Raises:
+            ValueError: a name means no state, or the model is not explicit in its rates.
+        """
+        if self.dae is None:
+            raise ValueError(f"{self.name} is not explicit in its rates: its states have none of their own")
+        nominal = np.concatenate([self.state_nominal, self.algebraic_nominal])
+        return cut(self._build, self._smooth, states, (self.state_names, self.algebraic_names), nominal)
+
+    def _update(self, name: str, changed: Mapping[str, FloatArray]) -> FloatArray:
+        function = self.functions[name]
+        return np.asarray(function(*self._arguments(function.name_in(), changed))[2].full()).ravel()
 
     def __repr__(self) -> str:
         return f"<smpl.export.CasadiModel {self.name}: {len(self.state_names)} states, {self.kind}>"
@@ -159,7 +198,7 @@ class JaxModel(Tables):
 
     def __init__(self, namespace: Mapping[str, Any]) -> None:
         super().__init__(namespace)
-        self.functions: dict[str, Any] = dict(namespace["FUNCTIONS"])
+        self.functions = dict(namespace["FUNCTIONS"])
         for name in ("rhs", "dae"):
             if name in namespace:
                 self.functions[name] = namespace[name]
@@ -174,6 +213,10 @@ class JaxModel(Tables):
         """Whether a function takes the vector c as its last argument."""
         code = self.functions[name].__code__
         return "c" in code.co_varnames[: code.co_argcount]
+
+    def _update(self, name: str, changed: Mapping[str, FloatArray]) -> FloatArray:
+        names = ["t", "x", "z", "u", "p", *(["c"] if self.takes_context(name) else [])]
+        return np.array(self.functions[name](*self._arguments(names, changed))[2])
 
     def __repr__(self) -> str:
         return f"<smpl.export.JaxModel {self.name}: {len(self.state_names)} states>"

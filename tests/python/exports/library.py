@@ -33,6 +33,15 @@ class Library:
             for name, arguments in re.findall(r"void exported_(\w+)(\([^;]*\));", text)
         }
 
+    def names(self, table):
+        """Names of the elements of a table of the source, in their order."""
+
+        class Element(ctypes.Structure):
+            _fields_ = [("name", ctypes.c_char_p), ("unit", ctypes.c_char_p), ("numbers", ctypes.c_double * 4)]
+
+        rows = (Element * self.sizes[table.upper()]).in_dll(self.code, f"exported_{table}_table")
+        return [row.name.decode() for row in rows]
+
     def is_update(self, name):
         return "out" not in self.arguments[name]
 
