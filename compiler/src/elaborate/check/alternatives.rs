@@ -12,8 +12,8 @@ use smpl_dsl::syntax::{Domain, File, Flux, Phase, Statement, StatementKind, Time
 use crate::elaborate::budget::is_spent;
 use crate::elaborate::{Elaborator, Options};
 
-/// Most statements that are read again for all bodies together.
-const MAX_STATEMENTS: usize = 1_000_000;
+/// Work that a statement counts for, each time that it is read again.
+const STATEMENT: usize = 30;
 
 /// Names and options.
 type Asked = Vec<(String, String)>;
@@ -36,13 +36,13 @@ pub(in crate::elaborate) fn faults_in_alternatives(
 ) -> Faults {
     let mut bodies = Vec::new();
     files.iter().for_each(|file| collect(&file.statements, chosen, &Asked::new(), &mut bodies));
-    let whole: usize = files.iter().map(|file| count(&file.statements)).sum();
     let mut declared = HashSet::new();
     bodies.iter().for_each(|body| body.statements.iter().for_each(|statement| names(statement, &mut declared)));
-    let mut check = Check { files, imports, options, switches: switches(files), declared, spent };
+    let statements = files.iter().map(|file| count(&file.statements)).sum();
+    let mut check = Check { files, imports, options, switches: switches(files), declared, statements, spent };
     let mut faults = Faults::default();
-    for (number, body) in bodies.iter().enumerate() {
-        if (number + 1) * whole > MAX_STATEMENTS || check.is_spent() {
+    for body in &bodies {
+        if is_spent(check.spent) {
             faults.push(not_checked(body));
             break;
         }
@@ -134,18 +134,16 @@ struct Check<'a> {
     switches: Asked,
     /// Names that bodies declare.
     declared: HashSet<&'a str>,
+    /// Number of all statements.
+    statements: usize,
     spent: u32,
 }
 
 impl Check<'_> {
-    fn is_spent(&self) -> bool {
-        is_spent(self.spent)
-    }
-
     /// Faults inside of a body.
     fn body(&mut self, body: &Body<'_>) -> Vec<Diagnostic> {
         let mut found = self.faults(&body.asked, body);
-        if !found.is_empty() && self.switches.iter().any(|switch| !body.asked.contains(switch)) {
+        if found.iter().any(|fault| !self.is_unknown(fault)) && self.switches.iter().any(|switch| !body.asked.contains(switch)) {
             let all: Asked = self.switches.iter().chain(&body.asked).cloned().collect();
             let with_all = self.faults(&all, body);
             let stays = |fault: &Diagnostic| with_all.iter().any(|other| (other.code, other.primary.span) == (fault.code, fault.primary.span));
@@ -167,7 +165,9 @@ impl Check<'_> {
         options.settings.retain(|name, _| !asked.iter().any(|(other, _)| other == name));
         options.variants.extend(asked.iter().cloned());
         let mut elaborator = Elaborator::new(self.files, self.imports, &options);
-        elaborator.ledger.budget.begin_at(self.spent);
+        // Each that is asked for is looked for among all.
+        let reading = self.statements * STATEMENT + asked.len() * self.switches.len();
+        elaborator.ledger.budget.begin_at(self.spent.saturating_add(reading as u32));
         elaborator.run();
         self.spent = elaborator.ledger.budget.work();
         let Err(faults) = elaborator.finish() else { return Vec::new() };
