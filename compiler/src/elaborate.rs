@@ -71,7 +71,13 @@ pub struct Elaborated {
 pub fn elaborate(files: &[syntax::File], imports: &HashMap<String, usize>, options: &Options) -> Result<Elaborated, Faults> {
     let mut elaborator = Elaborator::new(files, imports, options);
     elaborator.run();
-    elaborator.finish()
+    let (chosen, spent) = (elaborator.input.selection.chosen.clone(), elaborator.ledger.budget.work());
+    let mut elaborated = elaborator.finish()?;
+    if options.lints {
+        elaborated.warnings.append(check::alternatives::faults_in_alternatives(files, imports, options, &chosen, spent));
+        elaborated.warnings.sort();
+    }
+    Ok(elaborated)
 }
 
 /// What is elaborated.

@@ -46,6 +46,11 @@ pub(in crate::elaborate) enum Verdict {
     Spent,
 }
 
+/// Whether so much work leaves nothing for more.
+pub(in crate::elaborate) fn is_spent(work: u32) -> bool {
+    work > MAX_WORK
+}
+
 impl Budget {
     /// Counts something that is written out: a term, an element, a call. Refused where the model is beyond reason, once; in an `attempt` to
     /// keep a loop the model is given up, since what is too much in one pass of a loop is too much without the loop as well.
@@ -81,6 +86,16 @@ impl Budget {
             self.give_up(span);
         }
         self.exhausted.is_none()
+    }
+
+    /// Expressions elaborated so far, reports among them.
+    pub(in crate::elaborate) fn work(&self) -> u32 {
+        self.work
+    }
+
+    /// Begins where another elaboration has left off.
+    pub(in crate::elaborate) fn begin_at(&mut self, work: u32) {
+        self.work = work;
     }
 
     /// Counts a report; `false` where nothing is said any more.

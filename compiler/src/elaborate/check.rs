@@ -1,4 +1,5 @@
 //! What is wrong though nothing asks for it, and what is allowed but hardly meant.
 
+pub(in crate::elaborate) mod alternatives;
 pub(in crate::elaborate) mod lints;
 pub(in crate::elaborate) mod unused;

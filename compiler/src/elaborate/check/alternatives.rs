@@ -1,0 +1,194 @@
+//! What is not chosen is checked too: bodies of variants that are off, and of options that another one stands in front of.
+//!
+//! Each of them is put in force in turn, with what encloses it, and the model elaborated anew; faults inside of the body are told as warnings. A body may
+//! name what another variant declares: a fault that is gone where all variants are on is none, but for a name that nothing declares.
+
+use std::collections::{HashMap, HashSet};
+
+use smpl_dsl::diagnostic::{Diagnostic, Faults, Severity, codes};
+use smpl_dsl::span::Span;
+use smpl_dsl::syntax::{Domain, File, Flux, Phase, Statement, StatementKind, TimeTable};
+
+use crate::elaborate::budget::is_spent;
+use crate::elaborate::{Elaborator, Options};
+
+/// Work that a statement counts for, each time that it is read again.
+const STATEMENT: usize = 30;
+
+/// Names and options.
+type Asked = Vec<(String, String)>;
+
+/// A body that is not in force.
+struct Body<'a> {
+    /// What has to be chosen for it, the outermost first.
+    asked: Asked,
+    span: Span,
+    statements: &'a [Statement],
+}
+
+/// Faults in what is not in force, as warnings; `chosen` tells the option of a variant or choice, and `spent` is the work that the model took.
+pub(in crate::elaborate) fn faults_in_alternatives(
+    files: &[File],
+    imports: &HashMap<String, usize>,
+    options: &Options,
+    chosen: &HashMap<String, String>,
+    spent: u32,
+) -> Faults {
+    let mut bodies = Vec::new();
+    files.iter().for_each(|file| collect(&file.statements, chosen, &Asked::new(), &mut bodies));
+    let mut declared = HashSet::new();
+    bodies.iter().for_each(|body| body.statements.iter().for_each(|statement| names(statement, &mut declared)));
+    let statements = files.iter().map(|file| count(&file.statements)).sum();
+    let mut check = Check { files, imports, options, switches: switches(files), declared, statements, spent };
+    let mut faults = Faults::default();
+    for body in &bodies {
+        if is_spent(check.spent) {
+            faults.push(not_checked(body));
+            break;
+        }
+        check.body(body).into_iter().for_each(|fault| faults.push(fault));
+    }
+    faults
+}
+
+/// The bodies that are not in force. Statements of one name and option are one body, as far as what is asked for is concerned, but each has its place.
+fn collect<'a>(statements: &'a [Statement], chosen: &HashMap<String, String>, outer: &Asked, out: &mut Vec<Body<'a>>) {
+    for statement in statements {
+        let (name, option, body) = match &statement.kind {
+            StatementKind::Variant { name, body, .. } => (&name.text, "true", body),
+            StatementKind::When { choice, option, body } => (&choice.text, option.text.as_str(), body),
+            StatementKind::Component { body, .. } => {
+                collect(body, chosen, outer, out);
+                continue;
+            }
+            _ => continue,
+        };
+        let in_force = chosen.get(name).map_or("false", String::as_str) == option;
+        let mut asked = outer.clone();
+        if !in_force {
+            asked.push((name.clone(), option.to_owned()));
+        }
+        if !asked.is_empty() {
+            out.push(Body { asked: asked.clone(), span: statement.span, statements: body });
+        }
+        collect(body, chosen, &asked, out);
+    }
+}
+
+fn count(statements: &[Statement]) -> usize {
+    let inner = |statement: &Statement| match &statement.kind {
+        StatementKind::Variant { body, .. } | StatementKind::When { body, .. } | StatementKind::Component { body, .. } => count(body),
+        _ => 0,
+    };
+    statements.iter().map(|statement| 1 + inner(statement)).sum()
+}
+
+/// All variants, on.
+fn switches(files: &[File]) -> Asked {
+    fn of(statements: &[Statement], out: &mut Asked) {
+        for statement in statements {
+            match &statement.kind {
+                StatementKind::Variant { name, body, .. } => {
+                    out.push((name.text.clone(), "true".into()));
+                    of(body, out);
+                }
+                StatementKind::When { body, .. } | StatementKind::Component { body, .. } => of(body, out),
+                _ => {}
+            }
+        }
+    }
+    let mut out = Asked::new();
+    files.iter().for_each(|file| of(&file.statements, &mut out));
+    out
+}
+
+/// The names that a statement declares.
+fn names<'a>(statement: &'a Statement, out: &mut HashSet<&'a str>) {
+    match &statement.kind {
+        StatementKind::Declare { declarations, .. } => out.extend(declarations.iter().map(|d| d.name.text.as_str())),
+        StatementKind::Port { names, .. } => out.extend(names.iter().map(|name| name.text.as_str())),
+        StatementKind::Table(table) => out.extend(table.columns.iter().map(|column| column.name.text.as_str())),
+        StatementKind::Domain(Domain { name, .. })
+        | StatementKind::TimeTable(TimeTable { name, .. })
+        | StatementKind::Flux(Flux { name, .. })
+        | StatementKind::Phase(Phase { name, .. })
+        | StatementKind::Set { name, .. }
+        | StatementKind::Def { name, .. }
+        | StatementKind::Connector { name, .. }
+        | StatementKind::Component { name, .. }
+        | StatementKind::Instance { name, .. }
+        | StatementKind::Event { name, .. }
+        | StatementKind::Fail { name, .. }
+        | StatementKind::Reward { name, .. }
+        | StatementKind::Time { name, .. } => {
+            out.insert(&name.text);
+        }
+        _ => {}
+    }
+}
+
+struct Check<'a> {
+    files: &'a [File],
+    imports: &'a HashMap<String, usize>,
+    options: &'a Options,
+    switches: Asked,
+    /// Names that bodies declare.
+    declared: HashSet<&'a str>,
+    /// Number of all statements.
+    statements: usize,
+    spent: u32,
+}
+
+impl Check<'_> {
+    /// Faults inside of a body.
+    fn body(&mut self, body: &Body<'_>) -> Vec<Diagnostic> {
+        let mut found = self.faults(&body.asked, body);
+        if found.iter().any(|fault| !self.is_unknown(fault)) && self.switches.iter().any(|switch| !body.asked.contains(switch)) {
+            let all: Asked = self.switches.iter().chain(&body.asked).cloned().collect();
+            let with_all = self.faults(&all, body);
+            let stays = |fault: &Diagnostic| with_all.iter().any(|other| (other.code, other.primary.span) == (fault.code, fault.primary.span));
+            found.retain(|fault| self.is_unknown(fault) || stays(fault));
+        }
+        let inner = |fault: &Diagnostic| body.statements.iter().any(|s| is_alternative(s) && s.span.contains(fault.primary.span));
+        found.into_iter().filter(|fault| !inner(fault)).map(|fault| told(fault, &body.asked)).collect()
+    }
+
+    /// Whether a fault is a name that no other body declares.
+    fn is_unknown(&self, fault: &Diagnostic) -> bool {
+        let name = fault.message.split('`').nth(1);
+        fault.code == codes::UNKNOWN_NAME && name.is_some_and(|name| !self.declared.contains(name))
+    }
+
+    /// Faults inside of a body where something is asked for.
+    fn faults(&mut self, asked: &Asked, body: &Body<'_>) -> Vec<Diagnostic> {
+        let mut options = Options { lints: false, ..self.options.clone() };
+        options.settings.retain(|name, _| !asked.iter().any(|(other, _)| other == name));
+        options.variants.extend(asked.iter().cloned());
+        let mut elaborator = Elaborator::new(self.files, self.imports, &options);
+        // Each that is asked for is looked for among all.
+        let reading = self.statements * STATEMENT + asked.len() * self.switches.len();
+        elaborator.ledger.budget.begin_at(self.spent.saturating_add(reading as u32));
+        elaborator.run();
+        self.spent = elaborator.ledger.budget.work();
+        let Err(faults) = elaborator.finish() else { return Vec::new() };
+        let here = |fault: &Diagnostic| fault.is_error() && body.span.contains(fault.primary.span);
+        faults.shown().into_iter().filter(here).collect()
+    }
+}
+
+fn is_alternative(statement: &Statement) -> bool {
+    matches!(statement.kind, StatementKind::Variant { .. } | StatementKind::When { .. })
+}
+
+/// A fault of what is not in force keeps nobody from running the model.
+fn told(fault: Diagnostic, asked: &Asked) -> Diagnostic {
+    let names: Vec<String> = asked.iter().map(|(name, option)| if option == "true" { name.clone() } else { format!("{name} = {option}") }).collect();
+    let mut told = Diagnostic { severity: Severity::Warning, ..fault };
+    told.notes.push(format!("with `{}`, which is not in force", names.join("`, `")));
+    told
+}
+
+fn not_checked(body: &Body<'_>) -> Diagnostic {
+    Diagnostic::warning(codes::TOO_LARGE, "this and what is not in force below is not checked: there is too much of it", body.span)
+        .help("check it with `--variant`")
+}
