@@ -146,7 +146,8 @@ impl Check<'_> {
         if found.iter().any(|fault| !self.is_unknown(fault)) && self.switches.iter().any(|switch| !body.asked.contains(switch)) {
             let all: Asked = self.switches.iter().chain(&body.asked).cloned().collect();
             let with_all = self.faults(&all, body);
-            let stays = |fault: &Diagnostic| with_all.iter().any(|other| (other.code, other.primary.span) == (fault.code, fault.primary.span));
+            let stays =
+                |fault: &Diagnostic| with_all.iter().any(|other| (other.code, other.primary.span) == (fault.code, fault.primary.span));
             found.retain(|fault| self.is_unknown(fault) || stays(fault));
         }
         let inner = |fault: &Diagnostic| body.statements.iter().any(|s| is_alternative(s) && s.span.contains(fault.primary.span));
@@ -182,7 +183,8 @@ fn is_alternative(statement: &Statement) -> bool {
 
 /// A fault of what is not in force keeps nobody from running the model.
 fn told(fault: Diagnostic, asked: &Asked) -> Diagnostic {
-    let names: Vec<String> = asked.iter().map(|(name, option)| if option == "true" { name.clone() } else { format!("{name} = {option}") }).collect();
+    let names: Vec<String> =
+        asked.iter().map(|(name, option)| if option == "true" { name.clone() } else { format!("{name} = {option}") }).collect();
     let mut told = Diagnostic { severity: Severity::Warning, ..fault };
     told.notes.push(format!("with `{}`, which is not in force", names.join("`, `")));
     told
