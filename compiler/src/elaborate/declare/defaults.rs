@@ -1,5 +1,10 @@
 //! Nests of loops over binders, the order of declarations, and the numbers that declarations give.
 
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::span::Span;
+use smpl_dsl::syntax::{Binder, Declaration, Expr, StatementKind};
+use smpl_dsl::units::Unit;
+
 use crate::elaborate::declare::symbols::{Axis, ScopeId, SymbolId, SymbolKind, Symbols};
 use crate::elaborate::ledger::Ledger;
 use crate::elaborate::lower::cells::Cell;
@@ -7,13 +12,7 @@ use crate::elaborate::lower::functions::BinderValue;
 use crate::elaborate::lower::units;
 use crate::elaborate::select::items::Item;
 use crate::elaborate::{Bound, Elaborator, Place, Site};
-use crate::ir::Exprs;
-use smpl_dsl::diagnostic::{Diagnostic, codes};
-use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Binder, Declaration, Expr, StatementKind};
-use smpl_dsl::units::Unit;
-
-use crate::ir::{Affine, Expr as Node, ExprId, FastMap, FastSet, LoopVar, Role, VarId};
+use crate::ir::{Affine, Expr as Node, ExprId, Exprs, FastMap, FastSet, LoopVar, Role, VarId};
 use crate::model::{self, Quantity};
 
 /// Something elaborated inside a nest of loops.

@@ -9,6 +9,10 @@
 //! next phase. A duration is a root linear in time, so that the integration stops exactly there. A condition that holds when a step starts
 //! (a request) ends the phase before the integration.
 
+use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
+use smpl_dsl::span::Span;
+use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident, Phase, Statement, StatementKind};
+
 use crate::elaborate::declare::symbols::{ScopeId, Set, Symbol, SymbolId, SymbolKind, Symbols};
 use crate::elaborate::episode::store;
 use crate::elaborate::ledger::Ledger;
@@ -16,12 +20,7 @@ use crate::elaborate::lower::value::Value;
 use crate::elaborate::lower::values::Values;
 use crate::elaborate::select::items::Item;
 use crate::elaborate::{Elaborator, Place, Site};
-use crate::ir::Exprs;
-use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
-use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident, Phase, Statement, StatementKind};
-
-use crate::ir::{Affine, Compare, ExprId, Flavour, Nest, Place as Memory, Program, Role, VarId};
+use crate::ir::{Affine, Compare, ExprId, Exprs, Flavour, Nest, Place as Memory, Program, Role, VarId};
 use crate::model::{Quantity, Root, RootAction, Variable};
 
 /// The schedule of a model.
