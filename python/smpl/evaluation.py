@@ -10,10 +10,9 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
-from smpl.controllers.base import Controller
+from smpl.controllers.adapt import as_player
 from smpl.envs import Env, SeedError, check_seed
-from smpl.model import FloatArray, as_count, as_vector
-from smpl.wrappers import outer_action
+from smpl.model import FloatArray, as_count
 
 
 @dataclass(frozen=True)
@@ -74,13 +73,13 @@ class Statistics:
 
 
 def run_episode(
-    env: Any, controller: Controller, seed: int | None = None, options: dict[str, Any] | None = None
+    env: Any, controller: Any, seed: int | None = None, options: dict[str, Any] | None = None
 ) -> Episode:
     """Run an episode to its end.
 
     Args:
         env: an `smpl.Env`, possibly wrapped; wrappers that change actions are undone, see `smpl.wrappers.outer_action`.
-        controller: chooses the actions; it is reset first.
+        controller: chooses the actions: see `smpl.controllers.as_player`. It is reset first.
         seed, options: as for `reset`.
 
     Raises:
@@ -88,18 +87,17 @@ def run_episode(
         ValueError: the controller is not for this environment, or gives an action of a wrong shape.
     """
     base = _base(env)
-    _check_controller(controller)
+    player = as_player(controller)
+    player.check(env)
     observation, info = env.reset(seed=seed, options=options)
-    controller.reset(base)
+    player.reset(env)
     observations, states, costs, times = [observation], [base.state], [info["cost"]], [info["time"]]
     actions, rewards, terminations, truncations = [], [], [], []
     terminated = truncated = False
     while not (terminated or truncated):
-        physical = as_vector("the controller's action", controller.action(base), len(base.action_names))
-        # As data sets store it: the same actions give the same episode.
-        action = np.asarray(outer_action(env, base.from_physical(physical)), dtype=env.action_space.dtype)
+        action, physical = player.choose(env, observation)
         observation, reward, terminated, truncated, info = env.step(action)
-        if env is not base and not info["failure"]:
+        if env is not base and physical is not None and not info["failure"]:
             _check_arrival(base, env, action, physical)
         observations.append(observation)
         states.append(base.state)
@@ -127,7 +125,7 @@ def run_episode(
 
 def evaluate(
     env: Any,
-    controller: Controller,
+    controller: Any,
     episodes: int = 20,
     seed: int = 0,
     starts: Iterable[npt.ArrayLike | Mapping[str, float]] | None = None,
@@ -173,12 +171,6 @@ def per_episode(episodes: Sequence[Episode], failed: float | None = None) -> Sta
 def returns(episodes: Sequence[Episode]) -> Statistics:
     """Statistics over episodes of the sum of their rewards."""
     return Statistics.of([episode.total for episode in episodes])
-
-
-def _check_controller(controller: Any) -> None:
-    if isinstance(controller, type) or not isinstance(controller, Controller):
-        what = f"the class {controller.__name__}" if isinstance(controller, type) else type(controller).__name__
-        raise TypeError(f"controller is {what}, expected an object with reset(env) and action(env)")
 
 
 def _check_arrival(base: Env, env: Any, given: npt.NDArray[Any], chosen: FloatArray) -> None:

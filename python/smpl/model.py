@@ -65,6 +65,11 @@ class Model(Named):
         """Whether a file that the model was compiled from has changed since, imports of any name included."""
         return self._times != _times(self._times)
 
+    @property
+    def level(self) -> str:
+        """The observation level that the model was compiled with."""
+        return str(self._arguments["observation"])
+
     def __repr__(self) -> str:
         return f"<smpl.Model {self.name}: {len(self.state_names)} states, {len(self.action_names)} actions>"
 
