@@ -1,14 +1,21 @@
-"""Baseline controllers. All give actions in physical units and see the environment beneath the observation."""
+"""Controllers, estimators and baselines. They give actions in physical units, by the names of any model."""
 
 from smpl.controllers.adapt import Function, Noisy, as_player
 from smpl.controllers.base import Constant, Controller, Nominal, OpenLoop, Policy, Uniform
 from smpl.controllers.beer import Profile, isothermal
+from smpl.controllers.lqr import LQG, LQR
+from smpl.controllers.pid import PID, Cascade, Loops
 from smpl.controllers.reactor import Proportional
 
 __all__ = [
+    "LQG",
+    "LQR",
+    "PID",
+    "Cascade",
     "Constant",
     "Controller",
     "Function",
+    "Loops",
     "Noisy",
     "Nominal",
     "OpenLoop",
