@@ -3,7 +3,9 @@
 from smpl.controllers.adapt import Function, Noisy, as_player
 from smpl.controllers.base import Constant, Controller, Nominal, OpenLoop, Policy, Uniform
 from smpl.controllers.beer import Profile, isothermal
+from smpl.controllers.kalman import ExtendedKalmanFilter
 from smpl.controllers.lqr import LQG, LQR
+from smpl.controllers.moving_horizon import MovingHorizonEstimator
 from smpl.controllers.pid import PID, Cascade, Loops
 from smpl.controllers.reactor import Proportional
 
@@ -14,8 +16,10 @@ __all__ = [
     "Cascade",
     "Constant",
     "Controller",
+    "ExtendedKalmanFilter",
     "Function",
     "Loops",
+    "MovingHorizonEstimator",
     "Noisy",
     "Nominal",
     "OpenLoop",
