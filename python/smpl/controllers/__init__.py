@@ -2,17 +2,20 @@
 
 from smpl.controllers.adapt import Function, Noisy, as_player
 from smpl.controllers.base import Constant, Controller, Nominal, OpenLoop, Policy, Uniform
+from smpl.controllers.bayesian import BayesianOptimization
 from smpl.controllers.beer import Profile, isothermal
 from smpl.controllers.kalman import ExtendedKalmanFilter
 from smpl.controllers.lqr import LQG, LQR
 from smpl.controllers.moving_horizon import MovingHorizonEstimator
 from smpl.controllers.pid import PID, Cascade, Loops
 from smpl.controllers.reactor import Proportional
+from smpl.controllers.sampling import SamplingMPC
 
 __all__ = [
     "LQG",
     "LQR",
     "PID",
+    "BayesianOptimization",
     "Cascade",
     "Constant",
     "Controller",
@@ -26,6 +29,7 @@ __all__ = [
     "Policy",
     "Profile",
     "Proportional",
+    "SamplingMPC",
     "Uniform",
     "as_player",
     "isothermal",

@@ -97,17 +97,19 @@ class Prediction:
 
     def around(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The point and one beside it in each direction, (1 + x, x), inside of the bounds; and the distances."""
-        distance = 1e-5 * np.maximum(self.scale, np.abs(x))
+        distance = 1e-4 * np.maximum(self.scale, np.abs(x))
         distance = np.where(x + distance > self.high, -distance, distance)
         return np.vstack([x, x + np.diag(distance)]), distance
 
-    def step_with_jacobian(
+    def linearized(
         self, x: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float]
-    ) -> tuple[FloatArray, FloatArray]:
-        """The point a step later and its derivative, from rollouts in one call."""
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """The point a step later and its derivative, the readings now and theirs, from one call of rollouts."""
         points, distance = self.around(x)
-        found = self.step(points, action, at, discrete)
-        return found[0], (found[1:] - found[0]).T / distance
+        found = self._rollout(points, action, at, discrete)
+        later = np.concatenate([found.states[:, -1], points[:, self.states :]], axis=1)
+        read = found.observations[:, 0]
+        return later[0], (later[1:] - later[0]).T / distance, read[0], (read[1:] - read[0]).T / distance
 
     def read_with_jacobian(
         self, x: FloatArray, at: int, discrete: Mapping[str, float], action: FloatArray

@@ -138,7 +138,7 @@ def predict(
     discrete: Mapping[str, float],
 ) -> tuple[FloatArray, FloatArray]:
     """Mean and covariance a step later."""
-    later, F = prediction.step_with_jacobian(mean, action, step, discrete)
+    later, F, _, _ = prediction.linearized(mean, action, step, discrete)
     return prediction.clipped(later), F @ covariance @ F.T + np.diag(prediction.process**2)
 
 

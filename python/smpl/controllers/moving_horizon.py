@@ -57,7 +57,7 @@ class MovingHorizonEstimator:
         parameters: Mapping[str, float] | None = None,
         noise: Mapping[str, float] | None = None,
         p: Mapping[str, float] | None = None,
-        iterations: int = 10,
+        iterations: int = 6,
     ) -> None:
         self.model = model if isinstance(model, Model) else model.model
         self.prediction = Prediction(self.model, parameters, process_noise, noise)
@@ -139,8 +139,10 @@ class MovingHorizonEstimator:
                 bounds=(low, high),
                 x_scale=np.tile(self.prediction.scale, len(self._window)),
                 max_nfev=self._iterations,
-                xtol=1e-8,
-                ftol=1e-8,
+                # Rollouts are exact to the model's own tolerance alone.
+                xtol=1e-5,
+                ftol=1e-5,
+                gtol=1e-5,
             )
         except (ValueError, np.linalg.LinAlgError):
             self.failures += 1
@@ -155,23 +157,20 @@ class MovingHorizonEstimator:
         inverse = np.linalg.inv(np.linalg.cholesky(self._covariance))
         values, rows = [inverse @ (points[0] - self._mean)], [_placed(inverse, 0, count)]
         for place, one in enumerate(self._window):
-            if one.readings:
-                residual, slope = self._reading_residual(points[place], one)
-                values.append(residual)
-                rows.append(_placed(slope, place, count))
+            now = one.action, one.step, one.discrete
             if place + 1 < count:
-                later, F = self.prediction.step_with_jacobian(points[place], one.action, one.step, one.discrete)
+                later, F, expected, H = self.prediction.linearized(points[place], *now)
                 weight = 1 / self.prediction.process
                 values.append(weight * (points[place + 1] - later))
                 rows.append(_placed(-weight[:, None] * F, place, count) + _placed(np.diag(weight), place + 1, count))
+            else:
+                expected, H = self.prediction.read_with_jacobian(points[place], one.step, one.discrete, one.action)
+            usable = [sensor for sensor, value in one.readings.items() if np.isfinite(value)]
+            weight = 1 / self.prediction.noise[usable]
+            read = np.array([one.readings[sensor] for sensor in usable])
+            values.append(weight * (expected[usable] - read))
+            rows.append(_placed(weight[:, None] * H[usable], place, count))
         return np.concatenate(values), np.vstack(rows)
-
-    def _reading_residual(self, point: FloatArray, one: _Instant) -> tuple[FloatArray, FloatArray]:
-        expected, H = self.prediction.read_with_jacobian(point, one.step, one.discrete, one.action)
-        usable = [sensor for sensor, value in one.readings.items() if np.isfinite(value)]
-        weight = 1 / self.prediction.noise[usable]
-        read = np.array([one.readings[sensor] for sensor in usable])
-        return weight * (expected[usable] - read), weight[:, None] * H[usable]
 
 
 def _placed(block: FloatArray, place: int, count: int) -> FloatArray:
