@@ -11,6 +11,7 @@ from smpl._files import announce_library
 from smpl._native import CompileError, Diagnostic, ScenarioError, SimulationError, __version__
 from smpl._registry import register_envs
 from smpl.envs import Env
+from smpl.identification import Fit, fit
 from smpl.model import Model, compile
 from smpl.vector import VectorEnv, make_vec
 
@@ -18,12 +19,14 @@ __all__ = [
     "CompileError",
     "Diagnostic",
     "Env",
+    "Fit",
     "Model",
     "ScenarioError",
     "SimulationError",
     "VectorEnv",
     "__version__",
     "compile",
+    "fit",
     "make_vec",
     "register_envs",
 ]

@@ -29,6 +29,8 @@ class Episode:
         failure: empty where there was none.
         success: whether a success condition ended it.
         options: those of the reset. With them and the seed the actions give the same episode again, bit for bit.
+        applied: (T, actions), the actions in physical units, as they arrived beneath all wrappers.
+        readings: (T + 1, observations), in physical units, as the model showed them beneath all wrappers.
     """
 
     seed: int | None
@@ -43,6 +45,8 @@ class Episode:
     failure: str
     success: bool
     options: dict[str, Any] | None = None
+    applied: FloatArray | None = None
+    readings: FloatArray | None = None
 
     @property
     def steps(self) -> int:
@@ -93,6 +97,7 @@ def run_episode(
     player.reset(env)
     observations, states, costs, times = [observation], [base.state], [info["cost"]], [info["time"]]
     actions, rewards, terminations, truncations = [], [], [], []
+    applied, readings = [], [base.reading]
     terminated = truncated = False
     while not (terminated or truncated):
         action, physical = player.choose(env, observation)
@@ -104,6 +109,8 @@ def run_episode(
         costs.append(info["cost"])
         times.append(info["time"])
         actions.append(action)
+        applied.append(base.action)
+        readings.append(base.reading)
         rewards.append(reward)
         terminations.append(terminated)
         truncations.append(truncated)
@@ -120,6 +127,8 @@ def run_episode(
         info["failure"],
         info["success"],
         options,
+        np.stack(applied),
+        np.stack(readings),
     )
 
 

@@ -2,6 +2,7 @@
 
 from smpl.controllers.adapt import Function, Noisy, as_player
 from smpl.controllers.base import Constant, Controller, Nominal, OpenLoop, Policy, Uniform
+from smpl.controllers.baselines import baseline, baselines
 from smpl.controllers.bayesian import BayesianOptimization
 from smpl.controllers.beer import Profile, isothermal
 from smpl.controllers.kalman import ExtendedKalmanFilter
@@ -32,5 +33,7 @@ __all__ = [
     "SamplingMPC",
     "Uniform",
     "as_player",
+    "baseline",
+    "baselines",
     "isothermal",
 ]
