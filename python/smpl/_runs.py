@@ -127,11 +127,10 @@ def _from_episode(model: Model, episode: Any, name: str) -> Run:
     if applied is None or readings is None:
         raise ValueError(f"{name} has no physical units (applied, readings): make it by smpl.evaluation.run_episode")
     widths = np.shape(applied)[1], np.shape(readings)[1], np.shape(episode.states)[1]
-    if widths != (len(model.action_names), len(model.observation_names), len(model.state_names)):
-        raise ValueError(
-            f"{name} has {widths[0]} actions, {widths[1]} observations and {widths[2]} states, {model.name} has "
-            f"{len(model.action_names)}, {len(model.observation_names)} and {len(model.state_names)}"
-        )
+    expected = len(model.action_names), len(model.observation_names), len(model.state_names)
+    if widths != expected:
+        counts = "{} actions, {} observations and {} states"
+        raise ValueError(f"{name} has {counts.format(*widths)}, {model.name} has {counts.format(*expected)}")
     outputs = dict(zip(model.state_names, np.asarray(episode.states).T, strict=True))
     outputs |= dict(zip(model.observation_names, readings.T, strict=True))
     return Run(name, np.asarray(episode.states)[0], np.asarray(applied, dtype=np.float64), outputs, {}, {}, {})

@@ -127,8 +127,8 @@ def run_episode(
         info["failure"],
         info["success"],
         options,
-        np.stack(applied),
-        np.stack(readings),
+        applied=np.stack(applied),
+        readings=np.stack(readings),
     )
 
 
