@@ -52,7 +52,9 @@ def read_run(model: Model, run: Any, place: int) -> Run:
         return _from_columns(model, columns, f"run {place}")
     if hasattr(run, "states") and hasattr(run, "actions") and hasattr(run, "observations"):
         return _from_episode(model, run, f"run {place}")
-    raise ValueError(f"run {place} is {type(run).__name__}, expected a path, an episode or a mapping from columns to arrays")
+    raise ValueError(
+        f"run {place} is {type(run).__name__}, expected a path, an episode or a mapping from columns to arrays"
+    )
 
 
 def read_table(path: str | os.PathLike[str]) -> dict[str, FloatArray]:
@@ -107,7 +109,11 @@ def _from_columns(model: Model, columns: Mapping[str, FloatArray], name: str) ->
         _states(model, start),
         actions,
         outputs,
-        {one: float(columns[one][0]) for one in model.discrete_names if one in columns and np.isfinite(columns[one][0])},
+        {
+            one: float(columns[one][0])
+            for one in model.discrete_names
+            if one in columns and np.isfinite(columns[one][0])
+        },
         {one: _sequence(columns[one]) for one in model.disturbance_names if one in columns},
         {
             one: float(columns[f"param.{one}"][0])

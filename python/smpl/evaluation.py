@@ -76,9 +76,7 @@ class Statistics:
         return cls(float(array.mean()), float(array.std()), int(array.size))
 
 
-def run_episode(
-    env: Any, controller: Any, seed: int | None = None, options: dict[str, Any] | None = None
-) -> Episode:
+def run_episode(env: Any, controller: Any, seed: int | None = None, options: dict[str, Any] | None = None) -> Episode:
     """Run an episode to its end.
 
     Args:

@@ -16,7 +16,9 @@ from smpl.identification import fit
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command and return its exit status: 1 where a file or an argument is at fault."""
-    parser = argparse.ArgumentParser(prog="python -m smpl.fit", description="fit parameters of a model to recorded runs")
+    parser = argparse.ArgumentParser(
+        prog="python -m smpl.fit", description="fit parameters of a model to recorded runs"
+    )
     parser.add_argument("model", help="model, or the name of a shipped one")
     parser.add_argument("--data", action="append", required=True, metavar="RUN.csv", help="run; repeatable")
     parser.add_argument("--parameters", required=True, metavar="NAME,...", help="parameters to fit; NAME=GUESS")

@@ -1,7 +1,7 @@
 """Parameters from recorded runs: weighted least squares on rollouts, see `fit`.
 
-Y. Bard, Nonlinear Parameter Estimation (1974), chapters 4 and 7; D. M. Bates, D. G. Watts, Nonlinear Regression Analysis
-and Its Applications (1988), chapter 2. The optimiser is SciPy's trust-region reflective Gauss-Newton.
+Y. Bard, Nonlinear Parameter Estimation (1974), chapters 4 and 7; D. M. Bates, D. G. Watts, Nonlinear Regression
+Analysis and Its Applications (1988), chapter 2. The optimiser is SciPy's trust-region reflective Gauss-Newton.
 """
 
 from __future__ import annotations
@@ -78,8 +78,8 @@ def fit(
 
     The model is simulated with the recorded actions and disturbances from the recorded start, random numbers at their
     means, and compared at the steps at which a sample was read for the first time. Residuals count over the standard
-    deviation of their output: that which `noise` gives, else that which the observation level declares, else one that is
-    estimated with the parameters (maximum likelihood).
+    deviation of their output: that which `noise` gives, else that which the observation level declares, else one
+    that is estimated with the parameters (maximum likelihood).
 
     Args:
         model: any model, compiled with the observation level of the runs.
@@ -92,7 +92,7 @@ def fit(
         iterations: limit of the optimiser's steps.
 
     Raises:
-        ValueError: names that do not fit, runs without what is needed, or a parameter without any effect on the outputs.
+        ValueError: names that do not fit, runs without what is needed, or a parameter without any effect.
         ImportError: SciPy is missing.
     """
     problem = _Problem(model, runs, parameters, outputs, noise, tuple(initial))
@@ -153,7 +153,7 @@ class _Problem:
             if not chosen:
                 raise ValueError(
                     f"the runs have no column obs.NAME of the level {self.model.level!r}, which shows "
-                    f"{', '.join(self.model.observation_names)}: compile the model with the level of the runs, or give outputs"
+                    f"{', '.join(self.model.observation_names)}: compile the model with their level, or give outputs"
                 )
             return chosen
         chosen = (outputs,) if isinstance(outputs, str) else tuple(outputs)
@@ -161,7 +161,9 @@ class _Problem:
         check_names("outputs", chosen, known)
         missing = [name for name in chosen if name not in recorded]
         if missing:
-            raise ValueError(f"the runs have no column for {', '.join(missing)}; they have: {', '.join(sorted(recorded))}")
+            raise ValueError(
+                f"the runs have no column for {', '.join(missing)}; they have: {', '.join(sorted(recorded))}"
+            )
         return chosen
 
     def _weigh(self, noise: Mapping[str, float]) -> None:
@@ -300,7 +302,9 @@ class _Problem:
         residual, slope = self._residuals(z)
         silent = [name for name, column in zip(self.names, slope.T, strict=True) if not np.abs(column).max() > 0]
         if silent:
-            raise ValueError(f"the runs say nothing about {', '.join(silent)}: {', '.join(self.outputs)} do not depend on it")
+            raise ValueError(
+                f"the runs say nothing about {', '.join(silent)}: {', '.join(self.outputs)} do not depend on it"
+            )
         covariance, indistinct = self._covariance(slope)
         values = z * self.scale
         half = _quantile(len(residual) - len(z), bool(self._known.all())) * np.sqrt(np.diag(covariance))

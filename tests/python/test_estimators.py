@@ -164,14 +164,14 @@ def test_estimation_over_a_window_stays_within_the_bounds():
     assert x[0] == pytest.approx(env.state[0], abs=0.02)
 
 
-@pytest.mark.parametrize(
-    ("kind", "options"), [(ExtendedKalmanFilter, {}), (MovingHorizonEstimator, {"horizon": 6})]
-)
+@pytest.mark.parametrize(("kind", "options"), [(ExtendedKalmanFilter, {}), (MovingHorizonEstimator, {"horizon": 6})])
 def test_feedback_of_an_estimate_brings_a_reactor_with_hidden_concentrations_to_rest(kind, options):
     model = smpl.compile(PROBLEMS / "van_de_vusse.eq", observation="laboratory")
     env = smpl.Env(model, normalize=False, max_steps=60)
     regulator = LQR(smpl.compile(PROBLEMS / "van_de_vusse.eq"))
-    episode = run_episode(env, LQG(regulator, kind(env, **options)), 2, {"state": {"c_A": 2.3, "c_B": 1.0, "T": 116.0, "T_K": 112.0}})
+    episode = run_episode(
+        env, LQG(regulator, kind(env, **options)), 2, {"state": {"c_A": 2.3, "c_B": 1.0, "T": 116.0, "T_K": 112.0}}
+    )
     assert not episode.failure
     np.testing.assert_allclose(episode.states[-1], [2.14, 1.09, 114.2, 112.9], rtol=0.01)
 

@@ -37,7 +37,12 @@ def decay(level="default"):
 
 
 def table(readings, **more):
-    return {"u": np.zeros(len(readings)), "x": np.where(np.arange(len(readings)), np.nan, 3.0), "obs.x": readings, **more}
+    return {
+        "u": np.zeros(len(readings)),
+        "x": np.where(np.arange(len(readings)), np.nan, 3.0),
+        "obs.x": readings,
+        **more,
+    }
 
 
 @pytest.fixture(scope="module")

@@ -121,7 +121,7 @@ def test_what_does_not_fit_the_model_is_refused(changes, says):
 
 
 def test_what_no_action_moves_is_named():
-    with pytest.raises(ValueError, match="no action moves the mode .* of z, which does not decay"):
+    with pytest.raises(ValueError, match=r"no action moves the mode .* of z, which does not decay"):
         LQR(smpl.compile(source=STUCK))
 
 

@@ -59,7 +59,8 @@ def test_the_derivative_answers_a_step_of_the_measurement_with_a_decaying_kick()
 def test_the_velocity_form_is_the_positional_one_where_nothing_saturates(weight):
     rng = np.random.default_rng(0)
     forms = [
-        PID("y", "u", 2.0, 3.0, 0.7, form=form, set_point_weight=weight, set_point=0.0) for form in ("positional", "velocity")
+        PID("y", "u", 2.0, 3.0, 0.7, form=form, set_point_weight=weight, set_point=0.0)
+        for form in ("positional", "velocity")
     ]
     for form in forms:
         form.interval = 0.5
@@ -111,7 +112,8 @@ def test_a_proportional_pid_is_the_published_controller_of_the_reactor():
 
     env = smpl.Env("reactor", max_steps=30, variants=("published_setpoint",))
     loops = Loops(
-        PID("c_A", "T_c", -100.0, set_point=0.8778252, sees="state"), PID("h", "q_out", -0.5, set_point=0.659, sees="state")
+        PID("c_A", "T_c", -100.0, set_point=0.8778252, sees="state"),
+        PID("h", "q_out", -0.5, set_point=0.659, sees="state"),
     )
     for seed in range(3):
         expected, found = run_episode(env, Proportional(), seed), run_episode(env, loops, seed)

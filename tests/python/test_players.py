@@ -14,7 +14,9 @@ K = np.array([[100.0, 0.0, 0.0], [0.0, 0.0, 0.5]])
 
 def physical(env, observation):
     """The published proportional law, written for the box of an environment."""
-    state = env.observation_low + (np.asarray(observation, float) + 1) / 2 * (env.observation_high - env.observation_low)
+    state = env.observation_low + (np.asarray(observation, float) + 1) / 2 * (
+        env.observation_high - env.observation_low
+    )
     chosen = [26.85, 0.1] + K @ (state - [0.8778252, 51.34660837, 0.659])
     return env.from_physical(np.clip(chosen, env.action_low, env.action_high))
 

@@ -110,7 +110,9 @@ def test_a_plan_may_be_held_and_followed_for_some_steps(cart):
 
 
 def test_another_model_predicts_from_the_state_or_from_an_estimate(cart):
-    plant = smpl.Env(smpl.compile(source=CART, settings={"drag": 0.3}, observation="position"), normalize=False, max_steps=16)
+    plant = smpl.Env(
+        smpl.compile(source=CART, settings={"drag": 0.3}, observation="position"), normalize=False, max_steps=16
+    )
     kalman = ExtendedKalmanFilter(plant.model, initial={"x": 0.5}, process_noise={"v": 0.05})
     for controller in (
         SamplingMPC(cart, horizon=8, samples=48),

@@ -224,7 +224,9 @@ def check_view(env: Env, controller: Any) -> None:
         return
     who = type(controller).__name__
     if sees in env.model.levels:
-        raise ValueError(f"{who} sees the level {sees!r}, the environment shows {level!r}: give it observation={sees!r}")
+        raise ValueError(
+            f"{who} sees the level {sees!r}, the environment shows {level!r}: give it observation={sees!r}"
+        )
     known = ", ".join((*VIEWS[1:], *env.model.levels))
     raise ValueError(f"{who} sees {sees!r}, which {env.model.name} does not have; there are: {known}")
 

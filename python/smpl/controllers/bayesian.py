@@ -61,6 +61,8 @@ class BayesianOptimization:
         if isinstance(low, Mapping):
             names, pairs = tuple(low), list(low.values())
             low, high = [pair[0] for pair in pairs], [pair[1] for pair in pairs]
+        if high is None:
+            raise ValueError("high is None, expected (d,), or a mapping from names to (low, high) as low")
         self.low, self.high = as_numbers("low", low, "(d,)"), as_numbers("high", high, "(d,)")
         if self.low.shape != self.high.shape or self.low.ndim != 1 or not (self.low < self.high).all():
             raise ValueError(f"low {self.low.tolist()} and high {self.high.tolist()}, expected (d,) and low below high")
@@ -113,7 +115,8 @@ class BayesianOptimization:
             if place < fixed or len(points) < 2:
                 point = generator.uniform(self.low, self.high)
             else:
-                point = self._most_promising(points, values, generator)
+                with _one_thread():
+                    point = self._most_promising(points, values, generator)
             point = self._rounded(point)
             chosen.append(point)
             # The constant liar: as if the point had brought the mean.
@@ -152,7 +155,8 @@ class BayesianOptimization:
         # Near the best point too: in many dimensions random points are far from everything.
         near = scaled[int(np.argmax(targets))] + 0.1 * generator.standard_normal((self._candidates // 4, dimension))
         tried = np.vstack([drawn, np.clip(near, 0, 1)])
-        gains = expected_improvement(*process.predict(tried, return_std=True), best, self._exploration)
+        mean, spread = process.predict(tried, return_std=True)
+        gains = expected_improvement(mean, spread, best, self._exploration)
         order = np.argsort(-gains)[:2]
         optimize = _minimize()
 
@@ -241,6 +245,13 @@ def _library() -> tuple[Any, Any]:
     except ImportError as error:
         raise ImportError("Bayesian optimisation needs scikit-learn: pip install 'smpl[bayes]'") from error
     return GaussianProcessRegressor, kernels
+
+
+def _one_thread() -> Any:
+    """Linear algebra on one thread: of matrices of this size more of them make it slower by an order of magnitude."""
+    from threadpoolctl import threadpool_limits  # scikit-learn depends on it
+
+    return threadpool_limits(limits=1)
 
 
 def _minimize() -> Any:

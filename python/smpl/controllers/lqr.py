@@ -95,7 +95,8 @@ class LQR:
         if n > _MOST_STATES:
             raise ValueError(f"{self.model.name} has {n} states; a regulator of more than {_MOST_STATES} is not made")
         y, u = operating_point(self.model, at, p)
-        self.system = A, B, C, D = self.model.linearize(y, u, p)
+        self.system = self.model.linearize(y, u, p)
+        A, B = self.system[:2]
         self.state, self.action_at_rest = y[:n].copy(), u.copy()
         self._integral = self._integrators(integral)
         Q, R = self._weights(state_weight, action_weight, output_weight)
@@ -256,7 +257,8 @@ def _check_stabilisable(F: FloatArray, G: FloatArray, discrete: bool, names: lis
         if slow and effect <= 1e-10 * max(np.abs(G).max(initial=0.0), 1e-300) * np.abs(vector).max():
             part = [names[i] for i in np.argsort(-np.abs(vector))[:3] if abs(vector[i]) > 1e-3 * np.abs(vector).max()]
             raise ValueError(
-                f"no action moves the mode {value:.4g} of {', '.join(part)}, which does not decay: it cannot be stabilised"
+                f"no action moves the mode {value:.4g} of {', '.join(part)}, which does not decay: it cannot be"
+                " stabilised"
             )
 
 
@@ -273,5 +275,3 @@ def _linalg() -> Any:
     except ImportError as error:
         raise ImportError("linear control needs SciPy: pip install 'smpl[scipy]'") from error
     return scipy.linalg
-
-

@@ -1,7 +1,7 @@
 """Moving-horizon estimation: a bounded least-squares problem over the last steps.
 
-C. V. Rao, J. B. Rawlings, D. Q. Mayne, IEEE Transactions on Automatic Control 48 (2003) 246-258; the states of all steps
-of the window are unknowns (multiple shooting), the optimiser is SciPy's trust-region reflective Gauss-Newton.
+C. V. Rao, J. B. Rawlings, D. Q. Mayne, IEEE Transactions on Automatic Control 48 (2003) 246-258; the states of all
+steps of the window are unknowns (multiple shooting), the optimiser is SciPy's trust-region reflective Gauss-Newton.
 """
 
 from __future__ import annotations
@@ -112,9 +112,7 @@ class MovingHorizonEstimator:
         mean, covariance, _ = correct(
             self.prediction, self._mean, self._covariance, old.readings, old.step, old.discrete, old.action
         )
-        self._mean, self._covariance = predict(
-            self.prediction, mean, covariance, old.action, old.step, old.discrete
-        )
+        self._mean, self._covariance = predict(self.prediction, mean, covariance, old.action, old.step, old.discrete)
 
     def _solve(self) -> None:
         optimize = _optimize()

@@ -60,7 +60,7 @@ class Recipe:
         return chosen
 
     def returns(self, points: FloatArray, seed: int | None = None) -> FloatArray:
-        """Penicillin of batches, kg: of expected ones, or with the random numbers of a seed, the same for all points."""
+        """Penicillin of batches, kg: expected ones, or with the random numbers of a seed, the same for all points."""
         plans = np.stack([self.actions(point) for point in points])
         feed = {FEED: points[:, -1]}
         if seed is None:
@@ -72,7 +72,7 @@ class Recipe:
         return np.array(found)
 
     def _followed(self, env: Env) -> FloatArray:
-        """The nominal policy's actions: the recipe is a function of the time alone, so that one step in each will do."""
+        """The nominal policy's actions: a function of the time alone, read off one batch."""
         actions = []
         for _ in range(self._steps):
             action = env.policy("nominal")

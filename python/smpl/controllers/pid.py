@@ -68,7 +68,8 @@ class PID:
     ) -> None:
         if form not in FORMS or anti_windup not in ANTI_WINDUP:
             raise ValueError(
-                f"form is {form!r}, anti_windup {anti_windup!r}; there are: {', '.join(FORMS)}; {', '.join(ANTI_WINDUP)}"
+                f"form is {form!r}, anti_windup {anti_windup!r}; there are: {', '.join(FORMS)} and "
+                f"{', '.join(ANTI_WINDUP)}"
             )
         if form == "velocity" and math.isinf(integral_time):
             raise ValueError("the velocity form without an integral does not know its set-point: give integral_time")
@@ -218,7 +219,8 @@ class PID:
         of = self._measured.unit if self._measured else "1"
         return (
             f"{self.manipulated} [{unit}] by {self.measurement} [{of}]: K = {self.gain:.6g} ({unit})/({of}), "
-            f"T_i = {self.integral_time:.6g} {env.model.time_unit}, T_d = {self.derivative_time:.6g} {env.model.time_unit}"
+            f"T_i = {self.integral_time:.6g} {env.model.time_unit}, "
+            f"T_d = {self.derivative_time:.6g} {env.model.time_unit}"
         )
 
     def _attach(self, env: Env) -> None:

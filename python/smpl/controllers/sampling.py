@@ -84,7 +84,10 @@ class SamplingMPC:
             raise ValueError(f"method is {method!r}; there are: {', '.join(METHODS)}")
         self.model, self.method = model, method
         self.horizon, self.hold = as_count("horizon", horizon), as_count("hold", hold)
-        self._samples, self._iterations = as_count("samples", samples, 4, "at least 4"), as_count("iterations", iterations)
+        self._samples, self._iterations = (
+            as_count("samples", samples, 4, "at least 4"),
+            as_count("iterations", iterations),
+        )
         self._every = as_count("every", every)
         self._cost, self._discount = cost, as_number("discount", discount)
         self._temperature, self._elites = as_number("temperature", temperature), as_number("elites", elites)

@@ -58,8 +58,8 @@ def simc(process: Lag, closed_loop: float | None = None) -> tuple[float, float, 
     tau_c = theta if closed_loop is None else as_number("closed_loop", closed_loop)
     if not (tau_c + theta > 0 and process.gain != 0):
         raise ValueError(
-            f"a gain of {process.gain} with delay {theta} and closed_loop {tau_c}: expected a gain that is not zero, and a"
-            " delay or a closed-loop time constant above zero"
+            f"a gain of {process.gain} with delay {theta} and closed_loop {tau_c}: expected a gain that is not 0, and"
+            " a delay or a closed-loop time constant above zero"
         )
     slope = process.gain if math.isinf(tau) else process.gain / tau
     gain = 1 / (slope * (tau_c + theta))
@@ -200,7 +200,9 @@ def relay(
     env.reset(seed=seed, options=dict(options or {"start": "steady"}))
     seen = measured(env, measurement, sees)
     goal = seen.steady(env) if set_point is None else as_number("set_point", set_point)
-    state, crossings, values = 1.0, [], []
+    state = 1.0
+    crossings: list[int] = []
+    values: list[float] = []
     over = False
     while not over and len(crossings) <= 2 * cycles:
         error = goal - seen.value(env)
