@@ -15,6 +15,7 @@ import numpy as np
 
 from smpl._runs import Run, read_run
 from smpl.model import FloatArray, Model, as_count, as_mapping, as_number, check_names
+from smpl.rollout import rollout
 
 # Relative distance of differences, and the ratio of singular values below which a direction is not determined.
 _DISTANCE, _RANK = 3e-4, 1e-6
@@ -244,8 +245,14 @@ class _Problem:
         states[:, self._columns] = points[:, first : first + len(self.initial)]
         given: dict[str, Any] = {**run.parameters, **{name: points[:, i] for i, name in enumerate(self.parameters)}}
         actions = np.broadcast_to(run.actions, (len(points), *run.actions.shape))
-        found = self.model.rollout(
-            states, actions, parameters=given, discrete=run.discrete, disturbances=run.disturbances
+        found = rollout(
+            self.model,
+            states,
+            actions,
+            parameters=given,
+            discrete=run.discrete,
+            disturbances=run.disturbances,
+            max_steps=len(run.actions),  # a record may be longer than an episode of the model
         )
         seen = self.model.observation_names
         columns = [

@@ -105,6 +105,11 @@ def test_a_reading_that_is_held_counts_once():
     assert found.covariance[0, 0] == pytest.approx(covariance[0, 0], rel=1e-3)
 
 
+def test_a_record_may_be_longer_than_an_episode(readings):
+    model = smpl.compile(source=DECAY, settings={"max_steps": 5, "rtol": 1e-10})
+    assert smpl.fit(model, table(readings), "k").parameters == smpl.fit(decay(), table(readings), "k").parameters
+
+
 def test_parameters_that_cannot_be_told_apart_are_named(readings):
     with pytest.warns(UserWarning, match="determine only a combination of a, b"):
         found = smpl.fit(decay(), table(readings), ["a", "b"])

@@ -15,6 +15,7 @@ from smpl.controllers.names import listing, weights
 from smpl.controllers.sensors import Sensors, sensors
 from smpl.envs import Env
 from smpl.model import FloatArray, Model, as_number
+from smpl.rollout import rollout
 
 
 class Estimator(Protocol):
@@ -68,6 +69,7 @@ class Prediction:
         # An exact reading has the precision of the numbers that it is returned in.
         self.noise = np.where(self.sensors.noise > 0, self.sensors.noise, 1e-6 * width)
         self.fixed: dict[str, float] = {}
+        self.limit = model.max_steps + 1
 
     def begin(self, env: Env) -> None:
         """Check the environment of an episode.
@@ -81,6 +83,8 @@ class Prediction:
                 f"{self.model.name}), the environment shows {', '.join(env.observation_names)} "
                 f"(level {env.model.level!r} of {env.model.name})"
             )
+        # The environment may have another time limit than the model; readings are taken at its last step too.
+        self.limit = env.max_steps + 1
 
     def step(self, points: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float]) -> FloatArray:
         """The points (N, x) a step later.
@@ -152,12 +156,14 @@ class Prediction:
     def _rollout(self, points: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float]) -> Any:
         inside = self.clipped(points)
         given: dict[str, Any] = {name: inside[:, self.states + i] for i, name in enumerate(self.parameters)}
-        found = self.model.rollout(
+        found = rollout(
+            self.model,
             inside[:, : self.states],
             action[None, None, :].repeat(len(points), axis=0),
             parameters={**self.fixed, **given},
             discrete=discrete,
             first_step=at,
+            max_steps=self.limit,
         )
         bad = [i for i, failure in enumerate(found.failure) if failure.startswith(("start", "solver"))]
         if bad:

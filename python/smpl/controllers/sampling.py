@@ -15,7 +15,7 @@ import numpy as np
 from smpl.controllers.names import listing, operating_action
 from smpl.envs import Env
 from smpl.model import FloatArray, Model, as_count, as_number, as_numbers, check_names
-from smpl.rollout import Rollout
+from smpl.rollout import Rollout, rollout
 
 METHODS = ("mppi", "cem")
 Cost = Callable[[Rollout, FloatArray], Any]
@@ -229,8 +229,15 @@ class SamplingMPC:
             for name, value in zip(env.discrete_names, env.discrete.tolist(), strict=True)
             if name in model.discrete_names
         }
-        return model.rollout(
-            state, plans, parameters=self._p, discrete=discrete, first_step=env.steps, outputs=self._outputs
+        return rollout(
+            model,
+            state,
+            plans,
+            parameters=self._p,
+            discrete=discrete,
+            first_step=env.steps,
+            outputs=self._outputs,
+            max_steps=env.max_steps,
         )
 
     def _costs(self, found: Rollout, plans: FloatArray) -> FloatArray:
