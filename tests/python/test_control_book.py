@@ -2,7 +2,6 @@
 
 import contextlib
 import io
-import os
 import re
 from pathlib import Path
 
@@ -33,7 +32,7 @@ def test_the_examples_of_the_page_run(page, tmp_path, monkeypatch):
         except ImportError:
             blocks = [block for block in blocks if "BayesianOptimization" not in block]
     monkeypatch.chdir(tmp_path)
-    os.symlink(ROOT / "tests", tmp_path / "tests")
+    (tmp_path / "tests").symlink_to(ROOT / "tests")
     scope = {}
     with contextlib.redirect_stdout(io.StringIO()):
         for block in blocks:

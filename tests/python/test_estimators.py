@@ -187,3 +187,31 @@ def test_an_estimator_of_another_level_is_refused():
         MovingHorizonEstimator(smpl.compile("reactor", observation="laboratory"), horizon=3)
     with pytest.raises(ValueError, match="parameters: unknown 'k'"):
         ExtendedKalmanFilter(smpl.compile("reactor"), parameters={"k": 1.0})
+
+
+def test_a_level_that_the_scenario_chooses_has_its_sensors(tmp_path):
+    scenario = tmp_path / "online.yaml"
+    scenario.write_text("observation: online\n")
+    model = smpl.compile("reactor", scenario=scenario)
+    assert (model.level, model.observation_names) == ("online", ("T", "h"))
+    assert sensors(model).noise.tolist() == [0.1, 0.002]
+
+
+@pytest.mark.parametrize("name", ["beer", "pensim"])
+def test_the_prediction_is_the_step_of_the_plant_to_the_bit(name):
+    from smpl.controllers.estimation import Prediction, discrete_of
+
+    env = smpl.Env(name, normalize=False, settings={"disturbances": False} if name == "pensim" else {})
+    env.reset(seed=1, options={"start": "nominal"})
+    prediction = Prediction(env.model, None, None, None)
+    prediction.begin(env)
+    for _ in range(8):
+        expected = prediction.step(env.state[None], env.policy("nominal"), env.steps, discrete_of(env))[0]
+        env.step(env.policy("nominal"))
+        np.testing.assert_array_equal(expected, env.state)
+
+
+def test_a_regulator_of_other_states_than_the_estimator_is_refused():
+    env = smpl.Env(linear(), normalize=False)
+    with pytest.raises(ValueError, match="the estimator has the states x, z, the regulator c_A, T, h"):
+        LQG(LQR(smpl.compile("reactor")), ExtendedKalmanFilter(env)).reset(env)

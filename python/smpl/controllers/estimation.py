@@ -22,6 +22,7 @@ class Estimator(Protocol):
     """Estimates the state of an episode from what is observed."""
 
     sees: str
+    model: Model
 
     def reset(self, env: Env) -> None:
         """Begin an episode; called after `env.reset`."""

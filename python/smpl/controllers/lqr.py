@@ -111,6 +111,7 @@ class LQR:
         self.gain, self.riccati = _regulator(F, G, Q, R, N, discrete, self._stateful_names())
         self.eigenvalues = np.linalg.eigvals(F - G @ self.gain)
         self._sum = np.zeros(len(self._integral))
+        self._low, self._high = self.model.native.bounds("action")
 
     def reset(self, env: Env) -> None:
         """Forget the summed errors.
@@ -222,7 +223,17 @@ class LQG:
         self.sees = estimator.sees
 
     def reset(self, env: Env) -> None:
-        """Begin an episode in both."""
+        """Begin an episode in both.
+
+        Raises:
+            ValueError: the estimator's states are others than the regulator's.
+        """
+        estimated = self.estimator.model.state_names
+        if estimated != self.regulator.model.state_names:
+            raise ValueError(
+                f"the estimator has the states {', '.join(estimated[:8])}, the regulator "
+                f"{', '.join(self.regulator.model.state_names[:8])}"
+            )
         self.regulator.reset(env)
         self.estimator.reset(env)
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from smpl import _native
 from smpl.controllers.names import listing
-from smpl.model import FloatArray, Model, as_mapping, as_number
+from smpl.model import FloatArray, Model, as_mapping, as_number, scenario_file
 
 IntArray = npt.NDArray[np.int64]
 
@@ -64,6 +64,7 @@ def sensors(model: Model, noise: Mapping[str, float] | None = None) -> Sensors:
         ValueError: an unknown name, or a negative deviation.
     """
     arguments = dict(model._arguments)
+    arguments["observation"] = model.level
     arguments["settings"] = tuple(arguments["settings"].items())
     declared = _declared(tuple(arguments.items()))
     by_name = {entry["name"]: entry for entry in declared}
@@ -96,8 +97,10 @@ def _declared(arguments: tuple[tuple[str, Any], ...]) -> list[dict[str, Any]]:
             Path(path).write_text(given["source"], encoding="utf-8")
         # The command knows levels by scenarios alone.
         scenario, out = folder / "level.yaml", folder / "model.json"
-        text = _scenario_text(path, given["scenario"])
-        scenario.write_text(f"{text}\nobservation: {given['observation']}\n", encoding="utf-8")
+        file = scenario_file(given["path"], given["scenario"])
+        lines = [] if file is None else file.read_text(encoding="utf-8").splitlines()
+        kept = [line for line in lines if not line.startswith("observation:")]
+        scenario.write_text("\n".join([*kept, f"observation: {given['observation']}", ""]), encoding="utf-8")
         command = ["smpl", "compile", path, "--emit", "json", "-o", str(out), "--scenario", str(scenario)]
         for variant in given["variants"]:
             command += ["--variant", variant]
@@ -107,14 +110,3 @@ def _declared(arguments: tuple[tuple[str, Any], ...]) -> list[dict[str, Any]]:
             raise ValueError(f"the sensors of {path} could not be read")
         found: list[dict[str, Any]] = json.loads(out.read_text(encoding="utf-8"))["observations"]
     return found
-
-
-def _scenario_text(path: str, scenario: str | None) -> str:
-    """Text of a scenario without its choice of a level."""
-    if scenario is None or scenario == "default":
-        return ""
-    file = Path(scenario)
-    if not file.is_file():
-        file = Path(path).with_suffix(f".{scenario}.yaml")
-    lines = file.read_text(encoding="utf-8").splitlines()
-    return "\n".join(line for line in lines if not line.startswith("observation:"))
