@@ -73,6 +73,7 @@ def fit(
     outputs: Iterable[str] | None = None,
     noise: Mapping[str, float] | None = None,
     initial: Iterable[str] = (),
+    fixed: Mapping[str, float] | None = None,
     iterations: int = 50,
 ) -> Fit:
     """Fit parameters to recorded runs.
@@ -90,13 +91,14 @@ def fit(
         outputs: names of observations, else of states, that are compared; all observations that the runs have if none.
         noise: standard deviations of outputs by name.
         initial: states whose value at the start is not known and is estimated for each run.
+        fixed: values of other parameters by name.
         iterations: limit of the optimiser's steps.
 
     Raises:
         ValueError: names that do not fit, runs without what is needed, or a parameter without any effect.
         ImportError: SciPy is missing.
     """
-    problem = _Problem(model, runs, parameters, outputs, noise, tuple(initial))
+    problem = _Problem(model, runs, parameters, outputs, noise, tuple(initial), fixed)
     return problem.solve(as_count("iterations", iterations))
 
 
@@ -109,13 +111,15 @@ class _Problem:
         outputs: Iterable[str] | None,
         noise: Mapping[str, float] | None,
         initial: tuple[str, ...],
+        fixed: Mapping[str, float] | None,
     ) -> None:
-        self.model = model
+        self.model, self.fixed = model, dict(as_mapping("fixed", fixed))
+        check_names("fixed", self.fixed, model.parameter_names)
         guesses = dict(parameters) if isinstance(parameters, Mapping) else {}
         names = [parameters] if isinstance(parameters, str) else list(parameters)
         check_names("parameters", names, model.parameter_names)
         check_names("initial", initial, model.state_names)
-        if not names:
+        if not names and not initial:
             raise ValueError("parameters is empty, expected names of parameters to fit")
         single = isinstance(runs, (str, Mapping)) or not isinstance(runs, Sequence)
         self.runs = [read_run(model, run, place) for place, run in enumerate([runs] if single else runs)]
@@ -243,7 +247,8 @@ class _Problem:
         states = np.tile(run.states, (len(points), 1))
         first = count + place * len(self.initial)
         states[:, self._columns] = points[:, first : first + len(self.initial)]
-        given: dict[str, Any] = {**run.parameters, **{name: points[:, i] for i, name in enumerate(self.parameters)}}
+        given: dict[str, Any] = {**run.parameters, **self.fixed}
+        given |= {name: points[:, i] for i, name in enumerate(self.parameters)}
         actions = np.broadcast_to(run.actions, (len(points), *run.actions.shape))
         found = rollout(
             self.model,

@@ -182,3 +182,21 @@ def test_the_table_of_the_command_and_its_fit(tmp_path):
         capture_output=True, text=True,
     )  # fmt: skip
     assert result.returncode == 1 and "unknown 'kk'; there are: k, a, b, idle" in result.stderr
+
+
+def test_the_profile_of_a_rate_is_the_sum_of_squares_of_the_closed_form(readings):
+    from smpl.profiles import profile
+
+    values = np.linspace(0.55, 0.9, 8)
+    found = profile(decay("noisy"), table(readings), ["k"], "k", values, initial=["x"])
+    # For each rate the start that fits best is a linear least-squares problem.
+    squares = []
+    for k in values:
+        shape = np.exp(-k * TIMES)
+        start = shape @ readings / (shape @ shape)
+        squares.append((((readings - start * shape) / 0.05) ** 2).sum())
+    best, _ = optimize.curve_fit(lambda t, k, x: x * np.exp(-k * t), TIMES, readings, [0.3, 3.0])
+    least = (((readings - best[1] * np.exp(-best[0] * TIMES)) / 0.05) ** 2).sum()
+    np.testing.assert_allclose(found.excess, np.array(squares) - least, rtol=1e-4, atol=1e-4)
+    low, high = found.interval
+    assert 0.55 < low < best[0] < high < 0.9

@@ -42,6 +42,10 @@ _MISSING = {
 }
 
 
+class MissingBaselineError(NotImplementedError, ValueError):
+    """A baseline of the paper that this package has not yet."""
+
+
 def baseline(env_name: str, name: str, **options: Any) -> Any:
     """A baseline of the paper as a controller.
 
@@ -53,11 +57,11 @@ def baseline(env_name: str, name: str, **options: Any) -> Any:
 
     Raises:
         ValueError: no such environment or baseline; the message lists those that there are.
-        NotImplementedError: the paper has it and this package has not; the message says what is missing.
+        MissingBaselineError: the paper has it and this package has not; the message says what is missing.
     """
     model = _model(env_name)
     if (model, name) in _MISSING:
-        raise NotImplementedError(f"baseline {name!r} of {model}: {_MISSING[model, name]}")
+        raise MissingBaselineError(f"baseline {name!r} of {model}: {_MISSING[model, name]}")
     known = _BASELINES[model]
     if name not in known:
         raise ValueError(f"baseline {name!r} of {model}: there are {', '.join(known)}")

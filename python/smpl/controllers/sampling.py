@@ -26,9 +26,9 @@ class SamplingMPC:
     """Sampling-based model predictive control of any model.
 
     Args:
-        model: the model that predicts; None for that of the environment, from where the environment is (its snapshot:
-            discrete variables, phases and delayed readings included). Another model, or other parameters, begin at the
-            state of the environment, or at the estimate.
+        model: the model that predicts, or an environment of it; None for that of the plant, from where the environment
+            is (its snapshot: discrete variables, phases and delayed readings included). Another model, or other
+            parameters, begin at the state of the environment, or at the estimate.
         horizon: steps.
         samples: sequences of actions in each iteration.
         iterations: how often the distribution is improved in a decision.
@@ -59,7 +59,7 @@ class SamplingMPC:
 
     def __init__(
         self,
-        model: Model | None = None,
+        model: Model | Env | None = None,
         horizon: int = 20,
         *,
         samples: int = 256,
@@ -82,7 +82,8 @@ class SamplingMPC:
     ) -> None:
         if method not in METHODS:
             raise ValueError(f"method is {method!r}; there are: {', '.join(METHODS)}")
-        self.model, self.method = model, method
+        self.model = model.model if isinstance(model, Env) else model
+        self.method = method
         self.horizon, self.hold = as_count("horizon", horizon), as_count("hold", hold)
         self._samples, self._iterations = (
             as_count("samples", samples, 4, "at least 4"),
