@@ -39,7 +39,7 @@ class SamplingMPC:
         temperature: of `mppi`, over the distance from the best cost of a decision to the median.
         elites: share of the samples that `cem` keeps.
         deviation: standard deviations by names of actions; a quarter of the box if none.
-        hold: steps for which a sampled action is held (move blocking).
+        hold: steps for which what is sampled, the change of a plan, is held (move blocking).
         every: a new plan every so many steps; in between the last one goes on.
         integer: names of actions that are whole numbers.
         guess: a function (env, horizon) that returns actions (H, actions) or (K, H, actions), tried beside the
@@ -145,21 +145,21 @@ class SamplingMPC:
         horizon = max(1, min(self.horizon, env.max_steps - env.steps))
         given = self._candidates(env, horizon)
         mean = self._shifted(env, horizon, given)
-        deviation = np.tile(self._width, (len(mean), 1))
+        deviation = np.tile(self._width, (-(-horizon // self.hold), 1))
         best, lowest, failed = mean, np.inf, True
         for _ in range(self._iterations):
             plans = self._draw(mean, deviation, best, horizon, given)
             costs, failures = self._evaluate(env, state, plans)
             place = int(np.argmin(costs))
             if costs[place] < lowest:
-                best, lowest, failed = plans[place][:: self.hold], costs[place], bool(failures[place])
-            mean, deviation = self._improved(plans[:, :: self.hold], costs, deviation)
+                best, lowest, failed = plans[place], costs[place], bool(failures[place])
+            mean, deviation = self._improved(plans, costs, deviation)
         self.decisions += 1
         self.fallbacks += failed
         # The mean of the weighted plans is smoother than the best of them, but may be worse.
-        final = self._rounded(self._spread(mean, horizon))[None]
+        final = self._rounded(mean)[None]
         costs, failures = self._evaluate(env, state, final)
-        self.plan = final[0] if costs[0] <= lowest and not failures[0] else self._spread(best, horizon)
+        self.plan = final[0] if costs[0] <= lowest and not failures[0] else best
 
     def _predicting(self, env: Env) -> Model:
         model = self.model or env.model
@@ -182,14 +182,11 @@ class SamplingMPC:
         return np.clip(given if given.ndim == 3 else given[None], self._low, self._high)
 
     def _shifted(self, env: Env, horizon: int, given: FloatArray) -> FloatArray:
-        """What the last plan has left, as knots; the guess where there is none, and at its end."""
+        """What the last plan has left; the guess where there is none, and at its end."""
         start = given[0].copy()
         kept = self.plan[self._used : self._used + horizon]
         start[: len(kept)] = kept
-        return start[:: self.hold]
-
-    def _spread(self, knots: FloatArray, horizon: int) -> FloatArray:
-        return np.repeat(knots, self.hold, axis=-2)[..., :horizon, :]
+        return start
 
     def _rounded(self, plans: FloatArray) -> FloatArray:
         plans = np.clip(plans, self._low, self._high)
@@ -198,9 +195,9 @@ class SamplingMPC:
     def _draw(
         self, mean: FloatArray, deviation: FloatArray, best: FloatArray, horizon: int, given: FloatArray
     ) -> FloatArray:
-        noise = self._generator.standard_normal((self._samples, *mean.shape))
-        knots = np.concatenate([mean[None], best[None], mean + deviation * noise])
-        return self._rounded(np.concatenate([self._spread(knots, horizon), given]))
+        noise = deviation * self._generator.standard_normal((self._samples, *deviation.shape))
+        changes = np.repeat(noise, self.hold, axis=1)[:, :horizon]
+        return self._rounded(np.concatenate([mean[None], best[None], mean + changes, given]))
 
     def _evaluate(self, env: Env, state: FloatArray | None, plans: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Costs (N,) of sequences, and which of them fail."""
@@ -251,17 +248,17 @@ class SamplingMPC:
             raise ValueError(f"cost has shape {values.shape}, expected ({count},) or ({count}, {horizon})")
         return values
 
-    def _improved(self, knots: FloatArray, costs: FloatArray, deviation: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _improved(self, plans: FloatArray, costs: FloatArray, deviation: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Mean and deviation of the next samples."""
         order = np.argsort(costs)
         if self.method == "cem":
-            kept = knots[order[: max(2, int(self._elites * len(costs)))]]
+            kept = plans[order[: max(2, int(self._elites * len(costs)))]]
             # A deviation never vanishes, so that the next iteration still looks around.
-            return kept.mean(axis=0), np.maximum(kept.std(axis=0), 0.05 * self._width)
+            return kept.mean(axis=0), np.maximum(kept.std(axis=0)[:: self.hold], 0.05 * self._width)
         finite = costs[np.isfinite(costs)]
         if not len(finite):
-            return knots[0], deviation
+            return plans[0], deviation
         size = float(np.median(finite) - finite.min()) or 1.0
         weight = np.exp(-np.where(np.isfinite(costs), (costs - finite.min()) / (self._temperature * size), np.inf))
-        mean = np.tensordot(weight / weight.sum(), knots, axes=1)
+        mean = np.tensordot(weight / weight.sum(), plans, axes=1)
         return mean, 0.7 * deviation
