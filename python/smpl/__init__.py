@@ -14,6 +14,7 @@ from smpl._files import announce_library
 from smpl._native import CompileError, Diagnostic, ScenarioError, SimulationError, __version__
 from smpl._registry import register_envs
 from smpl.envs import Env
+from smpl.identification import Fit, fit
 from smpl.model import Model, compile
 from smpl.pictures import Picture, plot
 from smpl.vector import VectorEnv, make_vec
@@ -22,6 +23,7 @@ __all__ = [
     "CompileError",
     "Diagnostic",
     "Env",
+    "Fit",
     "Model",
     "Picture",
     "ScenarioError",
@@ -29,6 +31,7 @@ __all__ = [
     "VectorEnv",
     "__version__",
     "compile",
+    "fit",
     "make_vec",
     "plot",
     "register_envs",

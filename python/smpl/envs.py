@@ -120,6 +120,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         self.constraint_names = tuple(self._native.constraint_names)
         self.max_steps = self._native.max_steps
         self._seeded = False
+        self._returned: Observation | None = None
         self._history: Any = None
         if render_mode is not None:
             from smpl.rendering import History
@@ -150,6 +151,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
             seed = int(self.np_random.integers(2**63))
         self._seeded = True
         result = self._native.reset(None if seed is None else native_seed(seed), start)
+        self._returned = result[0]
         if self._history is not None:
             self._history.start()
         return result
@@ -162,6 +164,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         """
         values = as_vector("action", action, len(self.action_low))
         result = self._native.step(values)
+        self._returned = result[0]
         if self._history is not None:
             self._history.add(result)
         return result
@@ -209,6 +212,22 @@ class Env(Interface, gymnasium.Env[Any, Any]):
     def state(self) -> FloatArray:
         """A copy of the differential states, physical units, order of `state_names`."""
         return self._native.values("state")
+
+    @property
+    def reading(self) -> FloatArray:
+        """The last observation in physical units, with its noise and delay, order of `observation_names`.
+
+        Raises:
+            ValueError: nothing was observed since the environment was made or restored from a snapshot.
+        """
+        if self._returned is None:
+            raise ValueError("nothing was observed yet: call reset or step first")
+        values = self._returned.astype(np.float64)
+        if not self.normalize:
+            return values
+        low, high = self.observation_low, self.observation_high
+        scaled = np.isfinite(low) & np.isfinite(high)
+        return np.where(scaled, np.where(scaled, low, 0) + (values + 1) / 2 * np.where(scaled, high - low, 1), values)
 
     @property
     def algebraic(self) -> FloatArray:
@@ -286,6 +305,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
             ValueError: the snapshot is of another model, or damaged.
         """
         self._native.restore(snapshot)
+        self._returned = None
         if self._history is not None:
             self._history.go_back()
 

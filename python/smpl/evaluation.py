@@ -10,10 +10,9 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
-from smpl.controllers.base import Controller
+from smpl.controllers.adapt import as_player
 from smpl.envs import Env, SeedError, check_seed
-from smpl.model import FloatArray, as_count, as_vector
-from smpl.wrappers import outer_action
+from smpl.model import FloatArray, as_count
 
 
 @dataclass(frozen=True)
@@ -30,6 +29,8 @@ class Episode:
         failure: empty where there was none.
         success: whether a success condition ended it.
         options: those of the reset. With them and the seed the actions give the same episode again, bit for bit.
+        applied: (T, actions), the actions in physical units, as they arrived beneath all wrappers.
+        readings: (T + 1, observations), in physical units, as the model showed them beneath all wrappers.
     """
 
     seed: int | None
@@ -44,6 +45,8 @@ class Episode:
     failure: str
     success: bool
     options: dict[str, Any] | None = None
+    applied: FloatArray | None = None
+    readings: FloatArray | None = None
 
     @property
     def steps(self) -> int:
@@ -73,14 +76,12 @@ class Statistics:
         return cls(float(array.mean()), float(array.std()), int(array.size))
 
 
-def run_episode(
-    env: Any, controller: Controller, seed: int | None = None, options: dict[str, Any] | None = None
-) -> Episode:
+def run_episode(env: Any, controller: Any, seed: int | None = None, options: dict[str, Any] | None = None) -> Episode:
     """Run an episode to its end.
 
     Args:
         env: an `smpl.Env`, possibly wrapped; wrappers that change actions are undone, see `smpl.wrappers.outer_action`.
-        controller: chooses the actions; it is reset first.
+        controller: chooses the actions: see `smpl.controllers.as_player`. It is reset first.
         seed, options: as for `reset`.
 
     Raises:
@@ -88,24 +89,26 @@ def run_episode(
         ValueError: the controller is not for this environment, or gives an action of a wrong shape.
     """
     base = _base(env)
-    _check_controller(controller)
+    player = as_player(controller)
+    player.check(env)
     observation, info = env.reset(seed=seed, options=options)
-    controller.reset(base)
+    player.reset(env)
     observations, states, costs, times = [observation], [base.state], [info["cost"]], [info["time"]]
     actions, rewards, terminations, truncations = [], [], [], []
+    applied, readings = [], [base.reading]
     terminated = truncated = False
     while not (terminated or truncated):
-        physical = as_vector("the controller's action", controller.action(base), len(base.action_names))
-        # As data sets store it: the same actions give the same episode.
-        action = np.asarray(outer_action(env, base.from_physical(physical)), dtype=env.action_space.dtype)
+        action, physical = player.choose(env, observation)
         observation, reward, terminated, truncated, info = env.step(action)
-        if env is not base and not info["failure"]:
+        if env is not base and physical is not None and not info["failure"]:
             _check_arrival(base, env, action, physical)
         observations.append(observation)
         states.append(base.state)
         costs.append(info["cost"])
         times.append(info["time"])
         actions.append(action)
+        applied.append(base.action)
+        readings.append(base.reading)
         rewards.append(reward)
         terminations.append(terminated)
         truncations.append(truncated)
@@ -122,12 +125,14 @@ def run_episode(
         info["failure"],
         info["success"],
         options,
+        applied=np.stack(applied),
+        readings=np.stack(readings),
     )
 
 
 def evaluate(
     env: Any,
-    controller: Controller,
+    controller: Any,
     episodes: int = 20,
     seed: int = 0,
     starts: Iterable[npt.ArrayLike | Mapping[str, float]] | None = None,
@@ -173,12 +178,6 @@ def per_episode(episodes: Sequence[Episode], failed: float | None = None) -> Sta
 def returns(episodes: Sequence[Episode]) -> Statistics:
     """Statistics over episodes of the sum of their rewards."""
     return Statistics.of([episode.total for episode in episodes])
-
-
-def _check_controller(controller: Any) -> None:
-    if isinstance(controller, type) or not isinstance(controller, Controller):
-        what = f"the class {controller.__name__}" if isinstance(controller, type) else type(controller).__name__
-        raise TypeError(f"controller is {what}, expected an object with reset(env) and action(env)")
 
 
 def _check_arrival(base: Env, env: Any, given: npt.NDArray[Any], chosen: FloatArray) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -64,6 +65,16 @@ class Model(Named):
     def is_stale(self) -> bool:
         """Whether a file that the model was compiled from has changed since, imports of any name included."""
         return self._times != _times(self._times)
+
+    @property
+    def level(self) -> str:
+        """The observation level that the model was compiled with, by its scenario too."""
+        given = str(self._arguments["observation"])
+        file = scenario_file(self._arguments["path"], self._arguments["scenario"])
+        if given != "default" or file is None:
+            return given
+        chosen = re.search(r"^observation:\s*['\"]?(\w+)", file.read_text(encoding="utf-8"), re.M)
+        return chosen[1] if chosen else given
 
     def __repr__(self) -> str:
         return f"<smpl.Model {self.name}: {len(self.state_names)} states, {len(self.action_names)} actions>"
@@ -343,6 +354,14 @@ def _compile(
 
 def _recompile(arguments: dict[str, Any]) -> Model:
     return compile(**arguments)
+
+
+def scenario_file(path: str | None, scenario: str | None) -> Path | None:
+    """The file of a scenario that is given by its path or by a name, if there is one."""
+    if scenario is None or Path(scenario).is_file():
+        return None if scenario is None else Path(scenario)
+    beside = None if path is None else Path(path).with_suffix(f".{scenario}.yaml")
+    return beside if beside is not None and beside.is_file() else None
 
 
 def _portable(arguments: dict[str, Any]) -> dict[str, Any]:

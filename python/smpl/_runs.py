@@ -1,0 +1,152 @@
+"""Recorded runs: tables as `smpl simulate --out` writes them, episodes, and mappings of columns."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from smpl.envs import Env
+from smpl.model import FloatArray, Model
+
+
+@dataclass(frozen=True)
+class Run:
+    """One recorded run of H steps.
+
+    Attributes:
+        name: where it is from, for messages.
+        states: at the start, (states,); what the record has not is at the model's nominal start.
+        actions: (H, actions).
+        outputs: observations and states by name, (H + 1,), NaN where nothing was read.
+        discrete: discrete variables at the start.
+        disturbances: sequences by name, (H,).
+        parameters: known values.
+    """
+
+    name: str
+    states: FloatArray
+    actions: FloatArray
+    outputs: dict[str, FloatArray]
+    discrete: dict[str, float]
+    disturbances: dict[str, FloatArray]
+    parameters: dict[str, float]
+
+
+def read_run(model: Model, run: Any, place: int) -> Run:
+    """A run of any kind.
+
+    Raises:
+        ValueError: it is none, or lacks the actions.
+        FileNotFoundError: there is no such file.
+    """
+    if isinstance(run, (str, os.PathLike)):
+        return _from_columns(model, read_table(run), str(run))
+    if isinstance(run, Mapping):
+        columns = {str(name): np.asarray(values, dtype=np.float64) for name, values in run.items()}
+        return _from_columns(model, columns, f"run {place}")
+    if hasattr(run, "states") and hasattr(run, "actions") and hasattr(run, "observations"):
+        return _from_episode(model, run, f"run {place}")
+    raise ValueError(
+        f"run {place} is {type(run).__name__}, expected a path, an episode or a mapping from columns to arrays"
+    )
+
+
+def read_table(path: str | os.PathLike[str]) -> dict[str, FloatArray]:
+    """Columns of a CSV or Parquet file; what is no number is NaN, truth values are 0 and 1."""
+    file = Path(path)
+    if file.suffix == ".parquet":
+        try:
+            import pyarrow.parquet as parquet
+        except ImportError as error:
+            raise ImportError("reading Parquet needs pyarrow: pip install pyarrow") from error
+        table = parquet.read_table(file)
+        return {name: _numbers(table[name].to_pylist()) for name in table.column_names}
+    with file.open(newline="", encoding="utf-8") as text:
+        rows = [row for row in csv.reader(text) if row]
+    if len(rows) < 2:
+        raise ValueError(f"{file} has no rows")
+    ragged = [i for i, row in enumerate(rows) if len(row) != len(rows[0])]
+    if ragged:
+        raise ValueError(f"{file}, line {ragged[0] + 1}: {len(rows[ragged[0]])} values for {len(rows[0])} columns")
+    return {name: _numbers(values) for name, values in zip(rows[0], zip(*rows[1:], strict=True), strict=True)}
+
+
+def _numbers(values: Any) -> FloatArray:
+    return np.array([_number(value) for value in values], dtype=np.float64)
+
+
+def _number(value: Any) -> float:
+    if value in ("true", "false"):
+        return float(value == "true")
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return float("nan")
+
+
+def _from_columns(model: Model, columns: Mapping[str, FloatArray], name: str) -> Run:
+    missing = [action for action in model.action_names if action not in columns]
+    if missing:
+        raise ValueError(f"{name} has no column for the actions {', '.join(missing)}")
+    lengths = {len(values) for values in columns.values()}
+    if len(lengths) != 1 or lengths.pop() < 2:
+        raise ValueError(f"{name}: expected columns of one length, at least two rows")
+    # Row 0 is the start; the action of a row is that of the step that led to it.
+    actions = np.stack([columns[action][1:] for action in model.action_names], axis=1)
+    if not np.isfinite(actions).all():
+        raise ValueError(f"{name}: an action is missing in row {int(np.argwhere(~np.isfinite(actions))[0, 0]) + 1}")
+    outputs = {state: columns[state] for state in model.state_names if state in columns}
+    outputs |= {seen: columns[f"obs.{seen}"] for seen in model.observation_names if f"obs.{seen}" in columns}
+    start = {state: float(columns[state][0]) for state in model.state_names if state in columns}
+    return Run(
+        name,
+        _states(model, start),
+        actions,
+        outputs,
+        {
+            one: float(columns[one][0])
+            for one in model.discrete_names
+            if one in columns and np.isfinite(columns[one][0])
+        },
+        {one: _sequence(columns[one]) for one in model.disturbance_names if one in columns},
+        {
+            one: float(columns[f"param.{one}"][0])
+            for one in model.parameter_names
+            if f"param.{one}" in columns and np.isfinite(columns[f"param.{one}"][0])
+        },
+    )
+
+
+def _sequence(values: FloatArray) -> FloatArray:
+    later = values[1:]
+    return np.where(np.isfinite(later), later, 0.0)
+
+
+def _from_episode(model: Model, episode: Any, name: str) -> Run:
+    applied, readings = getattr(episode, "applied", None), getattr(episode, "readings", None)
+    if applied is None or readings is None:
+        raise ValueError(f"{name} has no physical units (applied, readings): make it by smpl.evaluation.run_episode")
+    widths = np.shape(applied)[1], np.shape(readings)[1], np.shape(episode.states)[1]
+    expected = len(model.action_names), len(model.observation_names), len(model.state_names)
+    if widths != expected:
+        counts = "{} actions, {} observations and {} states"
+        raise ValueError(f"{name} has {counts.format(*widths)}, {model.name} has {counts.format(*expected)}")
+    outputs = dict(zip(model.state_names, np.asarray(episode.states).T, strict=True))
+    outputs |= dict(zip(model.observation_names, readings.T, strict=True))
+    return Run(name, np.asarray(episode.states)[0], np.asarray(applied, dtype=np.float64), outputs, {}, {}, {})
+
+
+def _states(model: Model, given: Mapping[str, float]) -> FloatArray:
+    """The start, from the model's nominal one where nothing is recorded."""
+    known = {name: value for name, value in given.items() if np.isfinite(value)}
+    if len(known) == len(model.state_names):
+        return np.array([known[name] for name in model.state_names])
+    env = Env(model, normalize=False)
+    env.reset(seed=0, options={"start": "nominal", "state": known})
+    return env.state

@@ -1,0 +1,83 @@
+"""The baselines of the published environments, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from difflib import get_close_matches
+from typing import Any
+
+from smpl._registry import ENVIRONMENTS
+from smpl.controllers.base import Constant, Policy
+from smpl.controllers.beer import Profile, isothermal
+from smpl.controllers.pensim import RecipeSearch
+from smpl.controllers.reactor import Proportional
+
+
+def _reactor_mpc(**options: Any) -> Any:
+    from smpl.controllers.nmpc import ReactorNMPC
+
+    return ReactorNMPC(**options)
+
+
+def _zero(**options: Any) -> Constant:
+    return Constant([0.0] * 4, actions=("dq1", "dq2", "dq3", "dq4"), **options)
+
+
+def _policy(name: str) -> Callable[..., Policy]:
+    return lambda **options: Policy(name, **options)
+
+
+_BASELINES: dict[str, dict[str, Callable[..., Any]]] = {
+    "reactor": {"pid": Proportional, "mpc": _reactor_mpc},
+    "beer": {"profile": Profile, "isothermal": isothermal},
+    "pensim": {"recipe": _policy("nominal"), "gpei": RecipeSearch},
+    "atropine": {"mpc": _policy("mpc"), "zero": _zero},
+    "mab": {"nominal": _policy("nominal")},
+    "mab_plant": {"nominal": _policy("nominal")},
+}
+# What the paper has and this package has not yet.
+_MISSING = {
+    ("mab", "mpc"): "predictive control of the culture needs smpl.controllers.NMPC, which is not there yet",
+    ("mab", "empc"): "economic predictive control of the culture needs smpl.controllers.NMPC, which is not there yet",
+}
+
+
+class MissingBaselineError(NotImplementedError, ValueError):
+    """A baseline of the paper that this package has not yet."""
+
+
+def baseline(env_name: str, name: str, **options: Any) -> Any:
+    """A baseline of the paper as a controller.
+
+    Args:
+        env_name: `reactor`, `Reactor` or `smpl/Reactor-v0`.
+        name: `pid`, `mpc` (reactor); `profile`, `isothermal` (beer); `recipe`, `gpei` (PenSim); `mpc`, `zero`
+            (atropine); `nominal` (MAb and its plant).
+        options: further arguments of the controller, such as `temperature` of `isothermal`.
+
+    Raises:
+        ValueError: no such environment or baseline; the message lists those that there are.
+        MissingBaselineError: the paper has it and this package has not; the message says what is missing.
+    """
+    model = _model(env_name)
+    if (model, name) in _MISSING:
+        raise MissingBaselineError(f"baseline {name!r} of {model}: {_MISSING[model, name]}")
+    known = _BASELINES[model]
+    if name not in known:
+        raise ValueError(f"baseline {name!r} of {model}: there are {', '.join(known)}")
+    return known[name](**options)
+
+
+def baselines(env_name: str) -> tuple[str, ...]:
+    """Names of the baselines of an environment."""
+    return tuple(_BASELINES[_model(env_name)])
+
+
+def _model(env_name: str) -> str:
+    plain = str(env_name).removeprefix("smpl:").removeprefix("smpl/").removesuffix("-v0")
+    names = {name.lower(): model for name, model in ENVIRONMENTS.items()} | {model: model for model in _BASELINES}
+    if plain.lower() in names:
+        return names[plain.lower()]
+    near = get_close_matches(plain.lower(), names, 1)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    raise ValueError(f"no environment {env_name!r}{hint}; there are: {', '.join(_BASELINES)}")

@@ -1,0 +1,260 @@
+"""Bayesian optimisation of recipes and set-points: a Gaussian process with expected improvement.
+
+D. R. Jones, M. Schonlau, W. J. Welch, Journal of Global Optimization 13 (1998) 455-492; batches by the constant liar of
+D. Ginsbourger, R. Le Riche, L. Carraro (2010). The Gaussian process is scikit-learn's.
+"""
+
+from __future__ import annotations
+
+import csv
+import warnings
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from smpl.model import FloatArray, Model, as_count, as_numbers
+from smpl.rollout import Rollout
+
+Objective = Callable[[FloatArray], Any]
+
+
+class BayesianOptimization:
+    """Maximises a function of some numbers within a box, that is dear to evaluate.
+
+    `run(objective, evaluations)` does all; `ask` and `tell` are for what is evaluated elsewhere. With a file every
+    evaluation is written as it comes, and a search that was stopped goes on from there: the same points, in the same
+    order, as one that was not.
+
+    Args:
+        low, high: the box, (d,); or a mapping from names to (low, high) as `low`.
+        names: of the numbers, for the file.
+        initial: points drawn at random, before the Gaussian process is used.
+        batch: points in each call of the objective.
+        seed: of the random numbers.
+        file: a CSV file to go on from, and to write to.
+        decimals: points are rounded so.
+        candidates: random points among which that of the highest expected improvement is improved further.
+        exploration: xi, by which the best value must be improved, over the deviation of the values.
+
+    Raises:
+        ValueError: a box that is none, or a file of another search.
+        ImportError: scikit-learn is missing.
+    """
+
+    def __init__(
+        self,
+        low: npt.ArrayLike | Mapping[str, tuple[float, float]],
+        high: npt.ArrayLike | None = None,
+        *,
+        names: Iterable[str] | None = None,
+        initial: int = 10,
+        batch: int = 1,
+        seed: int = 0,
+        file: str | Path | None = None,
+        decimals: int | None = None,
+        candidates: int = 2000,
+        exploration: float = 0.01,
+    ) -> None:
+        if isinstance(low, Mapping):
+            names, pairs = tuple(low), list(low.values())
+            low, high = [pair[0] for pair in pairs], [pair[1] for pair in pairs]
+        if high is None:
+            raise ValueError("high is None, expected (d,), or a mapping from names to (low, high) as low")
+        self.low, self.high = as_numbers("low", low, "(d,)"), as_numbers("high", high, "(d,)")
+        if self.low.shape != self.high.shape or self.low.ndim != 1 or not (self.low < self.high).all():
+            raise ValueError(f"low {self.low.tolist()} and high {self.high.tolist()}, expected (d,) and low below high")
+        self.names = tuple(names) if names is not None else tuple(f"x{i}" for i in range(len(self.low)))
+        if len(self.names) != len(self.low):
+            raise ValueError(f"{len(self.names)} names for {len(self.low)} numbers")
+        self._initial, self._batch = as_count("initial", initial), as_count("batch", batch)
+        self._seed, self._decimals = as_count("seed", seed, 0, "an integer that is not negative"), decimals
+        self._candidates, self._exploration = as_count("candidates", candidates), float(exploration)
+        self._file = None if file is None else Path(file)
+        self.points, self.values = np.zeros((0, len(self.low))), np.zeros(0)
+        _library()
+        self._read()
+
+    @property
+    def best(self) -> tuple[FloatArray, float]:
+        """The best point and its value.
+
+        Raises:
+            ValueError: nothing was evaluated yet.
+        """
+        if not np.isfinite(self.values).any():
+            raise ValueError("nothing was evaluated yet, or every value was not finite")
+        place = int(np.nanargmax(np.where(np.isfinite(self.values), self.values, np.nan)))
+        return self.points[place].copy(), float(self.values[place])
+
+    def run(self, objective: Objective, evaluations: int, progress: Callable[[int, float], Any] | None = None) -> None:
+        """Go on until so many evaluations are there, those of the file included.
+
+        Args:
+            objective: of points (n, d), returns values (n,); a value that is not finite is taken as the worst one.
+            evaluations: in all.
+            progress: called with the number of evaluations and the best value.
+        """
+        while len(self.values) < evaluations:
+            points = self.ask(min(self._batch, evaluations - len(self.values)))
+            self.tell(points, objective(points))
+            if progress is not None:
+                progress(len(self.values), self.best[1] if np.isfinite(self.values).any() else float("nan"))
+
+    def ask(self, count: int | None = None) -> FloatArray:
+        """The next points, (count, d). The same until something is told."""
+        count = self._batch if count is None else as_count("count", count)
+        # Of the number of evaluations alone, so that a search from a file goes on as one that was not stopped.
+        generator = np.random.default_rng([self._seed, len(self.values)])
+        fixed = self._initial - len(self.values)
+        chosen: list[FloatArray] = []
+        points, values = self.points, self._usable()
+        for place in range(count):
+            if place < fixed or len(points) < 2:
+                point = generator.uniform(self.low, self.high)
+            else:
+                with _one_thread():
+                    point = self._most_promising(points, values, generator)
+            point = self._rounded(point)
+            chosen.append(point)
+            # The constant liar: as if the point had brought the mean.
+            points, values = np.vstack([points, point]), np.append(values, values.mean() if len(values) else 0.0)
+        return np.array(chosen)
+
+    def tell(self, points: npt.ArrayLike, values: npt.ArrayLike) -> None:
+        """Take in evaluations, and write them to the file."""
+        given = np.atleast_2d(as_numbers("points", points, "(n, d)"))
+        found = np.atleast_1d(as_numbers("values", values, "(n,)"))
+        if given.shape != (len(found), len(self.low)) or found.ndim != 1:
+            expected = f"(n, {len(self.low)}) and (n,)"
+            raise ValueError(f"points has shape {given.shape}, values {found.shape}, expected {expected}")
+        self.points, self.values = np.vstack([self.points, given]), np.concatenate([self.values, found])
+        self._write(given, found)
+
+    def _usable(self) -> FloatArray:
+        """Values, those that are not finite as the worst one."""
+        finite = np.isfinite(self.values)
+        worst = self.values[finite].min() if finite.any() else 0.0
+        return np.where(finite, self.values, worst)
+
+    def _rounded(self, point: FloatArray) -> FloatArray:
+        if self._decimals is None:
+            return point
+        return np.clip(np.round(point, self._decimals), self.low, self.high)
+
+    def _most_promising(self, points: FloatArray, values: FloatArray, generator: np.random.Generator) -> FloatArray:
+        scaled = (points - self.low) / (self.high - self.low)
+        deviation = float(values.std()) or 1.0
+        targets = (values - values.mean()) / deviation
+        process = self._fitted(scaled, targets)
+        best = targets.max()
+        dimension = len(self.low)
+        drawn = generator.uniform(size=(self._candidates, dimension))
+        # Near the best point too: in many dimensions random points are far from everything.
+        near = scaled[int(np.argmax(targets))] + 0.1 * generator.standard_normal((self._candidates // 4, dimension))
+        tried = np.vstack([drawn, np.clip(near, 0, 1)])
+        mean, spread = process.predict(tried, return_std=True)
+        gains = expected_improvement(mean, spread, best, self._exploration)
+        order = np.argsort(-gains)[:2]
+        optimize = _minimize()
+
+        def loss(x: FloatArray) -> float:
+            mean, spread = process.predict(x[None], return_std=True)
+            return -float(expected_improvement(mean, spread, best, self._exploration)[0])
+
+        found = [(gains[i], tried[i]) for i in order]
+        if dimension <= 20:  # differences in many dimensions cost more than they bring
+            for i in order:
+                better = optimize(loss, tried[i], method="L-BFGS-B", bounds=[(0.0, 1.0)] * dimension)
+                found.append((-float(better.fun), better.x))
+        top = max(found, key=lambda pair: pair[0])[1]
+        return self.low + np.clip(top, 0, 1) * (self.high - self.low)
+
+    def _fitted(self, points: FloatArray, targets: FloatArray) -> Any:
+        regressor, kernels = _library()
+        dimension = points.shape[1]
+        # One length for each direction in few dimensions, one for all in many.
+        lengths = np.ones(dimension) * 0.5 if dimension <= 10 else 0.5 * np.sqrt(dimension)
+        kernel = kernels.ConstantKernel(1.0, (1e-2, 1e2)) * kernels.Matern(lengths, (1e-2, 1e2), nu=2.5)
+        kernel = kernel + kernels.WhiteKernel(1e-4, (1e-8, 1e0))
+        process = regressor(kernel, random_state=self._seed)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # lengths at their bounds
+            return process.fit(points, targets)
+
+    def _read(self) -> None:
+        if self._file is None or not self._file.is_file():
+            return
+        text = self._file.read_text(encoding="utf-8")
+        # A line that was being written when the search was stopped is evaluated again.
+        whole = text[: text.rfind("\n") + 1]
+        rows = list(csv.reader(whole.splitlines()))
+        if not rows or tuple(rows[0]) != (*self.names, "value"):
+            raise ValueError(f"{self._file} is of another search: its columns are {', '.join(rows[0] if rows else [])}")
+        if whole != text:
+            self._file.write_text(whole, encoding="utf-8")
+        numbers = np.array(rows[1:], dtype=np.float64).reshape(len(rows) - 1, len(rows[0]))
+        self.points, self.values = numbers[:, :-1], numbers[:, -1]
+
+    def _write(self, points: FloatArray, values: FloatArray) -> None:
+        if self._file is None:
+            return
+        fresh = not self._file.is_file()
+        with self._file.open("a", newline="", encoding="utf-8") as text:
+            writer = csv.writer(text, lineterminator="\n")
+            if fresh:
+                writer.writerow([*self.names, "value"])
+            for point, value in zip(points, values, strict=True):
+                writer.writerow([*map(repr, point.tolist()), repr(float(value))])
+
+
+def expected_improvement(mean: FloatArray, spread: FloatArray, best: float, exploration: float = 0.0) -> FloatArray:
+    """Expected improvement over `best` of normal values with these means and standard deviations."""
+    from scipy.special import ndtr
+
+    gain = mean - best - exploration
+    wide = np.maximum(spread, 1e-12)
+    z = gain / wide
+    return np.where(spread > 0, gain * ndtr(z) + wide * np.exp(-z * z / 2) / np.sqrt(2 * np.pi), np.maximum(gain, 0.0))
+
+
+def recipe_return(
+    model: Model, state: npt.ArrayLike, actions: Callable[[FloatArray], FloatArray], **options: Any
+) -> Objective:
+    """Objective: the return of the recipe that a point stands for, all points of a batch in one rollout on all cores.
+
+    Args:
+        model: the model, with the reward that counts.
+        state: where each batch starts.
+        actions: makes actions (H, actions) of a point (d,).
+        options: further arguments of `Model.rollout`.
+    """
+
+    def objective(points: FloatArray) -> FloatArray:
+        found: Rollout = model.rollout(state, np.stack([actions(point) for point in points]), **options)
+        return found.returns
+
+    return objective
+
+
+def _library() -> tuple[Any, Any]:
+    try:
+        from sklearn.gaussian_process import GaussianProcessRegressor, kernels
+    except ImportError as error:
+        raise ImportError("Bayesian optimisation needs scikit-learn: pip install 'smpl[bayes]'") from error
+    return GaussianProcessRegressor, kernels
+
+
+def _one_thread() -> Any:
+    """Linear algebra on one thread: of matrices of this size more of them make it slower by an order of magnitude."""
+    from threadpoolctl import threadpool_limits  # scikit-learn depends on it
+
+    return threadpool_limits(limits=1)
+
+
+def _minimize() -> Any:
+    from scipy.optimize import minimize
+
+    return minimize

@@ -1,0 +1,200 @@
+"""State estimation from an observation level: what filters and estimators over a window have in common.
+
+The prediction is the model's own step (`Model.rollout`), so that phases, events, sums over a step and clamps are those
+of the plant; its derivatives are differences of rollouts, all trajectories in one call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import numpy as np
+
+from smpl.controllers.names import listing, weights
+from smpl.controllers.sensors import Sensors, sensors
+from smpl.envs import Env
+from smpl.model import FloatArray, Model, as_number
+from smpl.rollout import rollout
+
+
+class Estimator(Protocol):
+    """Estimates the state of an episode from what is observed."""
+
+    sees: str
+    model: Model
+
+    def reset(self, env: Env) -> None:
+        """Begin an episode; called after `env.reset`."""
+
+    def update(self, env: Env) -> FloatArray:
+        """The estimated state, physical units; called once a step, before the action."""
+
+
+class Prediction:
+    """A model as a filter sees it: x = (states, estimated parameters), one step, and the readings.
+
+    Args:
+        model: the model that predicts.
+        parameters: names of parameters that are estimated with the states; they stay as they are over a step.
+        process_noise: standard deviation of what a step adds to each state, by name; of those that are left out a
+            thousandth of their size.
+        noise: of the readings, by name, in place of what the level declares.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        parameters: Mapping[str, float] | None,
+        process_noise: Mapping[str, float] | None,
+        noise: Mapping[str, float] | None,
+    ) -> None:
+        self.model = model
+        self.states = len(model.state_names)
+        self.parameters = tuple(parameters or ())
+        self._check_parameters()
+        self.names = (*model.state_names, *self.parameters)
+        self.scale = np.concatenate([self._sizes(), [self._size_of(name) for name in self.parameters]])
+        self.low, self.high = self._bounds()
+        declared = weights("process_noise", process_noise, model.state_names, model.state_units)
+        given = set(process_noise or ())
+        deviation = [
+            declared[i] if declared is not None and name in given else 1e-3 * self.scale[i]
+            for i, name in enumerate(model.state_names)
+        ]
+        drift = [as_number(f"parameters[{name!r}]", value) for name, value in (parameters or {}).items()]
+        self.process = np.array([*deviation, *drift])
+        self.sensors: Sensors = sensors(model, noise)
+        low, high = model.native.bounds("observation")
+        width = np.where(np.isfinite(high - low), high - low, 1.0)
+        # An exact reading has the precision of the numbers that it is returned in.
+        self.noise = np.where(self.sensors.noise > 0, self.sensors.noise, 1e-6 * width)
+        self.fixed: dict[str, float] = {}
+        self.limit = model.max_steps + 1
+
+    def begin(self, env: Env) -> None:
+        """Check the environment of an episode.
+
+        Raises:
+            ValueError: it has other states, actions or readings than the model that predicts.
+        """
+        if env.observation_names != self.model.observation_names or env.action_names != self.model.action_names:
+            raise ValueError(
+                f"the estimator reads {', '.join(self.model.observation_names)} (level {self.model.level!r} of "
+                f"{self.model.name}), the environment shows {', '.join(env.observation_names)} "
+                f"(level {env.model.level!r} of {env.model.name})"
+            )
+        # The environment may have another time limit than the model; readings are taken at its last step too.
+        self.limit = env.max_steps + 1
+
+    def step(self, points: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float]) -> FloatArray:
+        """The points (N, x) a step later.
+
+        Raises:
+            ValueError: the model could not be integrated from one of them.
+        """
+        found = self._rollout(points, action, at, discrete)
+        return np.concatenate([found.states[:, -1], points[:, self.states :]], axis=1)
+
+    def read(self, points: FloatArray, at: int, discrete: Mapping[str, float], action: FloatArray) -> FloatArray:
+        """Readings (N, observations) without noise of samples taken at the points."""
+        return self._rollout(points, action, at, discrete).observations[:, 0]
+
+    def around(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The point and one beside it in each direction, (1 + x, x), inside of the bounds; and the distances."""
+        distance = 1e-4 * np.maximum(self.scale, np.abs(x))
+        distance = np.where(x + distance > self.high, -distance, distance)
+        return np.vstack([x, x + np.diag(distance)]), distance
+
+    def linearized(
+        self, x: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float]
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """The point a step later and its derivative, the readings now and theirs, from one call of rollouts."""
+        points, distance = self.around(x)
+        found = self._rollout(points, action, at, discrete)
+        later = np.concatenate([found.states[:, -1], points[:, self.states :]], axis=1)
+        read = found.observations[:, 0]
+        return later[0], (later[1:] - later[0]).T / distance, read[0], (read[1:] - read[0]).T / distance
+
+    def read_with_jacobian(
+        self, x: FloatArray, at: int, discrete: Mapping[str, float], action: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """The readings at a point and their derivative."""
+        points, distance = self.around(x)
+        found = self.read(points, at, discrete, action)
+        return found[0], (found[1:] - found[0]).T / distance
+
+    def start(self, env: Env, initial: Any, deviation: Any) -> tuple[FloatArray, FloatArray]:
+        """Mean and covariance before the first reading.
+
+        Args:
+            env: the environment of the episode.
+            initial: states by name or as an array; the others, and all if None, at the nominal start of the model.
+            deviation: standard deviations by name; a tenth of the size for those that are left out.
+        """
+        nominal = Env(self.model, normalize=False)
+        nominal.reset(seed=0, options={"start": "nominal"})
+        mean = np.concatenate([nominal.state, [nominal.parameters[name] for name in self.parameters]])
+        spread = 0.1 * self.scale
+        if isinstance(initial, Mapping):
+            self._put(mean, "initial", initial)
+        elif initial is not None:
+            mean[: self.states] = np.asarray(initial, dtype=np.float64)
+        if deviation is not None:
+            self._put(spread, "deviation", deviation)
+        return mean, np.diag(spread**2)
+
+    def clipped(self, x: FloatArray) -> FloatArray:
+        """A point inside of the bounds that the model declares."""
+        return np.clip(x, self.low, self.high)
+
+    def _put(self, vector: FloatArray, what: str, given: Mapping[str, float]) -> None:
+        for name, value in given.items():
+            if name not in self.names:
+                raise ValueError(f"{what}: unknown {name!r}; there are: {', '.join(self.names)}")
+            vector[self.names.index(name)] = as_number(f"{what}[{name!r}]", value)
+
+    def _rollout(self, points: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float]) -> Any:
+        inside = self.clipped(points)
+        given: dict[str, Any] = {name: inside[:, self.states + i] for i, name in enumerate(self.parameters)}
+        found = rollout(
+            self.model,
+            inside[:, : self.states],
+            action[None, None, :].repeat(len(points), axis=0),
+            parameters={**self.fixed, **given},
+            discrete=discrete,
+            first_step=at,
+            max_steps=self.limit,
+        )
+        bad = [i for i, failure in enumerate(found.failure) if failure.startswith(("start", "solver"))]
+        if bad:
+            raise ValueError(f"the prediction of the estimator failed at step {at}: {found.failure[bad[0]]}")
+        return found
+
+    def _check_parameters(self) -> None:
+        model = self.model
+        wrong = [name for name in self.parameters if name not in model.parameter_names]
+        if wrong:
+            known = listing(model.parameter_names, model.parameter_units)
+            raise ValueError(f"parameters: unknown {', '.join(map(repr, wrong))}; there are: {known}")
+
+    def _size_of(self, name: str) -> float:
+        index = self.model.parameter_names.index(name)
+        return abs(float(self.model.native.defaults("parameter")[index])) or 1.0
+
+    def _sizes(self) -> FloatArray:
+        low, high = self.model.native.bounds("state")
+        values = np.abs(self.model.native.defaults("state"))
+        width = np.where(np.isfinite(high - low), high - low, 1.0)
+        return np.where(values > 0, values, width)
+
+    def _bounds(self) -> tuple[FloatArray, FloatArray]:
+        low, high = self.model.native.bounds("state")
+        places = [self.model.parameter_names.index(name) for name in self.parameters]
+        least, most = self.model.native.bounds("parameter")
+        return np.concatenate([low, least[places]]), np.concatenate([high, most[places]])
+
+
+def discrete_of(env: Env) -> dict[str, float]:
+    """Discrete variables of the environment: what the controller of a plant itself keeps is known."""
+    return dict(zip(env.discrete_names, env.discrete.tolist(), strict=True))

@@ -1,0 +1,187 @@
+"""Moving-horizon estimation: a bounded least-squares problem over the last steps.
+
+C. V. Rao, J. B. Rawlings, D. Q. Mayne, IEEE Transactions on Automatic Control 48 (2003) 246-258; the states of all
+steps of the window are unknowns (multiple shooting), the optimiser is SciPy's trust-region reflective Gauss-Newton.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from smpl.controllers.estimation import Prediction, discrete_of
+from smpl.controllers.kalman import correct, predict
+from smpl.envs import Env
+from smpl.model import FloatArray, Model, as_count
+
+
+@dataclass
+class _Instant:
+    """A step of the window: its estimate, what was read of it, and the action that followed."""
+
+    step: int
+    point: FloatArray
+    discrete: dict[str, float]
+    action: FloatArray
+    readings: dict[int, float] = field(default_factory=dict)
+
+
+class MovingHorizonEstimator:
+    """Least squares over a window of steps, within the bounds that the model declares.
+
+    Minimises the squares of what was read less what the states of its steps would read, of what each step adds to the
+    model's own step, and of the distance of the window's first state from what was known of it (the arrival cost), each
+    over its standard deviation. Samples count at the step at which they were taken.
+
+    Args:
+        model: a model, or an environment; its observation level is what is read.
+        horizon: length of the window in steps.
+        initial, deviation, process_noise, parameters, noise, p: as for `ExtendedKalmanFilter`.
+        iterations: limit of the optimiser's evaluations; what it has reached then is taken.
+
+    Attributes:
+        failures: how often the optimiser failed, so that the prediction was taken.
+    """
+
+    def __init__(
+        self,
+        model: Model | Env,
+        horizon: int = 10,
+        *,
+        initial: Mapping[str, float] | FloatArray | None = None,
+        deviation: Mapping[str, float] | None = None,
+        process_noise: Mapping[str, float] | None = None,
+        parameters: Mapping[str, float] | None = None,
+        noise: Mapping[str, float] | None = None,
+        p: Mapping[str, float] | None = None,
+        iterations: int = 6,
+    ) -> None:
+        self.model = model if isinstance(model, Model) else model.model
+        self.prediction = Prediction(self.model, parameters, process_noise, noise)
+        self.prediction.fixed = dict(p or {})
+        longest = self.prediction.sensors.longest
+        self.horizon = as_count("horizon", horizon, longest + 1, f"an integer above the longest delay, {longest}")
+        self.sees = self.model.level
+        self.failures = 0
+        self._iterations = as_count("iterations", iterations)
+        self._initial, self._deviation = initial, deviation
+        self._window: list[_Instant] = []
+
+    @property
+    def estimate(self) -> dict[str, float]:
+        """Estimated states and parameters by name."""
+        return dict(zip(self.prediction.names, self._window[-1].point.tolist(), strict=True))
+
+    def reset(self, env: Env) -> None:
+        """Forget the last episode."""
+        self.prediction.begin(env)
+        self._mean, self._covariance = self.prediction.start(env, self._initial, self._deviation)
+        self._window, self._updated = [], -1
+
+    def update(self, env: Env) -> FloatArray:
+        """The estimated states, from all that was read up to now."""
+        if env.steps != self._updated:
+            self._advance(env)
+            self._solve()
+            self._updated = env.steps
+        return self._window[-1].point[: self.prediction.states].copy()
+
+    def _advance(self, env: Env) -> None:
+        """Take in the last action and what arrived; forget the oldest step, of which the arrival cost is kept."""
+        discrete, nominal = discrete_of(env), self.model.native.defaults("action")
+        if not self._window:
+            self._window = [_Instant(env.steps, self.prediction.clipped(self._mean), discrete, nominal)]
+        else:
+            last = self._window[-1]
+            last.action = env.action
+            point = self.prediction.step(last.point[None], last.action, last.step, last.discrete)[0]
+            self._window.append(_Instant(env.steps, self.prediction.clipped(point), discrete, nominal))
+        first, readings = self._window[0].step, env.reading
+        for taken, places in self.prediction.sensors.arriving(env.steps).items():
+            if taken >= first:
+                self._window[taken - first].readings.update({one: float(readings[one]) for one in places})
+        if len(self._window) > self.horizon + 1:
+            self._forget()
+
+    def _forget(self) -> None:
+        """Arrival cost of the next step: the filter's step around the estimate."""
+        old = self._window.pop(0)
+        mean, covariance, _ = correct(
+            self.prediction, self._mean, self._covariance, old.readings, old.step, old.discrete, old.action
+        )
+        self._mean, self._covariance = predict(self.prediction, mean, covariance, old.action, old.step, old.discrete)
+
+    def _solve(self) -> None:
+        optimize = _optimize()
+        low, high = np.tile(self.prediction.low, len(self._window)), np.tile(self.prediction.high, len(self._window))
+        margin = 1e-9 * np.maximum(1.0, np.where(np.isfinite(high - low), high - low, 1.0))
+        guess = np.clip(np.concatenate([one.point for one in self._window]), low + margin, high - margin)
+        # SciPy asks for residual and Jacobian at the same point one after the other: both come from the same rollouts.
+        known: dict[bytes, tuple[FloatArray, FloatArray]] = {}
+
+        def both(z: FloatArray) -> tuple[FloatArray, FloatArray]:
+            key = z.tobytes()
+            if key not in known:
+                known.clear()
+                known[key] = self._residual(z)
+            return known[key]
+
+        try:
+            found = optimize.least_squares(
+                lambda z: both(z)[0],
+                guess,
+                jac=lambda z: both(z)[1],
+                bounds=(low, high),
+                x_scale=np.tile(self.prediction.scale, len(self._window)),
+                max_nfev=self._iterations,
+                # Rollouts are exact to the model's own tolerance alone.
+                xtol=1e-5,
+                ftol=1e-5,
+                gtol=1e-5,
+            )
+        except (ValueError, np.linalg.LinAlgError):
+            self.failures += 1
+            return
+        for one, point in zip(self._window, found.x.reshape(len(self._window), -1), strict=True):
+            one.point = point
+
+    def _residual(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Weighted residuals and their derivative at the states of all steps."""
+        size, count = len(self.prediction.names), len(self._window)
+        points = z.reshape(count, size)
+        inverse = np.linalg.inv(np.linalg.cholesky(self._covariance))
+        values, rows = [inverse @ (points[0] - self._mean)], [_placed(inverse, 0, count)]
+        for place, one in enumerate(self._window):
+            now = one.action, one.step, one.discrete
+            if place + 1 < count:
+                later, F, expected, H = self.prediction.linearized(points[place], *now)
+                weight = 1 / self.prediction.process
+                values.append(weight * (points[place + 1] - later))
+                rows.append(_placed(-weight[:, None] * F, place, count) + _placed(np.diag(weight), place + 1, count))
+            else:
+                expected, H = self.prediction.read_with_jacobian(points[place], one.step, one.discrete, one.action)
+            usable = [sensor for sensor, value in one.readings.items() if np.isfinite(value)]
+            weight = 1 / self.prediction.noise[usable]
+            read = np.array([one.readings[sensor] for sensor in usable])
+            values.append(weight * (expected[usable] - read))
+            rows.append(_placed(weight[:, None] * H[usable], place, count))
+        return np.concatenate(values), np.vstack(rows)
+
+
+def _placed(block: FloatArray, place: int, count: int) -> FloatArray:
+    """Rows that depend on the states of one step alone."""
+    height, width = block.shape
+    whole = np.zeros((height, count * width))
+    whole[:, place * width : (place + 1) * width] = block
+    return whole
+
+
+def _optimize() -> Any:
+    try:
+        import scipy.optimize
+    except ImportError as error:
+        raise ImportError("moving-horizon estimation needs SciPy: pip install 'smpl[scipy]'") from error
+    return scipy.optimize

@@ -1,0 +1,131 @@
+"""Measurements, actions and operating points by their names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from smpl import SimulationError
+from smpl.envs import Env
+from smpl.model import FloatArray, Model, as_mapping, as_number
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A quantity that a controller looks at: position and unit of an observation or a state."""
+
+    name: str
+    unit: str
+    index: int
+    of_state: bool
+
+    def value(self, env: Env) -> float:
+        """Its present value in physical units."""
+        return float((env.state if self.of_state else env.reading)[self.index])
+
+    def steady(self, env: Env) -> float:
+        """Its value at the environment's steady state.
+
+        Raises:
+            ValueError: the model has none, so that a set-point must be given.
+        """
+        state = env.steady_state
+        if state is None:
+            raise ValueError(f"{env.model.name} has no steady state: give set_point for {self.name} [{self.unit}]")
+        states = state[: len(env.state_names)]
+        if self.of_state:
+            return float(states[self.index])
+        action = env.steady_action
+        found = env.model.rollout(states, np.atleast_2d(action if action is not None else operating_action(env)))
+        return float(found.observations[0, 0, self.index])
+
+
+def measured(env: Env, name: str, sees: str) -> Measured:
+    """The observation or state of a name.
+
+    Raises:
+        ValueError: there is none of that name; the message lists those that there are, with their units.
+    """
+    if sees not in ("observation", "state"):
+        raise ValueError(f"sees is {sees!r}, expected 'observation' or 'state'")
+    names, units = (
+        (env.state_names, env.state_units) if sees == "state" else (env.observation_names, env.observation_units)
+    )
+    if name in names:
+        index = names.index(name)
+        return Measured(name, units[index], index, sees == "state")
+    level = env.model.level
+    hint = ""
+    if sees == "observation" and name in env.state_names:
+        hint = f" {name} is a state that the level {level!r} does not show: sees='state' looks at it all the same."
+    where = f"the level {level!r} of {env.model.name}" if sees == "observation" else f"the states of {env.model.name}"
+    raise ValueError(f"measurement {name!r} is not in {where}.{hint} There are: {listing(names, units)}")
+
+
+def action_index(model: Model, name: str) -> int:
+    """Position of an action.
+
+    Raises:
+        ValueError: there is none of that name.
+    """
+    if name not in model.action_names:
+        raise ValueError(
+            f"action {name!r} is not one of {model.name}; there are: {listing(model.action_names, model.action_units)}"
+        )
+    return model.action_names.index(name)
+
+
+def operating_action(env: Env) -> FloatArray:
+    """The action of the steady state, where there is one, else the declared defaults."""
+    try:
+        action = env.steady_action
+    except SimulationError:
+        action = None
+    return env.model.native.defaults("action") if action is None else np.array(action)
+
+
+def operating_point(
+    model: Model, at: tuple[Any, Any] | None = None, p: Mapping[str, float] | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Unknowns y and actions u where a model is linearised.
+
+    Args:
+        model: the model.
+        at: (y, u), y the unknowns or the states of a model without algebraic unknowns; None for its steady state at the
+            action of its `steady` block, else at the declared actions.
+        p: parameters and the like.
+    """
+    if at is not None:
+        y, u = (np.asarray(part, dtype=np.float64) for part in at)
+        return y, u
+    env = Env(model, normalize=False)
+    env.reset(seed=0, options={"start": "nominal"})
+    action = operating_action(env)
+    return model.steady_state(action, p), action
+
+
+def listing(names: Iterable[str], units: Iterable[str], most: int = 40) -> str:
+    """Names with their units."""
+    shown = [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
+    return ", ".join(shown[:most]) + (f", ... ({len(shown)} in all)" if len(shown) > most else "")
+
+
+def weights(argument: str, given: Any, names: tuple[str, ...], units: tuple[str, ...]) -> FloatArray | None:
+    """Weights by names, as a vector; names that are left out weigh nothing.
+
+    Raises:
+        ValueError: an unknown name, or a negative weight.
+    """
+    if given is None:
+        return None
+    wanted = as_mapping(argument, given)
+    wrong = [name for name in wanted if name not in names]
+    if wrong:
+        raise ValueError(f"{argument}: unknown {', '.join(map(repr, wrong))}; there are: {listing(names, units)}")
+    found = np.array([as_number(f"{argument}[{name!r}]", wanted.get(name, 0.0)) for name in names])
+    if not (np.isfinite(found).all() and (found >= 0).all()):
+        raise ValueError(f"{argument}: {dict(wanted)}, expected finite numbers that are not negative")
+    return found

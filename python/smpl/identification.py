@@ -1,0 +1,372 @@
+"""Parameters from recorded runs: weighted least squares on rollouts, see `fit`.
+
+Y. Bard, Nonlinear Parameter Estimation (1974), chapters 4 and 7; D. M. Bates, D. G. Watts, Nonlinear Regression
+Analysis and Its Applications (1988), chapter 2. The optimiser is SciPy's trust-region reflective Gauss-Newton.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from smpl._runs import Run, read_run
+from smpl.model import FloatArray, Model, as_count, as_mapping, as_number, check_names
+from smpl.rollout import rollout
+
+# Relative distance of differences, and the ratio of singular values below which a direction is not determined.
+_DISTANCE, _RANK = 3e-4, 1e-6
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What runs say about parameters.
+
+    Attributes:
+        parameters: values by name.
+        interval: (low, high) by name, 95 %, from the linearisation; infinite where a parameter is not determined.
+        covariance: of the parameters in the order of `names`, then of the initial states.
+        residual_norm: root of the sum of squares of the residuals over their standard deviations.
+        names: fitted parameters, then initial states as `run 0: NAME`.
+        initial: the estimated initial states of each run.
+        noise: standard deviation of each output, declared or estimated.
+        indistinct: groups of parameters of which only a combination is determined.
+        residuals: measured less simulated of each run, output -> array over steps (NaN where nothing was read).
+        evaluations: how many points were simulated, each with its derivatives in one call of rollouts.
+        success: whether the optimiser converged.
+    """
+
+    parameters: dict[str, float]
+    interval: dict[str, tuple[float, float]]
+    covariance: FloatArray
+    residual_norm: float
+    names: tuple[str, ...]
+    initial: list[dict[str, float]]
+    noise: dict[str, float]
+    indistinct: tuple[tuple[str, ...], ...]
+    residuals: list[dict[str, FloatArray]]
+    evaluations: int
+    success: bool
+
+    def scenario(self) -> str:
+        """Text of a scenario file with the values found."""
+        lines = [f"  {name}: {value!r}" for name, value in self.parameters.items()]
+        return "\n".join(["parameters:", *lines, ""])
+
+    def __str__(self) -> str:
+        rows = [
+            f"{name} = {value:.6g}  ({self.interval[name][0]:.6g} .. {self.interval[name][1]:.6g})"
+            for name, value in self.parameters.items()
+        ]
+        rows += [f"only a combination is determined of: {', '.join(group)}" for group in self.indistinct]
+        return "\n".join([*rows, f"residual norm {self.residual_norm:.6g}"])
+
+
+def fit(
+    model: Model,
+    runs: Any,
+    parameters: Iterable[str] | Mapping[str, float],
+    *,
+    outputs: Iterable[str] | None = None,
+    noise: Mapping[str, float] | None = None,
+    initial: Iterable[str] = (),
+    fixed: Mapping[str, float] | None = None,
+    iterations: int = 50,
+) -> Fit:
+    """Fit parameters to recorded runs.
+
+    The model is simulated with the recorded actions and disturbances from the recorded start, random numbers at their
+    means, and compared at the steps at which a sample was read for the first time. Residuals count over the standard
+    deviation of their output: that which `noise` gives, else that which the observation level declares, else one
+    that is estimated with the parameters (maximum likelihood).
+
+    Args:
+        model: any model, compiled with the observation level of the runs.
+        runs: one or several: tables as `smpl simulate --out` writes them (.csv or .parquet), episodes of
+            `smpl.evaluation`, or mappings from columns to arrays. Columns `param.NAME` are known values.
+        parameters: names, or a mapping from names to first guesses; otherwise the declared values.
+        outputs: names of observations, else of states, that are compared; all observations that the runs have if none.
+        noise: standard deviations of outputs by name.
+        initial: states whose value at the start is not known and is estimated for each run.
+        fixed: values of other parameters by name.
+        iterations: limit of the optimiser's steps.
+
+    Raises:
+        ValueError: names that do not fit, runs without what is needed, or a parameter without any effect.
+        ImportError: SciPy is missing.
+    """
+    problem = _Problem(model, runs, parameters, outputs, noise, tuple(initial), fixed)
+    return problem.solve(as_count("iterations", iterations))
+
+
+class _Problem:
+    def __init__(
+        self,
+        model: Model,
+        runs: Any,
+        parameters: Iterable[str] | Mapping[str, float],
+        outputs: Iterable[str] | None,
+        noise: Mapping[str, float] | None,
+        initial: tuple[str, ...],
+        fixed: Mapping[str, float] | None,
+    ) -> None:
+        self.model, self.fixed = model, dict(as_mapping("fixed", fixed))
+        check_names("fixed", self.fixed, model.parameter_names)
+        guesses = dict(parameters) if isinstance(parameters, Mapping) else {}
+        names = [parameters] if isinstance(parameters, str) else list(parameters)
+        check_names("parameters", names, model.parameter_names)
+        check_names("initial", initial, model.state_names)
+        if not names and not initial:
+            raise ValueError("parameters is empty, expected names of parameters to fit")
+        single = isinstance(runs, (str, Mapping)) or not isinstance(runs, Sequence)
+        self.runs = [read_run(model, run, place) for place, run in enumerate([runs] if single else runs)]
+        if not self.runs:
+            raise ValueError("runs is empty, expected at least one run")
+        self.parameters, self.initial = tuple(names), initial
+        self.outputs = self._chosen(outputs)
+        self._start(guesses)
+        self._weigh(as_mapping("noise", noise))
+        self.evaluations = 0
+
+    # What is fitted: the parameters, then the unknown initial states of each run, over their scales.
+
+    def _start(self, guesses: Mapping[str, float]) -> None:
+        model = self.model
+        places = [model.parameter_names.index(name) for name in self.parameters]
+        low, high = (bound[places] for bound in model.native.bounds("parameter"))
+        declared = model.native.defaults("parameter")[places]
+        values = [as_number(f"parameters[{n!r}]", guesses.get(n, declared[i])) for i, n in enumerate(self.parameters)]
+        columns = [model.state_names.index(name) for name in self.initial]
+        least, most = (bound[columns] for bound in model.native.bounds("state"))
+        starts = [run.states[columns] for run in self.runs]
+        self.names = (*self.parameters, *(f"run {i}: {n}" for i in range(len(self.runs)) for n in self.initial))
+        self.guess = np.concatenate([values, *starts])
+        self.low = np.concatenate([low, *[least] * len(self.runs)])
+        self.high = np.concatenate([high, *[most] * len(self.runs)])
+        self._columns = columns
+        width = np.where(np.isfinite(self.high - self.low), self.high - self.low, 1.0)
+        self.scale = np.where(self.guess != 0, np.abs(self.guess), width)
+
+    def _chosen(self, outputs: Iterable[str] | None) -> tuple[str, ...]:
+        """Outputs that are compared."""
+        recorded = set.intersection(*(set(run.outputs) for run in self.runs))
+        if outputs is None:
+            chosen = tuple(name for name in self.model.observation_names if name in recorded)
+            if not chosen:
+                raise ValueError(
+                    f"the runs have no column obs.NAME of the level {self.model.level!r}, which shows "
+                    f"{', '.join(self.model.observation_names)}: compile the model with their level, or give outputs"
+                )
+            return chosen
+        chosen = (outputs,) if isinstance(outputs, str) else tuple(outputs)
+        known = (*self.model.observation_names, *self.model.state_names)
+        check_names("outputs", chosen, known)
+        missing = [name for name in chosen if name not in recorded]
+        if missing:
+            raise ValueError(
+                f"the runs have no column for {', '.join(missing)}; they have: {', '.join(sorted(recorded))}"
+            )
+        return chosen
+
+    def _weigh(self, noise: Mapping[str, float]) -> None:
+        """Standard deviations of outputs, and which of them are known; which samples count."""
+        from smpl.controllers.sensors import sensors
+
+        check_names("noise", noise, self.outputs)
+        declared = sensors(self.model)
+        seen = self.model.observation_names
+        sizes, known = [], []
+        for name in self.outputs:
+            deviation = declared.noise[seen.index(name)] if name in seen else 0.0
+            deviation = as_number(f"noise[{name!r}]", noise.get(name, deviation))
+            known.append(deviation > 0)
+            spread = float(np.nanstd(np.concatenate([run.outputs[name] for run in self.runs])))
+            sizes.append(deviation if deviation > 0 else spread or 1.0)
+        self.noise, self._known = np.array(sizes), np.array(known)
+        self._masks = [self._mask(run, declared) for run in self.runs]
+        for run, mask in zip(self.runs, self._masks, strict=True):
+            if not mask.any():
+                raise ValueError(f"{run.name} has no value of {', '.join(self.outputs)}")
+
+    def _mask(self, run: Run, declared: Any) -> Any:
+        """Samples (H + 1, outputs) that are read for the first time; a reading that is held counts once."""
+        seen = self.model.observation_names
+        mask = np.stack([np.isfinite(run.outputs[name]) for name in self.outputs], axis=1)
+        for column, name in enumerate(self.outputs):
+            if name not in seen:
+                continue
+            sensor = seen.index(name)
+            fresh = np.array([any(sensor in on for on in declared.arriving(k).values()) for k in range(len(mask))])
+            mask[:, column] &= fresh
+        return mask
+
+    # Simulation with derivatives.
+
+    def solve(self, iterations: int) -> Fit:
+        optimize = _optimize()
+        low, high = self.low / self.scale, self.high / self.scale
+        point = np.clip(self.guess / self.scale, low + 1e-9, high - 1e-9)
+        found: Any = None
+        # Deviations that are not known and the parameters in turn.
+        for _ in range(1 if self._known.all() else 3):
+            memory: dict[bytes, tuple[FloatArray, FloatArray]] = {}
+
+            def both(z: FloatArray, memory: dict[bytes, tuple[FloatArray, FloatArray]] = memory) -> Any:
+                key = z.tobytes()
+                if key not in memory:
+                    memory.clear()
+                    memory[key] = self._residuals(z)
+                return memory[key]
+
+            found = optimize.least_squares(
+                lambda z, both=both: both(z)[0],
+                point,
+                jac=lambda z, both=both: both(z)[1],
+                bounds=(low, high),
+                max_nfev=iterations,
+                ftol=1e-10,
+                xtol=1e-8,
+                gtol=1e-10,
+            )
+            point = found.x
+            self._estimate_noise(point)
+        return self._result(point, bool(found.success))
+
+    def _points(self, z: FloatArray) -> FloatArray:
+        """The point, and two beside it in each direction, (1 + 2 d, d), in units."""
+        distance = np.diag(np.full(len(z), _DISTANCE))
+        rows = np.vstack([z, z + distance, z - distance])
+        return np.clip(rows * self.scale, self.low, self.high)
+
+    def _simulated(self, run: Run, points: FloatArray, place: int) -> FloatArray:
+        """Outputs (N, H + 1, outputs) of a run at all points, in one call of rollouts."""
+        count = len(self.parameters)
+        states = np.tile(run.states, (len(points), 1))
+        first = count + place * len(self.initial)
+        states[:, self._columns] = points[:, first : first + len(self.initial)]
+        given: dict[str, Any] = {**run.parameters, **self.fixed}
+        given |= {name: points[:, i] for i, name in enumerate(self.parameters)}
+        actions = np.broadcast_to(run.actions, (len(points), *run.actions.shape))
+        found = rollout(
+            self.model,
+            states,
+            actions,
+            parameters=given,
+            discrete=run.discrete,
+            disturbances=run.disturbances,
+            max_steps=len(run.actions),  # a record may be longer than an episode of the model
+        )
+        seen = self.model.observation_names
+        columns = [
+            found.observations[:, :, seen.index(name)]
+            if name in seen
+            else found.states[:, :, self.model.state_names.index(name)]
+            for name in self.outputs
+        ]
+        return np.stack(columns, axis=-1)
+
+    def _residuals(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Weighted residuals (m,) and their derivative (m, d) by z."""
+        self.evaluations += 1
+        points = self._points(z)
+        size = len(z)
+        distance = (points[1 : size + 1] - points[size + 1 :]).diagonal() / self.scale
+        values, slopes = [], []
+        for place, (run, mask) in enumerate(zip(self.runs, self._masks, strict=True)):
+            simulated = self._simulated(run, points, place)
+            measured = np.stack([run.outputs[name] for name in self.outputs], axis=-1)
+            weighted = ((simulated - measured) / self.noise)[:, mask]
+            # What cannot be simulated is far from everything, and the optimiser turns back.
+            weighted = np.where(np.isfinite(weighted), weighted, 1e6)
+            values.append(weighted[0])
+            slopes.append((weighted[1 : size + 1] - weighted[size + 1 :]).T / distance)
+        return np.concatenate(values), np.concatenate(slopes)
+
+    def _estimate_noise(self, z: FloatArray) -> None:
+        """Root mean square of the residuals of the outputs whose deviation is not known."""
+        if self._known.all():
+            return
+        squares, counts = np.zeros(len(self.outputs)), np.zeros(len(self.outputs))
+        for residual in self._unweighted(z):
+            squares += np.nansum(residual**2, axis=0)
+            counts += np.isfinite(residual).sum(axis=0)
+        # Each output bears its share of the fitted numbers.
+        freedom = np.maximum(counts - len(z) * counts / counts.sum(), 1.0)
+        found = np.sqrt(squares / freedom)
+        # An exact fit would weigh without end.
+        least = 1e-9 * self.noise
+        self.noise = np.where(self._known, self.noise, np.maximum(found, least))
+
+    def _unweighted(self, z: FloatArray) -> list[FloatArray]:
+        """Measured less simulated, NaN where nothing was read."""
+        found = []
+        point = (z * self.scale)[None]
+        for place, (run, mask) in enumerate(zip(self.runs, self._masks, strict=True)):
+            simulated = self._simulated(run, point, place)[0]
+            measured = np.stack([run.outputs[name] for name in self.outputs], axis=-1)
+            found.append(np.where(mask, measured - simulated, np.nan))
+        return found
+
+    def _result(self, z: FloatArray, success: bool) -> Fit:
+        residual, slope = self._residuals(z)
+        silent = [name for name, column in zip(self.names, slope.T, strict=True) if not np.abs(column).max() > 0]
+        if silent:
+            raise ValueError(
+                f"the runs say nothing about {', '.join(silent)}: {', '.join(self.outputs)} do not depend on it"
+            )
+        covariance, indistinct = self._covariance(slope)
+        values = z * self.scale
+        half = _quantile(len(residual) - len(z), bool(self._known.all())) * np.sqrt(np.diag(covariance))
+        count = len(self.parameters)
+        inside = zip(self.parameters, values[:count], half[:count], strict=True)
+        interval = {name: (float(value - width), float(value + width)) for name, value, width in inside}
+        if indistinct:
+            groups = "; ".join(", ".join(group) for group in indistinct)
+            warnings.warn(f"the runs determine only a combination of {groups}: fix one, or add runs", stacklevel=4)
+        states = values[count:].reshape(len(self.runs), len(self.initial))
+        return Fit(
+            parameters=dict(zip(self.parameters, values[:count].tolist(), strict=True)),
+            interval=interval,
+            covariance=covariance,
+            residual_norm=float(np.linalg.norm(residual)),
+            names=self.names,
+            initial=[dict(zip(self.initial, row.tolist(), strict=True)) for row in states],
+            noise=dict(zip(self.outputs, self.noise.tolist(), strict=True)),
+            indistinct=indistinct,
+            residuals=[dict(zip(self.outputs, one.T, strict=True)) for one in self._unweighted(z)],
+            evaluations=self.evaluations,
+            success=success,
+        )
+
+    def _covariance(self, slope: FloatArray) -> tuple[FloatArray, tuple[tuple[str, ...], ...]]:
+        """Covariance by singular values; directions without information have an infinite variance."""
+        length = np.linalg.norm(slope, axis=0)
+        _, singular, directions = np.linalg.svd(slope / length, full_matrices=False)
+        weak = singular <= _RANK * singular[0]
+        inverse = np.where(weak, 0.0, 1 / np.where(weak, 1.0, singular)) ** 2
+        factor = self.scale / length
+        covariance = (directions.T * inverse) @ directions * np.outer(factor, factor)
+        groups = []
+        for direction in directions[weak]:
+            part = np.abs(direction) > 1e-3 * np.abs(direction).max()
+            groups.append(tuple(name for name, one in zip(self.names, part, strict=True) if one))
+            covariance[part, part] = np.inf
+        return covariance, tuple(groups)
+
+
+def _quantile(freedom: int, known: bool) -> float:
+    """Half width of the 95 % interval in standard deviations."""
+    from scipy.stats import norm, t
+
+    return float(norm.ppf(0.975) if known or freedom < 1 else t.ppf(0.975, freedom))
+
+
+def _optimize() -> Any:
+    try:
+        import scipy.optimize
+    except ImportError as error:
+        raise ImportError("smpl.fit needs SciPy: pip install 'smpl[scipy]'") from error
+    return scipy.optimize

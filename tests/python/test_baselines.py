@@ -1,0 +1,72 @@
+"""The baselines by their names."""
+
+import numpy as np
+import pytest
+
+import smpl
+from smpl.controllers import baseline, baselines
+from smpl.evaluation import run_episode
+
+
+@pytest.mark.parametrize(
+    ("environment", "name", "model"),
+    [
+        ("reactor", "pid", "reactor"),
+        ("smpl/Beer-v0", "profile", "beer"),
+        ("Beer", "isothermal", "beer"),
+        ("pensim", "recipe", "pensim"),
+        ("atropine", "mpc", "atropine"),
+        ("atropine", "zero", "atropine"),
+        ("mab", "nominal", "mab"),
+    ],
+)
+def test_a_baseline_plays_its_environment(environment, name, model):
+    env = smpl.Env(model, max_steps=2)
+    episode = run_episode(env, baseline(environment, name), 0)
+    assert episode.steps == 2 and not episode.failure
+
+
+def test_the_recipe_begins_with_the_published_values():
+    env = smpl.Env("pensim", normalize=False, max_steps=16)
+    episode = run_episode(env, baseline("pensim", "recipe"), 0)
+    # discharge, Fs, Foil, Fg, pressure, Fw; the sugar feed holds 8 L/h for 15 steps.
+    np.testing.assert_allclose(episode.actions[0], [0, 8, 22, 30, 0.6, 0], rtol=1e-6)
+    assert episode.actions[14:, 1].tolist() == [8.0, 15.0]
+
+
+def test_the_recipe_has_the_published_numbers_and_ranges():
+    """57 numbers: 6 discharge, 21 Fs, 10 Foil, 6 Fg, 8 pressure, 5 Fw and the feed of phenylacetic acid."""
+    from smpl.controllers.pensim import Recipe
+
+    recipe = Recipe(smpl.compile("pensim", settings={"paa_schedule": "hours"}))
+    kinds = [name.split()[0] for name in recipe.names]
+    assert {kind: kinds.count(kind) for kind in kinds} == {
+        "discharge": 6, "Fs": 21, "Foil": 10, "Fg": 6, "pressure": 8, "Fw": 5, "Fpaa_start": 1,
+    }  # fmt: skip
+    ranges = dict(zip(recipe.names, zip(recipe.low, recipe.high, strict=True), strict=True))
+    for name, published in {
+        "discharge until 102 h": (3600, 4100),
+        "Fs until 24 h": (135, 151),
+        "Fs until 80 h": (104.4, 127.6),
+        "Foil until 4 h": (21, 24.2),
+        "Fg until 8 h": (29, 33),
+        "Fg until 200 h": (67.5, 76),
+        "pressure until 100 h": (0.99, 1.2),
+        "Fw until 75 h": (450, 510),
+        "Fpaa_start": (4.5, 5.5),
+    }.items():
+        assert ranges[name] == pytest.approx(published), name
+
+
+def test_isothermal_takes_its_temperature():
+    assert baseline("beer", "isothermal", temperature=14.0).action(smpl.Env("beer")).tolist() == [14.0]
+
+
+def test_what_is_not_there_is_named():
+    assert baselines("reactor") == ("pid", "mpc")
+    with pytest.raises(ValueError, match="baseline 'lqr' of reactor: there are pid, mpc"):
+        baseline("reactor", "lqr")
+    with pytest.raises(ValueError, match="no environment 'reaktor'; did you mean 'reactor'"):
+        baseline("reaktor", "pid")
+    with pytest.raises(NotImplementedError, match="needs smpl"):
+        baseline("mab", "empc")

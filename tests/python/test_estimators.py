@@ -1,0 +1,217 @@
+"""State estimators against closed forms of linear models, and on plants with rare and late samples."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import smpl
+from smpl.controllers import LQG, LQR, ExtendedKalmanFilter, MovingHorizonEstimator
+from smpl.controllers.sensors import sensors
+from smpl.evaluation import run_episode
+
+linalg = pytest.importorskip("scipy.linalg")
+PROBLEMS = Path(__file__).resolve().parent.parent / "problems"
+
+A, B, H = 0.25, 1.0, 0.5
+# Two tanks in series: x' = (u - x)/4, z' = (x - z)/4 in unit time, sampled every 0.5.
+LINEAR = """model Linear "two tanks in series"
+time t : h
+action u = 1 in -10..10
+param k : 1/h = 0.25
+state x = 1 in -50..50
+state z = 1 in -50..50
+eq d/dt x = k*(u - x)
+eq d/dt z = k*(x - z)
+initial x ~ normal(1, 0.5)
+initial z ~ normal(1, 0.5)
+observe z noise normal(0, 0.2)
+level late { observe z noise normal(0, 0.2), x every 4 delay 3 noise normal(0, 0.05) }
+reward r default = -sq(x)
+episode { step = 0.5 [h], max_steps = 200, error_reward = -1000 }
+"""
+
+
+def linear(level="default"):
+    return smpl.compile(source=LINEAR, observation=level, settings={"rtol": 1e-11})
+
+
+def transition():
+    M = linalg.expm(np.array([[-0.25, 0, 0.25], [0.25, -0.25, 0], [0, 0, 0]]) * 0.5)
+    return M[:2, :2], M[:2, 2]
+
+
+def posterior(readings, actions, steps, process=0.02, spread=0.5):
+    """Mean and covariance of the last state given readings (step, sensor, value): all at once, as one Gaussian."""
+    F, g = transition()
+    mean, big = [np.ones(2)], np.zeros((2 * (steps + 1),) * 2)
+    big[:2, :2] = spread**2 * np.eye(2)
+    for k in range(steps):
+        mean.append(F @ mean[-1] + g * actions[k])
+        a, b = slice(2 * k, 2 * k + 2), slice(2 * k + 2, 2 * k + 4)
+        big[b, : b.start] = F @ big[a, : b.start]
+        big[: b.start, b] = big[b, : b.start].T
+        big[b, b] = F @ big[a, a] @ F.T + process**2 * np.eye(2)
+    mean = np.concatenate(mean)
+    # Sensor 0 reads z (state 1), sensor 1 reads x (state 0).
+    places = [2 * step + (1 if sensor == 0 else 0) for step, sensor, _ in readings]
+    R = np.diag([0.2**2 if sensor == 0 else 0.05**2 for _, sensor, _ in readings])
+    S = big[np.ix_(places, places)] + R
+    K = np.linalg.solve(S, big[places, -2:]).T
+    values = np.array([value for _, _, value in readings])
+    return mean[-2:] + K @ (values - mean[places]), big[-2:, -2:] - K @ big[places, -2:]
+
+
+def run(env, estimator, steps, seed):
+    """Estimates, readings as (step taken, sensor, value) and actions of an episode."""
+    rng = np.random.default_rng(seed)
+    env.reset(seed=seed)
+    estimator.reset(env)
+    estimates, readings, actions = [], [], []
+    for k in range(steps + 1):
+        for taken, places in sensors(env.model).arriving(k).items():
+            readings += [(taken, sensor, env.reading[sensor]) for sensor in places]
+        estimates.append(estimator.update(env))
+        if k < steps:
+            actions.append(rng.uniform(-2, 2))
+            env.step([actions[-1]])
+    return estimates, readings, actions
+
+
+OPTIONS = {"deviation": {"x": 0.5, "z": 0.5}, "process_noise": {"x": 0.02, "z": 0.02}}
+
+
+def test_the_sensors_of_a_level_are_those_of_its_text():
+    found = sensors(smpl.compile("reactor", observation="laboratory"))
+    np.testing.assert_array_equal(found.noise, [0.1, 0.002, 0.005])
+    assert (found.every.tolist(), found.delay.tolist()) == ([1, 1, 5], [0, 0, 3])
+    assert found.arriving(0) == {0: [0, 1, 2]}
+    assert found.arriving(8) == {8: [0, 1], 5: [2]}
+    assert found.arriving(3) == {3: [0, 1]}
+    assert sensors(smpl.compile("reactor", scenario="legacy", observation="online")).noise.tolist() == [0.1, 0.002]
+    with pytest.raises(ValueError, match=r"noise: unknown 'c_A'; the level 'online' has: T \[degC\], h \[m\]"):
+        sensors(smpl.compile("reactor", observation="online"), {"c_A": 1.0})
+
+
+def test_the_samples_that_arrive_are_those_whose_reading_changes():
+    env = smpl.Env("reactor", normalize=False, observation="laboratory")
+    env.reset(seed=1)
+    found, before = sensors(env.model), env.reading
+    for k in range(1, 30):
+        env.step([26.85, 0.1])
+        changed = env.reading != before
+        arrived = {sensor for places in found.arriving(k).values() for sensor in places}
+        assert {0, 1} <= arrived and changed[2] == (2 in arrived)
+        before = env.reading
+
+
+@pytest.mark.parametrize("level", ["default", "late"])
+def test_the_filter_of_a_linear_model_is_the_gaussian_posterior(level):
+    env = smpl.Env(linear(level), normalize=False)
+    kalman = ExtendedKalmanFilter(env, **OPTIONS)
+    for steps in (0, 1, 7, 12):
+        estimates, readings, actions = run(env, kalman, steps, 3)
+        mean, covariance = posterior(readings, actions, steps)
+        np.testing.assert_allclose(estimates[-1], mean, atol=2e-5)
+        np.testing.assert_allclose(kalman.covariance, covariance, atol=2e-6)
+
+
+@pytest.mark.parametrize("level", ["default", "late"])
+def test_estimation_over_a_window_of_a_linear_model_is_the_gaussian_posterior(level):
+    """While the window holds the whole episode, and beyond it, where the arrival cost of a linear model is exact."""
+    env = smpl.Env(linear(level), normalize=False)
+    estimator = MovingHorizonEstimator(env, horizon=6, **OPTIONS)
+    for steps in (0, 5, 12):
+        estimates, readings, actions = run(env, estimator, steps, 3)
+        mean, _ = posterior(readings, actions, steps)
+        np.testing.assert_allclose(estimates[-1], mean, atol=1e-4)
+    assert estimator.failures == 0
+
+
+def test_the_covariance_settles_where_the_riccati_equation_has_its_solution():
+    env = smpl.Env(linear(), normalize=False)
+    kalman = ExtendedKalmanFilter(env, **OPTIONS)
+    run(env, kalman, 150, 0)
+    F, _ = transition()
+    C = np.array([[0.0, 1.0]])
+    before = linalg.solve_discrete_are(F.T, C.T, 0.02**2 * np.eye(2), np.array([[0.2**2]]))
+    after = before - before @ C.T @ np.linalg.solve(C @ before @ C.T + 0.2**2, C @ before)
+    np.testing.assert_allclose(kalman.covariance, after, rtol=1e-3)
+
+
+@pytest.mark.parametrize("kind", [ExtendedKalmanFilter, MovingHorizonEstimator])
+def test_a_hidden_concentration_and_a_wrong_parameter_are_found(kind):
+    env = smpl.Env("reactor", normalize=False, observation="online")
+    estimator = kind(env, parameters={"c_Af": 0.003}, deviation={"c_A": 0.05, "c_Af": 0.05, "T": 3.0, "h": 0.05})
+    env.reset(seed=0, options={"start": "steady", "parameters": {"c_Af": 0.97}})
+    estimator.reset(env)
+    for _ in range(50):
+        x = estimator.update(env)
+        env.step([26.85, 0.1])
+    assert estimator.estimate["c_Af"] == pytest.approx(0.97, abs=0.01)
+    assert x[0] == pytest.approx(env.state[0], abs=0.01)
+
+
+def test_estimation_over_a_window_stays_within_the_bounds():
+    env = smpl.Env("reactor", normalize=False, observation="online")
+    estimator = MovingHorizonEstimator(env, horizon=5, initial={"c_A": 0.995}, deviation={"c_A": 0.3})
+    env.reset(seed=0, options={"state": {"c_A": 0.99, "T": 40.0, "h": 0.66}})
+    estimator.reset(env)
+    for _ in range(15):
+        x = estimator.update(env)
+        assert 1e-8 <= x[0] <= 1.0
+        env.step([16.0, 0.1])
+    assert x[0] == pytest.approx(env.state[0], abs=0.02)
+
+
+@pytest.mark.parametrize(("kind", "options"), [(ExtendedKalmanFilter, {}), (MovingHorizonEstimator, {"horizon": 6})])
+def test_feedback_of_an_estimate_brings_a_reactor_with_hidden_concentrations_to_rest(kind, options):
+    model = smpl.compile(PROBLEMS / "van_de_vusse.eq", observation="laboratory")
+    env = smpl.Env(model, normalize=False, max_steps=60)
+    regulator = LQR(smpl.compile(PROBLEMS / "van_de_vusse.eq"))
+    episode = run_episode(
+        env, LQG(regulator, kind(env, **options)), 2, {"state": {"c_A": 2.3, "c_B": 1.0, "T": 116.0, "T_K": 112.0}}
+    )
+    assert not episode.failure
+    np.testing.assert_allclose(episode.states[-1], [2.14, 1.09, 114.2, 112.9], rtol=0.01)
+
+
+def test_an_estimator_of_another_level_is_refused():
+    kalman = ExtendedKalmanFilter(smpl.compile("reactor", observation="online"))
+    regulator = LQR(smpl.compile("reactor"))
+    with pytest.raises(ValueError, match="sees the level 'online', the environment shows 'default'"):
+        run_episode(smpl.Env("reactor"), LQG(regulator, kalman), 0)
+    with pytest.raises(ValueError, match=r"the estimator reads T, h .* the environment shows c_A, T, h"):
+        kalman.reset(smpl.Env("reactor"))
+    with pytest.raises(ValueError, match="horizon is 3, expected an integer above the longest delay, 3"):
+        MovingHorizonEstimator(smpl.compile("reactor", observation="laboratory"), horizon=3)
+    with pytest.raises(ValueError, match="parameters: unknown 'k'"):
+        ExtendedKalmanFilter(smpl.compile("reactor"), parameters={"k": 1.0})
+
+
+def test_a_level_that_the_scenario_chooses_has_its_sensors(tmp_path):
+    scenario = tmp_path / "online.yaml"
+    scenario.write_text("observation: online\n")
+    model = smpl.compile("reactor", scenario=scenario)
+    assert (model.level, model.observation_names) == ("online", ("T", "h"))
+    assert sensors(model).noise.tolist() == [0.1, 0.002]
+
+
+@pytest.mark.parametrize("name", ["beer", "pensim"])
+def test_the_prediction_is_the_step_of_the_plant_to_the_bit(name):
+    from smpl.controllers.estimation import Prediction, discrete_of
+
+    env = smpl.Env(name, normalize=False, settings={"disturbances": False} if name == "pensim" else {})
+    env.reset(seed=1, options={"start": "nominal"})
+    prediction = Prediction(env.model, None, None, None)
+    prediction.begin(env)
+    for _ in range(8):
+        expected = prediction.step(env.state[None], env.policy("nominal"), env.steps, discrete_of(env))[0]
+        env.step(env.policy("nominal"))
+        np.testing.assert_array_equal(expected, env.state)
+
+
+def test_a_regulator_of_other_states_than_the_estimator_is_refused():
+    env = smpl.Env(linear(), normalize=False)
+    with pytest.raises(ValueError, match="the estimator has the states x, z, the regulator c_A, T, h"):
+        LQG(LQR(smpl.compile("reactor")), ExtendedKalmanFilter(env)).reset(env)
