@@ -186,7 +186,9 @@ def _manifest(plan: Plan, folder: Path, states: tuple[str, ...], part: int | Non
         manifest = replace(Manifest.read(folder), episodes=plan.episodes)
         differing = [key for key in identity if manifest.identity.get(key) != identity[key]]
         if differing:
-            told = "; ".join(f"{key}: {manifest.identity.get(key)!r} there, {identity[key]!r} here" for key in differing)
+            told = "; ".join(
+                f"{key}: {manifest.identity.get(key)!r} there, {identity[key]!r} here" for key in differing
+            )
             raise DatasetError(f"{folder} has another data set ({told}): give another folder, or remove it")
     for left in folder.glob(".*.tmp"):
         left.unlink(missing_ok=True)

@@ -11,6 +11,7 @@ import importlib
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -165,7 +166,7 @@ def _known(model: Model) -> dict[str, Callable[[], Any]]:
     if model.action_names == ("T",) and "S" in model.state_names:
         known |= {"profile": controllers.Profile, "isothermal": controllers.isothermal}
     for policy in model.policies:
-        known.setdefault(policy, lambda policy=policy: controllers.Policy(policy))
+        known.setdefault(policy, partial(controllers.Policy, policy))
     return known
 
 
@@ -275,9 +276,7 @@ def _one(given: Any, length: int) -> FloatArray:
 
 def _proportional(controller: controllers.Proportional, rows: Rows) -> FloatArray:
     error = rows.states[:, [0, 2]] - SET_POINT[[0, 2]]
-    return np.clip(
-        STEADY_ACTION + controller._gains * error, rows.interface.action_low, rows.interface.action_high
-    )
+    return np.clip(STEADY_ACTION + controller._gains * error, rows.interface.action_low, rows.interface.action_high)
 
 
 def _constant(controller: controllers.Constant, rows: Rows) -> FloatArray:

@@ -41,8 +41,9 @@ class Frame:
 
     def only(self, place: int) -> Frame:
         """A frame of one environment."""
-        values = (getattr(self, one.name) for one in fields(self))
-        return Frame(*(None if value is None else value[place : place + 1] for value in values))
+        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        cut: dict[str, Any] = {name: None if v is None else v[place : place + 1] for name, v in values.items()}
+        return Frame(**cut)
 
 
 def of_batch(venv: VectorEnv, observations: Array, info: _native.BatchInfo, states: bool) -> Frame:

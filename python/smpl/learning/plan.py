@@ -47,7 +47,9 @@ class Task:
         given = {key: value for key, value in arguments.items() if value is not None}
         if isinstance(env, gymnasium.Env):
             return _of_env(env, given)
-        if isinstance(env, str) and (env.startswith(("smpl/", "smpl:")) or env.removeprefix("smpl:") in gymnasium.registry):
+        if isinstance(env, str) and (
+            env.startswith(("smpl/", "smpl:")) or env.removeprefix("smpl:") in gymnasium.registry
+        ):
             spec = gymnasium.spec(env)
             if spec.entry_point != "smpl.envs:Env":
                 raise ValueError(f"{env!r} is no environment of smpl")
@@ -172,8 +174,13 @@ class Plan:
         if self.randomize:
             generator = np.random.default_rng([seed, 1])
             options["parameters"] = {name: float(generator.uniform(*ends)) for name, ends in self.randomize.items()}
-        shape = (int(self.task.arguments.get("max_steps") or self.task.model.max_steps), len(self.task.model.action_names))
-        return Job(index, seed, options or None, self._chosen(seed), self._shift(seed, shape), self._random(seed, shape))
+        shape = (
+            int(self.task.arguments.get("max_steps") or self.task.model.max_steps),
+            len(self.task.model.action_names),
+        )
+        return Job(
+            index, seed, options or None, self._chosen(seed), self._shift(seed, shape), self._random(seed, shape)
+        )
 
     def jobs(self, first: int, last: int) -> list[Job]:
         """Episodes first, ..., last - 1."""
