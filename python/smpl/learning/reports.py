@@ -27,10 +27,10 @@ _COLUMNS = (
 )
 _LEGEND = (
     "per step: mean ± population standard deviation over all steps of all episodes; per episode: over the episodes' "
-    "mean rewards; return: mean of the sums with its 95 % bootstrap interval; interquartile: mean of the middle half of "
-    "the returns with its interval; cost: mean over episodes of the summed violations; settled: episodes that end within "
-    "2 % of each state's range of the steady state; settling: median time until then; decision: median, of a batch the "
-    "share of one environment."
+    "mean rewards; return: mean of the sums with its 95 % bootstrap interval; interquartile: mean of the middle half "
+    "of the returns with its interval; cost: mean over episodes of the summed violations; settled: episodes that end "
+    "within 2 % of each state's range of the steady state; settling: median time until then; decision: median, of a "
+    "batch the share of one environment."
 )
 
 
@@ -130,9 +130,10 @@ def _title(report: Mapping[str, Any]) -> str:
 def _about(report: Mapping[str, Any]) -> str:
     about = report["about"]
     scenario = f", scenario {about['scenario']}" if about["scenario"] else ""
+    last = about["seed"] + about["episodes"] - 1
     return (
-        f"{about['episodes']} episodes each, seeds {about['seed']} to {about['seed'] + about['episodes'] - 1}, the same "
-        f"for all; starts: {about['starts']}; reward {about['reward']}{scenario}; model {about['checksum'][:12]}."
+        f"{about['episodes']} episodes each, the same for all, seeds {about['seed']} to {last}; starts: "
+        f"{about['starts']}; reward {about['reward']}{scenario}; model {about['checksum'][:12]}."
     )
 
 
@@ -149,8 +150,9 @@ def _findings(report: Mapping[str, Any]) -> list[str]:
                 )
     for name, values in report["comparisons"].items():
         low, high = map(_number, values["interval"])
+        mean = _number(values["difference"])
         lines.append(
-            f"- {name} against {values['baseline']}, episode by episode: return differs by {_number(values['difference'])} "
+            f"- {name} against {values['baseline']}, episode by episode: return differs by {mean} "
             f"({low} to {high}), better in {100 * values['better']:.0f} % of the episodes"
         )
     return lines

@@ -51,10 +51,10 @@ class Starts:
         """Starts as a user names them.
 
         Args:
-            given: none or `sampled`; `grid:D:N` (from 1 - D to 1 + D times the steady state, N values a state, clipped
-                to the box; 0.3 and 10 if they are left out) or `unclipped_grid:D:N`; `spread:D` (scrambled Sobol points in
-                the same box); a path of a CSV file whose columns are states; an array (starts, states); mappings, one
-                a start.
+            given: none or `sampled`; `grid:D:N` (from 1 - D to 1 + D times the steady state, N values a state,
+                clipped to the box; 0.3 and 10 if they are left out) or `unclipped_grid:D:N`; `spread:D` (scrambled
+                Sobol points in the same box); a path of a CSV file whose columns are states; an array (starts,
+                states); mappings, one a start.
             env: the environment.
             episodes: how many spread starts.
             seed: of the scrambling.
