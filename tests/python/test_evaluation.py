@@ -148,7 +148,7 @@ def test_without_matplotlib_pictures_are_left_out_with_a_note(tmp_path, monkeypa
     assert (
         main(["beer", "--controller", "isothermal", "--episodes", "2", "--max-steps", "5", "--out", str(tmp_path)]) == 0
     )
-    assert "pip install 'smpl[plot]'" in (tmp_path / "report.html").read_text()
+    assert "pip install 'smpl[report]'" in (tmp_path / "report.html").read_text()
     assert "base64" not in (tmp_path / "report.html").read_text()
     capsys.readouterr()
 

@@ -119,7 +119,7 @@ def _pictures(plan: Plan, scores: Sequence[Score]) -> tuple[dict[str, tuple[str,
     try:
         from smpl.learning.pictures import pictures
     except ImportError:
-        return {}, "Pictures are left out: pip install 'smpl[plot]'."
+        return {}, "Pictures are left out: pip install 'smpl[report]'."
     return pictures(plan, scores), ""
 
 
