@@ -48,7 +48,7 @@ class Frame:
 
 def of_batch(venv: VectorEnv, observations: Array, info: _native.BatchInfo, states: bool) -> Frame:
     """The frame of a batch after a reset or a step."""
-    time, success, failures, violations, cost, rewards, _, phases = info
+    time, success, failures, violations, cost, rewards, _, phases, _ = info
     native = venv._native
     return Frame(
         observations,

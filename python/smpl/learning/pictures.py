@@ -1,4 +1,4 @@
-"""Pictures of an evaluation (extra `report`): trajectories, returns, violations, and where which controller is better."""
+"""Pictures of an evaluation (extra `report`): trajectories, returns, violations, where which controller is better."""
 
 from __future__ import annotations
 
