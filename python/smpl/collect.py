@@ -9,7 +9,6 @@ from typing import Any
 
 from smpl._native import CompileError
 from smpl.datasets import collect
-from smpl.learning import RunError
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -86,7 +85,7 @@ def guarded(work: Any) -> int:
     """Run; what the user can mend is told in a line, with exit status 2."""
     try:
         return int(work())
-    except (ValueError, TypeError, ImportError, CompileError, RunError, OSError) as error:
+    except (ValueError, TypeError, ImportError, RuntimeError, CompileError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:

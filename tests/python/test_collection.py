@@ -166,6 +166,17 @@ def test_another_data_set_in_the_folder_is_refused(tmp_path):
         collect("reactor", Proportional(50.0), 2, tmp_path, max_steps=5)
 
 
+def test_another_policy_under_the_same_file_name_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("smpl.learning.agents._policy_file", lambda spec: Batched())
+    file = tmp_path / "policy.pt"
+    file.write_bytes(b"one")
+    collect("reactor", str(file), 2, tmp_path / "set", max_steps=5)
+    assert len(collect("reactor", str(file), 3, tmp_path / "set", max_steps=5)) == 3
+    file.write_bytes(b"two")
+    with pytest.raises(DatasetError, match="another data set .*settings"):
+        collect("reactor", str(file), 3, tmp_path / "set", max_steps=5)
+
+
 def test_a_data_set_of_another_version_of_the_model_is_refused(tmp_path):
     text = (
         'model Tank "t"\ntime t : h\nparam k : 1/h = 0.5\naction q : m/h = 0 in 0..1 "flow"\n'
@@ -312,3 +323,29 @@ def test_bad_input_of_a_collection_is_refused(arguments, says, tmp_path):
         isinstance(caught.value, (ValueError, TypeError, FileNotFoundError))
         or "gymnasium" in type(caught.value).__module__
     )
+
+
+class Mortal:
+    """Nominal actions; the first process that meets episode 5 dies of it."""
+
+    def reset(self, env):
+        mark = Path(os.environ["SMPL_TEST_MARK"])
+        if env.episode[0] == 5 and not mark.exists():
+            mark.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    def action(self, env):
+        return env.model.native.defaults("action")
+
+
+def test_a_worker_that_dies_is_replaced_and_nothing_is_lost_or_counted_twice(tmp_path, monkeypatch):
+    monkeypatch.setenv("SMPL_TEST_MARK", str(tmp_path / "mark"))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(Path(__file__).parent), *sys.path]))
+    controller = __import__("test_collection").Mortal()
+    dataset = collect("reactor", controller, 8, tmp_path / "set", workers=2, part=2, max_steps=5)
+    assert (tmp_path / "mark").exists() and [one.seed for one in dataset] == list(range(8))
+
+
+def test_a_controller_that_cannot_travel_says_what_to_do(tmp_path):
+    with pytest.raises(ValueError, match=r"cannot be sent to other processes .*workers=1, or MODULE:NAME"):
+        collect("reactor", lambda observation: [0.0, 0.0], 4, tmp_path, workers=2, part=2)

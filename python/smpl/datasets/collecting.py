@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import importlib.metadata
-import multiprocessing
 import os
 import platform
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,7 +22,8 @@ from smpl.learning.agents import Agent
 from smpl.learning.plan import Plan, Task
 from smpl.learning.progress import Progress
 from smpl.learning.running import Settings, batched, drawn_parameters, run
-from smpl.model import as_count
+from smpl.learning.workers import spread
+from smpl.model import as_count, check_names
 
 # Bytes of a part before compression, and the most episodes that it may have.
 PART_BYTES = 64 * 2**20
@@ -111,41 +110,12 @@ def _run_parts(
             _make_part(plan, folder, manifest, number, workers if batched(plan) else 1)
             yield manifest.range(number)
         return
-    # Spawned, not forked: the threads of this process are not in a child.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(workers, len(missing)), context, _begin, (plan, folder, manifest)) as pool:
-        try:
-            waiting = {pool.submit(_work, number): number for number in missing}
-        except (TypeError, AttributeError) as error:
-            raise _cannot_travel(error) from error
-        try:
-            for done in as_completed(waiting):
-                done.result()
-                yield manifest.range(waiting[done])
-        except BrokenProcessPool as error:
-            raise RuntimeError(
-                f"a worker died (out of memory?); {folder} keeps its whole parts: run the same command to go on, "
-                "with fewer workers"
-            ) from error
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+    for number, _ in spread(_work, (plan, folder, manifest), missing, workers):
+        yield manifest.range(number)
 
 
-def _cannot_travel(error: Exception) -> ValueError:
-    return ValueError(f"the controller cannot be sent to other processes ({error}): give workers=1, or MODULE:NAME")
-
-
-_PLAN: list[tuple[Plan, Path, Manifest]] = []
-
-
-def _begin(plan: Plan, folder: Path, manifest: Manifest) -> None:
-    """In a worker: keep what all parts have in common."""
-    _PLAN[:] = [(plan, folder, manifest)]
-
-
-def _work(number: int) -> None:
-    plan, folder, manifest = _PLAN[0]
-    _make_part(plan, folder, manifest, number, 1)
+def _work(shared: tuple[Plan, Path, Manifest], number: int) -> None:
+    _make_part(*shared, number, 1)
 
 
 def _make_part(plan: Plan, folder: Path, manifest: Manifest, number: int, threads: int) -> None:
@@ -160,8 +130,6 @@ def _make_part(plan: Plan, folder: Path, manifest: Manifest, number: int, thread
 
 
 def _state_names(task: Task, states: bool | Sequence[str]) -> tuple[str, ...]:
-    from smpl.model import check_names
-
     if isinstance(states, (bool, np.bool_)):
         return task.model.state_names if states else ()
     check_names("states", states, task.model.state_names)
@@ -216,12 +184,19 @@ def _identity(plan: Plan, states: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _described(one: Agent) -> str:
-    """Class and plain settings of a controller: a data set is not continued with other gains."""
-    inner = getattr(one.chooser, "__dict__", {})
+    """What a controller is and its plain settings: a data set is not continued with other gains or another policy."""
+    name = str(getattr(one.chooser, "__qualname__", type(one.chooser).__qualname__))
+    file = Path(one.origin[0].rpartition(":")[2]) if one.origin is not None else None
+    if file is not None and file.is_file():
+        return f"{name} {hashlib.sha256(file.read_bytes()).hexdigest()}"
     plain = (int, float, str, bool, tuple, list, np.ndarray)
-    settings = {key: np.asarray(value).tolist() for key, value in sorted(inner.items()) if isinstance(value, plain)}
-    name = getattr(one.chooser, "__qualname__", type(one.chooser).__qualname__)
+    inner = sorted(getattr(one.chooser, "__dict__", {}).items())
+    settings = {key: _plain(value) for key, value in inner if isinstance(value, plain)}
     return f"{name} {settings}" if one.kind == "action" else name
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 def _names(plan: Plan, env: Env, states: tuple[str, ...]) -> dict[str, list[str]]:

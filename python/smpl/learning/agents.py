@@ -25,6 +25,8 @@ from smpl.envs import Env, Interface, native_seed
 from smpl.model import FloatArray, Model, as_vector
 
 Array = npt.NDArray[Any]
+# Endings of the files of policies.
+_FILES = (".zip", ".d3", ".pt")
 
 
 @dataclass
@@ -60,8 +62,15 @@ class Agent:
 
     def __init__(self, name: str, chooser: Any, physical: bool = False) -> None:
         self.name, self.chooser, self.physical = name, chooser, physical
+        # Text and model that it was made from: in another process it is made anew, whatever it has built meanwhile.
+        self.origin: tuple[str, Model] | None = None
         self.kind = _kind(chooser)
         self._state_aware = self.kind == "predict" and "episode_start" in _parameters(chooser.predict)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        if self.origin is not None:
+            return agent, (*self.origin, self.name)
+        return Agent, (self.name, self.chooser, self.physical)
 
     @property
     def batched(self) -> bool:
@@ -135,18 +144,30 @@ def agent(spec: Any, model: Model, name: str | None = None) -> Agent:
         return spec
     if not isinstance(spec, str):
         return Agent(name or type(spec).__name__, spec)
+    made = Agent(name or _title(spec), _made(spec, model))
+    made.origin = (spec, model)
+    return made
+
+
+def _title(spec: str) -> str:
+    """Name of a policy file without its folder and ending; of anything else the text itself."""
+    file = Path(spec.rpartition(":")[2])
+    return file.stem if file.suffix in _FILES else spec
+
+
+def _made(spec: str, model: Model) -> Any:
     known = _known(model)
     if spec in known:
-        return Agent(name or spec, known[spec]())
+        return known[spec]()
     if spec.startswith("constant:"):
-        return Agent(name or spec, controllers.Constant(_numbers(spec)))
-    if Path(spec.rpartition(":")[2]).suffix in (".zip", ".d3", ".pt"):
-        return Agent(name or Path(spec.rpartition(":")[2]).stem, _policy_file(spec))
+        return controllers.Constant(_numbers(spec))
+    if Path(spec.rpartition(":")[2]).suffix in _FILES:
+        return _policy_file(spec)
     if ":" in spec:
-        return Agent(name or spec, _imported(spec))
+        return _imported(spec)
     later = _baseline(model, spec)
     if later is not None:
-        return Agent(name or spec, later)
+        return later
     raise ValueError(
         f"controller is {spec!r}; {model.name} has: {', '.join(names(model))}; "
         "others: constant:NUMBER,..., MODULE:ATTRIBUTE, PPO:FILE.zip, FILE.d3, FILE.pt"
@@ -155,7 +176,12 @@ def agent(spec: Any, model: Model, name: str | None = None) -> Agent:
 
 def names(model: Model) -> tuple[str, ...]:
     """Names of the controllers for a model."""
-    return tuple(_known(model))
+    listed: Any = getattr(controllers, "baselines", None)
+    try:
+        more = listed(model.name) if listed is not None else ()
+    except ValueError:  # a model that is not shipped has none
+        more = ()
+    return tuple(dict.fromkeys((*_known(model), *more)))
 
 
 def _known(model: Model) -> dict[str, Callable[[], Any]]:

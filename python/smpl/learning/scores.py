@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-import multiprocessing
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -17,6 +15,7 @@ from smpl.evaluation import Episode
 from smpl.learning.plan import Job, Plan
 from smpl.learning.running import Settings, batched, run
 from smpl.learning.statistics import bootstrap, interquartile_mean, probability_of_improvement
+from smpl.learning.workers import spread
 from smpl.model import FloatArray
 
 # Episodes that are kept whole for the pictures, decisions whose times are kept, episodes a worker takes at a time.
@@ -161,15 +160,26 @@ def score(
         )
         _gather(found, pieces, stepped, kept)
         return found
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(count, context) as pool:
-        ends = [(first, min(first + CHUNK, plan.episodes)) for first in range(0, plan.episodes, CHUNK)]
-        waiting = [pool.submit(_piece, plan, first, last, 1, target, kept) for first, last in ends]
-        try:
-            _gather(found, (one.result() for one in waiting), stepped, kept)
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+    ends = [(first, min(first + CHUNK, plan.episodes)) for first in range(0, plan.episodes, CHUNK)]
+    _gather(found, _ordered(ends, spread(_work, (plan, target, kept), ends, count)), stepped, kept)
     return found
+
+
+def _work(shared: tuple[Plan, tuple[FloatArray, FloatArray] | None, int], ends: tuple[int, int]) -> Score:
+    plan, target, kept = shared
+    return _piece(plan, *ends, 1, target, kept)
+
+
+def _ordered(ends: Sequence[tuple[int, int]], results: Iterator[tuple[Any, Score]]) -> Iterator[Score]:
+    """The pieces in the order of `ends`, each as soon as those before it are there."""
+    early: dict[tuple[int, int], Score] = {}
+    coming = iter(ends)
+    wanted = next(coming, None)
+    for piece, result in results:
+        early[piece] = result
+        while wanted in early:
+            yield early.pop(wanted)
+            wanted = next(coming, None)
 
 
 def _gather(found: Score, pieces: Iterable[Score], stepped: Callable[[int], None] | None, kept: int) -> None:
