@@ -98,6 +98,22 @@ def test_disturbances_stand_in_the_row_of_the_step_that_they_acted_in(tmp_path):
     assert len(set(recorded["z"])) == 5
 
 
+def test_every_environment_is_collected_and_comes_back_as_it_was(identifier, tmp_path):
+    dataset = collect(identifier, "nominal", 2, tmp_path, states=True, max_steps=3)
+    plan = Plan.of(Task.of(identifier, max_steps=3), "nominal", 2)
+    parameters = tuple(dataset.manifest.names["parameters"])
+    for one, (_, expected) in zip(dataset, run(plan, plan.jobs(0, 2), Settings(parameters=parameters)), strict=True):
+        assert_equal(one, expected)
+        for name in ("rewards", "violations", "discrete", "disturbances"):
+            stored, made = getattr(one.details, name), getattr(expected.details, name)
+            assert list(stored) == list(made)
+            for key, values in made.items():
+                np.testing.assert_array_equal(stored[key], values)
+        np.testing.assert_array_equal(one.details.physical, expected.details.physical)
+        assert (one.details.phases, one.details.parameters) == (expected.details.phases, expected.details.parameters)
+    dataset.check(identifier, max_steps=3)
+
+
 def test_workers_do_not_change_a_single_byte(tmp_path):
     folders = [tmp_path / "one", tmp_path / "two"]
     for folder, workers in zip(folders, (1, 2), strict=True):
@@ -173,7 +189,7 @@ def test_another_policy_under_the_same_file_name_is_refused(tmp_path, monkeypatc
     collect("reactor", str(file), 2, tmp_path / "set", max_steps=5)
     assert len(collect("reactor", str(file), 3, tmp_path / "set", max_steps=5)) == 3
     file.write_bytes(b"two")
-    with pytest.raises(DatasetError, match="another data set .*settings"):
+    with pytest.raises(DatasetError, match=r"another data set .*settings"):
         collect("reactor", str(file), 3, tmp_path / "set", max_steps=5)
 
 
