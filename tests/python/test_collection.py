@@ -312,9 +312,46 @@ def test_policies_of_other_packages_act_on_batches_and_one_by_one():
         np.testing.assert_allclose(one.actions, np.tanh(one.observations[:-1, :2]), rtol=1e-6)
 
 
+class Narrow:
+    def predict(self, observations):
+        return np.zeros((len(observations), 3))
+
+
+class Recurrent:
+    """Counts its steps in its state, as recurrent policies of sb3-contrib keep theirs: (layers, environments, size)."""
+
+    def predict(self, observations, state=None, episode_start=None, deterministic=False):
+        count = np.zeros((1, len(observations), 1)) if state is None else state[0].copy()
+        if episode_start is not None:
+            count[:, episode_start] = 0
+        actions = np.repeat(count[0] / 100, 2, axis=1) - 0.1
+        return actions, (count + 1, count + 1)
+
+
+def test_the_state_of_a_recurrent_policy_begins_anew_in_each_episode():
+    # Three times as many episodes as places, of different lengths.
+    plan = Plan.of(Task.of("reactor", max_steps=30, scenario="legacy"), Recurrent(), 192)
+    lengths = set()
+    for _, one in run(plan, plan.jobs(0, 192), Settings()):
+        np.testing.assert_allclose(one.actions[:, 0], np.arange(one.steps) / 100 - 0.1, atol=1e-7)
+        lengths.add(one.steps)
+    assert len(lengths) > 2
+
+
+def test_a_model_whose_file_has_changed_since_it_was_compiled_is_refused(tmp_path):
+    path = tmp_path / "beer.eq"
+    path.write_text(Path(smpl.compile("beer").native.sources[0]).read_text())
+    model = smpl.compile(path)
+    path.write_text(path.read_text() + "\n")
+    os.utime(path, ns=(1, 1))
+    with pytest.raises(ValueError, match="has changed since it was compiled"):
+        collect(model, "nominal", 1, tmp_path / "set")
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
+        ({"controller": Narrow()}, r"episode 0 .*predict gave shape \(1, 3\), expected \(1, 2\)"),
         ({"controller": "pdi"}, "controller is 'pdi'; Reactor has: nominal, random, pid, mpc"),
         ({"controller": "nowhere:Thing"}, "nowhere"),
         ({"controller": Proportional}, "the class Proportional"),

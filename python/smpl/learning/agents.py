@@ -92,12 +92,14 @@ class Agent:
             return env.from_physical(given)
         if self.kind == "call":
             return self._scaled(env, _one(self.chooser(observation), len(env.action_names)))
-        return self._scaled(env, self._predict(observation[None], [memory])[0])
+        return self._scaled(env, self._predict(observation[None], [memory], len(env.action_names))[0])
 
     def act(self, rows: Rows) -> FloatArray:
         """Actions for a batch, in the action space, shape (environments, actions)."""
         if self.kind == "predict":
-            return self._scaled(rows.interface, self._predict(rows.observations, rows.memory))
+            return self._scaled(
+                rows.interface, self._predict(rows.observations, rows.memory, len(rows.interface.action_names))
+            )
         return rows.interface.from_physical(_BATCHED[type(self.chooser)](self.chooser, rows))
 
     def check(self, env: Env) -> None:
@@ -107,7 +109,7 @@ class Agent:
     def _scaled(self, interface: Interface, action: FloatArray) -> FloatArray:
         return interface.from_physical(action) if self.physical else action
 
-    def _predict(self, observations: Array, memory: list[dict[str, Any]]) -> FloatArray:
+    def _predict(self, observations: Array, memory: list[dict[str, Any]], width: int) -> FloatArray:
         options: dict[str, Any] = {}
         if self._state_aware and any("state" in one for one in memory):
             shape = next(one["state"] for one in memory if "state" in one)
@@ -123,7 +125,9 @@ class Agent:
                 for i, one in enumerate(memory):
                     one["state"] = [part[..., i, :] for part in state]
         actions = np.asarray(given, dtype=np.float64)
-        return actions.reshape(len(observations), -1)
+        if actions.shape != (len(observations), width):
+            raise ValueError(f"predict gave shape {actions.shape}, expected {(len(observations), width)}")
+        return actions
 
 
 def agent(spec: Any, model: Model, name: str | None = None) -> Agent:

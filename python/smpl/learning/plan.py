@@ -71,7 +71,13 @@ class Task:
 
     @property
     def checksum(self) -> str:
-        """SHA-256 of the model's files, its scenario's included, and of what it was compiled with."""
+        """SHA-256 of the model's files, its scenario's included, and of what it was compiled with.
+
+        Raises:
+            ValueError: the files have changed since it was compiled.
+        """
+        if self.model.is_stale():
+            raise ValueError(f"a file of {self.model.name} has changed since it was compiled: compile it again")
         digest = hashlib.sha256()
         for source in self.model.native.sources:
             digest.update(Path(source).read_bytes() if Path(source).is_file() else b"")

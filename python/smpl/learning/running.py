@@ -216,7 +216,12 @@ class _Batch:
         for number, chooser in enumerate(self.plan.agents):
             mine = np.flatnonzero(who == number)
             if len(mine):
-                actions[mine] = self._act(chooser, mine)
+                try:
+                    actions[mine] = self._act(chooser, mine)
+                except ValueError as error:
+                    first = self.jobs[int(mine[0])]
+                    assert first is not None
+                    raise _about(self.plan, first, error) from error
         return actions
 
     def _act(self, chooser: Agent, mine: npt.NDArray[np.intp]) -> FloatArray:
