@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -370,12 +371,9 @@ def test_a_model_whose_file_has_changed_since_it_was_compiled_is_refused(tmp_pat
 )
 def test_bad_input_of_a_collection_is_refused(arguments, says, tmp_path):
     given = {"env": "reactor", "controller": "pid", "episodes": 2, **arguments}
-    with pytest.raises(Exception, match=says) as caught:
+    kinds = (ValueError, TypeError, FileNotFoundError, gymnasium.error.Error, RunError)
+    with pytest.raises(kinds, match=says):
         collect(given.pop("env"), given.pop("controller"), given.pop("episodes"), tmp_path / "set", **given)
-    assert (
-        isinstance(caught.value, (ValueError, TypeError, FileNotFoundError))
-        or "gymnasium" in type(caught.value).__module__
-    )
 
 
 class Mortal:
