@@ -293,7 +293,7 @@ def _episode(manifest: Manifest, c: Mapping[str, npt.NDArray[Any]]) -> Episode:
         str(c["failure"][0]),
         bool(c["success"][0]),
         json.loads(c["options"][0]),
-        details,
+        details=details,
     )
 
 

@@ -134,5 +134,5 @@ def episode(
         "" if last.failure is None else str(last.failure[place]),
         bool(last.success[place]),
         job.options,
-        details,
+        details=details,
     )
