@@ -313,6 +313,20 @@ def test_policies_of_other_packages_act_on_batches_and_one_by_one():
         np.testing.assert_allclose(one.actions, np.tanh(one.observations[:-1, :2]), rtol=1e-6)
 
 
+class Single:
+    """A policy as of RLlib."""
+
+    def compute_single_action(self, observation, explore=True):
+        assert not explore
+        return np.tanh(observation[:2]), [], {}
+
+
+def test_policies_of_one_observation_at_a_time_act():
+    plan = Plan.of(Task.of("reactor", max_steps=10), Single(), 2)
+    for _, one in run(plan, plan.jobs(0, 2), Settings()):
+        np.testing.assert_allclose(one.actions, np.tanh(one.observations[:-1, :2]), rtol=1e-6)
+
+
 class Narrow:
     def predict(self, observations):
         return np.zeros((len(observations), 3))

@@ -1,8 +1,8 @@
 """Anything that chooses actions, behind one interface.
 
-Three kinds: a controller (`reset(env)`, `action(env)`, physical units), a policy (`predict(observation)`, actions of
-the action space, as of Stable-Baselines3 and d3rlpy) and a function of the observation. Policies and some of our own
-controllers act on a whole batch at once.
+A controller (`reset(env)`, `action(env)`, physical units), a policy (`predict(observations)` as of Stable-Baselines3 and
+d3rlpy, `compute_single_action(observation)` as of RLlib; actions of the action space) or a function of the observation.
+Policies with `predict` and some of our own controllers act on a whole batch at once.
 """
 
 from __future__ import annotations
@@ -92,6 +92,9 @@ class Agent:
             return env.from_physical(given)
         if self.kind == "call":
             return self._scaled(env, _one(self.chooser(observation), len(env.action_names)))
+        if self.kind == "single":
+            given = self.chooser.compute_single_action(observation, explore=False)
+            return self._scaled(env, _one(given[0] if isinstance(given, tuple) else given, len(env.action_names)))
         return self._scaled(env, self._predict(observation[None], [memory], len(env.action_names))[0])
 
     def act(self, rows: Rows) -> FloatArray:
@@ -284,6 +287,8 @@ def _kind(chooser: Any) -> str:
             return "action"
         if callable(getattr(chooser, "predict", None)):
             return "predict"
+        if callable(getattr(chooser, "compute_single_action", None)):
+            return "single"
         if callable(chooser):
             return "call"
     what = f"the class {chooser.__name__}" if isinstance(chooser, type) else type(chooser).__name__
