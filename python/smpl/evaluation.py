@@ -16,13 +16,38 @@ from smpl.model import FloatArray, as_count
 
 
 @dataclass(frozen=True)
+class Details:
+    """What a data set keeps of an episode beside its transitions.
+
+    Attributes:
+        physical: actions in physical units, (T, actions).
+        rewards: every declared reward by name, (T,).
+        violations: of each constraint by name, (T + 1,).
+        discrete: discrete variables by name, (T + 1,).
+        disturbances: by name, in force during each step, (T,).
+        phases: name of the phase, T + 1; empty for a model without a schedule.
+        parameters: those that are drawn or set, by name.
+        controller: its name.
+    """
+
+    physical: FloatArray
+    rewards: dict[str, FloatArray]
+    violations: dict[str, FloatArray]
+    discrete: dict[str, FloatArray]
+    disturbances: dict[str, FloatArray]
+    phases: tuple[str, ...]
+    parameters: dict[str, float]
+    controller: str
+
+
+@dataclass(frozen=True)
 class Episode:
     """One episode of T steps; arrays of T + 1 rows start with the state of the reset.
 
     Attributes:
         seed: seed of the reset, if one was given.
         observations: (T + 1, observations), as the environment returned them.
-        states: (T + 1, states), physical units.
+        states: (T + 1, states), physical units; without columns where they were not kept.
         actions: (T, actions), as the environment was given them: of its action space, in its precision.
         rewards, terminations, truncations: (T,).
         costs, times: (T + 1,).
@@ -31,6 +56,7 @@ class Episode:
         options: those of the reset. With them and the seed the actions give the same episode again, bit for bit.
         applied: (T, actions), the actions in physical units, as they arrived beneath all wrappers.
         readings: (T + 1, observations), in physical units, as the model showed them beneath all wrappers.
+        details: what a data set keeps beside these.
     """
 
     seed: int | None
@@ -47,6 +73,7 @@ class Episode:
     options: dict[str, Any] | None = None
     applied: FloatArray | None = None
     readings: FloatArray | None = None
+    details: Details | None = None
 
     @property
     def steps(self) -> int:

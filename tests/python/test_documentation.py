@@ -92,3 +92,17 @@ def test_links_between_pages_lead_somewhere(page: Path) -> None:
     prose = re.sub(r"^```.*?^```$|`[^`\n]*`", "", page.read_text(encoding="utf-8"), flags=re.S | re.M)
     links = re.findall(r"\]\((?!https?:)([^)#]+)", prose)
     assert [link for link in links if not (page.parent / link).exists()] == []
+
+
+def test_the_commands_and_the_script_of_the_page_on_learning_run(tmp_path: Path) -> None:
+    for module in ("pyarrow", "scipy", "h5py"):
+        pytest.importorskip(module, reason=f"{module} is not installed")
+    lines = "".join(blocks("docs/learning.md", "sh")).splitlines()
+    assert len(lines) == 5
+    for line in lines:
+        _, *arguments = re.sub(r"--episodes \d+", "--episodes 8", line).split()
+        result = subprocess.run([sys.executable, *arguments], cwd=tmp_path, capture_output=True, text=True)
+        assert result.returncode == 0, (line, result.stderr)
+    (script,) = blocks("docs/learning.md", "python")
+    subprocess.run([sys.executable, "-c", script], cwd=tmp_path, check=True)
+    assert (tmp_path / "data/pid.hdf5").is_file() and (tmp_path / "report/report.html").is_file()

@@ -1,0 +1,266 @@
+"""Collection: the episodes of a plan into a data set, in parts, resumed where it was cut off."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import importlib.metadata
+import os
+import platform
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from smpl._native import __version__
+from smpl.datasets.loading import Dataset, load
+from smpl.datasets.store import MANIFEST, DatasetError, Manifest, part_mark, part_path, pyarrow, write_part
+from smpl.envs import Env
+from smpl.learning.agents import Agent
+from smpl.learning.plan import Plan, Task
+from smpl.learning.progress import Progress
+from smpl.learning.running import Settings, batched, drawn_parameters, run
+from smpl.learning.workers import spread
+from smpl.model import as_count, check_names
+
+# Bytes of a part before compression, and the most episodes that it may have.
+PART_BYTES = 64 * 2**20
+PART_EPISODES = 1024
+
+
+def collect(
+    env: Any,
+    controller: Any,
+    episodes: int,
+    out: str | os.PathLike[str],
+    *,
+    seed: int = 0,
+    workers: int | None = None,
+    starts: Any = None,
+    weights: Sequence[float] = (),
+    noise: float = 0.0,
+    epsilon: float = 0.0,
+    randomize: Mapping[str, tuple[float, float]] | None = None,
+    states: bool | Sequence[str] = False,
+    part: int | None = None,
+    progress: bool = False,
+    **arguments: Any,
+) -> Dataset:
+    """Run episodes and keep them; what the folder has already is not run again.
+
+    Episode i is the same for any number of workers: it has the seed seed + i. Controllers that act on a whole batch
+    run in the native one with `workers` threads, others in `workers` processes.
+
+    Args:
+        env: id, model's name, path, compiled model, or an environment without wrappers.
+        controller: see `smpl.learning.agent`; a list is a mixture, from which each episode draws one.
+        episodes: how many.
+        out: folder of the data set; it is made if it is not there.
+        seed: of the first episode.
+        workers: threads or processes; all processors if none.
+        starts: see `smpl.learning.Starts.of`.
+        weights: shares of the controllers.
+        noise: standard deviation of normal noise on actions, for actions scaled to [-1, 1].
+        epsilon: probability that a step takes a uniformly random action.
+        randomize: parameter -> (low, high): drawn uniformly in each episode.
+        states: keep the states, all or those that are named.
+        part: episodes a part; chosen by their size if none.
+        progress: show a progress bar (extra `data`: tqdm).
+        arguments: of the environment: `scenario`, `variants`, `settings`, `reward`, `observation`, `normalize`,
+            `max_steps`.
+
+    Raises:
+        ValueError: an argument is none of what it may be.
+        DatasetError: the folder has another data set, or an episode has a value that is not finite.
+        RunError: an episode does not start, or its controller fails.
+        ImportError: a package is missing.
+    """
+    pyarrow()
+    plan = Plan.of(
+        Task.of(env, **arguments), controller, episodes, seed=seed, weights=weights, starts=starts, noise=noise,
+        epsilon=epsilon, randomize=randomize,
+    )  # fmt: skip
+    count = as_count("workers", workers or os.cpu_count() or 1)
+    folder = Path(out)
+    manifest = _manifest(plan, folder, _state_names(plan.task, states), part)
+    missing = _missing(folder, manifest)
+    with Progress(progress, "collect", plan.episodes, plan.episodes - _episodes_in(manifest, missing)) as bar:
+        try:
+            for first, last in _run_parts(plan, folder, manifest, missing, count):
+                bar.add(last - first)
+        except OSError as error:
+            if error.errno != errno.ENOSPC:
+                raise
+            done = manifest.parts - len(_missing(folder, manifest))
+            raise DatasetError(
+                f"the disk is full: {folder} has {done} of {manifest.parts} parts and opens; free some room and run "
+                "the same command to go on"
+            ) from error
+    return load(folder)
+
+
+def _run_parts(
+    plan: Plan, folder: Path, manifest: Manifest, missing: Sequence[int], workers: int
+) -> Iterator[tuple[int, int]]:
+    """Make the parts; yields the range of each when it is there."""
+    if batched(plan) or workers == 1 or len(missing) < 2:
+        for number in missing:
+            _make_part(plan, folder, manifest, number, workers if batched(plan) else 1)
+            yield manifest.range(number)
+        return
+    for number, _ in spread(_work, (plan, folder, manifest), missing, workers):
+        yield manifest.range(number)
+
+
+def _work(shared: tuple[Plan, Path, Manifest], number: int) -> None:
+    _make_part(*shared, number, 1)
+
+
+def _make_part(plan: Plan, folder: Path, manifest: Manifest, number: int, threads: int) -> None:
+    """Run the episodes of a part and write it."""
+    names = manifest.names
+    settings = Settings(bool(names["states"]), tuple(names["parameters"]), threads)
+    found = [(job.index, one) for job, one in run(plan, plan.jobs(*manifest.range(number)), settings)]
+    chosen = [plan.task.model.state_names.index(name) for name in names["states"]]
+    if chosen and len(chosen) < len(plan.task.model.state_names):
+        found = [(index, replace(one, states=one.states[:, chosen])) for index, one in found]
+    write_part(folder, number, manifest, sorted(found, key=lambda pair: pair[0]))
+
+
+def _state_names(task: Task, states: bool | Sequence[str]) -> tuple[str, ...]:
+    if isinstance(states, (bool, np.bool_)):
+        return task.model.state_names if states else ()
+    check_names("states", states, task.model.state_names)
+    return tuple(states)
+
+
+def _manifest(plan: Plan, folder: Path, states: tuple[str, ...], part: int | None) -> Manifest:
+    """The manifest of the folder: the one that is there, if it is of the same plan, else a new one.
+
+    Raises:
+        DatasetError: the folder has another data set.
+    """
+    env = plan.task.env()
+    identity, names = _identity(plan, states), _names(plan, env, states)
+    folder.mkdir(parents=True, exist_ok=True)
+    if not (folder / MANIFEST).exists():
+        if any(folder.glob("part-*.parquet")):
+            raise DatasetError(f"{folder} has parts but no {MANIFEST}: give another folder")
+        size = _part_size(plan, names) if part is None else as_count("part", part)
+        manifest = Manifest(identity, names, _about(plan, env), size, plan.episodes)
+    else:
+        manifest = replace(Manifest.read(folder), episodes=plan.episodes)
+        differing = [key for key in identity if manifest.identity.get(key) != identity[key]]
+        if differing:
+            told = "; ".join(
+                f"{key}: {manifest.identity.get(key)!r} there, {identity[key]!r} here" for key in differing
+            )
+            raise DatasetError(f"{folder} has another data set ({told}): give another folder, or remove it")
+    for left in folder.glob(".*.tmp"):
+        left.unlink(missing_ok=True)
+    manifest.write(folder)
+    return manifest
+
+
+def _identity(plan: Plan, states: tuple[str, ...]) -> dict[str, Any]:
+    """What the episodes are a function of, as JSON has it."""
+    return {
+        "model": plan.task.model.name,
+        "checksum": plan.task.checksum,
+        "smpl": __version__,
+        "arguments": {key: str(value) for key, value in sorted(plan.task.arguments.items())},
+        "seed": plan.seed,
+        "controllers": [one.name for one in plan.agents],
+        "settings": [_described(one) for one in plan.agents],
+        "weights": list(plan.weights),
+        "starts": plan.starts.identity,
+        "noise": plan.noise,
+        "epsilon": plan.epsilon,
+        "randomize": {name: list(ends) for name, ends in sorted(plan.randomize.items())},
+        "states": len(states),
+    }
+
+
+def _described(one: Agent) -> str:
+    """What a controller is and its plain settings: a data set is not continued with other gains or another policy."""
+    name = str(getattr(one.chooser, "__qualname__", type(one.chooser).__qualname__))
+    file = Path(one.origin[0].rpartition(":")[2]) if one.origin is not None else None
+    if file is not None and file.is_file():
+        return f"{name} {hashlib.sha256(file.read_bytes()).hexdigest()}"
+    plain = (int, float, str, bool, tuple, list, np.ndarray)
+    inner = sorted(getattr(one.chooser, "__dict__", {}).items())
+    settings = {key: _plain(value) for key, value in inner if isinstance(value, plain)}
+    return f"{name} {settings}" if one.kind == "action" else name
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def _names(plan: Plan, env: Env, states: tuple[str, ...]) -> dict[str, list[str]]:
+    model = plan.task.model
+    return {
+        "observations": list(model.observation_names),
+        "actions": list(model.action_names),
+        "rewards": list(model.reward_names),
+        "constraints": list(env.constraint_names),
+        "states": list(states),
+        "discrete": list(model.discrete_names),
+        "disturbances": list(model.disturbance_names),
+        "parameters": list(drawn_parameters(plan)),
+        "phases": list(model.phases),
+    }
+
+
+def _about(plan: Plan, env: Env) -> dict[str, Any]:
+    model = plan.task.model
+    return {
+        "env": plan.task.name,
+        "reward": model.reward,
+        "normalize": env.normalize,
+        "step": model.step,
+        "time_unit": model.time_unit,
+        "max_steps": env.max_steps,
+        "observation_units": list(model.observation_units),
+        "action_units": list(model.action_units),
+        "state_units": list(model.state_units),
+        "observation_low": env.observation_low.tolist(),
+        "observation_high": env.observation_high.tolist(),
+        "action_low": env.action_low.tolist(),
+        "action_high": env.action_high.tolist(),
+        "compiled": {key: str(value) for key, value in model._arguments.items() if key not in ("path", "source")},
+        "versions": {
+            "python": platform.python_version(),
+            **{name: importlib.metadata.version(name) for name in ("numpy", "gymnasium", "pyarrow")},
+        },
+    }
+
+
+def _part_size(plan: Plan, names: Mapping[str, Sequence[str]]) -> int:
+    """Episodes a part: sixteen parts, if each is then of a good size."""
+    steps = plan.task.env().max_steps + 1
+    row = 80 + sum(8 * len(columns) for columns in names.values())
+    return max(1, min(-(-plan.episodes // 16), PART_BYTES // (row * steps), PART_EPISODES))
+
+
+def _missing(folder: Path, manifest: Manifest) -> list[int]:
+    """Parts that are not there, or have fewer episodes than they shall have now.
+
+    Raises:
+        DatasetError: a part is damaged, or of another model.
+    """
+    missing = []
+    for number in range(manifest.parts):
+        mark = part_mark(folder, number)
+        first, last = manifest.range(number)
+        if mark is not None and mark["checksum"] != manifest.identity["checksum"]:
+            raise DatasetError(f"{part_path(folder, number)} is of another version of the model: remove it")
+        if mark is None or mark["episodes"] < last - first:
+            missing.append(number)
+    return missing
+
+
+def _episodes_in(manifest: Manifest, numbers: Sequence[int]) -> int:
+    return sum(last - first for first, last in map(manifest.range, numbers))

@@ -1,0 +1,223 @@
+"""Data sets for other packages: Minari, d3rlpy, D4RL (as a dictionary and as HDF5) and torch."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from smpl.datasets.layouts import Float32Array, joined
+from smpl.datasets.loading import Dataset
+from smpl.envs import native_seed
+from smpl.evaluation import Episode
+
+if TYPE_CHECKING:
+    from d3rlpy.dataset import MDPDataset
+
+Array = npt.NDArray[Any]
+_D4RL = ("observations", "actions", "rewards", "next_observations", "terminals", "timeouts")
+
+
+def to_d4rl(episodes: Iterable[Episode]) -> dict[str, Array]:
+    """Episodes as the dictionary of D4RL: one row a step, single precision.
+
+    `terminals` is set where the process has ended, `timeouts` where the time limit has; never both in one row.
+    `next_observations` is there so that no reader has to shift rows.
+
+    Raises:
+        ValueError: there are no episodes.
+    """
+    rows = [d4rl_rows(episode) for episode in episodes]
+    return {key: joined([row[key] for row in rows]) for key in _D4RL}
+
+
+def d4rl_rows(episode: Episode) -> dict[str, Array]:
+    """The rows of one episode, see `to_d4rl`."""
+    return {
+        "observations": episode.observations[:-1].astype(np.float32),
+        "actions": episode.actions.astype(np.float32),
+        "rewards": episode.rewards.astype(np.float32),
+        "next_observations": episode.observations[1:].astype(np.float32),
+        "terminals": episode.terminations.astype(np.bool_),
+        "timeouts": (episode.truncations & ~episode.terminations).astype(np.bool_),
+    }
+
+
+def to_hdf5(episodes: Iterable[Episode], path: str | os.PathLike[str]) -> Path:
+    """Write episodes as an HDF5 file in the layout of D4RL (extra `minari`, for h5py), one after the other.
+
+    Raises:
+        ImportError: h5py is missing.
+        ValueError: there are no episodes.
+    """
+    try:
+        import h5py
+    except ImportError as error:
+        raise ImportError("this export needs h5py: pip install h5py") from error
+    target = Path(path)
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    try:
+        with h5py.File(temporary, "w") as file:
+            for episode in episodes:
+                for key, rows in d4rl_rows(episode).items():
+                    _append(file, key, rows)
+            if not len(file):
+                raise ValueError("episodes is empty, expected one at least")
+            if isinstance(episodes, Dataset):
+                file.attrs["smpl"] = description(episodes)
+        temporary.replace(target)
+    finally:
+        temporary.unlink(missing_ok=True)
+    return target
+
+
+def _append(file: Any, key: str, rows: Array) -> None:
+    if key not in file:
+        file.create_dataset(key, data=rows, maxshape=(None, *rows.shape[1:]), chunks=True, compression="gzip")
+        return
+    before = file[key].shape[0]
+    file[key].resize(before + len(rows), axis=0)
+    file[key][before:] = rows
+
+
+def to_torch(episodes: Iterable[Episode], folder: str | os.PathLike[str] | None = None) -> Any:
+    """Episodes as a `TensorDataset` of torch: observation, action, reward, next observation, terminated.
+
+    Args:
+        episodes: the episodes.
+        folder: keep the tensors in files there and map them into memory, for what exceeds it.
+
+    Raises:
+        ImportError: torch is missing.
+    """
+    try:
+        import torch
+        from torch.utils.data import TensorDataset
+    except ImportError as error:
+        raise ImportError("this export needs torch: pip install torch") from error
+    keys = ("observations", "actions", "rewards", "next_observations", "terminals")
+    if folder is None:
+        arrays = to_d4rl(episodes)
+        return TensorDataset(*(torch.from_numpy(np.asarray(arrays[key], dtype=np.float32)) for key in keys))
+    mapped = memory_mapped(episodes, folder, keys)
+    return TensorDataset(*(torch.from_numpy(mapped[key]) for key in keys))
+
+
+def memory_mapped(
+    episodes: Iterable[Episode], folder: str | os.PathLike[str], keys: Sequence[str] = _D4RL
+) -> dict[str, Array]:
+    """The columns of `to_d4rl` as `float32` arrays in files (`KEY.f32`), mapped into memory.
+
+    Raises:
+        ValueError: there are no episodes.
+    """
+    place = Path(folder)
+    place.mkdir(parents=True, exist_ok=True)
+    files = {key: (place / f"{key}.f32").open("wb") for key in keys}
+    shapes: dict[str, tuple[int, ...]] = {}
+    try:
+        for episode in episodes:
+            for key, rows in d4rl_rows(episode).items():
+                if key in files:
+                    files[key].write(np.ascontiguousarray(rows, dtype=np.float32).tobytes())
+                    shapes[key] = (shapes.get(key, (0,))[0] + len(rows), *rows.shape[1:])
+    finally:
+        for file in files.values():
+            file.close()
+    if not shapes:
+        raise ValueError("episodes is empty, expected one at least")
+    return {key: np.memmap(place / f"{key}.f32", np.float32, "r+", shape=shapes[key]) for key in keys}
+
+
+def to_d3rlpy(episodes: Iterable[Episode]) -> MDPDataset:
+    """Episodes as a data set of d3rlpy (extra `d3rlpy`).
+
+    d3rlpy drops the last transition of a truncated episode, since it has no next observation there: such an episode
+    gets one more row with the final observation, zero action and reward, and the time-out is marked on it.
+
+    Raises:
+        ImportError: d3rlpy is missing.
+    """
+    try:
+        from d3rlpy.dataset import MDPDataset
+    except ImportError as error:
+        raise ImportError("this export needs d3rlpy: pip install 'smpl[d3rlpy]'") from error
+    return MDPDataset(**d3rlpy_arrays(episodes))
+
+
+def d3rlpy_arrays(episodes: Iterable[Episode]) -> dict[str, Float32Array]:
+    """Arguments of d3rlpy's `MDPDataset`, see `to_d3rlpy`."""
+    parts: dict[str, list[npt.NDArray[Any]]] = {
+        key: [] for key in ("observations", "actions", "rewards", "terminals", "timeouts")
+    }
+    for episode in episodes:
+        extra = 0 if episode.terminations[-1] else 1
+        flags = np.zeros(episode.steps + extra)
+        terminals, timeouts = flags.copy(), flags.copy()
+        (timeouts if extra else terminals)[-1] = 1
+        parts["observations"].append(episode.observations[: episode.steps + extra])
+        parts["actions"].append(np.concatenate([episode.actions, np.zeros((extra, episode.actions.shape[1]))]))
+        parts["rewards"].append(np.concatenate([episode.rewards, np.zeros(extra)]))
+        parts["terminals"].append(terminals)
+        parts["timeouts"].append(timeouts)
+    return {key: joined(values).astype(np.float32) for key, values in parts.items()}
+
+
+def to_minari(identifier: str, episodes: Iterable[Episode], env: Any, **texts: Any) -> Any:
+    """Write episodes as a Minari data set (extra `minari`) and return it.
+
+    Args:
+        identifier: such as `smpl/reactor/nmpc-v0`.
+        episodes: the episodes, each complete.
+        env: the environment or its id.
+        texts: passed on: `algorithm_name`, `author`, `author_email`, `code_permalink`, `description`,
+            `ref_min_score`, `ref_max_score` (give both or none), `data_format`, `requirements`.
+
+    Raises:
+        ImportError: Minari is missing.
+        ValueError: the data set exists.
+    """
+    try:
+        import minari
+        from minari.data_collector.episode_buffer import EpisodeBuffer
+    except ImportError as error:
+        raise ImportError("this export needs Minari: pip install 'smpl[minari]'") from error
+    buffers = [
+        EpisodeBuffer(
+            id=index,
+            # The file holds 64 bits of a seed; those that stand for a longer one begin the same episode.
+            seed=None if episode.seed is None else native_seed(int(episode.seed)),
+            options=episode.options,
+            observations=episode.observations,
+            actions=episode.actions.astype(np.float32),
+            rewards=episode.rewards,
+            terminations=episode.terminations,
+            truncations=episode.truncations,
+            infos=_infos(episode),
+        )
+        for index, episode in enumerate(episodes)
+    ]
+    made = minari.create_dataset_from_buffers(identifier, buffer=buffers, env=env, **texts)
+    if isinstance(episodes, Dataset):
+        made.storage.update_metadata({"smpl": description(episodes)})
+    return made
+
+
+def _infos(episode: Episode) -> dict[str, Any]:
+    """Costs, times, violations and rewards by name, each with T + 1 entries, entry 0 being that of the reset."""
+    infos: dict[str, Any] = {"cost": episode.costs, "time": episode.times}
+    if episode.details is not None:
+        infos["violations"] = dict(episode.details.violations)
+        infos["rewards"] = {name: np.concatenate([[0.0], v]) for name, v in episode.details.rewards.items()}
+    return infos
+
+
+def description(dataset: Dataset) -> str:
+    """Units, bounds, versions and origin of a data set as JSON."""
+    manifest = dataset.manifest
+    return json.dumps({"about": manifest.about, "identity": manifest.identity, "names": manifest.names}, default=str)

@@ -1,0 +1,122 @@
+"""Reading data sets."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, overload
+
+import numpy as np
+
+from smpl.datasets.store import DatasetError, Manifest, part_mark, part_path, read_part
+from smpl.evaluation import Episode
+from smpl.learning.plan import Task
+
+
+class Dataset(Sequence[Episode]):
+    """Episodes of a folder, read part by part when they are asked for; one part is in memory at a time.
+
+    Attributes:
+        folder: where it is.
+        manifest: names, units, bounds, versions, and what the episodes are a function of.
+        damaged: parts that were left out, with what is wrong with them.
+    """
+
+    def __init__(self, folder: Path, manifest: Manifest, skip_damaged: bool) -> None:
+        self.folder, self.manifest = folder, manifest
+        self.damaged: dict[str, str] = {}
+        self._parts: list[tuple[int, int]] = []  # number of the part, episodes in it
+        self._held: tuple[int, list[Episode]] = (-1, [])
+        for number in range(manifest.parts):
+            self._find(number, skip_damaged)
+        self._starts = np.cumsum([0, *(count for _, count in self._parts)])
+
+    def __len__(self) -> int:
+        return int(self._starts[-1])
+
+    def __iter__(self) -> Iterator[Episode]:
+        for place in range(len(self._parts)):
+            yield from self._part(place)
+
+    @overload
+    def __getitem__(self, index: int) -> Episode: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[Episode]: ...
+
+    def __getitem__(self, index: int | slice) -> Episode | list[Episode]:
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(len(self)))]
+        if not -len(self) <= index < len(self):
+            raise IndexError(f"episode {index} of {len(self)}")
+        number = index % len(self)
+        place = int(np.searchsorted(self._starts, number, side="right")) - 1
+        return self._part(place)[number - int(self._starts[place])]
+
+    def __repr__(self) -> str:
+        return f"<smpl data set {self.folder}: {len(self)} episodes of {self.manifest.about['env']}>"
+
+    @property
+    def complete(self) -> bool:
+        """Whether all episodes that were asked for are there."""
+        return len(self) == self.manifest.episodes
+
+    def check(self, env: Any, **arguments: Any) -> None:
+        """Refuse a data set that is not of this environment as it is today.
+
+        Raises:
+            DatasetError: names, units, shapes or equations differ; the message says which.
+        """
+        task = Task.of(env, **arguments)
+        model, names, about = task.model, self.manifest.names, self.manifest.about
+        pairs: dict[str, tuple[Any, Any]] = {
+            "observations": (names["observations"], model.observation_names),
+            "actions": (names["actions"], model.action_names),
+            "units of observations": (about["observation_units"], model.observation_units),
+            "units of actions": (about["action_units"], model.action_units),
+        }
+        for what, (there, here) in pairs.items():
+            if list(there) != list(here):
+                raise DatasetError(f"{self.folder} has other {what}: {', '.join(there)}; now {', '.join(here)}")
+        if self.manifest.identity["checksum"] != task.checksum:
+            raise DatasetError(f"{self.folder} is of another version of {model.name}, or of other arguments than these")
+
+    def _find(self, number: int, skip: bool) -> None:
+        try:
+            mark = part_mark(self.folder, number)
+            if skip and mark is not None:
+                read_part(self.folder, number, self.manifest)
+        except DatasetError as error:
+            if not skip:
+                raise DatasetError(
+                    f"{error}; leave it out by skip_damaged=True, or remove it and collect again"
+                ) from error
+            self.damaged[part_path(self.folder, number).name] = str(error)
+            return
+        if mark is not None:
+            self._parts.append((number, int(mark["episodes"])))
+
+    def _part(self, place: int) -> list[Episode]:
+        if self._held[0] != place:
+            self._held = place, read_part(self.folder, self._parts[place][0], self.manifest)
+        return self._held[1]
+
+
+def load(folder: str | os.PathLike[str], env: Any = None, *, skip_damaged: bool = False, **arguments: Any) -> Dataset:
+    """The data set of a folder.
+
+    Args:
+        folder: where `collect` wrote it.
+        env: the environment that it shall be of; not looked at if none.
+        skip_damaged: leave damaged parts out (every part is read once for it).
+        arguments: of the environment.
+
+    Raises:
+        DatasetError: no data set, a damaged part, or one of another model.
+        ImportError: pyarrow is missing.
+    """
+    dataset = Dataset(Path(folder), Manifest.read(Path(folder)), skip_damaged)
+    if env is not None:
+        dataset.check(env, **arguments)
+    return dataset

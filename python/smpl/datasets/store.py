@@ -1,0 +1,315 @@
+"""Data sets on disk: a folder with `dataset.json` and parts in Parquet, each whole or absent.
+
+One row an instant: row k of an episode holds observation k, the action chosen from it and what the step that it began
+brought (reward, flags, the disturbance in force); the last row holds the final observation, and null for the step that
+there was not. Parts are written under a temporary name, flushed to the disk and renamed.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from smpl.evaluation import Details, Episode
+from smpl.model import FloatArray
+
+FORMAT = 1
+MANIFEST = "dataset.json"
+# Columns of names, in this order: (prefix, key of the manifest, whether the last row of an episode has a value).
+GROUPS = (
+    ("observation", "observations", True),
+    ("action", "actions", False),
+    ("physical", "actions", False),
+    ("rewards", "rewards", False),
+    ("violation", "constraints", True),
+    ("state", "states", True),
+    ("discrete", "discrete", True),
+    ("disturbance", "disturbances", False),
+    ("parameter", "parameters", True),
+)
+
+
+class DatasetError(ValueError):
+    """A data set is damaged, or not what was asked for."""
+
+
+def pyarrow() -> Any:
+    """The package that reads and writes the parts.
+
+    Raises:
+        ImportError: it is missing.
+    """
+    try:
+        import pyarrow.parquet
+    except ImportError as error:
+        raise ImportError("data sets are kept in Parquet: pip install 'smpl[data]'") from error
+    return pyarrow
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """What all parts of a data set have in common.
+
+    Attributes:
+        identity: what the episodes are a function of; the same for all runs that may add to the data set.
+        names: of the columns by key of `GROUPS`.
+        about: versions, units, bounds: what a reader wants to know.
+        part: episodes a part.
+        episodes: how many were asked for.
+    """
+
+    identity: Mapping[str, Any]
+    names: Mapping[str, Sequence[str]]
+    about: Mapping[str, Any]
+    part: int
+    episodes: int
+
+    def write(self, folder: Path) -> None:
+        """Write `dataset.json`, whole or not at all."""
+        content = {"format": FORMAT, **{key: getattr(self, key) for key in self.__dataclass_fields__}}
+        text = json.dumps(content, indent=1, sort_keys=True, default=str) + "\n"
+        _replace(folder / MANIFEST, lambda path: path.write_text(text, encoding="utf-8"))
+
+    @classmethod
+    def read(cls, folder: Path) -> Manifest:
+        """The manifest of a folder.
+
+        Raises:
+            DatasetError: there is none, or it is of another format.
+        """
+        try:
+            content = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+            found = content.pop("format")
+            if found != FORMAT:
+                raise DatasetError(f"{folder} has format {found}, this version of smpl reads format {FORMAT}")
+            return cls(**content)
+        except FileNotFoundError as error:
+            raise DatasetError(f"{folder} is no data set: it has no {MANIFEST}") from error
+        except (OSError, TypeError, KeyError, AttributeError, json.JSONDecodeError) as error:
+            raise DatasetError(f"{folder / MANIFEST} is damaged: {error}") from error
+
+    @property
+    def parts(self) -> int:
+        """Number of parts when it is whole."""
+        return -(-self.episodes // self.part)
+
+    def range(self, number: int) -> tuple[int, int]:
+        """First episode of a part, and the one after its last."""
+        return number * self.part, min((number + 1) * self.part, self.episodes)
+
+
+def part_path(folder: Path, number: int) -> Path:
+    """File of a part."""
+    return folder / f"part-{number:06d}.parquet"
+
+
+def write_part(folder: Path, number: int, manifest: Manifest, episodes: Sequence[tuple[int, Episode]]) -> None:
+    """Write a part, whole or not at all.
+
+    Args:
+        folder, number: where.
+        manifest: of the data set.
+        episodes: with their numbers.
+
+    Raises:
+        DatasetError: a value is not finite.
+        OSError: the disk is full, or the like.
+    """
+    arrow = pyarrow()
+    for index, one in episodes:
+        check_finite(index, one)
+    columns = _columns(manifest, episodes)
+    table = arrow.table({name: arrow.array(values, mask=mask) for name, (values, mask) in columns.items()})
+    mark = {b"smpl": json.dumps({"checksum": manifest.identity["checksum"], "episodes": len(episodes)}).encode()}
+    table = table.replace_schema_metadata(mark)
+    _replace(
+        part_path(folder, number),
+        lambda path: arrow.parquet.write_table(table, path, compression="zstd", write_page_checksum=True),
+    )
+
+
+def part_mark(folder: Path, number: int) -> dict[str, Any] | None:
+    """Checksum of the model and number of episodes that a part names; none if it is not there.
+
+    Raises:
+        DatasetError: it is damaged.
+    """
+    path = part_path(folder, number)
+    if not path.is_file():
+        return None
+    try:
+        schema = pyarrow().parquet.read_schema(path)
+        mark: dict[str, Any] = json.loads(schema.metadata[b"smpl"])
+    except (OSError, TypeError, KeyError, ValueError) as error:
+        raise DatasetError(f"{path} is damaged: {error}") from error
+    return mark
+
+
+def read_part(folder: Path, number: int, manifest: Manifest) -> list[Episode]:
+    """Episodes of a part.
+
+    Raises:
+        DatasetError: it is damaged, or of another model.
+    """
+    path, arrow = part_path(folder, number), pyarrow()
+    mark = part_mark(folder, number)
+    if mark is not None and mark["checksum"] != manifest.identity["checksum"]:
+        raise DatasetError(f"{path} is of another version of the model than {folder / MANIFEST}")
+    try:
+        table = arrow.parquet.read_table(path, page_checksum_verification=True)
+        columns = {name: table.column(name).to_numpy() for name in table.column_names}
+        return _episodes(manifest, columns)
+    except (OSError, KeyError, ValueError, arrow.ArrowException) as error:
+        raise DatasetError(f"{path} is damaged: {error}") from error
+
+
+def check_finite(index: int, one: Episode) -> None:
+    """Refuse what is not finite.
+
+    Raises:
+        DatasetError: a value is not; the message names the episode and where.
+    """
+    kinds: dict[str, Any] = {"observations": one.observations, "actions": one.actions, "rewards": one.rewards}
+    kinds |= {"states": one.states, "costs": one.costs, "times": one.times}
+    if one.details is not None:
+        for kind in ("rewards", "violations", "discrete", "disturbances"):
+            kinds |= {f"{kind} of {name}": values for name, values in getattr(one.details, kind).items()}
+        kinds |= {"physical": one.details.physical}
+    for kind, values in kinds.items():
+        if not np.all(np.isfinite(values)):
+            row = int(np.argwhere(~np.isfinite(values))[0][0])
+            raise DatasetError(f"episode {index} (seed {one.seed}): {kind}, row {row}, is not finite; nothing was kept")
+
+
+Column = tuple[npt.NDArray[Any], npt.NDArray[np.bool_] | None]
+
+
+def _columns(manifest: Manifest, episodes: Sequence[tuple[int, Episode]]) -> dict[str, Column]:
+    """Columns with their masks (true is null)."""
+    every = [one for _, one in episodes]
+    lengths = [one.steps + 1 for one in every]
+    last = np.zeros(sum(lengths), dtype=np.bool_)
+    last[np.cumsum(lengths) - 1] = True
+
+    def repeated(values: Sequence[Any], kind: Any) -> npt.NDArray[Any]:
+        return np.repeat(np.array(values, dtype=kind), lengths)
+
+    columns: dict[str, Column] = {
+        "episode": (repeated([index for index, _ in episodes], np.int64), None),
+        "step": (np.concatenate([np.arange(length) for length in lengths]), None),
+        "time": (np.concatenate([one.times for one in every]), None),
+        "reward": (_padded([one.rewards for one in every]), last),
+        "cost": (np.concatenate([one.costs for one in every]), None),
+        "terminated": (_padded([one.terminations for one in every]), last),
+        "truncated": (_padded([one.truncations for one in every]), last),
+    }
+    for prefix, key, full in GROUPS:
+        for i, name in enumerate(manifest.names[key]):
+            values = [_value(one, prefix, i, name) for one in every]
+            columns[f"{prefix}.{name}"] = (np.concatenate(values), None) if full else (_padded(values), last)
+    if manifest.names["phases"]:
+        columns["phase"] = (np.concatenate([np.array(_details(one).phases, dtype=object) for one in every]), None)
+    columns["seed"] = (repeated([one.seed for one in every], np.int64), None)
+    columns["controller"] = (repeated([_details(one).controller for one in every], object), None)
+    columns["failure"] = (repeated([one.failure for one in every], object), None)
+    columns["success"] = (repeated([one.success for one in every], np.bool_), None)
+    columns["options"] = (repeated([json.dumps(one.options) for one in every], object), None)
+    return columns
+
+
+def _padded(parts: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
+    """Values of the steps with one more row an episode."""
+    return np.concatenate([np.concatenate([part, part[-1:]]) for part in parts])
+
+
+def _details(one: Episode) -> Details:
+    if one.details is None:
+        raise DatasetError("an episode without details cannot be stored: make it by smpl.datasets.collect")
+    return one.details
+
+
+def _value(one: Episode, prefix: str, i: int, name: str) -> npt.NDArray[Any]:
+    """Column of an episode."""
+    details = _details(one)
+    if prefix in ("observation", "action", "state"):
+        return np.ascontiguousarray(getattr(one, f"{prefix}s")[:, i])
+    if prefix == "physical":
+        return np.ascontiguousarray(details.physical[:, i])
+    if prefix == "parameter":
+        return np.full(one.steps + 1, details.parameters[name])
+    kinds = {"rewards": "rewards", "violation": "violations", "discrete": "discrete", "disturbance": "disturbances"}
+    values: dict[str, npt.NDArray[Any]] = getattr(details, kinds[prefix])
+    return np.ascontiguousarray(values[name])
+
+
+def _episodes(manifest: Manifest, columns: Mapping[str, npt.NDArray[Any]]) -> list[Episode]:
+    ends = np.flatnonzero(np.diff(columns["episode"], append=-1))
+    return [
+        _episode(manifest, {name: values[first : end + 1] for name, values in columns.items()})
+        for first, end in zip([0, *(ends[:-1] + 1)], ends, strict=True)
+    ]
+
+
+def _episode(manifest: Manifest, c: Mapping[str, npt.NDArray[Any]]) -> Episode:
+    def group(prefix: str, kind: Any) -> npt.NDArray[Any]:
+        ((key, full),) = [(key, full) for p, key, full in GROUPS if p == prefix]
+        rows = slice(None) if full else slice(-1)
+        parts = [c[f"{prefix}.{name}"][rows] for name in manifest.names[key]]
+        shape = (len(c["step"]) - (0 if full else 1), len(parts))
+        return np.stack(parts, axis=1).astype(kind) if parts else np.empty(shape, dtype=kind)
+
+    def named(prefix: str) -> dict[str, FloatArray]:
+        ((key, full),) = [(key, full) for p, key, full in GROUPS if p == prefix]
+        rows = slice(None) if full else slice(-1)
+        return {name: c[f"{prefix}.{name}"][rows].astype(np.float64) for name in manifest.names[key]}
+
+    details = Details(
+        group("physical", np.float64),
+        named("rewards"),
+        named("violation"),
+        named("discrete"),
+        named("disturbance"),
+        tuple(c["phase"]) if "phase" in c else (),
+        {name: float(c[f"parameter.{name}"][0]) for name in manifest.names["parameters"]},
+        str(c["controller"][0]),
+    )
+    return Episode(
+        int(c["seed"][0]),
+        group("observation", np.float32),
+        group("state", np.float64),
+        group("action", np.float32),
+        c["reward"][:-1].astype(np.float64),
+        c["terminated"][:-1].astype(np.bool_),
+        c["truncated"][:-1].astype(np.bool_),
+        c["cost"],
+        c["time"],
+        str(c["failure"][0]),
+        bool(c["success"][0]),
+        json.loads(c["options"][0]),
+        details=details,
+    )
+
+
+def _replace(path: Path, write: Any) -> None:
+    """Write under a temporary name, flush to the disk, rename; what fails leaves nothing behind."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        write(temporary)
+        with temporary.open("rb") as file:
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+    if os.name == "posix":
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)

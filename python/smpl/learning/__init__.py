@@ -1,0 +1,13 @@
+"""Running many episodes of any controller or policy: what collection, evaluation and the benchmark share.
+
+A `Task` says which environment, a `Plan` which episodes (seeds, starts, controllers, noise); `run` makes them, in one
+native batch where the controllers can act on many environments at once, else one by one. Episode i of a plan depends
+on the plan and on i alone.
+"""
+
+from smpl.learning.agents import Agent, agent
+from smpl.learning.plan import Job, Plan, Task
+from smpl.learning.running import RunError, Settings, run
+from smpl.learning.starts import Starts
+
+__all__ = ["Agent", "Job", "Plan", "RunError", "Settings", "Starts", "Task", "agent", "run"]

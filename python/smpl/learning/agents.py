@@ -1,0 +1,339 @@
+"""Anything that chooses actions, behind one interface.
+
+A controller (`reset(env)`, `action(env)`, physical units), a policy (`predict(observations)` as of Stable-Baselines3 and
+d3rlpy, `compute_single_action(observation)` as of RLlib; actions of the action space) or a function of the
+observation. Policies with `predict` and some of our own controllers act on a whole batch at once.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+import smpl.controllers as controllers
+from smpl.controllers.beer import profile_temperature
+from smpl.controllers.reactor import SET_POINT, STEADY_ACTION
+from smpl.envs import Env, Interface, native_seed
+from smpl.model import FloatArray, Model, as_vector
+
+Array = npt.NDArray[Any]
+# Endings of the files of policies.
+_FILES = (".zip", ".d3", ".pt")
+
+
+@dataclass
+class Rows:
+    """What an agent sees of a batch: arrays have one row an environment.
+
+    Attributes:
+        interface: names, bounds and scaling, the same for all.
+        observations: as the environments returned them.
+        states: physical units.
+        steps: completed steps of each episode.
+        memory: per environment, what the agent keeps from step to step; emptied at each reset.
+    """
+
+    interface: Interface
+    observations: Array
+    states: FloatArray
+    steps: npt.NDArray[np.int64]
+    memory: list[dict[str, Any]]
+
+
+class Agent:
+    """A controller or policy by its name.
+
+    Args:
+        name: what reports and data sets call it.
+        chooser: a controller, a policy or a function.
+        physical: whether a function or policy gives physical units.
+
+    Raises:
+        TypeError: `chooser` is none of these.
+    """
+
+    def __init__(self, name: str, chooser: Any, physical: bool = False) -> None:
+        self.name, self.chooser, self.physical = name, chooser, physical
+        # Text and model that it was made from: in another process it is made anew, whatever it has built meanwhile.
+        self.origin: tuple[str, Model] | None = None
+        self.kind = _kind(chooser)
+        self._state_aware = self.kind == "predict" and "episode_start" in _parameters(chooser.predict)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        if self.origin is not None:
+            return agent, (*self.origin, self.name)
+        return Agent, (self.name, self.chooser, self.physical)
+
+    @property
+    def batched(self) -> bool:
+        """Whether `act` is there."""
+        return self.kind == "predict" or type(self.chooser) in _BATCHED
+
+    def reset(self, env: Env) -> dict[str, Any]:
+        """Begin an episode; returns an empty memory."""
+        if self.kind == "action":
+            self.chooser.reset(env)
+        elif callable(getattr(self.chooser, "reset", None)) and self.kind == "call":
+            self.chooser.reset()
+        return {}
+
+    def choose(self, env: Env, observation: Array, memory: dict[str, Any]) -> FloatArray:
+        """Action for one environment, in its action space."""
+        if self.kind == "action":
+            given = as_vector("the controller's action", self.chooser.action(env), len(env.action_names))
+            return env.from_physical(given)
+        if self.kind == "call":
+            return self._scaled(env, _one(self.chooser(observation), len(env.action_names)))
+        if self.kind == "single":
+            given = self.chooser.compute_single_action(observation, explore=False)
+            return self._scaled(env, _one(given[0] if isinstance(given, tuple) else given, len(env.action_names)))
+        return self._scaled(env, self._predict(observation[None], [memory], len(env.action_names))[0])
+
+    def act(self, rows: Rows) -> FloatArray:
+        """Actions for a batch, in the action space, shape (environments, actions)."""
+        if self.kind == "predict":
+            return self._scaled(
+                rows.interface, self._predict(rows.observations, rows.memory, len(rows.interface.action_names))
+            )
+        return rows.interface.from_physical(_BATCHED[type(self.chooser)](self.chooser, rows))
+
+    def check(self, env: Env) -> None:
+        """Refuse an environment that the agent is not for: reset once as an episode would."""
+        self.reset(env)
+
+    def _scaled(self, interface: Interface, action: FloatArray) -> FloatArray:
+        return interface.from_physical(action) if self.physical else action
+
+    def _predict(self, observations: Array, memory: list[dict[str, Any]], width: int) -> FloatArray:
+        options: dict[str, Any] = {}
+        if self._state_aware and any("state" in one for one in memory):
+            shape = next(one["state"] for one in memory if "state" in one)
+            states = [one.get("state") or [np.zeros_like(part) for part in shape] for one in memory]
+            options["state"] = tuple(np.stack(parts, axis=-2) for parts in zip(*states, strict=True))
+            options["episode_start"] = np.array(["state" not in one for one in memory])
+        if "deterministic" in _parameters(self.chooser.predict):
+            options["deterministic"] = True
+        given = self.chooser.predict(observations, **options)
+        if isinstance(given, tuple):
+            given, state = given
+            if state is not None:
+                for i, one in enumerate(memory):
+                    one["state"] = [part[..., i, :] for part in state]
+        actions = np.asarray(given, dtype=np.float64)
+        if actions.shape != (len(observations), width):
+            raise ValueError(f"predict gave shape {actions.shape}, expected {(len(observations), width)}")
+        return actions
+
+
+def agent(spec: Any, model: Model, name: str | None = None) -> Agent:
+    """An agent of a name, a file or an object.
+
+    Args:
+        spec: a name of `names(model)`; `constant:26.85,0.1` (physical units); `module:attribute`; a path of a policy
+            file (`.zip` of Stable-Baselines3 as `PPO:policy.zip`, `.d3` of d3rlpy, `.pt` of TorchScript); an `Agent`;
+            a controller, a policy or a function.
+        model: of the environment that it is for.
+        name: in place of the one that it would have.
+
+    Raises:
+        ValueError: a name that nobody has; the message lists the right ones.
+        ImportError: a package is missing that the file or controller needs.
+    """
+    if isinstance(spec, Agent):
+        return spec
+    if not isinstance(spec, str):
+        return Agent(name or type(spec).__name__, spec)
+    made = Agent(name or _title(spec), _made(spec, model))
+    made.origin = (spec, model)
+    return made
+
+
+def _title(spec: str) -> str:
+    """Name of a policy file without its folder and ending; of anything else the text itself."""
+    file = Path(spec.rpartition(":")[2])
+    return file.stem if file.suffix in _FILES else spec
+
+
+def _made(spec: str, model: Model) -> Any:
+    known = _known(model)
+    if spec in known:
+        return known[spec]()
+    if spec.startswith("constant:"):
+        return controllers.Constant(_numbers(spec))
+    if Path(spec.rpartition(":")[2]).suffix in _FILES:
+        return _policy_file(spec)
+    if ":" in spec:
+        return _imported(spec)
+    later = _baseline(model, spec)
+    if later is not None:
+        return later
+    raise ValueError(
+        f"controller is {spec!r}; {model.name} has: {', '.join(names(model))}; "
+        "others: constant:NUMBER,..., MODULE:ATTRIBUTE, PPO:FILE.zip, FILE.d3, FILE.pt"
+    )
+
+
+def names(model: Model) -> tuple[str, ...]:
+    """Names of the controllers for a model."""
+    listed: Any = getattr(controllers, "baselines", None)
+    try:
+        more = listed(model.name) if listed is not None else ()
+    except ValueError:  # a model that is not shipped has none
+        more = ()
+    return tuple(dict.fromkeys((*_known(model), *more)))
+
+
+def _known(model: Model) -> dict[str, Callable[[], Any]]:
+    """Controllers by name: those of every model, the baselines of this one, and the policies that it declares."""
+    known: dict[str, Callable[[], Any]] = {"nominal": controllers.Nominal, "random": controllers.Uniform}
+    if model.action_names == ("T_c", "q_out"):
+        known |= {"pid": controllers.Proportional, "mpc": _reactor_mpc}
+    if model.action_names == ("T",) and "S" in model.state_names:
+        known |= {"profile": controllers.Profile, "isothermal": controllers.isothermal}
+    for policy in model.policies:
+        known.setdefault(policy, partial(controllers.Policy, policy))
+    return known
+
+
+def _reactor_mpc() -> Any:
+    from smpl.controllers.nmpc import ReactorNMPC
+
+    return ReactorNMPC()
+
+
+def _baseline(model: Model, name: str) -> Any:
+    """What `smpl.controllers.baseline` has under a name, none if it has not."""
+    baseline = getattr(controllers, "baseline", None)
+    if baseline is None:
+        return None
+    try:
+        return baseline(model.name, name)
+    except (ValueError, KeyError):
+        return None
+
+
+def _policy_file(spec: str) -> Any:
+    algorithm, _, file = spec.rpartition(":")
+    if not Path(file).is_file():
+        raise ValueError(f"policy file {file!r} is not there")
+    if file.endswith(".zip"):
+        return _stable_baselines(algorithm, file)
+    if file.endswith(".d3"):
+        return _needs("d3rlpy", "d3rlpy").load_learnable(file)
+    module = _needs("torch", "torch").jit.load(file).eval()
+    return _TorchPolicy(module)
+
+
+def _stable_baselines(algorithm: str, file: str) -> Any:
+    if not algorithm:
+        raise ValueError(f"which algorithm made {file!r}? Write it before the file, as in PPO:{file}")
+    _needs("stable_baselines3", "smpl[sb3]")
+    for package in ("stable_baselines3", "sb3_contrib"):
+        try:
+            found = getattr(importlib.import_module(package), algorithm, None)
+        except ImportError:
+            continue
+        if found is not None:
+            return found.load(file, device="cpu")
+    raise ValueError(f"algorithm {algorithm!r} is none of stable-baselines3 or sb3-contrib (is that installed?)")
+
+
+class _TorchPolicy:
+    """A TorchScript module that maps a batch of observations to actions."""
+
+    def __init__(self, module: Any) -> None:
+        self._module = module
+
+    def predict(self, observations: Array) -> Array:
+        torch = importlib.import_module("torch")
+        with torch.no_grad():
+            return np.asarray(self._module(torch.as_tensor(observations)).numpy())
+
+
+def _needs(module: str, package: str) -> Any:
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise ImportError(f"this policy needs {module}: pip install '{package}'") from error
+
+
+def _imported(spec: str) -> Any:
+    module, _, attribute = spec.partition(":")
+    try:
+        found = getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError) as error:
+        raise ValueError(f"controller {spec!r} is not there: {error}") from error
+    return found() if isinstance(found, type) else found
+
+
+def _numbers(spec: str) -> list[float]:
+    try:
+        return [float(number) for number in spec.partition(":")[2].split(",")]
+    except ValueError as error:
+        raise ValueError(f"controller is {spec!r}, expected constant:NUMBER,NUMBER,...") from error
+
+
+def _kind(chooser: Any) -> str:
+    if not isinstance(chooser, type):
+        if callable(getattr(chooser, "action", None)) and callable(getattr(chooser, "reset", None)):
+            return "action"
+        if callable(getattr(chooser, "predict", None)):
+            return "predict"
+        if callable(getattr(chooser, "compute_single_action", None)):
+            return "single"
+        if callable(chooser):
+            return "call"
+    what = f"the class {chooser.__name__}" if isinstance(chooser, type) else type(chooser).__name__
+    raise TypeError(f"controller is {what}, expected reset(env) and action(env), or predict(observations), or a call")
+
+
+def _parameters(function: Any) -> Mapping[str, Any]:
+    try:
+        return inspect.signature(function).parameters
+    except (TypeError, ValueError):
+        return {}
+
+
+def _one(given: Any, length: int) -> FloatArray:
+    return as_vector("the controller's action", np.ravel(given), length)
+
+
+# Our own controllers on a batch: physical units, row by row what `action` gives.
+
+
+def _proportional(controller: controllers.Proportional, rows: Rows) -> FloatArray:
+    error = rows.states[:, [0, 2]] - SET_POINT[[0, 2]]
+    return np.clip(STEADY_ACTION + controller._gains * error, rows.interface.action_low, rows.interface.action_high)
+
+
+def _constant(controller: controllers.Constant, rows: Rows) -> FloatArray:
+    return np.tile(controller._action, (len(rows.states), 1))
+
+
+def _profile(_: controllers.Profile, rows: Rows) -> FloatArray:
+    return np.array([[profile_temperature(int(step))] for step in rows.steps])
+
+
+def _uniform(controller: controllers.Uniform, rows: Rows) -> FloatArray:
+    low, high = rows.interface.action_low, rows.interface.action_high
+    for memory in rows.memory:
+        if "generator" not in memory:
+            # The first episode of a seed has the number 0.
+            memory["generator"] = np.random.default_rng([controller._seed, native_seed(memory["seed"]), 0])
+    return np.stack([memory["generator"].uniform(low, high) for memory in rows.memory])
+
+
+_BATCHED: dict[type, Callable[[Any, Rows], FloatArray]] = {
+    controllers.Proportional: _proportional,
+    controllers.Constant: _constant,
+    controllers.Profile: _profile,
+    controllers.Uniform: _uniform,
+}

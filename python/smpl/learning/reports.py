@@ -1,0 +1,179 @@
+"""Reports of evaluations: a table for the terminal, JSON, Markdown and one HTML file with its pictures in it."""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from smpl.learning.plan import Plan
+from smpl.learning.scores import Score, compare
+
+# Heading, key, and how a value is written.
+_COLUMNS = (
+    ("per step", "mean", "std"),
+    ("per episode", "episode_mean", "episode_std"),
+    ("return", "return_mean", "return_interval"),
+    ("interquartile", "return_iqm", "return_iqm_interval"),
+    ("failures", "failures", None),
+    ("successes", "successes", None),
+    ("cost", "cost_mean", None),
+    ("settled", "settled", None),
+    ("settling", "settling_time", None),
+    ("decision, ms", "latency_ms", None),
+)
+_LEGEND = (
+    "per step: mean ± population standard deviation over all steps of all episodes; per episode: over the episodes' "
+    "mean rewards; return: mean of the sums with its 95 % bootstrap interval; interquartile: mean of the middle half "
+    "of the returns with its interval; cost: mean over episodes of the summed violations; settled: episodes that end "
+    "within 2 % of each state's range of the steady state; settling: median time until then; decision: median, of a "
+    "batch the share of one environment."
+)
+
+
+def content(plan: Plan, scores: Sequence[Score]) -> dict[str, Any]:
+    """What `report.json` holds."""
+    task = plan.task
+    return {
+        "about": {
+            "env": task.name,
+            "checksum": task.checksum,
+            "reward": task.model.reward,
+            "scenario": task.model._arguments.get("scenario"),
+            "episodes": plan.episodes,
+            "seed": plan.seed,
+            "starts": plan.starts.kind,
+            "time_unit": task.model.time_unit,
+        },
+        "controllers": {one.name: one.report() for one in scores},
+        "comparisons": {one.name: compare(one, scores[0]) for one in scores[1:]},
+    }
+
+
+def table(report: Mapping[str, Any]) -> list[list[str]]:
+    """Rows of texts, the first of them the heading; columns that say nothing are left out."""
+    rows = [["controller", *(heading for heading, _, _ in _COLUMNS)]]
+    rows += [[name, *_cells(values)] for name, values in report["controllers"].items()]
+    keep = [i for i in range(len(rows[0])) if i == 0 or any(row[i] not in ("", "0") for row in rows[1:])]
+    return [[row[i] for i in keep] for row in rows]
+
+
+def text_table(rows: Sequence[Sequence[str]]) -> str:
+    """Rows for a terminal."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    return "\n".join([lines[0], "  ".join("-" * width for width in widths), *lines[1:]])
+
+
+def write(folder: Path, plan: Plan, scores: Sequence[Score]) -> dict[str, Any]:
+    """Write `report.json`, `report.md` and `report.html`, and the pictures; returns what the first holds."""
+    folder.mkdir(parents=True, exist_ok=True)
+    report = content(plan, scores)
+    (folder / "report.json").write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    pictures, note = _pictures(plan, scores)
+    for name, (_, data) in pictures.items():
+        (folder / f"{name}.png").write_bytes(data)
+    (folder / "report.md").write_text(markdown(report, pictures, note), encoding="utf-8")
+    (folder / "report.html").write_text(page(report, pictures, note), encoding="utf-8")
+    return report
+
+
+def markdown(report: Mapping[str, Any], pictures: Mapping[str, tuple[str, bytes]], note: str) -> str:
+    """The report as Markdown."""
+    rows = [[cell.replace("|", "\\|") for cell in row] for row in table(report)]
+    lines = [f"# {_title(report)}", "", _about(report), "", _line(rows[0]), _line(["---"] * len(rows[0]))]
+    lines += [*map(_line, rows[1:]), "", _LEGEND, "", *_findings(report), "", note]
+    lines += [f"![{title}]({name}.png)\n" for name, (title, _) in pictures.items()]
+    return "\n".join(lines).strip() + "\n"
+
+
+def page(report: Mapping[str, Any], pictures: Mapping[str, tuple[str, bytes]], note: str) -> str:
+    """The report as one HTML file that needs no other."""
+    rows = table(report)
+    head = "".join(f"<th>{html.escape(cell)}</th>" for cell in rows[0])
+    body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows[1:])
+    findings = "".join(f"<li>{html.escape(line[2:])}</li>" for line in _findings(report))
+    figures = "".join(
+        f'<figure><img alt="{html.escape(title)}" src="data:image/png;base64,{base64.b64encode(data).decode()}">'
+        f"<figcaption>{html.escape(title)}</figcaption></figure>"
+        for title, data in pictures.values()
+    )
+    style = (
+        "body{font:15px/1.5 system-ui,sans-serif;max-width:70rem;margin:2rem auto;padding:0 1rem}"
+        "table{border-collapse:collapse}th,td{padding:.3rem .7rem;border-bottom:1px solid #ccc;text-align:left}"
+        "img{max-width:100%}figure{margin:1.5rem 0}figcaption{color:#555}"
+    )
+    title = html.escape(_title(report))
+    return (
+        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title><style>{style}</style>'
+        f"<h1>{title}</h1><p>{html.escape(_about(report))}</p><table><tr>{head}</tr>{body}</table>"
+        f"<p>{html.escape(_LEGEND)}</p><ul>{findings}</ul><p>{html.escape(note, quote=False)}</p>{figures}</html>\n"
+    )
+
+
+def _pictures(plan: Plan, scores: Sequence[Score]) -> tuple[dict[str, tuple[str, bytes]], str]:
+    """Pictures by name, each with its title; and a note where there are none."""
+    try:
+        from smpl.learning.pictures import pictures
+    except ImportError:
+        return {}, "Pictures are left out: pip install 'smpl[report]'."
+    return pictures(plan, scores), ""
+
+
+def _title(report: Mapping[str, Any]) -> str:
+    return f"Evaluation on {report['about']['env']}"
+
+
+def _about(report: Mapping[str, Any]) -> str:
+    about = report["about"]
+    scenario = f", scenario {about['scenario']}" if about["scenario"] else ""
+    last = about["seed"] + about["episodes"] - 1
+    return (
+        f"{about['episodes']} episodes each, the same for all, seeds {about['seed']} to {last}; starts: "
+        f"{about['starts']}; reward {about['reward']}{scenario}; model {about['checksum'][:12]}."
+    )
+
+
+def _findings(report: Mapping[str, Any]) -> list[str]:
+    """Failures by cause, violations, and how controllers do against the first."""
+    lines = []
+    for name, values in report["controllers"].items():
+        for cause, count in values["failures_by_cause"].items():
+            lines.append(f"- {name}: {count} of {len(values['returns'])} episodes fail by {cause}")
+        for limit, excess in values["violations"].items():
+            if excess:
+                lines.append(
+                    f"- {name}: {limit} is exceeded by {_number(excess)} of its range an episode, summed over steps"
+                )
+    for name, values in report["comparisons"].items():
+        low, high = map(_number, values["interval"])
+        mean = _number(values["difference"])
+        lines.append(
+            f"- {name} against {values['baseline']}, episode by episode: return differs by {mean} "
+            f"({low} to {high}), better in {100 * values['better']:.0f} % of the episodes"
+        )
+    return lines
+
+
+def _cells(values: Mapping[str, Any]) -> list[str]:
+    cells = []
+    for _, key, other in _COLUMNS:
+        value, more = values[key], None if other is None else values[other]
+        cell = "" if value is None else _number(value)
+        if isinstance(more, list):
+            cell += f" ({_number(more[0])} to {_number(more[1])})"
+        elif more is not None:
+            cell += f" ± {_number(more)}"
+        cells.append(cell)
+    return cells
+
+
+def _number(value: float) -> str:
+    return str(value) if isinstance(value, int) else f"{value:.5g}"
+
+
+def _line(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"

@@ -1,0 +1,147 @@
+"""Where episodes start: sampled as the model says, on a grid, spread over the box, or from a table."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from smpl.envs import Env
+from smpl.model import FloatArray, check_names
+
+# Kinds that are asked for by name, and how many numbers each takes.
+_KINDS = {"grid": 2, "unclipped_grid": 2, "spread": 1}
+
+
+@dataclass(frozen=True)
+class Starts:
+    """States that episodes start from; episode i takes number i modulo their count.
+
+    Attributes:
+        kind: how they were made; `sampled` leaves each start to the model and has no states.
+        names: of the states that are given; the others are sampled.
+        states: shape (starts, names), physical units; none if sampled.
+    """
+
+    kind: str
+    names: tuple[str, ...] = ()
+    states: FloatArray | None = None
+
+    def option(self, index: int) -> dict[str, float] | None:
+        """`options["state"]` of episode `index`, none if it is sampled."""
+        if self.states is None:
+            return None
+        return dict(zip(self.names, self.states[index % len(self.states)].tolist(), strict=True))
+
+    @property
+    def identity(self) -> str:
+        """Text that is equal for equal starts."""
+        if self.states is None:
+            return self.kind
+        text = repr((self.names, self.states.shape)).encode() + np.ascontiguousarray(self.states).tobytes()
+        return f"{self.kind} {hashlib.sha256(text).hexdigest()[:16]}"
+
+    @classmethod
+    def of(cls, given: Any, env: Env, episodes: int, seed: int = 0) -> Starts:
+        """Starts as a user names them.
+
+        Args:
+            given: none or `sampled`; `grid:D:N` (from 1 - D to 1 + D times the steady state, N values a state,
+                clipped to the box; 0.3 and 10 if they are left out) or `unclipped_grid:D:N`; `spread:D` (scrambled
+                Sobol points in the same box); a path of a CSV file whose columns are states; an array (starts,
+                states); mappings, one a start.
+            env: the environment.
+            episodes: how many spread starts.
+            seed: of the scrambling.
+
+        Raises:
+            ValueError: none of these, a model without a steady state, an unknown state.
+        """
+        if isinstance(given, Starts):
+            return given
+        if given is None or given == "sampled":
+            return cls("sampled")
+        if isinstance(given, Path) or (isinstance(given, str) and given.endswith(".csv")):
+            return _table(Path(given), env)
+        if isinstance(given, str):
+            return _named(given, env, episodes, seed)
+        return _given(given, env)
+
+
+def _named(text: str, env: Env, episodes: int, seed: int) -> Starts:
+    kind, *numbers = text.split(":")
+    try:
+        spread = float(numbers[0]) if numbers else 0.3
+        points = int(numbers[1]) if len(numbers) > 1 else 10
+        good = kind in _KINDS and len(numbers) <= _KINDS[kind] and spread > 0 and points > 0
+    except ValueError:
+        good = False
+    if not good:
+        raise ValueError(f"starts is {text!r}; there are: sampled, grid:D:N, unclipped_grid:D:N, spread:D, FILE.csv")
+    centre = _centre(env)
+    low, high = env.model.native.bounds("state")
+    if kind != "spread":
+        from smpl.datasets.layouts import initial_grid
+
+        if points ** len(centre) > 10_000_000:
+            raise ValueError(f"a grid of {points} values for {len(centre)} states has more than 10 million starts")
+        box = (low, high) if kind == "grid" else (None, None)
+        return Starts(text, env.state_names, initial_grid(centre, spread, points, *box))
+    unit = _sobol(len(centre), episodes, seed)
+    ends = np.sort(np.stack([(1 - spread) * centre, (1 + spread) * centre]), axis=0)
+    return Starts(text, env.state_names, np.clip(ends[0] + unit * (ends[1] - ends[0]), low, high))
+
+
+def _centre(env: Env) -> FloatArray:
+    """The state that grids lie around: the steady one, else the nominal start."""
+    env.reset(seed=0, options={"start": "nominal"})
+    steady = env.steady_state
+    return env.state if steady is None else np.asarray(steady)
+
+
+def _sobol(dimensions: int, count: int, seed: int) -> FloatArray:
+    try:
+        from scipy.stats import qmc
+    except ImportError as error:
+        raise ImportError("spread starts need SciPy: pip install 'smpl[scipy]'") from error
+    power = max(0, int(np.ceil(np.log2(count))))
+    return np.asarray(qmc.Sobol(dimensions, seed=seed).random_base2(power)[:count], dtype=np.float64)
+
+
+def _table(path: Path, env: Env) -> Starts:
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            header, *lines = list(csv.reader(file))
+        states = np.array([[float(cell) for cell in line] for line in lines if line])
+    except (OSError, ValueError) as error:
+        raise ValueError(f"table of starts {str(path)!r}: {error}") from error
+    names = tuple(name.strip() for name in header)
+    return _checked(Starts(f"table {path.name}", names, states), env)
+
+
+def _given(given: Any, env: Env) -> Starts:
+    rows = list(given) if isinstance(given, Iterable) else []
+    if not rows:
+        raise ValueError(f"starts is {given!r}, expected states to start from")
+    if all(isinstance(row, Mapping) for row in rows):
+        names = tuple(rows[0])
+        if any(tuple(row) != names for row in rows):
+            raise ValueError("starts name different states, expected the same in each")
+        return _checked(Starts("given", names, np.array([[row[n] for n in names] for row in rows], dtype=float)), env)
+    return _checked(Starts("given", env.state_names, np.asarray(rows, dtype=np.float64)), env)
+
+
+def _checked(starts: Starts, env: Env) -> Starts:
+    check_names("starts", starts.names, env.state_names)
+    states = starts.states
+    if states is None or states.ndim != 2 or not len(states) or states.shape[1] != len(starts.names):
+        shape = None if states is None else states.shape
+        raise ValueError(f"starts has shape {shape}, expected (starts, {len(starts.names)})")
+    if not np.all(np.isfinite(states)):
+        raise ValueError("starts has a value that is not finite")
+    return starts

@@ -1,0 +1,74 @@
+"""Work on a plan in processes; a process that dies is replaced, and what it had in work is done again."""
+
+from __future__ import annotations
+
+import multiprocessing
+import pickle
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from typing import Any, TypeVar
+
+Result = TypeVar("Result")
+# How often in a row a process may die before any piece is done.
+_DEATHS = 3
+_SHARED: list[Any] = []
+
+
+def spread(
+    work: Callable[[Any, Any], Result], shared: Any, pieces: Sequence[Any], workers: int
+) -> Iterator[tuple[Any, Result]]:
+    """Pieces with what `work(shared, piece)` gives for each, in the order in which they are done.
+
+    Args:
+        work: a function of a module; done twice it must do no harm.
+        shared: what all pieces have in common; it is sent to each process once.
+        pieces: must be hashable.
+        workers: processes.
+
+    Raises:
+        ValueError: `shared` cannot be sent to other processes.
+        RuntimeError: processes die again and again.
+    """
+    try:
+        sent = pickle.dumps(shared)
+    except (pickle.PicklingError, TypeError, AttributeError) as error:
+        raise ValueError(
+            f"the controller cannot be sent to other processes ({error}): give workers=1, or MODULE:NAME"
+        ) from error
+    left, deaths = list(dict.fromkeys(pieces)), 0
+    while left:
+        before = len(left)
+        try:
+            for piece, result in _pool(work, sent, left, workers):
+                left.remove(piece)
+                yield piece, result
+        except BrokenProcessPool as error:
+            deaths = 0 if len(left) < before else deaths + 1
+            if deaths == _DEATHS:
+                raise RuntimeError(
+                    "worker processes die again and again (out of memory?): what is whole is kept, and the same "
+                    "command goes on; give fewer workers"
+                ) from error
+
+
+def _pool(
+    work: Callable[[Any, Any], Result], sent: bytes, pieces: Sequence[Any], workers: int
+) -> Iterator[tuple[Any, Result]]:
+    # Spawned, not forked: the threads of this process are not in a child.
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(min(workers, len(pieces)), context, _begin, (sent,))
+    try:
+        waiting = {pool.submit(_do, work, piece): piece for piece in pieces}
+        for done in as_completed(waiting):
+            yield waiting[done], done.result()
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _begin(sent: bytes) -> None:
+    _SHARED[:] = [pickle.loads(sent)]
+
+
+def _do(work: Callable[[Any, Any], Result], piece: Any) -> Result:
+    return work(_SHARED[0], piece)

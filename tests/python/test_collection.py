@@ -1,0 +1,416 @@
+"""Collection, storage and starts of data sets."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+
+import smpl
+from smpl.controllers import Proportional
+from smpl.datasets import DatasetError, collect, initial_grid, load
+from smpl.evaluation import evaluate, run_episode
+from smpl.learning import Plan, RunError, Settings, Starts, Task, run
+
+arrow = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
+FIELDS = ("observations", "states", "actions", "rewards", "terminations", "truncations", "costs", "times")
+
+
+def assert_equal(one, other):
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+    assert (one.seed, one.failure, one.success) == (other.seed, other.failure, other.success)
+
+
+@pytest.mark.parametrize(
+    ("env", "controllers", "options"),
+    [
+        ("reactor", "pid", {}),
+        ("reactor", ["pid", "random"], {"noise": 0.1, "epsilon": 0.2, "weights": [3, 1]}),
+        ("beer", "profile", {"max_steps": 30}),
+        ("reactor", "constant:26,0.1", {"randomize": {"V_0": (0.001, 0.002)}}),
+    ],
+)
+def test_a_native_batch_gives_the_same_bits_as_one_episode_after_the_other(env, controllers, options):
+    task = Task.of(env, max_steps=options.pop("max_steps", None))
+    plan = Plan.of(task, controllers, 70, seed=3, **options)
+    batch = {job.index: one for job, one in run(plan, plan.jobs(0, 70), Settings())}
+    single = {job.index: one for job, one in run(plan, plan.jobs(0, 70), Settings(batch=False))}
+    assert sorted(batch) == sorted(single) == list(range(70))
+    for index, one in single.items():
+        assert_equal(batch[index], one)
+        assert repr(batch[index].details) == repr(one.details)
+
+
+def test_a_data_set_holds_what_the_environment_gave(tmp_path):
+    dataset = collect("smpl/Reactor-v0", "pid", 12, tmp_path, seed=10, states=True, part=5, scenario="legacy")
+    assert len(dataset) == 12 and dataset.complete and len(list(tmp_path.glob("part-*.parquet"))) == 3
+    env = smpl.Env("reactor", scenario="legacy")
+    for one, expected in zip(load(tmp_path), evaluate(env, Proportional(), 12, seed=10), strict=True):
+        assert_equal(one, expected)
+    assert any(one.failure for one in dataset)
+    assert dataset[-1].seed == 21 and [one.seed for one in dataset[4:6]] == [14, 15]
+
+
+def test_a_row_holds_an_observation_the_action_chosen_from_it_and_what_that_brought(tmp_path):
+    collect("beer", "random", 2, tmp_path, states=["S"], max_steps=20, seed=4)
+    table = arrow.read_table(tmp_path / "part-000000.parquet").to_pydict()
+    env = smpl.Env("beer", max_steps=20)
+    observation, info = env.reset(seed=4)
+    for row in range(21):
+        assert (table["episode"][row], table["step"][row]) == (0, row)
+        assert table["time"][row] == info["time"] and table["cost"][row] == info["cost"]
+        for i, name in enumerate(env.observation_names):
+            assert table[f"observation.{name}"][row] == observation[i]
+        for i, name in enumerate(env.discrete_names):
+            assert table[f"discrete.{name}"][row] == env.discrete[i]
+        assert table["state.S"][row] == env.state[env.state_names.index("S")]
+        action = table["action.T"][row]
+        if row == 20:
+            assert action is None and table["reward"][row] is None and table["truncated"][row] is None
+            break
+        assert table["physical.T"][row] == env.to_physical([action])[0]
+        observation, reward, terminated, truncated, info = env.step([action])
+        assert table["reward"][row] == reward == table["rewards.finish"][row]
+        assert (table["terminated"][row], table["truncated"][row]) == (terminated, truncated)
+    assert "state.X_A" not in table and table["controller"][0] == "random" and table["seed"][0] == 4
+    about = json.loads((tmp_path / "dataset.json").read_text())
+    assert about["about"]["action_units"] == list(env.action_units) and len(about["identity"]["checksum"]) == 64
+
+
+def test_disturbances_stand_in_the_row_of_the_step_that_they_acted_in(tmp_path):
+    (one,) = collect("pensim", "nominal", 1, tmp_path, max_steps=5)
+    env = smpl.Env("pensim", max_steps=5)
+    env.reset(seed=0)
+    recorded = dict(one.details.disturbances.items())
+    other = smpl.Env("pensim", max_steps=5)
+    _replayed, _ = other.reset(seed=1, options={"disturbances": recorded, "state": env.state, "parameters": {}})
+    for k, action in enumerate(one.actions):
+        env.step(action)
+        assert recorded["z"][k] == env._native.values("disturbance")[0]
+        other.step(action)
+    assert len(set(recorded["z"])) == 5
+
+
+def test_every_environment_is_collected_and_comes_back_as_it_was(identifier, tmp_path):
+    dataset = collect(identifier, "nominal", 2, tmp_path, states=True, max_steps=3)
+    plan = Plan.of(Task.of(identifier, max_steps=3), "nominal", 2)
+    parameters = tuple(dataset.manifest.names["parameters"])
+    for one, (_, expected) in zip(dataset, run(plan, plan.jobs(0, 2), Settings(parameters=parameters)), strict=True):
+        assert_equal(one, expected)
+        for name in ("rewards", "violations", "discrete", "disturbances"):
+            stored, made = getattr(one.details, name), getattr(expected.details, name)
+            assert list(stored) == list(made)
+            for key, values in made.items():
+                np.testing.assert_array_equal(stored[key], values)
+        np.testing.assert_array_equal(one.details.physical, expected.details.physical)
+        assert (one.details.phases, one.details.parameters) == (expected.details.phases, expected.details.parameters)
+    dataset.check(identifier, max_steps=3)
+
+
+def test_workers_do_not_change_a_single_byte(tmp_path):
+    folders = [tmp_path / "one", tmp_path / "two"]
+    for folder, workers in zip(folders, (1, 2), strict=True):
+        collect("beer", ["nominal", "random"], 6, folder, workers=workers, max_steps=15, part=2, noise=0.1)
+    for name in ("part-000000.parquet", "part-000001.parquet", "part-000002.parquet"):
+        assert (folders[0] / name).read_bytes() == (folders[1] / name).read_bytes()
+
+
+class Slow:
+    """Nominal actions that take their time."""
+
+    def reset(self, env):
+        self.action_given = env.model.native.defaults("action")
+
+    def action(self, env):
+        time.sleep(0.004)
+        return self.action_given
+
+
+def test_what_was_killed_goes_on_where_it_was(tmp_path):
+    folder, whole = tmp_path / "killed", tmp_path / "whole"
+    command = [
+        sys.executable,
+        "-m",
+        "smpl.collect",
+        "reactor",
+        "--controller",
+        "test_collection:Slow",
+        "--episodes",
+        "20",
+    ]
+    command += ["--part", "2", "--workers", "1", "--max-steps", "20", "--quiet", "--out"]
+    paths = [str(Path(__file__).parent), *sys.path]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+    process = subprocess.Popen([*command, str(folder)], env=environment)
+    deadline = time.monotonic() + 120
+    while len(list(folder.glob("part-*.parquet"))) < 2 and time.monotonic() < deadline:
+        time.sleep(0.005)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    parts = sorted(folder.glob("part-*.parquet"))
+    assert 2 <= len(parts) < 10
+    assert len(load(folder)) == 2 * len(parts)  # what is there opens
+    before = {part: part.stat().st_mtime_ns for part in parts}
+    for out in (folder, whole):
+        subprocess.run([*command, str(out)], env=environment, check=True)
+    assert {part: part.stat().st_mtime_ns for part in parts} == before
+    assert [p.read_bytes() for p in sorted(folder.glob("p*"))] == [p.read_bytes() for p in sorted(whole.glob("p*"))]
+    assert not list(folder.glob(".*"))
+
+
+def test_more_episodes_are_added_to_those_that_are_there(tmp_path):
+    collect("reactor", "pid", 3, tmp_path, part=2, max_steps=5)
+    assert len(collect("reactor", "pid", 5, tmp_path, max_steps=5)) == 5
+    assert [one.seed for one in load(tmp_path)] == [0, 1, 2, 3, 4]
+
+
+def test_another_data_set_in_the_folder_is_refused(tmp_path):
+    collect("reactor", "pid", 2, tmp_path, max_steps=5)
+    for arguments in ({"seed": 1}, {"scenario": "legacy"}, {"noise": 0.1}, {"starts": "grid:0.1:2"}):
+        with pytest.raises(
+            DatasetError, match=f"another data set .*{next(iter(arguments)).replace('scenario', 'checksum')}"
+        ):
+            collect("reactor", "pid", 2, tmp_path, **{"max_steps": 5, **arguments})
+    with pytest.raises(DatasetError, match=r"_gains.*50"):
+        collect("reactor", Proportional(50.0), 2, tmp_path, max_steps=5)
+
+
+def test_another_policy_under_the_same_file_name_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("smpl.learning.agents._policy_file", lambda spec: Batched())
+    file = tmp_path / "policy.pt"
+    file.write_bytes(b"one")
+    collect("reactor", str(file), 2, tmp_path / "set", max_steps=5)
+    assert len(collect("reactor", str(file), 3, tmp_path / "set", max_steps=5)) == 3
+    file.write_bytes(b"two")
+    with pytest.raises(DatasetError, match=r"another data set .*settings"):
+        collect("reactor", str(file), 3, tmp_path / "set", max_steps=5)
+
+
+def test_a_data_set_of_another_version_of_the_model_is_refused(tmp_path):
+    text = (
+        'model Tank "t"\ntime t : h\nparam k : 1/h = 0.5\naction q : m/h = 0 in 0..1 "flow"\n'
+        'state h : m = 1 in 0..5 "level"\neq d/dt h = q - k*h\nobserve h\nreward r default = h / 1 [m]\n'
+        "episode { step = 0.5 [h], max_steps = 3, error_reward = 0 }\n"
+    )
+    model = tmp_path / "tank.eq"
+    model.write_text(text)
+    collect(model, "nominal", 2, tmp_path / "set")
+    load(tmp_path / "set", model)
+    model.write_text(text.replace("= 0.5\n", "= 0.6\n"))
+    with pytest.raises(DatasetError, match="another version of Tank"):
+        load(tmp_path / "set", model)
+    with pytest.raises(DatasetError, match="checksum"):
+        collect(model, "nominal", 2, tmp_path / "set")
+    with pytest.raises(DatasetError, match="other observations: h; now c_A"):
+        load(tmp_path / "set", "reactor")
+
+
+def test_a_damaged_part_is_named_and_can_be_left_out(tmp_path):
+    collect("reactor", "pid", 6, tmp_path, part=2, max_steps=30)
+    part = tmp_path / "part-000001.parquet"
+    data = bytearray(part.read_bytes())
+    data[len(data) // 3] ^= 0xFF
+    part.write_bytes(data)
+    with pytest.raises(DatasetError, match=r"part-000001\.parquet is damaged"):
+        list(load(tmp_path))
+    kept = load(tmp_path, skip_damaged=True)
+    assert [one.seed for one in kept] == [0, 1, 4, 5] and list(kept.damaged) == [part.name]
+    part.write_bytes(data[:100])
+    with pytest.raises(DatasetError, match=r"part-000001\.parquet is damaged.*skip_damaged"):
+        load(tmp_path)
+    part.unlink()
+    collect("reactor", "pid", 6, tmp_path, max_steps=30)
+    assert [one.seed for one in load(tmp_path)] == list(range(6))
+
+
+def test_nan_never_enters(tmp_path):
+    with pytest.raises(RunError, match=r"episode 0 \(seed 0, controller .*not finite"):
+        collect("reactor", lambda observation: [np.nan, 0.0], 2, tmp_path, workers=1)
+    assert len(load(tmp_path)) == 0
+
+
+def test_a_full_disk_leaves_a_data_set_that_opens(tmp_path, monkeypatch):
+    real, calls = os.fsync, []
+
+    def full(descriptor):
+        calls.append(descriptor)
+        if len(calls) > 4:  # the manifest and the first part, each with its folder
+            raise OSError(errno.ENOSPC, "No space left on device")
+        real(descriptor)
+
+    monkeypatch.setattr("smpl.datasets.store.os.fsync", full)
+    with pytest.raises(DatasetError, match=r"the disk is full.* has 1 of 3 parts"):
+        collect("reactor", "pid", 6, tmp_path, part=2, max_steps=5)
+    assert len(load(tmp_path)) == 2 and not list(tmp_path.glob(".*"))
+    monkeypatch.undo()
+    assert len(collect("reactor", "pid", 6, tmp_path, max_steps=5)) == 6
+
+
+def test_starts_are_those_that_were_asked_for(tmp_path):
+    env = smpl.Env("reactor")
+    steady = env.steady_state if env.reset(seed=0) else None
+    low, high = env.model.native.bounds("state")
+    grid = Starts.of("grid:0.3:3", env, 27)
+    np.testing.assert_array_equal(grid.states, initial_grid(steady, 0.3, 3, low, high))
+    assert Starts.of("unclipped_grid:0.3:3", env, 27).states[:, 0].max() == pytest.approx(1.3 * steady[0], rel=1e-14)
+    table = tmp_path / "starts.csv"
+    table.write_text("h,T\n0.5,40\n0.6,50\n")
+    dataset = collect("reactor", "pid", 3, tmp_path / "set", starts=table, states=True, max_steps=2)
+    assert [one.states[0, 2] for one in dataset] == [0.5, 0.6, 0.5]
+    assert [one.states[0, 1] for one in dataset] == [40, 50, 40]
+    # The others are sampled, as without a table.
+    assert dataset[1].states[0, 0] == run_episode(env, Proportional(), 1).states[0, 0]
+
+
+def test_spread_starts_fill_each_sixteenth_of_each_state_once():
+    pytest.importorskip("scipy", reason="SciPy is not installed")
+    env = smpl.Env("reactor")
+    env.reset(seed=0)
+    spread = Starts.of("spread:0.1", env, 16, seed=5).states
+    unit = (spread / env.steady_state - 0.9) / 0.2
+    # A net in base 2, as Sobol's points are: one of 16 in each sixteenth.
+    for column in unit.T:
+        assert sorted(np.floor(16 * column)) == list(range(16))
+
+
+def test_noise_mixtures_and_random_steps_have_the_shares_that_were_asked_for():
+    task = Task.of("reactor", max_steps=50, settings={"error_reward": 0})
+    plan = Plan.of(task, ["constant:25,0.125", "nominal"], 400, weights=[1, 3], noise=0.05, epsilon=0.25)
+    jobs = plan.jobs(0, 400)
+    # Four standard deviations of a binomial share of 400.
+    assert abs(np.mean([job.agent for job in jobs]) - 0.75) < 4 * np.sqrt(0.75 * 0.25 / 400)
+    shifts = np.concatenate([job.shift for job in jobs])
+    assert abs(shifts.std() / 0.05 - 1) < 4 / np.sqrt(2 * shifts.size)
+    replaced = np.concatenate([job.replaced for job in jobs])
+    assert abs(np.mean(~np.isnan(replaced[:, 0])) - 0.25) < 4 * np.sqrt(0.25 * 0.75 / len(replaced))
+    ((job, one),) = run(plan, [next(job for job in jobs if job.agent == 0)], Settings())
+    row = np.flatnonzero(np.isnan(job.replaced[: one.steps, 0]))[0]
+    # 25 and 0.125 are the middle of the box: 0 when scaled.
+    np.testing.assert_allclose(one.actions[row], job.shift[row], atol=1e-7)
+
+
+class Batched:
+    """A policy as of Stable-Baselines3: a batch in, actions and no state out."""
+
+    def predict(self, observations, state=None, episode_start=None, deterministic=False):
+        assert deterministic
+        return np.tanh(observations[:, :2]), None
+
+
+def test_policies_of_other_packages_act_on_batches_and_one_by_one():
+    plan = Plan.of(Task.of("reactor", max_steps=20), Batched(), 5)
+    batch = {job.index: one for job, one in run(plan, plan.jobs(0, 5), Settings())}
+    for job, one in run(plan, plan.jobs(0, 5), Settings(batch=False)):
+        assert_equal(batch[job.index], one)
+        np.testing.assert_allclose(one.actions, np.tanh(one.observations[:-1, :2]), rtol=1e-6)
+
+
+class Single:
+    """A policy as of RLlib."""
+
+    def compute_single_action(self, observation, explore=True):
+        assert not explore
+        return np.tanh(observation[:2]), [], {}
+
+
+def test_policies_of_one_observation_at_a_time_act():
+    plan = Plan.of(Task.of("reactor", max_steps=10), Single(), 2)
+    for _, one in run(plan, plan.jobs(0, 2), Settings()):
+        np.testing.assert_allclose(one.actions, np.tanh(one.observations[:-1, :2]), rtol=1e-6)
+
+
+class Narrow:
+    def predict(self, observations):
+        return np.zeros((len(observations), 3))
+
+
+class Recurrent:
+    """Counts its steps in its state, as recurrent policies of sb3-contrib keep theirs: (layers, environments, size)."""
+
+    def predict(self, observations, state=None, episode_start=None, deterministic=False):
+        count = np.zeros((1, len(observations), 1)) if state is None else state[0].copy()
+        if episode_start is not None:
+            count[:, episode_start] = 0
+        actions = np.repeat(count[0] / 100, 2, axis=1) - 0.1
+        return actions, (count + 1, count + 1)
+
+
+def test_the_state_of_a_recurrent_policy_begins_anew_in_each_episode():
+    # Three times as many episodes as places, of different lengths.
+    plan = Plan.of(Task.of("reactor", max_steps=30, scenario="legacy"), Recurrent(), 192)
+    lengths = set()
+    for _, one in run(plan, plan.jobs(0, 192), Settings()):
+        np.testing.assert_allclose(one.actions[:, 0], np.arange(one.steps) / 100 - 0.1, atol=1e-7)
+        lengths.add(one.steps)
+    assert len(lengths) > 2
+
+
+def test_a_model_whose_file_has_changed_since_it_was_compiled_is_refused(tmp_path):
+    path = tmp_path / "beer.eq"
+    path.write_text(Path(smpl.compile("beer").native.sources[0]).read_text())
+    model = smpl.compile(path)
+    path.write_text(path.read_text() + "\n")
+    os.utime(path, ns=(1, 1))
+    with pytest.raises(ValueError, match="has changed since it was compiled"):
+        collect(model, "nominal", 1, tmp_path / "set")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ({"controller": Narrow()}, r"episode 0 .*predict gave shape \(1, 3\), expected \(1, 2\)"),
+        ({"controller": "pdi"}, "controller is 'pdi'; Reactor has: nominal, random, pid, mpc"),
+        ({"controller": "nowhere:Thing"}, "nowhere"),
+        ({"controller": Proportional}, "the class Proportional"),
+        ({"episodes": 0}, "episodes is 0"),
+        ({"env": "smpl/Rector-v0"}, "Rector"),
+        ({"env": "CartPole-v1"}, "no environment of smpl"),
+        ({"starts": "gird"}, "starts is 'gird'; there are: sampled, grid"),
+        ({"starts": [{"x": 1.0}]}, "unknown name 'x'|starts.*x"),
+        ({"randomize": {"UU": (1, 2)}}, "UU"),
+        ({"randomize": {"U": (2, 1)}}, r"randomize\['U'\]"),
+        ({"noise": -1.0}, "noise is -1"),
+        ({"weights": [1, 2]}, "weights is"),
+        ({"states": ["q"]}, "q"),
+        ({"seed": -1}, "seed is -1"),
+    ],
+)
+def test_bad_input_of_a_collection_is_refused(arguments, says, tmp_path):
+    given = {"env": "reactor", "controller": "pid", "episodes": 2, **arguments}
+    kinds = (ValueError, TypeError, FileNotFoundError, gymnasium.error.Error, RunError)
+    with pytest.raises(kinds, match=says):
+        collect(given.pop("env"), given.pop("controller"), given.pop("episodes"), tmp_path / "set", **given)
+
+
+class Mortal:
+    """Nominal actions; the first process that meets episode 5 dies of it."""
+
+    def reset(self, env):
+        mark = Path(os.environ["SMPL_TEST_MARK"])
+        if env.episode[0] == 5 and not mark.exists():
+            mark.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    def action(self, env):
+        return env.model.native.defaults("action")
+
+
+def test_a_worker_that_dies_is_replaced_and_nothing_is_lost_or_counted_twice(tmp_path, monkeypatch):
+    monkeypatch.setenv("SMPL_TEST_MARK", str(tmp_path / "mark"))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(Path(__file__).parent), *sys.path]))
+    controller = __import__("test_collection").Mortal()
+    dataset = collect("reactor", controller, 8, tmp_path / "set", workers=2, part=2, max_steps=5)
+    assert (tmp_path / "mark").exists() and [one.seed for one in dataset] == list(range(8))
+
+
+def test_a_controller_that_cannot_travel_says_what_to_do(tmp_path):
+    with pytest.raises(ValueError, match=r"cannot be sent to other processes .*workers=1, or MODULE:NAME"):
+        collect("reactor", lambda observation: [0.0, 0.0], 4, tmp_path, workers=2, part=2)
