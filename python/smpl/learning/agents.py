@@ -1,7 +1,7 @@
 """Anything that chooses actions, behind one interface.
 
-A controller (`reset(env)`, `action(env)`, physical units), a policy (`predict(observations)` as of Stable-Baselines3 and
-d3rlpy, `compute_single_action(observation)` as of RLlib; actions of the action space) or a function of the
+A controller (`reset(env)`, `action(env)`, physical units), a policy (`predict(observations)` as of Stable-Baselines3
+and d3rlpy, `compute_single_action(observation)` as of RLlib; actions of the action space) or a function of the
 observation. Policies with `predict` and some of our own controllers act on a whole batch at once.
 """
 
