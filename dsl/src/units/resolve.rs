@@ -2,6 +2,8 @@
 
 #![allow(clippy::result_large_err, reason = "faults of units are rare and end the compilation")]
 
+use std::sync::LazyLock;
+
 use super::{Rational, Unit, table};
 use crate::diagnostic::{Diagnostic, codes, suggest};
 use crate::span::Span;
@@ -80,8 +82,8 @@ fn split(symbol: &str) -> Option<String> {
 }
 
 fn nearest(symbol: &str) -> Option<String> {
-    let candidates: Vec<String> = table::symbols().iter().flat_map(spellings).collect();
-    suggest(symbol, candidates.iter().map(String::as_str)).map(|candidate| format!("did you mean `{candidate}`?"))
+    static CANDIDATES: LazyLock<Vec<String>> = LazyLock::new(|| table::symbols().iter().flat_map(spellings).collect());
+    suggest(symbol, CANDIDATES.iter().map(String::as_str)).map(|candidate| format!("did you mean `{candidate}`?"))
 }
 
 /// A unit alone and with its usual prefixes.
