@@ -130,6 +130,8 @@ pub(crate) struct Parts {
     pub(crate) has_breaks: bool,
     /// Number of expressions that time moves other than along straight lines.
     pub(crate) forcings: u32,
+    /// Time occurs in the equations.
+    pub(crate) timed: bool,
     pub(crate) statistics: CompileStatistics,
 }
 
@@ -255,6 +257,12 @@ impl CompiledModel {
     #[must_use]
     pub fn forcings_len(&self) -> usize {
         self.parts.forcings as usize
+    }
+
+    /// Whether time occurs in the equations.
+    #[must_use]
+    pub fn depends_on_time(&self) -> bool {
+        self.parts.timed
     }
 
     /// What compiling took and gave.

@@ -26,6 +26,8 @@ pub struct ExplicitTime {
     pub forcings: Job,
     /// How many there are.
     pub forcing_count: u32,
+    /// Time occurs in the equations themselves.
+    pub in_equations: bool,
 }
 
 /// Collects the breaks and forcings of equations, integrands and root functions.
@@ -39,13 +41,14 @@ pub fn collect(model: &mut Model, rows: &[Rows]) -> ExplicitTime {
     let others = model.quadratures.iter().copied().chain(model.roots.iter().map(|r| r.value));
     roots.extend(others.map(|value| (value, [0; MAX_DEPTH])));
     let mut collector = Collector::new(model);
+    let in_equations = rows.iter().any(|row| collector.moves[row.value].time);
     if roots.iter().any(|&(root, _)| collector.moves[root].time) {
         collector.walk(&roots);
         for (root, extents) in roots {
             collector.force(root, extents);
         }
     }
-    collector.finish()
+    ExplicitTime { in_equations, ..collector.finish() }
 }
 
 /// What moves an expression within a step.
@@ -317,7 +320,7 @@ impl<'a> Collector<'a> {
             tasks.push(Task { loops, stores: vec![(Sink::Out(at), value)] });
         }
         let stages = if tasks.is_empty() { vec![] } else { vec![tasks] };
-        ExplicitTime { next_break, forcings: Job { stages, in_place: false }, forcing_count: count }
+        ExplicitTime { next_break, forcings: Job { stages, in_place: false }, forcing_count: count, in_equations: false }
     }
 
     /// The least of all next breaks.

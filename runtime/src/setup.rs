@@ -13,7 +13,7 @@ use smpl_dsl::diagnostic::SourceMap;
 
 use crate::catalogue::{Catalogue, Element, OutsideBounds, StructuralParameter, UnknownName, check_parameters};
 use crate::random;
-use crate::solver::{LinearSolver, PatternError, Quadratures, Settings, SolveError};
+use crate::solver::{LinearSolver, Method, PatternError, Quadratures, Settings, SolveError};
 use crate::steady::{self, SteadyError};
 use crate::system::CompiledSystem;
 
@@ -54,6 +54,8 @@ pub struct EnvironmentOptions {
     pub quadrature_error_control: Option<bool>,
     /// `auto`, `dense` or `klu`.
     pub linear_solver: Option<String>,
+    /// `ida`, `rosenbrock`, `explicit` or `auto`.
+    pub method: Option<String>,
 }
 
 /// Why an environment cannot be made.
@@ -360,6 +362,7 @@ fn solver_settings(model: &CompiledModel, catalogue: &Catalogue, options: &Envir
     settings.max_order = options.max_order.unwrap_or(declared.max_order);
     settings.max_steps = options.solver_steps.unwrap_or(declared.max_steps);
     settings.linear_solver = linear_solver(options.linear_solver.as_deref().unwrap_or(&declared.linear_solver))?;
+    settings.method = method(options.method.as_deref().unwrap_or(&declared.method))?;
     settings.max_step = options.max_step.unwrap_or(declared.max_step);
     if settings.max_step.is_nan() || settings.max_step <= 0.0 {
         positive("max_step", settings.max_step)?;
@@ -369,6 +372,15 @@ fn solver_settings(model: &CompiledModel, catalogue: &Catalogue, options: &Envir
         settings.quadratures = Quadratures::Checked { rtol, atol: factor * rtol };
     }
     Ok(settings)
+}
+
+/// What takes the steps, by its name.
+pub(crate) fn method(name: &str) -> Result<Method, SetupError> {
+    Method::from_name(name).ok_or_else(|| SetupError::Value {
+        what: "method".into(),
+        expected: "`ida`, `rosenbrock`, `explicit` or `auto`",
+        value: format!("`{name}`"),
+    })
 }
 
 pub(crate) fn linear_solver(name: &str) -> Result<LinearSolver, SetupError> {

@@ -66,7 +66,7 @@ pub(super) fn passes(mut model: Model, settings: &BackEndSettings) -> Result<Par
     let differentiated = Instant::now();
 
     let time = explicit_time::collect(&mut model, &rows);
-    let (has_breaks, forcings) = (time.next_break.is_some(), time.forcing_count);
+    let (has_breaks, forcings, timed) = (time.next_break.is_some(), time.forcing_count, time.in_equations);
     let mut jobs = jobs(&model, &rows, jacobian);
     jobs.extend([(Function::NextBreak, time.next_break.unwrap_or_default()), (Function::Forcings, time.forcings)]);
     for (_, job) in jobs.iter_mut().filter(|(f, _)| is_program(*f)) {
@@ -108,7 +108,7 @@ pub(super) fn passes(mut model: Model, settings: &BackEndSettings) -> Result<Par
         cached: model.vars.values().filter(|v| v.role == Role::Cache).map(|v| v.len as usize).sum(),
         functions,
     };
-    Ok(Parts { model, pattern, tables, codes, prepare_parameters, has_breaks, forcings, statistics })
+    Ok(Parts { model, pattern, tables, codes, prepare_parameters, has_breaks, forcings, timed, statistics })
 }
 
 /// The pieces of each job with the time that they took.

@@ -59,6 +59,9 @@ pub(super) struct SimulateArguments {
     /// Longest internal step, in the model's unit of time
     #[arg(long, value_name = "T", value_parser = positive, allow_negative_numbers = true)]
     max_step: Option<f64>,
+    /// What takes the steps: ida, rosenbrock, explicit or auto
+    #[arg(long, value_name = "METHOD", value_parser = ["ida", "rosenbrock", "explicit", "auto"])]
+    method: Option<String>,
     /// Table of the trajectory, CSV or Parquet
     #[arg(long, value_name = "T.csv|T.parquet")]
     out: Option<PathBuf>,
@@ -218,6 +221,7 @@ fn data_files(arguments: &SimulateArguments) -> impl Iterator<Item = PathBuf> {
 fn make(arguments: &SimulateArguments, loaded: Loaded) -> Result<Environment, Failed> {
     let mut options = loaded.options;
     options.rtol = arguments.rtol.or(options.rtol);
+    options.method = arguments.method.clone().or(options.method);
     options.max_step = arguments.max_step.or(options.max_step);
     options.atol_factor = arguments.atol_factor.or(options.atol_factor);
     options.max_steps = arguments.steps.or(options.max_steps);
