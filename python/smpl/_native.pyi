@@ -109,7 +109,13 @@ class Env:
     """One environment."""
 
     def __init__(
-        self, model: Model, normalize: bool, dense_reward: bool, info_state: bool, max_steps: int | None
+        self,
+        model: Model,
+        normalize: bool,
+        dense_reward: bool,
+        info_state: bool,
+        max_steps: int | None,
+        method: str | None,
     ) -> None: ...
     def reset(self, seed: int | None, start: Start | None) -> tuple[Observation, Info]: ...
     def step(self, action: FloatArray) -> tuple[Observation, float, bool, bool, Info]: ...
@@ -143,6 +149,7 @@ class Batch:
         dense_reward: bool,
         info_state: bool,
         max_steps: int | None,
+        method: str | None,
         num_threads: int,
         autoreset: str,
     ) -> None: ...

@@ -18,6 +18,7 @@ from smpl.model import FloatArray, Model, Setting, as_count, as_vector, compile
 
 Observation = npt.NDArray[np.float32]
 SEEDS = 2**64
+METHODS = ("ida", "rosenbrock", "explicit", "auto")
 
 
 class SeedError(gymnasium.error.Error, ValueError):
@@ -77,6 +78,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         max_steps: time limit in place of the scenario's.
         render_mode: `rgb_array`, `ansi` or none.
         info_state: add the state to `info`.
+        method: what takes the steps, `ida`, `rosenbrock`, `explicit` or `auto`, in place of the model's or scenario's.
 
     Attributes:
         model: the compiled model.
@@ -104,13 +106,14 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         max_steps: int | None = None,
         render_mode: str | None = None,
         info_state: bool = False,
+        method: str | None = None,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode is {render_mode!r}; there are: {', '.join(self.metadata['render_modes'])}")
         compiled = choose_model(model, observation, reward, scenario, variants, settings)
         self.observation_space, self.action_space = self._describe(compiled, normalize)
         self.render_mode = render_mode
-        self._options = (normalize, dense_reward, info_state, check_limit(max_steps))
+        self._options = (normalize, dense_reward, info_state, check_limit(max_steps), check_method(method))
         self._native = _native.Env(compiled.native, *self._options)
         self.constraint_names = tuple(self._native.constraint_names)
         self.max_steps = self._native.max_steps
@@ -317,6 +320,17 @@ def _box(low: FloatArray, high: FloatArray, normalize: bool) -> Box:
         finite = np.isfinite(low) & np.isfinite(high)
         low, high = np.where(finite, -1.0, low), np.where(finite, 1.0, high)
     return Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
+
+
+def check_method(method: str | None) -> str | None:
+    """The name of a method of integration if it is one.
+
+    Raises:
+        ValueError: there is no such method.
+    """
+    if method is not None and method not in METHODS:
+        raise ValueError(f"method is {method!r}; there are: {', '.join(METHODS)}")
+    return method
 
 
 def check_limit(max_steps: int | None) -> int | None:

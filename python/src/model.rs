@@ -22,8 +22,8 @@ type Matrix<'py> = Bound<'py, PyArray2<f64>>;
 type Indices<'py> = Bound<'py, PyArray1<i32>>;
 type Input<'py> = PyReadonlyArray1<'py, f64>;
 
-/// By dense reward and time limit.
-type Setups = HashMap<(bool, Option<u32>), Arc<Setup>>;
+/// By dense reward, time limit and method.
+type Setups = HashMap<(bool, Option<u32>, Option<String>), Arc<Setup>>;
 
 /// A compiled model.
 #[pyclass(frozen, module = "smpl._native")]
@@ -257,18 +257,20 @@ impl Model {
     /// What environments of this model share.
     ///
     /// # Errors
-    /// Settings out of range, or no steady state where the model starts from one.
-    pub fn setup(&self, py: Python<'_>, dense_reward: bool, max_steps: Option<u32>) -> PyResult<Arc<Setup>> {
+    /// Settings out of range, a method that does not take the model, or no steady state where the model starts from one.
+    pub fn setup(&self, py: Python<'_>, dense_reward: bool, max_steps: Option<u32>, method: Option<&str>) -> PyResult<Arc<Setup>> {
+        let key = (dense_reward, max_steps, method.map(str::to_owned));
         let mut setups = self.setups.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner);
-        if let Some(setup) = setups.get(&(dense_reward, max_steps)) {
+        if let Some(setup) = setups.get(&key) {
             return Ok(setup.clone());
         }
         let base = self.loaded.options.clone();
         let max = max_steps.or(base.max_steps);
-        let options = EnvironmentOptions { sparse: !dense_reward, max_steps: max, ..base };
+        let method = key.2.clone().or(base.method.clone());
+        let options = EnvironmentOptions { sparse: !dense_reward, max_steps: max, method, ..base };
         let (model, sources) = (self.loaded.model.clone(), Some(self.loaded.sources.clone()));
         let setup = released(py, || Setup::new(model, options, sources))?.map_err(|e| setup_error(&e))?;
-        setups.insert((dense_reward, max_steps), setup.clone());
+        setups.insert(key, setup.clone());
         Ok(setup)
     }
 

@@ -83,6 +83,12 @@ pub enum SetupError {
     /// The Jacobian's pattern.
     #[error("pattern of the Jacobian: {0}")]
     Pattern(#[from] PatternError),
+    /// The method does not take the model.
+    #[error("{message}")]
+    Method {
+        /// What it does not take, by name, and what to use instead.
+        message: String,
+    },
     /// The solver refuses its settings or the system.
     #[error(transparent)]
     Solver(#[from] SolveError),
@@ -167,6 +173,7 @@ impl Setup {
         let catalogue = Catalogue::new(&model);
         let interface = model.interface();
         let settings = solver_settings(&model, &catalogue, &options)?;
+        check_method(&model, &catalogue, settings.method)?;
         let reward = match &options.reward {
             None => interface.default_reward as usize,
             Some(name) => interface
@@ -372,6 +379,23 @@ fn solver_settings(model: &CompiledModel, catalogue: &Catalogue, options: &Envir
         settings.quadratures = Quadratures::Checked { rtol, atol: factor * rtol };
     }
     Ok(settings)
+}
+
+/// A method that does not take the model is refused with the name of what it does not take.
+fn check_method(model: &CompiledModel, catalogue: &Catalogue, method: Method) -> Result<(), SetupError> {
+    let algebraic = catalogue.solved.names().next();
+    let message = match method {
+        Method::Rosenbrock | Method::Explicit if !model.explicit() => format!(
+            "method `{method}` takes models only whose rates are given explicitly, and here they follow from equations that are solved together: use `ida`"
+        ),
+        Method::Explicit if model.unknowns() > model.states() => format!(
+            "method `explicit` takes ordinary differential equations only, and `{}` is an algebraic variable that is solved for: \
+             use `rosenbrock`, `auto` or `ida`",
+            algebraic.unwrap_or("a variable")
+        ),
+        _ => return Ok(()),
+    };
+    Err(SetupError::Method { message })
 }
 
 /// What takes the steps, by its name.

@@ -164,7 +164,9 @@ pub enum SolveError {
         method: Method,
     },
     /// The explicit method takes no algebraic unknowns.
-    #[error("method `explicit` takes ordinary differential equations only, and unknown {unknown} is algebraic: use `rosenbrock`, `auto` or `ida`")]
+    #[error(
+        "method `explicit` takes ordinary differential equations only, and unknown {unknown} is algebraic: use `rosenbrock`, `auto` or `ida`"
+    )]
     Algebraic {
         /// The first algebraic unknown.
         unknown: usize,

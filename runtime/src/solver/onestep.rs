@@ -60,8 +60,10 @@ pub struct OneStep {
     stiff: bool,
     /// It took the last one.
     by_rosenbrock: bool,
-    /// Steps in a row that would have been the other method's.
+    /// Steps that would have been the other method's.
     misfits: u32,
+    /// Steps in a row that are its own.
+    calm: u32,
     control: Control,
     algebra: Option<Algebra>,
     forcing: Forcing,
@@ -109,6 +111,7 @@ impl OneStep {
             by_rosenbrock: stiff,
             since_trouble: 0,
             misfits: 0,
+            calm: 0,
             control: Control::default(),
             algebra: if algebraic.is_some() { Some(Algebra::new(system, &settings)?) } else { None },
             forcing: Forcing::new(system.forcing_count()),
@@ -207,7 +210,7 @@ impl Integrator for OneStep {
         self.phase = Phase::Idle;
         self.control = Control::default();
         self.stiff = self.rosenbrock.is_some();
-        self.misfits = 0;
+        (self.misfits, self.calm) = (0, 0);
         self.longest_interval = 0.0;
         self.rosenbrock.iter_mut().for_each(Rosenbrock::forget);
         self.algebra.iter_mut().for_each(Algebra::forget);

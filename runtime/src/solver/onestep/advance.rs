@@ -18,13 +18,14 @@ const MEMORY: u32 = 10;
 /// Rejections in a row after which there is no step that fits.
 const MOST_REJECTIONS: u32 = 60;
 
-/// A step of the explicit method times the largest eigenvalue from which on stability bounds it, and how many of them tell (Hairer's values for DOP853 are
-/// 6.1 and 15).
-const STABLE: f64 = 6.1;
+/// A step of the explicit method times the largest eigenvalue from which on stability bounds it (6.1 on the negative axis, where an estimate below is as
+/// frequent as one above), how many of them tell, and how many others in a row say the contrary.
+const STABLE: f64 = 5.0;
 const MISFITS: u32 = 6;
+const CALM: u32 = 6;
 
 /// A step of the Rosenbrock method times a bound of the eigenvalues below which the explicit one takes longer ones.
-const LOOSE: f64 = 3.0;
+const LOOSE: f64 = 1.0;
 
 /// An integrator with its system at hand.
 pub struct Run<'a> {
@@ -311,10 +312,11 @@ impl OneStep {
             (Some(_), Some(explicit)) => explicit.stiffness(&self.frame) > STABLE,
             _ => false,
         };
-        self.misfits = if misfit { self.misfits + 1 } else { 0 };
+        self.calm = if misfit { 0 } else { self.calm + 1 };
+        self.misfits = if self.calm >= CALM { 0 } else { self.misfits + u32::from(misfit) };
         if self.misfits > if self.stiff { 0 } else { MISFITS } {
             self.stiff = !self.stiff;
-            self.misfits = 0;
+            (self.misfits, self.calm) = (0, 0);
             self.control = Control::begin(self.control.proposed);
         }
     }
@@ -355,6 +357,7 @@ impl Traverse for Run<'_> {
             return Ok(Advance::Reached);
         }
         let course = self.look_inside(interval)?;
+        self.one.frame.careful = matches!(course, Course::Structured(_));
         let longest = course.longest_step(interval).min(self.one.settings.max_step);
         if fresh {
             self.begin(interval, course.longest_first_step(interval).min(longest));

@@ -69,9 +69,10 @@ impl Explicit {
         let [_, _, _, _, k6, k7, k8, k9, k10, k11, k12] = &self.k;
         let terms = [&frame.begin_rates[..], k6, k7, k8, k9, k10, k11, k12];
         let [fifth, third] = frame.squares(|i| weighted(i, &E5, &terms), |i| weighted(i, &E3, &terms));
-        if fifth == 0.0 && third == 0.0 {
+        if fifth == 0.0 {
             return 0.0;
         }
+        let third = if frame.careful { 0.0 } else { third };
         frame.h * fifth / ((fifth + 0.01 * third) * frame.n as f64).sqrt()
     }
 

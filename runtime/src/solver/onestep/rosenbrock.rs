@@ -68,7 +68,9 @@ impl Rosenbrock {
     pub fn attempt(&mut self, frame: &mut Frame, system: &mut dyn System) -> f64 {
         let (t, h) = (frame.t, frame.h);
         let functions = &mut frame.functions;
-        functions.jacobian(system, t, 1.0 / (h * GAMMA), &frame.begin, &mut self.values);
+        if !functions.jacobian(system, t, 1.0 / (h * GAMMA), &frame.begin, &mut self.values) {
+            return f64::NAN;
+        }
         functions.counts.factorisations += 1;
         if let Err(singular) = self.matrix.factorise(&self.values) {
             functions.trouble.get_or_insert(Trouble::Singular { time: t, column: singular.column });
