@@ -64,7 +64,7 @@ const MAX_COMPARED: usize = 3_000_000;
 const REPORT: u32 = 50;
 
 /// Most nodes of the expressions of one model.
-const MAX_NODES: usize = 8_000_000;
+const MAX_NODES: usize = 4_000_000;
 
 /// What a compilation is asked for beside the text.
 #[derive(Clone, Debug, Default)]
@@ -408,7 +408,7 @@ impl<'a> Elaborator<'a> {
     fn finish(mut self) -> Result<Elaborated, Faults> {
         if let Some(span) = self.exhausted.filter(|_| self.written_out <= MAX_WRITTEN_OUT) {
             self.diagnostics.push(
-                Diagnostic::error(codes::TOO_LARGE, "the model is too large: tens of millions of expressions would be written out", span)
+                Diagnostic::error(codes::TOO_LARGE, "the model is too large: it has tens of millions of terms", span)
                     .label("so far the compiler came")
                     .help("use a `domain` in place of a large set, and name with `let` what is used again and again"),
             );
@@ -474,7 +474,10 @@ impl<'a> Elaborator<'a> {
             self.written_out += 1;
             return true;
         }
-        if self.written_out == MAX_WRITTEN_OUT {
+        if self.attempts > 0 {
+            // What is too much in one pass of a loop is too much without the loop as well.
+            self.exhausted = Some(span);
+        } else if self.written_out == MAX_WRITTEN_OUT {
             self.written_out += 1;
             self.report(
                 Diagnostic::error(codes::TOO_LARGE, "more than a million terms and elements would be written out", span)

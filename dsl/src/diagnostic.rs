@@ -17,6 +17,7 @@
 pub mod codes;
 mod faults;
 mod json;
+mod printable;
 mod source_map;
 mod suggest;
 
@@ -25,6 +26,7 @@ use serde::Serialize;
 pub use codes::Code;
 pub use faults::{Faults, SHOWN};
 pub use json::JsonDiagnostic;
+pub use printable::printable;
 pub use source_map::{Location, SourceFile, SourceMap};
 pub use suggest::{did_you_mean, suggest};
 

@@ -66,7 +66,19 @@ pub(crate) fn layout(text: &str, file: FileId) -> Layout {
         let fault = Diagnostic::error(codes::TOO_LARGE, message, Span { file, start: 0, end: 0 });
         return Layout { diagnostics: vec![fault].into(), ..Layout::default() };
     }
+    if let Some(at) = lone_carriage_return(text.as_bytes()) {
+        let message = "a line ends in a carriage return alone";
+        let fault = Diagnostic::error(codes::UNEXPECTED_CHARACTER, message, span(file, at, at + 1))
+            .help("save the file with line ends LF or CR LF; a carriage return alone ends no line, and a comment would go on beyond it");
+        return Layout { diagnostics: vec![fault].into(), ..Layout::default() };
+    }
     Scanner::new(text, file).run()
+}
+
+/// The first carriage return that something else than a newline follows.
+fn lone_carriage_return(bytes: &[u8]) -> Option<usize> {
+    let mut returns = bytes.iter().enumerate().filter(|(_, byte)| **byte == b'\r').map(|(at, _)| at);
+    returns.find(|&at| bytes[at + 1..].iter().find(|byte| **byte != b'\r').is_some_and(|next| *next != b'\n'))
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -58,7 +58,7 @@ impl Parsed {
 pub fn parse(text: &str, file: FileId) -> Parsed {
     let layout = layout(text, file);
     let parse = |raw: &[RawStatement]| {
-        let mut parser = StatementParser { text: &layout.text, file, diagnostics: Faults::default() };
+        let mut parser = StatementParser { text: &layout.text, file, around: "", diagnostics: Faults::default() };
         (parser.statements(raw), parser.diagnostics)
     };
     let middle = layout.statements.partition_point(|statement| statement.start < text.len() / 2);
@@ -85,10 +85,12 @@ type Fallible<T> = Result<T, Box<Diagnostic>>;
 struct StatementParser<'t> {
     text: &'t str,
     file: FileId,
+    /// Keyword of the statement in whose block the present ones stand.
+    around: &'t str,
     diagnostics: Faults,
 }
 
-impl StatementParser<'_> {
+impl<'t> StatementParser<'t> {
     fn statements(&mut self, raw: &[RawStatement]) -> Vec<Statement> {
         let mut statements = Vec::with_capacity(raw.len());
         for statement in raw {
@@ -99,7 +101,10 @@ impl StatementParser<'_> {
 
     /// Reads one statement. Its block is read even where its head is at fault, for the faults within.
     fn statement(&mut self, raw: &RawStatement, into: &mut Vec<Statement>) {
+        let text: &'t str = self.text;
+        let around = std::mem::replace(&mut self.around, leading_word(&text[raw.start..raw.end]));
         let body = raw.body.as_ref().map(|body| self.statements(&body.statements));
+        self.around = around;
         if raw.damaged {
             return;
         }
@@ -132,7 +137,7 @@ impl StatementParser<'_> {
             if word.is_empty() { "a statement begins with a keyword".to_owned() } else { format!("`{word}` begins no statement") };
         Diagnostic::error(codes::UNKNOWN_STATEMENT, message, place)
             .label("expected a keyword such as `param`, `state`, `let` or `eq`")
-            .maybe_help(message::statement_hint(word, text).or_else(|| did_you_mean(word, KEYWORDS.iter().copied())))
+            .maybe_help(message::statement_hint(word, text, self.around).or_else(|| did_you_mean(word, KEYWORDS.iter().copied())))
     }
 }
 

@@ -24,9 +24,29 @@ fn common_slips_come_with_the_right_spelling() {
         ("let x = !b", "write `not`"),
         ("let x = 3 \u{d7} 4", "write `*` to multiply"),
         ("let x = (1 + 2", "add `)`"),
+        ("at start { x = 2 }", "what an instant sets begins with `next` (discrete variables) or `reset` (states): `reset x = ...`"),
+        ("param a = 1,5", "decimals follow a point: `1.5`; a comma separates declarations"),
+        ("let a = if c (x) else 0", "the form is `if condition then one else other`"),
+        (
+            "table f over time { 0: 1, 1: 2 }",
+            "the form is `table f : unit over time : h linear { 0: 1, 2: 3 }`, with `linear`, `from` or `until`",
+        ),
         ("connect a", "the form is `connect M1.outlet -> R1.inlet`"),
     ];
     let advice = |text: &str| parse(text, FileId(0)).diagnostics.iter().filter_map(|fault| fault.help.clone()).collect::<Vec<_>>();
     let wrong: Vec<_> = cases.iter().filter(|(text, help)| advice(text) != [*help]).map(|(text, _)| (text, advice(text))).collect();
     assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+/// A comment would swallow the rest of such a text, and declarations with it.
+#[test]
+fn lines_that_end_in_a_carriage_return_alone_are_one_fault() {
+    for text in ["model M\rparam a = 1 # one\rparam b = 2\r", "param a = 1 # one\rparam b = 2\n", "param a = 1\r\r"] {
+        let parsed = parse(text, FileId(0));
+        let faults: Vec<&str> = parsed.diagnostics.iter().map(|fault| fault.message.as_str()).collect();
+        let expected: &[&str] = if text.ends_with("\r\r") { &[] } else { &["a line ends in a carriage return alone"] };
+        assert_eq!(faults, expected, "{text:?}");
+    }
+    let windows = parse("param a = 1 # one\r\nparam b = 2\r\n", FileId(0));
+    assert!(windows.is_ok() && windows.file.statements.len() == 2);
 }

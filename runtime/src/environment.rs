@@ -122,16 +122,17 @@ struct Progress {
     not_finite: Option<NotFinite>,
 }
 
-/// When an event fired within the step, and how long after the time before.
+/// When an event fired within the step, how long after the time before, and how many times in succession it came sooner.
 #[derive(Clone, Copy)]
 struct Firing {
     time: f64,
     gap: f64,
+    sooner: u32,
 }
 
 impl Default for Firing {
     fn default() -> Self {
-        Self { time: f64::NEG_INFINITY, gap: f64::INFINITY }
+        Self { time: f64::NEG_INFINITY, gap: f64::INFINITY, sooner: 0 }
     }
 }
 

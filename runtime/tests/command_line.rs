@@ -287,6 +287,41 @@ fn json_stays_json_when_invariants_are_asked_for() {
     assert!(serde_json::from_slice::<serde_json::Value>(&output.stdout).is_ok(), "{}{}", text(&output.stdout), text(&output.stderr));
 }
 
+/// A title of the window, a colour, and the introducer of one character: what a terminal would obey is shown as text.
+#[test]
+fn what_stands_in_texts_and_names_of_files_does_not_reach_the_terminal_as_control() {
+    let evil = "\u{1b}]0;title\u{7}\u{1b}[31m\u{9b}31m";
+    let model = file("control", &format!("m{evil}.eq"), format!("model M \"{evil}\"\nlet a = nope # {evil}\nlet b = \u{1b}\n"));
+    let good = file("control", &format!("good{evil}.eq"), format!("model M \"{evil}\"\n{}", &TANK[TANK.find('\n').unwrap_or(0)..]));
+    let missing = format!("{}{evil}", name(&model));
+    let artefact = format!("{}c", name(&good));
+    for arguments in [
+        vec!["check", name(&model)],
+        vec!["check", name(&good)],
+        vec!["check", &missing],
+        vec!["compile", name(&good), "-o", &artefact],
+        vec!["simulate", name(&good), "--policy", evil],
+        vec!["simulate", name(&good), "--out", "/dev/null"],
+    ] {
+        let output = smpl(&arguments);
+        let shown = text(&output.stdout) + &text(&output.stderr);
+        assert!(!shown.is_empty(), "{arguments:?}");
+        assert!(!shown.contains(|c: char| c.is_control() && c != '\n'), "{arguments:?}: {shown:?}");
+    }
+}
+
+#[test]
+fn an_episode_that_ends_before_its_limit_is_told_with_its_invariants() {
+    let rest = "invariant same = x - x\nfail high event x > 2.5\nepisode { step = 1 [min], max_steps = 9 }\n";
+    let model = format!("model M\ntime t : min\nstate x = 0 in 0..9\naction u = 0 in 0..9\neq d/dt x = u/1 [min]\n{rest}");
+    let idle = file("early", "idle.eq", &model);
+    let driven = file("early", "driven.eq", format!("{model}policy nominal {{ u = 1 }}\n"));
+    let shown = |path: &std::path::Path| text(&smpl(&["check", "--invariants", name(path)]).stdout);
+    assert!(shown(&idle).contains("over 9 steps") && !shown(&idle).contains("ended"), "{}", shown(&idle));
+    // The declared policy is what runs: one in each minute.
+    assert!(shown(&driven).contains("the episode ended after 3 of 9 steps: failed: high"), "{}", shown(&driven));
+}
+
 /// The folder of a file, for those that stand beside it.
 fn beside(path: &std::path::Path, name: &str) -> PathBuf {
     path.with_file_name(name)

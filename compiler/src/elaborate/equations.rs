@@ -85,6 +85,7 @@ impl<'a> Elaborator<'a> {
     fn equation(&mut self, scope: ScopeId, lhs: &Expr, rhs: &Expr, binders: &[Binder], span: Span) {
         let place = self.place(scope, Site::Dynamics);
         self.statement = span;
+        let before = self.diagnostics.len();
         let pieces = self.looped_nest(binders, &place, &mut |s, inner| {
             let left = s.value(lhs, inner);
             let right = s.value(rhs, inner);
@@ -121,6 +122,7 @@ impl<'a> Elaborator<'a> {
             Some((form, runs))
         });
         self.statement = Span::default();
+        self.blame_lengths(before, &[lhs, rhs]);
         for piece in pieces {
             if let Some((form, runs)) = piece.value {
                 self.equations.push(Equation { extents: piece.extents, runs, repeats: None, form, span });

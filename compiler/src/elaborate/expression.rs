@@ -158,7 +158,11 @@ impl<'a> Elaborator<'a> {
     pub(super) fn strictly_in(&mut self, v: Value, target: &Unit, span: Span, what: &str, declared: Span) -> ExprId {
         match &v.unit {
             Measure::Bare if !units::is_dimensionless(target) => {
-                self.report(units::mismatch(&Unit::one(), target, span, what, declared));
+                let mut fault = units::mismatch(&Unit::one(), target, span, what, declared);
+                if let Some(x) = self.exprs.as_const(v.expr) {
+                    fault = fault.help(units::literal(x, target));
+                }
+                self.report(fault);
                 v.expr
             }
             Measure::Of(unit) if units::is_plain_number(unit) && !units::is_dimensionless(target) => {
@@ -522,11 +526,35 @@ impl<'a> Elaborator<'a> {
             BinaryOp::Lt | BinaryOp::Le | BinaryOp::Gt | BinaryOp::Ge | BinaryOp::Eq | BinaryOp::Ne => {
                 self.comparison(span, op, a, b, place)
             }
+            BinaryOp::Div if self.is_rate_slip(a, b, place) => {
+                let what = match &a.kind {
+                    ExprKind::Name(name) => name.text.strip_prefix('d').unwrap_or_default().to_owned(),
+                    ExprKind::Call { arguments, .. } => arguments.first().map(super::items::reference).unwrap_or_default(),
+                    _ => String::new(),
+                };
+                self.fault(
+                    Diagnostic::error(codes::UNKNOWN_NAME, "neither part of this quotient is declared", span)
+                        .label("meant as a rate?")
+                        .help(format!("a rate is written `d/dt {what}`")),
+                )
+            }
             _ => {
                 let (x, y) = (self.value(a, place), self.value(b, place));
                 self.arithmetic(op, (x, a.span), (y, b.span), span)
             }
         }
+    }
+
+    /// `dx/dt`, `d(x)/dt` where that means nothing else.
+    fn is_rate_slip(&self, a: &Expr, b: &Expr, place: &Place) -> bool {
+        let is_free = |name: &str| place.bound(name).is_none() && self.names.lookup(place.scope, name).is_none();
+        let by_time = matches!(&b.kind, ExprKind::Name(dt) if dt.text == "dt" && is_free("dt"));
+        by_time
+            && match &a.kind {
+                ExprKind::Name(dx) => dx.text.len() > 1 && dx.text.starts_with('d') && is_free(&dx.text),
+                ExprKind::Call { function, .. } => function.text == "d" && is_free("d"),
+                _ => false,
+            }
     }
 
     /// `a + b` and so on, on values.

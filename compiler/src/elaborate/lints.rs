@@ -39,10 +39,29 @@ impl Elaborator<'_> {
             if let Some(i) = (0..q.len()).find(outside) {
                 let (low, high) = bounds(i);
                 let message = format!("`{}` starts at {}, outside of its bounds {low}..{high}", q.element_name(i), start(i));
-                let span = self.vars[var].span;
-                self.report(Diagnostic::warning(codes::START_OUTSIDE_BOUNDS, message, span).help("change the initial value or the bounds"));
+                let declared = self.vars[var].span;
+                let help = "change the initial value or the bounds";
+                let warning = match self.initial_of(var) {
+                    Some(span) => Diagnostic::warning(codes::START_OUTSIDE_BOUNDS, message, span).secondary(declared, "declared here"),
+                    None => Diagnostic::warning(codes::START_OUTSIDE_BOUNDS, message, declared),
+                };
+                self.report(warning.help(help));
             }
         }
+    }
+
+    /// The last `initial` statement that sets a state by its name.
+    fn initial_of(&self, var: VarId) -> Option<Span> {
+        let symbol = self.symbol_of.get(&var)?;
+        if self.options.initial.contains_key(&self.names.symbols[*symbol].path) {
+            return None;
+        }
+        let of = |(scope, item): (super::ScopeId, Item<'_>)| {
+            let Item::Other(Statement { kind: StatementKind::Initial { target, .. }, span }) = item else { return None };
+            let base = if let ExprKind::Index(base, _) = &target.kind { base } else { target };
+            (self.variable_of(base, &self.place(scope, Site::Reset)) == Some(var)).then_some(*span)
+        };
+        super::control::each(&self.blocks).filter_map(of).last()
     }
 
     /// Actions that a `steady` block leaves out, where it names others: one without any is a rest at the nominal actions.

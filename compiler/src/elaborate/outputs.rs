@@ -162,6 +162,10 @@ impl<'a> Elaborator<'a> {
         }
         let pieces = self.nest(&o.binders, place, &mut |s, inner| {
             let v = s.value(&o.value, inner);
+            // What else is said of it makes no sense yet.
+            if v.is_poison() {
+                return None;
+            }
             let unit = match &o.unit {
                 Some(u) => s.unit(u, inner),
                 None => Some(v.unit.unit()),
@@ -177,9 +181,10 @@ impl<'a> Elaborator<'a> {
             if attributes.bounds.is_none() {
                 attributes.bounds = s.bounds_of_element(expr);
             }
-            (name, unit, expr, attributes)
+            Some((name, unit, expr, attributes))
         });
-        for Piece { extents, value: (name, unit, expr, attributes) } in pieces {
+        for Piece { extents, value } in pieces {
+            let Some((name, unit, expr, attributes)) = value else { continue };
             if !extents.is_empty() {
                 self.report(
                     Diagnostic::error(codes::WRONG_SHAPE, "an observation over the cells of a domain", o.span)

@@ -14,7 +14,7 @@ use super::{Bound, Elaborator, Place, Site};
 
 /// Shorter ranges are written out: their numbers become constants.
 pub(super) const SHORTEST: i64 = 16;
-/// Most passes of all such loops together: more are left to those who write them out, and refuse.
+/// Most passes of all such loops together: more are refused, since nobody would wait for an evaluation, and to write them out takes more.
 const MOST_PASSES: i64 = 20_000_000;
 
 /// What an attempt may change.
@@ -58,7 +58,7 @@ impl Elaborator<'_> {
         }
         self.passes = self.passes.saturating_add(passes.saturating_mul(around));
         if self.passes > MOST_PASSES {
-            self.refuse();
+            self.exhausted.get_or_insert(binder.span);
             return None;
         }
         Some((low, high))

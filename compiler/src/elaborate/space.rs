@@ -5,7 +5,7 @@
 
 use std::rc::Rc;
 
-use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::diagnostic::{Diagnostic, Label, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{self, Expr, ExprKind};
 use smpl_dsl::units::Unit;
@@ -44,6 +44,24 @@ impl Elaborator<'_> {
         let ends = (unit, low, high);
         self.names.domains[domain].ends = Some(ends.clone());
         ends
+    }
+
+    /// Names with units that do not fit in derivatives over space the domain whose ends have none.
+    pub(super) fn blame_lengths(&mut self, before: usize, parts: &[&Expr]) {
+        let mut over_space = false;
+        let is_derivative = |e: &Expr| matches!(&e.kind, ExprKind::Call { function, .. } if matches!(&*function.text, "div" | "grad"));
+        parts.iter().for_each(|e| e.walk(&mut |e| over_space |= is_derivative(e)));
+        if self.diagnostics.len() == before || !over_space {
+            return;
+        }
+        let is_bare = |d: &&super::names::Domain<'_>| d.ends.as_ref().is_some_and(|(unit, ..)| unit.is_one());
+        let Some(domain) = self.names.domains.values().find(is_bare) else { return };
+        let (name, (low, high)) = (&domain.name, &domain.declaration.range);
+        let span = Span { end: high.span.end, ..low.span };
+        for fault in self.diagnostics.iter_mut().skip(before).filter(|d| d.code == codes::UNIT_MISMATCH) {
+            fault.secondary.push(Label { span, text: format!("`{name}` is a pure number") });
+            fault.notes.push(format!("if `{name}` is a length, its ends need the unit: `domain {name} in 0 [m]..1 [m]`"));
+        }
     }
 
     /// A grid rests: it depends on parameters only.

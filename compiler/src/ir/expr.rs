@@ -1,12 +1,14 @@
 //! Nodes, their arena, and the constructors that simplify while they build.
 
 use std::fmt;
+use std::hash::{BuildHasher, BuildHasherDefault};
 
 use cranelift_entity::{EntityRef, entity_impl};
+use hashbrown::HashTable;
 use serde::{Deserialize, Serialize};
 
 use super::VarId;
-use super::hash::{FastMap, FastSet};
+use super::hash::{FastMap, FastSet, Mixer};
 use crate::kernels;
 
 /// A node of the graph.
@@ -234,7 +236,12 @@ pub struct Exprs {
     nodes: Vec<Expr>,
     /// Free loop counters of each node, one bit a depth, and [`DERIVATIVE`].
     free: Vec<u8>,
-    index: FastMap<Expr, ExprId>,
+    /// Where each node stands; the nodes themselves, millions at most, are held once.
+    index: HashTable<ExprId>,
+}
+
+fn hash(node: &Expr) -> u64 {
+    BuildHasherDefault::<Mixer>::default().hash_one(node)
 }
 
 /// Only the nodes are written; what follows from them is computed again when they are read.
@@ -285,8 +292,10 @@ impl Exprs {
 
     /// Forgets the nodes from the `len`-th on: nothing may hold one of them.
     pub fn truncate(&mut self, len: usize) {
-        for node in self.nodes.drain(len.min(self.nodes.len())..) {
-            self.index.remove(&node);
+        for (node, id) in self.nodes.drain(len.min(self.nodes.len())..).zip(len..) {
+            if let Ok(entry) = self.index.find_entry(hash(&node), |at| at.index() == id) {
+                entry.remove();
+            }
         }
         self.free.truncate(len);
     }
@@ -341,7 +350,8 @@ impl Exprs {
     }
 
     fn intern(&mut self, node: Expr) -> ExprId {
-        if let Some(&id) = self.index.get(&node) {
+        let (hashed, nodes) = (hash(&node), &self.nodes);
+        if let Some(&id) = self.index.find(hashed, |at| nodes[at.index()] == node) {
             return id;
         }
         let free = match node {
@@ -356,7 +366,8 @@ impl Exprs {
         let id = ExprId::new(self.nodes.len());
         self.nodes.push(node);
         self.free.push(free);
-        self.index.insert(node, id);
+        let nodes = &self.nodes;
+        self.index.insert_unique(hashed, id, |at| hash(&nodes[at.index()]));
         id
     }
 

@@ -164,6 +164,13 @@ fn slip(before: &str, after: &str, keyword: &str) -> Option<String> {
         "~" if before.contains(" in ") => "the distribution stands before the bounds: `= value ~ uniform(a, b) in low..high`",
         "" if keyword == "eq" && before.contains("==") => "here `=` defines; `==` compares",
         "==" => "here `=` defines; `==` compares",
+        "else" if before.rfind("if ").is_some_and(|at| !before[at..].contains(" then ")) => {
+            "the form is `if condition then one else other`"
+        }
+        "{" if keyword == "table" && before.contains(" over ") => {
+            "the form is `table f : unit over time : h linear { 0: 1, 2: 3 }`, with `linear`, `from` or `until`"
+        }
+        _ if next.is_ascii_digit() && ends_in_decimal_comma(before) => "decimals follow a point: `1.5`; a comma separates declarations",
         "&" | "&&" => "write `and`",
         "|" => "write `or`",
         "!" => "write `not`",
@@ -186,6 +193,11 @@ fn slip(before: &str, after: &str, keyword: &str) -> Option<String> {
     Some(hint.to_owned())
 }
 
+/// Whether a number and a comma stand before.
+fn ends_in_decimal_comma(before: &str) -> bool {
+    before.strip_suffix(',').is_some_and(|number| number.ends_with(|c: char| c.is_ascii_digit()))
+}
+
 /// `d x/dt` and `dx/dt = ...` are read as names and divisions.
 fn is_rate_slip(before: &str, after: &str) -> bool {
     let before = before.trim_end();
@@ -193,8 +205,12 @@ fn is_rate_slip(before: &str, after: &str) -> bool {
 }
 
 /// What to say of a line that begins with no keyword.
-pub(super) fn statement_hint(word: &str, text: &str) -> Option<String> {
+pub(super) fn statement_hint(word: &str, text: &str, around: &str) -> Option<String> {
     let rest = text[word.len()..].trim_start();
+    if around == "at" && !word.is_empty() && text.contains('=') {
+        let place = text.split('=').next().unwrap_or(word).trim();
+        return Some(format!("what an instant sets begins with `next` (discrete variables) or `reset` (states): `reset {place} = ...`"));
+    }
     let equation = text.starts_with("d/dt") || text.starts_with("der(");
     if equation {
         return Some("an equation begins with `eq`: `eq d/dt x = ...`".to_owned());

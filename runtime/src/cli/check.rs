@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use clap::Args;
 use serde_json::{Value as Json, json};
-use smpl_dsl::diagnostic::{Diagnostic, JsonDiagnostic, SHOWN, SourceMap};
+use smpl_dsl::diagnostic::{Diagnostic, JsonDiagnostic, SHOWN, SourceMap, printable};
 
 use super::report::{self, Failed};
 use super::{Files, Format, ModelArguments, say};
@@ -36,7 +36,7 @@ pub(super) fn run(arguments: &CheckArguments) -> Result<(), Failed> {
             Ok(loaded) => {
                 show(&loaded.warnings, &loaded.sources, arguments.format, &mut objects);
                 if arguments.format == Format::Text {
-                    say(format!("{}: {}\n", file.display(), verdict(&loaded)))?;
+                    say(printable(&format!("{}: {}\n", file.display(), verdict(&loaded))))?;
                 }
                 if arguments.invariants {
                     match (invariants(loaded), arguments.format) {
@@ -111,6 +111,7 @@ fn invariants(loaded: Loaded) -> Result<String, Failed> {
         return Ok("no invariants declared\n".into());
     }
     let setup = Setup::new(loaded.model, loaded.options, Some(Arc::clone(&loaded.sources)))?;
+    let limit = setup.max_steps();
     let mut environment = Environment::new(setup)?;
     environment.watch_invariants()?;
     environment.reset(Some(0), &ResetOptions { start: Start::Nominal, hold_records: true, ..ResetOptions::default() })?;
@@ -129,5 +130,9 @@ fn invariants(loaded: Loaded) -> Result<String, Failed> {
         };
         format!("invariant {name}: drift {:.3e} over {} steps{relative}\n", drift.largest, environment.steps())
     });
-    Ok(lines.collect())
+    let mut text: String = lines.collect();
+    if let Some(end) = super::simulate::early_end(&mut environment) {
+        text.push_str(&format!("the episode ended after {} of {limit} steps: {end}\n", environment.steps()));
+    }
+    Ok(text)
 }

@@ -1,6 +1,9 @@
 //! What of a text is shown with a diagnostic: the lines around its marks, long ones cut.
 
+use std::borrow::Cow;
+
 use miette::{MietteError, MietteSpanContents, SourceCode, SourceSpan, SpanContents};
+use smpl_dsl::diagnostic::printable;
 use smpl_dsl::span::Span;
 
 /// Longer lines are cut: nobody reads them, and the renderer cannot count their columns.
@@ -46,13 +49,14 @@ impl Excerpt {
         let start = line_start(text, line_start(text, lowest).saturating_sub(1));
         let highest = marks.iter().filter(|mark| near(mark.0)).map(|mark| mark.1).max().unwrap_or(0);
         let end = line_end(text, (line_end(text, highest) + 1).min(text.len()));
-        let mut excerpt = Self { name: name.to_owned(), text: String::new(), first: count_lines(text, start), lines: Vec::new() };
+        let mut excerpt =
+            Self { name: printable(name).into_owned(), text: String::new(), first: count_lines(text, start), lines: Vec::new() };
         let mut at = start;
         for content in text[start..end].split('\n') {
             excerpt.push(text, at, content.len(), &starts);
             at += content.len() + 1;
         }
-        let places = marks.iter().map(|&mark| excerpt.place(mark)).collect();
+        let places = marks.iter().map(|&mark| excerpt.place(text, mark)).collect();
         (excerpt, places)
     }
 
@@ -69,16 +73,16 @@ impl Excerpt {
             self.text.push('\n');
         }
         self.lines.push(Line { start, end, from, to, at: self.text.len() });
-        self.text.push_str(&text[from..to]);
+        self.text.push_str(&shown(&text[from..to]));
     }
 
     /// A mark in the excerpt.
-    fn place(&self, (start, end): (usize, usize)) -> Option<SourceSpan> {
+    fn place(&self, text: &str, (start, end): (usize, usize)) -> Option<SourceSpan> {
         let line_of = |at: usize| self.lines.iter().find(|line| (line.start..=line.end).contains(&at));
+        let place_in = |line: &Line, at: usize| line.at + shown(&text[line.from..at.clamp(line.from, line.to)]).len();
         let first = line_of(start).filter(|line| (line.from..=line.to).contains(&start))?;
         let last = line_of(end)?;
-        let begin = first.at + start - first.from;
-        let stop = last.at + end.clamp(last.from, last.to) - last.from;
+        let (begin, stop) = (place_in(first, start), place_in(last, end));
         Some((begin, stop.saturating_sub(begin)).into())
     }
 }
@@ -102,6 +106,11 @@ fn clipped(text: &str, mark: Span) -> (usize, usize) {
     let end = text.floor_char_boundary((mark.end as usize).clamp(start, text.len()));
     let lines = text[start..end].bytes().filter(|b| *b == b'\n').count();
     (start, if lines > TALL { line_end(text, start) } else { end })
+}
+
+/// A part of a line as it is shown; of a line end of two characters nothing.
+fn shown(part: &str) -> Cow<'_, str> {
+    printable(part.trim_end_matches('\r'))
 }
 
 fn line_start(text: &str, at: usize) -> usize {

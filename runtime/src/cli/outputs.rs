@@ -44,5 +44,5 @@ pub(super) fn conclude(text: &str, outputs: &[Option<&Path>]) -> Result<(), Fail
         super::report::note(text);
         return Ok(());
     }
-    say(text)
+    say(smpl_dsl::diagnostic::printable(text))
 }

@@ -5,7 +5,7 @@ use std::io::{IsTerminal, Write};
 use std::path::Path;
 
 use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan};
-use smpl_dsl::diagnostic::{Diagnostic, Label, Severity, SourceMap, codes};
+use smpl_dsl::diagnostic::{Diagnostic, Label, Severity, SourceMap, codes, printable};
 use smpl_dsl::span::Span;
 
 use super::excerpt::Excerpt;
@@ -37,7 +37,7 @@ impl Failed {
             }
         };
         // Nothing is left to say where standard error is closed.
-        let _ = writeln!(std::io::stderr(), "error: {text}");
+        let _ = writeln!(std::io::stderr(), "error: {}", printable(&text));
         1
     }
 }
@@ -81,7 +81,7 @@ impl From<WriteError> for Failed {
 
 /// Writes to standard error; nothing is left to say where it is closed.
 pub(super) fn note(text: &str) {
-    let _ = std::io::stderr().write_all(text.as_bytes());
+    let _ = std::io::stderr().write_all(printable(text).as_bytes());
 }
 
 /// A fault in a data file is shown at its place in the file.
@@ -135,7 +135,7 @@ pub(super) fn render(diagnostic: &Diagnostic, sources: &SourceMap, coloured: boo
         Err(_) => {
             let at = sources.locate(diagnostic.primary.span);
             let file = sources.name(diagnostic.primary.span.file);
-            format!("{file}:{}:{}: {} [{}]\n", at.line, at.column, diagnostic.message, diagnostic.code.id())
+            printable(&format!("{file}:{}:{}: {} [{}]\n", at.line, at.column, diagnostic.message, diagnostic.code.id())).into_owned()
         }
     }
 }
@@ -166,7 +166,7 @@ impl Shown {
         let mut labels = Vec::new();
         let mut remote: Vec<&Label> = elsewhere;
         for (&label, place) in marked.iter().zip(places) {
-            let text = (!label.text.is_empty()).then(|| label.text.clone());
+            let text = (!label.text.is_empty()).then(|| printable(&label.text).into_owned());
             match place {
                 Some(place) if std::ptr::eq(label, &raw const diagnostic.primary) => {
                     labels.push(LabeledSpan::new_primary_with_span(text, place))
@@ -181,10 +181,10 @@ impl Shown {
         });
         let help: Vec<String> = diagnostic.help.iter().cloned().chain(diagnostic.notes.iter().cloned()).chain(remote).collect();
         Self {
-            message: diagnostic.message.clone(),
+            message: printable(&diagnostic.message).into_owned(),
             code: diagnostic.code.id(),
             severity: diagnostic.severity,
-            help: (!help.is_empty()).then(|| help.join("\n")),
+            help: (!help.is_empty()).then(|| printable(&help.join("\n")).into_owned()),
             labels,
             source,
         }

@@ -267,18 +267,22 @@ fn reset_options(arguments: &SimulateArguments, environment: &Environment) -> Re
     Ok(options)
 }
 
+/// How the episode ended before its time limit.
+pub(super) fn early_end(environment: &mut Environment) -> Option<String> {
+    match environment.last().copied() {
+        Some(r) if r.failure.is_some() => Some(format!("failed: {}", environment.failure_message())),
+        Some(r) if r.success => Some("success".into()),
+        _ => None,
+    }
+}
+
 /// One line on how the episode went.
 fn summary(environment: &mut Environment, total: f64) -> String {
     let setup = Arc::clone(environment.setup());
     let interface = setup.model().interface();
     let reward = interface.rewards.get(setup.reward).map_or(String::new(), |r| format!("sum of {} = {}, ", r.name, Short(total)));
-    let last = environment.last().copied();
-    let end = match last {
-        Some(r) if r.failure.is_some() => format!("failed: {}", environment.failure_message()),
-        Some(r) if r.success => "success".into(),
-        Some(r) if r.truncated => "time limit".into(),
-        _ => "not ended".into(),
-    };
+    let truncated = environment.last().is_some_and(|r| r.truncated);
+    let end = early_end(environment).unwrap_or_else(|| if truncated { "time limit".into() } else { "not ended".into() });
     format!("{}: {} steps, t = {} {}, {reward}{end}\n", interface.name, environment.steps(), Short(environment.time()), interface.time.1,)
 }
 

@@ -30,6 +30,9 @@ pub(super) enum Outcome {
 /// An event that comes again within this part of the step, sooner than the last time, accumulates.
 const ACCUMULATION: f64 = 1e-9;
 
+/// What came sooner that many times in succession accumulates too: rounding does not make it so.
+const EVER_SOONER: u32 = 50;
+
 impl Environment {
     /// Applies a finite action and integrates to the end of the interval, or to what ends it.
     pub(super) fn run_interval(&mut self, action: &[f64]) -> Outcome {
@@ -211,13 +214,15 @@ impl Environment {
             if gap > 0.0 && gap <= soon && firing.gap.is_finite() && gap <= firing.gap {
                 accumulates = true;
             }
-            *firing = Firing { time: t, gap };
+            let sooner = if gap < firing.gap { firing.sooner + 1 } else { 0 };
+            *firing = Firing { time: t, gap, sooner };
         }
         if !accumulates && events < self.setup.max_events {
             return None;
         }
         // Another one at the same instant tells of two that undo each other.
         let last = self.last_fired;
+        let accumulates = accumulates || last.is_some_and(|index| self.firings[index].sooner >= EVER_SOONER);
         let other = |&index: &usize| Some(index) != last && self.firings[index].time == t;
         let partner = (0..self.firings.len()).find(other);
         self.progress.chatter = Some(Chatter { time: t, event: last.unwrap_or_default(), partner, accumulates });

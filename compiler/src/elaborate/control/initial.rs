@@ -10,7 +10,7 @@ use super::super::names::{ScopeId, SymbolId, SymbolKind};
 use super::super::{Elaborator, Place, Site};
 use super::order::ordered_initial;
 use super::{each, store, stream_name};
-use crate::ir::{Affine, ExprId, FastMap, FastSet, Flavour, Nest, Place as Memory, Program, Role, VarId};
+use crate::ir::{Affine, ExprId, Exprs, FastMap, FastSet, Flavour, Nest, Place as Memory, Program, Role, VarId};
 use crate::model::{Instant, Quantity};
 
 impl<'a> Elaborator<'a> {
@@ -169,8 +169,10 @@ impl<'a> Elaborator<'a> {
                 }
                 None => self.default_pieces(symbol, site),
             };
+            let span = self.names.symbols[symbol].span;
             for piece in pieces {
                 let (at, value) = piece.value;
+                self.check_start(value, var, at, span);
                 let s = store(Memory::Var(var), at, value);
                 if piece.extents.is_empty() {
                     list.push(s);
@@ -221,6 +223,22 @@ impl<'a> Elaborator<'a> {
         self.model.programs.initial_discretes = discretes;
     }
 
+    /// Reports a start value that reads what it sets, or elements that the same loop sets in its later passes: the declared values would be
+    /// read, which are replaced.
+    fn check_start(&mut self, value: ExprId, var: VarId, at: Affine, span: Span) {
+        let passes: Vec<i64> = self.loops.iter().map(|l| l.passes).collect();
+        if !reads(&self.exprs, value, var).iter().any(|&read| is_set_later(read, at, &passes)) {
+            return;
+        }
+        let name = self.vars[var].name.clone();
+        let itself = if at.is_constant() { "itself" } else { "elements that are set with it or after it" };
+        self.report(
+            Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the initial value of `{name}` reads {itself}"), span)
+                .label(format!("`{name}` has no value yet"))
+                .help(format!("write the value out, or name it: `param {name}_0 : unit = ...`, then `{name}_0` in place of `{name}`")),
+        );
+    }
+
     /// Reports a second `initial` of one variable or element in one block: the order of statements has no meaning.
     fn check_single(&mut self, given: &mut FastMap<(ScopeId, VarId, Option<i64>), Span>, scope: ScopeId, target: &Expr, place: &Place) {
         let Some((symbol, at)) = self.target(target, place, &[Role::State, Role::Discrete, Role::Disturbance]) else { return };
@@ -263,6 +281,7 @@ impl<'a> Elaborator<'a> {
             if let Some(outer) = outer {
                 s.random_site = outer;
             }
+            s.check_start(v, var, at, value.span);
             s.clipped(v, var, at, clip, &unit, inner)
         };
         match at {
@@ -341,6 +360,38 @@ impl<'a> Elaborator<'a> {
         }
         let (at, _) = self.address(symbol, &axes, index, e.span, place)?;
         Some((symbol, Some(at)))
+    }
+}
+
+/// Elements of a variable whose values an expression reads.
+fn reads(exprs: &Exprs, e: ExprId, var: VarId) -> Vec<Affine> {
+    let mut seen = FastSet::default();
+    let mut stack = vec![e];
+    let mut out = Vec::new();
+    while let Some(e) = stack.pop() {
+        if !seen.insert(e) {
+            continue;
+        }
+        match exprs.node(e) {
+            crate::ir::Expr::Load { var: v, flavour: Flavour::Value, at } if v == var => out.push(at),
+            _ => stack.extend(exprs.operands(e)),
+        }
+    }
+    out
+}
+
+/// Whether the element `read` is the element `set`, or one that a later pass of the loops around sets.
+fn is_set_later(read: Affine, set: Affine, passes: &[i64]) -> bool {
+    let ahead = read.offset - set.offset;
+    if read.strides != set.strides {
+        return false;
+    }
+    match set.strides.iter().filter(|s| **s != 0).collect::<Vec<_>>()[..] {
+        [&stride] => {
+            let along = set.strides.iter().position(|s| *s == stride).unwrap_or(0);
+            ahead % stride == 0 && (0..passes.get(along).copied().unwrap_or(1)).contains(&(ahead / stride))
+        }
+        _ => ahead == 0,
     }
 }
 

@@ -209,12 +209,12 @@ impl<'a> Elaborator<'a> {
                 self.report(Diagnostic::error(codes::DUPLICATE_NAME, message, name.span).help("give the event another name"));
                 continue;
             }
+            let program = programs.iter().position(|(s, n, _)| *n == name.text && *s == scope);
+            program.iter().for_each(|&at| used[at] = true);
             let place = self.place(scope, Site::Instant);
             let Some((value, strict)) = self.root_of(condition, &place) else { continue };
-            let program = programs.iter().position(|(s, n, _)| *n == name.text && *s == scope);
             let action = match program {
                 Some(at) => {
-                    used[at] = true;
                     self.model.programs.events.push(programs[at].2.clone());
                     RootAction::Run(self.model.programs.events.len() as u32 - 1)
                 }
@@ -242,8 +242,28 @@ impl<'a> Elaborator<'a> {
                         _ => None,
                     })
                     .unwrap_or_default();
-                let help = did_you_mean(name, known);
-                self.report(Diagnostic::error(codes::UNKNOWN_NAME, format!("no event is called `{name}`"), span).maybe_help(help));
+                let failure = each(blocks).find_map(|(_, item)| match item {
+                    Item::Other(Statement { kind: StatementKind::Fail { name: failure, .. }, span }) if failure.text == *name => {
+                        Some(*span)
+                    }
+                    _ => None,
+                });
+                let Some(failure) = failure else {
+                    let help = did_you_mean(name, known);
+                    self.report(Diagnostic::error(codes::UNKNOWN_NAME, format!("no event is called `{name}`"), span).maybe_help(help));
+                    continue;
+                };
+                self.report(
+                    Diagnostic::error(
+                        codes::WRONG_KIND,
+                        format!("`{name}` is a failure: the episode ends there, and nothing is set"),
+                        span,
+                    )
+                    .secondary(failure, "declared here")
+                    .help(format!(
+                        "declare `event` with the same condition under another name, and write `at` that name in place of `at {name}`"
+                    )),
+                );
             }
         }
     }

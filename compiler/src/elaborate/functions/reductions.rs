@@ -3,6 +3,7 @@
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Binder, Expr, Ident};
+use smpl_dsl::units::Unit;
 
 use super::super::cells::Cell;
 use super::super::names::DomainId;
@@ -208,10 +209,26 @@ impl Elaborator<'_> {
         self.fold(terms, ReduceFn::Product, span)
     }
 
+    /// Makes differences from the zero of their scale of temperatures in degC, whose mean is one again; the scale, where all are such.
+    fn as_differences(&mut self, terms: &mut [Term]) -> Option<Unit> {
+        let point = |t: &Term| if let Measure::Of(unit) = &t.value.unit { units::is_point(unit).then(|| unit.clone()) } else { None };
+        let scales: Vec<Unit> = terms.iter().map(point).collect::<Option<_>>()?;
+        let scale = scales.first()?.clone();
+        for (term, own) in terms.iter_mut().zip(&scales) {
+            let expr = self.convert(term.value.expr, own, &scale)?;
+            term.value = Value::of(expr, units::difference(&scale));
+        }
+        Some(scale)
+    }
+
     /// Mean over members; weighted with the measure over cells.
-    fn mean(&mut self, terms: Vec<Term>, span: Span) -> Value {
+    fn mean(&mut self, mut terms: Vec<Term>, span: Span) -> Value {
         if terms.is_empty() {
             return self.fault(Diagnostic::error(codes::EMPTY_SET, "the mean of nothing", span));
+        }
+        if let Some(point) = self.as_differences(&mut terms) {
+            let mean = self.mean(terms, span);
+            return Value { unit: if mean.is_poison() { mean.unit } else { Measure::Of(point) }, ..mean };
         }
         if terms.iter().any(|t| t.weight.is_some()) {
             let weights: Vec<Term> = terms
