@@ -30,14 +30,15 @@ type Run = Option<(Vec<f64>, Work)>;
 #[derive(Clone, Copy, Default)]
 struct Work {
     steps: u64,
-    evaluations: u64,
     seconds: f64,
 }
 
 fn main() {
     let filter = std::env::args().skip(1).find(|argument| !argument.starts_with('-')).unwrap_or_default();
     let wanted = |name: &str| name.contains(&filter);
-    println!("by method: largest error (relative, or in parts of the scale), steps, evaluations of the equations, time of the processor\n");
+    let names = Method::ALL.map(Method::name).join(" | ");
+    println!("largest error (relative, or in parts of the scale), steps, time of the processor\n");
+    println!("| problem | rtol | {names} |\n|---|---|---|---|---|---|");
     for (name, problem, end, size) in cases() {
         if wanted(name) {
             precision(name, size, |method, rtol| solve(problem.clone(), method, rtol, end));
@@ -49,11 +50,10 @@ fn main() {
         }
     }
     if wanted("control step") {
-        println!("\ncontrol step of the reactor, the coolant's temperature changed at each");
-        for method in Method::ALL {
-            for rtol in [1e-6, 1e-9] {
-                println!("{:10} {rtol:.0e} {:8.2} us", method.name(), control_step(method, rtol));
-            }
+        println!("\na control step of the reactor, the coolant's temperature changed at each\n\n| rtol | {names} |\n|---|---|---|---|---|");
+        for rtol in [1e-4, 1e-6, 1e-8] {
+            let times = Method::ALL.map(|method| format!("{:.2} µs", control_step(method, rtol)));
+            println!("| {rtol:.0e} | {} |", times.join(" | "));
         }
     }
     if wanted("size") {
@@ -85,23 +85,31 @@ fn cases() -> Vec<(&'static str, Problem, f64, f64)> {
     ]
 }
 
-/// One line a tolerance: errors against the finest run of IDA or of the explicit method, whichever is there.
+/// One line a tolerance: errors against a run of the Rosenbrock method, or IDA, at 1e-12.
 fn precision(name: &str, size: f64, mut run: impl FnMut(Method, f64) -> Run) {
     let reference = [Method::Rosenbrock, Method::Ida].into_iter().find_map(|method| run(method, 1e-12));
     let Some((exact, _)) = reference else { return println!("{name}: no reference") };
-    println!("{name}");
     for rtol in TOLERANCES {
-        print!("  {rtol:.0e}");
+        print!("| {name} | {rtol:.0e} |");
         for method in Method::ALL {
             match run(method, rtol) {
                 Some((state, work)) => {
                     let error = state.iter().zip(&exact).map(|(a, b)| (a - b).abs() / b.abs().max(size)).fold(0.0, f64::max);
-                    print!("  {} {error:.1e} {:6} {:7} {:9.1} us", method.name(), work.steps, work.evaluations, work.seconds * 1e6);
+                    print!(" {error:.0e}, {}, {} |", work.steps, shown(work.seconds));
                 }
-                None => print!("  {} -", method.name()),
+                None => print!(" – |"),
             }
         }
         println!();
+    }
+}
+
+/// A time with two digits.
+fn shown(seconds: f64) -> String {
+    match seconds {
+        s if s < 1e-3 => format!("{:.0} µs", s * 1e6),
+        s if s < 1e-2 => format!("{:.1} ms", s * 1e3),
+        s => format!("{:.0} ms", s * 1e3),
     }
 }
 
@@ -115,7 +123,7 @@ fn solve(mut problem: Problem, method: Method, rtol: f64, end: f64) -> Run {
     integrator.restart(&mut problem, 0.0, &start, None).ok()?;
     (integrator.advance(&mut problem, end) == Ok(Advance::Reached)).then_some(())?;
     let (s, seconds) = (integrator.statistics(), (worked() - begin));
-    Some((integrator.state().to_vec(), Work { steps: s.steps, evaluations: s.residuals, seconds }))
+    Some((integrator.state().to_vec(), Work { steps: s.steps, seconds }))
 }
 
 /// An episode of a model about its nominal action, from its nominal start; states in parts of their scales. The explicit method is left out where all are stiff.
@@ -140,7 +148,7 @@ fn episode(file: &str, method: Method, rtol: f64, steps: u32) -> Run {
     let (s, seconds) = (environment.statistics(), (worked() - begin));
     let states = environment.catalogue().states.elements().iter();
     let scaled = states.map(|element| environment.unknowns()[element.at] / element.scale).collect();
-    Some((scaled, Work { steps: s.steps, evaluations: s.residuals, seconds }))
+    Some((scaled, Work { steps: s.steps, seconds }))
 }
 
 /// Microseconds of a control step in a loop without an environment; median of nine.
@@ -170,26 +178,28 @@ fn control_step(method: Method, rtol: f64) -> f64 {
     times[4]
 }
 
-/// Control steps of tubular reactors of several sizes, the inlet's temperature changed at each: where `auto` goes over to IDA.
+/// Control steps of tubular reactors of several sizes, the inlet's temperature changed at each.
 fn sizes() {
-    println!("\ncontrol step of a tubular reactor by the number of unknowns, 1e-6");
-    for cells in [2, 5, 10, 20, 30, 50, 100, 200] {
-        print!("{:5}", 4 * cells);
-        for method in [Method::Ida, Method::Rosenbrock, Method::Explicit] {
-            let mut problem = problems::tubular_reactor(cells);
-            let mut settings = Settings::new(1e-6, vec![1e-8; problem.dimension()]);
-            settings.method = method;
-            let mut integrator = integrator(&problem, settings).expect("takes the system");
-            let mut state = problem.start.clone();
-            let begin = worked();
-            for step in 0..60 {
-                problem.inputs[0] = 1.0 + 0.02 * f64::from(step % 3);
-                integrator.restart(&mut problem, f64::from(step) * 0.1, &state, None).expect("restarts");
-                integrator.advance(&mut problem, f64::from(step + 1) * 0.1).expect("advances");
-                state.copy_from_slice(integrator.state());
-            }
-            print!("  {} {:9.1} us", method.name(), (worked() - begin) * 1e6 / 60.0);
-        }
-        println!();
+    println!("\na control step of a tubular reactor, 1e-6\n\n| unknowns | ida | rosenbrock | explicit |\n|---|---|---|---|");
+    for cells in [2, 5, 10, 20, 50, 100, 200, 500] {
+        let times = [Method::Ida, Method::Rosenbrock, Method::Explicit].map(|method| tubular_step(cells, method));
+        println!("| {} | {} |", 4 * cells, times.join(" | "));
     }
+}
+
+fn tubular_step(cells: usize, method: Method) -> String {
+    const STEPS: u32 = 60;
+    let mut problem = problems::tubular_reactor(cells);
+    let mut settings = Settings::new(1e-6, vec![1e-8; problem.dimension()]);
+    settings.method = method;
+    let mut integrator = integrator(&problem, settings).expect("takes the system");
+    let mut state = problem.start.clone();
+    let begin = worked();
+    for step in 0..STEPS {
+        problem.inputs[0] = 1.0 + 0.02 * f64::from(step % 3);
+        integrator.restart(&mut problem, f64::from(step) * 0.1, &state, None).expect("restarts");
+        integrator.advance(&mut problem, f64::from(step + 1) * 0.1).expect("advances");
+        state.copy_from_slice(integrator.state());
+    }
+    shown((worked() - begin) / f64::from(STEPS))
 }

@@ -9,10 +9,8 @@ use super::numbers::{Quad, entries, entries_mut};
 
 /// A matrix by compressed columns.
 pub enum Matrix {
-    /// Up to four unknowns.
-    Four(Box<Inverse<1>>),
-    /// Up to eight.
-    Eight(Box<Inverse<2>>),
+    /// Up to eight unknowns.
+    Small(Box<dyn Small>),
     /// As many as there are.
     General(Box<Factorisation>, usize),
 }
@@ -24,19 +22,29 @@ impl Matrix {
     /// What the linear solvers say of the pattern.
     pub fn new(pattern: &Pattern, choice: LinearSolver) -> Result<Self, SolveError> {
         let n = pattern.dimension();
-        Ok(match (choice, n) {
-            (LinearSolver::Auto | LinearSolver::Dense, ..=4) => Self::Four(Box::new(Inverse::new(pattern))),
-            (LinearSolver::Auto | LinearSolver::Dense, ..=8) => Self::Eight(Box::new(Inverse::new(pattern))),
-            _ => Self::General(Box::new(Factorisation::new(pattern, choice)?), n),
-        })
+        let small: Option<Box<dyn Small>> = match n {
+            _ if !matches!(choice, LinearSolver::Auto | LinearSolver::Dense) => None,
+            1 => Some(Box::new(Inverse::<1, 1>::new(pattern))),
+            2 => Some(Box::new(Inverse::<2, 1>::new(pattern))),
+            3 => Some(Box::new(Inverse::<3, 1>::new(pattern))),
+            4 => Some(Box::new(Inverse::<4, 1>::new(pattern))),
+            5 => Some(Box::new(Inverse::<5, 2>::new(pattern))),
+            6 => Some(Box::new(Inverse::<6, 2>::new(pattern))),
+            7 => Some(Box::new(Inverse::<7, 2>::new(pattern))),
+            8 => Some(Box::new(Inverse::<8, 2>::new(pattern))),
+            _ => None,
+        };
+        match small {
+            Some(small) => Ok(Self::Small(small)),
+            None => Ok(Self::General(Box::new(Factorisation::new(pattern, choice)?), n)),
+        }
     }
 
     /// Factorises the matrix with these entries, in the pattern's order.
     #[inline]
     pub fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
         match self {
-            Self::Four(inverse) => inverse.factorise(values),
-            Self::Eight(inverse) => inverse.factorise(values),
+            Self::Small(small) => small.factorise(values),
             Self::General(factorisation, _) => factorisation.factorise(values),
         }
     }
@@ -45,8 +53,7 @@ impl Matrix {
     #[inline]
     pub fn solve_negative(&mut self, b: &[Quad], x: &mut [Quad]) {
         match self {
-            Self::Four(inverse) => inverse.multiply_negative(b, x),
-            Self::Eight(inverse) => inverse.multiply_negative(b, x),
+            Self::Small(small) => small.solve_negative(b, x),
             Self::General(factorisation, n) => factorisation.solve_scaled(-1.0, entries(b, *n), entries_mut(x, *n)),
         }
     }
@@ -59,45 +66,37 @@ impl Matrix {
     }
 }
 
-/// The inverse of a small matrix, its columns in `B` fours.
-pub struct Inverse<const B: usize> {
-    n: usize,
-    columns: Vec<[Quad; B]>,
+/// A matrix whose dimension is known to the compiler.
+pub trait Small: Send {
+    /// Factorises the matrix with these entries, in the pattern's order.
+    fn factorise(&mut self, values: &[f64]) -> Result<(), Singular>;
+
+    /// Writes the solution for minus the right-hand side to `x`.
+    fn solve_negative(&self, b: &[Quad], x: &mut [Quad]);
+}
+
+/// The inverse of a matrix of `N` columns in `B` fours each.
+struct Inverse<const N: usize, const B: usize> {
+    columns: [[Quad; B]; N],
     /// Where each entry of the pattern stands: column, row.
     places: Box<[(u8, u8)]>,
     /// Row exchanged with row k in step k.
-    pivots: [u8; 8],
+    pivots: [usize; N],
 }
 
-impl<const B: usize> Inverse<B> {
+impl<const N: usize, const B: usize> Inverse<N, B> {
     fn new(pattern: &Pattern) -> Self {
-        let n = pattern.dimension();
         let rows = |column| pattern.rows()[pattern.column(column)].iter();
-        let places = (0..n).flat_map(|column| rows(column).map(move |&row| (column as u8, row as u8))).collect();
-        Self { n, columns: vec![[[0.0; 4]; B]; n], places, pivots: [0; 8] }
+        let places = (0..N).flat_map(|column| rows(column).map(move |&row| (column as u8, row as u8))).collect();
+        Self { columns: [[[0.0; 4]; B]; N], places, pivots: [0; N] }
     }
 
-    /// Inverts in place by the method of Gauss and Jordan with partial pivoting.
-    fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
-        self.columns.fill([[0.0; 4]; B]);
-        for (&(column, row), &value) in self.places.iter().zip(values) {
-            self.columns[usize::from(column)].as_flattened_mut()[usize::from(row)] = value;
-        }
-        for k in 0..self.n {
-            self.eliminate(k)?;
-        }
-        // Rows were exchanged: columns of the inverse go back, last first.
-        for k in (0..self.n).rev() {
-            self.columns.swap(k, usize::from(self.pivots[k]));
-        }
-        Ok(())
-    }
-
-    #[inline]
+    /// Step k of the method of Gauss and Jordan with partial pivoting.
+    #[inline(always)]
     fn eliminate(&mut self, k: usize) -> Result<(), Singular> {
         let column = self.columns[k].as_flattened();
         let mut pivot = k;
-        for row in k + 1..self.n {
+        for row in k + 1..N {
             if column[row].abs() > column[pivot].abs() {
                 pivot = row;
             }
@@ -106,36 +105,55 @@ impl<const B: usize> Inverse<B> {
         if !inverse.is_finite() {
             return Err(Singular { column: Some(k) });
         }
-        self.pivots[k] = pivot as u8;
+        self.pivots[k] = pivot;
         if pivot != k {
             self.columns.iter_mut().for_each(|column| column.as_flattened_mut().swap(k, pivot));
         }
         let mut this = self.columns[k];
         this.as_flattened_mut()[k] = 0.0;
         for (j, other) in self.columns.iter_mut().enumerate() {
-            if j == k {
-                continue;
-            }
             let factor = other.as_flattened()[k] * inverse;
-            other.as_flattened_mut()[k] = 0.0;
-            for (other, this) in other.iter_mut().zip(&this) {
-                *other = std::array::from_fn(|lane| other[lane] - factor * this[lane]);
+            if j != k {
+                other.as_flattened_mut()[k] = 0.0;
+                for block in 0..B {
+                    for lane in 0..4 {
+                        other[block][lane] -= factor * this[block][lane];
+                    }
+                }
+                other.as_flattened_mut()[k] = factor;
             }
-            other.as_flattened_mut()[k] = factor;
         }
-        for (to, this) in self.columns[k].iter_mut().zip(&this) {
-            *to = this.map(|x| -(x * inverse));
-        }
+        self.columns[k] = this.map(|quad| quad.map(|x| -(x * inverse)));
         self.columns[k].as_flattened_mut()[k] = inverse;
         Ok(())
     }
+}
 
-    #[inline]
-    fn multiply_negative(&self, b: &[Quad], x: &mut [Quad]) {
+impl<const N: usize, const B: usize> Small for Inverse<N, B> {
+    fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
+        self.columns = [[[0.0; 4]; B]; N];
+        for (&(column, row), &value) in self.places.iter().zip(values) {
+            self.columns[usize::from(column)].as_flattened_mut()[usize::from(row)] = value;
+        }
+        for k in 0..N {
+            self.eliminate(k)?;
+        }
+        // Rows were exchanged: columns of the inverse go back, last first.
+        for k in (0..N).rev() {
+            if self.pivots[k] != k {
+                self.columns.swap(k, self.pivots[k]);
+            }
+        }
+        Ok(())
+    }
+
+    fn solve_negative(&self, b: &[Quad], x: &mut [Quad]) {
         let mut sums = [[0.0; 4]; B];
         for (column, &b) in self.columns.iter().zip(b.as_flattened()) {
-            for (sum, column) in sums.iter_mut().zip(column) {
-                *sum = std::array::from_fn(|lane| sum[lane] - column[lane] * b);
+            for block in 0..B {
+                for lane in 0..4 {
+                    sums[block][lane] -= column[block][lane] * b;
+                }
             }
         }
         x[..B].copy_from_slice(&sums);

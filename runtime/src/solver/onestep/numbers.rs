@@ -44,7 +44,9 @@ pub fn entries_mut(quads: &mut [Quad], length: usize) -> &mut [f64] {
 #[inline(always)]
 pub fn set(out: &mut [Quad], mut f: impl FnMut(usize, usize) -> f64) {
     for (i, out) in out.iter_mut().enumerate() {
-        *out = std::array::from_fn(|lane| f(i, lane));
+        for (lane, out) in out.iter_mut().enumerate() {
+            *out = f(i, lane);
+        }
     }
 }
 
@@ -55,7 +57,11 @@ pub fn combine<const N: usize>(out: &mut [Quad], base: &[Quad], factor: f64, fac
     let (base, terms) = (&base[..n], terms.map(|term| &term[..n]));
     for i in 0..n {
         let sum = weighted(i, factors, &terms);
-        out[i] = std::array::from_fn(|lane| base[i][lane] + factor * sum[lane]);
+        let mut total = base[i];
+        for lane in 0..LANES {
+            total[lane] += factor * sum[lane];
+        }
+        out[i] = total;
     }
 }
 
@@ -64,8 +70,10 @@ pub fn combine<const N: usize>(out: &mut [Quad], base: &[Quad], factor: f64, fac
 pub fn weighted<const N: usize>(i: usize, factors: &[f64; N], terms: &[&[Quad]; N]) -> Quad {
     let mut sum = [0.0; LANES];
     for j in 0..N {
-        let term = terms[j][i];
-        sum = std::array::from_fn(|lane| sum[lane] + factors[j] * term[lane]);
+        let term = &terms[j][i];
+        for lane in 0..LANES {
+            sum[lane] += factors[j] * term[lane];
+        }
     }
     sum
 }
@@ -75,7 +83,9 @@ pub fn weighted<const N: usize>(i: usize, factors: &[f64; N], terms: &[&[Quad]; 
 pub fn sum(n: usize, mut f: impl FnMut(usize, usize) -> f64) -> f64 {
     let mut sums = [0.0; LANES];
     for i in 0..n {
-        sums = std::array::from_fn(|lane| sums[lane] + f(i, lane));
+        for (lane, sum) in sums.iter_mut().enumerate() {
+            *sum += f(i, lane);
+        }
     }
     (sums[0] + sums[2]) + (sums[1] + sums[3])
 }
