@@ -79,10 +79,40 @@ class Model:
     ) -> tuple[FloatArray, npt.NDArray[np.int32], npt.NDArray[np.int32]]: ...
     def rhs(self, t: float, y: FloatArray, u: FloatArray, given: Given) -> FloatArray: ...
     def evaluation_times(self, t: float, y: FloatArray, u: FloatArray, cj: float) -> tuple[float, float]: ...
-    def steady_state(self, u: FloatArray, given: Given, fixed: Sequence[tuple[int, float]]) -> FloatArray: ...
+    def steady_state(
+        self,
+        u: FloatArray,
+        given: Given,
+        fixed: Sequence[tuple[int, float]],
+        guess: Sequence[tuple[int, float]],
+    ) -> FloatArray: ...
     def linearize(
         self, y: FloatArray, u: FloatArray, given: Given
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]: ...
+    @property
+    def constraint_names(self) -> list[str]: ...
+    def rollout(
+        self,
+        start: Snapshot | FloatArray,
+        actions: FloatArray,
+        parameters: Sequence[tuple[str, FloatArray]],
+        discrete: Sequence[tuple[str, FloatArray]],
+        disturbances: Sequence[tuple[str, FloatArray]],
+        size: tuple[int, int],
+        options: tuple[int | None, int, bool],
+        run: tuple[int, int | None, str | None],
+    ) -> tuple[
+        FloatArray,
+        FloatArray,
+        FloatArray,
+        FloatArray,
+        FloatArray,
+        FloatArray,
+        npt.NDArray[np.uint32],
+        npt.NDArray[np.bool_],
+        npt.NDArray[np.bool_],
+        list[str],
+    ]: ...
 
 class Start:
     """What an episode starts from in place of what it would draw."""

@@ -187,6 +187,8 @@ def _open_ended(episode: Episode) -> bool:
 
 
 def _join(parts: Sequence[npt.NDArray[Any]]) -> Any:
+    if not parts:
+        raise ValueError("episodes is empty, expected one at least")
     return np.concatenate(parts, axis=0)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -14,7 +14,10 @@ from gymnasium.spaces import Box
 from smpl import _native
 from smpl._names import Named
 from smpl._options import start_from_options
-from smpl.model import FloatArray, Model, Setting, as_count, as_vector, compile
+from smpl.model import FloatArray, Model, Setting, as_count, as_flag, as_mapping, as_variants, as_vector, compile
+
+if TYPE_CHECKING:
+    from smpl.rollout import Rollout
 
 Observation = npt.NDArray[np.float32]
 SEEDS = 2**64
@@ -38,7 +41,7 @@ class Interface(Named):
 
     def _describe(self, model: Model, normalize: bool) -> tuple[Box, Box]:
         """Set everything but the spaces; return those of observations and actions."""
-        self.model, self.normalize = model, normalize
+        self.model, self.normalize = model, as_flag("normalize", normalize)
         self._share_names(model)
         self.action_low, self.action_high = model.native.bounds("action")
         self.observation_low, self.observation_high = model.native.bounds("observation")
@@ -66,7 +69,8 @@ class Env(Interface, gymnasium.Env[Any, Any]):
     """A process model as a Gymnasium environment.
 
     Actions and observations are `float32` boxes: [-1, 1] with `normalize=True`, else physical units. Arithmetic is in
-    double precision whatever the type of an action. An observation whose bounds are not finite is never normalised.
+    double precision whatever the type of an action. Observations are clipped to their bounds; one whose bounds are not
+    finite is never normalised.
 
     Args:
         model: a compiled model, a path or the name of a shipped model.
@@ -113,7 +117,8 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         compiled = choose_model(model, observation, reward, scenario, variants, settings)
         self.observation_space, self.action_space = self._describe(compiled, normalize)
         self.render_mode = render_mode
-        self._options = (normalize, dense_reward, info_state, check_limit(max_steps), check_method(method))
+        flags = as_flag("dense_reward", dense_reward), as_flag("info_state", info_state)
+        self._options = (self.normalize, *flags, check_limit(max_steps), check_method(method))
         self._native = _native.Env(compiled.native, *self._options)
         self.constraint_names = tuple(self._native.constraint_names)
         self.max_steps = self._native.max_steps
@@ -255,6 +260,34 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         """
         self._native.restore(snapshot)
 
+    def rollout(
+        self, actions: npt.ArrayLike, seed: int | None = None, threads: int | None = None, *, outputs: bool = False
+    ) -> Rollout:
+        """What the given actions would lead to from here; the environment itself stays where it is.
+
+        Args:
+            actions: physical units: (N, H, actions), or (H, actions).
+            seed: random numbers of trajectory i are those of seed + i. Without one they are at their means, and
+                observations without noise.
+            threads, outputs: as for `smpl.Model.rollout`.
+
+        Raises:
+            ValueError: a wrong shape, or a NaN; there is no running episode.
+        """
+        from smpl.rollout import rollout
+
+        *_, limit, method = self._options
+        return rollout(
+            self.model,
+            self.snapshot(),
+            actions,
+            seed=seed,
+            method=method,
+            threads=threads,
+            outputs=outputs,
+            max_steps=limit,
+        )
+
     # Copies and pickles go on where the original is. A copy shares the model; a pickle names it, and the snapshot in it
     # tells whether what is found under that name is the same.
 
@@ -284,7 +317,7 @@ def choose_model(
         return compile(
             model, scenario=scenario, variants=variants, settings=settings, observation=observation, reward=reward
         )
-    if scenario is not None or tuple(variants) or settings:
+    if scenario is not None or as_variants(variants) or as_mapping("settings", settings):
         raise ValueError("the model is compiled already: give scenario, variants and settings to smpl.compile")
     changes = {
         key: value

@@ -6,11 +6,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import gymnasium
 import numpy as np
 import numpy.typing as npt
 
 from smpl.controllers.base import Controller
-from smpl.envs import Env
+from smpl.envs import Env, SeedError, check_seed
 from smpl.model import FloatArray, as_count, as_vector
 from smpl.wrappers import outer_action
 
@@ -138,8 +139,15 @@ def evaluate(
         episodes: how many; not used with `starts`.
         seed: of the first episode.
         starts: states to start from, as for `reset(options={"state": ...})`.
+
+    Raises:
+        ValueError: no number of episodes, no seed, or a start that is none.
     """
     as_count("episodes", episodes)
+    if check_seed(seed) is None:
+        raise SeedError("seed is None, expected an integer")
+    if starts is not None and not isinstance(starts, Iterable):
+        raise ValueError(f"starts is {starts!r}, expected states to start from")
     if starts is None:
         return [run_episode(env, controller, seed + i) for i in range(episodes)]
     return [run_episode(env, controller, seed + i, {"state": state}) for i, state in enumerate(starts)]
@@ -185,5 +193,9 @@ def _check_arrival(base: Env, env: Any, given: npt.NDArray[Any], chosen: FloatAr
 def _base(env: Any) -> Env:
     base = getattr(env, "unwrapped", env)
     if not isinstance(base, Env):
-        raise TypeError(f"expected an environment of smpl, got {type(base).__name__}")
+        raise TypeError(f"env is {type(base).__name__}, expected an environment of smpl")
+    if not isinstance(env, gymnasium.Env):
+        raise TypeError(
+            f"env is {type(env).__name__}, which has not Gymnasium's interface: give the one inside, env.env"
+        )
     return base

@@ -18,11 +18,16 @@ from smpl._names import Named
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
+    from smpl.rollout import Rollout
+
 FloatArray = npt.NDArray[np.float64]
 Setting = bool | int | float | str | Sequence[float] | FloatArray
 
 # Roles whose values the argument `p` may replace, in the order in which a name is looked up.
 _REPLACEABLE = ("parameter", "discrete", "disturbance")
+
+# Kinds of arrays of NumPy that hold real numbers; texts, though some read as numbers, are none.
+_NUMBERS = "fiub"
 
 
 class Model(Named):
@@ -96,7 +101,7 @@ class Model(Named):
         Raises:
             ValueError: a wrong shape, or a name in `p` that the model does not have.
         """
-        return self.native.residual(float(t), self._y(y), self._y(yp, "yp"), self._u(u), self._given(p))
+        return self.native.residual(as_number("t", t), self._y(y), self._y(yp, "yp"), self._u(u), self._given(p))
 
     def jacobian(
         self,
@@ -118,7 +123,7 @@ class Model(Named):
         except ImportError as error:
             raise ImportError("Model.jacobian returns a SciPy matrix: pip install 'smpl[scipy]'") from error
         data, rows, columns = self.native.jacobian(
-            float(t), self._y(y), self._y(yp, "yp"), self._u(u), float(cj), self._given(p)
+            as_number("t", t), self._y(y), self._y(yp, "yp"), self._u(u), as_number("cj", cj), self._given(p)
         )
         size = len(self.unknown_names)
         return csc_matrix((data, rows, columns), shape=(size, size))
@@ -129,13 +134,14 @@ class Model(Named):
         Raises:
             ValueError: as for `residual`; also where the model is not explicit.
         """
-        return self.native.rhs(float(t), self._y(y), self._u(u), self._given(p))
+        return self.native.rhs(as_number("t", t), self._y(y), self._u(u), self._given(p))
 
     def steady_state(
         self,
         u: npt.ArrayLike,
         p: Mapping[str, float] | None = None,
         fixed: Mapping[str, float] | None = None,
+        guess: Mapping[str, float] | None = None,
     ) -> FloatArray:
         """Steady state at the action `u`: the unknowns `y` with vanishing residual.
 
@@ -144,12 +150,16 @@ class Model(Named):
             p: parameters and the like.
             fixed: values of states that the equations leave free, by name; those of the model's `steady` block by
                 default.
+            guess: where the search begins, states and solved algebraic variables by name (`unknown_names`); the others
+                begin at the model's steady state, else where they start. Of several steady states it tells which.
 
         Raises:
+            ValueError: as for `residual`.
             SimulationError: none was found.
         """
-        pairs = _pairs("fixed", fixed or {}, self.state_names)
-        return self.native.steady_state(self._u(u), self._given(p), pairs)
+        held = _pairs("fixed", fixed, self.state_names)
+        begin = _pairs("guess", guess, self.unknown_names)
+        return self.native.steady_state(self._u(u), self._given(p), held, begin)
 
     def linearize(
         self, y: npt.ArrayLike, u: npt.ArrayLike, p: Mapping[str, float] | None = None
@@ -159,6 +169,57 @@ class Model(Named):
         d(dx)/dt = A dx + B du, dz = C dx + D du with states x, actions u and observations z, physical units.
         """
         return self.native.linearize(self._y(y), self._u(u), self._given(p))
+
+    def rollout(
+        self,
+        states: npt.ArrayLike,
+        actions: npt.ArrayLike,
+        parameters: Mapping[str, npt.ArrayLike] | None = None,
+        discrete: Mapping[str, npt.ArrayLike] | None = None,
+        disturbances: Mapping[str, npt.ArrayLike] | None = None,
+        seed: int | None = None,
+        method: str | None = None,
+        threads: int | None = None,
+        *,
+        first_step: int = 0,
+        outputs: bool = False,
+    ) -> Rollout:
+        """Many trajectories at once, on all cores and without the interpreter lock; nothing is kept.
+
+        Each trajectory is an episode from a given state: the same, bit for bit, as steps of an `smpl.Env` that was
+        reset to it, for any number of threads.
+
+        Args:
+            states: differential states at the start, physical units: (N, states), or (states,) for all trajectories.
+            actions: physical units: (N, H, actions), or (H, actions) for all trajectories.
+            parameters: values by name, one for all trajectories or one for each, shape (N,).
+            discrete: discrete variables at the start, likewise.
+            disturbances: recorded sequences by name, (H,) for all trajectories or (N, H), or one number throughout.
+            seed: trajectory i has the random numbers of `reset(seed=seed + i)`. Without one, random numbers are at
+                their means and observations without noise: what is expected.
+            method: what takes the steps, `ida`, `rosenbrock`, `explicit` or `auto`; the model's or scenario's if none.
+            threads: all processors if none.
+            first_step: steps that count as completed at the start: the clock begins there.
+            outputs: also return the algebraic outputs.
+
+        Raises:
+            ValueError: an unknown name, a wrong shape, no finite number; the message names the argument.
+        """
+        from smpl.rollout import rollout
+
+        return rollout(
+            self,
+            states,
+            actions,
+            parameters=parameters,
+            discrete=discrete,
+            disturbances=disturbances,
+            seed=seed,
+            method=method,
+            threads=threads,
+            first_step=first_step,
+            outputs=outputs,
+        )
 
     def _y(self, values: npt.ArrayLike, name: str = "y") -> FloatArray:
         return as_vector(name, values, len(self.unknown_names))
@@ -175,6 +236,7 @@ class Model(Named):
         return places
 
     def _given(self, p: Mapping[str, float] | None) -> list[tuple[str, int, float]]:
+        p = as_mapping("p", p)
         if not p:
             return []
         arrays = [name for name in p if name not in self._replaceable and self.native.elements_of(name)]
@@ -218,11 +280,11 @@ def compile(
     if (path is None) == (source is None):
         raise ValueError("give either the path of a model or its source")
     arguments = (
-        None if path is None else _resolve(path),
+        None if path is None else _resolve(_path("path", path)),
         source,
-        None if scenario is None else os.fspath(scenario),
-        (variants,) if isinstance(variants, str) else tuple(variants),
-        tuple(sorted((name, _text(value)) for name, value in (settings or {}).items())),
+        None if scenario is None else _path("scenario", scenario),
+        as_variants(variants),
+        tuple(sorted((name, _text(name, value)) for name, value in as_mapping("settings", settings).items())),
         observation,
         reward,
     )
@@ -275,6 +337,31 @@ def _portable(arguments: dict[str, Any]) -> dict[str, Any]:
     return {**arguments, "path": path, "scenario": scenario}
 
 
+def _path(name: str, value: Any) -> str:
+    """The text of a path, or of a name.
+
+    Raises:
+        ValueError: it is neither.
+    """
+    if not isinstance(value, (str, os.PathLike)) or not isinstance(os.fspath(value), str):
+        raise ValueError(f"{name} is {_short(value)}, expected a name or a path")
+    return str(os.fspath(value))
+
+
+def as_variants(given: Any) -> tuple[str, ...]:
+    """Variants one by one.
+
+    Raises:
+        ValueError: they are no texts.
+    """
+    if isinstance(given, str):
+        return (given,)
+    variants = tuple(given) if isinstance(given, Iterable) else (given,)
+    if not all(isinstance(variant, str) for variant in variants):
+        raise ValueError(f"variants is {_short(given)}, expected names such as 'reward_floor' or 'scheme=legacy'")
+    return variants
+
+
 def _resolve(path: str | os.PathLike[str]) -> str:
     text = os.fspath(path)
     if isinstance(path, str) and (is_shipped(text) or (text.isidentifier() and not Path(text).exists())):
@@ -300,15 +387,27 @@ def _times(files: Iterable[str]) -> dict[str, int]:
     return {file: Path(file).stat().st_mtime_ns for file in files if Path(file).is_file()}
 
 
-def _text(value: Setting) -> str:
-    """A setting as the command line would write it."""
+def _text(name: str, value: Setting) -> str:
+    """A setting as the command line would write it.
+
+    Raises:
+        ScenarioError: it is no setting.
+    """
     if isinstance(value, (bool, np.bool_)):
         return "true" if value else "false"
+    if isinstance(value, (int, np.integer, str)):
+        return str(value)
     if isinstance(value, (float, np.floating)):
         return repr(float(value))
-    if isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str):
-        return f"[{', '.join(repr(float(x)) for x in value)}]"
-    return str(value)
+    what = f"settings[{name!r}]"
+    if isinstance(value, (Sequence, np.ndarray)):
+        try:
+            numbers = as_numbers(what, value, "(elements,)")
+        except ValueError as error:
+            raise _native.ScenarioError(str(error)) from error
+        if numbers.ndim == 1:
+            return f"[{', '.join(map(repr, numbers.tolist()))}]"
+    raise _native.ScenarioError(f"{what} is {_short(value)}, expected a number, numbers, True, False or a text")
 
 
 def as_vector(name: str, values: npt.ArrayLike, length: int) -> FloatArray:
@@ -327,10 +426,18 @@ def as_numbers(name: str, values: npt.ArrayLike, expected: str) -> FloatArray:
     """`values` as a contiguous array of doubles.
 
     Raises:
-        ValueError: they are no numbers; the message names the argument and the shape that it should have.
+        ValueError: they are no numbers, or masked; the message names the argument and the shape that it should have.
     """
-    try:
+    if type(values) is np.ndarray and values.dtype.kind in _NUMBERS:
         return np.ascontiguousarray(values, dtype=np.float64)
+    try:
+        array = np.asarray(values)
+        if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
+            raise TypeError("masked values")
+        kind = array.dtype.kind
+        if kind not in _NUMBERS and (kind != "O" or any(isinstance(one, (str, bytes)) for one in array.flat)):
+            raise TypeError("no numbers")
+        return np.ascontiguousarray(array, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name} is {_short(values)}, expected numbers of shape {expected}") from error
 
@@ -339,12 +446,41 @@ def as_number(name: str, value: Any) -> float:
     """`value` as a double.
 
     Raises:
-        ValueError: it is none.
+        ValueError: it is none; a text is none, and what is masked.
     """
     try:
+        if isinstance(value, (str, bytes)) or np.ma.is_masked(value):
+            raise TypeError("no number")
         return float(value)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name} is {_short(value)}, expected a number") from error
+
+
+def as_flag(name: str, value: Any) -> bool:
+    """`value` as a truth value; numbers are none.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if not isinstance(value, (bool, np.bool_)):
+        raise ValueError(f"{name} is {_short(value)}, expected True or False")
+    return bool(value)
+
+
+def as_mapping(name: str, value: Any) -> Mapping[str, Any]:
+    """`value` as a mapping from names; none is an empty one.
+
+    Raises:
+        ValueError: it is none, or has keys that are no texts.
+    """
+    if value is None:
+        return {}
+    if not isinstance(value, Mapping):
+        raise ValueError(f"{name} is {_short(value)}, expected a mapping from names to values")
+    for key in value:
+        if not isinstance(key, str):
+            raise ValueError(f"{name} has the key {_short(key)}, expected names")
+    return value
 
 
 def as_count(name: str, value: Any, least: int = 1, expected: str = "a positive integer") -> int:
@@ -405,7 +541,8 @@ def _listing(names: list[str], most: int = 60) -> str:
     return f"there are: {shown}" + (f", ... ({len(names)} in all)" if len(names) > most else "")
 
 
-def _pairs(argument: str, given: Mapping[str, float], names: tuple[str, ...]) -> list[tuple[int, float]]:
+def _pairs(argument: str, given: Mapping[str, float] | None, names: tuple[str, ...]) -> list[tuple[int, float]]:
     """Named values as (position, value)."""
+    given = as_mapping(argument, given)
     check_names(argument, given, names)
     return [(names.index(name), as_number(f"{argument}[{name!r}]", value)) for name, value in given.items()]

@@ -25,7 +25,7 @@ from smpl.envs import (
     choose_model,
     native_seed,
 )
-from smpl.model import FloatArray, Model, Setting, as_count, as_numbers, check_names
+from smpl.model import FloatArray, Model, Setting, as_count, as_flag, as_numbers, check_names
 
 if TYPE_CHECKING:
     from gymnasium.vector import AutoresetMode as AutoresetMode
@@ -100,7 +100,8 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         limit = check_limit(max_episode_steps if max_steps is None else max_steps)
         mode = str(self.autoreset_mode.value)
         method = check_method(method)
-        self._options = (num_envs, normalize, dense_reward, info_state, limit, method, self.num_threads, mode)
+        flags = self.normalize, as_flag("dense_reward", dense_reward), as_flag("info_state", info_state)
+        self._options = (num_envs, *flags, limit, method, self.num_threads, mode)
         self._native = _native.Batch(compiled.native, *self._options)
         self.constraint_names = tuple(self._native.constraint_names)
         self._seeded = False

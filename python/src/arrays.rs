@@ -1,6 +1,6 @@
 //! Fresh NumPy arrays, filled in place before Python sees them.
 
-use numpy::ndarray::{Dimension, Ix1, Ix2};
+use numpy::ndarray::{Dimension, Ix1, Ix2, Ix3};
 use numpy::{Element, PyArray, PyArrayMethods};
 use pyo3::prelude::*;
 
@@ -18,6 +18,13 @@ impl<'py, T: Element> Fresh<'py, T, Ix2> {
     /// A matrix of zeros in row order.
     pub fn matrix(py: Python<'py>, rows: usize, columns: usize) -> Self {
         Self(PyArray::zeros(py, [rows, columns], false))
+    }
+}
+
+impl<'py, T: Element> Fresh<'py, T, Ix3> {
+    /// A cube of zeros, the last index running fastest.
+    pub fn cube(py: Python<'py>, shape: [usize; 3]) -> Self {
+        Self(PyArray::zeros(py, shape, false))
     }
 }
 

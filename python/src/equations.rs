@@ -142,10 +142,14 @@ impl Equations {
         Ok(())
     }
 
-    /// Steady state at the actions `u`; `fixed` are positions of states and their values, those of the model if there are none.
-    pub fn steady_state(&mut self, u: &[f64], given: &Given, fixed: &[(usize, f64)]) -> PyResult<Vec<f64>> {
+    /// Steady state at the actions `u`; `fixed` are positions of states and their values, those of the model if there are none, `begin` positions
+    /// of unknowns and where the search begins.
+    pub fn steady_state(&mut self, u: &[f64], given: &Given, fixed: &[(usize, f64)], begin: &[(usize, f64)]) -> PyResult<Vec<f64>> {
         self.work.restore(self.nominal.memory().all());
-        let guess = self.first_guess();
+        let mut guess = self.first_guess();
+        for &(i, value) in begin {
+            guess[self.order[i]] = value;
+        }
         self.y.copy_from_slice(&guess);
         self.set_given(given)?;
         let mut y = guess;

@@ -13,6 +13,7 @@ mod info;
 mod interrupt;
 mod load;
 mod model;
+mod rollout;
 mod start;
 
 use pyo3::prelude::*;

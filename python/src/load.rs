@@ -71,17 +71,16 @@ fn load_error(py: Python<'_>, model: &Path, error: &LoadError) -> PyErr {
         LoadError::Diagnostics { sources, diagnostics } => {
             let first = diagnostics.iter().find(|d| d.is_error());
             if first.is_some_and(|d| d.code == codes::BAD_SCENARIO) {
-                return ScenarioError::new_err(describe(diagnostics, sources));
+                return ScenarioError::new_err(describe(diagnostics.iter().filter(|d| d.is_error()), sources));
             }
             compile_error(py, diagnostics.iter().map(|d| resolve(d, sources)).collect())
         }
     }
 }
 
-/// All findings in words: place, message, what to do.
-fn describe(diagnostics: &[diagnostic::Diagnostic], sources: &SourceMap) -> String {
+/// Findings in words: place, message, what to do.
+fn describe<'d>(diagnostics: impl Iterator<Item = &'d diagnostic::Diagnostic>, sources: &SourceMap) -> String {
     let texts: Vec<String> = diagnostics
-        .iter()
         .map(|d| {
             let found = resolve(d, sources);
             let help = found.help.map(|help| format!(" ({help})")).unwrap_or_default();

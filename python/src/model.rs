@@ -1,14 +1,16 @@
 //! Class `Model`: a compiled model.
 
+use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArrayDyn};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
 use smpl_dsl::span::FileId;
 use smpl_runtime::catalogue::{self, Catalogue, Element, Family};
+use smpl_runtime::rollout::Rollouts;
 use smpl_runtime::setup::{EnvironmentOptions, Setup};
 
 use crate::arrays::Fresh;
@@ -16,6 +18,7 @@ use crate::equations::{Equations, Given};
 use crate::errors::{guarded, setup_error};
 use crate::interrupt::released;
 use crate::load::{self, Loaded};
+use crate::rollout::{Request, Results, Start, rollout_error};
 
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
 type Matrix<'py> = Bound<'py, PyArray2<f64>>;
@@ -35,6 +38,8 @@ pub struct Model {
     equations: Mutex<Option<Equations>>,
     /// What environments share.
     setups: Mutex<Setups>,
+    /// Environments of rollouts, by number of threads, time limit and method.
+    rollouts: Mutex<HashMap<(usize, Option<u32>, Option<String>), Rollouts>>,
 }
 
 #[pymethods]
@@ -55,7 +60,13 @@ impl Model {
         let level = (observation != "default").then(|| observation.to_owned());
         let request = load::Request { path, source, scenario, variants, settings, level, reward };
         let loaded = load::load(py, request)?;
-        Ok(Self { catalogue: OnceLock::new(), loaded, equations: Mutex::new(None), setups: Mutex::new(HashMap::new()) })
+        Ok(Self {
+            catalogue: OnceLock::new(),
+            loaded,
+            equations: Mutex::new(None),
+            setups: Mutex::new(HashMap::new()),
+            rollouts: Mutex::new(HashMap::new()),
+        })
     }
 
     #[getter]
@@ -221,10 +232,51 @@ impl Model {
     }
 
     /// Steady state at given actions.
-    fn steady_state<'py>(&self, py: Python<'py>, u: Input<'py>, given: Given, fixed: Vec<(usize, f64)>) -> PyResult<Vector<'py>> {
+    fn steady_state<'py>(
+        &self,
+        py: Python<'py>,
+        u: Input<'py>,
+        given: Given,
+        fixed: Vec<(usize, f64)>,
+        guess: Vec<(usize, f64)>,
+    ) -> PyResult<Vector<'py>> {
         let u = u.as_slice()?;
-        let y = self.evaluate(py, |equations| released(py, || equations.steady_state(u, &given, &fixed))?)?;
+        let y = self.evaluate(py, |equations| released(py, || equations.steady_state(u, &given, &fixed, &guess))?)?;
         Ok(PyArray1::from_vec(py, y))
+    }
+
+    /// Trajectories from states or from a snapshot; `size` is (trajectories, steps), `options` (seed, first step, with outputs), `run`
+    /// (threads, time limit, method).
+    #[expect(clippy::too_many_arguments, reason = "the arguments of the Python method, one by one")]
+    fn rollout<'py>(
+        &self,
+        py: Python<'py>,
+        start: Start<'py>,
+        actions: PyReadonlyArrayDyn<'py, f64>,
+        parameters: Vec<(String, PyReadonlyArrayDyn<'py, f64>)>,
+        discrete: Vec<(String, PyReadonlyArrayDyn<'py, f64>)>,
+        disturbances: Vec<(String, PyReadonlyArrayDyn<'py, f64>)>,
+        size: (usize, usize),
+        options: (Option<u64>, u32, bool),
+        run: (usize, Option<u32>, Option<String>),
+    ) -> PyResult<Results<'py>> {
+        let request = Request::new(&start, &actions, [&parameters, &discrete, &disturbances], size, options);
+        drop((start, actions, parameters, discrete, disturbances));
+        let (threads, max_steps, ref method) = run;
+        let setup = self.setup(py, true, max_steps, method.as_deref())?;
+        let mut all = self.rollouts.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner);
+        let rollouts = match all.entry(run) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(place) => place.insert(guarded(|| Rollouts::new(&setup, threads))?.map_err(|e| rollout_error(&e))?),
+        };
+        request.run(py, rollouts)
+    }
+
+    /// Names of all limits, in the order of violations.
+    #[getter]
+    fn constraint_names(&self) -> Vec<String> {
+        let interface = self.loaded.model.interface();
+        smpl_runtime::environment::constraint_names(interface).map(str::to_owned).collect()
     }
 
     /// A, B, C, D at a point.

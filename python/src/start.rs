@@ -51,7 +51,7 @@ impl Start {
                 parameters,
                 disturbances,
                 held: held.into_iter().collect(),
-                hold_records: false,
+                ..ResetOptions::default()
             },
         })
     }

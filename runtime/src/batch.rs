@@ -3,18 +3,15 @@
 //! Instance i of a batch with seed s is, bit for bit, the single environment with seed s + i, on any number of threads: instances share
 //! nothing that changes. Threads are used only where a step of the batch is worth waking them.
 
-use std::mem::ManuallyDrop;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
 use std::time::{Duration, Instant};
 
-use rayon::ThreadPool;
 use rayon::prelude::*;
 
 use crate::environment::{Environment, ResetError, ResetOptions, Snapshot, SnapshotError, StepError, StepResult};
-use crate::interrupt;
 use crate::observe::{Number, denormalise};
+use crate::pool::Pool;
 use crate::setup::{Setup, SetupError};
 use crate::steady::SteadyError;
 
@@ -354,7 +351,7 @@ impl Batch {
                 .zip(terminated.iter_mut().zip(truncated.iter_mut()))
                 .for_each(task),
         }
-        let threads = parallel.map_or(1, |pool| pool.threads.current_num_threads()) as u32;
+        let threads = parallel.map_or(1, |pool| pool.threads()) as u32;
         self.serial_cost = (self.serial_cost * 7 + begin.elapsed() * threads) / 8;
         self.finish()
     }
@@ -375,7 +372,7 @@ impl Batch {
     fn begin(&mut self) -> Result<(), BatchError> {
         self.stop.store(false, Ordering::Relaxed);
         if let Some(pool) = self.pool.as_mut().filter(|pool| !pool.is_mine()) {
-            *pool = Pool::new(pool.threads.current_num_threads(), &self.stop)?;
+            *pool = Pool::new(pool.threads(), &self.stop)?;
         }
         Ok(())
     }
@@ -409,66 +406,6 @@ impl Batch {
 
     fn action_len(&self) -> usize {
         self.members.first().map_or(0, |m| m.environment.catalogue().actions.len())
-    }
-}
-
-/// Threads that belong to a process: a child of a fork has none of them.
-struct Pool {
-    threads: ManuallyDrop<ThreadPool>,
-    process: u32,
-}
-
-impl Pool {
-    /// Threads that stop when the flag says so.
-    fn new(count: usize, stop: &Arc<AtomicBool>) -> Result<Self, rayon::ThreadPoolBuildError> {
-        let builder = rayon::ThreadPoolBuilder::new().num_threads(count).thread_name(|i| format!("smpl-{i}"));
-        let stop = Arc::clone(stop);
-        let threads = builder.start_handler(move |_| interrupt::follow(Arc::clone(&stop))).build()?;
-        Ok(Self { threads: ManuallyDrop::new(threads), process: std::process::id() })
-    }
-
-    fn is_mine(&self) -> bool {
-        self.process == std::process::id()
-    }
-
-    /// Runs `work` on the threads; the caller waits, and asks meanwhile whether they are to stop.
-    fn run(&self, stop: &AtomicBool, work: impl FnOnce() + Send) {
-        let (done, caller) = (AtomicBool::new(false), thread::current());
-        self.threads.in_place_scope(|scope| {
-            scope.spawn(|_| {
-                // Wakes the caller also when the work panics.
-                let _wake = Wake { done: &done, caller: &caller };
-                work();
-            });
-            while !done.load(Ordering::Acquire) {
-                thread::park_timeout(interrupt::PERIOD);
-                if !done.load(Ordering::Acquire) && interrupt::requested() {
-                    stop.store(true, Ordering::Relaxed);
-                }
-            }
-        });
-    }
-}
-
-impl Drop for Pool {
-    fn drop(&mut self) {
-        if self.is_mine() {
-            // SAFETY: dropped once, here. What a child of a fork has of it waits for threads that are not there, and is left.
-            unsafe { ManuallyDrop::drop(&mut self.threads) };
-        }
-    }
-}
-
-/// Says on its end that work is done.
-struct Wake<'a> {
-    done: &'a AtomicBool,
-    caller: &'a thread::Thread,
-}
-
-impl Drop for Wake<'_> {
-    fn drop(&mut self) {
-        self.done.store(true, Ordering::Release);
-        self.caller.unpark();
     }
 }
 

@@ -165,7 +165,7 @@ pub fn check_parameters(parameters: &Family, values: &[f64]) -> Result<(), Outsi
 
 /// A name that the model does not have.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("unknown {kind} `{name}`; {advice}")]
+#[error("unknown {kind} `{}`; {advice}", crate::scenario::shortened(name))]
 pub struct UnknownName {
     /// What it should have been the name of.
     pub kind: &'static str,

@@ -17,6 +17,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::{Part, Region};
+use smpl_compiler::model::Interface;
 
 pub use invariants::Drift;
 pub use reset::{ResetError, ResetOptions, Start, StateInput};
@@ -45,7 +46,8 @@ pub struct StepResult {
     pub failure: Option<Failure>,
     /// Sum of the violations.
     pub cost: f64,
-    /// Time of the state: completed steps times the sampling interval, or that of the event at which the step stopped.
+    /// Time of the state: completed steps times the sampling interval, that of the event at which the step stopped, or that of before a
+    /// step that was not integrated.
     pub time: f64,
 }
 
@@ -96,6 +98,8 @@ enum Phase {
 struct Progress {
     key: EpisodeKey,
     next_key: EpisodeKey,
+    /// Random numbers of the steps are at their means.
+    expected: bool,
     steps: u32,
     phase: Phase,
     y: Vec<f64>,
@@ -116,7 +120,7 @@ struct Progress {
     edges: Vec<Edge>,
     /// What the integrator takes along.
     carried: Carried,
-    /// Where an event ended the last step before its end.
+    /// Time of the state where the last step ended before its end: at an event, or where it began if nothing was integrated.
     event_time: Option<f64>,
     chatter: Option<Chatter>,
     not_finite: Option<NotFinite>,
@@ -141,12 +145,28 @@ impl Default for Firing {
 struct Replay {
     /// Place in the region.
     at: usize,
+    /// Completed steps at its beginning.
+    first: u32,
     /// One value a step.
     values: Vec<f64>,
     /// The last value holds where the record has ended.
     holds: bool,
     /// That it holds was asked for by name.
     meant: bool,
+}
+
+impl Replay {
+    /// Which value belongs to the step after `steps` completed ones.
+    fn row(&self, steps: u32) -> usize {
+        steps.saturating_sub(self.first) as usize
+    }
+}
+
+impl Progress {
+    /// Key of the errors of measurements; none where there are none.
+    fn errors(&self) -> Option<EpisodeKey> {
+        (!self.expected).then_some(self.key)
+    }
 }
 
 /// One instance of an environment.
@@ -189,6 +209,7 @@ impl Environment {
         let progress = Progress {
             key: EpisodeKey::default(),
             next_key: EpisodeKey::default(),
+            expected: false,
             steps: 0,
             phase: Phase::New,
             y: vec![0.0; unknowns],
@@ -237,7 +258,8 @@ impl Environment {
         let outcome = if action.iter().all(|a| a.is_finite()) {
             self.run_interval(action)
         } else {
-            // Nothing can be integrated with an infinite input; the state stays.
+            // Nothing can be integrated with an infinite input; state and time stay.
+            self.stop_at(self.time());
             interval::Outcome::NotRun
         };
         if self.was_interrupted(outcome) {
@@ -285,7 +307,7 @@ impl Environment {
             Phase::Over if self.keep_going => {}
             _ => return Err(StepError::EpisodeOver),
         }
-        match self.replay.iter().find(|replay| !replay.holds && self.progress.steps as usize >= replay.values.len()) {
+        match self.replay.iter().find(|replay| !replay.holds && replay.row(self.progress.steps) >= replay.values.len()) {
             Some(ended) => Err(StepError::RecordEnded { name: self.name_of_disturbance(ended.at), steps: ended.values.len() }),
             None => Ok(()),
         }
@@ -299,7 +321,7 @@ impl Environment {
     /// Recorded disturbances that have ended and hold their last value though nobody said so of them, with the number of their values.
     #[must_use]
     pub fn ended_records(&self) -> Vec<(String, usize)> {
-        let ended = |replay: &&Replay| !replay.meant && replay.values.len() < self.progress.steps as usize;
+        let ended = |replay: &&Replay| !replay.meant && replay.values.len() < replay.row(self.progress.steps);
         self.replay.iter().filter(ended).map(|replay| (self.name_of_disturbance(replay.at), replay.values.len())).collect()
     }
 
@@ -338,7 +360,8 @@ impl Environment {
         self.progress.steps
     }
 
-    /// Time of the present state: completed steps times the sampling interval, or that of the event at which the last step stopped.
+    /// Time of the present state: completed steps times the sampling interval, that of the event at which the last step stopped, or that of before
+    /// a step that was not integrated.
     #[must_use]
     pub fn time(&self) -> f64 {
         self.progress.event_time.unwrap_or_else(|| f64::from(self.progress.steps) * self.setup.model().interface().episode.step)
@@ -378,9 +401,7 @@ impl Environment {
 
     /// Names of all limits: `action_box`, the declared failures, the declared constraints.
     pub fn constraint_names(&self) -> impl Iterator<Item = &str> {
-        let interface = self.setup.model().interface();
-        let failures = interface.failures.iter().map(|f| f.name.as_str());
-        std::iter::once(crate::failure::ACTION_BOX).chain(failures).chain(interface.constraints.iter().map(String::as_str))
+        constraint_names(self.setup.model().interface())
     }
 
     /// Number of observations.
@@ -488,4 +509,10 @@ impl Environment {
         let (model, memory) = self.system.parts();
         model.invariants(memory, t, &self.progress.y, &self.progress.yp, out);
     }
+}
+
+/// Names of all limits of a model, see [`Environment::constraint_names`].
+pub fn constraint_names(interface: &Interface) -> impl Iterator<Item = &str> {
+    let failures = interface.failures.iter().map(|f| f.name.as_str());
+    std::iter::once(crate::failure::ACTION_BOX).chain(failures).chain(interface.constraints.iter().map(String::as_str))
 }

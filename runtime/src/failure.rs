@@ -17,6 +17,9 @@ pub const EVENTS: &str = "events";
 /// Identifier of the failure of a number that is none although nothing else failed.
 pub const NOT_FINITE: &str = "not_finite";
 
+/// Identifier of the failure of a trajectory that has no start, see [`crate::rollout`].
+pub const START: &str = "start";
+
 /// A failure of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Failure {

@@ -80,6 +80,18 @@ pub fn is_same(a: &Path, b: &Path) -> bool {
     }
 }
 
+/// Whether what is written to two paths goes into one file, whether it is there or not.
+#[must_use]
+pub fn is_same_destination(a: &Path, b: &Path) -> bool {
+    is_same(a, b) || matches!((plain_name(a), plain_name(b)), (Some(a), Some(b)) if a == b)
+}
+
+/// The one name of a file that may not be there: without links and turns. `None` where its folder is not there either.
+fn plain_name(path: &Path) -> Option<PathBuf> {
+    let path = std::path::absolute(followed(path).ok()?).ok()?;
+    Some(path.parent()?.canonicalize().ok()?.join(path.file_name()?))
+}
+
 #[cfg(unix)]
 fn same_metadata(a: &Metadata, b: &Metadata) -> Option<bool> {
     use std::os::unix::fs::MetadataExt;

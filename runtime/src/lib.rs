@@ -1,7 +1,7 @@
 //! smpl-runtime: compiled models in motion.
 //!
 //! [`solver`] integrates; [`environment`] turns a compiled model into episodes with actions, rewards and failures; [`batch`] runs many instances on
-//! several threads; [`steady`], [`linearize`] and [`spectrum`] find and describe points of rest; [`trajectory`] reads and writes tables, [`files`]
+//! several threads, [`rollout`] many action sequences from given states; [`steady`], [`linearize`] and [`spectrum`] find and describe points of rest; [`trajectory`] reads and writes tables, [`files`]
 //! anything else; [`load`] goes from a file to a model ready to run; [`interrupt`] stops what takes long; [`cli`] is the command `smpl`.
 //!
 //! What all instances share is a [`setup::Setup`]; what changes is an [`environment::Environment`].
@@ -19,7 +19,9 @@ pub mod linearize;
 pub mod load;
 pub mod observe;
 pub mod plot;
+mod pool;
 pub mod random;
+pub mod rollout;
 pub mod scenario;
 pub mod setup;
 pub mod solver;

@@ -193,9 +193,10 @@ fn place_scenario_faults(diagnostics: &mut Vec<Diagnostic>, scenario: &Scenario,
         let names: Vec<&str> = diagnostic.message.split('`').skip(1).step_by(2).collect();
         let line = |name: &&str| settings.and_then(|file| setting_line(sources, file, name));
         let place = names.iter().find_map(line).or_else(|| names.iter().find_map(|name| scenario.place_of(sources, name)));
-        if let Some(span) = place {
+        if let Some(span) = place.or_else(|| scenario.start().filter(|_| settings.is_none())) {
             diagnostic.primary.span = span;
         }
+        diagnostic.message = scenario::shortened_names(&diagnostic.message);
     }
 }
 
@@ -465,7 +466,8 @@ fn finish(
     settings: &BTreeMap<String, Value>,
     options: &LoadOptions,
 ) -> Result<Loaded, LoadError> {
-    let faults = names_of_scenario(scenario, &model, &sources);
+    let faults: Vec<Diagnostic> =
+        names_of_scenario(scenario, &model, &sources).into_iter().chain(grid_faults(scenario, &model, &sources)).collect();
     if !faults.is_empty() {
         return Err(LoadError::Diagnostics { sources: Arc::new(sources), diagnostics: faults });
     }
@@ -540,6 +542,17 @@ fn names_of_scenario(scenario: &Scenario, model: &CompiledModel, sources: &Sourc
         compare("disturbances", "disturbance", values.keys().collect(), elements.names().collect());
     }
     faults
+}
+
+/// Parameters under `grid` that are no numbers of cells.
+fn grid_faults(scenario: &Scenario, model: &CompiledModel, sources: &SourceMap) -> Vec<Diagnostic> {
+    let shapes_nothing = |name: &&String| model.interface().parameters.iter().any(|p| p.name == **name && !p.structural);
+    let fault = |name: &String| {
+        let message = format!("`{name}` is no number of cells");
+        Diagnostic::error(codes::BAD_SCENARIO, message, scenario.place_under(sources, "grid", name))
+            .help("values of parameters stand under `parameters`")
+    };
+    scenario.grid.keys().filter(shapes_nothing).map(fault).collect()
 }
 
 /// Recorded disturbances whose last value is to hold.

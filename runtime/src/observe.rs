@@ -67,7 +67,7 @@ impl Sensors {
     }
 
     /// First readings of an episode; a delayed channel reports them until its first sample arrives.
-    pub fn reset(&self, readings: &mut Readings, key: EpisodeKey, values: &[f64]) {
+    pub fn reset(&self, readings: &mut Readings, key: Option<EpisodeKey>, values: &[f64]) {
         for (i, (channel, &value)) in self.channels.iter().zip(values).enumerate() {
             let reading = value + channel.error(key, AT_RESET);
             readings.present[i] = reading;
@@ -77,7 +77,7 @@ impl Sensors {
     }
 
     /// Readings after `steps` completed steps.
-    pub fn read(&self, readings: &mut Readings, key: EpisodeKey, steps: u32, values: &[f64]) {
+    pub fn read(&self, readings: &mut Readings, key: Option<EpisodeKey>, steps: u32, values: &[f64]) {
         for ((missing, present), &value) in readings.missing.iter_mut().zip(&mut readings.present).zip(values) {
             *missing = !value.is_finite();
             if self.plain && !*missing {
@@ -116,8 +116,12 @@ impl Sensors {
 }
 
 impl Channel {
-    fn error(&self, key: EpisodeKey, step: u32) -> f64 {
-        if self.noise == 0.0 { 0.0 } else { self.noise * Stream::from_hash(key, self.stream).normal(step, 0) }
+    /// Error of a measurement; none without a key.
+    fn error(&self, key: Option<EpisodeKey>, step: u32) -> f64 {
+        match key {
+            Some(key) if self.noise != 0.0 => self.noise * Stream::from_hash(key, self.stream).normal(step, 0),
+            _ => 0.0,
+        }
     }
 
     /// Inside the box. Readings are numbers.
@@ -201,10 +205,10 @@ mod tests {
     fn readings(every: u32, delay: u32, steps: u32) -> Vec<f64> {
         let sensors = Sensors::new(&[observed(every, delay)], &[0.0]);
         let mut readings = sensors.blank();
-        sensors.reset(&mut readings, EpisodeKey::default(), &[0.0]);
+        sensors.reset(&mut readings, None, &[0.0]);
         (1..=steps)
             .map(|step| {
-                sensors.read(&mut readings, EpisodeKey::default(), step, &[f64::from(step)]);
+                sensors.read(&mut readings, None, step, &[f64::from(step)]);
                 readings.present[0]
             })
             .collect()
@@ -230,12 +234,12 @@ mod tests {
         for (every, delay) in [(1, 0), (1, 1), (2, 0)] {
             let sensors = Sensors::new(&[observed(every, delay)], &[0.0]);
             let mut readings = sensors.blank();
-            sensors.reset(&mut readings, EpisodeKey::default(), &[5.0]);
+            sensors.reset(&mut readings, None, &[5.0]);
             for (step, (value, expected)) in
                 [(12.0, 1.0), (f64::NAN, 1.0), (-1.0, -1.0), (f64::INFINITY, -1.0), (2.5, -0.5)].iter().enumerate()
             {
                 for repeated in 0..2 {
-                    sensors.read(&mut readings, EpisodeKey::default(), 2 * step as u32 + repeated, &[*value]);
+                    sensors.read(&mut readings, None, 2 * step as u32 + repeated, &[*value]);
                 }
                 let mut out = [0.0_f32];
                 sensors.write(&readings, true, &mut out);

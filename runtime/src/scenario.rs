@@ -4,6 +4,7 @@
 //! keys of the scenario itself are checked here, with their place in the file.
 
 mod values;
+mod words;
 
 use std::collections::BTreeMap;
 use std::num::NonZeroU32;
@@ -15,6 +16,7 @@ use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes, did_you_mean};
 use smpl_dsl::span::{FileId, Span};
 
 use values::Entries;
+pub(crate) use words::{shortened, shortened_names};
 
 /// A value of a setting, a parameter or an initial value.
 #[derive(Clone, Debug, PartialEq)]
@@ -291,25 +293,39 @@ impl Scenario {
         for (key, values) in [("parameters", &self.parameters), ("settings", &self.settings), ("initial", &self.initial)] {
             let not_finite = |value: &Value| value.numbers().iter().copied().find(|x| !x.is_finite());
             if let Some((name, x)) = values.iter().find_map(|(name, value)| Some((name, not_finite(value)?))) {
-                return fault(key, name, format!("`{name}` takes a finite number, not `{x}`"));
+                return fault(key, name, format!("`{}` takes a finite number, not `{x}`", shortened(name)));
             }
         }
         if let Some(Noise::Deviations(deviations)) = &self.noise
             && let Some((name, x)) = deviations.iter().find(|(_, x)| !(x.is_finite() && **x >= 0.0))
         {
-            return fault("noise", name, format!("the noise of `{name}` must be a standard deviation, not {x}"));
+            return fault("noise", name, format!("the noise of `{}` must be a standard deviation, not {x}", shortened(name)));
         }
         let Some(Disturbances::Values(values)) = &self.disturbances else { return None };
         let (name, message) = values.iter().find_map(|(name, recorded)| Some((name, recorded.fault()?)))?;
-        fault("disturbances", name, format!("the disturbance `{name}` {message}"))
+        fault("disturbances", name, format!("the disturbance `{}` {message}", shortened(name)))
     }
 
-    /// Where a name stands in the scenario's file; `None` if it does not, or if there is no file.
+    /// Where a name stands in the scenario's file, or the key under which it stands in other characters (`"\u006b"`); `None` if neither does, or if there
+    /// is no file.
     #[must_use]
     pub fn place_of(&self, sources: &SourceMap, name: &str) -> Option<Span> {
         let file = self.file?;
-        let span = find_name(sources.file(file)?.text(), name, file);
-        (span.end > span.start).then_some(span)
+        let text = sources.file(file)?.text();
+        let span = find_name(text, name, file);
+        if span.end > span.start {
+            return Some(span);
+        }
+        let keys = [("parameters", &self.parameters), ("settings", &self.settings), ("initial", &self.initial)];
+        let key = keys.iter().find(|(_, values)| values.contains_key(name)).map(|(key, _)| *key);
+        let key = key.or_else(|| self.grid.contains_key(name).then_some("grid"))?;
+        Some(find_under(text, key, name, file))
+    }
+
+    /// The beginning of the scenario's file.
+    #[must_use]
+    pub fn start(&self) -> Option<Span> {
+        self.file.map(|file| Span { file, start: 0, end: 0 })
     }
 
     /// Where a name stands under a key of the scenario, else where it stands at all.
@@ -333,6 +349,7 @@ impl SolverOverrides {
             .or_else(|| number("atol_factor", "a positive number", self.atol_factor, &positive))
             .or_else(|| number("max_order", "from 1 to 5", self.max_order.map(f64::from), &|x| (1.0..=5.0).contains(x)))
             .or_else(|| number("max_steps", "at least 1", self.max_steps.map(f64::from), &|x| *x >= 1.0))
+            .or_else(|| number("max_step", "a positive number", self.max_step, &|x| *x > 0.0))
             .or_else(|| linear.map(|name| ("linear_solver", "auto, dense, banded, block or klu", format!("`{name}`"))))
             .or_else(|| method.map(|name| ("method", "ida, rosenbrock, explicit or auto", format!("`{name}`"))))
     }
@@ -421,38 +438,25 @@ fn diagnose(error: &serde_yaml::Error, text: &str, file: FileId) -> Diagnostic {
     let full = error.to_string();
     let message = full.split(" at line ").next().unwrap_or(&full).to_owned();
     if let Some(key) = message.split('`').nth(1).filter(|_| message.contains("unknown field")) {
-        let in_solver = message.contains("atol_factor");
-        let known: &[&str] = if in_solver { &SOLVER_KEYS } else { &KEYS };
+        let (known, place): (&[&str], _) = match &message {
+            said if said.contains("atol_factor") => (&SOLVER_KEYS, " in `solver`"),
+            said if said.contains("`values` or `hold`") => (&["values", "hold"], " in a disturbance"),
+            _ => (&KEYS, ""),
+        };
         let span = find_name(text, key, file);
-        let place = if in_solver { " in `solver`" } else { "" };
-        return Diagnostic::error(codes::BAD_SCENARIO, format!("unknown key `{key}`{place}"), span)
+        return Diagnostic::error(codes::BAD_SCENARIO, format!("unknown key `{}`{place}", shortened(key)), span)
             .label("not a key of a scenario")
             .help(did_you_mean(key, known.iter().copied()).unwrap_or_else(|| format!("the keys are {}", known.join(", "))));
     }
     if let Some(key) = message.split('`').nth(1).filter(|_| message.contains(TWICE) || message.contains("duplicate field")) {
         let span = second_key(text, key, error.location().map_or(0, |l| l.index()), file);
-        return Diagnostic::error(codes::BAD_SCENARIO, format!("`{key}` {TWICE}"), span).help("which of the two is meant is not known");
+        let message = format!("`{}` {TWICE}", shortened(key));
+        return Diagnostic::error(codes::BAD_SCENARIO, message, span).help("which of the two is meant is not known");
     }
     let at = text.floor_char_boundary(error.location().map_or(0, |l| l.index()));
     let end = text[at..].find('\n').map_or(text.len(), |n| at + n).max(at + usize::from(at < text.len()));
     let span = Span { file, start: at as u32, end: end as u32 };
-    let mut message = message;
-    for (theirs, ours) in [
-        ("data did not match any variant of untagged enum VariantEntry", "a variant is a name, NAME=CHOICE or a mapping with a choice"),
-        ("expected struct File", "expected keys with values"),
-        ("expected u32", "expected a whole number that is not negative"),
-    ] {
-        message = message.replace(theirs, ours);
-    }
-    Diagnostic::error(codes::BAD_SCENARIO, kind_of_value(&message).unwrap_or(message), span)
-}
-
-/// `noise: invalid type: integer 3, expected a mapping` as a sentence: "`noise` is a mapping, not integer 3".
-fn kind_of_value(message: &str) -> Option<String> {
-    let (key, rest) = message.split_once(": ")?;
-    let rest = rest.strip_prefix("invalid type: ").or_else(|| rest.strip_prefix("invalid value: "))?;
-    let (found, expected) = rest.rsplit_once(", expected ")?;
-    Some(format!("`{key}` is {expected}, not {found}"))
+    Diagnostic::error(codes::BAD_SCENARIO, words::sentence(&message), span)
 }
 
 /// Where a name stands under a key of the file, else where it stands at all, else the key.
@@ -561,6 +565,8 @@ mod tests {
             ("solver: {max_order: 99}\n", "max_order", 1, 10),
             ("max_steps: 5\nsolver: {max_steps: 0}\n", "max_steps", 2, 10),
             ("solver: {linear_solver: foo}\n", "linear_solver", 1, 10),
+            ("solver: {max_step: 0}\n", "max_step", 1, 10),
+            ("solver: {max_step: -1}\n", "max_step", 1, 10),
             ("max_steps: 0\n", "max_steps", 1, 1),
             ("parameters: {T: 1}\nnoise:\n  T: -0.1\n", "T", 3, 3),
             ("disturbances: {z: [.nan]}\n", "z", 1, 16),
@@ -590,6 +596,31 @@ mod tests {
             assert!(message.contains(" is ") && message.contains(", not ") && found == line, "{text}: {found}: {message}");
         }
 
+        for (text, said) in [
+            ("solver: 3\n", "`solver` is a mapping from solver settings to values, not 3"),
+            ("solver: [1]\n", "`solver` is a mapping from solver settings to values, not a list"),
+            ("solver: {rtol: small}\n", "`solver.rtol` is a number, not \"small\""),
+            ("solver: {rtol: {a: 1}}\n", "`solver.rtol` is a number, not a mapping"),
+            ("solver: {max_events: 0}\n", "`solver.max_events` is a whole number from 1 on, not 0"),
+            ("solver: {max_order: 1.5}\n", "`solver.max_order` is a whole number that is not negative, not 1.5"),
+            ("solver: {algebraic_error_control: 1}\n", "`solver.algebraic_error_control` is true or false, not 1"),
+            ("solver: {linear_solver: [klu]}\n", "`solver.linear_solver` is a text, not a list"),
+            ("max_steps: -4\n", "`max_steps` is a whole number that is not negative, not -4"),
+            ("max_steps: many\n", "`max_steps` is a whole number that is not negative, not \"many\""),
+            ("grid: {n: few}\n", "`grid.n` is a whole number that is not negative, not \"few\""),
+            ("grid: 3\n", "`grid` is a mapping from names to values, not 3"),
+            ("variants: {a: b}\n", "`variants` is a list, not a mapping"),
+            ("reward: [r]\n", "`reward` is a text, not a list"),
+            ("parameters: {k: [a]}\n", "`parameters.k[0]` is a number, not \"a\""),
+            ("disturbances: {z: {values: 3}}\n", "`disturbances.z.values` is a list, not 3"),
+            ("[1, 2]\n", "a scenario is a mapping of keys with values, not a list"),
+            ("reactor\n", "a scenario is a mapping of keys with values, not \"reactor\""),
+        ] {
+            let (message, ..) = parse(text).map(|_| ()).unwrap_err();
+            assert_eq!(message, said, "{text}");
+        }
+        let (message, _, _, help) = parse("disturbances: {z: {valus: 3}}\n").map(|_| ()).unwrap_err();
+        assert_eq!((message.as_str(), help.as_deref()), ("unknown key `valus` in a disturbance", Some("did you mean `values`?")));
         assert!(parse("max_steps: many\n").is_err());
         assert!(parse("parameters: [1, 2]\n").is_err());
         assert!(parse(": : :\n  - x\n y").is_err());

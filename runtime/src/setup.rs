@@ -112,6 +112,16 @@ pub(crate) struct Drawn {
     pub each_step: bool,
 }
 
+impl Drawn {
+    /// Mean of its distribution.
+    pub fn mean(&self) -> f64 {
+        match self.kind {
+            Variate::Uniform => 0.5,
+            Variate::Normal => 0.0,
+        }
+    }
+}
+
 /// What all instances of an environment share.
 pub struct Setup {
     pub(crate) system: CompiledSystem,
@@ -326,10 +336,7 @@ impl Setup {
 pub(crate) fn fill_means(system: &mut CompiledSystem, draws: &[Drawn]) {
     let region = system.region_mut(Region::Draw);
     for draw in draws {
-        region[draw.at] = match draw.kind {
-            Variate::Uniform => 0.5,
-            Variate::Normal => 0.0,
-        };
+        region[draw.at] = draw.mean();
     }
 }
 

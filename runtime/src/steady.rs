@@ -15,7 +15,7 @@ mod newton;
 use smpl_compiler::compiled::CompiledModel;
 use smpl_compiler::layout::{Part, Region};
 
-use crate::catalogue::Catalogue;
+use crate::catalogue::{Catalogue, Element};
 use crate::system::CompiledSystem;
 pub use error::{ConservedSum, Freedom, SteadyError};
 pub use kinks::kink;
@@ -257,8 +257,10 @@ pub fn others(system: &CompiledSystem, catalogue: &Catalogue, actions: &[f64], h
         let Ok(mut search) = Search::new(&mut system, catalogue, &fixed, &held.conditions, y) else { break };
         search.other_guess(number, &mut trial);
         let near = search.run_once(&mut system, &mut trial) && search.is_inside(&trial);
-        let is_new =
-            |trial: &[f64]| !std::iter::once(y).chain(found.iter().map(Vec::as_slice)).any(|known| is_same(catalogue, known, trial));
+        let known = |known: &[f64], trial: &[f64]| {
+            is_same(catalogue.states.elements(), known, trial) && is_same(catalogue.solved.elements(), known, trial)
+        };
+        let is_new = |trial: &[f64]| !std::iter::once(y).chain(found.iter().map(Vec::as_slice)).any(|other| known(other, trial));
         // Discrete variables may depend on the steady state: once more with those that belong to it.
         if near && is_new(&trial) && solve_held(&mut system, catalogue, actions, held, &[], &mut trial).is_ok() && is_new(&trial) {
             found.push(trial);
@@ -267,12 +269,13 @@ pub fn others(system: &CompiledSystem, catalogue: &Catalogue, actions: &[f64], h
     found
 }
 
-fn is_same(catalogue: &Catalogue, a: &[f64], b: &[f64]) -> bool {
-    let close = |e: &crate::catalogue::Element| {
+/// Whether two points have the same values of some states and solved variables, as far as steady states are told apart.
+#[must_use]
+pub fn is_same(elements: &[Element], a: &[f64], b: &[f64]) -> bool {
+    elements.iter().all(|e| {
         let (a, b) = (a[e.at], b[e.at]);
         (a - b).abs() <= SAME * a.abs().max(b.abs()).max(if e.scale.is_finite() { e.scale.abs() } else { 1.0 })
-    };
-    catalogue.states.elements().iter().chain(catalogue.solved.elements()).all(close)
+    })
 }
 
 fn report(system: &mut CompiledSystem, fixed: &[bool], y: &[f64], iterations: u32) -> SteadyReport {

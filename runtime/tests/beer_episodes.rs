@@ -19,7 +19,10 @@ fn state(environment: &Environment) -> Vec<f64> {
 fn replay(file: &str, suffix: &str, method: &str, rtol: Option<f64>) -> Option<(f64, u32)> {
     let table = reference::table(file)?;
     let (integrate, limit) = if suffix == "tight" { (0.99, 201) } else { (1.0, 200) };
-    let mut env = environment(beer::model(integrate, limit), EnvironmentOptions { rtol, method: Some(method.into()), ..EnvironmentOptions::default() });
+    let mut env = environment(
+        beer::model(integrate, limit),
+        EnvironmentOptions { rtol, method: Some(method.into()), ..EnvironmentOptions::default() },
+    );
     let columns: Vec<String> = STATES.iter().map(|s| format!("{s}.{suffix}")).collect();
     let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
     let start = StateInput::Array(table.row(0, &columns));

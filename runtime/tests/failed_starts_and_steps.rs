@@ -54,11 +54,28 @@ fn after_a_failed_step_states_and_algebraic_variables_are_those_before_it() {
     let names: Vec<String> = environment.catalogue().algebraics.names().map(str::to_owned).collect();
     let (mut before, mut after) = (vec![0.0; names.len()], vec![0.0; names.len()]);
     environment.algebraics(&mut before);
-    assert!(environment.step(&[5.0]).expect("steps").terminated);
+    let failed = environment.step(&[5.0]).expect("steps");
+    assert!(failed.terminated);
+    assert_eq!([failed.time, environment.time()], [1.0, 1.0], "the time of the state");
     environment.algebraics(&mut after);
     assert_eq!(before, after, "{names:?}");
     let q = names.iter().position(|name| name == "q").expect("an output");
     // x = 1/(1 - 0.1) after the first step.
     assert!((after[q] - 0.1 / 0.9).abs() < 1e-5, "{}", after[q]);
     assert_eq!(environment.actions(), [5.0], "the action that was given");
+}
+
+#[test]
+fn an_episode_that_is_continued_after_a_failed_step_goes_on_where_its_state_is() {
+    let mut environment = started("action u = 0.1 in 0..10\nstate x = 1\neq d/dt x = u*x^2\nobserve x").expect("starts");
+    environment.set_keep_going(true);
+    environment.step(&[0.1]).expect("steps");
+    for action in [5.0, f64::INFINITY, 5.0] {
+        let failed = environment.step(&[action]).expect("steps");
+        assert_eq!((failed.terminated, failed.time), (true, 1.0), "{action}");
+    }
+    let result = environment.step(&[0.1]).expect("steps");
+    assert_eq!(result.time, 5.0);
+    // 1/x falls by 0.1 in a unit of time: four of them have not been integrated before.
+    assert!((environment.unknowns()[0] - 1.0 / 0.5).abs() < 1e-4, "{:?}", environment.unknowns());
 }

@@ -114,3 +114,23 @@ def test_a_model_chooses_its_method_and_a_scenario_another(tmp_path):
     assert work(scenario="stiff", method="explicit")["jacobians"] == 0
     with pytest.raises(ValueError, match="ida, rosenbrock, explicit or auto"):
         work(scenario="wrong")
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_rollouts_are_the_steps_of_an_environment_of_that_method(method):
+    env = smpl.Env("reactor", normalize=False, method=method)
+    env.reset(seed=3)
+    env.step(env.action_space.sample())
+    actions = np.random.default_rng(4).uniform([24.0, 0.09], [29.0, 0.11], (5, 2))
+    state = env.unwrapped.state
+    expected = env.unwrapped.rollout(actions)
+    given = env.unwrapped.model.rollout(state, actions, method=method)
+    other = smpl.Env(env.unwrapped.model, normalize=False, method=method)
+    other.reset(seed=0, options={"state": state})
+    for step, action in enumerate(actions):
+        env.step(action)
+        other.step(action)
+        np.testing.assert_array_equal(expected.states[0, step + 1], env.unwrapped.state)
+        np.testing.assert_array_equal(given.states[0, step + 1], other.unwrapped.state)
+    with pytest.raises(ValueError, match="there are: ida"):
+        env.unwrapped.model.rollout(state, actions, method="euler")

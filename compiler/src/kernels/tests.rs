@@ -34,6 +34,25 @@ fn polynomial_functions_are_within_two_units_of_the_platforms() {
     }
 }
 
+/// Values by mpmath 1.4, 200 bits, rounded to the nearest double: where 40,000 random arguments came out worst, and elsewhere.
+#[test]
+fn the_hyperbolic_tangent_is_within_a_unit_of_its_rounded_value() {
+    for (x, value) in [
+        (0.18055239482365637, 0.17861569229129862),
+        (0.17911264985540232, 0.1772215227582052),
+        (0.18310075874331172, 0.18108162653909765),
+        (0.18348047158473843, 0.18144886311705843),
+        (0.18393573213212355, 0.18188909841063036),
+        (0.21286967817275707, 0.2097116169235646),
+        (0.005, 0.004999958333749996),
+        (0.55, 0.5005202111902353),
+        (1.7, 0.935409070603099),
+        (9.5, 0.9999999887944072),
+    ] {
+        assert!(ulps(unary(UnaryFn::Tanh, x), value) <= 1 && ulps(unary(UnaryFn::Tanh, -x), -value) <= 1, "tanh({x})");
+    }
+}
+
 #[test]
 fn edges_are_exact() {
     let (inf, nan) = (f64::INFINITY, f64::NAN);
@@ -122,7 +141,8 @@ proptest! {
         prop_assert!(ulps(unary(UnaryFn::Exp, x), x.exp()) <= 1);
         prop_assert!(ulps(unary(UnaryFn::Ln, x), x.ln()) <= 1);
         prop_assert!(ulps(unary(UnaryFn::Log10, x), x.log10()) <= 2);
-        prop_assert!(ulps(unary(UnaryFn::Tanh, x), x.tanh()) <= 2);
+        // The platform's own is up to 2.2 units from the truth, ours up to 1.4 (see below), at times on the other side.
+        prop_assert!(ulps(unary(UnaryFn::Tanh, x), x.tanh()) <= 4);
         prop_assert!(ulps(pow(x.abs(), y), x.abs().powf(y)) <= 1, "pow({:e}, {y})", x.abs());
     }
 

@@ -7,7 +7,7 @@ use smpl_dsl::span::FileId;
 
 use super::report::Failed;
 use super::say;
-use crate::files::{is_same, is_standard_output};
+use crate::files::{is_same, is_same_destination, is_standard_output};
 
 /// The files of a compilation.
 pub(super) fn names(sources: &SourceMap) -> impl Iterator<Item = PathBuf> {
@@ -23,8 +23,7 @@ pub(super) fn check<'p>(outputs: &[Option<&'p Path>], inputs: impl Iterator<Item
         }
     }
     let twice = |output: &Path| std::fs::metadata(output).map_or(true, |metadata| metadata.is_file());
-    let same = |a: &Path, b: &Path| is_same(a, b) || std::path::absolute(a).ok() == std::path::absolute(b).ok();
-    let before = |i: usize, output: &Path| outputs[..i].iter().any(|other| same(other, output));
+    let before = |i: usize, output: &Path| outputs[..i].iter().any(|other| is_same_destination(other, output));
     match outputs.iter().enumerate().find(|(i, output)| before(*i, output) && twice(output)) {
         Some((_, output)) => {
             Err(Failed::Message(format!("{} is to hold two results; name another file for one of them", output.display())))

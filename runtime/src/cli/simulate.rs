@@ -48,7 +48,7 @@ pub(super) struct SimulateArguments {
     #[arg(long, value_name = "D.csv")]
     disturbances: Option<PathBuf>,
     /// Seed of the episode
-    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = seed, allow_negative_numbers = true)]
     seed: u64,
     /// Relative tolerance
     #[arg(long, value_name = "R", value_parser = tolerance, allow_negative_numbers = true)]
@@ -89,6 +89,11 @@ fn positive(text: &str) -> Result<f64, String> {
         Ok(x) if x.is_finite() && x > 0.0 => Ok(x),
         _ => Err(format!("expected a positive number, found `{text}`")),
     }
+}
+
+/// The seeds of the command are those of 64 bits; Python takes longer ones too.
+fn seed(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| format!("a seed is a whole number from 0 to 2^64 - 1 = {}, not `{text}`", u64::MAX))
 }
 
 /// A relative tolerance that double precision can keep.
@@ -258,6 +263,9 @@ fn reset_options(arguments: &SimulateArguments, environment: &Environment) -> Re
     let mut options = ResetOptions { start, hold_records: true, ..ResetOptions::default() };
     if let Some(path) = &arguments.init {
         let (states, discrete) = read_initial(path, catalogue)?;
+        let states_given = states.iter().filter_map(|(name, &value)| Some((catalogue.states.find(name)?, value)));
+        let discretes_given = discrete.iter().filter_map(|(name, &value)| Some((catalogue.discretes.find(name)?, value)));
+        report::warn_of_bounds(&path.display().to_string(), states_given.chain(discretes_given));
         options.state = StateInput::Named(states);
         options.discrete = discrete;
     }

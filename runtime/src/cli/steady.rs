@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::report::Failed;
+use super::report::{self, Failed};
 use super::{ModelArguments, number, outputs};
 use crate::catalogue::{Catalogue, Element};
 use crate::failure::{Short, describe_equation, unit_suffix};
@@ -13,7 +13,7 @@ use crate::files::write_whole;
 use crate::linearize::linearize;
 use crate::setup::Setup;
 use crate::spectrum::{DENSE, eigenvalues};
-use crate::steady;
+use crate::steady::{self, Held};
 use crate::trajectory::{read_initial, seventeen_digits};
 
 #[derive(Debug, Args)]
@@ -63,14 +63,16 @@ pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
     take_guesses(arguments, catalogue, &mut y)?;
     let (mut actions, mut held) = steady::declared(&mut system, catalogue, &mut y);
     for (name, value) in &arguments.actions {
-        catalogue.actions.get(name, "action")?;
+        let element = catalogue.actions.get(name, "action")?;
+        report::warn_of_bounds("--action", std::iter::once((element, *value)));
         if let Some(at) = catalogue.actions.position(name) {
             actions[at] = *value;
         }
     }
     for (name, value) in &arguments.fixed {
-        let at = catalogue.states.get(name, "state")?.at;
-        held.fix(at, *value, &mut system, &y)?;
+        let element = catalogue.states.get(name, "state")?;
+        report::warn_of_bounds("--fix", std::iter::once((element, *value)));
+        held.fix(element.at, *value, &mut system, &y)?;
     }
     let report = steady::solve_held(&mut system, catalogue, &actions, &held, &[], &mut y)?;
     let rows = values(&mut system, catalogue, &y);
@@ -92,8 +94,7 @@ pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
     let resting = catalogue.states.elements().iter().map(|e| e.scale).fold(0.0, f64::max) * 1e-9;
     if let Some((at, rate)) = report.held.filter(|&(_, rate)| rate > resting) {
         let name = catalogue.states.elements().iter().find(|e| e.at == at).map_or("", |e| e.name.as_str());
-        let count = held.states.len() + held.conditions.len();
-        let _ = writeln!(text, "{count} states are held at given values and not all at rest: d/dt {name} = {rate:.3e} is the largest rate");
+        let _ = writeln!(text, "{}: d/dt {name} = {rate:.3e}", what_is_held(&held));
     }
     if arguments.out.is_none() {
         for (name, unit, value) in &rows {
@@ -108,7 +109,7 @@ pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
             "one-sided: at a tie of `min`, `max`, `if` or their like in the {equation}; on another side of it the eigenvalues are others"
         );
     }
-    text += &others(&steady::others(&system, catalogue, &actions, &held, &y), catalogue);
+    text += &others(&steady::others(&system, catalogue, &actions, &held, &y), &y, catalogue);
     outputs::conclude(&text, &[out])
 }
 
@@ -129,17 +130,37 @@ fn take_guesses(arguments: &SteadyArguments, catalogue: &Catalogue, y: &mut [f64
     Ok(())
 }
 
-/// Other steady states in words.
-fn others(found: &[Vec<f64>], catalogue: &Catalogue) -> String {
-    const STATES: usize = 8;
+/// `1 state and 1 condition are held at given values and not all at rest`.
+fn what_is_held(held: &Held) -> String {
+    let counted = |count: usize, what: &str| match count {
+        0 => None,
+        1 => Some(format!("1 {what}")),
+        many => Some(format!("{many} {what}s")),
+    };
+    let parts = [counted(held.states.len(), "state"), counted(held.conditions.len(), "condition")];
+    let parts: Vec<String> = parts.into_iter().flatten().collect();
+    match held.states.len() + held.conditions.len() {
+        1 => format!("{} is held at a given value and not at rest", parts.concat()),
+        _ => format!("{} are held at given values and not all at rest, the largest rate", parts.join(" and ")),
+    }
+}
+
+/// Other steady states than `first` in words: the states, and of what has the same the algebraic variables that differ.
+fn others(found: &[Vec<f64>], first: &[f64], catalogue: &Catalogue) -> String {
+    const SHOWN: usize = 8;
+    let known: Vec<&[f64]> = std::iter::once(first).chain(found.iter().map(Vec::as_slice)).collect();
+    let states = catalogue.states.elements();
     let mut text = String::new();
-    for y in found {
-        let states = catalogue.states.elements();
+    for (number, y) in known.iter().enumerate().skip(1) {
         // Zero is met to rounding only.
         let value = |e: &Element| if y[e.at].abs() < 1e-12 * e.scale { 0.0 } else { y[e.at] };
-        let state = |e: &Element| format!("{} = {}{}", e.name, Short(value(e)), unit_suffix(&e.unit));
-        let shown: Vec<String> = states.iter().take(STATES).map(state).collect();
-        let more = if states.len() > STATES { ", ..." } else { "" };
+        let shown = |e: &Element| format!("{} = {}{}", e.name, Short(value(e)), unit_suffix(&e.unit));
+        let others = known.iter().enumerate().filter(|(i, _)| *i != number).map(|(_, other)| other);
+        let twins: Vec<&&[f64]> = others.filter(|other| steady::is_same(&states[..states.len().min(SHOWN)], other, y)).collect();
+        let differs = |e: &&Element| twins.iter().any(|twin| !steady::is_same(std::slice::from_ref(*e), twin, y));
+        let rest = states.iter().skip(SHOWN).chain(catalogue.solved.elements()).filter(differs).take(SHOWN);
+        let shown: Vec<String> = states.iter().take(SHOWN).chain(rest).map(shown).collect();
+        let more = if states.len() > SHOWN { ", ..." } else { "" };
         // Writing into a string cannot fail.
         let _ = writeln!(text, "another steady state (begin near it by --guess): {}{more}", shown.join(", "));
     }

@@ -41,7 +41,10 @@ impl Environment {
         let broken = self.setup.has_start && self.broken_variable().is_some();
         let outcome = if broken { Outcome::Broken } else { self.integrate() };
         match outcome {
-            Outcome::Solver => self.go_back(),
+            Outcome::Solver => {
+                self.go_back();
+                self.stop_at(self.begin);
+            }
             Outcome::Broken if broken => self.stop_at(self.begin),
             _ => {
                 self.system.region_mut(Region::Quadrature).copy_from_slice(&self.integrals);
@@ -90,7 +93,7 @@ impl Environment {
     /// New values of the disturbances: drawn, then replaced by recorded ones.
     fn disturb(&mut self, t0: f64) {
         let step = self.progress.steps + 1;
-        for draw in self.setup.draws.iter().filter(|d| d.each_step) {
+        for draw in self.setup.draws.iter().filter(|d| d.each_step && !self.progress.expected) {
             let stream = Stream::from_hash(self.progress.key, draw.stream);
             let value = variate(&stream, draw.kind, step, draw.element);
             self.system.region_mut(Region::Draw)[draw.at] = value;
@@ -99,9 +102,8 @@ impl Environment {
             let (model, memory) = self.system.parts();
             model.disturb(memory, t0);
         }
-        let row = self.progress.steps as usize;
         for replay in &self.replay {
-            if let Some(&value) = replay.values.get(row).or(replay.values.last()) {
+            if let Some(&value) = replay.values.get(replay.row(self.progress.steps)).or(replay.values.last()) {
                 self.system.region_mut(Region::Disturbance)[replay.at] = value;
             }
         }
@@ -149,8 +151,8 @@ impl Environment {
         outcome
     }
 
-    /// The step ends here.
-    fn stop_at(&mut self, t: f64) {
+    /// The step ends here, where its state is that of.
+    pub(super) fn stop_at(&mut self, t: f64) {
         self.progress.event_time = Some(t);
     }
 

@@ -55,6 +55,11 @@ pub struct ResetOptions {
     pub held: BTreeSet<String>,
     /// The last value of every one of them holds.
     pub hold_records: bool,
+    /// The episode goes on as it is expected to: random numbers of the steps are at their means, measurements without noise. A steady
+    /// state that nothing reads is not searched for.
+    pub expected: bool,
+    /// Steps that count as completed at the start: the clock begins there, and so do recorded disturbances.
+    pub first_step: u32,
 }
 
 /// Why an episode cannot begin.
@@ -121,6 +126,7 @@ impl Environment {
         self.progress.phase = Phase::New;
         self.progress.key = key;
         self.progress.next_key = key.next();
+        self.progress.expected = options.expected;
         self.statistics = Statistics::default();
         self.integrator.forget();
         self.progress.carried = Carried::default();
@@ -132,7 +138,7 @@ impl Environment {
         self.draw(options.start);
         set_parameters(&mut self.system, &given);
         check_parameters(&setup.catalogue.parameters, self.system.region(Region::Param))?;
-        self.find_steady_state(options.start)?;
+        self.find_steady_state(options)?;
         self.set_replay(options)?;
         self.initial_values(options)?;
         self.refuse_broken_start()?;
@@ -161,7 +167,8 @@ impl Environment {
 
     /// Solves for the steady state unless it is that of the nominal parameters. The search always begins there, so that
     /// the result does not depend on earlier episodes.
-    fn find_steady_state(&mut self, start: Start) -> Result<(), ResetError> {
+    fn find_steady_state(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
+        let start = options.start;
         let setup = &self.setup;
         let has_steady = setup.model().interface().has_steady;
         let nominal = self.system.region(Region::Param) == setup.system.region(Region::Param);
@@ -171,6 +178,10 @@ impl Environment {
         }
         if has_steady && !nominal {
             let needed = setup.needs_steady || start == Start::Steady;
+            if options.expected && !needed {
+                steady::forget(&mut self.system);
+                return Ok(());
+            }
             let before = (!needed).then(|| self.system.clone());
             match (steady::solve_declared(&mut self.system, &setup.catalogue, setup.steady_state()), before) {
                 (Err(_), Some(before)) => {
@@ -289,11 +300,14 @@ impl Environment {
         for element in catalogue.actions.elements() {
             self.system.region_mut(Region::Action)[element.at] = element.default;
         }
-        self.progress.steps = 0;
+        self.progress.steps = options.first_step;
         self.progress.event_time = None;
-        for builtin in [Builtin::Steps, Builtin::Clock, Builtin::LastStep, Builtin::Failed, Builtin::ActionExcess] {
+        for builtin in [Builtin::LastStep, Builtin::Failed, Builtin::ActionExcess] {
             self.set_builtin(builtin, 0.0);
         }
+        let clock = self.time();
+        self.set_builtin(Builtin::Steps, f64::from(options.first_step));
+        self.set_builtin(Builtin::Clock, clock);
         let (model, memory) = self.system.parts();
         model.initial_discretes(memory, &mut self.progress.y);
         for (name, &value) in &setup.options.initial {
@@ -334,23 +348,24 @@ impl Environment {
                 true => options.held.contains(name),
                 false => values.len() == 1 || setup.options.held.contains(name),
             };
-            self.replay.push(Replay { at, values: values.clone(), holds: options.hold_records || meant, meant });
+            self.replay.push(Replay { at, first: options.first_step, values: values.clone(), holds: options.hold_records || meant, meant });
         }
         Ok(())
     }
 
     /// Algebraic unknowns and derivatives that belong to the initial states at the nominal action.
     fn make_consistent(&mut self) -> Result<(), ResetError> {
+        let t = self.time();
         let (model, memory) = self.system.parts();
         model.prepare_step(memory);
         let needed = model.unknowns() > model.states() || self.setup.derivatives_at_end;
         self.progress.yp.fill(0.0);
         if needed {
-            match self.integrator.restart(&mut self.system, 0.0, &self.progress.y, None) {
+            match self.integrator.restart(&mut self.system, t, &self.progress.y, None) {
                 Ok(()) => self.take_state(),
                 Err(SolveError::Interrupted { .. }) => return Err(ResetError::Interrupted),
                 Err(error) => {
-                    let failure: SolverFailure = super::interval::blame(&error, 0.0);
+                    let failure: SolverFailure = super::interval::blame(&error, t);
                     let setup = &self.setup;
                     let message = describe_solver(&failure, setup.model(), &setup.catalogue, setup.sources());
                     return Err(ResetError::Inconsistent { message });
@@ -362,7 +377,7 @@ impl Environment {
         // Caches may depend on the initial frame.
         let (model, memory) = self.system.parts();
         model.prepare_step(memory);
-        if needed && self.integrator.restart(&mut self.system, 0.0, &self.progress.y, Some(&self.progress.yp)).is_ok() {
+        if needed && self.integrator.restart(&mut self.system, t, &self.progress.y, Some(&self.progress.yp)).is_ok() {
             self.progress.yp.copy_from_slice(self.integrator.derivative());
         }
         Ok(())
@@ -395,13 +410,14 @@ impl Environment {
         progress.edges.fill(Edge::default());
         progress.chatter = None;
         progress.not_finite = None;
-        self.evaluate_finish(0.0);
+        self.evaluate_finish(self.time());
         let values = &self.finish[self.part(4)];
         if let Some(at) = values.iter().position(|v| !v.is_finite()) {
             let name = &self.setup.model().interface().observations[at].name;
             return Err(ResetError::NotFinite { what: format!("the observation `{name}` at the start") });
         }
-        self.sensors.reset(&mut self.progress.readings, self.progress.key, values);
+        let errors = self.progress.errors();
+        self.sensors.reset(&mut self.progress.readings, errors, values);
         Ok(())
     }
 }

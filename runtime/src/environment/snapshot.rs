@@ -6,10 +6,11 @@ use serde::{Deserialize, Serialize};
 
 use super::{Environment, Progress, Replay};
 use crate::observe::Readings;
+use crate::random::EpisodeKey;
 use crate::setup::Setup;
 
 /// First bytes of a snapshot; the last one is the version of what follows.
-const MAGIC: &[u8; 8] = b"smplsnp\x03";
+const MAGIC: &[u8; 8] = b"smplsnp\x04";
 
 /// Bytes at the end: the hash of all before them.
 const SUM: usize = blake3::OUT_LEN;
@@ -107,6 +108,20 @@ impl Environment {
     pub fn snapshot(&self) -> Snapshot {
         let content = Content { memory: self.system.memory().all().to_vec(), progress: self.progress.clone(), replay: self.replay.clone() };
         Snapshot { origin: Origin::Here(Arc::clone(&self.setup)), content }
+    }
+
+    /// The random numbers of the steps to come are at their means, and measurements without noise.
+    pub(crate) fn expect(&mut self) {
+        self.progress.expected = true;
+        for draw in self.setup.draws.iter().filter(|d| d.each_step) {
+            self.system.region_mut(smpl_compiler::layout::Region::Draw)[draw.at] = draw.mean();
+        }
+    }
+
+    /// The random numbers of the steps to come are those of another seed.
+    pub(crate) fn draw_anew(&mut self, seed: u64) {
+        self.progress.expected = false;
+        self.progress.key = EpisodeKey::seeded(seed);
     }
 
     /// Returns to a point kept before: from there on every bit is the same.

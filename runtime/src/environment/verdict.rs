@@ -137,7 +137,8 @@ impl Environment {
         }
         let observations = self.part(4);
         let progress = &mut self.progress;
-        self.sensors.read(&mut progress.readings, progress.key, progress.steps, &self.finish[observations]);
+        let (errors, steps) = (progress.errors(), progress.steps);
+        self.sensors.read(&mut progress.readings, errors, steps, &self.finish[observations]);
         let cost = self.progress.violations.iter().sum();
         StepResult { reward, terminated, truncated, success, failure, cost, time: self.time() }
     }

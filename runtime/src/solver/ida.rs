@@ -437,7 +437,7 @@ impl Integrator for Ida {
         if system.dimension() != n {
             return Err(SolveError::Length { name: "system", given: system.dimension(), expected: n });
         }
-        let result = self.lending(system, |ida| ida.go(t_end));
+        let result = self.lending(system, |ida| ida.go_to_event(t_end));
         if result.is_err() {
             self.phase = Phase::Idle;
         }

@@ -203,7 +203,7 @@ impl Integrator for OneStep {
             return Err(SolveError::Interval { from, to: t_end });
         }
         self.check_length("system", system.dimension())?;
-        self.guarded(system, |run| run.go(t_end))
+        self.guarded(system, |run| run.go_to_event(t_end))
     }
 
     fn forget(&mut self) {

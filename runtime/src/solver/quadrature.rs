@@ -63,7 +63,10 @@ impl Integrals {
         let by_steps = checked.filter(|_| small).map(|tolerances| BySteps::new(count, tolerances));
         let checked = checked.filter(|_| by_steps.is_none());
         let inside = [unknown(), unknown()];
-        (count > 0).then(|| Self { values: zeros(), tolerances: zeros(), rates: numbers(), there: numbers(), checked, by_steps, inside })
+        let mut tolerances = zeros();
+        // IDA looks at them before a start is known: none may be zero.
+        tolerances.entries_mut().fill(checked.map_or(0.0, |(_, atol)| atol.max(f64::MIN_POSITIVE)));
+        (count > 0).then(|| Self { values: zeros(), tolerances, rates: numbers(), there: numbers(), checked, by_steps, inside })
     }
 
     /// Zero at a restart.

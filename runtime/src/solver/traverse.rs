@@ -19,6 +19,9 @@ const AHEAD: [f64; 2] = [1e-7, 1e4 * f64::EPSILON];
 /// What happens within this time happens at once, likewise.
 const AT_ONCE: [f64; 2] = [1e-10, 100.0 * f64::EPSILON];
 
+/// By this many times as much a condition has to move anew, where it became true at the end of an interval.
+const AGAIN: f64 = 2.0;
+
 /// Relative rounding of a state.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
@@ -48,11 +51,11 @@ pub(crate) trait Traverse {
     /// Evaluates the root functions at the present state and this time.
     fn evaluate_roots(&mut self, t: f64) -> Result<(), SolveError>;
 
-    /// Evaluates them a little later, along the derivatives; algebraic unknowns follow their equations.
-    fn evaluate_ahead(&mut self, ahead: f64) -> Result<(), SolveError>;
+    /// Evaluates them a little later, along the derivatives; algebraic unknowns follow their equations, or go on along their derivatives too.
+    fn evaluate_along(&mut self, ahead: f64, consistently: bool) -> Result<(), SolveError>;
 
-    /// Evaluates them where each unknown is multiplied by a factor that depends on its number, and time by that of the first.
-    fn evaluate_moved(&mut self, factor: &dyn Fn(usize) -> f64) -> Result<(), SolveError>;
+    /// Evaluates them at a time where each unknown is multiplied by a factor that depends on its number.
+    fn evaluate_moved(&mut self, time: f64, factor: &dyn Fn(usize) -> f64) -> Result<(), SolveError>;
 
     /// Makes state, derivatives and quadratures those at a time within the last step.
     fn interpolate(&mut self, t: f64) -> Result<(), SolveError>;
@@ -65,6 +68,41 @@ pub(crate) trait Traverse {
 
     /// Stays at this time, where a restart is needed.
     fn stop_at(&mut self, t: f64);
+
+    /// Steps to `t_end` or to the first event, which may be at `t_end` itself.
+    fn go_to_event(&mut self, t_end: f64) -> Result<Advance, SolveError> {
+        match self.go(t_end)? {
+            Advance::Reached if self.ends_at_event()? => Ok(Advance::Event),
+            advance => Ok(advance),
+        }
+    }
+
+    /// Whether a condition becomes true at the end of the interval although rounding puts its instant just behind: the next interval begins with
+    /// other inputs, perhaps, under which it would not.
+    fn ends_at_event(&mut self) -> Result<bool, SolveError> {
+        if self.watched().0.is_empty() {
+            return Ok(false);
+        }
+        let ahead = self.span(AHEAD);
+        self.evaluate_along(ahead, false)?;
+        let (watch, _) = self.watched();
+        watch.forget_noise();
+        if !watch.is_about_to_stop(1.0) {
+            return Ok(false);
+        }
+        self.measure_noise(self.time())?;
+        self.derive()?;
+        self.evaluate_along(ahead, true)?;
+        let reach = self.span(AT_ONCE) / ahead;
+        let time = self.time();
+        let (watch, events) = self.watched();
+        if !watch.is_about_to_stop(reach) {
+            return Ok(false);
+        }
+        watch.arrive(AGAIN * reach, events);
+        self.stop_at(time);
+        Ok(true)
+    }
 
     /// Steps to `t_end` or to the first event, beginning anew behind each break.
     fn go(&mut self, t_end: f64) -> Result<Advance, SolveError> {
@@ -117,7 +155,7 @@ pub(crate) trait Traverse {
             let ahead = self.span(AHEAD);
             // What is slow beside its own size shows further ahead.
             for ahead in [ahead, 1e3 * ahead, 1e6 * ahead] {
-                self.evaluate_ahead(ahead)?;
+                self.evaluate_along(ahead, true)?;
                 if self.watched().0.look_ahead() {
                     break;
                 }
@@ -140,11 +178,11 @@ pub(crate) trait Traverse {
         Ok(self.watched().0.accept(t))
     }
 
-    /// What of the root functions is rounding of the state.
-    fn measure_noise(&mut self) -> Result<(), SolveError> {
+    /// What of the root functions is rounding of the state, and of the time if another one is given.
+    fn measure_noise(&mut self, time: f64) -> Result<(), SolveError> {
         for pattern in [1, 2] {
             // Signs of two patterns: a difference of two unknowns shows in one of them.
-            self.evaluate_moved(&|i| 1.0 + if i & pattern == 0 { ROUNDING } else { -ROUNDING })?;
+            self.evaluate_moved(time, &|i| 1.0 + if i & pattern == 0 { ROUNDING } else { -ROUNDING })?;
             self.watched().0.note_noise(pattern == 1);
         }
         Ok(())
@@ -169,9 +207,9 @@ pub(crate) trait Traverse {
         self.stop_at(high);
         self.evaluate_roots(high)?;
         let ahead = self.span(AHEAD);
-        self.measure_noise()?;
+        self.measure_noise(high * (1.0 + ROUNDING))?;
         self.derive()?;
-        self.evaluate_ahead(ahead)?;
+        self.evaluate_along(ahead, true)?;
         let reach = self.span(AT_ONCE) / ahead;
         let (watch, events) = self.watched();
         watch.arrive(reach, events);

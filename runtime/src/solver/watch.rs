@@ -150,6 +150,21 @@ impl Watch {
         fired.iter().any(|&f| f != 0)
     }
 
+    /// Whether a condition that is away from its threshold moves over it within rounding or `reach` times the motion to the values ahead.
+    pub fn is_about_to_stop(&self, reach: f64) -> bool {
+        (0..self.edges.len()).filter(|&i| self.edges[i].band < 0.0).any(|i| {
+            let (edge, value, motion) = (self.edges[i], self.values[i], self.ahead[i] - self.values[i]);
+            let (value, motion) = if edge.holds { (-value, -motion) } else { (value, motion) };
+            let matters = !edge.holds || self.kinds[i].both;
+            matters && value <= 0.0 && motion > 0.0 && -value <= (motion * reach).max(self.noise[i])
+        })
+    }
+
+    /// Nothing is known of rounding.
+    pub fn forget_noise(&mut self) {
+        self.noise.fill(0.0);
+    }
+
     /// Adds what a state that differs by rounding gives otherwise; `first` begins anew.
     pub fn note_noise(&mut self, first: bool) {
         for ((noise, ahead), value) in self.noise.iter_mut().zip(&self.ahead).zip(&self.values) {

@@ -350,3 +350,32 @@ fn what_happens_at_the_instant_of_a_failing_event_is_done() {
         close(running.discrete("k"), 1.0, 0.0);
     }
 }
+
+#[test]
+fn a_failing_event_at_the_end_of_a_step_fails_that_step() {
+    // Three steps of 0.7 s end at 2.0999999999999996 s.
+    for condition in ["x >= 2.1", "x > 2.1", "t >= 2.1 [s]", "1 - x <= -1.1"] {
+        let text = format!(
+            "time t : s\nstate x = 0 in -1..9\neq d/dt x = 1 [1/s]\nfail f event {condition}\nobserve x\nepisode {{ step = 0.7 [s], max_steps = 9 }}"
+        );
+        let mut running = Running::new(&text);
+        let failed: Vec<bool> = (0..3).map(|_| running.step().failure.is_some()).collect();
+        assert_eq!(failed, [false, false, true], "{condition}");
+        close(running.0.time(), 2.1, 1e-11);
+    }
+}
+
+#[test]
+fn a_phase_that_ends_with_a_step_is_over_after_it() {
+    let mut running = Running::new(
+        "time t : h\nphase a for 2.1 [h] then b\nphase b for 2.8 [h] then c\nphase c\nstate x = 0 in -1..9\neq d/dt x = 1 [1/h]\nobserve x\n\
+         episode { step = 0.7 [h], max_steps = 20 }",
+    );
+    let phases: Vec<f64> = (0..9)
+        .map(|_| {
+            running.step();
+            running.discrete("phase")
+        })
+        .collect();
+    assert_eq!(phases, [1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 3.0, 3.0, 3.0]);
+}

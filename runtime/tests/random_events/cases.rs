@@ -199,8 +199,8 @@ fn event() -> impl Strategy<Value = Event> {
 
 fn case() -> impl Strategy<Value = Case> {
     let pair = |s: BoxedStrategy<f64>| (s.clone(), s).prop_map(|(a, b)| [a, b]);
-    // No event falls on the end of a step, where rounding would decide which one it belongs to.
-    let step = prop::sample::select(vec![0.37, 1.1, 2.9]);
+    // Of the first three no event falls on the end of a step; of the others many do.
+    let step = prop::sample::select(vec![0.37, 1.1, 2.9, 0.25, 0.5, 0.75, 1.0]);
     (pair(quarters(-4..=4).boxed()), pair(rate().boxed()), prop::collection::vec(event(), 1..5), step)
         .prop_map(|(start, rates, events, step)| Case { start, rates, events, step })
 }
@@ -319,11 +319,87 @@ fn check_room(room: &Room) -> Result<(), TestCaseError> {
     Ok(())
 }
 
+/// One event that falls on the end of a step, but for the rounding of its threshold and of the integration, or near it.
+#[derive(Clone, Debug)]
+struct Coincidence {
+    step: f64,
+    /// Change of the state in a step, and its start in such changes.
+    change: f64,
+    start: f64,
+    /// The step at whose end it happens.
+    number: u32,
+    /// How much later than that, in steps.
+    later: f64,
+    condition: usize,
+    strict: bool,
+}
+
+impl Coincidence {
+    fn text(&self) -> String {
+        let (rate, start) = (self.change / self.step, self.start * self.change);
+        let steps = f64::from(self.number) + self.later;
+        let threshold = start + self.change * steps;
+        let equals = if self.strict { "" } else { "=" };
+        let rises = if self.change > 0.0 { ">" } else { "<" };
+        let condition = match self.condition {
+            0 => format!("x {rises}{equals} {threshold}"),
+            1 => format!("z {rises}{equals} {threshold}"),
+            2 => format!("{threshold} - x {}{equals} 0", if self.change > 0.0 { "<" } else { ">" }),
+            3 => format!("t >{equals} {} [s]", self.step * steps),
+            _ => format!("clock >{equals} {} [s]", self.step * steps),
+        };
+        format!(
+            "model Coincidence\ntime t : s\ndiscrete n = 0\ndiscrete at_time = 0\nstate x = {start}\nvar z = {start}\neq d/dt x = {rate} [1/s]\n\
+             eq z^3 = x^3\nevent e when {condition}\nat e {{ next n = n + 1 ; next at_time = t/(1 [s]) }}\nobserve x in -1..1\n\
+             episode {{ step = {} [s], max_steps = 20 }}\n",
+            self.step
+        )
+    }
+}
+
+fn coincidence() -> impl Strategy<Value = Coincidence> {
+    let change = prop_oneof![0.01..100.0, -100.0..-0.01];
+    let later = prop::sample::select(vec![0.0, 0.0, 0.0, 1e-13, -1e-13, 1e-11, -1e-11, 1e-10, -1e-10, 1e-9, -1e-9, 1e-7, -1e-7]);
+    let kind = (0..5_usize, any::<bool>());
+    (0.001..100.0, change, 0.5..8.0, 1..=6_u32, later, kind).prop_map(|(step, change, start, number, later, (condition, strict))| {
+        Coincidence { step, change, start, number, later, condition, strict }
+    })
+}
+
+fn check_coincidence(case: &Coincidence) -> Result<(), TestCaseError> {
+    let text = case.text();
+    let loaded = load_text(Path::new("random.eq"), text.clone(), &LoadOptions::default())
+        .map_err(|e| TestCaseError::fail(format!("{e}\n{text}")))?;
+    let options = EnvironmentOptions { method: method(), ..loaded.options };
+    let setup = Setup::new(loaded.model, options, Some(loaded.sources)).expect("a setup");
+    let mut environment = Environment::new(setup).expect("the solver takes it");
+    environment.reset(Some(0), &ResetOptions::default()).expect("a start");
+    let place = |name: &str| environment.catalogue().discretes.find(name).expect("there").at;
+    let (n, at_time) = (place("n"), place("at_time"));
+    for step in 1..=case.number + 3 {
+        prop_assert_eq!(environment.step(&[]).expect("a step").failure, None);
+        // What is later by 1e-10 of the step is at the border.
+        let last = case.number + u32::from(case.later > 1e-11);
+        let open = step == case.number && case.later == 1e-10;
+        let expected = if step < last { 0.0 } else { 1.0 };
+        let count = environment.discretes()[n];
+        prop_assert!(count == expected || (open && count == 1.0), "{} after step {} of {:?}\n{}", count, step, case, text);
+    }
+    let distance = (environment.discretes()[at_time] - (f64::from(case.number) + case.later) * case.step).abs();
+    prop_assert!(distance < 1e-9 * case.step, "{distance}\n{text}");
+    Ok(())
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
     #[test]
     fn events_of_states_with_constant_rates_are_those_of_an_exact_simulation(case in case()) {
         check(&case)?;
+    }
+
+    #[test]
+    fn an_event_at_the_end_of_a_step_belongs_to_that_step_alone(case in coincidence()) {
+        check_coincidence(&case)?;
     }
 
     #[test]

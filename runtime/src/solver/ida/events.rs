@@ -60,13 +60,13 @@ impl Traverse for Ida {
         bridge.evaluate_roots(t, self.y.entries(), self.yp.entries()).map_err(|_| self.fault())
     }
 
-    fn evaluate_ahead(&mut self, ahead: f64) -> Result<(), SolveError> {
+    fn evaluate_along(&mut self, ahead: f64, consistently: bool) -> Result<(), SolveError> {
         let bridge = unsafe { &mut *self.bridge };
         let Some((later, rate)) = &mut self.later else { return Ok(()) };
         let moved = self.y.entries().iter().zip(self.yp.entries()).map(|(y, yp)| y + ahead * yp);
         later.entries_mut().iter_mut().zip(moved).for_each(|(to, from)| *to = from);
         rate.entries_mut().copy_from_slice(self.yp.entries());
-        if let Some(consistent) = self.consistent.as_mut().filter(|c| c.has_algebraic()) {
+        if let Some(consistent) = self.consistent.as_mut().filter(|c| consistently && c.has_algebraic()) {
             // Where there is no solution ahead, the present algebraic unknowns have to do.
             if consistent.initialise(bridge, self.time + ahead, later, rate).is_err() {
                 bridge.trouble = None;
@@ -75,12 +75,12 @@ impl Traverse for Ida {
         bridge.evaluate_roots_ahead(self.time + ahead, later.entries(), rate.entries()).map_err(|_| self.fault())
     }
 
-    fn evaluate_moved(&mut self, factor: &dyn Fn(usize) -> f64) -> Result<(), SolveError> {
+    fn evaluate_moved(&mut self, time: f64, factor: &dyn Fn(usize) -> f64) -> Result<(), SolveError> {
         let bridge = unsafe { &mut *self.bridge };
         let Some((later, _)) = &mut self.later else { return Ok(()) };
         let moved = self.y.entries().iter().enumerate().map(|(i, y)| y * factor(i));
         later.entries_mut().iter_mut().zip(moved).for_each(|(to, from)| *to = from);
-        bridge.evaluate_roots_ahead(self.time * factor(0), later.entries(), self.yp.entries()).map_err(|_| self.fault())
+        bridge.evaluate_roots_ahead(time, later.entries(), self.yp.entries()).map_err(|_| self.fault())
     }
 
     fn interpolate(&mut self, t: f64) -> Result<(), SolveError> {

@@ -385,12 +385,12 @@ impl Traverse for Run<'_> {
         Ok(())
     }
 
-    fn evaluate_ahead(&mut self, ahead: f64) -> Result<(), SolveError> {
+    fn evaluate_along(&mut self, ahead: f64, consistently: bool) -> Result<(), SolveError> {
         let OneStep { frame, watch, derivative, inside: [later, rate], algebra, time, .. } = &mut *self.one;
         set(later, |i, lane| frame.begin[i][lane] + ahead * derivative[i][lane]);
         rate.copy_from_slice(derivative);
         let (n, t) = (frame.n, *time + ahead);
-        if let Some(algebra) = algebra {
+        if let Some(algebra) = algebra.as_mut().filter(|_| consistently) {
             // Where there is no solution ahead, the present algebraic unknowns have to do.
             let _ = algebra.solve(self.system, t, entries_mut(later, n), entries_mut(rate, n));
         }
@@ -398,10 +398,10 @@ impl Traverse for Run<'_> {
         Ok(())
     }
 
-    fn evaluate_moved(&mut self, factor: &dyn Fn(usize) -> f64) -> Result<(), SolveError> {
-        let OneStep { frame, watch, derivative, inside: [moved, _], time, .. } = &mut *self.one;
+    fn evaluate_moved(&mut self, time: f64, factor: &dyn Fn(usize) -> f64) -> Result<(), SolveError> {
+        let OneStep { frame, watch, derivative, inside: [moved, _], .. } = &mut *self.one;
         set(moved, |i, lane| frame.begin[i][lane] * factor(4 * i + lane));
-        self.system.roots(*time * factor(0), entries(moved, frame.n), entries(derivative, frame.n), &mut watch.ahead);
+        self.system.roots(time, entries(moved, frame.n), entries(derivative, frame.n), &mut watch.ahead);
         Ok(())
     }
 

@@ -1,0 +1,143 @@
+//! Many trajectories of a model at once.
+
+use numpy::{PyArray1, PyArray2, PyArray3, PyReadonlyArrayDyn};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use smpl_runtime::rollout::{Arrays, Given, Origin, Plan, RolloutError, Rollouts};
+
+use crate::arrays::Fresh;
+use crate::environment::Snapshot;
+use crate::errors::{SimulationError, reset_error, setup_error, step_error};
+use crate::interrupt::released;
+
+type Numbers<'py> = PyReadonlyArrayDyn<'py, f64>;
+type Cube<'py> = Bound<'py, PyArray3<f64>>;
+/// States, observations, outputs, rewards, cost, violations, steps, terminated, truncated, failures.
+pub type Results<'py> = (
+    Cube<'py>,
+    Cube<'py>,
+    Cube<'py>,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<f64>>,
+    Cube<'py>,
+    Bound<'py, PyArray1<u32>>,
+    Bound<'py, PyArray1<bool>>,
+    Bound<'py, PyArray1<bool>>,
+    Vec<String>,
+);
+
+/// Where trajectories begin, as Python gives it.
+#[derive(FromPyObject)]
+pub enum Start<'py> {
+    /// Where an episode is.
+    Snapshot(PyRef<'py, Snapshot>),
+    /// A row a trajectory, or one for all.
+    States(Numbers<'py>),
+}
+
+/// What Python asks for. The caller's arrays may be written by other threads meanwhile: these are copies.
+pub struct Request {
+    snapshot: Option<smpl_runtime::environment::Snapshot>,
+    states: Vec<f64>,
+    actions: Vec<f64>,
+    parameters: Vec<(String, Vec<f64>)>,
+    discrete: Vec<(String, Vec<f64>)>,
+    disturbances: Vec<(String, Vec<f64>)>,
+    count: usize,
+    horizon: usize,
+    seed: Option<u64>,
+    first_step: u32,
+    outputs: bool,
+}
+
+type Named<'py> = Vec<(String, Numbers<'py>)>;
+
+impl Request {
+    /// `size` is (trajectories, steps), `options` (seed, first step, with outputs).
+    pub fn new(
+        start: &Start<'_>,
+        actions: &Numbers<'_>,
+        given: [&Named<'_>; 3],
+        size: (usize, usize),
+        options: (Option<u64>, u32, bool),
+    ) -> Self {
+        let values = |array: &Numbers<'_>| array.as_array().iter().copied().collect::<Vec<f64>>();
+        let [parameters, discrete, disturbances] =
+            given.map(|named| named.iter().map(|(name, array)| (name.clone(), values(array))).collect::<Vec<_>>());
+        let (snapshot, states) = match start {
+            Start::Snapshot(snapshot) => (Some(snapshot.inner().clone()), Vec::new()),
+            Start::States(states) => (None, values(states)),
+        };
+        let ((count, horizon), (seed, first_step, outputs)) = (size, options);
+        Self { snapshot, states, actions: values(actions), parameters, discrete, disturbances, count, horizon, seed, first_step, outputs }
+    }
+
+    fn plan(&self) -> Plan<'_> {
+        Plan {
+            origin: self.snapshot.as_ref().map_or(Origin::States(&self.states), Origin::Snapshot),
+            count: self.count,
+            horizon: self.horizon,
+            actions: &self.actions,
+            parameters: named(&self.parameters),
+            discrete: named(&self.discrete),
+            disturbances: named(&self.disturbances),
+            seed: self.seed,
+            first_step: self.first_step,
+        }
+    }
+
+    /// Simulates without the interpreter lock, into new arrays.
+    pub fn run<'py>(&self, py: Python<'py>, rollouts: &mut Rollouts) -> PyResult<Results<'py>> {
+        let (widths, count, horizon) = (rollouts.widths(), self.count, self.horizon);
+        let points = |width: usize| Fresh::cube(py, [count, horizon + 1, width]);
+        let mut states = points(widths.states);
+        let mut observations = points(widths.observations);
+        let mut outputs = points(if self.outputs { widths.outputs } else { 0 });
+        let mut violations = Fresh::cube(py, [count, horizon, widths.violations]);
+        let (mut rewards, mut cost) = (Fresh::matrix(py, count, horizon), Fresh::matrix(py, count, horizon));
+        let (mut steps, mut terminated, mut truncated) = (Fresh::vector(py, count), Fresh::vector(py, count), Fresh::vector(py, count));
+        let arrays = Arrays {
+            states: states.elements(),
+            observations: observations.elements(),
+            outputs: outputs.elements(),
+            rewards: rewards.elements(),
+            cost: cost.elements(),
+            violations: violations.elements(),
+            steps: steps.elements(),
+            terminated: terminated.elements(),
+            truncated: truncated.elements(),
+        };
+        let plan = self.plan();
+        let failures = released(py, || rollouts.run(&plan, arrays))?.map_err(|e| rollout_error(&e))?;
+        Ok((
+            states.done(),
+            observations.done(),
+            outputs.done(),
+            rewards.done(),
+            cost.done(),
+            violations.done(),
+            steps.done(),
+            terminated.done(),
+            truncated.done(),
+            failures,
+        ))
+    }
+}
+
+fn named(values: &[(String, Vec<f64>)]) -> Given<'_> {
+    values.iter().map(|(name, values)| (name.clone(), values.as_slice())).collect()
+}
+
+/// The exception of a rollout that cannot be made.
+pub fn rollout_error(error: &RolloutError) -> PyErr {
+    let numbered = |index: usize, error: &PyErr| {
+        Python::attach(|py| PyErr::from_type(error.get_type(py), format!("trajectory {index}: {}", error.value(py))))
+    };
+    match error {
+        RolloutError::Reset { index, error } => numbered(*index, &reset_error(error)),
+        RolloutError::Step { index, error } => numbered(*index, &step_error(error)),
+        RolloutError::Setup(error) => setup_error(error),
+        RolloutError::Interrupted | RolloutError::Threads(_) => SimulationError::new_err(error.to_string()),
+        _ => PyValueError::new_err(error.to_string()),
+    }
+}
