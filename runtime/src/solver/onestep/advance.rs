@@ -263,10 +263,8 @@ impl Run<'_> {
         }
         let (rates, mass) = (&one.frame.end_rates, &one.frame.mass);
         for ((derivative, rates), mass) in one.derivative.iter_mut().zip(rates).zip(mass) {
-            for lane in 0..4 {
-                let algebraic = if by_polynomial { derivative[lane] } else { 0.0 };
-                derivative[lane] = if mass[lane] == 1.0 { rates[lane] } else { algebraic };
-            }
+            let algebraic = |lane: usize| if by_polynomial { derivative[lane] } else { 0.0 };
+            *derivative = std::array::from_fn(|lane| if mass[lane] == 1.0 { rates[lane] } else { algebraic(lane) });
         }
     }
 

@@ -132,18 +132,18 @@ impl Explicit {
     pub fn interpolate(&self, t: f64, y: &mut [Quad], yp: &mut [Quad]) {
         let x = ((t - self.begin) / self.length).clamp(0.0, 1.0);
         let (rest, per_length) = (1.0 - x, 1.0 / self.length);
-        for i in 0..y.len() {
-            let (mut value, mut slope) = ([0.0; 4], [0.0; 4]);
+        for (i, (y, yp)) in y.iter_mut().zip(yp).enumerate() {
+            let (mut values, mut slopes): (Quad, Quad) = ([0.0; 4], [0.0; 4]);
             for (k, term) in self.terms.iter().enumerate().rev() {
                 let (factor, sign) = if k % 2 == 0 { (x, 1.0) } else { (rest, -1.0) };
-                for lane in 0..4 {
-                    value[lane] += term[i][lane];
-                    slope[lane] = slope[lane] * factor + sign * value[lane];
-                    value[lane] *= factor;
+                for ((value, slope), term) in values.iter_mut().zip(&mut slopes).zip(&term[i]) {
+                    *value += term;
+                    *slope = *slope * factor + sign * *value;
+                    *value *= factor;
                 }
             }
-            y[i] = std::array::from_fn(|lane| self.first[i][lane] + value[lane]);
-            yp[i] = slope.map(|x| x * per_length);
+            *y = std::array::from_fn(|lane| self.first[i][lane] + values[lane]);
+            *yp = slopes.map(|x| x * per_length);
         }
     }
 }

@@ -115,11 +115,8 @@ impl<const N: usize, const B: usize> Inverse<N, B> {
             let factor = other.as_flattened()[k] * inverse;
             if j != k {
                 other.as_flattened_mut()[k] = 0.0;
-                for block in 0..B {
-                    for lane in 0..4 {
-                        other[block][lane] -= factor * this[block][lane];
-                    }
-                }
+                let pairs = other.as_flattened_mut().iter_mut().zip(this.as_flattened());
+                pairs.for_each(|(other, this)| *other -= factor * this);
                 other.as_flattened_mut()[k] = factor;
             }
         }
@@ -150,11 +147,8 @@ impl<const N: usize, const B: usize> Small for Inverse<N, B> {
     fn solve_negative(&self, b: &[Quad], x: &mut [Quad]) {
         let mut sums = [[0.0; 4]; B];
         for (column, &b) in self.columns.iter().zip(b.as_flattened()) {
-            for block in 0..B {
-                for lane in 0..4 {
-                    sums[block][lane] -= column[block][lane] * b;
-                }
-            }
+            let pairs = sums.as_flattened_mut().iter_mut().zip(column.as_flattened());
+            pairs.for_each(|(sum, entry)| *sum -= entry * b);
         }
         x[..B].copy_from_slice(&sums);
     }

@@ -55,13 +55,11 @@ pub fn set(out: &mut [Quad], mut f: impl FnMut(usize, usize) -> f64) {
 pub fn combine<const N: usize>(out: &mut [Quad], base: &[Quad], factor: f64, factors: &[f64; N], terms: [&Quads; N]) {
     let n = out.len();
     let (base, terms) = (&base[..n], terms.map(|term| &term[..n]));
-    for i in 0..n {
+    for (i, (out, base)) in out.iter_mut().zip(base).enumerate() {
         let sum = weighted(i, factors, &terms);
-        let mut total = base[i];
-        for lane in 0..LANES {
-            total[lane] += factor * sum[lane];
-        }
-        out[i] = total;
+        let mut total = *base;
+        total.iter_mut().zip(sum).for_each(|(total, sum)| *total += factor * sum);
+        *out = total;
     }
 }
 
@@ -69,11 +67,8 @@ pub fn combine<const N: usize>(out: &mut [Quad], base: &[Quad], factor: f64, fac
 #[inline(always)]
 pub fn weighted<const N: usize>(i: usize, factors: &[f64; N], terms: &[&[Quad]; N]) -> Quad {
     let mut sum = [0.0; LANES];
-    for j in 0..N {
-        let term = &terms[j][i];
-        for lane in 0..LANES {
-            sum[lane] += factors[j] * term[lane];
-        }
+    for (factor, term) in factors.iter().zip(terms) {
+        sum.iter_mut().zip(&term[i]).for_each(|(sum, term)| *sum += factor * term);
     }
     sum
 }

@@ -167,13 +167,13 @@ impl Rosenbrock {
         let x = ((t - self.begin) / self.length).clamp(0.0, 1.0);
         let (rest, per_length) = (1.0 - x, 1.0 / self.length);
         let [first, last, a, b, c] = &self.terms;
-        for i in 0..y.len() {
-            for lane in 0..4 {
+        for (i, (y, yp)) in y.iter_mut().zip(yp).enumerate() {
+            for (lane, (y, yp)) in y.iter_mut().zip(yp).enumerate() {
                 let (k1, k2, k3) = (a[i][lane], b[i][lane], c[i][lane]);
                 let inner = k1 + x * (k2 + x * k3);
-                y[i][lane] = rest * first[i][lane] + x * (last[i][lane] + rest * inner);
+                *y = rest * first[i][lane] + x * (last[i][lane] + rest * inner);
                 let slope = last[i][lane] - first[i][lane] + (rest - x) * inner + x * rest * (k2 + 2.0 * x * k3);
-                yp[i][lane] = slope * per_length;
+                *yp = slope * per_length;
             }
         }
     }
@@ -205,10 +205,10 @@ fn add<const N: usize>(
     slope: Option<(f64, &[Quad])>,
 ) {
     let n = right.len();
-    let (rates, mass, terms) = (&rates[..n], &mass[..n], terms.map(|term| &term[..n]));
-    for i in 0..n {
+    let terms = terms.map(|term| &term[..n]);
+    for (i, ((right, rates), mass)) in right.iter_mut().zip(rates).zip(mass).enumerate() {
         let sum = weighted(i, factors, &terms);
-        right[i] = std::array::from_fn(|lane| rates[i][lane] + mass[i][lane] * (factor * sum[lane]));
+        *right = std::array::from_fn(|lane| rates[lane] + mass[lane] * (factor * sum[lane]));
     }
     if let Some((factor, slope)) = slope {
         for (right, slope) in right.iter_mut().zip(slope) {

@@ -93,6 +93,7 @@ struct Classical {
     a: Vec<Vec<f64>>,
 }
 
+#[allow(clippy::needless_range_loop, reason = "as in the formula")]
 fn classical() -> Classical {
     use rodas5p::*;
     let [mut a7, mut a8] = [A6.to_vec(), A6.to_vec()];
