@@ -6,7 +6,7 @@
 //! 2. [`elaborate`]: names, units, shapes, spatial schemes; out come equations over indexed expressions ([`ir`]);
 //! 3. [`structure`]: which equation determines which unknown; substitution; the flat [`model`];
 //! 4. [`differentiate`], [`hoist`], [`layout`], [`generate`]: derivatives, caches, memory, machine code;
-//! 5. [`compiled`]: the result, with [`interpret`] for what runs rarely.
+//! 5. [`compiled`]: the result, with [`interpret`] for what runs rarely; [`export`] writes it for other tools.
 
 pub mod artefact;
 pub mod compiled;
@@ -14,6 +14,7 @@ pub mod differentiate;
 pub mod elaborate;
 pub mod emit;
 mod explicit_time;
+pub mod export;
 pub mod front;
 pub mod generate;
 pub mod hoist;

@@ -211,6 +211,7 @@ impl<'t> Scanner<'t> {
             }
             byte if byte.is_ascii_alphanumeric() || byte == b'_' => self.word(),
             byte if b"+-*/^<>=!|~.,:;%".contains(&byte) => self.operator(byte),
+            _ if self.is_degree() => self.token(self.at + "\u{b0}C".len(), false),
             _ => self.stray_character(),
         }
     }
@@ -239,6 +240,12 @@ impl<'t> Scanner<'t> {
             "if" if !after_else => self.count_condition(),
             _ => {}
         }
+    }
+
+    /// `°C` or `°F`
+    fn is_degree(&self) -> bool {
+        let after = self.text[self.at..].strip_prefix('\u{b0}').and_then(|rest| rest.strip_prefix(['C', 'F']));
+        after.is_some_and(|rest| !rest.starts_with(|c: char| c.is_ascii_alphanumeric() || c == '_'))
     }
 
     fn operator(&mut self, byte: u8) {

@@ -46,10 +46,52 @@ fn factors_agree_with_published_values() {
         ("m^2.5/min", "dm^(5/2)/min", 10_f64.powf(2.5)),
         ("deg", "rad", std::f64::consts::PI / 180.0),
         ("100 mL", "L", 0.1),
+        ("\u{b0}C/min", "K/s", 1.0 / 60.0),
+        // Those that are exact by definition: all digits of the publication.
+        ("inch", "m", 2.54e-2),
+        ("ft", "m", 3.048e-1),
+        ("lb", "kg", 4.535_923_7e-1),
+        ("lbf", "N", 4.448_221_615_260_5),
+        ("gal", "m^3", 3.785_411_784e-3),
+        ("BTU", "J", 1.055_055_852_62e3),
+        ("kWh", "J", 3.6e6),
+        ("cSt", "m^2/s", 1e-6),
+        ("year", "s", 3.1536e7),
+        ("torr", "Pa", 101_325.0 / 760.0),
     ];
     for (from, to, expected) in table {
         let factor = unit(from).factor_to(&unit(to)).unwrap_or(f64::NAN);
         assert!((factor / expected - 1.0).abs() < 1e-15, "{from} in {to}: {factor}, expected {expected}");
+    }
+}
+
+#[test]
+fn factors_that_are_published_rounded_agree_to_their_digits() {
+    let table = [
+        // NIST Special Publication 811 (2008), B.8, seven digits.
+        ("psi", "Pa", 6.894_757e3, 5e-7),
+        ("mmHg", "Pa", 1.333_224e2, 5e-7),
+        ("torr", "Pa", 1.333_224e2, 5e-7),
+        ("hp", "W", 7.456_999e2, 5e-7),
+        ("rpm", "rad/s", 1.047_198e-1, 5e-7),
+        ("BTU/(h ft^2 degF)", "W/(m^2 K)", 5.678_263, 5e-7),
+        ("gal/min", "m^3/s", 6.309_020e-5, 5e-7),
+        ("lb/ft^3", "kg/m^3", 1.601_846e1, 5e-7),
+        // CODATA 2018, molar volume of an ideal gas at 273.15 K and 101.325 kPa: 22.41396954e-3 m^3/mol.
+        ("Nm3", "mol", 1.0 / 22.413_969_54e-3, 1e-9),
+        ("NL", "mmol", 1e3 / 22.413_969_54, 1e-9),
+    ];
+    for (from, to, expected, digits) in table {
+        let factor = unit(from).factor_to(&unit(to)).unwrap_or(f64::NAN);
+        assert!((factor / expected - 1.0).abs() < digits, "{from} in {to}: {factor}, expected {expected}");
+    }
+}
+
+#[test]
+fn degrees_are_written_with_their_sign_too() {
+    for (sign, word) in [("\u{b0}C", "degC"), ("\u{b0}F", "degF")] {
+        assert!(unit(sign).is_point());
+        assert_eq!(unit(sign).conversion_to(&unit("K")), unit(word).conversion_to(&unit("K")));
     }
 }
 
@@ -108,6 +150,10 @@ fn unknown_units_come_with_what_was_meant() {
         ("kgm", "did you mean"),
         ("Kmol", "did you mean `kmol`?"),
         ("minn", "did you mean `min`?"),
+        ("Torr", "did you mean `torr`?"),
+        ("gallons", "did you mean `gal`?"),
+        ("mmHG", "did you mean `mmHg`?"),
+        ("furlong", "with prefixes"),
     ];
     for (text, help) in cases {
         let fault = resolve(&written(text), &mut |_| Ok(Unit::one())).expect_err(text);

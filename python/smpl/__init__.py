@@ -7,11 +7,15 @@ Importing the package registers the environments. `smpl.compile` makes a model o
 an environment of it.
 """
 
+import importlib
+from types import ModuleType
+
 from smpl._files import announce_library
 from smpl._native import CompileError, Diagnostic, ScenarioError, SimulationError, __version__
 from smpl._registry import register_envs
 from smpl.envs import Env
 from smpl.model import Model, compile
+from smpl.pictures import Picture, plot
 from smpl.vector import VectorEnv, make_vec
 
 __all__ = [
@@ -19,14 +23,26 @@ __all__ = [
     "Diagnostic",
     "Env",
     "Model",
+    "Picture",
     "ScenarioError",
     "SimulationError",
     "VectorEnv",
     "__version__",
     "compile",
     "make_vec",
+    "plot",
     "register_envs",
 ]
+
+_LAZY = ("controllers", "datasets", "evaluation", "export")
+
+
+def __getattr__(name: str) -> ModuleType:
+    """Load the parts of the package that are reachable by name, but needed by few, when they are first used."""
+    if name in _LAZY:
+        return importlib.import_module(f"smpl.{name}")
+    raise AttributeError(f"module 'smpl' has no attribute {name!r}", name=name)
+
 
 announce_library()
 register_envs()

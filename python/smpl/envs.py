@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
@@ -166,7 +166,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         values = as_vector("action", action, len(self.action_low))
         result = self._native.step(values)
         if self._history is not None:
-            self._history.add(values, result)
+            self._history.add(result)
         return result
 
     def render(self) -> Any:
@@ -175,6 +175,36 @@ class Env(Interface, gymnasium.Env[Any, Any]):
             gymnasium.logger.warn("render() without a render_mode: give one of rgb_array, ansi to make()")
             return None
         return self._history.render(self.render_mode)
+
+    def picture(self, show: str | Sequence[str] = ()) -> _native.Picture:
+        """The episode so far as a picture, as `smpl simulate --plot` draws it.
+
+        Args:
+            show: names of quantities, `states`, `actions` and so on; a sensible choice where it is empty.
+
+        Raises:
+            ValueError: the environment was made without a `render_mode`, there is no episode, or an unknown name.
+        """
+        if self._history is None:
+            raise ValueError("nothing is recorded without a render_mode: give rgb_array or ansi to make()")
+        return self._history.picture([show] if isinstance(show, str) else show)
+
+    def _repr_html_(self) -> str | None:
+        """The episode so far, in a notebook; none without a `render_mode` or an episode."""
+        if self._history is None or not self._history.is_recorded:
+            return None
+        return self.picture()._repr_html_()
+
+    def _repr_svg_(self) -> str | None:
+        """The episode so far; none without a `render_mode` or an episode."""
+        if self._history is None or not self._history.is_recorded:
+            return None
+        return self.picture().svg()
+
+    @property
+    def native(self) -> _native.Env:
+        """The compiled part."""
+        return self._native
 
     # What is beneath the observation.
 
@@ -259,6 +289,8 @@ class Env(Interface, gymnasium.Env[Any, Any]):
             ValueError: the snapshot is of another model, or damaged.
         """
         self._native.restore(snapshot)
+        if self._history is not None:
+            self._history.go_back()
 
     def rollout(
         self, actions: npt.ArrayLike, seed: int | None = None, threads: int | None = None, *, outputs: bool = False
@@ -297,7 +329,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._native = _native.Env(self.model.native, *self._options)
-        self.restore(state["_native"])
+        self._native.restore(state["_native"])
 
 
 def choose_model(

@@ -68,6 +68,28 @@ class Model(Named):
     def __repr__(self) -> str:
         return f"<smpl.Model {self.name}: {len(self.state_names)} states, {len(self.action_names)} actions>"
 
+    def picture(self, show: str | Sequence[str] = ()) -> _native.Picture:
+        """An episode with the nominal policy, at most 200 steps of it, as `smpl simulate --plot` draws it.
+
+        Args:
+            show: names of quantities, `states`, `actions` and so on; a sensible choice where it is empty.
+
+        Raises:
+            ValueError: an unknown name.
+            SimulationError: the episode cannot begin.
+        """
+        from smpl.pictures import of_model
+
+        return of_model(self, show)
+
+    def _repr_html_(self) -> str:
+        from smpl.pictures import model_as_html
+
+        return model_as_html(self)
+
+    def _repr_svg_(self) -> str:
+        return self.picture().svg()
+
     def __reduce__(self) -> tuple[Any, ...]:
         return _recompile, (_portable(self._arguments),)
 

@@ -227,16 +227,22 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
             "_final_info": ended.copy(),
         }
 
+    def _texts(self, given: Sequence[str] | None) -> npt.NDArray[np.object_]:
+        """One text for each sub-environment, empty where there is none."""
+        texts = np.full(self.num_envs, "", dtype=object)
+        if given is not None:
+            texts[:] = given
+        return texts
+
     def _infos(self, info: _native.BatchInfo, mask: BoolArray) -> dict[str, Any]:
         """Arrays of the compiled module as Gymnasium's vector info."""
-        time, success, failures, constraints, cost, rewards, state, phases = info
-        failure = np.full(self.num_envs, "", dtype=object)
-        if failures is not None:
-            failure[:] = failures
+        time, success, failures, constraints, cost, rewards, state, phases, successes = info
+        failure, success_name = self._texts(failures), self._texts(successes)
         values: dict[str, Any] = {
             "time": time,
             "failure": failure,
             "success": success,
+            "success_name": success_name,
             "constraints": _nested(self.constraint_names, constraints, mask),
             "cost": cost,
             "rewards": _nested(self.reward_names, rewards, mask),

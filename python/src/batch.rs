@@ -18,7 +18,8 @@ use crate::start::Start;
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
 type Flags<'py> = Bound<'py, PyArray1<bool>>;
 type Observations<'py> = Bound<'py, PyArray2<f32>>;
-/// Time, success, failures (none where there is none), violations (a row a constraint), cost, rewards (a row a reward), states.
+/// Time, success, failures (none where there is none), violations (a row a constraint), cost, rewards (a row a reward), states, phases, names of
+/// successes (none where there is none).
 type InfoArrays<'py> = (
     Vector<'py>,
     Flags<'py>,
@@ -28,6 +29,7 @@ type InfoArrays<'py> = (
     Bound<'py, PyArray2<f64>>,
     Option<Bound<'py, PyArray2<f64>>>,
     Option<Vec<usize>>,
+    Option<Vec<String>>,
 );
 /// Which episodes ended, their last observations and infos.
 type Final<'py> = (Flags<'py>, Observations<'py>, InfoArrays<'py>);
@@ -247,8 +249,11 @@ fn fill_infos<'py>(py: Python<'py>, infos: &[Option<&Info>], sizes: Sizes, const
             *out = info.is_some_and(|info| info.success);
         }
     });
-    let failed = infos.iter().flatten().any(|info| !info.failure.is_empty());
-    let failures = failed.then(|| infos.iter().map(|info| info.map_or(String::new(), |i| i.failure.clone())).collect());
+    let texts = |of: fn(&Info) -> &String| {
+        let any = infos.iter().flatten().any(|info| !of(info).is_empty());
+        any.then(|| infos.iter().map(|info| info.map_or(String::new(), |i| of(i).clone())).collect::<Vec<String>>())
+    };
+    let failures = texts(|info| &info.failure);
     let rows = |len: usize, of: fn(&Info) -> &[f64]| {
         let mut array = Fresh::matrix(py, len, count);
         let out = array.elements();
@@ -277,6 +282,7 @@ fn fill_infos<'py>(py: Python<'py>, infos: &[Option<&Info>], sizes: Sizes, const
         rows(sizes.rewards, |info| &info.rewards),
         states,
         phases,
+        texts(|info| &info.success_name),
     )
 }
 

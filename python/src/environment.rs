@@ -222,6 +222,11 @@ impl Env {
 }
 
 impl Env {
+    /// Calls `work` with the environment.
+    pub fn with_mut<T>(&self, work: impl FnOnce(&mut Environment) -> T) -> T {
+        work(&mut self.environment.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
     fn with<T>(&self, read: impl FnOnce(&Environment) -> T) -> T {
         read(&self.environment.lock().unwrap_or_else(PoisonError::into_inner))
     }

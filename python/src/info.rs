@@ -36,6 +36,7 @@ impl Keys {
         info.set_item(intern!(py, "time"), env.time())?;
         info.set_item(intern!(py, "failure"), failure)?;
         info.set_item(intern!(py, "success"), env.last().is_some_and(|last| last.success))?;
+        info.set_item(intern!(py, "success_name"), env.success_name())?;
         info.set_item(intern!(py, "constraints"), mapping(py, &self.constraints, env.violations())?)?;
         info.set_item(intern!(py, "cost"), env.last().map_or(0.0, |last| last.cost))?;
         info.set_item(intern!(py, "rewards"), mapping(py, &self.rewards, env.rewards())?)?;

@@ -13,6 +13,7 @@ mod info;
 mod interrupt;
 mod load;
 mod model;
+mod picture;
 mod rollout;
 mod start;
 
@@ -39,5 +40,9 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<environment::Env>()?;
     module.add_class::<environment::Snapshot>()?;
     module.add_class::<batch::Batch>()?;
+    module.add_class::<picture::Picture>()?;
+    module.add_class::<picture::Recording>()?;
+    module.add_function(wrap_pyfunction!(picture::picture_of_tables, module)?)?;
+    module.add_function(wrap_pyfunction!(picture::nominal_picture, module)?)?;
     module.add_function(wrap_pyfunction!(main, module)?)
 }

@@ -8,8 +8,10 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArrayDyn};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
+use smpl_compiler::export::{ExportError, Target};
 use smpl_dsl::span::FileId;
 use smpl_runtime::catalogue::{self, Catalogue, Element, Family};
+use smpl_runtime::export::{ExportFault, export};
 use smpl_runtime::rollout::Rollouts;
 use smpl_runtime::setup::{EnvironmentOptions, Setup};
 
@@ -175,6 +177,17 @@ impl Model {
             "reward" => Ok(interface.rewards.iter().map(|r| r.unit.clone()).collect()),
             _ => Ok(self.elements(role)?.iter().map(|e| e.unit.clone()).collect()),
         }
+    }
+
+    /// The files of an export as (ending, text), the main one first.
+    #[pyo3(signature = (target, stem=None))]
+    fn export(&self, py: Python<'_>, target: &str, stem: Option<&str>) -> PyResult<Vec<(&'static str, String)>> {
+        let target: Target = target.parse().map_err(|e: ExportError| PyValueError::new_err(e.to_string()))?;
+        let files = released(py, || export(&self.loaded, target, stem))?.map_err(|fault| match fault {
+            ExportFault::Setup(error) => setup_error(&error),
+            ExportFault::Export(error) => PyValueError::new_err(error.to_string()),
+        })?;
+        Ok(files.into_iter().map(|file| (file.ending, file.text)).collect())
     }
 
     /// Lower and upper bounds of a role.

@@ -115,6 +115,8 @@ pub struct Info {
     pub phase: Option<usize>,
     /// Success.
     pub success: bool,
+    /// Name of the success condition, empty when none.
+    pub success_name: String,
     /// Message of the failure, empty when none.
     pub failure: String,
     /// Sum of the violations.
@@ -144,12 +146,14 @@ impl Info {
         }
     }
 
-    /// Overwrites; allocates only for the message of a failure.
+    /// Overwrites; allocates only for the message of a failure and the name of a success.
     fn fill(&mut self, environment: &mut Environment) {
         let last = environment.last().copied();
         self.time = environment.time();
         self.phase = environment.phase();
         self.success = last.is_some_and(|r| r.success);
+        self.success_name.clear();
+        self.success_name.push_str(environment.success_name());
         self.cost = last.map_or(0.0, |r| r.cost);
         self.violations.copy_from_slice(environment.violations());
         self.rewards.copy_from_slice(environment.rewards());

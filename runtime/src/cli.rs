@@ -7,8 +7,12 @@ mod check;
 mod compile;
 mod document;
 mod excerpt;
+mod export;
+mod new;
 mod outputs;
+mod plot;
 mod report;
+mod runs;
 mod simulate;
 mod steady;
 
@@ -31,6 +35,7 @@ Examples:
   smpl simulate models/beer.eq --policy profile --scenario legacy --plot beer.svg
   smpl steady models/reactor.eq --action T_c=28 --fix h=0.7
   smpl compile models/pensim.eq --variant vacuole_flux --set paa_schedule=minutes
+  smpl export models/reactor.eq --to c -o reactor.c
   smpl fmt --check models/*.eq";
 
 /// The command line.
@@ -43,14 +48,20 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Write a small model that runs, to begin with
+    New(new::NewArguments),
     /// Check models: syntax, names, units, structure
     Check(check::CheckArguments),
     /// Compile a model to machine code and say what was compiled
     Compile(compile::CompileArguments),
-    /// Run one episode
+    /// Run one episode, or many
     Simulate(simulate::SimulateArguments),
+    /// Draw tables of runs
+    Plot(plot::PlotArguments),
     /// Find a steady state and describe it
     Steady(steady::SteadyArguments),
+    /// Write a model in the form of another tool
+    Export(export::ExportArguments),
     /// Lay models out in the canonical way
     Fmt(document::FormatArguments),
     /// Describe a model in Markdown, with its equations typeset
@@ -141,10 +152,13 @@ pub fn run(arguments: impl Iterator<Item = OsString>) -> i32 {
 
 fn dispatch(command: Command) -> Result<(), Failed> {
     match command {
+        Command::New(arguments) => new::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Compile(arguments) => compile::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Plot(arguments) => plot::run(&arguments),
         Command::Steady(arguments) => steady::run(&arguments),
+        Command::Export(arguments) => export::run(&arguments),
         Command::Fmt(arguments) => document::format(&arguments),
         Command::Doc(arguments) => document::describe(&arguments),
     }

@@ -10,6 +10,7 @@ mod interval;
 mod invariants;
 mod reset;
 mod snapshot;
+mod trace;
 mod verdict;
 
 use std::sync::Arc;
@@ -22,6 +23,7 @@ use smpl_compiler::model::Interface;
 pub use invariants::Drift;
 pub use reset::{ResetError, ResetOptions, Start, StateInput};
 pub use snapshot::{Snapshot, SnapshotError};
+pub use trace::{Followed, Trace};
 
 use crate::catalogue::Catalogue;
 use crate::failure::{BOX_SLACK, Cause, Chatter, Failure, NotFinite, SolverFailure};
@@ -114,6 +116,8 @@ struct Progress {
     /// Sum of the chosen reward over the episode.
     sum: f64,
     last: Option<StepResult>,
+    /// The success condition of the last step, counted from 0; beyond them all the end of a batch of fixed length.
+    met: Option<u32>,
     solver_failure: Option<SolverFailure>,
     action_excess: f64,
     /// Which conditions of events hold.
@@ -187,6 +191,8 @@ pub struct Environment {
     statistics: Statistics,
     /// Drifts of the invariants; empty unless they are watched.
     drifts: Vec<Drift>,
+    /// What is followed within steps, if anything is.
+    trace: Option<Box<Trace>>,
     /// Stepping goes on after the end of an episode.
     keep_going: bool,
     /// Time at the start of the step.
@@ -220,6 +226,7 @@ impl Environment {
             failing: vec![false; layout.failures as usize],
             sum: 0.0,
             last: None,
+            met: None,
             solver_failure: None,
             action_excess: 0.0,
             edges: vec![Edge::default(); system.root_count()],
@@ -235,6 +242,7 @@ impl Environment {
             scratch: vec![0.0; unknowns],
             statistics: Statistics::default(),
             drifts: Vec::new(),
+            trace: None,
             keep_going: false,
             begin: 0.0,
             last_fired: None,
@@ -466,6 +474,11 @@ impl Environment {
     #[must_use]
     pub fn disturbances(&self) -> &[f64] {
         self.system.region(Region::Disturbance)
+    }
+
+    /// The memory of the instance.
+    pub(crate) fn memory(&self) -> &smpl_compiler::layout::Memory {
+        self.system.memory()
     }
 
     /// Parameters of the episode.

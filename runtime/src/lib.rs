@@ -1,8 +1,9 @@
 //! smpl-runtime: compiled models in motion.
 //!
 //! [`solver`] integrates; [`environment`] turns a compiled model into episodes with actions, rewards and failures; [`batch`] runs many instances on
-//! several threads, [`rollout`] many action sequences from given states; [`steady`], [`linearize`] and [`spectrum`] find and describe points of rest; [`trajectory`] reads and writes tables, [`files`]
-//! anything else; [`load`] goes from a file to a model ready to run; [`interrupt`] stops what takes long; [`cli`] is the command `smpl`.
+//! several threads, [`rollout`] many action sequences from given states; [`steady`], [`linearize`] and [`spectrum`] find and describe points of rest;
+//! [`trajectory`] reads and writes tables, [`picture`] draws them, [`files`] writes anything; [`load`] goes from a file to a model ready to run;
+//! [`interrupt`] stops what takes long; [`cli`] is the command `smpl`.
 //!
 //! What all instances share is a [`setup::Setup`]; what changes is an [`environment::Environment`].
 
@@ -11,6 +12,7 @@ pub mod catalogue;
 pub mod cli;
 pub mod document;
 pub mod environment;
+pub mod export;
 pub mod failure;
 pub mod files;
 pub mod interrupt;
@@ -18,7 +20,7 @@ mod inverse;
 pub mod linearize;
 pub mod load;
 pub mod observe;
-pub mod plot;
+pub mod picture;
 mod pool;
 pub mod random;
 pub mod rollout;
@@ -27,5 +29,6 @@ pub mod setup;
 pub mod solver;
 pub mod spectrum;
 pub mod steady;
+pub mod sweep;
 pub mod system;
 pub mod trajectory;

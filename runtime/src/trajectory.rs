@@ -6,7 +6,7 @@ mod read;
 mod record;
 
 pub use format::seventeen_digits;
-pub use read::{DataError, Sequences, Values, read_actions, read_disturbances, read_initial};
+pub use read::{Columns, DataError, Sequences, Values, read_actions, read_columns, read_disturbances, read_initial};
 pub use record::Recorder;
 
 use std::io::{self, Write};
@@ -23,6 +23,8 @@ pub enum Kind {
     Number,
     /// `true` or `false`.
     Flag,
+    /// Text.
+    Text,
 }
 
 /// One cell.
@@ -36,6 +38,8 @@ pub enum Cell {
     Number(f64),
     /// A flag.
     Flag(bool),
+    /// A text that the table keeps, see [`Table::text`].
+    Text(u32),
 }
 
 /// A table in memory, row after row.
@@ -43,13 +47,14 @@ pub enum Cell {
 pub struct Table {
     columns: Vec<(String, Kind)>,
     cells: Vec<Cell>,
+    texts: Vec<String>,
 }
 
 impl Table {
     /// An empty table with these columns.
     #[must_use]
     pub fn new(columns: Vec<(String, Kind)>) -> Self {
-        Self { columns, cells: Vec::new() }
+        Self { columns, cells: Vec::new(), texts: Vec::new() }
     }
 
     /// Names and kinds of the columns.
@@ -77,6 +82,30 @@ impl Table {
         self.cells.resize(end, Cell::Empty);
     }
 
+    /// Leaves the first rows alone.
+    pub fn truncate(&mut self, rows: usize) {
+        self.cells.truncate(rows * self.columns.len());
+    }
+
+    /// A cell of a text; equal texts are kept once.
+    pub fn text(&mut self, text: &str) -> Cell {
+        let known = self.texts.iter().position(|t| t == text);
+        let at = known.unwrap_or_else(|| {
+            self.texts.push(text.to_owned());
+            self.texts.len() - 1
+        });
+        Cell::Text(at as u32)
+    }
+
+    /// The text of a cell; empty for any other cell.
+    #[must_use]
+    pub fn text_of(&self, cell: Cell) -> &str {
+        match cell {
+            Cell::Text(at) => self.texts.get(at as usize).map_or("", String::as_str),
+            _ => "",
+        }
+    }
+
     /// The cells of a row.
     #[must_use]
     pub fn row(&self, index: usize) -> &[Cell] {
@@ -89,7 +118,7 @@ impl Table {
     pub fn numbers(&self, name: &str) -> Option<Vec<f64>> {
         let column = self.columns.iter().position(|(n, _)| n == name)?;
         let number = |cell: &Cell| match cell {
-            Cell::Empty => f64::NAN,
+            Cell::Empty | Cell::Text(_) => f64::NAN,
             Cell::Integer(i) => *i as f64,
             Cell::Number(x) => *x,
             Cell::Flag(b) => f64::from(u8::from(*b)),
@@ -114,7 +143,7 @@ impl Table {
             for cell in self.row(row) {
                 text.clear();
                 format::cell(*cell, &mut text);
-                writer.write_field(&text)?;
+                writer.write_field(if let Cell::Text(_) = cell { self.text_of(*cell) } else { &text })?;
             }
             writer.write_record(None::<&[u8]>)?;
         }

@@ -36,7 +36,17 @@ fn a_wrong_command_line_is_status_2() {
         &["simulate", "m.eq", "--rtol", "2"],
         &["simulate", "m.eq", "--seed", "-1"],
         &["simulate", "m.eq", "--set", "=1"],
-        &["simulate", "m.eq", "--plot", "p.png"],
+        &["simulate", "m.eq", "--plot", "p.gif"],
+        &["simulate", "m.eq", "--out", "t.xlsx"],
+        &["simulate", "m.eq", "--summary", "t.json"],
+        &["simulate", "m.eq", "--show", "x"],
+        &["simulate", "m.eq", "--episodes", "0"],
+        &["simulate", "m.eq", "--sweep", "k"],
+        &["simulate", "m.eq", "--sweep", "k=1..2"],
+        &["simulate", "m.eq", "--sweep", "k=0..2:3log"],
+        &["plot", "t.csv"],
+        &["plot", "-o", "p.svg"],
+        &["plot", "t.csv", "-o", "p.bmp"],
         &["steady", "m.eq", "--action", "T=hot"],
         &["check", "--format", "xml", "m.eq"],
     ] {
@@ -393,7 +403,7 @@ fn results_never_replace_what_is_read() {
         assert!(text(&output.stderr).contains("would be overwritten"), "{case:?}: {}", text(&output.stderr));
     }
     assert!(before == texts());
-    let both = smpl(&["simulate", m, "--out", name(&beside(&model, "t.svg")), "--plot", name(&beside(&model, "t.svg"))]);
+    let both = smpl(&["simulate", m, "--out", name(&beside(&model, "both")), "--plot", name(&beside(&model, "both"))]);
     assert_eq!(status(&both), 1, "{}", text(&both.stderr));
 }
 

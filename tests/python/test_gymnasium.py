@@ -94,7 +94,7 @@ def test_info_has_the_same_keys_and_shapes_at_every_step(identifier):
     env = gymnasium.make(identifier, info_state=True).unwrapped
     _, first = env.reset(seed=0)
     _, _, _, _, second = env.step(np.zeros(env.action_space.shape, dtype=np.float32))
-    expected = {"time", "failure", "success", "constraints", "cost", "rewards", "state"}
+    expected = {"time", "failure", "success", "success_name", "constraints", "cost", "rewards", "state"}
     expected |= {"phase"} if env.model.phases else set()
     assert expected == set(first) == set(second)
     for key in ("constraints", "rewards"):
@@ -109,3 +109,26 @@ def test_stable_baselines3_checker_passes(identifier):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         checker.check_env(gymnasium.make(identifier).unwrapped)
+
+
+def test_a_file_of_ones_own_is_registered_like_any_environment(tmp_path):
+    file = tmp_path / "own.eq"
+    file.write_text(
+        "model Own\nstate x = 1 in 0..2\naction u = 0 in 0..1\neq d/dt x = (u - x) / 1 [s]\n"
+        "observe x\nreward r default = x\n"
+    )
+    gymnasium.register(
+        "own/Own-v0",
+        entry_point="smpl.envs:Env",
+        vector_entry_point="smpl.vector:VectorEnv",
+        kwargs={"model": str(file)},
+    )
+    try:
+        env = gymnasium.make("own/Own-v0", normalize=False)
+        env.reset(seed=0)
+        observation = env.step(np.zeros(1))[0]
+        assert observation[0] == pytest.approx(np.exp(-1), rel=1e-6)
+        venv = gymnasium.make_vec("own/Own-v0", num_envs=3, vectorization_mode="vector_entry_point")
+        assert venv.reset(seed=0)[0].shape == (3, 1)
+    finally:
+        gymnasium.registry.pop("own/Own-v0")

@@ -47,6 +47,7 @@ pub(super) const FUNCTIONS: &[&str] = &[
     "integral",
     "der",
     "kelvin",
+    "celsius",
     "value",
     "low",
     "high",
@@ -116,6 +117,10 @@ impl Elaborator<'_> {
             "kelvin" => {
                 let Some(a) = one(self) else { return self.poison() };
                 self.kelvin(a, place)
+            }
+            "celsius" => {
+                let Some(a) = one(self) else { return self.poison() };
+                self.celsius(a, place)
             }
             "value" => self.plain_value(span, function, arguments, place),
             "low" | "high" | "scale" | "nominal" => {
@@ -429,6 +434,28 @@ impl Elaborator<'_> {
                     .help("give the number its unit: `25 [degC]`"),
             ),
         }
+    }
+
+    /// The point in degC of an absolute temperature, or of a point on another scale.
+    fn celsius(&mut self, a: &Expr, place: &Place) -> Value {
+        let v = self.value(a, place);
+        let Some(celsius) = Unit::named("degC") else { return self.poison() };
+        let found = match &v.unit {
+            Measure::Poison => return v,
+            Measure::Of(u) => u.clone(),
+            _ => {
+                let fault = Diagnostic::error(codes::UNIT_MISMATCH, "`celsius` takes a temperature, this is a pure number", a.span);
+                return self.fault(fault.help("give the number its unit: `298.15 [K]`"));
+            }
+        };
+        let Some(conversion) = found.conversion_to(&celsius) else {
+            let fault = Diagnostic::error(codes::UNIT_MISMATCH, "`celsius` takes a temperature", a.span);
+            return self.fault(fault.label(units::describe(&found)));
+        };
+        let (factor, offset) = (self.exprs.constant(conversion.factor), self.exprs.constant(conversion.offset));
+        let scaled = self.exprs.mul(v.expr, factor);
+        let expr = self.exprs.add(scaled, offset);
+        Value::of(expr, celsius)
     }
 
     /// `value(x)`, `value(x, unit)`

@@ -128,7 +128,7 @@ fn repair(found: &Unit, wanted: &Unit) -> Option<String> {
     if found.commensurable(wanted) {
         // Same dimension: one of them is a point on a scale.
         return Some(if wanted.is_point() {
-            format!("a point on a scale is meant: give it in {wanted}")
+            format!("a point on a scale is meant: give it in {wanted}, or take `celsius(T)` of an absolute temperature")
         } else {
             "take a difference of two temperatures, or `kelvin(T)`".to_owned()
         });

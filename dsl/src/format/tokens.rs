@@ -65,6 +65,8 @@ fn measure(text: &str) -> (usize, Kind) {
     match first {
         '"' => (text[1..].find('"').map_or(text.len(), |end| end + 2), Kind::Text),
         _ if first.is_ascii_digit() => (number(text), Kind::Number),
+        // A degree sign begins a unit.
+        '\u{b0}' => (text[2..].find(|c: char| !c.is_ascii_alphanumeric()).map_or(text.len(), |end| end + 2), Kind::Word),
         _ if first.is_ascii_alphabetic() || first == '_' => {
             (text.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(text.len()), Kind::Word)
         }

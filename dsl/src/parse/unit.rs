@@ -5,7 +5,7 @@ use pest::iterators::Pair;
 
 use super::{Children, Context, Fallible, Rule, expression};
 use crate::diagnostic::{Diagnostic, codes};
-use crate::syntax::{UnitBase, UnitExpr, UnitFactor};
+use crate::syntax::{Ident, UnitBase, UnitExpr, UnitFactor};
 
 type Exponent = Ratio<i32>;
 
@@ -59,10 +59,18 @@ fn factor(context: &Context<'_>, part: Pair<'_, Rule>, exponent: Exponent, facto
             UnitBase::Of(Box::new(expression::expr(context, children.expect(context, Rule::expr)?)?))
         }
         Rule::number => UnitBase::Number(expression::number_value(context, &part)?, context.span(&part)),
-        _ => UnitBase::Symbol(context.word(&part)),
+        _ => UnitBase::Symbol(symbol(context.word(&part))),
     };
     factors.push(UnitFactor { base, exponent: (*exponent.numer(), *exponent.denom()) });
     Ok(())
+}
+
+/// Degrees with their sign are those with their word.
+fn symbol(word: Ident) -> Ident {
+    match word.text.strip_prefix('\u{b0}') {
+        Some(scale) => Ident { text: format!("deg{scale}"), ..word },
+        None => word,
+    }
 }
 
 /// `^2`, `^-1`, `^2.5`, `^(5/2)`

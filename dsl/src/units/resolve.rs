@@ -57,7 +57,8 @@ fn meant(symbol: &str) -> Option<String> {
         return Some(format!("a power is written `{letters}^{}`", &symbol[letters.len()..]));
     }
     let near = if symbol.len() > LONGEST { None } else { split(symbol).or_else(|| nearest(symbol)) };
-    near.or_else(|| Some(all()))
+    // A word that is near to none of them is answered with all of them.
+    Some(near.unwrap_or_else(all))
 }
 
 /// The units that there are.

@@ -31,6 +31,9 @@ impl Symbol {
     pub fn scale(&self) -> Scale {
         match self.symbol {
             "deg" => Scale::inexact(std::f64::consts::PI / 180.0),
+            "rpm" => Scale::inexact(std::f64::consts::PI / 30.0),
+            "Nm3" => Scale::inexact(NORMAL_CUBIC_METRE),
+            "NL" => Scale::inexact(NORMAL_CUBIC_METRE / 1000.0),
             _ => fraction(self.size),
         }
     }
@@ -130,6 +133,30 @@ pub(super) const SYNONYMS: &[(&str, &str)] = &[
     ("U", "unit"),
     ("micron", "um"),
     ("cc", "mL"),
+    ("foot", "ft"),
+    ("feet", "ft"),
+    ("inches", "inch"),
+    ("pound", "lb"),
+    ("pounds", "lb"),
+    ("lbs", "lb"),
+    ("lbm", "lb"),
+    ("psia", "psi"),
+    ("Nm", "N m` or, for normal cubic metres, `Nm3"),
+    ("Torr", "torr"),
+    ("gallon", "gal"),
+    ("gallons", "gal"),
+    ("USgal", "gal"),
+    ("Btu", "BTU"),
+    ("btu", "BTU"),
+    ("horsepower", "hp"),
+    ("RPM", "rpm"),
+    ("cst", "cSt"),
+    ("kwh", "kWh"),
+    ("KWh", "kWh"),
+    ("yr", "year"),
+    ("years", "year"),
+    ("NM3", "Nm3"),
+    ("Nl", "NL"),
     ("molar", "M"),
 ];
 
@@ -153,6 +180,9 @@ const fn prefixed(unit: Symbol) -> Symbol {
 const fn point(unit: Symbol, zero: (i64, i64)) -> Symbol {
     Symbol { zero: Some(zero), ..unit }
 }
+
+/// Mol in a normal cubic metre: 101325 Pa over R times 273.15 K, with the molar gas constant R of the SI (CODATA 2018, exact).
+const NORMAL_CUBIC_METRE: f64 = 101_325.0 / (8.314_462_618_153_24 * 273.15);
 
 #[rustfmt::skip]
 const SYMBOLS: &[Symbol] = &[
@@ -182,6 +212,22 @@ const SYMBOLS: &[Symbol] = &[
     unit("atm",  "standard atmosphere", &[-1, 1, -2], (101_325, 1)),
     unit("ha",   "hectare", &[2], (10_000, 1)),
     unit("t",    "tonne",   &[0, 1], (1000, 1)),
+    unit("year", "year of 365 days", &[0, 0, 1], (31_536_000, 1)),
+    unit("inch", "inch",    &[1], (254, 10_000)),
+    unit("ft",   "foot",    &[1], (3048, 10_000)),
+    unit("lb",   "pound, avoirdupois", &[0, 1], (45_359_237, 100_000_000)),
+    unit("lbf",  "pound-force", &[1, 1, -2], (8_896_443_230_521, 2_000_000_000_000)),
+    unit("psi",  "pound-force per square inch", &[-1, 1, -2], (8_896_443_230_521, 1_290_320_000)),
+    unit("mmHg", "conventional millimetre of mercury", &[-1, 1, -2], (26_664_477_483, 200_000_000)),
+    unit("torr", "torr, atm/760", &[-1, 1, -2], (20_265, 152)),
+    unit("gal",  "gallon, United States, liquid", &[3], (473_176_473, 125_000_000_000)),
+    unit("BTU",  "British thermal unit, International Table", &[2, 1, -2], (52_752_792_631, 50_000_000)),
+    unit("hp",   "horsepower of 550 foot pounds-force per second", &[2, 1, -3], (37_284_993_579_113_511, 50_000_000_000_000)),
+    prefixed(unit("Wh", "watt hour", &[2, 1, -2], (3600, 1))),
+    prefixed(unit("St", "stokes",  &[2, 0, -1], (1, 10_000))),
+    unit("rpm",  "revolution per minute, an angular velocity: 2 pi/60 rad/s", &[0, 0, -1], (0, 1)),
+    unit("Nm3",  "normal cubic metre of an ideal gas, 273.15 K and 101325 Pa: an amount", &[0, 0, 0, 0, 0, 1], (0, 1)),
+    unit("NL",   "normal litre, Nm3/1000", &[0, 0, 0, 0, 0, 1], (0, 1)),
     unit("%",    "per cent", &[], (1, 100)),
     unit("ppm",  "parts per million", &[], (1, 1_000_000)),
     unit("rad",  "radian", &[], (1, 1)),

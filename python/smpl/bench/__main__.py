@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import platform
 
-from smpl.bench import advection, kernels, mab, pensim, reactor
+from smpl.bench import advection, exports, kernels, mab, pensim, reactor
 
 SECTIONS = {
     "reactor": reactor.main,
@@ -13,6 +13,7 @@ SECTIONS = {
     "advection": advection.main,
     "pensim": pensim.main,
     "mab": mab.main,
+    "exports": exports.main,
 }
 
 

@@ -9,6 +9,28 @@ use super::report::Failed;
 use super::say;
 use crate::files::{is_same, is_same_destination, is_standard_output};
 
+/// A file for a table: CSV where the name has no ending. What is there already is looked at by [`check`] first, which knows better what is wrong.
+pub(super) fn table(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    match other_ending(&path) {
+        Some(message) if !path.exists() => Err(message),
+        _ => Ok(path),
+    }
+}
+
+/// Refuses tables whose ending is none of a table.
+pub(super) fn endings(tables: &[Option<&Path>]) -> Result<(), Failed> {
+    let wrong = tables.iter().flatten().filter(|path| !is_standard_output(path)).find_map(|path| other_ending(path));
+    wrong.map_or(Ok(()), |message| Err(Failed::Message(message)))
+}
+
+fn other_ending(path: &Path) -> Option<String> {
+    let is_table = |ending: &std::ffi::OsStr| ["csv", "parquet"].iter().any(|known| ending.eq_ignore_ascii_case(known));
+    let ending = path.extension().filter(|ending| !is_table(ending))?;
+    let (ending, name) = (ending.display(), path.with_extension("csv"));
+    Some(format!("tables end in .csv or .parquet, not in .{ending}; name it `{}`", name.display()))
+}
+
 /// The files of a compilation.
 pub(super) fn names(sources: &SourceMap) -> impl Iterator<Item = PathBuf> {
     (0..sources.len()).map(|i| PathBuf::from(sources.name(FileId(i as u16))))

@@ -7,14 +7,16 @@ use std::time::{Duration, Instant};
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use super::plot::{self, Sketch};
 use super::report::{self, Failed};
 use super::{ModelArguments, outputs};
 use crate::catalogue::UnknownName;
 use crate::environment::{Environment, ResetOptions, Start, StateInput};
 use crate::failure::Short;
-use crate::load::Loaded;
+use crate::load::{LoadOptions, Loaded};
 use crate::random::Stream;
 use crate::setup::Setup;
+use crate::sweep::Sweep;
 use crate::trajectory::{Recorder, read_actions, read_disturbances, read_initial};
 
 #[derive(Debug, Args)]
@@ -22,19 +24,21 @@ use crate::trajectory::{Recorder, read_actions, read_disturbances, read_initial}
 Examples:
   smpl simulate models/reactor.eq --actions a.csv --out t.csv
   smpl simulate models/reactor.eq --policy random --seed 7 --out t.parquet --plot t.svg
-  smpl simulate models/pensim.eq --start nominal --init i.csv --disturbances z.csv --set paa_schedule=hours")]
+  smpl simulate models/pensim.eq --start nominal --init i.csv --disturbances z.csv --set paa_schedule=hours
+  smpl simulate models/reactor.eq --episodes 100 --policy random --summary s.csv
+  smpl simulate models/reactor.eq --sweep k_0=1e10..1e11:5 --sweep scenario=default,legacy --out all.csv --plot all.svg")]
 pub(super) struct SimulateArguments {
     /// Model
     #[arg(value_name = "FILE.eq")]
     file: PathBuf,
     #[command(flatten)]
-    model: ModelArguments,
+    pub(super) model: ModelArguments,
     /// Actions: columns named as the actions, physical units, row by row the steps 1..n
     #[arg(long, value_name = "A.csv", conflicts_with = "policy")]
     actions: Option<PathBuf>,
     /// nominal, random, or a policy that the model declares
     #[arg(long, value_name = "NAME", default_value = "nominal")]
-    policy: String,
+    pub(super) policy: String,
     /// Number of steps, in place of the time limit
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     steps: Option<u32>,
@@ -49,7 +53,7 @@ pub(super) struct SimulateArguments {
     disturbances: Option<PathBuf>,
     /// Seed of the episode
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = seed, allow_negative_numbers = true)]
-    seed: u64,
+    pub(super) seed: u64,
     /// Relative tolerance
     #[arg(long, value_name = "R", value_parser = tolerance, allow_negative_numbers = true)]
     rtol: Option<f64>,
@@ -63,14 +67,29 @@ pub(super) struct SimulateArguments {
     #[arg(long, value_name = "METHOD", value_parser = ["ida", "rosenbrock", "explicit", "auto"])]
     method: Option<String>,
     /// Table of the trajectory, CSV or Parquet
-    #[arg(long, value_name = "T.csv|T.parquet")]
-    out: Option<PathBuf>,
-    /// Picture of states, actions and reward
-    #[arg(long, value_name = "P.svg", value_parser = picture)]
-    plot: Option<PathBuf>,
+    #[arg(long, value_name = "T.csv|T.parquet", value_parser = outputs::table)]
+    pub(super) out: Option<PathBuf>,
+    /// Picture of the run: SVG, PNG, PDF, or HTML to look into
+    #[arg(long, value_name = "P.svg|png|pdf|html", value_parser = plot::picture)]
+    pub(super) plot: Option<PathBuf>,
+    /// What the picture shows: names of quantities, `states`, `observations`, `outputs`, `actions`, `discretes`, `rewards`, `all`
+    #[arg(long, value_name = "NAME,...", requires = "plot")]
+    pub(super) show: Vec<String>,
     /// Go on after the end of the episode
     #[arg(long = "continue")]
-    keep_going: bool,
+    pub(super) keep_going: bool,
+    /// Number of episodes, with the seeds N, N + 1, ...
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Many runs")]
+    pub(super) episodes: Option<u32>,
+    /// Values of a parameter, setting, variant, initial value, of `scenario` or `policy`; several are crossed
+    #[arg(long, value_name = "NAME=LOW..HIGH:COUNT|NAME=A,B,...", value_parser = Sweep::parse, help_heading = "Many runs")]
+    pub(super) sweep: Vec<Sweep>,
+    /// Table of one row a run: return, end, drawn parameters
+    #[arg(long, value_name = "S.csv|S.parquet", value_parser = outputs::table, help_heading = "Many runs")]
+    pub(super) summary: Option<PathBuf>,
+    /// Threads; all processors where it is not said
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Many runs")]
+    pub(super) threads: Option<u32>,
 }
 
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
@@ -104,15 +123,6 @@ fn tolerance(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A file for a picture.
-fn picture(text: &str) -> Result<PathBuf, String> {
-    let path = PathBuf::from(text);
-    match path.extension().map(std::ffi::OsStr::to_ascii_lowercase) {
-        Some(other) if other != "svg" => Err(format!("pictures are SVG; name it `{}`", path.with_extension("svg").display())),
-        _ => Ok(path),
-    }
-}
-
 /// Where actions come from.
 pub(super) enum Policy {
     /// The actions' nominal values.
@@ -135,6 +145,14 @@ fn declared(environment: &Environment, name: &str) -> Option<usize> {
 }
 
 impl Policy {
+    /// Number of steps that it has actions for, where it ends.
+    pub fn length(&self) -> Option<u32> {
+        match self {
+            Policy::Recorded(rows) => Some(rows.len() as u32),
+            _ => None,
+        }
+    }
+
     /// Writes the action of the coming step.
     pub fn choose(&mut self, environment: &mut Environment, action: &mut [f64]) {
         let step = environment.steps();
@@ -164,17 +182,23 @@ impl Policy {
     }
 }
 
-/// Runs one episode.
+/// Runs one episode, or many.
 pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
+    if arguments.episodes.is_some() || !arguments.sweep.is_empty() || arguments.summary.is_some() {
+        return super::runs::run(arguments);
+    }
     let loaded = arguments.model.load(&arguments.file)?;
     let written = [arguments.out.as_deref(), arguments.plot.as_deref()];
     outputs::check(&written, outputs::names(&loaded.sources).chain(data_files(arguments)))?;
-    let mut environment = make(arguments, loaded)?;
-    let mut policy = policy(arguments, &environment)?;
-    let reset = reset_options(arguments, &environment)?;
+    outputs::endings(&written[..1])?;
+    let mut environment = Environment::new(arguments.setup_of(loaded)?)?;
+    let mut policy = arguments.policy_named(&arguments.policy, arguments.seed, &environment)?;
+    let reset = arguments.reset_options(environment.setup())?;
     environment.set_keep_going(arguments.keep_going);
     environment.reset(Some(arguments.seed), &reset)?;
 
+    let setup = Arc::clone(environment.setup());
+    let mut sketch = arguments.plot.as_deref().map(|path| Sketch::new(path, &arguments.show, &setup)).transpose()?;
     let mut recorder = Recorder::new(&environment);
     recorder.record(&mut environment, None);
     let mut steps = arguments.steps.unwrap_or_else(|| environment.setup().max_steps());
@@ -190,8 +214,14 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
     let mut action = vec![0.0; environment.catalogue().actions.len()];
     let mut total = 0.0;
     let mut progress = Progress::new(steps);
+    if let Some(sketch) = &mut sketch {
+        sketch.follow_run(&setup, steps)?;
+    }
     while environment.steps() < steps && (environment.is_running() || arguments.keep_going) {
         policy.choose(&mut environment, &mut action);
+        if let Some(sketch) = &mut sketch {
+            sketch.follow(&environment, &action)?;
+        }
         let result = environment.step(&action)?;
         total += result.reward;
         recorder.record(&mut environment, Some(&result));
@@ -205,10 +235,12 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
     if let Some(path) = &arguments.out {
         recorder.table().write(path)?;
     }
-    if let Some(path) = &arguments.plot {
-        crate::plot::write(recorder.table(), environment.setup(), path)?;
+    let summary = summary(&mut environment, total);
+    if let Some(sketch) = sketch {
+        let how = summary.split_once(": ").map_or("", |(_, how)| how).trim_end();
+        sketch.write(recorder.table(), &setup, format!("{}; {how}", arguments.circumstances()))?;
     }
-    outputs::conclude(&summary(&mut environment, total), &written)
+    outputs::conclude(&summary, &written)
 }
 
 /// Records that end early are said.
@@ -223,56 +255,87 @@ fn data_files(arguments: &SimulateArguments) -> impl Iterator<Item = PathBuf> {
     data.into_iter().flatten().chain([&arguments.file]).cloned()
 }
 
-fn make(arguments: &SimulateArguments, loaded: Loaded) -> Result<Environment, Failed> {
-    let mut options = loaded.options;
-    options.rtol = arguments.rtol.or(options.rtol);
-    options.method = arguments.method.clone().or(options.method);
-    options.max_step = arguments.max_step.or(options.max_step);
-    options.atol_factor = arguments.atol_factor.or(options.atol_factor);
-    options.max_steps = arguments.steps.or(options.max_steps);
-    let setup = Setup::new(loaded.model, options, Some(loaded.sources))?;
-    Ok(Environment::new(setup)?)
+impl SimulateArguments {
+    /// Files that a run reads.
+    pub fn inputs(&self) -> impl Iterator<Item = PathBuf> {
+        let texts = crate::load::files_of(&self.file);
+        texts.into_iter().chain(data_files(self))
+    }
+
+    /// What the run depends on, in words.
+    pub fn circumstances(&self) -> String {
+        let actions = match &self.actions {
+            Some(path) => format!("actions of {}", path.file_name().unwrap_or_default().display()),
+            None => format!("policy {}", self.policy),
+        };
+        let scenario = self.model.scenario.iter().map(|name| format!("scenario {name}"));
+        let variants = self.model.variants.iter().map(|variant| format!("variant {variant}"));
+        let settings = self.model.settings.iter().map(|(name, value)| format!("{name} = {value}"));
+        let all = scenario.chain(variants).chain(settings).chain([format!("seed {}", self.seed), actions]);
+        all.collect::<Vec<_>>().join(", ")
+    }
 }
 
-fn policy(arguments: &SimulateArguments, environment: &Environment) -> Result<Policy, Failed> {
-    if let Some(path) = &arguments.actions {
-        return Ok(Policy::Recorded(read_actions(path, environment.catalogue())?));
+impl SimulateArguments {
+    /// The model under options, ready to run. Warnings are shown.
+    pub fn setup(&self, options: &LoadOptions) -> Result<Arc<Setup>, Failed> {
+        let loaded = crate::load::load(&self.file, options)?;
+        report::print_diagnostics(&loaded.warnings, &loaded.sources);
+        self.setup_of(loaded)
     }
-    match arguments.policy.as_str() {
-        "nominal" => Ok(nominal(environment)),
-        "random" => {
-            let key = crate::random::EpisodeKey::seeded(arguments.seed);
-            Ok(Policy::Random(Stream::new(key, "policy:random")))
+
+    fn setup_of(&self, loaded: Loaded) -> Result<Arc<Setup>, Failed> {
+        let mut options = loaded.options;
+        options.rtol = self.rtol.or(options.rtol);
+        options.method = self.method.clone().or(options.method);
+        options.max_step = self.max_step.or(options.max_step);
+        options.atol_factor = self.atol_factor.or(options.atol_factor);
+        options.max_steps = self.steps.or(options.max_steps);
+        Ok(Setup::new(loaded.model, options, Some(loaded.sources))?)
+    }
+
+    /// The policy of a name, or the recorded actions.
+    pub fn policy_named(&self, name: &str, seed: u64, environment: &Environment) -> Result<Policy, Failed> {
+        if let Some(path) = &self.actions {
+            return Ok(Policy::Recorded(read_actions(path, environment.catalogue())?));
         }
-        name => declared(environment, name).map(Policy::Declared).ok_or_else(|| {
-            let policies = &environment.setup().model().model().programs.policies;
-            let declared = policies.iter().map(|(n, _)| n.as_str()).filter(|n| *n != "nominal");
-            let known = ["nominal", "random"].into_iter().chain(declared);
-            UnknownName::new("policy", name, known).into()
-        }),
+        match name {
+            "nominal" => Ok(nominal(environment)),
+            "random" => {
+                let key = crate::random::EpisodeKey::seeded(seed);
+                Ok(Policy::Random(Stream::new(key, "policy:random")))
+            }
+            name => declared(environment, name).map(Policy::Declared).ok_or_else(|| {
+                let policies = &environment.setup().model().model().programs.policies;
+                let declared = policies.iter().map(|(n, _)| n.as_str()).filter(|n| *n != "nominal");
+                let known = ["nominal", "random"].into_iter().chain(declared);
+                UnknownName::new("policy", name, known).into()
+            }),
+        }
     }
-}
 
-fn reset_options(arguments: &SimulateArguments, environment: &Environment) -> Result<ResetOptions, Failed> {
-    let catalogue = environment.catalogue();
-    let start = match arguments.start {
-        StartArgument::Sampled => Start::Sampled,
-        StartArgument::Nominal => Start::Nominal,
-        StartArgument::Steady => Start::Steady,
-    };
-    let mut options = ResetOptions { start, hold_records: true, ..ResetOptions::default() };
-    if let Some(path) = &arguments.init {
-        let (states, discrete) = read_initial(path, catalogue)?;
-        let states_given = states.iter().filter_map(|(name, &value)| Some((catalogue.states.find(name)?, value)));
-        let discretes_given = discrete.iter().filter_map(|(name, &value)| Some((catalogue.discretes.find(name)?, value)));
-        report::warn_of_bounds(&path.display().to_string(), states_given.chain(discretes_given));
-        options.state = StateInput::Named(states);
-        options.discrete = discrete;
+    /// How episodes begin.
+    pub fn reset_options(&self, setup: &Setup) -> Result<ResetOptions, Failed> {
+        let start = match self.start {
+            StartArgument::Sampled => Start::Sampled,
+            StartArgument::Nominal => Start::Nominal,
+            StartArgument::Steady => Start::Steady,
+        };
+        let mut options = ResetOptions { start, hold_records: true, ..ResetOptions::default() };
+        if let Some(path) = &self.init {
+            let (states, discrete) = read_initial(path, &setup.catalogue)?;
+            let catalogue = &setup.catalogue;
+            let states_given = states.iter().filter_map(|(name, &value)| Some((catalogue.states.find(name)?, value)));
+            let discretes_given = discrete.iter().filter_map(|(name, &value)| Some((catalogue.discretes.find(name)?, value)));
+            report::warn_of_bounds(&path.display().to_string(), states_given.chain(discretes_given));
+            options.state = StateInput::Named(states);
+            options.discrete = discrete;
+        }
+        if let Some(path) = &self.disturbances {
+            options.disturbances = read_disturbances(path, &setup.catalogue)?;
+        }
+        Ok(options)
     }
-    if let Some(path) = &arguments.disturbances {
-        options.disturbances = read_disturbances(path, catalogue)?;
-    }
-    Ok(options)
 }
 
 /// How the episode ended before its time limit.

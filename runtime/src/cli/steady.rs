@@ -41,7 +41,7 @@ pub(super) struct SteadyArguments {
     #[arg(long, value_name = "I.csv")]
     init: Option<PathBuf>,
     /// Table with name, unit and value of every state and algebraic variable
-    #[arg(long, value_name = "S.csv")]
+    #[arg(long, value_name = "S.csv", value_parser = outputs::table)]
     out: Option<PathBuf>,
 }
 
@@ -55,6 +55,10 @@ pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
     let loaded = arguments.model.load(&arguments.file)?;
     let out = arguments.out.as_deref();
     outputs::check(&[out], outputs::names(&loaded.sources).chain([arguments.file.clone()]))?;
+    outputs::endings(&[out])?;
+    if let Some(path) = out.filter(|path| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("parquet"))) {
+        return Err(Failed::Message(format!("a steady state is written as CSV; name it `{}`", path.with_extension("csv").display())));
+    }
     let setup = Setup::without_steady(loaded.model, loaded.options, Some(loaded.sources))?;
     let catalogue = &setup.catalogue;
     let mut system = setup.system.clone();

@@ -158,6 +158,9 @@ impl Environment {
 
     fn advance(&mut self, t: f64, end: f64) -> Result<Advance, SolveError> {
         self.integrator.restart(&mut self.system, t, &self.progress.y, Some(&self.progress.yp))?;
+        if self.trace.is_some() {
+            return self.advance_traced(t, end);
+        }
         if self.drifts.is_empty() { self.integrator.advance(&mut self.system, end) } else { self.advance_watched(t, end) }
     }
 
@@ -176,6 +179,7 @@ impl Environment {
     /// Does what the fired events ask for; how the interval ends if they end it.
     fn handle_events(&mut self, t: f64) -> Option<Outcome> {
         let failure = self.fired_failure();
+        self.note_events(t);
         self.set_builtin(Builtin::Clock, t);
         let mut ran = false;
         for index in 0..self.progress.edges.len() {

@@ -117,10 +117,12 @@ impl Environment {
         if failure.is_some() {
             self.progress.rewards.fill(error_reward);
         }
-        let met = self.finish[self.part(1)].contains(&1.0);
         // A limit below the model's own cuts the batch short.
-        let whole = self.setup.max_steps >= episode.max_steps;
-        let success = failure.is_none() && (met || (last_step && whole && end_is_success));
+        let whole = last_step && self.setup.max_steps >= episode.max_steps && end_is_success;
+        let conditions = self.finish[self.part(1)].iter();
+        let met = conditions.clone().position(|x| *x == 1.0).or(whole.then_some(conditions.len()));
+        let success = failure.is_none() && met.is_some();
+        self.progress.met = met.filter(|_| success).map(|met| met as u32);
         let terminated = failure.is_some() || success;
         let truncated = last_step && !terminated;
         self.progress.steps += 1;
@@ -141,6 +143,13 @@ impl Environment {
         self.sensors.read(&mut progress.readings, errors, steps, &self.finish[observations]);
         let cost = self.progress.violations.iter().sum();
         StepResult { reward, terminated, truncated, success, failure, cost, time: self.time() }
+    }
+
+    /// Name of the success condition that ended the last step; `end` for the end of a batch of fixed length, empty where there was none.
+    #[must_use]
+    pub fn success_name(&self) -> &str {
+        let names = &self.setup.model().interface().successes;
+        self.progress.met.map_or("", |met| names.get(met as usize).map_or("end", String::as_str))
     }
 
     /// Every failure of the last step in words, the deciding one first, each beginning with its identifier; empty when nothing failed.

@@ -4,11 +4,11 @@ use std::fmt::Write;
 
 use super::Cell;
 
-/// Appends a cell.
+/// Appends a cell that is no text.
 pub(super) fn cell(cell: Cell, out: &mut String) {
     // Writing into a string cannot fail.
     let _ = match cell {
-        Cell::Empty => Ok(()),
+        Cell::Empty | Cell::Text(_) => Ok(()),
         Cell::Integer(i) => write!(out, "{i}"),
         Cell::Flag(flag) => write!(out, "{flag}"),
         Cell::Number(x) => {

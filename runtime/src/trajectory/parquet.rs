@@ -3,8 +3,8 @@
 use std::io::{self, Write};
 use std::sync::Arc;
 
-use parquet::basic::{Repetition, Type as PhysicalType};
-use parquet::data_type::{BoolType, DataType, DoubleType, Int64Type};
+use parquet::basic::{LogicalType, Repetition, Type as PhysicalType};
+use parquet::data_type::{BoolType, ByteArrayType, DataType, DoubleType, Int64Type};
 use parquet::errors::ParquetError;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
@@ -34,6 +34,12 @@ fn write_group(table: &Table, out: &mut dyn Write) -> Result<(), ParquetError> {
             Kind::Number => {
                 column_of::<DoubleType, _>(&mut group, table, column, |cell| match cell {
                     Cell::Number(x) => Some(x),
+                    _ => None,
+                })?;
+            }
+            Kind::Text => {
+                column_of::<ByteArrayType, _>(&mut group, table, column, |cell| match cell {
+                    Cell::Text(_) => Some(table.text_of(cell).as_bytes().to_vec().into()),
                     _ => None,
                 })?;
             }
@@ -73,8 +79,11 @@ fn schema(table: &Table) -> Result<TypePtr, ParquetError> {
             Kind::Integer => PhysicalType::INT64,
             Kind::Number => PhysicalType::DOUBLE,
             Kind::Flag => PhysicalType::BOOLEAN,
+            Kind::Text => PhysicalType::BYTE_ARRAY,
         };
-        Ok(Arc::new(Type::primitive_type_builder(name, physical).with_repetition(Repetition::OPTIONAL).build()?))
+        let text = (*kind == Kind::Text).then_some(LogicalType::String);
+        let builder = Type::primitive_type_builder(name, physical).with_logical_type(text);
+        Ok(Arc::new(builder.with_repetition(Repetition::OPTIONAL).build()?))
     };
     let fields: Result<Vec<TypePtr>, ParquetError> = table.columns().iter().map(field).collect();
     Ok(Arc::new(Type::group_type_builder("trajectory").with_fields(fields?).build()?))

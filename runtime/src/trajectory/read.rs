@@ -260,3 +260,39 @@ pub fn read_initial(path: &Path, catalogue: &Catalogue) -> Result<(Values, Value
     }
     Ok((states, discretes))
 }
+
+/// A table as numbers.
+pub struct Columns {
+    /// Names of the columns.
+    pub names: Vec<String>,
+    /// One list a column: `true` and `false` as 1 and 0, what is no number as NaN.
+    pub values: Vec<Vec<f64>>,
+    /// For each row what tells its run from others, where the table holds several: the columns before `step`, by name.
+    pub keys: Vec<String>,
+}
+
+/// All columns of a table.
+///
+/// # Errors
+/// See [`DataError`].
+pub fn read_columns(path: &Path) -> Result<Columns, DataError> {
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("parquet")) {
+        let message = "Parquet is written, not read; give a table in CSV".into();
+        return Err(DataError::Malformed { path: path.to_owned(), line: 1, message });
+    }
+    let table = RawTable::read(path)?;
+    let number = |text: &str| match text {
+        "true" => 1.0,
+        "false" => 0.0,
+        text => text.parse().unwrap_or(f64::NAN),
+    };
+    let column = |at: usize| table.rows.iter().map(|(_, record)| number(record.get(at).unwrap_or_default())).collect();
+    let values = (0..table.names.len()).map(column).collect();
+    let keys = table.column("step").unwrap_or_default();
+    let key = |record: &csv::StringRecord| -> String {
+        let parts = table.names.iter().zip(record).take(keys).filter(|(_, value)| !value.is_empty());
+        parts.map(|(name, value)| format!("{name} {value}")).collect::<Vec<_>>().join(", ")
+    };
+    let keys = table.rows.iter().map(|(_, record)| key(record)).collect();
+    Ok(Columns { names: table.names, values, keys })
+}

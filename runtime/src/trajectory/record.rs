@@ -4,7 +4,7 @@ use super::{Cell, Kind, Table};
 use crate::environment::{Environment, StepResult};
 
 /// Collects an episode: row 0 is the initial state, every other row the end of a step.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Recorder {
     table: Table,
     states: Vec<f64>,
@@ -65,6 +65,11 @@ impl Recorder {
         row.push(Cell::Flag(result.is_some_and(|r| r.truncated)));
         row.extend(self.drawn.iter().map(|&at| Cell::Number(environment.parameters()[at])));
         self.table.push(row);
+    }
+
+    /// Leaves the first rows alone, as after a return to an earlier point.
+    pub fn truncate(&mut self, rows: usize) {
+        self.table.truncate(rows);
     }
 
     /// The table so far.

@@ -1,0 +1,72 @@
+//! A Python module of pure functions for JAX.
+
+use std::fmt::Write as _;
+
+use super::module::{Module, string};
+use super::python::Library;
+use super::{ExportError, Nominal, Origin};
+use crate::model::Model;
+
+/// The text of the module.
+pub(super) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -> Result<String, ExportError> {
+    let module = Module::new(model, nominal, Library::Jax)?;
+    let mut text = module.head(origin, ABOUT, "import jax.numpy as jnp\nimport numpy as np");
+    text += "\n";
+    text += &module.lists.print(|list| format!("np.array({list})"));
+    text += HELPERS;
+    text += &module.text;
+    text += "\n# Functions by name.\nFUNCTIONS = {\n";
+    for made in &module.made {
+        let _ = writeln!(text, "    {}: _{},", string(&made.name), made.name);
+    }
+    text += "}\n";
+    if module.sheet.model.explicit {
+        text += if module.sheet.families.solved.is_empty() { RHS } else { DAE };
+    }
+    Ok(text)
+}
+
+const ABOUT: &str =
+    "Pure functions of time t and of vectors x (states), z (algebraic variables), u (actions), p (parameters, discrete variables,
+disturbances), dx (rates of x), c (what functions of a whole step need beside), to be jitted, mapped over batches and
+differentiated. The tables below name the elements of each. They compute in the precision of their arguments:
+`jax.config.update(\"jax_enable_x64\", True)` before any of them for double precision.
+";
+
+const HELPERS: &str = r#"
+
+def _join(parts):
+    return jnp.concatenate([jnp.ravel(part) for part in parts])
+
+
+def _number(truth):
+    return jnp.where(truth, 1.0, 0.0)
+
+
+def _single(a):
+    return jnp.asarray(a, dtype=jnp.float32).astype(jnp.asarray(a).dtype)
+
+
+_and, _or, _not, _where = jnp.logical_and, jnp.logical_or, jnp.logical_not, jnp.where
+_abs, _sign, _round, _min, _max = jnp.abs, jnp.sign, jnp.round, jnp.minimum, jnp.maximum
+
+"#;
+
+const DAE: &str = r#"
+
+def dae(t, x, z, u, p):
+    """Rates of the states and residual of the algebraic equations."""
+    return _rates(t, x, z, u, p), _algebraic(t, x, z, u, p)
+"#;
+
+const RHS: &str = r#"
+
+def rhs(t, x, u, p):
+    """Rates of the states."""
+    return _rates(t, x, jnp.zeros(0), u, p)
+
+
+def dae(t, x, z, u, p):
+    """Rates of the states; there are no algebraic equations."""
+    return _rates(t, x, z, u, p), jnp.zeros(0)
+"#;

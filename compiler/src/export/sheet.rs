@@ -1,0 +1,329 @@
+//! The functions of a model with the arrays that they read and write: what the generators of code have in common.
+//!
+//! Every variable of the model becomes a part of one of a few vectors in public order: `y` (states, then solved algebraic
+//! variables) with `y'`, actions `u`, parameters `p`, context `c`. Addresses stay affine in loop counters inside of the model; what they
+//! are in public order is said element by element ([`Sheet::read`]), and each printer finds the shortest way to write that.
+
+use super::functions;
+use super::{Element, ExportError, Families, Nominal};
+use crate::differentiate::pattern::each;
+use crate::ir::hash::{FastMap, FastSet};
+use crate::ir::{Affine, Builtin, Expr, ExprId, Flavour, MAX_DEPTH, Role, VarId};
+use crate::model::Model;
+
+/// Vectors that exported functions take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(super) enum Array {
+    /// Unknowns: states, then solved algebraic variables.
+    Y,
+    /// Their time derivatives.
+    Yp,
+    /// Actions.
+    U,
+    /// Parameters, discrete variables, disturbances, and what else the equations need.
+    P,
+    /// What only functions of a whole step need.
+    C,
+    /// What was computed ahead.
+    W,
+    /// The factor of the derivatives in the Jacobian.
+    Factor,
+}
+
+/// Counter and passes of loops, outermost first.
+pub(super) type Loops = Vec<(u8, u32)>;
+
+/// Stores in a nest of loops.
+#[derive(Clone, Debug)]
+pub(super) struct Nest {
+    pub loops: Loops,
+    pub stores: Vec<Store>,
+}
+
+/// One store.
+#[derive(Clone, Debug)]
+pub(super) struct Store {
+    /// Where to; `None` is the output.
+    pub array: Option<Array>,
+    /// Element for each pass, the last loop fastest.
+    pub positions: Vec<u32>,
+    /// Add to what is there.
+    pub add: bool,
+    pub value: ExprId,
+}
+
+/// A number of an output.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Label {
+    pub name: String,
+    pub unit: String,
+}
+
+/// A function of a model.
+#[derive(Clone, Debug)]
+pub(super) struct Function {
+    /// Identifier.
+    pub name: String,
+    /// What it computes.
+    pub text: String,
+    /// Nests in order.
+    pub nests: Vec<Nest>,
+    /// Changes `y` and `p` in place, nest after nest; no output then.
+    pub update: bool,
+    /// The numbers of the output.
+    pub outputs: Vec<Label>,
+}
+
+/// What a load reads.
+pub(super) struct Read {
+    pub array: Array,
+    /// The loops that move it.
+    pub loops: Loops,
+    /// Element for each of their passes.
+    pub positions: Vec<u32>,
+}
+
+/// Passes of the loops around, by counter; 0 where there is none.
+pub(super) type Extents = [u32; MAX_DEPTH];
+
+/// A model as vectors and functions.
+pub(super) struct Sheet {
+    pub model: Model,
+    pub families: Families,
+    /// The elements of `p`.
+    pub parameters: Vec<Element>,
+    /// The elements of `c`.
+    pub context: Vec<Element>,
+    pub functions: Vec<Function>,
+    /// Vector and element of each element of a variable's copy; `u32::MAX` for one that no function reads.
+    spots: FastMap<(VarId, Flavour), (Array, Vec<u32>)>,
+    /// Extra elements of `p` and of `c`.
+    extra: FastMap<(VarId, Flavour, u32), (Array, u32)>,
+}
+
+impl Sheet {
+    /// The sheet of a model.
+    ///
+    /// # Errors
+    /// If a program of the model has a form that exports do not know.
+    pub(super) fn new(model: &Model, nominal: &Nominal<'_>) -> Result<Sheet, ExportError> {
+        let mut sheet = Sheet {
+            model: model.clone(),
+            families: Families::new(model, nominal),
+            parameters: vec![],
+            context: vec![],
+            functions: vec![],
+            spots: FastMap::default(),
+            extra: FastMap::default(),
+        };
+        sheet.place(nominal);
+        sheet.functions = functions::all(&mut sheet)?;
+        sheet.find_extra(nominal);
+        Ok(sheet)
+    }
+
+    /// Number of unknowns.
+    pub(super) fn unknowns(&self) -> usize {
+        self.families.states.len() + self.families.solved.len()
+    }
+
+    /// Number of states.
+    pub(super) fn states(&self) -> usize {
+        self.families.states.len()
+    }
+
+    /// The function of a name.
+    pub(super) fn function(&self, name: &str) -> Option<&Function> {
+        self.functions.iter().find(|f| f.name == name)
+    }
+
+    /// Whether time itself occurs in a function.
+    pub(super) fn uses_time(&self, function: &Function) -> bool {
+        let mut found = false;
+        self.each_node(function, &mut |node| found |= node == Expr::Time);
+        found
+    }
+
+    /// Whether a function reads a vector.
+    pub(super) fn uses(&self, function: &Function, array: Array) -> bool {
+        let mut found = false;
+        self.each_node(function, &mut |node| {
+            if let Expr::Load { var, flavour, at } = node {
+                let element = at.offset as u32;
+                found |= self.spot(var, flavour, element).is_some_and(|(of, _)| of == array);
+            }
+        });
+        found
+    }
+
+    fn each_node(&self, function: &Function, visit: &mut dyn FnMut(Expr)) {
+        let mut stack: Vec<ExprId> = function.nests.iter().flat_map(|n| &n.stores).map(|s| s.value).collect();
+        let mut seen = FastSet::default();
+        while let Some(expr) = stack.pop() {
+            if seen.insert(expr) {
+                visit(self.model.exprs.node(expr));
+                stack.extend(self.model.exprs.operands(expr));
+            }
+        }
+    }
+
+    /// Gives every element of a variable its place in public order.
+    fn place(&mut self, nominal: &Nominal<'_>) {
+        let f = &self.families;
+        self.parameters = f.parameters.iter().chain(&f.discretes).chain(&f.disturbances).cloned().collect();
+        let hidden = [Role::Param, Role::Discrete, Role::Disturbance].map(|role| self.unnamed(role, nominal));
+        self.parameters.extend(hidden.into_iter().flatten());
+        let y: Vec<Element> = self.families.states.iter().chain(&self.families.solved).cloned().collect();
+        let actions = self.families.actions.clone();
+        let p = self.parameters.clone();
+        for (elements, copies) in [
+            (&y, &[(Flavour::Value, Array::Y), (Flavour::Derivative, Array::Yp)][..]),
+            (&actions, &[(Flavour::Value, Array::U)][..]),
+            (&p, &[(Flavour::Value, Array::P)][..]),
+        ] {
+            for (at, (var, element)) in elements.iter().enumerate().filter_map(|(at, e)| Some((at, e.place?))) {
+                for &(flavour, array) in copies {
+                    let len = self.model.vars[var].len as usize;
+                    let spots = self.spots.entry((var, flavour)).or_insert_with(|| (array, vec![u32::MAX; len]));
+                    spots.1[element as usize] = at as u32;
+                }
+            }
+        }
+    }
+
+    /// Variables of a role that have no public name.
+    fn unnamed(&self, role: Role, nominal: &Nominal<'_>) -> Vec<Element> {
+        let known: FastSet<VarId> = self.parameters.iter().filter_map(|e| Some(e.place?.0)).collect();
+        let hidden = self.model.vars.iter().filter(|(id, v)| v.role == role && !known.contains(id));
+        let elements = hidden.flat_map(|(id, v)| (0..v.len).map(move |i| (id, v, i)));
+        elements.map(|(id, v, i)| extra_element(numbered(&v.name, i, v.len), nominal.value(id, Flavour::Value, i), (id, i))).collect()
+    }
+
+    /// What functions read beside states, actions and parameters: in `p` where an equation or an output needs it, else in `c`; the copy
+    /// of a variable is not torn apart.
+    fn find_extra(&mut self, nominal: &Nominal<'_>) {
+        let mut found: [Vec<(VarId, Flavour, u32)>; 2] = [vec![], vec![]];
+        for function in &self.functions {
+            let list = &mut found[usize::from(!functions::is_dynamic(&function.name))];
+            self.each_node(function, &mut |node| self.collect_extra(node, list));
+        }
+        let [mut dynamic, others] = found;
+        let needed: FastSet<(VarId, Flavour)> = dynamic.iter().map(|&(var, flavour, _)| (var, flavour)).collect();
+        let goes_along =
+            |&(var, flavour, _): &(VarId, Flavour, u32)| needed.contains(&(var, flavour)) && self.model.vars[var].role != Role::Builtin;
+        let (along, mut rest): (Vec<_>, Vec<_>) = others.into_iter().partition(goes_along);
+        dynamic.extend(along);
+        dynamic.sort_unstable();
+        dynamic.dedup();
+        rest.retain(|key| dynamic.binary_search(key).is_err());
+        rest.sort_unstable();
+        rest.dedup();
+        for (array, keys) in [(Array::P, dynamic), (Array::C, rest)] {
+            for (var, flavour, element) in keys {
+                let name = self.extra_name(var, flavour, element);
+                let made = extra_element(name, nominal.value(var, flavour, element), (var, element));
+                let elements = if array == Array::P { &mut self.parameters } else { &mut self.context };
+                self.extra.insert((var, flavour, element), (array, elements.len() as u32));
+                elements.push(made);
+            }
+        }
+    }
+
+    fn collect_extra(&self, node: Expr, found: &mut Vec<(VarId, Flavour, u32)>) {
+        let Expr::Load { var, flavour, at } = node else { return };
+        let flavour = self.copy(var, flavour);
+        if self.spots.contains_key(&(var, flavour)) || self.is_factor(var, at.offset) {
+            return;
+        }
+        let all = if at.is_constant() { at.offset as u32..at.offset as u32 + 1 } else { 0..self.model.vars[var].len };
+        found.extend(all.map(|i| (var, flavour, i)));
+    }
+
+    /// What does not change within an episode is its own copy at any instant.
+    fn copy(&self, var: VarId, flavour: Flavour) -> Flavour {
+        match self.model.vars[var].role {
+            Role::State | Role::Algebraic | Role::Action | Role::Discrete | Role::Disturbance => flavour,
+            _ => Flavour::Value,
+        }
+    }
+
+    fn is_factor(&self, var: VarId, element: i64) -> bool {
+        self.model.vars[var].role == Role::Builtin && element == Builtin::DerivativeFactor as i64
+    }
+
+    fn extra_name(&self, var: VarId, flavour: Flavour, element: u32) -> String {
+        let variable = &self.model.vars[var];
+        let copy = match flavour {
+            Flavour::Value => None,
+            Flavour::Derivative => Some("derivative"),
+            Flavour::Initial => Some("initial"),
+            Flavour::Previous => Some("previous"),
+            Flavour::Steady => Some("steady"),
+        };
+        let f = &self.families;
+        let named = [&f.states, &f.solved, &f.actions, &self.parameters].into_iter().flatten();
+        let public = named.into_iter().find(|e| e.place == Some((var, element))).map(|e| e.name.clone());
+        let name = match variable.role {
+            Role::Builtin => BUILTINS.get(element as usize).map_or("builtin", |name| *name).to_owned(),
+            Role::Draw => {
+                let stream = self.model.interface.draws.get(element as usize).map_or("", |d| d.stream.as_str());
+                format!("draw({stream},{})", element + 1)
+            }
+            Role::Quadrature => format!("integral({})", element + 1),
+            Role::ParamGiven => format!("given({},{})", variable.name, element + 1),
+            _ => public.unwrap_or_else(|| numbered(&variable.name, element, variable.len)),
+        };
+        copy.map_or(name.clone(), |copy| format!("{copy}({name})"))
+    }
+
+    /// Vector and element that hold an element of a variable.
+    fn spot(&self, var: VarId, flavour: Flavour, element: u32) -> Option<(Array, u32)> {
+        if self.is_factor(var, i64::from(element)) {
+            return Some((Array::Factor, 0));
+        }
+        let flavour = self.copy(var, flavour);
+        if let Some((array, spots)) = self.spots.get(&(var, flavour)) {
+            return spots.get(element as usize).filter(|&&at| at != u32::MAX).map(|&at| (*array, at));
+        }
+        self.extra.get(&(var, flavour, element)).copied()
+    }
+
+    /// Places of a variable that was made for what is computed ahead, one after another from `first` on.
+    pub(super) fn place_cache(&mut self, var: VarId, first: u32) {
+        let len = self.model.vars[var].len;
+        self.spots.insert((var, Flavour::Value), (Array::W, (first..first + len).collect()));
+    }
+
+    /// The elements that an address means, pass after pass.
+    ///
+    /// # Errors
+    /// If the variable has no place: no function of the outside has it.
+    pub(super) fn read(&self, var: VarId, flavour: Flavour, at: Affine, extents: &Extents) -> Result<Read, ExportError> {
+        let moved = (0..MAX_DEPTH).filter(|&d| at.strides[d] != 0);
+        let loops: Loops = moved.map(|d| (d as u8, extents[d])).collect();
+        let (mut array, mut positions, mut missing) = (None, vec![], false);
+        each(&loops, |counters| match self.spot(var, flavour, at.at(counters) as u32) {
+            Some((of, position)) if array.is_none_or(|a| a == of) => {
+                array = Some(of);
+                positions.push(position);
+            }
+            _ => missing = true,
+        });
+        match array {
+            Some(array) if !missing => Ok(Read { array, loops, positions }),
+            _ => Err(ExportError::Unavailable { variable: self.model.vars[var].name.clone() }),
+        }
+    }
+}
+
+/// Names of the elements of the builtin variable.
+const BUILTINS: [&str; 8] = ["steps", "clock", "step_length", "last_step", "failed", "action_excess", "reserved", "derivative_factor"];
+
+fn numbered(name: &str, element: u32, len: u32) -> String {
+    if len == 1 { name.to_owned() } else { format!("{name}[{}]", element + 1) }
+}
+
+fn extra_element(name: String, nominal: f64, place: (VarId, u32)) -> Element {
+    let (low, high) = (f64::NEG_INFINITY, f64::INFINITY);
+    Element { name, unit: "1".into(), text: String::new(), low, high, scale: 1.0, nominal, place: Some(place) }
+}

@@ -1,0 +1,47 @@
+"""The texts that `smpl export` writes."""
+
+from __future__ import annotations
+
+import json as _json
+import os
+from pathlib import Path
+from typing import Any
+
+from smpl.model import Model
+
+
+def text(model: Model, target: str) -> dict[str, str]:
+    """The files of an export: ending -> text, the main file first.
+
+    Args:
+        model: a compiled model; scenario, variants and settings are those that it was compiled with.
+        target: `casadi`, `jax`, `c` or `json`.
+
+    Raises:
+        ValueError: an unknown target, or a model that the target cannot carry.
+    """
+    return dict(model.native.export(target))
+
+
+def json(model: Model) -> dict[str, Any]:
+    """The checked model as a tree, in the form of `docs/schema/model-1.schema.json`."""
+    return _json.loads(text(model, "json")["json"])
+
+
+def write(model: Model, target: str, path: str | os.PathLike[str]) -> list[Path]:
+    """Write an export as `smpl export --to TARGET -o PATH` does; further files stand beside the main one.
+
+    Returns:
+        The files, the main one first.
+
+    Raises:
+        ValueError: as for `text`.
+    """
+    main = Path(path)
+    files = dict(model.native.export(target, main.stem))
+    paths = [main, *(main.with_suffix(f".{ending}") for ending in list(files)[1:])]
+    for file, content in reversed(list(zip(paths, files.values(), strict=True))):
+        part = file.with_name(f".{file.name}.part")
+        part.write_text(content, encoding="utf-8")
+        part.replace(file)
+    return paths

@@ -1,0 +1,210 @@
+"""Modules that `smpl export` writes, run: models as CasADi and JAX functions."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from smpl.export.calls import completing
+from smpl.export.files import text
+from smpl.model import FloatArray, Model, check_names
+
+# Name, unit, lower and upper bound, magnitude, nominal value.
+Row = tuple[str, str, float, float, float, float]
+
+
+def require(package: str, extra: str) -> ModuleType:
+    """Import a package, or say how to get it.
+
+    Raises:
+        ImportError: it is missing; the message names the command.
+    """
+    try:
+        return importlib.import_module(package)
+    except ImportError as error:
+        raise ImportError(f"this needs {extra}: pip install {extra} (or pip install 'smpl[{extra}]')") from error
+
+
+def run(model: Model, target: str) -> dict[str, Any]:
+    """The names that the exported module of a model defines."""
+    (source,) = text(model, target).values()
+    namespace: dict[str, Any] = {"__name__": f"smpl_{target}_{model.name}"}
+    exec(compile(source, f"<smpl export --to {target} of {model.name}>", "exec"), namespace)
+    return namespace
+
+
+class Tables:
+    """Names, units, bounds, magnitudes and nominal values of the vectors of an exported model.
+
+    For each kind (`state`, `algebraic`, `action`, `parameter`, `context`, `output`) there are `KIND_names` and
+    `KIND_units` (tuples), and the arrays `KIND_low`, `KIND_high`, `KIND_scale` and `KIND_nominal`. `labels` and
+    `label_units` map the name of each function to the names and units of the numbers that it gives.
+    """
+
+    _kinds = ("state", "algebraic", "action", "parameter", "context", "output")
+
+    def __init__(self, namespace: Mapping[str, Any]) -> None:
+        self.name: str = namespace["NAME"]
+        self.time_name, self.time_unit = namespace["TIME"]
+        self.step: float = namespace["STEP"]
+        self.explicit: bool = namespace["EXPLICIT"]
+        self._rows: dict[str, list[Row]] = {
+            kind: namespace["ALGEBRAIC" if kind == "algebraic" else f"{kind.upper()}S"]
+            if kind != "context"
+            else namespace["CONTEXT"]
+            for kind in self._kinds
+        }
+        self.labels = {name: tuple(names) for name, names in namespace["NAMES"].items()}
+        self.label_units = {name: tuple(units) for name, units in namespace["UNITS"].items()}
+        self.observation_names = self.labels.get("observations", ())
+        self.observation_units = self.label_units.get("observations", ())
+        self.reward_names = self.labels.get("rewards", ())
+        self.reward_units = self.label_units.get("rewards", ())
+
+    def __getattr__(self, name: str) -> Any:
+        kind, _, what = name.partition("_")
+        columns = {"names": 0, "units": 1, "low": 2, "high": 3, "scale": 4, "nominal": 5}
+        if kind not in self._kinds or what not in columns or "_rows" not in self.__dict__:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}", name=name, obj=self)
+        column = [row[columns[what]] for row in self._rows[kind]]
+        value = tuple(column) if what in ("names", "units") else np.array(column, dtype=np.float64)
+        setattr(self, name, value)
+        return value
+
+    def parameters(self, values: Mapping[str, float] | None = None) -> FloatArray:
+        """The vector p: nominal values with those by name in their place.
+
+        Raises:
+            ValueError: an unknown name; the message lists the right ones.
+        """
+        return self._filled("parameter", values)
+
+    def context(self, values: Mapping[str, float] | None = None) -> FloatArray:
+        """The vector c: nominal values with those by name in their place.
+
+        Raises:
+            ValueError: an unknown name; the message lists the right ones.
+        """
+        return self._filled("context", values)
+
+    def _filled(self, kind: str, values: Mapping[str, float] | None) -> FloatArray:
+        names: tuple[str, ...] = getattr(self, f"{kind}_names")
+        check_names(kind, values or {}, names)
+        vector: FloatArray = getattr(self, f"{kind}_nominal").copy()
+        for name, value in (values or {}).items():
+            vector[names.index(name)] = value
+        return vector
+
+
+class CasadiModel(Tables):
+    """A model as CasADi functions; made by `smpl.export.casadi`.
+
+    Vectors are columns: states x, algebraic variables z, actions u, parameters p; `state_names`, `algebraic_names`,
+    `action_names` and `parameter_names` say what the elements are. p holds the parameters, then discrete variables and
+    disturbances, then what else the equations need (time last, where they depend on it). Functions of a whole step may
+    also take c (`context_names`): values at other instants, counters. The `name_in()` of a function says what it takes.
+    Calls may leave out z where there is none, p (the nominal one) and c where it holds constants only; p may be a
+    mapping.
+
+    Attributes:
+        rhs: `rhs(x, u, p)`, rates of the states; None unless the model is explicit without algebraic variables.
+        dae: `dae(x, z, u, p)`, rates and residual of the algebraic equations; None unless explicit in the rates.
+        residual: `residual(dx, x, z, u, p)`, for every model.
+        outputs: algebraic outputs (`output_names`); None if there are none, like the following.
+        observations: observations in physical units (`observation_names`).
+        rewards: mapping of the name of each reward to its function.
+        failures, successes, constraints, invariants, events, integrals: vectors, named by `labels`.
+        functions: all functions by name: also the updates `start`, `end`, `event_0`, ..., which map (x, z, p) to
+            (x, z, p), and the policies `policy_NAME`.
+    """
+
+    def __init__(self, namespace: Mapping[str, Any], kind: str | None, smooth: float) -> None:
+        super().__init__(namespace)
+        self.kind: str = kind or namespace["KIND"]
+        made = namespace["build"](self.kind, smooth)
+        rewards = made.pop("rewards")
+        self.rewards: dict[str, Any] = {name: completing(function, self) for name, function in rewards.items()}
+        made = {name: completing(function, self) for name, function in made.items()}
+        self.functions: dict[str, Any] = made
+        self.rhs: Any = made.get("rhs")
+        self.dae: Any = made.get("dae")
+        self.residual = made["residual"]
+        self.outputs: Any = made.get("outputs")
+        self.observations: Any = made.get("observations")
+        self.failures: Any = made.get("failures")
+        self.successes: Any = made.get("successes")
+        self.constraints: Any = made.get("constraints")
+        self.invariants: Any = made.get("invariants")
+        self.events: Any = made.get("events")
+        self.integrals: Any = made.get("integrals")
+
+    def __repr__(self) -> str:
+        return f"<smpl.export.CasadiModel {self.name}: {len(self.state_names)} states, {self.kind}>"
+
+
+class JaxModel(Tables):
+    """A model as pure JAX functions; made by `smpl.export.jax`.
+
+    Functions take time t first, then the vectors of `CasadiModel`: `rhs(t, x, u, p)`, `dae(t, x, z, u, p)`,
+    `residual(t, dx, x, z, u, p)`, `outputs`, `observations`, `rewards` (a vector, `reward_names`) and so on of
+    (t, x, z, u, p) and, where `takes_context` says so, c; time is no part of p.
+
+    Attributes:
+        functions: all functions by name, the updates included, which give (x, z, p).
+    """
+
+    def __init__(self, namespace: Mapping[str, Any]) -> None:
+        super().__init__(namespace)
+        self.functions: dict[str, Any] = dict(namespace["FUNCTIONS"])
+        for name in ("rhs", "dae"):
+            if name in namespace:
+                self.functions[name] = namespace[name]
+        self.rhs: Any = self.functions.get("rhs")
+        self.dae: Any = self.functions.get("dae")
+        self.residual = self.functions["residual"]
+        self.outputs: Any = self.functions.get("outputs")
+        self.observations: Any = self.functions.get("observations")
+        self.rewards: Any = self.functions.get("rewards")
+
+    def takes_context(self, name: str) -> bool:
+        """Whether a function takes the vector c as its last argument."""
+        code = self.functions[name].__code__
+        return "c" in code.co_varnames[: code.co_argcount]
+
+    def __repr__(self) -> str:
+        return f"<smpl.export.JaxModel {self.name}: {len(self.state_names)} states>"
+
+
+def casadi(model: Model, kind: str | None = None, smooth: float = 0.0) -> CasadiModel:
+    """The model as CasADi functions.
+
+    Args:
+        model: a compiled model.
+        kind: "MX" keeps loops as operations on vectors, "SX" writes every number out; by the model's size if None.
+        smooth: width over which switches, absolute values, minima and maxima are made smooth, in the unit of what is
+            compared; 0 leaves them exact.
+
+    Raises:
+        ImportError: CasADi is missing.
+        ValueError: the model has what CasADi functions cannot carry.
+    """
+    require("casadi", "casadi")
+    return CasadiModel(run(model, "casadi"), kind, smooth)
+
+
+def jax(model: Model) -> JaxModel:
+    """The model as pure JAX functions.
+
+    They compute in the precision of their arguments: call `jax.config.update("jax_enable_x64", True)` first for double
+    precision.
+
+    Raises:
+        ImportError: JAX is missing.
+        ValueError: the model has what JAX functions cannot carry.
+    """
+    require("jax", "jax")
+    return JaxModel(run(model, "jax"))

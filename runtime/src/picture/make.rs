@@ -1,0 +1,107 @@
+//! Pictures of what is at hand: saved tables, or a model alone.
+
+use std::collections::HashSet;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use super::{Follower, Heading, Picture, Run, heading, items, plan};
+use crate::catalogue::UnknownName;
+use crate::environment::{Environment, ResetError, ResetOptions, StepError};
+use crate::setup::{Setup, SetupError};
+use crate::trajectory::{DataError, Recorder};
+
+/// Why saved tables cannot be drawn.
+#[derive(Debug, thiserror::Error)]
+pub enum SavedError {
+    /// A table is at fault.
+    #[error(transparent)]
+    Data(#[from] DataError),
+    /// A name that is to be shown is not there.
+    #[error(transparent)]
+    Name(#[from] UnknownName),
+}
+
+/// A picture of tables that `smpl simulate --out` wrote, drawn over one another. Units, bounds and set-points come from the model, if there is one.
+///
+/// # Errors
+/// See [`SavedError`].
+pub fn of_tables(paths: &[PathBuf], show: &[String], setup: Option<&Setup>) -> Result<Picture, SavedError> {
+    let mut runs = Vec::new();
+    for path in paths {
+        runs.extend(Run::read(path)?);
+    }
+    let present: HashSet<&str> = runs.iter().flat_map(Run::names).map(String::as_str).collect();
+    let mut all = match (setup, runs.first()) {
+        (Some(setup), _) => items::of_model(setup),
+        (None, Some(first)) => items::of_columns(first.names(), |name| first.is_action(name)),
+        (None, None) => Vec::new(),
+    };
+    for item in &mut all {
+        item.members.retain(|member| present.contains(member.column.as_str()));
+    }
+    all.retain(|item| !item.members.is_empty());
+    let plans = plan(&all, show)?;
+    Ok(match setup {
+        Some(setup) => Picture::new(&plans, &runs, &heading(setup, String::new()), &setup.model().interface().time.1),
+        None => Picture::new(&plans, &runs, &Heading { title: title(paths), ..Heading::default() }, ""),
+    })
+}
+
+fn title(paths: &[PathBuf]) -> String {
+    const SHOWN: usize = 4;
+    let name = |path: &PathBuf| path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned());
+    let mut names: Vec<String> = paths.iter().take(SHOWN).map(name).collect();
+    if paths.len() > SHOWN {
+        names.push(format!("and {} more", paths.len() - SHOWN));
+    }
+    names.join(", ")
+}
+
+/// Why a model alone cannot be drawn.
+#[derive(Debug, thiserror::Error)]
+pub enum NominalError {
+    /// A name that is to be shown is not there.
+    #[error(transparent)]
+    Name(#[from] UnknownName),
+    /// There is no environment.
+    #[error(transparent)]
+    Setup(#[from] SetupError),
+    /// The episode cannot begin.
+    #[error(transparent)]
+    Reset(#[from] ResetError),
+    /// It cannot go on.
+    #[error(transparent)]
+    Step(#[from] StepError),
+}
+
+/// A picture of an episode of at most `most_steps` steps with the nominal policy.
+///
+/// # Errors
+/// See [`NominalError`].
+pub fn nominal(setup: &Arc<Setup>, show: &[String], most_steps: u32) -> Result<Picture, NominalError> {
+    let plans = plan(&items::of_model(setup), show)?;
+    let mut environment = Environment::new(Arc::clone(setup))?;
+    environment.reset(Some(0), &ResetOptions::default())?;
+    let steps = setup.max_steps().min(most_steps);
+    let mut follower = Follower::new(setup, &plans, steps)?;
+    let mut recorder = Recorder::new(&environment);
+    recorder.record(&mut environment, None);
+    let policy = setup.model().model().programs.policies.iter().position(|(name, _)| name == "nominal");
+    let mut action: Vec<f64> = setup.catalogue.actions.elements().iter().map(|e| e.default).collect();
+    while environment.is_running() && environment.steps() < steps {
+        if let Some(index) = policy {
+            environment.policy(index, &mut action);
+        }
+        if let Some(follower) = &mut follower {
+            follower.follow(&environment, &action)?;
+        }
+        let result = environment.step(&action)?;
+        recorder.record(&mut environment, Some(&result));
+    }
+    let mut run = Run::of_table("", recorder.table());
+    if let Some(follower) = follower {
+        run.refine(follower.finish());
+    }
+    let heading = heading(setup, format!("policy nominal, {} steps", environment.steps()));
+    Ok(Picture::new(&plans, &[run], &heading, &setup.model().interface().time.1))
+}

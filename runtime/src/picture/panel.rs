@@ -1,0 +1,364 @@
+//! Panels with their numbers: curves, maps and what stands beside them, before they have a place on a page.
+
+use super::axis::{readable_time, short, span, unit};
+use super::colour;
+use super::drawing::Colour;
+use super::items::{Member, Role};
+use super::plan::{Kind, Line, MOST_LINES, PanelPlan};
+use super::run::Run;
+
+/// A panel.
+#[derive(Clone, Debug)]
+pub(super) struct Panel {
+    /// Name of what it shows.
+    pub name: String,
+    /// Unit as people write it; empty for a number.
+    pub unit: String,
+    /// Describing text, shown where there is room.
+    pub text: String,
+    /// Its abscissa is space, not time.
+    pub over_space: bool,
+    /// What is in it.
+    pub body: Body,
+}
+
+/// What a panel shows.
+#[derive(Clone, Debug)]
+pub(super) enum Body {
+    /// Curves.
+    Curves(Curves),
+    /// A field over time and space.
+    Map(Map),
+}
+
+/// Curves with what they are to be compared with.
+#[derive(Clone, Debug)]
+pub(super) struct Curves {
+    /// The curves.
+    pub series: Vec<Series>,
+    /// Bounds near the curves.
+    pub bounds: Vec<f64>,
+    /// Set-points near the curves.
+    pub targets: Vec<f64>,
+    /// Range of the ordinate.
+    pub range: (f64, f64),
+    /// The series have names of their own within the panel.
+    pub named: bool,
+}
+
+/// One curve.
+#[derive(Clone, Debug)]
+pub(super) struct Series {
+    /// Name.
+    pub label: String,
+    /// Colour.
+    pub colour: Colour,
+    /// Dashes.
+    pub dashes: &'static [f64],
+    /// Single points.
+    pub dots: bool,
+    /// Abscissae.
+    pub x: Vec<f64>,
+    /// Ordinates.
+    pub y: Vec<f64>,
+}
+
+/// A field: `rows` cells, first cell first, each with one value a column of time.
+#[derive(Clone, Debug)]
+pub(super) struct Map {
+    /// Labels of the cells.
+    pub labels: Vec<String>,
+    /// Number of columns.
+    pub columns: usize,
+    /// Values, cell after cell.
+    pub values: Vec<f64>,
+    /// Range of the values.
+    pub range: (f64, f64),
+}
+
+/// All panels with their common axis of time.
+#[derive(Clone, Debug)]
+pub(super) struct Panels {
+    /// The panels.
+    pub panels: Vec<Panel>,
+    /// Range of time, in `time_unit`.
+    pub time: (f64, f64),
+    /// Unit of time; empty where it is not known.
+    pub time_unit: String,
+    /// What the model's times are multiplied with.
+    pub factor: f64,
+    /// What does not change and has no panel, in words.
+    pub constants: Vec<String>,
+}
+
+/// More panels than this have no room for what does not change.
+const ROOMY: usize = 12;
+
+/// Dashes by the number of the run, where colours tell something else.
+const DASHES: [&[f64]; 4] = [&[], &[6.0, 2.5], &[2.0, 2.0], &[7.0, 2.0, 2.0, 2.0]];
+/// More runs than colours are drawn pale, all in one.
+pub(super) const MOST_RUNS: usize = colour::CURVES.len();
+
+/// Colour of a run among `count`.
+pub(super) fn run_colour(index: usize, count: usize) -> Colour {
+    if count > MOST_RUNS { colour::paler(colour::BLUE, 0.45) } else { colour::CURVES[index % colour::CURVES.len()] }
+}
+
+/// Fills the panels of a plan with the numbers of runs.
+pub(super) fn fill(plans: &[PanelPlan], runs: &[Run], given_unit: &str) -> Panels {
+    let times = || runs.iter().flat_map(Run::time).filter(|t| t.is_finite());
+    let (low, high) = times().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| (l.min(t), h.max(t)));
+    let (low, high) = if low < high { (low, high) } else { (low.min(0.0), low.max(0.0) + 1.0) };
+    let (low, high) = if low.is_finite() { (low, high) } else { (0.0, 1.0) };
+    let (time_unit, factor) = readable_time(given_unit, high - low);
+    let mut filled: Vec<(bool, Panel)> = Vec::new();
+    for plan in plans.iter().filter(|plan| !(plan.dispensable && counts_time(plan, runs))) {
+        let leaves = plan.dispensable && (plan.role != Role::Reward);
+        filled.extend(panels_of(plan, runs, factor, &time_unit).into_iter().map(|panel| (leaves && is_flat(&panel), panel)));
+    }
+    let crowded = filled.len() > ROOMY;
+    let (flat, kept): (Vec<_>, Vec<_>) = filled.into_iter().partition(|(flat, _)| *flat && crowded);
+    let constants = flat.iter().filter_map(|(_, panel)| constant(panel)).collect();
+    let panels = kept.into_iter().map(|(_, panel)| panel).collect();
+    Panels { panels, time: (low * factor, high * factor), time_unit: unit(&time_unit), factor, constants }
+}
+
+/// Whether a quantity is the time or the number of the step, which the abscissa tells.
+fn counts_time(plan: &PanelPlan, runs: &[Run]) -> bool {
+    let Kind::Lines(lines) = &plan.kind else { return false };
+    let same = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-9 * b.abs().max(1.0));
+    let is_clock = |run: &Run| {
+        let Some(line) = lines.first() else { return false };
+        let values = run.column(&line.member.column).unwrap_or_default();
+        !values.is_empty() && (same(values, &run.time()) || run.column("step").is_some_and(|steps| same(values, steps)))
+    };
+    lines.iter().filter(|line| !line.dots).count() == 1 && runs.iter().all(is_clock)
+}
+
+fn is_flat(panel: &Panel) -> bool {
+    matches!(&panel.body, Body::Curves(curves) if !panel.over_space && curves.series.iter().all(|s| is_constant(&s.y)))
+}
+
+/// `h = 0.6590 m`; of several values the first is said of all where they are equal, else nothing.
+fn constant(panel: &Panel) -> Option<String> {
+    let Body::Curves(curves) = &panel.body else { return None };
+    let values: Vec<f64> = curves.series.iter().filter(|s| !s.dots).filter_map(|s| s.y.iter().copied().find(|y| y.is_finite())).collect();
+    let shown: Vec<String> = values.iter().take(4).map(|v| short(*v)).collect();
+    let more = if values.len() > 4 { ", ..." } else { "" };
+    Some(format!("{} = {}{more} {}", panel.name, shown.join(", "), panel.unit).trim_end().to_owned())
+}
+
+fn panels_of(plan: &PanelPlan, runs: &[Run], factor: f64, time_unit: &str) -> Vec<Panel> {
+    let bodies = match &plan.kind {
+        Kind::Lines(lines) => vec![(String::new(), curves(lines, runs, factor, plan.role))],
+        Kind::Profile(groups) => vec![(String::new(), profile(groups, runs))],
+        Kind::Map(cells) => runs.iter().map(|run| (run.label.clone(), Body::Map(map(cells, run)))).collect(),
+        Kind::Course(cells) => runs.iter().map(|run| (run.label.clone(), course(cells, run, factor, time_unit))).collect(),
+    };
+    let over_space = matches!(plan.kind, Kind::Profile(_) | Kind::Course(_));
+    let panel = |(label, body): (String, Body)| {
+        let text = if runs.len() > 1 && !label.is_empty() { label } else { text(plan, &body) };
+        Panel { name: plan.name.clone(), unit: unit(&plan.unit), text, over_space, body }
+    };
+    bodies.into_iter().map(panel).collect()
+}
+
+fn text(plan: &PanelPlan, body: &Body) -> String {
+    let all = match &plan.kind {
+        Kind::Lines(lines) => lines.len(),
+        Kind::Profile(groups) => groups.len(),
+        _ => 0,
+    };
+    let shown = if let Body::Curves(curves) = body { curves.series.len() } else { 0 };
+    let part = (all > MOST_LINES && shown > 0).then(|| format!("the {MOST_LINES} that vary most, of {all}"));
+    let end = matches!(plan.kind, Kind::Profile(_)).then(|| "at the end".to_owned());
+    let texts = [Some(plan.text.clone()).filter(|t| !t.is_empty()), end, part];
+    texts.into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
+fn is_constant(values: &[f64]) -> bool {
+    let mut finite = values.iter().filter(|v| v.is_finite());
+    let Some(first) = finite.next() else { return true };
+    finite.all(|v| (v - first).abs() <= 1e-9 * first.abs().max(v.abs()))
+}
+
+/// Largest less smallest value.
+fn variation(values: &[f64]) -> f64 {
+    let (low, high) = extremes(values.iter().copied());
+    if low > high { 0.0 } else { high - low }
+}
+
+fn extremes(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.filter(|v| v.is_finite()).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)))
+}
+
+/// The lines that vary most, in their order.
+fn most_varying<T>(all: &[T], vary: impl Fn(&T) -> f64) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..all.len()).collect();
+    if all.len() > MOST_LINES {
+        let sizes: Vec<f64> = all.iter().map(vary).collect();
+        order.sort_by(|a, b| sizes[*b].total_cmp(&sizes[*a]));
+        order.truncate(MOST_LINES);
+        order.sort_unstable();
+    }
+    order
+}
+
+fn curves(lines: &[Line], runs: &[Run], factor: f64, role: Role) -> Body {
+    let curve = |line: &Line, run: &Run| {
+        let role = if line.dots { Role::Observation } else { line.role };
+        let (mut x, y) = run.curve(&line.member.column, role);
+        x.iter_mut().for_each(|t| *t *= factor);
+        (x, y)
+    };
+    let solid: Vec<&Line> = lines.iter().filter(|line| !line.dots).collect();
+    let vary = |line: &&Line| runs.iter().map(|run| variation(&curve(line, run).1)).fold(0.0, f64::max);
+    let chosen: Vec<&Line> = most_varying(&solid, vary).into_iter().map(|i| solid[i]).collect();
+    let mut series = Vec::new();
+    for (index, line) in chosen.iter().enumerate() {
+        for (number, run) in runs.iter().enumerate() {
+            let (x, y) = curve(line, run);
+            let (colour, dashes) = style(index, chosen.len(), number, runs.len(), line.role);
+            let label = if chosen.len() > 1 { line.label.clone() } else { run.label.clone() };
+            series.push(Series { label, colour, dashes, dots: false, x, y });
+        }
+    }
+    // Of several runs nobody could tell whose readings these are.
+    for line in lines.iter().filter(|line| line.dots && runs.len() == 1) {
+        let readings = runs.iter().filter(|run| chosen.first().is_none_or(|exact| differs(run, exact, line)));
+        series.extend(readings.map(|run| {
+            let (x, y) = curve(line, run);
+            Series { label: line.label.clone(), colour: colour::INK, dashes: &[], dots: true, x, y }
+        }));
+    }
+    let members: Vec<&Member> = chosen.iter().map(|line| &line.member).collect();
+    Body::Curves(with_guides(series, &members, chosen.len() > 1, role == Role::Action))
+}
+
+/// Colour and dashes of a line among `lines`, of a run among `runs`.
+fn style(line: usize, lines: usize, run: usize, runs: usize, role: Role) -> (Colour, &'static [f64]) {
+    match (lines, runs) {
+        (1, 1) => (role_colour(role), &[]),
+        (1, _) => (run_colour(run, runs), &[]),
+        _ => (colour::CURVES[line % colour::CURVES.len()], DASHES[run % DASHES.len()]),
+    }
+}
+
+fn role_colour(role: Role) -> Colour {
+    match role {
+        Role::Action => colour::VERMILION,
+        Role::Reward => colour::GREEN,
+        Role::Discrete => colour::PURPLE,
+        Role::Disturbance => colour::ORANGE,
+        _ => colour::BLUE,
+    }
+}
+
+/// Whether readings are anything else than what is read.
+fn differs(run: &Run, exact: &Line, reading: &Line) -> bool {
+    let (Some(a), Some(b)) = (run.column(&exact.member.column), run.column(&reading.member.column)) else { return false };
+    a.iter().zip(b).any(|(a, b)| (a - b).abs() > 1e-9 * a.abs().max(b.abs()))
+}
+
+/// Adds bounds and set-points that leave the curves readable, and the range of the ordinate.
+fn with_guides(series: Vec<Series>, members: &[&Member], named: bool, is_action: bool) -> Curves {
+    let (low, high) = extremes(series.iter().flat_map(|s| s.y.iter().copied()));
+    let width = if low <= high { (high - low).max(2e-3 * low.abs().max(high.abs())).max(1e-300) } else { 1.0 };
+    let reach = |room: f64| move |x: &f64| x.is_finite() && *x >= low - room * width && *x <= high + room * width;
+    let constant = high - low <= 1e-9 * low.abs().max(high.abs());
+    let room = if is_action && constant {
+        f64::INFINITY
+    } else if is_action {
+        10.0
+    } else {
+        0.4
+    };
+    let bounds = distinct(members.iter().flat_map(|m| [m.low, m.high]).filter(reach(room)));
+    let targets = distinct(members.iter().filter_map(|m| m.target).filter(reach(20.0)));
+    let all = [low, high].into_iter().chain(bounds.iter().copied()).chain(targets.iter().copied());
+    let range = span(all).unwrap_or((0.0, 1.0));
+    Curves { series, bounds, targets, range, named }
+}
+
+fn distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut all: Vec<f64> = values.collect();
+    all.sort_by(f64::total_cmp);
+    all.dedup();
+    // Many guides, one for each of many curves, guide nobody.
+    if all.len() > 2 { Vec::new() } else { all }
+}
+
+/// The value of a column in the last row that has one.
+fn last(run: &Run, column: &str) -> f64 {
+    let finite = |values: &[f64]| values.iter().rev().copied().find(|v| v.is_finite());
+    run.column(column).and_then(finite).unwrap_or(f64::NAN)
+}
+
+/// Numbers of cells, as their labels say where these are numbers.
+fn places(cells: &[Member]) -> Vec<f64> {
+    let number = |member: &Member| member.label.rsplit(',').next().and_then(|l| l.parse().ok());
+    let numbers: Option<Vec<f64>> = cells.iter().map(number).collect();
+    numbers.unwrap_or_else(|| (1..=cells.len()).map(|i| i as f64).collect())
+}
+
+fn profile(groups: &[(String, Vec<Member>)], runs: &[Run]) -> Body {
+    let values = |cells: &[Member], run: &Run| -> Vec<f64> { cells.iter().map(|m| last(run, &m.column)).collect() };
+    let size = |group: &(String, Vec<Member>)| runs.iter().map(|run| variation(&values(&group.1, run))).fold(0.0, f64::max);
+    let chosen = most_varying(groups, size);
+    let mut series = Vec::new();
+    for (index, group) in chosen.into_iter().map(|i| &groups[i]).enumerate() {
+        for (number, run) in runs.iter().enumerate() {
+            let (colour, dashes) = style(index, 2, number, runs.len(), Role::State);
+            let (x, y) = (places(&group.1), values(&group.1, run));
+            series.push(Series { label: group.0.clone(), colour, dashes, dots: false, x, y });
+        }
+    }
+    Body::Curves(with_guides(series, &[], true, false))
+}
+
+/// Curves over space at some times from the first to the last row.
+fn course(cells: &[Member], run: &Run, factor: f64, time_unit: &str) -> Body {
+    const TIMES: usize = 6;
+    let time = run.time();
+    let end = time.len().saturating_sub(1);
+    let mut rows: Vec<usize> = (0..TIMES).map(|i| (i * end) / (TIMES - 1)).collect();
+    rows.dedup();
+    let curve = |(i, &row): (usize, &usize)| {
+        let value = |m: &Member| run.column(&m.column).and_then(|c| c.get(row)).copied().unwrap_or(f64::NAN);
+        let colour = colour::viridis(0.92 * i as f64 / rows.len().max(2) as f64);
+        let label = format!("{} {time_unit}", short_time(time[row] * factor)).trim_end().to_owned();
+        Series { label, colour, dashes: &[], dots: false, x: places(cells), y: cells.iter().map(value).collect() }
+    };
+    let series = if time.is_empty() { Vec::new() } else { rows.iter().enumerate().map(curve).collect() };
+    Body::Curves(with_guides(series, &[], true, false))
+}
+
+fn short_time(t: f64) -> String {
+    short((t * 1000.0).round() / 1000.0)
+}
+
+/// Most cells of a picture in each direction; more are not seen.
+const MOST_CELLS: usize = 400;
+
+fn map(cells: &[Member], run: &Run) -> Map {
+    let time = run.time();
+    let columns = time.len().clamp(1, MOST_CELLS);
+    let (first, last) = (time.first().copied().unwrap_or(0.0), time.last().copied().unwrap_or(1.0));
+    let moment = |j: usize| first + (last - first) * (j as f64 + 0.5) / columns as f64;
+    let nearest = |t: f64| {
+        let after = time.partition_point(|x| *x < t).min(time.len().saturating_sub(1));
+        let before = after.saturating_sub(1);
+        if time.get(before).is_some_and(|x| t - x < time[after] - t) { before } else { after }
+    };
+    let rows: Vec<usize> = (0..columns).map(|j| nearest(moment(j))).collect();
+    let shown: Vec<&Member> = cells.iter().step_by(cells.len().div_ceil(MOST_CELLS).max(1)).collect();
+    let values_of = |member: &&Member| {
+        let column = run.column(&member.column).unwrap_or_default();
+        rows.iter().map(|row| column.get(*row).copied().unwrap_or(f64::NAN)).collect::<Vec<f64>>()
+    };
+    let values: Vec<f64> = shown.iter().flat_map(values_of).collect();
+    let (low, high) = extremes(values.iter().copied());
+    let range = if low > high { (0.0, 1.0) } else { (low, if high > low { high } else { low + 1e-3 * low.abs().max(1e-9) }) };
+    let label = |m: &&Member| m.label.rsplit(',').next().unwrap_or_default().to_owned();
+    Map { labels: shown.iter().map(label).collect(), columns, values, range }
+}
