@@ -151,7 +151,8 @@ fn back_end(mut model: Model, settings: &BackEndSettings) -> Result<Parts, BackE
         functions: named.zip(&generated).map(|(name, g)| (name, g.time, g.size())).collect(),
     };
     let codes = generated.into_iter().map(|g| g.codes).collect();
-    Ok(Parts { model, pattern, tables, codes, prepare_parameters, has_breaks: time.next_break.is_some(), forcings, statistics })
+    let (has_breaks, timed) = (time.next_break.is_some(), time.in_equations);
+    Ok(Parts { model, pattern, tables, codes, prepare_parameters, has_breaks, forcings, timed, statistics })
 }
 
 fn check_square(model: &Model) -> Result<usize, BackEndError> {

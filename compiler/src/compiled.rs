@@ -138,6 +138,12 @@ impl CompiledModel {
         self.parts.forcings as usize
     }
 
+    /// Whether time occurs in the equations.
+    #[must_use]
+    pub fn depends_on_time(&self) -> bool {
+        self.parts.timed
+    }
+
     /// What compiling took and gave.
     #[must_use]
     pub fn statistics(&self) -> &CompileStatistics {

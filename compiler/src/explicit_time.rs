@@ -25,6 +25,8 @@ pub struct ExplicitTime {
     pub next_break: Option<ExprId>,
     /// All forcings.
     pub forcings: Vec<Looped>,
+    /// Time occurs in the equations themselves.
+    pub in_equations: bool,
 }
 
 impl ExplicitTime {
@@ -47,13 +49,14 @@ pub fn collect(model: &mut Model, rows: &[Rows]) -> ExplicitTime {
     let others = model.quadratures.iter().copied().chain(model.roots.iter().map(|r| r.value));
     roots.extend(others.map(|value| (value, [0; MAX_DEPTH])));
     let mut collector = Collector::new(model);
+    let in_equations = rows.iter().any(|row| collector.moves[row.value].time);
     if roots.iter().any(|&(root, _)| collector.moves[root].time) {
         collector.walk(&roots);
         for (root, extents) in roots {
             collector.force(root, extents);
         }
     }
-    collector.finish()
+    ExplicitTime { in_equations, ..collector.finish() }
 }
 
 /// What moves an expression within a step.
@@ -313,7 +316,7 @@ impl<'a> Collector<'a> {
         let next_break = self.next_break();
         let loops = |around: Extents| (0..).zip(around).filter(|&(_, extent)| extent > 0).collect();
         let forcings = self.forcings.into_iter().map(|(value, around)| (loops(around), value)).collect();
-        ExplicitTime { next_break, forcings }
+        ExplicitTime { next_break, forcings, in_equations: false }
     }
 
     /// The least of all next breaks.

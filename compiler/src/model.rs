@@ -390,6 +390,8 @@ pub struct Solver {
     pub quadrature_error_control: bool,
     /// `auto`, `dense` or `klu`.
     pub linear_solver: String,
+    /// `ida`, `rosenbrock`, `explicit` or `auto`.
+    pub method: String,
 }
 
 impl Default for Episode {
@@ -426,6 +428,7 @@ impl Default for Solver {
             algebraic_error_control: false,
             quadrature_error_control: true,
             linear_solver: "auto".into(),
+            method: "ida".into(),
         }
     }
 }

@@ -102,7 +102,7 @@ class Model:
         disturbances: Sequence[tuple[str, FloatArray]],
         size: tuple[int, int],
         options: tuple[int | None, int, bool],
-        run: tuple[int, int | None],
+        run: tuple[int, int | None, str | None],
     ) -> tuple[
         FloatArray,
         FloatArray,
@@ -141,7 +141,13 @@ class Env:
     """One environment."""
 
     def __init__(
-        self, model: Model, normalize: bool, dense_reward: bool, info_state: bool, max_steps: int | None
+        self,
+        model: Model,
+        normalize: bool,
+        dense_reward: bool,
+        info_state: bool,
+        max_steps: int | None,
+        method: str | None,
     ) -> None: ...
     def reset(self, seed: int | None, start: Start | None) -> tuple[Observation, Info]: ...
     def step(self, action: FloatArray) -> tuple[Observation, float, bool, bool, Info]: ...
@@ -183,6 +189,7 @@ class Batch:
         dense_reward: bool,
         info_state: bool,
         max_steps: int | None,
+        method: str | None,
         num_threads: int,
         autoreset: str,
     ) -> None: ...

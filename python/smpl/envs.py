@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 Observation = npt.NDArray[np.float32]
 SEEDS = 2**64
+METHODS = ("ida", "rosenbrock", "explicit", "auto")
 
 
 class SeedError(gymnasium.error.Error, ValueError):
@@ -81,6 +82,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         max_steps: time limit in place of the scenario's.
         render_mode: `rgb_array`, `ansi` or none.
         info_state: add the state to `info`.
+        method: what takes the steps, `ida`, `rosenbrock`, `explicit` or `auto`, in place of the model's or scenario's.
 
     Attributes:
         model: the compiled model.
@@ -108,6 +110,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         max_steps: int | None = None,
         render_mode: str | None = None,
         info_state: bool = False,
+        method: str | None = None,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode is {render_mode!r}; there are: {', '.join(self.metadata['render_modes'])}")
@@ -115,7 +118,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         self.observation_space, self.action_space = self._describe(compiled, normalize)
         self.render_mode = render_mode
         flags = as_flag("dense_reward", dense_reward), as_flag("info_state", info_state)
-        self._options = (self.normalize, *flags, check_limit(max_steps))
+        self._options = (self.normalize, *flags, check_limit(max_steps), check_method(method))
         self._native = _native.Env(compiled.native, *self._options)
         self.constraint_names = tuple(self._native.constraint_names)
         self.max_steps = self._native.max_steps
@@ -325,9 +328,16 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         """
         from smpl.rollout import rollout
 
-        limit = self._options[-1]
+        *_, limit, method = self._options
         return rollout(
-            self.model, self.snapshot(), actions, seed=seed, threads=threads, outputs=outputs, max_steps=limit
+            self.model,
+            self.snapshot(),
+            actions,
+            seed=seed,
+            method=method,
+            threads=threads,
+            outputs=outputs,
+            max_steps=limit,
         )
 
     # Copies and pickles go on where the original is. A copy shares the model; a pickle names it, and the snapshot in it
@@ -395,6 +405,17 @@ def _box(low: FloatArray, high: FloatArray, normalize: bool) -> Box:
         finite = np.isfinite(low) & np.isfinite(high)
         low, high = np.where(finite, -1.0, low), np.where(finite, 1.0, high)
     return Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
+
+
+def check_method(method: str | None) -> str | None:
+    """The name of a method of integration if it is one.
+
+    Raises:
+        ValueError: there is no such method.
+    """
+    if method is not None and method not in METHODS:
+        raise ValueError(f"method is {method!r}; there are: {', '.join(METHODS)}")
+    return method
 
 
 def check_limit(max_steps: int | None) -> int | None:

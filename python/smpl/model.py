@@ -211,6 +211,7 @@ class Model(Named):
         discrete: Mapping[str, npt.ArrayLike] | None = None,
         disturbances: Mapping[str, npt.ArrayLike] | None = None,
         seed: int | None = None,
+        method: str | None = None,
         threads: int | None = None,
         *,
         first_step: int = 0,
@@ -229,6 +230,7 @@ class Model(Named):
             disturbances: recorded sequences by name, (H,) for all trajectories or (N, H), or one number throughout.
             seed: trajectory i has the random numbers of `reset(seed=seed + i)`. Without one, random numbers are at
                 their means and observations without noise: what is expected.
+            method: what takes the steps, `ida`, `rosenbrock`, `explicit` or `auto`; the model's or scenario's if none.
             threads: all processors if none.
             first_step: steps that count as completed at the start: the clock begins there.
             outputs: also return the algebraic outputs.
@@ -246,6 +248,7 @@ class Model(Named):
             discrete=discrete,
             disturbances=disturbances,
             seed=seed,
+            method=method,
             threads=threads,
             first_step=first_step,
             outputs=outputs,

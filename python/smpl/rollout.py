@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
-from smpl.envs import check_seed, native_seed
+from smpl.envs import check_method, check_seed, native_seed
 from smpl.model import FloatArray, Model, as_count, as_numbers, check_names
 
 Named = list[tuple[str, FloatArray]]
@@ -70,6 +70,7 @@ def rollout(
     discrete: Mapping[str, npt.ArrayLike] | None = None,
     disturbances: Mapping[str, npt.ArrayLike] | None = None,
     seed: int | None = None,
+    method: str | None = None,
     threads: int | None = None,
     first_step: int = 0,
     outputs: bool = False,
@@ -92,7 +93,7 @@ def rollout(
         _each("disturbances", _known("disturbances", disturbances or {}, model.disturbance_names), count, horizon),
         (count, horizon),
         (_seed(seed), as_count("first_step", first_step, 0, "a step"), bool(outputs)),
-        (min(_threads(threads), count), max_steps),
+        (min(_threads(threads), count), max_steps, check_method(method)),
     )
     reached, observed, algebraic, rewards, cost, violations, steps, terminated, truncated, failure = result
     return Rollout(

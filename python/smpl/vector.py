@@ -14,7 +14,17 @@ from gymnasium.vector.utils import batch_space
 
 from smpl import _native
 from smpl._options import start_from_options
-from smpl.envs import Env, Interface, Observation, SeedError, check_limit, check_seed, choose_model, native_seed
+from smpl.envs import (
+    Env,
+    Interface,
+    Observation,
+    SeedError,
+    check_limit,
+    check_method,
+    check_seed,
+    choose_model,
+    native_seed,
+)
 from smpl.model import FloatArray, Model, Setting, as_count, as_flag, as_numbers, check_names
 
 if TYPE_CHECKING:
@@ -44,8 +54,8 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
     mappings to such arrays.
 
     Args:
-        model, normalize, dense_reward, reward, observation, scenario, variants, settings, max_steps, info_state: as for
-            `smpl.Env`.
+        model, normalize, dense_reward, reward, observation, scenario, variants, settings, max_steps, info_state,
+        method: as for `smpl.Env`.
         num_envs: number of sub-environments.
         autoreset_mode: an AutoresetMode, or its name or value in any case, underscores ignored.
         num_threads: threads that step; all processors if none.
@@ -71,6 +81,7 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         autoreset_mode: AutoresetMode | str = "next_step",
         num_threads: int | None = None,
         render_mode: str | None = None,
+        method: str | None = None,
     ) -> None:
         num_envs = as_count("num_envs", num_envs)
         if render_mode is not None:
@@ -88,8 +99,9 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.num_threads = num_threads or os.cpu_count() or 1
         limit = check_limit(max_episode_steps if max_steps is None else max_steps)
         mode = str(self.autoreset_mode.value)
+        method = check_method(method)
         flags = self.normalize, as_flag("dense_reward", dense_reward), as_flag("info_state", info_state)
-        self._options = (num_envs, *flags, limit, self.num_threads, mode)
+        self._options = (num_envs, *flags, limit, method, self.num_threads, mode)
         self._native = _native.Batch(compiled.native, *self._options)
         self.constraint_names = tuple(self._native.constraint_names)
         self._seeded = False

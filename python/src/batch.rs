@@ -67,6 +67,7 @@ impl Batch {
         dense_reward: bool,
         info_state: bool,
         max_steps: Option<u32>,
+        method: Option<&str>,
         num_threads: usize,
         autoreset: &str,
     ) -> PyResult<Self> {
@@ -78,7 +79,7 @@ impl Batch {
                 return Err(PyValueError::new_err(format!("unknown autoreset mode `{autoreset}`")));
             }
         };
-        let setup = model.setup(py, dense_reward, max_steps)?;
+        let setup = model.setup(py, dense_reward, max_steps, method)?;
         let reset = ResetOptions::default();
         let options = BatchOptions { autoreset, threads: num_threads, normalised: normalize, reset };
         let batch = guarded(|| batch::Batch::new(&setup, num_envs, options))?.map_err(|e| batch_error(&e))?;

@@ -81,8 +81,16 @@ impl Snapshot {
 #[pymethods]
 impl Env {
     #[new]
-    fn new(py: Python<'_>, model: &Model, normalize: bool, dense_reward: bool, info_state: bool, max_steps: Option<u32>) -> PyResult<Self> {
-        let setup = model.setup(py, dense_reward, max_steps)?;
+    fn new(
+        py: Python<'_>,
+        model: &Model,
+        normalize: bool,
+        dense_reward: bool,
+        info_state: bool,
+        max_steps: Option<u32>,
+        method: Option<&str>,
+    ) -> PyResult<Self> {
+        let setup = model.setup(py, dense_reward, max_steps, method)?;
         let environment = guarded(|| Environment::new(setup))?.map_err(|e| crate::errors::setup_error(&e))?;
         Ok(Self {
             keys: Keys::new(py, &environment, info_state),

@@ -89,6 +89,7 @@ pub fn setup_error(error: &SetupError) -> PyErr {
         SetupError::UnknownName(_) | SetupError::Structural(_) | SetupError::OutsideBounds(_) | SetupError::Value { .. } => {
             ScenarioError::new_err(error.to_string())
         }
+        SetupError::Method { .. } => PyValueError::new_err(error.to_string()),
         _ => SimulationError::new_err(error.to_string()),
     }
 }

@@ -27,8 +27,8 @@ type Matrix<'py> = Bound<'py, PyArray2<f64>>;
 type Indices<'py> = Bound<'py, PyArray1<i32>>;
 type Input<'py> = PyReadonlyArray1<'py, f64>;
 
-/// By dense reward and time limit.
-type Setups = HashMap<(bool, Option<u32>), Arc<Setup>>;
+/// By dense reward, time limit and method.
+type Setups = HashMap<(bool, Option<u32>, Option<String>), Arc<Setup>>;
 
 /// A compiled model.
 #[pyclass(frozen, module = "smpl._native")]
@@ -40,8 +40,8 @@ pub struct Model {
     equations: Mutex<Option<Equations>>,
     /// What environments share.
     setups: Mutex<Setups>,
-    /// Environments of rollouts, by number of threads and time limit.
-    rollouts: Mutex<HashMap<(usize, Option<u32>), Rollouts>>,
+    /// Environments of rollouts, by number of threads, time limit and method.
+    rollouts: Mutex<HashMap<(usize, Option<u32>, Option<String>), Rollouts>>,
 }
 
 #[pymethods]
@@ -259,7 +259,7 @@ impl Model {
     }
 
     /// Trajectories from states or from a snapshot; `size` is (trajectories, steps), `options` (seed, first step, with outputs), `run`
-    /// (threads, time limit).
+    /// (threads, time limit, method).
     #[expect(clippy::too_many_arguments, reason = "the arguments of the Python method, one by one")]
     fn rollout<'py>(
         &self,
@@ -271,12 +271,12 @@ impl Model {
         disturbances: Vec<(String, PyReadonlyArrayDyn<'py, f64>)>,
         size: (usize, usize),
         options: (Option<u64>, u32, bool),
-        run: (usize, Option<u32>),
+        run: (usize, Option<u32>, Option<String>),
     ) -> PyResult<Results<'py>> {
         let request = Request::new(&start, &actions, [&parameters, &discrete, &disturbances], size, options);
         drop((start, actions, parameters, discrete, disturbances));
-        let (threads, max_steps) = run;
-        let setup = self.setup(py, true, max_steps)?;
+        let (threads, max_steps, ref method) = run;
+        let setup = self.setup(py, true, max_steps, method.as_deref())?;
         let mut all = self.rollouts.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner);
         let rollouts = match all.entry(run) {
             Entry::Occupied(known) => known.into_mut(),
@@ -322,18 +322,20 @@ impl Model {
     /// What environments of this model share.
     ///
     /// # Errors
-    /// Settings out of range, or no steady state where the model starts from one.
-    pub fn setup(&self, py: Python<'_>, dense_reward: bool, max_steps: Option<u32>) -> PyResult<Arc<Setup>> {
+    /// Settings out of range, a method that does not take the model, or no steady state where the model starts from one.
+    pub fn setup(&self, py: Python<'_>, dense_reward: bool, max_steps: Option<u32>, method: Option<&str>) -> PyResult<Arc<Setup>> {
+        let key = (dense_reward, max_steps, method.map(str::to_owned));
         let mut setups = self.setups.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner);
-        if let Some(setup) = setups.get(&(dense_reward, max_steps)) {
+        if let Some(setup) = setups.get(&key) {
             return Ok(setup.clone());
         }
         let base = self.loaded.options.clone();
         let max = max_steps.or(base.max_steps);
-        let options = EnvironmentOptions { sparse: !dense_reward, max_steps: max, ..base };
+        let method = key.2.clone().or(base.method.clone());
+        let options = EnvironmentOptions { sparse: !dense_reward, max_steps: max, method, ..base };
         let (model, sources) = (self.loaded.model.clone(), Some(self.loaded.sources.clone()));
         let setup = released(py, || Setup::new(model, options, sources))?.map_err(|e| setup_error(&e))?;
-        setups.insert((dense_reward, max_steps), setup.clone());
+        setups.insert(key, setup.clone());
         Ok(setup)
     }
 

@@ -147,7 +147,7 @@ impl Recording {
 /// The picture of saved tables.
 #[pyfunction]
 pub fn picture_of_tables(py: Python<'_>, paths: Vec<PathBuf>, show: Vec<String>, model: Option<&Model>) -> PyResult<Picture> {
-    let setup = model.map(|model| model.setup(py, true, None)).transpose()?;
+    let setup = model.map(|model| model.setup(py, true, None, None)).transpose()?;
     let drawn = released(py, || picture::of_tables(&paths, &show, setup.as_deref()))?;
     let picture = drawn.map_err(|error| match error {
         SavedError::Data(error @ smpl_runtime::trajectory::DataError::Read { .. }) => PyOSError::new_err(error.to_string()),
@@ -159,7 +159,7 @@ pub fn picture_of_tables(py: Python<'_>, paths: Vec<PathBuf>, show: Vec<String>,
 /// The picture of an episode with the nominal policy.
 #[pyfunction]
 pub fn nominal_picture(py: Python<'_>, model: &Model, show: Vec<String>, most_steps: u32) -> PyResult<Picture> {
-    let setup = model.setup(py, true, None)?;
+    let setup = model.setup(py, true, None, None)?;
     let drawn = released(py, || picture::nominal(&setup, &show, most_steps))?;
     let picture = drawn.map_err(|error| match error {
         NominalError::Show(error) => PyValueError::new_err(error.to_string()),

@@ -3,8 +3,8 @@
 //! A step runs in the order of the language reference, "Sampling instants": the action is applied; disturbances take their values; `at start`
 //! programs run; the integrator restarts consistently and goes to the end of the interval, stopping at events; `at end` programs
 //! run; then failures, successes, rewards and observations are evaluated. A failure wins over success, success over the time limit.
-//! A step allocates nothing, and depends on nothing but the state, the action and the episode's key: the integrator
-//! carries nothing over from one step to the next.
+//! A step allocates nothing, and depends on nothing but the state, the action, the episode's key and, with a one-step
+//! method, the step that fitted last: the integrator carries nothing else over from one step to the next.
 
 mod interval;
 mod invariants;
@@ -30,7 +30,7 @@ use crate::failure::{BOX_SLACK, Cause, Chatter, Failure, NotFinite, SolverFailur
 use crate::observe::{Number, Readings, Sensors};
 use crate::random::EpisodeKey;
 use crate::setup::{Setup, SetupError};
-use crate::solver::{Edge, Ida, Integrator, Statistics, System};
+use crate::solver::{Carried, Edge, Integrator, Statistics, System, integrator};
 use crate::system::CompiledSystem;
 
 /// What a step ended in. Times are in the model's unit.
@@ -122,6 +122,8 @@ struct Progress {
     action_excess: f64,
     /// Which conditions of events hold.
     edges: Vec<Edge>,
+    /// What the integrator takes along.
+    carried: Carried,
     /// Time of the state where the last step ended before its end: at an event, or where it began if nothing was integrated.
     event_time: Option<f64>,
     chatter: Option<Chatter>,
@@ -228,13 +230,14 @@ impl Environment {
             solver_failure: None,
             action_excess: 0.0,
             edges: vec![Edge::default(); system.root_count()],
+            carried: Carried::default(),
             event_time: None,
             chatter: None,
             not_finite: None,
         };
         Ok(Self {
             integrals: vec![0.0; system.region(Region::Quadrature).len()],
-            integrator: Box::new(Ida::new(&system, setup.settings.clone())?),
+            integrator: integrator(&system, setup.settings.clone())?,
             finish: vec![0.0; counts.iter().map(|&c| c as usize).sum()],
             scratch: vec![0.0; unknowns],
             statistics: Statistics::default(),

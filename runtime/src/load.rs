@@ -474,6 +474,7 @@ fn finish(
         solver_steps: scenario.solver.max_steps,
         max_events: scenario.solver.max_events,
         linear_solver: scenario.solver.linear_solver.clone(),
+        method: scenario.solver.method.clone(),
         parameters: given_parameters(&model, [&scenario.parameters, &scenario.settings, settings])?,
         ..EnvironmentOptions::default()
     };

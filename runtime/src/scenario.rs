@@ -170,6 +170,8 @@ pub struct SolverOverrides {
     pub quadrature_error_control: Option<bool>,
     /// `auto`, `dense` or `klu`.
     pub linear_solver: Option<String>,
+    /// `ida`, `rosenbrock`, `explicit` or `auto`.
+    pub method: Option<String>,
 }
 
 /// The file as it is written.
@@ -199,7 +201,7 @@ const KEYS: [&str; 11] =
     ["parameters", "settings", "variants", "grid", "initial", "disturbances", "reward", "observation", "noise", "solver", "max_steps"];
 /// What is said of a key that a mapping has more than once.
 const TWICE: &str = "is given twice";
-const SOLVER_KEYS: [&str; 9] = [
+const SOLVER_KEYS: [&str; 10] = [
     "rtol",
     "atol_factor",
     "max_order",
@@ -209,6 +211,7 @@ const SOLVER_KEYS: [&str; 9] = [
     "algebraic_error_control",
     "quadrature_error_control",
     "linear_solver",
+    "method",
 ];
 
 /// Under which circumstances a model is run.
@@ -340,6 +343,7 @@ impl SolverOverrides {
         let number = |name, expected, given: Option<f64>, holds: &dyn Fn(&f64) -> bool| {
             given.filter(|x| !holds(x)).map(|x| (name, expected, x.to_string()))
         };
+        let method = self.method.as_ref().filter(|name| crate::setup::method(name).is_err());
         let linear = self.linear_solver.as_ref().filter(|name| crate::setup::linear_solver(name).is_err());
         number("rtol", Solver::RTOL_TEXT, self.rtol, &|x| Solver::RTOL.contains(x))
             .or_else(|| number("atol_factor", "a positive number", self.atol_factor, &positive))
@@ -347,6 +351,7 @@ impl SolverOverrides {
             .or_else(|| number("max_steps", "at least 1", self.max_steps.map(f64::from), &|x| *x >= 1.0))
             .or_else(|| number("max_step", "a positive number", self.max_step, &|x| *x > 0.0))
             .or_else(|| linear.map(|name| ("linear_solver", "auto, dense, banded, block or klu", format!("`{name}`"))))
+            .or_else(|| method.map(|name| ("method", "ida, rosenbrock, explicit or auto", format!("`{name}`"))))
     }
 }
 

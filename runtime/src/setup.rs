@@ -13,7 +13,7 @@ use smpl_dsl::diagnostic::SourceMap;
 
 use crate::catalogue::{Catalogue, Element, OutsideBounds, StructuralParameter, UnknownName, check_parameters};
 use crate::random;
-use crate::solver::{LinearSolver, PatternError, Quadratures, Settings, SolveError};
+use crate::solver::{LinearSolver, Method, PatternError, Quadratures, Settings, SolveError};
 use crate::steady::{self, SteadyError};
 use crate::system::CompiledSystem;
 
@@ -54,6 +54,8 @@ pub struct EnvironmentOptions {
     pub quadrature_error_control: Option<bool>,
     /// `auto`, `dense` or `klu`.
     pub linear_solver: Option<String>,
+    /// `ida`, `rosenbrock`, `explicit` or `auto`.
+    pub method: Option<String>,
 }
 
 /// Why an environment cannot be made.
@@ -81,6 +83,12 @@ pub enum SetupError {
     /// The Jacobian's pattern.
     #[error("pattern of the Jacobian: {0}")]
     Pattern(#[from] PatternError),
+    /// The method does not take the model.
+    #[error("{message}")]
+    Method {
+        /// What it does not take, by name, and what to use instead.
+        message: String,
+    },
     /// The solver refuses its settings or the system.
     #[error(transparent)]
     Solver(#[from] SolveError),
@@ -175,6 +183,7 @@ impl Setup {
         let catalogue = Catalogue::new(&model);
         let interface = model.interface();
         let settings = solver_settings(&model, &catalogue, &options)?;
+        check_method(&model, &catalogue, settings.method)?;
         let reward = match &options.reward {
             None => interface.default_reward as usize,
             Some(name) => interface
@@ -367,6 +376,7 @@ fn solver_settings(model: &CompiledModel, catalogue: &Catalogue, options: &Envir
     settings.max_order = options.max_order.unwrap_or(declared.max_order);
     settings.max_steps = options.solver_steps.unwrap_or(declared.max_steps);
     settings.linear_solver = linear_solver(options.linear_solver.as_deref().unwrap_or(&declared.linear_solver))?;
+    settings.method = method(options.method.as_deref().unwrap_or(&declared.method))?;
     settings.max_step = options.max_step.unwrap_or(declared.max_step);
     if settings.max_step.is_nan() || settings.max_step <= 0.0 {
         positive("max_step", settings.max_step)?;
@@ -376,6 +386,32 @@ fn solver_settings(model: &CompiledModel, catalogue: &Catalogue, options: &Envir
         settings.quadratures = Quadratures::Checked { rtol, atol: factor * rtol };
     }
     Ok(settings)
+}
+
+/// A method that does not take the model is refused with the name of what it does not take.
+fn check_method(model: &CompiledModel, catalogue: &Catalogue, method: Method) -> Result<(), SetupError> {
+    let algebraic = catalogue.solved.names().next();
+    let message = match method {
+        Method::Rosenbrock | Method::Explicit if !model.explicit() => format!(
+            "method `{method}` takes models only whose rates are given explicitly, and here they follow from equations that are solved together: use `ida`"
+        ),
+        Method::Explicit if model.unknowns() > model.states() => format!(
+            "method `explicit` takes ordinary differential equations only, and `{}` is an algebraic variable that is solved for: \
+             use `rosenbrock`, `auto` or `ida`",
+            algebraic.unwrap_or("a variable")
+        ),
+        _ => return Ok(()),
+    };
+    Err(SetupError::Method { message })
+}
+
+/// What takes the steps, by its name.
+pub(crate) fn method(name: &str) -> Result<Method, SetupError> {
+    Method::from_name(name).ok_or_else(|| SetupError::Value {
+        what: "method".into(),
+        expected: "`ida`, `rosenbrock`, `explicit` or `auto`",
+        value: format!("`{name}`"),
+    })
 }
 
 pub(crate) fn linear_solver(name: &str) -> Result<LinearSolver, SetupError> {

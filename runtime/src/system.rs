@@ -148,6 +148,10 @@ impl System for CompiledSystem {
         self.model.next_break(&mut self.memory, t)
     }
 
+    fn depends_on_time(&self) -> bool {
+        self.model.depends_on_time()
+    }
+
     fn forcing_count(&self) -> usize {
         self.model.forcings_len()
     }

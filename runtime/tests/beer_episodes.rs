@@ -16,10 +16,13 @@ fn state(environment: &Environment) -> Vec<f64> {
 }
 
 /// Replays a file; the largest deviation of the states, and the step in which the batch finished.
-fn replay(file: &str, suffix: &str, rtol: Option<f64>) -> Option<(f64, u32)> {
+fn replay(file: &str, suffix: &str, method: &str, rtol: Option<f64>) -> Option<(f64, u32)> {
     let table = reference::table(file)?;
     let (integrate, limit) = if suffix == "tight" { (0.99, 201) } else { (1.0, 200) };
-    let mut env = environment(beer::model(integrate, limit), EnvironmentOptions { rtol, ..EnvironmentOptions::default() });
+    let mut env = environment(
+        beer::model(integrate, limit),
+        EnvironmentOptions { rtol, method: Some(method.into()), ..EnvironmentOptions::default() },
+    );
     let columns: Vec<String> = STATES.iter().map(|s| format!("{s}.{suffix}")).collect();
     let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
     let start = StateInput::Array(table.row(0, &columns));
@@ -40,6 +43,8 @@ fn replay(file: &str, suffix: &str, rtol: Option<f64>) -> Option<(f64, u32)> {
     panic!("{file} should finish");
 }
 
+const METHODS: [&str; 4] = ["ida", "rosenbrock", "explicit", "auto"];
+
 /// Steps of the specification, section 10.
 const FILES: [(&str, u32, u32); 6] = [
     ("beer_1.csv", 146, 145),
@@ -54,12 +59,14 @@ const FILES: [(&str, u32, u32); 6] = [
 fn shipped_tolerances_follow_the_reference_trajectories_to_a_millionth() {
     for (file, legacy, default) in FILES {
         for (suffix, step) in [("tight", legacy), ("tight1h", default)] {
-            let Some((worst, finished)) = replay(file, suffix, None) else {
-                return;
-            };
-            eprintln!("{file} {suffix}: {worst:.1e}");
-            assert!(worst <= 1e-6, "{file}.{suffix}: {worst:e}");
-            assert_eq!(finished, step, "{file}.{suffix}");
+            for method in METHODS {
+                let Some((worst, finished)) = replay(file, suffix, method, None) else {
+                    return;
+                };
+                eprintln!("{file} {suffix} {method}: {worst:.1e}");
+                assert!(worst <= 1e-6, "{file}.{suffix}, {method}: {worst:e}");
+                assert_eq!(finished, step, "{file}.{suffix}, {method}");
+            }
         }
     }
 }
@@ -67,10 +74,12 @@ fn shipped_tolerances_follow_the_reference_trajectories_to_a_millionth() {
 #[test]
 fn tight_tolerances_follow_the_reference_trajectories_to_a_hundred_millionth() {
     for (file, ..) in FILES {
-        let Some((worst, _)) = replay(file, "tight1h", Some(1e-10)) else {
-            return;
-        };
-        assert!(worst <= 1e-8, "{file}: {worst:e}");
+        for method in METHODS {
+            let Some((worst, _)) = replay(file, "tight1h", method, Some(1e-10)) else {
+                return;
+            };
+            assert!(worst <= 1e-8, "{file}, {method}: {worst:e}");
+        }
     }
 }
 

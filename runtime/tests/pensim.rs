@@ -185,11 +185,13 @@ impl Worst {
 }
 
 /// Replays an episode of the reference in closed loop.
-fn closed_loop(episode: usize, scenario: &str, rtol: f64, suffix: &str) -> Option<Worst> {
+fn closed_loop(episode: usize, scenario: &str, method: &str, rtol: f64, suffix: &str) -> Option<Worst> {
     let parameters = reference::table("pensim_parameters.csv")?;
     let table = reference::table(&format!("pensim_{episode}_{scenario}.csv"))?;
     let schedule = ["paa_schedule=hours", "paa_schedule=minutes"][episode - 1];
-    let mut env = environment(pensim(&options(scenario, &[schedule])), Some(rtol));
+    let mut loaded = pensim(&options(scenario, &[schedule]));
+    loaded.options.method = Some(method.into());
+    let mut env = environment(loaded, Some(rtol));
     env.reset(Some(0), &replay(episode, &parameters, &table, suffix)).expect("a start");
     let mut worst = Worst::default();
     let (mut sum, mut expected_sum) = (0.0, 0.0);
@@ -223,39 +225,41 @@ fn closed_loop(episode: usize, scenario: &str, rtol: f64, suffix: &str) -> Optio
         }
     }
     worst.sum = (sum - expected_sum).abs();
-    eprintln!("episode {episode}, {scenario}, rtol {rtol:e}, {suffix}: {worst:?} {:?}", env.statistics());
+    eprintln!("episode {episode}, {scenario}, {method}, rtol {rtol:e}, {suffix}: {worst:?} {:?}", env.statistics());
     Some(worst)
 }
+
+const METHODS: [&str; 4] = ["ida", "rosenbrock", "explicit", "auto"];
 
 const EPISODES: [(usize, &str); 4] = [(1, "default"), (1, "legacy"), (2, "default"), (2, "legacy")];
 
 #[test]
 fn closed_loops_at_tight_tolerances_follow_the_reference() {
-    for (episode, scenario) in EPISODES {
-        let Some(worst) = closed_loop(episode, scenario, 1e-9, ".tight") else {
+    for ((episode, scenario), method) in EPISODES.into_iter().flat_map(|case| METHODS.map(|method| (case, method))) {
+        let Some(worst) = closed_loop(episode, scenario, method, 1e-9, ".tight") else {
             return;
         };
-        assert!(worst.state.0.max(worst.switch.0) <= 1e-5, "{worst:?}");
-        assert!(worst.flow <= 1e-3, "{worst:?}");
-        assert!(worst.reward <= 1e-5 && worst.sum <= 1e-3, "{worst:?}");
+        assert!(worst.state.0.max(worst.switch.0) <= 1e-5, "{method}: {worst:?}");
+        assert!(worst.flow <= 1e-3, "{method}: {worst:?}");
+        assert!(worst.reward <= 1e-5 && worst.sum <= 1e-3, "{method}: {worst:?}");
     }
 }
 
 #[test]
 fn closed_loops_at_everyday_tolerances_follow_the_reference() {
-    for (episode, scenario) in EPISODES {
-        let Some(worst) = closed_loop(episode, scenario, 1e-6, ".tight") else {
+    for ((episode, scenario), method) in EPISODES.into_iter().flat_map(|case| METHODS.map(|method| (case, method))) {
+        let Some(worst) = closed_loop(episode, scenario, method, 1e-6, ".tight") else {
             return;
         };
-        assert!(worst.switch.0 <= 1e-2 && worst.state.0 <= 1e-4, "{worst:?}");
-        assert!(worst.sum <= 1e-2, "{worst:?}");
+        assert!(worst.switch.0 <= 1e-2 && worst.state.0 <= 1e-4, "{method}: {worst:?}");
+        assert!(worst.sum <= 1e-2, "{method}: {worst:?}");
     }
 }
 
 #[test]
 fn legacy_follows_the_trajectory_of_the_original_solver() {
     for episode in [1, 2] {
-        let Some(worst) = closed_loop(episode, "legacy", 1e-9, ".orig") else {
+        let Some(worst) = closed_loop(episode, "legacy", "ida", 1e-9, ".orig") else {
             return;
         };
         assert!(worst.state.0.max(worst.switch.0) <= 1e-4 && worst.sum <= 1e-2, "{worst:?}");

@@ -4,12 +4,14 @@ use std::path::PathBuf;
 
 use smpl_runtime::environment::{Environment, ResetOptions};
 use smpl_runtime::load::{LoadOptions, load};
-use smpl_runtime::setup::Setup;
+use smpl_runtime::setup::{EnvironmentOptions, Setup};
+
+const METHODS: [&str; 3] = ["ida", "rosenbrock", "explicit"];
 
 /// Phases of 6.24, `second` and 0 min, in which x rises by 1, 2 and 3 a minute, stepped every `step` minutes for 10 minutes: phase, its start, x.
-fn run(step: f64, second: f64) -> (f64, f64, f64) {
+fn run(method: &str, step: f64, second: f64) -> (f64, f64, f64) {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
-    let path = folder.join(format!("phases_{step}_{second}.eq"));
+    let path = folder.join(format!("phases_{method}_{step}_{second}.eq"));
     let text = format!(
         "model M\ntime t : min\n\
          phase first for 6.24 [min] then second\nphase second for {second} [min] then third\nphase third for 0 [min] then last\nphase last\n\
@@ -20,7 +22,8 @@ fn run(step: f64, second: f64) -> (f64, f64, f64) {
     );
     std::fs::write(&path, text).expect("writes");
     let loaded = load(&path, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
-    let setup = Setup::new(loaded.model, loaded.options, Some(loaded.sources)).expect("a setup");
+    let options = EnvironmentOptions { method: Some(method.into()), ..loaded.options };
+    let setup = Setup::new(loaded.model, options, Some(loaded.sources)).expect("a setup");
     let mut environment = Environment::new(setup).expect("the solver takes it");
     environment.reset(Some(0), &ResetOptions::default()).expect("a start");
     for _ in 0..(10.0 / step).round() as u32 {
@@ -34,17 +37,21 @@ fn run(step: f64, second: f64) -> (f64, f64, f64) {
 fn a_phase_ends_within_a_step_at_its_end_or_a_rounding_error_beside_it() {
     // 6.22 + 0.02 lies a rounding error before 312 * 0.02 = 6.24.
     for step in [0.02, 0.04, 0.26, 0.1, 1.0, 2.5] {
-        let (phase, since, x) = run(step, 1.0);
-        assert_eq!(phase, 4.0, "step {step}");
-        assert!((since - 7.24).abs() < 1e-8 && (x - 8.24).abs() < 1e-5, "step {step}: since {since}, x = {x}");
+        for method in METHODS {
+            let (phase, since, x) = run(method, step, 1.0);
+            assert_eq!(phase, 4.0, "{method}, step {step}");
+            assert!((since - 7.24).abs() < 1e-8 && (x - 8.24).abs() < 1e-5, "{method}, step {step}: since {since}, x = {x}");
+        }
     }
 }
 
 #[test]
 fn a_phase_without_a_duration_is_passed_at_once() {
     for step in [0.1, 1.0] {
-        let (phase, since, x) = run(step, 0.0);
-        assert_eq!(phase, 4.0, "step {step}");
-        assert!((since - 6.24).abs() < 1e-6 && (x - 6.24).abs() < 1e-5, "step {step}: since {since}, x = {x}");
+        for method in METHODS {
+            let (phase, since, x) = run(method, step, 0.0);
+            assert_eq!(phase, 4.0, "{method}, step {step}");
+            assert!((since - 6.24).abs() < 1e-6 && (x - 6.24).abs() < 1e-5, "{method}, step {step}: since {since}, x = {x}");
+        }
     }
 }

@@ -27,9 +27,9 @@ fn state(environment: &Environment) -> Vec<f64> {
 }
 
 /// Replays a reference file open loop; the largest deviation as a fraction of the ranges, but for a failing last row.
-fn deviation(file: &str, tight: bool) -> Option<f64> {
+fn deviation(file: &str, method: &str, tight: bool) -> Option<f64> {
     let table = reference::table(file)?;
-    let mut options = EnvironmentOptions { max_steps: Some(1000), ..EnvironmentOptions::default() };
+    let mut options = EnvironmentOptions { max_steps: Some(1000), method: Some(method.into()), ..EnvironmentOptions::default() };
     if tight {
         (options.rtol, options.atol_factor) = (Some(1e-11), Some(0.01));
     }
@@ -51,25 +51,27 @@ fn deviation(file: &str, tight: bool) -> Option<f64> {
     Some(worst)
 }
 
+const METHODS: [&str; 4] = ["ida", "rosenbrock", "explicit", "auto"];
+
 const FILES: [&str; 6] =
     ["reactor_1.csv", "reactor_2.csv", "reactor_3.csv", "reactor_extra_ignition.csv", "reactor_extra_drain.csv", "reactor_extra_mpc.csv"];
 
 #[test]
 fn shipped_tolerances_follow_the_reference_trajectories_to_a_millionth() {
-    for file in FILES {
-        if let Some(worst) = deviation(file, false) {
-            eprintln!("{file}: {worst:.1e}");
-            assert!(worst <= 1e-6, "{file}: {worst:e}");
+    for (file, method) in FILES.into_iter().flat_map(|file| METHODS.map(|method| (file, method))) {
+        if let Some(worst) = deviation(file, method, false) {
+            eprintln!("{file}, {method}: {worst:.1e}");
+            assert!(worst <= 1e-6, "{file}, {method}: {worst:e}");
         }
     }
 }
 
 #[test]
 fn tight_tolerances_follow_the_reference_trajectories_to_a_hundred_millionth() {
-    for file in FILES {
-        if let Some(worst) = deviation(file, true) {
-            eprintln!("{file}: {worst:.1e}");
-            assert!(worst <= 1e-8, "{file}: {worst:e}");
+    for (file, method) in FILES.into_iter().flat_map(|file| METHODS.map(|method| (file, method))) {
+        if let Some(worst) = deviation(file, method, true) {
+            eprintln!("{file}, {method}: {worst:.1e}");
+            assert!(worst <= 1e-8, "{file}, {method}: {worst:e}");
         }
     }
 }

@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::ffi::c_void;
 
 use smpl_runtime::solver::problems::{self, Problem};
-use smpl_runtime::solver::{FirstStep, Ida, Integrator, LinearSolver, Settings, System};
+use smpl_runtime::solver::{FirstStep, LinearSolver, Method, Settings, System, integrator};
 
 thread_local! {
     static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
@@ -65,11 +65,12 @@ fn allocations_in_rust_and_in_c_are_counted() {
     }
 }
 
-fn assert_no_allocation(mut problem: Problem, choice: LinearSolver, first_step: FirstStep) {
+fn assert_no_allocation(mut problem: Problem, method: Method, choice: LinearSolver, first_step: FirstStep) {
     let mut settings = Settings::new(1e-6, vec![1e-8; problem.dimension()]);
+    settings.method = method;
     settings.linear_solver = choice;
     settings.first_step = first_step;
-    let mut ida = Ida::new(&problem, settings).expect("valid");
+    let mut ida = integrator(&problem, settings).expect("valid");
     let mut state = problem.start.clone();
     let mut before = 0;
     // Longer than the time after which a computation asks whether it is to stop.
@@ -89,18 +90,30 @@ fn assert_no_allocation(mut problem: Problem, choice: LinearSolver, first_step: 
         ida.advance(&mut problem, t + 0.1).expect("reaches the end");
         state.copy_from_slice(ida.state());
     }
-    assert_eq!(allocations(), before, "calls of malloc with {choice:?} and {first_step:?}");
+    assert_eq!(allocations(), before, "calls of malloc with {method}, {choice:?} and {first_step:?}");
 }
 
 #[test]
 fn restarts_and_advances_allocate_nothing() {
     for first_step in [FirstStep::default(), FirstStep::Scaled { factor: 0.1 }, FirstStep::Ida] {
         for choice in [LinearSolver::Dense, LinearSolver::Block, LinearSolver::Klu] {
-            assert_no_allocation(problems::stirred_tank(), choice, first_step);
-            assert_no_allocation(problems::robertson_dae(), choice, first_step);
+            assert_no_allocation(problems::stirred_tank(), Method::Ida, choice, first_step);
+            assert_no_allocation(problems::robertson_dae(), Method::Ida, choice, first_step);
         }
         for choice in [LinearSolver::Block, LinearSolver::Klu] {
-            assert_no_allocation(problems::tubular_reactor(20), choice, first_step);
+            assert_no_allocation(problems::tubular_reactor(20), Method::Ida, choice, first_step);
         }
     }
+}
+
+#[test]
+fn one_step_methods_allocate_nothing_either() {
+    for method in [Method::Rosenbrock, Method::Auto] {
+        for choice in [LinearSolver::Auto, LinearSolver::Block, LinearSolver::Klu] {
+            assert_no_allocation(problems::stirred_tank(), method, choice, FirstStep::default());
+            assert_no_allocation(problems::robertson_dae(), method, choice, FirstStep::default());
+            assert_no_allocation(problems::tubular_reactor(20), method, choice, FirstStep::default());
+        }
+    }
+    assert_no_allocation(problems::stirred_tank(), Method::Explicit, LinearSolver::Auto, FirstStep::default());
 }

@@ -2,7 +2,7 @@
 
 use smpl_runtime::solver::problems::{self, Problem};
 use smpl_runtime::solver::{
-    Advance, Ida, Integrator, LinearSolver, Method, Pattern, Quadratures, RootKind, Settings, SolveError, Statistics, System,
+    Advance, Ida, Integrator, LinearMethod, LinearSolver, Pattern, Quadratures, RootKind, Settings, SolveError, Statistics, System,
 };
 
 /// Integrates from the problem's start at time 0 to `t_end`.
@@ -47,7 +47,9 @@ fn robertson_ode_reaches_the_test_set_reference_at_1e11() {
 
 #[test]
 fn robertson_dae_reaches_the_test_set_reference_at_1e11_with_all_linear_solvers() {
-    for (choice, method) in [(LinearSolver::Dense, Method::Dense), (LinearSolver::Block, Method::Block), (LinearSolver::Klu, Method::Klu)] {
+    for (choice, method) in
+        [(LinearSolver::Dense, LinearMethod::Dense), (LinearSolver::Block, LinearMethod::Block), (LinearSolver::Klu, LinearMethod::Klu)]
+    {
         let mut problem = problems::robertson_dae();
         let mut settings = Settings::new(1e-8, vec![1e-14, 1e-18, 1e-14]);
         settings.linear_solver = choice;
@@ -108,7 +110,7 @@ fn tanks_in_series_follow_erlangs_distribution() {
     let (n, t) = (1700, 0.3);
     let mut problem = problems::tanks_in_series(n);
     let ida = integrate(&mut problem, Settings::new(1e-7, vec![1e-9; n]), t);
-    assert_eq!(ida.method(), Method::Block);
+    assert_eq!(ida.method(), LinearMethod::Block);
     for i in (0..n).step_by(10) {
         let expected = erlang(i + 1, n as f64 * t);
         assert!((ida.state()[i] - expected).abs() < 2e-5, "tank {i}: {} is not {expected}", ida.state()[i]);
@@ -143,6 +145,8 @@ fn jacobians_agree_with_difference_quotients() {
         problems::stirred_tank(),
         problems::tanks_in_series(5),
         problems::tubular_reactor(3),
+        problems::arenstorf(),
+        problems::predator_prey(),
     ];
     for mut problem in all {
         let n = problem.dimension();

@@ -82,5 +82,7 @@ pub(crate) struct Parts {
     pub(crate) has_breaks: bool,
     /// Number of expressions that time moves other than along straight lines.
     pub(crate) forcings: u32,
+    /// Time occurs in the equations.
+    pub(crate) timed: bool,
     pub(crate) statistics: CompileStatistics,
 }

@@ -63,6 +63,9 @@ pub(super) struct SimulateArguments {
     /// Longest internal step, in the model's unit of time
     #[arg(long, value_name = "T", value_parser = positive, allow_negative_numbers = true)]
     max_step: Option<f64>,
+    /// What takes the steps: ida, rosenbrock, explicit or auto
+    #[arg(long, value_name = "METHOD", value_parser = ["ida", "rosenbrock", "explicit", "auto"])]
+    method: Option<String>,
     /// Table of the trajectory, CSV or Parquet
     #[arg(long, value_name = "T.csv|T.parquet", value_parser = outputs::table)]
     pub(super) out: Option<PathBuf>,
@@ -285,6 +288,7 @@ impl SimulateArguments {
     fn setup_of(&self, loaded: Loaded) -> Result<Arc<Setup>, Failed> {
         let mut options = loaded.options;
         options.rtol = self.rtol.or(options.rtol);
+        options.method = self.method.clone().or(options.method);
         options.max_step = self.max_step.or(options.max_step);
         options.atol_factor = self.atol_factor.or(options.atol_factor);
         options.max_steps = self.steps.or(options.max_steps);

@@ -113,6 +113,7 @@ impl Environment {
         // What earlier steps left behind would make results depend on history (order of pivots).
         self.collect_statistics();
         self.integrator.forget();
+        self.integrator.carry(self.progress.carried);
         self.integrals.fill(0.0);
         self.integrator.edges_mut().copy_from_slice(&self.progress.edges);
         let end = self.end_time();
@@ -146,6 +147,7 @@ impl Environment {
             }
         };
         self.progress.edges.copy_from_slice(self.integrator.edges());
+        self.progress.carried = self.integrator.carried();
         outcome
     }
 

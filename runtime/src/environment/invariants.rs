@@ -3,7 +3,7 @@
 
 use super::Environment;
 use crate::setup::SetupError;
-use crate::solver::{Advance, Ida, Quadratures, SolveError};
+use crate::solver::{Advance, Quadratures, SolveError, integrator};
 
 /// Drift of one invariant since the reset.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -27,7 +27,7 @@ impl Environment {
         settings.quadratures = Quadratures::Checked { rtol: settings.rtol, atol: least };
         self.system.watch_invariants();
         self.collect_statistics();
-        self.integrator = Box::new(Ida::new(&self.system, settings)?);
+        self.integrator = integrator(&self.system, settings)?;
         self.drifts = vec![Drift::default(); self.setup.model().interface().invariants.len()];
         Ok(())
     }

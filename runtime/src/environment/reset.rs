@@ -11,7 +11,7 @@ use crate::failure::{SolverFailure, describe_solver};
 use crate::observe::variate;
 use crate::random::{AT_RESET, EpisodeKey, Stream};
 use crate::setup::{fill_means, set_parameters};
-use crate::solver::{Edge, SolveError, Statistics};
+use crate::solver::{Carried, Edge, SolveError, Statistics};
 use crate::steady::{self, SteadyError};
 
 /// Where an episode starts.
@@ -129,6 +129,7 @@ impl Environment {
         self.progress.expected = options.expected;
         self.statistics = Statistics::default();
         self.integrator.forget();
+        self.progress.carried = Carried::default();
         self.drifts.fill(super::Drift::default());
         let setup = std::sync::Arc::clone(&self.setup);
         self.system.restore(setup.system.memory().all());

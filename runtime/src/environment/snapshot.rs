@@ -10,7 +10,7 @@ use crate::random::EpisodeKey;
 use crate::setup::Setup;
 
 /// First bytes of a snapshot; the last one is the version of what follows.
-const MAGIC: &[u8; 8] = b"smplsnp\x03";
+const MAGIC: &[u8; 8] = b"smplsnp\x04";
 
 /// Bytes at the end: the hash of all before them.
 const SUM: usize = blake3::OUT_LEN;
@@ -31,7 +31,7 @@ enum Origin {
     Elsewhere(String, [u8; 32]),
 }
 
-/// All that an environment goes on from: the integrator carries nothing over from step to step.
+/// All that an environment goes on from: what the integrator carries over from step to step is in `progress`.
 #[derive(Clone, Serialize, Deserialize)]
 struct Content {
     memory: Vec<f64>,

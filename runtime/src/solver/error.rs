@@ -4,7 +4,7 @@ use std::fmt;
 
 use thiserror::Error;
 
-use super::PatternError;
+use super::{Method, PatternError};
 
 /// A return value of IDA, with the message that came with it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -157,6 +157,20 @@ pub enum SolveError {
     /// `advance` was called before `restart`, or after a failure.
     #[error("the integrator needs a restart first")]
     NotStarted,
+    /// A method that takes systems only that are explicit in their derivatives.
+    #[error("method `{method}` takes models only that are explicit in their derivatives: use `ida`")]
+    Implicit {
+        /// Which one.
+        method: Method,
+    },
+    /// The explicit method takes no algebraic unknowns.
+    #[error(
+        "method `explicit` takes ordinary differential equations only, and unknown {unknown} is algebraic: use `rosenbrock`, `auto` or `ida`"
+    )]
+    Algebraic {
+        /// The first algebraic unknown.
+        unknown: usize,
+    },
     /// A setting is out of its range.
     #[error("solver setting: {message}")]
     Settings {

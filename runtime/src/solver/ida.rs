@@ -14,6 +14,7 @@ use super::consistent::{Consistent, Inconsistent, Start, largest};
 use super::forcing::{Course, Forcing};
 use super::linear::Method;
 use super::quadrature::Integrals;
+use super::traverse::Traverse;
 use super::vector::{Operations, Vector};
 use super::{Advance, Edge, FirstStep, IdaFlag, Integrator, Settings, SolveError, Statistics, System};
 
@@ -229,7 +230,8 @@ impl Ida {
         })
     }
 
-    fn solve(&mut self, t_end: f64) -> Result<Advance, SolveError> {
+    /// Steps to a time before the next break, or to an event.
+    fn integrate(&mut self, t_end: f64) -> Result<Advance, SolveError> {
         self.bridge().begin();
         let (interval, fresh) = (t_end - self.time, self.phase == Phase::Restarted);
         self.scale = self.scale.max(interval);
@@ -300,7 +302,7 @@ impl Ida {
             if let Some(quadratures) = &mut self.quadratures {
                 quadratures.next_step(begin);
             }
-            self.take_integrals(self.time)?;
+            self.take(self.time)?;
             if value == IDA_TSTOP_RETURN || self.time >= t_end {
                 return Ok(value);
             }
@@ -309,7 +311,7 @@ impl Ida {
     }
 
     /// Takes the integrals up to a time in the last step.
-    fn take_integrals(&mut self, to: f64) -> Result<(), SolveError> {
+    fn take(&mut self, to: f64) -> Result<(), SolveError> {
         let bridge = unsafe { &mut *self.bridge };
         let taken = self.quadratures.as_mut().map_or(Ok(()), |quadratures| quadratures.take(bridge, self.memory, to));
         taken.map_err(|_| self.fault())

@@ -1,6 +1,12 @@
 //! Stepping, seen from the environments.
 
-use super::{Edge, SolveError, System};
+use serde::{Deserialize, Serialize};
+
+use super::onestep::OneStep;
+use super::{Edge, Ida, Method, Settings, SolveError, System};
+
+/// Unknowns up to which [`Method::Auto`] takes a one-step method: beyond, a stiff control step takes IDA less time (`examples/methods.rs`).
+const SMALL: usize = 200;
 
 /// How an [`advance`](Integrator::advance) ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,6 +40,28 @@ pub struct Statistics {
     pub restarts: u64,
 }
 
+/// What an integrator takes along from one control step to the next, beside the state; nothing by default.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Carried {
+    /// The step that fits; zero where none is known.
+    pub step: f64,
+    /// The explicit one of two methods takes it.
+    pub explicit: bool,
+}
+
+/// An integrator for systems of this one's dimension, pattern and counts, by the method of the settings.
+///
+/// # Errors
+/// A setting out of range, a pattern that does not fit, a system that the method does not take, or SUNDIALS out of memory.
+pub fn integrator(system: &dyn System, settings: Settings) -> Result<Box<dyn Integrator>, SolveError> {
+    let one_step = match settings.method {
+        Method::Ida => false,
+        Method::Rosenbrock | Method::Explicit => true,
+        Method::Auto => system.is_explicit() && system.dimension() <= SMALL,
+    };
+    Ok(if one_step { Box::new(OneStep::new(system, settings)?) } else { Box::new(Ida::new(system, settings)?) })
+}
+
 /// A method that steps a [`System`] through time.
 ///
 /// An integrator is made for one system's dimension and pattern; the system itself is lent to it call by call, so that
@@ -57,6 +85,16 @@ pub trait Integrator: Send {
     /// Forgets what was carried over from earlier restarts (last step, order of pivots, which conditions hold) and sets the statistics to zero:
     /// from here on, results are those of a new instance. To be called where an episode begins.
     fn forget(&mut self);
+
+    /// What helps the next control step: to be kept where one ends, and handed to [`carry`](Self::carry) where the next begins.
+    fn carried(&self) -> Carried {
+        Carried::default()
+    }
+
+    /// Takes what was kept; after a [`forget`](Self::forget).
+    fn carry(&mut self, carried: Carried) {
+        let _ = carried;
+    }
 
     /// Present time.
     fn time(&self) -> f64;

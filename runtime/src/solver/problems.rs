@@ -61,6 +61,10 @@ impl System for Problem {
         if self.autonomous { 0 } else { self.differential.len() }
     }
 
+    fn depends_on_time(&self) -> bool {
+        !self.autonomous
+    }
+
     fn residual(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
         (self.residual)(t, y, yp, &self.inputs, out);
     }
@@ -206,6 +210,58 @@ pub fn stirred_tank() -> Problem {
                 -cj,
             ]);
         },
+    )
+    .autonomous()
+}
+
+/// A satellite about the earth and the moon that comes back to where it was: Arenstorf's orbit, in four unknowns (positions, velocities), rotating with
+/// the moon. Its period is 17.0652165601579625.
+///
+/// E. Hairer, S. P. Nørsett and G. Wanner, *Solving Ordinary Differential Equations I*, 2nd edition (Springer, 1993), equations (0.1) and (0.2).
+pub fn arenstorf() -> Problem {
+    const MOON: f64 = 0.012_277_471;
+    const EARTH: f64 = 1.0 - MOON;
+    /// Distances from earth and moon, to the third power, and to the fifth.
+    fn powers(y: &[f64]) -> ([f64; 2], [f64; 2]) {
+        let squares = [MOON, -EARTH].map(|at| (y[0] + at).powi(2) + y[1] * y[1]);
+        (squares.map(|s| s * s.sqrt()), squares.map(|s| s * s * s.sqrt()))
+    }
+    Problem::ode(
+        vec![0.994, 0.0, 0.0, -2.001_585_106_379_082_522_405_378_622_24],
+        vec![],
+        Pattern::full(4),
+        |_, y, yp, _, out| {
+            let ([earth, moon], _) = powers(y);
+            let rates = [
+                y[2],
+                y[3],
+                y[0] + 2.0 * y[3] - EARTH * (y[0] + MOON) / earth - MOON * (y[0] - EARTH) / moon,
+                y[1] - 2.0 * y[2] - EARTH * y[1] / earth - MOON * y[1] / moon,
+            ];
+            (0..4).for_each(|i| out[i] = rates[i] - yp[i]);
+        },
+        |_, y, cj, _, j| {
+            let ([earth3, moon3], [earth5, moon5]) = powers(y);
+            let (to_earth, to_moon) = (y[0] + MOON, y[0] - EARTH);
+            let rest = 1.0 - EARTH / earth3 - MOON / moon3;
+            let xx = rest + 3.0 * (EARTH * to_earth * to_earth / earth5 + MOON * to_moon * to_moon / moon5);
+            let xy = 3.0 * y[1] * (EARTH * to_earth / earth5 + MOON * to_moon / moon5);
+            let yy = rest + 3.0 * y[1] * y[1] * (EARTH / earth5 + MOON / moon5);
+            let columns = [[-cj, 0.0, xx, xy], [0.0, -cj, xy, yy], [1.0, 0.0, -cj, -2.0], [0.0, 1.0, 2.0, -cj]];
+            j.copy_from_slice(columns.as_flattened());
+        },
+    )
+    .autonomous()
+}
+
+/// Lotka's and Volterra's predators and prey: x' = x (1 − y), y' = y (x − 1), along which x + y − ln(x y) stays.
+pub fn predator_prey() -> Problem {
+    Problem::ode(
+        vec![3.0, 0.5],
+        vec![],
+        Pattern::full(2),
+        |_, y, yp, _, out| out.copy_from_slice(&[y[0] * (1.0 - y[1]) - yp[0], y[1] * (y[0] - 1.0) - yp[1]]),
+        |_, y, cj, _, j| j.copy_from_slice(&[1.0 - y[1] - cj, y[1], -y[0], y[0] - 1.0 - cj]),
     )
     .autonomous()
 }

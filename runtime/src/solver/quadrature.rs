@@ -12,7 +12,6 @@ use sundials_sys::{IDAGetDky, SUNContext};
 use super::callbacks::Bridge;
 use super::vector::{Operations, Vector};
 use super::{Quadratures, System};
-
 /// Unknowns up to which integrals are taken on the interpolating polynomials.
 const SMALL: usize = 200;
 
@@ -32,16 +31,18 @@ pub(crate) struct Integrals {
     checked: Option<(f64, f64)>,
     /// Where they are taken step by step.
     pub by_steps: Option<BySteps>,
+    /// Unknowns and derivatives at a point of a step.
+    inside: [Vector; 2],
 }
 
-/// Integrals over the steps of IDA.
+/// Integrals over one step after the other, along the interpolating polynomial.
 pub(crate) struct BySteps {
     rtol: f64,
     atol: f64,
-    /// Unknowns and derivatives at a point of the step.
-    inside: [Vector; 2],
     /// Boole's and Simpson's sums.
     sums: [Box<[f64]>; 2],
+    /// Integrands at a point of the step.
+    rates: Box<[f64]>,
     /// Values before the last step, and where it began.
     before: Box<[f64]>,
     begin: f64,
@@ -58,48 +59,45 @@ impl Integrals {
         };
         let numbers = || vec![0.0; count].into_boxed_slice();
         let unknown = || Vector::zeros(system.dimension(), operations, context);
-        let by_steps = checked.filter(|_| count > 0 && system.dimension() <= SMALL).map(|(rtol, atol)| BySteps {
-            rtol,
-            atol,
-            inside: [unknown(), unknown()],
-            sums: [numbers(), numbers()],
-            before: numbers(),
-            begin: 0.0,
-        });
+        let small = count > 0 && system.dimension() <= SMALL;
+        let by_steps = checked.filter(|_| small).map(|tolerances| BySteps::new(count, tolerances));
         let checked = checked.filter(|_| by_steps.is_none());
+        let inside = [unknown(), unknown()];
         let mut tolerances = zeros();
         // IDA looks at them before a start is known: none may be zero.
         tolerances.entries_mut().fill(checked.map_or(0.0, |(_, atol)| atol.max(f64::MIN_POSITIVE)));
-        (count > 0).then(|| Self { values: zeros(), tolerances, rates: numbers(), there: numbers(), checked, by_steps })
+        (count > 0).then(|| Self { values: zeros(), tolerances, rates: numbers(), there: numbers(), checked, by_steps, inside })
     }
 
     /// Zero at a restart.
     pub fn restart(&mut self, t: f64) {
         self.values.entries_mut().fill(0.0);
         if let Some(steps) = &mut self.by_steps {
-            steps.before.fill(0.0);
-            steps.begin = t;
+            steps.restart(t);
         }
     }
 
     /// Begins a step: what has come to so far stays.
     pub fn next_step(&mut self, t: f64) {
         if let Some(steps) = &mut self.by_steps {
-            steps.before.copy_from_slice(self.values.entries());
-            steps.begin = t;
+            steps.next_step(t, self.values.entries());
         }
     }
 
     /// Takes the integrals from the beginning of IDA's last step to a time in it.
     pub fn take(&mut self, bridge: &mut Bridge, memory: *mut c_void, to: f64) -> Result<(), i32> {
         let Some(steps) = &mut self.by_steps else { return Ok(()) };
-        let mut pieces = 1;
-        while !steps.agree(bridge, memory, &mut self.there, to, pieces)? && pieces < MOST_PIECES {
-            pieces *= 2;
-        }
-        let sums = steps.before.iter().zip(&steps.sums[0]);
-        self.values.entries_mut().iter_mut().zip(sums).for_each(|(value, (before, sum))| *value = before + sum);
-        Ok(())
+        let [y, yp] = &self.inside;
+        steps.take(to, self.values.entries_mut(), |t, rates| {
+            for (order, vector) in [(0, y), (1, yp)] {
+                // SAFETY: IDA's memory is alive, and the vector has its dimension.
+                let flag = unsafe { IDAGetDky(memory, t, order, vector.raw()) };
+                if flag < 0 {
+                    return Err(flag);
+                }
+            }
+            bridge.integrands(t, y, yp, rates)
+        })
     }
 
     /// Relative tolerance, if the integrals are part of the error test.
@@ -131,23 +129,45 @@ impl Integrals {
 }
 
 impl BySteps {
+    /// For so many integrals, with a relative and an absolute tolerance.
+    pub fn new(count: usize, (rtol, atol): (f64, f64)) -> Self {
+        let numbers = || vec![0.0; count].into_boxed_slice();
+        Self { rtol, atol, sums: [numbers(), numbers()], rates: numbers(), before: numbers(), begin: 0.0 }
+    }
+
+    /// Everything begins at zero.
+    pub fn restart(&mut self, t: f64) {
+        self.before.fill(0.0);
+        self.begin = t;
+    }
+
+    /// Begins a step: what has come to so far stays.
+    pub fn next_step(&mut self, t: f64, values: &[f64]) {
+        self.before.copy_from_slice(values);
+        self.begin = t;
+    }
+
+    /// Takes the integrals to a time within the step; `integrands` writes their rates at a time.
+    pub fn take<E>(&mut self, to: f64, values: &mut [f64], mut integrands: impl FnMut(f64, &mut [f64]) -> Result<(), E>) -> Result<(), E> {
+        let mut pieces = 1;
+        while !self.agree(to, pieces, &mut integrands)? && pieces < MOST_PIECES {
+            pieces *= 2;
+        }
+        let sums = self.before.iter().zip(&self.sums[0]);
+        values.iter_mut().zip(sums).for_each(|(value, (before, sum))| *value = before + sum);
+        Ok(())
+    }
+
     /// Boole's and Simpson's rule over so many pieces of the step up to a time; whether they agree to the tolerance.
-    fn agree(&mut self, bridge: &mut Bridge, memory: *mut c_void, rates: &mut [f64], to: f64, pieces: u32) -> Result<bool, i32> {
+    fn agree<E>(&mut self, to: f64, pieces: u32, integrands: &mut impl FnMut(f64, &mut [f64]) -> Result<(), E>) -> Result<bool, E> {
         let [boole, simpson] = &mut self.sums;
         boole.fill(0.0);
         simpson.fill(0.0);
-        let (points, [y, yp]) = (4 * pieces, &self.inside);
+        let points = 4 * pieces;
         let width = (to - self.begin) / f64::from(pieces);
         for point in 0..=points {
             let t = if point == points { to } else { self.begin + width * f64::from(point) / 4.0 };
-            for (order, vector) in [(0, y), (1, yp)] {
-                // SAFETY: IDA's memory is alive, and the vector has its dimension.
-                let flag = unsafe { IDAGetDky(memory, t, order, vector.raw()) };
-                if flag < 0 {
-                    return Err(flag);
-                }
-            }
-            bridge.integrands(t, y, yp, rates)?;
+            integrands(t, &mut self.rates)?;
             let end = point == 0 || point == points;
             let (in_boole, in_simpson) = match point % 4 {
                 0 if end => (7.0, 1.0),
@@ -155,7 +175,7 @@ impl BySteps {
                 2 => (12.0, 4.0),
                 _ => (32.0, 0.0),
             };
-            for ((boole, simpson), rate) in boole.iter_mut().zip(simpson.iter_mut()).zip(rates.iter()) {
+            for ((boole, simpson), rate) in boole.iter_mut().zip(simpson.iter_mut()).zip(&self.rates) {
                 *boole += width * in_boole / 90.0 * rate;
                 *simpson += width * in_simpson / 6.0 * rate;
             }

@@ -22,6 +22,8 @@ pub struct Settings {
     /// Whether the error of algebraic unknowns is part of the error test. Default false: they are solved for at every step, and as
     /// right as the differential ones that they follow from.
     pub algebraic_error_control: bool,
+    /// What takes the steps. Default [`Method::Ida`].
+    pub method: Method,
     /// Linear solver. Default [`LinearSolver::Auto`].
     pub linear_solver: LinearSolver,
     /// Tolerances of the quadratures. Default [`Quadratures::Unchecked`].
@@ -52,6 +54,46 @@ pub enum FirstStep {
 impl Default for FirstStep {
     fn default() -> Self {
         Self::Estimated { safety: 0.25 }
+    }
+}
+
+/// What takes the steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// SUNDIALS' variable-order BDF code IDA: any system of index 1, of any size.
+    #[default]
+    Ida,
+    /// The Rosenbrock method Rodas5P of order 5: systems that are explicit in their derivatives, stiff or not, with algebraic unknowns or without.
+    Rosenbrock,
+    /// The explicit Runge–Kutta method DOP853 of order 8: ordinary differential equations that are not stiff.
+    Explicit,
+    /// One of the two, by a test of stiffness at run time; IDA for systems that they do not take or that are large.
+    Auto,
+}
+
+impl Method {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Ida, Self::Rosenbrock, Self::Explicit, Self::Auto];
+
+    /// As it is written in models, scenarios and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ida => "ida",
+            Self::Rosenbrock => "rosenbrock",
+            Self::Explicit => "explicit",
+            Self::Auto => "auto",
+        }
+    }
+
+    /// The one of a name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|method| method.name() == name)
+    }
+}
+
+impl std::fmt::Display for Method {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
     }
 }
 
@@ -99,6 +141,7 @@ impl Settings {
             min_step: 0.0,
             max_step: f64::INFINITY,
             algebraic_error_control: false,
+            method: Method::default(),
             linear_solver: LinearSolver::default(),
             quadratures: Quadratures::default(),
         }

@@ -35,6 +35,11 @@ pub trait System {
         f64::INFINITY
     }
 
+    /// Whether time occurs in the equations.
+    fn depends_on_time(&self) -> bool {
+        true
+    }
+
     /// Number of [`forcings`](Self::forcings): 0 for a system in which time does not occur.
     fn forcing_count(&self) -> usize {
         self.dimension()

@@ -26,6 +26,8 @@ impl Replay {
         let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../models").join(model);
         let loaded = load(&path, asked).unwrap_or_else(|e| panic!("{model}: {e}"));
         let mut options = loaded.options;
+        // The same trajectories by another method: `SMPL_METHOD=rosenbrock`.
+        options.method = std::env::var("SMPL_METHOD").ok().or(options.method);
         if let Some((rtol, factor)) = tolerance {
             (options.rtol, options.atol_factor) = (Some(rtol), Some(factor));
         }

@@ -13,6 +13,8 @@ use crate::model::{Episode, Solver};
 
 const LINEAR_SOLVERS: &[&str] = &["auto", "dense", "banded", "block", "klu"];
 const LINEAR_SOLVERS_TEXT: &str = "auto, dense, banded, block or klu";
+const METHODS: &[&str] = &["ida", "rosenbrock", "explicit", "auto"];
+const METHODS_TEXT: &str = "ida, rosenbrock, explicit or auto";
 
 impl<'a> Elaborator<'a> {
     pub(in crate::elaborate) fn settings(&mut self, blocks: &[(ScopeId, Vec<Item<'a>>)]) {
@@ -182,13 +184,11 @@ impl<'a> Elaborator<'a> {
             }
             "algebraic_error_control" => solver.algebraic_error_control = self.holds(e, place),
             "quadrature_error_control" => solver.quadrature_error_control = self.holds(e, place),
-            "linear_solver" => match &e.kind {
-                ExprKind::Name(n) if LINEAR_SOLVERS.contains(&n.text.as_str()) => solver.linear_solver.clone_from(&n.text),
-                _ => {
-                    let message = format!("the linear solver is {LINEAR_SOLVERS_TEXT}");
-                    self.ledger.report(Diagnostic::error(codes::BAD_SETTING, message, e.span));
-                }
-            },
+            "linear_solver" => {
+                let message = || format!("the linear solver is {LINEAR_SOLVERS_TEXT}");
+                self.ledger.one_of(e, LINEAR_SOLVERS, message, &mut solver.linear_solver);
+            }
+            "method" => self.ledger.one_of(e, METHODS, || format!("the method is {METHODS_TEXT}"), &mut solver.method),
             _ => self.ledger.unknown_entry(
                 name,
                 "solver",
@@ -201,6 +201,7 @@ impl<'a> Elaborator<'a> {
                     "max_step",
                     "max_events",
                     "linear_solver",
+                    "method",
                     "algebraic_error_control",
                     "quadrature_error_control",
                 ],
@@ -210,6 +211,14 @@ impl<'a> Elaborator<'a> {
 }
 
 impl Ledger {
+    /// One of several names.
+    fn one_of(&mut self, e: &Expr, known: &[&str], message: impl FnOnce() -> String, to: &mut String) {
+        match &e.kind {
+            ExprKind::Name(n) if known.contains(&n.text.as_str()) => to.clone_from(&n.text),
+            _ => self.report(Diagnostic::error(codes::BAD_SETTING, message(), e.span)),
+        }
+    }
+
     fn unknown_entry(&mut self, name: &Ident, block: &str, known: &[&str]) {
         let help = did_you_mean(&name.text, known.iter().copied());
         self.report(

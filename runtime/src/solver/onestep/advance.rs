@@ -1,0 +1,454 @@
+//! From step to step.
+
+use std::os::raw::c_int;
+
+use super::super::callbacks::Trouble;
+use super::super::forcing::Course;
+use super::super::traverse::Traverse;
+use super::super::watch::Watch;
+use super::super::{Advance, FirstStep, Method, SolveError, System};
+use super::algebra::Failure;
+use super::control::{Control, first_step};
+use super::numbers::{Quad, entries, entries_mut, set, sum};
+use super::{OneStep, Phase};
+
+/// Accepted steps after which a failed evaluation no longer counts as the cause of a later end.
+const MEMORY: u32 = 10;
+
+/// Rejections in a row after which there is no step that fits.
+const MOST_REJECTIONS: u32 = 60;
+
+/// A step of the explicit method times the largest eigenvalue from which on stability bounds it (6.1 on the negative axis, where an estimate below is as
+/// frequent as one above), how many of them tell, and how many others in a row say the contrary.
+const STABLE: f64 = 5.0;
+const MISFITS: u32 = 6;
+const CALM: u32 = 6;
+
+/// A step of the Rosenbrock method times a bound of the eigenvalues below which the explicit one takes longer ones.
+const LOOSE: f64 = 1.0;
+
+/// An integrator with its system at hand.
+pub struct Run<'a> {
+    pub one: &'a mut OneStep,
+    pub system: &'a mut dyn System,
+}
+
+impl Run<'_> {
+    /// Consistent values and derivatives at a time.
+    pub fn initialise(&mut self, t: f64) -> Result<(), SolveError> {
+        self.one.frame.t = t;
+        self.make_consistent(t)?;
+        let frame = &mut self.one.frame;
+        frame.functions.rates(self.system, t, &frame.begin, &mut frame.begin_rates);
+        if !is_finite(&frame.begin_rates) {
+            frame.functions.counts.not_finite += 1;
+            frame.functions.check(t, &frame.begin_rates);
+            return Err(self.failure(0.0));
+        }
+        if self.one.algebra.is_none() {
+            self.one.derivative.copy_from_slice(&self.one.frame.begin_rates);
+        }
+        Ok(())
+    }
+
+    /// Solves for algebraic unknowns.
+    fn make_consistent(&mut self, t: f64) -> Result<(), SolveError> {
+        let Some(algebra) = &mut self.one.algebra else { return Ok(()) };
+        let n = self.one.frame.n;
+        let yp = entries_mut(&mut self.one.derivative, n);
+        match algebra.solve(self.system, t, self.one.frame.y_mut(), yp) {
+            Ok(()) => Ok(()),
+            Err(Failure::Method(error)) => Err(error),
+            Err(Failure::Noted(trouble)) => {
+                self.one.frame.functions.trouble = Some(trouble);
+                Err(self.failure(0.0))
+            }
+        }
+    }
+
+    /// Why there is no going on, the step having come down to a length.
+    fn failure(&mut self, step: f64) -> SolveError {
+        let time = self.one.time;
+        let unknown = self.to_blame();
+        match self.one.frame.functions.trouble {
+            Some(Trouble::Residual { time, row }) => SolveError::NotFinite { time, row },
+            Some(Trouble::Jacobian { time, entry }) => {
+                let (row, column) = self.one.rosenbrock.as_ref().map_or((0, 0), |r| r.place_of(entry));
+                SolveError::JacobianNotFinite { time, row, column }
+            }
+            Some(Trouble::Singular { time, column }) => SolveError::SingularJacobian { time, column },
+            Some(Trouble::Panic) => SolveError::Panicked { time },
+            Some(Trouble::Interrupted) => SolveError::Interrupted { time },
+            Some(Trouble::TinySteps { .. }) | None => SolveError::StepTooSmall { time, step, unknown },
+        }
+    }
+
+    /// The unknown with the largest error in the last step that was tried.
+    fn to_blame(&mut self) -> Option<usize> {
+        let OneStep { frame, rosenbrock, explicit, stiff, .. } = &mut *self.one;
+        match (rosenbrock, explicit) {
+            (Some(rosenbrock), _) if *stiff => frame.largest(rosenbrock.error()),
+            (_, Some(explicit)) => frame.largest(explicit.error(frame)),
+            _ => None,
+        }
+    }
+
+    /// Looks at what time moves in the interval that begins here.
+    fn look_inside(&mut self, interval: f64) -> Result<Course, SolveError> {
+        let OneStep { forcing, frame, derivative, time, .. } = &mut *self.one;
+        if forcing.is_empty() {
+            return Ok(Course::Flat);
+        }
+        let (n, system) = (frame.n, &mut *self.system);
+        forcing.look(|share, out| {
+            system.forcings(*time + share * interval, frame.y(), entries(derivative, n), out);
+            Ok(())
+        })
+    }
+
+    /// The step that an integration begins with: the one that fitted before, or an estimate.
+    fn begin(&mut self, interval: f64, longest: f64) {
+        if let FirstStep::Fixed(step) = self.one.settings.first_step {
+            self.one.control = Control::begin(step);
+        }
+        if self.one.control.proposed == 0.0 {
+            let step = self.estimate(interval);
+            self.one.control = Control::begin(step);
+        }
+        self.one.control.proposed = self.one.control.proposed.min(longest);
+    }
+
+    /// A first step from rates here and a little later.
+    fn estimate(&mut self, interval: f64) -> f64 {
+        let growth = self.one.growth();
+        let frame = &mut self.one.frame;
+        frame.end.copy_from_slice(&frame.begin);
+        let moving = |rates: &[Quad], mass: &[Quad], out: &mut [Quad]| set(out, |i, lane| rates[i][lane] * mass[i][lane]);
+        let [place, rates] = &mut self.one.inside;
+        moving(&frame.begin_rates, &frame.mass, rates);
+        let (size, speed) = (frame.norm(&frame.begin), frame.norm(rates));
+        let ahead = if speed > 0.0 { (0.01 * size / speed).clamp(1e-6 * interval, interval) } else { 1e-3 * interval };
+        set(place, |i, lane| frame.begin[i][lane] + ahead * rates[i][lane]);
+        frame.functions.rates(self.system, frame.t + ahead, place, &mut frame.end_rates);
+        let (before, after, mass) = (&frame.begin_rates, &frame.end_rates, &frame.mass);
+        set(rates, |i, lane| mass[i][lane] * (after[i][lane] - before[i][lane]));
+        let change = frame.norm(rates) / ahead;
+        if change.is_finite() { first_step(speed, change, ahead, growth).min(interval) } else { 0.01 * ahead }
+    }
+
+    /// A step to `t_end` or before it; whether it came there, or an event happened.
+    fn step(&mut self, t_end: f64, longest: f64) -> Result<Option<Advance>, SolveError> {
+        let mut rejections = 0;
+        let (step, last) = loop {
+            if self.one.pace.stops() {
+                self.one.frame.functions.trouble = Some(Trouble::Interrupted);
+                return Err(self.failure(0.0));
+            }
+            let (t, left) = (self.one.frame.t, t_end - self.one.frame.t);
+            let step = self.one.control.fit(left, longest);
+            let least = self.one.settings.min_step.max(4.0 * f64::EPSILON * t.abs());
+            let fits = step > least || (step >= left && rejections == 0);
+            if !fits || rejections > MOST_REJECTIONS {
+                return Err(self.failure(step));
+            }
+            if self.attempt(step) {
+                break (step, step >= left);
+            }
+            rejections += 1;
+        };
+        let to = if last { t_end } else { self.one.frame.t + step };
+        self.arrive(to, last)
+    }
+
+    /// Tries a step; whether its error is within the tolerance.
+    fn attempt(&mut self, step: f64) -> bool {
+        self.one.frame.h = step;
+        let growth = self.one.growth();
+        let mut error = self.compute();
+        if error <= 1.0 {
+            self.one.frame.evaluate_end(self.system);
+            if is_finite(&self.one.frame.end_rates) {
+                self.one.control.accept(step, error, growth);
+                return true;
+            }
+            error = f64::NAN;
+        }
+        if error.is_finite() {
+            self.one.frame.functions.counts.error_test_failures += 1;
+        } else {
+            self.find_trouble();
+        }
+        self.one.control.reject(step, if error.is_finite() { error } else { f64::INFINITY }, growth);
+        false
+    }
+
+    #[inline]
+    fn compute(&mut self) -> f64 {
+        let OneStep { frame, rosenbrock, explicit, stiff, .. } = &mut *self.one;
+        match (rosenbrock, explicit) {
+            (Some(rosenbrock), _) if *stiff => rosenbrock.attempt(frame, self.system),
+            (_, Some(explicit)) => explicit.attempt(frame, self.system),
+            _ => f64::NAN,
+        }
+    }
+
+    /// Repeats what was not finite with a look at every evaluation.
+    #[cold]
+    fn find_trouble(&mut self) {
+        self.one.frame.functions.counts.not_finite += 1;
+        let counts = self.one.frame.functions.counts;
+        self.one.frame.functions.trouble = None;
+        self.one.frame.functions.checks = true;
+        if self.compute() <= 1.0 {
+            self.one.frame.evaluate_end(self.system);
+        }
+        self.one.frame.functions.checks = false;
+        self.one.frame.functions.counts = counts;
+        self.one.since_trouble = 0;
+    }
+
+    /// Goes to the end of an accepted step, and looks there.
+    fn arrive(&mut self, to: f64, last: bool) -> Result<Option<Advance>, SolveError> {
+        let one = &mut *self.one;
+        one.frame.functions.counts.steps += 1;
+        one.since_trouble += 1;
+        if one.since_trouble > MEMORY {
+            one.frame.functions.trouble = None;
+        }
+        if one.settings.method == Method::Auto {
+            one.choose();
+        }
+        one.prepared = false;
+        let polishes = one.algebra.is_some() && (last || self.system.roots_use_derivatives());
+        if one.integrals.is_some() || polishes {
+            self.prepare();
+        }
+        self.derive_end(to, polishes);
+        self.integrate(to)?;
+        let passed = self.looks_passed(to)?;
+        if passed {
+            self.prepare();
+        }
+        self.one.frame.go_on(to);
+        self.one.time = to;
+        if passed {
+            self.locate()?;
+            return Ok(Some(Advance::Event));
+        }
+        if last && self.one.algebra.is_some() {
+            self.polish(to)?;
+        }
+        Ok(last.then_some(Advance::Reached))
+    }
+
+    /// Makes the polynomial of the step, once.
+    fn prepare(&mut self) {
+        let OneStep { frame, rosenbrock, explicit, by_rosenbrock, prepared, .. } = &mut *self.one;
+        if std::mem::replace(prepared, true) {
+            return;
+        }
+        match (rosenbrock, explicit) {
+            (Some(rosenbrock), _) if *by_rosenbrock => rosenbrock.prepare(frame),
+            (_, Some(explicit)) => explicit.prepare(frame, self.system),
+            _ => {}
+        }
+    }
+
+    /// Derivatives at the end of the step: those of the equations; of algebraic unknowns, where they are wanted, those of the polynomial.
+    fn derive_end(&mut self, to: f64, by_polynomial: bool) {
+        let one = &mut *self.one;
+        if by_polynomial {
+            let [y, _] = &mut one.inside;
+            one.rosenbrock.iter().for_each(|r| r.interpolate(to, y, &mut one.derivative));
+        }
+        let (rates, mass) = (&one.frame.end_rates, &one.frame.mass);
+        for ((derivative, rates), mass) in one.derivative.iter_mut().zip(rates).zip(mass) {
+            let algebraic = |lane: usize| if by_polynomial { derivative[lane] } else { 0.0 };
+            *derivative = std::array::from_fn(|lane| if mass[lane] == 1.0 { rates[lane] } else { algebraic(lane) });
+        }
+    }
+
+    /// Takes the integrals over the step up to a time.
+    fn integrate(&mut self, to: f64) -> Result<(), SolveError> {
+        if let Some(integrals) = &mut self.one.integrals {
+            integrals.next_step(self.one.frame.t, &self.one.values);
+        }
+        self.take_integrals(to)
+    }
+
+    /// Whether a condition became true in the step that ends here.
+    fn looks_passed(&mut self, to: f64) -> Result<bool, SolveError> {
+        let OneStep { frame, watch, derivative, .. } = &mut *self.one;
+        if watch.is_empty() {
+            return Ok(false);
+        }
+        self.system.roots(to, entries(&frame.end, frame.n), entries(derivative, frame.n), &mut watch.values);
+        Ok(watch.accept(to))
+    }
+
+    /// Algebraic unknowns at the end of an advance, which a step leaves right to its tolerance only.
+    fn polish(&mut self, t: f64) -> Result<(), SolveError> {
+        let [_, kept] = &mut self.one.inside;
+        kept.copy_from_slice(&self.one.derivative);
+        self.make_consistent(t)?;
+        let one = &mut *self.one;
+        let ([_, kept], mass) = (&one.inside, &one.frame.mass);
+        for ((derivative, kept), mass) in one.derivative.iter_mut().zip(kept).zip(mass) {
+            *derivative = std::array::from_fn(|lane| if mass[lane] == 1.0 { derivative[lane] } else { kept[lane] });
+        }
+        one.frame.functions.rates(self.system, t, &one.frame.begin, &mut one.frame.begin_rates);
+        Ok(())
+    }
+}
+
+impl OneStep {
+    /// Whether the other method would have served better.
+    fn choose(&mut self) {
+        self.by_rosenbrock = self.stiff;
+        let misfit = match (&mut self.rosenbrock, &self.explicit) {
+            (Some(rosenbrock), Some(_)) if self.stiff => self.frame.h * rosenbrock.spectral_bound(&self.frame) < LOOSE,
+            (Some(_), Some(explicit)) => explicit.stiffness(&self.frame) > STABLE,
+            _ => false,
+        };
+        self.calm = if misfit { 0 } else { self.calm + 1 };
+        self.misfits = if self.calm >= CALM { 0 } else { self.misfits + u32::from(misfit) };
+        if self.misfits > if self.stiff { 0 } else { MISFITS } {
+            self.stiff = !self.stiff;
+            (self.misfits, self.calm) = (0, 0);
+            self.control = Control::begin(self.control.proposed);
+        }
+    }
+}
+
+impl Traverse for Run<'_> {
+    fn time(&self) -> f64 {
+        self.one.time
+    }
+
+    fn longest_interval(&self) -> f64 {
+        self.one.longest_interval
+    }
+
+    fn max_steps(&self) -> u32 {
+        self.one.settings.max_steps
+    }
+
+    fn next_break(&mut self, t: f64) -> Result<f64, SolveError> {
+        Ok(self.system.next_break(t))
+    }
+
+    fn cross(&mut self, to: f64) -> Result<(), SolveError> {
+        self.one.time = to;
+        self.initialise(to)?;
+        self.one.frame.functions.counts.restarts += 1;
+        self.one.phase = Phase::Restarted;
+        Ok(())
+    }
+
+    fn solve(&mut self, t_end: f64) -> Result<Advance, SolveError> {
+        let (interval, fresh) = (t_end - self.one.time, self.one.phase == Phase::Restarted);
+        self.one.longest_interval = self.one.longest_interval.max(interval);
+        if fresh && self.settle()? {
+            return Ok(Advance::Event);
+        }
+        if interval == 0.0 {
+            return Ok(Advance::Reached);
+        }
+        let course = self.look_inside(interval)?;
+        self.one.frame.careful = matches!(course, Course::Structured(_));
+        let longest = course.longest_step(interval).min(self.one.settings.max_step);
+        if fresh {
+            self.begin(interval, course.longest_first_step(interval).min(longest));
+        }
+        self.one.phase = Phase::Running;
+        for _ in 0..self.one.settings.max_steps {
+            if let Some(advance) = self.step(t_end, longest)? {
+                return Ok(advance);
+            }
+        }
+        let (time, steps, unknown) = (self.one.time, self.one.settings.max_steps, self.to_blame());
+        Err(match self.one.frame.functions.trouble {
+            Some(_) => self.failure(0.0),
+            None => SolveError::TooManySteps { time, steps, unknown },
+        })
+    }
+
+    fn watched(&mut self) -> (&mut Watch, &mut [c_int]) {
+        (&mut self.one.watch, &mut self.one.events)
+    }
+
+    fn evaluate_roots(&mut self, t: f64) -> Result<(), SolveError> {
+        let OneStep { frame, watch, derivative, .. } = &mut *self.one;
+        self.system.roots(t, frame.y(), entries(derivative, frame.n), &mut watch.values);
+        Ok(())
+    }
+
+    fn evaluate_along(&mut self, ahead: f64, consistently: bool) -> Result<(), SolveError> {
+        let OneStep { frame, watch, derivative, inside: [later, rate], algebra, time, .. } = &mut *self.one;
+        set(later, |i, lane| frame.begin[i][lane] + ahead * derivative[i][lane]);
+        rate.copy_from_slice(derivative);
+        let (n, t) = (frame.n, *time + ahead);
+        if let Some(algebra) = algebra.as_mut().filter(|_| consistently) {
+            // Where there is no solution ahead, the present algebraic unknowns have to do.
+            let _ = algebra.solve(self.system, t, entries_mut(later, n), entries_mut(rate, n));
+        }
+        self.system.roots(t, entries(later, n), entries(rate, n), &mut watch.ahead);
+        Ok(())
+    }
+
+    fn evaluate_moved(&mut self, time: f64, factor: &dyn Fn(usize) -> f64) -> Result<(), SolveError> {
+        let OneStep { frame, watch, derivative, inside: [moved, _], .. } = &mut *self.one;
+        set(moved, |i, lane| frame.begin[i][lane] * factor(4 * i + lane));
+        self.system.roots(time, entries(moved, frame.n), entries(derivative, frame.n), &mut watch.ahead);
+        Ok(())
+    }
+
+    fn interpolate(&mut self, t: f64) -> Result<(), SolveError> {
+        let OneStep { frame, rosenbrock, explicit, by_rosenbrock, derivative, .. } = &mut *self.one;
+        match (rosenbrock, explicit) {
+            (Some(rosenbrock), _) if *by_rosenbrock => rosenbrock.interpolate(t, &mut frame.begin, derivative),
+            (_, Some(explicit)) => explicit.interpolate(t, &mut frame.begin, derivative),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn take_integrals(&mut self, to: f64) -> Result<(), SolveError> {
+        let OneStep { frame, rosenbrock, explicit, by_rosenbrock, integrals, values, inside: [y, yp], .. } = &mut *self.one;
+        let (n, system) = (frame.n, &mut *self.system);
+        let Some(integrals) = integrals else { return Ok(()) };
+        integrals.take(to, values, |t, rates| {
+            match (&*rosenbrock, &*explicit) {
+                (Some(rosenbrock), _) if *by_rosenbrock => rosenbrock.interpolate(t, y, yp),
+                (_, Some(explicit)) => explicit.interpolate(t, y, yp),
+                _ => {}
+            }
+            system.quadratures(t, entries(y, n), entries(yp, n), rates);
+            Ok(())
+        })
+    }
+
+    fn derive(&mut self) -> Result<(), SolveError> {
+        let OneStep { frame, derivative, inside: [place, rates], algebra, time, .. } = &mut *self.one;
+        let n = frame.n;
+        let Some(algebra) = algebra else {
+            frame.functions.rates(self.system, *time, &frame.begin, derivative);
+            return Ok(());
+        };
+        place.copy_from_slice(&frame.begin);
+        if algebra.solve(self.system, *time, entries_mut(place, n), entries_mut(rates, n)).is_ok() {
+            derivative.copy_from_slice(rates);
+        }
+        Ok(())
+    }
+
+    fn stop_at(&mut self, t: f64) {
+        self.one.time = t;
+        self.one.phase = Phase::Idle;
+    }
+}
+
+/// Whether all numbers are finite.
+fn is_finite(x: &[Quad]) -> bool {
+    sum(x.len(), |i, lane| x[i][lane] * 0.0) == 0.0
+}

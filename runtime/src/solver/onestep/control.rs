@@ -1,0 +1,140 @@
+//! The length of steps.
+//!
+//! By the error of the last two steps (a PI controller: K. Gustafsson, Control of error and convergence in ODE solvers, thesis, Lund 1992). Powers are taken by
+//! square roots, which every processor rounds alike.
+
+/// Part of the step that the error would allow.
+const SAFETY: f64 = 0.9;
+
+/// Bounds of the change from step to step.
+const LEAST: f64 = 0.1;
+const MOST: f64 = 8.0;
+
+/// Errors below count as this.
+const SMALLEST_ERROR: f64 = 1e-9;
+
+/// How a method's error grows with its step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Growth {
+    /// With its fifth power.
+    Fifth,
+    /// With its eighth power.
+    Eighth,
+}
+
+/// What the next step is chosen from.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Control {
+    /// The step that fits; zero where none is known.
+    pub proposed: f64,
+    /// A root of the error of the last accepted step.
+    last: f64,
+    /// The last attempt was rejected.
+    rejected: bool,
+}
+
+/// The root of order 32.
+fn root32(x: f64) -> f64 {
+    x.sqrt().sqrt().sqrt().sqrt().sqrt()
+}
+
+/// The first step for rates that amount to `speed` tolerances a unit of time and change by `change` of them in one, found by a look `ahead`; infinite for
+/// what rests (Hairer, Nørsett and Wanner, *Solving Ordinary Differential Equations I*, section II.4).
+pub fn first_step(speed: f64, change: f64, ahead: f64, growth: Growth) -> f64 {
+    let most = speed.max(change);
+    if most == 0.0 {
+        return f64::INFINITY;
+    }
+    let root = root32(0.01 / most);
+    let power = root * root * root * root;
+    let step = match growth {
+        Growth::Fifth => power * root * root,
+        Growth::Eighth => power,
+    };
+    step.min(100.0 * ahead)
+}
+
+impl Control {
+    /// Begins with a step, without history.
+    pub fn begin(step: f64) -> Self {
+        Self { proposed: step, last: 1.0, rejected: false }
+    }
+
+    /// The step to take where so much is left: equal ones where few fit.
+    pub fn fit(&self, left: f64, longest: f64) -> f64 {
+        let step = self.proposed.min(longest);
+        // Rounding is no reason for one more.
+        let pieces = (left / step - 1e-9).ceil();
+        if pieces <= 1.0 {
+            left
+        } else if pieces <= 4.0 {
+            left / pieces
+        } else {
+            step
+        }
+    }
+
+    /// Notes the error of an accepted step, in tolerances.
+    pub fn accept(&mut self, step: f64, error: f64, growth: Growth) {
+        let error = error.max(SMALLEST_ERROR);
+        let root = root32(error);
+        let factor = match growth {
+            // Exponents 5/32 and 1/32.
+            Growth::Fifth => SAFETY * self.last / (root * root * root * root * root),
+            Growth::Eighth => SAFETY / (root * root * root * root),
+        };
+        let most = if self.rejected { 1.0 } else { MOST };
+        let next = step * factor.clamp(LEAST, most);
+        // A step that was cut at the end says nothing against a longer one.
+        self.proposed = if factor >= 1.0 && step < self.proposed { next.max(self.proposed) } else { next };
+        self.last = root;
+        self.rejected = false;
+    }
+
+    /// Notes the error of a step that was rejected; infinite where there is none.
+    pub fn reject(&mut self, step: f64, error: f64, growth: Growth) {
+        let root = root32(error);
+        let power = root * root * root * root;
+        let factor = match growth {
+            Growth::Fifth => SAFETY / (power * root * root),
+            Growth::Eighth => SAFETY / power,
+        };
+        self.proposed = step * if error.is_finite() { factor.clamp(LEAST, SAFETY) } else { 0.25 };
+        self.rejected = true;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_steps_are_made_equal_and_the_last_one_ends_exactly() {
+        let control = Control::begin(0.4);
+        assert_eq!(control.fit(1.0, f64::INFINITY), 1.0 / 3.0);
+        assert_eq!(control.fit(0.4, f64::INFINITY), 0.4);
+        assert_eq!(control.fit(100.0, f64::INFINITY), 0.4);
+        assert_eq!(control.fit(100.0, 0.1), 0.1);
+    }
+
+    #[test]
+    fn a_step_that_was_cut_does_not_shorten_the_next_one() {
+        let mut control = Control::begin(2.0);
+        control.accept(0.1, 1e-3, Growth::Fifth);
+        assert_eq!(control.proposed, 2.0);
+        control.accept(0.1, 2.0, Growth::Fifth);
+        assert!(control.proposed < 0.1);
+    }
+
+    #[test]
+    fn after_a_rejection_steps_do_not_grow_at_once() {
+        let mut control = Control::begin(1.0);
+        control.reject(1.0, 100.0, Growth::Eighth);
+        let step = control.proposed;
+        assert!((0.1..0.9).contains(&step), "{step}");
+        control.accept(step, 1e-6, Growth::Eighth);
+        assert_eq!(control.proposed, step);
+        control.reject(step, f64::INFINITY, Growth::Fifth);
+        assert_eq!(control.proposed, 0.25 * step);
+    }
+}

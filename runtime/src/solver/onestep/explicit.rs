@@ -1,0 +1,149 @@
+//! Steps by the explicit Runge–Kutta method DOP853.
+
+use super::super::System;
+use super::dop853::*;
+use super::frame::Frame;
+use super::numbers::{Quad, Quads, combine, set, sum, weighted, zeros};
+
+/// Space for a step, and its polynomial.
+pub struct Explicit {
+    /// Rates at stages 2 to 12, then at those of the dense output.
+    k: [Quads; 11],
+    extra: [Quads; 3],
+    /// Unknowns at a stage: at the end, those of stage 12.
+    place: Quads,
+    /// The estimates of the error, of orders 5 and 3.
+    errors: [Quads; 2],
+    /// The polynomial: the value at the beginning and seven more terms.
+    first: Quads,
+    terms: [Quads; 7],
+    begin: f64,
+    length: f64,
+}
+
+impl Explicit {
+    /// Space for so many unknowns.
+    pub fn new(n: usize) -> Self {
+        let space = || zeros(n);
+        Self {
+            k: std::array::from_fn(|_| space()),
+            extra: std::array::from_fn(|_| space()),
+            place: space(),
+            errors: [space(), space()],
+            first: space(),
+            terms: std::array::from_fn(|_| space()),
+            begin: 0.0,
+            length: 0.0,
+        }
+    }
+
+    /// Takes a step from the frame's beginning to its end; the error in tolerances, not a number where something is not finite.
+    pub fn attempt(&mut self, frame: &mut Frame, system: &mut dyn System) -> f64 {
+        let (t, h) = (frame.t, frame.h);
+        let Frame { begin, begin_rates: k1, end, functions, .. } = frame;
+        let (k1, place) = (&*k1, &mut self.place);
+        let [k2, k3, k4, k5, k6, k7, k8, k9, k10, k11, k12] = &mut self.k;
+        macro_rules! stage {
+            ($out:ident, $number:literal, $row:ident, $($from:expr),+) => {{
+                combine(place, begin, h, &$row, [$(&*$from),+]);
+                functions.rates(system, t + C[$number] * h, place, $out);
+            }};
+        }
+        stage!(k2, 1, A2, k1);
+        stage!(k3, 2, A3, k1, k2);
+        stage!(k4, 3, A4, k1, k3);
+        stage!(k5, 4, A5, k1, k3, k4);
+        stage!(k6, 5, A6, k1, k4, k5);
+        stage!(k7, 6, A7, k1, k4, k5, k6);
+        stage!(k8, 7, A8, k1, k4, k5, k6, k7);
+        stage!(k9, 8, A9, k1, k4, k5, k6, k7, k8);
+        stage!(k10, 9, A10, k1, k4, k5, k6, k7, k8, k9);
+        stage!(k11, 10, A11, k1, k4, k5, k6, k7, k8, k9, k10);
+        stage!(k12, 11, A12, k1, k4, k5, k6, k7, k8, k9, k10, k11);
+        combine(end, begin, h, &B, [k1, k6, k7, k8, k9, k10, k11, k12]);
+        self.measure(frame)
+    }
+
+    /// Hairer's combination of the two estimates of the error.
+    fn measure(&mut self, frame: &Frame) -> f64 {
+        let [_, _, _, _, k6, k7, k8, k9, k10, k11, k12] = &self.k;
+        let terms = [&frame.begin_rates[..], k6, k7, k8, k9, k10, k11, k12];
+        let [fifth, third] = frame.squares(|i| weighted(i, &E5, &terms), |i| weighted(i, &E3, &terms));
+        if fifth == 0.0 {
+            return 0.0;
+        }
+        let third = if frame.careful { 0.0 } else { third };
+        frame.h * fifth / ((fifth + 0.01 * third) * frame.n as f64).sqrt()
+    }
+
+    /// The error of the last step, unknown by unknown.
+    pub fn error(&mut self, frame: &Frame) -> &[Quad] {
+        let [_, _, _, _, k6, k7, k8, k9, k10, k11, k12] = &self.k;
+        let terms = [&frame.begin_rates[..], k6, k7, k8, k9, k10, k11, k12];
+        let [out, _] = &mut self.errors;
+        for (i, out) in out.iter_mut().enumerate() {
+            *out = weighted(i, &E5, &terms);
+        }
+        out
+    }
+
+    /// The largest eigenvalue that the last step met times its length, about: rates and states of the last two stages (Hairer and Wanner,
+    /// *Solving Ordinary Differential Equations II*, section IV.2).
+    pub fn stiffness(&self, frame: &Frame) -> f64 {
+        let last = &self.k[10];
+        let squares = |a: &[Quad], b: &[Quad]| {
+            sum(a.len(), |i, lane| {
+                let x = (a[i][lane] - b[i][lane]) * frame.reciprocal_tolerance(4 * i + lane);
+                x * x
+            })
+        };
+        let (rates, states) = (squares(&frame.end_rates, last), squares(&frame.end, &self.place));
+        if states > 0.0 { frame.h * (rates / states).sqrt() } else { 0.0 }
+    }
+
+    /// Makes the polynomial of the last step: three more evaluations.
+    pub fn prepare(&mut self, frame: &mut Frame, system: &mut dyn System) {
+        let (t, h) = (frame.t, frame.h);
+        let Frame { begin, begin_rates: k1, end, end_rates: k13, functions, .. } = frame;
+        let (k1, k13, place) = (&*k1, &*k13, &mut self.place);
+        let [_, _, _, _, k6, k7, k8, k9, k10, k11, k12] = &self.k;
+        let [k14, k15, k16] = &mut self.extra;
+        combine(place, begin, h, &A14, [k1, k7, k8, k9, k10, k11, k12, k13]);
+        functions.rates(system, t + C[13] * h, place, k14);
+        combine(place, begin, h, &A15, [k1, k6, k7, k8, k11, k12, k13, k14]);
+        functions.rates(system, t + C[14] * h, place, k15);
+        combine(place, begin, h, &A16, [k1, k6, k7, k8, k9, k13, k14, k15]);
+        functions.rates(system, t + C[15] * h, place, k16);
+        self.first.copy_from_slice(begin);
+        let [f0, f1, f2, higher @ ..] = &mut self.terms;
+        set(f0, |i, lane| end[i][lane] - begin[i][lane]);
+        set(f1, |i, lane| h * k1[i][lane] - f0[i][lane]);
+        set(f2, |i, lane| 2.0 * f0[i][lane] - h * (k1[i][lane] + k13[i][lane]));
+        let terms = [&k1[..], k6, k7, k8, k9, k10, k11, k12, k13, k14, k15, k16];
+        for (term, factors) in higher.iter_mut().zip(&D) {
+            for (i, term) in term.iter_mut().enumerate() {
+                *term = weighted(i, factors, &terms).map(|x| h * x);
+            }
+        }
+        (self.begin, self.length) = (t, h);
+    }
+
+    /// Unknowns and derivatives at a time within the last step.
+    pub fn interpolate(&self, t: f64, y: &mut [Quad], yp: &mut [Quad]) {
+        let x = ((t - self.begin) / self.length).clamp(0.0, 1.0);
+        let (rest, per_length) = (1.0 - x, 1.0 / self.length);
+        for (i, (y, yp)) in y.iter_mut().zip(yp).enumerate() {
+            let (mut values, mut slopes): (Quad, Quad) = ([0.0; 4], [0.0; 4]);
+            for (k, term) in self.terms.iter().enumerate().rev() {
+                let (factor, sign) = if k % 2 == 0 { (x, 1.0) } else { (rest, -1.0) };
+                for ((value, slope), term) in values.iter_mut().zip(&mut slopes).zip(&term[i]) {
+                    *value += term;
+                    *slope = *slope * factor + sign * *value;
+                    *value *= factor;
+                }
+            }
+            *y = std::array::from_fn(|lane| self.first[i][lane] + values[lane]);
+            *yp = slopes.map(|x| x * per_length);
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! What a step begins and ends with, whatever the method; and the functions of the system, counted.
+
+use super::super::callbacks::Trouble;
+use super::super::{Settings, Statistics, System};
+use super::numbers::{Quad, Quads, entries, entries_mut, filled, from, sum, zeros};
+
+/// What a step begins and ends with.
+pub struct Frame {
+    /// Number of unknowns.
+    pub n: usize,
+    /// Whether time occurs in the equations.
+    pub timed: bool,
+    /// Something turns so often that an estimate of the error may be small by chance.
+    pub careful: bool,
+    /// Time and length of the step.
+    pub t: f64,
+    pub h: f64,
+    /// Unknowns where it begins and ends.
+    pub begin: Quads,
+    pub end: Quads,
+    /// Rates there, F(t, y, 0): derivatives on differential rows, what should be zero on algebraic ones.
+    pub begin_rates: Quads,
+    pub end_rates: Quads,
+    /// 1 on differential rows, 0 on algebraic ones and behind the last.
+    pub mass: Quads,
+    /// 1 for unknowns in the error test.
+    tested: Quads,
+    rtol: f64,
+    atol: Quads,
+    pub functions: Functions,
+}
+
+/// The functions of the system.
+pub struct Functions {
+    n: usize,
+    pub counts: Statistics,
+    /// What went wrong last.
+    pub trouble: Option<Trouble>,
+    /// Looks at every residual for what is not finite.
+    pub checks: bool,
+    zeros: Quads,
+}
+
+impl Frame {
+    pub fn new(system: &dyn System, settings: &Settings) -> Self {
+        let n = system.dimension();
+        let differential = || system.differential().iter().map(|&d| f64::from(u8::from(d)));
+        let tested = match settings.algebraic_error_control {
+            true => from((0..n).map(|_| 1.0), n, 0.0),
+            false => from(differential(), n, 0.0),
+        };
+        Self {
+            n,
+            timed: system.depends_on_time(),
+            careful: false,
+            t: 0.0,
+            h: 0.0,
+            begin: zeros(n),
+            end: zeros(n),
+            begin_rates: zeros(n),
+            end_rates: zeros(n),
+            mass: from(differential(), n, 0.0),
+            tested,
+            rtol: settings.rtol,
+            atol: from(settings.atol.iter().copied(), n, 1.0),
+            functions: Functions { n, counts: Statistics::default(), trouble: None, checks: false, zeros: filled(n, 0.0) },
+        }
+    }
+
+    /// Reciprocal tolerance of an unknown over the step.
+    #[inline(always)]
+    fn weight(&self, i: usize, lane: usize) -> f64 {
+        let size = self.begin[i][lane].abs().max(self.end[i][lane].abs());
+        self.tested[i][lane] / (self.atol[i][lane] + self.rtol * size)
+    }
+
+    /// Sums of squares over the unknowns, in tolerances, of two vectors.
+    #[inline(always)]
+    pub fn squares(&self, mut first: impl FnMut(usize) -> Quad, mut second: impl FnMut(usize) -> Quad) -> [f64; 2] {
+        let (mut a, mut b) = ([0.0; 4], [0.0; 4]);
+        for i in 0..self.begin.len() {
+            let weight: Quad = std::array::from_fn(|lane| self.weight(i, lane));
+            let (x, y) = (first(i), second(i));
+            a = std::array::from_fn(|lane| a[lane] + (x[lane] * weight[lane]) * (x[lane] * weight[lane]));
+            b = std::array::from_fn(|lane| b[lane] + (y[lane] * weight[lane]) * (y[lane] * weight[lane]));
+        }
+        [a, b].map(|s| (s[0] + s[2]) + (s[1] + s[3]))
+    }
+
+    /// Reciprocal tolerance of unknown `at` over the step.
+    pub fn reciprocal_tolerance(&self, at: usize) -> f64 {
+        let (i, lane) = (at / 4, at % 4);
+        1.0 / (self.atol[i][lane] + self.rtol * self.begin[i][lane].abs().max(self.end[i][lane].abs()))
+    }
+
+    /// Root mean square over all unknowns of what is tested, in tolerances.
+    #[inline(always)]
+    pub fn norm(&self, x: &[Quad]) -> f64 {
+        let squares = sum(self.begin.len(), |i, lane| {
+            let x = x[i][lane] * self.weight(i, lane);
+            x * x
+        });
+        (squares / self.n as f64).sqrt()
+    }
+
+    /// The unknown that is largest, in tolerances; one that is no number is larger than all.
+    pub fn largest(&self, x: &[Quad]) -> Option<usize> {
+        let sizes = (0..self.n).map(|at| (at, (x[at / 4][at % 4] * self.weight(at / 4, at % 4)).abs()));
+        let order = |x: f64| if x.is_nan() { f64::INFINITY } else { x };
+        sizes.map(|(at, size)| (at, order(size))).filter(|&(_, size)| size > 0.0).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(at, _)| at)
+    }
+
+    /// Rates at the end of the step.
+    #[inline]
+    pub fn evaluate_end(&mut self, system: &mut dyn System) {
+        self.functions.rates(system, self.t + self.h, &self.end, &mut self.end_rates);
+    }
+
+    /// The end becomes the beginning.
+    #[inline]
+    pub fn go_on(&mut self, t: f64) {
+        std::mem::swap(&mut self.begin, &mut self.end);
+        std::mem::swap(&mut self.begin_rates, &mut self.end_rates);
+        self.t = t;
+    }
+
+    pub fn y(&self) -> &[f64] {
+        entries(&self.begin, self.n)
+    }
+
+    pub fn y_mut(&mut self) -> &mut [f64] {
+        entries_mut(&mut self.begin, self.n)
+    }
+}
+
+impl Functions {
+    /// F(t, y, 0).
+    #[inline]
+    pub fn rates(&mut self, system: &mut dyn System, t: f64, y: &[Quad], out: &mut [Quad]) {
+        self.counts.residuals += 1;
+        system.residual(t, entries(y, self.n), entries(&self.zeros, self.n), entries_mut(out, self.n));
+        if self.checks {
+            self.check(t, out);
+        }
+    }
+
+    /// Notes what is not finite, the first time.
+    #[cold]
+    pub fn check(&mut self, time: f64, rates: &[Quad]) {
+        let found = entries(rates, self.n).iter().position(|x| !x.is_finite());
+        if let (None, Some(row)) = (self.trouble, found) {
+            self.trouble = Some(Trouble::Residual { time, row });
+        }
+    }
+
+    /// ∂F/∂y + `cj` ∂F/∂y', with y' = 0; whether it is finite.
+    #[inline]
+    pub fn jacobian(&mut self, system: &mut dyn System, t: f64, cj: f64, y: &[Quad], values: &mut [f64]) -> bool {
+        self.counts.jacobians += 1;
+        system.jacobian(t, entries(y, self.n), entries(&self.zeros, self.n), cj, values);
+        // The sum of 0 * x is zero unless an entry is not finite.
+        let finite = values.iter().map(|x| x * 0.0).sum::<f64>() == 0.0;
+        if !finite {
+            let entry = values.iter().position(|x| !x.is_finite()).unwrap_or(0);
+            self.trouble = Some(Trouble::Jacobian { time: t, entry });
+        }
+        finite
+    }
+}

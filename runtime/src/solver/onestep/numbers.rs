@@ -1,0 +1,86 @@
+//! Vectors of unknowns for methods that combine many stages: whole fours of numbers, so that no loop has a tail.
+//!
+//! Products are rounded before they are summed (no fused multiply-add): every processor gives the same bits.
+
+/// Numbers in a [`Quad`].
+const LANES: usize = 4;
+
+/// Four neighbouring entries.
+pub type Quad = [f64; LANES];
+
+/// A vector, its last four filled up with zeros.
+pub type Quads = Box<[Quad]>;
+
+/// Zeros for so many entries.
+pub fn zeros(length: usize) -> Quads {
+    filled(length, 0.0)
+}
+
+/// Entries of one value, filled up with the same.
+pub fn filled(length: usize, value: f64) -> Quads {
+    vec![[value; LANES]; length.div_ceil(LANES)].into()
+}
+
+/// A vector with these entries, filled up with `rest`.
+pub fn from(entries: impl IntoIterator<Item = f64>, length: usize, rest: f64) -> Quads {
+    let mut quads = filled(length, rest);
+    quads.as_flattened_mut().iter_mut().zip(entries).for_each(|(to, from)| *to = from);
+    quads
+}
+
+/// The entries themselves.
+#[inline(always)]
+pub fn entries(quads: &[Quad], length: usize) -> &[f64] {
+    &quads.as_flattened()[..length]
+}
+
+/// The entries themselves.
+#[inline(always)]
+pub fn entries_mut(quads: &mut [Quad], length: usize) -> &mut [f64] {
+    &mut quads.as_flattened_mut()[..length]
+}
+
+/// `f(i, lane)` for all entries of all fours.
+#[inline(always)]
+pub fn set(out: &mut [Quad], mut f: impl FnMut(usize, usize) -> f64) {
+    for (i, out) in out.iter_mut().enumerate() {
+        for (lane, out) in out.iter_mut().enumerate() {
+            *out = f(i, lane);
+        }
+    }
+}
+
+/// `out = base + factor * sum over j of factors[j] terms[j]`.
+#[inline(always)]
+pub fn combine<const N: usize>(out: &mut [Quad], base: &[Quad], factor: f64, factors: &[f64; N], terms: [&Quads; N]) {
+    let n = out.len();
+    let (base, terms) = (&base[..n], terms.map(|term| &term[..n]));
+    for (i, (out, base)) in out.iter_mut().zip(base).enumerate() {
+        let sum = weighted(i, factors, &terms);
+        let mut total = *base;
+        total.iter_mut().zip(sum).for_each(|(total, sum)| *total += factor * sum);
+        *out = total;
+    }
+}
+
+/// `sum over j of factors[j] terms[j]` in the four `i`.
+#[inline(always)]
+pub fn weighted<const N: usize>(i: usize, factors: &[f64; N], terms: &[&[Quad]; N]) -> Quad {
+    let mut sum = [0.0; LANES];
+    for (factor, term) in factors.iter().zip(terms) {
+        sum.iter_mut().zip(&term[i]).for_each(|(sum, term)| *sum += factor * term);
+    }
+    sum
+}
+
+/// Sum over all entries of `f(i, lane)`, in a fixed order.
+#[inline(always)]
+pub fn sum(n: usize, mut f: impl FnMut(usize, usize) -> f64) -> f64 {
+    let mut sums = [0.0; LANES];
+    for i in 0..n {
+        for (lane, sum) in sums.iter_mut().enumerate() {
+            *sum += f(i, lane);
+        }
+    }
+    (sums[0] + sums[2]) + (sums[1] + sums[3])
+}

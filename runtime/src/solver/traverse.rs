@@ -1,0 +1,218 @@
+//! The way to the end of an advance, whatever takes the steps: it stops at breaks, and where events happen.
+//!
+//! Events are looked for at accepted states and found on the interpolating polynomial of the step in which they happened.
+
+use std::os::raw::c_int;
+
+use super::watch::Watch;
+use super::{Advance, SolveError};
+
+/// Two times this near each other, in parts of the larger one, are one: the tables of a model know them no better.
+const NEAR: f64 = 2e-12;
+
+/// Distance of both sides of a break from it, in roundings: the equations are of one form on each.
+const ROUNDINGS: f64 = 8.0;
+
+/// How far ahead the motion of a root function is looked for, over the interval and over the time itself.
+const AHEAD: [f64; 2] = [1e-7, 1e4 * f64::EPSILON];
+
+/// What happens within this time happens at once, likewise.
+const AT_ONCE: [f64; 2] = [1e-10, 100.0 * f64::EPSILON];
+
+/// By this many times as much a condition has to move anew, where it became true at the end of an interval.
+const AGAIN: f64 = 2.0;
+
+/// Relative rounding of a state.
+const ROUNDING: f64 = 4.0 * f64::EPSILON;
+
+/// An integrator between two control instants, with its system at hand.
+pub(crate) trait Traverse {
+    /// Present time.
+    fn time(&self) -> f64;
+
+    /// The longest interval since the last time that everything was forgotten.
+    fn longest_interval(&self) -> f64;
+
+    /// Most breaks in one advance.
+    fn max_steps(&self) -> u32;
+
+    /// The first time from `t` on at which the equations change their form.
+    fn next_break(&mut self, t: f64) -> Result<f64, SolveError>;
+
+    /// Begins anew at another time with the present state: algebraic unknowns and derivatives are others there.
+    fn cross(&mut self, to: f64) -> Result<(), SolveError>;
+
+    /// Steps to a time before the next break, or to an event.
+    fn solve(&mut self, t_end: f64) -> Result<Advance, SolveError>;
+
+    /// What is watched, and which conditions became true.
+    fn watched(&mut self) -> (&mut Watch, &mut [c_int]);
+
+    /// Evaluates the root functions at the present state and this time.
+    fn evaluate_roots(&mut self, t: f64) -> Result<(), SolveError>;
+
+    /// Evaluates them a little later, along the derivatives; algebraic unknowns follow their equations, or go on along their derivatives too.
+    fn evaluate_along(&mut self, ahead: f64, consistently: bool) -> Result<(), SolveError>;
+
+    /// Evaluates them at a time where each unknown is multiplied by a factor that depends on its number.
+    fn evaluate_moved(&mut self, time: f64, factor: &dyn Fn(usize) -> f64) -> Result<(), SolveError>;
+
+    /// Makes state, derivatives and quadratures those at a time within the last step.
+    fn interpolate(&mut self, t: f64) -> Result<(), SolveError>;
+
+    /// Takes the integrals up to a time within the last step.
+    fn take_integrals(&mut self, to: f64) -> Result<(), SolveError>;
+
+    /// The derivatives that the equations give, in place of those of the polynomial, which may be off by the tolerance.
+    fn derive(&mut self) -> Result<(), SolveError>;
+
+    /// Stays at this time, where a restart is needed.
+    fn stop_at(&mut self, t: f64);
+
+    /// Steps to `t_end` or to the first event, which may be at `t_end` itself.
+    fn go_to_event(&mut self, t_end: f64) -> Result<Advance, SolveError> {
+        match self.go(t_end)? {
+            Advance::Reached if self.ends_at_event()? => Ok(Advance::Event),
+            advance => Ok(advance),
+        }
+    }
+
+    /// Whether a condition becomes true at the end of the interval although rounding puts its instant just behind: the next interval begins with
+    /// other inputs, perhaps, under which it would not.
+    fn ends_at_event(&mut self) -> Result<bool, SolveError> {
+        if self.watched().0.is_empty() {
+            return Ok(false);
+        }
+        let ahead = self.span(AHEAD);
+        self.evaluate_along(ahead, false)?;
+        let (watch, _) = self.watched();
+        watch.forget_noise();
+        if !watch.is_about_to_stop(1.0) {
+            return Ok(false);
+        }
+        self.measure_noise(self.time())?;
+        self.derive()?;
+        self.evaluate_along(ahead, true)?;
+        let reach = self.span(AT_ONCE) / ahead;
+        let time = self.time();
+        let (watch, events) = self.watched();
+        if !watch.is_about_to_stop(reach) {
+            return Ok(false);
+        }
+        watch.arrive(AGAIN * reach, events);
+        self.stop_at(time);
+        Ok(true)
+    }
+
+    /// Steps to `t_end` or to the first event, beginning anew behind each break.
+    fn go(&mut self, t_end: f64) -> Result<Advance, SolveError> {
+        let mut stops = 0;
+        let mut width = ROUNDINGS * f64::EPSILON * self.time().abs().max(t_end.abs());
+        loop {
+            let near = NEAR * self.time().abs().max(t_end.abs());
+            let at = self.next_break(self.time())?;
+            if at.is_nan() || at > t_end + near {
+                return self.solve(t_end);
+            }
+            stops += 1;
+            if stops > self.max_steps() {
+                return Err(SolveError::TooManySteps { time: self.time(), steps: self.max_steps(), unknown: None });
+            }
+            if at - width <= self.time() + near {
+                // A break that is not left behind by roundings is by a few more of them.
+                width *= 2.0;
+            } else {
+                width = ROUNDINGS * f64::EPSILON * at.abs().max(t_end.abs());
+                let advance = self.solve((at - width).min(t_end))?;
+                if advance == Advance::Event || at - width >= t_end {
+                    return Ok(advance);
+                }
+            }
+            let behind = (at.max(self.time()) + width).min(t_end);
+            self.cross(behind)?;
+            if behind == t_end {
+                return self.solve(t_end);
+            }
+        }
+    }
+
+    /// A time over the interval or over the time itself, whichever is longer.
+    fn span(&self, [of_interval, of_time]: [f64; 2]) -> f64 {
+        (of_interval * self.longest_interval()).max(of_time * self.time().abs())
+    }
+
+    /// Conditions after a restart; whether one becomes true there.
+    fn settle(&mut self) -> Result<bool, SolveError> {
+        let time = self.time();
+        let (watch, _) = self.watched();
+        if watch.is_empty() {
+            return Ok(false);
+        }
+        watch.passed = false;
+        watch.since = time;
+        self.evaluate_roots(time)?;
+        if self.watched().0.is_at_threshold() {
+            let ahead = self.span(AHEAD);
+            // What is slow beside its own size shows further ahead.
+            for ahead in [ahead, 1e3 * ahead, 1e6 * ahead] {
+                self.evaluate_along(ahead, true)?;
+                if self.watched().0.look_ahead() {
+                    break;
+                }
+            }
+        }
+        let (watch, events) = self.watched();
+        let fired = watch.settle(events);
+        if fired {
+            self.stop_at(time);
+        }
+        Ok(fired)
+    }
+
+    /// Looks at the root functions at a state of the last step; whether a condition has become true before.
+    fn has_passed(&mut self, t: f64) -> Result<bool, SolveError> {
+        if self.watched().0.is_empty() {
+            return Ok(false);
+        }
+        self.evaluate_roots(t)?;
+        Ok(self.watched().0.accept(t))
+    }
+
+    /// What of the root functions is rounding of the state, and of the time if another one is given.
+    fn measure_noise(&mut self, time: f64) -> Result<(), SolveError> {
+        for pattern in [1, 2] {
+            // Signs of two patterns: a difference of two unknowns shows in one of them.
+            self.evaluate_moved(time, &|i| 1.0 + if i & pattern == 0 { ROUNDING } else { -ROUNDING })?;
+            self.watched().0.note_noise(pattern == 1);
+        }
+        Ok(())
+    }
+
+    /// Goes to the first instant at which a condition became true, to the rounding of time.
+    fn locate(&mut self) -> Result<(), SolveError> {
+        let watch = self.watched().0;
+        let (mut low, mut high) = (watch.since, watch.until);
+        let fine = f64::EPSILON * (high.abs() + (high - low));
+        while high - low > fine {
+            let middle = low + (high - low) / 2.0;
+            self.interpolate(middle)?;
+            if self.has_passed(middle)? {
+                high = middle;
+            } else {
+                low = middle;
+            }
+        }
+        self.interpolate(high)?;
+        self.take_integrals(high)?;
+        self.stop_at(high);
+        self.evaluate_roots(high)?;
+        let ahead = self.span(AHEAD);
+        self.measure_noise(high * (1.0 + ROUNDING))?;
+        self.derive()?;
+        self.evaluate_along(ahead, true)?;
+        let reach = self.span(AT_ONCE) / ahead;
+        let (watch, events) = self.watched();
+        watch.arrive(reach, events);
+        Ok(())
+    }
+}

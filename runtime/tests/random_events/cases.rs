@@ -1,0 +1,409 @@
+//! Random events against a simulation of our own that is exact.
+//!
+//! Rates, thresholds, resets and starts are multiples of 1/4, rates of states constant between events: every crossing is a quotient that double
+//! precision holds, so that equal thresholds, starts at a threshold and events at one instant are just that. `PROPTEST_CASES` sets how many
+//! models are tried.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use proptest::prelude::*;
+use smpl_runtime::environment::{Environment, ResetOptions};
+use smpl_runtime::load::{LoadOptions, load_text};
+use smpl_runtime::setup::{EnvironmentOptions, Setup};
+
+const LIMIT: u32 = 400;
+const STEPS: u32 = 4;
+/// Names of the rates and states.
+const STATES: [&str; 2] = ["x", "y"];
+
+/// `event when state op threshold`, and what it does.
+#[derive(Clone, Debug)]
+struct Event {
+    state: usize,
+    rises: bool,
+    strict: bool,
+    threshold: f64,
+    /// A new rate of a state.
+    rate: Option<(usize, f64)>,
+    /// A new value of a state.
+    reset: Option<(usize, f64)>,
+}
+
+#[derive(Clone, Debug)]
+struct Case {
+    start: [f64; 2],
+    rates: [f64; 2],
+    events: Vec<Event>,
+    step: f64,
+}
+
+impl Event {
+    fn condition(&self) -> String {
+        let op = match (self.rises, self.strict) {
+            (true, true) => ">",
+            (true, false) => ">=",
+            (false, true) => "<",
+            (false, false) => "<=",
+        };
+        format!("{} {op} {}", STATES[self.state], self.threshold)
+    }
+
+    /// Positive where the condition holds.
+    fn distance(&self, values: &[f64; 2]) -> f64 {
+        let above = values[self.state] - self.threshold;
+        if self.rises { above } else { -above }
+    }
+
+    fn motion(&self, rates: &[f64; 2]) -> f64 {
+        if self.rises { rates[self.state] } else { -rates[self.state] }
+    }
+}
+
+impl Case {
+    fn text(&self) -> String {
+        let mut text = format!(
+            "model Random\ntime t : s\ndiscrete r_x = {}\ndiscrete r_y = {}\nstate x = {} in -1000..1000\nstate y = {} in -1000..1000\n\
+             eq d/dt x = r_x / 1 [s]\neq d/dt y = r_y / 1 [s]\nobserve x in -1000..1000\n\
+             episode {{ step = {} [s], max_steps = {STEPS} }}\nsolver {{ max_events = {LIMIT} }}\n",
+            self.rates[0], self.rates[1], self.start[0], self.start[1], self.step
+        );
+        for (i, event) in self.events.iter().enumerate() {
+            write!(text, "discrete n{i} = 0\nevent e{i} when {}\nat e{i} {{ next n{i} = n{i} + 1", event.condition()).expect("text");
+            if let Some((state, rate)) = event.rate {
+                write!(text, " ; next r_{} = {rate}", STATES[state]).expect("text");
+            }
+            if let Some((state, value)) = event.reset {
+                write!(text, " ; reset {} = {value}", STATES[state]).expect("text");
+            }
+            text.push_str(" }\n");
+        }
+        text
+    }
+}
+
+/// The exact simulation.
+struct Exact<'a> {
+    case: &'a Case,
+    t: f64,
+    values: [f64; 2],
+    rates: [f64; 2],
+    holds: Vec<bool>,
+    counts: Vec<f64>,
+}
+
+impl<'a> Exact<'a> {
+    fn new(case: &'a Case) -> Self {
+        let none = vec![false; case.events.len()];
+        Self { case, t: 0.0, values: case.start, rates: case.rates, holds: none, counts: vec![0.0; case.events.len()] }
+    }
+
+    fn distances(&self) -> Vec<f64> {
+        self.case.events.iter().map(|e| e.distance(&self.values)).collect()
+    }
+
+    /// Runs what fired, in the order of the text.
+    fn run(&mut self, fired: &[usize]) {
+        for &i in fired {
+            let event = &self.case.events[i];
+            self.counts[i] += 1.0;
+            if let Some((state, rate)) = event.rate {
+                self.rates[state] = rate;
+            }
+            if let Some((state, value)) = event.reset {
+                self.values[state] = value;
+            }
+        }
+    }
+
+    /// What becomes true at this instant by what is done at it; `None` where that has no end. `before` are the distances before the change.
+    fn settle(&mut self, mut before: Option<Vec<f64>>) -> Option<()> {
+        for _ in 0..LIMIT {
+            let now = self.distances();
+            let mut fired = Vec::new();
+            for (i, event) in self.case.events.iter().enumerate() {
+                let (motion, held) = (event.motion(&self.rates), self.holds[i]);
+                let has_jumped = before.as_ref().is_none_or(|b| b[i] != 0.0);
+                self.holds[i] = match now[i] {
+                    0.0 if has_jumped => !event.strict || motion > 0.0,
+                    0.0 if motion == 0.0 => held,
+                    0.0 => motion > 0.0,
+                    distance => distance > 0.0,
+                };
+                if self.holds[i] && !held {
+                    fired.push(i);
+                }
+            }
+            if fired.is_empty() {
+                return Some(());
+            }
+            before = Some(now);
+            self.run(&fired);
+        }
+        None
+    }
+
+    /// To the last event before a time; `None` where events have no end before it.
+    fn advance(&mut self, end: f64) -> Option<()> {
+        loop {
+            let distances = self.distances();
+            let arrivals = self.case.events.iter().zip(&distances).filter_map(|(event, distance)| {
+                let motion = event.motion(&self.rates);
+                (distance * motion < 0.0).then(|| -distance / motion)
+            });
+            let wait = arrivals.fold(f64::INFINITY, f64::min);
+            if self.t + wait > end {
+                return Some(());
+            }
+            self.values = self.values_at(self.t + wait);
+            self.t += wait;
+            let now = self.distances();
+            let mut fired = Vec::new();
+            for (i, event) in self.case.events.iter().enumerate() {
+                let rises = event.motion(&self.rates) > 0.0;
+                match (now[i], distances[i]) {
+                    // What stood at its threshold has left it.
+                    (distance, _) if distance < 0.0 => self.holds[i] = false,
+                    (0.0, before) if before != 0.0 && rises && !event.strict => {
+                        self.holds[i] = true;
+                        fired.push(i);
+                    }
+                    (0.0, before) if before != 0.0 && !rises => self.holds[i] = false,
+                    _ => {}
+                }
+            }
+            self.run(&fired);
+            self.settle(Some(now))?;
+        }
+    }
+
+    /// Values at a time before the next event.
+    fn values_at(&self, t: f64) -> [f64; 2] {
+        std::array::from_fn(|i| self.values[i] + self.rates[i] * (t - self.t))
+    }
+}
+
+fn quarters(range: std::ops::RangeInclusive<i32>) -> impl Strategy<Value = f64> {
+    range.prop_map(|q| f64::from(q) / 4.0)
+}
+
+fn rate() -> impl Strategy<Value = f64> {
+    prop::sample::select(vec![-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0])
+}
+
+fn event() -> impl Strategy<Value = Event> {
+    let change = |value: BoxedStrategy<f64>| prop::option::of((0..2_usize, value));
+    (0..2_usize, any::<bool>(), any::<bool>(), quarters(-4..=4), change(rate().boxed()), change(quarters(-4..=4).boxed()))
+        .prop_map(|(state, rises, strict, threshold, rate, reset)| Event { state, rises, strict, threshold, rate, reset })
+}
+
+fn case() -> impl Strategy<Value = Case> {
+    let pair = |s: BoxedStrategy<f64>| (s.clone(), s).prop_map(|(a, b)| [a, b]);
+    // Of the first three no event falls on the end of a step; of the others many do.
+    let step = prop::sample::select(vec![0.37, 1.1, 2.9, 0.25, 0.5, 0.75, 1.0]);
+    (pair(quarters(-4..=4).boxed()), pair(rate().boxed()), prop::collection::vec(event(), 1..5), step)
+        .prop_map(|(start, rates, events, step)| Case { start, rates, events, step })
+}
+
+/// What takes the steps: this module's name.
+fn method() -> Option<String> {
+    module_path!().rsplit("::").next().map(str::to_owned)
+}
+
+fn check(case: &Case) -> Result<(), TestCaseError> {
+    let text = case.text();
+    let loaded = load_text(Path::new("random.eq"), text.clone(), &LoadOptions::default())
+        .map_err(|e| TestCaseError::fail(format!("{e}\n{text}")))?;
+    let options = EnvironmentOptions { method: method(), ..loaded.options };
+    let setup = Setup::new(loaded.model, options, Some(loaded.sources)).expect("a setup");
+    let mut environment = Environment::new(setup).expect("the solver takes it");
+    environment.reset(Some(0), &ResetOptions::default()).expect("a start");
+    let mut exact = Exact::new(case);
+    let mut ends = exact.settle(None);
+    for step in 1..=STEPS {
+        let result = environment.step(&[]).expect("a step");
+        ends = ends.and_then(|()| exact.advance(f64::from(step) * case.step));
+        let failed = result.failure.is_some();
+        prop_assert_eq!(ends.is_none(), failed, "step {}, {}\n{}", step, environment.failure_message(), text);
+        let place = |name: &str| environment.catalogue().discretes.find(name).expect("there").at;
+        let mut found: Vec<f64> = environment.unknowns().to_vec();
+        let mut expected = exact.values_at(f64::from(step) * case.step).to_vec();
+        if failed {
+            let message = environment.failure_message();
+            prop_assert!(message.starts_with("events: "), "{message}\n{text}");
+            prop_assert!((result.time - exact.t).abs() < 1e-8, "{} {}\n{text}", result.time, exact.t);
+            return Ok(());
+        }
+        found.extend((0..case.events.len()).map(|i| environment.discretes()[place(&format!("n{i}"))]));
+        expected.extend(&exact.counts);
+        let distance = found.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        prop_assert!(distance < 1e-7, "step {step}: {found:?}, exact {expected:?}\n{text}");
+    }
+    Ok(())
+}
+
+/// A room that cools towards `cold` and is heated towards `hot`, switched at `low` and `high`, from a start anywhere.
+#[derive(Clone, Debug)]
+struct Room {
+    cold: f64,
+    low: f64,
+    high: f64,
+    hot: f64,
+    start: f64,
+    step: f64,
+}
+
+impl Room {
+    fn text(&self) -> String {
+        format!(
+            "model Room\ntime t : h\ndiscrete heat = 0\ndiscrete n = 0\nstate x = {} in -100..100\nvar flow = 1\n             eq d/dt x = flow / 1 [h]\neq flow = {} + ({})*heat - x\nevent cold when x <= {}\nevent warm when x >= {}\n             at cold {{ next heat = 1 ; next n = n + 1 }}\nat warm {{ next heat = 0 ; next n = n + 1 }}\nobserve x in -100..100\n             episode {{ step = {} [h], max_steps = {STEPS} }}\nsolver {{ rtol = 1e-10 }}\n",
+            self.start,
+            self.cold,
+            self.hot - self.cold,
+            self.low,
+            self.high,
+            self.step
+        )
+    }
+
+    /// Temperature, number of switches, and heating at a time; exponentials one after another.
+    fn exact(&self, end: f64) -> [f64; 3] {
+        let (mut t, mut x, mut heats, mut count) = (0.0, self.start, false, 0.0);
+        if x <= self.low {
+            (heats, count) = (true, 1.0);
+        } else if x >= self.high {
+            count = 1.0;
+        }
+        loop {
+            let (target, limit) = if heats { (self.hot, self.high) } else { (self.cold, self.low) };
+            let wait = ((x - target) / (limit - target)).ln();
+            if t + wait > end {
+                return [target + (x - target) * (t - end).exp(), count, f64::from(u8::from(heats))];
+            }
+            (t, x, heats, count) = (t + wait, limit, !heats, count + 1.0);
+        }
+    }
+}
+
+fn room() -> impl Strategy<Value = Room> {
+    (-10.0..10.0, 0.5..5.0, 0.2..5.0, 0.5..5.0, -20.0..30.0, 0.1..5.0).prop_map(
+        |(cold, a, b, c, start, step): (f64, f64, f64, f64, f64, f64)| Room {
+            cold,
+            low: cold + a,
+            high: cold + a + b,
+            hot: cold + a + b + c,
+            start,
+            step,
+        },
+    )
+}
+
+fn check_room(room: &Room) -> Result<(), TestCaseError> {
+    let loaded = load_text(Path::new("room.eq"), room.text(), &LoadOptions::default()).map_err(|e| TestCaseError::fail(format!("{e}")))?;
+    let options = EnvironmentOptions { method: method(), ..loaded.options };
+    let setup = Setup::new(loaded.model, options, Some(loaded.sources)).expect("a setup");
+    let mut environment = Environment::new(setup).expect("the solver takes it");
+    environment.reset(Some(0), &ResetOptions::default()).expect("a start");
+    for step in 1..=STEPS {
+        let failure = environment.step(&[]).expect("a step").failure;
+        prop_assert_eq!(failure, None);
+        let [x, count, heats] = room.exact(f64::from(step) * room.step);
+        let place = |name: &str| environment.catalogue().discretes.find(name).expect("there").at;
+        let found = [environment.unknowns()[0], environment.discretes()[place("n")], environment.discretes()[place("heat")]];
+        prop_assert!(
+            (found[0] - x).abs() < 1e-5 && found[1..] == [count, heats],
+            "step {step}: {found:?}, exact {x} {count} {heats}\n{}",
+            room.text()
+        );
+    }
+    Ok(())
+}
+
+/// One event that falls on the end of a step, but for the rounding of its threshold and of the integration, or near it.
+#[derive(Clone, Debug)]
+struct Coincidence {
+    step: f64,
+    /// Change of the state in a step, and its start in such changes.
+    change: f64,
+    start: f64,
+    /// The step at whose end it happens.
+    number: u32,
+    /// How much later than that, in steps.
+    later: f64,
+    condition: usize,
+    strict: bool,
+}
+
+impl Coincidence {
+    fn text(&self) -> String {
+        let (rate, start) = (self.change / self.step, self.start * self.change);
+        let steps = f64::from(self.number) + self.later;
+        let threshold = start + self.change * steps;
+        let equals = if self.strict { "" } else { "=" };
+        let rises = if self.change > 0.0 { ">" } else { "<" };
+        let condition = match self.condition {
+            0 => format!("x {rises}{equals} {threshold}"),
+            1 => format!("z {rises}{equals} {threshold}"),
+            2 => format!("{threshold} - x {}{equals} 0", if self.change > 0.0 { "<" } else { ">" }),
+            3 => format!("t >{equals} {} [s]", self.step * steps),
+            _ => format!("clock >{equals} {} [s]", self.step * steps),
+        };
+        format!(
+            "model Coincidence\ntime t : s\ndiscrete n = 0\ndiscrete at_time = 0\nstate x = {start}\nvar z = {start}\neq d/dt x = {rate} [1/s]\n\
+             eq z^3 = x^3\nevent e when {condition}\nat e {{ next n = n + 1 ; next at_time = t/(1 [s]) }}\nobserve x in -1..1\n\
+             episode {{ step = {} [s], max_steps = 20 }}\n",
+            self.step
+        )
+    }
+}
+
+fn coincidence() -> impl Strategy<Value = Coincidence> {
+    let change = prop_oneof![0.01..100.0, -100.0..-0.01];
+    let later = prop::sample::select(vec![0.0, 0.0, 0.0, 1e-13, -1e-13, 1e-11, -1e-11, 1e-10, -1e-10, 1e-9, -1e-9, 1e-7, -1e-7]);
+    let kind = (0..5_usize, any::<bool>());
+    (0.001..100.0, change, 0.5..8.0, 1..=6_u32, later, kind).prop_map(|(step, change, start, number, later, (condition, strict))| {
+        Coincidence { step, change, start, number, later, condition, strict }
+    })
+}
+
+fn check_coincidence(case: &Coincidence) -> Result<(), TestCaseError> {
+    let text = case.text();
+    let loaded = load_text(Path::new("random.eq"), text.clone(), &LoadOptions::default())
+        .map_err(|e| TestCaseError::fail(format!("{e}\n{text}")))?;
+    let options = EnvironmentOptions { method: method(), ..loaded.options };
+    let setup = Setup::new(loaded.model, options, Some(loaded.sources)).expect("a setup");
+    let mut environment = Environment::new(setup).expect("the solver takes it");
+    environment.reset(Some(0), &ResetOptions::default()).expect("a start");
+    let place = |name: &str| environment.catalogue().discretes.find(name).expect("there").at;
+    let (n, at_time) = (place("n"), place("at_time"));
+    for step in 1..=case.number + 3 {
+        prop_assert_eq!(environment.step(&[]).expect("a step").failure, None);
+        // What is later by 1e-10 of the step is at the border.
+        let last = case.number + u32::from(case.later > 1e-11);
+        let open = step == case.number && case.later == 1e-10;
+        let expected = if step < last { 0.0 } else { 1.0 };
+        let count = environment.discretes()[n];
+        prop_assert!(count == expected || (open && count == 1.0), "{} after step {} of {:?}\n{}", count, step, case, text);
+    }
+    let distance = (environment.discretes()[at_time] - (f64::from(case.number) + case.later) * case.step).abs();
+    prop_assert!(distance < 1e-9 * case.step, "{distance}\n{text}");
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+    #[test]
+    fn events_of_states_with_constant_rates_are_those_of_an_exact_simulation(case in case()) {
+        check(&case)?;
+    }
+
+    #[test]
+    fn an_event_at_the_end_of_a_step_belongs_to_that_step_alone(case in coincidence()) {
+        check_coincidence(&case)?;
+    }
+
+    #[test]
+    fn a_room_between_two_temperatures_follows_the_exponentials(room in room()) {
+        check_room(&room)?;
+    }
+}
