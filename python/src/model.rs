@@ -30,6 +30,9 @@ type Input<'py> = PyReadonlyArray1<'py, f64>;
 /// By dense reward, time limit and method.
 type Setups = HashMap<(bool, Option<u32>, Option<String>), Arc<Setup>>;
 
+/// How trajectories are run: threads, time limit, method.
+type Run = (usize, Option<u32>, Option<String>);
+
 /// A compiled model.
 #[pyclass(frozen, module = "smpl._native")]
 pub struct Model {
@@ -41,7 +44,7 @@ pub struct Model {
     /// What environments share.
     setups: Mutex<Setups>,
     /// Environments of rollouts, by number of threads, time limit and method.
-    rollouts: Mutex<HashMap<(usize, Option<u32>, Option<String>), Rollouts>>,
+    rollouts: Mutex<HashMap<Run, Rollouts>>,
 }
 
 #[pymethods]
@@ -271,7 +274,7 @@ impl Model {
         disturbances: Vec<(String, PyReadonlyArrayDyn<'py, f64>)>,
         size: (usize, usize),
         options: (Option<u64>, u32, bool),
-        run: (usize, Option<u32>, Option<String>),
+        run: Run,
     ) -> PyResult<Results<'py>> {
         let request = Request::new(&start, &actions, [&parameters, &discrete, &disturbances], size, options);
         drop((start, actions, parameters, discrete, disturbances));

@@ -218,8 +218,8 @@ def _of_env(env: Any, given: dict[str, Any]) -> Task:
         if not type(inner).__module__.startswith("gymnasium.wrappers.common"):
             raise TypeError(f"env is wrapped by {type(inner).__name__}; give the environment beneath, or its id")
         inner = inner.env
-    normalize, dense, _, limit = env.unwrapped._options
-    arguments = {"normalize": normalize, "dense_reward": dense, "max_steps": limit}
+    normalize, dense, _, limit, method = env.unwrapped._options
+    arguments = {"normalize": normalize, "dense_reward": dense, "max_steps": limit, "method": method}
     kept = {key: value for key, value in arguments.items() if value is not None}
     return Task(env.unwrapped.model.name, env.unwrapped.model, kept)
 

@@ -227,7 +227,7 @@ pub fn arenstorf() -> Problem {
         (squares.map(|s| s * s.sqrt()), squares.map(|s| s * s * s.sqrt()))
     }
     Problem::ode(
-        vec![0.994, 0.0, 0.0, -2.001_585_106_379_082_522_405_378_622_24],
+        vec![0.994, 0.0, 0.0, -2.001_585_106_379_082_5],
         vec![],
         Pattern::full(4),
         |_, y, yp, _, out| {

@@ -69,7 +69,7 @@ impl Run<'_> {
     /// Why there is no going on, the step having come down to a length.
     fn failure(&mut self, step: f64) -> SolveError {
         let time = self.one.time;
-        let unknown = self.to_blame();
+        let unknown = self.unknown_to_blame();
         match self.one.frame.functions.trouble {
             Some(Trouble::Residual { time, row }) => SolveError::NotFinite { time, row },
             Some(Trouble::Jacobian { time, entry }) => {
@@ -84,7 +84,7 @@ impl Run<'_> {
     }
 
     /// The unknown with the largest error in the last step that was tried.
-    fn to_blame(&mut self) -> Option<usize> {
+    fn unknown_to_blame(&mut self) -> Option<usize> {
         let OneStep { frame, rosenbrock, explicit, stiff, .. } = &mut *self.one;
         match (rosenbrock, explicit) {
             (Some(rosenbrock), _) if *stiff => frame.largest(rosenbrock.error()),
@@ -366,7 +366,7 @@ impl Traverse for Run<'_> {
                 return Ok(advance);
             }
         }
-        let (time, steps, unknown) = (self.one.time, self.one.settings.max_steps, self.to_blame());
+        let (time, steps, unknown) = (self.one.time, self.one.settings.max_steps, self.unknown_to_blame());
         Err(match self.one.frame.functions.trouble {
             Some(_) => self.failure(0.0),
             None => SolveError::TooManySteps { time, steps, unknown },
