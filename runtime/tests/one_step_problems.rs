@@ -102,7 +102,7 @@ fn orbits_take_no_more_evaluations_and_are_no_less_right_than_with_scipy() {
     let mut products = vec![];
     for case in SCIPY_ARENSTORF {
         let orbit = problems::arenstorf();
-        products.push(beside_scipy(&orbit, &orbit.start, 17.065_216_560_157_962_5, case));
+        products.push(beside_scipy(&orbit, &orbit.start, 17.065_216_560_157_964, case));
     }
     for case in SCIPY_PREDATORS {
         products.push(beside_scipy(&problems::predator_prey(), &PREDATORS_AT_40, 40.0, case));
