@@ -24,6 +24,9 @@ const STABLE: f64 = 5.0;
 const MISFITS: u32 = 6;
 const CALM: u32 = 6;
 
+/// An error, in tolerances, that smooth rates hardly ever give: steps grow and shrink by the errors before.
+const DOUBTFUL: f64 = 10.0;
+
 /// A step of the Rosenbrock method times a bound of the eigenvalues below which the explicit one takes longer ones.
 const LOOSE: f64 = 1.0;
 
@@ -168,6 +171,7 @@ impl Run<'_> {
         if error <= 1.0 {
             self.one.frame.evaluate_end(self.system);
             if is_finite(&self.one.frame.end_rates) {
+                self.one.frame.doubtful = false;
                 self.one.control.accept(step, error, growth);
                 return true;
             }
@@ -178,6 +182,7 @@ impl Run<'_> {
         } else {
             self.find_trouble();
         }
+        self.one.frame.doubtful |= error > DOUBTFUL;
         self.one.control.reject(step, if error.is_finite() { error } else { f64::INFINITY }, growth);
         false
     }

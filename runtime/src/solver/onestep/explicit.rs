@@ -5,6 +5,10 @@ use super::dop853::*;
 use super::frame::Frame;
 use super::numbers::{Quad, Quads, combine, set, sum, weighted, zeros};
 
+/// Factor of the error of order 5 where a step is doubtful: with it, 400 random chains of kinks (half waves, 1 to 24 in an interval, tolerances
+/// 1e-4 to 1e-8) were within half of their bound, without it one in 400 was beyond, for 3 % fewer evaluations.
+const DOUBT: f64 = 10.0;
+
 /// Space for a step, and its polynomial.
 pub struct Explicit {
     /// Rates at stages 2 to 12, then at those of the dense output.
@@ -64,13 +68,18 @@ impl Explicit {
         self.measure(frame)
     }
 
-    /// Hairer's combination of the two estimates of the error.
+    /// Hairer's combination of the two estimates of the error. Where the step passes a kink, each of them is a difference of rates before
+    /// and behind it, which vanishes for some of its places; attempts of different lengths would find such a place, so that both have to be
+    /// small, the one that is more exact by far.
     fn measure(&mut self, frame: &Frame) -> f64 {
         let [_, _, _, _, k6, k7, k8, k9, k10, k11, k12] = &self.k;
         let terms = [&frame.begin_rates[..], k6, k7, k8, k9, k10, k11, k12];
         let [fifth, third] = frame.squares(|i| weighted(i, &E5, &terms), |i| weighted(i, &E3, &terms));
         if fifth == 0.0 {
             return 0.0;
+        }
+        if frame.doubtful {
+            return frame.h * ((DOUBT * DOUBT * fifth).max(0.01 * third) / frame.n as f64).sqrt();
         }
         let third = if frame.careful { 0.0 } else { third };
         frame.h * fifth / ((fifth + 0.01 * third) * frame.n as f64).sqrt()

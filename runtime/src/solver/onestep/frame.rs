@@ -12,6 +12,8 @@ pub struct Frame {
     pub timed: bool,
     /// Something turns so often that an estimate of the error may be small by chance.
     pub careful: bool,
+    /// An attempt was so far off that something in this step is not smooth.
+    pub doubtful: bool,
     /// Time and length of the step.
     pub t: f64,
     pub h: f64,
@@ -53,6 +55,7 @@ impl Frame {
             n,
             timed: system.depends_on_time(),
             careful: false,
+            doubtful: false,
             t: 0.0,
             h: 0.0,
             begin: zeros(n),
