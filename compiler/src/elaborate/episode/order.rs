@@ -78,21 +78,27 @@ impl Writers {
         of.single[from.min(until)..until].iter().copied().chain(within).collect()
     }
 
-    /// The last nests that write an element that one reads and does not write.
+    /// The last nests that write an element that one reads, of those that write nothing that it writes too: these are before or after it by that.
     fn of_read(&self, i: usize, (var, at): Element) -> Vec<usize> {
         let Some(of) = self.of.get(&var) else { return Vec::new() };
         let own = || self.written[i].iter().filter(|w| w.0 == var);
         if own().any(|w| !w.1.is_constant()) {
             return Vec::new();
         }
-        // What it writes itself a loop may write too: it is before or after by that.
-        let within = if own().next().is_none() { of.loops.last().copied() } else { None };
-        let last = |(at, list): (&Affine, &Vec<usize>)| list.last().copied().filter(|_| own().all(|w| w.1 != *at));
+        let last = |list: &[usize]| list.iter().rev().copied().find(|&j| !self.meet(i, j));
+        let within = if own().next().is_none() { last(&of.loops) } else { None };
+        let alone = |(at, list): (&Affine, &Vec<usize>)| if own().any(|w| w.1 == *at) { None } else { last(list) };
         if at.is_constant() {
-            let alone = of.elements.get_key_value(&at).and_then(last);
+            let alone = of.elements.get_key_value(&at).and_then(alone);
             return within.max(alone).into_iter().collect();
         }
-        of.elements.iter().filter_map(last).filter(|&j| Some(j) > within).chain(within).collect()
+        of.elements.iter().filter_map(alone).filter(|&j| Some(j) > within).chain(within).collect()
+    }
+
+    /// Whether two nests write an element both.
+    fn meet(&self, i: usize, j: usize) -> bool {
+        let meets = |a: &Element, b: &Element| a.0 == b.0 && (a.1 == b.1 || !a.1.is_constant() || !b.1.is_constant());
+        self.written[i].iter().any(|v| self.written[j].iter().any(|w| meets(v, w)))
     }
 }
 
