@@ -1,14 +1,24 @@
 //! Elaboration: from syntax trees to the flat indexed model.
 //!
-//! One pass does what belongs together at the place of writing: names are looked up, shapes and units are checked on what was
-//! written, functions and `let`s are expanded, indices over enumerated sets are written out, and equations over the cells of a
-//! domain become loops. Where a stencil meets the end of a domain, the loop is split on demand: [`lower::cells`] elaborates a body
+//! | pass | from | to |
+//! |---|---|---|
+//! | [`select`] | files, options | the variants and choices in force |
+//! | [`declare`] | statements | [`symbols`], frozen from there on |
+//! | [`quantities`] | declarations | bounds, defaults and scales as numbers |
+//! | [`equations`] | equations, connections | [`Equation`]s |
+//! | [`episode`] | the control problem | programs, interface |
+//! | [`check`] | what nothing asked for or nobody chose | warnings and faults |
+//!
+//! All but the first take expressions to nodes by [`lower`] (with [`space`] for what stands over the cells of a domain): names are looked up,
+//! shapes and units checked on what was written, functions and `let`s expanded, indices over enumerated sets written out, and equations over
+//! cells become loops. Where a stencil meets the end of a domain, the loop is split on demand: [`lower::cells`] elaborates a body
 //! over a range of cells and starts again with a cut where the body asked for one, so that the first, the inner and the
 //! last cells each get their own equation, however large the grid is.
 //!
 //! Faults are collected; a faulty expression becomes *poison*, which fits everywhere and causes no further report.
 
 mod budget;
+mod built_ins;
 mod check;
 mod constants;
 mod declare;
@@ -16,39 +26,37 @@ mod episode;
 mod equations;
 mod expansions;
 mod hidden;
+mod instances;
 mod ledger;
 mod lower;
+mod naming;
 mod options;
+mod outside;
+mod quantities;
 mod reports;
 mod select;
 mod space;
 mod speculation;
+mod symbols;
 
 use std::collections::HashMap;
 
-use smpl_dsl::diagnostic::{Faults, codes};
-use smpl_dsl::syntax;
+use smpl_dsl::diagnostic::{Diagnostic, Faults, codes};
+use smpl_dsl::syntax::{self, Statement};
 
-use crate::ir::{ExprId, Exprs, FastSet};
-use crate::model::Model;
-use constants::Constants;
-use declare::instances::Instances;
-use declare::symbols::Symbols;
-use episode::Episode;
-use expansions::Expansions;
-use hidden::Hidden;
+use crate::model::{Interface, Model};
+use declare::{About, Declaring};
+use episode::Control;
 use ledger::Ledger;
-use lower::cells::Loops;
-use lower::place::{Bound, Place, Site};
-use select::items::Selection;
-use select::variants::Choices;
-use space::transport::Fluxes;
+use lower::Lowering;
+use select::Input;
+use select::variants::{Choices, Shown};
 
 pub(crate) use check::lints::unused_parameters;
-pub use declare::defaults::for_each_element;
 pub use episode::ordered_initial;
 pub use equations::{Equation, EquationForm};
 pub use lower::builtins::{BUILTINS, Builtin};
+pub use lower::nests::for_each_element;
 pub use options::{ENTRY_SETTINGS, Options, Setting};
 
 /// Result of elaboration: the model before structure analysis, and its equations.
@@ -69,136 +77,112 @@ pub struct Elaborated {
 /// # Errors
 /// All independent faults of the model.
 pub fn elaborate(files: &[syntax::File], imports: &HashMap<String, usize>, options: &Options) -> Result<Elaborated, Faults> {
-    let mut elaborator = Elaborator::new(files, imports, options);
-    elaborator.run();
-    let (chosen, spent) = (elaborator.input.selection.chosen.clone(), elaborator.ledger.budget.work());
-    let mut elaborated = elaborator.finish()?;
+    let pass = Pass::over(files, imports, options, 0);
+    let (chosen, mut spent) = (pass.chosen, pass.work);
+    let mut elaborated = pass.result?;
     if options.lints {
-        elaborated.warnings.append(check::alternatives::faults_in_alternatives(files, imports, options, &chosen, spent));
+        let mut faults_with = |options: &Options, reading: u32| {
+            let pass = Pass::over(files, imports, options, spent.saturating_add(reading));
+            spent = pass.work;
+            (pass.result.err(), spent)
+        };
+        let alternatives = check::alternatives::faults_in_alternatives(files, options, &chosen, pass.work, &mut faults_with);
+        elaborated.warnings.append(alternatives);
         elaborated.warnings.sort();
     }
     Ok(elaborated)
 }
 
-/// What is elaborated.
-struct Input<'a> {
-    files: &'a [syntax::File],
-    imports: &'a HashMap<String, usize>,
-    options: &'a Options,
-    selection: Selection,
-    /// Settings that something took.
-    used_settings: FastSet<String>,
+/// One pass over the files, under one selection.
+struct Pass {
+    /// What came of it.
+    result: Result<Elaborated, Faults>,
+    /// Option of each choice.
+    chosen: HashMap<String, String>,
+    /// The work that it took, with what was spent before.
+    work: u32,
 }
 
-/// The state of an elaboration, a part for each thing that it keeps.
-pub(crate) struct Elaborator<'a> {
-    input: Input<'a>,
-    ledger: Ledger,
-    symbols: Symbols<'a>,
-    instances: Instances<'a>,
-    exprs: Exprs,
-    constants: Constants,
-    expansions: Expansions,
-    hidden: Hidden,
-    loops: Loops,
-    fluxes: Fluxes,
-    equations: Vec<Equation>,
-    episode: Episode<'a>,
-    model: Model,
+impl Pass {
+    /// Selects, declares and lowers; `spent` is the work that passes before took.
+    fn over(files: &[syntax::File], imports: &HashMap<String, usize>, options: &Options, spent: u32) -> Pass {
+        let mut ledger = Ledger::default();
+        ledger.budget.begin_at(spent);
+        let choices = Choices::of(files);
+        let (selected, shown) = choices.select(files, options);
+        ledger.reports.diagnostics.append(selected.faults);
+        let input = Input { files, imports, options, selection: selected.selection };
+
+        let mut declaring = Declaring::new(&input, ledger);
+        declaring.work.constants.taken.extend(selected.settings);
+        declaring.declare_file();
+        let (result, work) = lowered(&input, declaring, shown);
+        Pass { result, chosen: input.selection.chosen, work }
+    }
 }
 
-impl<'a> Elaborator<'a> {
-    fn new(files: &'a [syntax::File], imports: &'a HashMap<String, usize>, options: &'a Options) -> Self {
-        let mut symbols = Symbols::default();
-        let hidden = Hidden::new(&mut symbols.vars);
-        let input = Input { files, imports, options, selection: Selection::default(), used_settings: FastSet::default() };
-        Elaborator {
-            input,
-            ledger: Ledger::default(),
-            symbols,
-            instances: Instances::default(),
-            exprs: Exprs::default(),
-            constants: Constants::default(),
-            expansions: Expansions::default(),
-            hidden,
-            loops: Loops::default(),
-            fluxes: Fluxes::default(),
-            equations: Vec::new(),
-            episode: Episode::default(),
-            model: Model::default(),
+/// Lowers what is declared; the result, and the work that it took.
+fn lowered(input: &Input<'_>, declaring: Declaring<'_, '_>, shown: Shown) -> (Result<Elaborated, Faults>, u32) {
+    let Declaring { mut symbols, instances, about, mut work, .. } = declaring;
+    // What a missing file declares would be missed everywhere.
+    let mut passed = None;
+    if !work.ledger.reports.diagnostics.iter().any(|d| d.code == codes::UNKNOWN_IMPORT) {
+        let mut lowering = Lowering::new(input, &symbols, &instances, &mut work);
+        let (equations, control) = all_statements(&mut lowering);
+        let unused = check::unused::components(&lowering);
+        sample_faults(input, &unused).into_iter().for_each(|fault| lowering.ledger.report(fault));
+        if input.options.lints && !lowering.ledger.reports.has_errors() {
+            check::lints::lint(&mut lowering, &control);
         }
+        passed = Some((equations, control));
     }
+    let spent = work.ledger.budget.work();
+    let runs = work.ledger.speculation.looped;
+    let warnings = match work.ledger.closed() {
+        Ok(warnings) => warnings,
+        Err(faults) => return (Err(faults), spent),
+    };
+    let (equations, control) = passed.unwrap_or_default();
+    work.hidden.close(&mut symbols.vars);
+    let mut model = model_of(control, about, shown);
+    model.interface.time = (symbols.time_name, symbols.time_unit.to_string());
+    model.interface.draws = work.hidden.draws.list;
+    model.quadratures = work.hidden.quadratures.list;
+    model.exprs = work.exprs;
+    model.vars = symbols.vars;
+    (Ok(Elaborated { model, equations, runs, warnings }), spent)
+}
 
-    fn run(&mut self) {
-        self.select();
-        self.declare_file();
-        // What a missing file declares would be missed everywhere.
-        if self.ledger.reports.diagnostics.iter().any(|d| d.code == codes::UNKNOWN_IMPORT) {
-            return;
-        }
-        self.declare_defaults();
-        self.check_ends();
-        self.ledger.speculation.enabled = true;
-        self.elaborate_equations();
-        self.elaborate_control();
-        self.check_unused();
-        if self.input.options.lints && !self.ledger.reports.has_errors() {
-            self.lint();
-        }
-    }
+/// What follows the declarations, in this order.
+fn all_statements(l: &mut Lowering<'_, '_>) -> (Vec<Equation>, Control) {
+    quantities::declare_defaults(l);
+    l.check_ends();
+    l.ledger.speculation.enabled = true;
+    let equations = equations::elaborate_equations(l);
+    let control = episode::elaborate_control(l);
+    check::unused::check_unused(l);
+    (equations, control)
+}
 
-    /// Decides which variants are on and which options are chosen; unknown names are faults.
-    fn select(&mut self) {
-        let choices = Choices::of(self.input.files);
-        let mut faults = Faults::default();
-        self.input.files.iter().for_each(|file| choices.check_whens(&file.statements, &mut faults));
-        let chosen = choices.choose(self.input.options);
-        faults.append(chosen.faults);
-        self.ledger.reports.diagnostics.append(faults);
-        self.model.interface.variants = choices.shown_variants(&chosen.selection);
-        self.model.interface.choices = choices.shown_choices(&chosen.selection);
-        self.input.selection = chosen.selection;
-        self.input.used_settings.extend(chosen.settings);
+/// Faults of components of which there is no instance, elaborated apart, beside what the file declares.
+fn sample_faults(input: &Input<'_>, unused: &[&Statement]) -> Vec<Diagnostic> {
+    if unused.is_empty() {
+        return Vec::new();
     }
+    let options = Options::default();
+    let Input { files, imports, selection, .. } = input;
+    let input = Input { files, imports, options: &options, selection: selection.clone() };
+    let mut declaring = Declaring::new(&input, Ledger::default());
+    declaring.declare_samples(unused);
+    let Declaring { symbols, instances, mut work, .. } = declaring;
+    all_statements(&mut Lowering::new(&input, &symbols, &instances, &mut work));
+    work.ledger.reports.name_calls();
+    check::unused::of_components(&work.ledger, unused)
+}
 
-    fn finish(mut self) -> Result<Elaborated, Faults> {
-        self.ledger.budget.fault().into_iter().for_each(|fault| self.ledger.reports.diagnostics.push(fault));
-        self.ledger.reports.name_calls();
-        self.ledger.reports.diagnostics.sort();
-        if self.ledger.reports.has_errors() {
-            return Err(self.ledger.reports.diagnostics);
-        }
-        self.hidden.close(&mut self.symbols.vars);
-        let mut model = self.model;
-        model.interface.draws = self.hidden.draws.list;
-        model.quadratures = self.hidden.quadratures.list;
-        model.exprs = self.exprs;
-        model.vars = self.symbols.vars;
-        let (runs, warnings) = (self.ledger.speculation.looped, self.ledger.reports.diagnostics);
-        Ok(Elaborated { model, equations: self.equations, runs, warnings })
-    }
-
-    /// The number that an expression of constants and parameters has with the parameters' defaults and means of random numbers.
-    fn constant_value(&mut self, e: ExprId) -> Option<f64> {
-        if let Some(x) = self.exprs.as_const(e) {
-            return Some(x);
-        }
-        for (var, _) in self.symbols.parameters_in(&self.exprs, e) {
-            if let Some(&symbol) = self.symbols.of_var.get(&var) {
-                self.know(symbol);
-            }
-        }
-        self.folded(e)
-    }
-
-    /// The number of an expression with what is known of the parameters.
-    fn folded(&mut self, e: ExprId) -> Option<f64> {
-        self.constants.fold(&mut self.exprs, &self.symbols.vars, &self.hidden.draws, e)
-    }
-
-    /// Notes that sizes or indices were computed from an expression: its parameters keep their numbers.
-    fn mark_structural(&mut self, e: ExprId) {
-        let parameters = self.symbols.parameters_in(&self.exprs, e);
-        self.constants.mark_structural(parameters.into_iter().map(|p| p.0));
-    }
+/// A model with what the control problem says; its expressions and variables are still missing.
+fn model_of(control: Control, about: About, shown: Shown) -> Model {
+    let Control { programs, roots, unknowns, interface } = control;
+    let interface = Interface { name: about.name, text: about.text, variants: shown.variants, choices: shown.choices, ..interface };
+    Model { programs, roots, unknowns, interface, ..Model::default() }
 }

@@ -18,6 +18,8 @@ pub(in crate::elaborate) struct Constants {
     needs: FastMap<VarId, Vec<VarId>>,
     /// Parameters whose numbers gave sizes and indices.
     structural: FastSet<VarId>,
+    /// Settings that something took.
+    pub taken: FastSet<String>,
 }
 
 impl Constants {

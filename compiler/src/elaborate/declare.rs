@@ -1,25 +1,27 @@
 //! Declarations: variants, imports, sets, tables, variables, components.
 
-pub(in crate::elaborate) mod built_ins;
-pub(in crate::elaborate) mod defaults;
-pub(in crate::elaborate) mod instances;
-pub(in crate::elaborate) mod naming;
-pub(in crate::elaborate) mod outside;
-pub(in crate::elaborate) mod symbols;
-pub(in crate::elaborate) mod tables;
+mod checks;
+mod instances;
+mod phases;
+mod tables;
 
+use crate::elaborate::symbols::Symbols;
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{self, Declaration, Flux, Form, Ident, SetMembers, Statement, StatementKind, Table};
+use smpl_dsl::syntax::{self, Binder, Declaration, Flux, Ident, SetMembers, Statement, StatementKind};
 use smpl_dsl::units::Unit;
 
-use crate::elaborate::declare::naming::Naming;
-use crate::elaborate::declare::symbols::{Axis, Domain, Geometry, Scheme, Scope, ScopeId, Set, SetId, Symbol, SymbolId, SymbolKind};
+use crate::elaborate::instances::Instances;
 use crate::elaborate::ledger::Ledger;
+use crate::elaborate::lower::binders::IndexOver;
+use crate::elaborate::lower::place::{Place, Site};
+use crate::elaborate::lower::{Lowering, Work};
+use crate::elaborate::naming::Naming;
+use crate::elaborate::select::Input;
 use crate::elaborate::select::imports::gathered;
-use crate::elaborate::select::items::{Item, items, observed, overlay, reference};
-use crate::elaborate::{Elaborator, Place, Site};
-use crate::ir::{FastMap, Role, VarId};
+use crate::elaborate::select::items::{Item, items, overlay};
+use crate::elaborate::symbols::{Axis, Domain, Geometry, Scheme, Scope, ScopeId, Set, Symbol, SymbolId, SymbolKind};
+use crate::ir::{Role, VarId};
 use crate::model::Variable;
 
 /// Most elements of one variable.
@@ -46,7 +48,62 @@ impl Turn {
     }
 }
 
-impl<'a> Elaborator<'a> {
+/// What a model says of itself.
+#[derive(Debug, Default)]
+pub(in crate::elaborate) struct About {
+    /// Its name.
+    pub name: String,
+    /// Its text.
+    pub text: String,
+}
+
+/// Statements to symbols. Sizes are expressions: what is declared so far is what they are lowered over.
+pub(in crate::elaborate) struct Declaring<'m, 'a> {
+    input: &'m Input<'a>,
+    /// What names stand for.
+    pub symbols: Symbols<'a>,
+    /// Components and their instances.
+    pub instances: Instances<'a>,
+    /// What the model says of itself.
+    pub about: About,
+    /// What lowering writes to.
+    pub work: Work,
+}
+
+impl<'m, 'a> Declaring<'m, 'a> {
+    /// Nothing declared yet.
+    pub fn new(input: &'m Input<'a>, ledger: Ledger) -> Declaring<'m, 'a> {
+        let mut symbols = Symbols::default();
+        let work = Work::new(ledger, &mut symbols.vars);
+        Declaring { input, symbols, instances: Instances::default(), about: About::default(), work }
+    }
+
+    /// Lowering over what is declared so far.
+    fn lowering(&mut self) -> Lowering<'_, 'a> {
+        Lowering::new(self.input, &self.symbols, &self.instances, &mut self.work)
+    }
+
+    fn naming(&mut self) -> Naming<'_, 'a> {
+        Naming { symbols: &self.symbols, ledger: &mut self.work.ledger }
+    }
+}
+
+impl<'a> Declaring<'_, 'a> {
+    /// Axes and binder names of an index list (`i in species, z`).
+    fn axes(&mut self, binders: &[Binder], place: &Place) -> Option<(Vec<Axis>, Vec<String>)> {
+        let mut axes = Vec::with_capacity(binders.len());
+        for binder in binders {
+            axes.push(match self.lowering().index_over(binder, place)? {
+                IndexOver::Axis(axis) => axis,
+                IndexOver::New { name, low, high } => {
+                    let labels = (low..=high).map(|i| i.to_string()).collect();
+                    Axis::Set(self.symbols.sets.push(Set::new(name, labels, Some(low))))
+                }
+            });
+        }
+        Some((axes, binders.iter().map(|b| b.name.text.clone()).collect()))
+    }
+
     /// Declares everything of the main file and what it imports.
     pub(in crate::elaborate) fn declare_file(&mut self) {
         let root = self.symbols.scopes.push(Scope::default());
@@ -91,14 +148,14 @@ impl<'a> Elaborator<'a> {
             ),
         });
         self.declare_block(root, list, 0);
-        instances.into_iter().for_each(|name| self.naming().faulty(root, name));
+        instances.into_iter().for_each(|name| self.faulty(root, name));
         root
     }
 
     /// The items of the main file and of what it imports.
     fn gathered(&mut self) -> Vec<Item<'a>> {
         let (list, faults) = gathered(self.input.files, self.input.imports, &self.input.selection);
-        faults.into_iter().for_each(|fault| self.ledger.report(fault));
+        faults.into_iter().for_each(|fault| self.work.ledger.report(fault));
         list
     }
 
@@ -110,7 +167,7 @@ impl<'a> Elaborator<'a> {
         };
         if let Some(before) = table.insert(&name.text, statement) {
             let at = before.span;
-            self.ledger.duplicate(name, at);
+            self.work.ledger.duplicate(name, at);
         }
     }
 
@@ -126,21 +183,20 @@ impl<'a> Elaborator<'a> {
                     name.clone_from(&n.text);
                     span = statement.span;
                     let place = Place::new(root, Site::Dynamics);
-                    unit = self.unit(u, &place);
+                    unit = self.lowering().unit(u, &place);
                 }
                 StatementKind::Model { name: n, text } => {
                     if let Some(before) = model_seen.replace(statement.span) {
-                        self.ledger.duplicate(n, before);
+                        self.work.ledger.duplicate(n, before);
                     }
-                    self.model.interface.name.clone_from(&n.text);
-                    self.model.interface.text = text.clone().unwrap_or_default();
+                    self.about.name.clone_from(&n.text);
+                    self.about.text = text.clone().unwrap_or_default();
                 }
                 _ => {}
             }
         }
         self.symbols.time_unit = unit.unwrap_or_else(Unit::one);
         self.symbols.time_name.clone_from(&name);
-        self.model.interface.time = (name.clone(), self.symbols.time_unit.to_string());
         let symbol = Symbol { path: name.clone(), scope: root, span, kind: SymbolKind::Time };
         let _ = self.symbols.declare(&name, symbol);
     }
@@ -148,8 +204,8 @@ impl<'a> Elaborator<'a> {
     /// Declares a block: sets and scalars first, since sizes of domains may need them, then what is indexed, then instances.
     pub(in crate::elaborate) fn declare_block(&mut self, scope: ScopeId, list: Vec<Item<'a>>, depth: usize) {
         self.declare_phases(scope, &list);
-        self.ledger.check_names(&list);
-        self.ledger.check_built_ins(&list);
+        self.work.ledger.check_names(&list);
+        self.work.ledger.check_built_ins(&list);
         // Ends of ranges may be computed from scalars; a table declares its set only where nothing else does.
         self.declare_sets(scope, &list, Turn::Named);
         for item in &list {
@@ -197,7 +253,7 @@ impl<'a> Elaborator<'a> {
             StatementKind::Table(table) => self.declare_table(scope, table),
             StatementKind::TimeTable(table) => self.declare_time_table(scope, table),
             StatementKind::Def { name, parameters, body } => {
-                self.naming().declare(scope, name, SymbolKind::Def { parameters, body });
+                self.declare(scope, name, SymbolKind::Def { parameters, body });
             }
             StatementKind::Domain(domain) => self.declare_domain(scope, domain),
             _ => {}
@@ -218,32 +274,32 @@ impl<'a> Elaborator<'a> {
 
     fn declare_flux(&mut self, scope: ScopeId, flux: &'a Flux) {
         let place = Place::new(scope, Site::Dynamics);
-        let Some((axes, binders)) = self.axes(&flux.indices, &place) else { return self.naming().faulty(scope, &flux.name) };
+        let Some((axes, binders)) = self.axes(&flux.indices, &place) else { return self.faulty(scope, &flux.name) };
         if matches!(axes.last(), Some(Axis::Domain(_))) {
-            self.naming().declare(scope, &flux.name, SymbolKind::Flux { flux, axes: axes.into(), binders: binders.into() });
+            self.declare(scope, &flux.name, SymbolKind::Flux { flux, axes: axes.into(), binders: binders.into() });
             return;
         }
         let message = format!("the last index of the flux `{}` must be the domain along which it flows", flux.name.text);
-        self.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, message, flux.name.span));
-        self.naming().faulty(scope, &flux.name);
+        self.work.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, message, flux.name.span));
+        self.faulty(scope, &flux.name);
     }
 
     fn declare_set(&mut self, scope: ScopeId, statement: &'a Statement) {
         match &statement.kind {
             StatementKind::Choice { name, options, .. } => {
                 let chosen = self.input.selection.chosen.get(&name.text).and_then(|c| options.iter().position(|o| o.text == *c));
-                self.naming().declare(scope, name, SymbolKind::Choice { options, chosen: chosen.unwrap_or(0) });
+                self.declare(scope, name, SymbolKind::Choice { options, chosen: chosen.unwrap_or(0) });
             }
             StatementKind::Set { name, members, .. } => {
                 let place = Place::new(scope, Site::Dynamics);
                 let (labels, first) = match members {
                     SetMembers::Names(names) => (names.iter().map(|n| n.text.clone()).collect::<Vec<_>>(), None),
                     SetMembers::Range(a, b) => {
-                        let (Some(a), Some(b)) = (self.integer(a, &place), self.integer(b, &place)) else {
-                            return self.naming().faulty(scope, name);
+                        let (Some(a), Some(b)) = (self.lowering().integer(a, &place), self.lowering().integer(b, &place)) else {
+                            return self.faulty(scope, name);
                         };
-                        if b.saturating_sub(a) >= 100_000 || !self.ledger.budget.may_hold(b.saturating_sub(a)) {
-                            self.ledger.report(
+                        if b.saturating_sub(a) >= 100_000 || !self.work.ledger.budget.may_hold(b.saturating_sub(a)) {
+                            self.work.ledger.report(
                                 Diagnostic::error(
                                     codes::TOO_LARGE,
                                     "a set of more than a hundred thousand members, or sets of more than two million together",
@@ -251,18 +307,22 @@ impl<'a> Elaborator<'a> {
                                 )
                                 .help("use a `domain`: its cells stay a loop"),
                             );
-                            return self.naming().faulty(scope, name);
+                            return self.faulty(scope, name);
                         }
                         ((a..=b).map(|i| i.to_string()).collect(), Some(a))
                     }
                 };
                 if labels.is_empty() {
-                    self.ledger.report(Diagnostic::error(codes::EMPTY_SET, format!("the set `{}` has no members", name.text), name.span));
+                    self.work.ledger.report(Diagnostic::error(
+                        codes::EMPTY_SET,
+                        format!("the set `{}` has no members", name.text),
+                        name.span,
+                    ));
                 }
                 if let SetMembers::Names(names) = members {
-                    self.ledger.check_members(names);
+                    self.work.ledger.check_members(names);
                 }
-                self.naming().new_set(scope, name, labels, first);
+                self.new_set(scope, name, labels, first);
             }
             // `table over species { ... }` declares the set as well, unless it exists.
             StatementKind::Table(table) => {
@@ -270,7 +330,7 @@ impl<'a> Elaborator<'a> {
                     && self.symbols.lookup(scope, &index.text).is_none()
                 {
                     let labels = table.rows.iter().map(|r| r.label.text.clone()).collect();
-                    self.naming().new_set(scope, index, labels, None);
+                    self.new_set(scope, index, labels, None);
                 }
             }
             _ => {}
@@ -279,15 +339,15 @@ impl<'a> Elaborator<'a> {
 
     fn declare_domain(&mut self, scope: ScopeId, domain: &'a syntax::Domain) {
         let place = Place::new(scope, Site::Dynamics);
-        let Some(cells) = self.integer(&domain.cells, &place) else { return self.naming().faulty(scope, &domain.name) };
+        let Some(cells) = self.lowering().integer(&domain.cells, &place) else { return self.faulty(scope, &domain.name) };
         if !(1..=MAX_ELEMENTS).contains(&cells) {
             let code = if cells < 1 { codes::EMPTY_SET } else { codes::TOO_LARGE };
-            self.ledger.report(
+            self.work.ledger.report(
                 Diagnostic::error(code, format!("a domain of {cells} cells"), domain.cells.span).label("at least 1, at most 10 million"),
             );
-            return self.naming().faulty(scope, &domain.name);
+            return self.faulty(scope, &domain.name);
         }
-        let scheme = self.ledger.option(
+        let scheme = self.work.ledger.option(
             domain.scheme.as_ref(),
             "scheme",
             Scheme::Central,
@@ -299,22 +359,14 @@ impl<'a> Elaborator<'a> {
                 ("limited", Scheme::Limited),
             ],
         );
-        let geometry = self.ledger.option(
+        let geometry = self.work.ledger.option(
             domain.geometry.as_ref(),
             "geometry",
             Geometry::Planar,
             &[("planar", Geometry::Planar), ("cylindrical", Geometry::Cylindrical), ("spherical", Geometry::Spherical)],
         );
-        let id = self.symbols.domains.push(Domain {
-            name: domain.name.text.clone(),
-            scope,
-            declaration: domain,
-            cells,
-            scheme,
-            geometry,
-            ends: None,
-        });
-        self.naming().declare(scope, &domain.name, SymbolKind::Domain(id));
+        let id = self.symbols.domains.push(Domain { name: domain.name.text.clone(), scope, declaration: domain, cells, scheme, geometry });
+        self.declare(scope, &domain.name, SymbolKind::Domain(id));
     }
 
     /// Declares a parameter, state, `let` and so on.
@@ -325,11 +377,11 @@ impl<'a> Elaborator<'a> {
             return;
         }
         let place = Place::new(scope, Site::Dynamics);
-        let Some((axes, binders)) = self.axes(&d.indices, &place) else { return self.naming().faulty(scope, &d.name) };
-        let written = d.unit.as_ref().map(|u| self.unit(u, &place));
+        let Some((axes, binders)) = self.axes(&d.indices, &place) else { return self.faulty(scope, &d.name) };
+        let written = d.unit.as_ref().map(|u| self.lowering().unit(u, &place));
         if matches!(written, Some(None)) {
             // The unit is at fault; the name is declared so that its uses cause no further report.
-            return self.naming().declare_poison(scope, role, d, axes, binders);
+            return self.declare_poison(scope, role, d, axes, binders);
         }
         let unit = written.flatten();
         let role = match role {
@@ -337,13 +389,13 @@ impl<'a> Elaborator<'a> {
                 let random = role == syntax::Role::Random;
                 let definition = if random { d.sample.as_ref().or(d.value.as_ref()) } else { d.value.as_ref() };
                 let Some(definition) = definition else {
-                    self.ledger.report(
+                    self.work.ledger.report(
                         Diagnostic::error(codes::MISSING_CLAUSE, format!("`{}` has no definition", d.name.text), d.span)
                             .help("write `= expression`, or declare a `var` and give it an equation"),
                     );
-                    return self.naming().faulty(scope, &d.name);
+                    return self.faulty(scope, &d.name);
                 };
-                self.naming().declare(
+                self.declare(
                     scope,
                     &d.name,
                     SymbolKind::Let { axes: axes.into(), binders: binders.into(), unit, definition, random, declaration: d },
@@ -358,11 +410,11 @@ impl<'a> Elaborator<'a> {
             syntax::Role::Disturbance => Role::Disturbance,
         };
         let unit = unit.unwrap_or_else(Unit::one);
-        self.naming().new_variable(scope, &d.name, role, axes, unit, d);
+        self.new_variable(scope, &d.name, role, axes, unit, d);
     }
 }
 
-impl<'a> Naming<'_, 'a> {
+impl<'a> Declaring<'_, 'a> {
     /// Declares a symbol; a second one of that name is a fault.
     fn declare(&mut self, scope: ScopeId, name: &Ident, kind: SymbolKind<'a>) -> Option<SymbolId> {
         let path = format!("{}{}", self.symbols.scopes[scope].prefix, name.text);
@@ -370,7 +422,7 @@ impl<'a> Naming<'_, 'a> {
             Ok(id) => Some(id),
             Err(before) => {
                 let at = self.symbols[before].span;
-                self.ledger.duplicate(name, at);
+                self.work.ledger.duplicate(name, at);
                 // Which of both is meant is not known: what depends on it is not reported.
                 self.symbols[before].kind = SymbolKind::Faulty;
                 None
@@ -386,44 +438,6 @@ impl<'a> Naming<'_, 'a> {
     fn new_set(&mut self, scope: ScopeId, name: &Ident, labels: Vec<String>, first: Option<i64>) {
         let set = self.symbols.sets.push(Set::new(name.text.clone(), labels, first));
         self.declare(scope, name, SymbolKind::Set(set));
-    }
-
-    fn set_named(&mut self, scope: ScopeId, name: &Ident) -> Option<SetId> {
-        match self.symbols.lookup(scope, &name.text).map(|s| self.symbols[s].kind.clone()) {
-            Some(SymbolKind::Set(set) | SymbolKind::Phase(set)) => Some(set),
-            Some(SymbolKind::Faulty) => None,
-            _ => {
-                let help = self.ledger.reports.did_you_mean(&name.text, self.symbols.sets.values().map(|s| s.name.as_str()));
-                self.ledger
-                    .report(Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown set `{}`", name.text), name.span).maybe_help(help));
-                None
-            }
-        }
-    }
-
-    /// Reports the first entry that has no value.
-    fn check_table(&mut self, table: &Table, sets: &[SetId], values: &[Vec<f64>]) {
-        for (column, values) in table.columns.iter().zip(values) {
-            let Some(at) = values.iter().position(|v| v.is_nan()) else { continue };
-            let mut rest = at;
-            let mut labels = Vec::new();
-            for &set in sets.iter().rev() {
-                let members = &self.symbols.sets[set].labels;
-                labels.push(members[rest % members.len().max(1)].clone());
-                rest /= members.len().max(1);
-            }
-            labels.reverse();
-            self.ledger.report(
-                Diagnostic::error(
-                    codes::MISSING_DEFAULT,
-                    format!("`{}` has no value for `{}`", column.name.text, labels.join(", ")),
-                    column.name.span,
-                )
-                .help("give every member a row, or the table a `default`"),
-            );
-            // The other columns lack the same rows.
-            return;
-        }
     }
 
     fn declare_poison(&mut self, scope: ScopeId, role: syntax::Role, d: &'a Declaration, axes: Vec<Axis>, binders: Vec<String>) {
@@ -443,7 +457,7 @@ impl<'a> Naming<'_, 'a> {
     fn new_variable(&mut self, scope: ScopeId, name: &Ident, role: Role, axes: Vec<Axis>, unit: Unit, d: &'a Declaration) -> Option<VarId> {
         let len = axes.iter().try_fold(1_i64, |n, &a| n.checked_mul(self.symbols.axis_len(a))).unwrap_or(i64::MAX);
         if len > MAX_ELEMENTS {
-            self.ledger.report(
+            self.work.ledger.report(
                 Diagnostic::error(codes::TOO_LARGE, format!("`{}` would have {len} elements", name.text), d.span)
                     .label("at most 10 million"),
             );
@@ -455,94 +469,5 @@ impl<'a> Naming<'_, 'a> {
         let symbol = self.declare(scope, name, SymbolKind::Variable { var, axes: axes.into(), unit, declaration: d })?;
         self.symbols.of_var.insert(var, symbol);
         Some(var)
-    }
-}
-
-impl Ledger {
-    fn duplicate(&mut self, name: &Ident, before: Span) {
-        // Kinds are declared one after another; the reader goes by the order of the text.
-        let position = |s: Span| (s.file, s.start);
-        let (before, second) = if position(before) <= position(name.span) { (before, name.span) } else { (name.span, before) };
-        self.report(
-            Diagnostic::error(codes::DUPLICATE_NAME, format!("`{}` is declared twice", name.text), second)
-                .label("second declaration")
-                .secondary(before, "first declaration"),
-        );
-    }
-
-    fn two_of(&mut self, what: &str, name: &str, first: Span, second: Span) {
-        self.report(
-            Diagnostic::error(codes::DUPLICATE_NAME, format!("two {what} are called `{name}`"), second).secondary(first, "the first one"),
-        );
-    }
-
-    /// Statements with names of their own: two with one name are a fault.
-    fn check_names(&mut self, list: &[Item<'_>]) {
-        let mut seen: FastMap<String, Span> = FastMap::default();
-        let mut unnamed: FastMap<Form, Span> = FastMap::default();
-        for item in list {
-            let (what, name, span) = match item {
-                Item::Observe(o) => match observed(o) {
-                    Ok(name) => ("observations", name.to_owned(), o.span),
-                    Err(form) => {
-                        if let Some(first) = unnamed.insert(form, o.span) {
-                            self.two_of("observations", &reference(&o.value), first, o.span);
-                        }
-                        continue;
-                    }
-                },
-                Item::Other(s) => match &s.kind {
-                    StatementKind::Reward { name, .. } => ("rewards", name.text.clone(), name.span),
-                    StatementKind::Fail { name, .. } => ("failures", name.text.clone(), name.span),
-                    StatementKind::Success { name, .. } => ("successes", name.text.clone(), name.span),
-                    StatementKind::Constraint { name, .. } => ("constraints", name.text.clone(), name.span),
-                    StatementKind::Invariant { name, .. } => ("invariants", name.text.clone(), name.span),
-                    StatementKind::Policy { name, .. } => ("policies", name.text.clone(), name.span),
-                    StatementKind::Level { name, .. } => ("levels", name.text.clone(), name.span),
-                    StatementKind::Event { name, .. } => ("events", name.text.clone(), name.span),
-                    _ => continue,
-                },
-                Item::Declare(..) | Item::At(..) => continue,
-            };
-            if let Some(first) = seen.insert(format!("{what} {name}"), span) {
-                self.two_of(what, &name, first, span);
-            }
-        }
-        let mut defaults = list.iter().filter_map(|i| match i {
-            Item::Other(Statement { kind: StatementKind::Reward { name, default: true, .. }, .. }) => Some(name.span),
-            _ => None,
-        });
-        if let (Some(first), Some(second)) = (defaults.next(), defaults.next()) {
-            self.report(
-                Diagnostic::error(codes::DUPLICATE_CLAUSE, "two rewards are the default", second).secondary(first, "the first one"),
-            );
-        }
-    }
-
-    /// Members of a set are distinct.
-    fn check_members(&mut self, names: &[Ident]) {
-        let mut seen: FastMap<&str, Span> = FastMap::default();
-        for name in names {
-            if let Some(&first) = seen.get(name.text.as_str()) {
-                self.report(
-                    Diagnostic::error(codes::DUPLICATE_NAME, format!("`{}` is twice in the set", name.text), name.span)
-                        .secondary(first, "first here"),
-                );
-            }
-            seen.entry(&name.text).or_insert(name.span);
-        }
-    }
-
-    fn option<T: Copy>(&mut self, written: Option<&Ident>, what: &str, default: T, known: &[(&str, T)]) -> T {
-        let Some(name) = written else { return default };
-        if let Some((_, value)) = known.iter().find(|(k, _)| *k == name.text) {
-            return *value;
-        }
-        let list: Vec<&str> = known.iter().map(|(k, _)| *k).collect();
-        self.report(
-            Diagnostic::error(codes::BAD_SETTING, format!("unknown {what} `{}`", name.text), name.span)
-                .help(format!("it is one of {}", list.join(", "))),
-        );
-        default
     }
 }

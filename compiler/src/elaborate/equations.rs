@@ -6,12 +6,13 @@ use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Binder, Expr, StatementKind};
 
-use crate::elaborate::declare::symbols::{Axis, ScopeId, SymbolId, SymbolKind};
+use crate::elaborate::lower::Lowering;
+use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::ranges::SHORTEST;
 use crate::elaborate::lower::units;
 use crate::elaborate::lower::value::Measure;
 use crate::elaborate::select::items::Item;
-use crate::elaborate::{Elaborator, Place, Site};
+use crate::elaborate::symbols::{Axis, ScopeId, SymbolId, SymbolKind};
 use crate::ir::{Affine, Expr as Node, ExprId, Flavour, LoopVar, Role, VarId};
 
 /// An equation over a nest of loops.
@@ -67,149 +68,148 @@ impl EquationForm {
     }
 }
 
-impl<'a> Elaborator<'a> {
-    pub(in crate::elaborate) fn elaborate_equations(&mut self) {
-        let blocks = std::mem::take(&mut self.instances.blocks);
-        for (scope, items) in &blocks {
-            for item in items {
-                let Item::Other(statement) = item else { continue };
-                match &statement.kind {
-                    StatementKind::Equation { lhs, rhs, binders } => self.equation(*scope, lhs, rhs, binders, statement.span),
-                    StatementKind::Connect { chain } => self.connect(*scope, chain, statement.span),
-                    _ => {}
-                }
-            }
-        }
-        self.instances.blocks = blocks;
-    }
-
-    fn equation(&mut self, scope: ScopeId, lhs: &Expr, rhs: &Expr, binders: &[Binder], span: Span) {
-        let place = Place::new(scope, Site::Dynamics);
-        self.ledger.reports.statement = span;
-        let before = self.ledger.reports.diagnostics.len();
-        let pieces = self.looped_nest(binders, &place, &mut |s, inner| {
-            let left = s.value(lhs, inner);
-            let right = s.value(rhs, inner);
-            if left.is_poison() || right.is_poison() {
-                s.ledger.speculation.refuse();
-                return None;
-            }
-            let (left, right) = match (&left.unit, &right.unit) {
-                (Measure::Truth, _) | (_, Measure::Truth) => {
-                    s.ledger.report(
-                        Diagnostic::error(codes::WRONG_KIND, "an equation has a number on each side, this is a condition", span)
-                            .help("write `if condition then 1 else 0`"),
-                    );
-                    return None;
-                }
-                (Measure::Zero, _) | (_, Measure::Zero) => (left.expr, right.expr),
-                (m, n) => {
-                    let (ul, ur) = (m.unit(), n.unit());
-                    s.values().warn_of_scale((&left, lhs.span), (&right, rhs.span));
-                    match s.values().convert(right.expr, &ur, &ul) {
-                        Some(converted) => (left.expr, converted),
-                        None => {
-                            s.ledger.report(units::sides(&ul, lhs.span, &ur, rhs.span));
-                            return None;
-                        }
-                    }
-                }
-            };
-            let form = s.form(left, right);
-            let runs = inner.runs();
-            if runs != 0 && !(s.may_loop(form) && s.shares_sums(form, runs, inner.depth)) {
-                s.ledger.speculation.refuse();
-            }
-            Some((form, runs))
-        });
-        self.ledger.reports.statement = Span::default();
-        self.naming().blame_lengths(before, &[lhs, rhs]);
-        for piece in pieces {
-            if let Some((form, runs)) = piece.value {
-                self.equations.push(Equation { extents: piece.extents, runs, repeats: None, form, span });
-            }
-        }
-    }
-
-    fn form(&mut self, left: ExprId, right: ExprId) -> EquationForm {
-        for (own, value) in [(left, right), (right, left)] {
-            match self.exprs.node(own) {
-                Node::Load { var, flavour: Flavour::Derivative, at } => return EquationForm::Rate { var, at, value },
-                // What determines a rate is no definition: `M * d/dt x = v`.
-                Node::Load { var, flavour: Flavour::Value, at }
-                    if self.symbols.vars[var].role == Role::Algebraic && !self.exprs.has_derivative(value) =>
-                {
-                    return EquationForm::Definition { var, at, value };
-                }
+/// All equations and connections.
+pub(in crate::elaborate) fn elaborate_equations(l: &mut Lowering<'_, '_>) -> Vec<Equation> {
+    let mut out = Vec::new();
+    for (scope, items) in &l.instances.blocks {
+        for item in items {
+            let Item::Other(statement) = item else { continue };
+            match &statement.kind {
+                StatementKind::Equation { lhs, rhs, binders } => equation(l, *scope, (lhs, rhs, binders), statement.span, &mut out),
+                StatementKind::Connect { chain } => connect(l, *scope, chain, statement.span, &mut out),
                 _ => {}
             }
         }
-        EquationForm::Implicit { residual: self.exprs.sub(left, right) }
     }
+    out
+}
 
-    /// Whether an equation over a range of numbers may be a loop: not where it couples derivatives, which are eliminated one by one.
-    fn may_loop(&self, form: EquationForm) -> bool {
-        match form {
-            EquationForm::Rate { value, .. } | EquationForm::Definition { value, .. } => !self.exprs.has_derivative(value),
-            EquationForm::Implicit { residual } => self.exprs.derivatives(residual, |_| true).len() == 1,
+fn equation(l: &mut Lowering<'_, '_>, scope: ScopeId, (lhs, rhs, binders): (&Expr, &Expr, &[Binder]), span: Span, out: &mut Vec<Equation>) {
+    let place = Place::new(scope, Site::Dynamics);
+    l.ledger.reports.statement = span;
+    let before = l.ledger.reports.diagnostics.len();
+    let pieces = l.looped_nest(binders, &place, &mut |s, inner| {
+        let left = s.value(lhs, inner);
+        let right = s.value(rhs, inner);
+        if left.is_poison() || right.is_poison() {
+            s.ledger.speculation.refuse();
+            return None;
         }
-    }
-
-    /// Whether no sum depends on a range and not on a loop around it, which would repeat it in each pass.
-    fn shares_sums(&self, form: EquationForm, runs: u8, depth: u8) -> bool {
-        let repeats = |free: u8| (0..depth).any(|d| runs & free & (1 << d) != 0 && !free & ((1 << d) - 1) != 0);
-        !self.exprs.has_reduction(form.value(), repeats)
-    }
-
-    /// `connect a -> b`: every member of `b` equals that of `a`.
-    fn connect(&mut self, scope: ScopeId, chain: &[Expr], span: Span) {
-        let place = Place::new(scope, Site::Dynamics);
-        for pair in chain.windows(2) {
-            let (Some(from), Some(to)) = (self.scope_of(&pair[0], &place), self.scope_of(&pair[1], &place)) else { continue };
-            let members = |s: &Self, scope: ScopeId| -> BTreeMap<String, SymbolId> {
-                s.symbols.scopes[scope].names.iter().map(|(n, &id)| (n.clone(), id)).collect()
-            };
-            let (sources, targets) = (members(self, from), members(self, to));
-            if sources.keys().ne(targets.keys()) {
-                self.ledger.report(
-                    Diagnostic::error(codes::WRONG_SHAPE, "two ports of different connectors are connected", span)
-                        .secondary(pair[0].span, "this one")
-                        .secondary(pair[1].span, "and this one"),
+        let (left, right) = match (&left.unit, &right.unit) {
+            (Measure::Truth, _) | (_, Measure::Truth) => {
+                s.ledger.report(
+                    Diagnostic::error(codes::WRONG_KIND, "an equation has a number on each side, this is a condition", span)
+                        .help("write `if condition then 1 else 0`"),
                 );
-                continue;
+                return None;
             }
-            for (name, source) in sources {
-                if let Some(&target) = targets.get(&name) {
-                    self.join(source, target, span);
+            (Measure::Zero, _) | (_, Measure::Zero) => (left.expr, right.expr),
+            (m, n) => {
+                let (ul, ur) = (m.unit(), n.unit());
+                s.values().warn_of_scale((&left, lhs.span), (&right, rhs.span));
+                match s.values().convert(right.expr, &ur, &ul) {
+                    Some(converted) => (left.expr, converted),
+                    None => {
+                        s.ledger.report(units::sides(&ul, lhs.span, &ur, rhs.span));
+                        return None;
+                    }
                 }
             }
+        };
+        let form = form(s, left, right);
+        let runs = inner.runs();
+        if runs != 0 && !(may_loop(s, form) && shares_sums(s, form, runs, inner.depth)) {
+            s.ledger.speculation.refuse();
+        }
+        Some((form, runs))
+    });
+    l.ledger.reports.statement = Span::default();
+    l.blame_lengths(before, &[lhs, rhs]);
+    for piece in pieces {
+        if let Some((form, runs)) = piece.value {
+            out.push(Equation { extents: piece.extents, runs, repeats: None, form, span });
         }
     }
+}
 
-    fn join(&mut self, source: SymbolId, target: SymbolId, span: Span) {
-        let (SymbolKind::Variable { var: from, axes: source_axes, unit, .. }, SymbolKind::Variable { var: to, axes, unit: wanted, .. }) =
-            (self.symbols[source].kind.clone(), self.symbols[target].kind.clone())
-        else {
-            self.ledger.report(Diagnostic::error(codes::WRONG_KIND, "only ports are connected", span));
-            return;
-        };
-        if self.symbols.vars[from].len != self.symbols.vars[to].len || source_axes.len() != axes.len() {
-            self.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, "two ports of different sizes are connected", span));
-            return;
+fn form(l: &mut Lowering<'_, '_>, left: ExprId, right: ExprId) -> EquationForm {
+    for (own, value) in [(left, right), (right, left)] {
+        match l.exprs.node(own) {
+            Node::Load { var, flavour: Flavour::Derivative, at } => return EquationForm::Rate { var, at, value },
+            // What determines a rate is no definition: `M * d/dt x = v`.
+            Node::Load { var, flavour: Flavour::Value, at }
+                if l.symbols.vars[var].role == Role::Algebraic && !l.exprs.has_derivative(value) =>
+            {
+                return EquationForm::Definition { var, at, value };
+            }
+            _ => {}
         }
-        let len = i64::from(self.symbols.vars[to].len);
-        let sets = axes.iter().all(|a| matches!(a, Axis::Set(_)));
-        let addresses: Vec<(Vec<u32>, Affine)> = if sets && len < SHORTEST {
-            (0..len).map(|i| (Vec::new(), Affine::constant(i))).collect()
-        } else {
-            vec![(vec![len as u32], Affine::along(0, LoopVar(0), 1))]
+    }
+    EquationForm::Implicit { residual: l.exprs.sub(left, right) }
+}
+
+/// Whether an equation over a range of numbers may be a loop: not where it couples derivatives, which are eliminated one by one.
+fn may_loop(l: &Lowering<'_, '_>, form: EquationForm) -> bool {
+    match form {
+        EquationForm::Rate { value, .. } | EquationForm::Definition { value, .. } => !l.exprs.has_derivative(value),
+        EquationForm::Implicit { residual } => l.exprs.derivatives(residual, |_| true).len() == 1,
+    }
+}
+
+/// Whether no sum depends on a range and not on a loop around it, which would repeat it in each pass.
+fn shares_sums(l: &Lowering<'_, '_>, form: EquationForm, runs: u8, depth: u8) -> bool {
+    let repeats = |free: u8| (0..depth).any(|d| runs & free & (1 << d) != 0 && !free & ((1 << d) - 1) != 0);
+    !l.exprs.has_reduction(form.value(), repeats)
+}
+
+/// `connect a -> b`: every member of `b` equals that of `a`.
+fn connect(l: &mut Lowering<'_, '_>, scope: ScopeId, chain: &[Expr], span: Span, out: &mut Vec<Equation>) {
+    let place = Place::new(scope, Site::Dynamics);
+    for pair in chain.windows(2) {
+        let (Some(from), Some(to)) = (l.scope_of(&pair[0], &place), l.scope_of(&pair[1], &place)) else { continue };
+        let members = |s: &Lowering<'_, '_>, scope: ScopeId| -> BTreeMap<String, SymbolId> {
+            s.symbols.scopes[scope].names.iter().map(|(n, &id)| (n.clone(), id)).collect()
         };
-        for (extents, at) in addresses {
-            let runs = u8::from(sets && !extents.is_empty());
-            let load = self.exprs.load(from, Flavour::Value, at);
-            let Some(value) = self.values().convert(load, &unit, &wanted) else { continue };
-            let form = EquationForm::Definition { var: to, at, value };
-            self.equations.push(Equation { extents, runs, repeats: None, form, span });
+        let (sources, targets) = (members(l, from), members(l, to));
+        if sources.keys().ne(targets.keys()) {
+            l.ledger.report(
+                Diagnostic::error(codes::WRONG_SHAPE, "two ports of different connectors are connected", span)
+                    .secondary(pair[0].span, "this one")
+                    .secondary(pair[1].span, "and this one"),
+            );
+            continue;
         }
+        for (name, source) in sources {
+            if let Some(&target) = targets.get(&name) {
+                join(l, source, target, span, out);
+            }
+        }
+    }
+}
+
+fn join(l: &mut Lowering<'_, '_>, source: SymbolId, target: SymbolId, span: Span, out: &mut Vec<Equation>) {
+    let (SymbolKind::Variable { var: from, axes: source_axes, unit, .. }, SymbolKind::Variable { var: to, axes, unit: wanted, .. }) =
+        (l.symbols[source].kind.clone(), l.symbols[target].kind.clone())
+    else {
+        l.ledger.report(Diagnostic::error(codes::WRONG_KIND, "only ports are connected", span));
+        return;
+    };
+    if l.symbols.vars[from].len != l.symbols.vars[to].len || source_axes.len() != axes.len() {
+        l.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, "two ports of different sizes are connected", span));
+        return;
+    }
+    let len = i64::from(l.symbols.vars[to].len);
+    let sets = axes.iter().all(|a| matches!(a, Axis::Set(_)));
+    let addresses: Vec<(Vec<u32>, Affine)> = if sets && len < SHORTEST {
+        (0..len).map(|i| (Vec::new(), Affine::constant(i))).collect()
+    } else {
+        vec![(vec![len as u32], Affine::along(0, LoopVar(0), 1))]
+    };
+    for (extents, at) in addresses {
+        let runs = u8::from(sets && !extents.is_empty());
+        let load = l.exprs.load(from, Flavour::Value, at);
+        let Some(value) = l.values().convert(load, &unit, &wanted) else { continue };
+        let form = EquationForm::Definition { var: to, at, value };
+        out.push(Equation { extents, runs, repeats: None, form, span });
     }
 }

@@ -1,9 +1,9 @@
 //! Definitions that are expanded where they are used: `let`s, fluxes, functions.
 
-use super::Site;
-use super::declare::symbols::SymbolId;
-use super::lower::indices::IndexKey;
+use super::lower::place::IndexKey;
+use super::lower::place::Site;
 use super::lower::value::Value;
+use super::symbols::SymbolId;
 use crate::ir::{FastMap, FastSet};
 
 /// A `let` at what its indices are bound to, in a kind of text.

@@ -17,6 +17,8 @@ pub(in crate::elaborate) struct Hidden {
     pub draws: Draws,
     /// Integrals over the step.
     pub quadratures: Quadratures,
+    /// Something asks for the steady state.
+    pub steady: bool,
 }
 
 /// Standard variates.
@@ -48,7 +50,7 @@ impl Hidden {
         let quadratures = Quadratures { var: hidden("quadrature", Role::Quadrature), list: Vec::new() };
         let param_given = hidden("given", Role::ParamGiven);
         vars[builtins].len = BUILTIN_COUNT;
-        Hidden { builtins, param_given, draws, quadratures }
+        Hidden { builtins, param_given, draws, quadratures, steady: false }
     }
 
     /// Elements of both arrays: what tells whether an attempt has added some.

@@ -1,6 +1,6 @@
 //! What was said, what was used up, and what may be taken back.
 
-use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::diagnostic::{Diagnostic, Faults, codes};
 use smpl_dsl::span::Span;
 
 use crate::elaborate::budget::{Budget, Verdict};
@@ -44,6 +44,14 @@ impl Ledger {
             Diagnostic::error(codes::MISSING_DEFAULT, format!("{what} must be known when the model is compiled"), span)
                 .label("depends on something that is not"),
         );
+    }
+
+    /// Warnings, where there are no faults.
+    pub(in crate::elaborate) fn closed(mut self) -> Result<Faults, Faults> {
+        self.budget.fault().into_iter().for_each(|fault| self.reports.diagnostics.push(fault));
+        self.reports.name_calls();
+        self.reports.diagnostics.sort();
+        if self.reports.has_errors() { Err(self.reports.diagnostics) } else { Ok(self.reports.diagnostics) }
     }
 
     /// What there is before something that may have to be forgotten.

@@ -3,3 +3,22 @@
 pub(in crate::elaborate) mod imports;
 pub(in crate::elaborate) mod items;
 pub(in crate::elaborate) mod variants;
+
+use std::collections::HashMap;
+
+use smpl_dsl::syntax;
+
+use crate::elaborate::options::Options;
+use items::Selection;
+
+/// What is elaborated.
+pub(in crate::elaborate) struct Input<'a> {
+    /// The main file, and what it imports.
+    pub files: &'a [syntax::File],
+    /// Which file a `use "path"` means.
+    pub imports: &'a HashMap<String, usize>,
+    /// What is asked for beside the text.
+    pub options: &'a Options,
+    /// Variants and choices in force.
+    pub selection: Selection,
+}

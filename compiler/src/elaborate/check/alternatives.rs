@@ -10,10 +10,13 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Domain, File, Flux, Phase, Statement, StatementKind, TimeTable};
 
 use crate::elaborate::budget::is_spent;
-use crate::elaborate::{Elaborator, Options};
+use crate::elaborate::options::Options;
 
 /// Work that a statement counts for, each time that it is read again.
 const STATEMENT: usize = 30;
+
+/// The faults of the model under options, if there are any, and the work spent so far; with the work of reading, beforehand.
+pub(in crate::elaborate) type FaultsWith<'w> = dyn FnMut(&Options, u32) -> (Option<Faults>, u32) + 'w;
 
 /// Names and options.
 type Asked = Vec<(String, String)>;
@@ -26,20 +29,21 @@ struct Body<'a> {
     statements: &'a [Statement],
 }
 
-/// Faults in what is not in force, as warnings; `chosen` tells the option of a variant or choice, and `spent` is the work that the model took.
+/// Faults in what is not in force, as warnings; `chosen` tells the option of a variant or choice, and `spent` is the work that the model
+/// took.
 pub(in crate::elaborate) fn faults_in_alternatives(
     files: &[File],
-    imports: &HashMap<String, usize>,
     options: &Options,
     chosen: &HashMap<String, String>,
     spent: u32,
+    faults_with: &mut FaultsWith<'_>,
 ) -> Faults {
     let mut bodies = Vec::new();
     files.iter().for_each(|file| collect(&file.statements, chosen, &Asked::new(), &mut bodies));
     let mut declared = HashSet::new();
     bodies.iter().for_each(|body| body.statements.iter().for_each(|statement| names(statement, &mut declared)));
     let statements = files.iter().map(|file| count(&file.statements)).sum();
-    let mut check = Check { files, imports, options, switches: switches(files), declared, statements, spent };
+    let mut check = Check { options, switches: switches(files), declared, statements, spent, faults_with };
     let mut faults = Faults::default();
     for body in &bodies {
         if is_spent(check.spent) {
@@ -127,9 +131,7 @@ fn names<'a>(statement: &'a Statement, out: &mut HashSet<&'a str>) {
     }
 }
 
-struct Check<'a> {
-    files: &'a [File],
-    imports: &'a HashMap<String, usize>,
+struct Check<'a, 'w> {
     options: &'a Options,
     switches: Asked,
     /// Names that bodies declare.
@@ -137,9 +139,10 @@ struct Check<'a> {
     /// Number of all statements.
     statements: usize,
     spent: u32,
+    faults_with: &'a mut FaultsWith<'w>,
 }
 
-impl Check<'_> {
+impl Check<'_, '_> {
     /// Faults inside of a body.
     fn body(&mut self, body: &Body<'_>) -> Vec<Diagnostic> {
         let mut found = self.faults(&body.asked, body);
@@ -165,13 +168,11 @@ impl Check<'_> {
         let mut options = Options { lints: false, ..self.options.clone() };
         options.settings.retain(|name, _| !asked.iter().any(|(other, _)| other == name));
         options.variants.extend(asked.iter().cloned());
-        let mut elaborator = Elaborator::new(self.files, self.imports, &options);
         // Each that is asked for is looked for among all.
         let reading = self.statements * STATEMENT + asked.len() * self.switches.len();
-        elaborator.ledger.budget.begin_at(self.spent.saturating_add(reading as u32));
-        elaborator.run();
-        self.spent = elaborator.ledger.budget.work();
-        let Err(faults) = elaborator.finish() else { return Vec::new() };
+        let (faults, spent) = (self.faults_with)(&options, reading as u32);
+        self.spent = spent;
+        let Some(faults) = faults else { return Vec::new() };
         let here = |fault: &Diagnostic| fault.is_error() && body.span.contains(fault.primary.span);
         faults.shown().into_iter().filter(here).collect()
     }

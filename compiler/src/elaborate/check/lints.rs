@@ -4,126 +4,123 @@ use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes};
 use smpl_dsl::span::{FileId, Span};
 use smpl_dsl::syntax::{Expr, ExprKind, Statement, StatementKind};
 
-use crate::elaborate::declare::defaults::for_each_element;
-use crate::elaborate::declare::symbols::Symbols;
+use crate::elaborate::episode::{Control, each};
+use crate::elaborate::lower::Lowering;
+use crate::elaborate::lower::nests::for_each_element;
+use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::select::items::Item;
-use crate::elaborate::{Elaborator, Place, Site};
-use crate::ir::{FastMap, FastSet, Place as Memory, Role, VarId};
-use crate::model::{Model, Quantity};
+use crate::elaborate::symbols::{ScopeId, SymbolKind, Symbols};
+use crate::ir::{FastMap, FastSet, Nest, Place as Memory, Role, VarId};
+use crate::model::{Episode, Model, Quantity};
 
-impl Elaborator<'_> {
-    /// Looks for what is allowed and hardly meant.
-    pub(in crate::elaborate) fn lint(&mut self) {
-        self.lint_starts();
-        self.lint_steady();
-        self.lint_episode();
-    }
+/// Looks for what is allowed and hardly meant.
+pub(in crate::elaborate) fn lint(l: &mut Lowering<'_, '_>, control: &Control) {
+    lint_starts(l, &control.programs.initial_states.nests);
+    lint_steady(l);
+    lint_episode(l, &control.interface.episode);
+}
 
-    /// States that start outside of their bounds, as far as their start is known.
-    fn lint_starts(&mut self) {
-        let mut starts: FastMap<(VarId, i64), f64> = FastMap::default();
-        let nests = self.model.programs.initial_states.nests.clone();
-        for nest in &nests {
-            for store in &nest.stores {
-                let Memory::Var(var) = store.target.place else { continue };
-                let x = self.constant_value(store.value).unwrap_or(f64::NAN);
-                for_each_element(&nest.extents, store.target.at, &mut |i| {
-                    starts.insert((var, i), x);
-                });
-            }
-        }
-        for var in self.state_variables() {
-            let Some(q) = self.symbols.quantities.get(&var) else { continue };
-            let start = |i: usize| starts.get(&(var, i as i64)).copied().unwrap_or(f64::NAN);
-            let bounds = |i: usize| (Quantity::pick(&q.low, i), Quantity::pick(&q.high, i));
-            let outside = |i: &usize| start(*i).is_finite() && !Quantity::admits(bounds(*i).0, bounds(*i).1, start(*i));
-            if let Some(i) = (0..q.len()).find(outside) {
-                let (low, high) = bounds(i);
-                let message = format!("`{}` starts at {}, outside of its bounds {low}..{high}", q.element_name(i), start(i));
-                let declared = self.symbols.vars[var].span;
-                let help = "change the initial value or the bounds";
-                let warning = match self.initial_of(var) {
-                    Some(span) => Diagnostic::warning(codes::START_OUTSIDE_BOUNDS, message, span).secondary(declared, "declared here"),
-                    None => Diagnostic::warning(codes::START_OUTSIDE_BOUNDS, message, declared),
-                };
-                self.ledger.report(warning.help(help));
-            }
+/// States that start outside of their bounds, as far as their start is known.
+fn lint_starts(l: &mut Lowering<'_, '_>, nests: &[Nest]) {
+    let mut starts: FastMap<(VarId, i64), f64> = FastMap::default();
+    for nest in nests {
+        for store in &nest.stores {
+            let Memory::Var(var) = store.target.place else { continue };
+            let x = l.constant_value(store.value).unwrap_or(f64::NAN);
+            for_each_element(&nest.extents, store.target.at, &mut |i| {
+                starts.insert((var, i), x);
+            });
         }
     }
-
-    /// The last `initial` statement that sets a state by its name.
-    fn initial_of(&self, var: VarId) -> Option<Span> {
-        let symbol = self.symbols.of_var.get(&var)?;
-        if self.input.options.initial.contains_key(&self.symbols[*symbol].path) {
-            return None;
+    for var in l.state_variables() {
+        let Some(q) = l.quantities.get(&var) else { continue };
+        let start = |i: usize| starts.get(&(var, i as i64)).copied().unwrap_or(f64::NAN);
+        let bounds = |i: usize| (Quantity::pick(&q.low, i), Quantity::pick(&q.high, i));
+        let outside = |i: &usize| start(*i).is_finite() && !Quantity::admits(bounds(*i).0, bounds(*i).1, start(*i));
+        if let Some(i) = (0..q.len()).find(outside) {
+            let (low, high) = bounds(i);
+            let message = format!("`{}` starts at {}, outside of its bounds {low}..{high}", q.element_name(i), start(i));
+            let declared = l.symbols.vars[var].span;
+            let help = "change the initial value or the bounds";
+            let warning = match initial_of(l, var) {
+                Some(span) => Diagnostic::warning(codes::START_OUTSIDE_BOUNDS, message, span).secondary(declared, "declared here"),
+                None => Diagnostic::warning(codes::START_OUTSIDE_BOUNDS, message, declared),
+            };
+            l.ledger.report(warning.help(help));
         }
-        let of = |(scope, item): (crate::elaborate::declare::symbols::ScopeId, Item<'_>)| {
-            let Item::Other(Statement { kind: StatementKind::Initial { target, .. }, span }) = item else { return None };
-            let base = if let ExprKind::Index(base, _) = &target.kind { base } else { target };
-            (self.symbols.variable_of(base, &Place::new(scope, Site::Reset)) == Some(var)).then_some(*span)
-        };
-        crate::elaborate::episode::each(&self.instances.blocks).filter_map(of).last()
-    }
-
-    /// Actions that a `steady` block leaves out, where it names others: one without any is a rest at the nominal actions.
-    fn lint_steady(&mut self) {
-        let mut named: FastSet<VarId> = FastSet::default();
-        let mut at: Option<Span> = None;
-        let blocks = self.instances.blocks.clone();
-        for (scope, item) in crate::elaborate::episode::each(&blocks) {
-            let Item::Other(Statement { kind: StatementKind::Steady { entries }, span }) = item else { continue };
-            at.get_or_insert(*span);
-            let place = Place::new(scope, Site::Instant);
-            for (target, _) in entries {
-                let base = match &target.kind {
-                    ExprKind::Index(base, _) => base,
-                    _ => target,
-                };
-                named.extend(self.symbols.variable_of(base, &place));
-            }
-        }
-        let Some(span) = at else { return };
-        let actions = self.variables_of(Role::Action);
-        let left: Vec<&Quantity> = actions.iter().filter(|v| !named.contains(v)).filter_map(|v| self.symbols.quantities.get(v)).collect();
-        if left.is_empty() || left.len() == actions.len() {
-            return;
-        }
-        let entry = |q: &&Quantity| format!("{} = {}", q.name, Quantity::pick(&q.default, 0));
-        let entries = left.iter().map(entry).collect::<Vec<_>>().join(", ");
-        let names = left.iter().map(|q| format!("`{}`", q.name)).collect::<Vec<_>>().join(", ");
-        let verb = if left.len() == 1 { "is" } else { "are" };
-        self.ledger.report(
-            Diagnostic::warning(codes::INCOMPLETE_STEADY, format!("`steady` does not name {names}, which {verb} taken as nominal"), span)
-                .help(format!("write `{entries}` in the block")),
-        );
-    }
-
-    /// A model without an `episode` block.
-    fn lint_episode(&mut self) {
-        let of = |wanted: fn(&StatementKind) -> bool| {
-            let mut items = self.instances.blocks.iter().flat_map(|(_, items)| items);
-            items.find_map(|item| match item {
-                Item::Other(statement) if wanted(&statement.kind) => Some(statement.span),
-                _ => None,
-            })
-        };
-        if of(|kind| matches!(kind, StatementKind::Episode { .. })).is_some() {
-            return;
-        }
-        let span = of(|kind| matches!(kind, StatementKind::Model { .. })).unwrap_or_default();
-        let episode = &self.model.interface.episode;
-        let (step, limit) = (episode.step, episode.max_steps);
-        let message = format!("the model has no `episode` block: it is sampled every {step} {} over {limit} steps", self.symbols.time_unit);
-        let help = format!("write `episode {{ step = {step} [{}], max_steps = {limit} }}`", self.symbols.time_unit);
-        self.ledger.report(Diagnostic::warning(codes::NO_EPISODE, message, span).help(help));
     }
 }
 
+/// The last `initial` statement that sets a state by its name.
+fn initial_of(l: &Lowering<'_, '_>, var: VarId) -> Option<Span> {
+    let symbol = l.symbols.of_var.get(&var)?;
+    if l.input.options.initial.contains_key(&l.symbols[*symbol].path) {
+        return None;
+    }
+    let of = |(scope, item): (ScopeId, Item<'_>)| {
+        let Item::Other(Statement { kind: StatementKind::Initial { target, .. }, span }) = item else { return None };
+        let base = if let ExprKind::Index(base, _) = &target.kind { base } else { target };
+        (l.symbols.variable_of(base, &Place::new(scope, Site::Reset)) == Some(var)).then_some(*span)
+    };
+    each(&l.instances.blocks).filter_map(of).last()
+}
+
+/// Actions that a `steady` block leaves out, where it names others: one without any is a rest at the nominal actions.
+fn lint_steady(l: &mut Lowering<'_, '_>) {
+    let mut named: FastSet<VarId> = FastSet::default();
+    let mut at: Option<Span> = None;
+    for (scope, item) in each(&l.instances.blocks) {
+        let Item::Other(Statement { kind: StatementKind::Steady { entries }, span }) = item else { continue };
+        at.get_or_insert(*span);
+        let place = Place::new(scope, Site::Instant);
+        for (target, _) in entries {
+            let base = match &target.kind {
+                ExprKind::Index(base, _) => base,
+                _ => target,
+            };
+            named.extend(l.symbols.variable_of(base, &place));
+        }
+    }
+    let Some(span) = at else { return };
+    let actions = l.variables_of(Role::Action);
+    let left: Vec<&Quantity> = actions.iter().filter(|v| !named.contains(v)).filter_map(|v| l.quantities.get(v)).collect();
+    if left.is_empty() || left.len() == actions.len() {
+        return;
+    }
+    let entry = |q: &&Quantity| format!("{} = {}", q.name, Quantity::pick(&q.default, 0));
+    let entries = left.iter().map(entry).collect::<Vec<_>>().join(", ");
+    let names = left.iter().map(|q| format!("`{}`", q.name)).collect::<Vec<_>>().join(", ");
+    let verb = if left.len() == 1 { "is" } else { "are" };
+    l.ledger.report(
+        Diagnostic::warning(codes::INCOMPLETE_STEADY, format!("`steady` does not name {names}, which {verb} taken as nominal"), span)
+            .help(format!("write `{entries}` in the block")),
+    );
+}
+
+/// A model without an `episode` block.
+fn lint_episode(l: &mut Lowering<'_, '_>, episode: &Episode) {
+    let of = |wanted: fn(&StatementKind) -> bool| {
+        let mut items = l.instances.blocks.iter().flat_map(|(_, items)| items);
+        items.find_map(|item| match item {
+            Item::Other(statement) if wanted(&statement.kind) => Some(statement.span),
+            _ => None,
+        })
+    };
+    if of(|kind| matches!(kind, StatementKind::Episode { .. })).is_some() {
+        return;
+    }
+    let span = of(|kind| matches!(kind, StatementKind::Model { .. })).unwrap_or_default();
+    let (step, limit) = (episode.step, episode.max_steps);
+    let message = format!("the model has no `episode` block: it is sampled every {step} {} over {limit} steps", l.symbols.time_unit);
+    let help = format!("write `episode {{ step = {step} [{}], max_steps = {limit} }}`", l.symbols.time_unit);
+    l.ledger.report(Diagnostic::warning(codes::NO_EPISODE, message, span).help(help));
+}
+
 impl<'a> Symbols<'a> {
-    fn variable_of(&self, e: &Expr, place: &crate::elaborate::Place) -> Option<VarId> {
+    fn variable_of(&self, e: &Expr, place: &Place) -> Option<VarId> {
         let ExprKind::Name(name) = &e.kind else { return None };
         match self[self.lookup(place.scope, &name.text)?].kind {
-            crate::elaborate::declare::symbols::SymbolKind::Variable { var, .. } => Some(var),
+            SymbolKind::Variable { var, .. } => Some(var),
             _ => None,
         }
     }

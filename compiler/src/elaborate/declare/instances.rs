@@ -1,15 +1,19 @@
 //! Components: ports, instances, structural parameters.
 
+use crate::elaborate::declare::Declaring;
+use crate::elaborate::instances::SAMPLE;
+use crate::elaborate::symbols::Symbols;
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
+use smpl_dsl::syntax::BinderSet;
 use smpl_dsl::syntax::{self, Binder, Expr, ExprKind, Ident, Statement, StatementKind};
 use smpl_dsl::units::Unit;
 
-use crate::elaborate::check::unused::Samples;
-use crate::elaborate::declare::symbols::{Row, Scope, ScopeId, SymbolKind};
+use crate::elaborate::lower::place::{Bound, Place, Site};
+use crate::elaborate::options::Setting;
 use crate::elaborate::select::items::{Item, items};
-use crate::elaborate::{Bound, Elaborator, Place, Setting, Site};
-use crate::ir::{FastMap, FastSet, Role};
+use crate::elaborate::symbols::{Row, Scope, ScopeId, SymbolKind};
+use crate::ir::Role;
 
 /// Deepest nest of components.
 const MAX_COMPONENT_DEPTH: usize = 32;
@@ -17,50 +21,27 @@ const MAX_COMPONENT_DEPTH: usize = 32;
 /// Most declarations and equations that instances of components make together.
 const MAX_INSTANTIATED: usize = 300_000;
 
-/// Components and their instances.
-#[derive(Default)]
-pub(in crate::elaborate) struct Instances<'a> {
-    /// Components by name with their declaring statement.
-    pub components: FastMap<&'a str, &'a Statement>,
-    /// Connectors, likewise.
-    pub connectors: FastMap<&'a str, &'a Statement>,
-    /// Items of every scope in the order of instances; the file first.
-    pub blocks: Vec<(ScopeId, Vec<Item<'a>>)>,
-    /// Components that are being instantiated, one inside another.
-    pub open: Vec<&'a str>,
-    /// Declarations made for instances so far.
-    pub made: usize,
-    /// Components that have an instance.
-    pub used: FastSet<&'a str>,
-    /// Where the component of each instance is used.
-    pub used_at: FastMap<ScopeId, Span>,
-    /// Arguments of instances.
-    pub given: FastMap<(ScopeId, String), (&'a Expr, Place)>,
-    /// Components that stand for themselves.
-    pub samples: Samples,
-}
-
-impl<'a> Elaborator<'a> {
+impl<'a> Declaring<'_, 'a> {
     pub(in crate::elaborate) fn declare_port(&mut self, scope: ScopeId, name: &Ident, connector: &Ident) {
         let Some(StatementKind::Connector { members, .. }) = self.instances.connectors.get(connector.text.as_str()).map(|s| &s.kind) else {
-            let help = self.ledger.reports.did_you_mean(&connector.text, self.instances.connectors.keys().copied());
-            self.ledger.report(
+            let help = self.work.ledger.reports.did_you_mean(&connector.text, self.instances.connectors.keys().copied());
+            self.work.ledger.report(
                 Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown connector `{}`", connector.text), connector.span).maybe_help(help),
             );
-            return self.naming().faulty(scope, name);
+            return self.faulty(scope, name);
         };
         let prefix = format!("{}{}.", self.symbols.scopes[scope].prefix, name.text);
         let port = self.symbols.scopes.push(Scope { prefix, parent: Some(scope), names: Default::default() });
-        self.naming().declare(scope, name, SymbolKind::Instance(port));
+        self.declare(scope, name, SymbolKind::Instance(port));
         for member in members {
             let place = Place::new(scope, Site::Dynamics);
             let Some((axes, _)) = self.axes(&member.indices, &place) else { continue };
             let unit = match &member.unit {
-                Some(u) => self.unit(u, &place),
+                Some(u) => self.lowering().unit(u, &place),
                 None => Some(Unit::one()),
             };
             let Some(unit) = unit else { continue };
-            if let Some(var) = self.naming().new_variable(port, &member.name, Role::Algebraic, axes, unit, member) {
+            if let Some(var) = self.new_variable(port, &member.name, Role::Algebraic, axes, unit, member) {
                 self.symbols.ports.insert(var);
             }
         }
@@ -77,52 +58,52 @@ impl<'a> Elaborator<'a> {
     ) {
         // Enough was said.
         if self.instances.made > MAX_INSTANTIATED {
-            return self.naming().faulty(scope, name);
+            return self.faulty(scope, name);
         }
         if let Some(at) = self.instances.open.iter().position(|c| *c == component.text) {
             self.contains_itself(at, component);
-            return self.naming().faulty(scope, name);
+            return self.faulty(scope, name);
         }
         if depth >= MAX_COMPONENT_DEPTH {
             self.instances.made = usize::MAX;
             let message = format!("components inside one another, more than {MAX_COMPONENT_DEPTH} deep");
-            self.ledger.report(Diagnostic::error(codes::TOO_LARGE, message, component.span));
-            return self.naming().faulty(scope, name);
+            self.work.ledger.report(Diagnostic::error(codes::TOO_LARGE, message, component.span));
+            return self.faulty(scope, name);
         }
         let Some(statement) = self.instances.components.get(component.text.as_str()).copied() else {
-            let help = self.ledger.reports.did_you_mean(&component.text, self.instances.components.keys().copied());
-            self.ledger.report(
+            let help = self.work.ledger.reports.did_you_mean(&component.text, self.instances.components.keys().copied());
+            self.work.ledger.report(
                 Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown component `{}`", component.text), component.span).maybe_help(help),
             );
-            return self.naming().faulty(scope, name);
+            return self.faulty(scope, name);
         };
         self.instances.used.insert(&component.text);
         if !self.instances.samples.may_instantiate(depth) {
-            return self.naming().faulty(scope, name);
+            return self.faulty(scope, name);
         }
         let place = Place::new(scope, Site::Dynamics);
         let path = format!("{}{}", self.symbols.scopes[scope].prefix, name.text);
         if indices.is_empty() {
             let inner = self.instantiate(statement, &path, name.span, arguments, &place, depth);
-            self.naming().declare(scope, name, SymbolKind::Instance(inner));
+            self.declare(scope, name, SymbolKind::Instance(inner));
             return;
         }
         let [binder] = indices else {
-            self.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, "instances take one index", name.span));
-            return self.naming().faulty(scope, name);
+            self.work.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, "instances take one index", name.span));
+            return self.faulty(scope, name);
         };
         let mut list = Vec::new();
-        for value in self.bindings_of(binder, &place) {
+        for value in self.lowering().bindings_of(binder, &place) {
             if self.instances.made > MAX_INSTANTIATED {
-                return self.naming().faulty(scope, name);
+                return self.faulty(scope, name);
             }
-            let crate::elaborate::lower::functions::BinderValue::One(bound) = value else {
-                self.ledger.report(Diagnostic::error(codes::WRONG_KIND, "instances are counted by a set", binder.span));
-                return self.naming().faulty(scope, name);
+            let crate::elaborate::lower::place::BinderValue::One(bound) = value else {
+                self.work.ledger.report(Diagnostic::error(codes::WRONG_KIND, "instances are counted by a set", binder.span));
+                return self.faulty(scope, name);
             };
             let label = match &bound {
                 Bound::Member(set, i) => self.symbols.sets[*set].labels[*i].clone(),
-                Bound::Number(e) => self.exprs.as_const(*e).map_or_else(String::new, |x| x.to_string()),
+                Bound::Number(e) => self.work.exprs.as_const(*e).map_or_else(String::new, |x| x.to_string()),
                 _ => continue,
             };
             if !self.instances.samples.may_instantiate(depth) {
@@ -132,7 +113,7 @@ impl<'a> Elaborator<'a> {
             let inner = self.instantiate(statement, &format!("{path}[{label}]"), name.span, arguments, &inner_place, depth);
             list.push((label, inner));
         }
-        self.naming().declare(scope, name, SymbolKind::Instances(Row::new(list).into()));
+        self.declare(scope, name, SymbolKind::Instances(Row::new(list).into()));
     }
 
     /// Reports a component that is inside of itself, with those between.
@@ -141,7 +122,8 @@ impl<'a> Elaborator<'a> {
         let through = if between.is_empty() { String::new() } else { format!(" through {}", between.join(" and ")) };
         let message = format!("`{}` contains itself{through}", component.text);
         let fault = Diagnostic::error(codes::CYCLIC_DEFINITION, message, component.span);
-        self.ledger
+        self.work
+            .ledger
             .report(fault.help("a component has a fixed size: use an array of instances, `use Stage as s[k in 1..n]`, and connect them"));
     }
 
@@ -151,7 +133,7 @@ impl<'a> Elaborator<'a> {
         self.instances.made = before.saturating_add(1 + declarations);
         let fits = self.instances.made <= MAX_INSTANTIATED;
         if !fits && before <= MAX_INSTANTIATED {
-            self.ledger.report(
+            self.work.ledger.report(
                 Diagnostic::error(
                     codes::TOO_LARGE,
                     "instances of components would make more than 300,000 declarations and equations",
@@ -169,7 +151,7 @@ impl<'a> Elaborator<'a> {
         path: &str,
         used: Span,
         arguments: &'a [(Ident, Expr)],
-        outer: &crate::elaborate::Place,
+        outer: &Place,
         depth: usize,
     ) -> ScopeId {
         let root = ScopeId::from_u32(0);
@@ -177,11 +159,11 @@ impl<'a> Elaborator<'a> {
         self.instances.used_at.insert(scope, used);
         let StatementKind::Component { name, parameters, body, .. } = &statement.kind else { return scope };
         for (parameter, default) in parameters {
-            self.ledger.warn_of_name(parameter);
+            self.work.ledger.warn_of_name(parameter);
             let given = arguments.iter().find(|(a, _)| a.text == parameter.text).map(|(_, e)| e);
             if self.instances.samples.taken() && given.is_none() && default.is_none() {
                 let kind = self.symbols.sampled(scope, parameter, body);
-                self.naming().declare(scope, parameter, kind);
+                self.declare(scope, parameter, kind);
                 continue;
             }
             self.structural(scope, (path, used), parameter, given, default.as_ref(), outer);
@@ -202,8 +184,8 @@ impl<'a> Elaborator<'a> {
             if known.contains(&argument.text.as_str()) {
                 self.instances.given.insert((scope, argument.text.clone()), (e, outer.clone()));
             } else {
-                let help = self.ledger.reports.did_you_mean(&argument.text, known);
-                self.ledger.report(
+                let help = self.work.ledger.reports.did_you_mean(&argument.text, known);
+                self.work.ledger.report(
                     Diagnostic::error(
                         codes::WRONG_ARGUMENTS,
                         format!("the component `{}` has no parameter `{}`", name.text, argument.text),
@@ -229,34 +211,86 @@ impl<'a> Elaborator<'a> {
         name: &'a Ident,
         given: Option<&Expr>,
         default: Option<&Expr>,
-        outer: &crate::elaborate::Place,
+        outer: &Place,
     ) {
         for key in [format!("{path}.{}", name.text), name.text.clone()] {
             if let Some(Setting::Number(x)) = self.input.options.settings.get(&key) {
-                self.input.used_settings.insert(key.clone());
+                self.work.constants.taken.insert(key.clone());
                 if x.fract() == 0.0 && *x >= 0.0 && *x < 1e9 {
-                    self.naming().declare(scope, name, SymbolKind::Integer(*x as i64));
+                    self.declare(scope, name, SymbolKind::Integer(*x as i64));
                     return;
                 }
-                self.ledger.reports.scenario_fault(format!("`{key}` takes a whole number, not {x}"), None);
+                self.work.ledger.reports.scenario_fault(format!("`{key}` takes a whole number, not {x}"), None);
             }
         }
         let Some(e) = given.or(default) else {
-            self.ledger.report(
+            self.work.ledger.report(
                 Diagnostic::error(codes::MISSING_DEFAULT, format!("`{path}` needs a value of `{}`", name.text), used)
                     .secondary(name.span, "it has no default")
                     .help(format!("write `({} = ...)` after the instance's name", name.text)),
             );
-            return self.naming().faulty(scope, name);
+            return self.faulty(scope, name);
         };
         if let ExprKind::Name(n) = &e.kind
             && let Some(symbol) = self.symbols.lookup(outer.scope, &n.text)
             && let SymbolKind::Set(set) = self.symbols[symbol].kind
         {
-            self.naming().declare(scope, name, SymbolKind::Set(set));
+            self.declare(scope, name, SymbolKind::Set(set));
             return;
         }
-        let kind = self.integer(e, outer).map_or(SymbolKind::Faulty, SymbolKind::Integer);
-        self.naming().declare(scope, name, kind);
+        let kind = self.lowering().integer(e, outer).map_or(SymbolKind::Faulty, SymbolKind::Integer);
+        self.declare(scope, name, kind);
+    }
+}
+
+impl<'a> Declaring<'_, 'a> {
+    /// Declares what components see of the file, and one instance of each.
+    pub(in crate::elaborate) fn declare_samples(&mut self, components: &[&'a Statement]) {
+        self.instances.samples.instances = Some(0);
+        let root = self.declare_seen();
+        let place = Place::new(root, Site::Dynamics);
+        for statement in components {
+            let StatementKind::Component { name, .. } = &statement.kind else { continue };
+            self.instantiate(statement, &name.text, name.span, &[], &place, 0);
+        }
+    }
+}
+
+impl<'a> Symbols<'a> {
+    /// Kind of a structural parameter in a sample: a set where something runs over it, else a number.
+    pub(in crate::elaborate) fn sampled(&self, scope: ScopeId, name: &Ident, body: &[Statement]) -> SymbolKind<'a> {
+        if !body.iter().any(|s| runs_over(s, &name.text)) {
+            return SymbolKind::Integer(SAMPLE as i64);
+        }
+        // The set that it stands for mostly has its name.
+        match self.lookup(scope, &name.text).map(|s| self[s].kind.clone()) {
+            Some(kind @ SymbolKind::Set(_)) => kind,
+            _ => SymbolKind::Faulty,
+        }
+    }
+}
+
+/// Whether an index of a statement runs over a name.
+fn runs_over(statement: &Statement, name: &str) -> bool {
+    let any = |binders: &[Binder]| {
+        binders.iter().any(|b| match &b.over {
+            BinderSet::Itself => b.name.text == name,
+            BinderSet::Set(set) => set.text == name,
+            BinderSet::Range(..) | BinderSet::Tuple(_) => false,
+        })
+    };
+    let inside = |e: &Expr| {
+        let mut found = false;
+        e.walk(&mut |e| found |= matches!(&e.kind, ExprKind::Reduce { binders, .. } if any(binders)));
+        found
+    };
+    match &statement.kind {
+        StatementKind::Declare { declarations, .. } => declarations.iter().any(|d| any(&d.indices) || d.value.iter().any(inside)),
+        StatementKind::Flux(flux) => any(&flux.indices) || inside(&flux.inner),
+        StatementKind::Table(table) => table.indices.iter().any(|set| set.text == name),
+        StatementKind::Equation { lhs, rhs, binders } => any(binders) || inside(lhs) || inside(rhs),
+        StatementKind::Instance { indices, .. } => any(indices),
+        StatementKind::When { body, .. } | StatementKind::Variant { body, .. } => body.iter().any(|s| runs_over(s, name)),
+        _ => false,
     }
 }

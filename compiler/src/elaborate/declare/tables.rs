@@ -1,5 +1,6 @@
 //! Tables: over sets, with columns, over time.
 
+use crate::elaborate::declare::Declaring;
 use std::rc::Rc;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
@@ -7,9 +8,9 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Expr, Ident, Table, TableCells, TimeTable};
 use smpl_dsl::units::Unit;
 
-use crate::elaborate::declare::naming::Naming;
-use crate::elaborate::declare::symbols::{Axis, ScopeId, SetId, SymbolKind};
-use crate::elaborate::{Elaborator, Place, Site};
+use crate::elaborate::lower::place::{Place, Site};
+use crate::elaborate::naming::Naming;
+use crate::elaborate::symbols::{Axis, ScopeId, SetId, SymbolKind};
 
 /// A table while its rows are read.
 struct Numbers {
@@ -22,11 +23,11 @@ struct Numbers {
     place: Place,
 }
 
-impl<'a> Elaborator<'a> {
+impl<'a> Declaring<'_, 'a> {
     pub(in crate::elaborate) fn declare_table(&mut self, scope: ScopeId, table: &'a Table) {
         let sets: Option<Vec<SetId>> = table.indices.iter().map(|index| self.naming().set_named(scope, index)).collect();
         let Some(sets) = sets else {
-            return table.columns.iter().for_each(|column| self.naming().faulty(scope, &column.name));
+            return table.columns.iter().for_each(|column| self.faulty(scope, &column.name));
         };
         let place = Place::new(scope, Site::Dynamics);
         let mut numbers = self.empty_table(table, &sets, place);
@@ -35,7 +36,7 @@ impl<'a> Elaborator<'a> {
         {
             numbers.values.iter_mut().for_each(|v| v.fill(x));
         }
-        let before = self.ledger.reports.diagnostics.len();
+        let before = self.work.ledger.reports.diagnostics.len();
         for row in &table.rows {
             let Some(i) = sets.first().and_then(|&s| self.naming().row_member(s, &row.label)) else { continue };
             match &row.cells {
@@ -44,12 +45,12 @@ impl<'a> Elaborator<'a> {
             }
         }
         // What a faulty row would have given is not missing.
-        if self.ledger.reports.diagnostics.len() == before {
+        if self.work.ledger.reports.diagnostics.len() == before {
             self.naming().check_table(table, &sets, &numbers.values);
         }
         let axes: Rc<[Axis]> = sets.iter().map(|&s| Axis::Set(s)).collect();
         for ((column, unit), values) in table.columns.iter().zip(numbers.units).zip(numbers.values) {
-            self.naming().declare(scope, &column.name, SymbolKind::Table { axes: Rc::clone(&axes), unit, values: values.into() });
+            self.declare(scope, &column.name, SymbolKind::Table { axes: Rc::clone(&axes), unit, values: values.into() });
         }
     }
 
@@ -62,7 +63,7 @@ impl<'a> Elaborator<'a> {
         let mut units = Vec::new();
         for column in &table.columns {
             let unit = match &column.unit {
-                Some(u) => self.unit(u, &place),
+                Some(u) => self.lowering().unit(u, &place),
                 None => Some(Unit::one()),
             };
             units.push(unit.unwrap_or_else(Unit::one));
@@ -77,7 +78,7 @@ impl<'a> Elaborator<'a> {
         if cells.len() != width {
             let message = format!("this row has {} values, not {width}", cells.len());
             let fault = Diagnostic::error(codes::WRONG_SHAPE, message, span);
-            return self.ledger.report(fault.help("one value a column, or a member of the second set"));
+            return self.work.ledger.report(fault.help("one value a column, or a member of the second set"));
         }
         for (j, e) in cells.iter().enumerate() {
             let (table, at) = if columns > 1 { (j, i) } else { (0, i * inner + j) };
@@ -91,7 +92,7 @@ impl<'a> Elaborator<'a> {
     fn row_of_members(&mut self, numbers: &mut Numbers, i: usize, cells: &[(Ident, Expr)], second: Option<SetId>, span: Span) {
         let Some(second) = second else {
             let fault = Diagnostic::error(codes::WRONG_SHAPE, "`member = value` needs a table over two sets", span);
-            return self.ledger.report(fault);
+            return self.work.ledger.report(fault);
         };
         for (label, e) in cells {
             let Some(j) = self.naming().row_member(second, label) else { continue };
@@ -101,13 +102,13 @@ impl<'a> Elaborator<'a> {
         }
     }
 
-    fn table_number(&mut self, e: &Expr, unit: Option<&Unit>, place: &crate::elaborate::Place) -> Option<f64> {
+    fn table_number(&mut self, e: &Expr, unit: Option<&Unit>, place: &Place) -> Option<f64> {
         let one = Unit::one();
-        let expr = self.number_in(e, unit.unwrap_or(&one), "the table's entry", Span::default(), place);
-        let reports = self.ledger.reports.diagnostics.len();
-        let value = self.constant_value(expr);
-        if value.is_none() && reports == self.ledger.reports.diagnostics.len() {
-            self.ledger.missing_value("an entry of a table", e.span);
+        let expr = self.lowering().number_in(e, unit.unwrap_or(&one), "the table's entry", Span::default(), place);
+        let reports = self.work.ledger.reports.diagnostics.len();
+        let value = self.lowering().constant_value(expr);
+        if value.is_none() && reports == self.work.ledger.reports.diagnostics.len() {
+            self.work.ledger.missing_value("an entry of a table", e.span);
         }
         value.filter(|v| !v.is_nan())
     }
@@ -115,25 +116,29 @@ impl<'a> Elaborator<'a> {
     pub(in crate::elaborate) fn declare_time_table(&mut self, scope: ScopeId, table: &'a TimeTable) {
         let place = Place::new(scope, Site::Dynamics);
         let unit = match &table.unit {
-            Some(u) => self.unit(u, &place).unwrap_or_else(Unit::one),
+            Some(u) => self.lowering().unit(u, &place).unwrap_or_else(Unit::one),
             None => Unit::one(),
         };
-        let time_unit = self.unit(&table.time_unit, &place).unwrap_or_else(Unit::one);
+        let time_unit = self.lowering().unit(&table.time_unit, &place).unwrap_or_else(Unit::one);
         let mut points = Vec::with_capacity(table.entries.len());
         for (time, value) in &table.entries {
             let t = self.table_number(time, Some(&time_unit), &place);
             let v = self.table_number(value, Some(&unit), &place);
             if let (Some(t), Some(v)) = (t, v) {
                 if points.last().is_some_and(|&(before, _): &(f64, f64)| before >= t) {
-                    self.ledger.report(Diagnostic::error(codes::BAD_SETTING, "times of a table must increase", time.span));
+                    self.work.ledger.report(Diagnostic::error(codes::BAD_SETTING, "times of a table must increase", time.span));
                 }
                 points.push((t, v));
             }
         }
         if points.is_empty() {
-            self.ledger.report(Diagnostic::error(codes::EMPTY_SET, format!("the table `{}` is empty", table.name.text), table.name.span));
+            self.work.ledger.report(Diagnostic::error(
+                codes::EMPTY_SET,
+                format!("the table `{}` is empty", table.name.text),
+                table.name.span,
+            ));
         }
-        self.naming().declare(scope, &table.name, SymbolKind::TimeTable { unit, time_unit, kind: table.kind, points: points.into() });
+        self.declare(scope, &table.name, SymbolKind::TimeTable { unit, time_unit, kind: table.kind, points: points.into() });
     }
 }
 

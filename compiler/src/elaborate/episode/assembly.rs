@@ -1,6 +1,6 @@
 //! Programs as they are put together: single stores first, together, then the loops.
 
-use crate::elaborate::episode::store;
+use crate::elaborate::episode::common::store;
 use crate::ir::{Affine, ExprId, Nest, Place as Memory, Program, Store};
 
 /// A program under construction.

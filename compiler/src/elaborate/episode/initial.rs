@@ -4,13 +4,17 @@ use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Clip, Expr, ExprKind, Statement, StatementKind};
 
-use crate::elaborate::declare::defaults::Piece;
-use crate::elaborate::declare::symbols::{ScopeId, SymbolId, SymbolKind, Symbols};
 use crate::elaborate::episode::assembly::Assembly;
+use crate::elaborate::episode::common::{each, store, stream_name};
 use crate::elaborate::episode::order::ordered_initial;
-use crate::elaborate::episode::{each, store, stream_name};
+use crate::elaborate::episode::parameters::clipped;
+use crate::elaborate::episode::phases::schedule_initial;
+use crate::elaborate::lower::Lowering;
+use crate::elaborate::lower::nests::Piece;
+use crate::elaborate::lower::place::{Place, Site};
+use crate::elaborate::outside::initial_elements;
 use crate::elaborate::select::items::Item;
-use crate::elaborate::{Elaborator, Place, Site};
+use crate::elaborate::symbols::{ScopeId, SymbolKind, Symbols};
 use crate::ir::{Affine, ExprId, Exprs, FastMap, FastSet, Flavour, Nest, Place as Memory, Program, Role, VarId};
 use crate::model::{Instant, Quantity};
 
@@ -29,344 +33,293 @@ impl Starts {
     }
 }
 
-impl<'a> Elaborator<'a> {
-    pub(in crate::elaborate) fn steady_program(&mut self, blocks: &[(ScopeId, Vec<Item<'a>>)]) {
-        let mut given: FastMap<(VarId, i64), ExprId> = FastMap::default();
-        let mut conditions = Vec::new();
-        for (scope, item) in each(blocks) {
-            let Item::Other(Statement { kind: StatementKind::Steady { entries }, .. }) = item else { continue };
-            self.model.interface.has_steady = true;
-            let place = Place::new(scope, Site::Instant);
-            for (target, value) in entries {
-                if !is_place(target) {
-                    conditions.push(self.steady_condition(target, value, &place));
-                    continue;
-                }
-                if self.steady_instance(target, value, &place, &mut given) {
-                    continue;
-                }
-                let Some((symbol, at)) = self.target(target, &place, &[Role::Action, Role::State]) else { continue };
-                let SymbolKind::Variable { var, unit, .. } = self.symbols[symbol].kind.clone() else { continue };
-                let expr = self.number_in(value, &unit, "the steady value", target.span, &place);
-                let elements = match at {
-                    Some(at) => at.offset..at.offset + 1,
-                    None => 0..i64::from(self.symbols.vars[var].len),
-                };
-                given.extend(elements.map(|i| ((var, i), expr)));
+/// The steady problem.
+#[derive(Default)]
+pub(in crate::elaborate) struct Steady {
+    /// The given actions, states and conditions.
+    pub program: Program,
+    /// States that are given, by position.
+    pub fixed: Vec<u32>,
+    /// Number of conditions.
+    pub conditions: u32,
+    /// All states are given.
+    pub given: bool,
+    /// Something is said of it.
+    pub said: bool,
+}
+
+/// What `steady` blocks say.
+pub(in crate::elaborate) fn steady_program<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> Steady {
+    let mut said = false;
+    let mut given: FastMap<(VarId, i64), ExprId> = FastMap::default();
+    let mut conditions = Vec::new();
+    for (scope, item) in each(blocks) {
+        let Item::Other(Statement { kind: StatementKind::Steady { entries }, .. }) = item else { continue };
+        said = true;
+        let place = Place::new(scope, Site::Instant);
+        for (target, value) in entries {
+            if !is_place(target) {
+                conditions.push(steady_condition(l, target, value, &place));
+                continue;
             }
+            if steady_instance(l, target, value, &place, &mut given) {
+                continue;
+            }
+            let Some((symbol, at)) = l.target(target, &place, &[Role::Action, Role::State]) else { continue };
+            let SymbolKind::Variable { var, unit, .. } = l.symbols[symbol].kind.clone() else { continue };
+            let expr = l.number_in(value, &unit, "the steady value", target.span, &place);
+            let elements = match at {
+                Some(at) => at.offset..at.offset + 1,
+                None => 0..i64::from(l.symbols.vars[var].len),
+            };
+            given.extend(elements.map(|i| ((var, i), expr)));
         }
-        let mut stores = Vec::new();
-        let actions: Vec<VarId> = self.variables_of(Role::Action);
-        for var in actions {
-            for i in 0..i64::from(self.symbols.vars[var].len) {
-                let value = match given.get(&(var, i)) {
-                    Some(&e) => e,
-                    None => {
-                        let x = self.symbols.quantities.get(&var).map_or(f64::NAN, |q| Quantity::pick(&q.default, i as usize));
-                        self.exprs.constant(x)
-                    }
-                };
+    }
+    let mut stores = Vec::new();
+    let actions: Vec<VarId> = l.variables_of(Role::Action);
+    for var in actions {
+        for i in 0..i64::from(l.symbols.vars[var].len) {
+            let value = match given.get(&(var, i)) {
+                Some(&e) => e,
+                None => {
+                    let x = l.quantities.get(&var).map_or(f64::NAN, |q| Quantity::pick(&q.default, i as usize));
+                    l.exprs.constant(x)
+                }
+            };
+            stores.push(store(Memory::Out, Affine::constant(stores.len() as i64), value));
+        }
+    }
+    let mut base = 0_i64;
+    let mut fixed = Vec::new();
+    let states = l.variables_of(Role::State);
+    for var in states {
+        for i in 0..i64::from(l.symbols.vars[var].len) {
+            if let Some(&value) = given.get(&(var, i)) {
+                fixed.push((base + i) as u32);
                 stores.push(store(Memory::Out, Affine::constant(stores.len() as i64), value));
             }
         }
-        let mut base = 0_i64;
-        let mut fixed = Vec::new();
-        let states = self.variables_of(Role::State);
-        for var in states {
-            for i in 0..i64::from(self.symbols.vars[var].len) {
-                if let Some(&value) = given.get(&(var, i)) {
-                    fixed.push((base + i) as u32);
-                    stores.push(store(Memory::Out, Affine::constant(stores.len() as i64), value));
-                }
-            }
-            base += i64::from(self.symbols.vars[var].len);
-        }
-        self.model.interface.steady_conditions = conditions.len() as u32;
-        for condition in conditions {
-            stores.push(store(Memory::Out, Affine::constant(stores.len() as i64), condition));
-        }
-        self.model.interface.steady_given = base > 0 && fixed.len() as i64 == base;
-        self.model.interface.steady_fixed = fixed;
-        self.model.programs.steady = Program { nests: vec![Nest { extents: Vec::new(), stores }], in_place: false };
+        base += i64::from(l.symbols.vars[var].len);
     }
-
-    /// `A + B = 1`: left less right.
-    fn steady_condition(&mut self, left: &Expr, right: &Expr, place: &Place) -> ExprId {
-        let reports = self.ledger.reports.diagnostics.len();
-        let value = self.value(left, place);
-        let unit = value.unit.unit();
-        let value = self.values().in_unit(value, &unit, left.span, "this value", left.span);
-        let right = self.number_in(right, &unit, "the steady value", left.span, place);
-        let difference = self.exprs.sub(value, right);
-        if self.ledger.reports.diagnostics.len() == reports && !self.symbols.reads_unknown(&self.exprs, difference) {
-            let message = "no state stands in this condition on the steady state";
-            self.ledger.report(
-                Diagnostic::error(codes::WRONG_KIND, message, left.span).help("give a state, or an expression of states, its value"),
-            );
-        }
-        difference
+    let count = conditions.len() as u32;
+    for condition in conditions {
+        stores.push(store(Memory::Out, Affine::constant(stores.len() as i64), condition));
     }
+    let program = Program { nests: vec![Nest { extents: Vec::new(), stores }], in_place: false };
+    Steady { program, given: base > 0 && fixed.len() as i64 == base, fixed, conditions: count, said }
+}
 
-    /// `col = 0`: every state of an instance, or of the instances of an array.
-    fn steady_instance(&mut self, target: &Expr, value: &Expr, place: &Place, given: &mut FastMap<(VarId, i64), ExprId>) -> bool {
-        let ExprKind::Name(name) = &target.kind else { return false };
-        let Some(symbol) = self.symbols.lookup(place.scope, &name.text) else { return false };
-        if !matches!(self.symbols[symbol].kind, SymbolKind::Instance(_) | SymbolKind::Instances(_)) {
-            return false;
-        }
-        let path = self.symbols[symbol].path.clone();
-        for var in self.state_variables() {
-            let rest = self.symbols.vars[var].name.strip_prefix(&path);
-            if !rest.is_some_and(|r| r.starts_with(['.', '['])) {
-                continue;
-            }
-            let Some(SymbolKind::Variable { unit, .. }) = self.symbols.of_var.get(&var).map(|&s| self.symbols[s].kind.clone()) else {
-                continue;
-            };
-            let expr = self.number_in(value, &unit, "the steady value", target.span, place);
-            given.extend((0..i64::from(self.symbols.vars[var].len)).map(|i| ((var, i), expr)));
-        }
-        true
+/// `A + B = 1`: left less right.
+fn steady_condition(l: &mut Lowering<'_, '_>, left: &Expr, right: &Expr, place: &Place) -> ExprId {
+    let reports = l.ledger.reports.diagnostics.len();
+    let value = l.value(left, place);
+    let unit = value.unit.unit();
+    let value = l.values().in_unit(value, &unit, left.span, "this value", left.span);
+    let right = l.number_in(right, &unit, "the steady value", left.span, place);
+    let difference = l.exprs.sub(value, right);
+    if l.ledger.reports.diagnostics.len() == reports && !l.symbols.reads_unknown(&l.exprs, difference) {
+        let message = "no state stands in this condition on the steady state";
+        l.ledger
+            .report(Diagnostic::error(codes::WRONG_KIND, message, left.span).help("give a state, or an expression of states, its value"));
     }
+    difference
+}
 
-    /// Variables of a role in the order of the region (identifiers grow); states in the order of the text.
-    pub(in crate::elaborate) fn variables_of(&self, role: Role) -> Vec<VarId> {
-        if role == Role::State {
-            return self.state_variables();
+/// `col = 0`: every state of an instance, or of the instances of an array.
+fn steady_instance(
+    l: &mut Lowering<'_, '_>,
+    target: &Expr,
+    value: &Expr,
+    place: &Place,
+    given: &mut FastMap<(VarId, i64), ExprId>,
+) -> bool {
+    let ExprKind::Name(name) = &target.kind else { return false };
+    let Some(symbol) = l.symbols.lookup(place.scope, &name.text) else { return false };
+    if !matches!(l.symbols[symbol].kind, SymbolKind::Instance(_) | SymbolKind::Instances(_)) {
+        return false;
+    }
+    let path = l.symbols[symbol].path.clone();
+    for var in l.state_variables() {
+        let rest = l.symbols.vars[var].name.strip_prefix(&path);
+        if !rest.is_some_and(|r| r.starts_with(['.', '['])) {
+            continue;
         }
-        self.symbols.vars.iter().filter(|(_, v)| v.role == role).map(|(id, _)| id).collect()
-    }
-
-    pub(in crate::elaborate) fn state_variables(&self) -> Vec<VarId> {
-        self.in_text_order()
-            .into_iter()
-            .filter_map(|s| match self.symbols[s].kind {
-                SymbolKind::Variable { var, .. } if self.symbols.vars[var].role == Role::State => Some(var),
-                _ => None,
-            })
-            .collect()
-    }
-
-    pub(in crate::elaborate) fn initial_programs(&mut self, blocks: &[(ScopeId, Vec<Item<'a>>)]) {
-        let mut starts = Starts::default();
-        self.declared_starts(&mut starts);
-        starts.discretes.single.extend(self.schedule_initial());
-        let mut starts = Starts {
-            states: Assembly { nests: starts.states.gathered(), single: Vec::new() },
-            discretes: Assembly { nests: starts.discretes.gathered(), single: Vec::new() },
+        let Some(SymbolKind::Variable { unit, .. }) = l.symbols.of_var.get(&var).map(|&s| l.symbols[s].kind.clone()) else {
+            continue;
         };
-        self.stated_starts(blocks, &mut starts);
-        self.asked_starts(&mut starts);
-        let (nests, cycles) = ordered_initial(starts.states.nests, &self.exprs, &self.symbols.vars);
-        cycles.into_iter().for_each(|d| self.ledger.report(d));
-        self.model.programs.initial_states = Program { nests, in_place: true };
-        self.model.programs.initial_discretes = Program { nests: starts.discretes.nests, in_place: true };
+        let expr = l.number_in(value, &unit, "the steady value", target.span, place);
+        given.extend((0..i64::from(l.symbols.vars[var].len)).map(|i| ((var, i), expr)));
     }
+    true
+}
 
-    /// Starts that stand with the declarations, or that were asked for in their place.
-    fn declared_starts(&mut self, starts: &mut Starts) {
-        for symbol in self.in_text_order() {
-            let SymbolKind::Variable { var, .. } = self.symbols[symbol].kind else { continue };
-            let role = self.symbols.vars[var].role;
-            let site = match role {
-                Role::State => Site::Reset,
-                Role::Discrete | Role::Disturbance => Site::Instant,
-                _ => continue,
-            };
-            let pieces = match self.input.options.initial.get(&self.symbols[symbol].path) {
-                Some(&x) => {
-                    let value = self.exprs.constant(x);
-                    vec![self.symbols.whole(var, value)]
-                }
-                None => self.default_pieces(symbol, site),
-            };
-            let span = self.symbols[symbol].span;
-            for piece in pieces {
-                let (at, value) = piece.value;
-                self.check_start(value, var, at, span);
-                starts.of(role).push(piece.extents, store(Memory::Var(var), at, value));
+/// The start values of states, and those of discrete variables and disturbances.
+pub(in crate::elaborate) fn initial_programs<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> (Program, Program) {
+    let mut starts = Starts::default();
+    declared_starts(l, &mut starts);
+    starts.discretes.single.extend(schedule_initial(l));
+    let mut starts = Starts {
+        states: Assembly { nests: starts.states.gathered(), single: Vec::new() },
+        discretes: Assembly { nests: starts.discretes.gathered(), single: Vec::new() },
+    };
+    stated_starts(l, blocks, &mut starts);
+    asked_starts(l, &mut starts);
+    let (nests, cycles) = ordered_initial(starts.states.nests, &l.exprs, &l.symbols.vars);
+    cycles.into_iter().for_each(|d| l.ledger.report(d));
+    (Program { nests, in_place: true }, Program { nests: starts.discretes.nests, in_place: true })
+}
+
+/// Starts that stand with the declarations, or that were asked for in their place.
+fn declared_starts(l: &mut Lowering<'_, '_>, starts: &mut Starts) {
+    for symbol in l.in_text_order() {
+        let SymbolKind::Variable { var, .. } = l.symbols[symbol].kind else { continue };
+        let role = l.symbols.vars[var].role;
+        let site = match role {
+            Role::State => Site::Reset,
+            Role::Discrete | Role::Disturbance => Site::Instant,
+            _ => continue,
+        };
+        let pieces = match l.input.options.initial.get(&l.symbols[symbol].path) {
+            Some(&x) => {
+                let value = l.exprs.constant(x);
+                vec![l.symbols.whole(var, value)]
+            }
+            None => l.default_pieces(symbol, site),
+        };
+        let span = l.symbols[symbol].span;
+        for piece in pieces {
+            let (at, value) = piece.value;
+            check_start(l, value, var, at, span);
+            starts.of(role).push(piece.extents, store(Memory::Var(var), at, value));
+        }
+    }
+}
+
+/// Starts that `initial` states.
+fn stated_starts<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)], starts: &mut Starts) {
+    let mut given: FastMap<(ScopeId, VarId, Option<i64>), Span> = FastMap::default();
+    for (scope, item) in each(blocks) {
+        let Item::Other(Statement { kind: StatementKind::Initial { target, random, value, clip, binders }, .. }) = item else {
+            continue;
+        };
+        let place = Place::new(scope, Site::Reset);
+        if binders.is_empty() {
+            check_single(l, &mut given, scope, target, &place);
+        }
+        let pieces = l.nest(binders, &place, &mut |s, inner| initial(s, target, *random, value, clip.as_ref(), inner));
+        for piece in pieces {
+            let Some((var, list)) = piece.value else { continue };
+            for p in list {
+                let (at, value) = p.value;
+                let mut extents = piece.extents.clone();
+                extents.extend(p.extents);
+                let stores = vec![store(Memory::Var(var), at, value)];
+                starts.of(l.symbols.vars[var].role).nests.push(Nest { extents, stores });
             }
         }
     }
+}
 
-    /// Starts that `initial` states.
-    fn stated_starts(&mut self, blocks: &[(ScopeId, Vec<Item<'a>>)], starts: &mut Starts) {
-        let mut given: FastMap<(ScopeId, VarId, Option<i64>), Span> = FastMap::default();
-        for (scope, item) in each(blocks) {
-            let Item::Other(Statement { kind: StatementKind::Initial { target, random, value, clip, binders }, .. }) = item else {
-                continue;
-            };
-            let place = Place::new(scope, Site::Reset);
-            if binders.is_empty() {
-                self.check_single(&mut given, scope, target, &place);
-            }
-            let pieces = self.nest(binders, &place, &mut |s, inner| s.initial(target, *random, value, clip.as_ref(), inner));
-            for piece in pieces {
-                let Some((var, list)) = piece.value else { continue };
-                for p in list {
-                    let (at, value) = p.value;
-                    let mut extents = piece.extents.clone();
-                    extents.extend(p.extents);
-                    let stores = vec![store(Memory::Var(var), at, value)];
-                    starts.of(self.symbols.vars[var].role).nests.push(Nest { extents, stores });
-                }
-            }
+/// Single elements that were asked for; they come last.
+fn asked_starts(l: &mut Lowering<'_, '_>, starts: &mut Starts) {
+    for symbol in l.symbols.list.keys().collect::<Vec<_>>() {
+        let SymbolKind::Variable { var, .. } = l.symbols[symbol].kind else { continue };
+        let role = l.symbols.vars[var].role;
+        if !matches!(role, Role::State | Role::Discrete) {
+            continue;
+        }
+        for (at, x) in initial_elements(l, symbol) {
+            let value = l.exprs.constant(x);
+            let stores = vec![store(Memory::Var(var), Affine::constant(at), value)];
+            starts.of(role).nests.push(Nest { extents: Vec::new(), stores });
         }
     }
+}
 
-    /// Single elements that were asked for; they come last.
-    fn asked_starts(&mut self, starts: &mut Starts) {
-        for symbol in self.symbols.list.keys().collect::<Vec<_>>() {
-            let SymbolKind::Variable { var, .. } = self.symbols[symbol].kind else { continue };
-            let role = self.symbols.vars[var].role;
-            if !matches!(role, Role::State | Role::Discrete) {
-                continue;
-            }
-            for (at, x) in self.initial_elements(symbol) {
-                let value = self.exprs.constant(x);
-                let stores = vec![store(Memory::Var(var), Affine::constant(at), value)];
-                starts.of(role).nests.push(Nest { extents: Vec::new(), stores });
-            }
-        }
+/// Reports a start value that reads what it sets, or elements that the same loop sets in its later passes: the declared values would be
+/// read, which are replaced.
+fn check_start(l: &mut Lowering<'_, '_>, value: ExprId, var: VarId, at: Affine, span: Span) {
+    let passes: Vec<i64> = l.loops.frames.iter().map(|l| l.passes).collect();
+    if !reads(&l.exprs, value, var).iter().any(|&read| is_set_later(read, at, &passes)) {
+        return;
     }
+    let name = l.symbols.vars[var].name.clone();
+    let itself = if at.is_constant() { "itself" } else { "elements that are set with it or after it" };
+    l.ledger.report(
+        Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the initial value of `{name}` reads {itself}"), span)
+            .label(format!("`{name}` has no value yet"))
+            .help(format!("write the value out, or name it: `param {name}_0 : unit = ...`, then `{name}_0` in place of `{name}`")),
+    );
+}
 
-    /// Reports a start value that reads what it sets, or elements that the same loop sets in its later passes: the declared values would be
-    /// read, which are replaced.
-    fn check_start(&mut self, value: ExprId, var: VarId, at: Affine, span: Span) {
-        let passes: Vec<i64> = self.loops.frames.iter().map(|l| l.passes).collect();
-        if !reads(&self.exprs, value, var).iter().any(|&read| is_set_later(read, at, &passes)) {
-            return;
-        }
-        let name = self.symbols.vars[var].name.clone();
-        let itself = if at.is_constant() { "itself" } else { "elements that are set with it or after it" };
-        self.ledger.report(
-            Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the initial value of `{name}` reads {itself}"), span)
-                .label(format!("`{name}` has no value yet"))
-                .help(format!("write the value out, or name it: `param {name}_0 : unit = ...`, then `{name}_0` in place of `{name}`")),
+/// Reports a second `initial` of one variable or element in one block: the order of statements has no meaning.
+fn check_single(
+    l: &mut Lowering<'_, '_>,
+    given: &mut FastMap<(ScopeId, VarId, Option<i64>), Span>,
+    scope: ScopeId,
+    target: &Expr,
+    place: &Place,
+) {
+    let Some((symbol, at)) = l.target(target, place, &[Role::State, Role::Discrete, Role::Disturbance]) else { return };
+    let SymbolKind::Variable { var, .. } = l.symbols[symbol].kind else { return };
+    if let Some(first) = given.insert((scope, var, at.map(|at| at.offset)), target.span) {
+        let path = l.symbols[symbol].path.clone();
+        l.ledger.report(
+            Diagnostic::error(codes::DUPLICATE_NAME, format!("`{path}` has two initial values"), target.span)
+                .secondary(first, "the first one")
+                .help("keep one of them"),
         );
     }
+}
 
-    /// Reports a second `initial` of one variable or element in one block: the order of statements has no meaning.
-    fn check_single(&mut self, given: &mut FastMap<(ScopeId, VarId, Option<i64>), Span>, scope: ScopeId, target: &Expr, place: &Place) {
-        let Some((symbol, at)) = self.target(target, place, &[Role::State, Role::Discrete, Role::Disturbance]) else { return };
-        let SymbolKind::Variable { var, .. } = self.symbols[symbol].kind else { return };
-        if let Some(first) = given.insert((scope, var, at.map(|at| at.offset)), target.span) {
-            let path = self.symbols[symbol].path.clone();
-            self.ledger.report(
-                Diagnostic::error(codes::DUPLICATE_NAME, format!("`{path}` has two initial values"), target.span)
-                    .secondary(first, "the first one")
-                    .help("keep one of them"),
-            );
-        }
+/// One `initial` statement at one place: a scalar, an element, or a whole array.
+#[allow(clippy::type_complexity, reason = "a variable and pieces of it")]
+fn initial(
+    l: &mut Lowering<'_, '_>,
+    target: &Expr,
+    random: bool,
+    value: &Expr,
+    clip: Option<&Clip>,
+    place: &Place,
+) -> Option<(VarId, Vec<Piece<(Affine, ExprId)>>)> {
+    let (symbol, at) = l.target(target, place, &[Role::State, Role::Discrete, Role::Disturbance])?;
+    let SymbolKind::Variable { var, unit, .. } = l.symbols[symbol].kind.clone() else { return None };
+    let path = l.symbols[symbol].path.clone();
+    if let Some(&x) = l.input.options.initial.get(&path) {
+        let value = l.exprs.constant(x);
+        return Some((var, vec![l.symbols.whole(var, value)]));
     }
-
-    /// One `initial` statement at one place: a scalar, an element, or a whole array.
-    #[allow(clippy::type_complexity, reason = "a variable and pieces of it")]
-    pub(in crate::elaborate) fn initial(
-        &mut self,
-        target: &Expr,
-        random: bool,
-        value: &Expr,
-        clip: Option<&Clip>,
-        place: &Place,
-    ) -> Option<(VarId, Vec<Piece<(Affine, ExprId)>>)> {
-        let (symbol, at) = self.target(target, place, &[Role::State, Role::Discrete, Role::Disturbance])?;
-        let SymbolKind::Variable { var, unit, .. } = self.symbols[symbol].kind.clone() else { return None };
-        let path = self.symbols[symbol].path.clone();
-        if let Some(&x) = self.input.options.initial.get(&path) {
-            let value = self.exprs.constant(x);
-            return Some((var, vec![self.symbols.whole(var, value)]));
-        }
-        let len = self.symbols.vars[var].len;
-        let mut place = place.clone();
-        if self.symbols.vars[var].role != Role::State {
-            place.site = Site::Instant;
-        }
-        let make = |s: &mut Self, at: Affine, inner: &Place| {
-            let outer = random.then(|| s.hidden.draws.site.replace((stream_name(&path, at, len), Instant::Reset)));
-            let v = s.number_in(value, &unit, &format!("`{path}`"), target.span, inner);
-            if let Some(outer) = outer {
-                s.hidden.draws.site = outer;
-            }
-            s.check_start(v, var, at, value.span);
-            s.clipped(v, var, at, clip, &unit, inner)
-        };
-        match at {
-            Some(at) => {
-                let v = make(self, at, &place);
-                Some((var, vec![Piece { extents: Vec::new(), value: (at, v) }]))
-            }
-            None => {
-                // The whole array: one loop over its elements.
-                let pieces = self.cells(0, i64::from(len) - 1, target.span, &place, &mut |s, cell, inner| {
-                    let at = cell.affine();
-                    (at, make(s, at, inner))
-                });
-                let list = pieces
-                    .into_iter()
-                    .map(|(cell, value)| Piece { extents: cell.along.map(|_| cell.count as u32).into_iter().collect(), value })
-                    .collect();
-                Some((var, list))
-            }
-        }
+    let len = l.symbols.vars[var].len;
+    let mut place = place.clone();
+    if l.symbols.vars[var].role != Role::State {
+        place.site = Site::Instant;
     }
-
-    /// The variable that a statement assigns: a symbol, and the element unless the whole array is meant.
-    pub(in crate::elaborate) fn target(&mut self, e: &Expr, place: &Place, roles: &[Role]) -> Option<(SymbolId, Option<Affine>)> {
-        if let ExprKind::Name(name) = &e.kind
-            && let Some(crate::elaborate::Bound::Element(symbol, at)) = place.bound(&name.text)
-        {
-            return Some((*symbol, Some(*at)));
+    let make = |s: &mut Lowering<'_, '_>, at: Affine, inner: &Place| {
+        let outer = random.then(|| s.hidden.draws.site.replace((stream_name(&path, at, len), Instant::Reset)));
+        let v = s.number_in(value, &unit, &format!("`{path}`"), target.span, inner);
+        if let Some(outer) = outer {
+            s.hidden.draws.site = outer;
         }
-        let (base, index): (&Expr, &[Expr]) = match &e.kind {
-            ExprKind::Index(base, index) => (base, index),
-            _ => (e, &[]),
-        };
-        let symbol = match self.resolve(base, place) {
-            crate::elaborate::lower::indices::Target::Symbol(symbol) => symbol,
-            crate::elaborate::lower::indices::Target::Value(v) => {
-                if !v.is_poison() {
-                    self.ledger.report(Diagnostic::error(codes::WRONG_KIND, "a variable is needed here", e.span));
-                }
-                return None;
-            }
-            crate::elaborate::lower::indices::Target::Nothing => return None,
-        };
-        let SymbolKind::Variable { var, axes, .. } = self.symbols[symbol].kind.clone() else {
-            if !matches!(self.symbols[symbol].kind, SymbolKind::Faulty) {
-                let path = self.symbols[symbol].path.clone();
-                self.ledger.report(Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is no variable that can be assigned"), e.span));
-            }
-            return None;
-        };
-        if !roles.contains(&self.symbols.vars[var].role) {
-            let (path, declared) = (self.symbols[symbol].path.clone(), self.symbols[symbol].span);
-            let what = match self.symbols.vars[var].role {
-                Role::Param => "a parameter",
-                Role::Action => "an action",
-                Role::Algebraic => "an algebraic variable",
-                Role::State => "a state",
-                Role::Discrete => "a discrete variable",
-                Role::Disturbance => "a disturbance",
-                _ => "a variable of another kind",
-            };
-            let help = match (self.symbols.vars[var].role, roles) {
-                (Role::State, [Role::Discrete]) => Some("states are set by `reset`".to_owned()),
-                (Role::Discrete, [Role::State]) => Some("discrete variables are set by `next`".to_owned()),
-                _ => None,
-            };
-            self.ledger.report(
-                Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is {what}, which cannot be set here"), e.span)
-                    .secondary(declared, "declared here")
-                    .maybe_help(help),
-            );
-            return None;
+        check_start(s, v, var, at, value.span);
+        clipped(s, v, var, at, clip, &unit, inner)
+    };
+    match at {
+        Some(at) => {
+            let v = make(l, at, &place);
+            Some((var, vec![Piece { extents: Vec::new(), value: (at, v) }]))
         }
-        if index.is_empty() && !axes.is_empty() {
-            return Some((symbol, None));
+        None => {
+            // The whole array: one loop over its elements.
+            let pieces = l.cells(0, i64::from(len) - 1, target.span, &place, &mut |s, cell, inner| {
+                let at = cell.affine();
+                (at, make(s, at, inner))
+            });
+            let list = pieces
+                .into_iter()
+                .map(|(cell, value)| Piece { extents: cell.along.map(|_| cell.count as u32).into_iter().collect(), value })
+                .collect();
+            Some((var, list))
         }
-        let (at, _) = self.address(symbol, &axes, index, e.span, place)?;
-        Some((symbol, Some(at)))
     }
 }
 

@@ -1,304 +1,339 @@
 //! Sampling instants and events.
 
+use crate::ir::FastMap;
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident, Statement, StatementKind};
 use smpl_dsl::units::Unit;
 
-use crate::elaborate::declare::defaults::for_each_element;
-use crate::elaborate::declare::symbols::{ScopeId, SymbolKind};
-use crate::elaborate::episode::{each, store};
+use crate::elaborate::episode::common::{each, store};
+use crate::elaborate::episode::unknown::doubting;
+use crate::elaborate::lower::Lowering;
+use crate::elaborate::lower::nests::for_each_element;
+use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::values::Values;
 use crate::elaborate::select::items::Item;
-use crate::elaborate::{Elaborator, Place, Site};
+use crate::elaborate::symbols::{ScopeId, SymbolKind};
 use crate::ir::{Affine, Builtin, Expr as Node, ExprId, Flavour, Nest, Place as Memory, Program, Rewritten, Role, VarId};
 use crate::model::{Root, RootAction};
 
-impl<'a> Elaborator<'a> {
-    pub(in crate::elaborate) fn instant_programs(&mut self, blocks: &[(ScopeId, Vec<Item<'a>>)]) {
-        let mut start = Program { nests: Vec::new(), in_place: true };
-        let mut end = Program { nests: Vec::new(), in_place: true };
-        let mut events: Vec<(ScopeId, &'a str, Program)> = Vec::new();
-        let mut next_group: Vec<(String, usize)> = Vec::new();
-        // Parts before the whole: what a component updates at the end of a step is seen by the `at end` of what it is used in.
-        let mut inner_first: Vec<&(ScopeId, Vec<Item<'a>>)> = blocks.iter().collect();
-        inner_first.sort_by_key(|(scope, _)| std::cmp::Reverse(self.symbols.scopes[*scope].prefix.matches('.').count()));
-        let mut last_end: Option<Span> = None;
-        for (scope, item) in inner_first.into_iter().flat_map(|(scope, items)| items.iter().map(move |i| (*scope, *i))) {
-            let Item::At(Ident { text: instant, span: block }, statement) = item else { continue };
-            let instant = instant.as_str();
-            if instant == "end" && last_end.replace(*block).is_some_and(|last| last != *block) {
-                next_group.retain(|(name, _)| name != instant);
-            }
-            let program = match instant {
-                "start" => &mut start,
-                "end" => &mut end,
-                name => {
-                    let at = match events.iter().position(|(s, n, _)| *n == name && *s == scope) {
-                        Some(at) => at,
-                        None => {
-                            events.push((scope, name, Program { nests: Vec::new(), in_place: true }));
-                            events.len() - 1
-                        }
-                    };
-                    &mut events[at].2
-                }
-            };
-            let mut taken = std::mem::take(program);
-            if instant == "start" && matches!(statement.kind, StatementKind::Reset { .. }) {
-                self.model.interface.start_resets = true;
-            }
-            self.instant_statement(scope, statement, &mut taken, &mut next_group, instant);
-            match instant {
-                "start" => start = taken,
-                "end" => end = taken,
-                name => {
-                    if let Some(e) = events.iter_mut().find(|(s, n, _)| *n == name && *s == scope) {
-                        e.2 = taken;
-                    }
-                }
-            }
-        }
-        self.model.programs.start = start;
-        self.model.programs.end = end;
-        self.events(blocks, events);
-        self.schedule_programs();
-    }
+/// What runs at the instants of a step.
+#[derive(Default)]
+pub(in crate::elaborate) struct Instants {
+    /// At its start.
+    pub start: Program,
+    /// At its end.
+    pub end: Program,
+    /// At events.
+    pub events: Vec<Program>,
+    /// Where the events are.
+    pub roots: Vec<Root>,
+    /// What runs at the start sets states.
+    pub start_resets: bool,
+}
 
-    /// `next`, `reset`, `clamp`. Consecutive `next`s of scalars share a nest, so that they assign together.
-    pub(in crate::elaborate) fn instant_statement(
-        &mut self,
-        scope: ScopeId,
-        statement: &Statement,
-        program: &mut Program,
-        group: &mut Vec<(String, usize)>,
-        instant: &str,
-    ) {
-        let place = Place::new(scope, Site::Instant);
-        let (target, value, condition, binders, roles): (_, _, Option<&Expr>, _, &[Role]) = match &statement.kind {
-            StatementKind::Next { target, value, binders } => (target, value, None, binders, &[Role::Discrete]),
-            StatementKind::Reset { target, value, binders } => (target, value, None, binders, &[Role::State]),
-            StatementKind::Clamp { target, value, condition, binders } => {
-                (target, value, Some(condition), binders, &[Role::State, Role::Discrete])
-            }
-            _ => {
-                self.ledger.report(Diagnostic::error(
-                    codes::MISPLACED_BLOCK,
-                    "only `next`, `reset` and `clamp` may stand in `at`",
-                    statement.span,
-                ));
-                return;
-            }
-        };
-        let is_next = matches!(statement.kind, StatementKind::Next { .. });
-        // `next`s assign together; other statements one element after another, written out or in a loop.
-        if !is_next {
-            let parts: Vec<&Expr> = [target, value].into_iter().chain(condition).collect();
-            self.loops.counted = self.symbols.counted_cells(binders, &parts, &place);
+impl Instants {
+    /// Notes what an event does; its number.
+    pub(in crate::elaborate) fn push_event(&mut self, program: Program) -> RootAction {
+        self.events.push(program);
+        RootAction::Run(self.events.len() as u32 - 1)
+    }
+}
+
+/// Assignments as they are put together.
+#[derive(Default)]
+pub(in crate::elaborate) struct Assignments {
+    /// They happen only where this holds: in the transition of a phase.
+    pub guard: Option<ExprId>,
+    /// The nests that collect the `next`s of an instant.
+    groups: Vec<(String, usize)>,
+    /// Elements that have a `next`, by scope and instant.
+    assigned: FastMap<(ScopeId, String), FastMap<(VarId, i64), Span>>,
+}
+
+/// The programs of `at start`, `at end` and of events.
+pub(in crate::elaborate) fn instant_programs<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> Instants {
+    let mut out = Instants::default();
+    let mut assignments = Assignments::default();
+    let mut start = Program { nests: Vec::new(), in_place: true };
+    let mut end = Program { nests: Vec::new(), in_place: true };
+    let mut events: Vec<(ScopeId, &'a str, Program)> = Vec::new();
+    // Parts before the whole: what a component updates at the end of a step is seen by the `at end` of what it is used in.
+    let mut inner_first: Vec<&(ScopeId, Vec<Item<'a>>)> = blocks.iter().collect();
+    inner_first.sort_by_key(|(scope, _)| std::cmp::Reverse(l.symbols.scopes[*scope].prefix.matches('.').count()));
+    let mut last_end: Option<Span> = None;
+    for (scope, item) in inner_first.into_iter().flat_map(|(scope, items)| items.iter().map(move |i| (*scope, *i))) {
+        let Item::At(Ident { text: instant, span: block }, statement) = item else { continue };
+        let instant = instant.as_str();
+        if instant == "end" && last_end.replace(*block).is_some_and(|last| last != *block) {
+            assignments.groups.retain(|(name, _)| name != instant);
         }
-        let pieces = self.nest(binders, &place, &mut |s, inner| s.assignment(target, value, condition, roles, inner));
-        self.loops.counted.clear();
-        for piece in pieces {
-            let Some((var, at, v, whole)) = piece.value else { continue };
-            let mut extents = piece.extents;
-            extents.extend(whole);
-            if is_next && self.episode.guard.is_none() {
-                self.check_next((scope, instant), var, &extents, at, statement.span);
-            }
-            let s = store(Memory::Var(var), at, v);
-            // The nest that collects the `next`s of this instant since its last other statement.
-            // At the start all `next`s come together, before the resets.
-            if is_next && extents.is_empty() && instant == "start" {
-                match program.nests.first_mut().filter(|_| group.iter().any(|(name, _)| name == instant)) {
-                    Some(first) => first.stores.push(s),
+        let program = match instant {
+            "start" => &mut start,
+            "end" => &mut end,
+            name => {
+                let at = match events.iter().position(|(s, n, _)| *n == name && *s == scope) {
+                    Some(at) => at,
                     None => {
-                        program.nests.insert(0, Nest { extents, stores: vec![s] });
-                        group.push((instant.to_owned(), 0));
+                        events.push((scope, name, Program { nests: Vec::new(), in_place: true }));
+                        events.len() - 1
                     }
-                }
-                continue;
-            }
-            let open = group.iter().find(|(name, _)| name == instant).map(|(_, at)| *at);
-            if is_next && extents.is_empty() {
-                match open.filter(|&at| at + 1 == program.nests.len()) {
-                    Some(at) => program.nests[at].stores.push(s),
-                    None => {
-                        program.nests.push(Nest { extents, stores: vec![s] });
-                        group.retain(|(name, _)| name != instant);
-                        group.push((instant.to_owned(), program.nests.len() - 1));
-                    }
-                }
-            } else {
-                program.nests.push(Nest { extents, stores: vec![s] });
-            }
-        }
-    }
-
-    /// Two `next`s of one element at one instant are a fault, one for a statement.
-    fn check_next(&mut self, (scope, instant): (ScopeId, &str), var: VarId, extents: &[u32], at: Affine, span: Span) {
-        let mut twice = None;
-        let assigned = self.episode.assigned.entry((scope, instant.to_owned())).or_default();
-        for_each_element(extents, at, &mut |i| {
-            if let Some(first) = assigned.insert((var, i), span) {
-                twice.get_or_insert((i, first));
-            }
-        });
-        if let Some((element, first)) = twice {
-            let name = self.symbols.quantities.get(&var).map_or_else(String::new, |q| q.element_name(element.max(0) as usize));
-            self.ledger.report(
-                Diagnostic::error(codes::DUPLICATE_NAME, format!("two `next {name}` at one instant"), span)
-                    .secondary(first, "the first one")
-                    .help("all `next` of an instant assign together, so there can be one only"),
-            );
-        }
-    }
-
-    #[allow(clippy::type_complexity, reason = "variable, element, value, and the extent of a whole array")]
-    fn assignment(
-        &mut self,
-        target: &Expr,
-        value: &Expr,
-        condition: Option<&Expr>,
-        roles: &[Role],
-        place: &Place,
-    ) -> Option<(VarId, Affine, ExprId, Option<u32>)> {
-        let (symbol, at) = self.target(target, place, roles)?;
-        let SymbolKind::Variable { var, unit, .. } = self.symbols[symbol].kind.clone() else { return None };
-        let declared = self.symbols[symbol].span;
-        let what = format!("`{}`", self.symbols[symbol].path);
-        let (at, whole) = match at {
-            Some(at) => (at, None),
-            None => {
-                let len = self.symbols.vars[var].len;
-                let depth = crate::ir::LoopVar(place.depth);
-                if len == 1 { (Affine::default(), None) } else { (Affine::along(0, depth, 1), Some(len)) }
-            }
-        };
-        let taken = &mut |s: &mut Self, v, span| s.values().strictly_or_bare(v, &unit, span, &what, declared);
-        let v = self.declared_value(value, place, taken, &unit);
-        let mut e = self.values().strictly_or_bare(v, &unit, value.span, &what, declared);
-        if let Some(c) = condition {
-            let holds = self.condition(c, place);
-            let present = self.exprs.load(var, Flavour::Value, at);
-            e = self.exprs.select(holds, e, present);
-            let unknown = self.doubting().unknown(holds);
-            e = self.values().or_nan(e, unknown);
-        }
-        if let Some(guard) = self.episode.guard {
-            let present = self.exprs.load(var, Flavour::Value, at);
-            e = self.exprs.select(guard, e, present);
-        }
-        Some((var, at, e, whole))
-    }
-
-    /// `event name when condition`, with what happens `at name`.
-    fn events(&mut self, blocks: &[(ScopeId, Vec<Item<'a>>)], programs: Vec<(ScopeId, &'a str, Program)>) {
-        let mut used = vec![false; programs.len()];
-        for (scope, item) in each(blocks) {
-            let Item::Other(Statement { kind: StatementKind::Event { name, condition, .. }, .. }) = item else { continue };
-            if matches!(name.text.as_str(), "start" | "end") {
-                let message = format!("an event cannot be called `{}`: that is the {} of every step", name.text, name.text);
-                self.ledger.report(Diagnostic::error(codes::DUPLICATE_NAME, message, name.span).help("give the event another name"));
-                continue;
-            }
-            let program = programs.iter().position(|(s, n, _)| *n == name.text && *s == scope);
-            program.iter().for_each(|&at| used[at] = true);
-            let place = Place::new(scope, Site::Instant);
-            let Some((value, strict)) = self.root_of(condition, &place) else { continue };
-            let action = match program {
-                Some(at) => {
-                    self.model.programs.events.push(programs[at].2.clone());
-                    RootAction::Run(self.model.programs.events.len() as u32 - 1)
-                }
-                None => RootAction::Restart,
-            };
-            let name = self.symbols.path_of(scope, name);
-            self.model.roots.push(Root { name, value, strict, action });
-        }
-        for ((_, name, _), used) in programs.iter().zip(used) {
-            if !used {
-                let known: Vec<&str> = blocks
-                    .iter()
-                    .flat_map(|(_, items)| items)
-                    .filter_map(|i| match i {
-                        Item::Other(Statement { kind: StatementKind::Event { name, .. }, .. }) => Some(name.text.as_str()),
-                        _ => None,
-                    })
-                    .chain(["start", "end"])
-                    .collect();
-                let span = blocks
-                    .iter()
-                    .flat_map(|(_, items)| items)
-                    .find_map(|i| match i {
-                        Item::At(n, _) if n.text == *name => Some(n.span),
-                        _ => None,
-                    })
-                    .unwrap_or_default();
-                let failure = each(blocks).find_map(|(_, item)| match item {
-                    Item::Other(Statement { kind: StatementKind::Fail { name: failure, .. }, span }) if failure.text == *name => {
-                        Some(*span)
-                    }
-                    _ => None,
-                });
-                let Some(failure) = failure else {
-                    let help = did_you_mean(name, known);
-                    self.ledger
-                        .report(Diagnostic::error(codes::UNKNOWN_NAME, format!("no event is called `{name}`"), span).maybe_help(help));
-                    continue;
                 };
-                self.ledger.report(
-                    Diagnostic::error(
-                        codes::WRONG_KIND,
-                        format!("`{name}` is a failure: the episode ends there, and nothing is set"),
-                        span,
-                    )
+                &mut events[at].2
+            }
+        };
+        let mut taken = std::mem::take(program);
+        if instant == "start" && matches!(statement.kind, StatementKind::Reset { .. }) {
+            out.start_resets = true;
+        }
+        instant_statement(l, scope, statement, &mut taken, &mut assignments, instant);
+        match instant {
+            "start" => start = taken,
+            "end" => end = taken,
+            name => {
+                if let Some(e) = events.iter_mut().find(|(s, n, _)| *n == name && *s == scope) {
+                    e.2 = taken;
+                }
+            }
+        }
+    }
+    (out.start, out.end) = (start, end);
+    watched_events(l, blocks, &events, &mut out);
+    out
+}
+
+/// `next`, `reset`, `clamp`. Consecutive `next`s of scalars share a nest, so that they assign together.
+pub(in crate::elaborate) fn instant_statement(
+    l: &mut Lowering<'_, '_>,
+    scope: ScopeId,
+    statement: &Statement,
+    program: &mut Program,
+    assignments: &mut Assignments,
+    instant: &str,
+) {
+    let place = Place::new(scope, Site::Instant);
+    let (target, value, condition, binders, roles): (_, _, Option<&Expr>, _, &[Role]) = match &statement.kind {
+        StatementKind::Next { target, value, binders } => (target, value, None, binders, &[Role::Discrete]),
+        StatementKind::Reset { target, value, binders } => (target, value, None, binders, &[Role::State]),
+        StatementKind::Clamp { target, value, condition, binders } => {
+            (target, value, Some(condition), binders, &[Role::State, Role::Discrete])
+        }
+        _ => {
+            l.ledger.report(Diagnostic::error(
+                codes::MISPLACED_BLOCK,
+                "only `next`, `reset` and `clamp` may stand in `at`",
+                statement.span,
+            ));
+            return;
+        }
+    };
+    let is_next = matches!(statement.kind, StatementKind::Next { .. });
+    // `next`s assign together; other statements one element after another, written out or in a loop.
+    if !is_next {
+        let parts: Vec<&Expr> = [target, value].into_iter().chain(condition).collect();
+        l.loops.counted = l.symbols.counted_cells(binders, &parts, &place);
+    }
+    let guard = assignments.guard;
+    let pieces = l.nest(binders, &place, &mut |s, inner| assignment(s, (target, value, condition), roles, guard, inner));
+    l.loops.counted.clear();
+    for piece in pieces {
+        let Some((var, at, v, whole)) = piece.value else { continue };
+        let mut extents = piece.extents;
+        extents.extend(whole);
+        if is_next && assignments.guard.is_none() {
+            check_next(l, assignments, (scope, instant), var, (&extents, at), statement.span);
+        }
+        let s = store(Memory::Var(var), at, v);
+        let group = &mut assignments.groups;
+        // The nest that collects the `next`s of this instant since its last other statement.
+        // At the start all `next`s come together, before the resets.
+        if is_next && extents.is_empty() && instant == "start" {
+            match program.nests.first_mut().filter(|_| group.iter().any(|(name, _)| name == instant)) {
+                Some(first) => first.stores.push(s),
+                None => {
+                    program.nests.insert(0, Nest { extents, stores: vec![s] });
+                    group.push((instant.to_owned(), 0));
+                }
+            }
+            continue;
+        }
+        let open = group.iter().find(|(name, _)| name == instant).map(|(_, at)| *at);
+        if is_next && extents.is_empty() {
+            match open.filter(|&at| at + 1 == program.nests.len()) {
+                Some(at) => program.nests[at].stores.push(s),
+                None => {
+                    program.nests.push(Nest { extents, stores: vec![s] });
+                    group.retain(|(name, _)| name != instant);
+                    group.push((instant.to_owned(), program.nests.len() - 1));
+                }
+            }
+        } else {
+            program.nests.push(Nest { extents, stores: vec![s] });
+        }
+    }
+}
+
+/// Two `next`s of one element at one instant are a fault, one for a statement.
+fn check_next(
+    l: &mut Lowering<'_, '_>,
+    assignments: &mut Assignments,
+    (scope, instant): (ScopeId, &str),
+    var: VarId,
+    (extents, at): (&[u32], Affine),
+    span: Span,
+) {
+    let mut twice = None;
+    let assigned = assignments.assigned.entry((scope, instant.to_owned())).or_default();
+    for_each_element(extents, at, &mut |i| {
+        if let Some(first) = assigned.insert((var, i), span) {
+            twice.get_or_insert((i, first));
+        }
+    });
+    if let Some((element, first)) = twice {
+        let name = l.quantities.get(&var).map_or_else(String::new, |q| q.element_name(element.max(0) as usize));
+        l.ledger.report(
+            Diagnostic::error(codes::DUPLICATE_NAME, format!("two `next {name}` at one instant"), span)
+                .secondary(first, "the first one")
+                .help("all `next` of an instant assign together, so there can be one only"),
+        );
+    }
+}
+
+#[allow(clippy::type_complexity, reason = "variable, element, value, and the extent of a whole array")]
+fn assignment(
+    l: &mut Lowering<'_, '_>,
+    (target, value, condition): (&Expr, &Expr, Option<&Expr>),
+    roles: &[Role],
+    guard: Option<ExprId>,
+    place: &Place,
+) -> Option<(VarId, Affine, ExprId, Option<u32>)> {
+    let (symbol, at) = l.target(target, place, roles)?;
+    let SymbolKind::Variable { var, unit, .. } = l.symbols[symbol].kind.clone() else { return None };
+    let declared = l.symbols[symbol].span;
+    let what = format!("`{}`", l.symbols[symbol].path);
+    let (at, whole) = match at {
+        Some(at) => (at, None),
+        None => {
+            let len = l.symbols.vars[var].len;
+            let depth = crate::ir::LoopVar(place.depth);
+            if len == 1 { (Affine::default(), None) } else { (Affine::along(0, depth, 1), Some(len)) }
+        }
+    };
+    let taken = &mut |s: &mut Lowering<'_, '_>, v, span| s.values().strictly_or_bare(v, &unit, span, &what, declared);
+    let v = l.declared_value(value, place, taken, &unit);
+    let mut e = l.values().strictly_or_bare(v, &unit, value.span, &what, declared);
+    if let Some(c) = condition {
+        let holds = l.condition(c, place);
+        let present = l.exprs.load(var, Flavour::Value, at);
+        e = l.exprs.select(holds, e, present);
+        let unknown = doubting(l).unknown(holds);
+        e = l.values().or_nan(e, unknown);
+    }
+    if let Some(guard) = guard {
+        let present = l.exprs.load(var, Flavour::Value, at);
+        e = l.exprs.select(guard, e, present);
+    }
+    Some((var, at, e, whole))
+}
+
+/// `event name when condition`, with what happens `at name`.
+fn watched_events<'a>(
+    l: &mut Lowering<'_, 'a>,
+    blocks: &[(ScopeId, Vec<Item<'a>>)],
+    programs: &[(ScopeId, &'a str, Program)],
+    out: &mut Instants,
+) {
+    let mut used = vec![false; programs.len()];
+    for (scope, item) in each(blocks) {
+        let Item::Other(Statement { kind: StatementKind::Event { name, condition, .. }, .. }) = item else { continue };
+        if matches!(name.text.as_str(), "start" | "end") {
+            let message = format!("an event cannot be called `{}`: that is the {} of every step", name.text, name.text);
+            l.ledger.report(Diagnostic::error(codes::DUPLICATE_NAME, message, name.span).help("give the event another name"));
+            continue;
+        }
+        let program = programs.iter().position(|(s, n, _)| *n == name.text && *s == scope);
+        program.iter().for_each(|&at| used[at] = true);
+        let place = Place::new(scope, Site::Instant);
+        let Some((value, strict)) = root_of(l, condition, &place) else { continue };
+        let action = match program {
+            Some(at) => out.push_event(programs[at].2.clone()),
+            None => RootAction::Restart,
+        };
+        let name = l.symbols.path_of(scope, name);
+        out.roots.push(Root { name, value, strict, action });
+    }
+    for ((_, name, _), used) in programs.iter().zip(used) {
+        if !used {
+            let known: Vec<&str> = blocks
+                .iter()
+                .flat_map(|(_, items)| items)
+                .filter_map(|i| match i {
+                    Item::Other(Statement { kind: StatementKind::Event { name, .. }, .. }) => Some(name.text.as_str()),
+                    _ => None,
+                })
+                .chain(["start", "end"])
+                .collect();
+            let span = blocks
+                .iter()
+                .flat_map(|(_, items)| items)
+                .find_map(|i| match i {
+                    Item::At(n, _) if n.text == *name => Some(n.span),
+                    _ => None,
+                })
+                .unwrap_or_default();
+            let failure = each(blocks).find_map(|(_, item)| match item {
+                Item::Other(Statement { kind: StatementKind::Fail { name: failure, .. }, span }) if failure.text == *name => Some(*span),
+                _ => None,
+            });
+            let Some(failure) = failure else {
+                let help = did_you_mean(name, known);
+                l.ledger.report(Diagnostic::error(codes::UNKNOWN_NAME, format!("no event is called `{name}`"), span).maybe_help(help));
+                continue;
+            };
+            l.ledger.report(
+                Diagnostic::error(codes::WRONG_KIND, format!("`{name}` is a failure: the episode ends there, and nothing is set"), span)
                     .secondary(failure, "declared here")
                     .help(format!(
                         "declare `event` with the same condition under another name, and write `at` that name in place of `at {name}`"
                     )),
-                );
-            }
+            );
         }
     }
+}
 
-    /// Root function of a comparison, positive where it holds, and whether it is strict.
-    pub(in crate::elaborate) fn root_of(&mut self, condition: &Expr, place: &Place) -> Option<(ExprId, bool)> {
-        let ExprKind::Binary(op, a, b) = &condition.kind else {
-            self.ledger.report(
-                Diagnostic::error(codes::WRONG_KIND, "an event is a comparison of two quantities", condition.span)
-                    .help("for example `h <= 0 [m]`"),
-            );
+/// Root function of a comparison, positive where it holds, and whether it is strict.
+pub(in crate::elaborate) fn root_of(l: &mut Lowering<'_, '_>, condition: &Expr, place: &Place) -> Option<(ExprId, bool)> {
+    let ExprKind::Binary(op, a, b) = &condition.kind else {
+        l.ledger.report(
+            Diagnostic::error(codes::WRONG_KIND, "an event is a comparison of two quantities", condition.span)
+                .help("for example `h <= 0 [m]`"),
+        );
+        return None;
+    };
+    let (rising, strict) = match op {
+        BinaryOp::Lt => (false, true),
+        BinaryOp::Le => (false, false),
+        BinaryOp::Gt => (true, true),
+        BinaryOp::Ge => (true, false),
+        _ => {
+            l.ledger.report(Diagnostic::error(codes::WRONG_KIND, "an event is a comparison with `<`, `<=`, `>` or `>=`", condition.span));
             return None;
-        };
-        let (rising, strict) = match op {
-            BinaryOp::Lt => (false, true),
-            BinaryOp::Le => (false, false),
-            BinaryOp::Gt => (true, true),
-            BinaryOp::Ge => (true, false),
-            _ => {
-                self.ledger.report(Diagnostic::error(
-                    codes::WRONG_KIND,
-                    "an event is a comparison with `<`, `<=`, `>` or `>=`",
-                    condition.span,
-                ));
-                return None;
-            }
-        };
-        let (x, y) = (self.value(a, place), self.value(b, place));
-        let (l, r) = self.values().common(&x, a.span, &y, b.span, condition.span)?;
-        let value = if rising { self.exprs.sub(l, r) } else { self.exprs.sub(r, l) };
-        Some((self.moving_clock(value), strict))
-    }
+        }
+    };
+    let (x, y) = (l.value(a, place), l.value(b, place));
+    let (left, right) = l.values().common(&x, a.span, &y, b.span, condition.span)?;
+    let value = if rising { l.exprs.sub(left, right) } else { l.exprs.sub(right, left) };
+    Some((moving_clock(l, value), strict))
+}
 
-    /// The clock of a condition that is watched throughout the step runs; elsewhere it stands at the instant of the program.
-    fn moving_clock(&mut self, e: ExprId) -> ExprId {
-        let (builtins, at) = (self.hidden.builtins, Affine::constant(Builtin::Clock as i64));
-        self.exprs.rewrite(e, &mut Rewritten::default(), &mut |exprs, node| match node {
-            Node::Load { var, at: element, .. } if var == builtins && element == at => Some(exprs.time()),
-            _ => None,
-        })
-    }
+/// The clock of a condition that is watched throughout the step runs; elsewhere it stands at the instant of the program.
+fn moving_clock(l: &mut Lowering<'_, '_>, e: ExprId) -> ExprId {
+    let (builtins, at) = (l.hidden.builtins, Affine::constant(Builtin::Clock as i64));
+    l.exprs.rewrite(e, &mut Rewritten::default(), &mut |exprs, node| match node {
+        Node::Load { var, at: element, .. } if var == builtins && element == at => Some(exprs.time()),
+        _ => None,
+    })
 }
 
 impl Values<'_> {

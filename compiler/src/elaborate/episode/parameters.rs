@@ -4,174 +4,172 @@ use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::Clip;
 use smpl_dsl::units::Unit;
 
-use crate::elaborate::declare::defaults::Piece;
-use crate::elaborate::declare::symbols::{SymbolId, SymbolKind, Symbols};
-use crate::elaborate::episode::{store, stream_name};
-use crate::elaborate::{Elaborator, Place, Site};
+use crate::elaborate::episode::common::{store, stream_name};
+use crate::elaborate::lower::Lowering;
+use crate::elaborate::lower::nests::Piece;
+use crate::elaborate::lower::place::{Place, Site};
+use crate::elaborate::symbols::{SymbolId, SymbolKind, Symbols};
 use crate::graph::{Order, after_needs};
 use crate::ir::{Affine, BinaryFn, Compare, ExprId, FastMap, Flavour, Nest, Place as Memory, Program, Role, VarId};
 use crate::model::{Instant, Quantity};
 
-impl<'a> Elaborator<'a> {
-    /// Parameters that are drawn or computed from others, those that others need first.
-    pub(in crate::elaborate) fn parameter_program(&mut self) {
-        let mut pieces: Vec<(VarId, Piece<(Affine, ExprId)>)> = Vec::new();
-        let symbols: Vec<SymbolId> = self.symbols.list.keys().collect();
-        for symbol in symbols {
-            let SymbolKind::Variable { var, unit, declaration, axes } = self.symbols[symbol].kind.clone() else { continue };
-            if self.symbols.vars[var].role != Role::Param {
-                continue;
-            }
-            let path = self.symbols[symbol].path.clone();
-            let overridden = self.input.options.parameters.contains_key(&path) || self.input.options.settings.contains_key(&path);
-            let scope = self.symbols[symbol].scope;
-            let given = self.instances.given.contains_key(&(scope, declaration.name.text.clone()));
-            if let Some(sample) = declaration.sample.as_ref().filter(|_| !overridden && !given) {
-                let place = Place::new(scope, Site::Reset);
-                let span = declaration.span;
-                let list = self.nest(&declaration.indices, &place, &mut |s, inner| {
-                    let at = s.symbols.bound_address(&axes, &declaration.indices, inner);
-                    let outer = s.hidden.draws.site.replace((stream_name(&path, at, s.symbols.vars[var].len), Instant::Reset));
-                    let v = s.number_in(sample, &unit, &path, span, inner);
-                    s.hidden.draws.site = outer;
-                    let v = s.clipped(v, var, at, declaration.clip.as_ref(), &unit, inner);
-                    (at, v)
-                });
-                pieces.extend(list.into_iter().map(|p| (var, p)));
-                continue;
-            }
-            for piece in self.default_pieces(symbol, Site::Reset) {
-                if self.exprs.as_const(piece.value.1).is_some() {
-                    continue;
-                }
-                if let Some(what) = self.symbols.varying(&self.exprs, piece.value.1) {
-                    let span = declaration.value.as_ref().map_or(declaration.span, |e| e.span);
-                    self.ledger.report(
-                        Diagnostic::error(codes::WRONG_KIND, format!("the parameter `{path}` cannot depend on {what}"), span)
-                            .label("changes while the model runs")
-                            .help(format!("make it a `let`: `let {} = ...`", declaration.name.text)),
-                    );
-                    continue;
-                }
-                pieces.push((var, piece));
-            }
+/// Parameters that are drawn or computed from others, those that others need first.
+pub(in crate::elaborate) fn parameter_program(l: &mut Lowering<'_, '_>) -> Program {
+    let mut pieces: Vec<(VarId, Piece<(Affine, ExprId)>)> = Vec::new();
+    let symbols: Vec<SymbolId> = l.symbols.list.keys().collect();
+    for symbol in symbols {
+        let SymbolKind::Variable { var, unit, declaration, axes } = l.symbols[symbol].kind.clone() else { continue };
+        if l.symbols.vars[var].role != Role::Param {
+            continue;
         }
-        let order = self.dependency_order(&pieces);
-        let offsets = self.symbols.offsets_of(Role::Param);
-        let mut program = Program { nests: Vec::new(), in_place: true };
-        for i in order {
-            let (var, piece) = &pieces[i];
-            let (at, value) = piece.value;
-            let offset = offsets.get(var).copied().unwrap_or_default();
-            let given = self.exprs.load(self.hidden.param_given, Flavour::Value, Affine::constant(offset).plus(at));
-            let zero = self.exprs.constant(0.0);
-            let keep = self.exprs.compare(Compare::Lt, zero, given);
-            let present = self.exprs.load(*var, Flavour::Value, at);
-            let value = self.exprs.select(keep, present, value);
-            program.nests.push(Nest { extents: piece.extents.clone(), stores: vec![store(Memory::Var(*var), at, value)] });
-        }
-        self.model.programs.parameters = program;
-    }
-
-    /// The pieces so that each follows those that it needs.
-    fn dependency_order(&mut self, pieces: &[(VarId, Piece<(Affine, ExprId)>)]) -> Vec<usize> {
-        let mut of: FastMap<VarId, Vec<usize>> = FastMap::default();
-        for (i, (var, _)) in pieces.iter().enumerate() {
-            of.entry(*var).or_default().push(i);
-        }
-        let meets = |a: Affine, b: Affine| a == b || !a.is_constant() || !b.is_constant();
-        let needs = |i: usize| {
-            let read = self.symbols.parameters_in(&self.exprs, pieces[i].1.value.1);
-            let needed = |(var, at): (VarId, Affine)| {
-                let candidates = of.get(&var).into_iter().flatten().copied();
-                candidates.filter(move |&j| meets(at, pieces[j].1.value.0))
-            };
-            read.into_iter().flat_map(needed).collect()
-        };
-        let Order { order, closing } = after_needs(0..pieces.len(), needs);
-        for (_, j) in closing {
-            let v = &self.symbols.vars[pieces[j].0];
-            let d = Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the value of `{}` needs itself", v.name), v.span);
-            self.ledger.report(d);
-        }
-        order
-    }
-
-    /// A value limited as a `clip` clause says.
-    pub(in crate::elaborate) fn clipped(
-        &mut self,
-        v: ExprId,
-        var: VarId,
-        at: Affine,
-        clip: Option<&Clip>,
-        unit: &Unit,
-        place: &Place,
-    ) -> ExprId {
-        let (low, high) = match clip {
-            None => return v,
-            Some(Clip::Range(a, b)) => {
-                (self.number_in(a, unit, "the limit", a.span, place), self.number_in(b, unit, "the limit", b.span, place))
-            }
-            Some(Clip::Bounds(span)) => {
-                let Some(q) = self.symbols.quantities.get(&var) else { return v };
-                let i = at.offset.max(0) as usize;
-                let uniform = |list: &[f64]| list.windows(2).all(|w| w[0] == w[1]);
-                let has_one_box = uniform(&q.low) && uniform(&q.high);
-                if !at.is_constant() && !has_one_box {
-                    let span = *span;
-                    self.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, "the bounds differ from element to element", span));
-                    return v;
-                }
-                let (low, high) = (Quantity::pick(&q.low, i), Quantity::pick(&q.high, i));
-                if !low.is_finite() && !high.is_finite() {
-                    let (name, declared) = (q.name.clone(), self.symbols.vars[var].span);
-                    self.ledger.report(
-                        Diagnostic::error(codes::MISSING_CLAUSE, format!("`{name}` has no bounds to clip to"), *span)
-                            .secondary(declared, "declared here")
-                            .help("write `in low..high` in its declaration, or `clip low..high`"),
-                    );
-                    return v;
-                }
-                (self.exprs.constant(low), self.exprs.constant(high))
-            }
-        };
-        let v = self.exprs.binary(BinaryFn::Max, v, low);
-        self.exprs.binary(BinaryFn::Min, v, high)
-    }
-
-    pub(in crate::elaborate) fn disturbance_program(&mut self) {
-        let mut program = Program { nests: Vec::new(), in_place: true };
-        let symbols: Vec<SymbolId> = self.symbols.list.keys().collect();
-        let mut scalars = Vec::new();
-        for symbol in symbols {
-            let SymbolKind::Variable { var, unit, declaration, axes } = self.symbols[symbol].kind.clone() else { continue };
-            if self.symbols.vars[var].role != Role::Disturbance {
-                continue;
-            }
-            let Some(rule) = &declaration.sample else { continue };
-            let path = self.symbols[symbol].path.clone();
-            let place = Place::new(self.symbols[symbol].scope, Site::Disturb);
-            let pieces = self.nest(&declaration.indices, &place, &mut |s, inner| {
+        let path = l.symbols[symbol].path.clone();
+        let overridden = l.input.options.parameters.contains_key(&path) || l.input.options.settings.contains_key(&path);
+        let scope = l.symbols[symbol].scope;
+        let given = l.instances.given.contains_key(&(scope, declaration.name.text.clone()));
+        if let Some(sample) = declaration.sample.as_ref().filter(|_| !overridden && !given) {
+            let place = Place::new(scope, Site::Reset);
+            let span = declaration.span;
+            let list = l.nest(&declaration.indices, &place, &mut |s, inner| {
                 let at = s.symbols.bound_address(&axes, &declaration.indices, inner);
-                let outer = s.hidden.draws.site.replace((stream_name(&path, at, s.symbols.vars[var].len), Instant::Step));
-                let v = s.number_in(rule, &unit, &path, declaration.span, inner);
+                let outer = s.hidden.draws.site.replace((stream_name(&path, at, s.symbols.vars[var].len), Instant::Reset));
+                let v = s.number_in(sample, &unit, &path, span, inner);
                 s.hidden.draws.site = outer;
-                (at, s.clipped(v, var, at, declaration.clip.as_ref(), &unit, inner))
+                let v = clipped(s, v, var, at, declaration.clip.as_ref(), &unit, inner);
+                (at, v)
             });
-            for piece in pieces {
-                let s = store(Memory::Var(var), piece.value.0, piece.value.1);
-                if piece.extents.is_empty() {
-                    scalars.push(s);
-                } else {
-                    program.nests.push(Nest { extents: piece.extents, stores: vec![s] });
-                }
+            pieces.extend(list.into_iter().map(|p| (var, p)));
+            continue;
+        }
+        for piece in l.default_pieces(symbol, Site::Reset) {
+            if l.exprs.as_const(piece.value.1).is_some() {
+                continue;
+            }
+            if let Some(what) = l.symbols.varying(&l.exprs, piece.value.1) {
+                let span = declaration.value.as_ref().map_or(declaration.span, |e| e.span);
+                l.ledger.report(
+                    Diagnostic::error(codes::WRONG_KIND, format!("the parameter `{path}` cannot depend on {what}"), span)
+                        .label("changes while the model runs")
+                        .help(format!("make it a `let`: `let {} = ...`", declaration.name.text)),
+                );
+                continue;
+            }
+            pieces.push((var, piece));
+        }
+    }
+    let order = dependency_order(l, &pieces);
+    let offsets = l.symbols.offsets_of(Role::Param);
+    let mut program = Program { nests: Vec::new(), in_place: true };
+    for i in order {
+        let (var, piece) = &pieces[i];
+        let (at, value) = piece.value;
+        let offset = offsets.get(var).copied().unwrap_or_default();
+        let given = l.exprs.load(l.hidden.param_given, Flavour::Value, Affine::constant(offset).plus(at));
+        let zero = l.exprs.constant(0.0);
+        let keep = l.exprs.compare(Compare::Lt, zero, given);
+        let present = l.exprs.load(*var, Flavour::Value, at);
+        let value = l.exprs.select(keep, present, value);
+        program.nests.push(Nest { extents: piece.extents.clone(), stores: vec![store(Memory::Var(*var), at, value)] });
+    }
+    program
+}
+
+/// The pieces so that each follows those that it needs.
+fn dependency_order(l: &mut Lowering<'_, '_>, pieces: &[(VarId, Piece<(Affine, ExprId)>)]) -> Vec<usize> {
+    let mut of: FastMap<VarId, Vec<usize>> = FastMap::default();
+    for (i, (var, _)) in pieces.iter().enumerate() {
+        of.entry(*var).or_default().push(i);
+    }
+    let meets = |a: Affine, b: Affine| a == b || !a.is_constant() || !b.is_constant();
+    let needs = |i: usize| {
+        let read = l.symbols.parameters_in(&l.exprs, pieces[i].1.value.1);
+        let needed = |(var, at): (VarId, Affine)| {
+            let candidates = of.get(&var).into_iter().flatten().copied();
+            candidates.filter(move |&j| meets(at, pieces[j].1.value.0))
+        };
+        read.into_iter().flat_map(needed).collect()
+    };
+    let Order { order, closing } = after_needs(0..pieces.len(), needs);
+    for (_, j) in closing {
+        let v = &l.symbols.vars[pieces[j].0];
+        let d = Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the value of `{}` needs itself", v.name), v.span);
+        l.ledger.report(d);
+    }
+    order
+}
+
+/// A value limited as a `clip` clause says.
+pub(in crate::elaborate) fn clipped(
+    l: &mut Lowering<'_, '_>,
+    v: ExprId,
+    var: VarId,
+    at: Affine,
+    clip: Option<&Clip>,
+    unit: &Unit,
+    place: &Place,
+) -> ExprId {
+    let (low, high) = match clip {
+        None => return v,
+        Some(Clip::Range(a, b)) => (l.number_in(a, unit, "the limit", a.span, place), l.number_in(b, unit, "the limit", b.span, place)),
+        Some(Clip::Bounds(span)) => {
+            let Some(q) = l.quantities.get(&var) else { return v };
+            let i = at.offset.max(0) as usize;
+            let uniform = |list: &[f64]| list.windows(2).all(|w| w[0] == w[1]);
+            let has_one_box = uniform(&q.low) && uniform(&q.high);
+            if !at.is_constant() && !has_one_box {
+                let span = *span;
+                l.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, "the bounds differ from element to element", span));
+                return v;
+            }
+            let (low, high) = (Quantity::pick(&q.low, i), Quantity::pick(&q.high, i));
+            if !low.is_finite() && !high.is_finite() {
+                let (name, declared) = (q.name.clone(), l.symbols.vars[var].span);
+                l.ledger.report(
+                    Diagnostic::error(codes::MISSING_CLAUSE, format!("`{name}` has no bounds to clip to"), *span)
+                        .secondary(declared, "declared here")
+                        .help("write `in low..high` in its declaration, or `clip low..high`"),
+                );
+                return v;
+            }
+            (l.exprs.constant(low), l.exprs.constant(high))
+        }
+    };
+    let v = l.exprs.binary(BinaryFn::Max, v, low);
+    l.exprs.binary(BinaryFn::Min, v, high)
+}
+
+/// What updates the disturbances at each step.
+pub(in crate::elaborate) fn disturbance_program(l: &mut Lowering<'_, '_>) -> Program {
+    let mut program = Program { nests: Vec::new(), in_place: true };
+    let symbols: Vec<SymbolId> = l.symbols.list.keys().collect();
+    let mut scalars = Vec::new();
+    for symbol in symbols {
+        let SymbolKind::Variable { var, unit, declaration, axes } = l.symbols[symbol].kind.clone() else { continue };
+        if l.symbols.vars[var].role != Role::Disturbance {
+            continue;
+        }
+        let Some(rule) = &declaration.sample else { continue };
+        let path = l.symbols[symbol].path.clone();
+        let place = Place::new(l.symbols[symbol].scope, Site::Disturb);
+        let pieces = l.nest(&declaration.indices, &place, &mut |s, inner| {
+            let at = s.symbols.bound_address(&axes, &declaration.indices, inner);
+            let outer = s.hidden.draws.site.replace((stream_name(&path, at, s.symbols.vars[var].len), Instant::Step));
+            let v = s.number_in(rule, &unit, &path, declaration.span, inner);
+            s.hidden.draws.site = outer;
+            (at, clipped(s, v, var, at, declaration.clip.as_ref(), &unit, inner))
+        });
+        for piece in pieces {
+            let s = store(Memory::Var(var), piece.value.0, piece.value.1);
+            if piece.extents.is_empty() {
+                scalars.push(s);
+            } else {
+                program.nests.push(Nest { extents: piece.extents, stores: vec![s] });
             }
         }
-        if !scalars.is_empty() {
-            program.nests.insert(0, Nest { extents: Vec::new(), stores: scalars });
-        }
-        self.model.programs.disturb = program;
     }
+    if !scalars.is_empty() {
+        program.nests.insert(0, Nest { extents: Vec::new(), stores: scalars });
+    }
+    program
 }
 
 impl<'a> Symbols<'a> {

@@ -2,81 +2,83 @@
 
 use smpl_dsl::syntax::{Statement, StatementKind};
 
-use crate::elaborate::declare::symbols::{ScopeId, SymbolKind};
-use crate::elaborate::episode::{each, store};
+use crate::elaborate::episode::common::{each, store};
+use crate::elaborate::lower::Lowering;
+use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::units;
 use crate::elaborate::select::items::Item;
-use crate::elaborate::{Elaborator, Place, Site};
+use crate::elaborate::symbols::{ScopeId, SymbolKind};
 use crate::ir::{Affine, ExprId, Nest, Place as Memory, Program, Role, VarId};
 use crate::model::Quantity;
 
-impl<'a> Elaborator<'a> {
-    pub(in crate::elaborate) fn policies(&mut self, blocks: &[(ScopeId, Vec<Item<'a>>)]) {
-        let actions: Vec<(VarId, i64)> = self
-            .variables_of(Role::Action)
-            .into_iter()
-            .flat_map(|v| (0..i64::from(self.symbols.vars[v].len)).map(move |i| (v, i)))
-            .collect();
-        let nominal: Vec<ExprId> = actions
-            .iter()
-            .map(|(var, i)| {
-                let x = self.symbols.quantities.get(var).map_or(f64::NAN, |q| Quantity::pick(&q.default, *i as usize));
-                self.exprs.constant(x)
-            })
-            .collect();
-        let program = |values: &[ExprId]| Program {
-            nests: vec![Nest {
-                extents: Vec::new(),
-                stores: values.iter().enumerate().map(|(i, &e)| store(Memory::Out, Affine::constant(i as i64), e)).collect(),
-            }],
-            in_place: false,
-        };
-        let mut list = vec![("nominal".to_owned(), program(&nominal))];
-        for (scope, item) in each(blocks) {
-            let Item::Other(Statement { kind: StatementKind::Policy { name, entries, .. }, .. }) = item else { continue };
-            let place = Place::new(scope, Site::Instant);
-            let mut values = nominal.clone();
-            for (target, e) in entries {
-                let Some((symbol, at)) = self.target(target, &place, &[Role::Action]) else { continue };
-                let SymbolKind::Variable { var, unit, .. } = self.symbols[symbol].kind.clone() else { continue };
-                let value = self.number_in(e, &unit, "the action", target.span, &place);
-                for (slot, (v, i)) in values.iter_mut().zip(&actions) {
-                    if *v == var && at.is_none_or(|at| at.offset == *i) {
-                        *slot = value;
-                    }
+/// Policies by name, the nominal one first.
+pub(in crate::elaborate) fn policies<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> Vec<(String, Program)> {
+    let actions: Vec<(VarId, i64)> =
+        l.variables_of(Role::Action).into_iter().flat_map(|v| (0..i64::from(l.symbols.vars[v].len)).map(move |i| (v, i))).collect();
+    let nominal: Vec<ExprId> = actions
+        .iter()
+        .map(|(var, i)| {
+            let x = l.quantities.get(var).map_or(f64::NAN, |q| Quantity::pick(&q.default, *i as usize));
+            l.exprs.constant(x)
+        })
+        .collect();
+    let program = |values: &[ExprId]| Program {
+        nests: vec![Nest {
+            extents: Vec::new(),
+            stores: values.iter().enumerate().map(|(i, &e)| store(Memory::Out, Affine::constant(i as i64), e)).collect(),
+        }],
+        in_place: false,
+    };
+    let mut list = vec![("nominal".to_owned(), program(&nominal))];
+    for (scope, item) in each(blocks) {
+        let Item::Other(Statement { kind: StatementKind::Policy { name, entries, .. }, .. }) = item else { continue };
+        let place = Place::new(scope, Site::Instant);
+        let mut values = nominal.clone();
+        for (target, e) in entries {
+            let Some((symbol, at)) = l.target(target, &place, &[Role::Action]) else { continue };
+            let SymbolKind::Variable { var, unit, .. } = l.symbols[symbol].kind.clone() else { continue };
+            let value = l.number_in(e, &unit, "the action", target.span, &place);
+            for (slot, (v, i)) in values.iter_mut().zip(&actions) {
+                if *v == var && at.is_none_or(|at| at.offset == *i) {
+                    *slot = value;
                 }
             }
-            let made = program(&values);
-            if name.text == "nominal" {
-                list[0].1 = made;
-            } else {
-                list.push((name.text.clone(), made));
-            }
         }
-        self.model.programs.policies = list;
+        let made = program(&values);
+        if name.text == "nominal" {
+            list[0].1 = made;
+        } else {
+            list.push((name.text.clone(), made));
+        }
     }
+    list
+}
 
-    pub(in crate::elaborate) fn invariants(&mut self, blocks: &[(ScopeId, Vec<Item<'a>>)]) {
-        let mut stores = Vec::new();
-        for (scope, item) in each(blocks) {
-            let Item::Other(Statement { kind: StatementKind::Invariant { name, value, rate, text }, .. }) = item else { continue };
-            let place = Place::new(scope, Site::Instant);
-            let v = self.value(value, &place);
-            let unit = v.unit.unit();
-            let rate_expr = match rate {
-                Some(e) => {
-                    let wanted = units::rate(&unit, &self.symbols.time_unit);
-                    let r = self.value(e, &place);
-                    self.values().strictly_in(r, &wanted, e.span, &format!("the rate of `{}`", name.text), name.span)
-                }
-                None => self.exprs.constant(0.0),
-            };
-            for e in [v.expr, rate_expr] {
-                stores.push(store(Memory::Out, Affine::constant(stores.len() as i64), e));
+/// Each invariant and its rate; their names and texts.
+pub(in crate::elaborate) fn invariants<'a>(
+    l: &mut Lowering<'_, 'a>,
+    blocks: &[(ScopeId, Vec<Item<'a>>)],
+) -> (Program, Vec<(String, String)>) {
+    let mut stores = Vec::new();
+    let mut names = Vec::new();
+    for (scope, item) in each(blocks) {
+        let Item::Other(Statement { kind: StatementKind::Invariant { name, value, rate, text }, .. }) = item else { continue };
+        let place = Place::new(scope, Site::Instant);
+        let v = l.value(value, &place);
+        let unit = v.unit.unit();
+        let rate_expr = match rate {
+            Some(e) => {
+                let wanted = units::rate(&unit, &l.symbols.time_unit);
+                let r = l.value(e, &place);
+                l.values().strictly_in(r, &wanted, e.span, &format!("the rate of `{}`", name.text), name.span)
             }
-            let name = self.symbols.path_of(scope, name);
-            self.model.interface.invariants.push((name, text.clone().unwrap_or_default()));
+            None => l.exprs.constant(0.0),
+        };
+        for e in [v.expr, rate_expr] {
+            stores.push(store(Memory::Out, Affine::constant(stores.len() as i64), e));
         }
-        self.model.programs.invariants = Program { nests: vec![Nest { extents: Vec::new(), stores }], in_place: false };
+        let name = l.symbols.path_of(scope, name);
+        names.push((name, text.clone().unwrap_or_default()));
     }
+    (Program { nests: vec![Nest { extents: Vec::new(), stores }], in_place: false }, names)
 }

@@ -1,9 +1,9 @@
 //! Ranges of numbers that only count the cells of a domain: they stay loops.
 
+use crate::elaborate::lower::place::Place;
 use smpl_dsl::syntax::{Binder, BinderSet, Expr, ExprKind};
 
-use crate::elaborate::Place;
-use crate::elaborate::declare::symbols::{Axis, DomainId, SymbolKind, Symbols};
+use crate::elaborate::symbols::{Axis, DomainId, SymbolKind, Symbols};
 
 impl<'a> Symbols<'a> {
     /// For each binder over a range `low..high` whose index stands in `parts` for cells of a domain and nowhere else, its name and the domain.

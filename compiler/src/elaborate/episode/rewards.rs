@@ -1,76 +1,122 @@
-//! Rewards that pay for going away and coming back.
+//! Rewards, and those that pay for going away and coming back.
 
+use crate::elaborate::episode::common::each;
+use crate::elaborate::lower::place::Place;
+use crate::elaborate::lower::place::Site;
+use crate::elaborate::select::items::Item;
+use crate::elaborate::symbols::ScopeId;
+use crate::model::Reward;
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
+use smpl_dsl::syntax::Statement;
+use smpl_dsl::syntax::StatementKind;
+use smpl_dsl::units::Unit;
 
-use crate::elaborate::Elaborator;
+use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::values::Values;
 use crate::ir::{BinaryFn, Expr, ExprId, Flavour, Role, UnaryFn};
 
-impl Elaborator<'_> {
-    /// Warns where a reward limits a change over a step on one side only: what an episode loses at once is limited, and what it gains back is
-    /// not. The change of a limited value sums up to its end less its start.
-    pub(in crate::elaborate) fn check_limits(&mut self, name: &str, reward: ExprId, span: Span) {
-        if self.limits_one_side(reward) {
-            let message = format!("the reward `{name}` limits a change on one side only");
-            let warning = Diagnostic::warning(codes::ONE_SIDED_LIMIT, message, span);
-            self.ledger.report(warning.help("an episode that goes far and comes back is paid without end: write `max(low, d) - previous(max(low, d))`, or limit both sides by `clip`"));
-        }
-    }
+/// The rewards of a model.
+pub(in crate::elaborate) struct Rewards {
+    /// Their values.
+    pub values: Vec<ExprId>,
+    /// What is seen of them.
+    pub list: Vec<Reward>,
+    /// The one that is returned.
+    pub default: u32,
+}
 
-    /// Whether a term of a sum is a limited difference, with a sign that pays.
-    fn limits_one_side(&mut self, reward: ExprId) -> bool {
-        let mut terms = vec![(reward, true)];
-        while let Some((e, adds)) = terms.pop() {
-            match self.exprs.node(e) {
-                Expr::Unary(UnaryFn::Neg, a) => terms.push((a, !adds)),
-                Expr::Binary(BinaryFn::Add, a, b) => terms.extend([(a, adds), (b, adds)]),
-                Expr::Binary(BinaryFn::Sub, a, b) => terms.extend([(a, adds), (b, !adds)]),
-                Expr::Binary(BinaryFn::Mul | BinaryFn::Div, a, b) => {
-                    terms.extend(self.values().scaled(a, b).map(|(e, sign)| (e, adds == sign)))
-                }
-                // A cost of a change in one direction only is a usual one.
-                Expr::Binary(BinaryFn::Max, a, b) if adds && self.limits(a, b) => return true,
-                Expr::Binary(BinaryFn::Min, a, b) if self.limits(a, b) => return true,
-                _ => {}
-            }
-        }
-        false
-    }
-
-    /// Whether one of two is a change over a step, and the other one does not change.
-    fn limits(&self, a: ExprId, b: ExprId) -> bool {
-        let fixed = |e| self.instants(e) == (false, false);
-        let change = |e| match self.exprs.node(e) {
-            Expr::Binary(BinaryFn::Sub, a, b) => {
-                let (a, b) = (self.instants(a), self.instants(b));
-                (a == (true, false) && b == (false, true)) || (a == (false, true) && b == (true, false))
-            }
-            _ => false,
+/// The declared rewards.
+pub(in crate::elaborate) fn rewards<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> Rewards {
+    let mut values = Vec::new();
+    let mut list = Vec::new();
+    let mut chosen = None;
+    for (scope, item) in each(blocks) {
+        let Item::Other(Statement { kind: StatementKind::Reward { name, unit, default, value, text }, .. }) = item else { continue };
+        let place = Place::new(scope, Site::Instant);
+        let unit = match unit {
+            Some(u) => l.unit(u, &place).unwrap_or_else(Unit::one),
+            None => Unit::one(),
         };
-        (fixed(a) && change(b)) || (change(a) && fixed(b))
-    }
-
-    /// Whether an expression reads present values of what changes, and values of the step before.
-    fn instants(&self, e: ExprId) -> (bool, bool) {
-        let (mut todo, mut seen) = (vec![e], std::collections::HashSet::new());
-        let mut found = (false, false);
-        while let Some(e) = todo.pop() {
-            if !seen.insert(e) {
-                continue;
-            }
-            match self.exprs.node(e) {
-                Expr::Load { flavour: Flavour::Previous, .. } => found.1 = true,
-                Expr::Load { flavour: Flavour::Value | Flavour::Derivative, var, .. } => {
-                    found.0 |= self.symbols.vars[var].role != Role::Param
-                }
-                Expr::Time => found.0 = true,
-                _ => {}
-            }
-            todo.extend(self.exprs.operands(e));
+        if *default {
+            chosen = Some(values.len());
         }
-        found
+        let v = l.value(value, &place);
+        let what = format!("the reward `{}`", name.text);
+        let reward = l.values().strictly_or_bare(v, &unit, value.span, &what, name.span);
+        check_limits(l, &name.text, reward, value.span);
+        values.push(reward);
+        let name = l.symbols.path_of(scope, name);
+        list.push(Reward { name, unit: unit.to_string(), text: text.clone().unwrap_or_default() });
     }
+    if let Some(wanted) = &l.input.options.reward {
+        let names: Vec<&str> = list.iter().map(|r: &Reward| r.name.as_str()).collect();
+        match names.iter().position(|n| n == wanted) {
+            Some(at) => chosen = Some(at),
+            None => l.ledger.reports.scenario_fault(format!("unknown reward `{wanted}`; the model has {}", names.join(", ")), None),
+        }
+    }
+    Rewards { values, list, default: chosen.unwrap_or(0) as u32 }
+}
+
+/// Warns where a reward limits a change over a step on one side only: what an episode loses at once is limited, and what it gains back is
+/// not. The change of a limited value sums up to its end less its start.
+fn check_limits(l: &mut Lowering<'_, '_>, name: &str, reward: ExprId, span: Span) {
+    if limits_one_side(l, reward) {
+        let message = format!("the reward `{name}` limits a change on one side only");
+        let warning = Diagnostic::warning(codes::ONE_SIDED_LIMIT, message, span);
+        l.ledger.report(warning.help("an episode that goes far and comes back is paid without end: write `max(low, d) - previous(max(low, d))`, or limit both sides by `clip`"));
+    }
+}
+
+/// Whether a term of a sum is a limited difference, with a sign that pays.
+fn limits_one_side(l: &mut Lowering<'_, '_>, reward: ExprId) -> bool {
+    let mut terms = vec![(reward, true)];
+    while let Some((e, adds)) = terms.pop() {
+        match l.exprs.node(e) {
+            Expr::Unary(UnaryFn::Neg, a) => terms.push((a, !adds)),
+            Expr::Binary(BinaryFn::Add, a, b) => terms.extend([(a, adds), (b, adds)]),
+            Expr::Binary(BinaryFn::Sub, a, b) => terms.extend([(a, adds), (b, !adds)]),
+            Expr::Binary(BinaryFn::Mul | BinaryFn::Div, a, b) => terms.extend(l.values().scaled(a, b).map(|(e, sign)| (e, adds == sign))),
+            // A cost of a change in one direction only is a usual one.
+            Expr::Binary(BinaryFn::Max, a, b) if adds && limits(l, a, b) => return true,
+            Expr::Binary(BinaryFn::Min, a, b) if limits(l, a, b) => return true,
+            _ => {}
+        }
+    }
+    false
+}
+
+/// Whether one of two is a change over a step, and the other one does not change.
+fn limits(l: &Lowering<'_, '_>, a: ExprId, b: ExprId) -> bool {
+    let fixed = |e| instants(l, e) == (false, false);
+    let change = |e| match l.exprs.node(e) {
+        Expr::Binary(BinaryFn::Sub, a, b) => {
+            let (a, b) = (instants(l, a), instants(l, b));
+            (a == (true, false) && b == (false, true)) || (a == (false, true) && b == (true, false))
+        }
+        _ => false,
+    };
+    (fixed(a) && change(b)) || (change(a) && fixed(b))
+}
+
+/// Whether an expression reads present values of what changes, and values of the step before.
+fn instants(l: &Lowering<'_, '_>, e: ExprId) -> (bool, bool) {
+    let (mut todo, mut seen) = (vec![e], std::collections::HashSet::new());
+    let mut found = (false, false);
+    while let Some(e) = todo.pop() {
+        if !seen.insert(e) {
+            continue;
+        }
+        match l.exprs.node(e) {
+            Expr::Load { flavour: Flavour::Previous, .. } => found.1 = true,
+            Expr::Load { flavour: Flavour::Value | Flavour::Derivative, var, .. } => found.0 |= l.symbols.vars[var].role != Role::Param,
+            Expr::Time => found.0 = true,
+            _ => {}
+        }
+        todo.extend(l.exprs.operands(e));
+    }
+    found
 }
 
 impl Values<'_> {

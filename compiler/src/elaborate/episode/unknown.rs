@@ -3,8 +3,8 @@
 //! Logic of three values: `false and unknown` is false, `true or unknown` is true, a choice by an unknown condition is unknown. So a
 //! guard keeps its meaning: `x > 0 and ln(x) > 3` is false at x = -1.
 
-use crate::elaborate::Elaborator;
-use crate::elaborate::declare::symbols::Symbols;
+use crate::elaborate::lower::Lowering;
+use crate::elaborate::symbols::Symbols;
 use crate::ir::{BinaryFn, Compare, Expr as Node, ExprId, Exprs, FastMap, FastSet, Flavour, ReduceFn, Role, UnaryFn};
 
 /// What is known of a node.
@@ -24,11 +24,9 @@ pub(in crate::elaborate) struct Doubting<'d, 'a> {
     symbols: &'d Symbols<'a>,
 }
 
-impl<'a> Elaborator<'a> {
-    /// What finding where conditions are unknown needs.
-    pub(in crate::elaborate) fn doubting(&mut self) -> Doubting<'_, 'a> {
-        Doubting { exprs: &mut self.exprs, symbols: &self.symbols }
-    }
+/// What finding where conditions are unknown needs.
+pub(in crate::elaborate) fn doubting<'d, 'a>(l: &'d mut Lowering<'_, 'a>) -> Doubting<'d, 'a> {
+    Doubting { exprs: &mut l.exprs, symbols: &l.symbols }
 }
 
 impl Doubting<'_, '_> {

@@ -3,13 +3,14 @@
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Binder, BinderSet, Expr, ExprKind, Ident};
 
-use crate::elaborate::declare::naming::Naming;
-use crate::elaborate::declare::symbols::{Axis, SymbolKind, Symbols};
-use crate::elaborate::lower::functions::BinderValue;
-use crate::elaborate::{Bound, Elaborator, Place};
+use crate::elaborate::lower::Lowering;
+use crate::elaborate::lower::place::BinderValue;
+use crate::elaborate::lower::place::{Bound, Place};
+use crate::elaborate::naming::Naming;
+use crate::elaborate::symbols::{Axis, SymbolKind, Symbols};
 use crate::ir::{ExprId, Role};
 
-impl Elaborator<'_> {
+impl Lowering<'_, '_> {
     /// What a binder runs over.
     pub(in crate::elaborate) fn bindings_of(&mut self, binder: &Binder, place: &Place) -> Vec<BinderValue> {
         match &binder.over {
@@ -95,14 +96,30 @@ impl Elaborator<'_> {
         }
     }
 
-    /// The set of integers behind `k in 1..4` in a declaration; equal ranges are one set.
-    fn anonymous_set(
-        &mut self,
-        binder: &Binder,
-        low: &Expr,
-        high: &Expr,
-        place: &Place,
-    ) -> Option<crate::elaborate::declare::symbols::SetId> {
+    /// What an index of a declaration runs over (`i in species`, `z`, `k in 1..4`).
+    pub(in crate::elaborate) fn index_over(&mut self, binder: &Binder, place: &Place) -> Option<IndexOver> {
+        let set = match &binder.over {
+            BinderSet::Set(name) => name,
+            BinderSet::Itself => &binder.name,
+            BinderSet::Range(low, high) => return self.index_over_range(binder, low, high, place),
+            BinderSet::Tuple(_) => {
+                let message = "an index of a declaration runs over a set or a domain";
+                self.ledger.report(Diagnostic::error(codes::BAD_BINDER, message, binder.span));
+                return None;
+            }
+        };
+        match self.symbols.lookup(place.scope, &set.text).map(|s| &self.symbols[s].kind) {
+            Some(SymbolKind::Set(set) | SymbolKind::Phase(set)) => Some(IndexOver::Axis(Axis::Set(*set))),
+            Some(SymbolKind::Domain(domain)) => Some(IndexOver::Axis(Axis::Domain(*domain))),
+            _ => {
+                self.naming().bindings_of_name(set, place);
+                None
+            }
+        }
+    }
+
+    /// The integers behind `k in 1..4` in a declaration; equal ranges are one set.
+    fn index_over_range(&mut self, binder: &Binder, low: &Expr, high: &Expr, place: &Place) -> Option<IndexOver> {
         let (a, b) = (self.integer(low, place)?, self.integer(high, place)?);
         if a > b || b - a >= 100_000 {
             let d = Diagnostic::error(codes::EMPTY_SET, format!("an index from {a} to {b}"), binder.span);
@@ -110,54 +127,23 @@ impl Elaborator<'_> {
             return None;
         }
         let name = format!("{a}..{b}");
-        let known = self.symbols.sets.iter().find(|(_, s)| s.name == name).map(|(id, _)| id);
-        if known.is_some() {
-            return known;
+        if let Some((known, _)) = self.symbols.sets.iter().find(|(_, s)| s.name == name) {
+            return Some(IndexOver::Axis(Axis::Set(known)));
         }
         if !self.ledger.budget.may_hold(b - a) {
             self.ledger.report(Diagnostic::error(codes::TOO_LARGE, "sets of more than two million members together", binder.span));
             return None;
         }
-        let labels = (a..=b).map(|i| i.to_string()).collect();
-        Some(self.symbols.sets.push(crate::elaborate::declare::symbols::Set::new(name, labels, Some(a))))
+        Some(IndexOver::New { name, low: a, high: b })
     }
+}
 
-    /// Axes and binder names of an index list (`i in species, z`).
-    pub(in crate::elaborate) fn axes(&mut self, binders: &[Binder], place: &Place) -> Option<(Vec<Axis>, Vec<String>)> {
-        let mut axes = Vec::with_capacity(binders.len());
-        let mut names = Vec::with_capacity(binders.len());
-        for binder in binders {
-            let set = match &binder.over {
-                BinderSet::Set(name) => name,
-                BinderSet::Itself => &binder.name,
-                BinderSet::Range(low, high) => {
-                    let set = self.anonymous_set(binder, low, high, place)?;
-                    axes.push(Axis::Set(set));
-                    names.push(binder.name.text.clone());
-                    continue;
-                }
-                BinderSet::Tuple(_) => {
-                    self.ledger.report(Diagnostic::error(
-                        codes::BAD_BINDER,
-                        "an index of a declaration runs over a set or a domain",
-                        binder.span,
-                    ));
-                    return None;
-                }
-            };
-            let axis = match self.symbols.lookup(place.scope, &set.text).map(|s| self.symbols[s].kind.clone()) {
-                Some(SymbolKind::Set(set) | SymbolKind::Phase(set)) => Axis::Set(set),
-                Some(SymbolKind::Domain(domain)) => Axis::Domain(domain),
-                _ => {
-                    self.naming().bindings_of_name(set, place);
-                    return None;
-                }
-            };
-            axes.push(axis);
-            names.push(binder.name.text.clone());
-        }
-        Some((axes, names))
-    }
+/// What an index of a declaration runs over.
+pub(in crate::elaborate) enum IndexOver {
+    /// A set or a domain that is declared.
+    Axis(Axis),
+    /// Integers that are no set yet.
+    New { name: String, low: i64, high: i64 },
 }
 
 impl<'a> Naming<'_, 'a> {

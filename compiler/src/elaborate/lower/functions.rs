@@ -5,17 +5,18 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident};
 use smpl_dsl::units::Unit;
 
-use crate::elaborate::declare::symbols::{SymbolId, SymbolKind};
 use crate::elaborate::ledger::Ledger;
+use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::builtins::{self, Attribute, Builtin, Call};
+use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::units;
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::values::Values;
-use crate::elaborate::{Bound, Elaborator, Place, Site};
+use crate::elaborate::symbols::{SymbolId, SymbolKind};
 use crate::ir::{Affine, BinaryFn, Expr as Node, Flavour, Role, UnaryFn};
 use crate::model::Quantity;
 
-impl Elaborator<'_> {
+impl Lowering<'_, '_> {
     /// `f(a, b)`
     pub(in crate::elaborate) fn call(&mut self, span: Span, function: &Ident, arguments: &[Expr], place: &Place) -> Value {
         if let Some(symbol) = self.symbols.lookup(place.scope, &function.text) {
@@ -202,15 +203,14 @@ impl Elaborator<'_> {
 
     /// `initial(e)`, `previous(e)`, `steady(e)`: `e` with every variable read from another frame.
     fn flavoured(&mut self, span: Span, name: &str, flavour: Flavour, a: &Expr, place: &Place) -> Value {
-        self.episode.uses_steady |= flavour == Flavour::Steady;
+        self.hidden.steady |= flavour == Flavour::Steady;
         let v = self.value(a, place);
         if v.is_poison() {
             return v;
         }
         let vars = &self.symbols.vars;
         let mut misuse = false;
-        let mut exprs = std::mem::take(&mut self.exprs);
-        let expr = exprs.rewrite(v.expr, &mut crate::ir::Rewritten::default(), &mut |exprs, node| match node {
+        let expr = self.exprs.rewrite(v.expr, &mut crate::ir::Rewritten::default(), &mut |exprs, node| match node {
             Node::Load { var, flavour: Flavour::Value, at } => match vars[var].role {
                 Role::State | Role::Algebraic | Role::Action | Role::Discrete | Role::Disturbance => Some(exprs.load(var, flavour, at)),
                 Role::Quadrature => {
@@ -225,7 +225,6 @@ impl Elaborator<'_> {
             }
             _ => None,
         });
-        self.exprs = exprs;
         if misuse {
             return self.fault(Diagnostic::error(
                 codes::MISPLACED_FUNCTION,
@@ -332,7 +331,7 @@ impl Elaborator<'_> {
             return None;
         }
         match self.exprs.node(v.expr) {
-            Node::Load { var, at, .. } if self.symbols.quantities.contains_key(&var) => Some((var, at)),
+            Node::Load { var, at, .. } if self.quantities.contains_key(&var) => Some((var, at)),
             _ => {
                 self.ledger
                     .report(Diagnostic::error(codes::WRONG_KIND, "a declared variable is needed here", span).label("not a variable"));
@@ -345,7 +344,7 @@ impl Elaborator<'_> {
     fn attribute(&mut self, span: Span, name: &str, attribute: Attribute, a: &Expr, place: &Place) -> Value {
         let v = self.value(a, place);
         let Some((var, at)) = self.element(&v, a.span) else { return self.poison() };
-        let Some(q) = self.symbols.quantities.get(&var) else { return self.poison() };
+        let Some(q) = self.quantities.get(&var) else { return self.poison() };
         let list = match attribute {
             Attribute::Low => &q.low,
             Attribute::High => &q.high,
@@ -399,14 +398,4 @@ impl Ledger {
         let message = format!("`{name}` takes {wanted} argument{plural}, not {given}");
         self.report(Diagnostic::error(codes::WRONG_ARGUMENTS, message, span));
     }
-}
-
-/// One value of a binder.
-pub enum BinderValue {
-    /// A member, a number, an element.
-    One(Bound),
-    /// The cells of a domain from one number to another.
-    Cells(crate::elaborate::declare::symbols::DomainId, i64, i64),
-    /// All elements of a variable.
-    Elements(SymbolId, i64),
 }

@@ -4,33 +4,13 @@ use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{self, BinaryOp, Expr, ExprKind, Form, UnaryOp};
 
-use crate::elaborate::declare::naming::Naming;
-use crate::elaborate::declare::symbols::{Axis, DomainId, ScopeId, SetId, SymbolId, SymbolKind, Symbols};
 use crate::elaborate::ledger::Ledger;
-use crate::elaborate::lower::cells::Cell;
-use crate::elaborate::lower::value::Value;
-use crate::elaborate::{Bound, Elaborator, Place};
-use crate::ir::{Affine, LoopVar};
-
-/// An index as a key of what was expanded for it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum IndexKey {
-    /// Member of a set.
-    Member(usize),
-    /// Cells of a loop.
-    Cell(i64, i64, Option<LoopVar>),
-}
-
-impl IndexKey {
-    /// The key of a bound index.
-    pub fn of(bound: &Bound) -> Self {
-        match bound {
-            Bound::Member(_, i) => IndexKey::Member(*i),
-            Bound::Cell(_, c) | Bound::Face(_, c) | Bound::Run(c) => IndexKey::Cell(c.first, c.count, c.along),
-            _ => IndexKey::Member(usize::MAX),
-        }
-    }
-}
+use crate::elaborate::lower::Lowering;
+use crate::elaborate::lower::loops::Cell;
+use crate::elaborate::lower::place::{Bound, Place};
+use crate::elaborate::naming::Naming;
+use crate::elaborate::symbols::{Axis, DomainId, SetId, SymbolId, SymbolKind, Symbols};
+use crate::ir::Affine;
 
 /// The name of an index that stands for a face.
 fn at_face<'e>(e: &'e Expr, place: &Place) -> Option<&'e str> {
@@ -38,160 +18,7 @@ fn at_face<'e>(e: &'e Expr, place: &Place) -> Option<&'e str> {
     matches!(place.bound(&name.text), Some(Bound::Face(..))).then_some(name.text.as_str())
 }
 
-/// What a path such as `R1.inlet` or `col[2].c` leads to.
-pub enum Target {
-    /// A symbol.
-    Symbol(SymbolId),
-    /// Already a value.
-    Value(Value),
-    /// An error was reported.
-    Nothing,
-}
-
-impl<'a> Elaborator<'a> {
-    /// `a.b.c`, `a[i].b[j, k]`
-    pub(in crate::elaborate) fn reference(&mut self, e: &Expr, place: &Place) -> Value {
-        let (base, index): (&Expr, &[Expr]) = match &e.kind {
-            ExprKind::Index(base, index) => (base, index),
-            _ => (e, &[]),
-        };
-        match self.resolve(base, place) {
-            Target::Symbol(symbol) => self.symbol_value(symbol, index, e.span, place),
-            Target::Value(v) if index.is_empty() => v,
-            Target::Value(v) if v.is_poison() => v,
-            Target::Value(_) => self
-                .values()
-                .fault(Diagnostic::error(codes::WRONG_SHAPE, "an index after something that has none", e.span).help("multiply with `*`")),
-            Target::Nothing => self.poison(),
-        }
-    }
-
-    /// The symbol at the end of a path.
-    pub(in crate::elaborate) fn resolve(&mut self, e: &Expr, place: &Place) -> Target {
-        match &e.kind {
-            ExprKind::Name(name) => {
-                match place.bound(&name.text).cloned() {
-                    Some(Bound::Alias(inner, scope, bindings)) => {
-                        let mut there = place.clone();
-                        there.scope = scope;
-                        there.bindings = bindings;
-                        return self.resolve(&inner, &there);
-                    }
-                    Some(_) => return Target::Value(self.name(name, place)),
-                    None => {}
-                }
-                match self.symbols.lookup(place.scope, &name.text) {
-                    Some(symbol) => Target::Symbol(symbol),
-                    None => Target::Value(self.name(name, place)),
-                }
-            }
-            ExprKind::Member(base, member) => {
-                if let Some(v) = self.domain_member(base, &member.text, place) {
-                    return Target::Value(v);
-                }
-                let Some(scope) = self.scope_of(base, place) else { return Target::Nothing };
-                match self.symbols.scopes[scope].names.get(&member.text) {
-                    Some(&symbol) => Target::Symbol(symbol),
-                    None => {
-                        let help =
-                            self.ledger.reports.did_you_mean(&member.text, self.symbols.scopes[scope].names.keys().map(String::as_str));
-                        let prefix = self.symbols.scopes[scope].prefix.trim_end_matches('.').to_owned();
-                        self.ledger.report(
-                            Diagnostic::error(codes::UNKNOWN_NAME, format!("`{prefix}` has no `{}`", member.text), member.span)
-                                .label("not declared there")
-                                .maybe_help(help),
-                        );
-                        Target::Nothing
-                    }
-                }
-            }
-            _ => Target::Value(self.value(e, place)),
-        }
-    }
-
-    /// The scope that a path names: an instance or a port.
-    pub(in crate::elaborate) fn scope_of(&mut self, e: &Expr, place: &Place) -> Option<ScopeId> {
-        let (base, index) = match &e.kind {
-            ExprKind::Index(base, index) => (&**base, index.as_slice()),
-            _ => (e, &[][..]),
-        };
-        let symbol = match self.resolve(base, place) {
-            Target::Symbol(symbol) => symbol,
-            Target::Value(v) if v.is_poison() => return None,
-            Target::Value(_) => {
-                self.ledger.report(
-                    Diagnostic::error(codes::WRONG_KIND, "only components, ports and domains have members", e.span)
-                        .maybe_help(self.symbols.end_of(e, place)),
-                );
-                return None;
-            }
-            Target::Nothing => return None,
-        };
-        match self.symbols[symbol].kind.clone() {
-            SymbolKind::Instance(scope) if index.is_empty() => Some(scope),
-            SymbolKind::Instances(row) if index.len() == 1 => {
-                let label = self.instance_label(&index[0], place)?;
-                let found = row.find(&label);
-                if found.is_none() {
-                    let known = crate::elaborate::declare::symbols::listed(row.list.iter().map(|(l, _)| l.as_str()));
-                    let message = format!("there is no instance `{label}`: {known}");
-                    self.ledger.report(Diagnostic::error(codes::OUT_OF_RANGE, message, index[0].span));
-                }
-                found
-            }
-            SymbolKind::Faulty => None,
-            SymbolKind::Instances(row) => {
-                let path = self.symbols[symbol].path.clone();
-                let first = row.list.first().map_or("1", |(l, _)| l.as_str());
-                self.ledger.report(
-                    Diagnostic::error(codes::WRONG_SHAPE, format!("`{path}` is a row of instances and takes one index"), e.span)
-                        .help(format!("write `{path}[{first}]`")),
-                );
-                None
-            }
-            _ => {
-                let path = self.symbols[symbol].path.clone();
-                let declared = self.symbols[symbol].span;
-                self.ledger.report(
-                    Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is neither a component nor a port: it has no members"), e.span)
-                        .secondary(declared, "declared here"),
-                );
-                None
-            }
-        }
-    }
-
-    fn instance_label(&mut self, e: &Expr, place: &Place) -> Option<String> {
-        if let ExprKind::Name(name) = &e.kind {
-            return Some(match place.bound(&name.text) {
-                Some(Bound::Member(set, i)) => self.symbols.sets[*set].labels[*i].clone(),
-                Some(Bound::Number(e)) => self.exprs.as_const(*e).map_or_else(String::new, |x| x.to_string()),
-                _ => name.text.clone(),
-            });
-        }
-        self.integer(e, place).map(|n| n.to_string())
-    }
-
-    /// `z.first`, `z.last`, `z.cells`, `z.number` as numbers.
-    fn domain_member(&mut self, base: &Expr, member: &str, place: &Place) -> Option<Value> {
-        if !matches!(member, "first" | "last" | "cells" | "number") {
-            return None;
-        }
-        let domain = self.symbols.domain_of(base, place)?;
-        if member == "number" {
-            return Some(match cell_number(base, place) {
-                Some(cell) => self.values().run_value(cell.shifted(1)),
-                None => self.fault(
-                    Diagnostic::error(codes::WRONG_SHAPE, "a cell has a number where the index is bound by `for`", base.span)
-                        .label("stands for no cell here"),
-                ),
-            });
-        }
-        let number = if member == "first" { 1 } else { self.symbols.domains[domain].cells };
-        let expr = self.exprs.constant(number as f64);
-        Some(Value::bare(expr))
-    }
-
+impl<'a> Lowering<'_, 'a> {
     /// Address of an element of an array, and what its indices are bound to.
     pub(in crate::elaborate) fn address(
         &mut self,
@@ -215,7 +42,7 @@ impl<'a> Elaborator<'a> {
                 d = d.help(format!("write `{path}[{}]`", wanted.join(", ")));
             }
             if index.is_empty() {
-                d = crate::elaborate::declare::built_ins::note(d, &path);
+                d = crate::elaborate::built_ins::note(d, &path);
             }
             self.ledger.report(d);
             return None;
@@ -474,7 +301,7 @@ impl<'a> Naming<'_, 'a> {
             let members = &self.symbols.sets[set].labels;
             let members = match self.symbols.sets[set].first {
                 Some(first) => format!("{first} to {}", first + members.len() as i64 - 1),
-                None => crate::elaborate::declare::symbols::listed(members.iter().map(String::as_str)),
+                None => crate::elaborate::symbols::listed(members.iter().map(String::as_str)),
             };
             self.ledger.report(
                 Diagnostic::error(codes::OUT_OF_RANGE, format!("`{label}` is no member of `{name}`: {members}"), span)
@@ -514,37 +341,6 @@ impl<'a> Naming<'_, 'a> {
 }
 
 impl<'a> Symbols<'a> {
-    /// What to write for the end of a set of numbers, which has no `.last`.
-    fn end_of(&self, e: &Expr, place: &Place) -> Option<String> {
-        let ExprKind::Name(name) = &e.kind else { return None };
-        let Some(Bound::Member(set, _)) = place.bound(&name.text) else { return None };
-        let set = &self.sets[*set];
-        let (first, last) = (set.labels.first()?, set.labels.last()?);
-        Some(format!("`.first` and `.last` are those of a domain; `{}` runs from `{first}` to `{last}`", set.name))
-    }
-
-    /// The domain that a path names, without a report where it names something else.
-    pub(in crate::elaborate) fn domain_of(&mut self, e: &Expr, place: &Place) -> Option<DomainId> {
-        let symbol = match &e.kind {
-            ExprKind::Name(name) => match place.bound(&name.text) {
-                Some(Bound::Cell(domain, _) | Bound::Face(domain, _)) => return Some(*domain),
-                Some(_) => return None,
-                None => self.lookup(place.scope, &name.text)?,
-            },
-            ExprKind::Member(base, member) => {
-                let ExprKind::Name(first) = &base.kind else { return None };
-                let outer = self.lookup(place.scope, &first.text)?;
-                let SymbolKind::Instance(scope) = self[outer].kind else { return None };
-                *self.scopes[scope].names.get(&member.text)?
-            }
-            _ => return None,
-        };
-        match self[symbol].kind {
-            SymbolKind::Domain(domain) => Some(domain),
-            _ => None,
-        }
-    }
-
     fn other_domain(&self, given: DomainId, wanted: DomainId, span: Span) -> Diagnostic {
         let (given, wanted) = (&self.domains[given], &self.domains[wanted]);
         let (a, b) = (&given.name, &wanted.name);
@@ -584,7 +380,7 @@ impl Ledger {
 }
 
 /// The cell to which an index is bound.
-fn cell_number(e: &Expr, place: &Place) -> Option<Cell> {
+pub(in crate::elaborate) fn cell_number(e: &Expr, place: &Place) -> Option<Cell> {
     let ExprKind::Name(name) = &e.kind else { return None };
     match place.bound(&name.text) {
         Some(Bound::Cell(_, cell)) => Some(*cell),

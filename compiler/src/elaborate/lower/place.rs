@@ -4,10 +4,10 @@ use std::rc::Rc;
 
 use smpl_dsl::syntax::Expr;
 
-use crate::elaborate::declare::symbols::{DomainId, ScopeId, SetId, SymbolId};
-use crate::elaborate::lower::cells::{Cell, Face};
+use crate::elaborate::lower::loops::{Cell, Face};
 use crate::elaborate::lower::value::Value;
-use crate::ir::{Affine, ExprId};
+use crate::elaborate::symbols::{DomainId, ScopeId, SetId, SymbolId};
+use crate::ir::{Affine, ExprId, LoopVar};
 
 /// Where an expression stands, and what is bound there.
 #[derive(Clone, Debug)]
@@ -96,4 +96,44 @@ impl Place {
     pub(in crate::elaborate) fn bound(&self, name: &str) -> Option<&Bound> {
         self.all_bound().find(|(bound, _)| *bound == name).map(|(_, to)| to)
     }
+}
+
+/// An index as a key of what was expanded for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum IndexKey {
+    /// Member of a set.
+    Member(usize),
+    /// Cells of a loop.
+    Cell(i64, i64, Option<LoopVar>),
+}
+
+impl IndexKey {
+    /// The key of a bound index.
+    pub fn of(bound: &Bound) -> Self {
+        match bound {
+            Bound::Member(_, i) => IndexKey::Member(*i),
+            Bound::Cell(_, c) | Bound::Face(_, c) | Bound::Run(c) => IndexKey::Cell(c.first, c.count, c.along),
+            _ => IndexKey::Member(usize::MAX),
+        }
+    }
+}
+
+/// One value of a binder.
+pub enum BinderValue {
+    /// A member, a number, an element.
+    One(Bound),
+    /// The cells of a domain from one number to another.
+    Cells(DomainId, i64, i64),
+    /// All elements of a variable.
+    Elements(SymbolId, i64),
+}
+
+/// What a path such as `R1.inlet` or `col[2].c` leads to.
+pub enum Target {
+    /// A symbol.
+    Symbol(SymbolId),
+    /// Already a value.
+    Value(Value),
+    /// An error was reported.
+    Nothing,
 }

@@ -4,11 +4,12 @@ use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Expr, TimeTableKind};
 
-use crate::elaborate::declare::symbols::{SymbolId, SymbolKind};
+use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::builtins::Distribution;
+use crate::elaborate::lower::place::Place;
 use crate::elaborate::lower::value::Value;
 use crate::elaborate::lower::values::Values;
-use crate::elaborate::{Elaborator, Place};
+use crate::elaborate::symbols::{SymbolId, SymbolKind};
 use crate::ir::{Affine, Compare, ExprId, Flavour, LoopVar, UnaryFn};
 use crate::model::{Draw, Instant, Variate};
 
@@ -16,7 +17,7 @@ use crate::model::{Draw, Instant, Variate};
 /// happens in between is below every tolerance.
 const SLACK: f64 = 1e-12;
 
-impl Elaborator<'_> {
+impl Lowering<'_, '_> {
     /// `uniform(a, b)`, `normal(mean, sd)`, `lognormal(mu, sigma)`: a standard variate in its own slot, scaled.
     pub(in crate::elaborate) fn random(
         &mut self,

@@ -7,16 +7,17 @@
 
 use smpl_dsl::syntax::{BinaryOp, Binder, BinderSet, Expr, ExprKind};
 
-use crate::elaborate::declare::naming::Naming;
-use crate::elaborate::declare::symbols::{Axis, SetId, SymbolKind, Symbols};
-use crate::elaborate::lower::cells::Cell;
+use crate::elaborate::lower::Lowering;
+use crate::elaborate::lower::loops::Cell;
+use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::Value;
 use crate::elaborate::lower::values::Values;
-use crate::elaborate::{Bound, Elaborator, Place, Site};
+use crate::elaborate::naming::Naming;
+use crate::elaborate::symbols::{Axis, SetId, SymbolKind, Symbols};
 
 /// Shorter ranges are written out: their numbers become constants.
 pub(in crate::elaborate) const SHORTEST: i64 = 16;
-impl Elaborator<'_> {
+impl Lowering<'_, '_> {
     /// The first and the last number that a binder counts, if they may stay a loop here.
     pub(in crate::elaborate) fn run_of(&mut self, binder: &Binder, place: &Place) -> Option<(i64, i64)> {
         if !self.ledger.speculation.enabled || !matches!(place.site, Site::Dynamics | Site::Instant) {
@@ -165,7 +166,7 @@ impl Values<'_> {
 }
 
 impl<'a> Symbols<'a> {
-    fn is_domain(&self, symbol: crate::elaborate::declare::symbols::SymbolId) -> bool {
+    fn is_domain(&self, symbol: crate::elaborate::symbols::SymbolId) -> bool {
         matches!(self[symbol].kind, SymbolKind::Domain(_))
     }
 

@@ -5,17 +5,18 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Binder, Expr, Ident};
 use smpl_dsl::units::Unit;
 
-use crate::elaborate::declare::symbols::DomainId;
+use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::builtins::{self, Over};
-use crate::elaborate::lower::cells::Cell;
-use crate::elaborate::lower::functions::BinderValue;
+use crate::elaborate::lower::loops::Cell;
+use crate::elaborate::lower::place::BinderValue;
+use crate::elaborate::lower::place::{Bound, Place};
 use crate::elaborate::lower::units;
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::values::Values;
-use crate::elaborate::{Bound, Elaborator, Place};
+use crate::elaborate::symbols::DomainId;
 use crate::ir::{BinaryFn, Compare, Expr as Node, ExprId, LoopVar, ReduceFn};
 
-impl Elaborator<'_> {
+impl Lowering<'_, '_> {
     /// `sum(e for i in set, z if condition)`
     pub(in crate::elaborate) fn reduction(
         &mut self,

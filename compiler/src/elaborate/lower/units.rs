@@ -5,8 +5,9 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident, UnaryOp, UnitBase, UnitExpr, UnitFactor};
 use smpl_dsl::units::{Rational, Unit};
 
+use crate::elaborate::lower::Lowering;
+use crate::elaborate::lower::place::Place;
 use crate::elaborate::lower::value::Measure;
-use crate::elaborate::{Elaborator, Place};
 
 /// Whether the unit has no dimension (it may have a scale, as `%`).
 pub fn is_dimensionless(unit: &Unit) -> bool {
@@ -156,7 +157,7 @@ fn article(what: &str) -> String {
     format!("{article} {what}")
 }
 
-impl Elaborator<'_> {
+impl Lowering<'_, '_> {
     /// The unit that a text means; reports what is wrong with it.
     pub(in crate::elaborate) fn unit(&mut self, written: &UnitExpr, place: &Place) -> Option<Unit> {
         let mut inner_fault = false;

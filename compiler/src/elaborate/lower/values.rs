@@ -5,8 +5,8 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident};
 use smpl_dsl::units::Unit;
 
-use crate::elaborate::Elaborator;
 use crate::elaborate::ledger::Ledger;
+use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::units;
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::ir::{BinaryFn, ExprId, Exprs};
@@ -19,7 +19,7 @@ pub(in crate::elaborate) struct Values<'e> {
     pub ledger: &'e mut Ledger,
 }
 
-impl Elaborator<'_> {
+impl Lowering<'_, '_> {
     /// What arithmetic needs.
     pub(in crate::elaborate) fn values(&mut self) -> Values<'_> {
         Values { exprs: &mut self.exprs, ledger: &mut self.ledger }

@@ -3,9 +3,9 @@
 use smpl_dsl::diagnostic::{Diagnostic, Faults, codes, did_you_mean};
 use smpl_dsl::syntax::{File, Ident, Statement, StatementKind};
 
+use crate::elaborate::options::{Options, Setting};
 use crate::elaborate::reports::scenario_fault;
 use crate::elaborate::select::items::Selection;
-use crate::elaborate::{Options, Setting};
 
 /// What a model lets choose.
 #[derive(Debug, Default)]
@@ -25,6 +25,15 @@ pub(in crate::elaborate) struct Chosen {
     pub settings: Vec<String>,
     /// What cannot be chosen.
     pub faults: Faults,
+}
+
+/// Variants and choices as an outsider sees them.
+#[derive(Debug, Default)]
+pub(in crate::elaborate) struct Shown {
+    /// Variants: name, and whether they are on.
+    pub variants: Vec<(String, bool)>,
+    /// Choices: name, options, number of the chosen one.
+    pub choices: Vec<(String, Vec<String>, u32)>,
 }
 
 impl<'a> Choices<'a> {
@@ -61,14 +70,25 @@ impl<'a> Choices<'a> {
         self.choices.iter().find(|(name, _)| *name == choice).map(|(_, options)| *options)
     }
 
+    /// What the options ask for, with what is shown of it; unknown names are faults.
+    pub(in crate::elaborate) fn select(&self, files: &[File], options: &Options) -> (Chosen, Shown) {
+        let mut faults = Faults::default();
+        files.iter().for_each(|file| self.check_whens(&file.statements, &mut faults));
+        let mut chosen = self.choose(options);
+        faults.append(std::mem::take(&mut chosen.faults));
+        chosen.faults = faults;
+        let shown = Shown { variants: self.shown_variants(&chosen.selection), choices: self.shown_choices(&chosen.selection) };
+        (chosen, shown)
+    }
+
     /// Variants as an outsider sees them: name, and whether they are on.
-    pub(in crate::elaborate) fn shown_variants(&self, selection: &Selection) -> Vec<(String, bool)> {
+    fn shown_variants(&self, selection: &Selection) -> Vec<(String, bool)> {
         let is_on = |name: &str| selection.chosen.get(name).is_some_and(|v| v == "true");
         self.switches.iter().map(|name| ((*name).to_owned(), is_on(name))).collect()
     }
 
     /// Choices, likewise: name, options, number of the chosen one.
-    pub(in crate::elaborate) fn shown_choices(&self, selection: &Selection) -> Vec<(String, Vec<String>, u32)> {
+    fn shown_choices(&self, selection: &Selection) -> Vec<(String, Vec<String>, u32)> {
         let shown = |(name, options): &(&str, &[Ident])| {
             let labels: Vec<String> = options.iter().map(|o| o.text.clone()).collect();
             let at = selection.chosen.get(*name).and_then(|c| labels.iter().position(|l| l == c)).unwrap_or(0);
@@ -78,7 +98,7 @@ impl<'a> Choices<'a> {
     }
 
     /// What the options ask for; the first option of a choice where they ask for none.
-    pub(in crate::elaborate) fn choose(&self, options: &Options) -> Chosen {
+    fn choose(&self, options: &Options) -> Chosen {
         let mut out = Chosen::default();
         for (name, options) in &self.choices {
             if let Some(first) = options.first() {
@@ -126,7 +146,7 @@ impl<'a> Choices<'a> {
     }
 
     /// The `when` blocks that no choice can fulfil.
-    pub(in crate::elaborate) fn check_whens(&self, statements: &[Statement], faults: &mut Faults) {
+    fn check_whens(&self, statements: &[Statement], faults: &mut Faults) {
         for statement in statements {
             match &statement.kind {
                 StatementKind::When { choice, option, body } => {

@@ -1,14 +1,16 @@
 //! Scopes, symbols, sets and domains: what a name can stand for.
 
+mod queries;
+
 use std::rc::Rc;
 
 use cranelift_entity::{PrimaryMap, entity_impl};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Declaration, Expr, Flux, Ident, TimeTableKind};
+use smpl_dsl::syntax::{Declaration, Expr, Flux, Ident, Phase, TimeTableKind};
 use smpl_dsl::units::Unit;
 
-use crate::ir::{ExprId, FastMap, FastSet, VarId};
-use crate::model::{Quantity, Variable};
+use crate::ir::{FastMap, FastSet, VarId};
+use crate::model::Variable;
 
 /// A scope: the file, an instance of a component, or a port of one.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -204,8 +206,19 @@ pub struct Domain<'a> {
     pub scheme: Scheme,
     /// Shape.
     pub geometry: Geometry,
-    /// Unit and values of both ends, once elaborated.
-    pub ends: Option<(Unit, ExprId, ExprId)>,
+}
+
+/// The schedule of a model.
+#[derive(Clone, Debug)]
+pub(in crate::elaborate) struct Schedule<'a> {
+    /// Number of the phase in force.
+    pub current: VarId,
+    /// When it began.
+    pub since: VarId,
+    /// Number of the phase being left, 0 outside a transition.
+    pub leaving: VarId,
+    pub scope: ScopeId,
+    pub phases: Vec<&'a Phase>,
 }
 
 /// All scopes, symbols, sets and domains, and the variables that they stand for.
@@ -221,10 +234,10 @@ pub struct Symbols<'a> {
     pub domains: PrimaryMap<DomainId, Domain<'a>>,
     /// Variables of the flat model.
     pub vars: PrimaryMap<VarId, Variable>,
-    /// What is seen of each declared variable from outside.
-    pub quantities: FastMap<VarId, Quantity>,
     /// The symbol of each declared variable.
     pub of_var: FastMap<VarId, SymbolId>,
+    /// The phases.
+    pub schedule: Option<Schedule<'a>>,
     /// Members of ports: connections, not outputs.
     pub ports: FastSet<VarId>,
     /// Name of the independent variable.
@@ -241,7 +254,7 @@ impl Default for Symbols<'_> {
             sets: PrimaryMap::new(),
             domains: PrimaryMap::new(),
             vars: PrimaryMap::new(),
-            quantities: FastMap::default(),
+            schedule: None,
             of_var: FastMap::default(),
             ports: FastSet::default(),
             time_name: "t".to_owned(),

@@ -1,0 +1,435 @@
+//! Observation levels.
+
+use crate::elaborate::episode::common::each;
+use crate::elaborate::episode::common::store;
+use crate::elaborate::episode::positions::state_positions;
+use crate::elaborate::lower::Lowering;
+use crate::elaborate::lower::nests::Piece;
+use crate::elaborate::lower::place::Bound;
+use crate::elaborate::lower::place::Place;
+use crate::elaborate::lower::place::Site;
+use crate::elaborate::lower::value::Measure;
+use crate::elaborate::select::items::Item;
+use crate::elaborate::select::items::items;
+use crate::elaborate::symbols::Axis;
+use crate::elaborate::symbols::ScopeId;
+use crate::elaborate::symbols::SymbolId;
+use crate::elaborate::symbols::SymbolKind;
+use crate::elaborate::symbols::Symbols;
+use crate::ir::Affine;
+use crate::ir::ExprId;
+use crate::ir::LoopVar;
+use crate::ir::Nest;
+use crate::ir::Place as Memory;
+use crate::ir::VarId;
+use crate::model::BoxItem;
+use crate::model::Observed;
+use crate::model::Quantity;
+use smpl_dsl::diagnostic::Diagnostic;
+use smpl_dsl::diagnostic::codes;
+use smpl_dsl::diagnostic::did_you_mean;
+use smpl_dsl::syntax::Binder;
+use smpl_dsl::syntax::BinderSet;
+use smpl_dsl::syntax::Expr;
+use smpl_dsl::syntax::ExprKind;
+use smpl_dsl::syntax::Ident;
+use smpl_dsl::syntax::Observation;
+use smpl_dsl::syntax::Statement;
+use smpl_dsl::syntax::StatementKind;
+use smpl_dsl::units::Unit;
+use std::rc::Rc;
+/// The observations of a level with the nests that compute them.
+#[derive(Default)]
+pub(in crate::elaborate) struct Observations {
+    /// One entry a number.
+    pub names: Vec<Observed>,
+    /// Stores into the output vector, counted from the first observation.
+    pub nests: Vec<Nest>,
+    /// The levels, where the wanted one is among them.
+    pub levels: Vec<String>,
+}
+
+/// What an observation says beside its value.
+struct Attributes {
+    bounds: Option<(f64, f64)>,
+    every: u32,
+    delay: u32,
+    noise: f64,
+}
+
+pub(in crate::elaborate) fn observations<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> Observations {
+    let mut levels = vec!["default".to_owned()];
+    let mut chosen: Vec<(ScopeId, &'a Observation)> = Vec::new();
+    let wanted = l.input.options.observation.clone().unwrap_or_else(|| "default".to_owned());
+    for (scope, item) in each(blocks) {
+        match item {
+            Item::Observe(o) if wanted == "default" || wanted == "full" => chosen.push((scope, o)),
+            Item::Other(Statement { kind: StatementKind::Level { name, body, .. }, .. }) => {
+                levels.push(name.text.clone());
+                if name.text == wanted {
+                    for item in items(body, &l.input.selection) {
+                        if let Item::Observe(o) = item {
+                            chosen.push((scope, o));
+                        }
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+    if !levels.iter().any(|l| l == "full") {
+        levels.push("full".to_owned());
+    }
+    if !levels.contains(&wanted) {
+        let hint = did_you_mean(&wanted, levels.iter().map(String::as_str)).unwrap_or_default();
+        l.ledger.reports.scenario_fault(format!("unknown observation level `{wanted}`; the model has {} {hint}", levels.join(", ")), None);
+    }
+    let mut out = Observations::default();
+    for (scope, o) in chosen {
+        let place = Place::new(scope, Site::Instant);
+        observation(l, o, &place, &mut out);
+    }
+    if wanted == "full" && levels.last().is_some_and(|l| l == "full") {
+        observe_states(l, &mut out);
+    }
+    if levels.contains(&wanted) {
+        out.levels = levels;
+    }
+    out
+}
+
+/// Works out the observations of a level that is not chosen.
+pub(in crate::elaborate) fn check_level<'a>(l: &mut Lowering<'_, 'a>, scope: ScopeId, level: Vec<Item<'a>>) {
+    let place = Place::new(scope, Site::Instant);
+    let mut out = Observations::default();
+    for item in level {
+        if let Item::Observe(o) = item {
+            observation(l, o, &place, &mut out);
+        }
+    }
+}
+
+fn attributes(l: &mut Lowering<'_, '_>, o: &Observation, unit: &Unit, place: &Place) -> Attributes {
+    let bounds = o.bounds.as_ref().map(|(a, b)| {
+        let mut number = |e: &Expr| {
+            let expr = l.number_in(e, unit, "the bound", e.span, place);
+            match l.constant_value(expr) {
+                Some(x) => x,
+                None => {
+                    l.ledger.missing_value("a bound", e.span);
+                    f64::NAN
+                }
+            }
+        };
+        (number(a), number(b))
+    });
+    let count = |s: &mut Lowering<'_, '_>, e: &Option<Expr>, least: i64| match e {
+        Some(e) => match s.integer(e, place) {
+            Some(n) if n >= least && n < 1_000_000 => n as u32,
+            Some(n) => {
+                s.ledger.report(Diagnostic::error(
+                    codes::BAD_SETTING,
+                    format!("a number of steps from {least} on is needed, not {n}"),
+                    e.span,
+                ));
+                least as u32
+            }
+            None => least as u32,
+        },
+        None => least as u32,
+    };
+    let (every, delay) = (count(l, &o.every, 1), count(l, &o.delay, 0));
+    let noise = o.noise.as_ref().map_or(0.0, |e| noise(l, e, unit, place));
+    Attributes { bounds, every, delay, noise }
+}
+
+/// Standard deviation of `normal(0, sd)`.
+fn noise(l: &mut Lowering<'_, '_>, e: &Expr, unit: &Unit, place: &Place) -> f64 {
+    if let ExprKind::Call { function, arguments } = &e.kind
+        && function.text == "normal"
+        && let [_, sd] = arguments.as_slice()
+    {
+        let expr = l.number_in(sd, unit, "the noise", e.span, place);
+        if let Some(x) = l.constant_value(expr).filter(|x| *x >= 0.0) {
+            return x;
+        }
+    }
+    l.ledger.report(Diagnostic::error(codes::WRONG_ARGUMENTS, "noise is given as `normal(0, standard deviation)`", e.span).help(
+        "noise is added to what is observed, with mean zero; what is drawn otherwise can be a `disturbance` in the observed expression",
+    ));
+    0.0
+}
+
+fn observation(l: &mut Lowering<'_, '_>, o: &Observation, place: &Place, out: &mut Observations) {
+    if let ExprKind::Name(name) = &o.value.kind
+        && name.text == "states"
+        && l.symbols.lookup(place.scope, "states").is_none()
+    {
+        observe_states(l, out);
+        return;
+    }
+    // `observe x for x in states`
+    if let ([Binder { name: x, over: BinderSet::Set(set), .. }], ExprKind::Name(n)) = (o.binders.as_slice(), &o.value.kind)
+        && x.text == n.text
+        && set.text == "states"
+        && l.symbols.lookup(place.scope, "states").is_none()
+    {
+        observe_states(l, out);
+        return;
+    }
+    if o.binders.is_empty()
+        && let Some((symbol, axes)) = whole_array(l, &o.value, place)
+    {
+        observe_array(l, o, symbol, &axes, place, out);
+        return;
+    }
+    let pieces = l.nest(&o.binders, place, &mut |s, inner| {
+        let v = s.value(&o.value, inner);
+        // What else is said of it makes no sense yet.
+        if v.is_poison() {
+            return None;
+        }
+        let unit = match &o.unit {
+            Some(u) => s.unit(u, inner),
+            None => Some(v.unit.unit()),
+        };
+        let unit = unit.unwrap_or_else(Unit::one);
+        let what = "the observation".to_owned();
+        let expr = match v.unit {
+            Measure::Bare => v.expr,
+            _ => s.values().strictly_in(v, &unit, o.value.span, &what, o.span),
+        };
+        let name = observation_name(s, o, inner);
+        let mut attributes = attributes(s, o, &unit, inner);
+        if attributes.bounds.is_none() {
+            attributes.bounds = bounds_of_element(s, expr);
+        }
+        Some((name, unit, expr, attributes))
+    });
+    for Piece { extents, value } in pieces {
+        let Some((name, unit, expr, attributes)) = value else { continue };
+        if !extents.is_empty() {
+            l.ledger.report(
+                Diagnostic::error(codes::WRONG_SHAPE, "an observation over the cells of a domain", o.span)
+                    .help("observe the whole array, `observe c`, or single cells"),
+            );
+            continue;
+        }
+        push_observation(l, name, &unit.to_string(), expr, &attributes, o, out);
+    }
+}
+
+fn push_observation(
+    l: &mut Lowering<'_, '_>,
+    name: String,
+    unit: &str,
+    expr: ExprId,
+    a: &Attributes,
+    o: &Observation,
+    out: &mut Observations,
+) {
+    let (low, high) = a.bounds.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+    if a.bounds.is_none() {
+        l.ledger.report(
+            Diagnostic::warning(codes::MISSING_CLAUSE, format!("the observation `{name}` has no bounds"), o.span)
+                .help("write `in low..high`: learners need a finite box"),
+        );
+    }
+    let at = Affine::constant(out.names.len() as i64);
+    let s = store(Memory::Out, at, expr);
+    match out.nests.first_mut().filter(|n| n.extents.is_empty()) {
+        Some(first) => first.stores.push(s),
+        None => out.nests.insert(0, Nest { extents: Vec::new(), stores: vec![s] }),
+    }
+    l.names.observed.push((BoxItem { name: name.clone(), unit: unit.to_owned(), low, high }, expr));
+    out.names.push(Observed { name, unit: unit.to_owned(), low, high, every: a.every, delay: a.delay, noise: a.noise });
+}
+
+fn bounds_of_element(l: &Lowering<'_, '_>, e: ExprId) -> Option<(f64, f64)> {
+    let crate::ir::Expr::Load { var, at, .. } = l.exprs.node(e) else { return None };
+    let q = l.quantities.get(&var)?;
+    let i = at.offset.max(0) as usize;
+    let (low, high) = (Quantity::pick(&q.low, i), Quantity::pick(&q.high, i));
+    (low.is_finite() || high.is_finite()).then_some((low, high))
+}
+
+/// Own name, else that of the variable with its indices.
+fn observation_name(l: &mut Lowering<'_, '_>, o: &Observation, place: &Place) -> String {
+    let base = match &o.name {
+        Some(name) => format!("{}{}", l.symbols.scopes[place.scope].prefix, name.text),
+        None => match &o.value.kind {
+            ExprKind::Name(name) => match l.symbols.lookup(place.scope, &name.text).filter(|_| place.bound(&name.text).is_none()) {
+                Some(symbol) => l.symbols[symbol].path.clone(),
+                None => name.text.clone(),
+            },
+            ExprKind::Index(base, index) => {
+                if let crate::elaborate::lower::place::Target::Symbol(symbol) = l.resolve(base, place)
+                    && let Some(name) = element_name(l, symbol, index, place)
+                {
+                    return name;
+                }
+                crate::elaborate::select::items::reference(&o.value)
+            }
+            ExprKind::Member(..) => match l.resolve(&o.value, place) {
+                crate::elaborate::lower::place::Target::Symbol(symbol) => l.symbols[symbol].path.clone(),
+                _ => crate::elaborate::select::items::reference(&o.value),
+            },
+            _ => {
+                l.ledger.report(
+                    Diagnostic::error(codes::MISSING_CLAUSE, "an observed expression needs a name", o.span)
+                        .help("write `observe name = expression in low..high`"),
+                );
+                "observation".to_owned()
+            }
+        },
+    };
+    if o.binders.is_empty() {
+        return base;
+    }
+    let labels: Vec<String> = o.binders.iter().map(|b| l.symbols.bound_label(&b.name.text, place)).collect();
+    format!("{base}[{}]", labels.join(","))
+}
+
+fn element_name(l: &mut Lowering<'_, '_>, symbol: SymbolId, index: &[Expr], place: &Place) -> Option<String> {
+    let (axes, pattern) = match &l.symbols[symbol].kind {
+        SymbolKind::Variable { axes, declaration, .. } | SymbolKind::Let { axes, declaration, .. } => {
+            (axes.clone(), declaration.pattern.clone())
+        }
+        SymbolKind::Table { axes, .. } => (Rc::clone(axes), None),
+        _ => return None,
+    };
+    let path = l.symbols[symbol].path.clone();
+    let (_, bounds) = l.address(symbol, &axes, index, index.first()?.span, place)?;
+    let labels: Vec<String> = bounds
+        .iter()
+        .map(|b| match b {
+            Bound::Member(set, i) => l.symbols.sets[*set].labels[*i].clone(),
+            Bound::Cell(_, c) => (c.first + 1).to_string(),
+            _ => String::new(),
+        })
+        .collect();
+    let joined = labels.join(",");
+    Some(match pattern {
+        Some(pattern) => pattern.replace("{}", &joined),
+        None => format!("{path}[{joined}]"),
+    })
+}
+
+/// The array that a bare name means.
+fn whole_array(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> Option<(SymbolId, Rc<[Axis]>)> {
+    if !matches!(e.kind, ExprKind::Name(_) | ExprKind::Member(..)) {
+        return None;
+    }
+    if let ExprKind::Name(n) = &e.kind
+        && (place.bound(&n.text).is_some() || l.symbols.lookup(place.scope, &n.text).is_none())
+    {
+        return None;
+    }
+    let crate::elaborate::lower::place::Target::Symbol(symbol) = l.resolve(e, place) else { return None };
+    match &l.symbols[symbol].kind {
+        SymbolKind::Variable { axes, .. } | SymbolKind::Let { axes, .. } if !axes.is_empty() => Some((symbol, axes.clone())),
+        _ => None,
+    }
+}
+
+fn observe_array(l: &mut Lowering<'_, '_>, o: &Observation, symbol: SymbolId, axes: &[Axis], place: &Place, out: &mut Observations) {
+    let var = match &l.symbols[symbol].kind {
+        SymbolKind::Variable { var, .. } => Some(*var),
+        _ => None,
+    };
+    if let Some(var) = var
+        && let Some(q) = l.quantities.get(&var).cloned()
+    {
+        let SymbolKind::Variable { unit, .. } = &l.symbols[symbol].kind else { return };
+        let unit = unit.clone();
+        let a = attributes(l, o, &unit, place);
+        observe_elements(l, var, &q, &a, out);
+        return;
+    }
+    // An indexed `let`: one observation a member.
+    let mut binders = Vec::new();
+    let mut index = Vec::new();
+    for &axis in axes {
+        let name = Ident { text: l.symbols.axis_name(axis).to_owned(), span: o.value.span };
+        index.push(Expr { span: o.value.span, kind: ExprKind::Name(name.clone()) });
+        binders.push(Binder { name, over: BinderSet::Itself, span: o.value.span });
+    }
+    let value = Expr { span: o.value.span, kind: ExprKind::Index(Box::new(o.value.clone()), index) };
+    let each = Observation { value, binders: Vec::new(), name: None, ..o.clone() };
+    let pieces = l.nest(&binders, place, &mut |s, inner| {
+        let v = s.value(&each.value, inner);
+        let unit = v.unit.unit();
+        let name = observation_name(s, &each, inner);
+        let a = attributes(s, &each, &unit, inner);
+        (name, unit, v.expr, a)
+    });
+    for Piece { extents, value: (name, unit, expr, a) } in pieces {
+        if extents.is_empty() {
+            push_observation(l, name, &unit.to_string(), expr, &a, o, out);
+        }
+    }
+}
+
+/// All elements of a variable in storage order, as one loop.
+fn observe_elements(l: &mut Lowering<'_, '_>, var: VarId, q: &Quantity, a: &Attributes, out: &mut Observations) {
+    let base = out.names.len() as i64;
+    let len = l.symbols.vars[var].len;
+    let (extents, offset) = if len == 1 { (Vec::new(), Affine::default()) } else { (vec![len], Affine::along(0, LoopVar(0), 1)) };
+    let value = l.exprs.load(var, crate::ir::Flavour::Value, offset);
+    let s = store(Memory::Out, Affine::constant(base).plus(offset), value);
+    out.nests.push(Nest { extents, stores: vec![s] });
+    for i in 0..len as usize {
+        out.names.push(observed(q, i, a));
+    }
+}
+
+/// Every state, in the order of the outside.
+fn observe_states(l: &mut Lowering<'_, '_>, out: &mut Observations) {
+    let base = out.names.len();
+    let order = state_positions(l);
+    let total: usize = order.iter().map(|(_, list)| list.len()).sum();
+    let none = Attributes { bounds: None, every: 1, delay: 0, noise: 0.0 };
+    let mut names: Vec<Option<Observed>> = vec![None; total];
+    for (var, positions) in order {
+        let Some(q) = l.quantities.get(&var).cloned() else { continue };
+        let slots: Vec<u32> = positions.iter().map(|&p| (base + p as usize) as u32).collect();
+        for (i, &p) in positions.iter().enumerate() {
+            names[p as usize] = Some(observed(&q, i, &none));
+        }
+        let len = slots.len() as u32;
+        let (extents, at) = if len == 1 { (Vec::new(), Affine::default()) } else { (vec![len], Affine::along(0, LoopVar(0), 1)) };
+        let value = l.exprs.load(var, crate::ir::Flavour::Value, at);
+        let step = slots.get(1).map_or(0, |s| i64::from(*s) - i64::from(slots[0]));
+        let regular = slots.windows(2).all(|w| i64::from(w[1]) - i64::from(w[0]) == step);
+        let offset = if len == 1 { Affine::constant(i64::from(slots[0])) } else { Affine::along(i64::from(slots[0]), LoopVar(0), step) };
+        if regular {
+            out.nests.push(Nest { extents, stores: vec![store(Memory::Out, offset, value)] });
+        } else {
+            // Two sets inside one cell: one loop a row keeps the positions affine.
+            for (i, &slot) in slots.iter().enumerate() {
+                let value = l.exprs.load(var, crate::ir::Flavour::Value, Affine::constant(i as i64));
+                let s = store(Memory::Out, Affine::constant(i64::from(slot)), value);
+                match out.nests.first_mut().filter(|n| n.extents.is_empty()) {
+                    Some(first) => first.stores.push(s),
+                    None => out.nests.insert(0, Nest { extents: Vec::new(), stores: vec![s] }),
+                }
+            }
+        }
+    }
+    out.names.extend(names.into_iter().flatten());
+}
+
+fn observed(q: &Quantity, i: usize, a: &Attributes) -> Observed {
+    let (low, high) = a.bounds.unwrap_or((Quantity::pick(&q.low, i), Quantity::pick(&q.high, i)));
+    Observed { name: q.element_name(i), unit: q.unit.clone(), low, high, every: a.every, delay: a.delay, noise: a.noise }
+}
+
+impl Symbols<'_> {
+    fn bound_label(&self, name: &str, place: &Place) -> String {
+        match place.bound(name) {
+            Some(Bound::Member(set, i)) => self.sets[*set].labels[*i].clone(),
+            Some(Bound::Cell(_, c)) => (c.first + 1).to_string(),
+            _ => String::new(),
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! Nests of loops over binders.
+
+use smpl_dsl::syntax::Binder;
+
+use crate::elaborate::lower::Lowering;
+use crate::elaborate::lower::loops::Cell;
+use crate::elaborate::lower::place::{BinderValue, Bound, Place};
+use crate::elaborate::symbols::{Axis, Symbols};
+use crate::ir::{Affine, ExprId, LoopVar, VarId};
+
+/// Something elaborated inside a nest of loops.
+#[derive(Clone, Debug)]
+pub struct Piece<T> {
+    /// Extents of the loops, the outermost first.
+    pub extents: Vec<u32>,
+    /// What was made.
+    pub value: T,
+}
+
+impl Lowering<'_, '_> {
+    /// Elaborates `body` for everything that the binders run over: sets written out, cells as loops.
+    pub(in crate::elaborate) fn nest<T>(
+        &mut self,
+        binders: &[Binder],
+        place: &Place,
+        body: &mut dyn FnMut(&mut Self, &Place) -> T,
+    ) -> Vec<Piece<T>> {
+        self.nest_of(binders, place, false, body)
+    }
+
+    /// As [`Self::nest`], with ranges of numbers as loops where `body` does not [refuse](Self::refuse).
+    pub(in crate::elaborate) fn looped_nest<T>(
+        &mut self,
+        binders: &[Binder],
+        place: &Place,
+        body: &mut dyn FnMut(&mut Self, &Place) -> T,
+    ) -> Vec<Piece<T>> {
+        self.nest_of(binders, place, true, body)
+    }
+
+    fn nest_of<T>(&mut self, binders: &[Binder], place: &Place, runs: bool, body: &mut dyn FnMut(&mut Self, &Place) -> T) -> Vec<Piece<T>> {
+        let Some((binder, rest)) = binders.split_first() else {
+            return vec![Piece { extents: Vec::new(), value: body(self, place) }];
+        };
+        if runs
+            && let Some(range) = self.run_of(binder, place)
+            && let Some(pieces) =
+                self.attempt(|s| s.looped(binder, range, Bound::Run, place, &mut |s, inner| s.nest_of(rest, inner, runs, body)))
+        {
+            return pieces;
+        }
+        let mut out = Vec::new();
+        for value in self.bindings_of(binder, place) {
+            if !self.ledger.may_write_out(binder.span) {
+                break;
+            }
+            let (low, high) = match &value {
+                BinderValue::One(bound) => {
+                    let inner = place.bind(&binder.name.text, bound.clone());
+                    out.extend(self.nest_of(rest, &inner, runs, body));
+                    continue;
+                }
+                BinderValue::Cells(_, low, high) => (*low, *high),
+                BinderValue::Elements(_, len) => (0, len - 1),
+            };
+            let bound = |cell: Cell| match &value {
+                BinderValue::Elements(symbol, _) => Bound::Element(*symbol, cell.affine()),
+                BinderValue::Cells(domain, ..) => Bound::Cell(*domain, cell),
+                BinderValue::One(bound) => bound.clone(),
+            };
+            out.extend(self.looped(binder, (low, high), bound, place, &mut |s, inner| s.nest_of(rest, inner, runs, body)));
+        }
+        out
+    }
+
+    /// The pieces of a loop, with what `body` makes in it.
+    fn looped<T>(
+        &mut self,
+        binder: &Binder,
+        (low, high): (i64, i64),
+        bound: impl Fn(Cell) -> Bound,
+        place: &Place,
+        body: &mut dyn FnMut(&mut Self, &Place) -> Vec<Piece<T>>,
+    ) -> Vec<Piece<T>> {
+        let mut out = Vec::new();
+        let pieces = self.cells(low, high, binder.span, place, &mut |s, cell, inner| body(s, &inner.bind(&binder.name.text, bound(cell))));
+        for (cell, list) in pieces {
+            for piece in list {
+                let mut extents = Vec::with_capacity(piece.extents.len() + 1);
+                extents.extend(cell.along.map(|_| cell.count as u32));
+                extents.extend(piece.extents);
+                out.push(Piece { extents, value: piece.value });
+            }
+        }
+        out
+    }
+}
+
+impl Symbols<'_> {
+    /// Address of the element that bound index names mean.
+    pub(in crate::elaborate) fn bound_address(&self, axes: &[Axis], indices: &[Binder], place: &Place) -> Affine {
+        let mut at = Affine::default();
+        for (&axis, binder) in axes.iter().zip(indices) {
+            let part = match place.bound(&binder.name.text) {
+                Some(Bound::Member(_, i)) => Affine::constant(*i as i64),
+                Some(Bound::Cell(_, c)) => c.affine(),
+                Some(Bound::Run(numbers)) => match axis {
+                    Axis::Set(set) => numbers.shifted(-self.sets[set].first.unwrap_or(0)).affine(),
+                    Axis::Domain(_) => numbers.shifted(-1).affine(),
+                },
+                _ => Affine::default(),
+            };
+            at = at.times(self.axis_len(axis)).plus(part);
+        }
+        at
+    }
+
+    /// One value for all elements of a variable.
+    pub(in crate::elaborate) fn whole(&self, var: VarId, value: ExprId) -> Piece<(Affine, ExprId)> {
+        match self.vars[var].len {
+            1 => Piece { extents: Vec::new(), value: (Affine::default(), value) },
+            len => Piece { extents: vec![len], value: (Affine::along(0, LoopVar(0), 1), value) },
+        }
+    }
+}
+
+/// Calls `f` with the address of every pass of a nest.
+pub fn for_each_element(extents: &[u32], at: Affine, f: &mut dyn FnMut(i64)) {
+    fn pass(extents: &[u32], depth: usize, at: i64, strides: &[i64], f: &mut dyn FnMut(i64)) {
+        match extents.get(depth) {
+            None => f(at),
+            Some(&n) => {
+                for i in 0..i64::from(n) {
+                    pass(extents, depth + 1, at + i * strides[depth], strides, f);
+                }
+            }
+        }
+    }
+    pass(extents, 0, at.offset, &at.strides, f);
+}

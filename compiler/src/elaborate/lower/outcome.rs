@@ -1,0 +1,43 @@
+//! What the names of the episode stand for: `success`, `failure`, `timeout`, `reward`, `observations`.
+
+use smpl_dsl::syntax::Ident;
+
+use crate::elaborate::lower::Lowering;
+use crate::elaborate::lower::value::{Measure, Value};
+use crate::ir::ExprId;
+use crate::model::BoxItem;
+
+/// What the names `success`, `failure`, `timeout` and `reward` stand for.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::elaborate) struct Outcome {
+    /// `success`
+    pub success: ExprId,
+    /// `failure`
+    pub failure: ExprId,
+    /// `timeout`
+    pub timeout: ExprId,
+    /// `reward`, once it is known.
+    pub reward: Option<ExprId>,
+}
+
+/// Names that stand for something once that is known.
+#[derive(Debug, Default)]
+pub(in crate::elaborate) struct EpisodeNames {
+    /// Of the outcome.
+    pub outcome: Option<Outcome>,
+    /// Observed numbers with their boxes, for failures on the observation box.
+    pub observed: Vec<(BoxItem, ExprId)>,
+}
+
+impl Lowering<'_, '_> {
+    /// `success`, `failure`, `timeout`, `reward` in an expression.
+    pub(in crate::elaborate) fn outcome_name(&mut self, name: &Ident) -> Option<Value> {
+        let outcome = self.names.outcome?;
+        Some(match name.text.as_str() {
+            "success" => Value::truth(outcome.success),
+            "failure" => Value::truth(outcome.failure),
+            "timeout" => Value::truth(outcome.timeout),
+            _ => Value { expr: outcome.reward?, unit: Measure::Bare },
+        })
+    }
+}

@@ -1,0 +1,189 @@
+//! Nests of loops over binders, the order of declarations, and the numbers that declarations give.
+
+use crate::elaborate::lower::defaults::mentions;
+use crate::elaborate::lower::nests::Piece;
+use crate::elaborate::lower::nests::for_each_element;
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::syntax::{Declaration, Expr};
+use smpl_dsl::units::Unit;
+
+use crate::elaborate::ledger::Ledger;
+use crate::elaborate::lower::Lowering;
+use crate::elaborate::lower::place::{Place, Site};
+use crate::elaborate::lower::units;
+use crate::elaborate::outside::{check_initial, check_range, check_settings};
+use crate::elaborate::symbols::{Axis, SymbolId, SymbolKind};
+use crate::ir::{Affine, ExprId, Role, VarId};
+use crate::model::Quantity;
+
+/// Numbers of every declared variable: bounds, default, scale. Parameters come first, since others may depend on them.
+pub(in crate::elaborate) fn declare_defaults(l: &mut Lowering<'_, '_>) {
+    let symbols: Vec<(SymbolId, VarId)> = l
+        .symbols
+        .list
+        .iter()
+        .filter_map(|(id, s)| match s.kind {
+            SymbolKind::Variable { var, .. } => Some((id, var)),
+            _ => None,
+        })
+        .collect();
+    for &(symbol, var) in &symbols {
+        if l.symbols.vars[var].role == Role::Param {
+            l.know(symbol);
+        }
+    }
+    for (symbol, var) in symbols {
+        let quantity = quantity(l, symbol);
+        l.quantities.insert(var, quantity);
+    }
+    check_settings(l);
+    check_initial(l);
+}
+
+/// Bounds, default and scale of a variable as numbers.
+fn quantity(l: &mut Lowering<'_, '_>, symbol: SymbolId) -> Quantity {
+    let SymbolKind::Variable { var, axes, unit, declaration } = l.symbols[symbol].kind.clone() else {
+        return empty_quantity();
+    };
+    let path = l.symbols[symbol].path.clone();
+    let role = l.symbols.vars[var].role;
+    let is_port = l.symbols.ports.contains(&var);
+    let mut default = vec![f64::NAN];
+    if !is_port && !matches!(role, Role::Discrete) {
+        let pieces = l.default_pieces(symbol, Site::Reset);
+        default = numbers(l, var, pieces);
+    }
+    let bounds = declaration.bounds.as_ref();
+    let low = declared_number(l, symbol, &axes, &unit, declaration, bounds.map(|b| &b.0), f64::NEG_INFINITY);
+    let high = declared_number(l, symbol, &axes, &unit, declaration, bounds.map(|b| &b.1), f64::INFINITY);
+    if let Some((a, b)) = bounds
+        && low.iter().zip(&high).any(|(l, h)| l > h)
+    {
+        l.ledger.report(Diagnostic::error(
+            codes::BAD_SETTING,
+            format!("the bounds of `{path}` are the wrong way round"),
+            a.span.to(b.span),
+        ));
+    }
+    let difference = units::difference(&unit);
+    let mut scale = declared_number(l, symbol, &axes, &difference, declaration, declaration.scale.as_ref(), f64::NAN);
+    if let Some(e) = &declaration.scale
+        && let Some(bad) = scale.iter().find(|s| s.is_infinite() || **s <= 0.0)
+    {
+        let message = format!("the scale of `{path}` must be a positive number, it is {bad}");
+        l.ledger.report(Diagnostic::error(codes::BAD_SETTING, message, e.span));
+    }
+    let n = scale.len().max(low.len()).max(high.len());
+    if scale.iter().any(|s| s.is_nan()) {
+        scale = (0..n)
+            .map(|i| {
+                let range = Quantity::pick(&high, i) - Quantity::pick(&low, i);
+                if range.is_finite() && range > 0.0 { range } else { 1.0 }
+            })
+            .collect();
+    }
+    if role == Role::Action {
+        l.ledger.check_action(&path, declaration, &low, &high, &default);
+    }
+    let quantity = Quantity {
+        var: Some(var),
+        name: path,
+        axes: l.symbols.model_axes(&axes),
+        pattern: declaration.pattern.clone(),
+        unit: unit.to_string(),
+        text: declaration.text.clone().unwrap_or_default(),
+        low,
+        high,
+        default,
+        scale,
+        affine_unit: units::is_point(&unit),
+        structural: false,
+    };
+    if role == Role::Param {
+        check_range(l, symbol, &quantity);
+    }
+    quantity
+}
+
+/// Numbers of the elements; one for all where they are equal.
+fn numbers(l: &mut Lowering<'_, '_>, var: VarId, pieces: Vec<Piece<(Affine, ExprId)>>) -> Vec<f64> {
+    if let [piece] = pieces.as_slice() {
+        let value = piece.value.1;
+        return vec![l.constant_value(value).unwrap_or(f64::NAN)];
+    }
+    let mut out = vec![f64::NAN; l.symbols.vars[var].len as usize];
+    for piece in pieces {
+        let (at, value) = piece.value;
+        let Some(x) = l.constant_value(value) else { continue };
+        for_each_element(&piece.extents, at, &mut |i| {
+            if let Some(slot) = out.get_mut(i as usize) {
+                *slot = x;
+            }
+        });
+    }
+    out
+}
+
+fn declared_number(
+    l: &mut Lowering<'_, '_>,
+    symbol: SymbolId,
+    axes: &[Axis],
+    unit: &Unit,
+    d: &Declaration,
+    e: Option<&Expr>,
+    absent: f64,
+) -> Vec<f64> {
+    let Some(e) = e else { return vec![absent] };
+    let SymbolKind::Variable { var, .. } = l.symbols[symbol].kind else { return vec![absent] };
+    let place = Place::new(l.symbols[symbol].scope, Site::Dynamics);
+    let what = format!("`{}`", d.name.text);
+    let mut pieces = Vec::new();
+    if axes.is_empty() || !mentions(e, &d.indices) {
+        let value = l.number_in(e, unit, &what, d.span, &place);
+        pieces.push(l.symbols.whole(var, value));
+    } else {
+        pieces = l.nest(&d.indices, &place, &mut |s, inner| {
+            (s.symbols.bound_address(axes, &d.indices, inner), s.number_in(e, unit, &what, d.span, inner))
+        });
+    }
+    let numbers = numbers(l, var, pieces);
+    if numbers.iter().any(|x| x.is_nan()) && !l.ledger.reports.has_errors() {
+        l.ledger.missing_value("a bound or scale", e.span);
+    }
+    numbers
+}
+
+impl Ledger {
+    fn check_action(&mut self, path: &str, d: &Declaration, low: &[f64], high: &[f64], nominal: &[f64]) {
+        if !low.iter().chain(high).all(|x| x.is_finite()) {
+            self.report(
+                Diagnostic::error(codes::MISSING_CLAUSE, format!("the action `{path}` needs finite bounds"), d.name.span)
+                    .help("write `in low..high`"),
+            );
+        } else if nominal.iter().enumerate().any(|(i, &x)| x < Quantity::pick(low, i) || x > Quantity::pick(high, i)) {
+            self.report(Diagnostic::warning(
+                codes::BAD_SETTING,
+                format!("the nominal value of `{path}` lies outside its bounds"),
+                d.name.span,
+            ));
+        }
+    }
+}
+
+/// A quantity of nothing.
+fn empty_quantity() -> Quantity {
+    Quantity {
+        var: None,
+        name: String::new(),
+        axes: Vec::new(),
+        pattern: None,
+        unit: String::new(),
+        text: String::new(),
+        low: Vec::new(),
+        high: Vec::new(),
+        default: Vec::new(),
+        scale: Vec::new(),
+        affine_unit: false,
+        structural: false,
+    }
+}

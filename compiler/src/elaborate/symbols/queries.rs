@@ -1,0 +1,148 @@
+//! What is asked of the symbols.
+
+use smpl_dsl::syntax::StatementKind;
+
+use crate::elaborate::select::items::Item;
+use crate::elaborate::symbols::{Axis, ScopeId, SymbolId, SymbolKind, Symbols};
+use crate::ir::{Affine, Expr as Node, ExprId, Exprs, FastMap, FastSet, Role, VarId};
+use crate::model;
+
+impl<'a> Symbols<'a> {
+    /// What an expression depends on that is no parameter, for messages.
+    pub(in crate::elaborate) fn varying(&self, exprs: &Exprs, e: ExprId) -> Option<String> {
+        let mut seen = std::collections::HashSet::new();
+        let mut stack = vec![e];
+        while let Some(e) = stack.pop() {
+            if !seen.insert(e) {
+                continue;
+            }
+            match exprs.node(e) {
+                Node::Time => return Some(format!("the time `{}`", self.time_name)),
+                Node::Load { var, .. } => {
+                    let name = &self.vars[var].name;
+                    let what = match self.vars[var].role {
+                        Role::State => "the state",
+                        Role::Algebraic => "the algebraic variable",
+                        Role::Action => "the action",
+                        Role::Discrete => "the discrete variable",
+                        Role::Disturbance => "the disturbance",
+                        Role::Builtin => return Some("the clock".to_owned()),
+                        Role::Quadrature => return Some("an integral over the step".to_owned()),
+                        _ => continue,
+                    };
+                    return Some(format!("{what} `{name}`"));
+                }
+                _ => stack.extend(exprs.operands(e)),
+            }
+        }
+        None
+    }
+
+    /// Elements of parameters that an expression loads.
+    pub(in crate::elaborate) fn parameters_in(&self, exprs: &Exprs, e: ExprId) -> Vec<(VarId, Affine)> {
+        let mut seen = FastSet::default();
+        let mut stack = vec![e];
+        let mut out = Vec::new();
+        while let Some(e) = stack.pop() {
+            if !seen.insert(e) {
+                continue;
+            }
+            if let Node::Load { var, at, .. } = exprs.node(e)
+                && self.vars[var].role == Role::Param
+            {
+                out.push((var, at));
+            }
+            stack.extend(exprs.operands(e));
+        }
+        out
+    }
+
+    pub(in crate::elaborate) fn model_axes(&self, axes: &[Axis]) -> Vec<model::Axis> {
+        axes.iter()
+            .map(|&axis| match axis {
+                Axis::Domain(d) => model::Axis::Numbers { first: 1, count: self.domains[d].cells as u32 },
+                Axis::Set(s) => {
+                    let set = &self.sets[s];
+                    match set.first {
+                        Some(first) => model::Axis::Numbers { first, count: set.labels.len() as u32 },
+                        None => model::Axis::Names(set.labels.clone()),
+                    }
+                }
+            })
+            .collect()
+    }
+
+    pub(in crate::elaborate) fn walk(&self, scope: ScopeId, blocks: &FastMap<ScopeId, &[Item<'a>]>, out: &mut Vec<SymbolId>) {
+        let Some(items) = blocks.get(&scope) else {
+            // A port: its members in the order of declaration.
+            let mut members: Vec<SymbolId> = self.scopes[scope].names.values().copied().collect();
+            members.sort_unstable();
+            out.extend(members);
+            return;
+        };
+        let own = |name: &str| self.scopes[scope].names.get(name).copied();
+        for item in *items {
+            match item {
+                Item::Declare(_, d) => out.extend(own(&d.name.text)),
+                Item::Other(statement) => match &statement.kind {
+                    StatementKind::Instance { name, .. } => match own(&name.text).map(|s| &self[s].kind) {
+                        Some(SymbolKind::Instance(inner)) => self.walk(*inner, blocks, out),
+                        Some(SymbolKind::Instances(row)) => {
+                            for (_, inner) in &row.list {
+                                self.walk(*inner, blocks, out);
+                            }
+                        }
+                        _ => {}
+                    },
+                    StatementKind::Port { names, .. } => {
+                        for name in names {
+                            if let Some(SymbolKind::Instance(port)) = own(&name.text).map(|s| &self[s].kind) {
+                                self.walk(*port, blocks, out);
+                            }
+                        }
+                    }
+                    _ => {}
+                },
+                _ => {}
+            }
+        }
+    }
+
+    /// The element of an array that a flattened name means: `c[water,3]`, or `n7` where the names are made so.
+    pub(in crate::elaborate) fn element_named(&self, symbol: SymbolId, name: &str) -> Option<i64> {
+        let SymbolKind::Variable { axes, declaration, .. } = &self[symbol].kind else { return None };
+        let (before, after) = match &declaration.pattern {
+            Some(pattern) => pattern.split_once("{}")?,
+            None => (self[symbol].path.as_str(), ""),
+        };
+        let mut inner = name.strip_prefix(before)?.strip_suffix(after)?;
+        if declaration.pattern.is_none() {
+            inner = inner.strip_prefix('[')?.strip_suffix(']')?;
+        }
+        let labels: Vec<&str> = inner.split(',').map(str::trim).collect();
+        if axes.is_empty() || labels.len() != axes.len() {
+            return None;
+        }
+        axes.iter().zip(labels).try_fold(0, |at, (&axis, label)| {
+            let len = self.axis_len(axis);
+            let member = match axis {
+                Axis::Set(set) => self.sets[set].labels.iter().position(|l| l == label).map(|i| i as i64),
+                Axis::Domain(_) => label.parse::<i64>().ok().map(|i| i - 1),
+            };
+            member.filter(|i| (0..len).contains(i)).map(|i| at * len + i)
+        })
+    }
+
+    pub(in crate::elaborate) fn variables<const N: usize>(&self, roles: [Role; N]) -> impl Iterator<Item = (Role, SymbolId)> + '_ {
+        let of = move |s: SymbolId| match &self[s].kind {
+            SymbolKind::Variable { var, .. } => Some((self.vars[*var].role, s)).filter(|(role, _)| roles.contains(role)),
+            _ => None,
+        };
+        self.list.keys().filter_map(of)
+    }
+
+    /// Whether the model has a parameter of that name.
+    pub(in crate::elaborate) fn parameters_named(&self, name: &str) -> bool {
+        self.variables([Role::Param]).any(|(_, s)| self[s].path == name)
+    }
+}
