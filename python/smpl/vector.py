@@ -43,6 +43,8 @@ else:
 
 
 BoolArray = npt.NDArray[np.bool_]
+# Those that every info has.
+INFO_KEYS = ("time", "failure", "success", "success_name", "constraints", "cost", "rewards")
 StepResult = tuple[Observation, FloatArray, BoolArray, BoolArray, dict[str, Any]]
 
 
@@ -104,6 +106,12 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._options = (num_envs, *flags, limit, method, self.num_threads, mode)
         self._native = _native.Batch(compiled.native, *self._options)
         self.constraint_names = tuple(self._native.constraint_names)
+        self._masked = tuple(f"_{key}" for key in INFO_KEYS)
+        self._masked_constraints = tuple(f"_{name}" for name in self.constraint_names)
+        self._masked_rewards = tuple(f"_{name}" for name in self.reward_names)
+        self._mask_count = len(self._masked) + 2 + len(self.constraint_names) + len(self.reward_names)
+        self._no_texts = np.empty(num_envs, dtype=object)
+        self._no_texts.fill("")
         self._seeded = False
 
     def reset(
@@ -124,7 +132,7 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         one = isinstance(seed, (int, np.integer))
         super().reset(seed=check_seed(seed) if one else None)
         observations, info = self._native.reset(mask, self._given_seeds(seed), start)
-        return observations, self._infos(info, mask)
+        return observations, self._infos(info, self._masks(mask))
 
     def step(self, actions: npt.ArrayLike) -> StepResult:
         """Step all sub-environments; those that have ended are dealt with as `autoreset_mode` says.
@@ -138,7 +146,7 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         if values.shape != expected:
             raise ValueError(f"actions has shape {values.shape}, expected {expected}")
         observations, rewards, terminated, truncated, info, final = self._native.step(values)
-        infos = self._infos(info, np.ones(self.num_envs, dtype=np.bool_))
+        infos = self._infos(info, np.ones((self._mask_count, self.num_envs), dtype=np.bool_))
         if final is not None:
             infos.update(self._final(*final))
         return observations, rewards, terminated, truncated, infos
@@ -223,35 +231,47 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         return {
             "final_obs": final,
             "_final_obs": ended,
-            "final_info": self._infos(info, ended),
+            "final_info": self._infos(info, self._masks(ended)),
             "_final_info": ended.copy(),
         }
 
     def _texts(self, given: Sequence[str] | None) -> npt.NDArray[np.object_]:
         """One text for each sub-environment, empty where there is none."""
-        texts = np.full(self.num_envs, "", dtype=object)
+        texts = self._no_texts.copy()
         if given is not None:
             texts[:] = given
         return texts
 
-    def _infos(self, info: _native.BatchInfo, mask: BoolArray) -> dict[str, Any]:
-        """Arrays of the compiled module as Gymnasium's vector info."""
+    def _masks(self, mask: BoolArray) -> BoolArray:
+        """A copy of a mask for every key of the infos."""
+        return np.repeat(mask[np.newaxis], self._mask_count, axis=0)
+
+    def _infos(self, info: _native.BatchInfo, masks: BoolArray) -> dict[str, Any]:
+        """Arrays of the compiled module as Gymnasium's vector info; each key has a row of the masks for its own."""
         time, success, failures, constraints, cost, rewards, state, phases, successes = info
-        failure, success_name = self._texts(failures), self._texts(successes)
+        rows = iter(masks)
+        # Rows of a fresh matrix, and so are the masks: an array for each, and one allocation for all.
+        violations = dict(zip(self.constraint_names, constraints, strict=True))
+        violations.update(zip(self._masked_constraints, rows, strict=False))
+        all_rewards = dict(zip(self.reward_names, rewards, strict=True))
+        all_rewards.update(zip(self._masked_rewards, rows, strict=False))
         values: dict[str, Any] = {
             "time": time,
-            "failure": failure,
+            "failure": self._texts(failures),
             "success": success,
-            "success_name": success_name,
-            "constraints": _nested(self.constraint_names, constraints, mask),
+            "success_name": self._texts(successes),
+            "constraints": violations,
             "cost": cost,
-            "rewards": _nested(self.reward_names, rewards, mask),
+            "rewards": all_rewards,
         }
+        values.update(zip(self._masked, rows, strict=False))
         if phases is not None:
             values["phase"] = np.array([self.model.phases[phase] for phase in phases], dtype=object)
+            values["_phase"] = next(rows)
         if state is not None:
             values["state"] = state
-        return _with_masks(values, mask)
+            values["_state"] = next(rows)
+        return values
 
 
 def make_vec(model: Model | str | os.PathLike[str], num_envs: int = 1, **arguments: Any) -> VectorEnv:
@@ -272,16 +292,3 @@ def parse_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
         if member.value.lower() == plain:
             return member
     raise ValueError(f"autoreset_mode is {mode!r}; there are: {', '.join(m.name.lower() for m in AutoresetMode)}")
-
-
-def _with_masks(values: dict[str, Any], mask: BoolArray) -> dict[str, Any]:
-    """Each key followed by its own mask `_key`."""
-    result: dict[str, Any] = {}
-    for key, value in values.items():
-        result[key] = value
-        result[f"_{key}"] = mask.copy()
-    return result
-
-
-def _nested(names: Sequence[str], rows: FloatArray, mask: BoolArray) -> dict[str, Any]:
-    return _with_masks({name: rows[index] for index, name in enumerate(names)}, mask)

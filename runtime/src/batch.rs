@@ -1,7 +1,8 @@
 //! Many instances of one environment, stepped together into the caller's arrays.
 //!
 //! Instance i of a batch with seed s is, bit for bit, the single environment with seed s + i, on any number of threads: instances share
-//! nothing that changes. Threads are used only where a step of the batch is worth waking them.
+//! nothing that changes but for the space in which an integrator works, whose content is forgotten from step to step. Threads are used only where a step
+//! of the batch is worth waking them.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,6 +14,7 @@ use crate::environment::{Environment, ResetError, ResetOptions, Snapshot, Snapsh
 use crate::observe::{Number, denormalise};
 use crate::pool::Pool;
 use crate::setup::{Setup, SetupError};
+use crate::solver::Integrator;
 use crate::steady::SteadyError;
 
 /// When an instance whose episode is over begins the next one.
@@ -184,9 +186,18 @@ enum Fault {
     Reset(ResetError),
 }
 
+/// Instances next to one another, which one thread steps in turn with one integrator: its space stays in the nearest cache.
+struct Crew {
+    integrator: Box<dyn Integrator>,
+    members: Vec<Member>,
+}
+
 /// Many instances of one environment.
 pub struct Batch {
-    members: Vec<Member>,
+    crews: Vec<Crew>,
+    /// Members of a crew; the last one may have fewer.
+    size: usize,
+    count: usize,
     options: BatchOptions,
     pool: Option<Pool>,
     /// Instances are not stepped any more.
@@ -194,6 +205,9 @@ pub struct Batch {
     /// What a step of all instances took of late on one thread.
     serial_cost: Duration,
 }
+
+/// Crews a thread: enough that none waits long for another's last one.
+const CREWS: usize = 8;
 
 /// Work that is worth waking other threads.
 const WORTH_THREADS: Duration = Duration::from_micros(80);
@@ -204,53 +218,61 @@ impl Batch {
     /// # Errors
     /// When the solver refuses the system, or no threads can be made.
     pub fn new(setup: &Arc<Setup>, count: usize, options: BatchOptions) -> Result<Self, BatchError> {
-        let members: Result<Vec<Member>, SetupError> = (0..count).map(|_| Member::new(Arc::clone(setup))).collect();
         let threads = options.threads.min(count).max(1);
         let stop = Arc::default();
         let pool = if threads > 1 { Some(Pool::new(threads, &stop)?) } else { None };
-        Ok(Self { members: members?, options, pool, stop, serial_cost: Duration::ZERO })
+        let size = if threads > 1 { count.div_ceil(CREWS * threads) } else { count.max(1) };
+        let crew = |first: usize| {
+            let members = (first..count.min(first + size)).map(|_| Member::new(Arc::clone(setup))).collect();
+            Ok(Crew { integrator: setup.integrator().map_err(SetupError::from)?, members })
+        };
+        let crews: Result<Vec<Crew>, SetupError> = (0..count).step_by(size).map(crew).collect();
+        Ok(Self { crews: crews?, size, count, options, pool, stop, serial_cost: Duration::ZERO })
+    }
+
+    fn member(&self, index: usize) -> Option<&Member> {
+        self.crews.get(index / self.size)?.members.get(index % self.size)
+    }
+
+    fn members_mut(&mut self) -> impl Iterator<Item = &mut Member> {
+        self.crews.iter_mut().flat_map(|crew| &mut crew.members)
     }
 
     /// Number of instances.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.members.len()
+        self.count
     }
 
     /// Whether there is none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.members.is_empty()
+        self.count == 0
     }
 
     /// An instance.
     #[must_use]
     pub fn environment(&self, index: usize) -> Option<&Environment> {
-        self.members.get(index).map(|m| &m.environment)
-    }
-
-    /// An instance, to be changed.
-    pub fn environment_mut(&mut self, index: usize) -> Option<&mut Environment> {
-        self.members.get_mut(index).map(|m| &mut m.environment)
+        self.member(index).map(|m| &m.environment)
     }
 
     /// Info of the last step (or reset) of an instance.
     #[must_use]
     pub fn info(&self, index: usize) -> Option<&Info> {
-        self.members.get(index).map(|m| &m.info)
+        self.member(index).map(|m| &m.info)
     }
 
     /// With [`Autoreset::SameStep`], observation (as reported) and info of the end of the episode that ended in the last step.
     #[must_use]
     pub fn final_info(&self, index: usize) -> Option<(&[f64], &Info)> {
-        let member = self.members.get(index).filter(|m| m.ended)?;
+        let member = self.member(index).filter(|m| m.ended)?;
         Some((&member.final_observation, &member.final_info))
     }
 
     /// What each instance goes on from, and whether its episode is over, so that its next step begins another one.
     #[must_use]
     pub fn snapshots(&self) -> Vec<(Snapshot, bool)> {
-        self.members.iter().map(|m| (m.environment.snapshot(), m.pending)).collect()
+        self.crews.iter().flat_map(|crew| &crew.members).map(|m| (m.environment.snapshot(), m.pending)).collect()
     }
 
     /// Goes back to snapshots, one an instance. Infos are those of the next step.
@@ -258,8 +280,8 @@ impl Batch {
     /// # Errors
     /// Another number of them, or one of another model: the instances before it are restored then.
     pub fn restore<'a>(&mut self, snapshots: impl ExactSizeIterator<Item = (&'a Snapshot, bool)>) -> Result<(), BatchError> {
-        length("snapshots", snapshots.len(), self.members.len())?;
-        for (index, (member, (snapshot, pending))) in self.members.iter_mut().zip(snapshots).enumerate() {
+        length("snapshots", snapshots.len(), self.count)?;
+        for (index, (member, (snapshot, pending))) in self.members_mut().zip(snapshots).enumerate() {
             member.environment.restore(snapshot).map_err(|error| BatchError::Snapshot { index, error })?;
             member.pending = pending;
             member.ended = false;
@@ -278,26 +300,29 @@ impl Batch {
     /// # Errors
     /// Wrong lengths, or an instance that cannot begin.
     pub fn reset<T: Number>(&mut self, seeds: Option<&[u64]>, mask: Option<&[bool]>, observations: &mut [T]) -> Result<(), BatchError> {
-        let n = self.members.len();
+        let n = self.count;
         length("seeds", seeds.map_or(n, <[u64]>::len), n)?;
         length("reset_mask", mask.map_or(n, <[bool]>::len), n)?;
         let width = self.observation_len();
         length("observations", observations.len(), n * width)?;
         self.begin()?;
-        let (options, stop) = (&self.options, &*self.stop);
-        let task = |(index, (member, out)): (usize, (&mut Member, &mut [T]))| {
-            if mask.is_none_or(|mask| mask[index]) && !stop.load(Ordering::Relaxed) {
-                member.reset(seeds.map(|s| s[index]), &options.reset);
-                member.pass_on(stop);
+        let (options, stop, size, width) = (&self.options, &*self.stop, self.size, width.max(1));
+        let task = |(number, (crew, out)): (usize, (&mut Crew, &mut [T]))| {
+            let Crew { integrator, members } = crew;
+            for ((index, member), out) in (number * size..).zip(members).zip(out.chunks_exact_mut(width)) {
+                if mask.is_none_or(|mask| mask[index]) && !stop.load(Ordering::Relaxed) {
+                    member.reset(seeds.map(|s| s[index]), &options.reset, integrator);
+                    member.pass_on(stop);
+                }
+                member.environment.observe(options.normalised, out);
             }
-            member.environment.observe(options.normalised, out);
         };
-        let members = &mut self.members;
+        let crews = &mut self.crews;
         match &self.pool {
             Some(pool) => pool.run(stop, || {
-                members.par_iter_mut().zip(observations.par_chunks_exact_mut(width.max(1))).enumerate().for_each(task);
+                crews.par_iter_mut().zip(observations.par_chunks_mut(size * width)).enumerate().for_each(task);
             }),
-            None => members.iter_mut().zip(observations.chunks_exact_mut(width.max(1))).enumerate().for_each(task),
+            None => crews.iter_mut().zip(observations.chunks_mut(size * width)).enumerate().for_each(task),
         }
         self.finish()
     }
@@ -305,7 +330,7 @@ impl Batch {
     /// Seeds `seed`, `seed + 1`, ... for all instances.
     #[must_use]
     pub fn seeds(&self, seed: u64) -> Vec<u64> {
-        (0..self.members.len() as u64).map(|i| seed.wrapping_add(i)).collect()
+        (0..self.count as u64).map(|i| seed.wrapping_add(i)).collect()
     }
 
     /// Steps all instances. `actions` has n × actions entries.
@@ -314,7 +339,7 @@ impl Batch {
     /// Wrong lengths, a NaN or an episode that is over with autoreset disabled: then no instance was stepped. An instance that cannot
     /// begin its next episode.
     pub fn step<T: Number>(&mut self, actions: &[f64], arrays: StepArrays<'_, T>) -> Result<(), BatchError> {
-        let n = self.members.len();
+        let n = self.count;
         let (width, inputs) = (self.observation_len(), self.action_len());
         length("actions", actions.len(), n * inputs)?;
         length("observations", arrays.observations.len(), n * width)?;
@@ -323,36 +348,40 @@ impl Batch {
         length("truncated", arrays.truncated.len(), n)?;
         self.check(actions, inputs)?;
         self.begin()?;
-        let (options, stop) = (&self.options, &*self.stop);
-        let members = &mut self.members;
+        let (options, stop, size, width) = (&self.options, &*self.stop, self.size, width.max(1));
+        let crews = &mut self.crews;
         let StepArrays { observations, rewards, terminated, truncated } = arrays;
-        let task = |((((index, member), out), reward), (terminated, truncated)): Slot<'_, T>| {
-            if stop.load(Ordering::Relaxed) {
-                return;
+        let task = |((((number, crew), out), rewards), (terminated, truncated)): Slot<'_, T>| {
+            let flags = terminated.iter_mut().zip(truncated);
+            let slots = out.chunks_exact_mut(width).zip(rewards).zip(flags);
+            for ((index, member), ((out, reward), (terminated, truncated))) in (number * size..).zip(&mut crew.members).zip(slots) {
+                if stop.load(Ordering::Relaxed) {
+                    return;
+                }
+                let result = member.step(&actions[index * inputs..(index + 1) * inputs], options, &mut crew.integrator);
+                (*reward, *terminated, *truncated) = result;
+                member.pass_on(stop);
+                member.environment.observe(options.normalised, out);
             }
-            let result = member.step(&actions[index * inputs..(index + 1) * inputs], options);
-            (*reward, *terminated, *truncated) = result;
-            member.pass_on(stop);
-            member.environment.observe(options.normalised, out);
         };
         let parallel = self.pool.as_ref().filter(|_| self.serial_cost > WORTH_THREADS);
         let begin = Instant::now();
         match parallel {
             Some(pool) => pool.run(stop, || {
-                members
+                crews
                     .par_iter_mut()
                     .enumerate()
-                    .zip(observations.par_chunks_exact_mut(width.max(1)))
-                    .zip(rewards.par_iter_mut())
-                    .zip(terminated.par_iter_mut().zip(truncated.par_iter_mut()))
+                    .zip(observations.par_chunks_mut(size * width))
+                    .zip(rewards.par_chunks_mut(size))
+                    .zip(terminated.par_chunks_mut(size).zip(truncated.par_chunks_mut(size)))
                     .for_each(task);
             }),
-            None => members
+            None => crews
                 .iter_mut()
                 .enumerate()
-                .zip(observations.chunks_exact_mut(width.max(1)))
-                .zip(rewards.iter_mut())
-                .zip(terminated.iter_mut().zip(truncated.iter_mut()))
+                .zip(observations.chunks_mut(size * width))
+                .zip(rewards.chunks_mut(size))
+                .zip(terminated.chunks_mut(size).zip(truncated.chunks_mut(size)))
                 .for_each(task),
         }
         let threads = parallel.map_or(1, |pool| pool.threads()) as u32;
@@ -362,7 +391,7 @@ impl Batch {
 
     /// Refuses before anything is stepped.
     fn check(&self, actions: &[f64], inputs: usize) -> Result<(), BatchError> {
-        for (index, member) in self.members.iter().enumerate() {
+        for (index, member) in self.crews.iter().flat_map(|crew| &crew.members).enumerate() {
             if member.pending {
                 continue;
             }
@@ -386,7 +415,7 @@ impl Batch {
         if !self.stop.load(Ordering::Relaxed) {
             return self.first_fault();
         }
-        for member in &mut self.members {
+        for member in self.members_mut() {
             member.environment.abandon();
             (member.pending, member.ended, member.fault) = (false, false, None);
         }
@@ -394,7 +423,7 @@ impl Batch {
     }
 
     fn first_fault(&mut self) -> Result<(), BatchError> {
-        for (index, member) in self.members.iter_mut().enumerate() {
+        for (index, member) in self.members_mut().enumerate() {
             match member.fault.take() {
                 Some(Fault::Step(error)) => return Err(BatchError::Step { index, error }),
                 Some(Fault::Reset(error)) => return Err(BatchError::Reset { index, error }),
@@ -405,22 +434,22 @@ impl Batch {
     }
 
     fn observation_len(&self) -> usize {
-        self.members.first().map_or(0, |m| m.environment.observation_len())
+        self.member(0).map_or(0, |m| m.environment.observation_len())
     }
 
     fn action_len(&self) -> usize {
-        self.members.first().map_or(0, |m| m.environment.catalogue().actions.len())
+        self.member(0).map_or(0, |m| m.environment.catalogue().actions.len())
     }
 }
 
-/// What a task of a step gets: instance, its observations, reward and flags.
-type Slot<'a, T> = ((((usize, &'a mut Member), &'a mut [T]), &'a mut f64), (&'a mut bool, &'a mut bool));
+/// What a task of a step gets: instances, their observations, rewards and flags.
+type Slot<'a, T> = ((((usize, &'a mut Crew), &'a mut [T]), &'a mut [f64]), (&'a mut [bool], &'a mut [bool]));
 
 impl Member {
-    fn new(setup: Arc<Setup>) -> Result<Self, SetupError> {
-        let environment = Environment::new(setup)?;
+    fn new(setup: Arc<Setup>) -> Self {
+        let environment = Environment::without_integrator(setup);
         let info = Info::sized(&environment);
-        Ok(Self {
+        Self {
             pending: false,
             action: vec![0.0; environment.catalogue().actions.len()],
             final_observation: vec![0.0; environment.observation_len()],
@@ -429,13 +458,13 @@ impl Member {
             ended: false,
             fault: None,
             environment,
-        })
+        }
     }
 
-    fn reset(&mut self, seed: Option<u64>, options: &ResetOptions) {
+    fn reset(&mut self, seed: Option<u64>, options: &ResetOptions, integrator: &mut Box<dyn Integrator>) {
         self.pending = false;
         self.ended = false;
-        if let Err(error) = self.environment.reset(seed, options) {
+        if let Err(error) = self.environment.with_integrator(integrator, |environment| environment.reset(seed, options)) {
             self.fault = Some(Fault::Reset(error));
         }
         self.info.fill(&mut self.environment);
@@ -454,13 +483,13 @@ impl Member {
     }
 
     /// Reward, terminated, truncated.
-    fn step(&mut self, action: &[f64], options: &BatchOptions) -> (f64, bool, bool) {
+    fn step(&mut self, action: &[f64], options: &BatchOptions, integrator: &mut Box<dyn Integrator>) -> (f64, bool, bool) {
         self.ended = false;
         if self.pending {
-            self.reset(None, &options.reset);
+            self.reset(None, &options.reset, integrator);
             return (0.0, false, false);
         }
-        let result = match self.take_step(action, options.normalised) {
+        let result = match self.take_step(action, options.normalised, integrator) {
             Ok(result) => result,
             Err(error) => {
                 self.fault = Some(Fault::Step(error));
@@ -471,28 +500,30 @@ impl Member {
         if result.terminated || result.truncated {
             match options.autoreset {
                 Autoreset::NextStep => self.pending = true,
-                Autoreset::SameStep => self.begin_anew(options),
+                Autoreset::SameStep => self.begin_anew(options, integrator),
                 Autoreset::Disabled => {}
             }
         }
         (result.reward, result.terminated, result.truncated)
     }
 
-    fn take_step(&mut self, action: &[f64], normalised: bool) -> Result<StepResult, StepError> {
+    /// The action was checked.
+    fn take_step(&mut self, action: &[f64], normalised: bool, integrator: &mut Box<dyn Integrator>) -> Result<StepResult, StepError> {
         if !normalised {
-            return self.environment.step(action);
+            return self.environment.with_integrator(integrator, |environment| environment.step_checked(action));
         }
         let elements = self.environment.catalogue().actions.elements();
         for ((out, &value), element) in self.action.iter_mut().zip(action).zip(elements) {
             *out = denormalise(value, element.low, element.high);
         }
-        self.environment.step(&self.action)
+        let action = &self.action;
+        self.environment.with_integrator(integrator, |environment| environment.step_checked(action))
     }
 
-    fn begin_anew(&mut self, options: &BatchOptions) {
+    fn begin_anew(&mut self, options: &BatchOptions, integrator: &mut Box<dyn Integrator>) {
         self.environment.observe(options.normalised, &mut self.final_observation);
         std::mem::swap(&mut self.info, &mut self.final_info);
-        self.reset(None, &options.reset);
+        self.reset(None, &options.reset, integrator);
         self.ended = true;
     }
 }

@@ -13,6 +13,7 @@ mod snapshot;
 mod trace;
 mod verdict;
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
@@ -30,7 +31,7 @@ use crate::failure::{BOX_SLACK, Cause, Chatter, Failure, NotFinite, SolverFailur
 use crate::observe::{Number, Readings, Sensors};
 use crate::random::EpisodeKey;
 use crate::setup::{Setup, SetupError};
-use crate::solver::{Carried, Edge, Integrator, Statistics, System, integrator};
+use crate::solver::{Absent, Carried, Edge, Integrator, Statistics, System};
 use crate::system::CompiledSystem;
 
 /// What a step ended in. Times are in the model's unit.
@@ -184,6 +185,8 @@ pub struct Environment {
     replay: Vec<Replay>,
     /// Output of the `finish` program.
     finish: Vec<f64>,
+    /// Where its parts lie: failures, successes, constraints, rewards, observations.
+    parts: [Range<usize>; 5],
     scratch: Vec<f64>,
     /// Integrals over the step, its pieces between events added up.
     integrals: Vec<f64>,
@@ -207,10 +210,22 @@ impl Environment {
     /// # Errors
     /// When the solver refuses the system.
     pub fn new(setup: Arc<Setup>) -> Result<Self, SetupError> {
+        let integrator = setup.integrator()?;
+        Ok(Self { integrator, ..Self::without_integrator(setup) })
+    }
+
+    /// An instance that is lent an integrator whenever it is reset or stepped, see [`with_integrator`](Self::with_integrator).
+    pub(crate) fn without_integrator(setup: Arc<Setup>) -> Self {
         let system = setup.system.clone();
         let interface = setup.model().interface();
         let (unknowns, layout) = (setup.model().unknowns(), interface.finish);
         let counts = [2 * layout.failures, layout.successes, layout.constraints, layout.rewards, layout.observations];
+        let mut end = 0;
+        let parts = counts.map(|count| {
+            let begin = end;
+            end += count as usize;
+            begin..end
+        });
         let sensors = Sensors::new(&interface.observations, &setup.noise);
         let progress = Progress {
             key: EpisodeKey::default(),
@@ -235,10 +250,11 @@ impl Environment {
             chatter: None,
             not_finite: None,
         };
-        Ok(Self {
+        Self {
             integrals: vec![0.0; system.region(Region::Quadrature).len()],
-            integrator: integrator(&system, setup.settings.clone())?,
-            finish: vec![0.0; counts.iter().map(|&c| c as usize).sum()],
+            integrator: Box::new(Absent),
+            finish: vec![0.0; end],
+            parts,
             scratch: vec![0.0; unknowns],
             statistics: Statistics::default(),
             drifts: Vec::new(),
@@ -252,7 +268,23 @@ impl Environment {
             sensors,
             system,
             setup,
-        })
+        }
+    }
+
+    /// Does `work` with an integrator that others use too: nothing of a step is left in one, so that the bits are those of an integrator of its own.
+    pub(crate) fn with_integrator<R>(&mut self, integrator: &mut Box<dyn Integrator>, work: impl FnOnce(&mut Self) -> R) -> R {
+        /// Gives it back also when the work panics.
+        struct Loan<'a>(&'a mut Environment, &'a mut Box<dyn Integrator>);
+        impl Drop for Loan<'_> {
+            fn drop(&mut self) {
+                self.0.collect_statistics();
+                self.0.integrator.forget();
+                std::mem::swap(&mut self.0.integrator, self.1);
+            }
+        }
+        std::mem::swap(&mut self.integrator, integrator);
+        let loan = Loan(self, integrator);
+        work(&mut *loan.0)
     }
 
     /// Takes one step with an action in physical units, in the order of the actions.
@@ -261,6 +293,11 @@ impl Environment {
     /// A NaN, a wrong length, no running episode, or an interruption; nothing is stepped then.
     pub fn step(&mut self, action: &[f64]) -> Result<StepResult, StepError> {
         self.check(action)?;
+        self.step_checked(action)
+    }
+
+    /// Takes one step with an action that [`check`](Self::check) has let through.
+    pub(crate) fn step_checked(&mut self, action: &[f64]) -> Result<StepResult, StepError> {
         let excess = self.action_excess(action);
         self.progress.chatter = None;
         let outcome = if action.iter().all(|a| a.is_finite()) {
@@ -336,12 +373,20 @@ impl Environment {
     /// Largest excess of an action over its box, relative to its range; 0 within the slack.
     fn action_excess(&self, action: &[f64]) -> f64 {
         let actions = self.setup.catalogue.actions.elements().iter();
-        let excess = actions.zip(action).map(|(element, &a)| (a - element.high).max(element.low - a) / element.range()).fold(0.0, f64::max);
+        let beyond = actions.zip(action).map(|(element, &a)| (element, (a - element.high).max(element.low - a)));
+        let excess = beyond.filter(|&(_, beyond)| beyond > 0.0).map(|(element, beyond)| beyond / element.range()).fold(0.0, f64::max);
         if excess > BOX_SLACK { excess } else { 0.0 }
     }
 
     fn set_builtin(&mut self, which: Builtin, value: f64) {
-        self.system.region_mut(Region::Builtin)[which as usize] = value;
+        self.set_builtins([(which, value)]);
+    }
+
+    fn set_builtins<const N: usize>(&mut self, values: [(Builtin, f64); N]) {
+        let region = self.system.region_mut(Region::Builtin);
+        for (which, value) in values {
+            region[which as usize] = value;
+        }
     }
 
     /// The setup that this is an instance of.

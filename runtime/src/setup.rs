@@ -13,7 +13,7 @@ use smpl_dsl::diagnostic::SourceMap;
 
 use crate::catalogue::{Catalogue, Element, OutsideBounds, StructuralParameter, UnknownName, check_parameters};
 use crate::random;
-use crate::solver::{LinearSolver, Method, PatternError, Quadratures, Settings, SolveError};
+use crate::solver::{Integrator, LinearSolver, Method, PatternError, Quadratures, Settings, SolveError, integrator};
 use crate::steady::{self, SteadyError};
 use crate::system::CompiledSystem;
 
@@ -153,6 +153,11 @@ pub struct Setup {
 }
 
 impl Setup {
+    /// An integrator for instances.
+    pub(crate) fn integrator(&self) -> Result<Box<dyn Integrator>, SolveError> {
+        integrator(&self.system, self.settings.clone())
+    }
+
     /// Prepares a model. `sources` are the texts that it was compiled from, for messages.
     ///
     /// # Errors

@@ -107,10 +107,9 @@ impl CompiledSystem {
 
     /// Copies one region over another of the same length.
     pub fn copy(&mut self, from: Region, to: Region) {
-        for i in 0..self.memory.region(from).len() {
-            let value = self.memory.region(from)[i];
-            self.memory.region_mut(to)[i] = value;
-        }
+        let (from, to) = (self.memory.layout().range(from), self.memory.layout().range(to));
+        debug_assert_eq!(from.len(), to.len());
+        self.memory.all_mut().copy_within(from, to.start);
     }
 }
 

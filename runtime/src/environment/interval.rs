@@ -78,10 +78,7 @@ impl Environment {
         self.progress.event_time = None;
         self.firings.fill(Firing::default());
         self.last_fired = None;
-        self.set_builtin(Builtin::Steps, f64::from(steps));
-        self.set_builtin(Builtin::Clock, t0);
-        self.set_builtin(Builtin::Failed, 0.0);
-        self.set_builtin(Builtin::ActionExcess, 0.0);
+        self.set_builtins([(Builtin::Steps, f64::from(steps)), (Builtin::Clock, t0), (Builtin::Failed, 0.0), (Builtin::ActionExcess, 0.0)]);
         self.disturb(t0);
         let (model, memory) = self.system.parts();
         if self.setup.has_start {

@@ -15,10 +15,12 @@ impl Environment {
         }
         self.progress.action_excess = excess;
         let ended_inside = !matches!(outcome, Outcome::Completed | Outcome::NotRun);
-        self.set_builtin(Builtin::Failed, f64::from(u8::from(excess > 0.0 || ended_inside)));
-        self.set_builtin(Builtin::ActionExcess, excess);
         let last_step = self.progress.steps + 1 >= self.setup.max_steps;
-        self.set_builtin(Builtin::LastStep, f64::from(u8::from(last_step)));
+        self.set_builtins([
+            (Builtin::Failed, f64::from(u8::from(excess > 0.0 || ended_inside))),
+            (Builtin::ActionExcess, excess),
+            (Builtin::LastStep, f64::from(u8::from(last_step))),
+        ]);
         self.evaluate_finish(self.progress.event_time.unwrap_or_else(|| self.end_time()));
 
         self.collect_failures(outcome, excess);
@@ -36,7 +38,7 @@ impl Environment {
 
     /// The first number that is none, of those that a step is judged by. Without an integration nothing has changed.
     fn not_finite(&self, outcome: Outcome) -> Option<NotFinite> {
-        if outcome == Outcome::NotRun {
+        if outcome == Outcome::NotRun || self.all_finite() {
             return None;
         }
         let infinite = |part: usize| self.finish[self.part(part)].iter().position(|x| !x.is_finite());
@@ -50,6 +52,13 @@ impl Environment {
             .or_else(|| condition(1, 1).map(NotFinite::Success))
             .or_else(|| infinite(2).map(NotFinite::Constraint))
             .or_else(|| infinite(4).map(NotFinite::Observation))
+    }
+
+    /// Whether there is nothing to look for: most steps, by sums of 0 * x, which are zero unless an entry is not finite.
+    fn all_finite(&self) -> bool {
+        let sum = |values: &[f64]| values.iter().map(|x| x * 0.0).sum::<f64>();
+        let undefined = || self.integrator.undefined_event().is_some();
+        sum(&self.finish) + sum(&self.progress.y) + sum(self.discretes()) == 0.0 && !undefined()
     }
 
     /// A state or an algebraic variable that is not finite, or a discrete variable that is not a number.
@@ -70,10 +79,7 @@ impl Environment {
 
     /// Range of a part of the `finish` output: 0 failures, 1 successes, 2 constraints, 3 rewards, 4 observations.
     pub(super) fn part(&self, index: usize) -> std::ops::Range<usize> {
-        let layout = self.setup.model().interface().finish;
-        let lengths = [2 * layout.failures, layout.successes, layout.constraints, layout.rewards, layout.observations];
-        let start: u32 = lengths[..index].iter().sum();
-        start as usize..(start + lengths[index]) as usize
+        self.parts[index].clone()
     }
 
     /// Takes failures and violations from the `finish` output.

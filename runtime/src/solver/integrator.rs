@@ -124,3 +124,54 @@ pub trait Integrator: Send {
     /// Counts of the work done.
     fn statistics(&self) -> Statistics;
 }
+
+/// No integrator: what an instance has that is lent one for each step.
+pub(crate) struct Absent;
+
+impl Integrator for Absent {
+    fn restart(&mut self, _: &mut dyn System, _: f64, _: &[f64], _: Option<&[f64]>) -> Result<(), SolveError> {
+        Err(SolveError::NotStarted)
+    }
+
+    fn advance(&mut self, _: &mut dyn System, _: f64) -> Result<Advance, SolveError> {
+        Err(SolveError::NotStarted)
+    }
+
+    fn forget(&mut self) {}
+
+    fn time(&self) -> f64 {
+        0.0
+    }
+
+    fn state(&self) -> &[f64] {
+        &[]
+    }
+
+    fn derivative(&self) -> &[f64] {
+        &[]
+    }
+
+    fn quadratures(&self) -> &[f64] {
+        &[]
+    }
+
+    fn events(&self) -> &[i32] {
+        &[]
+    }
+
+    fn edges(&self) -> &[Edge] {
+        &[]
+    }
+
+    fn edges_mut(&mut self) -> &mut [Edge] {
+        &mut []
+    }
+
+    fn undefined_event(&self) -> Option<usize> {
+        None
+    }
+
+    fn statistics(&self) -> Statistics {
+        Statistics::default()
+    }
+}

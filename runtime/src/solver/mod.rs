@@ -48,6 +48,7 @@ mod watch;
 
 pub use error::{IdaFlag, SolveError};
 pub use ida::Ida;
+pub(crate) use integrator::Absent;
 pub use integrator::{Advance, Carried, Integrator, Statistics, integrator};
 pub use linear::Method as LinearMethod;
 pub use onestep::OneStep;
