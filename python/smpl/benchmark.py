@@ -1,19 +1,18 @@
 """`python -m smpl.benchmark --suite control --budget smoke`: the benchmark, one folder a run, resumed where it stopped.
 
-A run is an environment, a controller and a seed. Its folder has `configuration.json` (what was run, by which versions)
-and, when it is finished, `scores.json`. The command writes `table.md` and `table.json` over all runs.
+A run is an environment, a controller or an algorithm, and a seed. Its folder has `configuration.json` (what was run,
+by which versions), what training needs to go on, and, when it is finished, `scores.json`. The command writes `table.md`
+and `table.json` over all runs, and figures.
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib.metadata
 import json
 import os
-import platform
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -22,14 +21,16 @@ import numpy as np
 from smpl._native import __version__
 from smpl._registry import ENVIRONMENTS
 from smpl.collect import guarded
-from smpl.learning import Plan, Task
+from smpl.learning import Plan, Task, configuration
+from smpl.learning.curves import draw
+from smpl.learning.learned import PUBLISHED, train_and_score, versions
 from smpl.learning.progress import Progress
 from smpl.learning.reports import text_table
 from smpl.learning.scores import score
 from smpl.learning.statistics import bootstrap, interquartile_mean
 from smpl.model import as_count
 
-SUITES, BUDGETS = ("control",), ("smoke", "short", "paper")
+SUITES, BUDGETS = ("control", "offline", "online"), ("smoke", "short", "paper")
 # Seeds of a run are apart from those of the next by more episodes than any budget has.
 _APART = 1_000_000
 
@@ -82,17 +83,26 @@ class Run:
     seed: int
     episodes: int
     arguments: dict[str, Any]
+    settings: dict[str, Any] = field(default_factory=dict)
 
     def folder(self, out: Path) -> Path:
         """Where it is kept."""
         return out / self.suite / self.env / self.controller / f"seed-{self.number}"
 
 
-def runs(suite: str, budget: str, env: str | None, seeds: int) -> list[Run]:
-    """All runs of a suite.
+def runs(
+    suite: str,
+    budget: str,
+    env: str | None,
+    seeds: int,
+    algorithms: Sequence[str] = (),
+    config: str | os.PathLike[str] | None = None,
+) -> list[Run]:
+    """All runs of a suite, with `algorithms` only those of these controllers and algorithms.
 
     Raises:
-        ValueError: no such suite, budget or environment.
+        ValueError: no such suite, budget, environment or algorithm.
+        ImportError: the suite needs PyYAML.
     """
     _one_of("suite", suite, (*SUITES, "all"))
     _one_of("budget", budget, BUDGETS)
@@ -100,15 +110,26 @@ def runs(suite: str, budget: str, env: str | None, seeds: int) -> list[Run]:
         env = env.removeprefix("smpl/").removesuffix("-v0")
         _one_of("env", env, tuple(ENVIRONMENTS))
     count = as_count("seeds", seeds)
-    found = []
-    for name in SUBJECTS if env is None else (env,):
-        subject = SUBJECTS[name]
-        arguments = {**subject.arguments, **({"max_steps": _SMOKE_STEPS} if budget == "smoke" else {})}
-        for controller in subject.controllers:
-            for number in range(count):
-                seed, episodes = number * _APART, subject.episodes[budget]
-                found.append(Run("control", budget, name, controller, number, seed, episodes, arguments))
+    chosen = SUITES if suite == "all" else (suite,)
+    given = configuration.read(config) if chosen != ("control",) else {}
+    known, found = set(), []
+    for part in chosen:
+        for name in SUBJECTS if env is None else (env,):
+            listed = SUBJECTS[name].controllers if part == "control" else configuration.algorithms(given, part)
+            known |= set(listed)
+            for one in listed:
+                if not algorithms or one in algorithms:
+                    settings = configuration.settings(given, part, name, one, budget) if part != "control" else {}
+                    found += [_run(part, budget, name, one, number, settings) for number in range(count)]
+    for one in algorithms:
+        _one_of("algorithm", one, sorted(known))
     return found
+
+
+def _run(suite: str, budget: str, env: str, controller: str, number: int, settings: dict[str, Any]) -> Run:
+    subject = SUBJECTS[env]
+    arguments = {**subject.arguments, **({"max_steps": _SMOKE_STEPS} if budget == "smoke" else {})}
+    return Run(suite, budget, env, controller, number, number * _APART, subject.episodes[budget], arguments, settings)
 
 
 def benchmark(
@@ -119,10 +140,12 @@ def benchmark(
     env: str | None = None,
     seeds: int | None = None,
     resume: bool = False,
+    algorithms: Sequence[str] = (),
+    config: str | os.PathLike[str] | None = None,
     workers: int | None = None,
     progress: bool = False,
 ) -> dict[str, Any]:
-    """Run a suite and write its table.
+    """Run a suite and write its table and figures.
 
     Args:
         out: folder of the runs.
@@ -130,6 +153,8 @@ def benchmark(
         env: one environment in place of all.
         seeds: runs of each controller; 1 for `smoke`, else 3.
         resume: go on in a folder that has runs; those that are finished are not run again.
+        algorithms: names of controllers and algorithms; all if empty.
+        config: a YAML file over the configuration of the package, see `smpl.learning.configuration`.
         workers: threads or processes; all processors if none.
         progress: show a progress bar.
 
@@ -140,7 +165,8 @@ def benchmark(
         ValueError: an argument is none of what it may be, or the folder has other runs.
     """
     folder = Path(out)
-    every = runs(suite, budget, env, seeds if seeds is not None else (1 if budget == "smoke" else 3))
+    count = seeds if seeds is not None else (1 if budget == "smoke" else 3)
+    every = runs(suite, budget, env, count, algorithms, config)
     if not resume and any(folder.glob("*/*/*/seed-*")):
         raise ValueError(f"{folder} has runs already: give --resume to go on, or another folder")
     skipped: dict[str, str] = {}
@@ -148,11 +174,12 @@ def benchmark(
         for one in every:
             reason = _make(one, folder, workers)
             if reason:
-                skipped[f"{one.env} {one.controller}"] = reason
+                skipped[f"{one.suite} {one.env} {one.controller}"] = reason
             bar.add(1)
     table = _table(every, folder, skipped)
     _write(folder / "table.json", json.dumps(table, indent=1))
     _write(folder / "table.md", _markdown(table))
+    draw(table, folder)
     return table
 
 
@@ -167,36 +194,67 @@ def _make(one: Run, out: Path, workers: int | None) -> str:
     task = Task.of(f"smpl/{one.env}-v0", **one.arguments)
     configuration["checksum"] = task.checksum
     if (folder / "scores.json").is_file():
-        there = json.loads((folder / "configuration.json").read_text(encoding="utf-8"))
-        differing = [key for key, value in configuration.items() if there.get(key) != value]
-        if differing:
-            told = ", ".join(f"{key} {there.get(key)!r} there, {configuration[key]!r} here" for key in differing)
-            raise ValueError(f"{folder} is another run ({told}): give another folder")
+        _same(folder, configuration)
         return ""
+    configuration["versions"] = versions()
+    begin = time.perf_counter()
     try:
-        plan = Plan.of(task, one.controller, one.episodes, seed=one.seed)
+        if one.suite == "control":
+            plan = Plan.of(task, one.controller, one.episodes, seed=one.seed)
+            _describe(folder, configuration)
+            report = score(plan, workers, kept=0).report()
+            report["seconds"] = time.perf_counter() - begin
+        else:
+            _describe(folder, configuration)
+            report = _learned(one, task, folder, out / "data", workers)
     except (ImportError, NotImplementedError) as error:
         return str(error)
-    folder.mkdir(parents=True, exist_ok=True)
-    configuration["versions"] = {"python": platform.python_version(), "numpy": importlib.metadata.version("numpy")}
-    _write(folder / "configuration.json", json.dumps(configuration, indent=1))
-    begin = time.perf_counter()
-    report = score(plan, workers, kept=0).report()
-    report["seconds"] = time.perf_counter() - begin
     _write(folder / "scores.json", json.dumps(report, indent=1, allow_nan=False))
     return ""
+
+
+def _describe(folder: Path, configuration: dict[str, Any]) -> None:
+    """Write what a run is.
+
+    Raises:
+        ValueError: it has begun as another run.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "configuration.json"
+    if path.is_file() and (folder / "progress.json").is_file():
+        _same(folder, configuration)
+    _write(path, json.dumps(configuration, indent=1))
+
+
+def _same(folder: Path, configuration: dict[str, Any]) -> None:
+    there = json.loads((folder / "configuration.json").read_text(encoding="utf-8"))
+    here = json.loads(json.dumps(configuration))
+    differing = [key for key, value in here.items() if key != "versions" and there.get(key) != value]
+    if differing:
+        told = ", ".join(f"{key} {there.get(key)!r} there, {here[key]!r} here" for key in differing)
+        raise ValueError(f"{folder} is another run ({told}): give another folder")
+
+
+def _learned(one: Run, task: Task, folder: Path, data: Path, workers: int | None) -> dict[str, Any]:
+    scored = {"seed": one.seed, "episodes": one.episodes}
+    return train_and_score(
+        one.suite, task, one.controller, one.number, scored, one.settings, folder, data, workers
+    )  # fmt: skip
 
 
 def _table(every: Sequence[Run], out: Path, skipped: dict[str, str]) -> dict[str, Any]:
     """Scores of each controller over its seeds."""
     rows = []
-    for env, controller in dict.fromkeys((one.env, one.controller) for one in every):
-        if f"{env} {controller}" in skipped:
-            rows.append({"env": env, "controller": controller, "skipped": skipped[f"{env} {controller}"]})
+    for which in dict.fromkeys((one.env, one.suite, one.controller) for one in every):
+        env, suite, controller = which
+        row: dict[str, Any] = {"env": env, "suite": suite, "controller": controller}
+        if f"{suite} {env} {controller}" in skipped:
+            rows.append({**row, "skipped": skipped[f"{suite} {env} {controller}"]})
             continue
-        mine = [one for one in every if (one.env, one.controller) == (env, controller)]
-        rows.append({"env": env, "controller": controller, **_row(mine, out)})
-    return {"suite": every[0].suite, "budget": every[0].budget, "smpl": __version__, "rows": rows}
+        rows.append({**row, **_row([one for one in every if (one.env, one.suite, one.controller) == which], out)})
+    rows.sort(key=lambda row: list(SUBJECTS).index(row["env"]))
+    suites = list(dict.fromkeys(one.suite for one in every))
+    return {"suite": ", ".join(suites), "budget": every[0].budget, "smpl": __version__, "rows": rows}
 
 
 def _row(mine: Iterable[Run], out: Path) -> dict[str, Any]:
@@ -213,7 +271,7 @@ def _row(mine: Iterable[Run], out: Path) -> dict[str, Any]:
         "mean": mean,
         "std": float(np.sqrt(variance)),
         # Twenty steps of an episode compare with nothing.
-        "published": None if first.budget == "smoke" else SUBJECTS[first.env].controllers[first.controller],
+        "published": None if first.budget == "smoke" else _published(first),
         "return_mean": float(returns.mean()),
         "return_interval": list(bootstrap(returns)),
         "return_iqm": float(interquartile_mean(returns)),
@@ -223,27 +281,46 @@ def _row(mine: Iterable[Run], out: Path) -> dict[str, Any]:
     }
 
 
-_HEADINGS = ("environment", "controller", "per step", "published", "return", "failures", "successes", "episodes", "s")
+def _published(one: Run) -> tuple[float, float] | None:
+    if one.suite == "control":
+        return SUBJECTS[one.env].controllers[one.controller]
+    return PUBLISHED.get((one.suite, one.env, one.controller))
+
+
+_HEADINGS = (
+    "environment",
+    "suite",
+    "controller",
+    "per step",
+    "published",
+    "return",
+    "failures",
+    "successes",
+    "episodes",
+    "s",
+)
 
 
 def _rows(table: dict[str, Any]) -> list[list[str]]:
     lines = [list(_HEADINGS)]
     for row in table["rows"]:
         if "skipped" in row:
-            lines.append([row["env"], row["controller"], f"skipped: {row['skipped']}", *[""] * 6])
+            lines.append([row["env"], row["suite"], row["controller"], f"skipped: {row['skipped']}", *[""] * 6])
             continue
         low, high = row["return_interval"]
         published = "" if row["published"] is None else "{:.5g} ± {:.5g}".format(*row["published"])
         steps = f"{row['mean']:.5g} ± {row['std']:.5g}"
         returns = f"{row['return_mean']:.5g} ({low:.5g} to {high:.5g})"
         counts = [str(row[key]) for key in ("failures", "successes", "episodes")]
-        lines.append([row["env"], row["controller"], steps, published, returns, *counts, f"{row['seconds']:.1f}"])
+        lines.append(
+            [row["env"], row["suite"], row["controller"], steps, published, returns, *counts, f"{row['seconds']:.1f}"]
+        )
     return lines
 
 
 def _markdown(table: dict[str, Any]) -> str:
     head, *body = [f"| {' | '.join(row)} |" for row in _rows(table)]
-    text = f"Suite {table['suite']}, budget {table['budget']}, smpl {table['smpl']}."
+    text = f"Suites: {table['suite']}; budget {table['budget']}, smpl {table['smpl']}."
     return "\n".join([text, "", head, "|" + " --- |" * len(_HEADINGS), *body]) + "\n"
 
 
@@ -266,6 +343,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--budget", default="smoke", help=f"one of {', '.join(BUDGETS)}")
     parser.add_argument("--env", metavar="NAME", help="one environment in place of all")
     parser.add_argument("--seeds", type=int, metavar="N", help="runs of each controller")
+    parser.add_argument("--algorithm", action="append", default=[], metavar="NAME", help="only this one; repeatable")
+    parser.add_argument("--config", metavar="FILE", help="YAML over the configuration of the package")
     parser.add_argument("--out", default="benchmark", metavar="DIR", help="folder of the runs")
     parser.add_argument("--resume", action="store_true", help="go on in a folder that has runs")
     parser.add_argument("--workers", type=int, metavar="W", help="threads or processes; default: all processors")
@@ -275,7 +354,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     def work() -> int:
         found = benchmark(
             given.out, given.suite, given.budget, env=given.env, seeds=given.seeds, resume=given.resume,
-            workers=given.workers, progress=not given.quiet,
+            algorithms=given.algorithm, config=given.config, workers=given.workers, progress=not given.quiet,
         )  # fmt: skip
         print(text_table(_rows(found)))
         return 0

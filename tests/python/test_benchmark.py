@@ -42,11 +42,11 @@ def test_a_controller_whose_package_is_missing_is_skipped_by_name(tmp_path, monk
     monkeypatch.setitem(__import__("sys").modules, "casadi", None)
     assert main(["--env", "smpl/Reactor-v0", "--out", str(tmp_path), "--quiet"]) == 0
     printed = capsys.readouterr().out
-    assert "mpc" in printed and "pip install 'smpl[mpc]'" in printed and "Reactor      pid" in printed
+    assert "mpc" in printed and "pip install 'smpl[mpc]'" in printed and "Reactor      control  pid" in printed
 
 
 def test_every_environment_has_runs_with_seeds_apart():
-    every = runs("all", "paper", None, 3)
+    every = runs("control", "paper", None, 3)
     assert {one.env for one in every} == set(SUBJECTS)
     spans = sorted({(one.seed, one.seed + one.episodes) for one in every if one.env == "Reactor"})
     assert all(end <= begin for (_, end), (begin, _) in pairwise(spans))
@@ -55,7 +55,8 @@ def test_every_environment_has_runs_with_seeds_apart():
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--suite", "offline"], "suite is 'offline'; there are: control, all"),
+        (["--suite", "ofline"], "suite is 'ofline'; there are: control, offline, online, all"),
+        (["--algorithm", "pdi"], "algorithm is 'pdi'; there are: isothermal, mpc, nominal, pid"),
         (["--budget", "huge"], "budget is 'huge'; there are: smoke, short, paper"),
         (["--env", "Rector"], "env is 'Rector'; there are: Reactor, Beer"),
         (["--seeds", "0"], "seeds is 0"),

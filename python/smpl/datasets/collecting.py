@@ -19,6 +19,7 @@ from smpl.datasets.loading import Dataset, load
 from smpl.datasets.store import MANIFEST, DatasetError, Manifest, part_mark, part_path, pyarrow, write_part
 from smpl.envs import Env
 from smpl.learning.agents import Agent
+from smpl.learning.formulation import FILE
 from smpl.learning.plan import Plan, Task
 from smpl.learning.progress import Progress
 from smpl.learning.running import Settings, batched, drawn_parameters, run
@@ -188,7 +189,9 @@ def _described(one: Agent) -> str:
     name = str(getattr(one.chooser, "__qualname__", type(one.chooser).__qualname__))
     file = Path(one.origin[0].rpartition(":")[2]) if one.origin is not None else None
     if file is not None and file.is_file():
-        return f"{name} {hashlib.sha256(file.read_bytes()).hexdigest()}"
+        beside = file.with_name(FILE)
+        text = file.read_bytes() + (beside.read_bytes() if beside.is_file() else b"")
+        return f"{name} {hashlib.sha256(text).hexdigest()}"
     plain = (int, float, str, bool, tuple, list, np.ndarray)
     inner = sorted(getattr(one.chooser, "__dict__", {}).items())
     settings = {key: _plain(value) for key, value in inner if isinstance(value, plain)}

@@ -75,7 +75,7 @@ class Agent:
     @property
     def batched(self) -> bool:
         """Whether `act` is there."""
-        return self.kind == "predict" or type(self.chooser) in _BATCHED
+        return self.kind in ("predict", "rows") or type(self.chooser) in _BATCHED
 
     def reset(self, env: Env) -> dict[str, Any]:
         """Begin an episode; returns an empty memory."""
@@ -95,14 +95,18 @@ class Agent:
         if self.kind == "single":
             given = self.chooser.compute_single_action(observation, explore=False)
             return self._scaled(env, _one(given[0] if isinstance(given, tuple) else given, len(env.action_names)))
-        return self._scaled(env, self._predict(observation[None], [memory], len(env.action_names))[0])
+        if self.kind == "rows":
+            return np.asarray(self.chooser.act(_one_row(env, observation, memory))[0])
+        return self._scaled(env, self.predict(observation[None], [memory], len(env.action_names))[0])
 
     def act(self, rows: Rows) -> FloatArray:
         """Actions for a batch, in the action space, shape (environments, actions)."""
         if self.kind == "predict":
             return self._scaled(
-                rows.interface, self._predict(rows.observations, rows.memory, len(rows.interface.action_names))
+                rows.interface, self.predict(rows.observations, rows.memory, len(rows.interface.action_names))
             )
+        if self.kind == "rows":
+            return np.asarray(self.chooser.act(rows))
         return rows.interface.from_physical(_BATCHED[type(self.chooser)](self.chooser, rows))
 
     def check(self, env: Env) -> None:
@@ -112,7 +116,12 @@ class Agent:
     def _scaled(self, interface: Interface, action: FloatArray) -> FloatArray:
         return interface.from_physical(action) if self.physical else action
 
-    def _predict(self, observations: Array, memory: list[dict[str, Any]], width: int) -> FloatArray:
+    def predict(self, observations: Array, memory: list[dict[str, Any]], width: int) -> FloatArray:
+        """What a policy's `predict` gives for a batch; its hidden state, if it has one, is kept in `memory`.
+
+        Raises:
+            ValueError: a wrong shape.
+        """
         options: dict[str, Any] = {}
         if self._state_aware and any("state" in one for one in memory):
             shape = next(one["state"] for one in memory if "state" in one)
@@ -169,7 +178,7 @@ def _made(spec: str, model: Model) -> Any:
     if spec.startswith("constant:"):
         return controllers.Constant(_numbers(spec))
     if Path(spec.rpartition(":")[2]).suffix in _FILES:
-        return _policy_file(spec)
+        return _formulated(_policy_file(spec), Path(spec.rpartition(":")[2]))
     if ":" in spec:
         return _imported(spec)
     later = _baseline(model, spec)
@@ -232,6 +241,14 @@ def _policy_file(spec: str) -> Any:
     return _TorchPolicy(module)
 
 
+def _formulated(policy: Any, file: Path) -> Any:
+    """The policy, in the formulation that lies beside its file, if there is one."""
+    from smpl.learning.formulation import FormulatedPolicy, Formulation
+
+    formulation = Formulation.beside(file)
+    return policy if formulation is None else FormulatedPolicy(policy, formulation)
+
+
 def _stable_baselines(algorithm: str, file: str) -> Any:
     if not algorithm:
         raise ValueError(f"which algorithm made {file!r}? Write it before the file, as in PPO:{file}")
@@ -287,6 +304,8 @@ def _kind(chooser: Any) -> str:
             return "action"
         if callable(getattr(chooser, "predict", None)):
             return "predict"
+        if callable(getattr(chooser, "act", None)):
+            return "rows"
         if callable(getattr(chooser, "compute_single_action", None)):
             return "single"
         if callable(chooser):
@@ -300,6 +319,10 @@ def _parameters(function: Any) -> Mapping[str, Any]:
         return inspect.signature(function).parameters
     except (TypeError, ValueError):
         return {}
+
+
+def _one_row(env: Env, observation: Array, memory: dict[str, Any]) -> Rows:
+    return Rows(env, observation[None], env.state[None], np.array([env.steps]), [memory])
 
 
 def _one(given: Any, length: int) -> FloatArray:

@@ -1,0 +1,107 @@
+"""The configuration of the suites of learned policies: `benchmark.yaml`, and a user's file over it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from smpl.learning.formulation import Formulation
+from smpl.model import as_count, check_names
+
+OWN = Path(__file__).with_name("benchmark.yaml")
+SUITES = ("offline", "online")
+# Algorithms that learn from what the present policy has done, and those that search without gradients.
+_ON_POLICY, _SEARCH = ("PPO", "A2C", "RecurrentPPO"), ("ARS",)
+_PROCESS = ("train", "formulation", "data", "curriculum", "steps", "num_envs", "algorithms")
+_BUDGET = ("segments", "validation", "data", "num_envs", "steps", "hyperparameters")
+
+
+def read(path: str | os.PathLike[str] | None = None) -> dict[str, Any]:
+    """The configuration.
+
+    Args:
+        path: a file over the one of this package.
+
+    Raises:
+        ImportError: PyYAML is missing.
+        ValueError: the file is none, or names what there is not.
+    """
+    try:
+        import yaml
+    except ImportError as error:
+        raise ImportError("this suite needs PyYAML: pip install 'smpl[benchmark]'") from error
+    base: dict[str, Any] = yaml.safe_load(OWN.read_text(encoding="utf-8"))
+    if path is None:
+        return base
+    try:
+        given = yaml.safe_load(Path(path).read_text(encoding="utf-8")) or {}
+    except (OSError, yaml.YAMLError) as error:
+        raise ValueError(f"configuration {str(path)!r}: {error}") from error
+    if not isinstance(given, Mapping):
+        raise ValueError(f"configuration {str(path)!r}: expected a mapping with {', '.join(base)}")
+    _check(given, base)
+    return _over(base, given)
+
+
+def algorithms(configuration: Mapping[str, Any], suite: str) -> tuple[str, ...]:
+    """Names of the algorithms of a suite."""
+    return tuple(configuration["algorithms"][suite])
+
+
+def settings(configuration: Mapping[str, Any], suite: str, env: str, algorithm: str, budget: str) -> dict[str, Any]:
+    """All that a run is trained with, as JSON has it.
+
+    Raises:
+        ValueError: a number or a formulation that cannot be meant.
+    """
+    sizes, process = configuration["budgets"][budget], configuration["processes"].get(env, {})
+    own = process.get("algorithms", {}).get(suite, {}).get(algorithm, {})
+    kind = _kind(suite, algorithm)
+    sized = sizes.get("hyperparameters", {}).get(suite, {}).get(algorithm, {})
+    hyper = {**configuration["algorithms"][suite][algorithm], **own, **sized}
+    steps = sizes["steps"] if budget == "smoke" else {**sizes["steps"], **process.get("steps", {}).get(budget, {})}
+    chosen = {
+        "train": process.get("train", {}),
+        "formulation": process.get("formulation", {}),
+        "curriculum": process.get("curriculum", {}),
+        "hyperparameters": hyper,
+        "steps": as_count("steps", steps[kind]),
+        "segments": as_count("segments", sizes["segments"]),
+        "validation": as_count("validation", sizes["validation"]),
+        "num_envs": as_count("num_envs", sizes["num_envs"] if budget == "smoke" else process.get("num_envs", 32)),
+        "data": {"controller": "nominal", "noise": 0.1, "episodes": sizes["data"], **process.get("data", {})},
+    }
+    Formulation.of(chosen["formulation"])
+    return chosen
+
+
+def _kind(suite: str, algorithm: str) -> str:
+    if suite == "offline":
+        return "offline"
+    if algorithm.startswith("RLlib-"):
+        return "rllib"
+    if algorithm in _SEARCH:
+        return "search"
+    return "on_policy" if algorithm in _ON_POLICY else "off_policy"
+
+
+def _check(given: Mapping[str, Any], base: Mapping[str, Any]) -> None:
+    check_names("configuration", given, tuple(base))
+    check_names("budgets", given.get("budgets", {}), tuple(base["budgets"]))
+    for name, one in given.get("budgets", {}).items():
+        check_names(f"budgets.{name}", one, _BUDGET)
+    check_names("processes", given.get("processes", {}), tuple(base["processes"]))
+    for name, one in given.get("processes", {}).items():
+        check_names(f"processes.{name}", one, _PROCESS)
+    check_names("algorithms", given.get("algorithms", {}), SUITES)
+    for suite, one in given.get("algorithms", {}).items():
+        check_names(f"algorithms.{suite}", one, tuple(base["algorithms"][suite]))
+
+
+def _over(base: Any, given: Any) -> Any:
+    """`given` laid over `base`, mapping by mapping."""
+    if not (isinstance(base, Mapping) and isinstance(given, Mapping)):
+        return given
+    return {**base, **{key: _over(base.get(key), value) for key, value in given.items()}}

@@ -1,0 +1,76 @@
+"""Figures of the benchmark (extra `report`): learning curves and scores, one of each for an environment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from smpl.learning.training import curve
+
+
+def draw(table: Mapping[str, Any], out: Path) -> list[Path]:
+    """Draw what `table.json` holds into `figures/`; nothing where Matplotlib is missing."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        return []
+    rows = [row for row in table["rows"] if "skipped" not in row]
+    folder, drawn = out / "figures", []
+    folder.mkdir(exist_ok=True)
+    for env in dict.fromkeys(row["env"] for row in rows):
+        mine = [row for row in rows if row["env"] == env]
+        figures = {f"{env}-scores": _scores(Figure, env, mine), f"{env}-curves": _curves(Figure, env, mine, out)}
+        for name, figure in figures.items():
+            if figure is not None:
+                drawn.append(folder / f"{name}.png")
+                figure.savefig(drawn[-1], format="png", dpi=110, metadata={"Software": None})
+    return drawn
+
+
+def _scores(figure_type: Any, env: str, rows: Sequence[Mapping[str, Any]]) -> Any:
+    """Mean return with its interval, best on top."""
+    ordered = sorted(rows, key=lambda row: float(row["return_mean"]))
+    figure = figure_type(figsize=(8, 1.2 + 0.3 * len(ordered)), layout="constrained")
+    axis = figure.subplots()
+    for place, row in enumerate(ordered):
+        low, high = row["return_interval"]
+        colour = {"control": "0.35", "offline": "C0", "online": "C1"}[row["suite"]]
+        axis.plot([low, high], [place, place], color=colour, linewidth=2)
+        axis.plot([row["return_mean"]], [place], "o", color=colour, markersize=5)
+    axis.set_yticks(range(len(ordered)), [f"{row['controller']} ({row['suite']})" for row in ordered])
+    axis.set_xlabel("mean return of an episode, with its 95 % interval")
+    axis.set_title(env)
+    axis.grid(axis="x", alpha=0.3)
+    return figure
+
+
+def _curves(figure_type: Any, env: str, rows: Sequence[Mapping[str, Any]], out: Path) -> Any:
+    """Mean reward of the validation episodes over the steps of training: mean of the seeds, and their extent."""
+    panels: dict[str, dict[str, list[list[dict[str, float]]]]] = {}
+    for row in rows:
+        folder = out / row["suite"] / env / row["controller"]
+        found = [one for one in (curve(place) for place in sorted(folder.glob("seed-*"))) if one]
+        if found:
+            panels.setdefault(row["suite"], {})[row["controller"]] = found
+    if not panels:
+        return None
+    figure = figure_type(figsize=(5.5 * len(panels) + 1, 4), layout="constrained")
+    for axis, (suite, algorithms) in zip(np.atleast_1d(figure.subplots(1, len(panels))), panels.items(), strict=True):
+        for number, (name, seeds) in enumerate(algorithms.items()):
+            length = min(map(len, seeds))
+            steps = [row["steps"] for row in seeds[0][:length]]
+            values = np.array([[row["mean"] for row in one[:length]] for one in seeds])
+            style = {"color": f"C{number % 10}", "linestyle": ("-", "--", ":")[number // 10 % 3]}
+            axis.plot(steps, values.mean(axis=0), label=name, marker=".", **style)
+            axis.fill_between(
+                steps, values.min(axis=0), values.max(axis=0), alpha=0.15, color=style["color"], linewidth=0
+            )
+        axis.set_title(f"{env}, {suite}")
+        axis.set_xlabel("gradient steps" if suite == "offline" else "steps of the process")
+        axis.set_ylabel("mean reward of a step, validation")
+        axis.legend(loc="best", fontsize="x-small", ncols=2)
+        axis.grid(alpha=0.3)
+    return figure

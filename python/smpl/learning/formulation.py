@@ -1,0 +1,244 @@
+"""How a learner sees an environment: its actions, observations and rewards, for one environment or a batch of them.
+
+The process stays as it is; a policy of a formulation is brought back to the environment's own actions by
+`FormulatedPolicy`, so that it is collected, evaluated and compared as any other.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium.spaces import Box
+
+from smpl.envs import Interface
+from smpl.learning.agents import Agent, Rows, agent
+from smpl.model import FloatArray, as_count, as_number, check_names
+
+Array = npt.NDArray[Any]
+FILE = "formulation.json"
+# Centres that are no controllers.
+_CENTRES = ("box", "nominal", "rules")
+
+
+@dataclass(frozen=True)
+class Formulation:
+    """What a learner is given in place of the environment's own actions, observations and rewards.
+
+    An action a in [-1, 1] means `centre + reach * a * (distance from the centre to the limit on that side)`, so that 0
+    is the centre and, with `reach` 1, -1 and 1 are the limits.
+
+    Attributes:
+        centre: `box` (middle of the limits), `nominal` (declared defaults), `rules` (the two rules of the antibody
+            process for the level of its tank and the switch, nominal for the rest), or the name of a controller that
+            acts on batches (`pid`, `profile`, `constant:...`): the learner corrects it.
+        reach: share of the way from the centre to a limit that the learner may go.
+        left: names of actions that are left to the centre; the learner does not have them.
+        limits: name of an action to (low, high) in physical units: a box inside the declared one.
+        history: observations that a policy sees, the newest last; 1 for the present one only.
+        reward_scale: factor of rewards.
+        reward_range: (low, high) that scaled rewards are clipped to.
+        failure_reward: reward of a step that ends in a failure, in place of the scaled one; none to keep that.
+
+    Raises:
+        ValueError: a number that cannot be meant.
+    """
+
+    centre: str = "box"
+    reach: float = 1.0
+    left: tuple[str, ...] = ()
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    history: int = 1
+    reward_scale: float = 1.0
+    reward_range: tuple[float, float] | None = None
+    failure_reward: float | None = None
+
+    def __post_init__(self) -> None:
+        as_count("history", self.history)
+        reach, scale = as_number("reach", self.reach), as_number("reward_scale", self.reward_scale)
+        if not 0 < reach <= 1:
+            raise ValueError(f"reach is {self.reach!r}, expected a share above 0, at most 1")
+        if not (np.isfinite(scale) and scale > 0):
+            raise ValueError(f"reward_scale is {self.reward_scale!r}, expected a positive number")
+        object.__setattr__(self, "left", tuple(self.left))
+        object.__setattr__(self, "limits", {name: _ends(f"limits[{name!r}]", b) for name, b in self.limits.items()})
+        if self.failure_reward is not None:
+            as_number("failure_reward", self.failure_reward)
+        if self.reward_range is not None:
+            object.__setattr__(self, "reward_range", _ends("reward_range", self.reward_range))
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any] | Formulation | None) -> Formulation:
+        """From a mapping, as a configuration file has it.
+
+        Raises:
+            ValueError: an unknown key or a wrong value.
+        """
+        if isinstance(given, Formulation):
+            return given
+        check_names("formulation", given or {}, [one.name for one in fields(cls)])
+        return cls(**(given or {}))
+
+    def reward(self, rewards: Array, failed: Array) -> Array:
+        """Rewards as the learner gets them; `failed` marks steps that end in a failure."""
+        scaled = np.asarray(rewards, dtype=np.float64) * self.reward_scale
+        if self.reward_range is not None:
+            scaled = np.clip(scaled, *self.reward_range)
+        return scaled if self.failure_reward is None else np.where(failed, self.failure_reward, scaled)
+
+    def write(self, folder: Path) -> None:
+        """Keep it beside a policy, where `--policy` finds it."""
+        (folder / FILE).write_text(json.dumps(asdict(self), indent=1) + "\n", encoding="utf-8")
+
+    @classmethod
+    def beside(cls, file: Path) -> Formulation | None:
+        """The formulation that lies beside a policy file, none if there is none."""
+        path = file.with_name(FILE)
+        return cls.of(json.loads(path.read_text(encoding="utf-8"))) if path.is_file() else None
+
+
+class Form:
+    """A formulation of one environment: its spaces, and what arrives at the process.
+
+    Args:
+        formulation: how the learner sees it.
+        interface: the environment, single or a batch.
+
+    Raises:
+        ValueError: an unknown action or centre, limits outside of the action's bounds, or no action is left to learn.
+    """
+
+    def __init__(self, formulation: Formulation, interface: Interface) -> None:
+        self.formulation, self.interface = formulation, interface
+        names = interface.action_names
+        check_names("left", formulation.left, names)
+        check_names("limits", formulation.limits, names)
+        self.learned = np.array([i for i, name in enumerate(names) if name not in formulation.left], dtype=np.intp)
+        if not len(self.learned):
+            raise ValueError(f"left has all actions ({', '.join(names)}): nothing is left to learn")
+        self.low, self.high = interface.action_low.copy(), interface.action_high.copy()
+        for name, (low, high) in formulation.limits.items():
+            i = names.index(name)
+            if not self.low[i] <= low < high <= self.high[i]:
+                raise ValueError(
+                    f"limits[{name!r}] is ({low}, {high}), expected a part of {self.low[i]}..{self.high[i]}"
+                )
+            self.low[i], self.high[i] = low, high
+        self._centre = _centre(formulation.centre, interface, self.low, self.high)
+
+    def action_space(self) -> Box:
+        """The learned actions in [-1, 1]."""
+        return Box(-1.0, 1.0, (len(self.learned),), np.float32)
+
+    def observation_space(self, single: Any) -> Box:
+        """The observations of `history` instants, one after the other."""
+        count = self.formulation.history
+        return Box(np.tile(single.low, count), np.tile(single.high, count), dtype=np.float32)
+
+    def physical(self, rows: Rows, actions: Array) -> FloatArray:
+        """Actions of the learner, shape (environments, learned actions), as all actions in physical units."""
+        centre = np.clip(self._centre(rows), self.low, self.high)
+        scaled = np.clip(np.asarray(actions, dtype=np.float64), -1.0, 1.0) * self.formulation.reach
+        middle, low, high = (values[..., self.learned] for values in (centre, self.low, self.high))
+        centre[:, self.learned] = middle + scaled * np.where(scaled < 0, middle - low, high - middle)
+        return centre
+
+    def reverse(self, rows: Rows, physical: Array) -> FloatArray:
+        """Actions of the learner that come nearest to the given ones in physical units."""
+        centre = np.clip(self._centre(rows), self.low, self.high)[:, self.learned]
+        shift = np.asarray(physical, dtype=np.float64)[:, self.learned] - centre
+        width = np.where(shift < 0, centre - self.low[self.learned], self.high[self.learned] - centre)
+        scaled = np.divide(shift, width * self.formulation.reach, out=np.zeros_like(shift), where=width > 0)
+        return np.clip(scaled, -1.0, 1.0)
+
+    def observe(self, memory: Sequence[dict[str, Any]], observations: Array) -> Array:
+        """Observations with those before them; an empty memory begins an episode with copies of the first one."""
+        count = self.formulation.history
+        if count == 1:
+            return observations
+        for one, observation in zip(memory, observations, strict=True):
+            seen = one.get("seen")
+            one["seen"] = [observation.copy()] * count if seen is None else [*seen[1:], observation.copy()]
+        return np.stack([np.concatenate(one["seen"]) for one in memory])
+
+
+class FormulatedPolicy:
+    """A policy of a formulation as one of the environment beneath.
+
+    Args:
+        policy: with `predict`, or a function; observations and actions of the formulation.
+        formulation: what it was trained in.
+    """
+
+    def __init__(self, policy: Any, formulation: Formulation) -> None:
+        self._inner, self._formulation = Agent("inner", policy), formulation
+        self._form: Form | None = None
+
+    def act(self, rows: Rows) -> FloatArray:
+        """Actions for a batch, in the action space of the environment."""
+        if self._form is None or self._form.interface is not rows.interface:
+            self._form = Form(self._formulation, rows.interface)
+        form = self._form
+        observations = form.observe(rows.memory, rows.observations)
+        actions = self._inner.predict(observations, rows.memory, len(form.learned))
+        return rows.interface.from_physical(form.physical(rows, actions))
+
+
+def _ends(what: str, bounds: Any) -> tuple[float, float]:
+    try:
+        low, high = (as_number(what, bound) for bound in bounds)
+    except TypeError as error:
+        raise ValueError(f"{what} is {bounds!r}, expected (low, high)") from error
+    if not low < high:
+        raise ValueError(f"{what} is {bounds!r}, expected (low, high)")
+    return low, high
+
+
+def _centre(name: str, interface: Interface, low: FloatArray, high: FloatArray) -> Callable[[Rows], FloatArray]:
+    """Physical actions of the centre for the rows of a batch; the caller may write into them."""
+    if name == "box":
+        return lambda rows: np.tile((low + high) / 2, (len(rows.states), 1))
+    if name == "nominal":
+        nominal = interface.model.native.defaults("action")
+        return lambda rows: np.tile(nominal, (len(rows.states), 1))
+    if name == "rules":
+        return _rules(interface)
+    try:
+        chosen = agent(name, interface.model)
+    except ValueError as error:
+        raise ValueError(f"centre is {name!r}; there are: {', '.join(_CENTRES)}, and controllers ({error})") from error
+    if not chosen.batched:
+        raise ValueError(
+            f"centre is {name!r}, which does not act on batches; there are: {', '.join(_CENTRES)}, pid, ..."
+        )
+    return lambda rows: interface.to_physical(chosen.act(rows))
+
+
+# Policy `nominal` of the antibody process: its level rule, and the outlet concentration, mg/L, at which it switches.
+_LEVEL, _FLOW, _GAIN, _BREAKTHROUGH = 15.0, 21.689197033088462, 50 / 180, 0.4957757365045033
+
+
+def _rules(interface: Interface) -> Callable[[Rows], FloatArray]:
+    model = interface.model
+    try:
+        level, cells = model.state_names.index("h"), [n for n in model.state_names if n.startswith("col.c[")]
+        outlet = model.state_names.index(cells[-1])
+        flow, switch = model.action_names.index("F_out"), model.action_names.index("switch")
+    except (ValueError, IndexError) as error:
+        raise ValueError(
+            f"centre is 'rules', which {model.name} does not have; only the antibody process has"
+        ) from error
+    nominal = model.native.defaults("action")
+
+    def centre(rows: Rows) -> FloatArray:
+        actions = np.tile(nominal, (len(rows.states), 1))
+        actions[:, flow] = _FLOW + _GAIN * (rows.states[:, level] - _LEVEL)
+        actions[:, switch] = rows.states[:, outlet] >= _BREAKTHROUGH
+        return actions
+
+    return centre

@@ -1,0 +1,158 @@
+"""Runs of the benchmark that train a policy: what is trained, where it is kept, and its scores."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import json
+import platform
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from smpl.learning.formulation import Formulation
+from smpl.learning.plan import Plan, Task
+from smpl.learning.scores import score
+from smpl.learning.training import Trainer, Validate, learn
+
+# Means and deviations over steps that the paper prints, environment by environment; nothing where it has no row.
+PUBLISHED: dict[tuple[str, str, str], tuple[float, float]] = {
+    ("online", "Beer", "PPO"): (1.0688, 20.70),
+    ("online", "Beer", "ARS"): (-200.0, 0.0),
+    ("offline", "MAb", "BC"): (1322.8184, 111.1911),
+    ("offline", "MAb", "PLAS"): (1324.1982, 124.7369),
+    ("offline", "MAb", "PLASWithPerturbation"): (1357.0842, 122.1667),
+    ("offline", "MAb", "AWAC"): (1374.2244, 61.2931),
+    ("offline", "MAb", "TD3"): (708.1167, 571.8498),
+    ("offline", "MAb", "BEAR"): (1268.8020, 297.5198),
+    ("offline", "MAb", "BCQ"): (1247.0172, 313.2412),
+    ("offline", "MAb", "SAC"): (1197.1507, 503.1202),
+    ("offline", "MAb", "DDPG"): (711.1741, 574.0687),
+    ("offline", "MAb", "CQL"): (1254.5728, 233.4812),
+    ("online", "MAb", "PPO"): (-92.7862, 137.6964),
+    ("online", "MAb", "SAC"): (-90.1491, 233.4410),
+    ("online", "MAb", "DDPG"): (-95.1542, 288.9491),
+}
+# Seeds of validation and of data sets are apart from those of the scores, which begin at 0.
+_VALIDATION, _DATA = 500_000_000, 600_000_000
+_PACKAGES = ("numpy", "gymnasium", "torch", "d3rlpy", "stable-baselines3", "sb3-contrib", "ray")
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that are there."""
+    found = {"python": platform.python_version()}
+    for name in _PACKAGES:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def train_and_score(
+    suite: str,
+    task: Task,
+    algorithm: str,
+    number: int,
+    plan_of: Mapping[str, int],
+    settings: Mapping[str, Any],
+    folder: Path,
+    data: Path,
+    workers: int | None,
+) -> dict[str, Any]:
+    """Train a policy and score it, or go on where that stopped.
+
+    Args:
+        suite: `offline` or `online`.
+        task: the environment of the scores.
+        algorithm: its name.
+        number: of the seed.
+        plan_of: `seed` and `episodes` of the scores.
+        settings: see `smpl.learning.configuration`.
+        folder: of the run.
+        data: where data sets are kept, which runs share.
+        workers: threads or processes.
+
+    Returns:
+        What `scores.json` holds.
+
+    Raises:
+        ImportError: a package is missing.
+    """
+    begin = time.perf_counter()
+    formulation = Formulation.of(settings["formulation"])
+    trainer = _trainer(suite, task, algorithm, settings, formulation, data, workers)
+    folder.mkdir(parents=True, exist_ok=True)
+    task = _as_observed(task, settings["train"])
+    validate = _validate(task, settings["validation"], workers)
+    spec = learn(trainer, folder, settings["steps"], settings["segments"], number, validate)
+    trained = time.perf_counter() - begin
+    prefix, _, name = spec.rpartition(":")
+    policy = f"{prefix}:{folder / name}" if prefix else str(folder / name)
+    plan = Plan.of(task, policy, plan_of["episodes"], seed=plan_of["seed"])
+    report = score(plan, workers, kept=0).report()
+    return {**report, "policy": spec, "training_seconds": trained, "seconds": time.perf_counter() - begin}
+
+
+def _trainer(
+    suite: str,
+    task: Task,
+    algorithm: str,
+    settings: Mapping[str, Any],
+    formulation: Formulation,
+    data: Path,
+    workers: int | None,
+) -> Trainer:
+    arguments = {**_arguments(task), **settings["train"]}
+    learned = Task.of(task.name, **arguments)
+    hyper = settings["hyperparameters"]
+    if suite == "offline":
+        from smpl.learning.offline import D3rlpyTrainer, needs
+
+        needs("d3rlpy", "d3rlpy")
+        return D3rlpyTrainer(algorithm, _data_set(learned, arguments, settings, data, workers), formulation, hyper)
+    if algorithm.startswith("RLlib-"):
+        from smpl.learning.rllib import RLlibTrainer
+
+        return RLlibTrainer(algorithm, learned, formulation, hyper, settings["num_envs"])
+    from smpl.learning.online import StableBaselinesTrainer
+
+    curriculum = settings["curriculum"]
+    return StableBaselinesTrainer(algorithm, learned, formulation, hyper, settings["num_envs"], curriculum)
+
+
+def _arguments(task: Task) -> dict[str, Any]:
+    """Arguments that make the task again."""
+    kept = {key: value for key, value in task.model._arguments.items() if key not in ("path", "source") and value}
+    return {**kept, **task.arguments}
+
+
+def _as_observed(task: Task, train: Mapping[str, Any]) -> Task:
+    """The task with the observations that the policy was trained on; its rewards stay."""
+    if "observation" not in train:
+        return task
+    return Task.of(task.name, **{**_arguments(task), "observation": train["observation"]})
+
+
+def _data_set(
+    task: Task, arguments: Mapping[str, Any], settings: Mapping[str, Any], data: Path, workers: int | None
+) -> Any:
+    from smpl.datasets import collect
+
+    chosen = {key: settings["data"][key] for key in ("controller", "noise", "episodes")}
+    text = json.dumps([chosen, task.checksum], sort_keys=True, default=str)
+    folder = data / f"{task.model.name}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    return collect(
+        task.name, chosen["controller"], chosen["episodes"], folder, seed=_DATA, noise=chosen["noise"],
+        workers=workers, **arguments,
+    )  # fmt: skip
+
+
+def _validate(task: Task, episodes: int, workers: int | None) -> Validate:
+    def validate(policy: str) -> tuple[float, float, int]:
+        found = score(Plan.of(task, policy, episodes, seed=_VALIDATION), workers, kept=0)
+        return found.pooled()[0], float(found.returns.mean()), sum(bool(one.failure) for one in found.summaries)
+
+    return validate

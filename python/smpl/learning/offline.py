@@ -1,0 +1,106 @@
+"""Offline learning by d3rlpy (extra `d3rlpy`)."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import inspect
+import io
+import json
+import logging
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from smpl.datasets import Dataset
+from smpl.datasets.exports import d3rlpy_arrays
+from smpl.evaluation import Episode
+from smpl.learning.formulation import Formulation
+
+
+class D3rlpyTrainer:
+    """An algorithm of d3rlpy on a data set.
+
+    Args:
+        algorithm: name of its class (`CQL`).
+        data: the data set, of the environment's own actions.
+        formulation: its rewards are used; actions and observations must be the environment's own.
+        hyperparameters: of the configuration class (`CQLConfig`).
+
+    Raises:
+        ImportError: d3rlpy is missing.
+        ValueError: an unknown algorithm or hyperparameter.
+    """
+
+    def __init__(
+        self, algorithm: str, data: Dataset, formulation: Formulation, hyperparameters: Mapping[str, Any]
+    ) -> None:
+        self._d3rlpy = needs("d3rlpy", "d3rlpy")
+        structlog = importlib.import_module("structlog")
+        structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.ERROR))
+        config = getattr(self._d3rlpy.algos, f"{algorithm}Config", None)
+        if config is None:
+            raise ValueError(f"algorithm is {algorithm!r}, which d3rlpy {self._d3rlpy.__version__} does not have")
+        known = inspect.signature(config).parameters
+        unknown = [name for name in hyperparameters if name not in known]
+        if unknown:
+            raise ValueError(f"{algorithm} has no hyperparameter {', '.join(unknown)}; there are: {', '.join(known)}")
+        self._config, self._hyper = config, dict(hyperparameters)
+        self._data = self._d3rlpy.dataset.MDPDataset(**d3rlpy_arrays(_formulated(one, formulation) for one in data))
+        self._algo: Any = None
+
+    def begin(self, seed: int) -> None:
+        """Make a new learner."""
+        self._d3rlpy.seed(seed)
+        self._algo = self._config(**self._hyper).create(device="cpu:0")
+        self._algo.build_with_dataset(self._data)
+
+    def load(self, folder: Path) -> None:
+        """Make the learner of a checkpoint."""
+        self.begin(0)
+        self._algo.load_model(str(folder / "model.pt"))
+        self._algo.set_grad_step(json.loads((folder / "step.json").read_text(encoding="utf-8")))
+
+    def train(self, steps: int, seed: int, progress: float) -> None:
+        """Go on by gradient steps."""
+        self._d3rlpy.seed(seed)
+        logger = self._d3rlpy.logging.NoopAdapterFactory()
+        self._algo.fit(
+            self._data, n_steps=steps, n_steps_per_epoch=steps, show_progress=False, logger_adapter=logger,
+            save_interval=steps + 1,
+        )  # fmt: skip
+
+    def save(self, folder: Path) -> None:
+        """Write networks, optimisers and the count of steps."""
+        self._algo.save_model(str(folder / "model.pt"))
+        (folder / "step.json").write_text(json.dumps(self._algo.grad_step), encoding="utf-8")
+
+    def export(self, folder: Path) -> str:
+        """Write the policy."""
+        self._algo.save(str(folder / "policy.d3"))
+        return "policy.d3"
+
+
+def _formulated(episode: Episode, formulation: Formulation) -> Episode:
+    """The episode with the rewards of the formulation."""
+    failed = episode.terminations & bool(episode.failure)
+    return replace(episode, rewards=formulation.reward(episode.rewards, failed))
+
+
+def needs(module: str, extra: str) -> Any:
+    """Import a package that an extra brings.
+
+    Raises:
+        ImportError: it is missing; the message says how to get it.
+    """
+    try:
+        # The gym that d3rlpy imports greets with a banner.
+        with contextlib.redirect_stderr(io.StringIO()):
+            found = importlib.import_module(module)
+    except ImportError as error:
+        raise ImportError(f"this algorithm needs {module}: pip install 'smpl[{extra}]'") from error
+    if module != "ray":
+        # Sums of several threads depend on how many there are.
+        importlib.import_module("torch").set_num_threads(1)
+    return found

@@ -1,0 +1,163 @@
+"""Environments as a learner sees them: the process beneath is the same, and policies come back to it."""
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import smpl
+from smpl.learning import Plan, Task
+from smpl.learning.agents import Agent, Rows
+from smpl.learning.environments import Curriculum, Formulated, FormulatedVectorEnv
+from smpl.learning.formulation import Form, FormulatedPolicy, Formulation
+from smpl.learning.running import Settings, run
+
+BOTH = {"centre": "pid", "reach": 0.5, "history": 3, "reward_scale": 0.1, "failure_reward": -7.0}
+
+
+def rows(env):
+    return Rows(
+        env, env.reading[None] if hasattr(env, "reading") else None, env.state[None], np.array([env.steps]), [{}]
+    )
+
+
+def test_actions_span_from_the_centre_to_the_limits():
+    env = smpl.Env("reactor")
+    env.reset(seed=0)
+    form = Form(Formulation(centre="nominal", reach=0.5, limits={"T_c": (20, 30)}), env)
+    for action, expected in (([0, 0], [26.85, 0.1]), ([1, -1], [28.425, 0.075]), ([-1, 1], [23.425, 0.15])):
+        np.testing.assert_allclose(form.physical(rows(env), np.array([action])), [expected], rtol=1e-14)
+        np.testing.assert_allclose(form.reverse(rows(env), np.array([expected])), [action], rtol=1e-12, atol=1e-12)
+
+
+def test_what_is_left_is_done_by_the_rules_that_the_model_declares():
+    env = smpl.Env("mab")
+    env.reset(seed=3)
+    form = Form(Formulation(centre="rules", left=("F_out", "switch")), env)
+    assert form.action_space().shape == (7,)
+    for _ in range(2):
+        given = form.physical(rows(env), np.zeros((1, 7)))[0]
+        np.testing.assert_array_equal(given, env.policy("nominal"))
+        env.step(env.from_physical(given))
+
+
+def test_zero_is_what_the_inner_controller_does():
+    plain, env = smpl.Env("reactor"), Formulated(gymnasium.make("smpl/Reactor-v0"), {"centre": "pid"})
+    controller = smpl.controllers.Proportional()
+    plain.reset(seed=5)
+    env.reset(seed=5)
+    controller.reset(plain)
+    for _ in range(30):
+        expected = plain.step(plain.from_physical(controller.action(plain)).astype(np.float32))
+        given = env.step(np.zeros(2, dtype=np.float32))
+        np.testing.assert_array_equal(given[0], expected[0])
+        assert given[1] == expected[1]
+
+
+@pytest.mark.parametrize("mode", ["same_step", "next_step"])
+def test_a_batch_gives_the_bits_of_single_environments(mode):
+    batch = FormulatedVectorEnv("reactor", 3, formulation=BOTH, autoreset_mode=mode, scenario="legacy", max_steps=12)
+    singles = [Formulated(smpl.Env("reactor", scenario="legacy", max_steps=12), BOTH) for _ in range(3)]
+    observations, _ = batch.reset(seed=11)
+    for i, env in enumerate(singles):
+        np.testing.assert_array_equal(env.reset(seed=11 + i)[0], observations[i])
+    generator, begun = np.random.default_rng(0), np.zeros(3, dtype=bool)
+    for _ in range(40):
+        actions = generator.uniform(-1, 1, (3, 2)).astype(np.float32)
+        observations, rewards, terminated, truncated, infos = batch.step(actions)
+        for i, env in enumerate(singles):
+            if begun[i]:  # next-step autoreset: this step was the reset
+                np.testing.assert_array_equal(env.reset()[0], observations[i])
+                begun[i] = False
+                continue
+            single = env.step(actions[i])
+            ended = single[2] or single[3]
+            seen = infos["final_obs"][i] if ended and mode == "same_step" else observations[i]
+            np.testing.assert_array_equal(single[0], seen)
+            assert (single[1], single[2], single[3]) == (rewards[i], terminated[i], truncated[i])
+            if ended and mode == "same_step":
+                np.testing.assert_array_equal(env.reset()[0], observations[i])
+            begun[i] = ended and mode == "next_step"
+
+
+def test_history_and_rewards():
+    env = Formulated(smpl.Env("reactor"), {"history": 2, "reward_scale": 0.5, "reward_range": (-0.1, 0.1)})
+    plain = smpl.Env("reactor")
+    first, second = env.reset(seed=1)[0], plain.reset(seed=1)[0]
+    np.testing.assert_array_equal(first, np.concatenate([second, second]))
+    given, expected = env.step(np.zeros(2)), plain.step(np.zeros(2, dtype=np.float32))
+    np.testing.assert_array_equal(given[0], np.concatenate([second, expected[0]]))
+    assert given[1] == max(-0.1, 0.5 * expected[1])
+    hot = Formulated(smpl.Env("reactor"), {"failure_reward": -7.0})
+    hot.reset(seed=1, options={"state": {"T": 99.9, "c_A": 1.0}})
+    assert hot.step(np.ones(2))[1:3] == (-7.0, True)
+
+
+def test_it_is_an_environment_of_gymnasium():
+    check_env(Formulated(smpl.Env("reactor"), BOTH), skip_render_check=True)
+
+
+def test_a_policy_of_a_formulation_runs_as_any_other():
+    class Policy:
+        def predict(self, observations):
+            assert observations.shape[1] == 9  # three observations
+            return np.tanh(observations[:, [0, 7]])
+
+    task, env = Task.of("reactor", max_steps=25), Formulated(smpl.Env("reactor", max_steps=25), BOTH)
+    agent = Agent("policy", FormulatedPolicy(Policy(), Formulation.of(BOTH)))
+    plan = Plan.of(task, agent, 5, seed=2)
+    for batch in (True, False):
+        for job, episode in run(plan, plan.jobs(0, 5), Settings(batch=batch)):
+            observation, _ = env.reset(seed=job.seed)
+            for k in range(episode.steps):
+                np.testing.assert_array_equal(observation[-3:], episode.observations[k])
+                observation, *_ = env.step(np.tanh(observation[[0, 7]]))
+
+
+def test_a_curriculum_moves_the_parameters_of_episodes():
+    stages = {"spread": [(0.0, 0.01, 0.01), (0.5, 0.3, 0.3)]}
+    assert Curriculum(stages).ranges(0.25) == {"spread": (pytest.approx(0.155), pytest.approx(0.155))}
+    env = FormulatedVectorEnv("reactor", 8, curriculum=stages, autoreset_mode="same_step", max_steps=3)
+    steady = np.array([0.8778252, 51.34660837, 0.659])
+    env.reset(seed=4)
+    assert np.all(np.abs(env.state / steady - 1) <= 0.01 + 1e-9)
+    env.progress = 1.0
+    for _ in range(3):
+        observations, _, _, truncated, infos = env.step(np.zeros((8, 2)))
+    assert truncated.all()
+    assert np.abs(env.state / steady - 1).max() > 0.02
+    assert not np.array_equal(infos["final_obs"][0], observations[0])
+    again = FormulatedVectorEnv("reactor", 8, curriculum=stages, autoreset_mode="same_step", max_steps=3)
+    env.progress = 0.0
+    np.testing.assert_array_equal(env.reset(seed=4)[0], again.reset(seed=4)[0])
+
+
+@pytest.mark.parametrize(
+    ("formulation", "says"),
+    [
+        ({"center": "pid"}, "formulation.*'center'"),
+        ({"centre": "pdi"}, "centre is 'pdi'; there are: box, nominal, rules"),
+        ({"centre": "rules"}, "centre is 'rules', which Reactor does not have"),
+        ({"reach": 0}, "reach is 0"),
+        ({"history": 0}, "history is 0"),
+        ({"reward_scale": -1}, "reward_scale is -1"),
+        ({"reward_range": (1, 0)}, "reward_range is"),
+        ({"left": ["T_c", "q_out"]}, "nothing is left to learn"),
+        ({"left": ["T_d"]}, "left.*'T_d'"),
+        ({"limits": {"T_c": (10, 20)}}, r"limits\['T_c'\] is \(10.0, 20.0\), expected a part of 15.0..35.0"),
+    ],
+)
+def test_a_formulation_that_cannot_be_meant_is_told(formulation, says):
+    with pytest.raises(ValueError, match=says):
+        Formulated(smpl.Env("reactor"), formulation)
+
+
+def test_curricula_that_cannot_be_meant_are_told():
+    with pytest.raises(ValueError, match="must rise"):
+        Curriculum({"spread": [(0.5, 0, 1), (0.5, 0, 1)]})
+    with pytest.raises(ValueError, match="low <= high"):
+        Curriculum({"spread": [(0.5, 1, 0)]})
+    with pytest.raises(ValueError, match="SAME_STEP"):
+        FormulatedVectorEnv("reactor", 2, curriculum={"spread": [(0, 0.1, 0.1)]})
+    with pytest.raises(ValueError, match=r"curriculum.*'spred'"):
+        FormulatedVectorEnv("reactor", 2, curriculum={"spred": [(0, 0.1, 0.1)]}, autoreset_mode="same_step")

@@ -1,0 +1,203 @@
+"""Runs of the benchmark that learn: every algorithm by name, resumed to the bit, skipped without its package."""
+
+import json
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smpl.benchmark import benchmark, main, runs
+from smpl.learning.training import COLUMNS, curve, learn
+
+NAMES = {
+    "offline": (
+        *("BC", "PLAS", "PLASWithPerturbation", "AWAC", "TD3", "BEAR", "BCQ", "SAC", "DDPG", "CQL"),
+        *("TD3PlusBC", "IQL", "CalQL", "ReBRAC"),
+    ),
+    "online": (
+        *("PPO", "A2C", "SAC", "TD3", "DDPG", "ARS", "TQC", "CrossQ", "RecurrentPPO"),
+        *("RLlib-PPO", "RLlib-IMPALA", "RLlib-APPO", "RLlib-SAC"),
+    ),
+}
+
+
+class Counting:
+    """A trainer whose state is a number; it may die in the middle of a segment."""
+
+    def __init__(self, dies_in=None):
+        self.value, self.dies_in, self.began = 0, dies_in, 0
+
+    def begin(self, seed):
+        self.value, self.began = seed, self.began + 1
+
+    def load(self, folder):
+        self.value = json.loads((folder / "value.json").read_text())
+
+    def train(self, steps, seed, progress):
+        self.value = (self.value * 31 + seed + steps) % 1_000_003
+        if self.dies_in is not None and progress >= self.dies_in:
+            raise KeyboardInterrupt
+
+    def save(self, folder):
+        (folder / "value.json").write_text(json.dumps(self.value))
+
+    def export(self, folder):
+        (folder / "policy.zip").write_text(json.dumps(self.value))
+        return "PPO:policy.zip"
+
+
+def test_a_run_that_was_cut_off_ends_as_one_that_was_not(tmp_path):
+    def validate(policy):
+        value = json.loads(Path(policy.removeprefix("PPO:")).read_text())
+        return float(value % 97), 0.0, 0
+
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    whole.mkdir()
+    parts.mkdir()
+    assert learn(Counting(), whole, 103, 5, 3, validate) == "PPO:policy.zip"
+    with pytest.raises(KeyboardInterrupt):
+        learn(Counting(dies_in=0.5), parts, 103, 5, 3, validate)
+    assert len(curve(parts)) == 3
+    (parts / ".checkpoint.tmp").mkdir()  # as if it had died while it wrote
+    again = Counting()
+    learn(again, parts, 103, 5, 3, validate)
+    assert again.began == 0
+    scores = [row["mean"] for row in curve(whole)]
+    assert scores == [row["mean"] for row in curve(parts)] and [row["steps"] for row in curve(parts)][-1] == 103
+    assert (whole / "policy.zip").read_text() == (parts / "policy.zip").read_text()
+    assert float(json.loads((whole / "policy.zip").read_text()) % 97) == max(scores)
+    assert (parts / "checkpoint-5").is_dir() and not (parts / "checkpoint-4").exists()
+    assert tuple(curve(whole)[0]) == COLUMNS
+
+
+def test_every_algorithm_of_the_paper_and_beyond_has_runs():
+    pytest.importorskip("yaml")
+    every = runs("all", "short", "Beer", 3)
+    for suite, names in NAMES.items():
+        assert {one.controller for one in every if one.suite == suite} == set(names)
+    for one in every:
+        assert one.suite == "control" or one.settings["steps"] > 0
+    assert {one.settings["steps"] for one in every if (one.suite, one.controller) == ("online", "PPO")} == {400000}
+
+
+@pytest.mark.parametrize("algorithm", NAMES["offline"])
+def test_each_offline_algorithm_trains_on_every_kind_of_process(algorithm, tmp_path):
+    for package in ("yaml", "d3rlpy", "pyarrow"):
+        pytest.importorskip(package)
+    table = benchmark(tmp_path, "offline", env="Beer", algorithms=[algorithm], workers=1)
+    (row,) = table["rows"]
+    assert "skipped" not in row and row["episodes"] == 8 and np.isfinite(row["mean"])
+    folder = tmp_path / "offline" / "Beer" / algorithm / "seed-0"
+    assert {one.name for one in folder.iterdir()} >= {"configuration.json", "curve.csv", "scores.json", "policy.d3"}
+    assert len(curve(folder)) == 2
+
+
+@pytest.mark.parametrize("algorithm", NAMES["online"])
+def test_each_online_algorithm_trains(algorithm, tmp_path):
+    for package in ("yaml", *(("ray",) if algorithm.startswith("RLlib") else ("stable_baselines3", "sb3_contrib"))):
+        pytest.importorskip(package)
+    table = benchmark(tmp_path, "online", env="Reactor", algorithms=[algorithm], workers=1)
+    (row,) = table["rows"]
+    assert "skipped" not in row and row["episodes"] == 8 and np.isfinite(row["mean"])
+    assert json.loads((tmp_path / "online" / "Reactor" / algorithm / "seed-0" / "formulation.json").read_text())[
+        "reach"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("suite", "algorithm", "package"),
+    [("offline", "TD3PlusBC", "d3rlpy"), ("online", "PPO", "sb3"), ("online", "SAC", "sb3")],
+)
+def test_a_learned_run_that_was_cut_off_ends_in_the_same_bits(suite, algorithm, package, tmp_path, monkeypatch):
+    pytest.importorskip("yaml")
+    pytest.importorskip("d3rlpy" if package == "d3rlpy" else "stable_baselines3")
+    arguments = {"env": "Reactor", "algorithms": [algorithm], "workers": 1}
+    benchmark(tmp_path / "whole", suite, **arguments)
+    import smpl.learning.training as training
+
+    follow = training._follow
+
+    def dies(trainer, folder, state, number, *more):
+        if number == 1:
+            raise KeyboardInterrupt  # trained and saved, but not yet counted
+        follow(trainer, folder, state, number, *more)
+
+    monkeypatch.setattr(training, "_follow", dies)
+    with pytest.raises(KeyboardInterrupt):
+        benchmark(tmp_path / "parts", suite, **arguments)
+    monkeypatch.undo()
+    benchmark(tmp_path / "parts", suite, resume=True, **arguments)
+    place = f"{suite}/Reactor/{algorithm}/seed-0"
+    returns = [
+        json.loads((tmp_path / which / place / "scores.json").read_text())["returns"] for which in ("whole", "parts")
+    ]
+    assert returns[0] == returns[1]
+    curves = [[row["mean"] for row in curve(tmp_path / which / place)] for which in ("whole", "parts")]
+    assert curves[0] == curves[1]
+
+
+def test_a_suite_without_its_package_is_skipped_by_name(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("yaml")
+    monkeypatch.setitem(sys.modules, "d3rlpy", None)
+    monkeypatch.setitem(sys.modules, "sb3_contrib", None)
+    given = ["--env", "Reactor", "--algorithm", "CQL", "--algorithm", "TQC", "--out", str(tmp_path), "--quiet"]
+    assert main(["--suite", "all", *given]) == 0
+    printed = capsys.readouterr().out
+    assert "CQL" in printed and "pip install 'smpl[d3rlpy]'" in printed
+    assert "TQC" in printed and "pip install 'smpl[contrib]'" in printed
+    monkeypatch.setitem(sys.modules, "yaml", None)
+    assert main(["--suite", "online", *given]) == 2
+    assert "pip install 'smpl[benchmark]'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("processes: {Rector: {}}", "processes.*'Rector'"),
+        ("processes: {Reactor: {formulations: {}}}", "processes.Reactor.*'formulations'"),
+        ("processes: {Reactor: {formulation: {centre: pid, reach: 2}}}", "reach is 2"),
+        ("processes: {Reactor: {algorithms: {online: {PPO: {n_stepz: 3}}}}}", "PPO has no hyperparameter n_stepz"),
+        ("budgets: {smoke: {segments: 0}}", "segments is 0"),
+        ("- 1", "expected a mapping"),
+        ("a: [", "configuration"),
+    ],
+)
+def test_a_configuration_that_cannot_be_meant_is_told(text, says, tmp_path):
+    pytest.importorskip("yaml")
+    if "n_stepz" in text:
+        pytest.importorskip("stable_baselines3")
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=says):
+        benchmark(tmp_path / "out", "online", env="Reactor", algorithms=["PPO"], config=path)
+
+
+def test_a_users_configuration_changes_what_is_run(tmp_path):
+    pytest.importorskip("yaml")
+    path = tmp_path / "mine.yaml"
+    path.write_text("processes: {Beer: {steps: {short: {on_policy: 7}}, algorithms: {online: {PPO: {gamma: 0.5}}}}}")
+    (one,) = runs("online", "short", "Beer", 1, ["PPO"], path)
+    (plain,) = runs("online", "short", "Beer", 1, ["PPO"])
+    assert one.settings["steps"] == 7 and one.settings["hyperparameters"]["gamma"] == 0.5
+    assert plain.settings["hyperparameters"]["n_steps"] == one.settings["hyperparameters"]["n_steps"]
+
+
+def test_the_policy_of_a_run_is_evaluated_with_its_formulation(tmp_path):
+    for package in ("yaml", "stable_baselines3"):
+        pytest.importorskip(package)
+    from smpl.learning import Plan, Task
+    from smpl.learning.scores import score
+
+    benchmark(tmp_path, "online", env="Reactor", algorithms=["PPO"], workers=1)
+    folder = tmp_path / "online/Reactor/PPO/seed-0"
+    scores = json.loads((folder / "scores.json").read_text())
+    task = Task.of("smpl/Reactor-v0", scenario="legacy", reward="setpoint_change", max_steps=20)
+    found = score(Plan.of(task, f"PPO:{folder / 'policy.zip'}", 8, seed=0), 1)
+    assert found.returns.tolist() == scores["returns"]
+    bare = tmp_path / "bare"
+    bare.mkdir()
+    shutil.copy(folder / "policy.zip", bare)
+    other = score(Plan.of(task, f"PPO:{bare / 'policy.zip'}", 8, seed=0), 1)
+    assert other.returns.tolist() != scores["returns"]
