@@ -63,10 +63,8 @@ def test_isothermal_takes_its_temperature():
 
 
 def test_what_is_not_there_is_named():
-    assert baselines("reactor") == ("pid", "mpc")
-    with pytest.raises(ValueError, match="baseline 'lqr' of reactor: there are pid, mpc"):
+    assert baselines("reactor") == ("pid", "mpc", "oracle")
+    with pytest.raises(ValueError, match="baseline 'lqr' of reactor: there are pid, mpc, oracle"):
         baseline("reactor", "lqr")
     with pytest.raises(ValueError, match="no environment 'reaktor'; did you mean 'reactor'"):
         baseline("reaktor", "pid")
-    with pytest.raises(NotImplementedError, match="needs smpl"):
-        baseline("mab", "empc")

@@ -19,7 +19,7 @@ from smpl.controllers import (
     Uniform,
     isothermal,
 )
-from smpl.controllers.nmpc import ReactorNMPC
+from smpl.controllers.reactor import ReactorNMPC
 from smpl.evaluation import Episode, Statistics, evaluate, per_episode, pooled, returns, run_episode
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -108,8 +108,6 @@ def test_statistics_are_pooled_over_steps_or_taken_over_episodes():
 
 def test_predictive_control_reproduces_the_reference_actions(reference):
     pytest.importorskip("casadi", reason="CasADi is not installed")
-    from smpl.controllers.nmpc import ReactorNMPC
-
     table = reference("reactor_extra_mpc.csv")
     env = smpl.Env("reactor", normalize=False, scenario="legacy")
     controller = ReactorNMPC()
@@ -124,13 +122,18 @@ def test_predictive_control_reproduces_the_reference_actions(reference):
 
 
 def test_the_differentiation_matrix_is_exact_for_polynomials_of_its_degree():
-    from smpl.controllers.nmpc import POINTS, differentiation_matrix
+    pytest.importorskip("casadi", reason="CasADi is not installed")
+    from smpl.controllers.collocation import differentiation_matrix, nodes, quadrature_weights
 
+    points = np.append(0.0, nodes("gauss", 3))
     polynomial = np.polynomial.Polynomial([1.0, -2.0, 0.5, 3.0, -1.0])
     np.testing.assert_allclose(
-        differentiation_matrix(POINTS) @ polynomial(POINTS), polynomial.deriv()(POINTS), atol=1e-12
+        differentiation_matrix(points) @ polynomial(points), polynomial.deriv()(points), atol=1e-12
     )
-    np.testing.assert_allclose(POINTS[1:4], [0.1127016654, 0.5, 0.8872983346], atol=1e-10)
+    np.testing.assert_allclose(points[1:4], [0.1127016654, 0.5, 0.8872983346], atol=1e-10)
+    # Radau's nodes integrate polynomials up to degree 4 exactly.
+    radau = nodes("radau", 3)
+    assert quadrature_weights(radau) @ polynomial(radau) == pytest.approx(polynomial.integ()(1.0), abs=1e-12)
 
 
 @pytest.mark.parametrize(

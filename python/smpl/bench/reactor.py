@@ -121,11 +121,9 @@ def casadi_peers() -> Iterator[Peer]:
         return
     import casadi
 
-    from smpl.controllers.nmpc import reactor_rates
-
-    parameters = smpl.Env("reactor").parameters
+    functions = smpl.export.casadi(smpl.compile("reactor"))
     x, u = casadi.SX.sym("x", 3), casadi.SX.sym("u", 2)
-    problem = {"x": x, "p": u, "ode": reactor_rates(casadi, x, u, parameters)}
+    problem = {"x": x, "p": u, "ode": functions.rhs(x, u)}
 
     def make(plugin: str) -> Callable[[float], Step]:
         def with_tolerance(rtol: float) -> Step:

@@ -8,6 +8,7 @@ from smpl.controllers.beer import Profile, isothermal
 from smpl.controllers.kalman import ExtendedKalmanFilter
 from smpl.controllers.lqr import LQG, LQR
 from smpl.controllers.moving_horizon import MovingHorizonEstimator
+from smpl.controllers.nmpc import NMPC
 from smpl.controllers.pid import PID, Cascade, Loops
 from smpl.controllers.reactor import Proportional
 from smpl.controllers.sampling import SamplingMPC
@@ -15,6 +16,7 @@ from smpl.controllers.sampling import SamplingMPC
 __all__ = [
     "LQG",
     "LQR",
+    "NMPC",
     "PID",
     "BayesianOptimization",
     "Cascade",

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from difflib import get_close_matches
+from functools import partial
 from typing import Any
 
 from smpl._registry import ENVIRONMENTS
 from smpl.controllers.base import Constant, Policy
 from smpl.controllers.beer import Profile, isothermal
+from smpl.controllers.culture import CultureMPC
+from smpl.controllers.oracles import oracle
 from smpl.controllers.pensim import RecipeSearch
-from smpl.controllers.reactor import Proportional
-
-
-def _reactor_mpc(**options: Any) -> Any:
-    from smpl.controllers.nmpc import ReactorNMPC
-
-    return ReactorNMPC(**options)
+from smpl.controllers.reactor import Proportional, ReactorNMPC
 
 
 def _zero(**options: Any) -> Constant:
@@ -27,23 +24,20 @@ def _policy(name: str) -> Callable[..., Policy]:
     return lambda **options: Policy(name, **options)
 
 
+def _culture(kind: str) -> Callable[..., CultureMPC]:
+    return lambda **options: CultureMPC(kind, **options)
+
+
 _BASELINES: dict[str, dict[str, Callable[..., Any]]] = {
-    "reactor": {"pid": Proportional, "mpc": _reactor_mpc},
+    "reactor": {"pid": Proportional, "mpc": ReactorNMPC},
     "beer": {"profile": Profile, "isothermal": isothermal},
     "pensim": {"recipe": _policy("nominal"), "gpei": RecipeSearch},
     "atropine": {"mpc": _policy("mpc"), "zero": _zero},
-    "mab": {"nominal": _policy("nominal")},
+    "mab": {"nominal": _policy("nominal"), "mpc": _culture("mpc"), "empc": _culture("empc")},
     "mab_plant": {"nominal": _policy("nominal")},
 }
-# What the paper has and this package has not yet.
-_MISSING = {
-    ("mab", "mpc"): "predictive control of the culture needs smpl.controllers.NMPC, which is not there yet",
-    ("mab", "empc"): "economic predictive control of the culture needs smpl.controllers.NMPC, which is not there yet",
-}
-
-
-class MissingBaselineError(NotImplementedError, ValueError):
-    """A baseline of the paper that this package has not yet."""
+for _name, _known in _BASELINES.items():
+    _known["oracle"] = partial(oracle, _name)
 
 
 def baseline(env_name: str, name: str, **options: Any) -> Any:
@@ -52,16 +46,15 @@ def baseline(env_name: str, name: str, **options: Any) -> Any:
     Args:
         env_name: `reactor`, `Reactor` or `smpl/Reactor-v0`.
         name: `pid`, `mpc` (reactor); `profile`, `isothermal` (beer); `recipe`, `gpei` (PenSim); `mpc`, `zero`
-            (atropine); `nominal` (MAb and its plant).
+            (atropine); `nominal`, `mpc`, `empc` (MAb); `nominal` (its plant); and `oracle` for each, which knows the
+            state and the parameters of the episode.
         options: further arguments of the controller, such as `temperature` of `isothermal`.
 
     Raises:
         ValueError: no such environment or baseline; the message lists those that there are.
-        MissingBaselineError: the paper has it and this package has not; the message says what is missing.
+        ImportError: an extra is missing; the message names the command.
     """
     model = _model(env_name)
-    if (model, name) in _MISSING:
-        raise MissingBaselineError(f"baseline {name!r} of {model}: {_MISSING[model, name]}")
     known = _BASELINES[model]
     if name not in known:
         raise ValueError(f"baseline {name!r} of {model}: there are {', '.join(known)}")

@@ -1,146 +1,466 @@
-"""Nonlinear model predictive control of the reactor by direct collocation (extra `mpc`: CasADi with IPOPT).
+"""Nonlinear and economic model predictive control of any model, by direct collocation (extra `mpc`: CasADi).
 
-Horizon of 20 intervals of 0.1 min. On each interval the states are the polynomial through its start, the three
-Gauss-Legendre points and its end; the differential equation is imposed at the inner points and at the end. The cost is
-the sum over interval starts of (x - s)' Q (x - s) + (u - u_s)' R (u - u_s) and a terminal term, in unscaled units.
+The equations are those of the model itself, exported as CasADi functions. J. B. Rawlings, D. Q. Mayne, M. Diehl, Model
+Predictive Control (2017); offset-free tracking by a disturbance estimate: G. Pannocchia, J. B. Rawlings, AIChE Journal
+49 (2003) 426-437.
 """
 
 from __future__ import annotations
 
+import time
+import warnings
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from smpl.controllers.base import require
-from smpl.controllers.reactor import ACTIONS, SET_POINT, STATES, STEADY_ACTION
+from smpl.controllers.collocation import NODES, Limit, Task, Transcription
+from smpl.controllers.names import listing, operating_action
+from smpl.controllers.nmpc_given import Given
+from smpl.controllers.nmpc_model import Expressions
+from smpl.controllers.nmpc_solver import SOLVERS, Solution, Solver
 from smpl.envs import Env
-from smpl.model import FloatArray
+from smpl.model import FloatArray, Model, as_count, as_mapping, as_number
 
-# Start, the Gauss-Legendre points of (0, 1), end.
-POINTS = np.array([0.0, 0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15), 1.0])
-
-
-def differentiation_matrix(points: FloatArray) -> FloatArray:
-    """D[i, j]: derivative at point i of the Lagrange polynomial that is 1 at point j."""
-    size = len(points)
-    matrix = np.empty((size, size))
-    for j in range(size):
-        others = np.delete(points, j)
-        polynomial = np.poly1d(others, r=True) / np.prod(points[j] - others)
-        matrix[:, j] = polynomial.deriv()(points)
-    return matrix
+Cost = str | Mapping[str, float] | Callable[[Mapping[str, Any]], Any] | None
+Bounds = Mapping[str, tuple[float | None, float | None]]
 
 
-class ReactorNMPC:
-    """Nonlinear model predictive controller of the reactor with full state feedback.
+class NMPC:
+    """Nonlinear model predictive control: the best actions over a horizon, of which the first one is applied.
 
     Args:
-        horizon: number of intervals of prediction and control.
-        state_weight, terminal_weight, action_weight: diagonals of Q, P and R.
-        set_point, steady_action: s and u_s.
-        keep_warm_start: carry the last solution into the next episode, as the original did.
+        env_or_model: the model that predicts, or an environment of it. The plant may be another one that has its states
+            and actions: another scenario, variant, or other parameters.
+        horizon: intervals of the model's step.
+        cost: name of a declared reward, to be maximised, the default one if None; or weights by names of states,
+            outputs, observations and actions, of squared distances from their set-points; or a function of a mapping
+            from names to CasADi expressions that returns what is to be minimised.
+        set_point: of what is weighed: a number, or a function of the time, known over the horizon. By default values at
+            the model's steady state.
+        terminal: weights at the end of the horizon; those of `cost` if None.
+        rate_weight: by names of actions, of squared changes from one interval to the next.
+        integrate: the cost is the mean over each interval in place of the value at its end.
+        bounds: (low, high) by names, None where there is none, at the end of each interval; in place of declared ones.
+        hard: names of those that must hold; all others may be broken at the price of `soft_weight`.
+        declared: bounds of states, failures and constraints that the model declares are bounds too (soft).
+        margin: by how much declared bounds are tightened, relative to the range (to the bound, where one is infinite).
+        soft_weight: price of a broken bound over the size of its quantity; large against the scaled cost, which is of
+            the order of 10.
+        rate_limit: largest change of an action from one step to the next, by names.
+        hold: move blocking: actions change every so many intervals; or the lengths of the moves, the last one going on.
+        part: states, components or arrays that are predicted; the others stay at what the plant shows.
+        actions: names of those that are chosen; those that the predicted equations read if None.
+        rest: a controller that chooses the other actions; they stay at the operating ones if None.
+        forecast: what is known beforehand of parameters, disturbances and other actions, by names: numbers, arrays with
+            a value for each step of the episode, or functions of the time.
+        p: values of parameters of the model that predicts, by name; `"episode"` takes those of the plant's episode.
+        estimator: `ExtendedKalmanFilter` or `MovingHorizonEstimator`; the state of the environment if None. Parameters
+            that it estimates are used.
+        offset_free: estimate a constant disturbance of each rate from the errors of the predictions, so that outputs
+            end at their set-points under wrong parameters and unmeasured disturbances.
+        filter: share of each new error in that estimate, 0 to 1.
+        solver: `fatrop`, `ipopt`, `sqp` (with `iterations=1`: real-time iterations), or `auto`: `sqp` from a warm start
+            where the problem is small and the cost a sum of squares, else `fatrop`. IPOPT is tried where another fails.
+        iterations: limit of the solver; its own if None.
+        budget: seconds that a decision may take; then what is reached is used if it meets the equations, else the last
+            plan goes on.
+        nodes, degree, elements: collocation by Radau's nodes or Gauss' with the end, so many on an element, so many
+            elements on an interval.
+        smooth: as for `smpl.export.casadi`.
+        tolerance: of the solver.
+        keep_warm_start: carry the last plan into the next episode.
+
+    Attributes:
+        decisions, fallbacks, retries: how many decisions there were; those in which nothing was found, so that the last
+            plan (or the least broken bounds) counted; those in which IPOPT found what the solver had not.
+        times: seconds of each decision.
+        plan, predicted: the actions (H, actions chosen) and states (H + 1, states) of the last solution.
+        conflicts: bounds that could not be held in the last decision.
+        disturbance: estimated change of each state in a step.
 
     Raises:
         ImportError: CasADi is missing.
+        ValueError: names, shapes or bounds that do not fit; the message says which, and what there is.
     """
 
     def __init__(
         self,
+        env_or_model: Env | Model,
         horizon: int = 20,
-        state_weight: float = 0.1,
-        terminal_weight: float = 0.1,
-        action_weight: float = 0.0,
-        set_point: npt.ArrayLike = SET_POINT,
-        steady_action: npt.ArrayLike = STEADY_ACTION,
+        cost: Cost = None,
+        *,
+        set_point: Mapping[str, Any] | None = None,
+        terminal: Mapping[str, float] | None = None,
+        rate_weight: Mapping[str, float] | None = None,
+        integrate: bool = False,
+        bounds: Bounds | None = None,
+        hard: Iterable[str] = (),
+        declared: bool = True,
+        margin: float = 1e-4,
+        soft_weight: float = 1e3,
+        rate_limit: Mapping[str, float] | None = None,
+        hold: int | Iterable[int] = 1,
+        part: Iterable[str] | None = None,
+        actions: Iterable[str] | None = None,
+        rest: Any = None,
+        forecast: Mapping[str, Any] | None = None,
+        p: Mapping[str, float] | str | None = None,
+        estimator: Any = None,
+        offset_free: bool = False,
+        filter: float = 1.0,
+        solver: str = "auto",
+        iterations: int | None = None,
+        budget: float | None = None,
+        nodes: str = "radau",
+        degree: int = 3,
+        elements: int = 1,
+        smooth: float = 0.0,
+        tolerance: float = 1e-8,
         keep_warm_start: bool = False,
     ) -> None:
-        self._horizon = horizon
-        self._weights = (state_weight, terminal_weight, action_weight)
-        self._set_point = np.asarray(set_point, dtype=np.float64)
-        self._steady_action = np.asarray(steady_action, dtype=np.float64)
-        self._keep = keep_warm_start
-        self._solver: Any = None
-        self._guess: FloatArray | None = None
-        self.failures = 0
+        self.model = env_or_model.model if isinstance(env_or_model, Env) else env_or_model
+        if not isinstance(self.model, Model):
+            raise TypeError(f"env_or_model is {type(env_or_model).__name__}, expected an smpl.Env or an smpl.Model")
+        self.horizon = as_count("horizon", horizon)
+        _one_of("solver", solver, SOLVERS)
+        _one_of("nodes", nodes, NODES)
+        self._expressions = Expressions(self.model, part, smooth)
+        self.action_names = self._choose_actions(actions)
+        objective = _Objective(self._expressions, self.action_names, cost, terminal, rate_weight, integrate)
+        limits = self._limits(bounds, tuple(hard), declared, margin, as_number("soft_weight", soft_weight))
+        self._given = Given(self._expressions, self.horizon, p, forecast, set_point, objective.targets)
+        self._offset_free, self._filter = bool(offset_free), as_number("filter", filter)
+        task = self._task(objective, limits, hold, rate_limit, rate_weight)
+        task.integrate, task.kind, task.degree = bool(integrate), nodes, as_count("degree", degree)
+        task.elements = as_count("elements", elements)
+        if budget is not None and not as_number("budget", budget) > 0:
+            raise ValueError(f"budget is {budget}, expected seconds above 0")
+        self._solver = Solver(Transcription(task), solver, tolerance, iterations, budget)
+        self._rest, self._estimator, self._keep = rest, estimator, bool(keep_warm_start)
+        self.sees = getattr(estimator, "sees", "state")
+        self.decisions = self.fallbacks = self.retries = 0
+        self.times: list[float] = []
+        self.conflicts: list[str] = []
+        self.disturbance = np.zeros(len(self._expressions.state_names))
+        self.plan, self.predicted = np.zeros((0, len(self.action_names))), np.zeros((0, 0))
+        self._ahead: Solution | None = None
+        self._before: tuple[int, FloatArray, FloatArray] | None = None
 
     def reset(self, env: Env) -> None:
-        """Build the problem at the first call; forget the last solution.
+        """Forget the last episode.
 
         Raises:
-            ValueError: the environment is no reactor.
+            ValueError: the environment has not the states, actions or step of the model that predicts.
         """
-        require(env, "this predictive controller", ACTIONS, STATES)
-        if self._solver is None:
-            self._build(env)
+        self._check(env)
+        self._given.begin(env, self._estimator)
+        self._solver.prepare()
+        self._places = [env.action_names.index(name) for name in self.action_names]
+        self._low, self._high = env.action_low, env.action_high
+        self.disturbance[:] = 0.0
+        self.conflicts, self._before, self._told = [], None, False
+        if self._rest is not None:
+            self._rest.reset(env)
+        if self._estimator is not None:
+            self._estimator.reset(env)
+        self._operating = self._resting_action(env)
         if not self._keep:
-            self._guess = None
+            self._ahead = None
 
     def action(self, env: Env) -> FloatArray:
-        """First action of the optimal sequence, clipped to the box."""
-        guess = self._first_guess() if self._guess is None else self._guess
-        solution = self._solver(x0=guess, p=env.state, lbx=self._lower, ubx=self._upper, lbg=0.0, ubg=0.0)
-        values = np.asarray(solution["x"]).ravel()
-        if self._solver.stats()["success"]:
-            self._guess = self._shifted(values)
-        else:
-            self.failures += 1
-            self._guess = None
-        return np.clip(self._split(values)[2][0], env.action_low, env.action_high)
+        """The first actions of the best plan, and those of `rest`, within the box."""
+        begin = time.perf_counter()
+        others = self._operating if self._rest is None else np.asarray(self._rest.action(env), dtype=np.float64)
+        state = self._state(env)
+        previous = others[self._places] if env.steps == 0 else env.action[self._places]
+        self._given.update(env, others, self._estimator)
+        if self._offset_free:
+            self._learn(env, state, previous)
+        fixed, varying = self._given.vectors(env, self.disturbance)
+        solution = self._decide(state, previous, fixed, varying, env)
+        action = others.copy()
+        action[self._places] = self.plan[0]
+        action = np.clip(action, self._low, self._high)
+        self._ahead = solution
+        self._before = (env.steps, state, self._given.first)
+        self.decisions += 1
+        self.times.append(time.perf_counter() - begin)
+        return action
 
-    # Layout of the decision variables: starts and end (H + 1, 3), inner points (H, 3, 3), actions (H, 2).
-
-    def _split(self, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        h = self._horizon
-        a, b = 3 * (h + 1), 3 * (h + 1) + 9 * h
-        return values[:a].reshape(h + 1, 3), values[a:b].reshape(h, 3, 3), values[b:].reshape(h, 2)
-
-    def _first_guess(self) -> FloatArray:
-        return np.concatenate(
-            [np.tile(self._set_point, 4 * self._horizon + 1), np.tile(self._steady_action, self._horizon)]
+    def report(self) -> str:
+        """Decisions so far, their times and what failed, in a line."""
+        if not self.times:
+            return "no decisions yet"
+        ms = 1e3 * np.array(self.times)
+        return (
+            f"{self.decisions} decisions, median {np.median(ms):.3g} ms, 99th percentile {np.percentile(ms, 99):.3g}"
+            f" ms, longest {ms.max():.3g} ms; {self.fallbacks} fallbacks, {self.retries} retries"
         )
 
-    def _shifted(self, values: FloatArray) -> FloatArray:
-        return np.concatenate([np.concatenate([part[1:], part[-1:]]).ravel() for part in self._split(values)])
+    # Construction.
 
-    def _build(self, env: Env) -> None:
-        """Set the problem up for the parameters of the environment."""
-        try:
-            import casadi
-        except ImportError as error:
-            raise ImportError("predictive control needs CasADi: pip install 'smpl[mpc]'") from error
-        h, matrix, step = self._horizon, differentiation_matrix(POINTS), env.model.step
-        unknowns = casadi.SX.sym("w", 12 * h + 3 + 2 * h)
-        start = casadi.SX.sym("x0", 3)
-        nodes = [unknowns[3 * k : 3 * k + 3] for k in range(h + 1)]
-        a, b = 3 * (h + 1), 3 * (h + 1) + 9 * h
-        actions = [unknowns[b + 2 * k : b + 2 * k + 2] for k in range(h)]
-        constraints = [nodes[0] - start]
-        cost = self._weights[1] * casadi.sumsqr(nodes[h] - self._set_point)
-        for k in range(h):
-            inner = [unknowns[a + 9 * k + 3 * i : a + 9 * k + 3 * i + 3] for i in range(3)]
-            points = [nodes[k], *inner, nodes[k + 1]]
-            for i in range(1, 5):
-                slope = sum(matrix[i, j] * points[j] for j in range(5))
-                constraints.append(slope - step * reactor_rates(casadi, points[i], actions[k], env.parameters))
-            cost += self._weights[0] * casadi.sumsqr(nodes[k] - self._set_point)
-            cost += self._weights[2] * casadi.sumsqr(actions[k] - self._steady_action)
-        problem = {"x": unknowns, "p": start, "f": cost, "g": casadi.vertcat(*constraints)}
-        quiet: Any = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes"}
-        self._solver = casadi.nlpsol("reactor_nmpc", "ipopt", problem, quiet)
-        free = np.full(12 * h + 3, np.inf)
-        self._lower = np.concatenate([-free, np.tile(env.action_low, h)])
-        self._upper = np.concatenate([free, np.tile(env.action_high, h)])
+    def _choose_actions(self, given: Iterable[str] | None) -> tuple[str, ...]:
+        names = self.model.action_names
+        if given is None:
+            chosen = self._expressions.actions_read()
+            if not chosen:
+                raise ValueError(f"no action of {self.model.name} acts on the predicted states")
+            return chosen
+        wanted = (given,) if isinstance(given, str) else tuple(given)
+        wrong = [name for name in wanted if name not in names]
+        if wrong or not wanted:
+            what = ", ".join(map(repr, wrong)) or "none"
+            raise ValueError(f"actions: unknown {what}; there are: {listing(names, self.model.action_units)}")
+        return tuple(name for name in names if name in wanted)
+
+    def _limits(
+        self, given: Bounds | None, hard: tuple[str, ...], declared: bool, margin: float, weight: float
+    ) -> list[Limit]:
+        e, own = self._expressions, dict(as_mapping("bounds", given))
+        found = []
+        for name, expression, low, high in e.limits() if declared else []:
+            if name in own:
+                continue
+            # A lone root function or violation is 0 at its bound.
+            width = high - low if np.isfinite(high - low) else max(abs(low) if np.isfinite(low) else abs(high), 0.0)
+            size = width if np.isfinite(high - low) and width > 0 else 1.0
+            price = np.inf if name in hard else weight
+            found.append(Limit(name, expression, low + margin * width, high - margin * width, size, price))
+        for name, pair in own.items():
+            low, high = _pair(name, pair)
+            size = high - low if np.isfinite(high - low) and high > low else e.scale(name)
+            found.append(Limit(name, e[name], low, high, size, np.inf if name in hard else weight))
+        unknown = [name for name in hard if name not in {limit.name for limit in found}]
+        if unknown:
+            known = ", ".join(limit.name for limit in found) or "none"
+            raise ValueError(f"hard: no bound of {', '.join(map(repr, unknown))}; there are bounds of: {known}")
+        return found
+
+    def _task(self, objective: _Objective, limits: list[Limit], hold: Any, rate_limit: Any, rate_weight: Any) -> Task:
+        e = self._expressions
+        import casadi as ca
+
+        free = _moves(hold, self.horizon)
+        rates = _by_action("rate_limit", rate_limit, self.model, self.action_names, np.inf)
+        everything = ca.vertcat(e.equations, objective.stage, objective.last, *(one.expression for one in limits))
+        if e.integral.numel():
+            everything = ca.vertcat(everything, e.call(e.export.integrals))
+        offsets = [f"offset:{name}" for name in e.state_names] if self._offset_free else []
+        keys = (*e.given(everything, self.action_names), *offsets)
+        self._given.prepare(keys)
+        reads_before = any(symbol.name().startswith("before:") for symbol in ca.symvar(everything))
+        at = [self.model.action_names.index(name) for name in self.action_names]
+        low, high = self.model.native.bounds("action")
+        return Task(
+            e, self.horizon, self.action_names, objective.stage, objective.last, False, limits, keys,
+            self._given.varying, free, rates, low[at], high[at],
+            offset=self._offset_free,
+            remembers=reads_before or not all(free) or bool(np.isfinite(rates).any()) or bool(rate_weight),
+            factor=objective.factor(self._given), convex=objective.convex,
+        )  # fmt: skip
+
+    # Decisions.
+
+    def _check(self, env: Env) -> None:
+        missing = [name for name in self._expressions.state_names if name not in env.state_names]
+        if missing and self._estimator is None:
+            raise ValueError(
+                f"this predictive controller needs the states {', '.join(missing)} of {self.model.name}, which "
+                f"{env.model.name} does not have: give part=[...] or an estimator"
+            )
+        lacking = [name for name in self.action_names if name not in env.action_names]
+        if lacking:
+            raise ValueError(
+                f"this predictive controller is for the actions {', '.join(self.action_names)}; {env.model.name} has "
+                f"{', '.join(env.action_names)}"
+            )
+        if not np.isclose(env.model.step, self.model.step, rtol=1e-9):
+            raise ValueError(
+                f"the model that predicts has steps of {self.model.step} {self.model.time_unit}, the environment of "
+                f"{env.model.step} {env.model.time_unit}"
+            )
+        if self._estimator is not None:
+            known = self._estimator.model.state_names
+            absent = [name for name in self._expressions.state_names if name not in known]
+            if absent:
+                raise ValueError(f"the estimator estimates {', '.join(known[:8])}, not {', '.join(absent)}")
+
+    def _resting_action(self, env: Env) -> FloatArray:
+        return np.clip(operating_action(env), env.action_low, env.action_high)
+
+    def _state(self, env: Env) -> FloatArray:
+        if self._estimator is None:
+            names, values = env.state_names, env.state
+        else:
+            names, values = self._estimator.model.state_names, self._estimator.update(env)
+        by_name = dict(zip(names, values.tolist(), strict=True))
+        return np.array([by_name[name] for name in self._expressions.state_names])
+
+    def _learn(self, env: Env, state: FloatArray, applied: FloatArray) -> None:
+        """Take what the last step did other than predicted as a disturbance that stays."""
+        if self._before is None or self._before[0] != env.steps - 1:
+            return
+        _, start, given = self._before
+        expected = self._solver.step(start, applied, given, env.time - self.model.step)
+        error = state - expected
+        if np.isfinite(error).all():
+            self.disturbance += self._filter * error
+
+    def _decide(
+        self, state: FloatArray, previous: FloatArray, fixed: FloatArray, varying: FloatArray, env: Env
+    ) -> Solution | None:
+        """Solve, or fall back; sets plan, predicted and conflicts."""
+        given = (state, previous, fixed, varying, env.time)
+        rest = self._operating[self._places]
+        old = None if self._ahead is None else self._ahead.shifted()
+        solution = self._solver.solve(given, old, self._given.guess, rest)
+        self.conflicts = []
+        self.retries += solution is not None and solution.retried
+        if solution is None:
+            self.fallbacks += 1
+            solution = self._fall_back(given, old, rest)
+        if solution is not None:
+            self.plan, self.predicted = solution.actions, solution.states
+        return solution
+
+    def _fall_back(self, given: tuple[Any, ...], old: Solution | None, rest: FloatArray) -> Solution | None:
+        elastic = self._solver.elastic(given, old, self._given.guess, rest)
+        if elastic is not None:
+            self.conflicts = elastic.broken()
+            if self.conflicts and not self._told:
+                self._told = True
+                message = f"no plan holds all bounds from here: {'; '.join(self.conflicts)}"
+                warnings.warn(message, RuntimeWarning, stacklevel=4)
+            return elastic
+        if old is None:
+            self.plan = np.tile(rest, (self.horizon, 1))
+        else:
+            self.plan, self.predicted = old.actions, old.states
+        return old
 
 
-def reactor_rates(casadi: Any, x: Any, u: Any, p: dict[str, float]) -> Any:
-    """Right-hand side of the reactor in CasADi, per min; x = (c_A, T, h), u = (T_c, q_out), p parameters by name."""
-    area = np.pi * p["r"] ** 2
-    dilution = p["q_in"] / (area * x[2] + p["V_0"])
-    rate = p["k_0"] * casadi.exp(-p["E_R"] / (x[1] + 273.15)) * x[0]
-    heat = p["rho"] * p["c_p"]
-    return casadi.vertcat(
-        dilution * (p["c_Af"] - x[0]) - rate,
-        dilution * (p["T_f"] - x[1]) - p["dH"] / heat * rate + 2 * p["U"] / (p["r"] * heat) * (u[0] - x[1]),
-        (p["q_in"] - u[1]) / area,
+class _Objective:
+    """The cost of an interval and of the last one, as expressions.
+
+    Attributes:
+        targets: names of what has a set-point.
+        convex: it is a sum of weighted squares.
+    """
+
+    def __init__(
+        self, e: Expressions, actions: tuple[str, ...], cost: Cost, terminal: Any, rate_weight: Any, integrate: bool
+    ) -> None:
+        import casadi as ca
+
+        self._e, self._ca = e, ca
+        self.targets: dict[str, Any] = {}
+        weights = dict(as_mapping("cost", cost)) if isinstance(cost, Mapping) else None
+        changes = _by_action("rate_weight", rate_weight, e.model, actions, 0.0)
+        at = [e.export.action_names.index(name) for name in actions]
+        move = sum(w * (e.u[i] - e.before[i]) ** 2 for w, i in zip(changes, at, strict=True) if w > 0)
+        self._weights, self.convex = weights or {}, weights is not None
+        if weights is not None:
+            self.stage = self._squares("cost", weights)
+        elif callable(cost):
+            self.stage = ca.SX(cost(e))
+        else:
+            self.stage = -e.reward(self._reward(cost))
+        end = self.stage
+        if terminal is not None and integrate:
+            raise ValueError("terminal weighs the end of the horizon, which a cost that is integrated does not have")
+        if terminal is not None:
+            by_action = {k: v for k, v in self._weights.items() if k in e.export.action_names}
+            squares = self._squares("terminal", {**by_action, **dict(as_mapping("terminal", terminal))})
+            end = squares if weights is not None else self.stage + squares
+        self.stage, self.last = self.stage + move, end + move
+
+    def factor(self, given: Given) -> float:
+        """What makes the steepest slope of the cost 10 in scaled variables, a tenth of their sizes off the guess."""
+        e, ca = self._e, self._ca
+        at = ca.vertcat(e.x, e.z, e.u)
+        sizes = np.concatenate([e.state_scale, e.algebraic_scale, e.action_scale])
+        others = [s for s in ca.symvar(ca.vertcat(self.stage, self.last)) if not _among(s, at)]
+        slope = ca.Function(
+            "slope", [at, ca.vertcat(*others)], [ca.gradient(self.stage, at), ca.gradient(self.last, at)]
+        )
+        guess = np.concatenate([*given.guess, e.export.action_nominal])
+        known = [given.nominal(symbol.name()) for symbol in others]
+        found = [np.abs(np.asarray(one).ravel() * sizes) for one in slope(guess + 0.1 * sizes, known)]
+        steepest = max((float(np.nanmax(one, initial=0.0)) for one in found), default=0.0)
+        return 10.0 / steepest if np.isfinite(steepest) and steepest > 0 else 1.0
+
+    def _reward(self, cost: Any) -> str:
+        e = self._e
+        if cost is not None and not isinstance(cost, str):
+            raise TypeError(f"cost is {type(cost).__name__}, expected the name of a reward, weights, or a function")
+        if cost is None and not e.export.reward_names:
+            raise ValueError(f"{e.model.name} declares no reward: give cost as weights by names, {e.listing()}")
+        return e.model.reward if cost is None else cost
+
+    def _squares(self, argument: str, weights: Mapping[str, Any]) -> Any:
+        value = self._ca.SX(0.0)
+        for name, given in weights.items():
+            weight = as_number(f"{argument}[{name!r}]", given)
+            if not (np.isfinite(weight) and weight >= 0):
+                raise ValueError(f"{argument}[{name!r}] is {weight}, expected a finite number that is not negative")
+            try:
+                quantity = self._e[name]
+            except ValueError as error:
+                raise ValueError(f"{argument}: {error}") from None
+            self.targets[name] = quantity
+            value += weight * (quantity - self._e.symbols([f"target:{name}"])) ** 2
+        return value
+
+
+def _among(symbol: Any, vector: Any) -> bool:
+    import casadi as ca
+
+    return bool(ca.depends_on(vector, symbol))
+
+
+def _pair(name: str, given: Any) -> tuple[float, float]:
+    try:
+        low, high = given
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"bounds[{name!r}] is {given!r}, expected (low, high), with None where there is none"
+        ) from None
+    found = (
+        -np.inf if low is None else as_number(f"bounds[{name!r}]", low),
+        np.inf if high is None else as_number(f"bounds[{name!r}]", high),
     )
+    if not found[0] <= found[1]:
+        raise ValueError(f"bounds[{name!r}]: the lower bound {found[0]} is above the upper bound {found[1]}")
+    return found
+
+
+def _moves(hold: Any, horizon: int) -> list[bool]:
+    """Intervals in which actions are chosen anew."""
+    if isinstance(hold, (int, np.integer)):
+        every = as_count("hold", hold)
+        return [k % every == 0 for k in range(horizon)]
+    starts = np.cumsum([0, *(as_count("hold", length) for length in hold)])
+    # The last move goes on to the end of the horizon.
+    kept = set(starts[:-1].tolist())
+    if not kept:
+        raise ValueError("hold is empty, expected the length of at least one move")
+    return [k in kept for k in range(horizon)]
+
+
+def _by_action(argument: str, given: Any, model: Model, actions: tuple[str, ...], default: float) -> FloatArray:
+    wanted = as_mapping(argument, given)
+    wrong = [name for name in wanted if name not in actions]
+    if wrong:
+        units = dict(zip(model.action_names, model.action_units, strict=True))
+        known = listing(actions, [units[name] for name in actions])
+        raise ValueError(f"{argument}: unknown {', '.join(map(repr, wrong))}; there are: {known}")
+    found = np.array([as_number(f"{argument}[{name!r}]", wanted.get(name, default)) for name in actions])
+    if not (found >= 0).all():
+        raise ValueError(f"{argument}: {dict(wanted)}, expected numbers that are not negative")
+    return found
+
+
+def _one_of(argument: str, value: str, known: tuple[str, ...]) -> None:
+    if value not in known:
+        raise ValueError(f"{argument} is {value!r}; there are: {', '.join(known)}")

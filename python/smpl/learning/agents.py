@@ -213,7 +213,7 @@ def _known(model: Model) -> dict[str, Callable[[], Any]]:
 
 
 def _reactor_mpc() -> Any:
-    from smpl.controllers.nmpc import ReactorNMPC
+    from smpl.controllers.reactor import ReactorNMPC
 
     return ReactorNMPC()
 

@@ -1,0 +1,83 @@
+"""Predictive control of the antibody culture: the published tracking and economic controllers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from smpl.controllers.base import Policy
+from smpl.controllers.nmpc import NMPC
+from smpl.envs import Env
+from smpl.model import FloatArray, Model
+
+# What the culture model holds; buffer tank and column follow the rules of the nominal policy.
+STATES = (
+    "Xv1", "Xt1", "GLC1", "GLN1", "LAC1", "AMM1", "mAb1", "V1",
+    "Xv2", "Xt2", "GLC2", "GLN2", "LAC2", "AMM2", "mAb2", "V2", "T",
+)  # fmt: skip
+ACTIONS = ("F_in", "F_1", "F_r", "F_2", "GLC_in", "GLN_in", "T_c")
+KINDS = ("mpc", "empc")
+
+
+class CultureMPC:
+    """`mpc` and `empc` of the paper: predictive control of the 17 states of the culture by its seven actions.
+
+    The tracking controller minimises the integral of the squared scaled deviations of states and actions from the
+    steady state, the economic one maximises the antibody that is made (the reward `productivity`). Declared bounds hold
+    where they can: a start outside of them is brought back. The outflow of the buffer tank and the switch are those of
+    the policy `nominal`. The problem is built at the first reset.
+
+    Args:
+        kind: `mpc` or `empc`.
+        horizon: intervals of an hour; the paper's 100.
+        options: further arguments of `NMPC`.
+
+    Attributes:
+        controller: the `NMPC`.
+    """
+
+    sees = "state"
+
+    def __init__(self, kind: str = "mpc", horizon: int = 100, **options: Any) -> None:
+        if kind not in KINDS:
+            raise ValueError(f"kind is {kind!r}; there are: {', '.join(KINDS)}")
+        self._kind, self._horizon = kind, horizon
+        self._options: dict[str, Any] = {"integrate": True, "part": STATES, "actions": ACTIONS, "tolerance": 1e-6}
+        self._options |= {"rest": Policy("nominal"), "p": "episode"} | options
+        self.controller: NMPC | None = None
+
+    def reset(self, env: Env) -> None:
+        """Build the problem at the first call; forget the last solution.
+
+        Raises:
+            ValueError: the environment is no antibody culture.
+        """
+        missing = [name for name in (*STATES, *ACTIONS) if name not in (*env.state_names, *env.action_names)]
+        if missing:
+            raise ValueError(
+                f"this controller is for the antibody culture; {env.model.name} has no {', '.join(missing[:5])}"
+            )
+        if self.controller is None or self.controller.model is not env.model:
+            cost: Any = "productivity" if self._kind == "empc" else _deviations(env.model)
+            self.controller = NMPC(env, self._horizon, cost, **self._options)
+        self.controller.reset(env)
+
+    def action(self, env: Env) -> FloatArray:
+        """The first actions of the best plan, and the two rules."""
+        if self.controller is None:
+            raise ValueError("call reset(env) first")
+        return self.controller.action(env)
+
+    @property
+    def fallbacks(self) -> int:
+        """Decisions without a solution, in which the last plan went on."""
+        return 0 if self.controller is None else self.controller.fallbacks
+
+
+def _deviations(model: Model) -> dict[str, float]:
+    """Weights one of the scaled states and actions."""
+    from smpl.export import casadi
+
+    functions = casadi(model)
+    scale = dict(zip(functions.state_names, functions.state_scale.tolist(), strict=True))
+    scale |= dict(zip(functions.action_names, functions.action_scale.tolist(), strict=True))
+    return {name: 1 / scale[name] ** 2 for name in (*STATES, *ACTIONS)}

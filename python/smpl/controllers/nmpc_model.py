@@ -1,0 +1,276 @@
+"""What a predictive controller knows of a model: CasADi expressions of what it may vary and of what it is given.
+
+States of the chosen part, algebraic variables and actions are variables; whatever else the expressions read
+(parameters, discrete variables, states of the rest of the plant, values at other instants) is *given* anew at every
+decision, by the name of its symbol: `p:T_f`, `x:h`, `steady:T`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from smpl.controllers.names import listing
+from smpl.export.modules import CasadiModel, casadi
+from smpl.export.parts import chosen
+from smpl.model import FloatArray, Model
+
+_INSTANT = re.compile(r"(previous|initial|steady|integral)\((.*)\)")
+
+
+class Expressions(Mapping[str, Any]):
+    """Expressions of a model; as a mapping, quantities by their names, in physical units.
+
+    Args:
+        model: a compiled model.
+        part: states, components or arrays that are predicted; all if None. The others are given.
+        smooth: as for `smpl.export.casadi`.
+
+    Attributes:
+        state_names, state_scale, state_low, state_high: of the part; the scales are positive and finite.
+        algebraic_names, algebraic_scale, algebraic_nominal: of what is solved for with the states; none with a part.
+        x, z, u, start, before, integral, time: symbols: states, algebraic variables and all actions at a point; the
+            states at the start of the interval, the action before it, integrals over it, the time.
+
+    Raises:
+        ImportError: CasADi is missing.
+        ValueError: a name of the part means no state, or what is predicted jumps at sampling instants.
+    """
+
+    def __init__(self, model: Model, part: Iterable[str] | None = None, smooth: float = 0.0) -> None:
+        self.model = model
+        try:
+            import casadi as ca
+        except ImportError as error:
+            raise ImportError("predictive control needs CasADi: pip install 'smpl[mpc]'") from error
+        self.export: CasadiModel = casadi(model, "SX", smooth)
+
+        self._ca = ca
+        e = self.export
+        at = list(range(len(e.state_names))) if part is None else chosen(part, e.state_names)
+        self.state_names = tuple(e.state_names[i] for i in at)
+        self.state_low, self.state_high = e.state_low[at], e.state_high[at]
+        self.state_scale = _sizes(e.state_scale[at], e.state_nominal[at])
+        self.algebraic_names = e.algebraic_names if part is None else ()
+        self.algebraic_nominal = e.algebraic_nominal if part is None else np.zeros(0)
+        self.algebraic_scale = _sizes(np.abs(self.algebraic_nominal), self.algebraic_nominal)
+        self.action_scale = _sizes(e.action_scale, e.action_nominal)
+        self._symbols: dict[str, Any] = {}
+        self.x, self.z = self._vector("x", self.state_names), self._vector("z", self.algebraic_names)
+        self.u, self.start = self._vector("u", e.action_names), self._vector("start", self.state_names)
+        self.before = self._vector("before", e.action_names)
+        self.dx = self._vector("dx", self.state_names)
+        self.integral = self._vector("integral", e.labels.get("integrals", ()))
+        self.time = self._symbol("time")
+        self._vectors = {
+            "x": ca.vertcat(*(self._symbol(f"x:{name}") for name in e.state_names)),
+            "z": ca.vertcat(*(self._symbol(f"z:{name}") for name in e.algebraic_names)),
+            "u": self.u,
+            "p": ca.vertcat(*(self._element(name) for name in e.parameter_names)),
+            "c": ca.vertcat(*(self._element(name) for name in e.context_names)),
+        }
+        self.equations, self.explicit = self._dynamics(at, part is not None)
+        self._refuse_jumps(at)
+        self._quantities = self._named_quantities()
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._quantities:
+            raise ValueError(f"unknown {name!r}; {self.model.name} has {self.listing()}")
+        return self._quantities[name]()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._quantities)
+
+    def __len__(self) -> int:
+        return len(self._quantities)
+
+    def listing(self) -> str:
+        """Names that costs and bounds may use, with units."""
+        e = self.export
+        lists = [("state", self.state_names), ("action", e.action_names), ("output", e.output_names)]
+        parts = []
+        for kind, names in lists:
+            units = dict(zip(getattr(e, f"{kind}_names"), getattr(e, f"{kind}_units"), strict=True))
+            if names:
+                parts.append(f"the {kind}s {listing(names, [units[name] for name in names], 20)}")
+        return "; ".join(parts)
+
+    def unit(self, name: str) -> str:
+        """Unit of a quantity."""
+        e = self.export
+        for kind in ("state", "algebraic", "action", "output", "observation", "parameter"):
+            if name in getattr(e, f"{kind}_names"):
+                return str(getattr(e, f"{kind}_units")[getattr(e, f"{kind}_names").index(name)])
+        return "1"
+
+    def scale(self, name: str) -> float:
+        """Size of a quantity, positive."""
+        e = self.export
+        for kind in ("state", "action", "output"):
+            names = getattr(e, f"{kind}_names")
+            if name in names:
+                i = names.index(name)
+                return float(_sizes(getattr(e, f"{kind}_scale")[[i]], getattr(e, f"{kind}_nominal")[[i]])[0])
+        return 1.0
+
+    def call(self, function: Any) -> Any:
+        """A function of the export at the symbols."""
+        return function(*(self._vectors[name] for name in function.name_in()))
+
+    def reward(self, name: str) -> Any:
+        """A reward of the step that ends at the point.
+
+        Raises:
+            ValueError: there is none of that name, or it needs what a horizon does not know.
+        """
+        e = self.export
+        if name not in e.rewards:
+            known = listing(e.reward_names, e.reward_units) or "none"
+            raise ValueError(f"cost is {name!r}, no reward of {self.model.name}; there are: {known}")
+        return self.call(e.rewards[name])
+
+    def actions_read(self) -> tuple[str, ...]:
+        """Actions that the equations of the part read."""
+        read = {symbol.name() for symbol in self._ca.symvar(self.equations)}
+        return tuple(name for name in self.export.action_names if f"u:{name}" in read)
+
+    def given(self, expressions: Any, actions: tuple[str, ...]) -> tuple[str, ...]:
+        """Keys of what the expressions read and the controller does not vary."""
+        own = {f"x:{n}" for n in self.state_names} | {f"z:{n}" for n in self.algebraic_names}
+        own |= {f"start:{n}" for n in self.state_names} | {f"dx:{n}" for n in self.state_names} | {"time"}
+        own |= {f"u:{n}" for n in actions} | {f"before:{n}" for n in actions}
+        own |= {f"integral:{n}" for n in self.export.labels.get("integrals", ())}
+        return tuple(sorted({symbol.name() for symbol in self._ca.symvar(expressions)} - own))
+
+    def symbols(self, keys: Iterable[str]) -> Any:
+        """Symbols of given quantities, as a column."""
+        return self._ca.vertcat(*(self._symbol(key) for key in keys))
+
+    def limits(self) -> list[tuple[str, Any, float, float]]:
+        """What the model itself demands of the end of every step: (name, expression, low, high).
+
+        Bounds of states, boxes of failures, root functions of failing events, violations of other failures and of
+        declared constraints.
+        """
+        e, found = self.export, []
+        for i, name in enumerate(self.state_names):
+            if np.isfinite(self.state_low[i]) or np.isfinite(self.state_high[i]):
+                found.append((name, self.x[i], float(self.state_low[i]), float(self.state_high[i])))
+        low, high = self.model.native.bounds("observation")
+        for name in e.labels.get("boxes", ()):
+            if name in e.observation_names and name not in e.state_names:
+                i = e.observation_names.index(name)
+                found.append((name, self[name], float(low[i]), float(high[i])))
+        found += self._violations()
+        own = {f"x:{name}" for name in self.state_names} | {f"u:{name}" for name in e.action_names}
+        return [one for one in found if own & {symbol.name() for symbol in self._ca.symvar(one[1])}]
+
+    def _violations(self) -> list[tuple[str, Any, float, float]]:
+        e, found = self.export, []
+        events, failures = e.labels.get("events", ()), e.labels.get("failures", ())
+        for name in failures[::2]:
+            if name in events:
+                found.append((name, self.call(e.events)[events.index(name)], -np.inf, 0.0))
+            elif e.failures is not None and name not in ("state_box", "observation_box"):
+                excess = self.call(e.failures)[failures.index(f"{name} excess")]
+                if not self._keys(excess) <= {f"x:{state}" for state in self.state_names if self._bounded(state)}:
+                    found.append((name, excess, -np.inf, 1e-6))
+        if e.constraints is not None:
+            values = self.call(e.constraints)
+            found += [(name, values[i], -np.inf, 1e-6) for i, name in enumerate(e.labels["constraints"])]
+        # What only an episode knows (a counter, a reward) is no limit of a prediction.
+        return [one for one in found if not any(key.startswith("c:") for key in self._keys(one[1]))]
+
+    def _bounded(self, state: str) -> bool:
+        i = self.state_names.index(state)
+        return bool(np.isfinite(self.state_low[i]) or np.isfinite(self.state_high[i]))
+
+    def _keys(self, expression: Any) -> set[str]:
+        return {symbol.name() for symbol in self._ca.symvar(expression)}
+
+    def _symbol(self, key: str) -> Any:
+        if key not in self._symbols:
+            self._symbols[key] = self._ca.SX.sym(key)
+        return self._symbols[key]
+
+    def _vector(self, prefix: str, names: Iterable[str]) -> Any:
+        found = [self._symbol(f"{prefix}:{name}") for name in names]
+        return self._ca.vertcat(*found) if found else self._ca.SX(0, 1)
+
+    def _element(self, name: str) -> Any:
+        """The symbol that stands for an element of p or c."""
+        e = self.export
+        if name == e.time_name and name == e.parameter_names[-1] and name not in self.model.parameter_names:
+            return self.time
+        if name == "step_length":
+            return self._ca.SX(e.step)
+        if name == "failed" or name.startswith("given("):
+            return self._ca.SX(0.0)
+        match = _INSTANT.fullmatch(name)
+        if match is None:
+            known = name in e.parameter_names
+            return self._symbol(f"{'p' if known else 'c'}:{name}")
+        when, what = match.groups()
+        if when == "integral":
+            return self._symbol(f"integral:{name}")
+        if when == "previous" and what in self.state_names:
+            return self._symbol(f"start:{what}")
+        if when == "previous" and what in e.action_names:
+            return self._symbol(f"before:{what}")
+        return self._symbol(f"{when}:{what}")
+
+    def _dynamics(self, at: list[int], is_part: bool) -> tuple[Any, bool]:
+        """Rates of the part and algebraic equations, or the residual; whether it is the former."""
+        e = self.export
+        if e.dae is not None:
+            rates, algebraic = self.call(e.dae)
+            return self._ca.vertcat(rates[at], algebraic if not is_part else self._ca.SX(0, 1)), True
+        if is_part:
+            raise ValueError(f"{e.name} is not explicit in its rates: its states have none of their own")
+        self._vectors["dx"] = self.dx
+        return self.call(e.residual), False
+
+    def _refuse_jumps(self, at: list[int]) -> None:
+        """States that are reset at sampling instants have no smooth prediction."""
+        e, ca = self.export, self._ca
+        for name in ("start", "end"):
+            if name not in e.functions:
+                continue
+            after = self.call(e.functions[name])[0]
+            jumping = [
+                e.state_names[i] for i in at if not ca.is_equal(after[i], self._symbol(f"x:{e.state_names[i]}"), 2)
+            ]
+            if jumping:
+                raise ValueError(
+                    f"{e.name} sets {', '.join(jumping[:4])} at the {name} of a step, which derivatives cannot predict:"
+                    " choose the other states as part=[...], or take SamplingMPC"
+                )
+
+    def _named_quantities(self) -> dict[str, Callable[[], Any]]:
+        e = self.export
+        found: dict[str, Callable[[], Any]] = {}
+
+        def vector(names: Iterable[str], values: Callable[[], Any]) -> None:
+            for i, name in enumerate(names):
+                found.setdefault(name, lambda i=i: values()[i])  # type: ignore[misc]
+
+        vector(self.state_names, lambda: self.x)
+        vector(self.algebraic_names, lambda: self.z)
+        vector(e.action_names, lambda: self.u)
+        vector(e.state_names, lambda: self._vectors["x"])
+        if e.outputs is not None:
+            vector(e.output_names, lambda: self.call(e.outputs))
+        if e.observations is not None:
+            vector(e.observation_names, lambda: self.call(e.observations))
+        vector(e.parameter_names, lambda: self._vectors["p"])
+        return found
+
+
+def _sizes(scale: FloatArray, nominal: FloatArray) -> FloatArray:
+    """Scales that are positive and finite; a scale of 1 is none where the nominal value tells a size."""
+    told = np.where(np.isfinite(nominal) & (nominal != 0), np.abs(nominal), 1.0)
+    usable = np.isfinite(scale) & (scale > 0) & (scale != 1.0)
+    return np.where(usable, scale, told)

@@ -1,0 +1,85 @@
+"""Controllers with full information: they know the state, the parameters of the episode and the model of the plant.
+
+They say what may be reached, not what a plant could do. Where the model is smooth and small the horizon is optimised by
+collocation, else by sampling around what the nominal policy would do, which is among the samples: within its horizon an
+oracle is not worse than that.
+"""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+
+from smpl.controllers.base import Nominal
+from smpl.controllers.culture import CultureMPC
+from smpl.controllers.nmpc import NMPC
+from smpl.controllers.sampling import SamplingMPC
+from smpl.envs import Env
+from smpl.model import FloatArray, Model
+
+
+class Deferred:
+    """A controller that is built for the model of the environment at the first reset.
+
+    Args:
+        make: builds it for an environment.
+    """
+
+    sees = "state"
+
+    def __init__(self, make: Any) -> None:
+        self._make = make
+        self.controller: Any = None
+        self._model: Model | None = None
+
+    def reset(self, env: Env) -> None:
+        """Build the controller at the first call, or for another model; begin an episode."""
+        if self.controller is None or self._model is not env.model:
+            self.controller, self._model = self._make(env), env.model
+        self.controller.reset(env)
+
+    def action(self, env: Env) -> FloatArray:
+        """What the controller chooses."""
+        found: FloatArray = self.controller.action(env)
+        return found
+
+
+def followed(env: Env, horizon: int) -> FloatArray:
+    """What the nominal policy would do from here, (H, actions): a copy of the environment follows it."""
+    ahead, policy = deepcopy(env), Nominal()
+    actions = np.empty((horizon, len(env.action_names)))
+    ended = False
+    for k in range(horizon):
+        actions[k] = actions[k - 1] if ended else np.clip(policy.action(ahead), env.action_low, env.action_high)
+        if not ended:
+            *_, terminated, truncated, _ = ahead.step(ahead.from_physical(actions[k]))
+            ended = terminated or truncated
+    return actions
+
+
+# Arguments of `SamplingMPC` by environment; deviations are shares of the action box.
+_SAMPLED: dict[str, dict[str, Any]] = {
+    "beer": {"horizon": 200, "samples": 48, "iterations": 2, "method": "cem", "hold": 12, "every": 8, "share": 0.15},
+    "pensim": {"horizon": 100, "samples": 16, "iterations": 1, "method": "cem", "hold": 25, "every": 25, "share": 0.03},
+    "atropine": {"horizon": 6, "samples": 16, "iterations": 2, "method": "cem", "hold": 3, "share": 0.02},
+    "mab_plant": {"horizon": 8, "samples": 12, "iterations": 1, "method": "cem", "hold": 4, "every": 4, "share": 0.01},
+}
+
+
+def oracle(name: str, **options: Any) -> Any:
+    """The oracle of a shipped environment, by the name of its model; `options` are those of `NMPC` or `SamplingMPC`."""
+    if name == "reactor":
+        return Deferred(lambda env: NMPC(env, **{"p": "episode", **options}))
+    if name == "mab":
+        return CultureMPC("empc", **{"horizon": 30, **options})
+
+    def sampled(env: Env) -> SamplingMPC:
+        chosen = {**_SAMPLED[name], "guess": followed, **options}
+        share = chosen.pop("share")
+        width = share * (env.action_high - env.action_low)
+        chosen.setdefault("deviation", dict(zip(env.action_names, width.tolist(), strict=True)))
+        return SamplingMPC(**chosen)
+
+    return Deferred(sampled)
