@@ -279,3 +279,19 @@ variant late_counter "the observed counter is the one before its increment" {
 variant penalty_added "the penalty of the action raises the reward, as in the original" {
   def scored(r) = max(-100000, reward_scale * (r + penalty))
 }
+
+# ---- The plant's world: what else changes, each alone or together ----
+
+variant feed_disturbances "the pumps of the feeds S5 and S6 wander" {
+  param q5_mean : mL/min = 0.2    "mean flow of feed S5"
+  param q6_mean : mL/min = 0.5    "mean flow of feed S6"
+  disturbance q5_shift = 0 ~ 0.9*q5_shift + normal(0, 1)    "flow of S5 beyond its mean, in parts of a thousand"
+  disturbance q6_shift = 0 ~ 0.9*q6_shift + normal(0, 1)    "flow of S6 beyond its mean, in parts of a thousand"
+  let q5 : mL/min = q5_mean * (1 + 0.001*q5_shift)    "flow of feed S5"
+  let q6 : mL/min = q6_mean * (1 + 0.001*q6_shift)    "flow of feed S6"
+}
+variant sensor_bias "the E-factor is computed from assays with an offset that drifts" {
+  random offset_E ~ normal(0, 1)
+  disturbance drift_E = 0 ~ drift_E + 0.005*normal(0, 1)    "drift of the assays"
+  observe E = E + 0.02*offset_E + drift_E in 0..20
+}

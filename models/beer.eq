@@ -94,3 +94,24 @@ variant batch_sugar "the initial sugar of the batch scales the kinetics, as in t
 variant short_step "each step of one hour integrates 0.99 h, as the original does" {
   episode { integrate = 0.99 [h] }
 }
+
+# ---- The plant's world: what else changes, each alone or together ----
+
+variant cooling_disturbances "the broth is not what the coolant's controller says: it wanders, and its valve sticks" {
+  param stiction : K = 0.2 in 0..2    "smallest change that the valve follows"
+  disturbance T_shift : K = 0 ~ 0.9*T_shift + 0.1 [K]*normal(0, 1)    "temperature of the broth beyond that of the valve"
+  discrete T_valve : degC = 13 in 9..16    "temperature that the valve keeps"
+  at start { next T_valve = if abs(T - T_valve) > stiction then T else T_valve }
+  def arrhenius(a, b) = exp(a + b / kelvin(T_valve + T_shift))
+}
+variant sensor_bias "the hydrometer has an offset that drifts" {
+  random offset_S ~ normal(0, 1)
+  disturbance drift_S : g/L = 0 ~ drift_S + 0.05 [g/L]*normal(0, 1)    "drift of the hydrometer"
+  observe S : g/L = S + offset_S*0.5 [g/L] + drift_S in 0..150
+}
+variant weak_yeast "the yeast of some batches is weaker: less of it wakes" {
+  random weakness ~ uniform(0, 1)
+  def waking() = 1 - 0.3*weakness
+  eq d/dt X_A = mu_x * X_A - mu_DT * X_A + mu_L * X_L * waking()
+  eq d/dt X_L = -mu_L * X_L * waking()
+}

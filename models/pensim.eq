@@ -571,3 +571,19 @@ variant original_report "constants at reset, the clock one step behind, the loga
   observe DO2 : mg/L = if k == 0 then 14.75 [mg/L] else DO2 in 0..47.898834
   let inventory_before = if previous(k) == 0 then 0 [kg] else previous(V*P)
 }
+
+# ---- The plant's world: what else changes, each alone or together ----
+
+variant fouling "the jacket fouls, faster in some batches than in others" {
+  param alpha_clean = 2451.8    "jacket factor of the clean jacket †"
+  random foulness ~ uniform(0.5, 1.5)
+  disturbance fouled = 0 ~ min(fouled + 0.0003*foulness, 0.5)    "share of the jacket factor that is lost"
+  let alpha_1 = alpha_clean * (1 - fouled)    "jacket factor †"
+}
+variant sensor_bias "the probes of pH and dissolved oxygen have offsets; that of pH drifts" {
+  random offset_pH  ~ normal(0, 1)
+  random offset_DO2 ~ normal(0, 1)
+  disturbance drift_pH = 0 ~ drift_pH + 0.0005*normal(0, 1)    "drift of the pH probe"
+  observe pH = pH + 0.02*offset_pH + drift_pH in 0..16.10523
+  observe DO2 : mg/L = DO2 + offset_DO2*0.2 [mg/L] in 0..47.898834
+}

@@ -71,3 +71,46 @@ variant limited_change "losses of a step are limited, gains are not: an episode 
 variant reward_floor "a reward at the error reward ends the episode" {
   fail reward_floor when reward <= -1000
 }
+
+# ---- The plant's world: what else changes, each alone or together ----
+
+variant feed_disturbances "temperature and concentration of the feed wander" {
+  param T_f_mean  : degC     = 76.85    "mean temperature of the feed"
+  param c_Af_mean : kmol/m^3 = 1.0      "mean concentration of A in the feed"
+  disturbance T_f_shift  : K        = 0 ~ 0.95*T_f_shift + 0.5 [K]*normal(0, 1)              "temperature of the feed beyond its mean"
+  disturbance c_Af_shift : kmol/m^3 = 0 ~ 0.95*c_Af_shift + 0.005 [kmol/m^3]*normal(0, 1)    "concentration beyond its mean"
+  let T_f  : degC     = T_f_mean + T_f_shift      "feed temperature"
+  let c_Af : kmol/m^3 = c_Af_mean + c_Af_shift    "concentration of A in the feed"
+}
+variant fouling "the wall fouls: its heat transfer falls, faster in some episodes than in others" {
+  param U_clean : kJ/(min m^2 K) = 54.94    "heat-transfer coefficient of the clean wall"
+  random foulness ~ uniform(0.5, 1.5)
+  disturbance fouled = 0 ~ min(fouled + 0.0015*foulness, 0.3)    "share of the heat transfer that is lost"
+  let U : kJ/(min m^2 K) = U_clean * (1 - fouled)    "heat-transfer coefficient of the wall"
+}
+variant sticking_valve "the valve of the outflow moves only where it is to move by more than its band" {
+  param stiction : m^3/min = 0.005 in 0..0.05    "band of the valve"
+  discrete q_valve : m^3/min = 0.1 in 0.05..0.2    "flow that the valve lets through"
+  at start { next q_valve = if abs(q_out - q_valve) > stiction then q_out else q_valve }
+  eq d/dt h = (q_in - q_valve) / (pi*r^2)
+  invariant A = V*c_A rate q_in*c_Af - q_valve*c_A - V*rate    "moles of A"
+}
+variant sensor_bias "the thermometer has an offset that drifts, the level gauge one that stays" {
+  random offset_T ~ normal(0, 1)
+  random offset_h ~ normal(0, 1)
+  disturbance drift_T : K = 0 ~ drift_T + 0.02 [K]*normal(0, 1)    "drift of the thermometer"
+  observe T : degC = T + offset_T*0.5 [K] + drift_T in 1e-8..100
+  observe h : m = h + offset_h*0.01 [m] in 1e-8..1
+}
+variant setpoint_schedule "set-points of temperature and level that change before steps 30 and 60" {
+  disturbance T_sp : degC = 51.34660837 ~ if n < 30 then 51.34660837 else if n < 60 then 48 else 53    "set-point of the temperature"
+  disturbance h_sp : m    = 0.659       ~ if n < 30 then 0.659 else if n < 60 then 0.6 else 0.7        "set-point of the level"
+  observe T_sp in 30..70, h_sp in 0.4..0.9
+  reward setpoint default = -sq((T - T_sp)/5 [K]) - sq((h - h_sp)/0.05 [m])    "squared distance from the set-points in force"
+}
+variant setpoint_random "set-points of temperature and level that change every 25 steps, to what is drawn" {
+  disturbance T_sp : degC = 51.34660837 ~ if n > 0 and mod(n, 25) == 0 then 47 [degC] + 8 [K]*uniform(0, 1) else T_sp    "set-point of the temperature"
+  disturbance h_sp : m    = 0.659       ~ if n > 0 and mod(n, 25) == 0 then 0.55 [m] + 0.2 [m]*uniform(0, 1) else h_sp    "set-point of the level"
+  observe T_sp in 30..70, h_sp in 0.4..0.9
+  reward setpoint default = -sq((T - T_sp)/5 [K]) - sq((h - h_sp)/0.05 [m])    "squared distance from the set-points in force"
+}

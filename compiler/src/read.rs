@@ -28,21 +28,22 @@ pub struct Read {
 
 /// Reads the main file and what it imports into `sources`, without parsing more than that takes.
 pub fn read_sources(sources: &mut SourceMap, main: FileId, loader: &mut Loader) {
-    on_own_stack(|| read(sources, main, loader));
+    on_own_stack(|| read(sources, main, None, loader));
 }
 
-/// The main file and what it imports, each once.
-pub fn read(sources: &mut SourceMap, main: FileId, loader: &mut Loader) -> Read {
+/// The main file and what it imports, each once. The statements of `extra` follow those of the main file as if they stood there.
+pub fn read(sources: &mut SourceMap, main: FileId, extra: Option<FileId>, loader: &mut Loader) -> Read {
     let mut out = Read { files: Vec::new(), imports: HashMap::new(), ids: vec![main], faults: Faults::default() };
     let mut at = 0;
     while let Some(&id) = out.ids.get(at) {
+        let mut file = parsed(sources, id, &mut out.faults);
+        if let Some(extra) = extra.filter(|_| at == 0) {
+            file.statements.append(&mut parsed(sources, extra, &mut out.faults).statements);
+        }
         at += 1;
-        let text = sources.file(id).map(|f| f.text().to_owned()).unwrap_or_default();
-        let parsed = smpl_dsl::parse(&text, id);
-        out.faults.append(parsed.diagnostics);
         let mut paths = Vec::new();
-        imported(&parsed.file.statements, &mut paths);
-        out.files.push(parsed.file);
+        imported(&file.statements, &mut paths);
+        out.files.push(file);
         for path in paths {
             if out.imports.contains_key(&path) || out.ids.len() >= MAX_FILES {
                 continue;
@@ -54,6 +55,13 @@ pub fn read(sources: &mut SourceMap, main: FileId, loader: &mut Loader) -> Read 
         }
     }
     out
+}
+
+fn parsed(sources: &SourceMap, id: FileId, faults: &mut Faults) -> File {
+    let text = sources.file(id).map(|f| f.text().to_owned()).unwrap_or_default();
+    let parsed = smpl_dsl::parse(&text, id);
+    faults.append(parsed.diagnostics);
+    parsed.file
 }
 
 fn imported(statements: &[Statement], out: &mut Vec<String>) {

@@ -106,3 +106,25 @@ eq d/dt c_buf = F_2*(mAb2 - c_buf) / (A_buf*h)
 def excess(x) = max(value(low(x)) - value(x), value(x) - 1.05*value(high(x))) / (value(high(x)) - value(low(x)))
 def inner_low(x) = 0.99*value(low(x)) + 0.01*1.05*value(high(x))
 def inner_high(x) = 0.01*value(low(x)) + 0.99*1.05*value(high(x))
+
+# ---- The plant's world: what else changes, each alone or together ----
+
+variant feed_disturbances "temperature and glucose of the fresh medium wander" {
+  param T_in_mean : degC = 37    "mean temperature of the fresh medium"
+  disturbance T_in_shift = 0 ~ 0.9*T_in_shift + normal(0, 1)    "temperature beyond its mean, in tenths of a kelvin"
+  disturbance GLC_shift  = 0 ~ 0.9*GLC_shift + normal(0, 1)     "glucose beyond what is asked for, in parts of a thousand"
+  let T_in : degC = T_in_mean + T_in_shift*0.1 [K]    "temperature of the fresh medium"
+  eq d/dt GLC1 = -q_glc*Xv1 + feed(GLC_in*(1 + 0.001*GLC_shift), GLC1) + recycle(GLC1, eta_ret)
+}
+variant fouling "the jacket fouls, faster in some campaigns than in others" {
+  param U_clean : J/(h K) = 400    "heat transfer of the clean jacket"
+  random foulness ~ uniform(0.5, 1.5)
+  disturbance fouled = 0 ~ min(fouled + 0.001*foulness, 0.5)    "share of the heat transfer that is lost"
+  let U : J/(h K) = U_clean * (1 - fouled)    "heat transfer of the jacket"
+}
+variant sticking_valve "the valve of the coolant moves only where it is to move by more than its band" {
+  param stiction : K = 0.1 in 0..2    "band of the valve"
+  discrete T_valve : degC = 36.9999946083737 in 29.59999568669896..50    "temperature of the coolant behind the valve"
+  at start { next T_valve = if abs(T_c - T_valve) > stiction then T_c else T_valve }
+  eq d/dt T = F_in/V1 * (T_in - T) + q_heat*mu*Xv1/(rho*c_p) + U*(T_valve - T)/(V1*rho*c_p)
+}

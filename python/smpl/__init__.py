@@ -37,7 +37,7 @@ __all__ = [
     "register_envs",
 ]
 
-_LAZY = ("controllers", "datasets", "evaluation", "export")
+_LAZY = ("controllers", "datasets", "evaluation", "export", "optimize")
 
 
 def __getattr__(name: str) -> ModuleType:

@@ -16,6 +16,10 @@ def main(arguments: list[str] | None = None) -> int:
         arguments: without the program's name; those of the process by default.
     """
     command = ["smpl", *(sys.argv[1:] if arguments is None else arguments)]
+    if command[1:2] == ["fit"]:  # done here, not by the compiled command
+        from smpl._fit_command import main as fit
+
+        return fit(command[2:])
     if threading.current_thread() is not threading.main_thread():
         return _native.main(command)
     # Ctrl-C ends the command at once, as it does without Python.

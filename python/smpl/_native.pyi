@@ -53,6 +53,7 @@ class Model:
         settings: Mapping[str, str],
         observation: str,
         reward: str | None,
+        extra: str | None = None,
     ) -> None: ...
     name: str
     text: str

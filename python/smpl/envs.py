@@ -83,6 +83,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         render_mode: `rgb_array`, `ansi` or none.
         info_state: add the state to `info`.
         method: what takes the steps, `ida`, `rosenbrock`, `explicit` or `auto`, in place of the model's or scenario's.
+        extra: statements that follow those of the file, as for `smpl.compile`; not with a compiled model.
 
     Attributes:
         model: the compiled model.
@@ -111,10 +112,11 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         render_mode: str | None = None,
         info_state: bool = False,
         method: str | None = None,
+        extra: str | None = None,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode is {render_mode!r}; there are: {', '.join(self.metadata['render_modes'])}")
-        compiled = choose_model(model, observation, reward, scenario, variants, settings)
+        compiled = choose_model(model, observation, reward, scenario, variants, settings, extra)
         self.observation_space, self.action_space = self._describe(compiled, normalize)
         self.render_mode = render_mode
         flags = as_flag("dense_reward", dense_reward), as_flag("info_state", info_state)
@@ -359,18 +361,27 @@ def choose_model(
     scenario: str | os.PathLike[str] | None,
     variants: Iterable[str],
     settings: Mapping[str, Setting] | None,
+    extra: str | None = None,
 ) -> Model:
     """The compiled model that an environment's arguments ask for.
 
     Raises:
-        ValueError: a compiled model is given together with a scenario, variants or settings.
+        ValueError: a compiled model is given together with a scenario, variants, settings or further statements.
     """
     if not isinstance(model, Model):
         return compile(
-            model, scenario=scenario, variants=variants, settings=settings, observation=observation, reward=reward
+            model,
+            scenario=scenario,
+            variants=variants,
+            settings=settings,
+            observation=observation,
+            reward=reward,
+            extra=extra,
         )
     if scenario is not None or as_variants(variants) or as_mapping("settings", settings):
         raise ValueError("the model is compiled already: give scenario, variants and settings to smpl.compile")
+    if extra is not None:
+        raise ValueError("the model is compiled already: give extra to smpl.compile")
     changes = {
         key: value
         for key, value, default in (("observation", observation, "default"), ("reward", reward, None))

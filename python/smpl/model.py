@@ -290,6 +290,7 @@ def compile(
     settings: Mapping[str, Setting] | None = None,
     observation: str = "default",
     reward: str | None = None,
+    extra: str | None = None,
 ) -> Model:
     """Compile a model.
 
@@ -304,6 +305,8 @@ def compile(
             `integrate`, `max_steps` and `error_reward` of the episode.
         observation: observation level.
         reward: the reward that `step` returns; the model's default if none.
+        extra: statements of the language that follow those of the file, such as `reward full = h / 1 [m]`: a
+            reward, a constraint, a variant, an observation level. Findings in them name `extra` and its line.
 
     Raises:
         CompileError: the model is at fault.
@@ -312,6 +315,8 @@ def compile(
     """
     if (path is None) == (source is None):
         raise ValueError("give either the path of a model or its source")
+    if extra is not None and not isinstance(extra, str):
+        raise ValueError(f"extra is {_short(extra)}, expected statements of the language as a text")
     arguments = (
         None if path is None else _resolve(_path("path", path)),
         source,
@@ -320,6 +325,7 @@ def compile(
         tuple(sorted((name, _text(name, value)) for name, value in as_mapping("settings", settings).items())),
         observation,
         reward,
+        extra,
     )
     stamp = _stamp(arguments[0], arguments[2])
     model = _compile(*arguments, stamp)
@@ -338,11 +344,12 @@ def _compile(
     settings: tuple[tuple[str, str], ...],
     observation: str,
     reward: str | None,
+    extra: str | None,
     stamp: tuple[int, ...],
 ) -> Model:
     """Compile once for each set of arguments; `stamp` tells versions of the files apart."""
     del stamp
-    native = _native.Model(path, source, scenario, variants, dict(settings), observation, reward)
+    native = _native.Model(path, source, scenario, variants, dict(settings), observation, reward, extra)
     arguments: dict[str, Any] = {
         "path": path,
         "source": source,
@@ -351,6 +358,8 @@ def _compile(
         "settings": dict(settings),
         "observation": observation,
         "reward": reward,
+        # Left out where there is none: the arguments are part of a task's checksum.
+        **({} if extra is None else {"extra": extra}),
     }
     return Model(native, arguments)
 

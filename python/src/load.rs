@@ -33,6 +33,8 @@ pub struct Request {
     pub level: Option<String>,
     /// Reward; that of the scenario or the model if none.
     pub reward: Option<String>,
+    /// Statements that follow those of the model's file.
+    pub extra: Option<String>,
 }
 
 /// Compiles a model without the interpreter lock.
@@ -46,6 +48,7 @@ pub fn load(py: Python<'_>, request: Request) -> PyResult<Loaded> {
         settings: request.settings.iter().map(|(name, text)| (name.clone(), Value::parse(text))).collect(),
         reward: request.reward,
         observation: request.level,
+        extra: request.extra,
         ..LoadOptions::default()
     };
     let path = PathBuf::from(request.path.unwrap_or_else(|| "<source>".into()));

@@ -50,7 +50,7 @@ pub struct Model {
 #[pymethods]
 impl Model {
     #[new]
-    #[pyo3(signature = (path, source, scenario, variants, settings, observation, reward))]
+    #[pyo3(signature = (path, source, scenario, variants, settings, observation, reward, extra=None))]
     #[expect(clippy::too_many_arguments, reason = "the arguments of the Python class, one by one")]
     fn new(
         py: Python<'_>,
@@ -61,9 +61,10 @@ impl Model {
         settings: BTreeMap<String, String>,
         observation: &str,
         reward: Option<String>,
+        extra: Option<String>,
     ) -> PyResult<Self> {
         let level = (observation != "default").then(|| observation.to_owned());
-        let request = load::Request { path, source, scenario, variants, settings, level, reward };
+        let request = load::Request { path, source, scenario, variants, settings, level, reward, extra };
         let loaded = load::load(py, request)?;
         Ok(Self {
             catalogue: OnceLock::new(),

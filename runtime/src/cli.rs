@@ -8,6 +8,7 @@ mod compile;
 mod document;
 mod excerpt;
 mod export;
+mod fit;
 mod new;
 mod outputs;
 mod plot;
@@ -60,6 +61,9 @@ enum Command {
     Plot(plot::PlotArguments),
     /// Find a steady state and describe it
     Steady(steady::SteadyArguments),
+    /// Find parameters from recorded runs (by the Python package)
+    #[command(disable_help_flag = true)]
+    Fit(fit::FitArguments),
     /// Write a model in the form of another tool
     Export(export::ExportArguments),
     /// Lay models out in the canonical way
@@ -80,6 +84,9 @@ struct ModelArguments {
     /// Parameter (declared unit) or setting; overrides a random draw; repeatable
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = setting)]
     settings: Vec<(String, Value)>,
+    /// Statements that follow those of the file, such as 'reward full = h / 1 [m]'
+    #[arg(long, value_name = "STATEMENTS")]
+    extra: Option<String>,
 }
 
 /// How a plain result is printed.
@@ -115,6 +122,7 @@ impl ModelArguments {
             scenario: self.scenario.clone(),
             variants: self.variants.iter().map(|v| Variant::parse(v)).collect(),
             settings: self.settings.iter().cloned().collect(),
+            extra: self.extra.clone(),
             ..LoadOptions::default()
         }
     }
@@ -158,6 +166,7 @@ fn dispatch(command: Command) -> Result<(), Failed> {
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Plot(arguments) => plot::run(&arguments),
         Command::Steady(arguments) => steady::run(&arguments),
+        Command::Fit(arguments) => fit::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Fmt(arguments) => document::format(&arguments),
         Command::Doc(arguments) => document::describe(&arguments),

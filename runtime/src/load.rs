@@ -40,6 +40,8 @@ pub struct LoadOptions {
     pub reward: Option<String>,
     /// Level of observation.
     pub observation: Option<String>,
+    /// Statements that follow those of the model's file.
+    pub extra: Option<String>,
     /// Keep intermediate text and assembly.
     pub texts: bool,
     /// Look for what is allowed but hardly meant, too.
@@ -150,9 +152,10 @@ pub fn load_text(path: &Path, text: String, options: &LoadOptions) -> Result<Loa
         }
     };
     let settings = settings_as_text(&mut sources, options);
-    match compiled(&mut sources, main, &scenario, options) {
+    let extra = options.extra.as_ref().map(|text| sources.add("extra", text.clone()));
+    match compiled(&mut sources, main, extra, &scenario, options) {
         Ok(Compiled { model, warnings, imports }) => {
-            let texts = [main].into_iter().chain(imports).filter_map(|id| Some(sources.file(id)?.text()));
+            let texts = [main].into_iter().chain(extra).chain(imports).filter_map(|id| Some(sources.file(id)?.text()));
             let print = fingerprint(texts, scenario_text(&scenario, &sources));
             let circumstances = circumstances(&scenario, &sources, options);
             let loaded = finish(model, sources, &scenario, &options.settings, options)?;
@@ -215,9 +218,15 @@ fn setting_line(sources: &SourceMap, file: FileId, name: &str) -> Option<Span> {
 }
 
 /// Compiles a text with everything that the scenario and the options say about it.
-fn compiled(sources: &mut SourceMap, main: FileId, scenario: &Scenario, options: &LoadOptions) -> Result<Compiled, Vec<Diagnostic>> {
+fn compiled(
+    sources: &mut SourceMap,
+    main: FileId,
+    extra: Option<FileId>,
+    scenario: &Scenario,
+    options: &LoadOptions,
+) -> Result<Compiled, Vec<Diagnostic>> {
     let folder = Path::new(sources.name(main)).parent().map(Path::to_owned).unwrap_or_default();
-    let asked = compile_options(sources, scenario, options)?;
+    let asked = Options { extra, ..compile_options(sources, scenario, options)? };
     let settings = BackEndSettings { texts: options.texts, ..BackEndSettings::default() };
     compile(sources, main, &mut |path| import(&folder, path), &asked, &settings)
 }
@@ -335,6 +344,9 @@ fn load_artefact(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loa
     let refuse = |message: String| LoadError::Artefact { path: path.to_owned(), message };
     let model = CompiledModel::from_bytes(bytes).map_err(|error| refuse(error.to_string()))?;
     let header = artefact::header_of_user(bytes).map_err(|error| refuse(error.to_string()))?;
+    if options.extra.is_some() {
+        return Err(refuse("a compiled model takes no further statements: give `extra` with the model's text".into()));
+    }
     check_source(path, &header)?;
     same_circumstances(&header.circumstances, options).map_err(refuse)?;
     let mut sources = SourceMap::new();

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use smpl_dsl::span::FileId;
 use smpl_dsl::syntax;
 
 /// What a compilation is asked for beside the text.
@@ -21,6 +22,8 @@ pub struct Options {
     pub reward: Option<String>,
     /// Statements that replace those of the model with the same key, as a variant does.
     pub overlay: Vec<syntax::Statement>,
+    /// A text among the sources whose statements follow those of the main file.
+    pub extra: Option<FileId>,
     /// Overrides `max_steps`.
     pub max_steps: Option<u32>,
     /// Look for what is allowed but hardly meant, too.

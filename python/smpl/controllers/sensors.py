@@ -106,6 +106,8 @@ def _declared(arguments: tuple[tuple[str, Any], ...]) -> list[dict[str, Any]]:
             command += ["--variant", variant]
         for name, value in given["settings"]:
             command += ["--set", f"{name}={value}"]
+        if given.get("extra") is not None:
+            command += ["--extra", given["extra"]]
         if _native.main(command) != 0:
             raise ValueError(f"the sensors of {path} could not be read")
         found: list[dict[str, Any]] = json.loads(out.read_text(encoding="utf-8"))["observations"]

@@ -76,6 +76,10 @@ pub(super) fn run(arguments: &CompileArguments) -> Result<(), Failed> {
     if arguments.emit.is_none() && arguments.file.extension().is_some_and(|e| e == ARTEFACT_EXTENSION) {
         return Err(Failed::Message(format!("{} is compiled already; give the `.eq` file", arguments.file.display())));
     }
+    if arguments.emit.is_none() && arguments.model.extra.is_some() {
+        let message = "a compiled model belongs to a file: write the statements of --extra into one that it imports, or as a variant";
+        return Err(Failed::Message(message.to_owned()));
+    }
     let texts = matches!(arguments.emit, Some(Stage::Clif | Stage::Asm));
     let begin = Instant::now();
     let loaded = arguments.model.load_with(&arguments.file, texts)?;

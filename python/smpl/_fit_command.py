@@ -1,0 +1,67 @@
+"""`smpl fit MODEL --data RUN.csv --parameters k_0,U`: parameters from recorded runs.
+
+The function is `smpl.fit`, in the module `smpl.identification`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import warnings
+from pathlib import Path
+
+from smpl import CompileError, ScenarioError, compile
+from smpl.identification import fit
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command and return its exit status: 1 where a file or an argument is at fault."""
+    parser = argparse.ArgumentParser(prog="smpl fit", description="fit parameters of a model to recorded runs")
+    parser.add_argument("model", help="model, or the name of a shipped one")
+    parser.add_argument("--data", action="append", required=True, metavar="RUN.csv", help="run; repeatable")
+    parser.add_argument("--parameters", required=True, metavar="NAME,...", help="parameters to fit; NAME=GUESS")
+    parser.add_argument("--outputs", metavar="NAME,...", help="observations (or states) to compare")
+    parser.add_argument("--initial", default="", metavar="NAME,...", help="states whose start is not known")
+    parser.add_argument("--observation", default="default", metavar="LEVEL", help="observation level of the runs")
+    parser.add_argument("--scenario", help="scenario of the model, or a YAML file")
+    parser.add_argument("--variant", action="append", default=[], help="variant; repeatable")
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="parameter or setting")
+    parser.add_argument("--out", type=Path, metavar="S.yaml", help="write a scenario with the values found")
+    given = parser.parse_args(arguments)
+    try:
+        model = compile(
+            given.model,
+            scenario=given.scenario,
+            variants=given.variant,
+            settings=dict(_pair(text) for text in given.set),
+            observation=given.observation,
+        )
+        guesses = {n: float(v) for n, v in (_pair(one) for one in given.parameters.split(",") if "=" in one)}
+        names = [one.split("=")[0].strip() for one in given.parameters.split(",")]
+        begin = {n: guesses.get(n, model.native.defaults("parameter")[model.parameter_names.index(n)])
+                 if n in model.parameter_names else 0.0 for n in names}  # fmt: skip
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the result says it too
+            found = fit(model, given.data, begin, outputs=_names(given.outputs), initial=_names(given.initial) or ())
+    except (CompileError, ScenarioError, ValueError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    print(found)
+    if given.out is not None:
+        given.out.write_text(found.scenario(), encoding="utf-8")
+    return 0
+
+
+def _pair(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise ValueError(f"{text!r}, expected NAME=VALUE")
+    return name.strip(), value.strip()
+
+
+def _names(text: str | None) -> list[str] | None:
+    return [name.strip() for name in text.split(",")] if text else None
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
