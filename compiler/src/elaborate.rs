@@ -45,7 +45,7 @@ use smpl_dsl::diagnostic::{Diagnostic, Faults, codes};
 use smpl_dsl::syntax::{self, Statement};
 
 use crate::model::{Interface, Model};
-use declare::{About, Declaring};
+use declare::declaring::{About, Declaring};
 use episode::Control;
 use ledger::Ledger;
 use lower::Lowering;
@@ -53,11 +53,11 @@ use select::Input;
 use select::variants::{Choices, Shown};
 
 pub(crate) use check::lints::unused_parameters;
-pub use episode::ordered_initial;
+pub use episode::{is_entry_setting, ordered_initial};
 pub use equations::{Equation, EquationForm};
 pub use lower::builtins::{BUILTINS, Builtin};
 pub use lower::nests::for_each_element;
-pub use options::{ENTRY_SETTINGS, Options, Setting};
+pub use options::{Options, Setting};
 
 /// Result of elaboration: the model before structure analysis, and its equations.
 #[derive(Debug)]

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use smpl_compiler::artefact::{self, Circumstances, Header};
 use smpl_compiler::compile::{Compiled, compile};
 use smpl_compiler::compiled::{BackEndSettings, CompiledModel};
-use smpl_compiler::elaborate::{ENTRY_SETTINGS, Options, Setting};
+use smpl_compiler::elaborate::{Options, Setting, is_entry_setting};
 use smpl_compiler::read::read_sources;
 use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes, suggest};
 use smpl_dsl::span::{FileId, Span};
@@ -585,9 +585,8 @@ fn recorded(scenario: &Scenario, model: &CompiledModel) -> BTreeMap<String, Vec<
 /// A compiled model takes parameters alone: all else is decided.
 fn unknown_setting(model: &CompiledModel, parameters: &Family, name: &str) -> String {
     let interface = model.interface();
-    let decided = ENTRY_SETTINGS.contains(&name)
-        || interface.choices.iter().any(|(n, ..)| n == name)
-        || interface.variants.iter().any(|(n, _)| n == name);
+    let decided =
+        is_entry_setting(name) || interface.choices.iter().any(|(n, ..)| n == name) || interface.variants.iter().any(|(n, _)| n == name);
     if decided {
         return format!("a compiled model takes parameters: `{name}` is set where it is compiled");
     }

@@ -5,6 +5,7 @@
 mod assembly;
 mod boxes;
 mod common;
+mod entries;
 mod finish;
 mod initial;
 mod instants;
@@ -21,6 +22,7 @@ mod settings;
 mod unknown;
 
 pub(in crate::elaborate) use common::each;
+pub use entries::is_entry_setting;
 pub(in crate::elaborate) use observations::check_level;
 pub use order::ordered_initial;
 

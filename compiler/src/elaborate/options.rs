@@ -30,21 +30,6 @@ pub struct Options {
     pub lints: bool,
 }
 
-/// Entries of `episode` and `solver` that are settings as well; `max_internal_steps` is `max_steps` of the solver.
-pub const ENTRY_SETTINGS: &[&str] = &[
-    "max_steps",
-    "error_reward",
-    "step",
-    "integrate",
-    "rtol",
-    "atol_factor",
-    "max_order",
-    "max_step",
-    "linear_solver",
-    "max_internal_steps",
-    "max_events",
-];
-
 /// Value of a setting.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Setting {

@@ -4,8 +4,8 @@ use crate::ir::FastMap;
 use crate::ir::VarId;
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
 
+use crate::elaborate::episode::is_entry_setting;
 use crate::elaborate::lower::Lowering;
-use crate::elaborate::options::ENTRY_SETTINGS;
 use crate::elaborate::symbols::{SymbolId, SymbolKind, Symbols};
 use crate::ir::Role;
 use crate::model::Quantity;
@@ -17,7 +17,7 @@ const SHOWN: usize = 20;
 pub(in crate::elaborate) fn check_settings(l: &mut Lowering<'_, '_>) {
     let options = l.input.options;
     let names = options.settings.keys().chain(options.parameters.keys());
-    let unused: Vec<&String> = names.filter(|k| !l.constants.taken.contains(*k) && !ENTRY_SETTINGS.contains(&k.as_str())).collect();
+    let unused: Vec<&String> = names.filter(|k| !l.constants.taken.contains(*k) && !is_entry_setting(k)).collect();
     for name in unused {
         if let Some((what, help)) = l.symbols.other_kind(name) {
             l.ledger.reports.scenario_fault(format!("`{name}` is {what}, not a parameter or setting"), Some(help.to_owned()));

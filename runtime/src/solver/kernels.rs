@@ -61,6 +61,7 @@ impl Block {
 #[inline(always)]
 pub(crate) unsafe fn map(blocks: usize, x: *const Block, z: *mut Block, f: impl Fn(f64) -> f64) {
     for i in 0..blocks {
+        // SAFETY: `i` is below `blocks`, for which the caller vouches.
         unsafe { z.add(i).write(x.add(i).read().map(&f)) };
     }
 }
@@ -72,6 +73,7 @@ pub(crate) unsafe fn map(blocks: usize, x: *const Block, z: *mut Block, f: impl 
 #[inline(always)]
 pub(crate) unsafe fn zip(blocks: usize, x: *const Block, y: *const Block, z: *mut Block, f: impl Fn(f64, f64) -> f64) {
     for i in 0..blocks {
+        // SAFETY: as in `map`.
         unsafe { z.add(i).write(x.add(i).read().zip(y.add(i).read(), &f)) };
     }
 }
@@ -84,6 +86,7 @@ pub(crate) unsafe fn zip(blocks: usize, x: *const Block, y: *const Block, z: *mu
 pub(crate) unsafe fn linear_sum(blocks: usize, (a, x): (f64, *const Block), (b, y): (f64, *const Block), z: *mut Block) {
     // A factor of one (IDA's usual case) is exact either way round: the other product is the one to fuse.
     let ((a, x), (b, y)) = if b.abs() == 1.0 { ((b, y), (a, x)) } else { ((a, x), (b, y)) };
+    // SAFETY: the caller vouches for what `zip` asks.
     unsafe { zip(blocks, x, y, z, |x, y| b.mul_add(y, a * x)) };
 }
 
@@ -99,6 +102,7 @@ pub(crate) unsafe fn linear_sum_and_norm(
     z: *mut Block,
     w: *const Block,
 ) -> f64 {
+    // SAFETY: `reduce_blocks` gives numbers below `blocks` only.
     reduce_blocks(blocks, |i, partial| unsafe {
         let sum = y.add(i).read().scaled_plus(b, x.add(i).read().map(|x| a * x));
         z.add(i).write(sum);
@@ -119,10 +123,12 @@ pub(crate) unsafe fn linear_combination(blocks: usize, c: &[f64], x: &[*const Bl
         let mut sums = [Block::ZERO; ACCUMULATORS];
         for (&c, &x) in c.iter().zip(x) {
             for (k, sum) in sums.iter_mut().enumerate() {
+                // SAFETY: `first + k` is below `whole`, and so below `blocks`.
                 *sum = unsafe { x.add(first + k).read() }.scaled_plus(c, *sum);
             }
         }
         for (k, sum) in sums.into_iter().enumerate() {
+            // SAFETY: as above.
             unsafe { z.add(first + k).write(sum) };
         }
         first += ACCUMULATORS;
@@ -130,8 +136,10 @@ pub(crate) unsafe fn linear_combination(blocks: usize, c: &[f64], x: &[*const Bl
     for i in whole..blocks {
         let mut sum = Block::ZERO;
         for (&c, &x) in c.iter().zip(x) {
+            // SAFETY: `i` is below `blocks`.
             sum = unsafe { x.add(i).read() }.scaled_plus(c, sum);
         }
+        // SAFETY: as above.
         unsafe { z.add(i).write(sum) };
     }
 }
@@ -143,6 +151,7 @@ pub(crate) unsafe fn linear_combination(blocks: usize, c: &[f64], x: &[*const Bl
 #[inline(always)]
 pub(crate) unsafe fn reduce(blocks: usize, x: *const Block, y: *const Block, term: impl Fn(f64, f64, f64) -> f64) -> f64 {
     reduce_blocks(blocks, |i, sum| {
+        // SAFETY: `reduce_blocks` gives numbers below `blocks` only.
         let (x, y) = unsafe { (x.add(i).read(), y.add(i).read()) };
         Block(from_fn(|lane| term(x.0[lane], y.0[lane], sum.0[lane])))
     })
@@ -184,6 +193,7 @@ fn total_of(sums: [Block; ACCUMULATORS]) -> f64 {
 /// `x` and `w` point to `blocks` blocks each.
 #[inline(always)]
 pub(crate) unsafe fn weighted_square_sum(blocks: usize, x: *const Block, w: *const Block) -> f64 {
+    // SAFETY: the caller vouches for `x` and `w`.
     unsafe {
         reduce(blocks, x, w, |x, w, sum| {
             let product = x * w;
@@ -199,6 +209,7 @@ pub(crate) unsafe fn weighted_square_sum(blocks: usize, x: *const Block, w: *con
 #[inline(always)]
 pub(crate) unsafe fn accumulate(blocks: usize, delta: *const Block, w: *const Block, sum: *mut Block) -> (f64, f64) {
     let mut totals = [Block::ZERO; ACCUMULATORS];
+    // SAFETY: `reduce_blocks` gives numbers below `blocks` only, and `sum` is none of the others.
     let square = reduce_blocks(blocks, |i, partial| unsafe {
         let (delta, w) = (delta.add(i).read(), w.add(i).read());
         let total = sum.add(i).read().zip(delta, |x, d| x + d);
@@ -223,6 +234,7 @@ pub(crate) unsafe fn correct(
     (z0, z): (*const Block, *mut Block),
 ) {
     for i in 0..blocks {
+        // SAFETY: `i` is below `blocks`.
         unsafe {
             let x = x.add(i).read();
             y.add(i).write(x.zip(y0.add(i).read(), |x, y0| y0 + x));
@@ -238,9 +250,12 @@ pub(crate) unsafe fn correct(
 #[inline(always)]
 pub(crate) unsafe fn cumulate(blocks: usize, first: *const Block, x: &[*mut Block]) {
     for i in 0..blocks {
+        // SAFETY: `i` is below `blocks`.
         let mut sum = unsafe { first.add(i).read() };
         for &x in x {
+            // SAFETY: as above; the pointers are different, so that nothing is read that was to be written.
             sum = sum.zip(unsafe { x.add(i).read() }, |sum, x| x + sum);
+            // SAFETY: as above.
             unsafe { x.add(i).write(sum) };
         }
     }
@@ -253,6 +268,7 @@ pub(crate) unsafe fn cumulate(blocks: usize, first: *const Block, x: &[*mut Bloc
 #[inline(always)]
 pub(crate) unsafe fn all_finite(blocks: usize, x: *const Block) -> bool {
     // 0 * x is zero for finite x and NaN otherwise.
+    // SAFETY: the caller vouches for `x`.
     unsafe { reduce(blocks, x, x, |x, _, sum| x.mul_add(0.0, sum)) == 0.0 }
 }
 
@@ -262,5 +278,6 @@ pub(crate) unsafe fn all_finite(blocks: usize, x: *const Block) -> bool {
 /// `y`, `atol` and `w` point to `blocks` blocks each.
 #[inline(always)]
 pub(crate) unsafe fn error_weights(blocks: usize, rtol: f64, y: *const Block, atol: *const Block, w: *mut Block) {
+    // SAFETY: the caller vouches for all three.
     unsafe { zip(blocks, y, atol, w, |y, atol| 1.0 / rtol.mul_add(y.abs(), atol)) };
 }

@@ -1,6 +1,6 @@
 //! Components: ports, instances, structural parameters.
 
-use crate::elaborate::declare::Declaring;
+use crate::elaborate::declare::declaring::Declaring;
 use crate::elaborate::instances::SAMPLE;
 use crate::elaborate::symbols::Symbols;
 use smpl_dsl::diagnostic::{Diagnostic, codes};

@@ -3,7 +3,7 @@
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
 use smpl_dsl::syntax::{Phase, Statement, StatementKind};
 
-use crate::elaborate::declare::Declaring;
+use crate::elaborate::declare::declaring::Declaring;
 use crate::elaborate::ledger::Ledger;
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{Schedule, ScopeId, Set, Symbol, SymbolKind};

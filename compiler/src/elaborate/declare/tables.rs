@@ -1,6 +1,6 @@
 //! Tables: over sets, with columns, over time.
 
-use crate::elaborate::declare::Declaring;
+use crate::elaborate::declare::declaring::Declaring;
 use std::rc::Rc;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};

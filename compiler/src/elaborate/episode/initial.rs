@@ -117,7 +117,7 @@ fn steady_condition(l: &mut Lowering<'_, '_>, left: &Expr, right: &Expr, place: 
     let value = l.values().in_unit(value, &unit, left.span, "this value", left.span);
     let right = l.number_in(right, &unit, "the steady value", left.span, place);
     let difference = l.exprs.sub(value, right);
-    if l.ledger.reports.diagnostics.len() == reports && !l.symbols.reads_unknown(&l.exprs, difference) {
+    if l.ledger.reports.diagnostics.len() == reports && !l.symbols.reads_unknown(l.exprs, difference) {
         let message = "no state stands in this condition on the steady state";
         l.ledger
             .report(Diagnostic::error(codes::WRONG_KIND, message, left.span).help("give a state, or an expression of states, its value"));
@@ -164,7 +164,7 @@ pub(in crate::elaborate) fn initial_programs<'a>(l: &mut Lowering<'_, 'a>, block
     };
     stated_starts(l, blocks, &mut starts);
     asked_starts(l, &mut starts);
-    let (nests, cycles) = ordered_initial(starts.states.nests, &l.exprs, &l.symbols.vars);
+    let (nests, cycles) = ordered_initial(starts.states.nests, l.exprs, &l.symbols.vars);
     cycles.into_iter().for_each(|d| l.ledger.report(d));
     (Program { nests, in_place: true }, Program { nests: starts.discretes.nests, in_place: true })
 }
@@ -240,7 +240,7 @@ fn asked_starts(l: &mut Lowering<'_, '_>, starts: &mut Starts) {
 /// read, which are replaced.
 fn check_start(l: &mut Lowering<'_, '_>, value: ExprId, var: VarId, at: Affine, span: Span) {
     let passes: Vec<i64> = l.loops.frames.iter().map(|l| l.passes).collect();
-    if !reads(&l.exprs, value, var).iter().any(|&read| is_set_later(read, at, &passes)) {
+    if !reads(l.exprs, value, var).iter().any(|&read| is_set_later(read, at, &passes)) {
         return;
     }
     let name = l.symbols.vars[var].name.clone();

@@ -263,43 +263,44 @@ fn watched_events<'a>(
         let name = l.symbols.path_of(scope, name);
         out.roots.push(Root { name, value, strict, action });
     }
-    for ((_, name, _), used) in programs.iter().zip(used) {
-        if !used {
-            let known: Vec<&str> = blocks
-                .iter()
-                .flat_map(|(_, items)| items)
-                .filter_map(|i| match i {
-                    Item::Other(Statement { kind: StatementKind::Event { name, .. }, .. }) => Some(name.text.as_str()),
-                    _ => None,
-                })
-                .chain(["start", "end"])
-                .collect();
-            let span = blocks
-                .iter()
-                .flat_map(|(_, items)| items)
-                .find_map(|i| match i {
-                    Item::At(n, _) if n.text == *name => Some(n.span),
-                    _ => None,
-                })
-                .unwrap_or_default();
-            let failure = each(blocks).find_map(|(_, item)| match item {
-                Item::Other(Statement { kind: StatementKind::Fail { name: failure, .. }, span }) if failure.text == *name => Some(*span),
-                _ => None,
-            });
-            let Some(failure) = failure else {
-                let help = did_you_mean(name, known);
-                l.ledger.report(Diagnostic::error(codes::UNKNOWN_NAME, format!("no event is called `{name}`"), span).maybe_help(help));
-                continue;
-            };
-            l.ledger.report(
-                Diagnostic::error(codes::WRONG_KIND, format!("`{name}` is a failure: the episode ends there, and nothing is set"), span)
-                    .secondary(failure, "declared here")
-                    .help(format!(
-                        "declare `event` with the same condition under another name, and write `at` that name in place of `at {name}`"
-                    )),
-            );
-        }
+    for ((_, name, _), _) in programs.iter().zip(used).filter(|(_, used)| !used) {
+        refuse_event(l, blocks, name);
     }
+}
+
+/// Reports `at` a name that is no event.
+fn refuse_event(l: &mut Lowering<'_, '_>, blocks: &[(ScopeId, Vec<Item<'_>>)], name: &str) {
+    let known: Vec<&str> = blocks
+        .iter()
+        .flat_map(|(_, items)| items)
+        .filter_map(|i| match i {
+            Item::Other(Statement { kind: StatementKind::Event { name, .. }, .. }) => Some(name.text.as_str()),
+            _ => None,
+        })
+        .chain(["start", "end"])
+        .collect();
+    let span = blocks
+        .iter()
+        .flat_map(|(_, items)| items)
+        .find_map(|i| match i {
+            Item::At(n, _) if n.text == name => Some(n.span),
+            _ => None,
+        })
+        .unwrap_or_default();
+    let failure = each(blocks).find_map(|(_, item)| match item {
+        Item::Other(Statement { kind: StatementKind::Fail { name: failure, .. }, span }) if failure.text == name => Some(*span),
+        _ => None,
+    });
+    let Some(failure) = failure else {
+        let help = did_you_mean(name, known);
+        l.ledger.report(Diagnostic::error(codes::UNKNOWN_NAME, format!("no event is called `{name}`"), span).maybe_help(help));
+        return;
+    };
+    l.ledger.report(
+        Diagnostic::error(codes::WRONG_KIND, format!("`{name}` is a failure: the episode ends there, and nothing is set"), span)
+            .secondary(failure, "declared here")
+            .help(format!("declare `event` with the same condition under another name, and write `at` that name in place of `at {name}`")),
+    );
 }
 
 /// Root function of a comparison, positive where it holds, and whether it is strict.

@@ -2,6 +2,7 @@
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::Clip;
+use smpl_dsl::syntax::Expr;
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::episode::common::{store, stream_name};
@@ -18,7 +19,7 @@ pub(in crate::elaborate) fn parameter_program(l: &mut Lowering<'_, '_>) -> Progr
     let mut pieces: Vec<(VarId, Piece<(Affine, ExprId)>)> = Vec::new();
     let symbols: Vec<SymbolId> = l.symbols.list.keys().collect();
     for symbol in symbols {
-        let SymbolKind::Variable { var, unit, declaration, axes } = l.symbols[symbol].kind.clone() else { continue };
+        let SymbolKind::Variable { var, declaration, .. } = l.symbols[symbol].kind else { continue };
         if l.symbols.vars[var].role != Role::Param {
             continue;
         }
@@ -27,16 +28,7 @@ pub(in crate::elaborate) fn parameter_program(l: &mut Lowering<'_, '_>) -> Progr
         let scope = l.symbols[symbol].scope;
         let given = l.instances.given.contains_key(&(scope, declaration.name.text.clone()));
         if let Some(sample) = declaration.sample.as_ref().filter(|_| !overridden && !given) {
-            let place = Place::new(scope, Site::Reset);
-            let span = declaration.span;
-            let list = l.nest(&declaration.indices, &place, &mut |s, inner| {
-                let at = s.symbols.bound_address(&axes, &declaration.indices, inner);
-                let outer = s.hidden.draws.site.replace((stream_name(&path, at, s.symbols.vars[var].len), Instant::Reset));
-                let v = s.number_in(sample, &unit, &path, span, inner);
-                s.hidden.draws.site = outer;
-                let v = clipped(s, v, var, at, declaration.clip.as_ref(), &unit, inner);
-                (at, v)
-            });
+            let list = drawn(l, symbol, sample);
             pieces.extend(list.into_iter().map(|p| (var, p)));
             continue;
         }
@@ -44,7 +36,7 @@ pub(in crate::elaborate) fn parameter_program(l: &mut Lowering<'_, '_>) -> Progr
             if l.exprs.as_const(piece.value.1).is_some() {
                 continue;
             }
-            if let Some(what) = l.symbols.varying(&l.exprs, piece.value.1) {
+            if let Some(what) = l.symbols.varying(l.exprs, piece.value.1) {
                 let span = declaration.value.as_ref().map_or(declaration.span, |e| e.span);
                 l.ledger.report(
                     Diagnostic::error(codes::WRONG_KIND, format!("the parameter `{path}` cannot depend on {what}"), span)
@@ -73,6 +65,21 @@ pub(in crate::elaborate) fn parameter_program(l: &mut Lowering<'_, '_>) -> Progr
     program
 }
 
+/// The elements of a parameter that is drawn.
+fn drawn(l: &mut Lowering<'_, '_>, symbol: SymbolId, sample: &Expr) -> Vec<Piece<(Affine, ExprId)>> {
+    let SymbolKind::Variable { var, unit, declaration, axes } = l.symbols[symbol].kind.clone() else { return Vec::new() };
+    let path = l.symbols[symbol].path.clone();
+    let place = Place::new(l.symbols[symbol].scope, Site::Reset);
+    l.nest(&declaration.indices, &place, &mut |s, inner| {
+        let at = s.symbols.bound_address(&axes, &declaration.indices, inner);
+        let outer = s.hidden.draws.site.replace((stream_name(&path, at, s.symbols.vars[var].len), Instant::Reset));
+        let v = s.number_in(sample, &unit, &path, declaration.span, inner);
+        s.hidden.draws.site = outer;
+        let v = clipped(s, v, var, at, declaration.clip.as_ref(), &unit, inner);
+        (at, v)
+    })
+}
+
 /// The pieces so that each follows those that it needs.
 fn dependency_order(l: &mut Lowering<'_, '_>, pieces: &[(VarId, Piece<(Affine, ExprId)>)]) -> Vec<usize> {
     let mut of: FastMap<VarId, Vec<usize>> = FastMap::default();
@@ -81,7 +88,7 @@ fn dependency_order(l: &mut Lowering<'_, '_>, pieces: &[(VarId, Piece<(Affine, E
     }
     let meets = |a: Affine, b: Affine| a == b || !a.is_constant() || !b.is_constant();
     let needs = |i: usize| {
-        let read = l.symbols.parameters_in(&l.exprs, pieces[i].1.value.1);
+        let read = l.symbols.parameters_in(l.exprs, pieces[i].1.value.1);
         let needed = |(var, at): (VarId, Affine)| {
             let candidates = of.get(&var).into_iter().flatten().copied();
             candidates.filter(move |&j| meets(at, pieces[j].1.value.0))

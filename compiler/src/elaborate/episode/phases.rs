@@ -68,7 +68,7 @@ pub(in crate::elaborate) fn schedule_quantities(l: &Lowering<'_, '_>) -> Vec<Qua
 pub(in crate::elaborate) fn schedule_programs(l: &mut Lowering<'_, '_>, out: &mut Instants) {
     let Some(schedule) = l.symbols.schedule.as_ref() else { return };
     let place = Place::new(schedule.scope, Site::Instant);
-    let transition = transition(l, &schedule, &place);
+    let transition = transition(l, schedule, &place);
     let mut leaving = l.exprs.constant(0.0);
     for (i, phase) in schedule.phases.iter().enumerate().rev() {
         let number = i as f64 + 1.0;
@@ -81,7 +81,7 @@ pub(in crate::elaborate) fn schedule_programs(l: &mut Lowering<'_, '_>, out: &mu
             let (t, since) = (l.exprs.time(), l.values().discrete(schedule.since));
             let elapsed = l.exprs.sub(t, since);
             let value = l.exprs.sub(elapsed, d);
-            phase_root(l, &schedule, i, here, (value, false), &transition, out);
+            phase_root(l, schedule, i, here, (value, false), &transition, out);
         }
         let Some(until) = &phase.until else { continue };
         let holds = l.condition(until, &place);
@@ -90,9 +90,9 @@ pub(in crate::elaborate) fn schedule_programs(l: &mut Lowering<'_, '_>, out: &mu
         // A comparison of what moves during a step is a root as well; a request made at its start is not.
         if let ExprKind::Binary(BinaryOp::Lt | BinaryOp::Le | BinaryOp::Gt | BinaryOp::Ge, ..) = until.kind
             && let Some((value, strict)) = root_of(l, until, &place)
-            && l.symbols.is_dynamic(&l.exprs, value)
+            && l.symbols.is_dynamic(l.exprs, value)
         {
-            phase_root(l, &schedule, i, here, (value, strict), &transition, out);
+            phase_root(l, schedule, i, here, (value, strict), &transition, out);
         }
     }
     if l.exprs.as_const(leaving).is_none() {

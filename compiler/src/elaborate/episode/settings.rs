@@ -1,11 +1,11 @@
-//! Settings of the episode and the solver.
+//! Settings of the episode and the solver, in the text and from outside: what [`ENTRIES`] lists.
 
-use crate::elaborate::options::ENTRY_SETTINGS;
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
 use smpl_dsl::syntax::{Expr, ExprKind, Ident, StatementKind};
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::episode::common::each;
+use crate::elaborate::episode::entries::{Block, ENTRIES, ORDER_TEXT, Said, Takes, is_order, setting_entry};
 use crate::elaborate::ledger::Ledger;
 use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::place::{Place, Site};
@@ -14,67 +14,70 @@ use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::ScopeId;
 use crate::model::{Episode, Solver};
 
-const LINEAR_SOLVERS: &[&str] = &["auto", "dense", "banded", "block", "klu"];
-const LINEAR_SOLVERS_TEXT: &str = "auto, dense, banded, block or klu";
-const METHODS: &[&str] = &["ida", "rosenbrock", "explicit", "auto"];
-const METHODS_TEXT: &str = "ida, rosenbrock, explicit or auto";
-
-pub(in crate::elaborate) fn settings<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> (Episode, Solver) {
-    let mut episode = Episode::default();
-    let mut solver = Solver::default();
-    let mut integrate = None;
+/// Entries of the blocks `episode` and `solver`.
+pub(in crate::elaborate) fn settings(l: &mut Lowering<'_, '_>, blocks: &[(ScopeId, Vec<Item<'_>>)]) -> (Episode, Solver) {
+    let mut said = Said::default();
     for (scope, item) in each(blocks) {
         let Item::Other(statement) = item else { continue };
         let place = Place::new(scope, Site::Dynamics);
-        match &statement.kind {
-            StatementKind::Episode { entries } => {
-                for (name, e) in entries {
-                    episode_entry(l, name, e, &place, &mut episode, &mut integrate);
-                }
-            }
-            StatementKind::Solver { entries } => {
-                for (name, e) in entries {
-                    solver_entry(l, name, e, &place, &mut solver);
-                }
-            }
-            _ => {}
+        let (block, entries) = match &statement.kind {
+            StatementKind::Episode { entries } => (Block::Episode, entries),
+            StatementKind::Solver { entries } => (Block::Solver, entries),
+            _ => continue,
+        };
+        for (name, e) in entries {
+            entry_of_text(l, block, (name, e), &place, &mut said);
         }
     }
-    for (name, value) in l.input.options.settings.clone() {
-        entry_setting(l, &name, &value, &mut episode, &mut solver, &mut integrate);
+    for (name, value) in &l.input.options.settings {
+        entry_of_settings(l, name, value, &mut said);
     }
     if let Some(n) = l.input.options.max_steps {
-        episode.max_steps = n;
+        said.episode.max_steps = n;
     }
-    episode.integrate = integrate.unwrap_or(episode.step);
-    (episode, solver)
+    said.episode.integrate = said.integrate.unwrap_or(said.episode.step);
+    (said.episode, said.solver)
 }
 
-/// An entry of `episode` or `solver` that is set from outside.
-fn entry_setting(
-    l: &mut Lowering<'_, '_>,
-    name: &str,
-    value: &Setting,
-    episode: &mut Episode,
-    solver: &mut Solver,
-    integrate: &mut Option<f64>,
-) {
-    if l.symbols.parameters_named(name) || !ENTRY_SETTINGS.contains(&name) {
-        return;
+/// An entry of a block of the text.
+fn entry_of_text(l: &mut Lowering<'_, '_>, block: Block, (name, e): (&Ident, &Expr), place: &Place, said: &mut Said) {
+    let Some(entry) = ENTRIES.iter().find(|entry| entry.block == block && entry.name == name.text) else {
+        return l.ledger.unknown_entry(name, block);
+    };
+    let time = l.symbols.time_unit.clone();
+    match &entry.takes {
+        Takes::Duration(to) => put(to(said), positive(l, name, e, &time, place)),
+        Takes::Interval => said.integrate = positive(l, name, e, &time, place),
+        Takes::Positive(to) => put(to(said), positive(l, name, e, &Unit::one(), place)),
+        Takes::Tolerance(to) => put(to(said), within(l, name, e, place, |x| Solver::RTOL.contains(&x), Solver::RTOL_TEXT)),
+        Takes::Order(to) => put(to(said), within(l, name, e, place, is_order, ORDER_TEXT).map(|x| x as u32)),
+        Takes::Count(to) => put(to(said), whole_number(l, name, e, place)),
+        // Rewards carry their own units; the number is taken in each.
+        Takes::Number(to) => {
+            let v = l.value(e, place);
+            put(to(said), l.constant_value(v.expr));
+        }
+        Takes::Truth(to) => *to(said) = holds(l, e, place),
+        Takes::Name(names, to) => l.ledger.one_of(e, names.known, || format!("the {} is {}", names.what, names.text), to(said)),
     }
+}
+
+/// An entry that is set from outside.
+fn entry_of_settings(l: &mut Lowering<'_, '_>, name: &str, value: &Setting, said: &mut Said) {
+    let Some(entry) = setting_entry(name).filter(|_| !l.symbols.parameters_named(name)) else { return };
     let number = match value {
         Setting::Number(x) => *x,
         _ => f64::NAN,
     };
     let positive = number.is_finite() && number > 0.0;
-    let count = (1.0..4e9).contains(&number) && number.fract() == 0.0;
-    let (holds, expected) = match name {
-        "step" | "integrate" | "atol_factor" | "max_step" => (positive, "a positive number"),
-        "error_reward" => (number.is_finite(), "a number"),
-        "rtol" => (Solver::RTOL.contains(&number), Solver::RTOL_TEXT),
-        "max_order" => ((1.0..=5.0).contains(&number) && number.fract() == 0.0, "a whole number from 1 to 5"),
-        "max_steps" | "max_internal_steps" | "max_events" => (count, "a whole number of at least 1"),
-        _ => (matches!(value, Setting::Text(text) if LINEAR_SOLVERS.contains(&text.as_str())), LINEAR_SOLVERS_TEXT),
+    let (holds, expected) = match &entry.takes {
+        Takes::Duration(_) | Takes::Interval | Takes::Positive(_) => (positive, "a positive number"),
+        Takes::Number(_) => (number.is_finite(), "a number"),
+        Takes::Tolerance(_) => (Solver::RTOL.contains(&number), Solver::RTOL_TEXT),
+        Takes::Order(_) => (is_order(number), ORDER_TEXT),
+        Takes::Count(_) => ((1.0..4e9).contains(&number) && number.fract() == 0.0, "a whole number of at least 1"),
+        Takes::Name(names, _) => (matches!(value, Setting::Text(text) if names.known.contains(&text.as_str())), names.text),
+        Takes::Truth(_) => (false, "a condition"),
     };
     if !holds {
         let given = match value {
@@ -85,19 +88,18 @@ fn entry_setting(
         l.ledger.reports.scenario_fault(format!("`{name}` must be {expected}, not {given}"), None);
         return;
     }
-    match (name, value) {
-        ("max_steps", _) => episode.max_steps = number as u32,
-        ("max_events", _) => solver.max_events = number as u32,
-        ("error_reward", _) => episode.error_reward = number,
-        ("step", _) => episode.step = number,
-        ("integrate", _) => *integrate = Some(number),
-        ("rtol", _) => solver.rtol = number,
-        ("atol_factor", _) => solver.atol_factor = number,
-        ("max_step", _) => solver.max_step = number,
-        ("max_order", _) => solver.max_order = number as u32,
-        ("max_internal_steps", _) => solver.max_steps = number as u32,
-        (_, Setting::Text(text)) => solver.linear_solver.clone_from(text),
+    match (&entry.takes, value) {
+        (Takes::Interval, _) => said.integrate = Some(number),
+        (Takes::Duration(to) | Takes::Positive(to) | Takes::Tolerance(to) | Takes::Number(to), _) => *to(said) = number,
+        (Takes::Order(to) | Takes::Count(to), _) => *to(said) = number as u32,
+        (Takes::Name(_, to), Setting::Text(text)) => to(said).clone_from(text),
         _ => {}
+    }
+}
+
+fn put<T>(to: &mut T, x: Option<T>) {
+    if let Some(x) = x {
+        *to = x;
     }
 }
 
@@ -154,69 +156,6 @@ fn holds(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> bool {
     matches!(l.exprs.node(c), crate::ir::Expr::Truth(true))
 }
 
-fn episode_entry(l: &mut Lowering<'_, '_>, name: &Ident, e: &Expr, place: &Place, episode: &mut Episode, integrate: &mut Option<f64>) {
-    let time = l.symbols.time_unit.clone();
-    match name.text.as_str() {
-        "step" => episode.step = positive(l, name, e, &time, place).unwrap_or(episode.step),
-        "integrate" => *integrate = positive(l, name, e, &time, place),
-        "max_steps" => episode.max_steps = whole_number(l, name, e, place).unwrap_or(episode.max_steps),
-        "error_reward" => {
-            // Rewards carry their own units; the number is taken in each.
-            let v = l.value(e, place);
-            episode.error_reward = l.constant_value(v.expr).unwrap_or(episode.error_reward);
-        }
-        "end_is_success" => episode.end_is_success = holds(l, e, place),
-        "failure_pays_alone" => episode.failure_pays_alone = holds(l, e, place),
-        "single_precision" => episode.single_precision = holds(l, e, place),
-        _ => {
-            let known = ["step", "integrate", "max_steps", "error_reward", "end_is_success", "failure_pays_alone", "single_precision"];
-            l.ledger.unknown_entry(name, "episode", &known);
-        }
-    }
-}
-
-fn solver_entry(l: &mut Lowering<'_, '_>, name: &Ident, e: &Expr, place: &Place, solver: &mut Solver) {
-    match name.text.as_str() {
-        "rtol" => solver.rtol = within(l, name, e, place, |x| Solver::RTOL.contains(&x), Solver::RTOL_TEXT).unwrap_or(solver.rtol),
-        "atol_factor" => solver.atol_factor = positive(l, name, e, &Unit::one(), place).unwrap_or(solver.atol_factor),
-        "safety" => solver.safety = positive(l, name, e, &Unit::one(), place).unwrap_or(solver.safety),
-        "max_order" => {
-            let order = within(l, name, e, place, |x| (1.0..=5.0).contains(&x) && x.fract() == 0.0, "a whole number from 1 to 5");
-            solver.max_order = order.map_or(solver.max_order, |x| x as u32);
-        }
-        "max_steps" => solver.max_steps = whole_number(l, name, e, place).unwrap_or(solver.max_steps),
-        "max_events" => solver.max_events = whole_number(l, name, e, place).unwrap_or(solver.max_events),
-        "max_step" => {
-            let time = l.symbols.time_unit.clone();
-            solver.max_step = positive(l, name, e, &time, place).unwrap_or(solver.max_step);
-        }
-        "algebraic_error_control" => solver.algebraic_error_control = holds(l, e, place),
-        "quadrature_error_control" => solver.quadrature_error_control = holds(l, e, place),
-        "linear_solver" => {
-            let message = || format!("the linear solver is {LINEAR_SOLVERS_TEXT}");
-            l.ledger.one_of(e, LINEAR_SOLVERS, message, &mut solver.linear_solver);
-        }
-        "method" => l.ledger.one_of(e, METHODS, || format!("the method is {METHODS_TEXT}"), &mut solver.method),
-        _ => l.ledger.unknown_entry(
-            name,
-            "solver",
-            &[
-                "rtol",
-                "atol_factor",
-                "safety",
-                "max_order",
-                "max_steps",
-                "max_step",
-                "max_events",
-                "linear_solver",
-                "method",
-                "algebraic_error_control",
-                "quadrature_error_control",
-            ],
-        ),
-    }
-}
-
 impl Ledger {
     /// One of several names.
     fn one_of(&mut self, e: &Expr, known: &[&str], message: impl FnOnce() -> String, to: &mut String) {
@@ -226,7 +165,9 @@ impl Ledger {
         }
     }
 
-    fn unknown_entry(&mut self, name: &Ident, block: &str, known: &[&str]) {
+    fn unknown_entry(&mut self, name: &Ident, block: Block) {
+        let known: Vec<&str> = ENTRIES.iter().filter(|e| e.block == block).map(|e| e.name).collect();
+        let block = if block == Block::Episode { "episode" } else { "solver" };
         let help = did_you_mean(&name.text, known.iter().copied());
         self.report(
             Diagnostic::error(codes::BAD_SETTING, format!("`{block}` has no entry `{}`", name.text), name.span)

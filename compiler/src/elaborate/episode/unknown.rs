@@ -26,7 +26,7 @@ pub(in crate::elaborate) struct Doubting<'d, 'a> {
 
 /// What finding where conditions are unknown needs.
 pub(in crate::elaborate) fn doubting<'d, 'a>(l: &'d mut Lowering<'_, 'a>) -> Doubting<'d, 'a> {
-    Doubting { exprs: &mut l.exprs, symbols: &l.symbols }
+    Doubting { exprs: l.exprs, symbols: l.symbols }
 }
 
 impl Doubting<'_, '_> {

@@ -1,5 +1,6 @@
 //! Boxes of declared bounds, and the variables that statements name.
 
+use crate::ir::VarId;
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Expr, ExprKind};
@@ -104,6 +105,30 @@ impl Lowering<'_, '_> {
         out.push((item, value.expr));
     }
 
+    /// Reports a variable of a role that a statement does not assign.
+    fn refuse_target(&mut self, symbol: SymbolId, var: VarId, span: Span, roles: &[Role]) {
+        let (path, declared) = (self.symbols[symbol].path.clone(), self.symbols[symbol].span);
+        let what = match self.symbols.vars[var].role {
+            Role::Param => "a parameter",
+            Role::Action => "an action",
+            Role::Algebraic => "an algebraic variable",
+            Role::State => "a state",
+            Role::Discrete => "a discrete variable",
+            Role::Disturbance => "a disturbance",
+            _ => "a variable of another kind",
+        };
+        let help = match (self.symbols.vars[var].role, roles) {
+            (Role::State, [Role::Discrete]) => Some("states are set by `reset`".to_owned()),
+            (Role::Discrete, [Role::State]) => Some("discrete variables are set by `next`".to_owned()),
+            _ => None,
+        };
+        self.ledger.report(
+            Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is {what}, which cannot be set here"), span)
+                .secondary(declared, "declared here")
+                .maybe_help(help),
+        );
+    }
+
     /// The variable that a statement assigns: a symbol, and the element unless the whole array is meant.
     pub(in crate::elaborate) fn target(&mut self, e: &Expr, place: &Place, roles: &[Role]) -> Option<(SymbolId, Option<Affine>)> {
         if let ExprKind::Name(name) = &e.kind
@@ -133,26 +158,7 @@ impl Lowering<'_, '_> {
             return None;
         };
         if !roles.contains(&self.symbols.vars[var].role) {
-            let (path, declared) = (self.symbols[symbol].path.clone(), self.symbols[symbol].span);
-            let what = match self.symbols.vars[var].role {
-                Role::Param => "a parameter",
-                Role::Action => "an action",
-                Role::Algebraic => "an algebraic variable",
-                Role::State => "a state",
-                Role::Discrete => "a discrete variable",
-                Role::Disturbance => "a disturbance",
-                _ => "a variable of another kind",
-            };
-            let help = match (self.symbols.vars[var].role, roles) {
-                (Role::State, [Role::Discrete]) => Some("states are set by `reset`".to_owned()),
-                (Role::Discrete, [Role::State]) => Some("discrete variables are set by `next`".to_owned()),
-                _ => None,
-            };
-            self.ledger.report(
-                Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is {what}, which cannot be set here"), e.span)
-                    .secondary(declared, "declared here")
-                    .maybe_help(help),
-            );
+            self.refuse_target(symbol, var, e.span, roles);
             return None;
         }
         if index.is_empty() && !axes.is_empty() {

@@ -39,18 +39,7 @@ impl Lowering<'_, '_> {
                     pieces.push((cell, result));
                     continue;
                 }
-                if place.depth as usize >= MAX_DEPTH {
-                    self.ledger.report(Diagnostic::error(
-                        codes::TOO_LARGE,
-                        format!("more than {MAX_DEPTH} loops inside one another"),
-                        span,
-                    ));
-                    return Vec::new();
-                }
-                let around = self.loops.frames.iter().take(place.depth.into()).fold(1, |n: i64, l| n.saturating_mul(l.passes));
-                if around.saturating_mul(count) > MOST_PASSES {
-                    let fault = Diagnostic::error(codes::TOO_LARGE, "loops inside one another with more than a billion passes", span);
-                    self.ledger.report(fault.help("sum over fewer indices: a product of sums in place of a sum of products"));
+                if !self.may_nest(count, span, place) {
                     return Vec::new();
                 }
                 let mut inner = place.clone();
@@ -67,7 +56,7 @@ impl Lowering<'_, '_> {
                 };
                 self.loops.frames.truncate(place.depth as usize);
                 if !cuts.is_empty() {
-                    before.into_iter().for_each(|before| self.ledger.roll_back(before, &mut self.expansions));
+                    before.into_iter().for_each(|before| self.ledger.roll_back(before, self.expansions));
                     starts.extend(cuts.iter().map(|pass| first + pass));
                     continue 'again;
                 }
@@ -75,6 +64,21 @@ impl Lowering<'_, '_> {
             }
             return pieces;
         }
+    }
+
+    /// Whether a loop of so many passes may stand here; reports where it may not.
+    fn may_nest(&mut self, count: i64, span: Span, place: &Place) -> bool {
+        if place.depth as usize >= MAX_DEPTH {
+            self.ledger.report(Diagnostic::error(codes::TOO_LARGE, format!("more than {MAX_DEPTH} loops inside one another"), span));
+            return false;
+        }
+        let around = self.loops.frames.iter().take(place.depth.into()).fold(1, |n: i64, l| n.saturating_mul(l.passes));
+        if around.saturating_mul(count) > MOST_PASSES {
+            let fault = Diagnostic::error(codes::TOO_LARGE, "loops inside one another with more than a billion passes", span);
+            self.ledger.report(fault.help("sum over fewer indices: a product of sums in place of a sum of products"));
+            return false;
+        }
+        true
     }
 
     /// Whether the cell is number `v` in all passes or in none; `None` after asking for a cut where it is so in some.

@@ -109,7 +109,7 @@ impl<'a> Lowering<'_, 'a> {
             self.hidden.draws.site = outer;
             let mut needed = Vec::new();
             for piece in &pieces {
-                for (needs, _) in self.symbols.parameters_in(&self.exprs, piece.value.1) {
+                for (needs, _) in self.symbols.parameters_in(self.exprs, piece.value.1) {
                     self.constants.note_need(var, needs);
                     let var = needs;
                     if let Some(&symbol) = self.symbols.of_var.get(&var).filter(|_| !self.constants.is_begun(var)) {
@@ -141,7 +141,7 @@ impl<'a> Lowering<'_, 'a> {
         if let Some(x) = self.exprs.as_const(e) {
             return Some(x);
         }
-        for (var, _) in self.symbols.parameters_in(&self.exprs, e) {
+        for (var, _) in self.symbols.parameters_in(self.exprs, e) {
             if let Some(&symbol) = self.symbols.of_var.get(&var) {
                 self.know(symbol);
             }
@@ -151,12 +151,12 @@ impl<'a> Lowering<'_, 'a> {
 
     /// The number of an expression with what is known of the parameters.
     fn folded(&mut self, e: ExprId) -> Option<f64> {
-        self.constants.fold(&mut self.exprs, &self.symbols.vars, &self.hidden.draws, e)
+        self.constants.fold(self.exprs, &self.symbols.vars, &self.hidden.draws, e)
     }
 
     /// Notes that sizes or indices were computed from an expression: its parameters keep their numbers.
     pub(in crate::elaborate) fn mark_structural(&mut self, e: ExprId) {
-        let parameters = self.symbols.parameters_in(&self.exprs, e);
+        let parameters = self.symbols.parameters_in(self.exprs, e);
         self.constants.mark_structural(parameters.into_iter().map(|p| p.0));
     }
 

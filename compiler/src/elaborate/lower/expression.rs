@@ -233,20 +233,23 @@ impl<'a> Lowering<'_, 'a> {
                 let name = Ident { text: "phase".to_owned(), span };
                 self.schedule_name(&name).unwrap_or_else(|| self.poison())
             }
-            kind => {
-                let what = match kind {
-                    SymbolKind::Def { .. } => "a function; call it with arguments",
-                    SymbolKind::TimeTable { .. } => "a function of time; call it, `table(t)`",
-                    SymbolKind::Set(_) => "a set; use a member as an index",
-                    SymbolKind::Domain(_) => "a domain; bind it with `for`",
-                    SymbolKind::Choice { .. } => "a choice; compare it with one of its options",
-                    _ => "a component; name one of its variables",
-                };
-                let path = self.symbols[symbol].path.clone();
-                let d = Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is {what}"), span);
-                self.fault(crate::elaborate::built_ins::note(d, &path))
-            }
+            kind => self.no_value(symbol, &kind, span),
         }
+    }
+
+    /// Reports a name that stands for no value.
+    fn no_value(&mut self, symbol: SymbolId, kind: &SymbolKind<'_>, span: Span) -> Value {
+        let what = match kind {
+            SymbolKind::Def { .. } => "a function; call it with arguments",
+            SymbolKind::TimeTable { .. } => "a function of time; call it, `table(t)`",
+            SymbolKind::Set(_) => "a set; use a member as an index",
+            SymbolKind::Domain(_) => "a domain; bind it with `for`",
+            SymbolKind::Choice { .. } => "a choice; compare it with one of its options",
+            _ => "a component; name one of its variables",
+        };
+        let path = self.symbols[symbol].path.clone();
+        let d = Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is {what}"), span);
+        self.fault(crate::elaborate::built_ins::note(d, &path))
     }
 
     #[allow(clippy::too_many_arguments, reason = "the parts of one symbol")]

@@ -19,6 +19,26 @@ fn at_face<'e>(e: &'e Expr, place: &Place) -> Option<&'e str> {
 }
 
 impl<'a> Lowering<'_, 'a> {
+    /// Reports another number of indices than an array has.
+    fn wrong_indices(&mut self, symbol: SymbolId, axes: &[Axis], index: &[Expr], span: Span) {
+        let path = self.symbols[symbol].path.clone();
+        let declared = self.symbols[symbol].span;
+        let wanted: Vec<&str> = axes.iter().map(|&a| self.symbols.axis_name(a)).collect();
+        let message = match (axes.len(), index.len()) {
+            (0, _) => format!("`{path}` is a scalar, it takes no index"),
+            (n, 0) => format!("`{path}` is an array and needs {n} ind{}", if n == 1 { "ex" } else { "ices" }),
+            (n, m) => format!("`{path}` takes {n} ind{}, not {m}", if n == 1 { "ex" } else { "ices" }),
+        };
+        let mut d = Diagnostic::error(codes::WRONG_SHAPE, message, span).secondary(declared, "declared here");
+        if !wanted.is_empty() {
+            d = d.help(format!("write `{path}[{}]`", wanted.join(", ")));
+        }
+        if index.is_empty() {
+            d = crate::elaborate::built_ins::note(d, &path);
+        }
+        self.ledger.report(d);
+    }
+
     /// Address of an element of an array, and what its indices are bound to.
     pub(in crate::elaborate) fn address(
         &mut self,
@@ -29,22 +49,7 @@ impl<'a> Lowering<'_, 'a> {
         place: &Place,
     ) -> Option<(Affine, Vec<Bound>)> {
         if axes.len() != index.len() {
-            let path = self.symbols[symbol].path.clone();
-            let declared = self.symbols[symbol].span;
-            let wanted: Vec<&str> = axes.iter().map(|&a| self.symbols.axis_name(a)).collect();
-            let message = match (axes.len(), index.len()) {
-                (0, _) => format!("`{path}` is a scalar, it takes no index"),
-                (n, 0) => format!("`{path}` is an array and needs {n} ind{}", if n == 1 { "ex" } else { "ices" }),
-                (n, m) => format!("`{path}` takes {n} ind{}, not {m}", if n == 1 { "ex" } else { "ices" }),
-            };
-            let mut d = Diagnostic::error(codes::WRONG_SHAPE, message, span).secondary(declared, "declared here");
-            if !wanted.is_empty() {
-                d = d.help(format!("write `{path}[{}]`", wanted.join(", ")));
-            }
-            if index.is_empty() {
-                d = crate::elaborate::built_ins::note(d, &path);
-            }
-            self.ledger.report(d);
+            self.wrong_indices(symbol, axes, index, span);
             return None;
         }
         let mut at = Affine::default();

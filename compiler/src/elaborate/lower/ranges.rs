@@ -59,7 +59,7 @@ impl Lowering<'_, '_> {
         let value = body(self);
         self.ledger.speculation.end();
         if !self.ledger.speculation.succeeded(&before, &self.ledger.reports) {
-            self.ledger.roll_back(before, &mut self.expansions);
+            self.ledger.roll_back(before, self.expansions);
             return None;
         }
         self.ledger.speculation.commit(&before, &mut self.ledger.reports);
@@ -92,7 +92,7 @@ impl Lowering<'_, '_> {
     fn settled_number(&mut self, e: &Expr, place: &Place) -> Option<i64> {
         let v = self.value(e, place);
         let settled =
-            !v.is_poison() && self.symbols.parameters_in(&self.exprs, v.expr).iter().all(|(var, _)| self.constants.is_structural(*var));
+            !v.is_poison() && self.symbols.parameters_in(self.exprs, v.expr).iter().all(|(var, _)| self.constants.is_structural(*var));
         let x = self.constant_value(v.expr).filter(|x| settled && x.fract() == 0.0 && x.abs() < 1e15)?;
         Some(x as i64)
     }

@@ -22,7 +22,7 @@ pub(in crate::elaborate) struct Values<'e> {
 impl Lowering<'_, '_> {
     /// What arithmetic needs.
     pub(in crate::elaborate) fn values(&mut self) -> Values<'_> {
-        Values { exprs: &mut self.exprs, ledger: &mut self.ledger }
+        Values { exprs: self.exprs, ledger: self.ledger }
     }
 
     /// What stands where a fault was reported: it fits everywhere.

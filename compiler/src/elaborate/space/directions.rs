@@ -5,7 +5,7 @@ use crate::elaborate::lower::units;
 use crate::elaborate::space::faces::FaceValue;
 use crate::elaborate::space::interval::Interval;
 use crate::elaborate::space::marks::Marks;
-use crate::elaborate::space::terms::Term;
+use crate::elaborate::space::marks::Term;
 use crate::ir::Compare;
 use crate::ir::Expr as Node;
 use crate::ir::ExprId;

@@ -106,31 +106,40 @@ impl Lowering<'_, '_> {
         self.flux_at(symbol, &leading, Face { domain, at: Cell::single(number) }, &outer)
     }
 
+    /// The flux that `div` takes; a fault where it is none.
+    fn flux_named(&mut self, span: Span, e: &Expr, base: &Expr, place: &Place) -> Result<SymbolId, Value> {
+        let symbol = match self.resolve(base, place) {
+            crate::elaborate::lower::place::Target::Symbol(symbol) => symbol,
+            crate::elaborate::lower::place::Target::Value(v) if v.is_poison() => return Err(v),
+            crate::elaborate::lower::place::Target::Nothing => return Err(self.poison()),
+            crate::elaborate::lower::place::Target::Value(_) => {
+                return Err(self.fault(Diagnostic::error(codes::WRONG_KIND, "`div` takes a flux", span)));
+            }
+        };
+        if matches!(self.symbols[symbol].kind, SymbolKind::Faulty) {
+            return Err(self.poison());
+        }
+        if !matches!(self.symbols[symbol].kind, SymbolKind::Flux { .. }) {
+            let path = self.symbols[symbol].path.clone();
+            let declared = self.symbols[symbol].span;
+            return Err(self.fault(
+                Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is no flux"), e.span)
+                    .secondary(declared, "declared here")
+                    .help("declare `flux J[z] = v*c[z]` and write `div(J[z])`"),
+            ));
+        }
+        Ok(symbol)
+    }
+
     /// `div(J[i, z])`: what leaves the cell, over its measure.
     pub(in crate::elaborate) fn divergence(&mut self, span: Span, e: &Expr, place: &Place) -> Value {
         let ExprKind::Index(base, index) = &e.kind else {
             return self.fault(Diagnostic::error(codes::WRONG_KIND, "`div` takes a flux with its indices", span).help("`div(J[z])`"));
         };
-        let symbol = match self.resolve(base, place) {
-            crate::elaborate::lower::place::Target::Symbol(symbol) => symbol,
-            crate::elaborate::lower::place::Target::Value(v) if v.is_poison() => return v,
-            crate::elaborate::lower::place::Target::Nothing => return self.poison(),
-            crate::elaborate::lower::place::Target::Value(_) => {
-                return self.fault(Diagnostic::error(codes::WRONG_KIND, "`div` takes a flux", span));
-            }
+        let symbol = match self.flux_named(span, e, base, place) {
+            Ok(symbol) => symbol,
+            Err(fault) => return fault,
         };
-        if matches!(self.symbols[symbol].kind, SymbolKind::Faulty) {
-            return self.poison();
-        }
-        if !matches!(self.symbols[symbol].kind, SymbolKind::Flux { .. }) {
-            let path = self.symbols[symbol].path.clone();
-            let declared = self.symbols[symbol].span;
-            return self.fault(
-                Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is no flux"), e.span)
-                    .secondary(declared, "declared here")
-                    .help("declare `flux J[z] = v*c[z]` and write `div(J[z])`"),
-            );
-        }
         let Some((axes, last)) = self.naming().flux_axes(symbol, index, span) else { return self.poison() };
         let Some(&Axis::Domain(domain)) = axes.last() else { return self.poison() };
         let Some((_, bounds)) = self.address(symbol, &axes, index, last.span, place) else { return self.poison() };

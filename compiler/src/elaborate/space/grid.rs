@@ -49,7 +49,7 @@ impl Lowering<'_, '_> {
 
     /// A grid rests: it depends on parameters only.
     fn check_fixed(&mut self, e: ExprId, span: Span) {
-        if let Some(what) = self.symbols.varying(&self.exprs, e) {
+        if let Some(what) = self.symbols.varying(self.exprs, e) {
             self.ledger.report(
                 Diagnostic::error(codes::WRONG_KIND, format!("the grid cannot depend on {what}: it does not move"), span)
                     .label("changes while the model runs")

@@ -5,7 +5,6 @@ use crate::elaborate::space::faces::FaceValue;
 use crate::elaborate::space::faces::Fluxes;
 use crate::elaborate::space::interval;
 use crate::elaborate::space::interval::Interval;
-use crate::elaborate::space::terms::Term;
 use crate::elaborate::symbols::SymbolKind;
 use crate::elaborate::symbols::Symbols;
 use crate::ir::Affine;
@@ -16,6 +15,7 @@ use crate::ir::Exprs;
 use crate::ir::FastMap;
 use crate::ir::FastSet;
 use crate::ir::Flavour;
+use crate::ir::LoopVar;
 use crate::ir::UnaryFn;
 use crate::ir::VarId;
 use crate::model::Quantity;
@@ -34,6 +34,20 @@ pub(in crate::elaborate::space) enum Marks {
     None,
     One(usize),
     Many,
+}
+
+/// A term of a flux.
+#[derive(Clone)]
+pub(in crate::elaborate::space) struct Term {
+    /// Factors, and whether they divide.
+    pub factors: Vec<(ExprId, bool)>,
+    /// What has marks.
+    pub rest: ExprId,
+    pub marks: Marks,
+    /// Brackets behind a factor in which it stands, and its own factor in there.
+    pub bracket: Option<(usize, Interval)>,
+    /// Sums around it, the innermost last.
+    pub sums: Vec<(LoopVar, u32)>,
 }
 
 /// Reads expressions in which marks stand for face values.

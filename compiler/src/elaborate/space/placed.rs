@@ -7,7 +7,7 @@ use crate::elaborate::space::directions::Direction;
 use crate::elaborate::space::directions::Flow;
 use crate::elaborate::space::faces::FaceValue;
 use crate::elaborate::space::marks::Marks;
-use crate::elaborate::space::terms::Term;
+use crate::elaborate::space::marks::Term;
 use crate::ir::BinaryFn;
 use crate::ir::Compare;
 use crate::ir::Expr as Node;

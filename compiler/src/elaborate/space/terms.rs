@@ -3,27 +3,13 @@
 use crate::elaborate::lower::Lowering;
 use crate::elaborate::space::interval::Interval;
 use crate::elaborate::space::marks::Marks;
+use crate::elaborate::space::marks::Term;
 use crate::ir::BinaryFn;
 use crate::ir::Expr as Node;
 use crate::ir::ExprId;
 use crate::ir::FastMap;
-use crate::ir::LoopVar;
 use crate::ir::ReduceFn;
 use crate::ir::UnaryFn;
-/// A term of a flux.
-#[derive(Clone)]
-pub(in crate::elaborate::space) struct Term {
-    /// Factors, and whether they divide.
-    pub factors: Vec<(ExprId, bool)>,
-    /// What has marks.
-    pub rest: ExprId,
-    pub marks: Marks,
-    /// Brackets behind a factor in which it stands, and its own factor in there.
-    pub bracket: Option<(usize, Interval)>,
-    /// Sums around it, the innermost last.
-    pub sums: Vec<(LoopVar, u32)>,
-}
-
 impl Lowering<'_, '_> {
     /// The terms of a flux that have marks.
     pub(in crate::elaborate::space) fn flux_terms(&mut self, root: ExprId) -> Vec<Term> {

@@ -83,7 +83,7 @@ impl Lowering<'_, '_> {
         if matches!(outcome, Outcome::Built(_)) {
             self.ledger.speculation.settle(&mut self.ledger.reports);
         } else {
-            self.ledger.roll_back(before, &mut self.expansions);
+            self.ledger.roll_back(before, self.expansions);
             // What was drawn in there keeps its node.
             if drawn == self.hidden.len() {
                 self.exprs.truncate(nodes);

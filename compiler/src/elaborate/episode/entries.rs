@@ -1,0 +1,115 @@
+//! The entries of `episode` and `solver`: one table for the text, for settings from outside, and for what messages list.
+
+use crate::model::{Episode, Solver};
+
+/// A block of settings.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(in crate::elaborate) enum Block {
+    /// `episode`
+    Episode,
+    /// `solver`
+    Solver,
+}
+
+/// What the blocks say.
+#[derive(Default)]
+pub(in crate::elaborate) struct Said {
+    pub episode: Episode,
+    pub solver: Solver,
+    /// The interval of integration; else it is the step.
+    pub integrate: Option<f64>,
+}
+
+/// An entry.
+pub(in crate::elaborate) struct Entry {
+    pub block: Block,
+    /// Its name in the block.
+    pub name: &'static str,
+    /// Its name as a setting, if it is one.
+    pub setting: Option<&'static str>,
+    /// What it takes.
+    pub takes: Takes,
+}
+
+/// What an entry takes, and where it goes.
+pub(in crate::elaborate) enum Takes {
+    /// A positive time.
+    Duration(fn(&mut Said) -> &mut f64),
+    /// The interval of integration.
+    Interval,
+    /// A positive number.
+    Positive(fn(&mut Said) -> &mut f64),
+    /// A relative tolerance.
+    Tolerance(fn(&mut Said) -> &mut f64),
+    /// A number.
+    Number(fn(&mut Said) -> &mut f64),
+    /// An order of the method.
+    Order(fn(&mut Said) -> &mut u32),
+    /// A whole number of at least 1.
+    Count(fn(&mut Said) -> &mut u32),
+    /// A condition.
+    Truth(fn(&mut Said) -> &mut bool),
+    /// One of several names.
+    Name(&'static Names, fn(&mut Said) -> &mut String),
+}
+
+/// Names that an entry takes.
+pub(in crate::elaborate) struct Names {
+    pub what: &'static str,
+    pub known: &'static [&'static str],
+    /// They as a text.
+    pub text: &'static str,
+}
+
+static LINEAR_SOLVERS: Names =
+    Names { what: "linear solver", known: &["auto", "dense", "banded", "block", "klu"], text: "auto, dense, banded, block or klu" };
+static METHODS: Names =
+    Names { what: "method", known: &["ida", "rosenbrock", "explicit", "auto"], text: "ida, rosenbrock, explicit or auto" };
+
+const fn episode(name: &'static str, setting: Option<&'static str>, takes: Takes) -> Entry {
+    Entry { block: Block::Episode, name, setting, takes }
+}
+
+const fn solver(name: &'static str, setting: Option<&'static str>, takes: Takes) -> Entry {
+    Entry { block: Block::Solver, name, setting, takes }
+}
+
+/// All of them. The `max_steps` of the solver is the setting `max_internal_steps`: `max_steps` is that of the episode.
+pub(in crate::elaborate) static ENTRIES: &[Entry] = &[
+    episode("step", Some("step"), Takes::Duration(|s| &mut s.episode.step)),
+    episode("integrate", Some("integrate"), Takes::Interval),
+    episode("max_steps", Some("max_steps"), Takes::Count(|s| &mut s.episode.max_steps)),
+    episode("error_reward", Some("error_reward"), Takes::Number(|s| &mut s.episode.error_reward)),
+    episode("end_is_success", None, Takes::Truth(|s| &mut s.episode.end_is_success)),
+    episode("failure_pays_alone", None, Takes::Truth(|s| &mut s.episode.failure_pays_alone)),
+    episode("single_precision", None, Takes::Truth(|s| &mut s.episode.single_precision)),
+    solver("rtol", Some("rtol"), Takes::Tolerance(|s| &mut s.solver.rtol)),
+    solver("atol_factor", Some("atol_factor"), Takes::Positive(|s| &mut s.solver.atol_factor)),
+    solver("safety", None, Takes::Positive(|s| &mut s.solver.safety)),
+    solver("max_order", Some("max_order"), Takes::Order(|s| &mut s.solver.max_order)),
+    solver("max_steps", Some("max_internal_steps"), Takes::Count(|s| &mut s.solver.max_steps)),
+    solver("max_step", Some("max_step"), Takes::Duration(|s| &mut s.solver.max_step)),
+    solver("max_events", Some("max_events"), Takes::Count(|s| &mut s.solver.max_events)),
+    solver("linear_solver", Some("linear_solver"), Takes::Name(&LINEAR_SOLVERS, |s| &mut s.solver.linear_solver)),
+    solver("method", None, Takes::Name(&METHODS, |s| &mut s.solver.method)),
+    solver("algebraic_error_control", None, Takes::Truth(|s| &mut s.solver.algebraic_error_control)),
+    solver("quadrature_error_control", None, Takes::Truth(|s| &mut s.solver.quadrature_error_control)),
+];
+
+/// Orders that the method has.
+pub(in crate::elaborate) const ORDER_TEXT: &str = "a whole number from 1 to 5";
+
+/// Whether a number is one of them.
+pub(in crate::elaborate) fn is_order(x: f64) -> bool {
+    (1.0..=5.0).contains(&x) && x.fract() == 0.0
+}
+
+/// The entry that a setting means.
+pub(in crate::elaborate) fn setting_entry(name: &str) -> Option<&'static Entry> {
+    ENTRIES.iter().find(|entry| entry.setting == Some(name))
+}
+
+/// Whether a setting is an entry of `episode` or `solver`.
+pub fn is_entry_setting(name: &str) -> bool {
+    setting_entry(name).is_some()
+}
