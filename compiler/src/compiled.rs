@@ -13,7 +13,9 @@ use crate::model::{Interface, Model, Quantity, Root};
 
 mod call;
 mod derivative;
+mod native;
 mod parts;
+pub mod tangent;
 mod tapes;
 
 use derivative::Derivative;
@@ -34,6 +36,8 @@ pub struct CompiledModel {
     surroundings: Surroundings,
     /// Tapes of derivatives, made when first asked for.
     derivatives: [OnceLock<Result<Derivative, BackEndError>>; 12],
+    /// What sensitivities need.
+    later: tangent::Later,
     /// Holds the code that `functions` point to.
     executable: Executable,
 }
@@ -64,7 +68,7 @@ impl CompiledModel {
         });
         let surroundings = Surroundings { kernels: *kernels::table(), tables: parts.tables.as_ptr() };
         let derivatives = Default::default();
-        Ok(CompiledModel { parts, layout: Arc::new(layout), tapes, functions, pieces, surroundings, derivatives, executable })
+        Ok(CompiledModel { parts, layout: Arc::new(layout), tapes, functions, pieces, surroundings, derivatives, later: tangent::Later::default(), executable })
     }
 
     pub(crate) fn parts(&self) -> &Parts {

@@ -7,6 +7,8 @@ use crate::kernels;
 use crate::layout::{Base, Layout};
 use crate::schedule::{Access, BlockId, Item, Job, Schedule, ScheduleError, Sink, schedules};
 
+pub mod tangent;
+
 /// What a tape reads and writes.
 #[derive(Debug)]
 pub struct View<'a> {

@@ -94,6 +94,17 @@ class Model:
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]: ...
     @property
     def constraint_names(self) -> list[str]: ...
+    failures: list[tuple[str, bool]]
+    def sensitivity(
+        self,
+        states: FloatArray,
+        actions: FloatArray,
+        parameters: Sequence[tuple[str, FloatArray]],
+        discrete: Sequence[tuple[str, FloatArray]],
+        disturbances: Sequence[tuple[str, FloatArray]],
+        size: tuple[int, int],
+        key: tuple[list[tuple[str, int]], int, int | None, str | None],
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]: ...
     def rollout(
         self,
         start: Snapshot | FloatArray,

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
     from smpl.rollout import Rollout
+    from smpl.sensitivity import StepDerivatives
 
 FloatArray = npt.NDArray[np.float64]
 Setting = bool | int | float | str | Sequence[float] | FloatArray
@@ -29,6 +30,45 @@ _REPLACEABLE = ("parameter", "discrete", "disturbance")
 
 # Kinds of arrays of NumPy that hold real numbers; texts, though some read as numbers, are none.
 _NUMBERS = "fiub"
+
+
+class Step(float):
+    """The sampling interval of a model, in its unit of time; called, it takes a control step."""
+
+    model: Model
+
+    def __call__(
+        self,
+        x: npt.ArrayLike,
+        u: npt.ArrayLike,
+        p: Mapping[str, npt.ArrayLike] | None = None,
+        *,
+        method: str | None = None,
+        threads: int | None = None,
+        first_step: int = 0,
+    ) -> FloatArray:
+        """States after a control step from the states `x` with the actions `u`: as one step of an environment that was reset to `x`.
+
+        Random numbers are at their means. Conditions that would end an episode are not looked at.
+
+        Args:
+            x: states, (states,), or (N, states) for N points on all cores.
+            u: actions, (actions,) or (N, actions).
+            p: values of parameters, discrete variables and disturbances by name, one for all points or (N,).
+            method: what takes the steps; the model's or scenario's if none.
+            threads: all processors if none.
+            first_step: steps that count as completed before: the clock begins there.
+
+        Returns:
+            (states,), or (N, states) if `x` or `u` has points.
+
+        Raises:
+            ValueError: an unknown name, a wrong shape, no finite number.
+            SimulationError: the step does not come to its end.
+        """
+        from smpl.sensitivity import step
+
+        return step(self.model, x, u, p, method=method, threads=threads, first_step=first_step)
 
 
 class Model(Named):
@@ -42,7 +82,8 @@ class Model(Named):
         name, text: name and describing text of the model.
         time_name, time_unit: the independent variable.
         explicit: whether `rhs` is available.
-        step: sampling interval in `time_unit`; `max_steps`: time limit in steps.
+        step: sampling interval in `time_unit`; called as `model.step(x, u)` it takes a control step, see `Step`.
+        max_steps: time limit in steps.
         reward: the chosen reward; `levels`: observation levels.
         phases: names of the phases of the model's schedule, empty without one.
         policies: names of the policies that the model declares, see `smpl.Env.policy`.
@@ -56,7 +97,8 @@ class Model(Named):
         self.text = native.text
         self.time_name, self.time_unit = native.time_name, native.time_unit
         self.explicit = native.explicit
-        self.step, self.max_steps = native.step, native.max_steps
+        self.step, self.max_steps = Step(native.step), native.max_steps
+        self.step.model = self
         self.reward, self.levels = native.reward, tuple(native.levels)
         self.phases = tuple(native.phases)
         self.policies = tuple(native.policies)
@@ -252,6 +294,76 @@ class Model(Named):
             threads=threads,
             first_step=first_step,
             outputs=outputs,
+        )
+
+    def sensitivity(
+        self,
+        x: npt.ArrayLike,
+        u: npt.ArrayLike,
+        p: Mapping[str, npt.ArrayLike] | None = None,
+        parameters: Iterable[str] = (),
+        *,
+        method: str | None = None,
+        threads: int | None = None,
+        first_step: int = 0,
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """A control step with its exact derivatives by states, actions and the named parameters.
+
+        Arguments and errors are those of `step`; `linearize_step` has derivatives of rewards and observations too.
+
+        Returns:
+            `(x_next, dx_dx, dx_du, dx_dp)` of shapes (n,), (n, n), (n, m) and (n, parameters), each with a leading axis N
+            if `x` or `u` has points.
+        """
+        found = self.linearize_step(
+            x, u, p, parameters=parameters, method=method, threads=threads, first_step=first_step
+        )
+        return found.states, found.dx_dx, found.dx_du, found.dx_dp
+
+    def linearize_step(
+        self,
+        x: npt.ArrayLike,
+        u: npt.ArrayLike,
+        p: Mapping[str, npt.ArrayLike] | None = None,
+        *,
+        by: Sequence[str] = ("state", "action"),
+        parameters: Iterable[str] = (),
+        discrete: Iterable[str] = (),
+        disturbances: Iterable[str] = (),
+        method: str | None = None,
+        threads: int | None = None,
+        first_step: int = 0,
+    ) -> StepDerivatives:
+        """A control step with the exact derivatives of states, rewards and observations.
+
+        Updates and resets at sampling instants are part of the step, and so are events, by their jump conditions. A
+        step that has no derivative is refused by the name of the event.
+
+        Args:
+            x, u, p, method, threads, first_step: as for `step`.
+            by: `"state"`, `"action"`, or both: what else derivatives are taken by.
+            parameters: names of parameters, whole arrays too.
+            discrete: names of discrete variables, by whose values at the start derivatives are taken.
+            disturbances: names of disturbances.
+
+        Raises:
+            ValueError: as for `step`.
+            SimulationError: the step does not come to its end, or has no derivative.
+        """
+        from smpl.sensitivity import linearize_step
+
+        return linearize_step(
+            self,
+            x,
+            u,
+            p,
+            by=by,
+            parameters=parameters,
+            discrete=discrete,
+            disturbances=disturbances,
+            method=method,
+            threads=threads,
+            first_step=first_step,
         )
 
     def _y(self, values: npt.ArrayLike, name: str = "y") -> FloatArray:

@@ -15,6 +15,7 @@ mod load;
 mod model;
 mod picture;
 mod rollout;
+mod sensitivity;
 mod start;
 
 use pyo3::prelude::*;

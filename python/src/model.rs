@@ -13,6 +13,7 @@ use smpl_dsl::span::FileId;
 use smpl_runtime::catalogue::{self, Catalogue, Element, Family};
 use smpl_runtime::export::{ExportFault, export};
 use smpl_runtime::rollout::Rollouts;
+use smpl_runtime::sensitivity::Sensitivities;
 use smpl_runtime::setup::{EnvironmentOptions, Setup};
 
 use crate::arrays::Fresh;
@@ -21,6 +22,7 @@ use crate::errors::{guarded, setup_error};
 use crate::interrupt::released;
 use crate::load::{self, Loaded};
 use crate::rollout::{Request, Results, Start, rollout_error};
+use crate::sensitivity;
 
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
 type Matrix<'py> = Bound<'py, PyArray2<f64>>;
@@ -45,7 +47,12 @@ pub struct Model {
     setups: Mutex<Setups>,
     /// Environments of rollouts, by number of threads, time limit and method.
     rollouts: Mutex<HashMap<Run, Rollouts>>,
+    /// What computed derivatives last.
+    sensitivities: Mutex<Vec<(sensitivity::Key, Sensitivities)>>,
 }
+
+/// Kept of what computes derivatives.
+const KEPT: usize = 4;
 
 #[pymethods]
 impl Model {
@@ -72,6 +79,7 @@ impl Model {
             equations: Mutex::new(None),
             setups: Mutex::new(HashMap::new()),
             rollouts: Mutex::new(HashMap::new()),
+            sensitivities: Mutex::new(Vec::new()),
         })
     }
 
@@ -287,6 +295,41 @@ impl Model {
             Entry::Vacant(place) => place.insert(guarded(|| Rollouts::new(&setup, threads))?.map_err(|e| rollout_error(&e))?),
         };
         request.run(py, rollouts)
+    }
+
+    /// Steps from states with their derivatives; `size` is (points, steps that count as completed).
+    #[expect(clippy::too_many_arguments, reason = "the arguments of the Python method, one by one")]
+    fn sensitivity<'py>(
+        &self,
+        py: Python<'py>,
+        states: PyReadonlyArrayDyn<'py, f64>,
+        actions: PyReadonlyArrayDyn<'py, f64>,
+        parameters: Vec<(String, PyReadonlyArrayDyn<'py, f64>)>,
+        discrete: Vec<(String, PyReadonlyArrayDyn<'py, f64>)>,
+        disturbances: Vec<(String, PyReadonlyArrayDyn<'py, f64>)>,
+        size: (usize, u32),
+        key: sensitivity::Key,
+    ) -> PyResult<sensitivity::Results<'py>> {
+        let request = sensitivity::Request::new(&states, &actions, [&parameters, &discrete, &disturbances], size);
+        drop((states, actions, parameters, discrete, disturbances));
+        let setup = self.setup(py, true, key.2, key.3.as_deref())?;
+        let mut all = self.sensitivities.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner);
+        let known = match all.iter().position(|(other, _)| *other == key) {
+            Some(at) => all.remove(at),
+            None => {
+                let made = sensitivity::make(&key, &setup)?;
+                (key, made)
+            }
+        };
+        all.truncate(KEPT - 1);
+        all.insert(0, known);
+        request.run(py, &setup, &mut all[0].1)
+    }
+
+    /// For each failure that the model declares, its name and whether an event finds it within a step.
+    #[getter]
+    fn failures(&self) -> Vec<(String, bool)> {
+        self.loaded.model.interface().failures.iter().map(|failure| (failure.name.clone(), failure.event)).collect()
     }
 
     /// Names of all limits, in the order of violations.

@@ -10,6 +10,7 @@ mod interval;
 mod invariants;
 mod reset;
 mod snapshot;
+mod tangent;
 mod trace;
 mod verdict;
 
@@ -24,6 +25,7 @@ use smpl_compiler::model::Interface;
 pub use invariants::Drift;
 pub use reset::{ResetError, ResetOptions, Start, StateInput};
 pub use snapshot::{Snapshot, SnapshotError};
+pub use tangent::{Direction, Follower, FollowError};
 pub use trace::{Followed, Trace};
 
 use crate::catalogue::Catalogue;

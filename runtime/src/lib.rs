@@ -25,6 +25,7 @@ mod pool;
 pub mod random;
 pub mod rollout;
 pub mod scenario;
+pub mod sensitivity;
 pub mod setup;
 pub mod solver;
 pub mod spectrum;

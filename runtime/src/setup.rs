@@ -146,6 +146,10 @@ pub struct Setup {
     pub(crate) phase: Option<usize>,
     /// Something in the model reads the steady state.
     pub(crate) needs_steady: bool,
+    /// A step reads it, apart from what it is judged by.
+    pub(crate) reads_steady: bool,
+    /// Which outputs of the `finish` program read it.
+    pub(crate) steady_outputs: Vec<bool>,
     /// Why there is no nominal steady state, where there should be one and nothing needs it.
     pub(crate) no_steady: Option<SteadyError>,
     /// Made when it is first asked for.
@@ -222,6 +226,8 @@ impl Setup {
             checksum: OnceLock::new(),
             no_steady: None,
             needs_steady,
+            reads_steady: step_reads_steady(&model),
+            steady_outputs: steady_outputs(&model),
             catalogue,
             options,
             system: CompiledSystem::new(model)?,
@@ -491,6 +497,33 @@ fn draws(model: &CompiledModel) -> Vec<Drawn> {
 fn finish_reads_derivatives(model: &CompiledModel) -> bool {
     let programs = &model.model().programs;
     reads_in(model.model(), values(&[&programs.finish, &programs.outputs]), Flavour::Derivative)
+}
+
+/// Whether a step reads the steady state, apart from what it is judged by.
+fn step_reads_steady(model: &CompiledModel) -> bool {
+    let model = model.model();
+    let p = &model.programs;
+    let mut programs = vec![&p.initial_discretes, &p.disturb, &p.start, &p.end];
+    programs.extend(&p.events);
+    let mut todo = values(&programs);
+    todo.extend(model.rows.iter().map(|row| row.residual));
+    todo.extend(model.roots.iter().map(|root| root.value));
+    todo.extend(&model.quadratures);
+    reads_in(model, todo, Flavour::Steady)
+}
+
+/// Which outputs of the `finish` program read the steady state; in a loop that does, all of them.
+fn steady_outputs(model: &CompiledModel) -> Vec<bool> {
+    let mut outputs = vec![false; model.finish_len()];
+    for nest in &model.model().programs.finish.nests {
+        for store in nest.stores.iter().filter(|store| reads_in(model.model(), vec![store.value], Flavour::Steady)) {
+            match outputs.get_mut(store.target.at.offset as usize).filter(|_| nest.extents.is_empty()) {
+                Some(output) => *output = true,
+                None => outputs.fill(true),
+            }
+        }
+    }
+    outputs
 }
 
 /// Whether anything reads values of a kind.

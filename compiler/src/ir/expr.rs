@@ -148,6 +148,11 @@ impl Exprs {
         self.nodes.is_empty()
     }
 
+    /// All nodes, operands before what uses them.
+    pub fn ids(&self) -> impl Iterator<Item = ExprId> + use<> {
+        (0..self.nodes.len()).map(ExprId::new)
+    }
+
     /// Forgets the nodes from the `len`-th on: nothing may hold one of them.
     pub fn truncate(&mut self, len: usize) {
         for (node, id) in self.nodes.drain(len.min(self.nodes.len())..).zip(len..) {

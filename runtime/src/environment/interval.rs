@@ -65,6 +65,18 @@ impl Environment {
     }
 
     fn prepare(&mut self, action: &[f64]) {
+        self.apply(action);
+        self.disturb(self.begin);
+        let t0 = self.begin;
+        let (model, memory) = self.system.parts();
+        if self.setup.has_start {
+            model.start(memory, t0, &mut self.progress.y);
+        }
+        model.prepare_step(memory);
+    }
+
+    /// Keeps what was, and applies the action.
+    pub(super) fn apply(&mut self, action: &[f64]) {
         let (t0, steps) = (self.time(), self.progress.steps);
         self.begin = t0;
         self.system.keep(&self.progress.y, Region::Previous);
@@ -79,26 +91,30 @@ impl Environment {
         self.firings.fill(Firing::default());
         self.last_fired = None;
         self.set_builtins([(Builtin::Steps, f64::from(steps)), (Builtin::Clock, t0), (Builtin::Failed, 0.0), (Builtin::ActionExcess, 0.0)]);
-        self.disturb(t0);
-        let (model, memory) = self.system.parts();
-        if self.setup.has_start {
-            model.start(memory, t0, &mut self.progress.y);
-        }
-        model.prepare_step(memory);
     }
 
     /// New values of the disturbances: drawn, then replaced by recorded ones.
     fn disturb(&mut self, t0: f64) {
+        self.draw_disturbances();
+        if self.setup.has_disturbances {
+            let (model, memory) = self.system.parts();
+            model.disturb(memory, t0);
+        }
+        self.replay_disturbances();
+    }
+
+    /// The step's random numbers.
+    pub(super) fn draw_disturbances(&mut self) {
         let step = self.progress.steps + 1;
         for draw in self.setup.draws.iter().filter(|d| d.each_step && !self.progress.expected) {
             let stream = Stream::from_hash(self.progress.key, draw.stream);
             let value = variate(&stream, draw.kind, step, draw.element);
             self.system.region_mut(Region::Draw)[draw.at] = value;
         }
-        if self.setup.has_disturbances {
-            let (model, memory) = self.system.parts();
-            model.disturb(memory, t0);
-        }
+    }
+
+    /// Recorded disturbances take the place of drawn ones.
+    pub(super) fn replay_disturbances(&mut self) {
         for replay in &self.replay {
             if let Some(&value) = replay.values.get(replay.row(self.progress.steps)).or(replay.values.last()) {
                 self.system.region_mut(Region::Disturbance)[replay.at] = value;
@@ -233,7 +249,7 @@ impl Environment {
     }
 
     /// `at end`, and what depends on the states that it changed.
-    fn run_end(&mut self) {
+    pub(super) fn run_end(&mut self) {
         let t = self.end_time();
         self.scratch.copy_from_slice(&self.progress.y);
         let (model, memory) = self.system.parts();

@@ -64,6 +64,8 @@ pub(crate) struct Bridge {
     /// What IDA's vectors know of each other.
     pub shared: Rc<Shared>,
     pub rtol: f64,
+    /// Unknowns that derivatives along directions follow, or all.
+    pub leading: usize,
     /// Absolute tolerances, filled up with infinity.
     pub atol: Box<[Block]>,
     /// Entries of the Newton matrix.
@@ -104,6 +106,7 @@ impl Bridge {
             operations,
             shared: Rc::default(),
             rtol,
+            leading: atol.len(),
             atol: blocks,
             values: vec![0.0; entries].into_boxed_slice(),
             factorisation,
@@ -275,10 +278,19 @@ impl Bridge {
     unsafe fn weigh(&mut self, y: N_Vector, weights: N_Vector) -> c_int {
         let weighed = catch_unwind(AssertUnwindSafe(|| {
             unsafe { self.operations.error_weights(self.rtol, y, &self.atol, weights) };
+            unsafe { self.emphasise(entries_mut(weights)) };
             self.shared.renew(weights);
             code(self.step_accepted(unsafe { entries(y) }))
         }));
         weighed.unwrap_or_else(|_| self.panicked())
+    }
+
+    /// The leading unknowns count as much as if they were alone.
+    fn emphasise(&self, weights: &mut [f64]) {
+        if self.leading < weights.len() {
+            let factor = (weights.len() as f64 / self.leading as f64).sqrt();
+            weights[..self.leading].iter_mut().for_each(|weight| *weight *= factor);
+        }
     }
 
     /// Notes a panic, which is not to leave a callback.

@@ -22,6 +22,13 @@ pub trait System {
     /// Structure of the Jacobian ∂F/∂y + c ∂F/∂y'.
     fn pattern(&self) -> &Pattern;
 
+    /// Number of directions, k, along which derivatives of the leading n/(1 + k) unknowns are integrated with them: the other unknowns are a
+    /// matrix of k columns, row after row, and the Jacobian's diagonal blocks for each column are those of the leading unknowns (what the
+    /// derivatives' equations have beside is left to the iteration). 0 for other systems.
+    fn directions(&self) -> usize {
+        0
+    }
+
     /// Writes F(t, y, y') to `out` (length n).
     fn residual(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]);
 

@@ -30,6 +30,11 @@ impl Default for Edge {
 }
 
 impl Edge {
+    /// A condition that is known to hold or not.
+    pub fn known(holds: bool) -> Self {
+        Self { holds, band: AWAY }
+    }
+
     /// Whether the value is at the threshold that it was at before.
     fn stays(&self, value: f64) -> bool {
         self.band >= 0.0 && value.abs() <= self.band

@@ -24,11 +24,12 @@ impl Ida {
         let mut raw = ptr::null_mut();
         check("SUNContext_Create", unsafe { SUNContext_Create(comm_no_mpi(), &mut raw) })?;
         let context = Context(raw);
-        let factorisation = Factorisation::new(system.pattern(), settings.linear_solver)?;
+        let factorisation = Factorisation::of(system, settings.linear_solver)?;
         let entries = system.pattern().entries();
         let newton = Newton::new(n, operations, context.0);
         let watch = Watch::new(system.root_count(), system.root_kinds());
-        let bridge = Bridge::new(operations, settings.rtol, &settings.atol, entries, factorisation, newton, watch);
+        let mut bridge = Bridge::new(operations, settings.rtol, &settings.atol, entries, factorisation, newton, watch);
+        bridge.leading = n / (1 + system.directions());
         let consistent = match system.is_explicit() {
             true => Some(Consistent::new(system, operations, context.0)?),
             false => None,

@@ -81,6 +81,14 @@ impl Block {
         !self.pivoted
     }
 
+    /// Solves for a matrix of `width` right-hand sides, row after row; does nothing and returns false where partial pivoting is in force.
+    pub fn solve_many(&mut self, width: usize, b: &mut [f64], space: &mut Vec<f64>) -> bool {
+        if !self.pivoted {
+            self.structure.substitution.run_many(width, b, space);
+        }
+        !self.pivoted
+    }
+
     /// With fused products in hardware where the processor has them: same results as without.
     fn eliminate(&mut self, values: &[f64]) -> bool {
         #[cfg(target_arch = "x86_64")]

@@ -2,6 +2,7 @@
 
 use super::super::Pattern;
 use super::Singular;
+use super::repeated::subtract;
 
 /// A full matrix by columns and its factors.
 ///
@@ -75,6 +76,51 @@ impl Dense {
             }
         }
         Ok(())
+    }
+
+    /// The same for a matrix of `width` right-hand sides, row after row.
+    pub fn solve_many(&self, width: usize, b: &mut [f64]) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            #[target_feature(enable = "avx2")]
+            unsafe fn wide(dense: &Dense, width: usize, b: &mut [f64]) {
+                dense.solve_many_portable(width, b);
+            }
+            if is_x86_feature_detected!("avx2") {
+                // SAFETY: the processor has the feature.
+                return unsafe { wide(self, width, b) };
+            }
+        }
+        self.solve_many_portable(width, b);
+    }
+
+    #[inline(always)]
+    fn solve_many_portable(&self, width: usize, b: &mut [f64]) {
+        let n = self.n;
+        for (k, column) in self.columns.chunks_exact(n).enumerate() {
+            let pivot = self.pivots[k] as usize;
+            if pivot != k {
+                let (upper, lower) = b.split_at_mut(pivot * width);
+                upper[k * width..(k + 1) * width].swap_with_slice(&mut lower[..width]);
+            }
+            let (upper, lower) = b.split_at_mut((k + 1) * width);
+            let this = &upper[k * width..];
+            for (row, &l) in lower.chunks_exact_mut(width).zip(&column[k + 1..]) {
+                if l != 0.0 {
+                    subtract(row, l, this);
+                }
+            }
+        }
+        for (k, column) in self.columns.chunks_exact(n).enumerate().rev() {
+            let (upper, lower) = b.split_at_mut(k * width);
+            let this = &mut lower[..width];
+            this.iter_mut().for_each(|x| *x *= column[k]);
+            for (row, &u) in upper.chunks_exact_mut(width).zip(column) {
+                if u != 0.0 {
+                    subtract(row, u, this);
+                }
+            }
+        }
     }
 
     pub fn solve(&self, b: &mut [f64]) {

@@ -4,12 +4,14 @@ mod banded;
 mod block;
 mod dense;
 mod klu;
+mod repeated;
 mod substitution;
 
 pub(crate) use banded::Banded;
 pub(crate) use block::Block;
 pub(crate) use dense::Dense;
 pub(crate) use klu::Klu;
+pub(crate) use repeated::Repeated;
 
 use std::fmt::{self, Display, Formatter};
 
@@ -62,6 +64,8 @@ pub(crate) enum Factorisation {
     Block(Box<Block>),
     /// Sparse, partial pivoting.
     Klu(Box<Klu>),
+    /// One block for many columns.
+    Repeated(Box<Repeated>),
 }
 
 impl Factorisation {
@@ -86,6 +90,14 @@ impl Factorisation {
         })
     }
 
+    /// For a system, whose Jacobian may repeat.
+    pub fn of(system: &dyn super::System, choice: LinearSolver) -> Result<Self, SolveError> {
+        match system.directions() {
+            0 => Self::new(system.pattern(), choice),
+            width => Ok(Self::Repeated(Box::new(Repeated::new(system.pattern(), width, choice)?))),
+        }
+    }
+
     /// Which it is.
     pub fn method(&self) -> Method {
         match self {
@@ -93,6 +105,7 @@ impl Factorisation {
             Self::Banded(_) => Method::Banded,
             Self::Block(_) => Method::Block,
             Self::Klu(_) => Method::Klu,
+            Self::Repeated(repeated) => repeated.leading().method(),
         }
     }
 
@@ -103,6 +116,7 @@ impl Factorisation {
             Self::Banded(banded) => banded.factorise(values),
             Self::Block(block) => block.factorise(values),
             Self::Klu(klu) => klu.factorise(values),
+            Self::Repeated(repeated) => repeated.factorise(values),
         }
     }
 
@@ -124,7 +138,19 @@ impl Factorisation {
             Self::Banded(banded) => banded.solve(b),
             Self::Block(block) => block.solve(b),
             Self::Klu(klu) => klu.solve(b),
+            Self::Repeated(repeated) => repeated.solve(b),
         }
+    }
+
+    /// Replaces many right-hand sides, a matrix of `width` columns, row after row, by their solutions; false where that is not
+    /// known how. `space` is working memory.
+    pub fn solve_many(&mut self, width: usize, b: &mut [f64], space: &mut Vec<f64>) -> bool {
+        match self {
+            Self::Dense(dense) => dense.solve_many(width, b),
+            Self::Block(block) => return block.solve_many(width, b, space),
+            _ => return false,
+        }
+        true
     }
 
     /// Forgets the pivots of earlier factorisations.
@@ -133,6 +159,7 @@ impl Factorisation {
             Self::Dense(_) | Self::Banded(_) => {}
             Self::Block(block) => block.forget(),
             Self::Klu(klu) => klu.forget(),
+            Self::Repeated(repeated) => repeated.forget(),
         }
     }
 }

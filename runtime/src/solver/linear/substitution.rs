@@ -53,6 +53,69 @@ impl Substitution {
         self.operand[..self.results.len()].iter_mut().zip(b).for_each(|(operand, b)| *operand = factor * b);
     }
 
+    /// Replaces a matrix of `width` right-hand sides, row after row, by the unknowns. `space` is working memory.
+    pub fn run_many(&self, width: usize, b: &mut [f64], space: &mut Vec<f64>) {
+        if space.len() != self.operand.len() * width {
+            *space = vec![0.0; self.operand.len() * width];
+        }
+        #[cfg(target_arch = "x86_64")]
+        {
+            #[target_feature(enable = "avx2")]
+            unsafe fn wide(substitution: &Substitution, width: usize, b: &mut [f64], space: &mut [f64]) {
+                substitution.run_many_portable(width, b, space);
+            }
+            if is_x86_feature_detected!("avx2") {
+                // SAFETY: the processor has the feature.
+                return unsafe { wide(self, width, b, space) };
+            }
+        }
+        self.run_many_portable(width, b, space);
+    }
+
+    #[inline(always)]
+    fn run_many_portable(&self, width: usize, b: &mut [f64], space: &mut [f64]) {
+        let (mut result, mut factors, mut places) = (self.results.len(), &*self.factors, &*self.operands);
+        space[..b.len()].copy_from_slice(b);
+        for chunk in &self.chunks {
+            let lanes = if chunk.single != 0 { 1 } else { LANES };
+            for lane in 0..lanes {
+                space[(result + lane) * width..(result + lane + 1) * width].fill(0.0);
+            }
+            let mut turn = |space: &mut [f64], used: usize, place: &dyn Fn(&[u32], usize) -> usize| {
+                for lane in 0..lanes {
+                    // The sums of a chunk do not wait for each other, and a factor of zero fills a turn up.
+                    let (factor, from) = (factors[lane], place(places, lane));
+                    if factor != 0.0 {
+                        let (before, after) = space.split_at_mut(result * width);
+                        let row = &before[from * width..(from + 1) * width];
+                        let sum = &mut after[lane * width..(lane + 1) * width];
+                        sum.iter_mut().zip(row).for_each(|(sum, x)| *sum += factor * x);
+                    }
+                }
+                factors = &factors[lanes..];
+                places = &places[used..];
+            };
+            for _ in 0..chunk.single {
+                turn(space, 1, &|places, _| places[0] as usize);
+            }
+            if chunk.single == 0 {
+                for _ in 0..chunk.gathers {
+                    turn(space, LANES, &|places, lane| places[lane] as usize);
+                }
+                for _ in 0..chunk.broadcasts {
+                    turn(space, 1, &|places, _| places[0] as usize);
+                }
+                for _ in 0..chunk.runs {
+                    turn(space, 1, &|places, lane| places[0] as usize + lane);
+                }
+            }
+            result += lanes;
+        }
+        for (row, &place) in b.chunks_exact_mut(width).zip(&self.results) {
+            row.copy_from_slice(&space[place as usize * width..(place as usize + 1) * width]);
+        }
+    }
+
     /// Writes the unknowns for the right-hand side taken last.
     pub fn run(&mut self, x: &mut [f64]) {
         #[cfg(target_arch = "x86_64")]

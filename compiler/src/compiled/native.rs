@@ -1,0 +1,67 @@
+//! Functions that are compiled when they are first asked for: what sensitivities call at every step of the solver.
+
+use std::sync::Arc;
+
+use super::{BackEndError, CompiledModel};
+use crate::generate::{CompiledFn, Effort, Executable, Request, Surroundings, generate};
+use crate::ir::Exprs;
+use crate::layout::{Layout, Memory};
+use crate::schedule::{Access, Job};
+
+/// A function of the unknowns, their derivatives and the workspace, in machine code.
+pub(super) struct Native {
+    pieces: Box<[CompiledFn]>,
+    /// As the model's, with working memory for this function.
+    layout: Arc<Layout>,
+    len: usize,
+    /// Holds the code that `pieces` point to.
+    _executable: Executable,
+}
+
+// SAFETY: the pointers go into the executable memory, which this value owns and nobody changes.
+unsafe impl Send for Native {}
+// SAFETY: as above; the code writes only to what the caller passes.
+unsafe impl Sync for Native {}
+
+impl Native {
+    /// Compiles a job of `len` outputs.
+    pub(super) fn new(model: &CompiledModel, job: &Job, exprs: &Exprs, len: usize, name: &'static str) -> Result<Native, BackEndError> {
+        let access = Access { name, y: true, yp: true, out: len };
+        let request = Request { job, access, effort: Effort::Hot, rank: 0 };
+        let codes = generate(&[request], exprs, &model.layout, false)?.into_iter().flat_map(|g| g.codes).collect::<Vec<_>>();
+        let columns = codes.iter().map(|c| c.columns).max().unwrap_or(0);
+        let bytes: Vec<&[u8]> = codes.iter().map(|c| c.bytes.as_slice()).collect();
+        let executable = Executable::new(&bytes)?;
+        let addresses = (0..codes.len()).filter_map(|piece| executable.address(piece));
+        // SAFETY: the pieces were generated with this signature.
+        let pieces = addresses.map(|address| unsafe { std::mem::transmute::<*const u8, CompiledFn>(address) }).collect();
+        Ok(Native { pieces, layout: Arc::new(Layout::new(&model.parts.model, columns)), len, _executable: executable })
+    }
+
+    /// A workspace for the function.
+    pub(super) fn memory(&self) -> Memory {
+        Memory::new(Arc::clone(&self.layout))
+    }
+
+    /// Takes the present numbers of a workspace of the model, all but its working memory.
+    pub(super) fn take(&self, memory: &mut Memory, from: &Memory) {
+        let len = self.layout.columns() as usize;
+        memory.all_mut()[..len].copy_from_slice(&from.all()[..len]);
+    }
+
+    /// Runs the function.
+    ///
+    /// # Panics
+    /// If the memory is not one of [`Native::memory`], or a vector has the wrong length.
+    pub(super) fn run(&self, model: &CompiledModel, memory: &mut Memory, t: f64, (y, yp): (&[f64], &[f64]), out: &mut [f64]) {
+        assert_eq!(memory.layout().len(), self.layout.len(), "memory of another function");
+        assert!(y.len() == model.unknowns() && yp.len() == model.unknowns(), "length of y or y'");
+        assert_eq!(out.len(), self.len, "length of the output");
+        let surroundings: &Surroundings = &model.surroundings;
+        let work = memory.all_mut().as_mut_ptr();
+        for code in &self.pieces {
+            // SAFETY: generated for these lengths; `y` is only read.
+            unsafe { code(t, 1.0, y.as_ptr().cast_mut(), yp.as_ptr(), work, out.as_mut_ptr(), surroundings) }
+        }
+    }
+}

@@ -1,0 +1,335 @@
+//! Derivatives along directions, for sensitivities of a control step.
+//!
+//! Programs (updates, rewards, root functions, ...) run on values with their derivatives, interpreted. What the solver asks for at every step is
+//! compiled when it is first asked for: the derivatives of the equations by inputs ([`CompiledModel::by_inputs`]) and the comparisons that make
+//! them jump ([`CompiledModel::switches`]).
+
+use std::sync::{Arc, OnceLock, PoisonError};
+
+use super::native::Native;
+use super::{BackEndError, CompiledModel};
+use crate::differentiate::pattern::each_place;
+use crate::differentiate::{self, Column};
+use crate::explicit_time;
+pub use crate::interpret::tangent::{LANES, STILL, Tangent, TangentView};
+use crate::interpret::Tape;
+use crate::ir::{Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, MAX_DEPTH, Role, UnaryFn, VarId};
+use crate::layout::{Base, Memory};
+use crate::model::Model;
+use crate::schedule::{Access, Job};
+
+/// What runs on values with derivatives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Computed parameters (in place).
+    Parameters,
+    /// Initial values of discrete variables and disturbances (in place).
+    InitialDiscretes,
+    /// Next values of the disturbances (in place).
+    Disturb,
+    /// Updates at the start of a step (in place).
+    Start,
+    /// Updates at its end (in place).
+    End,
+    /// What runs at an event, by the index of its program (in place).
+    Event(u32),
+    /// Rewards, observations and the rest of the `finish` program.
+    Finish,
+    /// Algebraic outputs.
+    Outputs,
+    /// Root functions.
+    Roots,
+    /// Integrands.
+    Quadratures,
+    /// The residual, rows in the order of `y`.
+    Rows,
+    /// The next time at which an equation changes its form: one number.
+    NextBreak,
+    /// The switches of [`CompiledModel::switches`].
+    Switches,
+}
+
+/// Number of parts that have a place among the tapes.
+pub(super) const PARTS: usize = 9;
+
+/// Derivatives of the equations by inputs: actions, parameters, discrete variables, disturbances, and copies of any at other instants.
+pub struct ByInputs {
+    native: Native,
+    places: Vec<(u32, u32)>,
+}
+
+/// Comparisons of unknowns at which equations or integrands jump, as root functions that are positive where they hold.
+pub struct Switches {
+    native: Option<Native>,
+    /// Whether each does not hold at equality.
+    pub strict: Vec<bool>,
+    /// Something is rounded to whole numbers that depends on unknowns: its jumps are not found.
+    pub rounds: bool,
+}
+
+/// What is made when it is first asked for.
+#[derive(Default)]
+pub(super) struct Later {
+    tapes: [OnceLock<Result<Tape, BackEndError>>; PARTS],
+    switches: OnceLock<Result<(Switches, Tape), BackEndError>>,
+    by_inputs: std::sync::Mutex<FastMap<Vec<(VarId, Flavour)>, Arc<ByInputs>>>,
+}
+
+impl CompiledModel {
+    /// Runs a part on values with derivatives.
+    ///
+    /// # Errors
+    /// If it cannot be made.
+    pub fn tangent(&self, part: Part, view: &mut TangentView<'_>) -> Result<(), &BackEndError> {
+        view.tables = &[];
+        let tape = match part {
+            Part::Parameters => &self.tapes.parameters,
+            Part::InitialDiscretes => &self.tapes.initial_discretes,
+            Part::Event(index) => &self.tapes.events[index as usize],
+            Part::Switches => &self.later.switches.get_or_init(|| self.make_switches()).as_ref()?.1,
+            part => self.later.tapes[place(part)].get_or_init(|| self.make_tape(part)).as_ref()?,
+        };
+        let mut view = TangentView {
+            time: view.time,
+            y: (view.y.0, view.y.1),
+            yp: view.yp,
+            work: (view.work.0, view.work.1),
+            out: (view.out.0, view.out.1),
+            tables: &self.parts.tables,
+        };
+        tape.run_tangent(&mut view);
+        Ok(())
+    }
+
+    fn make_tape(&self, part: Part) -> Result<Tape, BackEndError> {
+        let model = &self.parts.model;
+        let programs = &model.programs;
+        let program = |name, program, yp, out| {
+            let job = Job::of_program(program, &model.slots);
+            Ok(Tape::new(&job, &model.exprs, &self.layout, Access { name, y: true, yp, out })?)
+        };
+        let numbers = |name, values: Vec<ExprId>| {
+            let out = values.len();
+            Ok(Tape::new(&Job::of_numbers(values), &model.exprs, &self.layout, Access { name, y: true, yp: true, out })?)
+        };
+        match part {
+            Part::Disturb => program("disturb", &programs.disturb, false, 0),
+            Part::Start => program("start", &programs.start, false, 0),
+            Part::End => program("end", &programs.end, false, 0),
+            Part::Finish => program("finish", &programs.finish, true, self.finish_len()),
+            Part::Outputs => program("outputs", &programs.outputs, true, crate::functions::elements(&model.interface.algebraics)),
+            Part::Roots => numbers("roots", model.roots.iter().map(|r| r.value).collect()),
+            Part::Quadratures => numbers("quadratures", model.quadratures.clone()),
+            _ => self.make_equations(part),
+        }
+    }
+
+    /// Rows and breaks, for which the equations are worked out anew.
+    fn make_equations(&self, part: Part) -> Result<Tape, BackEndError> {
+        let mut model = self.parts.model.clone();
+        let rows = differentiate::rows(&mut model)?;
+        let (job, out) = if part == Part::Rows {
+            (Job::of_rows(&rows), self.unknowns())
+        } else {
+            (explicit_time::collect(&mut model, &rows).next_break.map_or_else(Job::default, |value| Job::of_numbers([value])), 1)
+        };
+        Ok(Tape::new(&job, &model.exprs, &self.layout, Access { name: "rows", y: true, yp: true, out })?)
+    }
+
+    /// The inputs of which some number in the workspace is `active`.
+    pub fn inputs(&self, active: impl Fn(std::ops::Range<usize>) -> bool) -> Vec<(VarId, Flavour)> {
+        let model = &self.parts.model;
+        let flavours = [Flavour::Value, Flavour::Initial, Flavour::Previous, Flavour::Steady];
+        let all = model.vars.keys().flat_map(|var| flavours.map(|flavour| (var, flavour)));
+        let is_active = |&(var, flavour): &(VarId, Flavour)| {
+            let held = !matches!(model.vars[var].role, Role::Cache | Role::Scratch | Role::Builtin);
+            let address = self.layout.address(var, flavour).filter(|a| held && a.base == Base::Work);
+            address.is_some_and(|a| active(a.offset as usize..(a.offset + model.vars[var].len) as usize))
+        };
+        all.filter(is_active).collect()
+    }
+
+    /// Derivatives of the equations by these inputs.
+    ///
+    /// # Errors
+    /// If an equation cannot be differentiated, or there is no code.
+    pub fn by_inputs(&self, inputs: &[(VarId, Flavour)]) -> Result<Arc<ByInputs>, BackEndError> {
+        let mut known = self.later.by_inputs.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(made) = known.get(inputs) {
+            return Ok(Arc::clone(made));
+        }
+        let made = Arc::new(self.make_by_inputs(inputs)?);
+        known.insert(inputs.to_vec(), Arc::clone(&made));
+        Ok(made)
+    }
+
+    fn make_by_inputs(&self, inputs: &[(VarId, Flavour)]) -> Result<ByInputs, BackEndError> {
+        let mut model = self.parts.model.clone();
+        let wanted: FastSet<(VarId, Flavour)> = inputs.iter().copied().collect();
+        let column_of = |var: VarId, flavour: Flavour| {
+            let address = self.layout.address(var, flavour).filter(|_| wanted.contains(&(var, flavour)))?;
+            Some(Column { first: address.offset, factor: None })
+        };
+        let mut rows = differentiate::rows(&mut model)?;
+        for row in &mut rows {
+            row.value = differentiate::normalise(&mut model.exprs, row.extents.len(), row.value, &column_of)?;
+        }
+        let entries = differentiate::entries(&mut model.exprs, &rows, &column_of);
+        let mut places = vec![];
+        entries.iter().for_each(|entry| each_place(entry, |row, column| places.push((row as u32, column as u32))));
+        let job = Job::of_lists(entries.iter().map(|entry| (&entry.loops, entry.value)));
+        let native = Native::new(self, &job, &model.exprs, places.len(), "by_inputs")?;
+        Ok(ByInputs { native, places })
+    }
+
+    /// Comparisons of unknowns at which equations or integrands jump without an event.
+    ///
+    /// # Errors
+    /// If they cannot be compiled.
+    pub fn switches(&self) -> Result<&Switches, &BackEndError> {
+        self.later.switches.get_or_init(|| self.make_switches()).as_ref().map(|(switches, _)| switches)
+    }
+
+    fn make_switches(&self) -> Result<(Switches, Tape), BackEndError> {
+        let mut model = self.parts.model.clone();
+        let rows = differentiate::rows(&mut model)?;
+        let mut found = Found::new(&model);
+        for row in &rows {
+            let mut extents = [0; MAX_DEPTH];
+            extents.iter_mut().zip(&row.extents).for_each(|(to, &extent)| *to = extent);
+            found.walk(&model.exprs, row.value, extents);
+        }
+        model.quadratures.iter().for_each(|&value| found.walk(&model.exprs, value, [0; MAX_DEPTH]));
+        let (lists, strict, rounds) = found.lists(&mut model.exprs);
+        let job = Job::of_lists(lists);
+        let access = Access { name: "switches", y: true, yp: true, out: strict.len() };
+        let tape = Tape::new(&job, &model.exprs, &self.layout, access)?;
+        let native = if strict.is_empty() { None } else { Some(Native::new(self, &job, &model.exprs, strict.len(), "switches")?) };
+        Ok((Switches { native, strict, rounds }, tape))
+    }
+}
+
+impl ByInputs {
+    /// Row and number in the workspace of each value; a place may occur several times, its values are to be added.
+    #[must_use]
+    pub fn places(&self) -> &[(u32, u32)] {
+        &self.places
+    }
+
+    /// A workspace for evaluations.
+    #[must_use]
+    pub fn memory(&self) -> Memory {
+        self.native.memory()
+    }
+
+    /// Takes the present inputs.
+    pub fn take(&self, memory: &mut Memory, from: &Memory) {
+        self.native.take(memory, from);
+    }
+
+    /// Values at a point; `memory` is one of [`ByInputs::memory`].
+    pub fn evaluate(&self, model: &CompiledModel, memory: &mut Memory, t: f64, y: (&[f64], &[f64]), out: &mut [f64]) {
+        self.native.run(model, memory, t, y, out);
+    }
+}
+
+impl Switches {
+    /// A workspace for evaluations; `None` where there are no switches.
+    #[must_use]
+    pub fn memory(&self) -> Option<Memory> {
+        self.native.as_ref().map(Native::memory)
+    }
+
+    /// Takes the present inputs.
+    pub fn take(&self, memory: &mut Memory, from: &Memory) {
+        self.native.iter().for_each(|native| native.take(memory, from));
+    }
+
+    /// Values at a point; `memory` is one of [`Switches::memory`].
+    pub fn evaluate(&self, model: &CompiledModel, memory: &mut Memory, t: f64, y: (&[f64], &[f64]), out: &mut [f64]) {
+        self.native.iter().for_each(|native| native.run(model, memory, t, y, out));
+    }
+}
+
+/// Place of a tape.
+fn place(part: Part) -> usize {
+    let all = [
+        Part::Disturb,
+        Part::Start,
+        Part::End,
+        Part::Finish,
+        Part::Outputs,
+        Part::Roots,
+        Part::Quadratures,
+        Part::Rows,
+        Part::NextBreak,
+    ];
+    all.iter().position(|&p| p == part).unwrap_or(0)
+}
+
+/// A comparison under the loops whose counters it uses.
+type Looped = (Vec<(u8, u32)>, ExprId);
+
+/// Looks for comparisons that choose between values.
+struct Found {
+    /// Whether a node depends on unknowns.
+    moves: Vec<bool>,
+    seen: FastSet<(ExprId, [u32; MAX_DEPTH])>,
+    compared: Vec<Looped>,
+    rounds: bool,
+}
+
+impl Found {
+    fn new(model: &Model) -> Found {
+        let exprs = &model.exprs;
+        let mut moves = vec![false; exprs.len()];
+        for id in exprs.ids() {
+            moves[id.as_u32() as usize] = match exprs.node(id) {
+                Expr::Load { var, flavour: Flavour::Value | Flavour::Derivative, .. } => {
+                    matches!(model.vars[var].role, Role::State | Role::Algebraic)
+                }
+                _ => exprs.operands(id).any(|o| moves[o.as_u32() as usize]),
+            };
+        }
+        Found { moves, seen: FastSet::default(), compared: vec![], rounds: false }
+    }
+
+    fn walk(&mut self, exprs: &Exprs, root: ExprId, extents: [u32; MAX_DEPTH]) {
+        let mut stack = vec![(root, extents)];
+        while let Some((e, extents)) = stack.pop() {
+            if !self.moves[e.as_u32() as usize] || !self.seen.insert((e, extents)) {
+                continue;
+            }
+            let mut inner = extents;
+            match exprs.node(e) {
+                Expr::Reduce { depth, extent, .. } => inner[depth.0 as usize] = extent,
+                Expr::Compare(Compare::Lt | Compare::Le, ..) | Expr::Unary(UnaryFn::Sign, _) => {
+                    let free = exprs.free(e);
+                    let loops = (0..MAX_DEPTH).filter(|d| free & (1 << d) != 0).map(|d| (d as u8, extents[d])).collect();
+                    if !self.compared.contains(&(Vec::clone(&loops), e)) {
+                        self.compared.push((loops, e));
+                    }
+                }
+                Expr::Unary(UnaryFn::Floor | UnaryFn::Ceil | UnaryFn::Round, _) => self.rounds = true,
+                _ => {}
+            }
+            stack.extend(exprs.operands(e).map(|o| (o, inner)));
+        }
+    }
+
+    /// Differences whose signs decide, whether each is strict, and whether something is rounded.
+    fn lists(self, exprs: &mut Exprs) -> (Vec<Looped>, Vec<bool>, bool) {
+        let (mut lists, mut strict) = (vec![], vec![]);
+        for (loops, e) in self.compared {
+            let (value, is_strict) = match exprs.node(e) {
+                Expr::Compare(op, a, b) => (exprs.sub(b, a), op == Compare::Lt),
+                Expr::Unary(_, a) => (a, true),
+                _ => continue,
+            };
+            let passes = loops.iter().map(|&(_, extent)| extent as usize).product();
+            strict.extend(std::iter::repeat_n(is_strict, passes));
+            lists.push((loops, value));
+        }
+        (lists, strict, self.rounds)
+    }
+}

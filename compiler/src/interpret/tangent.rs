@@ -1,0 +1,191 @@
+//! Evaluation with derivatives: every value carries its derivatives along several directions (forward automatic differentiation).
+//!
+//! For what runs once a step or at an event: updates, resets, rewards, observations, root functions. Comparisons decide by values and have no
+//! derivative, as on either side of what they compare; where a derivative is infinite (`sqrt(x)` at 0) it is zero, as everywhere
+//! in the compiler.
+
+use super::{Destination, Operand, Step, Tape};
+use crate::ir::{Affine, BinaryFn, Expr, MAX_DEPTH, ReduceFn, UnaryFn};
+use crate::kernels;
+use crate::layout::Base;
+
+/// Directions at once.
+pub const LANES: usize = 8;
+
+/// Derivatives of a number along the directions.
+pub type Tangent = [f64; LANES];
+
+/// No change along any direction.
+pub const STILL: Tangent = [0.0; LANES];
+
+/// What a tape reads and writes, each number with its derivatives.
+#[derive(Debug)]
+pub struct TangentView<'a> {
+    /// Time.
+    pub time: (f64, Tangent),
+    /// The unknowns.
+    pub y: (&'a mut [f64], &'a mut [Tangent]),
+    /// Their derivatives by time.
+    pub yp: (&'a [f64], &'a [Tangent]),
+    /// The workspace.
+    pub work: (&'a mut [f64], &'a mut [Tangent]),
+    /// The output.
+    pub out: (&'a mut [f64], &'a mut [Tangent]),
+    /// Position tables.
+    pub tables: &'a [u32],
+}
+
+/// A number with its derivatives.
+type Dual = (f64, Tangent);
+
+impl Tape {
+    /// Runs the function on values and derivatives.
+    pub fn run_tangent(&self, view: &mut TangentView<'_>) {
+        let mut machine = Machine { registers: vec![(0.0, STILL); self.registers], counters: [0; MAX_DEPTH], view };
+        machine.run(&self.steps);
+    }
+}
+
+struct Machine<'a, 'v> {
+    registers: Vec<Dual>,
+    counters: [i64; MAX_DEPTH],
+    view: &'a mut TangentView<'v>,
+}
+
+impl Machine<'_, '_> {
+    fn run(&mut self, steps: &[Step]) {
+        for step in steps {
+            match step {
+                Step::Eval { to, node, operands, source } => self.registers[*to as usize] = self.eval(*node, operands, *source),
+                Step::Reduce { to, op, counter, extent, body, value } => {
+                    let outer = self.counters[*counter as usize];
+                    let mut sum = (op.identity(), STILL);
+                    for i in 0..*extent {
+                        self.counters[*counter as usize] = i64::from(i);
+                        self.run(body);
+                        let term = self.get(*value);
+                        // The identity of an extremum is infinite: there is nothing to weigh yet.
+                        sum = if i == 0 && *op != ReduceFn::Sum { term } else { binary(op.binary(), sum, term) };
+                    }
+                    self.counters[*counter as usize] = outer;
+                    self.registers[*to as usize] = sum;
+                }
+                Step::Loop { counter, extent, body } => {
+                    for i in 0..*extent {
+                        self.counters[*counter as usize] = i64::from(i);
+                        self.run(body);
+                    }
+                }
+                Step::Store { to, value } => self.store(*to, *value),
+            }
+        }
+    }
+
+    fn get(&self, operand: Operand) -> Dual {
+        match operand {
+            Operand::Const(x) => (x, STILL),
+            Operand::Register(r) => self.registers[r as usize],
+        }
+    }
+
+    fn eval(&self, node: Expr, operands: &[Operand; 3], source: Option<(Base, Affine)>) -> Dual {
+        let [a, b, c] = operands.map(|o| self.get(o));
+        match node {
+            Expr::Time => self.view.time,
+            Expr::Counter(v) => (self.counters[v.0 as usize] as f64, STILL),
+            Expr::Load { .. } => source.map_or((f64::NAN, STILL), |(base, at)| self.load(base, at)),
+            Expr::Unary(f, _) => unary(f, a),
+            Expr::Binary(f, ..) => binary(f, a, b),
+            Expr::PowInt(_, n) => {
+                let slope = if n == 1 { 1.0 } else { f64::from(n) * kernels::powi(a.0, n - 1) };
+                (kernels::powi(a.0, n), scaled(slope, a.1))
+            }
+            Expr::Select(..) => if a.0 != 0.0 { b } else { c },
+            _ => (super::apply(node, [a.0, b.0, c.0]), STILL),
+        }
+    }
+
+    fn load(&self, base: Base, at: Affine) -> Dual {
+        let i = at.at(&self.counters) as usize;
+        match base {
+            Base::Y => (self.view.y.0[i], self.view.y.1[i]),
+            Base::Yp => (self.view.yp.0[i], self.view.yp.1[i]),
+            Base::Work => (self.view.work.0[i], self.view.work.1[i]),
+            Base::Out => (self.view.out.0[i], self.view.out.1[i]),
+            Base::Factor => (1.0, STILL),
+        }
+    }
+
+    fn store(&mut self, to: Destination, value: Operand) {
+        let (value, tangent) = self.get(value);
+        let (i, base, add) = match to {
+            Destination::Place(base, at) => (at.at(&self.counters) as usize, base, false),
+            Destination::Table { table, index, plus, add } => {
+                let entry = self.view.tables[table as usize + index.at(&self.counters) as usize];
+                ((i64::from(entry) + plus.at(&self.counters)) as usize, Base::Out, add)
+            }
+        };
+        let (values, tangents) = match base {
+            Base::Y => (&mut self.view.y.0, &mut self.view.y.1),
+            Base::Work => (&mut self.view.work.0, &mut self.view.work.1),
+            Base::Out => (&mut self.view.out.0, &mut self.view.out.1),
+            Base::Yp | Base::Factor => return,
+        };
+        if add {
+            values[i] += value;
+            tangents[i] = sum(1.0, tangents[i], 1.0, tangent);
+        } else {
+            (values[i], tangents[i]) = (value, tangent);
+        }
+    }
+}
+
+fn scaled(factor: f64, a: Tangent) -> Tangent {
+    // What does not move stays where it is, whatever the slope.
+    a.map(|a| if a == 0.0 { 0.0 } else { factor * a })
+}
+
+fn sum(f: f64, a: Tangent, g: f64, b: Tangent) -> Tangent {
+    let (a, b) = (scaled(f, a), scaled(g, b));
+    std::array::from_fn(|lane| a[lane] + b[lane])
+}
+
+fn unary(f: UnaryFn, (x, dx): Dual) -> Dual {
+    let value = f.apply(x);
+    let slope = match f {
+        UnaryFn::Neg => -1.0,
+        UnaryFn::Abs => if x < 0.0 { -1.0 } else { 1.0 },
+        UnaryFn::Sign | UnaryFn::Floor | UnaryFn::Ceil | UnaryFn::Round => 0.0,
+        UnaryFn::Sqrt => if value == 0.0 { 0.0 } else { 0.5 / value },
+        UnaryFn::Single => 1.0,
+        UnaryFn::Exp => value,
+        UnaryFn::Ln => 1.0 / x,
+        UnaryFn::Log10 => std::f64::consts::LOG10_E / x,
+        UnaryFn::Sin => UnaryFn::Cos.apply(x),
+        UnaryFn::Cos => -UnaryFn::Sin.apply(x),
+        UnaryFn::Tan => 1.0 + value * value,
+        UnaryFn::Asin => 1.0 / (1.0 - x * x).sqrt(),
+        UnaryFn::Acos => -1.0 / (1.0 - x * x).sqrt(),
+        UnaryFn::Atan => 1.0 / (1.0 + x * x),
+        UnaryFn::Sinh => UnaryFn::Cosh.apply(x),
+        UnaryFn::Cosh => UnaryFn::Sinh.apply(x),
+        UnaryFn::Tanh => (1.0 - value) * (1.0 + value),
+    };
+    (value, scaled(slope, dx))
+}
+
+fn binary(f: BinaryFn, (x, dx): Dual, (y, dy): Dual) -> Dual {
+    let value = f.apply(x, y);
+    let tangent = match f {
+        BinaryFn::Add => sum(1.0, dx, 1.0, dy),
+        BinaryFn::Sub => sum(1.0, dx, -1.0, dy),
+        BinaryFn::Mul => sum(y, dx, x, dy),
+        BinaryFn::Div => sum(1.0 / y, dx, -value / y, dy),
+        BinaryFn::Pow if x == 0.0 => STILL,
+        BinaryFn::Pow => sum(y * value / x, dx, value * UnaryFn::Ln.apply(x), dy),
+        BinaryFn::Min => if x < y { dx } else { dy },
+        BinaryFn::Max => if x > y { dx } else { dy },
+        BinaryFn::Atan2 => sum(y / (x * x + y * y), dx, -x / (x * x + y * y), dy),
+    };
+    (value, tangent)
+}

@@ -1,0 +1,116 @@
+//! Control steps with their derivatives, many at once.
+
+use std::sync::Arc;
+
+use numpy::{PyArray2, PyArray3, PyReadonlyArrayDyn};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use smpl_runtime::catalogue::Catalogue;
+use smpl_runtime::environment::Direction;
+use smpl_runtime::sensitivity::{Arrays, Plan, Sensitivities, SensitivityError};
+use smpl_runtime::setup::Setup;
+
+use crate::arrays::Fresh;
+use crate::errors::{SimulationError, guarded, reset_error, setup_error};
+use crate::interrupt::released;
+
+type Matrix<'py> = Bound<'py, PyArray2<f64>>;
+type Cube<'py> = Bound<'py, PyArray3<f64>>;
+type Named<'py> = Vec<(String, PyReadonlyArrayDyn<'py, f64>)>;
+
+/// States, rewards, observations; their derivatives, rows by directions.
+pub type Results<'py> = (Matrix<'py>, Matrix<'py>, Matrix<'py>, Cube<'py>, Cube<'py>, Cube<'py>);
+
+/// What makes computations different: directions by role and number in the order of the outside, threads, time limit, method.
+#[derive(Clone, PartialEq, Eq, Hash, FromPyObject)]
+pub struct Key(pub Vec<(String, usize)>, pub usize, pub Option<u32>, pub Option<String>);
+
+/// Makes what computes.
+///
+/// # Errors
+/// A role that there is not, or what the solver says of the equations.
+pub fn make(key: &Key, setup: &Arc<Setup>) -> PyResult<Sensitivities> {
+    let directions = key.0.iter().map(|(role, index)| direction(&setup.catalogue, role, *index)).collect::<PyResult<_>>()?;
+    guarded(|| Sensitivities::new(setup, directions, key.1))?.map_err(|e| error(&e))
+}
+
+fn direction(catalogue: &Catalogue, role: &str, index: usize) -> PyResult<Direction> {
+    let (family, make): (_, fn(usize) -> Direction) = match role {
+        "state" => (&catalogue.states, Direction::State),
+        "action" => (&catalogue.actions, Direction::Action),
+        "parameter" => (&catalogue.parameters, Direction::Parameter),
+        "discrete" => (&catalogue.discretes, Direction::Discrete),
+        "disturbance" => (&catalogue.disturbances, Direction::Disturbance),
+        _ => return Err(crate::model::role_error(role)),
+    };
+    let element = family.elements().get(index).ok_or_else(|| PyValueError::new_err(format!("there is no {role} {index}")))?;
+    Ok(make(element.at))
+}
+
+/// What Python asks for. The caller's arrays may be written by other threads meanwhile: these are copies.
+pub struct Request {
+    states: Vec<f64>,
+    actions: Vec<f64>,
+    named: [Vec<(String, Vec<f64>)>; 3],
+    count: usize,
+    first_step: u32,
+}
+
+impl Request {
+    /// Parameters, discrete variables and disturbances are named.
+    pub fn new(
+        states: &PyReadonlyArrayDyn<'_, f64>,
+        actions: &PyReadonlyArrayDyn<'_, f64>,
+        named: [&Named<'_>; 3],
+        (count, first_step): (usize, u32),
+    ) -> Self {
+        let values = |array: &PyReadonlyArrayDyn<'_, f64>| array.as_array().iter().copied().collect::<Vec<f64>>();
+        let named = named.map(|named| named.iter().map(|(name, array)| (name.clone(), values(array))).collect());
+        Self { states: values(states), actions: values(actions), named, count, first_step }
+    }
+
+    /// Computes without the interpreter lock, into new arrays.
+    pub fn run<'py>(&self, py: Python<'py>, setup: &Setup, sensitivities: &mut Sensitivities) -> PyResult<Results<'py>> {
+        let interface = setup.model().interface();
+        let (n, rewards, observations) = (setup.catalogue.states.len(), interface.rewards.len(), interface.observations.len());
+        let (count, directions) = (self.count, sensitivities.directions().len());
+        let mut values = [n, rewards, observations].map(|width| Fresh::matrix(py, count, width));
+        let mut derivatives = [n, rewards, observations].map(|width| Fresh::cube(py, [count, width, directions]));
+        let given = |at: usize| self.named[at].iter().map(|(name, values)| (name.clone(), values.as_slice())).collect();
+        let plan = Plan {
+            count,
+            states: &self.states,
+            actions: &self.actions,
+            parameters: given(0),
+            discrete: given(1),
+            disturbances: given(2),
+            first_step: self.first_step,
+        };
+        let [states, rewards, observations] = &mut values;
+        let [by_states, by_rewards, by_observations] = &mut derivatives;
+        let arrays = Arrays {
+            states: states.elements(),
+            rewards: rewards.elements(),
+            observations: observations.elements(),
+            by_states: by_states.elements(),
+            by_rewards: by_rewards.elements(),
+            by_observations: by_observations.elements(),
+        };
+        released(py, || sensitivities.run(&plan, arrays))?.map_err(|e| error(&e))?;
+        let ([a, b, c], [d, e, f]) = (values, derivatives);
+        Ok((a.done(), b.done(), c.done(), d.done(), e.done(), f.done()))
+    }
+}
+
+/// The exception of derivatives that cannot be computed.
+fn error(error: &SensitivityError) -> PyErr {
+    match error {
+        SensitivityError::Reset { index, error } => {
+            let plain = reset_error(error);
+            Python::attach(|py| PyErr::from_type(plain.get_type(py), format!("point {index}: {}", plain.value(py))))
+        }
+        SensitivityError::Setup(error) => setup_error(error),
+        SensitivityError::Length { .. } => PyValueError::new_err(error.to_string()),
+        _ => SimulationError::new_err(error.to_string()),
+    }
+}

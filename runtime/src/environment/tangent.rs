@@ -1,0 +1,293 @@
+//! A control step with its derivatives along directions: of states, actions, parameters, discrete variables and disturbances.
+//!
+//! The derivatives follow everything that a step does, in its order: the start of an episode, updates at the start, the equations
+//! ([`Augmented`]), events by their jump conditions, updates at the end, rewards and observations. With a condition g = 0 whose
+//! time moves by τ = −(dg along the direction) / (dg/dt), and rates f⁻ before and f⁺ after, S⁺ = D(S⁻ + f⁻ τ) − f⁺ τ, D being the derivative of what happens there
+//! (M. A. Aizerman and F. R. Gantmacher, *Q. J. Mech. Appl. Math.* 11 (1958) 243).
+
+mod events;
+mod start;
+
+use std::sync::Arc;
+
+use smpl_compiler::compiled::tangent::Part;
+use smpl_compiler::layout::Region;
+
+use super::{Environment, ResetOptions, StepResult, interval};
+use crate::failure::describe_solver;
+use crate::sensitivity::augmented::Augmented;
+use crate::sensitivity::tangents::{Point, Tangents};
+use crate::setup::{Setup, SetupError};
+use crate::solver::linear::Factorisation;
+use crate::solver::{Integrator, Method, Settings, SolveError, System, integrator};
+
+/// What a derivative is taken by: a place of its family in the order of the inside (`Element::at`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Direction {
+    /// A state at the start.
+    State(usize),
+    /// An action.
+    Action(usize),
+    /// A parameter.
+    Parameter(usize),
+    /// A discrete variable at the start.
+    Discrete(usize),
+    /// A disturbance during the step.
+    Disturbance(usize),
+}
+
+/// Why there are no derivatives.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum FollowError {
+    /// The step does not come to its end.
+    #[error("{0}")]
+    Failed(String),
+    /// The step has no derivative, or none that is known.
+    #[error("the step has no derivative that can be computed: {0}")]
+    Refused(String),
+    /// Somebody wanted it to stop.
+    #[error("the step was interrupted")]
+    Interrupted,
+}
+
+/// What follows an instance with derivatives along a fixed number of directions.
+pub struct Follower {
+    augmented: Augmented,
+    integrator: Box<dyn Integrator>,
+    tangents: Tangents,
+    /// Derivatives by time.
+    along: Tangents,
+    /// Directions in force, and what each derivative is multiplied with: a magnitude of what it is taken by.
+    directions: Vec<Direction>,
+    scales: Vec<f64>,
+    /// Unknowns with derivatives, and rates of both.
+    y: Vec<f64>,
+    yp: Vec<f64>,
+    /// Derivatives of the integrals.
+    integrals: Vec<f64>,
+    /// How the present beginning of the integration moves; empty if it does not.
+    moving: Vec<f64>,
+    /// The integration has stopped at a threshold and waits for what the motion says.
+    pending: bool,
+    /// For rates and algebraic unknowns.
+    rates: Factorisation,
+    entries: [Vec<f64>; 2],
+}
+
+impl Follower {
+    /// Of instances of a setup, along so many directions at once.
+    ///
+    /// # Errors
+    /// What the solver says of the equations.
+    pub fn new(setup: &Arc<Setup>, width: usize) -> Result<Self, SetupError> {
+        let system = &setup.system;
+        let augmented = Augmented::new(system, width)?;
+        let n = system.model().unknowns();
+        let settings = settings(&setup.settings, width);
+        let numbers = |length| vec![0.0; length];
+        let entries = system.pattern().entries();
+        Ok(Self {
+            integrator: integrator(&augmented, settings)?,
+            tangents: Tangents::new(system, width),
+            along: Tangents::new(system, 1),
+            directions: Vec::new(),
+            scales: Vec::new(),
+            y: numbers(n * (1 + width)),
+            yp: numbers(n * (1 + width)),
+            integrals: numbers(system.quadrature_count() * width),
+            moving: Vec::new(),
+            pending: false,
+            rates: Factorisation::new(system.pattern(), setup.settings.linear_solver)?,
+            entries: [numbers(entries), numbers(entries)],
+            augmented,
+        })
+    }
+
+    /// Number of directions.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.tangents.width()
+    }
+
+    /// Derivative of an unknown along a direction, after a step.
+    #[must_use]
+    pub fn derivative(&self, unknown: usize, direction: usize) -> f64 {
+        self.tangents.y(unknown, direction) / self.scales[direction]
+    }
+
+    /// Derivative of an output of the `finish` program along a direction, after a step.
+    fn finished(&self, at: usize, direction: usize) -> f64 {
+        self.tangents.output(at, direction) / self.scales[direction]
+    }
+}
+
+/// Tolerances of unknowns for their derivatives too, which are in their units.
+fn settings(of_model: &Settings, width: usize) -> Settings {
+    let each = of_model.atol.iter().flat_map(|&atol| std::iter::repeat_n(atol, width));
+    let method = if of_model.method == Method::Explicit { Method::Explicit } else { Method::Ida };
+    Settings { atol: of_model.atol.iter().copied().chain(each).collect(), method, ..of_model.clone() }
+}
+
+impl Environment {
+    /// Begins an episode as [`reset`](Environment::reset) did with the same options and takes one step, with derivatives along `directions` (at most as many as the
+    /// follower has). The follower then knows the derivatives of the unknowns, [`Environment::reward_derivative`] and its like those of rewards and observations.
+    ///
+    /// # Errors
+    /// A step that does not come to its end, or that has no derivative.
+    pub fn follow(
+        &mut self,
+        follower: &mut Follower,
+        directions: &[Direction],
+        options: &ResetOptions,
+        action: &[f64],
+    ) -> Result<StepResult, FollowError> {
+        self.check(action).map_err(|e| FollowError::Failed(e.to_string()))?;
+        if let Some(at) = action.iter().position(|a| !a.is_finite()) {
+            let name = &self.setup.catalogue.actions.elements()[at].name;
+            return Err(FollowError::Failed(format!("action `{name}` is not finite")));
+        }
+        follower.choose(&self.setup, self.system.region(Region::Param), directions);
+        let excess = self.action_excess(action);
+        self.progress.chatter = None;
+        let t0 = std::time::Instant::now();
+        let done = self.begin_following(follower, options);
+        let t1 = t0.elapsed();
+        let done = done.and_then(|()| self.follow_interval(follower, action));
+        let t2 = t0.elapsed();
+        if done.is_err() {
+            self.abandon();
+        }
+        done?;
+        let result = self.judge(interval::Outcome::Completed, excess);
+        self.follow_finish(follower)?;
+        if std::env::var_os("SMPL_DEBUG").is_some() { eprintln!("begin {t1:?} interval {:?} finish {:?}", t2 - t1, t0.elapsed() - t2); }
+        Ok(result)
+    }
+
+    fn follow_interval(&mut self, follower: &mut Follower, action: &[f64]) -> Result<(), FollowError> {
+        self.follow_inputs(follower, action)?;
+        if self.broken_variable().is_some() {
+            return Err(FollowError::Failed("an update at the start of the step makes something that is not finite".into()));
+        }
+        self.follow_integration(follower)?;
+        let quadratures = self.system.memory().layout().range(Region::Quadrature);
+        self.system.region_mut(Region::Quadrature).copy_from_slice(&self.integrals);
+        let width = follower.width();
+        for (at, row) in follower.integrals.chunks_exact(width).enumerate() {
+            row.iter().enumerate().for_each(|(j, &value)| follower.tangents.set_work(quadratures.start + at, j, value));
+        }
+        if self.setup.has_end {
+            let time = self.end_time();
+            let before = self.progress.y.clone();
+            self.run_tangent(follower, Part::End, (time, &[]), 0)?;
+            self.run_end();
+            if before != self.progress.y && self.system.model().unknowns() > self.system.model().states() {
+                self.follow_algebraic(follower, time, &[])?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Runs a part with derivatives at the present state.
+    fn run_tangent(
+        &mut self,
+        follower: &mut Follower,
+        part: Part,
+        (time, moving): (f64, &[f64]),
+        outputs: usize,
+    ) -> Result<(), FollowError> {
+        let point = Point { time, moving, y: &self.progress.y, yp: &self.progress.yp };
+        follower.tangents.run(&self.system, part, point, outputs).map_err(FollowError::Refused)
+    }
+
+    /// Derivatives of algebraic unknowns from those of states and inputs.
+    fn follow_algebraic(&mut self, follower: &mut Follower, time: f64, moving: &[f64]) -> Result<(), FollowError> {
+        if self.system.model().unknowns() == self.system.model().states() { Ok(()) } else { self.follow_rates(follower, time, moving) }
+    }
+
+    /// Derivatives of rates and algebraic unknowns from those of states and inputs: 0 = F_x S_x + F_w W + F_t τ + F_z S_z + F_x' S_x'.
+    fn follow_rates(&mut self, follower: &mut Follower, time: f64, moving: &[f64]) -> Result<(), FollowError> {
+        let (n, states) = (self.system.model().unknowns(), self.system.model().states());
+        let width = follower.width();
+        for j in 0..width {
+            (states..n).for_each(|at| follower.tangents.set_y(at, j, 0.0));
+        }
+        follower.tangents.still_rates();
+        self.run_tangent(follower, Part::Rows, (time, moving), n)?;
+        let [values, mass] = &mut follower.entries;
+        let (y, yp) = (&self.progress.y, &self.progress.yp);
+        self.system.jacobian(time, y, yp, 0.0, values);
+        self.system.jacobian(time, y, yp, 1.0, mass);
+        for column in 0..states {
+            for entry in self.system.pattern().column(column) {
+                values[entry] = mass[entry] - values[entry];
+            }
+        }
+        let refused = |_| FollowError::Refused("the algebraic equations are singular".into());
+        follower.rates.factorise(values).map_err(refused)?;
+        let mut column = vec![0.0; n];
+        for j in 0..width {
+            column.iter_mut().enumerate().for_each(|(at, x)| *x = -follower.tangents.output(at, j));
+            follower.rates.solve(&mut column);
+            (states..n).for_each(|at| follower.tangents.set_y(at, j, column[at]));
+            (0..states).for_each(|at| follower.tangents.set_yp(at, j, column[at]));
+        }
+        Ok(())
+    }
+
+    /// Derivatives of rewards and observations.
+    fn follow_finish(&mut self, follower: &mut Follower) -> Result<(), FollowError> {
+        let time = self.end_time();
+        if self.setup.derivatives_at_end {
+            self.follow_rates(follower, time, &[])?;
+            let (n, states, width) = (self.system.model().unknowns(), self.system.model().states(), follower.width());
+            // Rates of algebraic unknowns are those of the integrator's polynomial, as their values are.
+            for (at, j) in (states..n).flat_map(|at| (0..width).map(move |j| (at, j))) {
+                let rate = follower.yp[n + at * width + j];
+                follower.tangents.set_yp(at, j, rate);
+            }
+        }
+        let outputs = self.finish.len();
+        self.run_tangent(follower, Part::Finish, (time, &[]), outputs)
+    }
+
+    /// Derivative of a reward (as declared) along a direction, after a step that was followed. A failing step's reward is that of the error, which nothing moves.
+    #[must_use]
+    pub fn reward_derivative(&self, follower: &Follower, reward: usize, direction: usize) -> f64 {
+        if self.progress.last.is_none_or(|result| result.failure.is_some()) {
+            return 0.0;
+        }
+        self.finish_derivative(follower, self.part(3).start + reward, direction)
+    }
+
+    /// Derivative of an observation along a direction: of what is measured at the end of the step, without noise, delay or clipping.
+    #[must_use]
+    pub fn observation_derivative(&self, follower: &Follower, observation: usize, direction: usize) -> f64 {
+        self.finish_derivative(follower, self.part(4).start + observation, direction)
+    }
+
+    /// Derivative of an output of the `finish` program; not a number by a parameter where the output reads the steady state, which has no known derivative.
+    fn finish_derivative(&self, follower: &Follower, at: usize, direction: usize) -> f64 {
+        let by_parameter = matches!(follower.directions.get(direction), Some(Direction::Parameter(_)));
+        if by_parameter && self.setup.steady_outputs[at] { f64::NAN } else { follower.finished(at, direction) }
+    }
+
+    /// What is measured at the end of the last step, without noise, delay or clipping.
+    #[must_use]
+    pub fn measured(&self) -> &[f64] {
+        &self.finish[self.part(4)]
+    }
+
+    fn solver_fault(&self, error: &SolveError, start: f64, width: usize) -> FollowError {
+        if matches!(error, SolveError::Interrupted { .. }) {
+            return FollowError::Interrupted;
+        }
+        let failure = interval::blame(error, start);
+        let n = self.system.model().unknowns();
+        // Derivatives are named by the unknown that they belong to.
+        let unknown = failure.unknown.map(|at| if at < n { at } else { (at - n) / width.max(1) });
+        let setup = &self.setup;
+        let text = describe_solver(&crate::failure::SolverFailure { unknown, ..failure }, setup.model(), &setup.catalogue, setup.sources());
+        FollowError::Failed(format!("{}: {text}", crate::failure::SOLVER))
+    }
+}

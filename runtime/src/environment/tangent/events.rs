@@ -1,0 +1,334 @@
+//! The integration of derivatives from event to event, and what happens to them there.
+
+use smpl_compiler::compiled::tangent::Part;
+use smpl_compiler::ir::Builtin;
+use smpl_compiler::layout::Region;
+use smpl_compiler::model::RootAction;
+
+use super::{Environment, FollowError, Follower};
+use crate::solver::{Advance, Edge, System};
+
+/// Two times this near each other, in parts of the larger one, are one; both sides of a break are so many roundings from it: as in `solver::traverse`.
+const NEAR: f64 = 2e-12;
+const ROUNDINGS: f64 = 8.0;
+
+/// Distance from a switch of the equations at which they have one form, over the interval.
+const ASIDE: f64 = 1e-9;
+
+/// Relative difference of the motion of two events that are one.
+const TOGETHER: f64 = 1e-6;
+
+/// Where a piece of the integration goes.
+struct Stop {
+    time: f64,
+    /// Behind a break at its end, and how that moves.
+    break_: Option<(f64, Vec<f64>)>,
+}
+
+impl Environment {
+    /// Integrates to the end of the interval.
+    pub(super) fn follow_integration(&mut self, follower: &mut Follower) -> Result<(), FollowError> {
+        self.collect_statistics();
+        self.integrator.forget();
+        follower.integrator.forget();
+        self.integrals.fill(0.0);
+        follower.integrals.fill(0.0);
+        follower.moving.clear();
+        follower.pending = false;
+        let (end, mut t, mut pieces) = (self.end_time(), self.begin, 0);
+        let n = self.progress.y.len();
+        follower.tangents.write_y(&mut follower.y[n..]);
+        loop {
+            follower.augmented.set_inputs(&self.system, &follower.tangents).map_err(FollowError::Refused)?;
+            if pieces == 0 {
+                self.know_edges(follower, t);
+            }
+            pieces += 1;
+            if pieces > self.setup.max_events.saturating_add(self.setup.settings.max_steps) {
+                return Err(FollowError::Failed(format!("events without end at t = {t}")));
+            }
+            let stop = self.next_stop(follower, t, end, pieces)?;
+            self.restart_following(follower, t)?;
+            let advance = if stop.time > t || stop.break_.is_none() {
+                follower.integrator.advance(&mut follower.augmented, stop.time)
+            } else {
+                Ok(Advance::Reached)
+            };
+            let advance = advance.map_err(|e| self.solver_fault(&e, t, follower.width()))?;
+            self.take_followed(follower);
+            if advance == Advance::Event {
+                let found = follower.integrator.time();
+                let found = if end - found <= 8.0 * f64::EPSILON * (found.abs() + end.abs()) { end } else { found };
+                self.pass_event(follower, (t, found, end))?;
+                t = found;
+                continue;
+            }
+            let Some((behind, moving)) = stop.break_ else { break };
+            self.pass_break(follower, behind, moving)?;
+            t = behind;
+        }
+        if std::env::var_os("SMPL_DEBUG").is_some() { eprintln!("pieces {pieces} switches {} {:?}", follower.augmented.switches(), follower.integrator.statistics()); }
+        let edges = follower.integrator.edges();
+        let count = self.progress.edges.len();
+        self.progress.edges.copy_from_slice(&edges[..count]);
+        Ok(())
+    }
+
+    /// Which conditions hold at the start.
+    fn know_edges(&mut self, follower: &mut Follower, t: f64) {
+        let (n, own) = (self.progress.y.len(), self.progress.edges.len());
+        if follower.augmented.switches() == 0 {
+            follower.integrator.edges_mut().copy_from_slice(&self.progress.edges);
+            return;
+        }
+        follower.y[..n].copy_from_slice(&self.progress.y);
+        follower.yp[..n].copy_from_slice(&self.progress.yp);
+        let mut values = vec![0.0; follower.augmented.root_count()];
+        follower.augmented.roots(t, &follower.y, &follower.yp, &mut values);
+        let edges = follower.integrator.edges_mut();
+        edges[..own].copy_from_slice(&self.progress.edges);
+        edges[own..].iter_mut().zip(&values[own..]).for_each(|(edge, &value)| *edge = Edge::known(value > 0.0));
+    }
+
+    /// The end, or the next break before it.
+    fn next_stop(&mut self, follower: &mut Follower, t: f64, end: f64, pieces: u32) -> Result<Stop, FollowError> {
+        let at = self.system.next_break(t);
+        let near = NEAR * t.abs().max(end.abs());
+        if at.is_nan() || at > end + near || t >= end {
+            return Ok(Stop { time: end, break_: None });
+        }
+        let width = ROUNDINGS * f64::EPSILON * at.abs().max(end.abs());
+        let left_behind = at - width <= t + near;
+        if !left_behind && at - width >= end {
+            return Ok(Stop { time: end, break_: None });
+        }
+        self.run_tangent(follower, Part::NextBreak, (t, &[]), 1)?;
+        let moving = (0..follower.width()).map(|j| follower.tangents.output(0, j)).collect();
+        // A break that is not left behind by roundings is by a few more of them.
+        let width = if left_behind { width * f64::from(1 + pieces.min(1000)) } else { width };
+        let behind = (at.max(t) + width).min(end);
+        Ok(Stop { time: if left_behind { t } else { (at - width).min(end) }, break_: Some((behind, moving)) })
+    }
+
+    fn restart_following(&mut self, follower: &mut Follower, t: f64) -> Result<(), FollowError> {
+        let (n, width) = (self.progress.y.len(), follower.width());
+        follower.y[..n].copy_from_slice(&self.progress.y);
+        follower.yp[..n].copy_from_slice(&self.progress.yp);
+        let Follower { integrator, augmented, y, yp, .. } = follower;
+        integrator.restart(augmented, t, y, Some(yp)).map_err(|e| self.solver_fault(&e, t, width))
+    }
+
+    /// Takes state, derivatives and integrals from the integrator.
+    fn take_followed(&mut self, follower: &mut Follower) {
+        let (n, count) = (self.progress.y.len(), self.integrals.len());
+        follower.y.copy_from_slice(follower.integrator.state());
+        follower.yp.copy_from_slice(follower.integrator.derivative());
+        self.progress.y.copy_from_slice(&follower.y[..n]);
+        self.progress.yp.copy_from_slice(&follower.yp[..n]);
+        follower.tangents.take_y(&follower.y[n..]);
+        let (own, others) = follower.integrator.quadratures().split_at(count.min(follower.integrator.quadratures().len()));
+        self.integrals.iter_mut().zip(own).for_each(|(sum, part)| *sum += part);
+        follower.integrals.iter_mut().zip(others).for_each(|(sum, part)| *sum += part);
+    }
+
+    /// Goes behind a break, whose time may move.
+    fn pass_break(&mut self, follower: &mut Follower, behind: f64, moving: Vec<f64>) -> Result<(), FollowError> {
+        let before = self.progress.yp.clone();
+        let rates = self.integrands(follower, behind);
+        self.restart_plain(behind, follower.width())?;
+        follower.moving = moving;
+        let after = self.progress.yp.clone();
+        let rates_after = self.integrands(follower, behind);
+        self.shift(follower, &before, 1.0);
+        self.shift(follower, &after, -1.0);
+        add_moved(follower, &rates, &rates_after);
+        self.write_followed(follower);
+        Ok(())
+    }
+
+    /// What happens at an event between the beginning of the piece and the end of the interval.
+    fn pass_event(&mut self, follower: &mut Follower, (begin, t, end): (f64, f64, f64)) -> Result<(), FollowError> {
+        let roots = self.progress.edges.len();
+        let fired: Vec<usize> = (0..follower.integrator.events().len()).filter(|&k| follower.integrator.events()[k] != 0).collect();
+        if fired.is_empty() {
+            // A strict condition at its threshold is decided by the motion after a restart.
+            follower.pending = true;
+            self.write_followed(follower);
+            return Ok(());
+        }
+        let action = |k: usize, environment: &Self| (k < roots).then(|| environment.setup.model().roots_info()[k].action);
+        if let Some(&k) = fired.iter().find(|&&k| matches!(action(k, self), Some(RootAction::Fail(_)))) {
+            let text = format!("the step ends at the event `{}`, t = {t}", self.event_name(k));
+            return Err(FollowError::Failed(text));
+        }
+        let runs = fired.iter().any(|&k| matches!(action(k, self), Some(RootAction::Run(_))));
+        let before = if runs { self.progress.yp.clone() } else { self.rates_aside(t, -1.0) };
+        // What becomes true where the piece begins moves as its beginning does.
+        if std::mem::take(&mut follower.pending) || t > begin {
+            follower.moving = self.motion(follower, &fired, (t, &before))?;
+        }
+        let moves = follower.moving.iter().any(|&tau| tau != 0.0);
+        if moves && t >= end {
+            let text = format!("{} happens at the very end of the step", self.describe_event(fired[0]));
+            return Err(FollowError::Refused(text));
+        }
+        let rates = self.integrands(follower, t);
+        self.shift(follower, &before, 1.0);
+        if runs {
+            self.run_event_programs(follower, &fired, t)?;
+        }
+        let (model, memory) = self.system.parts();
+        model.prepare_step(memory);
+        if self.broken_variable().is_some() {
+            return Err(FollowError::Failed(format!("{} makes something that is not finite", self.describe_event(fired[0]))));
+        }
+        self.restart_plain(t, follower.width())?;
+        let after = if runs { self.progress.yp.clone() } else { self.rates_aside(t, 1.0) };
+        let rates_after = self.integrands(follower, t);
+        self.shift(follower, &after, -1.0);
+        add_moved(follower, &rates, &rates_after);
+        self.write_followed(follower);
+        Ok(())
+    }
+
+    fn run_event_programs(&mut self, follower: &mut Follower, fired: &[usize], t: f64) -> Result<(), FollowError> {
+        let moving = follower.moving.clone();
+        self.follow_algebraic(follower, t, &moving)?;
+        let clock = self.system.memory().layout().range(Region::Builtin).start + Builtin::Clock as usize;
+        moving.iter().enumerate().for_each(|(j, &tau)| follower.tangents.set_work(clock, j, tau));
+        self.set_builtin(Builtin::Clock, t);
+        let roots = self.progress.edges.len();
+        for &k in fired.iter().filter(|&&k| k < roots) {
+            if let (1, RootAction::Run(program)) = (follower.integrator.events()[k], self.setup.model().roots_info()[k].action) {
+                self.run_tangent(follower, Part::Event(program), (t, &moving), 0)?;
+                let (model, memory) = self.system.parts();
+                model.event(program as usize, memory, t, &mut self.progress.y);
+            }
+        }
+        let begin = self.begin;
+        self.set_builtin(Builtin::Clock, begin);
+        follower.tangents.hold(clock..clock + 1);
+        Ok(())
+    }
+
+    /// The present unknowns and rates are those of a restart.
+    fn restart_plain(&mut self, t: f64, width: usize) -> Result<(), FollowError> {
+        let (y, yp) = (&self.progress.y, Some(self.progress.yp.as_slice()));
+        self.integrator.restart(&mut self.system, t, y, yp).map_err(|e| self.solver_fault(&e, t, width))?;
+        self.take_state();
+        Ok(())
+    }
+
+    /// Adds `factor` times rates to the derivatives of the states, as far as the present time moves.
+    fn shift(&mut self, follower: &mut Follower, rates: &[f64], factor: f64) {
+        for (j, &tau) in follower.moving.iter().enumerate().filter(|(_, tau)| **tau != 0.0) {
+            for (at, rate) in rates.iter().enumerate().take(self.system.model().states()) {
+                let value = follower.tangents.y(at, j) + factor * rate * tau;
+                follower.tangents.set_y(at, j, value);
+            }
+        }
+    }
+
+    fn write_followed(&self, follower: &mut Follower) {
+        let n = self.progress.y.len();
+        follower.tangents.write_y(&mut follower.y[n..]);
+    }
+
+    /// Integrands at the present state.
+    fn integrands(&mut self, follower: &Follower, t: f64) -> Vec<f64> {
+        let mut rates = vec![0.0; self.integrals.len()];
+        if !rates.is_empty() && !follower.integrals.is_empty() {
+            self.system.quadratures(t, &self.progress.y, &self.progress.yp, &mut rates);
+        }
+        rates
+    }
+
+    /// Rates of the states a little before or behind a switch of the equations.
+    fn rates_aside(&mut self, t: f64, side: f64) -> Vec<f64> {
+        if !self.system.is_explicit() {
+            return self.progress.yp.clone();
+        }
+        let ahead = side * ASIDE * self.setup.model().interface().episode.integrate;
+        let y: Vec<f64> = self.progress.y.iter().zip(&self.progress.yp).map(|(y, yp)| y + ahead * yp).collect();
+        let mut rates = vec![0.0; y.len()];
+        self.system.residual(t + ahead, &y, &vec![0.0; y.len()], &mut rates);
+        rates
+    }
+
+    /// How the time of what fired moves along each direction.
+    fn motion(&mut self, follower: &mut Follower, fired: &[usize], (t, before): (f64, &[f64])) -> Result<Vec<f64>, FollowError> {
+        let mut motion: Option<(usize, Vec<f64>)> = None;
+        for &k in fired {
+            let own = self.motion_of(follower, k, (t, before))?;
+            if let Some((other, known)) = &motion {
+                let differ = |(a, b): (&f64, &f64)| (a - b).abs() > TOGETHER * a.abs().max(b.abs());
+                if own.iter().zip(known).any(differ) {
+                    let text = format!("{} and {} happen at the same time, t = {t}", self.describe_event(*other), self.describe_event(k));
+                    return Err(FollowError::Refused(text));
+                }
+            }
+            motion.get_or_insert((k, own));
+        }
+        Ok(motion.map_or_else(Vec::new, |(_, motion)| motion))
+    }
+
+    fn motion_of(&mut self, follower: &mut Follower, k: usize, (t, before): (f64, &[f64])) -> Result<Vec<f64>, FollowError> {
+        let roots = self.progress.edges.len();
+        let (part, at, outputs) = match k.checked_sub(roots) {
+            None => (Part::Roots, k, roots),
+            Some(at) => (Part::Switches, at, follower.augmented.switches()),
+        };
+        self.run_tangent(follower, part, (t, &[]), outputs)?;
+        let along: Vec<f64> = (0..follower.width()).map(|j| follower.tangents.output(at, j)).collect();
+        if along.iter().all(|&d| d == 0.0) {
+            return Ok(along);
+        }
+        let model = self.setup.model().model();
+        if k < roots && model.exprs.has_derivative(model.roots[k].value) {
+            return Err(FollowError::Refused(format!("the condition of {} reads rates", self.describe_event(k))));
+        }
+        let rate = self.rate_of(follower, part, (at, outputs), (t, before))?;
+        let motion: Vec<f64> = along.iter().map(|d| -d / rate).collect();
+        if rate == 0.0 || motion.iter().any(|tau| !tau.is_finite()) {
+            return Err(FollowError::Refused(format!("{} touches its threshold without crossing it, t = {t}", self.describe_event(k))));
+        }
+        Ok(motion)
+    }
+
+    /// Derivative by time of an output along the solution, which has these rates.
+    fn rate_of(
+        &mut self,
+        follower: &mut Follower,
+        part: Part,
+        (at, outputs): (usize, usize),
+        (t, rates): (f64, &[f64]),
+    ) -> Result<f64, FollowError> {
+        let mut along = std::mem::replace(&mut follower.along, super::Tangents::none());
+        along.clear();
+        for (unknown, &rate) in rates.iter().enumerate().take(self.system.model().states()) {
+            along.set_y(unknown, 0, rate);
+        }
+        std::mem::swap(&mut along, &mut follower.tangents);
+        let done = self.follow_algebraic(follower, t, &[1.0]).and_then(|()| self.run_tangent(follower, part, (t, &[1.0]), outputs));
+        std::mem::swap(&mut along, &mut follower.tangents);
+        let found = done.map(|()| along.output(at, 0));
+        follower.along = along;
+        found
+    }
+
+    fn event_name(&self, k: usize) -> &str {
+        self.setup.model().roots_info().get(k).map_or("", |root| root.name.as_str())
+    }
+
+    fn describe_event(&self, k: usize) -> String {
+        if k < self.progress.edges.len() { format!("the event `{}`", self.event_name(k)) } else { "a switch of the equations".into() }
+    }
+}
+
+/// Integrals up to a time that moves.
+fn add_moved(follower: &mut Follower, before: &[f64], after: &[f64]) {
+    let width = follower.width();
+    for ((row, before), after) in follower.integrals.chunks_exact_mut(width).zip(before).zip(after) {
+        row.iter_mut().zip(&follower.moving).for_each(|(sum, tau)| *sum += (before - after) * tau);
+    }
+}

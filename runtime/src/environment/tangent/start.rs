@@ -1,0 +1,142 @@
+//! Where derivatives begin: at a reset, and at the start of a step.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use smpl_compiler::compiled::tangent::Part;
+use smpl_compiler::layout::Region;
+
+use super::{Direction, Environment, FollowError, Follower, ResetOptions};
+use crate::catalogue::{Element, Family};
+use crate::setup::Setup;
+
+impl Follower {
+    /// Takes directions, with a magnitude of what each is taken by, so that derivatives are of the size of the unknowns.
+    pub(super) fn choose(&mut self, setup: &Setup, parameters: &[f64], directions: &[Direction]) {
+        let magnitude = |x: f64| if x.is_finite() && x > 0.0 { x } else { 1.0 };
+        let element = |family: &Family, at: usize, value: fn(&Element) -> f64| {
+            magnitude(family.elements().iter().find(|e| e.at == at).map_or(1.0, value))
+        };
+        let catalogue = &setup.catalogue;
+        let scale = |direction: &Direction| match *direction {
+            Direction::State(at) => element(&catalogue.states, at, |e| e.scale),
+            Direction::Action(at) => element(&catalogue.actions, at, Element::range),
+            Direction::Parameter(at) => magnitude(parameters[at].abs()),
+            Direction::Discrete(at) => element(&catalogue.discretes, at, |e| e.scale),
+            Direction::Disturbance(at) => element(&catalogue.disturbances, at, |e| e.scale),
+        };
+        self.directions = directions.iter().copied().take(self.width()).collect();
+        self.scales = self.directions.iter().map(scale).collect();
+        self.scales.resize(self.width(), 1.0);
+    }
+
+    /// Place, number and magnitude of each direction of a kind.
+    fn of(&self, place: impl Fn(Direction) -> Option<usize>) -> Vec<(usize, usize, f64)> {
+        let all = self.directions.iter().zip(&self.scales).enumerate();
+        all.filter_map(|(number, (&direction, &scale))| Some((place(direction)?, number, scale))).collect()
+    }
+
+    /// What the directions of a kind are taken by moves by its magnitude; what else is in the region stays as it is.
+    fn seed(&mut self, region: &Range<usize>, place: impl Fn(Direction) -> Option<usize>) {
+        for (at, direction, scale) in self.of(place) {
+            for j in 0..self.width() {
+                self.tangents.set_work(region.start + at, j, if j == direction { scale } else { 0.0 });
+            }
+        }
+    }
+}
+
+impl Environment {
+    /// Derivatives at the reset.
+    pub(super) fn begin_following(&mut self, follower: &mut Follower, options: &ResetOptions) -> Result<(), FollowError> {
+        let setup = Arc::clone(&self.setup);
+        follower.tangents.clear();
+        follower.moving.clear();
+        self.follow_parameters(follower)?;
+        for (at, direction, scale) in follower.of(|d| if let Direction::State(at) = d { Some(at) } else { None }) {
+            follower.tangents.set_y(at, direction, scale);
+        }
+        let time = self.time();
+        let discretes = self.system.memory().layout().range(Region::Discrete);
+        for _ in 0..=setup.start_passes {
+            self.run_tangent(follower, Part::InitialDiscretes, (time, &[]), 0)?;
+            let given = options.discrete.keys().chain(setup.options.initial.keys());
+            for element in given.filter_map(|name| setup.catalogue.discretes.find(name)) {
+                follower.tangents.hold(discretes.start + element.at..discretes.start + element.at + 1);
+            }
+            follower.seed(&discretes, |d| if let Direction::Discrete(at) = d { Some(at) } else { None });
+            self.follow_algebraic(follower, time, &[])?;
+        }
+        follower.tangents.keep(&self.system, Region::Initial);
+        follower.tangents.keep(&self.system, Region::Previous);
+        Ok(())
+    }
+
+    /// Parameters, and those that are computed from them.
+    fn follow_parameters(&mut self, follower: &mut Follower) -> Result<(), FollowError> {
+        let parameters = follower.of(|d| if let Direction::Parameter(at) = d { Some(at) } else { None });
+        if parameters.is_empty() {
+            return Ok(());
+        }
+        let elements = self.setup.catalogue.parameters.elements();
+        if let Some(element) = elements.iter().find(|e| e.structural && parameters.iter().any(|(at, ..)| *at == e.at)) {
+            let text = format!("the parameter `{}` shapes the model when it is compiled", element.name);
+            return Err(FollowError::Refused(text));
+        }
+        if self.setup.reads_steady {
+            let text = "the model reads its steady state, whose derivatives by parameters are not computed";
+            return Err(FollowError::Refused(text.into()));
+        }
+        let range = self.system.memory().layout().range(Region::Param);
+        follower.seed(&range, |d| if let Direction::Parameter(at) = d { Some(at) } else { None });
+        self.run_tangent(follower, Part::Parameters, (0.0, &[]), 0)?;
+        // By a parameter that is computed from others derivatives are taken as if it were given, but only by that one.
+        let mut columns = Vec::new();
+        for (at, direction, scale) in parameters {
+            if follower.tangents.work(range.start + at, direction) == scale {
+                continue;
+            }
+            let given = std::mem::replace(&mut self.system.region_mut(Region::ParamGiven)[at], 1.0);
+            range.clone().for_each(|cell| follower.tangents.set_work(cell, direction, 0.0));
+            follower.tangents.set_work(range.start + at, direction, scale);
+            let ran = self.run_tangent(follower, Part::Parameters, (0.0, &[]), 0);
+            self.system.region_mut(Region::ParamGiven)[at] = given;
+            ran?;
+            columns.push((direction, range.clone().map(|cell| follower.tangents.work(cell, direction)).collect::<Vec<_>>()));
+        }
+        for (direction, column) in columns {
+            range.clone().zip(column).for_each(|(cell, value)| follower.tangents.set_work(cell, direction, value));
+        }
+        Ok(())
+    }
+
+    /// Values and derivatives of the inputs of the step, in the order of a step.
+    pub(super) fn follow_inputs(&mut self, follower: &mut Follower, action: &[f64]) -> Result<(), FollowError> {
+        follower.tangents.keep(&self.system, Region::Previous);
+        self.apply(action);
+        let layout = self.system.memory().layout();
+        let (actions, disturbances) = (layout.range(Region::Action), layout.range(Region::Disturbance));
+        follower.tangents.hold(actions.clone());
+        follower.seed(&actions, |d| if let Direction::Action(at) = d { Some(at) } else { None });
+        self.draw_disturbances();
+        let begin = self.begin;
+        if self.setup.has_disturbances {
+            self.run_tangent(follower, Part::Disturb, (begin, &[]), 0)?;
+            let (model, memory) = self.system.parts();
+            model.disturb(memory, begin);
+        }
+        self.replay_disturbances();
+        for replay in &self.replay {
+            follower.tangents.hold(disturbances.start + replay.at..disturbances.start + replay.at + 1);
+        }
+        follower.seed(&disturbances, |d| if let Direction::Disturbance(at) = d { Some(at) } else { None });
+        if self.setup.has_start {
+            self.run_tangent(follower, Part::Start, (begin, &[]), 0)?;
+            let (model, memory) = self.system.parts();
+            model.start(memory, begin, &mut self.progress.y);
+        }
+        let (model, memory) = self.system.parts();
+        model.prepare_step(memory);
+        Ok(())
+    }
+}

@@ -1,0 +1,196 @@
+//! Derivatives of everything that an instance holds, along a number of directions.
+
+use std::ops::Range;
+
+use smpl_compiler::compiled::tangent::{LANES, Part, STILL, Tangent, TangentView};
+use smpl_compiler::layout::{Part as FramePart, Region};
+
+use crate::system::CompiledSystem;
+
+/// Derivatives of the unknowns and of the workspace, in chunks of [`LANES`] directions.
+pub struct Tangents {
+    width: usize,
+    chunks: Vec<Chunk>,
+    /// Copies that programs write to.
+    y: Vec<f64>,
+    yp: Vec<f64>,
+    memory: Vec<f64>,
+    out: Vec<f64>,
+}
+
+struct Chunk {
+    y: Vec<Tangent>,
+    yp: Vec<Tangent>,
+    work: Vec<Tangent>,
+    out: Vec<Tangent>,
+}
+
+/// Where a program runs: time with its derivatives along the directions, unknowns, their derivatives by time.
+#[derive(Clone, Copy)]
+pub struct Point<'a> {
+    /// Time.
+    pub time: f64,
+    /// Derivatives of the time; empty for an instant that does not move.
+    pub moving: &'a [f64],
+    /// Unknowns.
+    pub y: &'a [f64],
+    /// Their derivatives by time.
+    pub yp: &'a [f64],
+}
+
+impl Tangents {
+    /// For so many directions.
+    pub fn new(system: &CompiledSystem, width: usize) -> Self {
+        let (n, cells) = (system.model().unknowns(), system.memory().all().len());
+        let chunk = || Chunk { y: vec![STILL; n], yp: vec![STILL; n], work: vec![STILL; cells], out: Vec::new() };
+        Self {
+            width,
+            chunks: (0..width.div_ceil(LANES)).map(|_| chunk()).collect(),
+            y: vec![0.0; n],
+            yp: vec![0.0; n],
+            memory: vec![0.0; cells],
+            out: Vec::new(),
+        }
+    }
+
+    /// Of nothing.
+    pub fn none() -> Self {
+        Self { width: 0, chunks: Vec::new(), y: Vec::new(), yp: Vec::new(), memory: Vec::new(), out: Vec::new() }
+    }
+
+    /// Rates do not move.
+    pub fn still_rates(&mut self) {
+        self.chunks.iter_mut().for_each(|chunk| chunk.yp.fill(STILL));
+    }
+
+    /// Sets the derivative of a rate along a direction.
+    pub fn set_yp(&mut self, at: usize, direction: usize, value: f64) {
+        self.chunks[direction / LANES].yp[at][direction % LANES] = value;
+    }
+
+    /// Nothing moves.
+    pub fn clear(&mut self) {
+        for chunk in &mut self.chunks {
+            chunk.y.fill(STILL);
+            chunk.yp.fill(STILL);
+            chunk.work.fill(STILL);
+        }
+    }
+
+    /// Derivative of an unknown along a direction.
+    pub fn y(&self, at: usize, direction: usize) -> f64 {
+        self.chunks[direction / LANES].y[at][direction % LANES]
+    }
+
+    /// Sets it.
+    pub fn set_y(&mut self, at: usize, direction: usize, value: f64) {
+        self.chunks[direction / LANES].y[at][direction % LANES] = value;
+    }
+
+    /// Takes the derivatives of all unknowns from a matrix, row after row.
+    pub fn take_y(&mut self, rows: &[f64]) {
+        self.take(rows, |chunk| &mut chunk.y);
+    }
+
+    /// Takes those of their rates.
+    pub fn take_yp(&mut self, rows: &[f64]) {
+        self.take(rows, |chunk| &mut chunk.yp);
+    }
+
+    fn take(&mut self, rows: &[f64], part: impl Fn(&mut Chunk) -> &mut Vec<Tangent>) {
+        for (number, chunk) in self.chunks.iter_mut().enumerate() {
+            for (tangent, row) in part(chunk).iter_mut().zip(rows.chunks_exact(self.width)) {
+                let row = &row[number * LANES..];
+                tangent.iter_mut().zip(row).for_each(|(to, from)| *to = *from);
+            }
+        }
+    }
+
+    /// Writes the derivatives of all unknowns to a matrix, row after row.
+    pub fn write_y(&self, rows: &mut [f64]) {
+        for (number, chunk) in self.chunks.iter().enumerate() {
+            for (tangent, row) in chunk.y.iter().zip(rows.chunks_exact_mut(self.width)) {
+                row[number * LANES..].iter_mut().zip(tangent).for_each(|(to, from)| *to = *from);
+            }
+        }
+    }
+
+    /// Takes the derivatives of the workspace of others.
+    pub fn copy_work(&mut self, from: &Tangents) {
+        self.chunks.iter_mut().zip(&from.chunks).for_each(|(to, from)| to.work.copy_from_slice(&from.work));
+    }
+
+    /// Derivative of a number of the workspace along a direction.
+    pub fn work(&self, cell: usize, direction: usize) -> f64 {
+        self.chunks[direction / LANES].work[cell][direction % LANES]
+    }
+
+    /// Sets it.
+    pub fn set_work(&mut self, cell: usize, direction: usize, value: f64) {
+        self.chunks[direction / LANES].work[cell][direction % LANES] = value;
+    }
+
+    /// Whether something in a part of the workspace moves.
+    pub fn is_active(&self, cells: Range<usize>) -> bool {
+        self.chunks.iter().any(|chunk| chunk.work[cells.clone()].iter().any(|tangent| *tangent != STILL))
+    }
+
+    /// A part of the workspace does not move.
+    pub fn hold(&mut self, cells: Range<usize>) {
+        self.chunks.iter_mut().for_each(|chunk| chunk.work[cells.clone()].fill(STILL));
+    }
+
+    /// Keeps the present derivatives as those of another instant, as [`CompiledSystem::keep`] keeps values.
+    pub fn keep(&mut self, system: &CompiledSystem, instant: fn(FramePart) -> Region) {
+        let layout = system.memory().layout();
+        let parts = [
+            (FramePart::Action, Region::Action),
+            (FramePart::Discrete, Region::Discrete),
+            (FramePart::Disturbance, Region::Disturbance),
+        ];
+        for chunk in &mut self.chunks {
+            chunk.work[layout.range(instant(FramePart::Y))].copy_from_slice(&chunk.y);
+            for (part, present) in parts {
+                let to = layout.range(instant(part)).start;
+                chunk.work.copy_within(layout.range(present), to);
+            }
+        }
+    }
+
+    /// Runs a part with derivatives; values stay what they are.
+    ///
+    /// # Errors
+    /// In words, if the part cannot be made.
+    pub fn run(&mut self, system: &CompiledSystem, part: Part, point: Point<'_>, outputs: usize) -> Result<(), String> {
+        let Self { chunks, y, yp, memory, out, .. } = self;
+        out.resize(outputs, 0.0);
+        for (number, chunk) in chunks.iter_mut().enumerate() {
+            y.copy_from_slice(point.y);
+            yp.copy_from_slice(point.yp);
+            memory.copy_from_slice(system.memory().all());
+            chunk.out.resize(outputs, STILL);
+            let first = number * LANES;
+            let moving = std::array::from_fn(|lane| point.moving.get(first + lane).copied().unwrap_or(0.0));
+            let mut view = TangentView {
+                time: (point.time, moving),
+                y: (y, &mut chunk.y),
+                yp: (yp, &chunk.yp),
+                work: (memory, &mut chunk.work),
+                out: (out, &mut chunk.out),
+                tables: &[],
+            };
+            system.model().tangent(part, &mut view).map_err(ToString::to_string)?;
+        }
+        Ok(())
+    }
+
+    /// Derivative of an output of the last run.
+    pub fn output(&self, at: usize, direction: usize) -> f64 {
+        self.chunks[direction / LANES].out[at][direction % LANES]
+    }
+
+    /// Number of directions.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+}

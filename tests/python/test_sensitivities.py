@@ -1,0 +1,329 @@
+"""Derivatives of a control step: against analytic ones, SciPy, differences of tight steps, and CasADi's IDAS."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import smpl
+
+LINEAR = """model Linear "two tanks and an input"
+time t : h
+param a : 1/h = 0.7 in 0..5
+param b : 1/h = 2*a in 0..10
+action u = 0.3 in -2..2
+action v = -0.1 in -2..2
+state x_1 = 1 in -10..10
+state x_2 = -0.5 in -10..10
+eq d/dt x_1 = -a*x_1 + 0.4*x_2*1[1/h] + u*1[1/h]
+eq d/dt x_2 = 0.3*x_1*1[1/h] - b*x_2 + v*u*1[1/h]
+reward energy : h = integral(x_1^2 + u^2)
+reward last = x_2^2 + u*x_1
+let square : 1 = x_1*x_2
+observe x_1, square in -100..100
+episode { step = 0.8 [h], max_steps = 10 }
+"""
+
+BALL = """model Ball "a ball on a plate"
+time t : s
+param e = 0.8 in 0..1
+param g : m/s^2 = 10 in 1..30
+action push : m/s^2 = 0 in -5..5
+state h : m = 1 in -1..100
+state v : m/s = 0 in -100..100
+discrete hits = 0
+eq d/dt h = v
+eq d/dt v = push - g
+event bounce when h < 0
+at bounce { reset v = -e*v ; reset h = 0 ; next hits = hits + 1 }
+observe h, v
+reward height : m s = integral(h)
+episode { step = 0.7 [s], max_steps = 10 }
+"""
+
+SWITCH = """model Switch "a drain that opens at a level, without an event"
+time t : s
+param level = 1 in 0..5
+action u = 1 in 0..3
+state x = 0.5 in -5..50
+eq d/dt x = (if x < level then u else 0.25*u)*1[1/s]
+observe x
+reward above : s = integral(if x < level then 0 else 1)
+episode { step = 2 [s], max_steps = 10 }
+"""
+
+CLOCK = """model Clock "a feed that begins at a time"
+time t : s
+param begin : s = 0.6 in 0..5
+action u = 1 in 0..3
+state x = 0.5 in -5..50
+eq d/dt x = (if t > begin then u else 0)*1[1/s] - x*0.5[1/s]
+observe x
+reward r = x
+episode { step = 1 [s], max_steps = 10 }
+"""
+
+INSTANTS = """model Instants "what happens at sampling instants"
+time t : s
+param K = 2 in 0..10
+action u = 0.2 in -3..3
+state x = 1 in -50..50
+state y = 0.5 in -50..50
+discrete d = 3*x
+disturbance w ~ normal(0, 1)
+eq d/dt x = (d - x*y + w)*1[1/s]
+eq d/dt y = (previous(x) - y)*1[1/s]
+at start { next d = d + K*sq(u)*x ; reset y = y*(1 + 0.1*u) }
+at end { next d = d*x ; clamp x at 3 when x > 3 }
+observe x, d in -100..100
+reward r = d*x - u^2
+episode { step = 0.3 [s], max_steps = 10 }
+"""
+
+ALGEBRAIC = """model Algebraic "a rate that follows from an equation"
+time t : s
+param k = 1.3 in 0..5
+action u = 0.4 in 0..3
+state x = 1 in 0..10
+state s = 0.2 in 0..10
+var z : 1 = 0.5
+eq d/dt x = (u - z)*1[1/s]
+eq d/dt s = (x*z - k*s)*1[1/s]
+eq 0 = z + 0.2*z^3 - k*x*exp(-s)
+observe x, z in -10..10
+reward r = z*u
+episode { step = 0.5 [s], max_steps = 10 }
+"""
+
+
+def compiled(source, rtol=1e-11):
+    return smpl.compile(source=source, settings={"rtol": rtol})
+
+
+def differences(function, at, size=1e-5):
+    """Central differences of fourth order, by columns."""
+    columns = []
+    for i in range(len(at)):
+        h = size * max(abs(at[i]), 1e-2)
+
+        def value(k, i=i, h=h):
+            moved = np.array(at, dtype=float)
+            moved[i] += k * h
+            return np.asarray(function(moved))
+
+        columns.append((8 * (value(1) - value(-1)) - (value(2) - value(-2))) / (12 * h))
+    return np.stack(columns, axis=-1)
+
+
+def check(model, x, u, parameters=(), rtol=2e-6, size=1e-4, **p):
+    """All derivatives of a step against differences of steps; returns what was found."""
+    x, u = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
+    found = model.linearize_step(x, u, p, parameters=parameters)
+
+    def values(x=x, u=u, **given):
+        moved = model.linearize_step(x, u, {**p, **given}, by=())
+        return np.concatenate([model.step(x, u, {**p, **given}), moved.rewards, moved.observations])
+
+    np.testing.assert_allclose(found.states, model.step(x, u, p), rtol=1e-7, atol=1e-9)
+    by_x = differences(lambda moved: values(x=moved), x, size)
+    by_u = differences(lambda moved: values(u=moved), u, size)
+    assert_near(np.concatenate([found.dx_dx, found.dr_dx, found.dy_dx]), by_x, rtol)
+    assert_near(np.concatenate([found.dx_du, found.dr_du, found.dy_du]), by_u, rtol)
+    for k, name in enumerate(parameters):
+        default = p.get(name, model.native.defaults("parameter")[model.parameter_names.index(name)])
+        by_p = differences(lambda moved, name=name: values(**{name: moved[0]}), [default], size)
+        assert_near(np.concatenate([found.dx_dp, found.dr_dp, found.dy_dp])[:, [k]], by_p, rtol)
+    return found
+
+
+def assert_near(found, expected, rtol):
+    np.testing.assert_allclose(found, expected, rtol=rtol, atol=rtol * max(1e-3, np.abs(expected).max()))
+
+
+def test_a_linear_system_has_the_matrix_exponential():
+    linalg = pytest.importorskip("scipy.linalg")
+    model = compiled(LINEAR)
+    a, u, v = 0.7, 0.3, -0.1
+    matrix = np.array([[-a, 0.4, 1, 0], [0.3, -2 * a, v, u], [0, 0, 0, 0], [0, 0, 0, 0]])
+    expected = linalg.expm(matrix * 0.8)
+    reached, by_x, by_u, by_p = model.sensitivity([1, -0.5], [u, v], parameters=("a",))
+    assert (reached.shape, by_x.shape, by_u.shape, by_p.shape) == ((2,), (2, 2), (2, 2), (2, 1))
+    np.testing.assert_allclose(by_x, expected[:2, :2], rtol=1e-8)
+    np.testing.assert_allclose(by_u, expected[:2, 2:], rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(reached, model.step([1, -0.5], [u, v]), rtol=1e-9)
+
+
+def test_derivatives_do_not_rest_where_the_state_does():
+    """At a steady state the solver takes the longest steps for the state; the derivatives need their own."""
+    linalg = pytest.importorskip("scipy.linalg")
+    model = smpl.compile(source=LINEAR)
+    a = np.array([[-0.7, 0.4], [0.3, -1.4]])
+    rest = np.linalg.solve(a, [-0.3, 0.03])
+    _, by_x, _, _ = model.sensitivity(rest, [0.3, -0.1])
+    np.testing.assert_allclose(by_x, linalg.expm(a * 0.8), rtol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["ida", "rosenbrock", "explicit", "auto"])
+def test_rewards_integrals_observations_and_computed_parameters(method):
+    model = compiled(LINEAR)
+    found = check(model, [1, -0.5], [0.3, -0.1], ("a", "b"))
+    other = model.linearize_step([1, -0.5], [0.3, -0.1], parameters=("a", "b"), method=method)
+    for mine, theirs in zip(found.derivatives, other.derivatives, strict=True):
+        np.testing.assert_allclose(theirs, mine, rtol=1e-6, atol=1e-8)
+
+
+def test_a_bounce_is_crossed_by_its_jump_condition():
+    model = compiled(BALL)
+    h, v, e, g = 1.0, 0.0, 0.8, 10.0
+    found = check(model, [h, v], [0.5], ("e", "g"), g=g)
+    g -= 0.5
+    # v(T) = e v_1 - g (T - t_1) with t_1 = sqrt(2 h / g), v_1 = g t_1.
+    hit = np.sqrt(2 * h / g)
+    by_h = (1 + e) * g * hit / (2 * h)
+    np.testing.assert_allclose(found.dx_dx[1, 0], by_h, rtol=1e-8)
+    assert found.dx_dx.shape == (2, 2) and found.dr_dx.shape == (1, 2)
+
+
+def test_equations_that_switch_without_an_event():
+    model = compiled(SWITCH)
+    found = check(model, [0.5], [1.0], ("level",))
+    # 0.5 s to the level, then a quarter of the rate: x(2) = level + (2 - (level - x)/u) u/4.
+    np.testing.assert_allclose([found.dx_dx[0, 0], found.dx_du[0, 0], found.dx_dp[0, 0]], [0.25, 0.5, 0.75], rtol=1e-8)
+    np.testing.assert_allclose(found.dr_dx, [[1.0]], rtol=1e-8)
+
+
+def test_a_break_in_time_moves_with_its_parameter():
+    model = compiled(CLOCK)
+    found = check(model, [0.5], [1.0], ("begin",))
+    np.testing.assert_allclose(found.dx_dp, [[-np.exp(-0.5 * 0.4)]], rtol=1e-8)
+
+
+def test_updates_resets_discrete_variables_and_disturbances():
+    model = compiled(INSTANTS)
+    check(model, [1.0, 0.5], [0.2], ("K",))
+    found = model.linearize_step([1, 0.5], [0.2], {"d": 2.0, "w": 0.3}, discrete=("d",), disturbances="w")
+    by_d = differences(lambda d: model.step([1, 0.5], [0.2], {"d": d[0], "w": 0.3}), [2.0], 1e-4)
+    by_w = differences(lambda w: model.step([1, 0.5], [0.2], {"d": 2.0, "w": w[0]}), [0.3], 1e-3)
+    assert_near(found.dx_dd, by_d, 1e-6)
+    assert_near(found.dx_dw, by_w, 1e-6)
+    # Where the clamp holds, nothing moves the state.
+    clamped = model.linearize_step([2.9, 0.5], [0.2])
+    assert clamped.states[0] == 3 and not clamped.dx_dx[0].any()
+
+
+def test_algebraic_variables():
+    check(compiled(ALGEBRAIC), [1.0, 0.2], [0.4], ("k",))
+
+
+def test_what_has_no_derivative_is_refused_by_name():
+    model = compiled(BALL)
+    # Thrown so that it just touches the plate.
+    with pytest.raises(smpl.SimulationError, match="bounce"):
+        model.linearize_step([10 * 0.7**2 / 2, 0.0], [0.0])
+    ends = BALL.replace("event bounce when h < 0", "fail broken event h < 0").split("at bounce")[0] + "episode { step = 0.7 [s] }"
+    with pytest.raises(smpl.SimulationError, match="broken"):
+        smpl.compile(source=ends).sensitivity([1, 0], [0])
+    with pytest.raises(smpl.SimulationError, match="broken"):
+        smpl.compile(source=ends).step([1, 0], [0])
+
+
+def test_points_on_all_cores_are_the_points_one_by_one():
+    model = smpl.compile("reactor")
+    rng = np.random.default_rng(3)
+    env = smpl.Env(model, normalize=False)
+    env.reset(seed=1)
+    states = env.state * rng.uniform(0.98, 1.02, (7, 3))
+    actions = rng.uniform(env.action_low, env.action_high, (7, 2))
+    together = model.sensitivity(states, actions, parameters=("k_0",), threads=2)
+    np.testing.assert_array_equal(model.step(states, actions)[2], model.step(states[2], actions[2]))
+    for i in range(7):
+        for many, one in zip(together, model.sensitivity(states[i], actions[i], parameters=("k_0",)), strict=True):
+            np.testing.assert_array_equal(many[i], one)
+    values = {"k_0": model.native.defaults("parameter")[model.parameter_names.index("k_0")] * rng.uniform(0.9, 1.1, 7)}
+    shared = model.sensitivity(states[0], actions[0], values)[0]
+    assert shared.shape == (7, 3) and np.ptp(shared[:, 0]) > 0
+
+
+def test_bad_input_is_named():
+    model = smpl.compile("reactor")
+    x, u = np.zeros(3), np.zeros(2)
+    with pytest.raises(ValueError, match=r"x has shape \(4,\)"):
+        model.step(np.zeros(4), u)
+    with pytest.raises(ValueError, match=r"u has shape"):
+        model.sensitivity(x, np.zeros(3))
+    with pytest.raises(ValueError, match="u.*nan"):
+        model.sensitivity(x, [np.nan, 0])
+    with pytest.raises(ValueError, match="k_00"):
+        model.sensitivity(x, u, parameters=("k_00",))
+    with pytest.raises(ValueError, match="k_00"):
+        model.step(x, u, {"k_00": 1.0})
+    with pytest.raises(ValueError, match="by has 'states'"):
+        model.linearize_step(x, u, by=("states",))
+    assert model.step > 0 and model.step == model.native.step
+
+
+def start(name):
+    """A state some steps after the start, where no bound holds, and an action."""
+    env = smpl.Env(name, normalize=False)
+    env.reset(seed=0)
+    middle = (env.action_low + env.action_high) / 2
+    for _ in range(5):
+        env.step(middle)
+    return env, np.array(env.state), middle
+
+
+@pytest.mark.parametrize("name", ["reactor", "beer", "pensim", "atropine"])
+def test_shipped_models_against_differences(name):
+    env, x, u = start(name)
+    model = smpl.compile(name, settings={"rtol": 1e-11} if name != "pensim" else {"rtol": 1e-12})
+    rng = np.random.default_rng(0)
+    wide = env.action_high - env.action_low
+    found = model.linearize_step(x, u, by="action")
+    for _ in range(2):
+        along = rng.uniform(-1, 1, len(u)) * wide
+
+        def moved(k, along=along):
+            return model.step(x, u + k * 1e-3 * along)
+
+        expected = (8 * (moved(1) - moved(-1)) - (moved(2) - moved(-2))) / 12e-3
+        assert_near(found.dx_du @ along, expected, 2e-6)
+    if len(x) < 100:
+        by_x = model.sensitivity(x, u)[1]
+        along = rng.uniform(-1, 1, len(x)) * np.abs(x)
+
+        def shifted(k):
+            return model.step(x + k * 1e-4 * along, u)
+
+        expected = (8 * (shifted(1) - shifted(-1)) - (shifted(2) - shifted(-2))) / 12e-4
+        assert_near(by_x @ along, expected, 2e-6)
+
+
+def test_the_gradient_through_an_episode():
+    from smpl.examples import policy_gradient as example
+
+    env = smpl.Env("reactor", normalize=False)
+    starts = example.starts_of(env, 3)
+    policy = example.Policy.small(env, starts, hidden=3)
+    model = smpl.compile("reactor", settings={"rtol": 1e-11})
+    _, slopes = example.gradient(model, policy, starts, 3)
+    for w, slope in zip(policy.weights, slopes, strict=True):
+        flat = w.reshape(-1)
+
+        def value(delta, flat=flat):
+            flat[0] += delta
+            found = example.gradient(model, policy, starts, 3)[0]
+            flat[0] -= delta
+            return found
+
+        expected = (8 * (value(1e-3) - value(-1e-3)) - (value(2e-3) - value(-2e-3))) / 12e-3
+        assert slope.reshape(-1)[0] == pytest.approx(expected, rel=1e-5, abs=1e-8)
+    costs = example.main(["--episodes", "4", "--steps", "5", "--iterations", "12"])
+    assert costs[-1] < 0.9 * costs[0]
+
+
+def test_the_cost_is_printed(capsys):
+    from smpl.examples import sensitivity_cost as example
+
+    example.main(["beer"])
+    header, row = capsys.readouterr().out.splitlines()
+    assert "ratio" in header and row.split()[:2] == ["beer", "8"]
