@@ -8,6 +8,7 @@ mod arrays;
 mod c;
 mod casadi;
 mod elements;
+mod fmu;
 mod functions;
 mod jacobian;
 mod jax;
@@ -23,6 +24,7 @@ use thiserror::Error;
 use crate::compiled::CompiledModel;
 
 pub use elements::{Element, Families, Nominal};
+pub use fmu::{Package, Settings};
 
 /// What a model is exported to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,12 +37,14 @@ pub enum Target {
     C,
     /// The checked model as a tree, with a schema.
     Json,
+    /// An archive for simulators, see [`package`].
+    Fmu,
 }
 
 impl Target {
     /// All of them with their names.
-    pub const ALL: [(&'static str, Target); 4] =
-        [("casadi", Target::Casadi), ("jax", Target::Jax), ("c", Target::C), ("json", Target::Json)];
+    pub const ALL: [(&'static str, Target); 5] =
+        [("casadi", Target::Casadi), ("jax", Target::Jax), ("c", Target::C), ("json", Target::Json), ("fmu", Target::Fmu)];
 
     /// The name on the command line.
     #[must_use]
@@ -55,6 +59,7 @@ impl Target {
             Target::Casadi | Target::Jax => &["py"],
             Target::C => &["c", "h"],
             Target::Json => &["json"],
+            Target::Fmu => &["fmu"],
         }
     }
 }
@@ -94,6 +99,21 @@ pub enum ExportError {
         /// The function.
         function: String,
     },
+    /// A function of an FMU reads an integral over the step, which it does not keep.
+    #[error("`{function}` reads an integral over the step, which an FMU does not have")]
+    Integral {
+        /// The function.
+        function: String,
+    },
+    /// A variable of an FMU has no start value.
+    #[error("`{name}` has no value at the nominal point, and an FMU needs a start value")]
+    NoStart {
+        /// The variable.
+        name: String,
+    },
+    /// An FMU is no text.
+    #[error("an FMU is an archive: `smpl export FILE --to fmu -o NAME.fmu` or `smpl.export.fmu(model, path)` writes it")]
+    Archive,
     /// An equation cannot be differentiated.
     #[error(transparent)]
     Differentiate(#[from] crate::differentiate::DifferentiateError),
@@ -128,6 +148,15 @@ pub fn export(model: &CompiledModel, nominal: &Nominal<'_>, origin: &Origin<'_>,
         Target::Jax => vec![jax::print(model.model(), nominal, origin)?],
         Target::C => c::print(model.model(), nominal, origin)?,
         Target::Json => vec![json::print(model.model(), nominal, origin)?],
+        Target::Fmu => return Err(ExportError::Archive),
     };
     Ok(target.endings().iter().zip(texts).map(|(ending, text)| File { ending, text }).collect())
+}
+
+/// What an FMU of a model holds, but for its binary.
+///
+/// # Errors
+/// See [`ExportError`].
+pub fn package(model: &CompiledModel, nominal: &Nominal<'_>, origin: &Origin<'_>, settings: &Settings) -> Result<Package, ExportError> {
+    fmu::package(model.model(), nominal, origin, settings)
 }

@@ -8,10 +8,11 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArrayDyn};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
+use pyo3::types::PyBytes;
 use smpl_compiler::export::{ExportError, Target};
 use smpl_dsl::span::FileId;
 use smpl_runtime::catalogue::{self, Catalogue, Element, Family};
-use smpl_runtime::export::{ExportFault, export};
+use smpl_runtime::export::{ExportFault, export, export_fmu};
 use smpl_runtime::rollout::Rollouts;
 use smpl_runtime::sensitivity::Sensitivities;
 use smpl_runtime::setup::{EnvironmentOptions, Setup};
@@ -195,11 +196,14 @@ impl Model {
     #[pyo3(signature = (target, stem=None))]
     fn export(&self, py: Python<'_>, target: &str, stem: Option<&str>) -> PyResult<Vec<(&'static str, String)>> {
         let target: Target = target.parse().map_err(|e: ExportError| PyValueError::new_err(e.to_string()))?;
-        let files = released(py, || export(&self.loaded, target, stem))?.map_err(|fault| match fault {
-            ExportFault::Setup(error) => setup_error(&error),
-            ExportFault::Export(error) => PyValueError::new_err(error.to_string()),
-        })?;
+        let files = released(py, || export(&self.loaded, target, stem))?.map_err(export_error)?;
         Ok(files.into_iter().map(|file| (file.ending, file.text)).collect())
+    }
+
+    /// The bytes of an FMU, and why it has no binary if it has none.
+    fn fmu<'py>(&self, py: Python<'py>, binary: bool) -> PyResult<(Bound<'py, PyBytes>, Option<String>)> {
+        let fmu = released(py, || export_fmu(&self.loaded, binary))?.map_err(export_error)?;
+        Ok((PyBytes::new(py, &fmu.bytes), fmu.without_binary))
     }
 
     /// Lower and upper bounds of a role.
@@ -428,4 +432,12 @@ impl Model {
 /// The exception of a role that there is not.
 pub fn role_error(role: &str) -> PyErr {
     PyValueError::new_err(format!("unknown role `{role}`"))
+}
+
+/// The exception of a model that is not exported.
+fn export_error(fault: ExportFault) -> PyErr {
+    match fault {
+        ExportFault::Setup(error) => setup_error(&error),
+        ExportFault::Export(error) => PyValueError::new_err(error.to_string()),
+    }
 }

@@ -6,8 +6,10 @@ mod body;
 mod index;
 mod prepare;
 
-use body::{Body, number};
-use index::{Tables, wrapped};
+use body::Body;
+pub(super) use body::number;
+use index::Tables;
+pub(super) use index::wrapped;
 
 use super::jacobian::{Pattern, jacobian};
 use super::sheet::{Function, Label, Nest, Sheet};
@@ -19,14 +21,27 @@ pub(super) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
     let mut sheet = Sheet::new(model, nominal)?;
     let own = identifier(&sheet.model.interface.name);
     let stem = origin.stem.unwrap_or(&own);
+    let text = write(&mut sheet, origin, stem)?;
+    Ok(vec![text.source, text.header])
+}
+
+/// The files of a sheet, and the pattern of the Jacobian that they compute.
+pub(super) struct Text {
+    pub source: String,
+    pub header: String,
+    pub pattern: Pattern,
+}
+
+/// The functions of a sheet, and its Jacobian; names begin with that of the file.
+pub(super) fn write(sheet: &mut Sheet, origin: &Origin<'_>, stem: &str) -> Result<Text, ExportError> {
     let prefix = identifier(stem);
-    let (derivative, pattern) = jacobian(&mut sheet)?;
+    let (derivative, pattern) = jacobian(sheet)?;
     let at = sheet.functions.iter().position(|f| f.name == "residual").map_or(0, |at| at + 1);
     sheet.functions.insert(at, derivative);
-    let (prepare, work) = prepare::hoist(&mut sheet)?;
-    let file = File { sheet: &sheet, prefix: &prefix, stem, origin, pattern: &pattern, work };
-    let header = file.header();
-    Ok(vec![file.source(&prepare)?, header])
+    let (prepare, work) = prepare::hoist(sheet)?;
+    let file = File { sheet, prefix: &prefix, stem, origin, pattern: &pattern, work };
+    let (header, source) = (file.header(), file.source(&prepare)?);
+    Ok(Text { source, header, pattern })
 }
 
 /// A name as a part of identifiers: small letters, digits, underscores.
@@ -71,7 +86,7 @@ impl File<'_> {
 
     /// Functions whose outputs have names that are no elements of the above.
     fn labelled(&self) -> impl Iterator<Item = &Function> {
-        let listed = ["residual", "rates", "algebraic", "jacobian", "outputs"];
+        let listed = ["residual", "rates", "algebraic", "jacobian", "outputs", "partials", "next_break"];
         self.sheet.functions.iter().filter(move |f| !f.update && !listed.contains(&f.name.as_str()))
     }
 
@@ -209,7 +224,7 @@ fn element(e: &Element) -> String {
 }
 
 /// Text inside of a string literal.
-fn quoted(text: &str) -> String {
+pub(super) fn quoted(text: &str) -> String {
     text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', " ").replace("??", "?\\?")
 }
 

@@ -155,6 +155,31 @@ impl Sheet {
         found
     }
 
+    /// The copies of variables that a function reads.
+    pub(super) fn loads(&self, function: &Function) -> Vec<(VarId, Flavour)> {
+        let mut found = vec![];
+        self.each_node(function, &mut |node| {
+            if let Expr::Load { var, flavour, .. } = node {
+                found.push((var, self.copy(var, flavour)));
+            }
+        });
+        found.sort_unstable();
+        found.dedup();
+        found
+    }
+
+    /// Vector and element that hold a value, if a function reads it.
+    pub(super) fn place_of(&self, var: VarId, flavour: Flavour, element: u32) -> Option<(Array, u32)> {
+        self.spot(var, flavour, element)
+    }
+
+    /// What has no public name: copy, element and where it is kept.
+    pub(super) fn extras(&self) -> Vec<((VarId, Flavour, u32), (Array, u32))> {
+        let mut extras: Vec<_> = self.extra.iter().map(|(key, spot)| (*key, *spot)).collect();
+        extras.sort_unstable();
+        extras
+    }
+
     fn each_node(&self, function: &Function, visit: &mut dyn FnMut(Expr)) {
         let mut stack: Vec<ExprId> = function.nests.iter().flat_map(|n| &n.stores).map(|s| s.value).collect();
         let mut seen = FastSet::default();

@@ -11,9 +11,9 @@ docs/export.md describes each form.
 
 from __future__ import annotations
 
-from smpl.export.files import json, text, write
+from smpl.export.files import fmu, json, text, write
 from smpl.export.modules import CasadiModel, JaxModel, casadi, jax
 from smpl.export.parts import CasadiPart
 from smpl.export.predictive import do_mpc
 
-__all__ = ["CasadiModel", "CasadiPart", "JaxModel", "casadi", "do_mpc", "jax", "json", "text", "write"]
+__all__ = ["CasadiModel", "CasadiPart", "JaxModel", "casadi", "do_mpc", "fmu", "jax", "json", "text", "write"]

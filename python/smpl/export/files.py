@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json as _json
 import os
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,34 @@ def write(model: Model, target: str, path: str | os.PathLike[str]) -> list[Path]
     files = dict(model.native.export(target, main.stem))
     paths = [main, *(main.with_suffix(f".{ending}") for ending in list(files)[1:])]
     for file, content in reversed(list(zip(paths, files.values(), strict=True))):
-        part = file.with_name(f".{file.name}.part")
-        part.write_text(content, encoding="utf-8")
-        part.replace(file)
+        _write_whole(file, content.encode())
     return paths
+
+
+def fmu(model: Model, path: str | os.PathLike[str], *, binary: bool = True) -> Path:
+    """Write a Functional Mock-up Unit of FMI 3.0, as `smpl export --to fmu -o PATH` does.
+
+    Args:
+        model: a compiled model; scenario, variants and settings are those that it was compiled with.
+        path: where it goes, `NAME.fmu`.
+        binary: make a binary for this machine by the C compiler `cc` (another one: the environment variable `CC`).
+            Without one the FMU holds sources that an importer compiles; a warning says so where that was not asked for.
+
+    Returns:
+        The file.
+
+    Raises:
+        ValueError: a model that an FMU cannot carry.
+    """
+    content, why = model.native.fmu(binary)
+    if binary and why:
+        warnings.warn(f"{path} holds sources only and no binary: {why}", stacklevel=2)
+    _write_whole(Path(path), content)
+    return Path(path)
+
+
+def _write_whole(file: Path, content: bytes) -> None:
+    """A file that is there whole or not at all."""
+    part = file.with_name(f".{file.name}.part")
+    part.write_bytes(content)
+    part.replace(file)

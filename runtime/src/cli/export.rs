@@ -7,7 +7,7 @@ use smpl_compiler::export::{File, Target};
 
 use super::report::Failed;
 use super::{ModelArguments, outputs, say};
-use crate::export::export;
+use crate::export::{export, export_fmu};
 use crate::files::{is_standard_output, write_whole};
 use crate::load;
 
@@ -16,12 +16,13 @@ use crate::load;
 Examples:
   smpl export models/reactor.eq --to json -o reactor.json
   smpl export models/reactor.eq --to c -o reactor.c
-  smpl export models/mab.eq --to casadi --scenario legacy -o mab_casadi.py")]
+  smpl export models/mab.eq --to casadi --scenario legacy -o mab_casadi.py
+  smpl export models/pensim.eq --to fmu -o pensim.fmu")]
 pub(super) struct ExportArguments {
     /// Model
     #[arg(value_name = "FILE.eq")]
     file: PathBuf,
-    /// The form: casadi, jax, c, json
+    /// The form: casadi, jax, c, json, fmu
     #[arg(long, value_name = "TARGET", value_parser = target)]
     to: Target,
     #[command(flatten)]
@@ -45,9 +46,20 @@ pub(super) fn run(arguments: &ExportArguments) -> Result<(), Failed> {
     outputs::check(&given(), load::files_of(&arguments.file).into_iter())?;
     let loaded = arguments.model.load(&arguments.file)?;
     outputs::check(&given(), outputs::names(&loaded.sources).chain([arguments.file.clone()]))?;
+    if let (Target::Fmu, Some(main)) = (arguments.to, &arguments.output) {
+        return write_fmu(&loaded, main);
+    }
     let stem = arguments.output.as_ref().and_then(|path| path.file_stem()?.to_str());
     let files = export(&loaded, arguments.to, stem).map_err(|error| Failed::Message(error.to_string()))?;
     write(&files, &paths)
+}
+
+/// Writes an archive; says so where it has no binary.
+fn write_fmu(loaded: &load::Loaded, main: &Path) -> Result<(), Failed> {
+    let fmu = export_fmu(loaded, true).map_err(|error| Failed::Message(error.to_string()))?;
+    write_whole(main, |out| out.write_all(&fmu.bytes))?;
+    let binary = fmu.without_binary.map_or_else(String::new, |why| format!("; it holds sources only and no binary: {why}"));
+    outputs::conclude(&format!("written to {}{binary}\n", main.display()), &[Some(main)])
 }
 
 fn write(files: &[File], paths: &[PathBuf]) -> Result<(), Failed> {

@@ -316,7 +316,7 @@ pub(super) fn name(array: Array) -> &'static str {
 }
 
 /// A number that C reads back to the same bits.
-pub(super) fn number(x: f64) -> String {
+pub(in crate::export) fn number(x: f64) -> String {
     if x.is_nan() {
         "NAN".to_owned()
     } else if x.is_infinite() {

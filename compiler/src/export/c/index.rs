@@ -36,7 +36,7 @@ impl Tables {
 }
 
 /// Numbers with commas, broken into lines.
-pub(super) fn wrapped<T: ToString>(items: impl Iterator<Item = T>) -> String {
+pub(in crate::export) fn wrapped<T: ToString>(items: impl Iterator<Item = T>) -> String {
     let mut text = String::new();
     let mut column = 0;
     for item in items {

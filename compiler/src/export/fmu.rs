@@ -1,0 +1,164 @@
+//! A model as a Functional Mock-up Unit of FMI 3.0: its description, and sources that hold the model, an integrator and the interface.
+//!
+//! The sources are those of the C export, with derivatives for directional derivatives, and files of C that are the same for every model
+//! (`fmu/sources`), which read tables that are written here.
+
+mod description;
+mod order;
+mod partials;
+mod tables;
+mod units;
+mod variables;
+
+use super::c;
+use super::sheet::{Function, Nest, Sheet, Store};
+use super::{ExportError, Nominal, Origin};
+use crate::explicit_time;
+use crate::ir::{Flavour, Role};
+use crate::model::Model;
+
+/// How the model is simulated, as the environment does it.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Relative tolerance that is asked for.
+    pub tolerance: f64,
+    /// The one that the integrator is given.
+    pub rtol: f64,
+    /// Absolute tolerance over the relative one times the scale.
+    pub atol_factor: f64,
+    /// Longest step of the integrator.
+    pub max_step: f64,
+    /// Most steps between two sampling instants.
+    pub max_steps: u32,
+    /// Most events there.
+    pub max_events: u32,
+    /// Most sampling intervals of an episode.
+    pub episode: u32,
+    /// Algebraic variables enter the error test.
+    pub algebraic_errors: bool,
+    /// Times that initial values are worked out again from algebraic variables.
+    pub start_passes: usize,
+    /// Initial values of states and discrete variables that were chosen by name.
+    pub initial: Vec<(String, f64)>,
+}
+
+/// The files of an FMU.
+pub struct Package {
+    /// Name of the binary.
+    pub identifier: String,
+    /// Path within the archive and text, in the order of the archive.
+    pub files: Vec<(String, String)>,
+}
+
+/// The files of C that are the same for every model.
+const SOURCES: [(&str, &str); 9] = [
+    ("core.c", include_str!("fmu/sources/core.c")),
+    ("core.h", include_str!("fmu/sources/core.h")),
+    ("fmi3.c", include_str!("fmu/sources/fmi3.c")),
+    ("fmi3.h", include_str!("fmu/sources/fmi3.h")),
+    ("linear.c", include_str!("fmu/sources/linear.c")),
+    ("linear.h", include_str!("fmu/sources/linear.h")),
+    ("solver.c", include_str!("fmu/sources/solver.c")),
+    ("types.h", include_str!("fmu/sources/types.h")),
+    ("variables.c", include_str!("fmu/sources/variables.c")),
+];
+
+/// All that a package is made of.
+struct Parts<'a> {
+    sheet: &'a Sheet,
+    settings: &'a Settings,
+    identifier: &'a str,
+    variables: &'a variables::Variables,
+    partials: &'a partials::Partials,
+    order: &'a [u32],
+    /// What of it reads the steady state, which is that of the exported parameters.
+    steady: &'a [String],
+    /// Time occurs in the equations.
+    timed: bool,
+}
+
+pub(super) fn package(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>, settings: &Settings) -> Result<Package, ExportError> {
+    let mut sheet = Sheet::new(model, nominal)?;
+    refuse(&sheet)?;
+    let steady = readers_of_steady(&sheet);
+    let identifier = c::identifier(&sheet.model.interface.name);
+    let timed = sheet.function("residual").is_some_and(|f| sheet.uses_time(f));
+    let partials = partials::add(&mut sheet)?;
+    add_next_break(&mut sheet)?;
+    let text = c::write(&mut sheet, origin, "model")?;
+    let variables = variables::Variables::new(&sheet, !steady.is_empty())?;
+    let order = order::order(&text.pattern);
+    let parts = Parts {
+        sheet: &sheet,
+        settings,
+        identifier: &identifier,
+        variables: &variables,
+        partials: &partials,
+        order: &order,
+        steady: &steady,
+        timed,
+    };
+    let [header, source] = tables::print(&parts);
+    let mut sources: Vec<(String, String)> = SOURCES.iter().map(|(name, text)| ((*name).to_owned(), (*text).to_owned())).collect();
+    sources.extend([("model.c", text.source), ("model.h", text.header), ("tables.c", source)].map(|(name, text)| (name.to_owned(), text)));
+    sources.push(("tables.h".into(), header));
+    sources.sort();
+    let description = description::model(&parts, origin, "");
+    let token = token(&description, &sources);
+    sources.iter_mut().filter(|(name, _)| name == "tables.h").for_each(|(_, text)| *text = text.replace(TOKEN, &token));
+    let mut files = vec![("modelDescription.xml".to_owned(), description::model(&parts, origin, &token))];
+    files.push(("resources/elements.csv".into(), description::elements(&parts)));
+    files.push(("sources/buildDescription.xml".into(), description::build(&parts, &sources)));
+    files.extend(sources.into_iter().map(|(name, text)| (format!("sources/{name}"), text)));
+    Ok(Package { identifier, files })
+}
+
+/// Stands for the token until it is known.
+const TOKEN: &str = "@TOKEN@";
+
+/// What tells one FMU from others: a hash of all that it holds.
+fn token(description: &str, sources: &[(String, String)]) -> String {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(description.as_bytes());
+    sources.iter().for_each(|(name, text)| {
+        hasher.update(name.as_bytes()).update(text.as_bytes());
+    });
+    let hex = hasher.finalize().to_hex();
+    format!("{{{}}}", &hex[..32])
+}
+
+/// Whether an FMU calls a function.
+fn is_carried(function: &Function) -> bool {
+    let left_out = ["rewards", "successes", "constraints", "invariants", "integrals", "boxes"];
+    !left_out.contains(&function.name.as_str()) && !function.name.starts_with("policy_")
+}
+
+/// What would be a wrong number in an FMU.
+fn refuse(sheet: &Sheet) -> Result<(), ExportError> {
+    for function in sheet.functions.iter().filter(|f| is_carried(f)) {
+        for (var, flavour) in sheet.loads(function) {
+            match (sheet.model.vars[var].role, flavour) {
+                (Role::Algebraic, Flavour::Derivative) => return Err(ExportError::AlgebraicDerivative { function: function.name.clone() }),
+                (Role::Quadrature, _) => return Err(ExportError::Integral { function: function.name.clone() }),
+                _ => {}
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Functions that read the steady state.
+fn readers_of_steady(sheet: &Sheet) -> Vec<String> {
+    let reads = |f: &&Function| sheet.loads(f).iter().any(|(_, flavour)| *flavour == Flavour::Steady);
+    sheet.functions.iter().filter(|f| is_carried(f)).filter(reads).map(|f| f.name.clone()).collect()
+}
+
+/// The function that gives the next time at which an equation changes its form.
+fn add_next_break(sheet: &mut Sheet) -> Result<(), ExportError> {
+    let rows = crate::differentiate::rows(&mut sheet.model)?;
+    let Some(value) = explicit_time::collect(&mut sheet.model, &rows).next_break else { return Ok(()) };
+    let nests = vec![Nest { loops: vec![], stores: vec![Store { array: None, positions: vec![0], add: false, value }] }];
+    let text = "the next time at which an equation changes its form".to_owned();
+    sheet.functions.push(Function { name: "next_break".into(), text, nests, update: false, outputs: vec![] });
+    Ok(())
+}

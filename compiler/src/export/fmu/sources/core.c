@@ -1,0 +1,461 @@
+/* What happens at the instants of an episode: initial values, sampling, events; consistent algebraic variables and rates. */
+#include "core.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define N MODEL_UNKNOWNS
+
+fmi3Status smpl_say(smpl_instance *s, fmi3Status status, const char *format, ...)
+{
+    char text[1000];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    if (s->log && (s->logging || status >= fmi3Error)) {
+        s->log(s->environment, status, status >= fmi3Error ? "logStatusError" : "logEvents", text);
+    }
+    return status;
+}
+
+/* Takes a part of a block. */
+static double *take(double **block, size_t length)
+{
+    double *part = *block;
+    *block += length;
+    return part;
+}
+
+static size_t divide(smpl_instance *s, double *block)
+{
+    double *at = block;
+    s->u_used = take(&at, MODEL_ACTIONS);
+    s->w = take(&at, MODEL_WORK);
+    s->outputs = take(&at, MODEL_OUTPUTS);
+    s->observations = take(&at, SMPL_OBSERVATIONS);
+    s->roots = take(&at, SMPL_ROOTS);
+    s->ahead = take(&at, SMPL_ROOTS);
+    s->failures = take(&at, 2 * SMPL_FAILURES);
+    s->partials = take(&at, SMPL_PARTIALS);
+    s->f = take(&at, N);
+    s->delta = take(&at, N);
+    s->trial = take(&at, N);
+    s->trial_p = take(&at, N);
+    s->zero = take(&at, N);
+    s->j0 = take(&at, MODEL_NONZEROS);
+    s->j1 = take(&at, MODEL_NONZEROS);
+    s->matrix = take(&at, MODEL_NONZEROS);
+    s->seed = take(&at, SMPL_PARTIAL_COLUMNS + SMPL_PARTIAL_ROWS);
+    s->p2 = take(&at, MODEL_PARAMETERS);
+    s->y2 = take(&at, N);
+    s->yp2 = take(&at, N);
+    s->stages = take(&at, 16 * (size_t)N);
+    s->place = take(&at, N);
+    s->place_p = take(&at, N);
+    s->end = take(&at, N);
+    s->end_p = take(&at, N);
+    s->right = take(&at, N);
+    s->slope = take(&at, N);
+    s->terms = take(&at, 5 * (size_t)N);
+    return (size_t)(at - block);
+}
+
+smpl_instance *smpl_create(void)
+{
+    smpl_instance *s = calloc(1, sizeof *s);
+    static double nothing[1];
+    if (!s) return NULL;
+    s->kept = calloc(SMPL_KEPT, sizeof(double));
+    s->scratch = calloc(divide(s, nothing) + 1, sizeof(double));
+    if (!s->kept || !s->scratch || !smpl_lu_create(&s->lu, N, model_jacobian_columns, model_jacobian_rows, smpl_order)) {
+        smpl_destroy(s);
+        return NULL;
+    }
+    divide(s, s->scratch);
+    double *at = s->kept;
+    s->y = take(&at, N);
+    s->yp = take(&at, N);
+    s->y_set = take(&at, N);
+    s->u = take(&at, MODEL_ACTIONS);
+    s->u_before = take(&at, MODEL_ACTIONS);
+    s->p = take(&at, MODEL_PARAMETERS);
+    s->p_set = take(&at, MODEL_PARAMETERS);
+    s->c = take(&at, MODEL_CONTEXT);
+    s->holds = take(&at, SMPL_ROOTS);
+    s->passed = take(&at, SMPL_ROOTS);
+    smpl_reset(s);
+    return s;
+}
+
+void smpl_destroy(smpl_instance *s)
+{
+    if (!s) return;
+    smpl_lu_destroy(&s->lu);
+    free(s->kept);
+    free(s->scratch);
+    free(s);
+}
+
+void smpl_reset(smpl_instance *s)
+{
+    memset(&s->now, 0, sizeof s->now);
+    memset(s->kept, 0, SMPL_KEPT * sizeof(double));
+    s->now.rtol = SMPL_RTOL;
+    for (int i = 0; i < MODEL_STATES; ++i) s->y[i] = model_states_table[i].nominal;
+    for (int i = MODEL_STATES; i < N; ++i) s->y[i] = model_algebraic_table[i - MODEL_STATES].nominal;
+    for (int i = 0; i < MODEL_ACTIONS; ++i) s->u[i] = s->u_before[i] = model_actions_table[i].nominal;
+    for (int i = 0; i < MODEL_PARAMETERS; ++i) s->p[i] = model_parameters_table[i].nominal;
+    for (int i = 0; i < MODEL_CONTEXT; ++i) s->c[i] = model_context_table[i].nominal;
+}
+
+/* Inputs, parameters or states have changed. */
+void smpl_stale(smpl_instance *s)
+{
+    s->now.prepared = s->now.consistent = 0;
+}
+
+double smpl_clock(const smpl_instance *s, double time)
+{
+    return s->now.begin + (time - s->now.begin) * SMPL_PACE;
+}
+
+double smpl_next_sample(const smpl_instance *s)
+{
+    return s->now.first + (double)(s->now.steps + 1) * SMPL_STEP;
+}
+
+static void set_builtin(smpl_instance *s, int which, double value)
+{
+    for (int i = 0; i < SMPL_BUILTINS; ++i) {
+        if (smpl_builtins[i].which == which) (smpl_builtins[i].in_p ? s->p : s->c)[smpl_builtins[i].at] = value;
+    }
+}
+
+/* Copies of what was, at the start of the episode (0) or of the step (1). */
+static void keep(smpl_instance *s, int instant)
+{
+    for (int i = 0; i < SMPL_COPIES; ++i) {
+        const smpl_copy *copy = &smpl_copies[i];
+        const double *from = copy->from == SMPL_Y ? s->y : copy->from == SMPL_U ? s->u_before : s->p;
+        if (copy->instant == instant) (copy->in_p ? s->p : s->c)[copy->at] = from[copy->from_at];
+    }
+}
+
+/* What actions and parameters determine. */
+void smpl_prepare(smpl_instance *s)
+{
+    if (s->now.prepared) return;
+    for (int i = 0; i < MODEL_ACTIONS; ++i) {
+        const double scale = model_actions_table[i].scale;
+        s->u_used[i] = SMPL_SINGLE ? (double)(float)(s->u[i] / scale) * scale : s->u[i];
+    }
+    model_prepare(s->u_used, s->p, s->w);
+    s->now.prepared = 1;
+    s->now.consistent = 0;
+}
+
+/* Root mean square of a correction of rates and algebraic variables, in tolerances. */
+static double size_of(const smpl_instance *s, const double *delta, const double *y, const double *yp)
+{
+    double sum = 0.0;
+    for (int i = 0; i < N; ++i) {
+        const double scale = i < MODEL_STATES ? smpl_scale[i] / SMPL_STEP : smpl_scale[i];
+        const double now = i < MODEL_STATES ? yp[i] : y[i];
+        const double part = delta[i] / (s->now.rtol * (fabs(now) + SMPL_ATOL_FACTOR * scale));
+        sum += part * part;
+    }
+    return sqrt(sum / (N > 0 ? N : 1));
+}
+
+/* Factorises the derivatives by rates and algebraic variables. */
+int smpl_rate_matrix(smpl_instance *s, double clock, const double *y, const double *yp)
+{
+    model_jacobian(clock, y, yp, 0.0, s->u_used, s->p, s->w, s->j0);
+    model_jacobian(clock, y, yp, 1.0, s->u_used, s->p, s->w, s->j1);
+    for (int j = 0; j < N; ++j) {
+        for (int k = model_jacobian_columns[j]; k < model_jacobian_columns[j + 1]; ++k) {
+            s->matrix[k] = j < MODEL_STATES ? s->j1[k] - s->j0[k] : s->j0[k];
+        }
+    }
+    return smpl_lu_factorise(&s->lu, s->matrix);
+}
+
+/* The names of the unknowns. */
+static const char *name_of(int unknown)
+{
+    return unknown < MODEL_STATES ? model_states_table[unknown].name : model_algebraic_table[unknown - MODEL_STATES].name;
+}
+
+/* Algebraic variables and rates by Newton's method, damped while it does not come nearer. */
+int smpl_consistent(smpl_instance *s, double clock, double *y, double *yp)
+{
+    double size;
+    if (!SMPL_IMPLICIT && N == MODEL_STATES) {
+        model_residual(clock, y, s->zero, s->u_used, s->p, s->w, yp);
+        return 1;
+    }
+    for (int i = MODEL_STATES; i < N; ++i) yp[i] = 0.0;
+    model_residual(clock, y, yp, s->u_used, s->p, s->w, s->f);
+    for (int iteration = 0; iteration < 100; ++iteration) {
+        const int singular = smpl_rate_matrix(s, clock, y, yp);
+        double damping = 1.0, next = INFINITY;
+        if (singular) {
+            smpl_say(s, fmi3Error, "time %.15g: the equations do not determine `%s`", clock, singular > 0 ? name_of(singular - 1) : "");
+            return 0;
+        }
+        memcpy(s->delta, s->f, sizeof(double) * N);
+        smpl_lu_solve(&s->lu, s->delta);
+        size = size_of(s, s->delta, y, yp);
+        while (damping > 1e-15) {
+            memcpy(s->trial, y, sizeof(double) * N);
+            memcpy(s->trial_p, yp, sizeof(double) * N);
+            for (int i = 0; i < MODEL_STATES; ++i) s->trial_p[i] -= damping * s->delta[i];
+            for (int i = MODEL_STATES; i < N; ++i) s->trial[i] -= damping * s->delta[i];
+            model_residual(clock, s->trial, s->trial_p, s->u_used, s->p, s->w, s->f);
+            memcpy(s->end_p, s->f, sizeof(double) * N);
+            smpl_lu_solve(&s->lu, s->end_p);
+            next = size_of(s, s->end_p, y, yp);
+            if (next <= (1.0 - 0.5 * damping) * size || size <= 1e-3) break;
+            damping *= 0.5;
+        }
+        if (!(size <= 1e-3) && !(next < size)) break;
+        memcpy(y, s->trial, sizeof(double) * N);
+        memcpy(yp, s->trial_p, sizeof(double) * N);
+        /* The next correction would be the square of this one. */
+        if (size <= 1e-3) return 1;
+    }
+    smpl_say(s, fmi3Error, "time %.15g: the algebraic equations have no solution that can be found", clock);
+    return 0;
+}
+
+int smpl_refresh(smpl_instance *s)
+{
+    smpl_prepare(s);
+    if (s->now.consistent) return 1;
+    if (!smpl_consistent(s, smpl_clock(s, s->now.time), s->y, s->yp)) return 0;
+    s->now.consistent = 1;
+    return 1;
+}
+
+/* Computed parameters that were not given. */
+int smpl_parameters(smpl_instance *s)
+{
+#if SMPL_HAS_parameters
+    for (int i = 0; i < SMPL_GIVENS; ++i) {
+        if (s->p_set[smpl_givens[i].parameter] > 0.0) (smpl_givens[i].in_p ? s->p : s->c)[smpl_givens[i].at] = 1.0;
+    }
+    model_parameters(smpl_clock(s, s->now.time), s->y, s->u_used, s->p, s->c);
+#endif
+    s->now.prepared = s->now.consistent = 0;
+    return 1;
+}
+
+/* Initial values of states, discrete variables and disturbances, but for those that were given: kept in `y2`. */
+static void initial_values(smpl_instance *s)
+{
+    const double clock = s->now.first;
+    (void)clock;
+#if SMPL_HAS_initial_states
+    model_initial_states(clock, s->y, s->u_used, s->p, s->c);
+#endif
+    for (int i = 0; i < SMPL_STARTS; ++i) {
+        if (smpl_starts[i].from == SMPL_Y) s->y[smpl_starts[i].at] = smpl_starts[i].value;
+    }
+    for (int i = 0; i < N; ++i) {
+        if (s->y_set[i] > 0.0) s->y[i] = s->y2[i];
+    }
+#if SMPL_HAS_initial_discretes
+    model_initial_discretes(clock, s->y, s->u_used, s->p, s->c);
+#endif
+    for (int i = 0; i < SMPL_STARTS; ++i) {
+        if (smpl_starts[i].from == SMPL_P) s->p[smpl_starts[i].at] = smpl_starts[i].value;
+    }
+}
+
+int smpl_initialise(smpl_instance *s)
+{
+    smpl_progress *now = &s->now;
+    double *given = s->p2;
+    double *inputs = s->u;
+    int ok = 1;
+    if (now->initialised) return 1;
+    /* Initial values are those of the actions' defaults. */
+    s->u = s->u_before;
+    set_builtin(s, 0, floor(now->first / SMPL_STEP + 0.5));
+    set_builtin(s, 1, now->first);
+    now->prepared = 0;
+    smpl_prepare(s);
+    if (now->parameters_set || now->started_set) {
+        memcpy(s->y2, s->y, sizeof(double) * N);
+        for (int i = MODEL_STATES; i < N; ++i) s->y[i] = model_algebraic_table[i - MODEL_STATES].nominal;
+        if (now->parameters_set) smpl_parameters(s);
+        for (int pass = 0; ok && pass <= SMPL_START_PASSES; ++pass) {
+            for (int i = 0; i < SMPL_MOVABLES; ++i) given[i] = s->p[smpl_movables[i]];
+            initial_values(s);
+            for (int i = 0; i < SMPL_MOVABLES; ++i) {
+                if (s->p_set[smpl_movables[i]] > 0.0) s->p[smpl_movables[i]] = given[i];
+            }
+            smpl_stale(s);
+            ok = smpl_refresh(s);
+            keep(s, 0);
+        }
+    }
+    smpl_stale(s);
+    ok = ok && smpl_refresh(s);
+    keep(s, 0);
+    keep(s, 1);
+    s->u = inputs;
+    smpl_stale(s);
+    now->initialised = ok;
+    return ok && smpl_refresh(s);
+}
+
+int smpl_sample_start(smpl_instance *s)
+{
+    smpl_progress *now = &s->now;
+    const double clock = now->first + (double)now->steps * SMPL_STEP;
+    keep(s, 1);
+    memcpy(s->u_before, s->u, sizeof(double) * MODEL_ACTIONS);
+    now->begin = clock;
+    now->open = 1;
+    set_builtin(s, 0, floor(now->first / SMPL_STEP + 0.5) + (double)now->steps);
+    set_builtin(s, 1, clock);
+    now->prepared = 0;
+    smpl_prepare(s);
+#if SMPL_HAS_disturb
+    for (int i = 0; i < SMPL_MOVABLES; ++i) s->p2[i] = s->p[smpl_movables[i]];
+    model_disturb(clock, s->y, s->u_used, s->p, s->c);
+    for (int i = 0; i < SMPL_MOVABLES; ++i) {
+        if (s->p_set[smpl_movables[i]] > 0.0) s->p[smpl_movables[i]] = s->p2[i];
+    }
+#endif
+#if SMPL_HAS_start
+    model_start(clock, s->y, s->u_used, s->p, s->c);
+#endif
+    smpl_stale(s);
+    return smpl_refresh(s);
+}
+
+/* Failures that are looked for at sampling instants. */
+static void find_failures(smpl_instance *s, double clock)
+{
+    (void)clock;
+#if SMPL_HAS_failures
+    model_failures(clock, s->y, s->yp, s->u_used, s->p, s->c, s->failures);
+    for (int i = 0; i < SMPL_FAILURES; ++i) {
+        if (s->failures[2 * i] == 1.0 && !s->now.goes_on && !s->now.ended) {
+            s->now.ended = 1;
+            smpl_say(s, fmi3Warning, "time %.15g: failure %s", clock, smpl_failure_names[i]);
+        }
+    }
+#endif
+}
+
+int smpl_sample_end(smpl_instance *s)
+{
+    const double clock = smpl_clock(s, s->now.time);
+    smpl_prepare(s);
+#if SMPL_HAS_end
+    model_end(clock, s->y, s->u_used, s->p, s->c);
+#endif
+    smpl_stale(s);
+    if (!smpl_refresh(s)) return 0;
+    find_failures(s, clock);
+    s->now.open = 0;
+    ++s->now.steps;
+    return 1;
+}
+
+void smpl_roots(smpl_instance *s, double clock, const double *y, const double *yp, double *out)
+{
+    (void)s, (void)clock, (void)y, (void)yp, (void)out;
+#if SMPL_HAS_events
+    model_events(clock, y, yp, s->u_used, s->p, s->w, out);
+#endif
+}
+
+double smpl_next_break(smpl_instance *s, double time, double limit)
+{
+    double next = INFINITY;
+    (void)s, (void)time, (void)limit;
+#if SMPL_HAS_next_break
+    const double end = smpl_clock(s, limit), near = 2e-12 * fmax(fabs(smpl_clock(s, time)), fabs(end));
+    double from = smpl_clock(s, time) + near, width = near;
+    smpl_prepare(s);
+    for (int tries = 0; tries < 64 && from <= end; ++tries) {
+        model_next_break(from, s->y, s->yp, s->u_used, s->p, s->c, &next);
+        if (!(next <= from)) break;
+        from += width;
+        width *= 2.0;
+        next = INFINITY;
+    }
+    next = s->now.begin + (next - smpl_clock(s, s->now.begin)) / SMPL_PACE;
+#endif
+    return next;
+}
+
+/* How far ahead the motion of a condition is looked for, over the sampling interval, and how much of it counts as now. */
+#define AHEAD 1e-7
+#define AT_ONCE 1e-3
+
+/* Conditions at the present state; which of them became true. */
+static int settle(smpl_instance *s, int *fired)
+{
+    const double clock = smpl_clock(s, s->now.time), step = AHEAD * SMPL_STEP * SMPL_PACE;
+    int found = 0;
+    if (!smpl_refresh(s)) return -1;
+    smpl_roots(s, clock, s->y, s->yp, s->roots);
+    for (int i = 0; i < N; ++i) s->y2[i] = s->y[i] + step * (i < MODEL_STATES ? s->yp[i] : 0.0);
+    memcpy(s->yp2, s->yp, sizeof(double) * N);
+    if (!smpl_consistent(s, clock + step, s->y2, s->yp2)) return -1;
+    smpl_roots(s, clock + step, s->y2, s->yp2, s->ahead);
+    for (int i = 0; i < SMPL_ROOTS; ++i) {
+        const double value = s->roots[i], motion = s->ahead[i] - value, near = AT_ONCE * fabs(motion);
+        int holds = value > 0.0;
+        if (isnan(value)) continue;
+        if (s->passed[i] > 0.0 || fabs(value) <= near) holds = motion > 0.0 || (motion == 0.0 && value >= 0.0);
+        else if (value == 0.0) holds = !smpl_root_table[i].strict;
+        fired[i] = holds && !(s->holds[i] > 0.0);
+        found |= fired[i];
+        s->holds[i] = holds;
+        s->passed[i] = 0.0;
+    }
+    return found;
+}
+
+/* Runs what the events at this instant ask for; `changed` says whether one did. */
+int smpl_events(smpl_instance *s, int *changed)
+{
+    int fired[SMPL_ROOTS + 1] = {0};
+    for (int round = 0; SMPL_ROOTS > 0; ++round) {
+        const int found = settle(s, fired);
+        const double clock = smpl_clock(s, s->now.time);
+        if (found < 0) return 0;
+        if (!found) break;
+        if (round >= SMPL_MAX_EVENTS) {
+            smpl_say(s, fmi3Error, "time %.15g: events follow one another without end", clock);
+            return 0;
+        }
+        set_builtin(s, 1, clock);
+        for (int i = 0; i < SMPL_ROOTS; ++i) {
+            if (!fired[i]) continue;
+            smpl_say(s, fmi3OK, "time %.15g: event %s", clock, smpl_root_table[i].name);
+            if (smpl_root_table[i].kind == SMPL_FAILS && !s->now.goes_on) {
+                smpl_say(s, fmi3Warning, "time %.15g: failure %s", clock, smpl_root_table[i].name);
+                s->now.ended = 1;
+            }
+            if (smpl_root_table[i].kind == SMPL_RUNS) {
+                smpl_run_event(smpl_root_table[i].program, clock, s->y, s->u_used, s->p, s->c);
+                *changed = 1;
+            }
+        }
+        set_builtin(s, 1, smpl_clock(s, s->now.begin));
+        smpl_stale(s);
+        if (s->now.ended) break;
+    }
+    return smpl_refresh(s);
+}

@@ -1,0 +1,51 @@
+/* The form of the tables that describe a model. */
+#ifndef SMPL_TYPES_H
+#define SMPL_TYPES_H
+
+/* What holds a variable. */
+typedef enum {
+    SMPL_TIME, SMPL_Y, SMPL_Z, SMPL_YP, SMPL_U, SMPL_P, SMPL_OUT, SMPL_OBSERVED, SMPL_EVENT, SMPL_SWITCH, SMPL_SOURCES
+} smpl_source;
+
+/* When it may be set: never, at any time, before the start, between steps too, never since it is a part of the FMU. */
+typedef enum { SMPL_CALCULATED, SMPL_INPUT, SMPL_START, SMPL_PARAMETER, SMPL_SHAPED } smpl_role;
+
+/* A variable: its elements are at `places[first]`, ... of what holds it. */
+typedef struct {
+    smpl_source source;
+    smpl_role role;
+    int first, count;
+} smpl_variable;
+
+/* A value at another instant: 0 the start of the episode, 1 the end of the last step. */
+typedef struct {
+    int instant, in_p, at;
+    smpl_source from;
+    int from_at;
+} smpl_copy;
+
+/* Completed steps (0) or the clock (1). */
+typedef struct {
+    int which, in_p, at;
+} smpl_builtin;
+
+/* Whether a parameter is given. */
+typedef struct {
+    int parameter, in_p, at;
+} smpl_given;
+
+/* A start value that was chosen when the FMU was made. */
+typedef struct {
+    smpl_source from;
+    int at;
+    double value;
+} smpl_started;
+
+/* The condition of an event. */
+typedef struct {
+    const char *name;
+    enum { SMPL_FAILS, SMPL_RUNS, SMPL_RESTARTS } kind;
+    int program, strict;
+} smpl_root;
+
+#endif

@@ -1,0 +1,421 @@
+"""FMUs compute what the machine code computes, and simulate as the environment does, in the hands of FMPy."""
+
+import csv
+import re
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import smpl
+
+fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed")
+
+from fmpy.validation import validate_fmu  # noqa: E402
+
+from exports.mockup import Instance, make  # noqa: E402
+from exports.points import MODELS, Points, assert_equal, label, variants  # noqa: E402
+
+LARGE = {"atropine", "mab", "mab_plant"}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("fmu")
+
+
+def quantities(elements):
+    """Name of each array with the positions of its elements, whatever their order."""
+    found = {}
+    for at, element in enumerate(elements):
+        found.setdefault(element["name"].split("[")[0], []).append(at)
+    return found
+
+
+def compare(made, count):
+    """Rates, with the algebraic variables that the FMU finds, against the residual of the machine code."""
+    model, _, description, unpacked = made
+    tree = smpl.export.json(model)
+    points = Points(model, tree, count)
+    pace = tree["episode"]["integrate"] / tree["episode"]["step"]
+    instance = Instance(description, unpacked)
+    by_name = instance.by_name
+    states = [v for v in description.modelVariables if v.name.startswith("der(")]
+    n = len(points.x)
+    # The elements of an array one after another, where the public order has others between them.
+    public = {e["name"]: at for at, e in enumerate(tree["elements"]["states"])}
+    order = [public[name] for name in state_names(unpacked, states)]
+    rates, algebraic = np.full((n, count), np.nan), np.empty((len(points.z), count))
+    for k in range(count):
+        instance.fmu.reset()
+        instance.fmu.enterInitializationMode(startTime=points.t[k])
+        at = 0
+        for rate in states:
+            name = rate.name[4:-1]
+            length = instance.length(name)
+            instance.set(name, points.x[order[at : at + length], k])
+            at += length
+        for role, values in (("actions", points.u), ("discretes", points.d), ("disturbances", points.w)):
+            for name, positions in quantities(tree["elements"][role]).items():
+                instance.set(name, values[positions, k])
+        instance.fmu.exitInitializationMode()
+        rates[order, k] = np.concatenate([instance.get(rate.name) for rate in states])
+        for name, positions in quantities(tree["elements"]["solved"]).items():
+            found = name if f"{name}'" not in by_name else f"{name}'"
+            algebraic[positions, k] = instance.get(found)
+    instance.close()
+    points.y = np.concatenate([points.x, algebraic])
+    if tree["explicit"]:
+        points.yp = np.zeros_like(points.y)
+        expected = points.machine_code(model)
+        assert_equal(rates / pace, expected[:n])
+        residual, size = expected[n:], np.abs(algebraic)
+    else:
+        at_rest = points.yp = np.zeros_like(points.y)
+        size = np.abs(points.machine_code(model))
+        points.yp = np.concatenate([rates / pace, at_rest[n:]])
+        residual = points.machine_code(model)
+    assert (np.abs(residual) <= 1e-12 * np.maximum(size.max(axis=1, keepdims=True), 1.0)).all()
+
+
+def state_names(unpacked, rates):
+    """Names of the elements of the states in the order of the FMU."""
+    with open(f"{unpacked}/resources/elements.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    names = {}
+    for row in rows:
+        names.setdefault(row["variable"], []).append(row["name"])
+    return [name for rate in rates for name in names[rate.name[4:-1]]]
+
+
+@pytest.mark.parametrize(("name", "arguments"), MODELS, ids=label)
+def test_an_fmu_of_every_model_and_scenario_gives_the_rates_of_the_machine_code(folder, name, arguments):
+    made = make(folder, name, arguments)
+    assert validate_fmu(str(made[1])) == []
+    compare(made, 100 if name in LARGE else 1000)
+
+
+@pytest.mark.parametrize("name", ["reactor", "beer", "pensim"])
+def test_an_fmu_of_every_variant_gives_the_rates_of_the_machine_code(folder, name):
+    for variant in variants(name):
+        try:
+            smpl.compile(name, variants=[variant])
+        except (smpl.CompileError, smpl.ScenarioError):
+            continue  # variants that want others
+        compare(make(folder, name, {"variants": [variant]}), 100)
+
+
+def difference(found, expected, tree, family="states"):
+    """The largest difference in tolerances of the model."""
+    solver, elements = tree["solver"], tree["elements"][family]
+    scale = np.array([e["scale"] for e in elements])
+    tolerance = solver["rtol"] * (np.abs(expected) + solver["atol_factor"] * scale)
+    return np.max(np.abs(found - expected) / tolerance)
+
+
+def co_simulate(made, actions, step=None):
+    """States at the sampling instants, in public order; the steps of communication are shorter where one is given."""
+    model, _, description, unpacked = made
+    instance = Instance(description, unpacked, "co-simulation")
+    rates = [v.name for v in description.modelVariables if v.name.startswith("der(")]
+    position = {name: at for at, name in enumerate(model.state_names)}
+    order = [position[n] for n in state_names(unpacked, [instance.by_name[r] for r in rates])]
+    instance.fmu.enterInitializationMode()
+    instance.fmu.exitInitializationMode()
+    names = model.action_names
+    states = []
+
+    def record():
+        x = np.empty(len(order))
+        x[order] = np.concatenate([instance.get(rate[4:-1]) for rate in rates])
+        states.append(x)
+
+    record()
+    parts = 1 if step is None else round(model.step / step)
+    for k, action in enumerate(actions):
+        for name, value in zip(names, action, strict=True):
+            instance.set(name, [value])
+        for part in range(parts):
+            begin = (k + part / parts) * model.step
+            _, ended, _, _ = instance.fmu.doStep(begin, model.step / parts)
+            assert not ended
+        record()
+    instance.close()
+    return np.array(states)
+
+
+def varied(tree, steps, seed=0):
+    """Actions about the nominal ones, held for some steps."""
+    random = np.random.default_rng(seed)
+    elements = tree["elements"]["actions"]
+    nominal = np.array([e["nominal"] for e in elements])
+    low, high = (np.array([e[k] if e[k] is not None else np.nan for e in elements]) for k in ("low", "high"))
+    change = 1.0 + 0.02 * np.repeat(random.uniform(-1.0, 1.0, (steps // 5 + 1, len(elements))), 5, axis=0)[:steps]
+    return np.fmin(np.fmax(nominal * change, low), high)
+
+
+@pytest.mark.parametrize(("name", "steps"), [("reactor", 50), ("beer", 60), ("pensim", 100), ("atropine", 10)])
+def test_co_simulation_is_the_environment_within_ten_tolerances(folder, name, steps):
+    made = make(folder, name)
+    model = made[0]
+    tree = smpl.export.json(model)
+    actions = varied(tree, steps)
+    x0 = [e["nominal"] for e in tree["elements"]["states"]]
+    expected = np.asarray(model.rollout(x0, actions).states)[0]
+    assert np.isfinite(expected).all()
+    assert difference(co_simulate(made, actions), expected, tree) <= 10.0
+
+
+def test_steps_of_communication_may_be_shorter_than_sampling_intervals(folder):
+    made = make(folder, "pensim")
+    tree = smpl.export.json(made[0])
+    actions = varied(tree, 10)
+    whole, parts = co_simulate(made, actions), co_simulate(made, actions, made[0].step / 4)
+    assert difference(parts, whole, tree) <= 10.0
+
+
+@pytest.mark.parametrize("name", ["reactor", "beer", "pensim"])
+def test_model_exchange_with_the_integrator_of_fmpy_is_the_environment(folder, name):
+    """CVODE's errors grow beyond its tolerance, so that it is given a smaller one than the model's."""
+    model, path, _, _ = made = make(folder, name)
+    tree = smpl.export.json(model)
+    steps = 20
+    nominal = np.tile([e["nominal"] for e in tree["elements"]["actions"]], (steps, 1))
+    x0 = [e["nominal"] for e in tree["elements"]["states"]]
+    expected = np.asarray(model.rollout(x0, nominal).states)[0, -1]
+    names = [n for n in model.state_names if n in Instance(made[2], made[3]).by_name]
+    result = fmpy.simulate_fmu(
+        str(path),
+        fmi_type="ModelExchange",
+        stop_time=steps * model.step,
+        relative_tolerance=1e-12,
+        output_interval=model.step,
+        output=names,
+    )
+    found = np.array([result[n][-1] for n in names])
+    position = [model.state_names.index(n) for n in names]
+    solver = tree["solver"]
+    scale = np.array([e["scale"] for e in tree["elements"]["states"]])[position]
+    tolerance = solver["rtol"] * (np.abs(expected[position]) + solver["atol_factor"] * scale)
+    assert np.max(np.abs(found - expected[position]) / tolerance) <= 10.0
+
+
+BALL = """
+model Ball "a ball that bounces"
+time t : s
+state h : m = 1    "height"
+state v : m/s = 0    "speed"
+param e : 1 = 0.8 in 0..1    "part of the speed that is left"
+action a : m/s^2 = 0 in -1..1    "a push"
+discrete bounces : 1 = 0    "number of bounces"
+eq der(h) = v
+eq der(v) = a - 9.81 [m/s^2]
+event bounce when h < 0 {
+  v = -e * v
+  bounces = bounces + 1
+}
+observe h, v
+reward r = 0
+episode { step = 0.5 [s], max_steps = 20 }
+solver { rtol = 1e-9 }
+"""
+
+
+def bounces(until):
+    """Times of the bounces of a ball that falls from one metre: sqrt(2/g), then 2 e^k sqrt(2/g) more each."""
+    first = np.sqrt(2.0 / 9.81)
+    times = [first]
+    while times[-1] < until:
+        times.append(times[-1] + 2.0 * 0.8 ** len(times) * first)
+    return np.array(times[:-1])
+
+
+@pytest.fixture(scope="module")
+def ball(folder):
+    path = folder / "ball.eq"
+    path.write_text(BALL)
+    return make(folder, path)
+
+
+def test_events_come_at_their_times_in_both_interfaces(ball):
+    _, path, _, _ = ball
+    expected = bounces(2.5)
+    assert len(expected) == 4
+    exchange = fmpy.simulate_fmu(
+        str(path), fmi_type="ModelExchange", stop_time=2.5, relative_tolerance=1e-10, record_events=True, output=["v"]
+    )
+    jumps = np.flatnonzero((np.diff(exchange["time"]) == 0) & (np.diff(exchange["v"]) > 0.1))
+    np.testing.assert_allclose(exchange["time"][jumps], expected, rtol=1e-7)
+    # In co-simulation events are inside of steps: the height after the fourth bounce tells when it was.
+    instance = Instance(ball[2], ball[3], "co-simulation")
+    instance.fmu.enterInitializationMode()
+    instance.fmu.exitInitializationMode()
+    for k in range(5):
+        instance.fmu.doStep(0.5 * k, 0.5)
+    speed = 9.81 * np.sqrt(2.0 / 9.81) * 0.8**4
+    since = 2.5 - expected[-1]
+    np.testing.assert_allclose(instance.get("h"), [speed * since - 0.5 * 9.81 * since**2], rtol=1e-6)
+    assert instance.get("bounces") == [4.0]
+    instance.close()
+
+
+@pytest.mark.parametrize("name", ["reactor", "pensim", "atropine"])
+def test_directional_derivatives_are_those_of_differences(folder, name):
+    model, _, description, unpacked = make(folder, name)
+    instance = Instance(description, unpacked)
+    instance.fmu.enterInitializationMode()
+    instance.fmu.exitInitializationMode()
+    instance.fmu.updateDiscreteStates()
+    instance.fmu.enterContinuousTimeMode()
+    rates = [v for v in description.modelVariables if v.name.startswith("der(")]
+    outputs = [v for v in description.modelVariables if v.causality == "output" and not v.dimensions]
+    unknowns = [*rates, *outputs]
+    length = sum(instance.length(v.name) for v in unknowns)
+    values = lambda: np.concatenate([instance.get(v.name) for v in unknowns])  # noqa: E731
+    n = sum(instance.length(v.name) for v in rates)
+    x = (fmpy.fmi3.fmi3Float64 * n)()
+    instance.fmu.getContinuousStates(x, n)
+    start = np.array(x)
+    scale = np.maximum(np.abs(start), 1e-3)
+    random = np.random.default_rng(3)
+
+    # States, all at once along a random direction.
+    seed = scale * random.uniform(-1.0, 1.0, n)
+    states = [instance.by_name[v.name[4:-1]].valueReference for v in rates]
+    found = instance.fmu.getDirectionalDerivative([v.valueReference for v in unknowns], states, seed, length)
+    ends = []
+    for sign in (1.0, -1.0):
+        x[:] = start + sign * 1e-6 * seed
+        instance.fmu.setContinuousStates(x, n)
+        ends.append(values())
+    x[:] = start
+    instance.fmu.setContinuousStates(x, n)
+    expected = (ends[0] - ends[1]) / 2e-6
+    size = np.maximum(np.abs(ends[0]) + np.abs(expected), 1e-9)
+    assert np.max(np.abs(found - expected) / size) < 1e-5
+
+    for action in model.action_names:
+        held = instance.get(action)
+        step = 1e-5 * max(abs(held[0]), 1e-2)
+        reference = instance.reference(action)
+        found = instance.fmu.getDirectionalDerivative([v.valueReference for v in unknowns], [reference], [1.0], length)
+        ends = []
+        for sign in (1.0, -1.0):
+            instance.set(action, held + sign * step)
+            ends.append(values())
+        instance.set(action, held)
+        expected = (ends[0] - ends[1]) / (2.0 * step)
+        size = np.maximum(np.abs(ends[0]) / max(abs(held[0]), 1e-2) + np.abs(expected), 1e-9)
+        assert np.max(np.abs(found - expected) / size) < 1e-5
+    instance.close()
+
+
+def test_the_description_has_units_bounds_shapes_and_starts(folder):
+    model, path, description, _ = make(folder, "atropine")
+    tree = smpl.export.json(model)
+    by_name = {v.name: v for v in description.modelVariables}
+    rate = by_name["der(R1.c)"]
+    state = by_name["R1.c"]
+    assert rate.derivative is state
+    assert [int(d.start) for d in state.dimensions] == [14, 40]
+    starts = [float(x) for x in state.start.split()]
+    nominal = {e["name"]: e["nominal"] for e in tree["elements"]["states"]}
+    assert starts[0] == nominal["R1.c[tropine,1]"]
+    assert starts[1] == nominal["R1.c[tropine,2]"]
+    reactor = {v.name: v for v in make(folder, "reactor")[2].modelVariables}
+    cooling = reactor["T_c"]
+    assert (cooling.causality, cooling.unit, cooling.min, cooling.max, float(cooling.start)) == (
+        "input",
+        "degC",
+        "15.0",
+        "35.0",
+        26.85,
+    )
+    units = {u.name: u for u in make(folder, "reactor")[2].unitDefinitions}
+    assert (units["degC"].baseUnit.K, units["degC"].baseUnit.offset) == (1, 273.15)
+    assert units["K/min"].baseUnit.factor == 1 / 60
+    names = zipfile.ZipFile(path).namelist()
+    assert "binaries/x86_64-linux/atropine.so" in names
+    assert {"sources/model.c", "sources/buildDescription.xml", "resources/elements.csv"} <= set(names)
+
+
+def test_the_same_model_gives_the_same_archive(folder):
+    model = smpl.compile("reactor")
+    first, second = (smpl.export.fmu(model, folder / f"same{k}.fmu", binary=False).read_bytes() for k in range(2))
+    assert first == second
+
+
+def test_a_failure_ends_the_simulation_unless_it_is_told_to_go_on(folder):
+    _, _, description, unpacked = make(folder, "reactor")
+    for stops in (True, False):
+        instance = Instance(description, unpacked, "co-simulation")
+        instance.fmu.setBoolean([instance.reference("stop_at_failure")], [stops])
+        instance.fmu.enterInitializationMode()
+        instance.set("q_out", [0.2])
+        instance.fmu.exitInitializationMode()
+        ended, time = False, 0.0
+        while time < 20.0 and not ended:
+            _, ended, _, time = instance.fmu.doStep(time, 0.1)
+        assert ended == stops
+        instance.close()
+
+
+def test_parameters_change_what_depends_on_them(folder):
+    model, _, description, unpacked = make(folder, "reactor")
+    instance = Instance(description, unpacked)
+    instance.fmu.enterInitializationMode()
+    instance.set("k_0", [1.1 * instance.get("k_0")[0]])
+    instance.fmu.exitInitializationMode()
+    y = np.concatenate([instance.get(name) for name in model.state_names])
+    u = [instance.get(name)[0] for name in model.action_names]
+    expected = model.residual(0.0, y, np.zeros(3), u, {"k_0": instance.get("k_0")[0]})
+    np.testing.assert_allclose([instance.get(f"der({n})")[0] for n in model.state_names], expected, rtol=1e-12)
+    instance.close()
+
+
+def test_a_saved_state_is_gone_back_to(ball):
+    instance = Instance(ball[2], ball[3], "co-simulation")
+    instance.fmu.enterInitializationMode()
+    instance.fmu.exitInitializationMode()
+    instance.fmu.doStep(0.0, 0.3)
+    state = instance.fmu.getFMUState()
+    instance.fmu.doStep(0.3, 0.7)
+    first = instance.get("h")
+    data = instance.fmu.serializeFMUState(state)
+    instance.fmu.setFMUState(state)
+    instance.fmu.freeFMUState(state)
+    instance.fmu.doStep(0.3, 0.7)
+    assert instance.get("h") == first
+    state = instance.fmu.deserializeFMUState(data)
+    instance.fmu.setFMUState(state)
+    instance.fmu.doStep(0.3, 0.7)
+    assert instance.get("h") == first
+    instance.close()
+
+
+def test_what_shaped_the_model_cannot_be_set(folder):
+    _, _, description, unpacked = make(folder, "atropine")
+    instance = Instance(description, unpacked)
+    instance.fmu.enterInitializationMode()
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        instance.set("n_cells", [50.0])
+
+
+def test_without_a_compiler_there_are_sources_and_a_warning(folder, monkeypatch):
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.warns(UserWarning, match="no C compiler `no-such-compiler`"):
+        path = smpl.export.fmu(smpl.compile("reactor"), folder / "sources.fmu")
+    names = zipfile.ZipFile(path).namelist()
+    assert not any(name.startswith("binaries") for name in names)
+    assert "sources/model.c" in names
+
+
+def test_the_example_of_the_page_runs(tmp_path):
+    page = (Path(__file__).resolve().parents[2] / "docs" / "export.md").read_text(encoding="utf-8")
+    (code,) = (block for block in re.findall(r"^```python\n(.*?)^```$", page, re.S | re.M) if "fmpy" in block)
+    done = subprocess.run([sys.executable, "-c", "import smpl\n" + code], capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "5." in done.stdout
