@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 import platform
 
-from smpl.bench import advection, exports, kernels, mab, pensim, reactor
+from smpl.bench import advection, batch, exports, kernels, mab, pensim, precision, reactor
 
 SECTIONS = {
     "reactor": reactor.main,
+    "batch": batch.main,
+    "precision": precision.main,
     "kernels": kernels.main,
     "advection": advection.main,
     "pensim": pensim.main,
