@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 import platform
 
-from smpl.bench import advection, exports, kernels, mab, pensim, reactor
+from smpl.bench import advection, environments, exports, kernels, mab, pensim, reactor
 
 SECTIONS = {
+    "environments": environments.main,
     "reactor": reactor.main,
     "kernels": kernels.main,
     "advection": advection.main,
