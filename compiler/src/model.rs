@@ -408,6 +408,18 @@ impl Default for Episode {
     }
 }
 
+impl Interface {
+    /// Whether a choice has an option, or a variant is on (`true`) or off (`false`).
+    #[must_use]
+    pub fn has_chosen(&self, name: &str, option: &str) -> bool {
+        let choice = self.choices.iter().find(|(choice, ..)| choice == name);
+        match choice.and_then(|(_, options, at)| options.get(*at as usize)) {
+            Some(chosen) => chosen == option,
+            None => self.variants.iter().any(|(variant, on)| variant == name && option.parse() == Ok(*on)),
+        }
+    }
+}
+
 impl Solver {
     /// Relative tolerances that double precision can keep and that mean something.
     pub const RTOL: std::ops::Range<f64> = 1e-15..1.0;

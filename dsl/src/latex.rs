@@ -34,6 +34,12 @@ pub fn expression(expr: &Expr) -> String {
     typeset(expr, Level::Or)
 }
 
+/// What indices run over; empty for none.
+#[must_use]
+pub fn binders(binders: &[Binder]) -> String {
+    binder_list(binders)
+}
+
 /// A unit, upright: `\mathrm{kJ\,min^{-1}}`; `1` for the unit of numbers.
 #[must_use]
 pub fn unit(unit: &UnitExpr) -> String {
@@ -157,7 +163,7 @@ fn call(function: &Ident, arguments: &[Expr]) -> String {
     };
     match (function.text.as_str(), one) {
         ("sqrt", Some(x)) => format!("\\sqrt{{{}}}", expression(x)),
-        ("abs", Some(x)) => format!("\\left|{}\\right|", expression(x)),
+        ("abs", Some(x)) => format!("\\left\\lvert {}\\right\\rvert", expression(x)),
         ("floor", Some(x)) => format!("\\left\\lfloor {}\\right\\rfloor", expression(x)),
         ("ceil", Some(x)) => format!("\\left\\lceil {}\\right\\rceil", expression(x)),
         ("sq", Some(x)) => format!("{}^{{2}}", typeset(x, Level::Atom)),
@@ -213,7 +219,7 @@ fn binder(binder: &Binder) -> String {
         BinderSet::Itself => index,
         BinderSet::Set(set) => format!("{index} \\in \\mathrm{{{}}}", escape(&set.text)),
         BinderSet::Range(low, high) => format!("{index} = {}, \\ldots, {}", expression(low), expression(high)),
-        BinderSet::Tuple(items) => format!("{index} \\in \\left\\{{{}\\right\\}}", list(items)),
+        BinderSet::Tuple(items) => format!("{index} \\in \\left\\lbrace {}\\right\\rbrace", list(items)),
     }
 }
 

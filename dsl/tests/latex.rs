@@ -52,6 +52,7 @@ fn operators_keep_the_meaning_with_the_fewest_parentheses() {
         ("2 * 3", r"2 \cdot 3"),
         ("exp(-E / T)", r"\exp\left(-\frac{E}{T}\right)"),
         ("sqrt(a + b)", r"\sqrt{a + b}"),
+        ("abs(a - b)", r"\left\lvert a - b\right\rvert"),
         ("1e-8 [m^3/min]", r"10^{-8}\,\mathrm{m}^{3}\,\mathrm{min}^{-1}"),
         ("a < b and not c", r"a < b \land \lnot c"),
     ];

@@ -232,7 +232,7 @@ fn compiled(
 }
 
 /// The text that `use "path"` means: a file beside the model or in the library (`SMPL_LIBRARY`), never outside them.
-fn import(folder: &Path, path: &str) -> Option<(String, String)> {
+pub(crate) fn import(folder: &Path, path: &str) -> Option<(String, String)> {
     let library = std::env::var_os("SMPL_LIBRARY").and_then(|root| Path::new(&root).canonicalize().ok());
     let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     [Some(here.to_owned()), library.clone()].into_iter().flatten().find_map(|root| {

@@ -138,6 +138,12 @@ impl Picture {
     }
 }
 
+/// A drawing as the text of an SVG file.
+#[must_use]
+pub fn svg_text(drawing: &Drawing) -> String {
+    svg::text(drawing)
+}
+
 /// The heading of pictures of a model.
 #[must_use]
 pub fn heading(setup: &Setup, note: String) -> Heading {

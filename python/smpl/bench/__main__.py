@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 import platform
 
-from smpl.bench import advection, batch, exports, kernels, mab, pensim, precision, reactor
+from smpl.bench import advection, batch, environments, exports, kernels, mab, pensim, precision, reactor
 
 SECTIONS = {
+    "environments": environments.main,
     "reactor": reactor.main,
     "batch": batch.main,
     "precision": precision.main,

@@ -38,20 +38,20 @@ fn group(kind: &str, name: &str, body: &[Statement], lines: &mut Vec<String>) {
 }
 
 /// `let name[i in set] = value`
-fn definition(declaration: &Declaration) -> Option<String> {
+pub(super) fn definition(declaration: &Declaration) -> Option<String> {
     let left = element(&declaration.name, &declaration.indices);
     declaration.value.as_ref().map(|value| latex::equation(&left, value, &declaration.indices))
 }
 
 /// `def f(a, b) = body`
-fn function(name: &Ident, parameters: &[Ident], body: &Expr) -> String {
+pub(super) fn function(name: &Ident, parameters: &[Ident], body: &Expr) -> String {
     let arguments = parameters.iter().map(|p| expression(p, ExprKind::Name(p.clone()))).collect();
     let left = expression(name, ExprKind::Call { function: name.clone(), arguments });
     latex::equation(&left, body, &[])
 }
 
 /// The flux inside, and at the ends where it is given.
-fn flux_at_faces(flux: &Flux) -> Vec<String> {
+pub(super) fn flux_at_faces(flux: &Flux) -> Vec<String> {
     let left = element(&flux.name, &flux.indices);
     let along = flux.indices.last().map(|binder| latex::expression(&expression(&binder.name, ExprKind::Name(binder.name.clone()))));
     let end = |value: &Option<Expr>, which: &str| {
@@ -65,7 +65,7 @@ fn flux_at_faces(flux: &Flux) -> Vec<String> {
 }
 
 /// A name with its indices.
-fn element(name: &Ident, indices: &[Binder]) -> Expr {
+pub(super) fn element(name: &Ident, indices: &[Binder]) -> Expr {
     let base = expression(name, ExprKind::Name(name.clone()));
     if indices.is_empty() {
         return base;

@@ -1,0 +1,91 @@
+//! Every name of a model as it is seen from outside, kind by kind.
+
+use smpl_compiler::model::{Axis, Interface, Quantity};
+
+use super::markdown::{code, table};
+
+/// The last chapter of the page; `policies` are those that the model declares.
+pub(super) fn page(interface: &Interface, policies: &[&str]) -> String {
+    let quantities = [
+        ("states", &interface.states),
+        ("actions", &interface.actions),
+        ("disturbances", &interface.disturbances),
+        ("discrete variables", &interface.discretes),
+        ("algebraic variables", &interface.algebraics),
+        ("parameters", &interface.parameters),
+    ];
+    let mut rows: Vec<Vec<String>> = Vec::new();
+    for (kind, list) in quantities {
+        let count = list.iter().map(Quantity::len).sum();
+        rows.extend(row(kind, count, list.iter().map(indexed).collect()));
+    }
+    rows.extend(row("observations", interface.observations.len(), observed(interface)));
+    let levels = interface.levels.iter().map(|name| code(name)).collect();
+    rows.extend(row("levels of observation", interface.levels.len(), levels));
+    rows.extend(row("phases", interface.phases.len(), interface.phases.iter().map(|name| code(name)).collect()));
+    rows.extend(row("rewards", interface.rewards.len(), rewards(interface)));
+    let failures = ["action_box", "solver", "events", "not_finite"].into_iter().chain(interface.failures.iter().map(|f| f.name.as_str()));
+    let failures: Vec<String> = failures.map(code).collect();
+    rows.extend(row("failures", failures.len(), failures));
+    for (kind, list) in [("successes", &interface.successes), ("constraints", &interface.constraints)] {
+        rows.extend(row(kind, list.len(), list.iter().map(|name| code(name)).collect()));
+    }
+    rows.extend(row("invariants", interface.invariants.len(), interface.invariants.iter().map(|(name, _)| code(name)).collect()));
+    let policies = policies.iter().copied().chain((!policies.contains(&"nominal")).then_some("nominal"));
+    let policies: Vec<String> = policies.map(code).collect();
+    rows.extend(row("policies", policies.len(), policies));
+    let switch = |(name, on): &(String, bool)| if *on { format!("{} (on)", code(name)) } else { code(name) };
+    rows.extend(row("variants", interface.variants.len(), interface.variants.iter().map(switch).collect()));
+    let choice = |(name, options, at): &(String, Vec<String>, u32)| {
+        format!("{} ({})", code(name), options.get(*at as usize).cloned().unwrap_or_default())
+    };
+    rows.extend(row("choices", interface.choices.len(), interface.choices.iter().map(choice).collect()));
+    let note = "As they are called from the command line and from Python. Four failures are there in every model: \
+                `action_box`, an action outside of its box (the step is still integrated); `solver`, the integrator gives up (the state \
+                is as before the step); `events`, events without end; `not_finite`, a number of the step is none. \
+                The policy `nominal` is there too: the nominal actions, where the model does not declare it.";
+    format!("\n## Names\n\n{note}\n\n{}", table(&["kind", "how many", "names"], &rows))
+}
+
+fn row(kind: &str, count: usize, names: Vec<String>) -> Option<Vec<String>> {
+    (!names.is_empty()).then(|| vec![kind.to_owned(), count.to_string(), names.join(", ")])
+}
+
+/// Name with its indices: `c[tropine .. toluene, 1..40]`.
+fn indexed(quantity: &Quantity) -> String {
+    if quantity.axes.is_empty() {
+        return code(&quantity.name);
+    }
+    if quantity.pattern.is_some() && !quantity.is_empty() {
+        return format!("`{}` .. `{}`", quantity.element_name(0), quantity.element_name(quantity.len() - 1));
+    }
+    let axes: Vec<String> = quantity
+        .axes
+        .iter()
+        .map(|axis| match axis {
+            Axis::Names(names) if names.len() <= 4 => names.join("/"),
+            Axis::Names(names) => format!("{} .. {}", names[0], names[names.len() - 1]),
+            Axis::Numbers { first, count } => format!("{first}..{}", first + i64::from(*count) - 1),
+        })
+        .collect();
+    format!("`{}[{}]`", quantity.name, axes.join(", "))
+}
+
+/// Observations, elements of one array together.
+fn observed(interface: &Interface) -> Vec<String> {
+    let array = |name: &str| name.split('[').next().unwrap_or_default().to_owned();
+    let groups = interface.observations.chunk_by(|a, b| array(&a.name) == array(&b.name));
+    let shown = |group: &[smpl_compiler::model::Observed]| match group {
+        [] => String::new(),
+        [one] => code(&one.name),
+        [first, .., last] => format!("`{}` .. `{}`", first.name, last.name),
+    };
+    groups.map(shown).collect()
+}
+
+fn rewards(interface: &Interface) -> Vec<String> {
+    let shown = |(i, reward): (usize, &smpl_compiler::model::Reward)| {
+        if i as u32 == interface.default_reward { format!("{} (default)", code(&reward.name)) } else { code(&reward.name) }
+    };
+    interface.rewards.iter().enumerate().map(shown).collect()
+}
