@@ -1,7 +1,7 @@
-"""Decisions of predictive controllers: the reactor against do-mpc on the same model, the antibody culture against its goal.
+"""Decisions of predictive controllers: the reactor against do-mpc on the same model, the culture against its goal.
 
-Both controllers of the reactor have a horizon of 20, the same cost, Radau collocation of degree 3 and the action box; both
-drive the same environment. A decision is all that a controller does between an observation and an action.
+Both controllers of the reactor have a horizon of 20, the same cost, Radau collocation of degree 3 and the action box;
+both drive the same environment. A decision is all that a controller does between an observation and an action.
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ def line(name: str, found: tuple[Any, Any, float]) -> float:
     low, high = (float(value) for value in np.percentile(1e3 * processor, [50, 99]))
     median, late = (float(value) for value in np.percentile(1e3 * clock, [50, 99]))
     print(
-        f"  {name:24} processor: median {low:.2f} ms, 99th percentile {high:.2f} ms; clock: {median:.2f} ms, {late:.2f} ms;"
-        f" mean squared distance {distance:.4f}"
+        f"  {name:16} processor: median {low:.2f} ms, 99th percentile {high:.2f} ms;"
+        f" clock: {median:.2f} ms, {late:.2f} ms; mean squared distance {distance:.4f}"
     )
     return low
 

@@ -75,7 +75,7 @@ class CultureMPC:
 
 
 def _bounds(env: Env) -> dict[str, tuple[float, float]]:
-    """The published bounds, a ten-thousandth of their values inside; a plant with wider ones is controlled within them."""
+    """The published bounds, a ten-thousandth of their values inside, also of a plant that has wider ones."""
     low, high = env.model.native.bounds("state")
     wider = env.parameters.get("headroom", 1.0)
     places = [env.state_names.index(name) for name in STATES]
