@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import smpl
-from smpl.controllers import baseline, baselines
+from smpl.controllers import Nominal, baseline, baselines
 from smpl.evaluation import run_episode
 
 
@@ -68,3 +68,25 @@ def test_what_is_not_there_is_named():
         baseline("reactor", "lqr")
     with pytest.raises(ValueError, match="no environment 'reaktor'; did you mean 'reactor'"):
         baseline("reaktor", "pid")
+
+
+@pytest.mark.parametrize(
+    ("environment", "steps", "options"),
+    [
+        ("reactor", 20, {}),
+        ("beer", 200, {"samples": 16, "every": 24}),
+        ("pensim", 10, {"samples": 4, "horizon": 10}),
+        ("atropine", 2, {"samples": 4, "horizon": 2, "iterations": 1}),
+        ("mab", 1, {"horizon": 4}),
+        ("mab_plant", 1, {"samples": 4, "horizon": 1}),
+    ],
+)
+def test_an_oracle_is_not_worse_than_the_nominal_policy(environment, steps, options):
+    if environment in ("reactor", "mab"):
+        pytest.importorskip("casadi", reason="CasADi is not installed")
+    env = smpl.Env(environment, normalize=False, max_steps=steps)
+    nominal, best = (run_episode(env, one, 1) for one in (Nominal(), baseline(environment, "oracle", **options)))
+    assert not best.failure
+    # A horizon of one step of the culture does not see what it costs later.
+    slack = 0.1 * abs(nominal.rewards.sum()) if environment == "mab" else 1e-9
+    assert best.rewards.sum() >= nominal.rewards.sum() - slack

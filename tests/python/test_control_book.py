@@ -31,6 +31,10 @@ def test_the_examples_of_the_page_run(page, tmp_path, monkeypatch):
             import sklearn  # noqa: F401
         except ImportError:
             blocks = [block for block in blocks if "BayesianOptimization" not in block]
+    try:
+        import casadi  # noqa: F401
+    except ImportError:
+        blocks = [block for block in blocks if "NMPC" not in block]
     monkeypatch.chdir(tmp_path)
     (tmp_path / "tests").symlink_to(ROOT / "tests")
     scope = {}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import platform
 
-from smpl.bench import advection, batch, environments, exports, kernels, mab, pensim, precision, reactor
+from smpl.bench import advection, batch, decisions, environments, exports, kernels, mab, pensim, precision, reactor
 
 SECTIONS = {
     "environments": environments.main,
@@ -17,6 +17,7 @@ SECTIONS = {
     "pensim": pensim.main,
     "mab": mab.main,
     "exports": exports.main,
+    "decisions": decisions.main,
 }
 
 

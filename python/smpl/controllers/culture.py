@@ -42,7 +42,8 @@ class CultureMPC:
             raise ValueError(f"kind is {kind!r}; there are: {', '.join(KINDS)}")
         self._kind, self._horizon = kind, horizon
         self._options: dict[str, Any] = {"integrate": True, "part": STATES, "actions": ACTIONS, "tolerance": 1e-6}
-        self._options |= {"rest": Policy("nominal"), "p": "episode"} | options
+        # A start that is too hot is cooled by what the other tanks bear, so that broken bounds are priced low.
+        self._options |= {"rest": Policy("nominal"), "p": "episode", "soft_weight": 100.0} | options
         self.controller: NMPC | None = None
 
     def reset(self, env: Env) -> None:
@@ -58,7 +59,7 @@ class CultureMPC:
             )
         if self.controller is None or self.controller.model is not env.model:
             cost: Any = "productivity" if self._kind == "empc" else _deviations(env.model)
-            self.controller = NMPC(env, self._horizon, cost, **self._options)
+            self.controller = NMPC(env, self._horizon, cost, **{"bounds": _bounds(env), **self._options})
         self.controller.reset(env)
 
     def action(self, env: Env) -> FloatArray:
@@ -71,6 +72,14 @@ class CultureMPC:
     def fallbacks(self) -> int:
         """Decisions without a solution, in which the last plan went on."""
         return 0 if self.controller is None else self.controller.fallbacks
+
+
+def _bounds(env: Env) -> dict[str, tuple[float, float]]:
+    """The published bounds, a ten-thousandth of their values inside, also of a plant that has wider ones."""
+    low, high = env.model.native.bounds("state")
+    wider = env.parameters.get("headroom", 1.0)
+    places = [env.state_names.index(name) for name in STATES]
+    return {STATES[k]: (1.0001 * float(low[i]), 0.9999 * float(high[i]) / wider) for k, i in enumerate(places)}
 
 
 def _deviations(model: Model) -> dict[str, float]:

@@ -144,7 +144,8 @@ class Solver:
         """Solvers that are tried; an active set is warm only after a solution."""
         wide = max(self._programme.structure["nu"]) > _WIDE
         if self._name == "ipopt" or (self._name == "auto" and wide):
-            return ["ipopt_warm", "ipopt"] if warm else ["ipopt"]
+            # An economic optimum moves along its bounds, of which a warm start is too sure.
+            return ["ipopt_warm", "ipopt"] if warm and self._transcription.task.convex else ["ipopt"]
         if self._name != "auto":
             return [self._name]
         small = len(self._programme.lower) <= _SMALL and self._transcription.task.convex

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from smpl.controllers.base import Nominal
-from smpl.controllers.culture import CultureMPC
+from smpl.controllers.base import Nominal, Policy
+from smpl.controllers.culture import ACTIONS, STATES
 from smpl.controllers.nmpc import NMPC
 from smpl.controllers.sampling import SamplingMPC
 from smpl.envs import Env
@@ -68,12 +68,32 @@ _SAMPLED: dict[str, dict[str, Any]] = {
 }
 
 
+# The buffer tank belongs to what is predicted, so that it neither overflows nor runs empty; the switch is a rule.
+_CULTURE: dict[str, Any] = {
+    "horizon": 20,
+    "cost": "productivity",
+    "part": (*STATES, "h", "c_buf"),
+    "actions": (*ACTIONS, "F_out"),
+    "rest": Policy("nominal"),
+    "p": "episode",
+    "degree": 2,
+    "tolerance": 1e-6,
+}
+
+
+def _tanks(env: Env) -> dict[str, tuple[float, float]]:
+    """The box of the tanks, which reaches 5 % above the bounds, a thousandth inside."""
+    low, high = env.model.native.bounds("state")
+    at = {name: env.state_names.index(name) for name in _CULTURE["part"]}
+    return {name: (1.001 * float(low[i]) + 0.5 * (name == "h"), 1.049 * float(high[i])) for name, i in at.items()}
+
+
 def oracle(name: str, **options: Any) -> Any:
     """The oracle of a shipped environment, by the name of its model; `options` are those of `NMPC` or `SamplingMPC`."""
     if name == "reactor":
         return Deferred(lambda env: NMPC(env, **{"p": "episode", **options}))
     if name == "mab":
-        return CultureMPC("empc", **{"horizon": 30, **options})
+        return Deferred(lambda env: NMPC(env, **{**_CULTURE, "bounds": _tanks(env), **options}))
 
     def sampled(env: Env) -> SamplingMPC:
         chosen = {**_SAMPLED[name], "guess": followed, **options}
