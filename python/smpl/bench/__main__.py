@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import platform
 
-from smpl.bench import advection, exports, kernels, mab, pensim, reactor
+from smpl.bench import advection, exports, kernels, mab, pensim, ppo, reactor
 
 SECTIONS = {
     "reactor": reactor.main,
@@ -14,6 +14,7 @@ SECTIONS = {
     "pensim": pensim.main,
     "mab": mab.main,
     "exports": exports.main,
+    "ppo": ppo.main,
 }
 
 

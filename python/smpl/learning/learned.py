@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from smpl.learning.formulation import Formulation
+from smpl.learning.historical.trainer import ALGORITHMS as HISTORICAL
+from smpl.learning.historical.trainer import HistoricalTrainer, python
 from smpl.learning.plan import Plan, Task
 from smpl.learning.scores import score
 from smpl.learning.training import Trainer, Validate, learn
@@ -30,6 +32,8 @@ PUBLISHED: dict[tuple[str, str, str], tuple[float, float]] = {
     ("offline", "MAb", "SAC"): (1197.1507, 503.1202),
     ("offline", "MAb", "DDPG"): (711.1741, 574.0687),
     ("offline", "MAb", "CQL"): (1254.5728, 233.4812),
+    ("offline", "MAb", "COMBO"): (1165.3812, 440.0366),
+    ("offline", "MAb", "MOPO"): (-100.0, 0.0),
     ("online", "MAb", "PPO"): (-92.7862, 137.6964),
     ("online", "MAb", "SAC"): (-90.1491, 233.4410),
     ("online", "MAb", "DDPG"): (-95.1542, 288.9491),
@@ -107,6 +111,9 @@ def _trainer(
     arguments = {**_arguments(task), **settings["train"]}
     learned = Task.of(task.name, **arguments)
     hyper = settings["hyperparameters"]
+    if algorithm in HISTORICAL:
+        python()
+        return HistoricalTrainer(algorithm, _data_set(learned, arguments, settings, data, workers), formulation, hyper)
     if suite == "offline":
         from smpl.learning.offline import D3rlpyTrainer, needs
 
