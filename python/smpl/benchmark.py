@@ -330,7 +330,9 @@ def _row(mine: Iterable[Run], out: Path) -> dict[str, Any]:
 def _published(one: Run) -> tuple[float, float] | None:
     if one.suite == "control":
         return SUBJECTS[one.env].controllers[one.controller]
-    return PUBLISHED.get((one.suite, one.env, one.controller))
+    # The row of the paper stands beside the algorithm, whichever package runs it.
+    plain = one.controller.removesuffix("-2022").removeprefix("RLlib-")
+    return PUBLISHED.get((one.suite, one.env, plain))
 
 
 _HEADINGS = (

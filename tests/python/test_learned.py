@@ -19,6 +19,7 @@ NAMES = {
     "online": (
         *("PPO", "A2C", "SAC", "TD3", "DDPG", "ARS", "TQC", "CrossQ", "RecurrentPPO"),
         *("RLlib-PPO", "RLlib-IMPALA", "RLlib-APPO", "RLlib-SAC"),
+        *("PG-2022", "A3C-2022", "ARS-2022", "DDPG-2022", "IMPALA-2022", "PPO-2022", "SAC-2022"),
     ),
 }
 
@@ -103,6 +104,8 @@ def test_each_online_algorithm_trains(algorithm, tmp_path):
         pytest.importorskip(package)
     table = benchmark(tmp_path, "online", env="Reactor", algorithms=[algorithm], workers=1)
     (row,) = table["rows"]
+    if "SMPL_ONLINE_2022" in row.get("skipped", ""):
+        pytest.skip(row["skipped"])
     assert "skipped" not in row and row["episodes"] == 8 and np.isfinite(row["mean"])
     assert json.loads((tmp_path / "online" / "Reactor" / algorithm / "seed-0" / "formulation.json").read_text())[
         "reach"
