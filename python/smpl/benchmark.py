@@ -147,6 +147,7 @@ def benchmark(
     workers: int | None = None,
     progress: bool = False,
     ray: str | None = None,
+    run_nothing: bool = False,
 ) -> dict[str, Any]:
     """Run a suite and write its table and figures.
 
@@ -161,6 +162,7 @@ def benchmark(
         workers: threads or processes; all processors if none.
         progress: show a progress bar.
         ray: address of a cluster of Ray that makes the runs, see `smpl.learning.cluster`.
+        run_nothing: make table and figures of the runs that are finished, whatever others there are.
 
     Returns:
         What `table.json` holds.
@@ -171,7 +173,11 @@ def benchmark(
     folder = Path(out)
     count = seeds if seeds is not None else (1 if budget == "smoke" else 3)
     every = runs(suite, budget, env, count, algorithms, config)
-    if not resume and any(folder.glob("*/*/*/seed-*")):
+    if run_nothing:
+        every = [one for one in every if (one.folder(folder) / "scores.json").is_file()]
+        if not every:
+            raise ValueError(f"{folder} has no finished run of this suite, budget and environment")
+    if not (resume or run_nothing) and any(folder.glob("*/*/*/seed-*")):
         raise ValueError(f"{folder} has runs already: give --resume to go on, or another folder")
     skipped: dict[str, str] = {}
     with Progress(progress, suite, len(every)) as bar:
@@ -332,7 +338,9 @@ def _published(one: Run) -> tuple[float, float] | None:
         return SUBJECTS[one.env].controllers[one.controller]
     # The row of the paper stands beside the algorithm, whichever package runs it.
     plain = one.controller.removesuffix("-2022").removeprefix("RLlib-")
-    return PUBLISHED.get((one.suite, one.env, plain))
+    # Its figures belong to the original's behaviour.
+    legacy = one.arguments.get("scenario") == "legacy"
+    return PUBLISHED.get((one.suite, one.env, plain)) if legacy else None
 
 
 _HEADINGS = (
@@ -395,6 +403,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--config", metavar="FILE", help="YAML over the configuration of the package")
     parser.add_argument("--out", default="benchmark", metavar="DIR", help="folder of the runs")
     parser.add_argument("--resume", action="store_true", help="go on in a folder that has runs")
+    parser.add_argument("--table", action="store_true", help="run nothing: table and figures of what is finished")
     parser.add_argument("--workers", type=int, metavar="W", help="threads or processes; default: all processors")
     add_ray(parser)
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
@@ -404,7 +413,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         found = benchmark(
             given.out, given.suite, given.budget, env=given.env, seeds=given.seeds, resume=given.resume,
             algorithms=given.algorithm, config=given.config, workers=given.workers,
-            ray=given.ray, progress=not given.quiet,
+            ray=given.ray, run_nothing=given.table, progress=not given.quiet,
         )  # fmt: skip
         print(text_table(_rows(found)))
         return 0

@@ -44,12 +44,12 @@ def main() -> None:
         config = config.rl_module(_enable_rl_module_api=False).training(_enable_learner_api=False)
     algo = config.build()
     if given["before"]:
-        algo.restore(given["before"])
+        algo.load_checkpoint(given["before"])
     first = _steps(algo)
     while given["steps"] and _steps(algo) - first < given["steps"]:
         algo.train()
     after = Path(given["after"])
-    algo.save(str(after))
+    algo.save_checkpoint(str(after))
     width = int(np.prod(algo.get_policy().observation_space.shape))
     example = torch.zeros((2, width), dtype=torch.float32)
     torch.jit.trace(_Mean(algo, module).eval(), example, check_trace=False).save(str(after / "policy.pt"))
