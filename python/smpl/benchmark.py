@@ -10,8 +10,9 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import tempfile
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,8 +21,9 @@ import numpy as np
 
 from smpl._native import __version__
 from smpl._registry import ENVIRONMENTS
-from smpl.collect import guarded
+from smpl.collect import add_ray, guarded
 from smpl.learning import Plan, Task, configuration
+from smpl.learning.cluster import spread_on_ray
 from smpl.learning.curves import draw
 from smpl.learning.learned import PUBLISHED, train_and_score, versions
 from smpl.learning.progress import Progress
@@ -144,6 +146,8 @@ def benchmark(
     config: str | os.PathLike[str] | None = None,
     workers: int | None = None,
     progress: bool = False,
+    ray: str | None = None,
+    run_nothing: bool = False,
 ) -> dict[str, Any]:
     """Run a suite and write its table and figures.
 
@@ -157,6 +161,8 @@ def benchmark(
         config: a YAML file over the configuration of the package, see `smpl.learning.configuration`.
         workers: threads or processes; all processors if none.
         progress: show a progress bar.
+        ray: address of a cluster of Ray that makes the runs, see `smpl.learning.cluster`.
+        run_nothing: make table and figures of the runs that are finished, whatever others there are.
 
     Returns:
         What `table.json` holds.
@@ -167,12 +173,15 @@ def benchmark(
     folder = Path(out)
     count = seeds if seeds is not None else (1 if budget == "smoke" else 3)
     every = runs(suite, budget, env, count, algorithms, config)
-    if not resume and any(folder.glob("*/*/*/seed-*")):
+    if run_nothing:
+        every = [one for one in every if (one.folder(folder) / "scores.json").is_file()]
+        if not every:
+            raise ValueError(f"{folder} has no finished run of this suite, budget and environment")
+    if not (resume or run_nothing) and any(folder.glob("*/*/*/seed-*")):
         raise ValueError(f"{folder} has runs already: give --resume to go on, or another folder")
     skipped: dict[str, str] = {}
     with Progress(progress, suite, len(every)) as bar:
-        for one in every:
-            reason = _make(one, folder, workers)
+        for one, reason in _made(every, folder, workers, ray):
             if reason:
                 skipped[f"{one.suite} {one.env} {one.controller}"] = reason
             bar.add(1)
@@ -181,6 +190,49 @@ def benchmark(
     _write(folder / "table.md", _markdown(table))
     draw(table, folder)
     return table
+
+
+def _made(every: Sequence[Run], out: Path, workers: int | None, ray: str | None) -> Iterator[tuple[Run, str]]:
+    """Make the runs, here or on a cluster; yields each with why it cannot be made, empty where it was."""
+    if ray is None:
+        for one in every:
+            yield one, _make(one, out, workers)
+        return
+    left = [i for i, one in enumerate(every) if not (one.folder(out) / "scores.json").is_file()]
+    for one in every:
+        if (one.folder(out) / "scores.json").is_file():
+            yield one, _make(one, out, workers)
+    begun = {i: _contents(every[i].folder(out)) for i in left}
+    for i, (reason, files) in spread_on_ray(_make_elsewhere, (tuple(every), begun), left, ray):
+        _place(every[i].folder(out), files)
+        yield every[i], reason
+
+
+def _make_elsewhere(shared: tuple[tuple[Run, ...], dict[int, dict[str, bytes]]], number: int) -> Any:
+    """Make a run on a machine of a cluster: what is there of it comes along, and its files go back."""
+    every, begun = shared
+    with tempfile.TemporaryDirectory() as place:
+        folder = every[number].folder(Path(place))
+        _place(folder, begun[number])
+        reason = _make(every[number], Path(place), 1)
+        return reason, _contents(folder)
+
+
+def _contents(folder: Path) -> dict[str, bytes]:
+    """Files of a run by their paths; what was not finished writing is left out."""
+    found = [file for file in sorted(folder.rglob("*")) if file.is_file()]
+    names = {file.relative_to(folder).as_posix(): file for file in found}
+    return {name: file.read_bytes() for name, file in names.items() if not name.startswith(".")}
+
+
+def _place(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write the files of a run; its scores, which say that it is finished, come last."""
+    for name in sorted(files, key=lambda name: name == "scores.json"):
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = path.with_name(f".{path.name}.tmp")
+        temporary.write_bytes(files[name])
+        temporary.replace(path)
 
 
 def _make(one: Run, out: Path, workers: int | None) -> str:
@@ -284,7 +336,11 @@ def _row(mine: Iterable[Run], out: Path) -> dict[str, Any]:
 def _published(one: Run) -> tuple[float, float] | None:
     if one.suite == "control":
         return SUBJECTS[one.env].controllers[one.controller]
-    return PUBLISHED.get((one.suite, one.env, one.controller))
+    # The row of the paper stands beside the algorithm, whichever package runs it.
+    plain = one.controller.removesuffix("-2022").removeprefix("RLlib-")
+    # Its figures belong to the original's behaviour.
+    legacy = one.arguments.get("scenario") == "legacy"
+    return PUBLISHED.get((one.suite, one.env, plain)) if legacy else None
 
 
 _HEADINGS = (
@@ -347,14 +403,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--config", metavar="FILE", help="YAML over the configuration of the package")
     parser.add_argument("--out", default="benchmark", metavar="DIR", help="folder of the runs")
     parser.add_argument("--resume", action="store_true", help="go on in a folder that has runs")
+    parser.add_argument("--table", action="store_true", help="run nothing: table and figures of what is finished")
     parser.add_argument("--workers", type=int, metavar="W", help="threads or processes; default: all processors")
+    add_ray(parser)
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
     given = parser.parse_args(arguments)
 
     def work() -> int:
         found = benchmark(
             given.out, given.suite, given.budget, env=given.env, seeds=given.seeds, resume=given.resume,
-            algorithms=given.algorithm, config=given.config, workers=given.workers, progress=not given.quiet,
+            algorithms=given.algorithm, config=given.config, workers=given.workers,
+            ray=given.ray, run_nothing=given.table, progress=not given.quiet,
         )  # fmt: skip
         print(text_table(_rows(found)))
         return 0

@@ -20,6 +20,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--weights", nargs="+", type=float, default=(), metavar="W", help="shares of the controllers")
     parser.add_argument("--workers", type=int, metavar="W", help="threads or processes; default: all processors")
+    add_ray(parser)
     parser.add_argument("--noise", type=float, default=0.0, help="standard deviation of noise on actions in [-1, 1]")
     parser.add_argument("--epsilon", type=float, default=0.0, help="probability of a random action at each step")
     parser.add_argument("--randomize", action="append", default=[], metavar="NAME=LOW..HIGH", help="draw a parameter")
@@ -47,6 +48,7 @@ def _collect(given: argparse.Namespace) -> int:
         states=states,
         part=given.part,
         progress=not given.quiet,
+        ray=given.ray,
         **environment(given),
     )
     print(f"{len(dataset)} episodes in {dataset.folder}")
@@ -66,6 +68,13 @@ def add_environment(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--reward", metavar="NAME")
     parser.add_argument("--observation", metavar="LEVEL")
     parser.add_argument("--max-steps", type=int, metavar="N")
+
+
+def add_ray(parser: argparse.ArgumentParser) -> None:
+    """The cluster that runs the work."""
+    parser.add_argument(
+        "--ray", metavar="ADDRESS", help="run on a cluster of Ray: auto for the one that runs here, local, HOST:PORT"
+    )
 
 
 def environment(given: argparse.Namespace) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from smpl.collect import add_environment, environment, guarded
+from smpl.collect import add_environment, add_ray, environment, guarded
 from smpl.learning import Plan, Task
 from smpl.learning.agents import Agent, agent
 from smpl.learning.progress import Progress
@@ -25,6 +25,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="write report.json, report.md and report.html there")
     parser.add_argument("--workers", type=int, metavar="W", help="threads or processes; default: all processors")
+    add_ray(parser)
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
     given = parser.parse_args(arguments)
     return guarded(lambda: _evaluate(given))
@@ -39,6 +40,7 @@ def compare_controllers(
     starts: Any = None,
     workers: int | None = None,
     progress: bool = False,
+    ray: str | None = None,
     **arguments: Any,
 ) -> tuple[Plan, list[Score]]:
     """Run the same episodes with each controller.
@@ -49,6 +51,7 @@ def compare_controllers(
         episodes, seed, starts: which episodes; episode i has the seed seed + i and the same start for all.
         workers: threads or processes; all processors if none.
         progress: show a progress bar.
+        ray: address of a cluster of Ray that runs them, see `smpl.learning.cluster`.
         arguments: of the environment.
 
     Returns:
@@ -66,7 +69,7 @@ def compare_controllers(
     scores = []
     for number, one in enumerate(plan.agents):
         with Progress(progress, one.name, plan.episodes) as bar:
-            scores.append(score(single(plan, number), workers, bar.add))
+            scores.append(score(single(plan, number), workers, bar.add, ray=ray))
     return plan, scores
 
 
@@ -80,6 +83,7 @@ def _evaluate(given: argparse.Namespace) -> int:
         starts=given.starts,
         workers=given.workers,
         progress=not given.quiet,
+        ray=given.ray,
         **environment(given),
     )
     report = content(plan, scores) if given.out is None else write(given.out, replace(plan), scores)

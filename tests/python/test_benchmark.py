@@ -38,6 +38,15 @@ def test_what_is_finished_is_not_run_again(tmp_path):
         benchmark(tmp_path, budget="short", env="Reactor", resume=True, seeds=1)
 
 
+def test_a_table_of_what_is_finished_runs_nothing(tmp_path):
+    with pytest.raises(ValueError, match="no finished run"):
+        benchmark(tmp_path, env="Beer", run_nothing=True)
+    benchmark(tmp_path, env="Beer", algorithms=["profile"])
+    table = benchmark(tmp_path, env="Beer", seeds=3, run_nothing=True)
+    assert [(row["controller"], row["seeds"]) for row in table["rows"]] == [("profile", 1)]
+    assert not (tmp_path / "control/Beer/isothermal").exists()
+
+
 def test_a_controller_whose_package_is_missing_is_skipped_by_name(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(__import__("sys").modules, "casadi", None)
     assert main(["--env", "smpl/Reactor-v0", "--out", str(tmp_path), "--quiet"]) == 0

@@ -1,5 +1,8 @@
 """Environments as a learner sees them: the process beneath is the same, and policies come back to it."""
 
+import re
+from pathlib import Path
+
 import gymnasium
 import numpy as np
 import pytest
@@ -150,6 +153,29 @@ def test_a_curriculum_moves_the_parameters_of_episodes():
 def test_a_formulation_that_cannot_be_meant_is_told(formulation, says):
     with pytest.raises(ValueError, match=says):
         Formulated(smpl.Env("reactor"), formulation)
+
+
+def test_a_schedule_of_set_points_is_part_of_the_task(tmp_path):
+    text = (Path(__file__).parents[2] / "docs" / "learning.md").read_text(encoding="utf-8")
+    (model,) = re.findall(r"^```\n(model Tracking.*?)^```$", text, re.S | re.M)
+    path = tmp_path / "tracking.eq"
+    path.write_text(model)
+    env = smpl.Env(path, normalize=False)
+    schedule = np.array([0.5] * 50 + [0.7] * 150)
+    env.reset(seed=0, options={"disturbances": {"h_sp": schedule}})
+    level = 0.5
+    for k in range(200):
+        flow = 0.1 + 0.1 * np.clip(5 * (schedule[k] - level), -1, 1)
+        observation, reward, _, truncated, _ = env.step(np.array([flow]))
+        level += 0.1 * (flow - 0.1) / 0.15
+        assert observation[0] == pytest.approx(level, rel=1e-6)
+        assert reward == pytest.approx(-((level - schedule[k]) ** 2), abs=1e-9)
+    assert truncated and level == pytest.approx(0.7, abs=0.01)
+    drawn = set()
+    env.reset(seed=1)
+    for _ in range(200):
+        drawn.add(float(env.step(np.array([0.1]))[0][1]))
+    assert len(drawn) > 3 and all(0.3 <= one <= 0.8 for one in drawn)
 
 
 def test_curricula_that_cannot_be_meant_are_told():

@@ -14,11 +14,12 @@ from smpl.learning.training import COLUMNS, curve, learn
 NAMES = {
     "offline": (
         *("BC", "PLAS", "PLASWithPerturbation", "AWAC", "TD3", "BEAR", "BCQ", "SAC", "DDPG", "CQL"),
-        *("TD3PlusBC", "IQL", "CalQL", "ReBRAC"),
+        *("TD3PlusBC", "IQL", "CalQL", "ReBRAC", "MOPO", "COMBO"),
     ),
     "online": (
         *("PPO", "A2C", "SAC", "TD3", "DDPG", "ARS", "TQC", "CrossQ", "RecurrentPPO"),
         *("RLlib-PPO", "RLlib-IMPALA", "RLlib-APPO", "RLlib-SAC"),
+        *("PG-2022", "A3C-2022", "ARS-2022", "DDPG-2022", "IMPALA-2022", "PPO-2022", "SAC-2022"),
     ),
 }
 
@@ -88,9 +89,12 @@ def test_each_offline_algorithm_trains_on_every_kind_of_process(algorithm, tmp_p
         pytest.importorskip(package)
     table = benchmark(tmp_path, "offline", env="Beer", algorithms=[algorithm], workers=1)
     (row,) = table["rows"]
+    if algorithm in ("MOPO", "COMBO") and "SMPL_OFFLINE_2022" in row.get("skipped", ""):
+        pytest.skip(row["skipped"])
     assert "skipped" not in row and row["episodes"] == 8 and np.isfinite(row["mean"])
     folder = tmp_path / "offline" / "Beer" / algorithm / "seed-0"
-    assert {one.name for one in folder.iterdir()} >= {"configuration.json", "curve.csv", "scores.json", "policy.d3"}
+    assert {one.name for one in folder.iterdir()} >= {"configuration.json", "curve.csv", "scores.json"}
+    assert [one.name for one in folder.glob("policy.*")]
     assert len(curve(folder)) == 2
 
 
@@ -100,6 +104,8 @@ def test_each_online_algorithm_trains(algorithm, tmp_path):
         pytest.importorskip(package)
     table = benchmark(tmp_path, "online", env="Reactor", algorithms=[algorithm], workers=1)
     (row,) = table["rows"]
+    if "SMPL_ONLINE_2022" in row.get("skipped", ""):
+        pytest.skip(row["skipped"])
     assert "skipped" not in row and row["episodes"] == 8 and np.isfinite(row["mean"])
     assert json.loads((tmp_path / "online" / "Reactor" / algorithm / "seed-0" / "formulation.json").read_text())[
         "reach"

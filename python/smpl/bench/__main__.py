@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import platform
 
-from smpl.bench import advection, batch, decisions, environments, exports, kernels, mab, pensim, precision, reactor
+from smpl.bench import advection, batch, decisions, environments, exports, kernels, mab, pensim, ppo, precision, reactor
 
 SECTIONS = {
     "environments": environments.main,
@@ -18,6 +18,7 @@ SECTIONS = {
     "mab": mab.main,
     "exports": exports.main,
     "decisions": decisions.main,
+    "ppo": ppo.main,
 }
 
 

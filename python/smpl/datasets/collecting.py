@@ -7,6 +7,7 @@ import hashlib
 import importlib.metadata
 import os
 import platform
+import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,9 +17,10 @@ import numpy as np
 
 from smpl._native import __version__
 from smpl.datasets.loading import Dataset, load
-from smpl.datasets.store import MANIFEST, DatasetError, Manifest, part_mark, part_path, pyarrow, write_part
+from smpl.datasets.store import MANIFEST, DatasetError, Manifest, part_mark, part_path, place_part, pyarrow, write_part
 from smpl.envs import Env
 from smpl.learning.agents import Agent
+from smpl.learning.cluster import spread_on_ray
 from smpl.learning.formulation import FILE
 from smpl.learning.plan import Plan, Task
 from smpl.learning.progress import Progress
@@ -47,6 +49,7 @@ def collect(
     states: bool | Sequence[str] = False,
     part: int | None = None,
     progress: bool = False,
+    ray: str | None = None,
     **arguments: Any,
 ) -> Dataset:
     """Run episodes and keep them; what the folder has already is not run again.
@@ -69,6 +72,7 @@ def collect(
         states: keep the states, all or those that are named.
         part: episodes a part; chosen by their size if none.
         progress: show a progress bar (extra `data`: tqdm).
+        ray: address of a cluster of Ray that runs them, see `smpl.learning.cluster`; the files are the same to the bit.
         arguments: of the environment: `scenario`, `variants`, `settings`, `reward`, `observation`, `normalize`,
             `max_steps`.
 
@@ -89,7 +93,7 @@ def collect(
     missing = _missing(folder, manifest)
     with Progress(progress, "collect", plan.episodes, plan.episodes - _episodes_in(manifest, missing)) as bar:
         try:
-            for first, last in _run_parts(plan, folder, manifest, missing, count):
+            for first, last in _run_parts(plan, folder, manifest, missing, count, ray):
                 bar.add(last - first)
         except OSError as error:
             if error.errno != errno.ENOSPC:
@@ -103,9 +107,14 @@ def collect(
 
 
 def _run_parts(
-    plan: Plan, folder: Path, manifest: Manifest, missing: Sequence[int], workers: int
+    plan: Plan, folder: Path, manifest: Manifest, missing: Sequence[int], workers: int, ray: str | None
 ) -> Iterator[tuple[int, int]]:
     """Make the parts; yields the range of each when it is there."""
+    if ray is not None:
+        for number, content in spread_on_ray(_sent_part, (plan, manifest), missing, ray):
+            place_part(folder, number, content)
+            yield manifest.range(number)
+        return
     if batched(plan) or workers == 1 or len(missing) < 2:
         for number in missing:
             _make_part(plan, folder, manifest, number, workers if batched(plan) else 1)
@@ -117,6 +126,13 @@ def _run_parts(
 
 def _work(shared: tuple[Plan, Path, Manifest], number: int) -> None:
     _make_part(*shared, number, 1)
+
+
+def _sent_part(shared: tuple[Plan, Manifest], number: int) -> bytes:
+    """A part as the bytes of its file, made on another machine."""
+    with tempfile.TemporaryDirectory() as place:
+        _make_part(shared[0], Path(place), shared[1], number, 1)
+        return part_path(Path(place), number).read_bytes()
 
 
 def _make_part(plan: Plan, folder: Path, manifest: Manifest, number: int, threads: int) -> None:

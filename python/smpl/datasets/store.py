@@ -135,6 +135,15 @@ def write_part(folder: Path, number: int, manifest: Manifest, episodes: Sequence
     )
 
 
+def place_part(folder: Path, number: int, content: bytes) -> None:
+    """Write a part that was made elsewhere, whole or not at all.
+
+    Raises:
+        OSError: the disk is full, or the like.
+    """
+    _replace(part_path(folder, number), lambda path: path.write_bytes(content))
+
+
 def part_mark(folder: Path, number: int) -> dict[str, Any] | None:
     """Checksum of the model and number of episodes that a part names; none if it is not there.
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -69,7 +70,8 @@ class Agent:
 
     def __reduce__(self) -> tuple[Any, ...]:
         if self.origin is not None:
-            return agent, (*self.origin, self.name)
+            files = _files(self.origin[0])
+            return (_unpacked, (*self.origin, self.name, files)) if files else (agent, (*self.origin, self.name))
         return Agent, (self.name, self.chooser, self.physical)
 
     @property
@@ -163,6 +165,24 @@ def agent(spec: Any, model: Model, name: str | None = None) -> Agent:
     made = Agent(name or _title(spec), _made(spec, model))
     made.origin = (spec, model)
     return made
+
+
+def _files(spec: str) -> dict[str, bytes]:
+    """The file of a policy and its formulation, for a machine that has them not; nothing for anything else."""
+    file = Path(spec.rpartition(":")[2])
+    if file.suffix not in _FILES or not file.is_file():
+        return {}
+    both = (file, file.with_name("formulation.json"))
+    return {one.name: one.read_bytes() for one in both if one.is_file()}
+
+
+def _unpacked(spec: str, model: Model, name: str, files: Mapping[str, bytes]) -> Agent:
+    """The agent of a policy whose files came along."""
+    prefix, colon, file = spec.rpartition(":")
+    with tempfile.TemporaryDirectory() as place:
+        for one, content in files.items():
+            (Path(place) / one).write_bytes(content)
+        return agent(f"{prefix}{colon}{Path(place) / Path(file).name}", model, name)
 
 
 def _title(spec: str) -> str:

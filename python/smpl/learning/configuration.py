@@ -14,7 +14,7 @@ OWN = Path(__file__).with_name("benchmark.yaml")
 SUITES = ("offline", "online")
 # Algorithms that learn from what the present policy has done, and those that search without gradients.
 _ON_POLICY, _SEARCH = ("PPO", "A2C", "RecurrentPPO"), ("ARS",)
-_PROCESS = ("train", "formulation", "data", "curriculum", "steps", "num_envs", "algorithms")
+_PROCESS = ("train", "formulation", "data", "curriculum", "steps", "segments", "num_envs", "algorithms")
 _BUDGET = ("segments", "validation", "data", "num_envs", "steps", "hyperparameters")
 
 
@@ -68,7 +68,7 @@ def settings(configuration: Mapping[str, Any], suite: str, env: str, algorithm: 
         "curriculum": process.get("curriculum", {}),
         "hyperparameters": hyper,
         "steps": as_count("steps", steps[kind]),
-        "segments": as_count("segments", sizes["segments"]),
+        "segments": as_count("segments", process.get("segments", {}).get(budget, sizes["segments"])),
         "validation": as_count("validation", sizes["validation"]),
         "num_envs": as_count("num_envs", sizes["num_envs"] if budget == "smoke" else process.get("num_envs", 32)),
         "data": {"controller": "nominal", "noise": 0.1, "episodes": sizes["data"], **process.get("data", {})},
@@ -80,7 +80,7 @@ def settings(configuration: Mapping[str, Any], suite: str, env: str, algorithm: 
 def _kind(suite: str, algorithm: str) -> str:
     if suite == "offline":
         return "offline"
-    if algorithm.startswith("RLlib-"):
+    if algorithm.startswith("RLlib-") or algorithm.endswith("-2022"):
         return "rllib"
     if algorithm in _SEARCH:
         return "search"

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from smpl.learning.formulation import Formulation
+from smpl.learning.historical import trainer as historical
 from smpl.learning.plan import Plan, Task
 from smpl.learning.scores import score
 from smpl.learning.training import Trainer, Validate, learn
@@ -20,6 +21,13 @@ from smpl.learning.training import Trainer, Validate, learn
 PUBLISHED: dict[tuple[str, str, str], tuple[float, float]] = {
     ("online", "Beer", "PPO"): (1.0688, 20.70),
     ("online", "Beer", "ARS"): (-200.0, 0.0),
+    ("online", "Beer", "PG"): (-1.99, 14.0014),
+    ("online", "MAb", "PPO"): (-92.7862, 137.6964),
+    ("online", "MAb", "A3C"): (-88.8452, 272.8659),
+    ("online", "MAb", "IMPALA"): (-94.3842, 184.2320),
+    ("online", "MAb", "PG"): (-86.1046, 241.7652),
+    ("online", "MAb", "SAC"): (-90.1491, 233.4410),
+    ("online", "MAb", "DDPG"): (-95.1542, 288.9491),
     ("offline", "MAb", "BC"): (1322.8184, 111.1911),
     ("offline", "MAb", "PLAS"): (1324.1982, 124.7369),
     ("offline", "MAb", "PLASWithPerturbation"): (1357.0842, 122.1667),
@@ -30,9 +38,8 @@ PUBLISHED: dict[tuple[str, str, str], tuple[float, float]] = {
     ("offline", "MAb", "SAC"): (1197.1507, 503.1202),
     ("offline", "MAb", "DDPG"): (711.1741, 574.0687),
     ("offline", "MAb", "CQL"): (1254.5728, 233.4812),
-    ("online", "MAb", "PPO"): (-92.7862, 137.6964),
-    ("online", "MAb", "SAC"): (-90.1491, 233.4410),
-    ("online", "MAb", "DDPG"): (-95.1542, 288.9491),
+    ("offline", "MAb", "COMBO"): (1165.3812, 440.0366),
+    ("offline", "MAb", "MOPO"): (-100.0, 0.0),
 }
 # Seeds of validation and of data sets are apart from those of the scores, which begin at 0.
 _VALIDATION, _DATA = 500_000_000, 600_000_000
@@ -107,6 +114,12 @@ def _trainer(
     arguments = {**_arguments(task), **settings["train"]}
     learned = Task.of(task.name, **arguments)
     hyper = settings["hyperparameters"]
+    if algorithm in historical.OFFLINE:
+        historical.python("offline")
+        data_set = _data_set(learned, arguments, settings, data, workers)
+        return historical.offline_trainer(algorithm, data_set, formulation, hyper)
+    if algorithm in historical.ONLINE:
+        return historical.online_trainer(algorithm, learned, formulation, hyper)
     if suite == "offline":
         from smpl.learning.offline import D3rlpyTrainer, needs
 

@@ -8,7 +8,7 @@ import inspect
 import io
 import json
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -47,7 +47,7 @@ class D3rlpyTrainer:
         if unknown:
             raise ValueError(f"{algorithm} has no hyperparameter {', '.join(unknown)}; there are: {', '.join(known)}")
         self._config, self._hyper = config, dict(hyperparameters)
-        self._data = self._d3rlpy.dataset.MDPDataset(**d3rlpy_arrays(_formulated(one, formulation) for one in data))
+        self._data = self._d3rlpy.dataset.MDPDataset(**formulated_arrays(data, formulation))
         self._algo: Any = None
 
     def begin(self, seed: int) -> None:
@@ -80,6 +80,11 @@ class D3rlpyTrainer:
         """Write the policy."""
         self._algo.save(str(folder / "policy.d3"))
         return "policy.d3"
+
+
+def formulated_arrays(data: Iterable[Episode], formulation: Formulation) -> dict[str, Any]:
+    """The episodes in the layout of d3rlpy, with the rewards of the formulation."""
+    return dict(d3rlpy_arrays(_formulated(one, formulation) for one in data))
 
 
 def _formulated(episode: Episode, formulation: Formulation) -> Episode:

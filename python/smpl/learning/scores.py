@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from smpl.evaluation import Episode
+from smpl.learning.cluster import spread_on_ray
 from smpl.learning.plan import Job, Plan
 from smpl.learning.running import Settings, batched, run
 from smpl.learning.statistics import bootstrap, interquartile_mean, probability_of_improvement
@@ -20,6 +21,8 @@ from smpl.model import FloatArray
 
 # Episodes that are kept whole for the pictures, decisions whose times are kept, episodes a worker takes at a time.
 KEPT, DECISIONS, CHUNK = 64, 20_000, 8
+# Episodes of a piece that is run in a native batch.
+_BATCH = 1024
 
 
 @dataclass(frozen=True)
@@ -135,7 +138,11 @@ def compare(score: Score, baseline: Score) -> dict[str, Any]:
 
 
 def score(
-    plan: Plan, workers: int | None = None, stepped: Callable[[int], None] | None = None, kept: int = KEPT
+    plan: Plan,
+    workers: int | None = None,
+    stepped: Callable[[int], None] | None = None,
+    kept: int = KEPT,
+    ray: str | None = None,
 ) -> Score:
     """Run the episodes of a plan with one agent.
 
@@ -144,6 +151,7 @@ def score(
         workers: threads of the native batch, or processes; all processors if none.
         stepped: called with the number of episodes after each that has ended.
         kept: how many episodes to keep whole.
+        ray: address of a cluster that runs them, see `smpl.learning.cluster`; the scores are the same to the bit.
 
     Raises:
         RunError: an episode could not be run.
@@ -151,18 +159,24 @@ def score(
     count = workers or os.cpu_count() or 1
     found = Score(plan.agents[0].name)
     target = _target(plan)
+    if ray is not None:
+        ends = _ends(plan, _BATCH if batched(plan) else CHUNK)
+        _gather(found, _ordered(ends, spread_on_ray(_work, (plan, target, kept), ends, ray)), stepped, kept)
+        return found
     if batched(plan) or count == 1 or plan.episodes <= CHUNK:
         # In pieces: what is not kept is forgotten.
-        size = 1024 if batched(plan) else CHUNK
-        pieces: Iterable[Score] = (
-            _piece(plan, first, min(first + size, plan.episodes), count, target, kept)
-            for first in range(0, plan.episodes, size)
-        )
+        ends = _ends(plan, _BATCH if batched(plan) else CHUNK)
+        pieces: Iterable[Score] = (_piece(plan, first, last, count, target, kept) for first, last in ends)
         _gather(found, pieces, stepped, kept)
         return found
-    ends = [(first, min(first + CHUNK, plan.episodes)) for first in range(0, plan.episodes, CHUNK)]
+    ends = _ends(plan, CHUNK)
     _gather(found, _ordered(ends, spread(_work, (plan, target, kept), ends, count)), stepped, kept)
     return found
+
+
+def _ends(plan: Plan, size: int) -> list[tuple[int, int]]:
+    """Pieces of the plan. They do not depend on who runs them: what a network gives may depend on its batch."""
+    return [(first, min(first + size, plan.episodes)) for first in range(0, plan.episodes, size)]
 
 
 def _work(shared: tuple[Plan, tuple[FloatArray, FloatArray] | None, int], ends: tuple[int, int]) -> Score:
