@@ -140,6 +140,7 @@ class Start:
         parameters: Mapping[str, float],
         disturbances: Mapping[str, FloatArray],
         held: Sequence[str],
+        disturbance_seed: int | None = None,
     ) -> None: ...
 
 class Snapshot:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from smpl import _native
 from smpl.model import FloatArray, Model, as_number, as_numbers, as_vector, check_names, expand_parameters
 
-OPTIONS = ("state", "discrete", "parameters", "disturbances", "hold_disturbances", "start")
+OPTIONS = ("state", "discrete", "parameters", "disturbances", "hold_disturbances", "start", "disturbance_seed")
 _STARTS = ("sampled", "nominal", "steady")
 
 
@@ -24,7 +24,8 @@ def start_from_options(model: Model, options: Mapping[str, Any] | None) -> _nati
             array of parameters by its name, with one value or one for each element, or element by element),
             `disturbances` (name -> one value a step, or one number for all), `hold_disturbances` (the last value holds
             where a record has ended; otherwise a step beyond it is an error), `start` (`sampled`, `nominal` or
-            `steady`).
+            `steady`), `disturbance_seed` (of what is drawn after the start: disturbances, errors of measurements; the
+            seed of the reset if none).
 
     Raises:
         ValueError: an unknown key or name, a wrong shape, or a value that is no finite number.
@@ -46,6 +47,7 @@ def start_from_options(model: Model, options: Mapping[str, Any] | None) -> _nati
         _parameters(model, options.get("parameters")),
         _disturbances(model, options.get("disturbances")),
         _held(options.get("disturbances"), options.get("hold_disturbances", False)),
+        _seed(options.get("disturbance_seed")),
     )
 
 
@@ -57,6 +59,14 @@ def _state(model: Model, given: Any) -> dict[str, float] | FloatArray | None:
     values = as_vector("options['state']", given, len(model.state_names))
     _check_finite("state", values)
     return values
+
+
+def _seed(given: Any) -> int | None:
+    if given is None:
+        return None
+    if isinstance(given, (bool, np.bool_)) or not isinstance(given, (int, np.integer)) or not 0 <= given < 2**64:
+        raise ValueError(f"options['disturbance_seed'] is {given!r}, expected an integer from 0 to 2**64 - 1")
+    return int(given)
 
 
 def _named(key: str, given: Any, names: tuple[str, ...]) -> dict[str, float]:

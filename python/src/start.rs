@@ -24,6 +24,7 @@ enum GivenState<'py> {
 #[pymethods]
 impl Start {
     #[new]
+    #[pyo3(signature = (mode, state, discrete, parameters, disturbances, held, disturbance_seed=None))]
     fn new(
         mode: &str,
         state: Option<GivenState<'_>>,
@@ -31,6 +32,7 @@ impl Start {
         parameters: BTreeMap<String, f64>,
         disturbances: BTreeMap<String, Vec<f64>>,
         held: Vec<String>,
+        disturbance_seed: Option<u64>,
     ) -> PyResult<Self> {
         let start = match mode {
             "sampled" => Mode::Sampled,
@@ -51,6 +53,7 @@ impl Start {
                 parameters,
                 disturbances,
                 held: held.into_iter().collect(),
+                disturbance_seed,
                 ..ResetOptions::default()
             },
         })

@@ -836,3 +836,33 @@ fn a_draw_outside_of_its_bounds_is_no_episode() {
     let output = smpl(&["simulate", name(&model), "--set", "gain=1.6"]);
     assert!(status(&output) == 1 && text(&output.stderr).contains("`twice` = 3.2 lies outside"), "{}", text(&output.stderr));
 }
+
+#[test]
+fn further_statements_follow_those_of_the_file_and_are_named_where_they_are_at_fault() {
+    let model = file("extra", "m.eq", "model M \"m\"\ntime t : s\nstate x = 1\neq d/dt x = -x / 1 [s]\n");
+    let path = model.to_str().expect("a path");
+    let output = smpl(&["check", path, "--extra", "reward size = x"]);
+    assert_eq!(status(&output), 0, "{}", text(&output.stderr));
+    let output = smpl(&["check", path, "--extra", "\nreward size = y"]);
+    assert_eq!(status(&output), 1);
+    assert!(text(&output.stderr).contains("extra:2:15"), "{}", text(&output.stderr));
+    let output = smpl(&["compile", path, "--extra", "reward size = x"]);
+    assert_eq!(status(&output), 1);
+    assert!(text(&output.stderr).contains("belongs to a file"), "{}", text(&output.stderr));
+    assert!(!model.with_extension("smplc").exists());
+}
+
+#[test]
+fn fitting_without_the_python_package_says_what_is_missing() {
+    let command = |python: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_smpl"));
+        command.env("SMPL_PYTHON", python).args(["fit", "reactor", "--data", "run.csv", "--parameters", "U"]);
+        command.output().expect("smpl runs")
+    };
+    for python in ["/nowhere/python", env!("CARGO_BIN_EXE_smpl")] {
+        let output = command(python);
+        assert_eq!(status(&output), 1, "{}", text(&output.stdout));
+        let said = text(&output.stderr);
+        assert!(said.contains(python) && said.contains("pip install") && said.contains("SMPL_PYTHON"), "{said}");
+    }
+}

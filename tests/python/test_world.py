@@ -1,9 +1,12 @@
 """The plant's world: variants of the shipped models in which more than the actions changes."""
 
+import re
+
 import numpy as np
 import pytest
 
 import smpl
+from conftest import ROOT
 
 VARIANTS = {
     "reactor": (
@@ -126,3 +129,52 @@ def test_random_set_points_differ_from_seed_to_seed_and_hold_in_between():
     assert set(np.flatnonzero(np.diff(one))) == {24, 49}
     assert ((one >= 0.55) & (one <= 0.75)).all()
     assert (one != other).any()
+
+
+def test_disturbances_have_a_seed_apart_from_that_of_the_start():
+    def run(seed, disturbance_seed=None):
+        options = {} if disturbance_seed is None else {"disturbance_seed": disturbance_seed}
+        env = begun("reactor", "feed_disturbances", seed=seed, **options)
+        start = env.state
+        drawn = [(steps(env, 1), env._native.values("disturbance"))[1] for _ in range(4)]
+        return start, np.array(drawn)
+
+    start, drawn = run(3)
+    same_start, other = run(3, 8)
+    other_start, same = run(4, 8)
+    np.testing.assert_array_equal(start, same_start)
+    assert (start != other_start).any()
+    assert (drawn != other).any()
+    np.testing.assert_array_equal(other, same)
+    np.testing.assert_array_equal(drawn, run(3, 3)[1])
+    np.testing.assert_array_equal(run(4)[1], run(3, 4)[1])
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, True, 2**64, "1"])
+def test_a_disturbance_seed_is_an_integer(seed):
+    with pytest.raises(ValueError, match="disturbance_seed"):
+        begun("reactor", disturbance_seed=seed)
+
+
+def test_a_batch_has_the_disturbances_of_the_given_seed_too():
+    one = begun("reactor", "feed_disturbances", seed=3, disturbance_seed=8)
+    many = smpl.make_vec("reactor", 2, variants=["feed_disturbances"], normalize=False)
+    many.reset(seed=3, options={"disturbance_seed": 8})
+    action = one.model.native.defaults("action")
+    for _ in range(3):
+        single, batch = one.step(action), many.step(np.stack([action, action]))
+    np.testing.assert_array_equal(single[0], batch[0][0])
+
+
+def test_the_examples_of_the_page_run(monkeypatch):
+    text = (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"^```python\n(.*?)^```$", text, re.S | re.M)
+    scope = {}
+    for block in blocks:
+        exec(compile(block, "scenarios.md", "exec"), scope)
+    assert len(blocks) >= 2
+    env = scope["env"]
+    env.reset(seed=0, options={"start": "nominal"})
+    rewards = [env.step(env.from_physical([26.85, 0.1]))[1] for _ in range(60)]
+    assert rewards[40] == pytest.approx(0.0, abs=1e-6)
+    assert rewards[-1] == pytest.approx(-0.041, abs=1e-4)

@@ -60,6 +60,8 @@ pub struct ResetOptions {
     pub expected: bool,
     /// Steps that count as completed at the start: the clock begins there, and so do recorded disturbances.
     pub first_step: u32,
+    /// Seed of what is drawn after the start, disturbances and errors of measurements; that of the start if none.
+    pub disturbance_seed: Option<u64>,
 }
 
 /// Why an episode cannot begin.
@@ -143,6 +145,7 @@ impl Environment {
         self.initial_values(options)?;
         self.refuse_broken_start()?;
         self.first_observation()?;
+        self.progress.key = options.disturbance_seed.map_or(key, EpisodeKey::seeded);
         self.progress.phase = Phase::Running;
         Ok(())
     }
