@@ -52,6 +52,7 @@ fn text_table(name: &str) -> Option<Vec<Vec<String>>> {
 }
 
 #[test]
+#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
 fn steady_states_are_the_published_ones() {
     for scenario in ["default", "coupled39", "legacy"] {
         steady_state(scenario);
@@ -119,6 +120,7 @@ fn trajectory(file: &str, suffix: &str, scenario: &str, tolerance: Option<(f64, 
 }
 
 #[test]
+#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
 fn continuous_coupling_follows_the_references() {
     trajectory("atropine_1_full.csv", ".full", "default", None);
     trajectory("atropine_1_coupled.csv", ".coupled", "coupled39", None);
@@ -126,12 +128,14 @@ fn continuous_coupling_follows_the_references() {
 }
 
 #[test]
+#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
 fn held_coupling_follows_the_references() {
     trajectory("atropine_1.csv", ".tight", "legacy", None);
     trajectory("atropine_2.csv", ".tight", "legacy", None);
 }
 
 #[test]
+#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
 fn tight_tolerances_follow_the_references_tightly() {
     trajectory("atropine_1_full.csv", ".full", "default", Some((1e-11, 0.01)));
     trajectory("atropine_2.csv", ".tight", "legacy", Some((1e-11, 0.01)));

@@ -56,6 +56,7 @@ const FILES: [(&str, u32, u32); 6] = [
 ];
 
 #[test]
+#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
 fn shipped_tolerances_follow_the_reference_trajectories_to_a_millionth() {
     for (file, legacy, default) in FILES {
         for (suffix, step) in [("tight", legacy), ("tight1h", default)] {
@@ -72,6 +73,7 @@ fn shipped_tolerances_follow_the_reference_trajectories_to_a_millionth() {
 }
 
 #[test]
+#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
 fn tight_tolerances_follow_the_reference_trajectories_to_a_hundred_millionth() {
     for (file, ..) in FILES {
         for method in METHODS {

@@ -89,12 +89,14 @@ fn trajectory(file: &str, suffix: &str, scenario: &str) {
 }
 
 #[test]
+#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
 fn legacy_follows_the_references() {
     trajectory("mab_1.csv", ".tight", "legacy");
     trajectory("mab_2.csv", ".tight", "legacy");
 }
 
 #[test]
+#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
 fn the_default_scenario_follows_its_reference() {
     trajectory("mab_1_default.csv", "", "default");
 }

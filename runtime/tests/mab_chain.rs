@@ -87,6 +87,7 @@ fn follow(replay: &mut Replay, table: &Table, rows: &[usize], phase: &str, sampl
 }
 
 #[test]
+#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
 fn the_four_phases_follow_the_reference() {
     let (Some(table), Some(start_table)) = (reference::table("mab_chain.csv"), reference::table("mab_1.csv")) else { return };
     let mut column = Replay::new("mab.eq", "legacy", None);

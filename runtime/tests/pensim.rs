@@ -41,11 +41,13 @@ fn right_hand_side(load: &LoadOptions, suffix: impl Fn(&str) -> String) {
 }
 
 #[test]
+#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
 fn rates_are_those_of_the_reference() {
     right_hand_side(&LoadOptions::default(), |name| format!("der.{name}"));
 }
 
 #[test]
+#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
 fn legacy_rates_are_those_of_the_reference() {
     right_hand_side(&options("legacy", &[]), |name| match name {
         "H" | "visc" => format!("der.{name}.legacy"),
@@ -111,6 +113,7 @@ fn single_steps(file: &str, scenario: &str, length: f64) {
 }
 
 #[test]
+#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
 fn single_steps_are_those_of_the_reference() {
     single_steps("pensim_1_default.csv", "default", 0.2);
     single_steps("pensim_2_default.csv", "default", 0.2);
@@ -119,6 +122,7 @@ fn single_steps_are_those_of_the_reference() {
 
 /// Section 10, "controllers": flows from the reference's states of the last three rows and its last flows.
 #[test]
+#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
 fn controllers_answer_the_states_of_the_reference_with_its_flows() {
     let Some(parameters) = reference::table("pensim_parameters.csv") else {
         return;
@@ -234,6 +238,7 @@ const METHODS: [&str; 4] = ["ida", "rosenbrock", "explicit", "auto"];
 const EPISODES: [(usize, &str); 4] = [(1, "default"), (1, "legacy"), (2, "default"), (2, "legacy")];
 
 #[test]
+#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
 fn closed_loops_at_tight_tolerances_follow_the_reference() {
     for ((episode, scenario), method) in EPISODES.into_iter().flat_map(|case| METHODS.map(|method| (case, method))) {
         let Some(worst) = closed_loop(episode, scenario, method, 1e-9, ".tight") else {
@@ -246,6 +251,7 @@ fn closed_loops_at_tight_tolerances_follow_the_reference() {
 }
 
 #[test]
+#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
 fn closed_loops_at_everyday_tolerances_follow_the_reference() {
     for ((episode, scenario), method) in EPISODES.into_iter().flat_map(|case| METHODS.map(|method| (case, method))) {
         let Some(worst) = closed_loop(episode, scenario, method, 1e-6, ".tight") else {
@@ -257,6 +263,7 @@ fn closed_loops_at_everyday_tolerances_follow_the_reference() {
 }
 
 #[test]
+#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
 fn legacy_follows_the_trajectory_of_the_original_solver() {
     for episode in [1, 2] {
         let Some(worst) = closed_loop(episode, "legacy", "ida", 1e-9, ".orig") else {
@@ -333,6 +340,7 @@ fn each_repair_changes_the_yield_as_the_specification_says() {
 
 /// The compiled Jacobian against central differences of the rates, entry by entry, in units of the states' scales.
 #[test]
+#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
 fn the_jacobian_is_the_slope_of_the_rates() {
     let Some(table) = reference::table("pensim_rhs.csv") else {
         return;

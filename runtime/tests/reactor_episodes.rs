@@ -57,6 +57,7 @@ const FILES: [&str; 6] =
     ["reactor_1.csv", "reactor_2.csv", "reactor_3.csv", "reactor_extra_ignition.csv", "reactor_extra_drain.csv", "reactor_extra_mpc.csv"];
 
 #[test]
+#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
 fn shipped_tolerances_follow_the_reference_trajectories_to_a_millionth() {
     for (file, method) in FILES.into_iter().flat_map(|file| METHODS.map(|method| (file, method))) {
         if let Some(worst) = deviation(file, method, false) {
@@ -67,6 +68,7 @@ fn shipped_tolerances_follow_the_reference_trajectories_to_a_millionth() {
 }
 
 #[test]
+#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
 fn tight_tolerances_follow_the_reference_trajectories_to_a_hundred_millionth() {
     for (file, method) in FILES.into_iter().flat_map(|file| METHODS.map(|method| (file, method))) {
         if let Some(worst) = deviation(file, method, true) {
@@ -77,6 +79,7 @@ fn tight_tolerances_follow_the_reference_trajectories_to_a_hundred_millionth() {
 }
 
 #[test]
+#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
 fn legacy_rewards_are_those_of_the_reference() {
     let Some(table) = reference::table("reactor_2.csv") else {
         return;

@@ -6,13 +6,12 @@ mod instances;
 mod phases;
 mod tables;
 
-use crate::elaborate::declare::declaring::Declaring;
-use crate::elaborate::declare::declaring::MAX_ELEMENTS;
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{self, Declaration, Flux, Ident, SetMembers, Statement, StatementKind};
 use smpl_dsl::units::Unit;
 
+use crate::elaborate::declare::declaring::{Declaring, MAX_ELEMENTS};
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::select::imports::gathered;
 use crate::elaborate::select::items::{Item, items, overlay};

@@ -6,11 +6,10 @@ use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Binder, Expr, StatementKind};
 
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::ranges::SHORTEST;
-use crate::elaborate::lower::units;
 use crate::elaborate::lower::value::Measure;
+use crate::elaborate::lower::{Lowering, units};
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{Axis, ScopeId, SymbolId, SymbolKind};
 use crate::ir::{Affine, Expr as Node, ExprId, Flavour, LoopVar, Role, VarId};

@@ -1,7 +1,6 @@
 //! Definitions that are expanded where they are used: `let`s, fluxes, functions.
 
-use super::lower::place::IndexKey;
-use super::lower::place::Site;
+use super::lower::place::{IndexKey, Site};
 use super::lower::value::Value;
 use super::symbols::SymbolId;
 use crate::ir::{FastMap, FastSet};

@@ -25,6 +25,8 @@ pub(in crate::elaborate) mod units;
 pub(in crate::elaborate) mod value;
 pub(in crate::elaborate) mod values;
 
+use cranelift_entity::PrimaryMap;
+
 use crate::elaborate::constants::Constants;
 use crate::elaborate::expansions::Expansions;
 use crate::elaborate::hidden::Hidden;
@@ -37,7 +39,6 @@ use crate::elaborate::space::grids::Grids;
 use crate::elaborate::symbols::{ScopeId, SymbolId, SymbolKind, Symbols};
 use crate::ir::{Exprs, FastMap, Role, VarId};
 use crate::model::{Quantity, Variable};
-use cranelift_entity::PrimaryMap;
 use loops::Loops;
 use outcome::EpisodeNames;
 

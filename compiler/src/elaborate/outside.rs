@@ -1,13 +1,11 @@
 //! What scenarios and settings say of the variables: parameters and initial values by name, whole arrays and their elements.
 
-use crate::ir::FastMap;
-use crate::ir::VarId;
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
 
 use crate::elaborate::episode::is_entry_setting;
 use crate::elaborate::lower::Lowering;
 use crate::elaborate::symbols::{SymbolId, SymbolKind, Symbols};
-use crate::ir::Role;
+use crate::ir::{FastMap, Role, VarId};
 use crate::model::Quantity;
 
 /// Names that a message lists.

@@ -1,16 +1,14 @@
 //! Nests of loops over binders, the order of declarations, and the numbers that declarations give.
 
-use crate::elaborate::lower::defaults::mentions;
-use crate::elaborate::lower::nests::Piece;
-use crate::elaborate::lower::nests::for_each_element;
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Declaration, Expr};
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::ledger::Ledger;
-use crate::elaborate::lower::Lowering;
+use crate::elaborate::lower::defaults::mentions;
+use crate::elaborate::lower::nests::{Piece, for_each_element};
 use crate::elaborate::lower::place::{Place, Site};
-use crate::elaborate::lower::units;
+use crate::elaborate::lower::{Lowering, units};
 use crate::elaborate::outside::{check_initial, check_range, check_settings};
 use crate::elaborate::symbols::{Axis, SymbolId, SymbolKind};
 use crate::ir::{Affine, ExprId, Role, VarId};

@@ -194,6 +194,7 @@ fn the_disturbance_is_a_filtered_noise_from_zero() {
 }
 
 #[test]
+#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
 fn a_nominal_start_puts_everything_at_its_mean() {
     let env = started(&LoadOptions::default(), &with_states(&[]));
     for (name, mean) in [("mu_p", 0.041), ("mux_max", 0.41), ("alpha_kla", 85.0), ("PAA_c", 530_000.0), ("N_conc_paa", 150_000.0)] {
@@ -219,6 +220,7 @@ fn column(path: &PathBuf, name: &str) -> Vec<String> {
 
 /// The options of the contract together: a reference episode through the command.
 #[test]
+#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
 fn the_command_replays_a_reference_episode() {
     let Some(table) = reference::table("pensim_2_default.csv") else {
         return;

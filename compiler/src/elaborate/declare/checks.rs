@@ -1,22 +1,14 @@
 //! Faults of declarations: names that are there twice, members, options, tables.
 
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::span::Span;
+use smpl_dsl::syntax::{Form, Ident, Statement, StatementKind, Table};
+
 use crate::elaborate::ledger::Ledger;
 use crate::elaborate::naming::Naming;
-use crate::elaborate::select::items::Item;
-use crate::elaborate::select::items::observed;
-use crate::elaborate::select::items::reference;
-use crate::elaborate::symbols::ScopeId;
-use crate::elaborate::symbols::SetId;
-use crate::elaborate::symbols::SymbolKind;
+use crate::elaborate::select::items::{Item, observed, reference};
+use crate::elaborate::symbols::{ScopeId, SetId, SymbolKind};
 use crate::ir::FastMap;
-use smpl_dsl::diagnostic::Diagnostic;
-use smpl_dsl::diagnostic::codes;
-use smpl_dsl::span::Span;
-use smpl_dsl::syntax::Form;
-use smpl_dsl::syntax::Ident;
-use smpl_dsl::syntax::Statement;
-use smpl_dsl::syntax::StatementKind;
-use smpl_dsl::syntax::Table;
 impl Naming<'_, '_> {
     pub(in crate::elaborate) fn set_named(&mut self, scope: ScopeId, name: &Ident) -> Option<SetId> {
         match self.symbols.lookup(scope, &name.text).map(|s| self.symbols[s].kind.clone()) {

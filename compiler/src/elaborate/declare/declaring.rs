@@ -1,29 +1,19 @@
 //! What declaring needs, and the names that it makes.
 
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::syntax::{self, Binder, Declaration, Ident};
+use smpl_dsl::units::Unit;
+
 use crate::elaborate::instances::Instances;
 use crate::elaborate::ledger::Ledger;
-use crate::elaborate::lower::Lowering;
-use crate::elaborate::lower::Work;
 use crate::elaborate::lower::binders::IndexOver;
 use crate::elaborate::lower::place::Place;
+use crate::elaborate::lower::{Lowering, Work};
 use crate::elaborate::naming::Naming;
 use crate::elaborate::select::Input;
-use crate::elaborate::symbols::Axis;
-use crate::elaborate::symbols::ScopeId;
-use crate::elaborate::symbols::Set;
-use crate::elaborate::symbols::Symbol;
-use crate::elaborate::symbols::SymbolId;
-use crate::elaborate::symbols::SymbolKind;
-use crate::elaborate::symbols::Symbols;
-use crate::ir::Role;
-use crate::ir::VarId;
+use crate::elaborate::symbols::{Axis, ScopeId, Set, Symbol, SymbolId, SymbolKind, Symbols};
+use crate::ir::{Role, VarId};
 use crate::model::Variable;
-use smpl_dsl::diagnostic::Diagnostic;
-use smpl_dsl::diagnostic::codes;
-use smpl_dsl::syntax::Binder;
-use smpl_dsl::syntax::Ident;
-use smpl_dsl::syntax::{self, Declaration};
-use smpl_dsl::units::Unit;
 /// Most elements of one variable.
 pub(in crate::elaborate::declare) const MAX_ELEMENTS: i64 = 10_000_000;
 

@@ -1,18 +1,16 @@
 //! Components: ports, instances, structural parameters.
 
-use crate::elaborate::declare::declaring::Declaring;
-use crate::elaborate::instances::SAMPLE;
-use crate::elaborate::symbols::Symbols;
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::BinderSet;
-use smpl_dsl::syntax::{self, Binder, Expr, ExprKind, Ident, Statement, StatementKind};
+use smpl_dsl::syntax::{self, Binder, BinderSet, Expr, ExprKind, Ident, Statement, StatementKind};
 use smpl_dsl::units::Unit;
 
+use crate::elaborate::declare::declaring::Declaring;
+use crate::elaborate::instances::SAMPLE;
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::options::Setting;
 use crate::elaborate::select::items::{Item, items};
-use crate::elaborate::symbols::{Row, Scope, ScopeId, SymbolKind};
+use crate::elaborate::symbols::{Row, Scope, ScopeId, SymbolKind, Symbols};
 use crate::ir::Role;
 
 /// Deepest nest of components.

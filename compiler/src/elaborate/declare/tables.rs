@@ -1,6 +1,5 @@
 //! Tables: over sets, with columns, over time.
 
-use crate::elaborate::declare::declaring::Declaring;
 use std::rc::Rc;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
@@ -8,6 +7,7 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Expr, Ident, Table, TableCells, TimeTable};
 use smpl_dsl::units::Unit;
 
+use crate::elaborate::declare::declaring::Declaring;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::naming::Naming;
 use crate::elaborate::symbols::{Axis, ScopeId, SetId, SymbolKind};

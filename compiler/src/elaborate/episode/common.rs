@@ -1,12 +1,13 @@
 //! What the steps of the control problem share.
 
+use smpl_dsl::syntax::Ident;
+
 use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::values::Values;
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{ScopeId, Symbols};
 use crate::ir::{Affine, Builtin, Compare, ExprId, Flavour, Place as Memory, Store, Target};
 use crate::model::BoxItem;
-use smpl_dsl::syntax::Ident;
 
 /// A condition that ends or costs something.
 pub(in crate::elaborate) struct Condition {

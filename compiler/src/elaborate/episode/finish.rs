@@ -5,8 +5,7 @@ use smpl_dsl::syntax::{Expr, Ident, Statement, StatementKind};
 
 use crate::elaborate::episode::assembly::Assembly;
 use crate::elaborate::episode::boxes::failing;
-use crate::elaborate::episode::common::flag;
-use crate::elaborate::episode::common::{Condition, each};
+use crate::elaborate::episode::common::{Condition, each, flag};
 use crate::elaborate::episode::instants::root_of;
 use crate::elaborate::episode::observations::observations;
 use crate::elaborate::episode::rewards::rewards;

@@ -1,6 +1,5 @@
 //! Sampling instants and events.
 
-use crate::ir::FastMap;
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident, Statement, StatementKind};
@@ -15,7 +14,7 @@ use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::values::Values;
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{ScopeId, SymbolKind};
-use crate::ir::{Affine, Builtin, Expr as Node, ExprId, Flavour, Nest, Place as Memory, Program, Rewritten, Role, VarId};
+use crate::ir::{Affine, Builtin, Expr as Node, ExprId, FastMap, Flavour, Nest, Place as Memory, Program, Rewritten, Role, VarId};
 use crate::model::{Root, RootAction};
 
 /// What runs at the instants of a step.

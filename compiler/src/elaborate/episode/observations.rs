@@ -1,43 +1,21 @@
 //! Observation levels.
 
-use crate::elaborate::episode::common::each;
-use crate::elaborate::episode::common::store;
+use std::rc::Rc;
+
+use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
+use smpl_dsl::syntax::{Binder, BinderSet, Expr, ExprKind, Ident, Observation, Statement, StatementKind};
+use smpl_dsl::units::Unit;
+
+use crate::elaborate::episode::common::{each, store};
 use crate::elaborate::episode::positions::state_positions;
 use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::nests::Piece;
-use crate::elaborate::lower::place::Bound;
-use crate::elaborate::lower::place::Place;
-use crate::elaborate::lower::place::Site;
+use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::Measure;
-use crate::elaborate::select::items::Item;
-use crate::elaborate::select::items::items;
-use crate::elaborate::symbols::Axis;
-use crate::elaborate::symbols::ScopeId;
-use crate::elaborate::symbols::SymbolId;
-use crate::elaborate::symbols::SymbolKind;
-use crate::elaborate::symbols::Symbols;
-use crate::ir::Affine;
-use crate::ir::ExprId;
-use crate::ir::LoopVar;
-use crate::ir::Nest;
-use crate::ir::Place as Memory;
-use crate::ir::VarId;
-use crate::model::BoxItem;
-use crate::model::Observed;
-use crate::model::Quantity;
-use smpl_dsl::diagnostic::Diagnostic;
-use smpl_dsl::diagnostic::codes;
-use smpl_dsl::diagnostic::did_you_mean;
-use smpl_dsl::syntax::Binder;
-use smpl_dsl::syntax::BinderSet;
-use smpl_dsl::syntax::Expr;
-use smpl_dsl::syntax::ExprKind;
-use smpl_dsl::syntax::Ident;
-use smpl_dsl::syntax::Observation;
-use smpl_dsl::syntax::Statement;
-use smpl_dsl::syntax::StatementKind;
-use smpl_dsl::units::Unit;
-use std::rc::Rc;
+use crate::elaborate::select::items::{Item, items};
+use crate::elaborate::symbols::{Axis, ScopeId, SymbolId, SymbolKind, Symbols};
+use crate::ir::{Affine, ExprId, LoopVar, Nest, Place as Memory, VarId};
+use crate::model::{BoxItem, Observed, Quantity};
 /// The observations of a level with the nests that compute them.
 #[derive(Default)]
 pub(in crate::elaborate) struct Observations {

@@ -1,8 +1,5 @@
 //! What is seen from outside: observations, algebraic outputs, the interface.
 
-use crate::elaborate::episode::positions::state_positions;
-use crate::ir::Program;
-
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Binder, Declaration, Expr, ExprKind, Ident};
 use smpl_dsl::units::Unit;
@@ -10,11 +7,12 @@ use smpl_dsl::units::Unit;
 use crate::elaborate::episode::assembly::Assembly;
 use crate::elaborate::episode::common::store;
 use crate::elaborate::episode::phases::{schedule_phases, schedule_quantities};
+use crate::elaborate::episode::positions::state_positions;
 use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::nests::Piece;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::symbols::{Axis, SymbolId, SymbolKind};
-use crate::ir::{Affine, LoopVar, Place as Memory, Role, VarId};
+use crate::ir::{Affine, LoopVar, Place as Memory, Program, Role, VarId};
 use crate::model::{Interface, Quantity};
 
 /// Declared algebraic variables and `let`s with a unit.

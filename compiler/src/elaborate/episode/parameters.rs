@@ -1,8 +1,7 @@
 //! Parameters that are drawn or computed from others, and disturbances.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
-use smpl_dsl::syntax::Clip;
-use smpl_dsl::syntax::Expr;
+use smpl_dsl::syntax::{Clip, Expr};
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::episode::common::{store, stream_name};

@@ -9,16 +9,13 @@
 //! next phase. A duration is a root linear in time, so that the integration stops exactly there. A condition that holds when a step starts
 //! (a request) ends the phase before the integration.
 
-use crate::elaborate::episode::instants::Assignments;
-use crate::elaborate::episode::instants::Instants;
-use crate::elaborate::symbols::Schedule;
 use smpl_dsl::syntax::{BinaryOp, ExprKind};
 
 use crate::elaborate::episode::common::store;
-use crate::elaborate::episode::instants::{instant_statement, root_of};
+use crate::elaborate::episode::instants::{Assignments, Instants, instant_statement, root_of};
 use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::place::{Place, Site};
-use crate::elaborate::symbols::Symbols;
+use crate::elaborate::symbols::{Schedule, Symbols};
 use crate::ir::{Affine, Compare, ExprId, Exprs, Flavour, Nest, Place as Memory, Program, Role};
 use crate::model::{Quantity, Root};
 

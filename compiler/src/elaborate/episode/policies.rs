@@ -3,9 +3,8 @@
 use smpl_dsl::syntax::{Statement, StatementKind};
 
 use crate::elaborate::episode::common::{each, store};
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::place::{Place, Site};
-use crate::elaborate::lower::units;
+use crate::elaborate::lower::{Lowering, units};
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{ScopeId, SymbolKind};
 use crate::ir::{Affine, ExprId, Nest, Place as Memory, Program, Role, VarId};

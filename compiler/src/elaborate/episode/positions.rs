@@ -1,11 +1,8 @@
 //! The order of states.
 
 use crate::elaborate::lower::Lowering;
-use crate::elaborate::symbols::Axis;
-use crate::elaborate::symbols::ScopeId;
-use crate::elaborate::symbols::SymbolKind;
-use crate::ir::Role;
-use crate::ir::VarId;
+use crate::elaborate::symbols::{Axis, ScopeId, SymbolKind};
+use crate::ir::{Role, VarId};
 /// For each state variable the positions of its elements in the order of the outside: scopes in the order of the text; inside a scope
 /// the arrays over one domain are taken together, cell after cell.
 pub(in crate::elaborate) fn state_positions(l: &Lowering<'_, '_>) -> Vec<(VarId, Vec<u32>)> {

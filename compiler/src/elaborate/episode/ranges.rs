@@ -1,8 +1,8 @@
 //! Ranges of numbers that only count the cells of a domain: they stay loops.
 
-use crate::elaborate::lower::place::Place;
 use smpl_dsl::syntax::{Binder, BinderSet, Expr, ExprKind};
 
+use crate::elaborate::lower::place::Place;
 use crate::elaborate::symbols::{Axis, DomainId, SymbolKind, Symbols};
 
 impl<'a> Symbols<'a> {

@@ -1,20 +1,18 @@
 //! Rewards, and those that pay for going away and coming back.
 
-use crate::elaborate::episode::common::each;
-use crate::elaborate::lower::place::Place;
-use crate::elaborate::lower::place::Site;
-use crate::elaborate::select::items::Item;
-use crate::elaborate::symbols::ScopeId;
-use crate::model::Reward;
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::Statement;
-use smpl_dsl::syntax::StatementKind;
+use smpl_dsl::syntax::{Statement, StatementKind};
 use smpl_dsl::units::Unit;
 
+use crate::elaborate::episode::common::each;
 use crate::elaborate::lower::Lowering;
+use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::values::Values;
+use crate::elaborate::select::items::Item;
+use crate::elaborate::symbols::ScopeId;
 use crate::ir::{BinaryFn, Expr, ExprId, Flavour, Role, UnaryFn};
+use crate::model::Reward;
 
 /// The rewards of a model.
 pub(in crate::elaborate) struct Rewards {

@@ -4,8 +4,7 @@ use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Binder, BinderSet, Expr, ExprKind, Ident};
 
 use crate::elaborate::lower::Lowering;
-use crate::elaborate::lower::place::BinderValue;
-use crate::elaborate::lower::place::{Bound, Place};
+use crate::elaborate::lower::place::{BinderValue, Bound, Place};
 use crate::elaborate::naming::Naming;
 use crate::elaborate::symbols::{Axis, SymbolKind, Symbols};
 use crate::ir::{ExprId, Role};

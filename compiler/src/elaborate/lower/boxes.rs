@@ -1,6 +1,5 @@
 //! Boxes of declared bounds, and the variables that statements name.
 
-use crate::ir::VarId;
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Expr, ExprKind};
@@ -10,7 +9,7 @@ use crate::elaborate::lower::place::{Bound, Place};
 use crate::elaborate::lower::value::Value;
 use crate::elaborate::lower::values::Values;
 use crate::elaborate::symbols::{SymbolId, SymbolKind};
-use crate::ir::{Affine, BinaryFn, Compare, ExprId, Role};
+use crate::ir::{Affine, BinaryFn, Compare, ExprId, Role, VarId};
 use crate::model::{BoxItem, Quantity};
 
 impl Lowering<'_, '_> {

@@ -1,13 +1,12 @@
 //! Ranges of cells and faces, and loops that are split on demand.
 
-use crate::elaborate::lower::loops::Cell;
-use crate::elaborate::lower::loops::Loop;
 use std::collections::BTreeSet;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 
 use crate::elaborate::lower::Lowering;
+use crate::elaborate::lower::loops::{Cell, Loop};
 use crate::elaborate::lower::place::Place;
 use crate::ir::{LoopVar, MAX_DEPTH};
 

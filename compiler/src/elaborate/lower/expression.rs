@@ -1,15 +1,13 @@
 //! Expressions: names, operators, reductions.
 
-use crate::elaborate::lower::place::Site;
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Expr, ExprKind, Ident};
 use smpl_dsl::units::Unit;
 
-use crate::elaborate::lower::Lowering;
-use crate::elaborate::lower::place::{Bound, Place};
-use crate::elaborate::lower::units;
+use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::{Measure, Value};
+use crate::elaborate::lower::{Lowering, units};
 use crate::elaborate::symbols::{Axis, ScopeId, SymbolId, SymbolKind};
 use crate::ir::{Affine, Builtin, Expr as Node, ExprId, Flavour, Role};
 

@@ -6,12 +6,11 @@ use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident};
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::ledger::Ledger;
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::builtins::{self, Attribute, Builtin, Call};
 use crate::elaborate::lower::place::{Bound, Place, Site};
-use crate::elaborate::lower::units;
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::values::Values;
+use crate::elaborate::lower::{Lowering, units};
 use crate::elaborate::symbols::{SymbolId, SymbolKind};
 use crate::ir::{Affine, BinaryFn, Expr as Node, Flavour, Role, UnaryFn};
 use crate::model::Quantity;

@@ -1,22 +1,15 @@
 //! Operators: arithmetic with units, comparisons, choices.
 
-use crate::elaborate::lower::Lowering;
-use crate::elaborate::lower::place::Place;
-use crate::elaborate::lower::units;
-use crate::elaborate::lower::value::Measure;
-use crate::elaborate::lower::value::Value;
-use crate::elaborate::symbols::Symbols;
-use crate::ir::BinaryFn;
-use crate::ir::Compare;
-use crate::ir::Expr as Node;
-use smpl_dsl::diagnostic::Diagnostic;
-use smpl_dsl::diagnostic::codes;
+use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::BinaryOp;
-use smpl_dsl::syntax::Expr;
-use smpl_dsl::syntax::ExprKind;
-use smpl_dsl::syntax::UnaryOp;
+use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, UnaryOp};
 use smpl_dsl::units::Unit;
+
+use crate::elaborate::lower::place::Place;
+use crate::elaborate::lower::value::{Measure, Value};
+use crate::elaborate::lower::{Lowering, units};
+use crate::elaborate::symbols::Symbols;
+use crate::ir::{BinaryFn, Compare, Expr as Node};
 impl Lowering<'_, '_> {
     pub(in crate::elaborate) fn unary(&mut self, op: UnaryOp, a: &Expr, place: &Place) -> Value {
         if op == UnaryOp::Not {

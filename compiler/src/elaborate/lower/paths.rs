@@ -1,19 +1,13 @@
 //! Paths: `R1.inlet.c`, `a[i].b[j, k]`, `z.last`.
 
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::syntax::{Expr, ExprKind};
+
 use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::indices::cell_number;
-use crate::elaborate::lower::place::Bound;
-use crate::elaborate::lower::place::Place;
-use crate::elaborate::lower::place::Target;
+use crate::elaborate::lower::place::{Bound, Place, Target};
 use crate::elaborate::lower::value::Value;
-use crate::elaborate::symbols::DomainId;
-use crate::elaborate::symbols::ScopeId;
-use crate::elaborate::symbols::SymbolKind;
-use crate::elaborate::symbols::Symbols;
-use smpl_dsl::diagnostic::Diagnostic;
-use smpl_dsl::diagnostic::codes;
-use smpl_dsl::syntax::Expr;
-use smpl_dsl::syntax::ExprKind;
+use crate::elaborate::symbols::{DomainId, ScopeId, SymbolKind, Symbols};
 impl Lowering<'_, '_> {
     /// `a.b.c`, `a[i].b[j, k]`
     pub(in crate::elaborate) fn reference(&mut self, e: &Expr, place: &Place) -> Value {

@@ -5,14 +5,12 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Binder, Expr, Ident};
 use smpl_dsl::units::Unit;
 
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::builtins::{self, Over};
 use crate::elaborate::lower::loops::Cell;
-use crate::elaborate::lower::place::BinderValue;
-use crate::elaborate::lower::place::{Bound, Place};
-use crate::elaborate::lower::units;
+use crate::elaborate::lower::place::{BinderValue, Bound, Place};
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::values::Values;
+use crate::elaborate::lower::{Lowering, units};
 use crate::elaborate::symbols::DomainId;
 use crate::ir::{BinaryFn, Compare, Expr as Node, ExprId, LoopVar, ReduceFn};
 

@@ -6,9 +6,8 @@ use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident};
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::ledger::Ledger;
-use crate::elaborate::lower::Lowering;
-use crate::elaborate::lower::units;
 use crate::elaborate::lower::value::{Measure, Value};
+use crate::elaborate::lower::{Lowering, units};
 use crate::ir::{BinaryFn, ExprId, Exprs};
 
 /// Nodes, and where faults go.

@@ -1,18 +1,13 @@
 //! From which side the face values of a flux come.
 
-use crate::elaborate::lower::Lowering;
-use crate::elaborate::lower::units;
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::span::Span;
+
+use crate::elaborate::lower::{Lowering, units};
 use crate::elaborate::space::faces::FaceValue;
 use crate::elaborate::space::interval::Interval;
-use crate::elaborate::space::marks::Marks;
-use crate::elaborate::space::marks::Term;
-use crate::ir::Compare;
-use crate::ir::Expr as Node;
-use crate::ir::ExprId;
-use crate::ir::UnaryFn;
-use smpl_dsl::diagnostic::Diagnostic;
-use smpl_dsl::diagnostic::codes;
-use smpl_dsl::span::Span;
+use crate::elaborate::space::marks::{Marks, Term};
+use crate::ir::{Compare, Expr as Node, ExprId, UnaryFn};
 /// Where a face value comes from.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(in crate::elaborate::space) enum Direction {

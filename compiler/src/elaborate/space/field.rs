@@ -1,25 +1,16 @@
 //! Values of fields at faces and beside them.
 
-use crate::elaborate::lower::Lowering;
-use crate::elaborate::lower::loops::Cell;
-use crate::elaborate::lower::loops::Face;
-use crate::elaborate::lower::place::Bound;
-use crate::elaborate::lower::place::Place;
-use crate::elaborate::lower::units;
-use crate::elaborate::lower::value::Measure;
-use crate::elaborate::lower::value::Value;
-use crate::elaborate::symbols::Axis;
-use crate::elaborate::symbols::DomainId;
-use crate::elaborate::symbols::Scheme;
-use crate::elaborate::symbols::SymbolId;
-use crate::ir::Compare;
-use crate::ir::ExprId;
-use smpl_dsl::diagnostic::Diagnostic;
-use smpl_dsl::diagnostic::codes;
+use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::Expr;
-use smpl_dsl::syntax::ExprKind;
+use smpl_dsl::syntax::{Expr, ExprKind};
 use smpl_dsl::units::Unit;
+
+use crate::elaborate::lower::loops::{Cell, Face};
+use crate::elaborate::lower::place::{Bound, Place};
+use crate::elaborate::lower::value::{Measure, Value};
+use crate::elaborate::lower::{Lowering, units};
+use crate::elaborate::symbols::{Axis, DomainId, Scheme, SymbolId};
+use crate::ir::{Compare, ExprId};
 impl Lowering<'_, '_> {
     /// Value of a field at the face of a flux; `None` where the indices do not mean the face.
     pub(in crate::elaborate) fn face_value(

@@ -1,25 +1,15 @@
 //! Fluxes at faces, and their divergence.
 
-use crate::elaborate::lower::Lowering;
-use crate::elaborate::lower::loops::Cell;
-use crate::elaborate::lower::loops::Face;
-use crate::elaborate::lower::place::Bound;
-use crate::elaborate::lower::place::Place;
-use crate::elaborate::lower::units;
-use crate::elaborate::lower::value::Measure;
-use crate::elaborate::lower::value::Value;
-use crate::elaborate::symbols::Axis;
-use crate::elaborate::symbols::DomainId;
-use crate::elaborate::symbols::SymbolId;
-use crate::elaborate::symbols::SymbolKind;
-use smpl_dsl::diagnostic::Diagnostic;
-use smpl_dsl::diagnostic::Label;
-use smpl_dsl::diagnostic::codes;
+use smpl_dsl::diagnostic::{Diagnostic, Label, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::Expr;
-use smpl_dsl::syntax::ExprKind;
-use smpl_dsl::syntax::Flux;
+use smpl_dsl::syntax::{Expr, ExprKind, Flux};
 use smpl_dsl::units::Unit;
+
+use crate::elaborate::lower::loops::{Cell, Face};
+use crate::elaborate::lower::place::{Bound, Place};
+use crate::elaborate::lower::value::{Measure, Value};
+use crate::elaborate::lower::{Lowering, units};
+use crate::elaborate::symbols::{Axis, DomainId, SymbolId, SymbolKind};
 impl Lowering<'_, '_> {
     /// A flux at a face, with its leading indices bound.
     fn flux_at(&mut self, symbol: SymbolId, leading: &[Bound], face: Face, place: &Place) -> Value {

@@ -1,22 +1,16 @@
 //! Grids: ends, faces, centres, areas, measures.
 
-use crate::elaborate::lower::Lowering;
-use crate::elaborate::lower::loops::Cell;
-use crate::elaborate::lower::place::Bound;
-use crate::elaborate::lower::place::Place;
-use crate::elaborate::lower::place::Site;
-use crate::elaborate::lower::units;
-use crate::elaborate::lower::value::Measure;
-use crate::elaborate::lower::value::Value;
-use crate::elaborate::symbols::DomainId;
-use crate::elaborate::symbols::Geometry;
-use crate::ir::BinaryFn;
-use crate::ir::ExprId;
-use smpl_dsl::diagnostic::Diagnostic;
-use smpl_dsl::diagnostic::codes;
+use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::Expr;
 use smpl_dsl::units::Unit;
+
+use crate::elaborate::lower::loops::Cell;
+use crate::elaborate::lower::place::{Bound, Place, Site};
+use crate::elaborate::lower::value::{Measure, Value};
+use crate::elaborate::lower::{Lowering, units};
+use crate::elaborate::symbols::{DomainId, Geometry};
+use crate::ir::{BinaryFn, ExprId};
 impl Lowering<'_, '_> {
     /// Works out the ends of all domains: those that nothing needs may be at fault too.
     pub(in crate::elaborate) fn check_ends(&mut self) {

@@ -1,28 +1,16 @@
 //! Marks in an expression, and what is known of what has them: read, not changed.
 
-use crate::elaborate::lower::Lowering;
-use crate::elaborate::space::faces::FaceValue;
-use crate::elaborate::space::faces::Fluxes;
-use crate::elaborate::space::interval;
-use crate::elaborate::space::interval::Interval;
-use crate::elaborate::symbols::SymbolKind;
-use crate::elaborate::symbols::Symbols;
-use crate::ir::Affine;
-use crate::ir::BinaryFn;
-use crate::ir::Expr as Node;
-use crate::ir::ExprId;
-use crate::ir::Exprs;
-use crate::ir::FastMap;
-use crate::ir::FastSet;
-use crate::ir::Flavour;
-use crate::ir::LoopVar;
-use crate::ir::UnaryFn;
-use crate::ir::VarId;
-use crate::model::Quantity;
-use smpl_dsl::diagnostic::Diagnostic;
-use smpl_dsl::diagnostic::codes;
+use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::units::Unit;
+
+use crate::elaborate::lower::Lowering;
+use crate::elaborate::space::faces::{FaceValue, Fluxes};
+use crate::elaborate::space::interval;
+use crate::elaborate::space::interval::Interval;
+use crate::elaborate::symbols::{SymbolKind, Symbols};
+use crate::ir::{Affine, BinaryFn, Expr as Node, ExprId, Exprs, FastMap, FastSet, Flavour, LoopVar, UnaryFn, VarId};
+use crate::model::Quantity;
 /// Marks are loads of the builtins from this element on.
 pub(in crate::elaborate::space) const MARK: i64 = 1 << 40;
 /// Exponent of the time among those of the base quantities.

@@ -1,21 +1,11 @@
 //! A flux with the values of one side, or a choice, in place of its marks.
 
 use crate::elaborate::lower::Lowering;
-use crate::elaborate::lower::value::Measure;
-use crate::elaborate::lower::value::Value;
-use crate::elaborate::space::directions::Direction;
-use crate::elaborate::space::directions::Flow;
+use crate::elaborate::lower::value::{Measure, Value};
+use crate::elaborate::space::directions::{Direction, Flow};
 use crate::elaborate::space::faces::FaceValue;
-use crate::elaborate::space::marks::Marks;
-use crate::elaborate::space::marks::Term;
-use crate::ir::BinaryFn;
-use crate::ir::Compare;
-use crate::ir::Expr as Node;
-use crate::ir::ExprId;
-use crate::ir::FastMap;
-use crate::ir::FastSet;
-use crate::ir::Rewritten;
-use crate::ir::UnaryFn;
+use crate::elaborate::space::marks::{Marks, Term};
+use crate::ir::{BinaryFn, Compare, Expr as Node, ExprId, FastMap, FastSet, Rewritten, UnaryFn};
 impl Lowering<'_, '_> {
     /// The flux with the marks replaced.
     pub(in crate::elaborate::space) fn placed(&mut self, v: Value, flow: &Flow) -> Option<Value> {

@@ -2,14 +2,8 @@
 
 use crate::elaborate::lower::Lowering;
 use crate::elaborate::space::interval::Interval;
-use crate::elaborate::space::marks::Marks;
-use crate::elaborate::space::marks::Term;
-use crate::ir::BinaryFn;
-use crate::ir::Expr as Node;
-use crate::ir::ExprId;
-use crate::ir::FastMap;
-use crate::ir::ReduceFn;
-use crate::ir::UnaryFn;
+use crate::elaborate::space::marks::{Marks, Term};
+use crate::ir::{BinaryFn, Expr as Node, ExprId, FastMap, ReduceFn, UnaryFn};
 impl Lowering<'_, '_> {
     /// The terms of a flux that have marks.
     pub(in crate::elaborate::space) fn flux_terms(&mut self, root: ExprId) -> Vec<Term> {

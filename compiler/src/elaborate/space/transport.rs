@@ -5,10 +5,6 @@
 //! side the values of the rest come. Where bounds and constants tell that all come from below, every trace of this is removed and the
 //! flux is elaborated with those cells at once; else the marks are replaced by the values of one side, or by a choice.
 
-use crate::elaborate::space::directions::Direction;
-use crate::elaborate::space::faces::FaceValue;
-use crate::elaborate::space::marks::MARK;
-use crate::elaborate::space::marks::is_odd;
 use smpl_dsl::diagnostic::Diagnostic;
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Expr, Flux};
@@ -17,6 +13,9 @@ use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::loops::Face;
 use crate::elaborate::lower::place::Place;
 use crate::elaborate::lower::value::Value;
+use crate::elaborate::space::directions::Direction;
+use crate::elaborate::space::faces::FaceValue;
+use crate::elaborate::space::marks::{MARK, is_odd};
 use crate::elaborate::symbols::{Scheme, SymbolId, Symbols};
 use crate::ir::{Affine, Expr as Node, Flavour};
 /// What came of the elaboration with marks.
