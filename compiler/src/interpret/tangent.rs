@@ -100,7 +100,13 @@ impl Machine<'_, '_> {
                 let slope = if n == 1 { 1.0 } else { f64::from(n) * kernels::powi(a.0, n - 1) };
                 (kernels::powi(a.0, n), scaled(slope, a.1))
             }
-            Expr::Select(..) => if a.0 != 0.0 { b } else { c },
+            Expr::Select(..) => {
+                if a.0 != 0.0 {
+                    b
+                } else {
+                    c
+                }
+            }
             _ => (super::apply(node, [a.0, b.0, c.0]), STILL),
         }
     }
@@ -154,9 +160,21 @@ fn unary(f: UnaryFn, (x, dx): Dual) -> Dual {
     let value = f.apply(x);
     let slope = match f {
         UnaryFn::Neg => -1.0,
-        UnaryFn::Abs => if x < 0.0 { -1.0 } else { 1.0 },
+        UnaryFn::Abs => {
+            if x < 0.0 {
+                -1.0
+            } else {
+                1.0
+            }
+        }
         UnaryFn::Sign | UnaryFn::Floor | UnaryFn::Ceil | UnaryFn::Round => 0.0,
-        UnaryFn::Sqrt => if value == 0.0 { 0.0 } else { 0.5 / value },
+        UnaryFn::Sqrt => {
+            if value == 0.0 {
+                0.0
+            } else {
+                0.5 / value
+            }
+        }
         UnaryFn::Single => 1.0,
         UnaryFn::Exp => value,
         UnaryFn::Ln => 1.0 / x,
@@ -183,8 +201,20 @@ fn binary(f: BinaryFn, (x, dx): Dual, (y, dy): Dual) -> Dual {
         BinaryFn::Div => sum(1.0 / y, dx, -value / y, dy),
         BinaryFn::Pow if x == 0.0 => STILL,
         BinaryFn::Pow => sum(y * value / x, dx, value * UnaryFn::Ln.apply(x), dy),
-        BinaryFn::Min => if x < y { dx } else { dy },
-        BinaryFn::Max => if x > y { dx } else { dy },
+        BinaryFn::Min => {
+            if x < y {
+                dx
+            } else {
+                dy
+            }
+        }
+        BinaryFn::Max => {
+            if x > y {
+                dx
+            } else {
+                dy
+            }
+        }
         BinaryFn::Atan2 => sum(y / (x * x + y * y), dx, -x / (x * x + y * y), dy),
     };
     (value, tangent)

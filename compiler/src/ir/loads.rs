@@ -1,5 +1,6 @@
 //! What an expression reads.
 
+use super::FastMap;
 use super::affine::Affine;
 use super::expr::{Expr, ExprId, Exprs, Flavour};
 use super::var::VarId;
@@ -19,16 +20,13 @@ impl Exprs {
     }
 
     fn loads_where(&self, e: ExprId, concerned: impl Fn(ExprId) -> bool, accept: impl Fn(VarId, Flavour) -> bool) -> Vec<Load> {
-        // One bit a node: operands stand before their users.
-        let mut seen = vec![0u64; e.as_u32() as usize / 64 + 1];
+        let mut seen = Seen::below(e);
         let mut stack = vec![e];
         let mut out = Vec::new();
         while let Some(e) = stack.pop() {
-            let (word, bit) = (e.as_u32() as usize / 64, 1 << (e.as_u32() % 64));
-            if !concerned(e) || seen.get(word).is_none_or(|seen| seen & bit != 0) {
+            if !concerned(e) || !seen.insert(e) {
                 continue;
             }
-            seen[word] |= bit;
             if let Expr::Load { var, flavour, at } = self.node(e)
                 && accept(var, flavour)
             {
@@ -39,5 +37,36 @@ impl Exprs {
         out.sort_unstable();
         out.dedup();
         out
+    }
+}
+
+/// Nodes with numbers up to this are kept as a bit each; behind it an array of bits costs more than most walks.
+const FEW: u32 = 1 << 16;
+
+/// The nodes that a walk has met; operands stand before their users.
+enum Seen {
+    /// One bit a node.
+    Bits(Vec<u64>),
+    /// Those of the words of bits that are not zero.
+    Words(FastMap<u32, u64>),
+}
+
+impl Seen {
+    /// For the node and what it is made of.
+    fn below(e: ExprId) -> Self {
+        if e.as_u32() < FEW { Self::Bits(vec![0; e.as_u32() as usize / 64 + 1]) } else { Self::Words(FastMap::default()) }
+    }
+
+    /// Whether the node is new.
+    fn insert(&mut self, e: ExprId) -> bool {
+        let (word, bit) = (e.as_u32() / 64, 1 << (e.as_u32() % 64));
+        let seen = match self {
+            Self::Bits(words) => words.get_mut(word as usize),
+            Self::Words(words) => Some(words.entry(word).or_default()),
+        };
+        let Some(seen) = seen else { return false };
+        let new = *seen & bit == 0;
+        *seen |= bit;
+        new
     }
 }

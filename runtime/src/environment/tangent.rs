@@ -160,7 +160,9 @@ impl Environment {
         done?;
         let result = self.judge(interval::Outcome::Completed, excess);
         self.follow_finish(follower)?;
-        if std::env::var_os("SMPL_DEBUG").is_some() { eprintln!("begin {t1:?} interval {:?} finish {:?}", t2 - t1, t0.elapsed() - t2); }
+        if std::env::var_os("SMPL_DEBUG").is_some() {
+            eprintln!("begin {t1:?} interval {:?} finish {:?}", t2 - t1, t0.elapsed() - t2);
+        }
         Ok(result)
     }
 

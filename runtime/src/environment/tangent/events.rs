@@ -67,7 +67,9 @@ impl Environment {
             self.pass_break(follower, behind, moving)?;
             t = behind;
         }
-        if std::env::var_os("SMPL_DEBUG").is_some() { eprintln!("pieces {pieces} switches {} {:?}", follower.augmented.switches(), follower.integrator.statistics()); }
+        if std::env::var_os("SMPL_DEBUG").is_some() {
+            eprintln!("pieces {pieces} switches {} {:?}", follower.augmented.switches(), follower.integrator.statistics());
+        }
         let edges = follower.integrator.edges();
         let count = self.progress.edges.len();
         self.progress.edges.copy_from_slice(&edges[..count]);
