@@ -68,7 +68,17 @@ impl CompiledModel {
         });
         let surroundings = Surroundings { kernels: *kernels::table(), tables: parts.tables.as_ptr() };
         let derivatives = Default::default();
-        Ok(CompiledModel { parts, layout: Arc::new(layout), tapes, functions, pieces, surroundings, derivatives, later: tangent::Later::default(), executable })
+        Ok(CompiledModel {
+            parts,
+            layout: Arc::new(layout),
+            tapes,
+            functions,
+            pieces,
+            surroundings,
+            derivatives,
+            later: tangent::Later::default(),
+            executable,
+        })
     }
 
     pub(crate) fn parts(&self) -> &Parts {

@@ -24,7 +24,7 @@ use smpl_compiler::model::Interface;
 pub use invariants::Drift;
 pub use reset::{ResetError, ResetOptions, Start, StateInput};
 pub use snapshot::{Snapshot, SnapshotError};
-pub use tangent::{Direction, Follower, FollowError};
+pub use tangent::{Direction, FollowError, Follower};
 pub use trace::{Followed, Trace};
 
 use crate::catalogue::Catalogue;

@@ -11,8 +11,8 @@ use super::{BackEndError, CompiledModel};
 use crate::differentiate::pattern::each_place;
 use crate::differentiate::{self, Column};
 use crate::explicit_time;
-pub use crate::interpret::tangent::{LANES, STILL, Tangent, TangentView};
 use crate::interpret::Tape;
+pub use crate::interpret::tangent::{LANES, STILL, Tangent, TangentView};
 use crate::ir::{Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, MAX_DEPTH, Role, UnaryFn, VarId};
 use crate::layout::{Base, Memory};
 use crate::model::Model;
@@ -253,17 +253,8 @@ impl Switches {
 
 /// Place of a tape.
 fn place(part: Part) -> usize {
-    let all = [
-        Part::Disturb,
-        Part::Start,
-        Part::End,
-        Part::Finish,
-        Part::Outputs,
-        Part::Roots,
-        Part::Quadratures,
-        Part::Rows,
-        Part::NextBreak,
-    ];
+    let all =
+        [Part::Disturb, Part::Start, Part::End, Part::Finish, Part::Outputs, Part::Roots, Part::Quadratures, Part::Rows, Part::NextBreak];
     all.iter().position(|&p| p == part).unwrap_or(0)
 }
 

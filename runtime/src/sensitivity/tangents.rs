@@ -143,11 +143,8 @@ impl Tangents {
     /// Keeps the present derivatives as those of another instant, as [`CompiledSystem::keep`] keeps values.
     pub fn keep(&mut self, system: &CompiledSystem, instant: fn(FramePart) -> Region) {
         let layout = system.memory().layout();
-        let parts = [
-            (FramePart::Action, Region::Action),
-            (FramePart::Discrete, Region::Discrete),
-            (FramePart::Disturbance, Region::Disturbance),
-        ];
+        let parts =
+            [(FramePart::Action, Region::Action), (FramePart::Discrete, Region::Discrete), (FramePart::Disturbance, Region::Disturbance)];
         for chunk in &mut self.chunks {
             chunk.work[layout.range(instant(FramePart::Y))].copy_from_slice(&chunk.y);
             for (part, present) in parts {
