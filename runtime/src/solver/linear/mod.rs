@@ -196,13 +196,15 @@ mod tests {
             let b: Vec<f64> = (0..n * width).map(|i| (1.0 + i as f64).sin()).collect();
             let mut together = b.clone();
             let known = factors.solve_many(width, &mut together, &mut Vec::new());
-            assert_eq!(known, choice != LinearSolver::Banded);
+            // Partial pivoting takes one column at a time.
+            assert!(known || choice != LinearSolver::Dense);
             for j in (0..width).filter(|_| known) {
                 let mut column: Vec<f64> = b[j..].iter().step_by(width).copied().collect();
                 factors.solve(&mut column);
+                let size = column.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
                 for (row, expected) in column.iter().enumerate() {
                     let got = together[row * width + j];
-                    assert!((got - expected).abs() <= 1e-9 * (1.0 + expected.abs()), "{choice:?}: {got} {expected}");
+                    assert!((got - expected).abs() <= 1e-9 * size, "{choice:?}: {got} {expected}");
                 }
             }
         }
