@@ -15,6 +15,7 @@ import numpy.typing as npt
 from smpl import _native
 from smpl._files import is_shipped, model_path, models_directory
 from smpl._names import Named
+from smpl._step import Step
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
@@ -30,45 +31,6 @@ _REPLACEABLE = ("parameter", "discrete", "disturbance")
 
 # Kinds of arrays of NumPy that hold real numbers; texts, though some read as numbers, are none.
 _NUMBERS = "fiub"
-
-
-class Step(float):
-    """The sampling interval of a model, in its unit of time; called, it takes a control step."""
-
-    model: Model
-
-    def __call__(
-        self,
-        x: npt.ArrayLike,
-        u: npt.ArrayLike,
-        p: Mapping[str, npt.ArrayLike] | None = None,
-        *,
-        method: str | None = None,
-        threads: int | None = None,
-        first_step: int = 0,
-    ) -> FloatArray:
-        """States after a control step from the states `x` with the actions `u`: as one step of an environment that was reset to `x`.
-
-        Random numbers are at their means. Conditions that would end an episode are not looked at.
-
-        Args:
-            x: states, (states,), or (N, states) for N points on all cores.
-            u: actions, (actions,) or (N, actions).
-            p: values of parameters, discrete variables and disturbances by name, one for all points or (N,).
-            method: what takes the steps; the model's or scenario's if none.
-            threads: all processors if none.
-            first_step: steps that count as completed before: the clock begins there.
-
-        Returns:
-            (states,), or (N, states) if `x` or `u` has points.
-
-        Raises:
-            ValueError: an unknown name, a wrong shape, no finite number.
-            SimulationError: the step does not come to its end.
-        """
-        from smpl.sensitivity import step
-
-        return step(self.model, x, u, p, method=method, threads=threads, first_step=first_step)
 
 
 class Model(Named):
@@ -312,8 +274,8 @@ class Model(Named):
         Arguments and errors are those of `step`; `linearize_step` has derivatives of rewards and observations too.
 
         Returns:
-            `(x_next, dx_dx, dx_du, dx_dp)` of shapes (n,), (n, n), (n, m) and (n, parameters), each with a leading axis N
-            if `x` or `u` has points.
+            `(x_next, dx_dx, dx_du, dx_dp)` of shapes (n,), (n, n), (n, m) and (n, parameters), each with a leading
+            axis N if `x` or `u` has points.
         """
         found = self.linearize_step(
             x, u, p, parameters=parameters, method=method, threads=threads, first_step=first_step

@@ -33,9 +33,9 @@ _CUT = ("solver", "events", "start", "not_finite")
 class StepDerivatives:
     """A control step with its exact derivatives; with N points every array has a leading axis N.
 
-    Derivatives are named `d<of>_d<by>`, of states after the step (`dx`), rewards (`dr`) and observations (`dy`) by states
-    (`dx`), actions (`du`), parameters (`dp`), discrete variables (`dd`) and disturbances (`dw`): `dr_du` has shape
-    (rewards, actions).
+    Derivatives are named `d<of>_d<by>`, of states after the step (`dx`), rewards (`dr`) and observations (`dy`) by
+    states (`dx`), actions (`du`), parameters (`dp`), discrete variables (`dd`) and disturbances (`dw`): `dr_du` has
+    shape (rewards, actions).
 
     Attributes:
         states: states after the step, (states,).
@@ -188,7 +188,9 @@ def linearize_step(
     found = model.native.sensitivity(
         states,
         actions,
-        *(_each("p", _flattened(model, part, count) if at == 0 else part, count) for at, part in enumerate(given)),
+        _each("p", _flattened(model, given[0], count), count),
+        _each("p", given[1], count),
+        _each("p", given[2], count),
         (count, as_count("first_step", first_step, 0, "a step")),
         (chosen, min(_threads(threads), tasks), None, check_method(method)),
     )

@@ -1,7 +1,7 @@
 //! smpl-runtime: compiled models in motion.
 //!
 //! [`solver`] integrates; [`environment`] turns a compiled model into episodes with actions, rewards and failures; [`batch`] runs many instances on
-//! several threads, [`rollout`] many action sequences from given states; [`steady`], [`linearize`] and [`spectrum`] find and describe points of rest;
+//! several threads, [`rollout`] many action sequences from given states; [`sensitivity`] differentiates steps; [`steady`], [`linearize`] and [`spectrum`] find and describe points of rest;
 //! [`trajectory`] reads and writes tables, [`picture`] draws them, [`files`] writes anything; [`load`] goes from a file to a model ready to run;
 //! [`interrupt`] stops what takes long; [`cli`] is the command `smpl`.
 //!

@@ -98,9 +98,16 @@ pub enum SensitivityError {
     Setup(#[from] SetupError),
 }
 
+/// An instance, and what follows it: quickly, where that is possible, or surely.
+struct Worker {
+    environment: Environment,
+    quick: Option<Follower>,
+    sure: Follower,
+}
+
 /// Instances with their derivatives, one a thread.
 pub struct Sensitivities {
-    workers: Vec<Mutex<(Environment, Follower)>>,
+    workers: Vec<Mutex<Worker>>,
     pool: Option<Pool>,
     stop: Arc<AtomicBool>,
     directions: Vec<Direction>,
@@ -121,7 +128,10 @@ impl Sensitivities {
         let most = (AT_ONCE / setup.model().unknowns().max(1)).max(FEWEST);
         let groups = directions.len().div_ceil(most).max(1);
         let width = directions.len().div_ceil(groups).max(1);
-        let worker = || Ok(Mutex::new((Environment::new(Arc::clone(setup))?, Follower::new(setup, width)?)));
+        let worker = || {
+            let (quick, sure) = (Follower::quick(setup, width)?, Follower::new(setup, width)?);
+            Ok(Mutex::new(Worker { environment: Environment::new(Arc::clone(setup))?, quick, sure }))
+        };
         let workers: Result<Vec<_>, SetupError> = (0..threads.max(1)).map(|_| worker()).collect();
         Ok(Self { workers: workers?, pool, stop, directions, width })
     }
@@ -172,7 +182,7 @@ impl Sensitivities {
 
     fn check(&self, plan: &Plan<'_>) -> Result<(), SensitivityError> {
         let worker = self.workers[0].lock().unwrap_or_else(PoisonError::into_inner);
-        let catalogue = worker.0.catalogue();
+        let catalogue = worker.environment.catalogue();
         let length = |name: &str, given: usize, width: usize| {
             if given == width || given == width * plan.count {
                 return Ok(());
@@ -187,19 +197,29 @@ impl Sensitivities {
 
     fn differentiate(
         &self,
-        (environment, follower): &mut (Environment, Follower),
+        Worker { environment, quick, sure }: &mut Worker,
         plan: &Plan<'_>,
         point: usize,
         group: usize,
         arrays: &Mutex<Arrays<'_>>,
     ) -> Result<(), SensitivityError> {
         let options = plan.options(point, environment);
-        environment.reset(Some(0), &options).map_err(|error| SensitivityError::Reset { index: point, error })?;
         let first = group * self.width;
         let directions = &self.directions[first..(first + self.width).min(self.directions.len())];
-        let action = pick(plan.actions, environment.catalogue().actions.len(), point);
-        let followed = environment.follow(follower, directions, &options, action);
-        followed.map_err(|error| SensitivityError::Follow { index: point, error })?;
+        let action = pick(plan.actions, environment.catalogue().actions.len(), point).to_vec();
+        let attempt = |environment: &mut Environment, follower: &mut Follower| {
+            environment.reset(Some(0), &options).map_err(|error| SensitivityError::Reset { index: point, error })?;
+            let followed = environment.follow(follower, directions, &options, &action);
+            followed.map_err(|error| SensitivityError::Follow { index: point, error })
+        };
+        let done = quick.as_mut().is_some_and(|quick| attempt(environment, quick).is_ok());
+        let follower = match quick {
+            Some(quick) if done => quick,
+            _ => {
+                attempt(environment, sure)?;
+                sure
+            }
+        };
         let mut arrays = arrays.lock().unwrap_or_else(PoisonError::into_inner);
         arrays.keep(environment, follower, point, (first, directions.len(), self.directions.len()));
         Ok(())

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import smpl
+
+PROBLEMS = Path(__file__).resolve().parents[1] / "problems"
 
 LINEAR = """model Linear "two tanks and an input"
 time t : h
@@ -78,6 +82,21 @@ at end { next d = d*x ; clamp x at 3 when x > 3 }
 observe x, d in -100..100
 reward r = d*x - u^2
 episode { step = 0.3 [s], max_steps = 10 }
+"""
+
+TWINS = """model Twins "two events that move differently"
+time t : s
+action u = 1 in 0..3
+state x = 0.5 in -5..50
+state y = 0.5 in -5..50
+eq d/dt x = u*1[1/s]
+eq d/dt y = u*1[1/s]
+event left when x > 1
+at left { reset y = 2*y + x }
+event right when y > 1
+at right { reset x = 0.5*x }
+observe x
+episode { step = 0.8 [s], max_steps = 10 }
 """
 
 ALGEBRAIC = """model Algebraic "a rate that follows from an equation"
@@ -216,15 +235,21 @@ def test_algebraic_variables():
 
 
 def test_what_has_no_derivative_is_refused_by_name():
-    model = compiled(BALL)
-    # Thrown so that it just touches the plate.
-    with pytest.raises(smpl.SimulationError, match="bounce"):
-        model.linearize_step([10 * 0.7**2 / 2, 0.0], [0.0])
-    ends = BALL.replace("event bounce when h < 0", "fail broken event h < 0").split("at bounce")[0] + "episode { step = 0.7 [s] }"
+    with pytest.raises(smpl.SimulationError, match="`left` and the event `right` happen at the same time"):
+        compiled(TWINS).linearize_step([0.5, 0.5], [1.0])
+    # One of them alone has a derivative.
+    check(compiled(TWINS), [0.5, 0.45], [1.0])
+    ends = (
+        BALL.replace("event bounce when h < 0", "fail broken event h < 0").split("at bounce")[0]
+        + "episode { step = 0.7 [s] }"
+    )
     with pytest.raises(smpl.SimulationError, match="broken"):
         smpl.compile(source=ends).sensitivity([1, 0], [0])
     with pytest.raises(smpl.SimulationError, match="broken"):
         smpl.compile(source=ends).step([1, 0], [0])
+    stairs = SWITCH.replace("eq d/dt x = (if x < level then u else 0.25*u)", "eq d/dt x = (floor(x) + u)")
+    with pytest.raises(smpl.SimulationError, match="rounds"):
+        smpl.compile(source=stairs).sensitivity([0.5], [1])
 
 
 def test_points_on_all_cores_are_the_points_one_by_one():
@@ -240,7 +265,7 @@ def test_points_on_all_cores_are_the_points_one_by_one():
         for many, one in zip(together, model.sensitivity(states[i], actions[i], parameters=("k_0",)), strict=True):
             np.testing.assert_array_equal(many[i], one)
     values = {"k_0": model.native.defaults("parameter")[model.parameter_names.index("k_0")] * rng.uniform(0.9, 1.1, 7)}
-    shared = model.sensitivity(states[0], actions[0], values)[0]
+    shared = model.sensitivity(np.tile(states[0], (7, 1)), actions[0], values)[0]
     assert shared.shape == (7, 3) and np.ptp(shared[:, 0]) > 0
 
 
@@ -251,7 +276,7 @@ def test_bad_input_is_named():
         model.step(np.zeros(4), u)
     with pytest.raises(ValueError, match=r"u has shape"):
         model.sensitivity(x, np.zeros(3))
-    with pytest.raises(ValueError, match="u.*nan"):
+    with pytest.raises(ValueError, match=r"u.*nan"):
         model.sensitivity(x, [np.nan, 0])
     with pytest.raises(ValueError, match="k_00"):
         model.sensitivity(x, u, parameters=("k_00",))
@@ -327,3 +352,62 @@ def test_the_cost_is_printed(capsys):
     example.main(["beer"])
     header, row = capsys.readouterr().out.splitlines()
     assert "ratio" in header and row.split()[:2] == ["beer", "8"]
+
+
+@pytest.mark.parametrize("name", ["reactor", "van_de_vusse"])
+def test_casadi_idas_has_the_same_derivatives(name):
+    """Forward sensitivities of the exported equations by CasADi's interface to IDAS."""
+    ca = pytest.importorskip("casadi")
+    path = "reactor" if name == "reactor" else PROBLEMS / f"{name}.eq"
+    model = smpl.compile(path, settings={"rtol": 1e-11})
+    exported = smpl.export.casadi(model)
+    x = ca.MX.sym("x", len(model.state_names))
+    u = ca.MX.sym("u", len(model.action_names))
+    parameters = np.asarray(model.native.defaults("parameter"))[: exported.rhs.size1_in(2)]
+    rates = exported.rhs(x, u, parameters)
+    options = {"abstol": 1e-12, "reltol": 1e-11}
+    integrator = ca.integrator("F", "idas", {"x": x, "p": u, "ode": rates}, 0.0, float(model.step), options)
+    after = integrator(x0=x, p=u)["xf"]
+    slopes = ca.Function("slopes", [x, u], [ca.jacobian(after, x), ca.jacobian(after, u)])
+    env = smpl.Env(model, normalize=False)
+    env.reset(seed=3)
+    action = (env.action_low + 2 * env.action_high) / 3
+    by_x, by_u = (np.asarray(part) for part in slopes(env.state, action))
+    found = model.sensitivity(env.state, action)
+    assert_near(found[1], by_x, 1e-6)
+    assert_near(found[2], by_u, 1e-6)
+
+
+def test_scipy_integrates_the_variational_equations_of_a_model_that_is_not_shipped():
+    integrate = pytest.importorskip("scipy.integrate")
+    model = smpl.compile(PROBLEMS / "van_de_vusse.eq", settings={"rtol": 1e-11})
+    env = smpl.Env(model, normalize=False)
+    env.reset(seed=3)
+    x, u = np.array(env.state), np.array(env.action_low + env.action_high) / 2
+    n, m = len(x), len(u)
+
+    def rates(t, z):
+        y, s = z[:n], z[n:].reshape(n, n + m)
+        jacobian = model.jacobian(t, y, np.zeros(n), u, 0.0).toarray()
+        by_u = differences(lambda w: model.rhs(t, y, w), u, 1e-3)
+        return np.concatenate([model.rhs(t, y, u), (jacobian @ s + np.hstack([np.zeros((n, n)), by_u])).ravel()])
+
+    begin = np.concatenate([x, np.eye(n, n + m).ravel()])
+    solved = integrate.solve_ivp(rates, (0, float(model.step)), begin, method="LSODA", rtol=1e-10, atol=1e-10)
+    expected = solved.y[n:, -1].reshape(n, n + m)
+    _, by_x, by_u, _ = model.sensitivity(x, u)
+    assert_near(by_x, expected[:, :n], 1e-6)
+    assert_near(by_u, expected[:, n:], 1e-6)
+
+
+def test_a_stiff_algebraic_problem_against_differences():
+    """Robertson's reaction with a conservation law: rates over eleven orders of magnitude."""
+    source = (PROBLEMS / "robertson_dae.eq").read_text().replace("step = 1e11", "step = 100")
+    model = smpl.compile(source=source, settings={"rtol": 1e-12})
+    x = np.array([0.9, 2e-5])
+    found = model.linearize_step(x, [], parameters=("k_1", "k_2", "k_3"))
+    expected = differences(lambda by: model.step(x * by, []), np.ones(2), 1e-3)
+    np.testing.assert_allclose(found.dx_dx * x, expected, rtol=1e-5, atol=2e-9)
+    for k, (name, value) in enumerate((("k_1", 0.04), ("k_2", 3e7), ("k_3", 1e4))):
+        by_p = differences(lambda p, name=name: model.step(x, [], {name: p[0]}), [value], 1e-3)[:, 0]
+        np.testing.assert_allclose(found.dx_dp[:, k] * value, by_p * value, rtol=1e-5, atol=2e-9)

@@ -219,3 +219,88 @@ fn binary(f: BinaryFn, (x, dx): Dual, (y, dy): Dual) -> Dual {
     };
     (value, tangent)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ir::{Affine, Flavour, LoopVar, Role};
+    use crate::layout::Layout;
+    use crate::model::{Model, Variable};
+    use crate::schedule::{Access, Job};
+
+    const SMALL: f64 = 1e-6;
+
+    fn near(got: f64, expected: f64) -> bool {
+        (got - expected).abs() <= 1e-8 * (1.0 + expected.abs())
+    }
+
+    fn one(slope: f64) -> Tangent {
+        let mut tangent = STILL;
+        tangent[3] = slope;
+        tangent
+    }
+
+    #[test]
+    fn functions_of_one_number_have_the_slope_of_their_differences() {
+        use UnaryFn::*;
+        for f in [Neg, Abs, Sign, Sqrt, Exp, Ln, Log10, Sin, Cos, Tan, Asin, Acos, Atan, Sinh, Cosh, Tanh, Floor, Ceil, Round] {
+            let x = 0.37;
+            let difference = (f.apply(x + SMALL) - f.apply(x - SMALL)) / (2.0 * SMALL);
+            let (value, tangent) = unary(f, (x, one(2.0)));
+            assert_eq!(value, f.apply(x));
+            assert!(near(tangent[3], 2.0 * difference), "{f:?}: {} {difference}", tangent[3]);
+            assert_eq!(tangent[0], 0.0);
+        }
+    }
+
+    #[test]
+    fn functions_of_two_numbers_have_the_slopes_of_their_differences() {
+        use BinaryFn::*;
+        for f in [Add, Sub, Mul, Div, Pow, Min, Max, Atan2] {
+            for (x, y) in [(0.7, 1.9), (1.9, 0.7)] {
+                let along = |k: f64| f.apply(x + k * SMALL, y - 3.0 * k * SMALL);
+                let difference = (along(1.0) - along(-1.0)) / (2.0 * SMALL);
+                let (_, tangent) = binary(f, (x, one(1.0)), (y, one(-3.0)));
+                assert!(near(tangent[3], difference), "{f:?}: {} {difference}", tangent[3]);
+            }
+        }
+    }
+
+    /// Reductions and whole powers of an array, and what does not move beside a slope that is infinite.
+    #[test]
+    fn tapes_carry_derivatives_through_loops() {
+        let mut model = Model::default();
+        let span = smpl_dsl::span::Span::default();
+        let x = model.vars.push(Variable { name: "x".into(), role: Role::State, len: 3, span });
+        model.unknowns.push(x);
+        let mut at = Affine::default();
+        at.strides[0] = 1;
+        let element = model.exprs.load(x, Flavour::Value, at);
+        let cubed = model.exprs.powi(element, 3);
+        let reductions = [ReduceFn::Sum, ReduceFn::Product, ReduceFn::Min, ReduceFn::Max];
+        let values: Vec<_> = reductions.map(|op| model.exprs.reduce(op, LoopVar(0), 3, cubed)).into();
+        let layout = Layout::new(&model, 0);
+        let access = Access { name: "test", y: true, yp: false, out: 4 };
+        let tape = Tape::new(&Job::of_numbers(values), &model.exprs, &layout, access).expect("a tape");
+        let mut y = [2.0, -1.0, 0.5];
+        let mut dy = [one(1.0), one(0.0), one(-2.0)];
+        let (mut work, mut dwork) = (vec![0.0; layout.len()], vec![STILL; layout.len()]);
+        let (mut out, mut dout) = ([0.0; 4], [STILL; 4]);
+        tape.run_tangent(&mut TangentView {
+            time: (0.0, STILL),
+            y: (&mut y, &mut dy),
+            yp: (&[], &[]),
+            work: (&mut work, &mut dwork),
+            out: (&mut out, &mut dout),
+            tables: &[],
+        });
+        assert_eq!(out, [8.0 - 1.0 + 0.125, -1.0, -1.0, 8.0]);
+        // d(x^3) = 3 x^2 dx: 12, 0 and -1.5.
+        let expected = [12.0 - 1.5, 12.0 * -0.125 + 8.0 * -1.0 * -1.5, 0.0, 12.0];
+        for (tangent, expected) in dout.iter().zip(expected) {
+            assert!(near(tangent[3], expected), "{} {expected}", tangent[3]);
+        }
+        assert_eq!(unary(UnaryFn::Sqrt, (0.0, STILL)), (0.0, STILL));
+        assert_eq!(unary(UnaryFn::Ln, (0.0, STILL)).1, STILL);
+    }
+}

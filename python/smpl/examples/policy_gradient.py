@@ -3,8 +3,8 @@
     python -m smpl.examples.policy_gradient --iterations 60
 
 The cost of an episode, here the squared distance from the steady state at the end of each step, is a function of the
-policy's weights. Its gradient follows from the derivatives of each control step (`Model.sensitivity`) by the chain rule,
-backwards in time: no sampling of actions, no critic.
+policy's weights. Its gradient follows from the derivatives of each control step (`Model.sensitivity`) by the chain
+rule, backwards in time: no sampling of actions, no critic.
 """
 
 from __future__ import annotations

@@ -39,18 +39,18 @@ def points(env: smpl.Env, count: int) -> tuple[FloatArray, FloatArray]:
 
 
 def seconds(work: Callable[[], object], repetitions: int) -> float:
-    """The shortest of several runs."""
+    """Processor time of the shortest of several runs."""
     work()
     times = []
     for _ in range(repetitions):
-        begin = time.perf_counter()
+        begin = time.process_time()
         work()
-        times.append(time.perf_counter() - begin)
+        times.append(time.process_time() - begin)
     return min(times)
 
 
 def measure(name: str, by: Sequence[str], count: int, repetitions: int = 3) -> tuple[int, float, float]:
-    """Directions, seconds of a plain step, seconds of one with derivatives."""
+    """Directions, processor seconds of a plain step, seconds of one with derivatives."""
     env = smpl.Env(name, normalize=False)
     model = env.model
     x, u = points(env, count)

@@ -21,6 +21,10 @@ use crate::setup::{Setup, SetupError};
 use crate::solver::linear::Factorisation;
 use crate::solver::{Integrator, Method, Settings, SolveError, System, integrator};
 
+/// Unknowns up to which the explicit method is tried first, and its steps: more of them cost more than those of IDA.
+const SMALL: usize = 200;
+const FEW: u32 = 64;
+
 /// What a derivative is taken by: a place of its family in the order of the inside (`Element::at`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
@@ -80,10 +84,29 @@ impl Follower {
     /// # Errors
     /// What the solver says of the equations.
     pub fn new(setup: &Arc<Setup>, width: usize) -> Result<Self, SetupError> {
+        let method = if setup.settings.method == Method::Explicit { Method::Explicit } else { Method::Ida };
+        Self::with_settings(setup, width, Settings { method, ..settings(&setup.settings, width) })
+    }
+
+    /// The same by the explicit method, for models that it takes, in few steps: it gives up where equations are stiff. `None` for others, and where it would be
+    /// the method anyway.
+    ///
+    /// # Errors
+    /// As for [`Follower::new`].
+    pub fn quick(setup: &Arc<Setup>, width: usize) -> Result<Option<Self>, SetupError> {
+        let model = setup.model();
+        let serves = model.explicit() && model.unknowns() == model.states() && model.unknowns() <= SMALL;
+        if !serves || setup.settings.method == Method::Explicit {
+            return Ok(None);
+        }
+        let max_steps = FEW.min(setup.settings.max_steps);
+        Self::with_settings(setup, width, Settings { method: Method::Explicit, max_steps, ..settings(&setup.settings, width) }).map(Some)
+    }
+
+    fn with_settings(setup: &Arc<Setup>, width: usize, settings: Settings) -> Result<Self, SetupError> {
         let system = &setup.system;
         let augmented = Augmented::new(system, width)?;
         let n = system.model().unknowns();
-        let settings = settings(&setup.settings, width);
         let numbers = |length| vec![0.0; length];
         let entries = system.pattern().entries();
         Ok(Self {
@@ -124,8 +147,7 @@ impl Follower {
 /// Tolerances of unknowns for their derivatives too, which are in their units.
 fn settings(of_model: &Settings, width: usize) -> Settings {
     let each = of_model.atol.iter().flat_map(|&atol| std::iter::repeat_n(atol, width));
-    let method = if of_model.method == Method::Explicit { Method::Explicit } else { Method::Ida };
-    Settings { atol: of_model.atol.iter().copied().chain(each).collect(), method, ..of_model.clone() }
+    Settings { atol: of_model.atol.iter().copied().chain(each).collect(), ..of_model.clone() }
 }
 
 impl Environment {
@@ -146,23 +168,20 @@ impl Environment {
             let name = &self.setup.catalogue.actions.elements()[at].name;
             return Err(FollowError::Failed(format!("action `{name}` is not finite")));
         }
+        let switches = self.system.model().switches().map_err(|e| FollowError::Refused(e.to_string()))?;
+        if switches.rounds {
+            return Err(FollowError::Refused("an equation rounds what depends on unknowns, and jumps where it does".into()));
+        }
         follower.choose(&self.setup, self.system.region(Region::Param), directions);
         let excess = self.action_excess(action);
         self.progress.chatter = None;
-        let t0 = std::time::Instant::now();
-        let done = self.begin_following(follower, options);
-        let t1 = t0.elapsed();
-        let done = done.and_then(|()| self.follow_interval(follower, action));
-        let t2 = t0.elapsed();
+        let done = self.begin_following(follower, options).and_then(|()| self.follow_interval(follower, action));
         if done.is_err() {
             self.abandon();
         }
         done?;
         let result = self.judge(interval::Outcome::Completed, excess);
         self.follow_finish(follower)?;
-        if std::env::var_os("SMPL_DEBUG").is_some() {
-            eprintln!("begin {t1:?} interval {:?} finish {:?}", t2 - t1, t0.elapsed() - t2);
-        }
         Ok(result)
     }
 

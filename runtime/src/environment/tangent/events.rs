@@ -67,9 +67,6 @@ impl Environment {
             self.pass_break(follower, behind, moving)?;
             t = behind;
         }
-        if std::env::var_os("SMPL_DEBUG").is_some() {
-            eprintln!("pieces {pieces} switches {} {:?}", follower.augmented.switches(), follower.integrator.statistics());
-        }
         let edges = follower.integrator.edges();
         let count = self.progress.edges.len();
         self.progress.edges.copy_from_slice(&edges[..count]);
@@ -136,11 +133,11 @@ impl Environment {
     /// Goes behind a break, whose time may move.
     fn pass_break(&mut self, follower: &mut Follower, behind: f64, moving: Vec<f64>) -> Result<(), FollowError> {
         let before = self.progress.yp.clone();
-        let rates = self.integrands(follower, behind);
+        let rates = self.integrands(follower, behind, 0.0);
         self.restart_plain(behind, follower.width())?;
         follower.moving = moving;
         let after = self.progress.yp.clone();
-        let rates_after = self.integrands(follower, behind);
+        let rates_after = self.integrands(follower, behind, 0.0);
         self.shift(follower, &before, 1.0);
         self.shift(follower, &after, -1.0);
         add_moved(follower, &rates, &rates_after);
@@ -174,7 +171,8 @@ impl Environment {
             let text = format!("{} happens at the very end of the step", self.describe_event(fired[0]));
             return Err(FollowError::Refused(text));
         }
-        let rates = self.integrands(follower, t);
+        let aside = if runs { 0.0 } else { 1.0 };
+        let rates = self.integrands(follower, t, -aside);
         self.shift(follower, &before, 1.0);
         if runs {
             self.run_event_programs(follower, &fired, t)?;
@@ -186,7 +184,7 @@ impl Environment {
         }
         self.restart_plain(t, follower.width())?;
         let after = if runs { self.progress.yp.clone() } else { self.rates_aside(t, 1.0) };
-        let rates_after = self.integrands(follower, t);
+        let rates_after = self.integrands(follower, t, aside);
         self.shift(follower, &after, -1.0);
         add_moved(follower, &rates, &rates_after);
         self.write_followed(follower);
@@ -236,11 +234,12 @@ impl Environment {
         follower.tangents.write_y(&mut follower.y[n..]);
     }
 
-    /// Integrands at the present state.
-    fn integrands(&mut self, follower: &Follower, t: f64) -> Vec<f64> {
+    /// Integrands at the present state, or a little before or behind it.
+    fn integrands(&mut self, follower: &Follower, t: f64, side: f64) -> Vec<f64> {
         let mut rates = vec![0.0; self.integrals.len()];
         if !rates.is_empty() && !follower.integrals.is_empty() {
-            self.system.quadratures(t, &self.progress.y, &self.progress.yp, &mut rates);
+            let (t, y) = self.aside(t, side);
+            self.system.quadratures(t, &y, &self.progress.yp, &mut rates);
         }
         rates
     }
@@ -250,11 +249,16 @@ impl Environment {
         if !self.system.is_explicit() {
             return self.progress.yp.clone();
         }
-        let ahead = side * ASIDE * self.setup.model().interface().episode.integrate;
-        let y: Vec<f64> = self.progress.y.iter().zip(&self.progress.yp).map(|(y, yp)| y + ahead * yp).collect();
+        let (t, y) = self.aside(t, side);
         let mut rates = vec![0.0; y.len()];
-        self.system.residual(t + ahead, &y, &vec![0.0; y.len()], &mut rates);
+        self.system.residual(t, &y, &vec![0.0; y.len()], &mut rates);
         rates
+    }
+
+    /// Time and unknowns a little before or behind the present ones.
+    fn aside(&self, t: f64, side: f64) -> (f64, Vec<f64>) {
+        let ahead = side * ASIDE * self.setup.model().interface().episode.integrate;
+        (t + ahead, self.progress.y.iter().zip(&self.progress.yp).map(|(y, yp)| y + ahead * yp).collect())
     }
 
     /// How the time of what fired moves along each direction.

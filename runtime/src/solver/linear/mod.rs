@@ -186,6 +186,30 @@ mod tests {
         (Pattern::new(starts, rows).expect("a pattern"), values)
     }
 
+    #[test]
+    fn many_right_hand_sides_are_solved_as_one_by_one() {
+        let (n, width) = (40, 5);
+        let (pattern, values) = system(n, 4.0);
+        for choice in [LinearSolver::Block, LinearSolver::Dense, LinearSolver::Banded] {
+            let mut factors = Factorisation::new(&pattern, choice).expect("a solver");
+            factors.factorise(&values).expect("not singular");
+            let b: Vec<f64> = (0..n * width).map(|i| (1.0 + i as f64).sin()).collect();
+            let mut together = b.clone();
+            let known = factors.solve_many(width, &mut together, &mut Vec::new());
+            // Partial pivoting takes one column at a time.
+            assert!(known || choice != LinearSolver::Dense);
+            for j in (0..width).filter(|_| known) {
+                let mut column: Vec<f64> = b[j..].iter().step_by(width).copied().collect();
+                factors.solve(&mut column);
+                let size = column.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
+                for (row, expected) in column.iter().enumerate() {
+                    let got = together[row * width + j];
+                    assert!((got - expected).abs() <= 1e-9 * size, "{choice:?}: {got} {expected}");
+                }
+            }
+        }
+    }
+
     /// Of a full matrix the sparse one would list the places of n^3/3 products; of a triangular one, as full by half, there are none.
     #[test]
     fn large_matrices_that_are_one_full_block_are_taken_as_dense() {
