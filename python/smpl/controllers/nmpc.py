@@ -63,8 +63,8 @@ class NMPC:
         solver: `fatrop`, `ipopt`, `sqp` (with `iterations=1`: real-time iterations), or `auto`: `sqp` from a warm start
             where the problem is small and the cost a sum of squares, else `fatrop`. IPOPT is tried where another fails.
         iterations: limit of the solver; its own if None.
-        budget: seconds that a decision may take, with IPOPT; then what is reached is used if it meets the equations, else the last
-            plan goes on.
+        budget: seconds that a decision may take, with IPOPT; then what is reached is used if it meets the equations,
+            else the last plan goes on.
         nodes, degree, elements: collocation by Radau's nodes or Gauss' with the end, so many on an element, so many
             elements on an interval.
         smooth: as for `smpl.export.casadi`.
