@@ -276,6 +276,7 @@ MISFITS = [
     ({"solver": "snopt"}, "solver is 'snopt'; there are: auto, fatrop, ipopt, sqp"),
     ({"hold": []}, "hold is empty"),
     ({"budget": 0}, "budget is 0, expected seconds above 0"),
+    ({"budget": 0.1, "solver": "fatrop"}, "budget is kept by IPOPT alone: give solver='ipopt', or iterations="),
     ({"horizon": 0}, "horizon is 0"),
 ]
 

@@ -29,6 +29,8 @@ class CultureMPC:
     Args:
         kind: `mpc` or `empc`.
         horizon: intervals of an hour; the paper's 100.
+        tank: predict the level of the buffer tank too, with its outflow as it is. The published economic controller
+            does not, and lets the tank run empty or over within hours: by default it is predicted for `empc` alone.
         options: further arguments of `NMPC`.
 
     Attributes:
@@ -37,11 +39,12 @@ class CultureMPC:
 
     sees = "state"
 
-    def __init__(self, kind: str = "mpc", horizon: int = 100, **options: Any) -> None:
+    def __init__(self, kind: str = "mpc", horizon: int = 100, *, tank: bool | None = None, **options: Any) -> None:
         if kind not in KINDS:
             raise ValueError(f"kind is {kind!r}; there are: {', '.join(KINDS)}")
         self._kind, self._horizon = kind, horizon
-        self._options: dict[str, Any] = {"integrate": True, "part": STATES, "actions": ACTIONS, "tolerance": 1e-6}
+        part = (*STATES, "h") if (kind == "empc" if tank is None else tank) else STATES
+        self._options: dict[str, Any] = {"integrate": True, "part": part, "actions": ACTIONS, "tolerance": 1e-6}
         # A start that is too hot is cooled by what the other tanks bear, so that broken bounds are priced low.
         self._options |= {"rest": Policy("nominal"), "p": "episode", "soft_weight": 100.0} | options
         self.controller: NMPC | None = None
@@ -59,7 +62,7 @@ class CultureMPC:
             )
         if self.controller is None or self.controller.model is not env.model:
             cost: Any = "productivity" if self._kind == "empc" else _deviations(env.model)
-            self.controller = NMPC(env, self._horizon, cost, **{"bounds": _bounds(env), **self._options})
+            self.controller = NMPC(env, self._horizon, cost, **{"bounds": self._bounds(env), **self._options})
         self.controller.reset(env)
 
     def action(self, env: Env) -> FloatArray:
@@ -68,18 +71,21 @@ class CultureMPC:
             raise ValueError("call reset(env) first")
         return self.controller.action(env)
 
+    def _bounds(self, env: Env) -> dict[str, tuple[float, float]]:
+        """The published bounds, a ten-thousandth of their values inside, also of a plant that has wider ones."""
+        low, high = env.model.native.bounds("state")
+        wider = env.parameters.get("headroom", 1.0)
+        at = {name: env.state_names.index(name) for name in self._options["part"]}
+        found = {name: (1.0001 * float(low[i]), 0.9999 * float(high[i]) / wider) for name, i in at.items()}
+        if "h" in found:
+            # The tank counts as empty above 0.
+            found["h"] = (0.02 * found["h"][1], 0.98 * found["h"][1])
+        return found
+
     @property
     def fallbacks(self) -> int:
         """Decisions without a solution, in which the last plan went on."""
         return 0 if self.controller is None else self.controller.fallbacks
-
-
-def _bounds(env: Env) -> dict[str, tuple[float, float]]:
-    """The published bounds, a ten-thousandth of their values inside, also of a plant that has wider ones."""
-    low, high = env.model.native.bounds("state")
-    wider = env.parameters.get("headroom", 1.0)
-    places = [env.state_names.index(name) for name in STATES]
-    return {STATES[k]: (1.0001 * float(low[i]), 0.9999 * float(high[i]) / wider) for k, i in enumerate(places)}
 
 
 def _deviations(model: Model) -> dict[str, float]:

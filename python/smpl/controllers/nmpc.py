@@ -63,8 +63,8 @@ class NMPC:
         solver: `fatrop`, `ipopt`, `sqp` (with `iterations=1`: real-time iterations), or `auto`: `sqp` from a warm start
             where the problem is small and the cost a sum of squares, else `fatrop`. IPOPT is tried where another fails.
         iterations: limit of the solver; its own if None.
-        budget: seconds that a decision may take; then what is reached is used if it meets the equations, else the last
-            plan goes on.
+        budget: seconds that a decision may take, with IPOPT; then what is reached is used if it meets the equations,
+            else the last plan goes on.
         nodes, degree, elements: collocation by Radau's nodes or Gauss' with the end, so many on an element, so many
             elements on an interval.
         smooth: as for `smpl.export.casadi`.
@@ -136,6 +136,9 @@ class NMPC:
         task.elements = as_count("elements", elements)
         if budget is not None and not as_number("budget", budget) > 0:
             raise ValueError(f"budget is {budget}, expected seconds above 0")
+        if budget is not None and solver not in ("auto", "ipopt"):
+            raise ValueError(f"budget is kept by IPOPT alone: give solver='ipopt', or iterations= to limit {solver}")
+        solver = "ipopt" if budget is not None else solver
         self._solver = Solver(Transcription(task), solver, tolerance, iterations, budget)
         self._rest, self._estimator, self._keep = rest, estimator, bool(keep_warm_start)
         self.sees = getattr(estimator, "sees", "state")

@@ -225,6 +225,7 @@ class Solver:
             functions = self._programme.functions
             # A function that CasADi could not evaluate is told by what is returned, not on the screen.
             quiet: dict[str, Any] = {"print_time": False, "show_eval_warnings": False, "error_on_fail": False}
+            quiet["calc_lam_p"] = False
             make = {"fatrop": self._fatrop, "ipopt": self._ipopt, "ipopt_warm": self._warm, "sqp": self._sqp}[name]
             plugin = {"sqp": "sqpmethod", "ipopt_warm": "ipopt"}.get(name, name)
             self._made[name] = ca.nlpsol("horizon", plugin, functions, {**quiet, **make()})
