@@ -14,7 +14,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +40,7 @@ PANELS = ("robertson", "hires", "transistor_amplifier", "reactor", "pensim", "at
 # What a method is not asked for: the eigenvalues of these would take it millions of steps.
 TOO_STIFF = {"e5", "robertson", "van_der_pol", "orego", "pollution", "atropine", "mab", "mab_plant"}
 PROMISE = 100
+SHORT = 0.05
 NONE = "\N{EN DASH}"
 BEGIN, END = "<!-- precision -->\n", "<!-- end of precision -->\n"
 
@@ -112,6 +113,15 @@ def solve(case: Case, method: str, rtol: float) -> Run | None:
     return Run(env.state, env.solver_statistics["residuals"], seconds)
 
 
+def least(case: Case, method: str, rtol: float) -> Run | None:
+    """A run, and the least of the times of three where it is short."""
+    run = solve(case, method, rtol)
+    if run is None or run.seconds > SHORT:
+        return run
+    others = [other for _ in range(2) if (other := solve(case, method, rtol)) is not None]
+    return replace(run, seconds=min(one.seconds for one in (run, *others)))
+
+
 def points(case: Case) -> tuple[Points, float]:
     """Errors of all methods at all tolerances, and how far the two tight solutions are apart."""
     elements: list[dict[str, Any]] = smpl.export.json(smpl.compile(case.path))["elements"]["states"]
@@ -123,7 +133,7 @@ def points(case: Case) -> tuple[Points, float]:
     found: Points = {}
     for method in METHODS:
         for rtol in TOLERANCES:
-            run = solve(case, method, rtol)
+            run = least(case, method, rtol)
             if run is not None:
                 error = float(np.max(np.abs(run.end - tight[0]) / size))
                 found[case.name, method, rtol] = Point(error, run.evaluations, run.seconds)
@@ -284,6 +294,8 @@ def draw(found: Points, path: Path) -> None:
                 axis.loglog(x, y, marker=marker, color=colour, label=method, lw=1.2, ms=5, mfc="none")
         axis.set_title(name.replace("_", " "), fontsize=10)
         axis.invert_xaxis()
+        axis.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        axis.yaxis.set_minor_formatter(lambda value, _: f"{value:g}" if f"{value:.0e}"[0] in "25" else "")
         axis.grid(True, which="major", color="#dddddd", lw=0.6)
         for side in ("top", "right"):
             axis.spines[side].set_visible(False)
