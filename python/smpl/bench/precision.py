@@ -295,7 +295,7 @@ def draw(found: Points, path: Path) -> None:
         axis.set_title(name.replace("_", " "), fontsize=10)
         axis.invert_xaxis()
         axis.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
-        axis.yaxis.set_minor_formatter(lambda value, _: f"{value:g}" if f"{value:.0e}"[0] in "25" else "")
+        axis.yaxis.set_minor_formatter(lambda value, _: f"{value:g}" if f"{value:.0e}"[0] in "235" else "")
         axis.grid(True, which="major", color="#dddddd", lw=0.6)
         for side in ("top", "right"):
             axis.spines[side].set_visible(False)
