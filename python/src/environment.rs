@@ -93,7 +93,7 @@ impl Env {
         let setup = model.setup(py, dense_reward, max_steps, method)?;
         let environment = guarded(|| Environment::new(setup))?.map_err(|e| crate::errors::setup_error(&e))?;
         Ok(Self {
-            keys: Keys::new(py, &environment, info_state),
+            keys: Keys::new(py, &environment, info_state)?,
             action: vec![0.0; environment.catalogue().actions.len()],
             normalise: normalize,
             environment: Mutex::new(environment),

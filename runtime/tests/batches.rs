@@ -138,3 +138,28 @@ fn a_nan_or_a_wrong_length_steps_nothing() {
     assert!(matches!(arrays.step(&mut batch, &[0.0; 3]), Err(BatchError::Length { name: "actions", given: 3, expected: 4 })));
     assert_eq!(batch.environment(0).map(Environment::steps), Some(0));
 }
+
+#[test]
+fn instances_that_share_an_integrator_go_their_own_ways_and_count_their_own_work() {
+    for method in ["ida", "rosenbrock", "explicit", "auto"] {
+        let options = EnvironmentOptions { method: Some(method.into()), max_steps: Some(1000), ..EnvironmentOptions::default() };
+        let setup = setup(reactor::model(), options);
+        let mut batch = Batch::new(&setup, 3, BatchOptions::default()).expect("a batch");
+        let mut arrays = Arrays::new(3);
+        batch.reset(Some(&[5, 6, 7]), None, &mut arrays.observations).expect("resets");
+        for step in 0..5 {
+            arrays.step(&mut batch, &actions(3, step)).expect("steps");
+        }
+        for i in 0..3 {
+            let mut single = Environment::new(std::sync::Arc::clone(&setup)).expect("makes");
+            single.reset(Some(5 + i as u64), &ResetOptions::default()).expect("resets");
+            for step in 0..5 {
+                let all = actions(3, step);
+                single.step(&[denormalise(all[2 * i], 15.0, 35.0), denormalise(all[2 * i + 1], 0.05, 0.2)]).expect("steps");
+            }
+            let member = batch.environment(i).expect("exists");
+            assert_eq!(member.unknowns(), single.unknowns(), "{method}, instance {i}");
+            assert_eq!(member.statistics(), single.statistics(), "{method}, instance {i}");
+        }
+    }
+}

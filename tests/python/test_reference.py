@@ -5,6 +5,7 @@ import pytest
 
 import smpl
 
+METHODS = ["ida", "rosenbrock", "explicit", "auto"]
 REACTOR = ["c_A", "T", "h"]
 REACTOR_RANGES = np.array([1.0, 100.0, 1.0])
 BEER = ["X_A", "X_L", "X_D", "S", "EtOH", "DY", "EA"]
@@ -39,11 +40,12 @@ def replay(env, start, actions):
         ("reactor_extra_mpc", ""),
     ],
 )
-def test_the_reactor_follows_the_reference(reference, name, failure):
+@pytest.mark.parametrize("method", METHODS)
+def test_the_reactor_follows_the_reference(reference, name, failure, method):
     table = reference(f"{name}.csv")
     expected = columns(table, REACTOR, "tight")
     actions = np.stack([table["T_c"], table["q_out"]], axis=1)[1:]
-    env = smpl.Env("reactor", normalize=False, scenario="legacy")
+    env = smpl.Env("reactor", normalize=False, scenario="legacy", method=method)
     states, rewards, last = replay(env, expected[0], actions)
     assert len(states) == len(expected)
     rows = len(states) - 1 if failure else len(states)
@@ -82,10 +84,11 @@ def test_the_reward_floor_ends_an_episode_in_legacy_only(reference, scenario, en
     "name", ["beer_1", "beer_2", "beer_3", "beer_extra_const13", "beer_extra_lowsugar", "beer_extra_sampled"]
 )
 @pytest.mark.parametrize(("scenario", "suffix"), [("default", "tight1h"), ("legacy", "tight")])
-def test_the_beer_follows_the_reference(reference, name, scenario, suffix):
+@pytest.mark.parametrize("method", METHODS)
+def test_the_beer_follows_the_reference(reference, name, scenario, suffix, method):
     table = reference(f"{name}.csv")
     expected = columns(table, BEER, suffix)
-    env = smpl.Env("beer", normalize=False, scenario=scenario)
+    env = smpl.Env("beer", normalize=False, scenario=scenario, method=method)
     states, rewards, last = replay(env, expected[0], table["T"][1:, np.newaxis])
     error = np.abs(states - expected[: len(states)]) / BEER_RANGES
     assert error.max() < 1e-6

@@ -50,7 +50,7 @@ def actions(env: smpl.VectorEnv, steps: int, width: float = 0.02) -> FloatArray:
 
 
 def largest_error(name: str) -> float:
-    """Largest error of eight environments after `TURN` steps, in parts of the ranges, against another method at 1e-11."""
+    """Largest error of eight environments after `TURN` steps, over the ranges, against another method at 1e-11."""
     ends = []
     for rtol, method in ((RTOL, "auto"), (1e-11, "rosenbrock")):
         env = smpl.VectorEnv(compiled(name, rtol), 8, num_threads=1, method=method)
@@ -136,9 +136,8 @@ def two_cores(repeats: int) -> None:
                 times[n].append((time.perf_counter() - begin[0], time.process_time() - begin[1]))
     (one, work), (two, shared) = (np.median(each, axis=0) for each in times.values())
     least, least_of_two = (np.min(each, axis=0)[0] for each in times.values())
-    print(
-        f"  a step of all: one thread {one * 1e3:.2f} ms, two {two * 1e3:.2f} ms; least {least / least_of_two:.2f} times"
-    )
+    ratio = least / least_of_two
+    print(f"  a step of all: one thread {one * 1e3:.2f} ms, two {two * 1e3:.2f} ms; least {ratio:.2f} times")
     print(f"  processor time {work * 1e3:.2f} ms, with two threads {shared * 1e3:.2f} ms")
     at_least("one thread over two", float(one / two), 1.9)
 

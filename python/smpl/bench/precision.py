@@ -14,7 +14,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ import numpy as np
 
 import smpl
 from smpl._files import model_path
-from smpl.bench.common import environment, installed, scenario, title
+from smpl.bench.common import installed, scenario, title
 from smpl.model import FloatArray
 
 METHODS = ("ida", "rosenbrock", "explicit", "auto")
@@ -32,12 +32,15 @@ PROBLEMS = Path(smpl.__file__).parents[2] / "tests" / "problems"
 # Names and steps; the actions move about their nominal values, or follow the model's recipe.
 MODELS = {"reactor": 30, "beer": 140, "pensim": 200, "atropine": 3, "mab": 3, "mab_plant": 3}
 SEVERAL = {"column_a": 5, "four_tanks": 20, "van_de_vusse": 40}
+# Fresh columns under nominal actions: others soon leave the boxes.
+AT_REST = {"mab", "mab_plant"}
 BY_RECIPE = {"pensim"}
 INVARIANTS = ("reactor", "beer", "pensim", "atropine")
 PANELS = ("robertson", "hires", "transistor_amplifier", "reactor", "pensim", "atropine")
 # What a method is not asked for: the eigenvalues of these would take it millions of steps.
 TOO_STIFF = {"e5", "robertson", "van_der_pol", "orego", "pollution", "atropine", "mab", "mab_plant"}
 PROMISE = 100
+SHORT = 0.05
 NONE = "\N{EN DASH}"
 BEGIN, END = "<!-- precision -->\n", "<!-- end of precision -->\n"
 
@@ -88,17 +91,19 @@ def solve(case: Case, method: str, rtol: float) -> Run | None:
     if method == "explicit" and case.name in TOO_STIFF:
         return None
     try:
-        env = environment(case.path, rtol, method=method, observation="full")
+        with scenario(f"solver: {{rtol: {rtol!r}, max_steps: 1000000}}\nmax_steps: 1000000000\n") as path:
+            env = smpl.Env(case.path, normalize=False, scenario=path, method=method, observation="full")
     except ValueError:
         return None
     env.reset(seed=1, options={"start": "nominal"})
     low, high = env.action_low, env.action_high
     nominal = env.model.native.defaults("action")
-    width = np.where(np.isfinite(high - low), high - low, 0.0)
+    moves = 0.0 if case.name in AT_REST else 0.02
+    width = moves * np.where(np.isfinite(high - low), high - low, 0.0)
     recipe = env.model.native.policies[0] if case.name in BY_RECIPE else None
     begin = time.thread_time()
     for step in range(case.steps):
-        action = env.native.policy(recipe) if recipe else nominal + 0.02 * (step % 3 - 1) * width
+        action = env.native.policy(recipe) if recipe else nominal + (step % 3 - 1) * width
         *_, terminated, _, info = env.step(action)
         if terminated and step + 1 < case.steps:
             return None
@@ -106,6 +111,15 @@ def solve(case: Case, method: str, rtol: float) -> Run | None:
     if info["failure"].startswith("solver"):
         return None
     return Run(env.state, env.solver_statistics["residuals"], seconds)
+
+
+def least(case: Case, method: str, rtol: float) -> Run | None:
+    """A run, and the least of the times of three where it is short."""
+    run = solve(case, method, rtol)
+    if run is None or run.seconds > SHORT:
+        return run
+    others = [other for _ in range(2) if (other := solve(case, method, rtol)) is not None]
+    return replace(run, seconds=min(one.seconds for one in (run, *others)))
 
 
 def points(case: Case) -> tuple[Points, float]:
@@ -119,7 +133,7 @@ def points(case: Case) -> tuple[Points, float]:
     found: Points = {}
     for method in METHODS:
         for rtol in TOLERANCES:
-            run = solve(case, method, rtol)
+            run = least(case, method, rtol)
             if run is not None:
                 error = float(np.max(np.abs(run.end - tight[0]) / size))
                 found[case.name, method, rtol] = Point(error, run.evaluations, run.seconds)
@@ -280,6 +294,8 @@ def draw(found: Points, path: Path) -> None:
                 axis.loglog(x, y, marker=marker, color=colour, label=method, lw=1.2, ms=5, mfc="none")
         axis.set_title(name.replace("_", " "), fontsize=10)
         axis.invert_xaxis()
+        axis.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        axis.yaxis.set_minor_formatter(lambda value, _: f"{value:g}" if f"{value:.0e}"[0] in "235" else "")
         axis.grid(True, which="major", color="#dddddd", lw=0.6)
         for side in ("top", "right"):
             axis.spines[side].set_visible(False)

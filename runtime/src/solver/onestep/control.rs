@@ -13,6 +13,9 @@ const MOST: f64 = 8.0;
 /// Errors below count as this.
 const SMALLEST_ERROR: f64 = 1e-9;
 
+/// An error below this is worth the longest step of the method of order eight: `(SAFETY / MOST)^8` is a little more.
+const NEGLIGIBLE: f64 = 2e-8;
+
 /// How a method's error grows with its step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Growth {
@@ -76,6 +79,12 @@ impl Control {
 
     /// Notes the error of an accepted step, in tolerances.
     pub fn accept(&mut self, step: f64, error: f64, growth: Growth) {
+        if growth == Growth::Eighth && error < NEGLIGIBLE {
+            // As below, without its roots; `last` is the other method's, and that begins anew.
+            let next = step * if self.rejected { 1.0 } else { MOST };
+            *self = Self::begin(if step < self.proposed { next.max(self.proposed) } else { next });
+            return;
+        }
         let error = error.max(SMALLEST_ERROR);
         let root = root32(error);
         let factor = match growth {
@@ -124,6 +133,19 @@ mod tests {
         assert_eq!(control.proposed, 2.0);
         control.accept(0.1, 2.0, Growth::Fifth);
         assert!(control.proposed < 0.1);
+    }
+
+    #[test]
+    fn a_negligible_error_needs_no_roots_for_the_same_step() {
+        assert!(SAFETY / root32(NEGLIGIBLE).powi(4) > MOST);
+        for (rejected, proposed) in [(false, 1.0), (false, 20.0), (true, 0.5)] {
+            let lengths = [0.999 * NEGLIGIBLE, 1.001 * NEGLIGIBLE].map(|error| {
+                let mut control = Control { proposed, last: 1.0, rejected };
+                control.accept(1.0, error, Growth::Eighth);
+                control.proposed
+            });
+            assert_eq!(lengths[0], lengths[1], "{rejected} {proposed}");
+        }
     }
 
     #[test]
