@@ -88,7 +88,7 @@ class _Mean(torch.nn.Module):  # type: ignore[misc]
         if self.kind == "sac":
             out = self.model.get_action_model_outputs(out)[0]
             return torch.tanh(out[:, : out.shape[1] // 2])
-        return out[:, : out.shape[1] // 2]
+        return out if self.kind == "ars" else out[:, : out.shape[1] // 2]
 
 
 if __name__ == "__main__":
