@@ -39,7 +39,8 @@ def main() -> None:
     # Algorithms that gather from workers need one; the others run here.
     workers = 1 if module in ("a3c", "ars", "impala") else 0
     config = config.environment("smpl", env_config=given["env"]).framework("torch").debugging(seed=given["seed"])
-    config = config.rollouts(num_rollout_workers=workers).training(**given["hyperparameters"])
+    config = config.resources(num_gpus=0).rollouts(num_rollout_workers=workers)
+    config = config.training(**given["hyperparameters"])
     if hasattr(config, "rl_module") and module in ("ppo", "impala"):
         config = config.rl_module(_enable_rl_module_api=False).training(_enable_learner_api=False)
     algo = config.build()
