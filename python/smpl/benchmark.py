@@ -174,9 +174,7 @@ def benchmark(
     count = seeds if seeds is not None else (1 if budget == "smoke" else 3)
     every = runs(suite, budget, env, count, algorithms, config)
     if run_nothing:
-        every = [one for one in every if (one.folder(folder) / "scores.json").is_file()]
-        if not every:
-            raise ValueError(f"{folder} has no finished run of this suite, budget and environment")
+        every = _finished(every, folder)
     if not (resume or run_nothing) and any(folder.glob("*/*/*/seed-*")):
         raise ValueError(f"{folder} has runs already: give --resume to go on, or another folder")
     skipped: dict[str, str] = {}
@@ -185,10 +183,22 @@ def benchmark(
             if reason:
                 skipped[f"{one.suite} {one.env} {one.controller}"] = reason
             bar.add(1)
-    table = _table(every, folder, skipped)
-    _write(folder / "table.json", json.dumps(table, indent=1))
-    _write(folder / "table.md", _markdown(table))
-    draw(table, folder)
+    return _report(every, folder, skipped)
+
+
+def _finished(every: Sequence[Run], out: Path) -> list[Run]:
+    found = [one for one in every if (one.folder(out) / "scores.json").is_file()]
+    if not found:
+        raise ValueError(f"{out} has no finished run of this suite, budget and environment")
+    return found
+
+
+def _report(every: Sequence[Run], out: Path, skipped: dict[str, str]) -> dict[str, Any]:
+    """Write table and figures."""
+    table = _table(every, out, skipped)
+    _write(out / "table.json", json.dumps(table, indent=1))
+    _write(out / "table.md", _markdown(table))
+    draw(table, out)
     return table
 
 

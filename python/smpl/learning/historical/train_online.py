@@ -39,7 +39,8 @@ def main() -> None:
     # Algorithms that gather from workers need one; the others run here.
     workers = 1 if module in ("a3c", "ars", "impala") else 0
     config = config.environment("smpl", env_config=given["env"]).framework("torch").debugging(seed=given["seed"])
-    config = config.rollouts(num_rollout_workers=workers).training(**given["hyperparameters"])
+    config = config.resources(num_gpus=0).rollouts(num_rollout_workers=workers)
+    config = config.training(**given["hyperparameters"])
     if hasattr(config, "rl_module") and module in ("ppo", "impala"):
         config = config.rl_module(_enable_rl_module_api=False).training(_enable_learner_api=False)
     algo = config.build()
@@ -88,7 +89,7 @@ class _Mean(torch.nn.Module):  # type: ignore[misc]
         if self.kind == "sac":
             out = self.model.get_action_model_outputs(out)[0]
             return torch.tanh(out[:, : out.shape[1] // 2])
-        return out[:, : out.shape[1] // 2]
+        return out if self.kind == "ars" else out[:, : out.shape[1] // 2]
 
 
 if __name__ == "__main__":

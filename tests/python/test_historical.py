@@ -1,0 +1,45 @@
+"""The environments of the paper's time: made by name, refused where they cannot be."""
+
+import sys
+
+import pytest
+
+from smpl.learning import Task
+from smpl.learning.formulation import Formulation
+from smpl.learning.historical.__main__ import ENVIRONMENTS, main
+from smpl.learning.historical.trainer import ONLINE, online_trainer
+
+
+def test_an_environment_needs_its_python(tmp_path, capsys):
+    wrong = [
+        name
+        for name, (version, _, _) in ENVIRONMENTS.items()
+        if version != f"{sys.version_info[0]}.{sys.version_info[1]}"
+    ]
+    for name in wrong:
+        assert main([name, str(tmp_path / name), "--python", sys.executable]) == 2
+        assert f"needs Python {ENVIRONMENTS[name][0]}" in capsys.readouterr().err
+        assert main([name, str(tmp_path / name), "--python", str(tmp_path / "python")]) == 2
+        assert "is not there): give --python PATH" in capsys.readouterr().err
+        assert not (tmp_path / name).exists()
+
+
+@pytest.mark.parametrize("algorithm", ONLINE)
+def test_an_algorithm_without_its_environment_says_how_to_make_it(algorithm, monkeypatch, tmp_path):
+    monkeypatch.setenv("SMPL_ONLINE_2022", str(tmp_path))
+    with pytest.raises(ImportError, match=r"python -m smpl.learning.historical online DIR, then SMPL_ONLINE_2022=DIR"):
+        online_trainer(algorithm, Task.of("reactor"), Formulation(), {})
+
+
+def test_what_fails_there_is_told_here(monkeypatch, tmp_path):
+    folder = tmp_path / "env" / "bin"
+    folder.mkdir(parents=True)
+    script = folder / "python"
+    script.write_text("#!/bin/sh\necho out of memory >&2\nexit 3\n")
+    script.chmod(0o755)
+    monkeypatch.setenv("SMPL_ONLINE_2022", str(tmp_path / "env"))
+    trainer = online_trainer("PG-2022", Task.of("reactor"), Formulation(), {})
+    trainer.begin(0)
+    trainer.train(5, 1, 0.0)
+    with pytest.raises(RuntimeError, match="failed: out of memory"):
+        trainer.save(tmp_path)
