@@ -182,7 +182,9 @@ def varied(tree, steps, seed=0):
     return np.fmin(np.fmax(nominal * change, low), high)
 
 
-@pytest.mark.parametrize(("name", "steps"), [("reactor", 50), ("beer", 60), ("pensim", 100), ("atropine", 10)])
+@pytest.mark.parametrize(
+    ("name", "steps"), [("reactor", 50), ("beer", 60), ("pensim", 100), ("atropine", 10), ("mab", 5), ("mab_plant", 6)]
+)
 def test_co_simulation_is_the_environment_within_ten_tolerances(folder, name, steps):
     """The environment has a smaller tolerance here: over a batch of beer its error grows to thirty of the model's."""
     made = make(folder, name)
