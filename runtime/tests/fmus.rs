@@ -17,7 +17,7 @@ fn made(path: &Path) -> Result<Fmu, String> {
 
 /// The files of an archive, by the local headers.
 fn files(bytes: &[u8]) -> Vec<(String, Vec<u8>)> {
-    let number = |at: usize, length: usize| bytes[at..at + length].iter().rev().fold(0, |sum, &byte| sum << 8 | usize::from(byte));
+    let number = |at: usize, length: usize| bytes[at..at + length].iter().rev().fold(0, |sum, &byte| (sum << 8) | usize::from(byte));
     let (mut at, mut found) = (0, vec![]);
     while bytes[at..].starts_with(b"PK\x03\x04") {
         let (packed, whole, name, extra) = (number(at + 18, 4), number(at + 22, 4), number(at + 26, 2), number(at + 28, 2));

@@ -79,7 +79,6 @@ smpl_instance *smpl_create(void)
     double *at = s->kept;
     s->y = take(&at, N);
     s->yp = take(&at, N);
-    s->y_set = take(&at, N);
     s->u = take(&at, MODEL_ACTIONS);
     s->u_before = take(&at, MODEL_ACTIONS);
     s->p = take(&at, MODEL_PARAMETERS);
@@ -254,58 +253,21 @@ int smpl_parameters(smpl_instance *s)
     return 1;
 }
 
-/* Initial values of states, discrete variables and disturbances, but for those that were given: kept in `y2`. */
-static void initial_values(smpl_instance *s)
-{
-    const double clock = s->now.first;
-    (void)clock;
-#if SMPL_HAS_initial_states
-    model_initial_states(clock, s->y, s->u_used, s->p, s->c);
-#endif
-    for (int i = 0; i < SMPL_STARTS; ++i) {
-        if (smpl_starts[i].from == SMPL_Y) s->y[smpl_starts[i].at] = smpl_starts[i].value;
-    }
-    for (int i = 0; i < N; ++i) {
-        if (s->y_set[i] > 0.0) s->y[i] = s->y2[i];
-    }
-#if SMPL_HAS_initial_discretes
-    model_initial_discretes(clock, s->y, s->u_used, s->p, s->c);
-#endif
-    for (int i = 0; i < SMPL_STARTS; ++i) {
-        if (smpl_starts[i].from == SMPL_P) s->p[smpl_starts[i].at] = smpl_starts[i].value;
-    }
-}
-
+/* Start values are those of the description, or given; what follows from them is worked out. */
 int smpl_initialise(smpl_instance *s)
 {
     smpl_progress *now = &s->now;
-    double *given = s->p2;
     double *inputs = s->u;
-    int ok = 1;
+    int ok;
     if (now->initialised) return 1;
-    /* Initial values are those of the actions' defaults. */
+    /* As in an environment the episode begins with the actions' defaults; the first step has its own. */
     s->u = s->u_before;
     set_builtin(s, 0, floor(now->first / SMPL_STEP + 0.5));
     set_builtin(s, 1, now->first);
-    now->prepared = 0;
-    smpl_prepare(s);
-    if (now->parameters_set || now->started_set) {
-        memcpy(s->y2, s->y, sizeof(double) * N);
-        for (int i = MODEL_STATES; i < N; ++i) s->y[i] = model_algebraic_table[i - MODEL_STATES].nominal;
-        if (now->parameters_set) smpl_parameters(s);
-        for (int pass = 0; ok && pass <= SMPL_START_PASSES; ++pass) {
-            for (int i = 0; i < SMPL_MOVABLES; ++i) given[i] = s->p[smpl_movables[i]];
-            initial_values(s);
-            for (int i = 0; i < SMPL_MOVABLES; ++i) {
-                if (s->p_set[smpl_movables[i]] > 0.0) s->p[smpl_movables[i]] = given[i];
-            }
-            smpl_stale(s);
-            ok = smpl_refresh(s);
-            keep(s, 0);
-        }
-    }
     smpl_stale(s);
-    ok = ok && smpl_refresh(s);
+    smpl_prepare(s);
+    if (now->parameters_set) smpl_parameters(s);
+    ok = smpl_refresh(s);
     keep(s, 0);
     keep(s, 1);
     s->u = inputs;

@@ -24,11 +24,11 @@ typedef struct {
     int rejected;
     int ended;            /* a failure */
     int goes_on;          /* failures end nothing */
-    int parameters_set, started_set;
+    int parameters_set;
 } smpl_progress;
 
 /* What is kept from instant to instant: one block of numbers. */
-#define SMPL_KEPT (3 * MODEL_UNKNOWNS + 2 * MODEL_ACTIONS + 2 * MODEL_PARAMETERS + MODEL_CONTEXT + 2 * SMPL_ROOTS + 8)
+#define SMPL_KEPT (2 * MODEL_UNKNOWNS + 2 * MODEL_ACTIONS + 2 * MODEL_PARAMETERS + MODEL_CONTEXT + 2 * SMPL_ROOTS + 8)
 
 typedef struct {
     smpl_progress now;
@@ -38,7 +38,6 @@ typedef struct {
     fmi3LogMessageCallback log;
     double *kept;
     double *y, *yp;               /* unknowns in the order of the model, and rates */
-    double *y_set;                /* 1 for initial values that were given */
     double *u, *u_before;         /* actions, and those that were in force at the end of the last interval */
     double *p, *p_set, *c;        /* the model's parameters, 1 for those that were given, context */
     double *holds, *passed;       /* conditions of events that hold; that the solver has found to become true */

@@ -87,17 +87,13 @@ static fmi3Status set(smpl_instance *s, const smpl_variable *variable, const dou
         if (!isfinite(values[i])) return smpl_say(s, fmi3Error, "a value that is not finite cannot be set");
         switch (variable->source) {
         case SMPL_U: s->u[place] = values[i]; break;
-        case SMPL_Y:
-            s->y[place] = values[i];
-            s->y_set[place] = 1.0;
-            break;
+        case SMPL_Y: s->y[place] = values[i]; break;
         default:
             if (variable->role == SMPL_PARAMETER && s->p[place] != values[i]) s->now.parameters_set = 1;
             s->p[place] = values[i];
             s->p_set[place] = 1.0;
         }
     }
-    if (variable->source != SMPL_U) s->now.started_set = 1;
     if (variable->role == SMPL_PARAMETER && !early) smpl_parameters(s);
     smpl_stale(s);
     return fmi3OK;
