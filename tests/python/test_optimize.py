@@ -62,7 +62,11 @@ def test_the_residence_time_of_a_series_reaction_is_found(series, name, best):
     assert found.value == pytest.approx(BEST, rel=1e-10)
     assert found.inputs[name] == pytest.approx(best, rel=1e-4)
     assert found.stable
+    assert found.converged
     assert found.active == ()
+    short = optimize.steady(series, maximize="c_B", vary=[name], max_iterations=1)
+    assert not short.converged
+    assert "not an optimum yet" in str(short)
 
 
 def test_derivatives_are_exact(series):
