@@ -110,7 +110,7 @@ variant sensor_bias "the hydrometer has an offset that drifts" {
   observe S : g/L = S + offset_S*0.5 [g/L] + drift_S in 0..150
 }
 variant weak_yeast "the yeast of some batches is weaker: less of it wakes" {
-  random weakness ~ uniform(0, 1)
+  param weakness = 0.5 ~ uniform(0, 1) in 0..1    "of the yeast of the batch"
   def waking() = 1 - 0.3*weakness
   eq d/dt X_A = mu_x * X_A - mu_DT * X_A + mu_L * X_L * waking()
   eq d/dt X_L = -mu_L * X_L * waking()

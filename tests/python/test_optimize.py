@@ -62,7 +62,11 @@ def test_the_residence_time_of_a_series_reaction_is_found(series, name, best):
     assert found.value == pytest.approx(BEST, rel=1e-10)
     assert found.inputs[name] == pytest.approx(best, rel=1e-4)
     assert found.stable
+    assert found.converged
     assert found.active == ()
+    short = optimize.steady(series, maximize="c_B", vary=[name], max_iterations=1)
+    assert not short.converged
+    assert "not an optimum yet" in str(short)
 
 
 def test_derivatives_are_exact(series):
@@ -223,7 +227,7 @@ def test_violations_are_paid_for(series):
 
 
 def test_a_recipe_is_saved_for_the_command(tank, tmp_path):
-    found = optimize.episode(tank, vary={"u": None}, moves=3, shape="linear", method="bayes", evaluations=6)
+    found = optimize.episode(tank, vary={"u": None}, moves=3, shape="linear", method="differential_evolution", evaluations=6)
     found.save(tmp_path / "recipe.csv")
     table = np.genfromtxt(tmp_path / "recipe.csv", delimiter=",", names=True)
     assert table.dtype.names == ("u", "w")

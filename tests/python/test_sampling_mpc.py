@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import smpl
-from smpl.controllers import LQR, ExtendedKalmanFilter, Loops, SamplingMPC
+from smpl.controllers import LQR, ExtendedKalmanFilter, Loops, OpenLoop, SamplingMPC
 from smpl.evaluation import evaluate, run_episode
 
 CART = """model Cart "a double integrator"
@@ -143,3 +143,22 @@ def test_a_guess_is_tried_and_never_made_worse(cart):
 def test_loops_without_a_controller_hold_the_operating_action(cart):
     episode = run_episode(smpl.Env(cart, normalize=False, max_steps=3), Loops(others={"u": 0.5}), 0)
     np.testing.assert_array_equal(episode.actions, 0.5)
+
+
+def test_plans_around_the_recipe_of_pensim_bring_more_than_the_recipe():
+    from smpl.controllers.pensim import Recipe
+
+    env = smpl.Env("pensim", normalize=False, max_steps=400)
+    recipe = Recipe(smpl.compile("pensim")).actions_of_steps
+
+    def follow(env, horizon):
+        return recipe[np.minimum(env.steps + np.arange(horizon), len(recipe) - 1)]
+
+    spread = {"discharge": 1, "Fs": 6, "Foil": 1, "Fg": 5, "pressure": 0.05, "Fw": 15}
+    controller = SamplingMPC(
+        horizon=100, hold=25, every=50, samples=8, iterations=1, method="cem", guess=follow, deviation=spread
+    )
+    plain = run_episode(env, OpenLoop(recipe), seed=3)
+    better = run_episode(env, controller, seed=3)
+    assert not better.failure
+    assert better.total > plain.total

@@ -52,6 +52,11 @@ class Recipe:
         self.low = np.append(np.maximum(low, (1 - _WIDTH) * self.nominal[:-1]), (1 - _WIDTH) * self.nominal[-1])
         self.high = np.append(np.minimum(high, (1 + _WIDTH) * self.nominal[:-1]), (1 + _WIDTH) * self.nominal[-1])
 
+    @property
+    def actions_of_steps(self) -> FloatArray:
+        """The recipe's own actions of all steps, (steps, actions)."""
+        return self._base.copy()
+
     def actions(self, point: FloatArray) -> FloatArray:
         """Actions of all steps, (steps, actions)."""
         chosen = self._base.copy()

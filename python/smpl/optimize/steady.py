@@ -38,6 +38,7 @@ class SteadyOptimum:
         stable: whether small deviations die out; states that are fixed do not count.
         evaluations: steady states that were solved for.
         values: of the goal at each of these, in their order; NaN where there was no steady state.
+        converged: whether the method ended at an optimum; if not, the point keeps its limits and may not be the best.
         message: of the method.
     """
 
@@ -52,6 +53,7 @@ class SteadyOptimum:
     stable: bool
     evaluations: int
     values: FloatArray
+    converged: bool
     message: str
     _ascending: bool = field(default=True, repr=False)
 
@@ -65,7 +67,8 @@ class SteadyOptimum:
         inputs = ", ".join(f"{name} = {value:.6g}" for name, value in self.inputs.items())
         active = f"; active: {', '.join(self.active)}" if self.active else ""
         kind = "stable" if self.stable else "unstable"
-        return f"{self.value:.8g} at {inputs} ({kind}, {self.evaluations} steady states{active})"
+        ended = "" if self.converged else f"; not an optimum yet: {self.message}"
+        return f"{self.value:.8g} at {inputs} ({kind}, {self.evaluations} steady states{active}{ended})"
 
 
 def steady(
@@ -132,7 +135,7 @@ class _Point:
     by_goal: FloatArray
     limited: FloatArray
     by_limited: FloatArray
-    stable: bool
+    matrix: FloatArray
 
 
 class _Problem:
@@ -212,7 +215,8 @@ class _Problem:
         B_x, B_g = B[np.ix_(self.x, self.places)] * scale, B[np.ix_(self.g, self.places)] * scale
         x_z = np.zeros_like(B_x)
         inner = A_x[np.ix_(self.free, self.free)]
-        if np.linalg.matrix_rank(_balanced(inner)) < len(inner):
+        # Singular values of a large matrix cost more than all the rest: once is enough.
+        if near is None and np.linalg.matrix_rank(_balanced(inner)) < len(inner):
             raise ValueError(f"the equations leave states free: give {self._suggestion(inner)} in fixed")
         x_z[self.free] = np.linalg.solve(inner, -B_x[self.free])
         by = B_g + A_g @ x_z
@@ -221,8 +225,7 @@ class _Problem:
         x = y[: len(self.x)]
         limited = np.concatenate([values[1:], x[self.free], rates[self.own[self.held]]])
         by_limited = np.vstack([by[1:], x_z[self.free], drift])
-        stable = bool(np.linalg.eigvals(inner).real.max(initial=-1.0) < 0)
-        return _Point(z.copy(), y, float(values[0]), by[0], limited, by_limited, stable)
+        return _Point(z.copy(), y, float(values[0]), by[0], limited, by_limited, inner)
 
     def _suggestion(self, inner: FloatArray) -> str:
         """Names of the states whose equations depend on the others."""
@@ -240,7 +243,7 @@ class _Problem:
         size = float(np.abs(last.by_goal).sum()) + abs(last.goal) or 1.0
         worse = self.sign * 10 * size * (1 + float(np.linalg.norm(step)))
         limited = last.limited + last.by_limited @ step
-        return _Point(z, last.y, goal + worse, last.by_goal, limited, last.by_limited, last.stable)
+        return _Point(z, last.y, goal + worse, last.by_goal, limited, last.by_limited, last.matrix)
 
     def solve(
         self, start: Mapping[str, float] | None, guess: Mapping[str, float] | None, tolerance: float, iterations: int
@@ -264,7 +267,7 @@ class _Problem:
         )
         point = self._solved(np.clip(found.x, 0, 1), self.last)
         self._check(point, str(found.message))
-        return self._result(point, str(found.message))
+        return self._result(point, bool(found.success), str(found.message))
 
     def _start(self, start: Mapping[str, float]) -> FloatArray:
         check_names("start", start, self.names)
@@ -291,6 +294,8 @@ class _Problem:
         self.equal = self.ends[:, 0] == self.ends[:, 1]
         self.equal[len(ends) - len(self.held) :] &= drifting
         self.unequal = self.ends[:, 0] < self.ends[:, 1]
+        # A concentration of nothing that is fed stays at its bound whatever is done.
+        self.moving = (slope > 1e-9 * self.size) | (np.arange(len(ends)) < len(self.limits))
 
     def _constraints(self) -> list[dict[str, Any]]:
         def rows(which: npt.NDArray[np.intp], side: int, sense: float) -> tuple[Any, Any]:
@@ -305,8 +310,8 @@ class _Problem:
         made = []
         for kind, mask, side, sense in (
             ("eq", self.equal, 0, 1.0),
-            ("ineq", self.unequal & np.isfinite(self.ends[:, 0]), 0, 1.0),
-            ("ineq", self.unequal & np.isfinite(self.ends[:, 1]), 1, -1.0),
+            ("ineq", self.unequal & self.moving & np.isfinite(self.ends[:, 0]), 0, 1.0),
+            ("ineq", self.unequal & self.moving & np.isfinite(self.ends[:, 1]), 1, -1.0),
         ):
             if mask.any():
                 value, slope = rows(np.flatnonzero(mask), side, sense)
@@ -324,9 +329,10 @@ class _Problem:
                 f"{point.limited[worst]:.6g}, wanted {low:g} to {high:g} ({message}); try another start"
             )
 
-    def _result(self, point: _Point, message: str) -> SteadyOptimum:
+    def _result(self, point: _Point, converged: bool, message: str) -> SteadyOptimum:
         near = np.minimum(np.abs(point.limited - self.ends[:, 0]), np.abs(point.limited - self.ends[:, 1])) / self.size
         rows = len(near) - len(self.held)
+        near = np.where(self.moving, near, np.inf)
         active = [name for name, gap in zip(self.row_names[:rows], near[:rows], strict=True) if gap < 1e-6]
         at_end = np.minimum(point.z, 1 - point.z) < 1e-6
         active += [f"range of {name}" for name, end in zip(self.names, at_end, strict=True) if end]
@@ -341,9 +347,10 @@ class _Problem:
             limits=dict(zip(self.expressions[1:], point.limited[:count].tolist(), strict=True)),
             active=tuple(active),
             gradient=dict(zip(self.names, (point.by_goal / (self.high - self.low)).tolist(), strict=True)),
-            stable=point.stable,
+            stable=bool(np.linalg.eigvals(point.matrix).real.max(initial=-1.0) < 0),
             evaluations=len(self.values),
             values=np.array(self.values),
+            converged=converged,
             message=message,
             _ascending=self.sign < 0,
         )
