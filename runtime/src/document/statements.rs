@@ -37,6 +37,8 @@ pub(super) struct Writer<'s> {
     pub interface: &'s Interface,
     page: String,
     rows: Option<Rows>,
+    /// Headings under which nothing stands yet, with their levels.
+    waiting: Vec<(usize, String)>,
     alternatives: Vec<Alternative<'s>>,
     /// Files that are there already.
     seen: Vec<bool>,
@@ -50,15 +52,33 @@ pub(super) struct Writer<'s> {
 
 impl<'s> Writer<'s> {
     fn new(source: &'s Source, interface: &'s Interface) -> Self {
-        let (page, rows, alternatives, seen) = (String::new(), None, Vec::new(), vec![false; source.files.len()]);
-        Self { source, interface, page, rows, alternatives, seen, chapter: "", titled: false, inside: None }
+        let (page, rows, waiting) = (String::new(), None, Vec::new());
+        let (alternatives, seen) = (Vec::new(), vec![false; source.files.len()]);
+        Self { source, interface, page, rows, waiting, alternatives, seen, chapter: "", titled: false, inside: None }
     }
 
     // ---- what others write with
 
-    /// A paragraph, a heading, a display.
+    /// A heading; it waits for what stands under it.
+    fn heading(&mut self, level: usize, text: &str) {
+        self.flush();
+        self.waiting.retain(|(above, _)| *above < level);
+        self.waiting.push((level, format!("{} {text}", "#".repeat(level))));
+    }
+
+    /// The headings that wait.
+    fn headings(&mut self) {
+        for (_, heading) in std::mem::take(&mut self.waiting) {
+            self.page.push('\n');
+            self.page.push_str(&heading);
+            self.page.push('\n');
+        }
+    }
+
+    /// A paragraph, a display.
     pub fn block(&mut self, text: &str) {
         self.flush();
+        self.headings();
         self.page.push('\n');
         self.page.push_str(text);
         if !text.ends_with('\n') {
@@ -70,6 +90,7 @@ impl<'s> Writer<'s> {
     pub fn row(&mut self, heading: &'static [&'static str], row: Vec<String>) {
         if self.rows.as_ref().is_none_or(|rows| rows.heading != heading) {
             self.flush();
+            self.headings();
             self.rows = Some(Rows { heading, rows: Vec::new() });
         }
         if let Some(rows) = &mut self.rows {
@@ -145,7 +166,7 @@ impl<'s> Writer<'s> {
                 (Some(title), _) => {
                     self.paragraph(&mut paragraph);
                     self.chapter = "";
-                    self.block(&format!("{} {}", if self.inside.is_some() { "####" } else { "##" }, prose(title)));
+                    self.heading(if self.inside.is_some() { 4 } else { 2 }, &prose(title));
                 }
                 (None, Some(words)) => paragraph.push(prose(words.trim())),
                 (None, None) => self.paragraph(&mut paragraph),
@@ -179,8 +200,10 @@ impl<'s> Writer<'s> {
                 self.alternatives.push(Alternative { title, text: text.clone().unwrap_or_default(), body });
             }
             StatementKind::Component { name, parameters, text, body } => {
-                self.block(&format!("### Component {}", code(&name.text)));
-                self.block(&prose(text.as_deref().unwrap_or("")));
+                self.heading(3, &format!("Component {}", code(&name.text)));
+                if let Some(text) = text {
+                    self.block(&prose(text));
+                }
                 self.component_parameters(parameters);
                 self.component(statement, name, body);
             }
@@ -252,7 +275,7 @@ impl<'s> Writer<'s> {
     /// The alternatives, under a heading of their own. They may hold others.
     fn alternatives(&mut self) {
         if !self.alternatives.is_empty() {
-            self.block("## Variants and options");
+            self.heading(2, "Variants and options");
             self.block(
                 "A statement below takes the place of the one of the same name above, or is added. `--variant NAME` and \
                  `--variant CHOICE=OPTION` put them in force.",
@@ -260,7 +283,7 @@ impl<'s> Writer<'s> {
         }
         while !self.alternatives.is_empty() {
             for Alternative { title, text, body } in std::mem::take(&mut self.alternatives) {
-                self.block(&format!("### {title}"));
+                self.heading(3, &title);
                 if !text.is_empty() {
                     self.block(&prose(&text));
                 }
@@ -279,7 +302,7 @@ impl<'s> Writer<'s> {
             return;
         }
         if !self.titled || self.chapter == "component" {
-            self.block(&format!("## {chapter}"));
+            self.heading(2, chapter);
         }
         self.chapter = chapter;
     }
