@@ -94,7 +94,5 @@ fn settings(setup: &Setup) -> Settings {
         max_events: setup.max_events,
         episode: setup.max_steps,
         algebraic_errors: setup.settings.algebraic_error_control,
-        start_passes: setup.start_passes,
-        initial: options.initial.iter().map(|(name, value)| (name.clone(), *value)).collect(),
     }
 }

@@ -36,10 +36,6 @@ pub struct Settings {
     pub episode: u32,
     /// Algebraic variables enter the error test.
     pub algebraic_errors: bool,
-    /// Times that initial values are worked out again from algebraic variables.
-    pub start_passes: usize,
-    /// Initial values of states and discrete variables that were chosen by name.
-    pub initial: Vec<(String, f64)>,
 }
 
 /// The files of an FMU.
@@ -127,9 +123,9 @@ fn token(description: &str, sources: &[(String, String)]) -> String {
     format!("{{{}}}", &hex[..32])
 }
 
-/// Whether an FMU calls a function.
+/// Whether an FMU calls a function. It has start values in place of the programs that compute them.
 fn is_carried(function: &Function) -> bool {
-    let left_out = ["rewards", "successes", "constraints", "invariants", "integrals", "boxes"];
+    let left_out = ["rewards", "successes", "constraints", "invariants", "integrals", "boxes", "initial_states", "initial_discretes"];
     !left_out.contains(&function.name.as_str()) && !function.name.starts_with("policy_")
 }
 

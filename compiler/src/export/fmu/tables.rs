@@ -11,20 +11,8 @@ use crate::layout::Layout;
 use crate::model::RootAction;
 
 /// Functions that a model may lack.
-const OPTIONAL: [&str; 12] = [
-    "outputs",
-    "observations",
-    "events",
-    "failures",
-    "parameters",
-    "initial_states",
-    "initial_discretes",
-    "disturb",
-    "start",
-    "end",
-    "partials",
-    "next_break",
-];
+const OPTIONAL: [&str; 10] =
+    ["outputs", "observations", "events", "failures", "parameters", "disturb", "start", "end", "partials", "next_break"];
 
 /// Header and source.
 pub(super) fn print(parts: &Parts<'_>) -> [String; 2] {
@@ -129,7 +117,6 @@ impl Tables<'_> {
         text.table(("smpl_copy", "smpl_copies", "SMPL_COPIES"), &copies);
         text.table(("smpl_builtin", "smpl_builtins", "SMPL_BUILTINS"), &builtins);
         text.table(("smpl_given", "smpl_givens", "SMPL_GIVENS"), &givens);
-        text.table(("smpl_started", "smpl_starts", "SMPL_STARTS"), &self.starts());
     }
 
     /// The element of `p` at a place of the region of parameters.
@@ -138,19 +125,6 @@ impl Tables<'_> {
         let sheet = self.parts.sheet;
         let is = |place: (VarId, u32)| sheet.model.vars[place.0].role == Role::Param && of(place) == Some(at);
         sheet.parameters.iter().position(|e| e.place.is_some_and(is))
-    }
-
-    /// Start values that were chosen by name.
-    fn starts(&self) -> Vec<String> {
-        let sheet = self.parts.sheet;
-        let mut entries = vec![];
-        for (name, value) in &self.parts.settings.initial {
-            let state = sheet.families.states.iter().position(|e| e.name == *name);
-            let other = sheet.parameters.iter().position(|e| e.name == *name);
-            let found = state.map(|at| ("SMPL_Y", at)).or(other.map(|at| ("SMPL_P", at)));
-            entries.extend(found.map(|(from, at)| format!("{{{from}, {at}, {}}}", number(*value))));
-        }
-        entries
     }
 
     fn write_events(&self, text: &mut Text) {
@@ -196,7 +170,6 @@ impl Tables<'_> {
             ("MAX_STEPS", s.max_steps.to_string()),
             ("MAX_EVENTS", s.max_events.to_string()),
             ("ALGEBRAIC_ERRORS", flag(s.algebraic_errors)),
-            ("START_PASSES", s.start_passes.to_string()),
             ("STEP", number(e.step)),
             ("PACE", number(e.integrate / e.step)),
             ("SINGLE", flag(e.single_precision)),

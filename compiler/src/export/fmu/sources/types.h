@@ -34,13 +34,6 @@ typedef struct {
     int parameter, in_p, at;
 } smpl_given;
 
-/* A start value that was chosen when the FMU was made. */
-typedef struct {
-    smpl_source from;
-    int at;
-    double value;
-} smpl_started;
-
 /* The condition of an event. */
 typedef struct {
     const char *name;
