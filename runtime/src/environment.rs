@@ -221,13 +221,7 @@ impl Environment {
         let system = setup.system.clone();
         let interface = setup.model().interface();
         let (unknowns, layout) = (setup.model().unknowns(), interface.finish);
-        let counts = [2 * layout.failures, layout.successes, layout.constraints, layout.rewards, layout.observations];
-        let mut end = 0;
-        let parts = counts.map(|count| {
-            let begin = end;
-            end += count as usize;
-            begin..end
-        });
+        let parts = consecutive([2 * layout.failures, layout.successes, layout.constraints, layout.rewards, layout.observations]);
         let sensors = Sensors::new(&interface.observations, &setup.noise);
         let progress = Progress {
             key: EpisodeKey::default(),
@@ -255,7 +249,7 @@ impl Environment {
         Self {
             integrals: vec![0.0; system.region(Region::Quadrature).len()],
             integrator: Box::new(Absent),
-            finish: vec![0.0; end],
+            finish: vec![0.0; parts[4].end],
             parts,
             scratch: vec![0.0; unknowns],
             statistics: Statistics::default(),
@@ -569,6 +563,16 @@ impl Environment {
         let (model, memory) = self.system.parts();
         model.invariants(memory, t, &self.progress.y, &self.progress.yp, out);
     }
+}
+
+/// Ranges of so many numbers, one behind the other.
+fn consecutive(counts: [u32; 5]) -> [Range<usize>; 5] {
+    let mut end = 0;
+    counts.map(|count| {
+        let begin = end;
+        end += count as usize;
+        begin..end
+    })
 }
 
 /// Names of all limits of a model, see [`Environment::constraint_names`].
