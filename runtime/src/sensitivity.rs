@@ -177,7 +177,7 @@ impl Sensitivities {
         if self.stop.load(Ordering::Relaxed) {
             return Err(SensitivityError::Interrupted);
         }
-        tasks.into_iter().map(|task| task.2).collect()
+        tasks.into_iter().try_for_each(|task| task.2)
     }
 
     fn check(&self, plan: &Plan<'_>) -> Result<(), SensitivityError> {

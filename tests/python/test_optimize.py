@@ -227,7 +227,9 @@ def test_violations_are_paid_for(series):
 
 
 def test_a_recipe_is_saved_for_the_command(tank, tmp_path):
-    found = optimize.episode(tank, vary={"u": None}, moves=3, shape="linear", method="differential_evolution", evaluations=6)
+    found = optimize.episode(
+        tank, vary={"u": None}, moves=3, shape="linear", method="differential_evolution", evaluations=6
+    )
     found.save(tmp_path / "recipe.csv")
     table = np.genfromtxt(tmp_path / "recipe.csv", delimiter=",", names=True)
     assert table.dtype.names == ("u", "w")

@@ -67,12 +67,15 @@ pub struct Switches {
     pub rounds: bool,
 }
 
+/// Variables, or copies of them at other instants.
+type Inputs = Vec<(VarId, Flavour)>;
+
 /// What is made when it is first asked for.
 #[derive(Default)]
 pub(super) struct Later {
     tapes: [OnceLock<Result<Tape, BackEndError>>; PARTS],
     switches: OnceLock<Result<(Switches, Tape), BackEndError>>,
-    by_inputs: std::sync::Mutex<FastMap<Vec<(VarId, Flavour)>, Arc<ByInputs>>>,
+    by_inputs: std::sync::Mutex<FastMap<Inputs, Arc<ByInputs>>>,
 }
 
 impl CompiledModel {

@@ -85,6 +85,12 @@ pub(super) struct Read {
 /// Passes of the loops around, by counter; 0 where there is none.
 pub(super) type Extents = [u32; MAX_DEPTH];
 
+/// An element of a copy of a variable.
+pub(super) type Copied = (VarId, Flavour, u32);
+
+/// Where a value is kept: vector and element.
+pub(super) type Spot = (Array, u32);
+
 /// A model as vectors and functions.
 pub(super) struct Sheet {
     pub model: Model,
@@ -97,7 +103,7 @@ pub(super) struct Sheet {
     /// Vector and element of each element of a variable's copy; `u32::MAX` for one that no function reads.
     spots: FastMap<(VarId, Flavour), (Array, Vec<u32>)>,
     /// Extra elements of `p` and of `c`.
-    extra: FastMap<(VarId, Flavour, u32), (Array, u32)>,
+    extra: FastMap<Copied, Spot>,
 }
 
 impl Sheet {
@@ -174,7 +180,7 @@ impl Sheet {
     }
 
     /// What has no public name: copy, element and where it is kept.
-    pub(super) fn extras(&self) -> Vec<((VarId, Flavour, u32), (Array, u32))> {
+    pub(super) fn extras(&self) -> Vec<(Copied, Spot)> {
         let mut extras: Vec<_> = self.extra.iter().map(|(key, spot)| (*key, *spot)).collect();
         extras.sort_unstable();
         extras

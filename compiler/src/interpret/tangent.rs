@@ -296,7 +296,7 @@ mod tests {
         });
         assert_eq!(out, [8.0 - 1.0 + 0.125, -1.0, -1.0, 8.0]);
         // d(x^3) = 3 x^2 dx: 12, 0 and -1.5.
-        let expected = [12.0 - 1.5, 12.0 * -0.125 + 8.0 * -1.0 * -1.5, 0.0, 12.0];
+        let expected = [12.0 - 1.5, 12.0 * -0.125 + 8.0 * 1.5, 0.0, 12.0];
         for (tangent, expected) in dout.iter().zip(expected) {
             assert!(near(tangent[3], expected), "{} {expected}", tangent[3]);
         }
