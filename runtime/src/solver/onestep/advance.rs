@@ -24,7 +24,7 @@ const STABLE: f64 = 5.0;
 const MISFITS: u32 = 6;
 const CALM: u32 = 6;
 
-/// An error, in tolerances, that smooth rates hardly ever give: steps grow and shrink by the errors before.
+/// An error, in tolerances, that where forcings turn often comes of a kink. (Orbits have such errors too where bodies meet, and nothing to mend.)
 const DOUBTFUL: f64 = 10.0;
 
 /// A step of the Rosenbrock method times a bound of the eigenvalues below which the explicit one takes longer ones.
@@ -182,7 +182,7 @@ impl Run<'_> {
         } else {
             self.find_trouble();
         }
-        self.one.frame.doubtful |= error > DOUBTFUL;
+        self.one.frame.doubtful |= self.one.frame.careful && error > DOUBTFUL;
         self.one.control.reject(step, if error.is_finite() { error } else { f64::INFINITY }, growth);
         false
     }

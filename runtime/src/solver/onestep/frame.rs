@@ -12,7 +12,7 @@ pub struct Frame {
     pub timed: bool,
     /// Something turns so often that an estimate of the error may be small by chance.
     pub careful: bool,
-    /// An attempt was so far off that something in this step is not smooth.
+    /// And an attempt was so far off that something in this step is not smooth.
     pub doubtful: bool,
     /// Time and length of the step.
     pub t: f64,
