@@ -80,7 +80,7 @@ def test_every_algorithm_of_the_paper_and_beyond_has_runs():
         assert {one.controller for one in every if one.suite == suite} == set(names)
     for one in every:
         assert one.suite == "control" or one.settings["steps"] > 0
-    assert {one.settings["steps"] for one in every if (one.suite, one.controller) == ("online", "PPO")} == {400000}
+    assert {one.settings["steps"] for one in every if (one.suite, one.controller) == ("online", "PPO")} == {1_200_000}
 
 
 @pytest.mark.parametrize("algorithm", NAMES["offline"])
