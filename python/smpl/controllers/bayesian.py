@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from smpl._searches import read_search
 from smpl.model import FloatArray, Model, as_count, as_numbers
 from smpl.rollout import Rollout
 
@@ -187,15 +188,7 @@ class BayesianOptimization:
     def _read(self) -> None:
         if self._file is None or not self._file.is_file():
             return
-        text = self._file.read_text(encoding="utf-8")
-        # A line that was being written when the search was stopped is evaluated again.
-        whole = text[: text.rfind("\n") + 1]
-        rows = list(csv.reader(whole.splitlines()))
-        if not rows or tuple(rows[0]) != (*self.names, "value"):
-            raise ValueError(f"{self._file} is of another search: its columns are {', '.join(rows[0] if rows else [])}")
-        if whole != text:
-            self._file.write_text(whole, encoding="utf-8")
-        numbers = np.array(rows[1:], dtype=np.float64).reshape(len(rows) - 1, len(rows[0]))
+        numbers = read_search(self._file, self.names)
         self.points, self.values = numbers[:, :-1], numbers[:, -1]
 
     def _write(self, points: FloatArray, values: FloatArray) -> None:

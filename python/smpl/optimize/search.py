@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from smpl._searches import read_search
 from smpl.learning.progress import Progress
 from smpl.model import FloatArray, as_count, as_numbers
 
@@ -224,15 +225,7 @@ class Search:
     def _read(self) -> FloatArray | None:
         if self._file is None or not self._file.is_file():
             return None
-        text = self._file.read_text(encoding="utf-8")
-        # A line that was being written when the search was stopped is evaluated again.
-        whole = text[: text.rfind("\n") + 1]
-        rows = list(csv.reader(whole.splitlines()))
-        if not rows or tuple(rows[0]) != (*self.names, "value"):
-            raise ValueError(f"{self._file} is of another search: its columns are {', '.join(rows[0] if rows else [])}")
-        if whole != text:
-            self._file.write_text(whole, encoding="utf-8")
-        numbers = np.array(rows[1:], dtype=np.float64).reshape(len(rows) - 1, len(rows[0]))
+        numbers = read_search(self._file, self.names)
         self.points, self.values = numbers[:, :-1], numbers[:, -1]
         return numbers
 
