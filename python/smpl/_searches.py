@@ -11,8 +11,9 @@ import numpy.typing as npt
 
 
 def read_search(file: Path, names: Sequence[str]) -> npt.NDArray[np.float64]:
-    """Points and values (points, names + 1) that a search wrote; a line that was not whole when it was stopped is taken off.
+    """Points and values (points, names + 1) that a search wrote.
 
+    A line that was not whole when the search was stopped is taken off the file.
     Raises ValueError for the file of another search.
     """
     text = file.read_text(encoding="utf-8")
