@@ -388,6 +388,7 @@ fn main() {
     let asked = asked();
     let seeds = Seeds::of(&asked.paths);
     if seeds.texts.is_empty() {
+        println!("no models to start from here: run it at the root of the project, or name files or folders");
         println!("usage: fuzz [--minutes M] [--texts N] [--seed N] [FILE or FOLDER]...");
         std::process::exit(2);
     }

@@ -41,7 +41,7 @@ def test_the_source_distribution_builds_without_the_checkout(archive):
         # Cargo refuses a manifest that names a benchmark whose file is missing.
         for bench in re.findall(r'\[\[bench\]\]\nname = "(\w+)"', (ROOT / crate / "Cargo.toml").read_text()):
             assert f"{crate}/benches/{bench}.rs" in archive
-    assert {"Cargo.toml", "Cargo.lock", "pyproject.toml", "README.md"} <= archive
+    assert {"Cargo.toml", "Cargo.lock", "pyproject.toml", project()["readme"]} <= archive
 
 
 def test_licences_travel_with_the_source(archive):
@@ -66,12 +66,21 @@ def test_a_wheel_has_the_licence_texts_of_the_libraries_that_it_carries():
         assert phrase in texts, phrase
 
 
+def links(file):
+    """Targets of the links of a page."""
+    return re.findall(r"\]\(([^)]+)\)", re.sub(r"```.*?```", "", file.read_text(), flags=re.S))
+
+
 def test_links_of_the_readme_lead_to_files_of_this_repository():
-    text = (ROOT / project()["readme"]).read_text()
-    links = re.findall(r"\]\(([^)]+)\)", re.sub(r"```.*?```", "", text, flags=re.S))
-    assert len(links) > 5
-    for link in links:
+    assert len(links(ROOT / "README.md")) > 5
+    for link in links(ROOT / "README.md"):
         assert link.startswith(("https://gymnasium.farama.org", "https://arxiv.org")) or (ROOT / link).exists(), link
+
+
+def test_what_a_package_index_shows_links_to_no_file_of_the_repository():
+    shown = ROOT / project()["readme"]
+    assert [link for link in links(shown) if not link.startswith("https://")] == []
+    assert "smpl/Reactor-v0" in shown.read_text()
 
 
 def test_every_extra_is_of_use():
