@@ -42,7 +42,7 @@ pub struct CompiledModel {
     executable: Executable,
 }
 
-// SAFETY: the pointers go to `parts.tables` and into `executable`, both owned by this value and never changed after construction.
+// SAFETY: the pointers go to `parts.tables`, to the lists of `parts.model` and into `executable`, both owned by this value and never changed after construction.
 unsafe impl Send for CompiledModel {}
 // SAFETY: as above; compiled functions write only to what the caller passes.
 unsafe impl Sync for CompiledModel {}
@@ -66,7 +66,7 @@ impl CompiledModel {
             [single] => Some(single),
             _ => None,
         });
-        let surroundings = Surroundings { kernels: *kernels::table(), tables: parts.tables.as_ptr() };
+        let surroundings = Surroundings { kernels: *kernels::table(), tables: parts.tables.as_ptr(), lists: parts.model.exprs.lists().all().as_ptr() };
         let derivatives = Default::default();
         Ok(CompiledModel {
             parts,

@@ -10,7 +10,9 @@
 use std::collections::BTreeSet;
 
 use crate::differentiate::Rows;
-use crate::ir::{BinaryFn, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, LoopVar, MAX_DEPTH, ReduceFn, Role, UnaryFn};
+use crate::ir::{
+    BinaryFn, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, List, LoopVar, MAX_DEPTH, ReduceFn, Role, Side, UnaryFn, before, behind,
+};
 use crate::model::Model;
 
 /// Passes of the loops around, by counter; 0 where there is none.
@@ -177,7 +179,8 @@ impl<'a> Collector<'a> {
             }
             // Truth values are constant between breaks.
             Expr::Compare(_, a, b) | Expr::And(a, b) | Expr::Or(a, b) => self.slope(a).and(self.slope(b)).map(|_| zero),
-            Expr::Not(a) => self.slope(a).map(|_| zero),
+            Expr::Not(a) | Expr::Passed(_, _, a) => self.slope(a).map(|_| zero),
+            Expr::Entry(_, a) => self.slope(a).filter(|&slope| self.is_flat(slope)),
             Expr::Reduce { op, depth, extent, body } => {
                 let slope = self.slope(body)?;
                 match op {
@@ -220,6 +223,10 @@ impl<'a> Collector<'a> {
                 let exprs = self.exprs();
                 (exprs.sub(a, b), exprs.sub(first, second))
             }
+            Expr::Passed(limits, _, a) => {
+                let Some(slope) = self.slope(a) else { return };
+                (self.left_to_limit(limits, a, slope), slope)
+            }
             Expr::Unary(UnaryFn::Abs | UnaryFn::Sign, a) => {
                 let Some(slope) = self.slope(a) else { return };
                 (a, slope)
@@ -250,6 +257,16 @@ impl<'a> Collector<'a> {
         };
         let rises = exprs.compare(Compare::Lt, zero, slope);
         let target = exprs.select(rises, above, below);
+        exprs.sub(a, target)
+    }
+
+    /// What is left to the next limit: negative on the way up, positive on the way down.
+    fn left_to_limit(&mut self, limits: List, a: ExprId, slope: ExprId) -> ExprId {
+        let exprs = self.exprs();
+        let (zero, below, up_to) = (exprs.constant(0.0), exprs.passed(limits, Side::Below, a), exprs.passed(limits, Side::UpTo, a));
+        let (above, under) = (exprs.entry(behind(limits), below), exprs.entry(before(limits), up_to));
+        let rises = exprs.compare(Compare::Lt, zero, slope);
+        let target = exprs.select(rises, above, under);
         exprs.sub(a, target)
     }
 

@@ -42,6 +42,8 @@ pub struct Surroundings {
     pub kernels: KernelTable,
     /// Position tables.
     pub tables: *const u32,
+    /// The lists that numbers are looked up in.
+    pub lists: *const f64,
 }
 
 /// A compiled function: time, factor of derivatives, unknowns, their derivatives, workspace, output, surroundings.

@@ -2,7 +2,7 @@
 //!
 //! A [`Tape`] is a schedule with a register for each value; it visits nodes in the order of the compiled code.
 
-use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, Flavour, MAX_DEPTH, ReduceFn, VarId};
+use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, Flavour, List, MAX_DEPTH, ReduceFn, Side, VarId};
 use crate::kernels;
 use crate::layout::{Base, Layout};
 use crate::schedule::{Access, BlockId, Item, Job, Schedule, ScheduleError, Sink, schedules};
@@ -33,6 +33,8 @@ pub struct View<'a> {
 pub struct Tape {
     steps: Vec<Step>,
     registers: usize,
+    /// The lists that it looks up, all behind one another; nothing where it looks up none.
+    numbers: Box<[f64]>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -63,10 +65,13 @@ impl Tape {
     pub fn new(job: &Job, exprs: &Exprs, layout: &Layout, access: Access) -> Result<Tape, ScheduleError> {
         let mut tape = Tape::default();
         for schedule in schedules(job, exprs, layout, access)? {
-            let mut recorder = Recorder { exprs, layout, schedule: &schedule, registers: FastMap::default(), next: 0 };
+            let mut recorder = Recorder { exprs, layout, schedule: &schedule, registers: FastMap::default(), next: 0, looks_up: false };
             let steps = recorder.block(0);
             tape.registers = tape.registers.max(recorder.next as usize);
             tape.steps.extend(steps);
+            if recorder.looks_up && tape.numbers.is_empty() {
+                tape.numbers = exprs.lists().all().into();
+            }
         }
         Ok(tape)
     }
@@ -79,7 +84,7 @@ impl Tape {
 
     /// Runs the function.
     pub fn run(&self, view: &mut View<'_>) {
-        let mut machine = Machine { registers: vec![0.0; self.registers], counters: [0; MAX_DEPTH], view };
+        let mut machine = Machine { registers: vec![0.0; self.registers], counters: [0; MAX_DEPTH], numbers: &self.numbers, view };
         machine.run(&self.steps);
     }
 }
@@ -90,6 +95,7 @@ struct Recorder<'a> {
     schedule: &'a Schedule,
     registers: FastMap<(BlockId, ExprId), u32>,
     next: u32,
+    looks_up: bool,
 }
 
 impl Recorder<'_> {
@@ -114,6 +120,7 @@ impl Recorder<'_> {
                 for (slot, o) in operands.iter_mut().zip(self.exprs.operands(expr)) {
                     *slot = self.operand(block, o);
                 }
+                self.looks_up |= matches!(node, Expr::Passed(..) | Expr::Entry(..));
                 let source = match node {
                     Expr::Load { var, flavour, at } => self.source(var, flavour, at),
                     _ => None,
@@ -174,6 +181,7 @@ impl Recorder<'_> {
 struct Machine<'a, 'v> {
     registers: Vec<f64>,
     counters: [i64; MAX_DEPTH],
+    numbers: &'a [f64],
     view: &'a mut View<'v>,
 }
 
@@ -219,7 +227,7 @@ impl Machine<'_, '_> {
             Expr::Time => self.view.time,
             Expr::Counter(v) => self.counters[v.0 as usize] as f64,
             Expr::Load { .. } => source.map_or(f64::NAN, |(base, at)| self.load(base, at)),
-            _ => apply(node, operands.map(|o| self.get(o))),
+            _ => apply(node, operands.map(|o| self.get(o)), self.numbers),
         }
     }
 
@@ -309,15 +317,16 @@ fn evaluate(
                 counters[d] = outer;
                 sum
             }
-            _ => apply(node, operands),
+            _ => apply(node, operands, exprs.lists().all()),
         };
         known.insert(top, value);
     }
     known.get(&expr).copied()
 }
 
-/// A node's value from its operands' values; NaN for leaves and reductions, which have none.
-fn apply(node: Expr, [a, b, c]: [f64; 3]) -> f64 {
+/// A node's value from its operands' values, and the numbers of all lists; NaN for leaves and reductions, which have none.
+fn apply(node: Expr, [a, b, c]: [f64; 3], numbers: &[f64]) -> f64 {
+    let of = |list: List| numbers.get(list.range()).unwrap_or_default();
     let truth = |t: bool| f64::from(u8::from(t));
     match node {
         Expr::Unary(f, _) => f.apply(a),
@@ -329,6 +338,8 @@ fn apply(node: Expr, [a, b, c]: [f64; 3]) -> f64 {
         Expr::Not(_) => truth(a == 0.0),
         Expr::Select(..) if a != 0.0 => b,
         Expr::Select(..) => c,
+        Expr::Passed(limits, side, _) => kernels::passed(of(limits), side == Side::UpTo, a),
+        Expr::Entry(list, _) => kernels::entry(of(list), a),
         Expr::Const(_) | Expr::Truth(_) | Expr::Time | Expr::Counter(_) | Expr::Load { .. } | Expr::Reduce { .. } => f64::NAN,
     }
 }

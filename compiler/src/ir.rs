@@ -12,12 +12,14 @@ mod affine;
 mod expr;
 mod function;
 mod loads;
+mod numbers;
 mod program;
 mod var;
 
 pub use affine::{Affine, LoopVar, MAX_DEPTH};
 pub use expr::{Expr, ExprId, Exprs, Flavour, Rewritten};
 pub use function::{BinaryFn, Compare, ReduceFn, UnaryFn};
+pub use numbers::{List, Lists, Side, before, behind};
 pub use program::{Nest, Place, Program, Store, Target};
 pub use rustc_hash::{FxHashMap as FastMap, FxHashSet as FastSet};
 pub use var::{BUILTIN_COUNT, Builtin, Role, VarId};

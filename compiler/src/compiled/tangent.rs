@@ -304,7 +304,7 @@ impl Found {
                         self.compared.push((loops, e));
                     }
                 }
-                Expr::Unary(UnaryFn::Floor | UnaryFn::Ceil | UnaryFn::Round, _) => self.rounds = true,
+                Expr::Unary(UnaryFn::Floor | UnaryFn::Ceil | UnaryFn::Round, _) | Expr::Passed(..) => self.rounds = true,
                 _ => {}
             }
             stack.extend(exprs.operands(e).map(|o| (o, inner)));

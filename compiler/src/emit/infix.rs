@@ -1,7 +1,7 @@
 //! Expressions in infix notation.
 
 use super::COUNTERS;
-use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, MAX_DEPTH, VarId};
+use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, MAX_DEPTH, Side, VarId};
 use crate::model::Model;
 
 /// Longer parts get a name of their own.
@@ -118,6 +118,11 @@ impl<'m> Printer<'m> {
             Expr::And(a, b) => infix(a, "and", b, T::And, T::And),
             Expr::Or(a, b) => infix(a, "or", b, T::Or, T::Or),
             Expr::Not(a) => (format!("not {}", self.text(a, T::Atom)), T::Compare),
+            Expr::Passed(limits, side, a) => {
+                let side = if side == Side::UpTo { "up to" } else { "below" };
+                (format!("passed({}, {} limits {side})", self.text(a, T::Or), limits.len), T::Atom)
+            }
+            Expr::Entry(list, a) => (format!("entry({}, {} numbers)", self.text(a, T::Or), list.len), T::Atom),
             Expr::Select(c, a, b) => {
                 let [c, a, b] = [c, a, b].map(|e| self.text(e, T::Or));
                 (format!("if({c}, {a}, {b})"), T::Atom)

@@ -2,11 +2,13 @@
 //!
 //! A value has an axis for every loop counter that it depends on. The same node in nests of other extents is another value.
 
+use std::rc::Rc;
+
 use super::ExportError;
 use super::functions::{at_pass, extents, is_sequential};
 use super::sheet::{Array, Extents, Function, Loops, Nest, Sheet, Store};
 use crate::differentiate::pattern::each;
-use crate::ir::{BinaryFn, Compare, Expr, ExprId, FastMap, FastSet, LoopVar, MAX_DEPTH, ReduceFn, UnaryFn};
+use crate::ir::{BinaryFn, Compare, Expr, ExprId, FastMap, FastSet, LoopVar, MAX_DEPTH, ReduceFn, Side, UnaryFn};
 
 /// Position of a value in [`Arrays::values`].
 pub(super) type Id = usize;
@@ -32,6 +34,10 @@ pub(super) enum Op {
     Unary(UnaryFn, Id),
     Binary(BinaryFn, Id, Id),
     PowInt(Id, i32),
+    /// How many of the limits the value has left behind; with those that it is equal to?
+    Passed(Rc<[f64]>, bool, Id),
+    /// The number at an index.
+    Entry(Rc<[f64]>, Id),
     Compare(Compare, Id, Id),
     And(Id, Id),
     Or(Id, Id),
@@ -139,6 +145,8 @@ impl Arrays {
             Expr::Unary(f, a) => Op::Unary(f, id(a)),
             Expr::Binary(f, a, b) => Op::Binary(f, id(a), id(b)),
             Expr::PowInt(a, n) => Op::PowInt(id(a), n),
+            Expr::Passed(limits, side, a) => Op::Passed(sheet.model.exprs.lists().of(limits).into(), side == Side::UpTo, id(a)),
+            Expr::Entry(list, a) => Op::Entry(sheet.model.exprs.lists().of(list).into(), id(a)),
             Expr::Compare(f, a, b) => Op::Compare(f, id(a), id(b)),
             Expr::And(a, b) => Op::And(id(a), id(b)),
             Expr::Or(a, b) => Op::Or(id(a), id(b)),

@@ -234,11 +234,53 @@ fn comment(text: &str) -> String {
 }
 
 /// What a body may call.
-const HELPERS: [(&str, &str); 3] = [
+const HELPERS: [(&str, &str); 6] = [
     ("min", "static double NAME_min(double x, double y)\n{\n    return isnan(x) || x < y ? x : y;\n}\n\n"),
     ("max", "static double NAME_max(double x, double y)\n{\n    return isnan(x) || x > y ? x : y;\n}\n\n"),
     ("sign", "static double NAME_sign(double x)\n{\n    return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : x;\n}\n\n"),
+    ("passed_below", PASSED_BELOW),
+    ("passed_up_to", PASSED_UP_TO),
+    ("entry", ENTRY),
 ];
+
+const PASSED_BELOW: &str = "/* How many of n ascending limits are below x. */
+static double NAME_passed_below(double x, const double *limits, int n)
+{
+    int low = 0, high = n;
+    if (isnan(x)) return x;
+    while (low < high) {
+        const int middle = low + (high - low) / 2;
+        if (limits[middle] < x) low = middle + 1;
+        else high = middle;
+    }
+    return low;
+}
+
+";
+
+const PASSED_UP_TO: &str = "/* How many of n ascending limits are not above x. */
+static double NAME_passed_up_to(double x, const double *limits, int n)
+{
+    int low = 0, high = n;
+    if (isnan(x)) return x;
+    while (low < high) {
+        const int middle = low + (high - low) / 2;
+        if (limits[middle] <= x) low = middle + 1;
+        else high = middle;
+    }
+    return low;
+}
+
+";
+
+const ENTRY: &str = "/* The number at an index from 0, the first or the last beyond the ends. */
+static double NAME_entry(double index, const double *numbers, int n)
+{
+    if (isnan(index)) return index;
+    return numbers[index <= 0.0 ? 0 : index >= n - 1.0 ? n - 1 : (int)index];
+}
+
+";
 
 const CONVENTIONS: &str = " * All numbers are in the units that the model declares; time t is in TIME. Vectors:
  *   y    unknowns: states (NAME_states_table), then algebraic variables (NAME_algebraic_table); yp their time derivatives

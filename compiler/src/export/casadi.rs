@@ -103,6 +103,19 @@ def _fold(function, matrix):
     return row.T
 
 
+def _passed(limits, a, up_to):
+    """How many of ascending limits each of a column of numbers has left behind."""
+    rows, columns = ca.repmat(ca.DM(limits), 1, a.numel()), ca.repmat(a.T, len(limits), 1)
+    return ca.sum1(_less_equal(rows, columns) if up_to else _less(rows, columns)).T
+
+
+def _entry(numbers, index):
+    """The numbers of a list at a column of indices, with straight lines in between (where switches are smooth)."""
+    rows, columns = ca.DM(range(len(numbers))), ca.repmat(index.T, len(numbers), 1)
+    near = ca.fmax(0.0, 1.0 - ca.fabs(ca.repmat(rows, 1, index.numel()) - columns))
+    return ca.mtimes(near.T, ca.DM(numbers))
+
+
 def _round(a):
     """To the nearest integer, ties to even."""
     low = ca.floor(a)

@@ -43,6 +43,14 @@ def _number(truth):
     return jnp.where(truth, 1.0, 0.0)
 
 
+def _passed(limits, a, up_to):
+    return jnp.searchsorted(limits, a, side="right" if up_to else "left").astype(jnp.result_type(a, float))
+
+
+def _entry(numbers, index):
+    return jnp.asarray(numbers, dtype=jnp.result_type(index))[jnp.asarray(index).astype(int)]
+
+
 def _single(a):
     return jnp.asarray(a, dtype=jnp.float32).astype(jnp.asarray(a).dtype)
 

@@ -6,7 +6,9 @@ use cranelift_entity::EntityRef;
 use serde_json::{Map, Value, json};
 
 use super::{Element, ExportError, Families, Nominal, Origin};
-use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, FastMap, FastSet, Flavour, MAX_DEPTH, Place, Program, ReduceFn, Role, UnaryFn};
+use crate::ir::{
+    Affine, BinaryFn, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, List, MAX_DEPTH, Place, Program, ReduceFn, Role, Side, UnaryFn,
+};
 use crate::model::{Instant, Model, RootAction, Variate};
 
 /// Version of the form; what changes the meaning of a file counts it up.
@@ -223,10 +225,11 @@ impl Nodes {
     }
 
     fn list(&self, model: &Model) -> Vec<Value> {
-        self.order.iter().map(|&e| self.node(model.exprs.node(e))).collect()
+        self.order.iter().map(|&e| self.node(&model.exprs, model.exprs.node(e))).collect()
     }
 
-    fn node(&self, node: Expr) -> Value {
+    fn node(&self, exprs: &Exprs, node: Expr) -> Value {
+        let list = |list: List| exprs.lists().of(list).iter().map(|&x| number(x)).collect::<Vec<_>>();
         let n = |e: ExprId| self.number(e);
         match node {
             Expr::Const(bits) => json!(["constant", number(f64::from_bits(bits))]),
@@ -237,6 +240,11 @@ impl Nodes {
             Expr::Unary(f, a) => json!([unary(f), n(a)]),
             Expr::Binary(f, a, b) => json!([binary(f), n(a), n(b)]),
             Expr::PowInt(a, exponent) => json!(["integer_power", n(a), exponent]),
+            Expr::Passed(limits, side, a) => {
+                let side = if side == Side::UpTo { "passed_up_to" } else { "passed_below" };
+                json!([side, n(a), list(limits)])
+            }
+            Expr::Entry(numbers, a) => json!(["entry", n(a), list(numbers)]),
             Expr::Compare(f, a, b) => json!([compare(f), n(a), n(b)]),
             Expr::And(a, b) => json!(["and", n(a), n(b)]),
             Expr::Or(a, b) => json!(["or", n(a), n(b)]),

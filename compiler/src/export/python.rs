@@ -1,6 +1,7 @@
 //! Bodies of Python functions on arrays, for CasADi and for JAX.
 
 use std::fmt::Write as _;
+use std::rc::Rc;
 
 use super::arrays::{Arrays, Id, Op, Step, loops};
 use super::functions::spread;
@@ -17,11 +18,12 @@ pub(super) enum Library {
     Jax,
 }
 
-/// Index lists of a module; equal ones are one.
+/// Index lists and lists of numbers of a module; equal ones are one.
 #[derive(Default)]
 pub(super) struct Lists {
     list: Vec<Vec<u32>>,
     known: FastMap<Vec<u32>, usize>,
+    numbers: Vec<Rc<[f64]>>,
 }
 
 impl Lists {
@@ -33,9 +35,22 @@ impl Lists {
         format!("_I{number}")
     }
 
+    fn name_of_numbers(&mut self, numbers: &Rc<[f64]>) -> String {
+        let equal = |known: &Rc<[f64]>| known.iter().map(|x| x.to_bits()).eq(numbers.iter().map(|x| x.to_bits()));
+        let number = self.numbers.iter().position(equal).unwrap_or_else(|| {
+            self.numbers.push(Rc::clone(numbers));
+            self.numbers.len() - 1
+        });
+        format!("_T{number}")
+    }
+
     /// The definitions of all lists; `wrap` is what they are made into.
     pub(super) fn print(&self, wrap: impl Fn(&str) -> String) -> String {
         let mut text = String::new();
+        for (number, numbers) in self.numbers.iter().enumerate() {
+            let list = format!("[{}]", numbers.iter().map(|x| self::number(*x)).collect::<Vec<_>>().join(", "));
+            let _ = writeln!(text, "_T{number} = {}", wrap(&list));
+        }
         for (number, numbers) in self.list.iter().enumerate() {
             let list = format!("[{}]", numbers.iter().map(u32::to_string).collect::<Vec<_>>().join(", "));
             // Writing into a string does not fail.
@@ -127,6 +142,14 @@ impl<'a> Body<'a> {
             Op::Unary(f, a) => unary(self.library, *f, &o(self, *a)),
             Op::Binary(f, a, b) => binary(self.library, *f, &o(self, *a), &o(self, *b)),
             Op::PowInt(a, n) => format!("{} ** {n}", o(self, *a)),
+            Op::Passed(limits, up_to, a) => {
+                let (a, limits) = (o(self, *a), self.lists.name_of_numbers(limits));
+                format!("_passed({limits}, {a}, {})", if *up_to { "True" } else { "False" })
+            }
+            Op::Entry(list, a) => {
+                let (a, list) = (o(self, *a), self.lists.name_of_numbers(list));
+                format!("_entry({list}, {a})")
+            }
             Op::Compare(f, a, b) => compare(self.library, *f, &o(self, *a), &o(self, *b)),
             Op::And(a, b) => format!("_and({}, {})", o(self, *a), o(self, *b)),
             Op::Or(a, b) => format!("_or({}, {})", o(self, *a), o(self, *b)),

@@ -4,9 +4,10 @@ use cranelift_codegen::ir::condcodes::FloatCC;
 use cranelift_codegen::ir::{AbiParam, InstBuilder, SigRef, Signature, Value, types};
 
 use super::emitter::{Emitter, WORD};
+use super::Surroundings;
 use super::memory::constant_memory;
-use crate::ir::{BinaryFn, UnaryFn};
-use crate::kernels::{self, UNARY_COUNT};
+use crate::ir::{BinaryFn, List, UnaryFn};
+use crate::kernels::{self, KernelTable, UNARY_COUNT};
 use crate::schedule::BlockId;
 
 impl Emitter<'_> {
@@ -54,15 +55,25 @@ impl Emitter<'_> {
         }
     }
 
-    /// Calls a kernel of numbers by its place in the table, once a lane.
+    /// Calls a kernel of numbers by its place in the table.
     fn call(&mut self, block: BlockId, entry: i64, arguments: &[Value]) -> Value {
+        self.each_lane(block, arguments, &mut |emitter, numbers| emitter.call_scalar(entry, numbers))
+    }
+
+    /// Calls a kernel of a number and a list by its place in the table.
+    pub(super) fn look_up(&mut self, block: BlockId, entry: i64, a: Value, list: List) -> Value {
+        self.each_lane(block, &[a], &mut |emitter, numbers| emitter.call_with_list(entry, numbers[0], list))
+    }
+
+    /// A function of numbers, once a lane.
+    fn each_lane(&mut self, block: BlockId, arguments: &[Value], f: &mut dyn FnMut(&mut Self, &[Value]) -> Value) -> Value {
         if !self.is_two(block) {
-            return self.call_scalar(entry, arguments);
+            return f(self, arguments);
         }
         let mut both = None;
         for lane in [0u8, 1] {
             let numbers: Vec<Value> = arguments.iter().map(|a| self.b.ins().extractlane(*a, lane)).collect();
-            let result = self.call_scalar(entry, &numbers);
+            let result = f(self, &numbers);
             both = Some(match both {
                 None => self.b.ins().splat(types::F64X2, result),
                 Some(first) => self.b.ins().insertlane(first, result, lane),
@@ -75,6 +86,20 @@ impl Emitter<'_> {
         let signature = self.signature(arguments.len(), true);
         let callee = self.kernel(entry);
         let call = self.b.ins().call_indirect(signature, callee, arguments);
+        self.b.inst_results(call)[0]
+    }
+
+    fn call_with_list(&mut self, entry: i64, a: Value, list: List) -> Value {
+        let lists_at = std::mem::offset_of!(Surroundings, lists) as i32;
+        let lists = self.b.ins().load(types::I64, constant_memory(), self.input.arguments.surroundings, lists_at);
+        let start = self.b.ins().iadd_imm_s(lists, i64::from(list.first) * WORD);
+        let len = self.b.ins().iconst(types::I64, i64::from(list.len));
+        let mut signature = Signature::new(self.b.func.signature.call_conv);
+        signature.params.extend([types::F64, types::I64, types::I64].map(AbiParam::new));
+        signature.returns.push(AbiParam::new(types::F64));
+        let signature = self.b.import_signature(signature);
+        let callee = self.kernel(entry);
+        let call = self.b.ins().call_indirect(signature, callee, &[a, start, len]);
         self.b.inst_results(call)[0]
     }
 
@@ -107,6 +132,16 @@ impl Emitter<'_> {
         self.signatures.insert((arguments, numbers), known);
         known
     }
+}
+
+/// Place of a search in the table of kernels, by [`KernelTable::passed`].
+pub(super) fn passed_entry(up_to: bool) -> i64 {
+    std::mem::offset_of!(KernelTable, passed) as i64 / WORD + i64::from(up_to)
+}
+
+/// Place of [`KernelTable::entry`].
+pub(super) fn list_entry() -> i64 {
+    std::mem::offset_of!(KernelTable, entry) as i64 / WORD
 }
 
 /// Place of `pow` in the table of kernels; `atan2` and the two array versions follow.

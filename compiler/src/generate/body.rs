@@ -5,10 +5,11 @@ use cranelift_codegen::ir::{InstBuilder, Value, types};
 use cranelift_codegen::isa::TargetIsa;
 use cranelift_frontend::FunctionBuilder;
 
+use super::arithmetic::{list_entry, passed_entry};
 use super::emitter::{Arguments, Emitter, Input, Lanes};
 use super::plan::{Part, Piece, Plan};
 use super::segments::is_load;
-use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, ReduceFn};
+use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, ReduceFn, Side};
 use crate::layout::Layout;
 use crate::schedule::{BlockId, Item, is_immediate};
 
@@ -353,6 +354,14 @@ impl Emitter<'_> {
                 let c = self.operand(block, c);
                 let (a, b) = (self.operand(block, a), self.operand(block, b));
                 self.select(two, c, a, b)
+            }
+            Expr::Passed(limits, side, a) => {
+                let a = self.operand(block, a);
+                self.look_up(block, passed_entry(side == Side::UpTo), a, limits)
+            }
+            Expr::Entry(list, a) => {
+                let a = self.operand(block, a);
+                self.look_up(block, list_entry(), a, list)
             }
             // Reductions are items of their own.
             Expr::Reduce { .. } => self.number(block, f64::NAN),

@@ -117,6 +117,7 @@ fn is_call(node: Expr) -> bool {
     match node {
         Expr::Unary(f, _) => f.kernel().is_some(),
         Expr::Binary(f, ..) => matches!(f, BinaryFn::Pow | BinaryFn::Atan2),
+        Expr::Passed(..) | Expr::Entry(..) => true,
         _ => false,
     }
 }

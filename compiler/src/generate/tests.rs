@@ -151,7 +151,7 @@ fn run_both(world: &World, job: &Job, effort: Effort, out: usize, numbers: &[f64
     let layout = Arc::new(Layout::new(&world.model, columns));
     let tape = Tape::new(job, exprs, &layout, access).expect("tape");
     let executable = Executable::new(&codes.iter().map(|c| c.bytes.as_slice()).collect::<Vec<_>>()).expect("memory");
-    let surroundings = Surroundings { kernels: *kernels::table(), tables: std::ptr::null() };
+    let surroundings = Surroundings { kernels: *kernels::table(), tables: std::ptr::null(), lists: exprs.lists().all().as_ptr() };
     [true, false].map(|compiled| {
         let mut memory = Memory::new(Arc::clone(&layout));
         let columns = layout.columns() as usize;

@@ -41,7 +41,7 @@ type Dual = (f64, Tangent);
 impl Tape {
     /// Runs the function on values and derivatives.
     pub fn run_tangent(&self, view: &mut TangentView<'_>) {
-        let mut machine = Machine { registers: vec![(0.0, STILL); self.registers], counters: [0; MAX_DEPTH], view };
+        let mut machine = Machine { registers: vec![(0.0, STILL); self.registers], counters: [0; MAX_DEPTH], numbers: &self.numbers, view };
         machine.run(&self.steps);
     }
 }
@@ -49,6 +49,7 @@ impl Tape {
 struct Machine<'a, 'v> {
     registers: Vec<Dual>,
     counters: [i64; MAX_DEPTH],
+    numbers: &'a [f64],
     view: &'a mut TangentView<'v>,
 }
 
@@ -107,7 +108,7 @@ impl Machine<'_, '_> {
                     c
                 }
             }
-            _ => (super::apply(node, [a.0, b.0, c.0]), STILL),
+            _ => (super::apply(node, [a.0, b.0, c.0], self.numbers), STILL),
         }
     }
 

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::affine::{Affine, LoopVar, MAX_DEPTH};
 use super::function::{BinaryFn, Compare, ReduceFn, UnaryFn};
+use super::numbers::{List, Lists, Side};
 use super::var::VarId;
 use crate::kernels;
 
@@ -69,6 +70,10 @@ pub enum Expr {
     Not(ExprId),
     /// The second where the first (a truth value) holds, else the third. Both are evaluated.
     Select(ExprId, ExprId, ExprId),
+    /// How many of ascending limits ([`Lists::add_limits`]) a number has left behind; NaN for what is not a number.
+    Passed(List, Side, ExprId),
+    /// The number of a list at an index from 0, a whole number; the first or the last beyond its ends.
+    Entry(List, ExprId),
     /// Reduction of `body` over the loop at `depth`, of `extent` passes; `body` may use that counter, nothing outside may.
     Reduce {
         /// How terms are combined.
@@ -96,27 +101,33 @@ pub struct Exprs {
     free: Vec<u8>,
     /// Where each node stands; the nodes themselves, millions at most, are held once.
     index: HashTable<ExprId>,
+    lists: Lists,
 }
 
 fn hash(node: &Expr) -> u64 {
     FxBuildHasher.hash_one(node)
 }
 
-/// Only the nodes are written; what follows from them is computed again when they are read.
+/// Only lists and nodes are written; what follows from them is computed again when they are read.
 impl Serialize for Exprs {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_seq(&self.nodes)
+        (self.lists.all(), &self.nodes).serialize(serializer)
     }
 }
 
 impl<'de> Deserialize<'de> for Exprs {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let nodes = Vec::<Expr>::deserialize(deserializer)?;
-        let mut exprs = Exprs::default();
+        let (numbers, nodes) = <(Vec<f64>, Vec<Expr>)>::deserialize(deserializer)?;
+        let mut exprs = Exprs { lists: Lists::from_all(numbers), ..Exprs::default() };
         for node in nodes {
             let next = ExprId(exprs.nodes.len() as u32);
             if Exprs::operands_of(node).any(|o| o >= next) || exprs.intern(node) != next {
                 return Err(serde::de::Error::custom("expressions out of order"));
+            }
+            if let Expr::Passed(list, ..) | Expr::Entry(list, _) = node
+                && !exprs.lists.has(list)
+            {
+                return Err(serde::de::Error::custom("a list that is not there"));
             }
         }
         Ok(exprs)
@@ -204,7 +215,7 @@ impl Exprs {
     fn operands_of(node: Expr) -> impl Iterator<Item = ExprId> {
         let (n, ops) = match node {
             Expr::Const(_) | Expr::Truth(_) | Expr::Time | Expr::Counter(_) | Expr::Load { .. } => (0, [ExprId(0); 3]),
-            Expr::Unary(_, a) | Expr::PowInt(a, _) | Expr::Not(a) => (1, [a; 3]),
+            Expr::Unary(_, a) | Expr::PowInt(a, _) | Expr::Not(a) | Expr::Passed(_, _, a) | Expr::Entry(_, a) => (1, [a; 3]),
             Expr::Binary(_, a, b) | Expr::Compare(_, a, b) | Expr::And(a, b) | Expr::Or(a, b) => (2, [a, b, b]),
             Expr::Select(c, a, b) => (3, [c, a, b]),
             Expr::Reduce { body, .. } => (1, [body; 3]),
@@ -397,6 +408,33 @@ impl Exprs {
         }
     }
 
+    /// The lists that nodes look up.
+    #[must_use]
+    pub fn lists(&self) -> &Lists {
+        &self.lists
+    }
+
+    /// The lists that nodes look up, to be added to.
+    pub fn lists_mut(&mut self) -> &mut Lists {
+        &mut self.lists
+    }
+
+    /// How many of a list of limits a number has left behind.
+    pub fn passed(&mut self, limits: List, side: Side, a: ExprId) -> ExprId {
+        match self.as_const(a) {
+            Some(x) => self.constant(kernels::passed(self.lists.of(limits), side == Side::UpTo, x)),
+            None => self.intern(Expr::Passed(limits, side, a)),
+        }
+    }
+
+    /// The number of a list at an index.
+    pub fn entry(&mut self, list: List, index: ExprId) -> ExprId {
+        match self.as_const(index) {
+            Some(i) => self.constant(kernels::entry(self.lists.of(list), i)),
+            None => self.intern(Expr::Entry(list, index)),
+        }
+    }
+
     /// A comparison.
     pub fn compare(&mut self, op: Compare, a: ExprId, b: ExprId) -> ExprId {
         match (self.as_const(a), self.as_const(b)) {
@@ -549,6 +587,8 @@ impl Exprs {
             Expr::Unary(f, a) => self.unary(f, operand(a)),
             Expr::PowInt(a, n) => self.powi(operand(a), n),
             Expr::Not(a) => self.not(operand(a)),
+            Expr::Passed(limits, side, a) => self.passed(limits, side, operand(a)),
+            Expr::Entry(list, index) => self.entry(list, operand(index)),
             Expr::Binary(f, a, b) => self.binary(f, operand(a), operand(b)),
             Expr::Compare(f, a, b) => self.compare(f, operand(a), operand(b)),
             Expr::And(a, b) => self.and(operand(a), operand(b)),

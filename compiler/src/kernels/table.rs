@@ -2,6 +2,21 @@
 
 use super::{UNARY_COUNT, math};
 
+unsafe extern "C" fn passed_below(x: f64, limits: *const f64, n: usize) -> f64 {
+    // SAFETY: valid for n numbers, by the contract of `ListKernel`.
+    super::passed(unsafe { std::slice::from_raw_parts(limits, n) }, false, x)
+}
+
+unsafe extern "C" fn passed_up_to(x: f64, limits: *const f64, n: usize) -> f64 {
+    // SAFETY: valid for n numbers, by the contract of `ListKernel`.
+    super::passed(unsafe { std::slice::from_raw_parts(limits, n) }, true, x)
+}
+
+unsafe extern "C" fn entry(index: f64, numbers: *const f64, n: usize) -> f64 {
+    // SAFETY: valid for n numbers, by the contract of `ListKernel`.
+    super::entry(unsafe { std::slice::from_raw_parts(numbers, n) }, index)
+}
+
 /// A function of one number.
 pub type ScalarKernel = extern "C" fn(f64) -> f64;
 /// A function of two numbers.
@@ -10,6 +25,9 @@ pub type BinaryKernel = extern "C" fn(f64, f64) -> f64;
 pub type ArrayKernel = unsafe extern "C" fn(*const f64, *mut f64, usize);
 /// A function of each of `n` pairs: first and second source, destination (may be a source), n.
 pub type BinaryArrayKernel = unsafe extern "C" fn(*const f64, *const f64, *mut f64, usize);
+
+/// A number looked up in a list: the number, the list, its length.
+pub type ListKernel = unsafe extern "C" fn(f64, *const f64, usize) -> f64;
 
 /// What compiled code calls; its address is an argument of every compiled function, so that code holds no addresses.
 #[derive(Clone, Copy)]
@@ -27,6 +45,10 @@ pub struct KernelTable {
     pub pow_array: BinaryArrayKernel,
     /// `atan2(y, x)` over arrays.
     pub atan2_array: BinaryArrayKernel,
+    /// How many limits are below a number; how many are not above it.
+    pub passed: [ListKernel; 2],
+    /// The number at an index.
+    pub entry: ListKernel,
 }
 
 /// The table for this processor.
@@ -170,6 +192,8 @@ macro_rules! kernels {
                 atan2,
                 pow_array,
                 atan2_array,
+                passed: [passed_below, passed_up_to],
+                entry,
             };
         }
     };

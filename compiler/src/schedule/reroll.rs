@@ -197,6 +197,8 @@ impl Shape {
             Expr::And(..) => Expr::And(none, none),
             Expr::Or(..) => Expr::Or(none, none),
             Expr::Not(_) => Expr::Not(none),
+            Expr::Passed(limits, side, _) => Expr::Passed(limits, side, none),
+            Expr::Entry(list, _) => Expr::Entry(list, none),
             Expr::Select(..) => Expr::Select(none, none, none),
             Expr::Reduce { op, depth, extent, .. } => {
                 self.counters |= 1 << depth.0;

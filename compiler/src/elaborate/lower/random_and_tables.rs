@@ -10,12 +10,15 @@ use crate::elaborate::lower::place::Place;
 use crate::elaborate::lower::value::Value;
 use crate::elaborate::lower::values::Values;
 use crate::elaborate::symbols::{SymbolId, SymbolKind};
-use crate::ir::{Affine, Compare, ExprId, Flavour, LoopVar, UnaryFn};
+use crate::ir::{Affine, Compare, ExprId, Flavour, LoopVar, Side, UnaryFn};
 use crate::model::{Draw, Instant, Variate};
 
 /// Times this near each other, relative to their size or to 1, are one: a clock that counts in steps is a sum of roundings. Short enough that what
 /// happens in between is below every tolerance.
 const SLACK: f64 = 1e-12;
+
+/// A table over time of as many points is searched; shorter ones are written out as conditions.
+const LOOKED_UP: usize = 33;
 
 impl Lowering<'_, '_> {
     /// `uniform(a, b)`, `normal(mean, sd)`, `lognormal(mu, sigma)`: a standard variate in its own slot, scaled.
@@ -96,6 +99,9 @@ impl Lowering<'_, '_> {
 impl Values<'_> {
     /// Steps: up to and including a time (`until`), or from it on.
     fn step_table(&mut self, t: ExprId, points: &[(f64, f64)], until: bool) -> ExprId {
+        if points.len() >= LOOKED_UP {
+            return self.step_list(t, points, until);
+        }
         let mut list = points.iter().rev();
         let Some(&(_, last)) = list.next() else { return self.exprs.constant(f64::NAN) };
         if until {
@@ -119,7 +125,44 @@ impl Values<'_> {
         expr
     }
 
+    /// The same, by a search.
+    fn step_list(&mut self, t: ExprId, points: &[(f64, f64)], until: bool) -> ExprId {
+        let values: Vec<f64> = points.iter().map(|p| p.1).collect();
+        let slack = |time: f64| SLACK * time.abs().max(1.0);
+        let (limits, side): (Vec<f64>, _) = if until {
+            (points[..points.len() - 1].iter().map(|p| p.0 + slack(p.0)).collect(), Side::Below)
+        } else {
+            (points[1..].iter().map(|p| p.0 - slack(p.0)).collect(), Side::UpTo)
+        };
+        let (limits, values) = (self.exprs.lists_mut().add_limits(&limits), self.exprs.lists_mut().add(&values));
+        let piece = self.exprs.passed(limits, side, t);
+        self.exprs.entry(values, piece)
+    }
+
+    /// Straight lines between points, constant before the first and behind the last, by a search.
+    fn linear_list(&mut self, t: ExprId, points: &[(f64, f64)]) -> ExprId {
+        let limits: Vec<f64> = points.iter().map(|p| p.0).collect();
+        // What each piece begins at, its value there, its slope: the two ends are flat.
+        let ((first, v_first), (_, v_last)) = (points[0], points[points.len() - 1]);
+        let mut pieces = vec![[first, v_first, 0.0]];
+        pieces.extend(points.windows(2).map(|pair| [pair[0].0, pair[0].1, (pair[1].1 - pair[0].1) / (pair[1].0 - pair[0].0)]));
+        pieces.push([first, v_last, 0.0]);
+        let limits = self.exprs.lists_mut().add_limits(&limits);
+        let piece = self.exprs.passed(limits, Side::UpTo, t);
+        let [start, value, slope] = [0, 1, 2].map(|column| {
+            let column: Vec<f64> = pieces.iter().map(|piece| piece[column]).collect();
+            let list = self.exprs.lists_mut().add(&column);
+            self.exprs.entry(list, piece)
+        });
+        let since = self.exprs.sub(t, start);
+        let rise = self.exprs.mul(slope, since);
+        self.exprs.add(value, rise)
+    }
+
     fn linear_table(&mut self, t: ExprId, points: &[(f64, f64)]) -> ExprId {
+        if points.len() >= LOOKED_UP {
+            return self.linear_list(t, points);
+        }
         let Some(&(_, last)) = points.last() else { return self.exprs.constant(f64::NAN) };
         let mut expr = self.exprs.constant(last);
         for pair in points.windows(2).rev() {

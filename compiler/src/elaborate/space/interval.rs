@@ -120,7 +120,7 @@ fn known(exprs: &Exprs, root: ExprId, by: Option<ExprId>, bounds: &Bounds<'_>) -
             continue;
         }
         let of = |o: ExprId| done.get(&o).copied().unwrap_or(Known { value: Interval::ALL, slope: Interval::ALL });
-        let mut k = node(exprs.node(e), &of, bounds);
+        let mut k = node(exprs, e, &of, bounds);
         if by == Some(e) {
             k.slope = Interval::of(1.0);
         }
@@ -129,9 +129,9 @@ fn known(exprs: &Exprs, root: ExprId, by: Option<ExprId>, bounds: &Bounds<'_>) -
     done.get(&root).copied().unwrap_or(Known { value: Interval::ALL, slope: Interval::ALL })
 }
 
-fn node(node: Expr, of: &dyn Fn(ExprId) -> Known, bounds: &Bounds<'_>) -> Known {
+fn node(exprs: &Exprs, e: ExprId, of: &dyn Fn(ExprId) -> Known, bounds: &Bounds<'_>) -> Known {
     let leaf = |value| Known { value, slope: Interval::ZERO };
-    match node {
+    match exprs.node(e) {
         Expr::Const(bits) => leaf(Interval::of(f64::from_bits(bits))),
         Expr::Counter(_) => leaf(Interval::POSITIVE),
         Expr::Load { var, flavour, at } => leaf(bounds(var, flavour, at)),
@@ -142,6 +142,8 @@ fn node(node: Expr, of: &dyn Fn(ExprId) -> Known, bounds: &Bounds<'_>) -> Known 
             Known { value: a.value.power(n), slope }
         }
         Expr::Binary(f, a, b) => binary(f, of(a), of(b)),
+        Expr::Passed(..) => leaf(Interval::POSITIVE),
+        Expr::Entry(list, _) => leaf(exprs.lists().of(list).iter().map(|&x| Interval::of(x)).reduce(Interval::hull).unwrap_or(Interval::ALL)),
         Expr::Select(_, a, b) => {
             let (a, b) = (of(a), of(b));
             Known { value: a.value.hull(b.value), slope: a.slope.hull(b.slope) }

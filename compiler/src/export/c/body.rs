@@ -9,7 +9,7 @@ use super::index::{Tables, subscript};
 use crate::export::ExportError;
 use crate::export::functions::extents;
 use crate::export::sheet::{Array, Extents, Function, Loops, Nest, Sheet, Store};
-use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, FastMap, FastSet, Flavour, LoopVar, ReduceFn, UnaryFn, VarId};
+use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, FastMap, FastSet, Flavour, List, LoopVar, ReduceFn, Side, UnaryFn, VarId};
 use crate::kernels::power_chain;
 
 /// A block of the text.
@@ -165,6 +165,11 @@ impl<'s> Body<'s> {
             Expr::Time => "t".to_owned(),
             Expr::Counter(LoopVar(d)) => format!("(double)i{d}"),
             Expr::PowInt(a, n) => self.power(home, a, n),
+            Expr::Passed(list, side, a) => {
+                let function = if side == Side::UpTo { "passed_up_to" } else { "passed_below" };
+                self.look_up(home, function, list, a)
+            }
+            Expr::Entry(list, a) => self.look_up(home, "entry", list, a),
             Expr::Reduce { op, depth, extent, body } => self.reduce(home, op, (depth.0, extent), body)?,
             _ => {
                 let kind = if self.sheet.model.exprs.is_truth(expr) { "int" } else { "double" };
@@ -205,6 +210,12 @@ impl<'s> Body<'s> {
     /// Passes of the loops around, the innermost of each counter.
     fn around(&self) -> Extents {
         extents(&self.scopes.iter().filter_map(|scope| scope.counter).collect())
+    }
+
+    fn look_up(&mut self, home: usize, function: &str, list: List, a: ExprId) -> String {
+        let numbers = self.tables.numbers(self.sheet.model.exprs.lists().of(list));
+        let text = format!("{}_{function}({}, {numbers}, {})", self.prefix, self.operand(a), list.len);
+        self.name(home, "double", &text)
     }
 
     /// `x^n` by the multiplications of the machine code.

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::differentiate::pattern::each;
+use super::body::number;
 use crate::export::sheet::Loops;
 use crate::ir::{Affine, FastMap, MAX_DEPTH};
 use crate::schedule::row_major;
@@ -12,6 +13,8 @@ use crate::schedule::row_major;
 pub(super) struct Tables {
     list: Vec<Vec<u32>>,
     known: FastMap<Vec<u32>, usize>,
+    /// Lists that numbers are looked up in, as text.
+    numbers: Vec<String>,
 }
 
 impl Tables {
@@ -24,9 +27,22 @@ impl Tables {
         format!("index_{number}")
     }
 
+    /// The name of a list of numbers.
+    pub(super) fn numbers(&mut self, list: &[f64]) -> String {
+        let text = format!("[{}] = {{{}}}", list.len(), wrapped(list.iter().map(|&x| number(x))));
+        let at = self.numbers.iter().position(|known| *known == text).unwrap_or_else(|| {
+            self.numbers.push(text);
+            self.numbers.len() - 1
+        });
+        format!("list_{at}")
+    }
+
     /// The definitions of all tables.
     pub(super) fn print(&self) -> String {
         let mut text = String::new();
+        for (at, list) in self.numbers.iter().enumerate() {
+            let _ = writeln!(text, "static const double list_{at}{list};");
+        }
         for (number, numbers) in self.list.iter().enumerate() {
             // Writing into a string does not fail.
             let _ = writeln!(text, "static const int index_{number}[{}] = {{{}}};", numbers.len(), wrapped(numbers.iter()));

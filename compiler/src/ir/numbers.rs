@@ -1,0 +1,99 @@
+//! Long lists of numbers beside the nodes: what a table over time with many points is looked up in.
+
+use std::ops::Range;
+
+use serde::{Deserialize, Serialize};
+
+use super::FastMap;
+
+/// Numbers of [`Lists`], one after another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub struct List {
+    /// Where the first one stands.
+    pub first: u32,
+    /// How many there are.
+    pub len: u32,
+}
+
+impl List {
+    /// Where the numbers stand.
+    #[must_use]
+    pub fn range(self) -> Range<usize> {
+        self.first as usize..self.first as usize + self.len as usize
+    }
+}
+
+/// Which limits a number has left behind it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum Side {
+    /// Those below it.
+    Below,
+    /// Those below it, and the one that it is equal to.
+    UpTo,
+}
+
+/// All lists of a model, equal ones once.
+#[derive(Clone, Debug, Default)]
+pub struct Lists {
+    numbers: Vec<f64>,
+    known: FastMap<Vec<u64>, u32>,
+}
+
+impl Lists {
+    /// Lists that were written by [`Lists::all`].
+    #[must_use]
+    pub fn from_all(numbers: Vec<f64>) -> Lists {
+        Lists { numbers, known: FastMap::default() }
+    }
+
+    /// The numbers of all lists.
+    #[must_use]
+    pub fn all(&self) -> &[f64] {
+        &self.numbers
+    }
+
+    /// The numbers of a list; none where it reaches beyond the last one.
+    #[must_use]
+    pub fn of(&self, list: List) -> &[f64] {
+        self.numbers.get(list.range()).unwrap_or_default()
+    }
+
+    /// Whether a list is one of these.
+    #[must_use]
+    pub fn has(&self, list: List) -> bool {
+        list.len > 0 && list.range().end <= self.numbers.len()
+    }
+
+    /// A list of these numbers.
+    pub fn add(&mut self, numbers: &[f64]) -> List {
+        let len = numbers.len() as u32;
+        let first = *self.known.entry(numbers.iter().map(|x| x.to_bits()).collect()).or_insert_with(|| {
+            let first = self.numbers.len() as u32;
+            self.numbers.extend(numbers);
+            first
+        });
+        List { first, len }
+    }
+
+    /// A list of ascending limits. Negative infinity stands before it and infinity behind it, for [`before`] and [`behind`].
+    pub fn add_limits(&mut self, limits: &[f64]) -> List {
+        let mut between = Vec::with_capacity(limits.len() + 2);
+        between.push(f64::NEG_INFINITY);
+        between.extend(limits);
+        between.push(f64::INFINITY);
+        let List { first, len } = self.add(&between);
+        List { first: first + 1, len: len - 2 }
+    }
+}
+
+/// For each number of limits that have been left behind, the last of them.
+#[must_use]
+pub fn before(limits: List) -> List {
+    List { first: limits.first - 1, len: limits.len + 1 }
+}
+
+/// For each number of limits that have been left behind, the first that has not.
+#[must_use]
+pub fn behind(limits: List) -> List {
+    List { first: limits.first, len: limits.len + 1 }
+}
