@@ -84,6 +84,7 @@ fn sizes_beyond_reason() {
         "let b = sum(i*j*k for i in 1..5000, j in 1..5000, k in 1..5000)",
         "set s = 1..10000\nlet b = sum(i*j for i in s, j in s)",
         "set s = 1..90000\nstate c[s] = 0\neq d/dt c[i] = -sum(c[j] for j in s) / 1 [s] for i in s",
+        "set s = 1..90000\nstate c[s] = 0\neq d/dt c[i] = -sum(c[j] for j in unknown) / 1 [s] for i in s",
     ] {
         assert!(!faults(&format!("{head}\n{rest}")).is_empty(), "{head}");
     }

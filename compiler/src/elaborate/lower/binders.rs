@@ -148,7 +148,7 @@ pub(in crate::elaborate) enum IndexOver {
 impl<'a> Naming<'_, 'a> {
     fn bindings_of_name(&mut self, name: &Ident, place: &Place) -> Vec<BinderValue> {
         let Some(symbol) = self.symbols.lookup(place.scope, &name.text) else {
-            if let Some(set) = self.symbols.sets.values().find(|s| s.labels.contains(&name.text)) {
+            if let Some(set) = self.symbols.sets.values().find(|s| s.position(&name.text).is_some()) {
                 let set = set.name.clone();
                 let message = format!("`{}` is a member of `{set}`; an array is declared over its whole set", name.text);
                 let help = format!(

@@ -126,7 +126,7 @@ impl<'a> Symbols<'a> {
         axes.iter().zip(labels).try_fold(0, |at, (&axis, label)| {
             let len = self.axis_len(axis);
             let member = match axis {
-                Axis::Set(set) => self.sets[set].labels.iter().position(|l| l == label).map(|i| i as i64),
+                Axis::Set(set) => self.sets[set].position(label).map(|i| i as i64),
                 Axis::Domain(_) => label.parse::<i64>().ok().map(|i| i - 1),
             };
             member.filter(|i| (0..len).contains(i)).map(|i| at * len + i)
