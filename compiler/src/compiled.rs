@@ -66,7 +66,8 @@ impl CompiledModel {
             [single] => Some(single),
             _ => None,
         });
-        let surroundings = Surroundings { kernels: *kernels::table(), tables: parts.tables.as_ptr(), lists: parts.model.exprs.lists().all().as_ptr() };
+        let surroundings =
+            Surroundings { kernels: *kernels::table(), tables: parts.tables.as_ptr(), lists: parts.model.exprs.lists().all().as_ptr() };
         let derivatives = Default::default();
         Ok(CompiledModel {
             parts,

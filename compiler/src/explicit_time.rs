@@ -11,7 +11,8 @@ use std::collections::BTreeSet;
 
 use crate::differentiate::Rows;
 use crate::ir::{
-    BinaryFn, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, List, LoopVar, MAX_DEPTH, ReduceFn, Role, Side, UnaryFn, before, behind,
+    BinaryFn, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, List, LoopVar, MAX_DEPTH, ReduceFn, Role, Side, UnaryFn, before,
+    behind,
 };
 use crate::model::Model;
 

@@ -295,3 +295,16 @@ fn a_sum_in_a_definition_counts_for_itself() {
         assert_close(r.rate(&format!("m[{q},{z}]")), expected);
     }
 }
+
+#[test]
+fn a_long_table_over_time_takes_no_code_of_its_length() {
+    let model = |points: u32| {
+        let rows: Vec<String> = (0..points).map(|i| format!("{i}: {}", 7 * i % 13)).collect();
+        Running::new(&format!(
+            "time t : h\ntable feed : 1 over time : h linear {{ {} }}\nstate x = 0 in 0..100\neq d/dt x = (feed(t) - x)/1 [h]",
+            rows.join(", ")
+        ))
+    };
+    let (small, large) = (model(100), model(5000));
+    assert!(large.model.code_len() < small.model.code_len() + 64, "{} and {} bytes", small.model.code_len(), large.model.code_len());
+}

@@ -6,6 +6,8 @@ use running::{Running, assert_close};
 
 /// The value of an expression whose unit is `unit`, in a model with a state `x = 2` and some parameters.
 fn value(unit: &str, expression: &str) -> f64 {
+    let points = |value: u32| (6..50).map(|t| format!("{t}: {value}")).collect::<Vec<_>>().join(", ");
+    let (flat, high) = (points(40), points(60));
     let source = format!(
         "time t : min
          set s = {{ a, b, c }}
@@ -18,6 +20,9 @@ fn value(unit: &str, expression: &str) -> f64 {
          table until_table over time : h until {{ 1: 10, 2: 20, 4: 40 }}
          table from_table over time : h from {{ 0: 10, 1: 20, 2: 40 }}
          table linear_table : L over time : h linear {{ 1: 10, 2: 20, 4: 60 }}
+         table long_until over time : h until {{ 1: 10, 2: 20, 4: 40, {flat} }}
+         table long_from over time : h from {{ 0: 10, 1: 20, 2: 40, {flat} }}
+         table long_linear : L over time : h linear {{ 1: 10, 2: 20, 4: 60, {high} }}
          domain z in 1 [m]..3 [m] cells 4
          param V : L = 2
          param T : degC = 25
@@ -170,6 +175,10 @@ fn tables_over_time_hold_at_their_boundaries() {
         assert_close(value("1", &format!("until_table({time} + x*0 [h])")), until);
         assert_close(value("1", &format!("from_table({time} + x*0 [h])")), from);
         assert!((value("L", &format!("linear_table({time} + x*0 [h])")) - linear).abs() < 1e-12, "{time}");
+        // Long enough to be searched.
+        assert_close(value("1", &format!("long_until({time} + x*0 [h])")), until);
+        assert_close(value("1", &format!("long_from({time} + x*0 [h])")), from);
+        assert!((value("L", &format!("long_linear({time} + x*0 [h])")) - linear).abs() < 1e-12, "{time}");
     }
 }
 

@@ -30,7 +30,11 @@ pub(super) enum Op {
     Truth(bool),
     Time,
     Counter(u8),
-    Load { array: Array, loops: Loops, positions: Vec<u32> },
+    Load {
+        array: Array,
+        loops: Loops,
+        positions: Vec<u32>,
+    },
     Unary(UnaryFn, Id),
     Binary(BinaryFn, Id, Id),
     PowInt(Id, i32),
@@ -43,7 +47,12 @@ pub(super) enum Op {
     Or(Id, Id),
     Not(Id),
     Select(Id, Id, Id),
-    Reduce { op: ReduceFn, depth: u8, extent: u32, body: Id },
+    Reduce {
+        op: ReduceFn,
+        depth: u8,
+        extent: u32,
+        body: Id,
+    },
 }
 
 /// What a function does, in order.

@@ -7,7 +7,8 @@ use serde_json::{Map, Value, json};
 
 use super::{Element, ExportError, Families, Nominal, Origin};
 use crate::ir::{
-    Affine, BinaryFn, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, List, MAX_DEPTH, Place, Program, ReduceFn, Role, Side, UnaryFn,
+    Affine, BinaryFn, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, List, MAX_DEPTH, Place, Program, ReduceFn, Role, Side,
+    UnaryFn,
 };
 use crate::model::{Instant, Model, RootAction, Variate};
 

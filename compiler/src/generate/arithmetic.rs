@@ -3,8 +3,8 @@
 use cranelift_codegen::ir::condcodes::FloatCC;
 use cranelift_codegen::ir::{AbiParam, InstBuilder, SigRef, Signature, Value, types};
 
-use super::emitter::{Emitter, WORD};
 use super::Surroundings;
+use super::emitter::{Emitter, WORD};
 use super::memory::constant_memory;
 use crate::ir::{BinaryFn, List, UnaryFn};
 use crate::kernels::{self, KernelTable, UNARY_COUNT};

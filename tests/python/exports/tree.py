@@ -46,6 +46,8 @@ BINARY = {
     "and": np.logical_and,
     "or": np.logical_or,
 }
+# Kinds whose first operand is a node and whose second is none.
+ONE_AND_MORE = ("integer_power", "passed_below", "passed_up_to", "entry")
 REDUCE = {"sum": np.add, "product": np.multiply, "minimum": np.minimum, "maximum": np.maximum}
 
 
@@ -78,7 +80,7 @@ class Tree:
             return self.free[rest[2]] - {rest[0]}
         if kind in ("constant", "truth", "time"):
             return frozenset()
-        operands = rest[:1] if kind == "integer_power" else rest
+        operands = rest[:1] if kind in ONE_AND_MORE else rest
         return frozenset().union(*(self.free[o] for o in operands))
 
     def set(self, family, values, copy="value"):
@@ -137,7 +139,7 @@ class Tree:
                     [np.broadcast_to(self.value(body, c, memo), self.points) for c in passes]
                 )
                 continue
-            operands = rest[:1] if kind == "integer_power" else rest if kind in BINARY or kind in UNARY else []
+            operands = rest[:1] if kind in ONE_AND_MORE else rest if kind in BINARY or kind in UNARY else []
             operands = rest if kind == "select" else operands
             missing = [o for o in operands if self._key(o, counters) not in memo]
             if missing:
@@ -163,6 +165,10 @@ class Tree:
             return self.values[copy][variable][place(address, counters)]
         if kind == "integer_power":
             return operands[0] ** np.float64(rest[1])
+        if kind in ("passed_below", "passed_up_to"):
+            return np.searchsorted(rest[1], operands[0], side="left" if kind == "passed_below" else "right").astype(float)
+        if kind == "entry":
+            return np.array(rest[1])[np.asarray(operands[0], dtype=int)]
         if kind == "select":
             return np.where(*operands)
         return (UNARY[kind] if kind in UNARY else BINARY[kind])(*operands)

@@ -143,7 +143,9 @@ fn node(exprs: &Exprs, e: ExprId, of: &dyn Fn(ExprId) -> Known, bounds: &Bounds<
         }
         Expr::Binary(f, a, b) => binary(f, of(a), of(b)),
         Expr::Passed(..) => leaf(Interval::POSITIVE),
-        Expr::Entry(list, _) => leaf(exprs.lists().of(list).iter().map(|&x| Interval::of(x)).reduce(Interval::hull).unwrap_or(Interval::ALL)),
+        Expr::Entry(list, _) => {
+            leaf(exprs.lists().of(list).iter().map(|&x| Interval::of(x)).reduce(Interval::hull).unwrap_or(Interval::ALL))
+        }
         Expr::Select(_, a, b) => {
             let (a, b) = (of(a), of(b));
             Known { value: a.value.hull(b.value), slope: a.slope.hull(b.slope) }

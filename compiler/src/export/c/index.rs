@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
-use crate::differentiate::pattern::each;
 use super::body::number;
+use crate::differentiate::pattern::each;
 use crate::export::sheet::Loops;
 use crate::ir::{Affine, FastMap, MAX_DEPTH};
 use crate::schedule::row_major;
