@@ -12,7 +12,6 @@ mod fmu;
 mod functions;
 mod jacobian;
 mod jax;
-mod json;
 mod module;
 mod python;
 mod sheet;
@@ -21,7 +20,9 @@ use std::str::FromStr;
 
 use thiserror::Error;
 
+use crate::artefact::Circumstances;
 use crate::compiled::CompiledModel;
+use crate::json;
 
 pub use elements::{Element, Families, Nominal};
 pub use fmu::{Package, Settings};
@@ -134,6 +135,8 @@ pub struct File {
 pub struct Origin<'a> {
     /// Scenario, variants and settings in words; empty for the model as it stands.
     pub made_for: &'a str,
+    /// The same for programs: JSON holds it.
+    pub circumstances: &'a Circumstances,
     /// Name of the main file without its ending, where there is one: C takes it for the prefix of its names.
     pub stem: Option<&'a str>,
 }

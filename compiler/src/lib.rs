@@ -8,7 +8,7 @@
 //! 4. [`differentiate`]: rows and the entries of the Jacobian; [`explicit_time`]: where time occurs explicitly;
 //! 5. [`schedule`]: what each function computes ([`functions`]) and in which loop; [`hoist`]: what can be known before it runs;
 //! 6. [`layout`], [`generate`]: memory, machine code;
-//! 7. [`compiled`]: the result, with [`interpret`] for what runs rarely; [`export`] writes it for other tools.
+//! 7. [`compiled`]: the result, with [`interpret`] for what runs rarely; [`export`] writes it for other tools, [`json`] reads one of the forms back.
 //!
 //! [`compile`] is the list of these passes.
 
@@ -26,6 +26,7 @@ pub mod graph;
 pub mod hoist;
 pub mod interpret;
 pub mod ir;
+pub mod json;
 pub mod kernels;
 pub mod layout;
 pub mod model;

@@ -369,7 +369,8 @@ def compile(
     """Compile a model.
 
     Args:
-        path: an `.eq` file, or the name of a shipped model (`reactor`), which goes before a file of that name.
+        path: an `.eq` file, or the name of a shipped model (`reactor`), which goes before a file of that name. Also
+            what `smpl compile` wrote (`.smplc`), and what `smpl export --to json` wrote (`.json`).
         source: the text of a model in place of a file.
         scenario: name of a scenario of the model, or a YAML file; none is `default`.
         variants: switches (`"reward_floor"`) and choices (`"axial_scheme=legacy"`).
@@ -501,6 +502,8 @@ def _stamp(path: str | None, scenario: str | None) -> tuple[int, ...]:
         return ()
     folder = Path(path).parent
     files = [*folder.glob("*.eq"), *folder.glob("*.yaml"), *(folder / "lib").glob("*.eq")]
+    if Path(path).suffix != ".eq" and Path(path).is_file():
+        files.append(Path(path))
     if scenario is not None and Path(scenario).is_file():
         files.append(Path(scenario))
     return tuple(file.stat().st_mtime_ns for file in sorted(files))

@@ -36,7 +36,7 @@ pub enum ExportFault {
 pub fn export(loaded: &Loaded, target: Target, stem: Option<&str>) -> Result<Vec<File>, ExportFault> {
     let setup = setup(loaded)?;
     at_nominal(loaded, &setup, |nominal| {
-        let origin = Origin { made_for: &loaded.made_for(), stem };
+        let origin = Origin { made_for: &loaded.made_for(), circumstances: &loaded.circumstances, stem };
         targets::export(&loaded.model, nominal, &origin, target)
     })
 }
@@ -48,7 +48,7 @@ pub fn export(loaded: &Loaded, target: Target, stem: Option<&str>) -> Result<Vec
 pub fn export_fmu(loaded: &Loaded, compile: bool) -> Result<Fmu, ExportFault> {
     let setup = setup(loaded)?;
     let package = at_nominal(loaded, &setup, |nominal| {
-        let origin = Origin { made_for: &loaded.made_for(), stem: None };
+        let origin = Origin { made_for: &loaded.made_for(), circumstances: &loaded.circumstances, stem: None };
         targets::package(&loaded.model, nominal, &origin, &settings(&setup))
     })?;
     Ok(fmu::pack(package, compile))

@@ -11,6 +11,7 @@ use smpl_compiler::artefact::{self, Circumstances, Header};
 use smpl_compiler::compile::{Compiled, compile};
 use smpl_compiler::compiled::{BackEndSettings, CompiledModel};
 use smpl_compiler::elaborate::{Options, Setting, is_entry_setting};
+use smpl_compiler::json;
 use smpl_compiler::read::read_sources;
 use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes, suggest};
 use smpl_dsl::span::{FileId, Span};
@@ -26,6 +27,15 @@ pub const UNREADABLE: &str = codes::UNREADABLE.id();
 
 /// Ending of files that hold a compiled model.
 pub const ARTEFACT_EXTENSION: &str = "smplc";
+
+/// Ending of files that hold a checked model in the form that `smpl export --to json` writes.
+pub const JSON_EXTENSION: &str = "json";
+
+/// Whether a file holds a model that was made for a scenario, variants and settings already.
+#[must_use]
+pub fn is_made(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e == ARTEFACT_EXTENSION || e == JSON_EXTENSION)
+}
 
 /// What is asked of a model beside its text.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -119,7 +129,7 @@ fn summary(diagnostics: &[Diagnostic]) -> String {
     texts.join("; ")
 }
 
-/// Loads a model from a file: text (`.eq`) or a compiled model.
+/// Loads a model from a file: text (`.eq`), a compiled model (`.smplc`) or a checked one (`.json`).
 ///
 /// # Errors
 /// See [`LoadError`].
@@ -134,6 +144,9 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
         message: files::not_utf8(error.as_bytes()),
         advice: String::new(),
     })?;
+    if path.extension().is_some_and(|e| e == JSON_EXTENSION) {
+        return load_json(path, &text, options);
+    }
     load_text(path, text, options)
 }
 
@@ -349,8 +362,31 @@ fn load_artefact(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loa
     }
     check_source(path, &header)?;
     same_circumstances(&header.circumstances, options).map_err(refuse)?;
+    let loaded = made(path, model, &header.circumstances, options)?;
+    Ok(Loaded { fingerprint: header.fingerprint, circumstances: header.circumstances, ..loaded })
+}
+
+/// A checked model names what it was made for: that need not be said again, and nothing else may be.
+fn load_json(path: &Path, text: &str, options: &LoadOptions) -> Result<Loaded, LoadError> {
+    let refuse = |message: String| LoadError::Artefact { path: path.to_owned(), message };
+    if options.extra.is_some() {
+        return Err(refuse("a model in JSON takes no further statements: give `extra` with the model's text".into()));
+    }
+    let json::Read { model, circumstances } = json::read(text).map_err(|error| refuse(error.to_string()))?;
+    if options.scenario.is_some() || !options.variants.is_empty() {
+        same_circumstances(&circumstances, options).map_err(refuse)?;
+    }
+    let settings = BackEndSettings { texts: options.texts, ..BackEndSettings::default() };
+    let model = CompiledModel::build(model, &settings).map_err(|error| refuse(error.to_string()))?;
+    let loaded = made(path, model, &circumstances, options)?;
+    Ok(Loaded { fingerprint: artefact::fingerprint(&[text], &[]), circumstances, ..loaded })
+}
+
+/// A model that was made for a scenario and settings, with those of the call on top.
+fn made(path: &Path, model: CompiledModel, made_for: &Circumstances, options: &LoadOptions) -> Result<Loaded, LoadError> {
+    let refuse = |message: String| LoadError::Artefact { path: path.to_owned(), message };
     let mut sources = SourceMap::new();
-    let scenario = match &header.circumstances.scenario {
+    let scenario = match &made_for.scenario {
         None => Scenario::default(),
         Some((name, text)) => {
             let file = sources.add(name.clone(), text.clone());
@@ -363,11 +399,9 @@ fn load_artefact(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loa
             return Err(LoadError::Setting { message: unknown_setting(&model, &parameters, name) });
         }
     }
-    let mut settings: BTreeMap<String, Value> =
-        header.circumstances.settings.iter().map(|(name, value)| (name.clone(), Value::parse(value))).collect();
+    let mut settings: BTreeMap<String, Value> = made_for.settings.iter().map(|(name, value)| (name.clone(), Value::parse(value))).collect();
     settings.extend(options.settings.clone());
-    let loaded = finish(model, sources, &scenario, &settings, options)?;
-    Ok(Loaded { fingerprint: header.fingerprint, circumstances: header.circumstances, ..loaded })
+    finish(model, sources, &scenario, &settings, options)
 }
 
 /// A compiled model runs under what it was compiled for, which has to be named again.

@@ -1,45 +1,38 @@
-//! The checked model as JSON, in the form that `docs/schema/model-1.schema.json` fixes.
-//!
-//! Expressions are one list of nodes, operands before users: trees whose repeated parts are written once. Loops stay loops.
+//! From a flat model to JSON.
 
 use cranelift_entity::EntityRef;
 use serde_json::{Map, Value, json};
 
-use super::{Element, ExportError, Families, Nominal, Origin};
-use crate::ir::{
-    Affine, BinaryFn, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, List, MAX_DEPTH, Place, Program, ReduceFn, Role, Side,
-    UnaryFn,
-};
-use crate::model::{Instant, Model, RootAction, Variate};
-
-/// Version of the form; what changes the meaning of a file counts it up.
-const VERSION: u32 = 1;
+use super::words::{BINARY, COMPARE, COPIES, INSTANTS, REDUCE, ROLES, SIDES, UNARY, VARIATES, word};
+use super::{FORMAT, VERSION};
+use crate::artefact::Circumstances;
+use crate::export::{Element, ExportError, Families, Nominal, Origin};
+use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, FastSet, List, MAX_DEPTH, Place, Program, Role};
+use crate::model::{Axis, Interface, Model, Programs, Quantity, RootAction};
 
 /// The text of a model.
-pub(super) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -> Result<String, ExportError> {
+///
+/// # Errors
+/// If a value cannot be written.
+pub(crate) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -> Result<String, ExportError> {
     let nodes = Nodes::new(model);
     let (i, families) = (&model.interface, Families::new(model, nominal));
     let value = json!({
-        "format": "smpl-model",
+        "format": FORMAT,
         "version": VERSION,
         "name": i.name,
         "text": i.text,
-        "made_for": origin.made_for,
+        "made_for": made_for(origin.circumstances),
         "time": {"name": i.time.0, "unit": i.time.1},
         "explicit": model.explicit,
         "variables": model.vars.values().filter(|v| v.role != Role::Cache).map(|v| json!({
-            "name": v.name, "role": role(v.role), "length": v.len,
+            "name": v.name, "role": word(&ROLES, &v.role), "length": v.len,
         })).collect::<Vec<_>>(),
         "unknowns": model.unknowns.iter().map(|v| v.index()).collect::<Vec<_>>(),
-        "elements": {
-            "states": elements(&families.states),
-            "solved": elements(&families.solved),
-            "outputs": elements(&families.outputs),
-            "discretes": elements(&families.discretes),
-            "actions": elements(&families.actions),
-            "disturbances": elements(&families.disturbances),
-            "parameters": elements(&families.parameters),
-        },
+        "quantities": quantities(i),
+        "state_order": i.state_order,
+        "algebraic": {"declared": i.algebraic_counts[0], "solved": i.algebraic_counts[1], "substituted": i.algebraic_counts[2]},
+        "elements": elements(&families),
         "expressions": nodes.list(model),
         "equations": model.rows.iter().map(|row| json!({
             "extents": row.extents,
@@ -50,18 +43,21 @@ pub(super) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
             "name": root.name, "value": nodes.number(root.value), "strict": root.strict, "does": action(root.action),
         })).collect::<Vec<_>>(),
         "integrals": model.quadratures.iter().map(|q| nodes.number(*q)).collect::<Vec<_>>(),
-        "programs": programs(model).into_iter().map(|(name, p)| (name, program(p, &nodes))).collect::<Map<_, _>>(),
-        "finish": finish(model),
+        "programs": programs(&model.programs).into_iter().map(|(name, p)| (name, program(p, &nodes))).collect::<Map<_, _>>(),
+        "policies": model.programs.policies.iter().map(|(name, _)| name).collect::<Vec<_>>(),
+        "finish": finish(i),
         "draws": i.draws.iter().map(|d| json!({
             "stream": d.stream,
-            "kind": if d.kind == Variate::Uniform { "uniform" } else { "normal" },
-            "at": if d.instant == Instant::Reset { "reset" } else { "step" },
+            "kind": word(&VARIATES, &d.kind),
+            "at": word(&INSTANTS, &d.instant),
         })).collect::<Vec<_>>(),
+        "levels": i.levels,
         "phases": i.phases,
         "invariants": i.invariants.iter().map(|(name, text)| json!({"name": name, "text": text})).collect::<Vec<_>>(),
-        "steady": steady(model, &families),
+        "steady": steady(i, &families),
+        "start_resets": i.start_resets,
         "episode": i.episode,
-        "solver": solver(model),
+        "solver": solver(i),
         "variants": i.variants.iter().map(|(name, on)| json!({"name": name, "on": on})).collect::<Vec<_>>(),
         "choices": i.choices.iter().map(|(name, options, chosen)| json!({
             "name": name, "options": options, "chosen": options.get(*chosen as usize),
@@ -70,24 +66,54 @@ pub(super) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
     Ok(serde_json::to_string_pretty(&value)? + "\n")
 }
 
-fn role(role: Role) -> &'static str {
-    match role {
-        Role::State => "state",
-        Role::Algebraic => "algebraic",
-        Role::Param => "parameter",
-        Role::Action => "action",
-        Role::Discrete => "discrete",
-        Role::Disturbance => "disturbance",
-        Role::Draw => "draw",
-        Role::Quadrature => "integral",
-        Role::Builtin => "builtin",
-        Role::ParamGiven => "given",
-        Role::Cache => "cache",
-        Role::Scratch => "scratch",
-    }
+/// What the model was compiled for, as a compiled model keeps it.
+fn made_for(circumstances: &Circumstances) -> Value {
+    let Circumstances { scenario, variants, settings } = circumstances;
+    json!({
+        "scenario": scenario.as_ref().map(|(name, text)| json!({"name": name, "text": text})),
+        "variants": variants,
+        "settings": settings.iter().map(|(name, value)| (name.clone(), json!(value))).collect::<Map<_, _>>(),
+    })
 }
 
-fn elements(elements: &[Element]) -> Vec<Value> {
+/// The families of quantities with their names.
+pub(super) fn families(i: &Interface) -> [(&'static str, &[Quantity]); 7] {
+    [
+        ("states", &i.states),
+        ("solved", &i.solved),
+        ("outputs", &i.algebraics),
+        ("discretes", &i.discretes),
+        ("actions", &i.actions),
+        ("disturbances", &i.disturbances),
+        ("parameters", &i.parameters),
+    ]
+}
+
+fn quantities(i: &Interface) -> Value {
+    let list = |family: &[Quantity]| Value::Array(family.iter().map(quantity).collect());
+    Value::Object(families(i).into_iter().map(|(name, family)| (name.to_owned(), list(family))).collect())
+}
+
+fn quantity(q: &Quantity) -> Value {
+    let axis = |axis: &Axis| match axis {
+        Axis::Names(names) => json!({"names": names}),
+        Axis::Numbers { first, count } => json!({"first": first, "count": count}),
+    };
+    let numbers = |list: &[f64], none: f64| list.iter().map(|&x| if same(x, none) { Value::Null } else { number(x) }).collect::<Vec<_>>();
+    json!({
+        "name": q.name, "pattern": q.pattern, "axes": q.axes.iter().map(axis).collect::<Vec<_>>(),
+        "unit": q.unit, "affine_unit": q.affine_unit, "text": q.text, "variable": q.var.map(|var| var.index()),
+        "low": numbers(&q.low, f64::NEG_INFINITY), "high": numbers(&q.high, f64::INFINITY), "default": numbers(&q.default, f64::NAN),
+        "scale": numbers(&q.scale, f64::NAN), "structural": q.structural,
+    })
+}
+
+fn same(x: f64, y: f64) -> bool {
+    x == y || x.is_nan() && y.is_nan()
+}
+
+/// The single numbers of all families.
+pub(super) fn elements(families: &Families) -> Value {
     let described = |e: &Element| {
         json!({
             "name": e.name, "unit": e.unit, "text": e.text,
@@ -95,23 +121,38 @@ fn elements(elements: &[Element]) -> Vec<Value> {
             "variable": e.place.map(|(var, _)| var.index()), "element": e.place.map(|(_, element)| element),
         })
     };
-    elements.iter().map(described).collect()
-}
-
-fn solver(model: &Model) -> Value {
-    let s = &model.interface.solver;
+    let elements = |family: &[Element]| family.iter().map(described).collect::<Vec<_>>();
     json!({
-        "rtol": s.rtol, "atol_factor": s.atol_factor, "max_order": s.max_order, "max_steps": s.max_steps,
-        "max_step": s.max_step, "linear_solver": s.linear_solver,
+        "states": elements(&families.states),
+        "solved": elements(&families.solved),
+        "outputs": elements(&families.outputs),
+        "discretes": elements(&families.discretes),
+        "actions": elements(&families.actions),
+        "disturbances": elements(&families.disturbances),
+        "parameters": elements(&families.parameters),
     })
 }
 
+/// The settings of the solver; no longest step is null.
+fn solver(i: &Interface) -> Value {
+    json!(i.solver)
+}
+
 /// What the outputs of the program `finish` are, one after another; a failure has two numbers.
-fn finish(model: &Model) -> Value {
-    let i = &model.interface;
-    let observation = |o: &crate::model::Observed| json!({"name": o.name, "unit": o.unit, "low": o.low, "high": o.high, "every": o.every, "delay": o.delay, "noise": o.noise});
+fn finish(i: &Interface) -> Value {
+    let observation = |o: &crate::model::Observed| {
+        json!({
+            "name": o.name, "unit": o.unit, "low": number(o.low), "high": number(o.high), "every": o.every, "delay": o.delay, "noise": number(o.noise),
+        })
+    };
+    let item = |b: &crate::model::BoxItem| json!({"name": b.name, "unit": b.unit, "low": number(b.low), "high": number(b.high)});
+    let failure = |f: &crate::model::Failure| {
+        json!({
+            "name": f.name, "text": f.text, "event": f.event, "on_reward": f.on_reward, "box": f.items.iter().map(item).collect::<Vec<_>>(),
+        })
+    };
     json!({
-        "failures": i.failures.iter().map(|f| json!({"name": f.name, "text": f.text, "event": f.event})).collect::<Vec<_>>(),
+        "failures": i.failures.iter().map(failure).collect::<Vec<_>>(),
         "successes": i.successes,
         "constraints": i.constraints,
         "rewards": i.rewards.iter().map(|r| json!({"name": r.name, "unit": r.unit, "text": r.text})).collect::<Vec<_>>(),
@@ -120,8 +161,7 @@ fn finish(model: &Model) -> Value {
     })
 }
 
-fn steady(model: &Model, families: &Families) -> Value {
-    let i = &model.interface;
+fn steady(i: &Interface, families: &Families) -> Value {
     if !i.has_steady {
         return Value::Null;
     }
@@ -144,8 +184,7 @@ fn action(action: RootAction) -> Value {
 }
 
 /// The programs with their names.
-fn programs(model: &Model) -> Vec<(String, &Program)> {
-    let p = &model.programs;
+pub(super) fn programs(p: &Programs) -> Vec<(String, &Program)> {
     let fixed = [
         ("parameters", &p.parameters),
         ("initial_states", &p.initial_states),
@@ -177,6 +216,7 @@ fn program(program: &Program, nodes: &Nodes) -> Value {
                     let value = nodes.number(store.value);
                     match store.target.place {
                         Place::Out => json!({"out": at, "value": value}),
+                        // Positions from tables are made behind the flat model only.
                         Place::OutSlots(table) => json!({"out": at, "table": table, "value": value}),
                         Place::Var(var) => json!({"variable": var.index(), "at": at, "value": value}),
                     }
@@ -205,7 +245,7 @@ impl Nodes {
         let rows = model.rows.iter().map(|r| r.residual);
         let roots = model.roots.iter().map(|r| r.value).chain(model.quadratures.iter().copied());
         let mut stack: Vec<ExprId> = rows.chain(roots).collect();
-        for (_, program) in programs(model) {
+        for (_, program) in programs(&model.programs) {
             stack.extend(program.nests.iter().flat_map(|n| &n.stores).map(|s| s.value));
         }
         let mut seen = FastSet::default();
@@ -237,21 +277,18 @@ impl Nodes {
             Expr::Truth(t) => json!(["truth", t]),
             Expr::Time => json!(["time"]),
             Expr::Counter(v) => json!(["counter", v.0]),
-            Expr::Load { var, flavour, at } => json!(["load", var.index(), copy(flavour), affine(at)]),
-            Expr::Unary(f, a) => json!([unary(f), n(a)]),
-            Expr::Binary(f, a, b) => json!([binary(f), n(a), n(b)]),
+            Expr::Load { var, flavour, at } => json!(["load", var.index(), word(&COPIES, &flavour), affine(at)]),
+            Expr::Unary(f, a) => json!([word(&UNARY, &f), n(a)]),
+            Expr::Binary(f, a, b) => json!([word(&BINARY, &f), n(a), n(b)]),
             Expr::PowInt(a, exponent) => json!(["integer_power", n(a), exponent]),
-            Expr::Passed(limits, side, a) => {
-                let side = if side == Side::UpTo { "passed_up_to" } else { "passed_below" };
-                json!([side, n(a), list(limits)])
-            }
+            Expr::Passed(limits, side, a) => json!([word(&SIDES, &side), n(a), list(limits)]),
             Expr::Entry(numbers, a) => json!(["entry", n(a), list(numbers)]),
-            Expr::Compare(f, a, b) => json!([compare(f), n(a), n(b)]),
+            Expr::Compare(f, a, b) => json!([word(&COMPARE, &f), n(a), n(b)]),
             Expr::And(a, b) => json!(["and", n(a), n(b)]),
             Expr::Or(a, b) => json!(["or", n(a), n(b)]),
             Expr::Not(a) => json!(["not", n(a)]),
             Expr::Select(c, a, b) => json!(["select", n(c), n(a), n(b)]),
-            Expr::Reduce { op, depth, extent, body } => json!([reduce(op), depth.0, extent, n(body)]),
+            Expr::Reduce { op, depth, extent, body } => json!([word(&REDUCE, &op), depth.0, extent, n(body)]),
         }
     }
 }
@@ -264,71 +301,5 @@ fn number(x: f64) -> Value {
         json!(if x > 0.0 { "inf" } else { "-inf" })
     } else {
         json!(x)
-    }
-}
-
-fn copy(flavour: Flavour) -> &'static str {
-    match flavour {
-        Flavour::Value => "value",
-        Flavour::Derivative => "derivative",
-        Flavour::Initial => "initial",
-        Flavour::Previous => "previous",
-        Flavour::Steady => "steady",
-    }
-}
-
-fn unary(f: UnaryFn) -> &'static str {
-    match f {
-        UnaryFn::Neg => "negate",
-        UnaryFn::Abs => "abs",
-        UnaryFn::Sign => "sign",
-        UnaryFn::Sqrt => "sqrt",
-        UnaryFn::Exp => "exp",
-        UnaryFn::Ln => "ln",
-        UnaryFn::Log10 => "log10",
-        UnaryFn::Sin => "sin",
-        UnaryFn::Cos => "cos",
-        UnaryFn::Tan => "tan",
-        UnaryFn::Asin => "asin",
-        UnaryFn::Acos => "acos",
-        UnaryFn::Atan => "atan",
-        UnaryFn::Sinh => "sinh",
-        UnaryFn::Cosh => "cosh",
-        UnaryFn::Tanh => "tanh",
-        UnaryFn::Floor => "floor",
-        UnaryFn::Ceil => "ceil",
-        UnaryFn::Round => "round",
-        UnaryFn::Single => "single",
-    }
-}
-
-fn binary(f: BinaryFn) -> &'static str {
-    match f {
-        BinaryFn::Add => "add",
-        BinaryFn::Sub => "subtract",
-        BinaryFn::Mul => "multiply",
-        BinaryFn::Div => "divide",
-        BinaryFn::Pow => "power",
-        BinaryFn::Min => "min",
-        BinaryFn::Max => "max",
-        BinaryFn::Atan2 => "atan2",
-    }
-}
-
-fn compare(f: Compare) -> &'static str {
-    match f {
-        Compare::Lt => "less",
-        Compare::Le => "less_equal",
-        Compare::Eq => "equal",
-        Compare::Ne => "unequal",
-    }
-}
-
-fn reduce(f: ReduceFn) -> &'static str {
-    match f {
-        ReduceFn::Sum => "sum",
-        ReduceFn::Product => "product",
-        ReduceFn::Min => "minimum",
-        ReduceFn::Max => "maximum",
     }
 }

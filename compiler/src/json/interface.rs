@@ -1,0 +1,287 @@
+//! What is seen of a model from outside: names, units, shapes, bounds, settings.
+
+use cranelift_entity::{EntityRef, PrimaryMap};
+
+use super::cursor::{At, ReadError};
+use super::nodes::variable;
+use super::words::{INSTANTS, VARIATES};
+use crate::ir::{Role, VarId};
+use crate::model::{Axis, BoxItem, Draw, Episode, Failure, Finish, Interface, Observed, Quantity, Reward, Solver, Variable};
+
+type Vars = PrimaryMap<VarId, Variable>;
+
+/// Reads the interface; `root` is the whole text.
+pub(super) fn read(root: &At<'_>, vars: &Vars) -> Result<Interface, ReadError> {
+    let mut i = Interface { name: root.field("name")?.string()?, text: root.field("text")?.string()?, ..Interface::default() };
+    let time = root.field("time")?;
+    time.only(&["name", "unit"])?;
+    i.time = (time.field("name")?.string()?, time.field("unit")?.string()?);
+    quantities(&mut i, &root.field("quantities")?, vars)?;
+    i.state_order = state_order(&root.field("state_order")?, count(&i.states))?;
+    let algebraic = root.field("algebraic")?;
+    algebraic.only(&["declared", "solved", "substituted"])?;
+    for (slot, name) in i.algebraic_counts.iter_mut().zip(["declared", "solved", "substituted"]) {
+        *slot = algebraic.field(name)?.count(u32::MAX)?;
+    }
+    i.draws = root.field("draws")?.list(draw)?;
+    i.phases = texts(&root.field("phases")?)?;
+    i.levels = texts(&root.field("levels")?)?;
+    i.invariants = root.field("invariants")?.list(|at| {
+        at.only(&["name", "text"])?;
+        Ok((at.field("name")?.string()?, at.field("text")?.string()?))
+    })?;
+    i.start_resets = root.field("start_resets")?.flag()?;
+    finish(&mut i, &root.field("finish")?)?;
+    steady(&mut i, &root.field("steady")?)?;
+    i.episode = episode(&root.field("episode")?)?;
+    i.solver = solver(&root.field("solver")?)?;
+    i.variants = root.field("variants")?.list(|at| {
+        at.only(&["name", "on"])?;
+        Ok((at.field("name")?.string()?, at.field("on")?.flag()?))
+    })?;
+    i.choices = root.field("choices")?.list(choice)?;
+    Ok(i)
+}
+
+/// Number of elements; every length was checked.
+pub(super) fn count(quantities: &[Quantity]) -> usize {
+    quantities.iter().map(Quantity::len).sum()
+}
+
+pub(super) fn texts(at: &At<'_>) -> Result<Vec<String>, ReadError> {
+    at.list(|item| item.string())
+}
+
+fn quantities(i: &mut Interface, at: &At<'_>, vars: &Vars) -> Result<(), ReadError> {
+    at.only(&["states", "solved", "outputs", "discretes", "actions", "disturbances", "parameters"])?;
+    let mut taken = vec![false; vars.len()];
+    let mut family = |name: &str, role: Role, needs: bool| -> Result<Vec<Quantity>, ReadError> {
+        let list = at.field(name)?;
+        let mut all = vec![];
+        for item in list.items()? {
+            let found = quantity(&item, vars)?;
+            match found.var {
+                None if needs => return Err(item.fault("`variable` is missing: nothing holds the quantity")),
+                Some(var) if vars[var].role != role => {
+                    return Err(item.fault(format!("variable `{}` is of another role", vars[var].name)));
+                }
+                // An output is often a variable that is solved for.
+                Some(var) if name != "outputs" && std::mem::replace(&mut taken[var.index()], true) => {
+                    return Err(item.fault(format!("variable `{}` belongs to another quantity", vars[var].name)));
+                }
+                Some(_) | None => {}
+            }
+            all.push(found);
+        }
+        Ok(all)
+    };
+    i.states = family("states", Role::State, false)?;
+    i.solved = family("solved", Role::Algebraic, false)?;
+    i.discretes = family("discretes", Role::Discrete, true)?;
+    i.actions = family("actions", Role::Action, true)?;
+    i.disturbances = family("disturbances", Role::Disturbance, true)?;
+    i.parameters = family("parameters", Role::Param, true)?;
+    i.algebraics = family("outputs", Role::Algebraic, false)?;
+    Ok(())
+}
+
+fn quantity(at: &At<'_>, vars: &Vars) -> Result<Quantity, ReadError> {
+    at.only(&["name", "pattern", "axes", "unit", "affine_unit", "text", "variable", "low", "high", "default", "scale", "structural"])?;
+    let axes = at.field("axes")?.list(axis)?;
+    let len = axes.iter().map(Axis::len).try_fold(1_usize, usize::checked_mul).filter(|&n| n <= super::read::MAX_ELEMENTS);
+    let len = len.ok_or_else(|| at.fault("too many elements"))?;
+    let held = at.field("variable")?;
+    let var = if held.is_null() { None } else { Some(variable(&held, vars)?) };
+    if let Some(var) = var.filter(|&var| vars[var].len as usize != len) {
+        return Err(at.fault(format!("its axes have {len} elements, variable `{}` has {}", vars[var].name, vars[var].len)));
+    }
+    let numbers = |name: &str, none: f64| -> Result<Vec<f64>, ReadError> {
+        let list = at.field(name)?;
+        let numbers = list.list(|x| x.number_or(none))?;
+        if numbers.len() == 1 || numbers.len() == len { Ok(numbers) } else { Err(list.fault(format!("expected 1 number or {len}"))) }
+    };
+    let pattern = at.field("pattern")?;
+    Ok(Quantity {
+        var,
+        name: at.field("name")?.string()?,
+        axes,
+        pattern: if pattern.is_null() { None } else { Some(pattern.string()?) },
+        unit: at.field("unit")?.string()?,
+        text: at.field("text")?.string()?,
+        low: numbers("low", f64::NEG_INFINITY)?,
+        high: numbers("high", f64::INFINITY)?,
+        default: numbers("default", f64::NAN)?,
+        scale: numbers("scale", f64::NAN)?,
+        affine_unit: at.field("affine_unit")?.flag()?,
+        structural: at.field("structural")?.flag()?,
+    })
+}
+
+fn axis(at: &At<'_>) -> Result<Axis, ReadError> {
+    if let Some(names) = at.maybe("names")? {
+        at.only(&["names"])?;
+        return Ok(Axis::Names(texts(&names)?));
+    }
+    at.only(&["first", "count"])?;
+    let first = at.field("first")?.integer(1 << 40)?;
+    Ok(Axis::Numbers { first, count: at.field("count")?.count(super::read::MAX_ELEMENTS as u32)? })
+}
+
+fn state_order(at: &At<'_>, states: usize) -> Result<Option<Vec<u32>>, ReadError> {
+    if at.is_null() {
+        return Ok(None);
+    }
+    let order = at.list(|item| Ok(item.index(states, "state")? as u32))?;
+    let mut found = vec![false; states];
+    order.iter().for_each(|&i| found[i as usize] = true);
+    if order.len() == states && found.into_iter().all(|f| f) {
+        return Ok(Some(order));
+    }
+    Err(at.fault(format!("expected each of the {states} states once")))
+}
+
+fn draw(at: &At<'_>) -> Result<Draw, ReadError> {
+    at.only(&["stream", "kind", "at"])?;
+    Ok(Draw { stream: at.field("stream")?.string()?, kind: at.field("kind")?.word(&VARIATES)?, instant: at.field("at")?.word(&INSTANTS)? })
+}
+
+fn finish(i: &mut Interface, at: &At<'_>) -> Result<(), ReadError> {
+    at.only(&["failures", "successes", "constraints", "rewards", "default_reward", "observations"])?;
+    i.failures = at.field("failures")?.list(|f| {
+        f.only(&["name", "text", "event", "on_reward", "box"])?;
+        Ok(Failure {
+            name: f.field("name")?.string()?,
+            text: f.field("text")?.string()?,
+            event: f.field("event")?.flag()?,
+            items: f.field("box")?.list(box_item)?,
+            on_reward: f.field("on_reward")?.flag()?,
+        })
+    })?;
+    i.successes = texts(&at.field("successes")?)?;
+    i.constraints = texts(&at.field("constraints")?)?;
+    i.rewards = at.field("rewards")?.list(|r| {
+        r.only(&["name", "unit", "text"])?;
+        Ok(Reward { name: r.field("name")?.string()?, unit: r.field("unit")?.string()?, text: r.field("text")?.string()? })
+    })?;
+    i.observations = at.field("observations")?.list(observed)?;
+    let default = at.field("default_reward")?;
+    if !(default.is_null() && i.rewards.is_empty()) {
+        let name = default.text()?;
+        let at = i.rewards.iter().position(|r| r.name == name);
+        i.default_reward = at.ok_or_else(|| default.fault(format!("there is no reward `{name}`")))? as u32;
+    }
+    i.finish = Finish {
+        failures: i.failures.len() as u32,
+        successes: i.successes.len() as u32,
+        constraints: i.constraints.len() as u32,
+        rewards: i.rewards.len() as u32,
+        observations: i.observations.len() as u32,
+    };
+    Ok(())
+}
+
+fn box_item(at: &At<'_>) -> Result<BoxItem, ReadError> {
+    at.only(&["name", "unit", "low", "high"])?;
+    let (name, unit) = (at.field("name")?.string()?, at.field("unit")?.string()?);
+    Ok(BoxItem { name, unit, low: at.field("low")?.number()?, high: at.field("high")?.number()? })
+}
+
+fn observed(at: &At<'_>) -> Result<Observed, ReadError> {
+    at.only(&["name", "unit", "low", "high", "every", "delay", "noise"])?;
+    let every = at.field("every")?;
+    let steps = every.count(1_000_000)?;
+    if steps == 0 {
+        return Err(every.fault("an observation is sampled every 1 or more steps"));
+    }
+    Ok(Observed {
+        name: at.field("name")?.string()?,
+        unit: at.field("unit")?.string()?,
+        low: at.field("low")?.number()?,
+        high: at.field("high")?.number()?,
+        every: steps,
+        delay: at.field("delay")?.count(1_000_000)?,
+        noise: at.field("noise")?.number_that("0 or more", |x| x >= 0.0 && x.is_finite())?,
+    })
+}
+
+fn steady(i: &mut Interface, at: &At<'_>) -> Result<(), ReadError> {
+    if at.is_null() {
+        return Ok(());
+    }
+    at.only(&["fixed", "conditions", "given"])?;
+    i.has_steady = true;
+    i.steady_given = at.field("given")?.flag()?;
+    i.steady_conditions = at.field("conditions")?.count(super::read::MAX_ELEMENTS as u32)?;
+    let names = i.states.iter().flat_map(|q| (0..q.len()).map(|e| q.element_name(e)));
+    let places: std::collections::HashMap<String, u32> = names.zip(0..).collect();
+    i.steady_fixed = at.field("fixed")?.list(|name| {
+        let text = name.text()?;
+        places.get(text).copied().ok_or_else(|| name.fault(format!("there is no state `{text}`")))
+    })?;
+    Ok(())
+}
+
+fn positive(at: &At<'_>, name: &str) -> Result<f64, ReadError> {
+    at.field(name)?.number_that("positive and finite", |x| x > 0.0 && x.is_finite())
+}
+
+fn episode(at: &At<'_>) -> Result<Episode, ReadError> {
+    at.only(&["step", "integrate", "max_steps", "error_reward", "end_is_success", "failure_pays_alone", "single_precision"])?;
+    let max_steps = at.field("max_steps")?;
+    let steps = max_steps.count(u32::MAX)?;
+    if steps == 0 {
+        return Err(max_steps.fault("an episode has at least 1 step"));
+    }
+    Ok(Episode {
+        step: positive(at, "step")?,
+        integrate: positive(at, "integrate")?,
+        max_steps: steps,
+        error_reward: at.field("error_reward")?.number_that("finite", f64::is_finite)?,
+        end_is_success: at.field("end_is_success")?.flag()?,
+        failure_pays_alone: at.field("failure_pays_alone")?.flag()?,
+        single_precision: at.field("single_precision")?.flag()?,
+    })
+}
+
+fn solver(at: &At<'_>) -> Result<Solver, ReadError> {
+    at.only(&[
+        "rtol",
+        "atol_factor",
+        "safety",
+        "max_order",
+        "max_steps",
+        "max_events",
+        "max_step",
+        "algebraic_error_control",
+        "quadrature_error_control",
+        "linear_solver",
+        "method",
+    ])?;
+    let order = at.field("max_order")?;
+    let max_order = order.count(5)?;
+    if max_order == 0 {
+        return Err(order.fault("the highest order is 1 to 5"));
+    }
+    Ok(Solver {
+        rtol: at.field("rtol")?.number_that(Solver::RTOL_TEXT, |x| Solver::RTOL.contains(&x))?,
+        atol_factor: positive(at, "atol_factor")?,
+        safety: positive(at, "safety")?,
+        max_order,
+        max_steps: at.field("max_steps")?.count(u32::MAX)?.max(1),
+        max_events: at.field("max_events")?.count(u32::MAX)?,
+        max_step: at.field("max_step")?.number_or(f64::INFINITY)?,
+        algebraic_error_control: at.field("algebraic_error_control")?.flag()?,
+        quadrature_error_control: at.field("quadrature_error_control")?.flag()?,
+        linear_solver: at.field("linear_solver")?.one_of(&["auto", "dense", "banded", "block", "klu"])?,
+        method: at.field("method")?.one_of(&["ida", "rosenbrock", "explicit", "auto"])?,
+    })
+}
+
+fn choice(at: &At<'_>) -> Result<(String, Vec<String>, u32), ReadError> {
+    at.only(&["name", "options", "chosen"])?;
+    let (options, chosen) = (texts(&at.field("options")?)?, at.field("chosen")?);
+    let name = chosen.text()?;
+    let found = options.iter().position(|option| option == name);
+    let found = found.ok_or_else(|| chosen.fault(format!("there is no option `{name}`")))?;
+    Ok((at.field("name")?.string()?, options, found as u32))
+}
