@@ -105,7 +105,7 @@ impl Follower {
 
     fn with_settings(setup: &Arc<Setup>, width: usize, settings: Settings) -> Result<Self, SetupError> {
         let system = &setup.system;
-        let augmented = Augmented::new(system, width)?;
+        let augmented = Augmented::new(system, width);
         let n = system.model().unknowns();
         let numbers = |length| vec![0.0; length];
         let entries = system.pattern().entries();

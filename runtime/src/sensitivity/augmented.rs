@@ -9,7 +9,8 @@ use smpl_compiler::compiled::tangent::{ByInputs, Part};
 use smpl_compiler::layout::Memory;
 
 use super::tangents::{Point, Tangents};
-use crate::solver::{Pattern, PatternError, RootKind, System};
+use crate::solver::linear::columns::{Columns, each_piece, with_avx2};
+use crate::solver::{Following, Pattern, RootKind, System};
 use crate::system::CompiledSystem;
 
 /// A model and its derivatives: n unknowns, then n rows of as many derivatives as there are directions.
@@ -18,10 +19,13 @@ pub struct Augmented {
     pub system: CompiledSystem,
     width: usize,
     differential: Vec<bool>,
-    pattern: Pattern,
-    /// F_y, and F_y' where it is not the identity on the rows of states.
+    rows: Rows,
+    /// F_y + c F_y'; and, where F_y' is not minus the identity on the rows of states, F_y and F_y'.
     jacobian: Vec<f64>,
+    without: Vec<f64>,
     mass: Vec<f64>,
+    /// F_y S, there.
+    part: Vec<f64>,
     inputs: Option<Inputs>,
     kinds: Vec<RootKind>,
     switches: Option<Memory>,
@@ -42,29 +46,28 @@ struct Inputs {
 
 impl Augmented {
     /// Of a model, along so many directions.
-    ///
-    /// # Errors
-    /// A pattern that is none.
-    pub fn new(system: &CompiledSystem, width: usize) -> Result<Self, PatternError> {
+    pub fn new(system: &CompiledSystem, width: usize) -> Self {
         let inner = system.pattern();
         let entries = inner.entries();
         let switches = system.model().switches().ok();
         let strict = switches.map_or(&[][..], |switches| &switches.strict);
         let kinds = system.root_kinds().iter().copied().chain(strict.iter().map(|&strict| RootKind { strict, both: true }));
         let rows_of_directions = system.differential().iter().flat_map(|&d| std::iter::repeat_n(d, width));
-        Ok(Self {
+        Self {
             width,
             differential: system.differential().iter().copied().chain(rows_of_directions).collect(),
-            pattern: repeated(inner, width)?,
+            rows: Rows::new(inner),
             jacobian: vec![0.0; entries],
+            without: if system.is_explicit() { Vec::new() } else { vec![0.0; entries] },
             mass: if system.is_explicit() { Vec::new() } else { vec![0.0; entries] },
+            part: if system.is_explicit() { Vec::new() } else { vec![0.0; system.dimension() * width] },
             inputs: None,
             kinds: kinds.collect(),
             switches: switches.and_then(|switches| switches.memory()),
             tangents: Tangents::new(system, width),
             system: system.clone(),
             fault: None,
-        })
+        }
     }
 
     /// Number of root functions that are switches of the equations, after those of the model.
@@ -104,72 +107,106 @@ impl Augmented {
         Ok(())
     }
 
-    fn derivatives(&mut self, t: f64, (y, yp): (&[f64], &[f64]), (s, sp): (&[f64], &[f64]), out: &mut [f64]) {
-        let width = self.width;
-        self.system.jacobian(t, y, yp, 0.0, &mut self.jacobian);
-        out.fill(0.0);
-        multiply(self.system.pattern(), &self.jacobian, width, s, out);
-        if self.mass.is_empty() {
-            let rows = out.chunks_exact_mut(width).zip(sp.chunks_exact(width)).zip(self.system.differential());
-            for ((out, sp), _) in rows.filter(|(_, differential)| **differential) {
-                out.iter_mut().zip(sp).for_each(|(out, sp)| *out -= sp);
-            }
-        } else {
-            // The Jacobian is affine in the weight of the derivatives.
-            self.system.jacobian(t, y, yp, 1.0, &mut self.mass);
-            self.mass.iter_mut().zip(&self.jacobian).for_each(|(mass, jacobian)| *mass -= jacobian);
-            multiply(self.system.pattern(), &self.mass, width, sp, out);
-        }
-        if let Some(Inputs { compiled, memory, values, terms }) = &mut self.inputs {
-            compiled.evaluate(self.system.model(), memory, t, (y, yp), values);
-            for &(row, value, direction, factor) in &*terms {
-                out[row as usize * width + direction as usize] += factor * values[value as usize];
-            }
+    /// Adds what inputs that move give.
+    fn add_inputs(&mut self, t: f64, (y, yp): (&[f64], &[f64]), out: &mut [f64]) {
+        let Some(Inputs { compiled, memory, values, terms }) = &mut self.inputs else { return };
+        compiled.evaluate(self.system.model(), memory, t, (y, yp), values);
+        for &(row, value, direction, factor) in &*terms {
+            out[row as usize * self.width + direction as usize] += factor * values[value as usize];
         }
     }
 }
 
-/// `out += A X` for a sparse matrix and a matrix of `width` columns, row after row.
-fn multiply(pattern: &Pattern, values: &[f64], width: usize, x: &[f64], out: &mut [f64]) {
-    #[cfg(target_arch = "x86_64")]
-    {
-        #[target_feature(enable = "avx2")]
-        unsafe fn wide(pattern: &Pattern, values: &[f64], width: usize, x: &[f64], out: &mut [f64]) {
-            multiply_portable(pattern, values, width, x, out);
+/// A pattern by rows: the end of each, and column and place of each entry.
+struct Rows {
+    ends: Vec<u32>,
+    entries: Vec<(u32, u32)>,
+}
+
+impl Rows {
+    fn new(pattern: &Pattern) -> Self {
+        let n = pattern.dimension();
+        let mut rows = vec![Vec::new(); n];
+        for column in 0..n {
+            pattern.column(column).for_each(|place| rows[pattern.rows()[place]].push((column as u32, place as u32)));
         }
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor has the feature.
-            return unsafe { wide(pattern, values, width, x, out) };
-        }
+        let ends = rows.iter().scan(0, |end, row| {
+            *end += row.len() as u32;
+            Some(*end)
+        });
+        Self { ends: ends.collect(), entries: rows.concat() }
     }
-    multiply_portable(pattern, values, width, x, out);
+}
+
+/// What a product of a matrix by rows with a matrix of `width` columns begins with.
+#[derive(Clone, Copy)]
+enum Beginning<'a> {
+    Zero,
+    /// Another matrix.
+    Given(&'a [f64]),
+    /// On differential rows `cj` x minus this; zero on others.
+    Rates { differential: &'a [bool], cj: f64, rates: &'a [f64] },
+}
+
+with_avx2! {
+    /// `out = beginning + A X` for a sparse matrix and a matrix of `width` columns.
+    fn multiply(rows: &Rows, values: &[f64], width: usize, x: &[f64], beginning: Beginning<'_>, out: &mut [f64]) = multiply_portable
 }
 
 #[inline(always)]
-fn multiply_portable(pattern: &Pattern, values: &[f64], width: usize, x: &[f64], out: &mut [f64]) {
-    for (column, x) in x.chunks_exact(width).enumerate() {
-        for entry in pattern.column(column) {
-            let (row, value) = (pattern.rows()[entry], values[entry]);
-            if value != 0.0 {
-                let out = &mut out[row * width..(row + 1) * width];
-                out.iter_mut().zip(x).for_each(|(out, x)| *out += value * x);
-            }
-        }
+fn multiply_portable(rows: &Rows, values: &[f64], width: usize, x: &[f64], beginning: Beginning<'_>, out: &mut [f64]) {
+    if width == 0 {
+        return;
+    }
+    let mut first = 0;
+    for ((row, &end), out) in rows.ends.iter().enumerate().zip(out.chunks_exact_mut(width)) {
+        let entries = &rows.entries[first as usize..end as usize];
+        first = end;
+        let from = row * width..(row + 1) * width;
+        let beginning = match beginning {
+            Beginning::Given(other) => RowBeginning::Given(&other[from]),
+            Beginning::Rates { differential, cj, rates } if differential[row] => RowBeginning::Rates(cj, &x[from.clone()], &rates[from]),
+            Beginning::Zero | Beginning::Rates { .. } => RowBeginning::Zero,
+        };
+        each_piece(width, &mut Product { entries, values, width, x, beginning, out });
     }
 }
 
-/// The pattern of the whole, of which only the diagonal blocks are told.
-fn repeated(inner: &Pattern, width: usize) -> Result<Pattern, PatternError> {
-    let n = inner.dimension();
-    let mut starts = inner.column_starts().to_vec();
-    let mut rows = inner.rows().to_vec();
-    for column in 0..n {
-        for j in 0..width {
-            rows.extend(inner.rows()[inner.column(column)].iter().map(|row| n + row * width + j));
-            starts.push(rows.len());
+#[derive(Clone, Copy)]
+enum RowBeginning<'a> {
+    Zero,
+    Given(&'a [f64]),
+    Rates(f64, &'a [f64], &'a [f64]),
+}
+
+/// A row of the product.
+struct Product<'a> {
+    entries: &'a [(u32, u32)],
+    values: &'a [f64],
+    width: usize,
+    x: &'a [f64],
+    beginning: RowBeginning<'a>,
+    out: &'a mut [f64],
+}
+
+impl Columns for Product<'_> {
+    #[inline(always)]
+    fn piece<const B: usize>(&mut self, first: usize) {
+        let mut sum = [0.0; B];
+        match self.beginning {
+            RowBeginning::Zero => {}
+            RowBeginning::Given(other) => sum.copy_from_slice(&other[first..first + B]),
+            RowBeginning::Rates(cj, own, rates) => {
+                let both = own[first..first + B].iter().zip(&rates[first..first + B]);
+                sum.iter_mut().zip(both).for_each(|(sum, (own, rate))| *sum = cj * own - rate);
+            }
         }
+        for &(column, place) in self.entries {
+            let (value, from) = (self.values[place as usize], column as usize * self.width + first);
+            sum.iter_mut().zip(&self.x[from..from + B]).for_each(|(sum, x)| *sum += value * x);
+        }
+        self.out[first..first + B].copy_from_slice(&sum);
     }
-    Pattern::new(starts, rows)
 }
 
 impl System for Augmented {
@@ -182,7 +219,7 @@ impl System for Augmented {
     }
 
     fn pattern(&self) -> &Pattern {
-        &self.pattern
+        self.system.pattern()
     }
 
     fn directions(&self) -> usize {
@@ -193,21 +230,38 @@ impl System for Augmented {
         let n = self.system.dimension();
         let ((y, s), (yp, sp), (out, derivatives)) = (y.split_at(n), yp.split_at(n), out.split_at_mut(n));
         self.system.residual(t, y, yp, out);
-        self.derivatives(t, (y, yp), (s, sp), derivatives);
+        let mut jacobian = std::mem::take(&mut self.jacobian);
+        if self.mass.is_empty() {
+            self.system.jacobian(t, y, yp, 0.0, &mut jacobian);
+        }
+        self.following(Following { t, y, yp, cj: 0.0, jacobian: &jacobian }, (s, sp), derivatives);
+        self.jacobian = jacobian;
+    }
+
+    fn leading(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        self.system.residual(t, y, yp, out);
+    }
+
+    fn following(&mut self, at: Following<'_>, (s, sp): (&[f64], &[f64]), out: &mut [f64]) {
+        let (Following { t, y, yp, cj, jacobian }, width) = (at, self.width);
+        if self.mass.is_empty() {
+            let beginning = Beginning::Rates { differential: self.system.differential(), cj, rates: sp };
+            multiply(&self.rows, jacobian, width, s, beginning, out);
+        } else {
+            // The Jacobian is affine in the weight of the derivatives by rates.
+            let (without, mass) = (&mut self.without, &mut self.mass);
+            self.system.jacobian(t, y, yp, 0.0, without);
+            self.system.jacobian(t, y, yp, 1.0, mass);
+            mass.iter_mut().zip(&*without).for_each(|(mass, without)| *mass -= without);
+            multiply(&self.rows, without, width, s, Beginning::Zero, &mut self.part);
+            multiply(&self.rows, mass, width, sp, Beginning::Given(&self.part), out);
+        }
+        self.add_inputs(t, (y, yp), out);
     }
 
     fn jacobian(&mut self, t: f64, y: &[f64], yp: &[f64], cj: f64, values: &mut [f64]) {
         let n = self.system.dimension();
-        let (first, mut rest) = values.split_at_mut(self.jacobian.len());
-        self.system.jacobian(t, &y[..n], &yp[..n], cj, first);
-        for column in 0..n {
-            let from = &first[self.system.pattern().column(column)];
-            let (these, others) = rest.split_at_mut(from.len() * self.width);
-            if !from.is_empty() {
-                these.chunks_exact_mut(from.len()).for_each(|to| to.copy_from_slice(from));
-            }
-            rest = others;
-        }
+        self.system.jacobian(t, &y[..n], &yp[..n], cj, values);
     }
 
     /// Breaks are crossed from outside: their times may move.

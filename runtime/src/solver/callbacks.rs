@@ -20,7 +20,7 @@ use super::linear::Factorisation;
 use super::newton::Newton;
 use super::vector::{self, Operations, Shared, Vector, entries, entries_mut};
 use super::watch::Watch;
-use super::{Statistics, System};
+use super::{Following, Statistics, System};
 use crate::interrupt::Pace;
 
 /// Returned to IDA: try again with a smaller step.
@@ -64,8 +64,11 @@ pub(crate) struct Bridge {
     /// What IDA's vectors know of each other.
     pub shared: Rc<Shared>,
     pub rtol: f64,
-    /// Unknowns that derivatives along directions follow, or all.
+    /// Unknowns that derivatives along directions follow, or all; and those together.
     pub leading: usize,
+    length: usize,
+    /// For many right-hand sides.
+    space: Vec<f64>,
     /// Absolute tolerances, filled up with infinity.
     pub atol: Box<[Block]>,
     /// Entries of the Newton matrix.
@@ -107,6 +110,8 @@ impl Bridge {
             shared: Rc::default(),
             rtol,
             leading: atol.len(),
+            length: atol.len(),
+            space: Vec::new(),
             atol: blocks,
             values: vec![0.0; entries].into_boxed_slice(),
             factorisation,
@@ -175,6 +180,55 @@ impl Bridge {
         self.guarded(|system| unsafe {
             system.residual(time, entries(y), entries(yp), entries_mut(out));
         })
+    }
+
+    /// Evaluates the residual of the leading unknowns; what else is in `out` stays.
+    pub fn evaluate_leading(&mut self, time: f64, y: N_Vector, yp: N_Vector, out: N_Vector) -> Result<(), c_int> {
+        let n = self.leading;
+        if n == self.length {
+            return self.evaluate(time, y, yp, out);
+        }
+        self.counts.residuals += 1;
+        self.guarded(|system| unsafe {
+            system.leading(time, &entries(y)[..n], &entries(yp)[..n], &mut entries_mut(out)[..n]);
+        })
+    }
+
+    /// Evaluates the residual of the derivatives along directions, at unknowns for which [`jacobian`](Self::jacobian) was evaluated.
+    pub fn follow(
+        &mut self,
+        (time, cj): (f64, f64),
+        (y, yp): (N_Vector, N_Vector),
+        (predicted, derivative): (N_Vector, N_Vector),
+        out: N_Vector,
+    ) -> Result<(), c_int> {
+        let n = self.leading;
+        let values = std::mem::take(&mut self.values);
+        let done = self.guarded(|system| unsafe {
+            let at = Following { t: time, y: &entries(y)[..n], yp: &entries(yp)[..n], cj, jacobian: &values };
+            system.following(at, (&entries(predicted)[n..], &entries(derivative)[n..]), &mut entries_mut(out)[n..]);
+        });
+        self.values = values;
+        done
+    }
+
+    /// Solves for the corrections of derivatives along directions from their residual, with the factorised matrix in place.
+    pub fn solve_following(&mut self, time: f64, residual: N_Vector, corrections: N_Vector) -> c_int {
+        let n = self.leading;
+        let (from, to) = unsafe { (&entries(residual)[n..], &mut entries_mut(corrections)[n..]) };
+        to.iter_mut().zip(from).for_each(|(to, from)| *to = -from);
+        self.counts.linear_solves += 1;
+        let width = to.len() / n;
+        match catch_unwind(AssertUnwindSafe(|| self.factorisation.solve_many(width, to, &mut self.space))) {
+            // The sum of 0 * x is zero unless an entry is not finite.
+            Ok(()) if to.iter().map(|x| x * 0.0).sum::<f64>() == 0.0 => 0,
+            Ok(()) => {
+                self.is_finite(time, residual);
+                unsafe { entries_mut(residual)[n..].fill(0.0) };
+                RECOVERABLE
+            }
+            Err(_) => self.panicked(),
+        }
     }
 
     /// Whether a residual is finite; notes the trouble if it is not.
@@ -286,7 +340,7 @@ impl Bridge {
     }
 
     /// The leading unknowns count as much as if they were alone.
-    fn emphasise(&self, weights: &mut [f64]) {
+    pub fn emphasise(&self, weights: &mut [f64]) {
         if self.leading < weights.len() {
             let factor = (weights.len() as f64 / self.leading as f64).sqrt();
             weights[..self.leading].iter_mut().for_each(|weight| *weight *= factor);
@@ -299,7 +353,8 @@ impl Bridge {
         FATAL
     }
 
-    fn factorise(&mut self) -> c_int {
+    /// Factorises the matrix.
+    pub fn factorise(&mut self) -> c_int {
         self.counts.factorisations += 1;
         match catch_unwind(AssertUnwindSafe(|| self.factorisation.factorise(&self.values))) {
             Err(_) => self.panicked(),

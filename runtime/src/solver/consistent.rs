@@ -12,7 +12,7 @@ use sundials_sys::{N_VWrmsNorm, SUNContext};
 use super::callbacks::Bridge;
 use super::linear::Factorisation;
 use super::quadrature::Integrals;
-use super::vector::{Operations, Vector};
+use super::vector::{Operations, Vector, entries_mut};
 use super::{LinearSolver, Pattern, SolveError, System};
 
 /// Newton iterations at most: exp(z) = x comes down from a large z by one in each.
@@ -57,6 +57,9 @@ pub(crate) struct Start<'a> {
 
 /// Space for the computations above.
 pub(crate) struct Consistent {
+    /// Number of unknowns, and of directions along which their derivatives follow.
+    leading: usize,
+    width: usize,
     /// The algebraic unknowns.
     algebraic: Box<[usize]>,
     differential: Box<[bool]>,
@@ -66,6 +69,9 @@ pub(crate) struct Consistent {
     block_values: Box<[f64]>,
     block: Option<Factorisation>,
     correction: Box<[f64]>,
+    /// The same for derivatives along directions, row after row.
+    following: Vec<f64>,
+    space: Vec<f64>,
     /// A trial state; then ∂F/∂t, then y''.
     work: Vector,
     residual: Vector,
@@ -79,11 +85,12 @@ pub(crate) struct Consistent {
 
 impl Consistent {
     pub fn new(system: &dyn System, operations: Operations, context: SUNContext) -> Result<Self, SolveError> {
-        let n = system.dimension();
-        let differential: Box<[bool]> = system.differential().into();
         let pattern = system.pattern().clone();
-        let algebraic: Box<[usize]> = (0..n).filter(|&i| !differential[i]).collect();
-        let mut number = vec![usize::MAX; n];
+        let (leading, width) = (pattern.dimension(), system.directions());
+        let n = system.dimension();
+        let differential: Box<[bool]> = system.differential()[..leading].into();
+        let algebraic: Box<[usize]> = (0..leading).filter(|&i| !differential[i]).collect();
+        let mut number = vec![usize::MAX; leading];
         algebraic.iter().enumerate().for_each(|(k, &i)| number[i] = k);
         let (mut starts, mut rows, mut block_entries) = (vec![0], vec![], vec![]);
         for &column in &algebraic {
@@ -103,7 +110,11 @@ impl Consistent {
         };
         let zeros = || Vector::zeros(n, operations, context);
         Ok(Self {
+            leading,
+            width,
             correction: vec![0.0; algebraic.len()].into(),
+            following: vec![0.0; algebraic.len() * width],
+            space: Vec::new(),
             start: vec![0.0; algebraic.len()].into(),
             algebraic,
             differential,
@@ -133,19 +144,58 @@ impl Consistent {
     /// Makes the algebraic unknowns of `y` consistent and sets the differential entries of `yp`, the others to zero.
     pub fn initialise(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &mut Vector) -> Result<(), Inconsistent> {
         yp.entries_mut().fill(0.0);
+        // What an earlier attempt left there may not be finite.
+        self.residual.entries_mut()[self.leading..].fill(0.0);
         self.evaluate(bridge, t, y, yp)?;
         if !self.algebraic.is_empty() {
             self.solve_algebraic(bridge, t, y, yp)?;
         }
-        let derivative = yp.entries_mut();
+        if self.width > 0 {
+            self.follow(bridge, t, y, yp)?;
+        }
+        let (leading, width) = (self.leading, self.width);
+        let (own, following) = yp.entries_mut().split_at_mut(leading);
+        let (residual, of_following) = self.residual.entries().split_at(leading);
         for (i, &differential) in self.differential.iter().enumerate() {
-            derivative[i] = if differential { self.residual.entries()[i] } else { 0.0 };
+            own[i] = if differential { residual[i] } else { 0.0 };
+            if differential {
+                following[i * width..(i + 1) * width].copy_from_slice(&of_following[i * width..(i + 1) * width]);
+            }
         }
         Ok(())
     }
 
+    /// Makes the derivatives of the algebraic unknowns along directions consistent, and leaves the residual of everything.
+    fn follow(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &Vector) -> Result<(), Inconsistent> {
+        let everything = |this: &Self, bridge: &mut Bridge, y: &Vector| {
+            bridge.residual(t, y.raw(), yp.raw(), this.residual.raw()).map_err(|_| Inconsistent::Callback)
+        };
+        everything(self, bridge, y)?;
+        if self.algebraic.is_empty() {
+            return Ok(());
+        }
+        self.factorise_block(bridge, t, y, yp)?;
+        self.correct_following();
+        let (width, following) = (self.width, &mut y.entries_mut()[self.leading..]);
+        for (&i, correction) in self.algebraic.iter().zip(self.following.chunks_exact(width)) {
+            following[i * width..(i + 1) * width].iter_mut().zip(correction).for_each(|(x, correction)| *x += correction);
+        }
+        everything(self, bridge, y)
+    }
+
+    /// Sets the corrections of the algebraic unknowns' derivatives along directions from the residual.
+    fn correct_following(&mut self) {
+        let Some(block) = self.block.as_mut().filter(|_| self.width > 0) else { return };
+        let (width, residual) = (self.width, &self.residual.entries()[self.leading..]);
+        for (&i, correction) in self.algebraic.iter().zip(self.following.chunks_exact_mut(width)) {
+            correction.iter_mut().zip(&residual[i * width..(i + 1) * width]).for_each(|(to, from)| *to = -from);
+        }
+        block.solve_many(width, &mut self.following, &mut self.space);
+    }
+
     fn evaluate(&mut self, bridge: &mut Bridge, t: f64, y: &Vector, yp: &Vector) -> Result<(), Inconsistent> {
-        bridge.residual(t, y.raw(), yp.raw(), self.residual.raw()).map_err(|_| Inconsistent::Callback)
+        let done = bridge.evaluate_leading(t, y.raw(), yp.raw(), self.residual.raw());
+        if done.is_ok() && bridge.is_finite(t, self.residual.raw()) { Ok(()) } else { Err(Inconsistent::Callback) }
     }
 
     /// Newton's method on the algebraic rows; leaves the residual of the solution.
@@ -205,6 +255,7 @@ impl Consistent {
     fn norm(&self, bridge: &Bridge, y: &Vector, x: &Vector) -> f64 {
         unsafe {
             bridge.operations.error_weights(bridge.rtol, y.raw(), &bridge.atol, self.weights.raw());
+            bridge.emphasise(entries_mut(self.weights.raw()));
             N_VWrmsNorm(x.raw(), self.weights.raw())
         }
     }
@@ -213,7 +264,10 @@ impl Consistent {
     fn damped_step(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &Vector) -> Option<f64> {
         self.work.entries_mut().copy_from_slice(self.spread.entries());
         // SAFETY: all vectors have the dimension of the system, here and below.
-        unsafe { bridge.operations.error_weights(bridge.rtol, y.raw(), &bridge.atol, self.reference.raw()) };
+        unsafe {
+            bridge.operations.error_weights(bridge.rtol, y.raw(), &bridge.atol, self.reference.raw());
+            bridge.emphasise(entries_mut(self.reference.raw()));
+        }
         let length = |x: &Vector, reference: &Vector| unsafe { N_VWrmsNorm(x.raw(), reference.raw()) };
         let size = length(&self.spread, &self.reference);
         for (start, &i) in self.start.iter_mut().zip(&self.algebraic) {
@@ -244,17 +298,11 @@ impl Consistent {
         self.factorise_block(bridge, t, y, yp)?;
         self.time_derivative(bridge, t, later, y, yp)?;
         self.accumulate(bridge, yp, |differential, row_differential| differential && !row_differential);
-        if let Some(block) = &mut self.block {
-            for (correction, &i) in self.correction.iter_mut().zip(&self.algebraic) {
-                *correction = -self.work.entries()[i];
-            }
-            block.solve(&mut self.correction);
-            let derivative = yp.entries_mut();
-            self.algebraic.iter().zip(&self.correction).for_each(|(&i, &value)| derivative[i] = value);
-        }
+        std::mem::swap(&mut self.work, &mut self.residual);
+        self.solve_rates(yp);
+        std::mem::swap(&mut self.work, &mut self.residual);
         self.accumulate(bridge, yp, |_, row_differential| row_differential);
-        let second = self.work.entries_mut();
-        self.algebraic.iter().for_each(|&i| second[i] = 0.0);
+        self.clear_algebraic();
         let mut size = self.norm(bridge, y, &self.work);
         if let Some(quadratures) = quadratures {
             self.move_ahead(y, yp, later - t);
@@ -262,6 +310,30 @@ impl Consistent {
             size = size.max(change / (later - t));
         }
         Ok((2.0 * safety / size).sqrt())
+    }
+
+    /// Sets the rates of the algebraic unknowns from what their equations' other terms amount to, in `residual`.
+    fn solve_rates(&mut self, yp: &mut Vector) {
+        let Some(block) = &mut self.block else { return };
+        for (correction, &i) in self.correction.iter_mut().zip(&self.algebraic) {
+            *correction = -self.residual.entries()[i];
+        }
+        block.solve(&mut self.correction);
+        self.correct_following();
+        let (width, (own, following)) = (self.width, yp.entries_mut().split_at_mut(self.leading));
+        for (k, (&i, &value)) in self.algebraic.iter().zip(&self.correction).enumerate() {
+            own[i] = value;
+            following[i * width..(i + 1) * width].copy_from_slice(&self.following[k * width..(k + 1) * width]);
+        }
+    }
+
+    /// Zeros in `work` where unknowns are algebraic.
+    fn clear_algebraic(&mut self) {
+        let (width, (own, following)) = (self.width, self.work.entries_mut().split_at_mut(self.leading));
+        for &i in &self.algebraic {
+            own[i] = 0.0;
+            following[i * width..(i + 1) * width].fill(0.0);
+        }
     }
 
     /// Leaves the state that is `ahead` on the straight line from `y` in `work`.
@@ -312,13 +384,19 @@ impl Consistent {
             return;
         }
         self.correct(bridge, y);
-        let change = self.residual.entries_mut();
-        for (&column, &correction) in self.algebraic.iter().zip(&self.correction) {
+        self.correct_following();
+        let (width, (change, of_following)) = (self.width, self.residual.entries_mut().split_at_mut(self.leading));
+        for (k, (&column, &correction)) in self.algebraic.iter().zip(&self.correction).enumerate() {
             change[column] = 0.0;
+            of_following[column * width..(column + 1) * width].fill(0.0);
             for entry in self.pattern.column(column) {
                 let row = self.pattern.rows()[entry];
                 if self.differential[row] {
-                    change[row] = bridge.values[entry].mul_add(correction, change[row]);
+                    let value = bridge.values[entry];
+                    change[row] = value.mul_add(correction, change[row]);
+                    let corrections = &self.following[k * width..(k + 1) * width];
+                    let to = &mut of_following[row * width..(row + 1) * width];
+                    to.iter_mut().zip(corrections).for_each(|(to, correction)| *to += value * correction);
                 }
             }
         }
@@ -339,12 +417,18 @@ impl Consistent {
 
     /// Adds ∂F/∂y `yp` to `work`, over the entries where `takes(column is differential, row is differential)`.
     fn accumulate(&mut self, bridge: &Bridge, yp: &Vector, takes: impl Fn(bool, bool) -> bool) {
-        let work = self.work.entries_mut();
-        for (column, &slope) in yp.entries().iter().enumerate() {
+        let (leading, width) = (self.leading, self.width);
+        let (work, of_following) = self.work.entries_mut().split_at_mut(leading);
+        let (slopes, following) = yp.entries().split_at(leading);
+        for (column, &slope) in slopes.iter().enumerate() {
             for entry in self.pattern.column(column) {
                 let row = self.pattern.rows()[entry];
                 if takes(self.differential[column], self.differential[row]) {
-                    work[row] = bridge.values[entry].mul_add(slope, work[row]);
+                    let value = bridge.values[entry];
+                    work[row] = value.mul_add(slope, work[row]);
+                    let slopes = &following[column * width..(column + 1) * width];
+                    let to = &mut of_following[row * width..(row + 1) * width];
+                    to.iter_mut().zip(slopes).for_each(|(to, slope)| *to += value * slope);
                 }
             }
         }

@@ -53,5 +53,5 @@ pub use integrator::{Advance, Carried, Integrator, Statistics, integrator};
 pub use linear::Method as LinearMethod;
 pub use onestep::OneStep;
 pub use settings::{FirstStep, LinearSolver, Method, Quadratures, Settings};
-pub use system::{Pattern, PatternError, RootKind, System};
+pub use system::{Following, Pattern, PatternError, RootKind, System};
 pub use watch::Edge;

@@ -4,6 +4,10 @@
 //! memory, and the systems of a control problem are so small, or memory so near, that these are a third of the time. Here an
 //! iteration is residual, solve, and one pass that corrects and measures. The convergence test is that of IDA
 //! (Hindmarsh et al., *SUNDIALS*, ACM TOMS 31, 2005, section 2.3): steps and orders are the same.
+//!
+//! Derivatives along directions follow when the unknowns have converged (the staggered corrector of W. F. Feehery, J. E. Tolsma and P. I. Barton,
+//! *Appl. Numer. Math.* 25 (1997) 41). Their equations are linear: with the Jacobian there, factorised once for all directions, one solution is the exact one. It
+//! serves the next step's iterations too.
 
 use std::os::raw::{c_int, c_long, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -16,6 +20,7 @@ use sundials_sys::{
 };
 
 use super::callbacks::Bridge;
+use super::kernels::LANES;
 use super::vector::{Operations, Vector, entries, entries_mut};
 
 /// Iterations at most.
@@ -35,6 +40,9 @@ const AFTER_CHANGE: f64 = 100.0;
 
 /// IDA's code for a residual that asks for a smaller step.
 const RESIDUAL_RECOVERABLE: c_int = 1;
+
+/// Leading coefficients of this ratio need no new matrix: IDA's bound.
+const NEAR: f64 = 0.6;
 
 /// What lasts from one solve to the next.
 pub(crate) struct Newton {
@@ -66,7 +74,7 @@ impl Newton {
         }
     }
 
-    /// The last correction of the last solve.
+    /// The last correction of the last solve; zero for derivatives along directions.
     pub fn corrections(&self) -> &[f64] {
         self.correction.entries()
     }
@@ -130,9 +138,21 @@ struct Solve {
     sum: N_Vector,
     weights: N_Vector,
     tolerance: f64,
+    /// Number of unknowns that are iterated for, and of blocks with them.
+    leading: usize,
+    blocks: usize,
+    /// Others follow.
+    followed: bool,
 }
 
 impl Solve {
+    unsafe fn new(bridge: *mut Bridge, memory: *mut c_void, sum: N_Vector, weights: N_Vector, tolerance: f64) -> Self {
+        let step = unsafe { Step::of(memory) };
+        let (leading, length) = unsafe { ((*bridge).leading, entries(sum).len()) };
+        let blocks = leading.div_ceil(LANES);
+        Self { bridge, memory, step, sum, weights, tolerance, leading, blocks, followed: leading < length }
+    }
+
     /// The bridge, for the time of one call.
     #[allow(clippy::mut_from_ref)] // behind a pointer that this struct does not own
     unsafe fn bridge(&self) -> &mut Bridge {
@@ -148,17 +168,20 @@ impl Solve {
             newton.rate_factor = AFTER_CHANGE;
             newton.cj = self.step.cj;
         }
+        // The matrix of the last step serves where its leading coefficient is near.
+        setup &= !(self.followed && (NEAR..1.0 / NEAR).contains(&(self.step.cj / newton.setup_cj)));
         let mut stale = false;
         loop {
             let (outcome, iterated) = match unsafe { self.begin(setup.then_some(stale)) } {
                 0 => (unsafe { self.iterate() }, true),
                 failure => (failure, false),
             };
-            let newton = unsafe { &mut self.bridge().newton };
             if outcome == 0 {
-                newton.current = false;
-                return 0;
+                let followed = if self.followed { unsafe { self.follow() } } else { 0 };
+                unsafe { self.bridge().newton.current = false };
+                return followed;
             }
+            let newton = unsafe { &mut self.bridge().newton };
             newton.failures += 1;
             if outcome < 0 || newton.current || !iterated {
                 return outcome;
@@ -175,7 +198,7 @@ impl Solve {
         let outcome = unsafe { self.evaluate(self.step.predicted, self.step.predicted_derivative) };
         let Some(stale) = setup.filter(|_| outcome == 0) else { return outcome };
         // A fault of the residual would be reported as one of the Jacobian.
-        if !unsafe { self.bridge().is_finite(self.step.time, self.step.residual) } {
+        if !unsafe { self.is_finite() } {
             return RESIDUAL_RECOVERABLE;
         }
         unsafe {
@@ -190,7 +213,7 @@ impl Solve {
         for iteration in 0..MAX_ITERATIONS {
             let size = unsafe { self.correct() };
             if !size.is_finite() {
-                let finite = unsafe { self.bridge().is_finite(self.step.time, self.step.residual) };
+                let finite = unsafe { self.is_finite() };
                 return if finite { SUN_NLS_CONV_RECVR } else { RESIDUAL_RECOVERABLE };
             }
             let newton = unsafe { &mut self.bridge().newton };
@@ -221,14 +244,18 @@ impl Solve {
     }
 
     unsafe fn evaluate(&self, y: N_Vector, yp: N_Vector) -> c_int {
-        unsafe { self.bridge().evaluate(self.step.time, y, yp, self.step.residual).err().unwrap_or(0) }
+        unsafe { self.bridge().evaluate_leading(self.step.time, y, yp, self.step.residual).err().unwrap_or(0) }
+    }
+
+    unsafe fn is_finite(&self) -> bool {
+        unsafe { self.bridge().is_finite(self.step.time, self.step.residual) }
     }
 
     /// Moves y and y' to the prediction plus the corrections so far.
     unsafe fn move_to_sum(&self) {
         let step = &self.step;
         unsafe {
-            self.bridge().operations.correct(step.cj, self.sum, (step.predicted, step.y), (step.predicted_derivative, step.yp));
+            self.bridge().operations.correct(self.blocks, step.cj, self.sum, (step.predicted, step.y), (step.predicted_derivative, step.yp));
         }
     }
 
@@ -241,8 +268,28 @@ impl Solve {
         let factor = -2.0 / (1.0 + self.step.cj / bridge.newton.setup_cj);
         let delta = bridge.newton.correction.raw();
         unsafe {
-            bridge.factorisation.solve_scaled(factor, entries(self.step.residual), entries_mut(delta));
-            bridge.operations.accumulate(delta, self.weights, self.sum)
+            let (residual, correction) = (entries(self.step.residual), entries_mut(delta));
+            bridge.factorisation.solve_scaled(factor, &residual[..self.leading], &mut correction[..self.leading]);
+            bridge.operations.accumulate(self.blocks, delta, self.weights, self.sum)
+        }
+    }
+
+    /// The derivatives along directions at the unknowns that were found.
+    unsafe fn follow(&self) -> c_int {
+        unsafe {
+            self.move_to_sum();
+            let Step { time, cj, y, yp, residual, predicted, predicted_derivative } = self.step;
+            let bridge = self.bridge();
+            if let Err(code) = bridge.jacobian(time, cj, y, yp) {
+                return code;
+            }
+            let code = bridge.factorise();
+            bridge.newton.setup_cj = cj;
+            if code != 0 {
+                return code;
+            }
+            let done = bridge.follow((time, cj), (y, yp), (predicted, predicted_derivative), residual);
+            done.err().unwrap_or_else(|| bridge.solve_following(time, residual, self.sum))
         }
     }
 
@@ -284,8 +331,7 @@ unsafe extern "C" fn solver_solve(
     unsafe {
         bridge(solver).shared.set_corrections(sum);
         let solve = || {
-            let step = Step::of(memory);
-            Solve { bridge: (*solver).content.cast(), memory, step, sum, weights, tolerance }.run(setup != 0)
+            Solve::new((*solver).content.cast(), memory, sum, weights, tolerance).run(setup != 0)
         };
         catch_unwind(AssertUnwindSafe(solve)).unwrap_or_else(|_| bridge(solver).panicked())
     }

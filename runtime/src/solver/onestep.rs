@@ -161,7 +161,8 @@ impl OneStep {
 /// Whether the method takes the system.
 fn check(system: &dyn System, method: Method, algebraic: Option<usize>) -> Result<(), SolveError> {
     let n = system.dimension();
-    let lengths = [("pattern", system.pattern().dimension()), ("differential", system.differential().len())];
+    let pattern = system.pattern().dimension() * (1 + system.directions());
+    let lengths = [("pattern", pattern), ("differential", system.differential().len())];
     if let Some((name, given)) = lengths.into_iter().find(|&(_, given)| given != n) {
         return Err(SolveError::Length { name, given, expected: n });
     }

@@ -19,14 +19,24 @@ pub trait System {
     /// Whether derivatives are given explicitly: F = f(t, y) − y' on differential rows, g(t, y) on algebraic ones.
     fn is_explicit(&self) -> bool;
 
-    /// Structure of the Jacobian ∂F/∂y + c ∂F/∂y'.
+    /// Structure of the Jacobian ∂F/∂y + c ∂F/∂y', of the leading unknowns where there are [`directions`](Self::directions).
     fn pattern(&self) -> &Pattern;
 
     /// Number of directions, k, along which derivatives of the leading n/(1 + k) unknowns are integrated with them: the other unknowns are a
-    /// matrix of k columns, row after row, and the Jacobian's diagonal blocks for each column are those of the leading unknowns (what the
-    /// derivatives' equations have beside is left to the iteration). 0 for other systems.
+    /// matrix of k columns, row after row, which obey [`following`](Self::following). 0 for other systems.
     fn directions(&self) -> usize {
         0
+    }
+
+    /// Writes the residual of the leading unknowns, which are all if there are no directions.
+    fn leading(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        self.residual(t, y, yp, out);
+    }
+
+    /// Writes the residual of the derivatives `s` along the directions, with rates `sp`: (∂F/∂y) s + (∂F/∂y') sp and what moves beside, at leading unknowns
+    /// y with rates y', where `jacobian` holds ∂F/∂y + `cj` ∂F/∂y'.
+    fn following(&mut self, at: Following<'_>, (s, sp): (&[f64], &[f64]), out: &mut [f64]) {
+        let _ = (at, s, sp, out);
     }
 
     /// Writes F(t, y, y') to `out` (length n).
@@ -88,6 +98,21 @@ pub trait System {
     fn quadratures(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
         let _ = (t, y, yp, out);
     }
+}
+
+/// Leading unknowns that derivatives follow, and their Jacobian.
+#[derive(Clone, Copy)]
+pub struct Following<'a> {
+    /// Time.
+    pub t: f64,
+    /// Unknowns.
+    pub y: &'a [f64],
+    /// Their rates.
+    pub yp: &'a [f64],
+    /// Weight of the derivatives by rates in the Jacobian.
+    pub cj: f64,
+    /// Its entries.
+    pub jacobian: &'a [f64],
 }
 
 /// The condition that a root function stands for.

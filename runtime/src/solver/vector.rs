@@ -348,18 +348,20 @@ macro_rules! operations {
             }
 
             $(#[$feature])?
-            pub(super) unsafe fn accumulate(delta: N_Vector, w: N_Vector, sum: N_Vector) -> f64 {
-                let (n, to) = (block_count(delta), written(sum));
+            pub(super) unsafe fn accumulate(n: usize, delta: N_Vector, w: N_Vector, sum: N_Vector) -> f64 {
+                let to = written(sum);
                 let (square, sum_square) = unsafe { kernels::accumulate(n, blocks(delta), blocks(w), to) };
-                if weights_of(sum) == Some(w) {
+                if n == block_count(sum) && weights_of(sum) == Some(w) {
                     keep_norm(sum, sum_square);
                 }
                 (square / unsafe { (*content(delta)).length } as f64).sqrt()
             }
 
             $(#[$feature])?
-            pub(super) unsafe fn correct(c: f64, x: N_Vector, (y0, y): (N_Vector, N_Vector), (z0, z): (N_Vector, N_Vector)) {
-                unsafe { kernels::correct(block_count(x), c, blocks(x), (blocks(y0), written(y)), (blocks(z0), written(z))) }
+            pub(super) unsafe fn correct(
+                n: usize, c: f64, x: N_Vector, (y0, y): (N_Vector, N_Vector), (z0, z): (N_Vector, N_Vector),
+            ) {
+                unsafe { kernels::correct(n, c, blocks(x), (blocks(y0), written(y)), (blocks(z0), written(z))) }
             }
 
             $(#[$feature])?
@@ -430,29 +432,29 @@ impl Operations {
         }
     }
 
-    /// `sum += delta`; returns the weighted root mean square of `delta`.
+    /// `sum += delta` in so many leading blocks; returns the weighted root mean square of `delta`, of which the other entries are taken as zero.
     ///
     /// # Safety
     /// All were made by [`Vector`] with the same length; `sum` is another than the rest.
     #[inline]
-    pub unsafe fn accumulate(self, delta: N_Vector, w: N_Vector, sum: N_Vector) -> f64 {
+    pub unsafe fn accumulate(self, blocks: usize, delta: N_Vector, w: N_Vector, sum: N_Vector) -> f64 {
         match self {
-            Self::Portable => unsafe { portable::accumulate(delta, w, sum) },
+            Self::Portable => unsafe { portable::accumulate(blocks, delta, w, sum) },
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2 => unsafe { avx2::accumulate(delta, w, sum) },
+            Self::Avx2 => unsafe { avx2::accumulate(blocks, delta, w, sum) },
         }
     }
 
-    /// `y.1 = y.0 + x` and `z.1 = z.0 + c x`.
+    /// `y.1 = y.0 + x` and `z.1 = z.0 + c x` in so many leading blocks.
     ///
     /// # Safety
     /// All were made by [`Vector`] with the same length; what is written is another than the rest.
     #[inline]
-    pub unsafe fn correct(self, c: f64, x: N_Vector, y: (N_Vector, N_Vector), z: (N_Vector, N_Vector)) {
+    pub unsafe fn correct(self, blocks: usize, c: f64, x: N_Vector, y: (N_Vector, N_Vector), z: (N_Vector, N_Vector)) {
         match self {
-            Self::Portable => unsafe { portable::correct(c, x, y, z) },
+            Self::Portable => unsafe { portable::correct(blocks, c, x, y, z) },
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2 => unsafe { avx2::correct(c, x, y, z) },
+            Self::Avx2 => unsafe { avx2::correct(blocks, c, x, y, z) },
         }
     }
 

@@ -24,7 +24,7 @@ impl Ida {
         let mut raw = ptr::null_mut();
         check("SUNContext_Create", unsafe { SUNContext_Create(comm_no_mpi(), &mut raw) })?;
         let context = Context(raw);
-        let factorisation = Factorisation::of(system, settings.linear_solver)?;
+        let factorisation = Factorisation::new(system.pattern(), settings.linear_solver)?;
         let entries = system.pattern().entries();
         let newton = Newton::new(n, operations, context.0);
         let watch = Watch::new(system.root_count(), system.root_kinds());
@@ -42,7 +42,7 @@ impl Ida {
         let masks = !settings.algebraic_error_control && system.differential().contains(&false);
         let identity = (masks || !system.is_explicit()).then(|| vector(n));
         let pattern = system.pattern();
-        let columns = (0..n).flat_map(|column| pattern.column(column).map(move |_| column)).collect();
+        let columns = (0..pattern.dimension()).flat_map(|column| pattern.column(column).map(move |_| column)).collect();
         let bridge = Box::into_raw(Box::new(bridge));
         let mut ida = Self {
             memory: unsafe { IDACreate(context.0) },
@@ -158,10 +158,11 @@ pub(super) fn check(function: &'static str, value: c_int) -> Result<(), SolveErr
 
 /// The pattern has the system's dimension, and a diagonal where derivatives are explicit.
 fn check_shape(system: &dyn System) -> Result<(), SolveError> {
-    let (n, pattern) = (system.dimension(), system.pattern());
-    let lengths = [("pattern", pattern.dimension()), ("differential", system.differential().len())];
-    if let Some((name, given)) = lengths.into_iter().find(|&(_, given)| given != n) {
-        return Err(SolveError::Length { name, given, expected: n });
+    let pattern = system.pattern();
+    let n = pattern.dimension();
+    let (given, expected) = (n * (1 + system.directions()), system.dimension());
+    if given != expected {
+        return Err(SolveError::Length { name: "pattern", given, expected });
     }
     let lacks_diagonal = |&i: &usize| system.differential()[i] && !pattern.rows()[pattern.column(i)].contains(&i);
     match (0..n).find(lacks_diagonal) {

@@ -1,8 +1,7 @@
 //! Dense LU with partial pivoting for small systems.
 
 use super::super::Pattern;
-use super::Singular;
-use super::repeated::subtract;
+use super::{Singular, subtract};
 
 /// A full matrix by columns and its factors.
 ///

@@ -2,16 +2,15 @@
 
 mod banded;
 mod block;
+pub(crate) mod columns;
 mod dense;
 mod klu;
-mod repeated;
 mod substitution;
 
 pub(crate) use banded::Banded;
 pub(crate) use block::Block;
 pub(crate) use dense::Dense;
 pub(crate) use klu::Klu;
-pub(crate) use repeated::Repeated;
 
 use std::fmt::{self, Display, Formatter};
 
@@ -64,8 +63,6 @@ pub(crate) enum Factorisation {
     Block(Box<Block>),
     /// Sparse, partial pivoting.
     Klu(Box<Klu>),
-    /// One block for many columns.
-    Repeated(Box<Repeated>),
 }
 
 impl Factorisation {
@@ -90,14 +87,6 @@ impl Factorisation {
         })
     }
 
-    /// For a system, whose Jacobian may repeat.
-    pub fn of(system: &dyn super::System, choice: LinearSolver) -> Result<Self, SolveError> {
-        match system.directions() {
-            0 => Self::new(system.pattern(), choice),
-            width => Ok(Self::Repeated(Box::new(Repeated::new(system.pattern(), width, choice)?))),
-        }
-    }
-
     /// Which it is.
     pub fn method(&self) -> Method {
         match self {
@@ -105,7 +94,6 @@ impl Factorisation {
             Self::Banded(_) => Method::Banded,
             Self::Block(_) => Method::Block,
             Self::Klu(_) => Method::Klu,
-            Self::Repeated(repeated) => repeated.leading().method(),
         }
     }
 
@@ -116,7 +104,6 @@ impl Factorisation {
             Self::Banded(banded) => banded.factorise(values),
             Self::Block(block) => block.factorise(values),
             Self::Klu(klu) => klu.factorise(values),
-            Self::Repeated(repeated) => repeated.factorise(values),
         }
     }
 
@@ -138,19 +125,29 @@ impl Factorisation {
             Self::Banded(banded) => banded.solve(b),
             Self::Block(block) => block.solve(b),
             Self::Klu(klu) => klu.solve(b),
-            Self::Repeated(repeated) => repeated.solve(b),
         }
     }
 
-    /// Replaces many right-hand sides, a matrix of `width` columns, row after row, by their solutions; false where that is not
-    /// known how. `space` is working memory.
-    pub fn solve_many(&mut self, width: usize, b: &mut [f64], space: &mut Vec<f64>) -> bool {
-        match self {
-            Self::Dense(dense) => dense.solve_many(width, b),
-            Self::Block(block) => return block.solve_many(width, b, space),
-            _ => return false,
+    /// Replaces many right-hand sides, a matrix of `width` columns, row after row, by their solutions. `space` is working memory.
+    pub fn solve_many(&mut self, width: usize, b: &mut [f64], space: &mut Vec<f64>) {
+        let done = match self {
+            Self::Dense(dense) => {
+                dense.solve_many(width, b);
+                true
+            }
+            Self::Block(block) => block.solve_many(width, b, space),
+            _ => false,
+        };
+        if done {
+            return;
         }
-        true
+        // Partial pivoting takes a column at a time.
+        space.resize(b.len() / width, 0.0);
+        for j in 0..width {
+            space.iter_mut().zip(b[j..].iter().step_by(width)).for_each(|(to, from)| *to = *from);
+            self.solve(space);
+            b[j..].iter_mut().step_by(width).zip(&*space).for_each(|(to, from)| *to = *from);
+        }
     }
 
     /// Forgets the pivots of earlier factorisations.
@@ -159,9 +156,14 @@ impl Factorisation {
             Self::Dense(_) | Self::Banded(_) => {}
             Self::Block(block) => block.forget(),
             Self::Klu(klu) => klu.forget(),
-            Self::Repeated(repeated) => repeated.forget(),
         }
     }
+}
+
+/// `row -= factor * other`, entry by entry.
+#[inline(always)]
+fn subtract(row: &mut [f64], factor: f64, other: &[f64]) {
+    row.iter_mut().zip(other).for_each(|(row, other)| *row -= factor * other);
 }
 
 #[cfg(test)]
@@ -188,17 +190,20 @@ mod tests {
 
     #[test]
     fn many_right_hand_sides_are_solved_as_one_by_one() {
-        let (n, width) = (40, 5);
+        for (n, width) in [(40, 5), (40, 8), (40, 19)] {
+            many(n, width);
+        }
+    }
+
+    fn many(n: usize, width: usize) {
         let (pattern, values) = system(n, 4.0);
-        for choice in [LinearSolver::Block, LinearSolver::Dense, LinearSolver::Banded] {
+        for choice in [LinearSolver::Block, LinearSolver::Dense, LinearSolver::Banded, LinearSolver::Klu] {
             let mut factors = Factorisation::new(&pattern, choice).expect("a solver");
             factors.factorise(&values).expect("not singular");
             let b: Vec<f64> = (0..n * width).map(|i| (1.0 + i as f64).sin()).collect();
             let mut together = b.clone();
-            let known = factors.solve_many(width, &mut together, &mut Vec::new());
-            // Partial pivoting takes one column at a time.
-            assert!(known || choice != LinearSolver::Dense);
-            for j in (0..width).filter(|_| known) {
+            factors.solve_many(width, &mut together, &mut Vec::new());
+            for j in 0..width {
                 let mut column: Vec<f64> = b[j..].iter().step_by(width).copied().collect();
                 factors.solve(&mut column);
                 let size = column.iter().fold(0.0, |size: f64, x| size.max(x.abs()));

@@ -7,6 +7,7 @@
 
 mod schedule;
 
+use super::columns::{Columns, each_piece, with_avx2};
 use schedule::{Chunk, LANES, Schedule};
 pub(super) use schedule::{Places, Source};
 
@@ -21,6 +22,57 @@ pub(super) struct Substitution {
     operand: Box<[f64]>,
     /// Where each unknown stands among the operands.
     results: Box<[u32]>,
+    /// For many right-hand sides: where the result of each sum stands, and the end of its terms.
+    rows: Vec<(u32, u32)>,
+    /// Places of the operand and of the factor of each term.
+    terms: Vec<(u32, u32)>,
+}
+
+with_avx2! {
+    /// The sums for many right-hand sides.
+    fn many(substitution: &Substitution, width: usize, b: &mut [f64], space: &mut [f64]) = many_portable
+}
+
+#[inline(always)]
+fn many_portable(substitution: &Substitution, width: usize, b: &mut [f64], space: &mut [f64]) {
+    let Substitution { rows, terms, factors, results, .. } = substitution;
+    space[..b.len()].copy_from_slice(b);
+    let mut begin = 0;
+    for &(result, end) in rows {
+        let terms = &terms[begin as usize..end as usize];
+        begin = end;
+        each_piece(width, &mut Sum { result: result as usize, terms, factors, width, space });
+    }
+    for (row, &place) in b.chunks_exact_mut(width).zip(results) {
+        row.copy_from_slice(&space[place as usize * width..(place as usize + 1) * width]);
+    }
+}
+
+/// A sum for many right-hand sides.
+struct Sum<'a> {
+    result: usize,
+    terms: &'a [(u32, u32)],
+    factors: &'a [f64],
+    width: usize,
+    space: &'a mut [f64],
+}
+
+impl Columns for Sum<'_> {
+    #[inline(always)]
+    fn piece<const B: usize>(&mut self, first: usize) {
+        let mut sum = [0.0; B];
+        for &(place, factor) in self.terms {
+            // A factor of zero fills a turn up.
+            let factor = self.factors[factor as usize];
+            if factor != 0.0 {
+                let from = place as usize * self.width + first;
+                let row = &self.space[from..from + B];
+                sum.iter_mut().zip(row).for_each(|(sum, x)| *sum += factor * x);
+            }
+        }
+        let to = self.result * self.width + first;
+        self.space[to..to + B].copy_from_slice(&sum);
+    }
 }
 
 impl Substitution {
@@ -33,6 +85,8 @@ impl Substitution {
             factors: vec![0.0; factors].into(),
             operand: vec![0.0; end as usize + LANES].into(),
             results: unknowns.iter().map(|&sum| slots[sum as usize]).collect(),
+            rows: Vec::new(),
+            terms: Vec::new(),
         };
         (substitution, places)
     }
@@ -54,65 +108,41 @@ impl Substitution {
     }
 
     /// Replaces a matrix of `width` right-hand sides, row after row, by the unknowns. `space` is working memory.
-    pub fn run_many(&self, width: usize, b: &mut [f64], space: &mut Vec<f64>) {
-        if space.len() != self.operand.len() * width {
-            *space = vec![0.0; self.operand.len() * width];
+    pub fn run_many(&mut self, width: usize, b: &mut [f64], space: &mut Vec<f64>) {
+        if self.rows.is_empty() {
+            self.list_rows();
         }
-        #[cfg(target_arch = "x86_64")]
-        {
-            #[target_feature(enable = "avx2")]
-            unsafe fn wide(substitution: &Substitution, width: usize, b: &mut [f64], space: &mut [f64]) {
-                substitution.run_many_portable(width, b, space);
-            }
-            if is_x86_feature_detected!("avx2") {
-                // SAFETY: the processor has the feature.
-                return unsafe { wide(self, width, b, space) };
-            }
-        }
-        self.run_many_portable(width, b, space);
+        space.resize(self.operand.len() * width, 0.0);
+        many(self, width, b, space);
     }
 
-    #[inline(always)]
-    fn run_many_portable(&self, width: usize, b: &mut [f64], space: &mut [f64]) {
-        let (mut result, mut factors, mut places) = (self.results.len(), &*self.factors, &*self.operands);
-        space[..b.len()].copy_from_slice(b);
+    /// Lists the sums one by one.
+    fn list_rows(&mut self) {
+        let (mut result, mut factor, mut place) = (self.results.len(), 0, 0);
         for chunk in &self.chunks {
+            let first = self.terms.len();
             let lanes = if chunk.single != 0 { 1 } else { LANES };
             for lane in 0..lanes {
-                space[(result + lane) * width..(result + lane + 1) * width].fill(0.0);
-            }
-            let mut turn = |space: &mut [f64], used: usize, place: &dyn Fn(&[u32], usize) -> usize| {
-                for lane in 0..lanes {
-                    // The sums of a chunk do not wait for each other, and a factor of zero fills a turn up.
-                    let (factor, from) = (factors[lane], place(places, lane));
-                    if factor != 0.0 {
-                        let (before, after) = space.split_at_mut(result * width);
-                        let row = &before[from * width..(from + 1) * width];
-                        let sum = &mut after[lane * width..(lane + 1) * width];
-                        sum.iter_mut().zip(row).for_each(|(sum, x)| *sum += factor * x);
+                let (mut factor, mut place) = (factor, place);
+                let mut turns = |count: u32, used: usize, at: &dyn Fn(&[u32]) -> u32| {
+                    for _ in 0..count {
+                        self.terms.push((at(&self.operands[place..]), (factor + lane) as u32));
+                        factor += lanes;
+                        place += used;
                     }
+                };
+                turns(chunk.single, 1, &|places| places[0]);
+                if chunk.single == 0 {
+                    turns(chunk.gathers, LANES, &|places| places[lane]);
+                    turns(chunk.broadcasts, 1, &|places| places[0]);
+                    turns(chunk.runs, 1, &|places| places[0] + lane as u32);
                 }
-                factors = &factors[lanes..];
-                places = &places[used..];
-            };
-            for _ in 0..chunk.single {
-                turn(space, 1, &|places, _| places[0] as usize);
+                self.rows.push((result as u32, self.terms.len() as u32));
+                result += 1;
             }
-            if chunk.single == 0 {
-                for _ in 0..chunk.gathers {
-                    turn(space, LANES, &|places, lane| places[lane] as usize);
-                }
-                for _ in 0..chunk.broadcasts {
-                    turn(space, 1, &|places, _| places[0] as usize);
-                }
-                for _ in 0..chunk.runs {
-                    turn(space, 1, &|places, lane| places[0] as usize + lane);
-                }
-            }
-            result += lanes;
-        }
-        for (row, &place) in b.chunks_exact_mut(width).zip(&self.results) {
-            row.copy_from_slice(&space[place as usize * width..(place as usize + 1) * width]);
+            factor += self.terms.len() - first;
+            let several = if chunk.single == 0 { LANES * chunk.gathers as usize } else { 0 };
+            place += several + (chunk.single + if chunk.single == 0 { chunk.broadcasts + chunk.runs } else { 0 }) as usize;
         }
     }
 

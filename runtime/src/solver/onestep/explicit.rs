@@ -12,6 +12,9 @@ const DOUBT: f64 = 10.0;
 /// Factor of the error of order 3 where a kink may be in any step: as large as that of order 5 there, and seldom small with it.
 const CHANCE: f64 = 0.03;
 
+/// Unknowns from which on wider instructions gain more than it costs to ask for them. Products are rounded before they are summed: same results.
+const LONG: usize = 8;
+
 /// Space for a step, and its polynomial.
 pub struct Explicit {
     /// Rates at stages 2 to 12, then at those of the dense output.
@@ -46,6 +49,22 @@ impl Explicit {
 
     /// Takes a step from the frame's beginning to its end; the error in tolerances, not a number where something is not finite.
     pub fn attempt(&mut self, frame: &mut Frame, system: &mut dyn System) -> f64 {
+        #[cfg(target_arch = "x86_64")]
+        {
+            #[target_feature(enable = "avx2")]
+            unsafe fn wide(explicit: &mut Explicit, frame: &mut Frame, system: &mut dyn System) -> f64 {
+                explicit.attempt_portable(frame, system)
+            }
+            if frame.n >= LONG && is_x86_feature_detected!("avx2") {
+                // SAFETY: the processor has the feature.
+                return unsafe { wide(self, frame, system) };
+            }
+        }
+        self.attempt_portable(frame, system)
+    }
+
+    #[inline(always)]
+    fn attempt_portable(&mut self, frame: &mut Frame, system: &mut dyn System) -> f64 {
         let (t, h) = (frame.t, frame.h);
         let Frame { begin, begin_rates: k1, end, functions, .. } = frame;
         let (k1, place) = (&*k1, &mut self.place);
@@ -74,6 +93,7 @@ impl Explicit {
     /// Hairer's combination of the two estimates of the error. Where the step passes a kink, each of them is a difference of rates before
     /// and behind it, which vanishes for some of its places; attempts of different lengths would find such a place, so that both have to be
     /// small, the one that is more exact by far.
+    #[inline(always)]
     fn measure(&mut self, frame: &Frame) -> f64 {
         let [_, _, _, _, k6, k7, k8, k9, k10, k11, k12] = &self.k;
         let terms = [&frame.begin_rates[..], k6, k7, k8, k9, k10, k11, k12];

@@ -34,6 +34,10 @@ impl Setting {
     }
 }
 
+fn blocks_of(length: usize) -> usize {
+    length.div_ceil(LANES)
+}
+
 fn assert_near(got: &[f64], expected: impl Iterator<Item = f64>) {
     for (got, expected) in got.iter().zip(expected) {
         assert!((got - expected).abs() <= 1e-14 * (1.0 + expected.abs()), "{got} {expected}");
@@ -140,10 +144,10 @@ fn fused_passes_of_newtons_method_are_those_of_plain_loops() {
     for_all(|setting, n| {
         let [delta, w, sum, y0, y, z0, z] = std::array::from_fn(|k| setting.vector(n, k as f64));
         let before = sum.entries().to_vec();
-        let norm = unsafe { setting.operations.accumulate(delta.raw(), w.raw(), sum.raw()) };
+        let norm = unsafe { setting.operations.accumulate(blocks_of(n), delta.raw(), w.raw(), sum.raw()) };
         assert_near(&[norm], [wrms(delta.entries(), w.entries())].into_iter());
         assert_near(sum.entries(), before.iter().zip(delta.entries()).map(|(x, d)| x + d));
-        unsafe { setting.operations.correct(0.7, sum.raw(), (y0.raw(), y.raw()), (z0.raw(), z.raw())) };
+        unsafe { setting.operations.correct(blocks_of(n), 0.7, sum.raw(), (y0.raw(), y.raw()), (z0.raw(), z.raw())) };
         assert_near(y.entries(), y0.entries().iter().zip(sum.entries()).map(|(y, x)| y + x));
         assert_near(z.entries(), z0.entries().iter().zip(sum.entries()).map(|(z, x)| z + 0.7 * x));
         let atol = zeroed_blocks(n).iter().map(|_| Block([0.25; LANES])).collect::<Vec<_>>();
@@ -172,7 +176,7 @@ fn a_norm_that_is_kept_is_that_of_the_present_numbers_and_weights() {
         // In place, by Newton's method, and with the numbers changed afterwards.
         unsafe { N_VLinearSum(1.0, x.raw(), 1.0, z.raw(), z.raw()) };
         check(&z, &w);
-        unsafe { setting.operations.accumulate(delta.raw(), w.raw(), z.raw()) };
+        unsafe { setting.operations.accumulate(blocks_of(n), delta.raw(), w.raw(), z.raw()) };
         assert!(known_norm(z.raw(), w.raw()).is_some());
         check(&z, &w);
         z.entries_mut()[0] += 1.0;
