@@ -10,8 +10,8 @@ import sys
 import warnings
 from pathlib import Path
 
-from smpl import CompileError, ScenarioError, compile
-from smpl.identification import fit
+from smpl import CompileError, ScenarioError, SimulationError, compile
+from smpl.identification import DERIVATIVES, fit
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -26,6 +26,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--scenario", help="scenario of the model, or a YAML file")
     parser.add_argument("--variant", action="append", default=[], help="variant; repeatable")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="parameter or setting")
+    parser.add_argument(
+        "--noise", action="append", default=[], metavar="NAME=S", help="deviation of an output; repeatable"
+    )
+    parser.add_argument("--derivatives", choices=DERIVATIVES, default="auto", help="exact, or differences")
+    parser.add_argument("--plot", type=Path, metavar="FIT.svg", help="picture of fit and residuals (.svg, .png, .pdf)")
     parser.add_argument("--out", type=Path, metavar="S.yaml", help="write a scenario with the values found")
     given = parser.parse_args(arguments)
     try:
@@ -42,8 +47,13 @@ def main(arguments: list[str] | None = None) -> int:
                  if n in model.parameter_names else 0.0 for n in names}  # fmt: skip
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the result says it too
-            found = fit(model, given.data, begin, outputs=_names(given.outputs), initial=_names(given.initial) or ())
-    except (CompileError, ScenarioError, ValueError, OSError) as error:
+            found = fit(
+                model, given.data, begin, outputs=_names(given.outputs), initial=_names(given.initial) or (),
+                noise={name: float(value) for name, value in map(_pair, given.noise)}, derivatives=given.derivatives,
+            )  # fmt: skip
+        if given.plot is not None:
+            found.figure().savefig(given.plot)
+    except (CompileError, ScenarioError, SimulationError, ImportError, ValueError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     print(found)

@@ -27,6 +27,7 @@ class Run:
         discrete: discrete variables at the start.
         disturbances: sequences by name, (H,).
         parameters: known values.
+        assumed: states of which the record has no start.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Run:
     discrete: dict[str, float]
     disturbances: dict[str, FloatArray]
     parameters: dict[str, float]
+    assumed: tuple[str, ...] = ()
 
 
 def read_run(model: Model, run: Any, place: int) -> Run:
@@ -120,6 +122,7 @@ def _from_columns(model: Model, columns: Mapping[str, FloatArray], name: str) ->
             for one in model.parameter_names
             if f"param.{one}" in columns and np.isfinite(columns[f"param.{one}"][0])
         },
+        tuple(name for name in model.state_names if not np.isfinite(start.get(name, np.nan))),
     )
 
 

@@ -1,4 +1,4 @@
-"""Parameters from recorded runs: weighted least squares on rollouts, see `fit`.
+"""Parameters from recorded runs: weighted least squares with exact derivatives of the runs, see `fit`.
 
 Y. Bard, Nonlinear Parameter Estimation (1974), chapters 4 and 7; D. M. Bates, D. G. Watts, Nonlinear Regression
 Analysis and Its Applications (1988), chapter 2. The optimiser is SciPy's trust-region reflective Gauss-Newton.
@@ -8,17 +8,22 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from smpl._native import SimulationError
+from smpl._recorded import DISTANCE, Recorded, beside
 from smpl._runs import Run, read_run
+from smpl.envs import check_method
 from smpl.model import FloatArray, Model, as_count, as_mapping, as_number, check_names
-from smpl.rollout import rollout
 
-# Relative distance of differences, and the ratio of singular values below which a direction is not determined.
-_DISTANCE, _RANK = 3e-4, 1e-6
+# Ratio of singular values below which a direction is not determined.
+_RANK = 1e-6
+# Exact derivatives by all states cost more than differences by the fitted numbers above so many states for each.
+_STATES = 8
+DERIVATIVES = ("auto", "exact", "differences")
 
 
 @dataclass(frozen=True)
@@ -35,8 +40,11 @@ class Fit:
         noise: standard deviation of each output, declared or estimated.
         indistinct: groups of parameters of which only a combination is determined.
         residuals: measured less simulated of each run, output -> array over steps (NaN where nothing was read).
-        evaluations: how many points were simulated, each with its derivatives in one call of rollouts.
+        evaluations: how many points were simulated.
         success: whether the optimiser converged.
+        derivatives: `exact`, or `differences` with the reason.
+        at_bounds: those of `names` that lie at a bound of the file: their intervals are not to be trusted.
+        simulated: of each run at the values found, output -> array over steps.
     """
 
     parameters: dict[str, float]
@@ -50,6 +58,16 @@ class Fit:
     residuals: list[dict[str, FloatArray]]
     evaluations: int
     success: bool
+    derivatives: str
+    at_bounds: tuple[str, ...]
+    simulated: list[dict[str, FloatArray]]
+    _labels: tuple[float, dict[str, str], str] = field(repr=False)
+
+    def figure(self) -> Any:
+        """Matplotlib figure of the runs with what was measured, and of the residuals (extra `report`)."""
+        from smpl._fit_pictures import fit_figure
+
+        return fit_figure(self.simulated, self.residuals, self.noise, *self._labels)
 
     def scenario(self) -> str:
         """Text of a scenario file with the values found."""
@@ -62,6 +80,8 @@ class Fit:
             for name, value in self.parameters.items()
         ]
         rows += [f"only a combination is determined of: {', '.join(group)}" for group in self.indistinct]
+        rows += [f"at a bound of the file: {', '.join(self.at_bounds)}"] if self.at_bounds else []
+        rows += [f"derivatives are {self.derivatives}"] if ":" in self.derivatives else []
         return "\n".join([*rows, f"residual norm {self.residual_norm:.6g}"])
 
 
@@ -75,6 +95,8 @@ def fit(
     initial: Iterable[str] = (),
     fixed: Mapping[str, float] | None = None,
     iterations: int = 50,
+    derivatives: str = "auto",
+    method: str | None = "auto",
 ) -> Fit:
     """Fit parameters to recorded runs.
 
@@ -93,13 +115,21 @@ def fit(
         initial: states whose value at the start is not known and is estimated for each run.
         fixed: values of other parameters by name.
         iterations: limit of the optimiser's steps.
+        derivatives: `exact` (forward sensitivities), `differences` of simulations, or `auto`: exact for models with
+            no more than some eight states for each simulation that differences would take, and differences where a
+            step cannot be differentiated; `Fit.derivatives` says which it was, and why.
+        method: of integration, see `smpl.Model.rollout`; the model's own if none.
 
     Raises:
         ValueError: names that do not fit, runs without what is needed, or a parameter without any effect.
+        SimulationError: `derivatives="exact"`, and a run has none.
         ImportError: SciPy is missing.
     """
-    problem = _Problem(model, runs, parameters, outputs, noise, tuple(initial), fixed)
-    return problem.solve(as_count("iterations", iterations))
+    if derivatives not in DERIVATIVES:
+        raise ValueError(f"derivatives is {derivatives!r}, expected one of {', '.join(DERIVATIVES)}")
+    names = (initial,) if isinstance(initial, str) else tuple(initial)
+    problem = _Problem(model, runs, parameters, outputs, noise, names, fixed, check_method(method))
+    return problem.solve(as_count("iterations", iterations), derivatives)
 
 
 class _Problem:
@@ -112,7 +142,9 @@ class _Problem:
         noise: Mapping[str, float] | None,
         initial: tuple[str, ...],
         fixed: Mapping[str, float] | None,
+        method: str | None,
     ) -> None:
+        self._method = method
         self.model, self.fixed = model, dict(as_mapping("fixed", fixed))
         check_names("fixed", self.fixed, model.parameter_names)
         guesses = dict(parameters) if isinstance(parameters, Mapping) else {}
@@ -126,10 +158,22 @@ class _Problem:
         if not self.runs:
             raise ValueError("runs is empty, expected at least one run")
         self.parameters, self.initial = tuple(names), initial
+        self._warn_of_starts()
         self.outputs = self._chosen(outputs)
         self._start(guesses)
         self._weigh(as_mapping("noise", noise))
         self.evaluations = 0
+
+    def _warn_of_starts(self) -> None:
+        """Say where a start is not known, and is neither fitted."""
+        for run in self.runs:
+            names = [name for name in run.assumed if name not in self.initial]
+            if names:
+                shown = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
+                text = (
+                    f"{run.name} does not say where {shown} started: the nominal start is taken, or name it in initial"
+                )
+                warnings.warn(text, stacklevel=4)
 
     # What is fitted: the parameters, then the unknown initial states of each run, over their scales.
 
@@ -186,6 +230,12 @@ class _Problem:
             spread = float(np.nanstd(np.concatenate([run.outputs[name] for run in self.runs])))
             sizes.append(deviation if deviation > 0 else spread or 1.0)
         self.noise, self._known = np.array(sizes), np.array(known)
+        # An exact fit would weigh without end: simulations are no closer to the truth than this.
+        self._least = 1e-6 * self.noise
+        self._recorded = Recorded(
+            self.model, self.runs, self.outputs, self.parameters, self.initial, self.fixed, declared, self._method
+        )
+        self._measured = [np.stack([run.outputs[name] for name in self.outputs], axis=-1) for run in self.runs]
         self._masks = [self._mask(run, declared) for run in self.runs]
         for run, mask in zip(self.runs, self._masks, strict=True):
             if not mask.any():
@@ -205,29 +255,21 @@ class _Problem:
 
     # Simulation with derivatives.
 
-    def solve(self, iterations: int) -> Fit:
+    def solve(self, iterations: int, derivatives: str) -> Fit:
         optimize = _optimize()
+        self._choose(derivatives)
         low, high = self.low / self.scale, self.high / self.scale
         point = np.clip(self.guess / self.scale, low + 1e-9, high - 1e-9)
         found: Any = None
         # Deviations that are not known and the parameters in turn.
         for _ in range(1 if self._known.all() else 3):
-            memory: dict[bytes, tuple[FloatArray, FloatArray]] = {}
-
-            def both(z: FloatArray, memory: dict[bytes, tuple[FloatArray, FloatArray]] = memory) -> Any:
-                key = z.tobytes()
-                if key not in memory:
-                    memory.clear()
-                    memory[key] = self._residuals(z)
-                return memory[key]
-
             found = optimize.least_squares(
-                lambda z, both=both: both(z)[0],
+                self._residuals,
                 point,
-                jac=lambda z, both=both: both(z)[1],
+                jac=self._slopes,
                 bounds=(low, high),
                 max_nfev=iterations,
-                ftol=1e-10,
+                ftol=1e-8,
                 xtol=1e-8,
                 gtol=1e-10,
             )
@@ -235,55 +277,84 @@ class _Problem:
             self._estimate_noise(point)
         return self._result(point, bool(found.success))
 
+    def _choose(self, derivatives: str) -> None:
+        """Which derivatives are taken; exact ones are compared with a difference at the first point."""
+        self._strict, self._unchecked = derivatives == "exact", True
+        self._latest: tuple[bytes, FloatArray] = (b"", np.zeros((0, 0)))
+        self._why: str | None = None if derivatives != "differences" else ""
+        columns, most = len(self.model.state_names) + len(self.parameters), _STATES * (1 + 2 * len(self.names))
+        if derivatives == "auto" and columns > most:
+            self._why = f"exact ones would be by {columns} numbers"
+
     def _points(self, z: FloatArray) -> FloatArray:
         """The point, and two beside it in each direction, (1 + 2 d, d), in units."""
-        distance = np.diag(np.full(len(z), _DISTANCE))
-        rows = np.vstack([z, z + distance, z - distance])
-        return np.clip(rows * self.scale, self.low, self.high)
+        return beside(z, self.scale, self.low, self.high)
 
-    def _simulated(self, run: Run, points: FloatArray, place: int) -> FloatArray:
-        """Outputs (N, H + 1, outputs) of a run at all points, in one call of rollouts."""
-        count = len(self.parameters)
-        states = np.tile(run.states, (len(points), 1))
-        first = count + place * len(self.initial)
-        states[:, self._columns] = points[:, first : first + len(self.initial)]
-        given: dict[str, Any] = {**run.parameters, **self.fixed}
-        given |= {name: points[:, i] for i, name in enumerate(self.parameters)}
-        actions = np.broadcast_to(run.actions, (len(points), *run.actions.shape))
-        found = rollout(
-            self.model,
-            states,
-            actions,
-            parameters=given,
-            discrete=run.discrete,
-            disturbances=run.disturbances,
-            max_steps=len(run.actions),  # a record may be longer than an episode of the model
-        )
-        seen = self.model.observation_names
-        columns = [
-            found.observations[:, :, seen.index(name)]
-            if name in seen
-            else found.states[:, :, self.model.state_names.index(name)]
-            for name in self.outputs
-        ]
-        return np.stack(columns, axis=-1)
-
-    def _residuals(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Weighted residuals (m,) and their derivative (m, d) by z."""
+    def _residuals(self, z: FloatArray) -> FloatArray:
+        """Weighted residuals (m,)."""
         self.evaluations += 1
-        points = self._points(z)
-        size = len(z)
-        distance = (points[1 : size + 1] - points[size + 1 :]).diagonal() / self.scale
-        values, slopes = [], []
-        for place, (run, mask) in enumerate(zip(self.runs, self._masks, strict=True)):
-            simulated = self._simulated(run, points, place)
-            measured = np.stack([run.outputs[name] for name in self.outputs], axis=-1)
-            weighted = ((simulated - measured) / self.noise)[:, mask]
+        return self._weighted((z * self.scale)[None])[0]
+
+    def _weighted(self, points: FloatArray) -> FloatArray:
+        """Weighted residuals (N, m) of points in units."""
+        parts = []
+        for place, (measured, mask) in enumerate(zip(self._measured, self._masks, strict=True)):
+            one = ((self._recorded.values(place, points) - measured) / self.noise)[:, mask]
             # What cannot be simulated is far from everything, and the optimiser turns back.
-            weighted = np.where(np.isfinite(weighted), weighted, 1e6)
-            values.append(weighted[0])
-            slopes.append((weighted[1 : size + 1] - weighted[size + 1 :]).T / distance)
-        return np.concatenate(values), np.concatenate(slopes)
+            parts.append(np.where(np.isfinite(one), one, 1e6))
+        return np.concatenate(parts, axis=1)
+
+    def _slopes(self, z: FloatArray) -> FloatArray:
+        """Derivative (m, d) of the weighted residuals by z."""
+        key = z.tobytes() + self.noise.tobytes()
+        if self._latest[0] != key:
+            self._latest = (key, self._computed(z))
+        return self._latest[1]
+
+    def _computed(self, z: FloatArray) -> FloatArray:
+        if self._why is None:
+            try:
+                return self._exact(z)
+            except SimulationError as error:
+                if self._strict:
+                    raise
+                self._why = str(error)
+        return self._assembled(z, exact=False)
+
+    def _exact(self, z: FloatArray) -> FloatArray:
+        found = self._assembled(z, exact=True)
+        if self._unchecked and not self._agrees(z, found):
+            # Steps one by one, each at its time, before they are given up.
+            self._recorded.together = False
+            found = self._assembled(z, exact=True)
+            if not self._agrees(z, found):
+                raise SimulationError(f"{self.model.name} remembers more than its states, which steps do not show")
+        self._unchecked = False
+        return found
+
+    def _assembled(self, z: FloatArray, exact: bool) -> FloatArray:
+        parts = []
+        for place, mask in enumerate(self._masks):
+            if exact:
+                one = self._recorded.exact(place, z * self.scale, lambda: self._points(z))
+            else:
+                one = self._recorded.differences(place, self._points(z))
+            parts.append((one * self.scale / self.noise[:, None])[mask])
+        slope = np.concatenate(parts)
+        return np.where(np.isfinite(slope), slope, 0.0)
+
+    def _agrees(self, z: FloatArray, slope: FloatArray) -> bool:
+        """Whether differences along one direction, at two distances that tell how good these are, say the same."""
+        direction = np.where(np.arange(len(z)) % 2, -1.0, 1.0)
+        steps = DISTANCE * np.array([1.0, -1.0, 3.0, -3.0])
+        beyond = (z + steps[:, None] * direction) * self.scale
+        if ((beyond < self.low) | (beyond > self.high)).any():
+            return True
+        a, b, c, d = self._weighted(beyond)
+        near, wide = (a - b) / (2 * DISTANCE), (c - d) / (6 * DISTANCE)
+        expected = slope @ direction
+        apart, doubt = np.linalg.norm(near - expected), np.linalg.norm(near - wide)
+        return bool(apart <= 0.03 * np.linalg.norm(expected) + 3 * doubt)
 
     def _estimate_noise(self, z: FloatArray) -> None:
         """Root mean square of the residuals of the outputs whose deviation is not known."""
@@ -296,26 +367,36 @@ class _Problem:
         # Each output bears its share of the fitted numbers.
         freedom = np.maximum(counts - len(z) * counts / counts.sum(), 1.0)
         found = np.sqrt(squares / freedom)
-        # An exact fit would weigh without end.
-        least = 1e-9 * self.noise
-        self.noise = np.where(self._known, self.noise, np.maximum(found, least))
+        self.noise = np.where(self._known, self.noise, np.maximum(found, self._least))
+
+    def _simulated(self, z: FloatArray) -> list[FloatArray]:
+        """Outputs (H + 1, outputs) of each run."""
+        point = (z * self.scale)[None]
+        return [self._recorded.values(place, point)[0] for place in range(len(self.runs))]
 
     def _unweighted(self, z: FloatArray) -> list[FloatArray]:
         """Measured less simulated, NaN where nothing was read."""
-        found = []
-        point = (z * self.scale)[None]
-        for place, (run, mask) in enumerate(zip(self.runs, self._masks, strict=True)):
-            simulated = self._simulated(run, point, place)[0]
-            measured = np.stack([run.outputs[name] for name in self.outputs], axis=-1)
-            found.append(np.where(mask, measured - simulated, np.nan))
-        return found
+        parts = zip(self._simulated(z), self._measured, self._masks, strict=True)
+        return [np.where(mask, measured - simulated, np.nan) for simulated, measured, mask in parts]
+
+    def _at_bounds(self, z: FloatArray) -> tuple[str, ...]:
+        near = 1e-6 * self.scale
+        at = (z * self.scale <= self.low + near) | (z * self.scale >= self.high - near)
+        return tuple(name for name, one in zip(self.names, at, strict=True) if one)
+
+    def _units(self) -> dict[str, str]:
+        model = self.model
+        known = dict(zip(model.state_names, model.native.units("state"), strict=True))
+        known |= dict(zip(model.observation_names, model.native.units("observation"), strict=True))
+        return {name: known[name] for name in self.outputs}
 
     def _result(self, z: FloatArray, success: bool) -> Fit:
-        residual, slope = self._residuals(z)
+        residual, slope = self._residuals(z), self._slopes(z)
         silent = [name for name, column in zip(self.names, slope.T, strict=True) if not np.abs(column).max() > 0]
         if silent:
             raise ValueError(
-                f"the runs say nothing about {', '.join(silent)}: {', '.join(self.outputs)} do not depend on it"
+                f"the runs say nothing about {', '.join(silent)}: in them {', '.join(self.outputs)} would be the same "
+                "with another value; leave it out, or add runs in which it acts"
             )
         covariance, indistinct = self._covariance(slope)
         values = z * self.scale
@@ -337,9 +418,19 @@ class _Problem:
             noise=dict(zip(self.outputs, self.noise.tolist(), strict=True)),
             indistinct=indistinct,
             residuals=[dict(zip(self.outputs, one.T, strict=True)) for one in self._unweighted(z)],
+            simulated=[dict(zip(self.outputs, one.T, strict=True)) for one in self._simulated(z)],
+            at_bounds=self._at_bounds(z),
+            _labels=(self.model.step, self._units(), f"{self.model.native.time_name} [{self.model.native.time_unit}]"),
             evaluations=self.evaluations,
             success=success,
+            derivatives=self._said(),
         )
+
+    def _said(self) -> str:
+        """Which derivatives were taken."""
+        if self._why is None:
+            return "exact"
+        return f"differences: {self._why}" if self._why else "differences"
 
     def _covariance(self, slope: FloatArray) -> tuple[FloatArray, tuple[tuple[str, ...], ...]]:
         """Covariance by singular values; directions without information have an infinite variance."""

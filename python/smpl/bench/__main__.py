@@ -5,7 +5,20 @@ from __future__ import annotations
 import argparse
 import platform
 
-from smpl.bench import advection, batch, decisions, environments, exports, kernels, mab, pensim, ppo, precision, reactor
+from smpl.bench import (
+    advection,
+    batch,
+    decisions,
+    environments,
+    exports,
+    fit,
+    kernels,
+    mab,
+    pensim,
+    ppo,
+    precision,
+    reactor,
+)
 
 SECTIONS = {
     "environments": environments.main,
@@ -18,6 +31,7 @@ SECTIONS = {
     "mab": mab.main,
     "exports": exports.main,
     "decisions": decisions.main,
+    "fit": fit.main,
     "ppo": ppo.main,
 }
 

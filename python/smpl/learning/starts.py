@@ -64,7 +64,7 @@ class Starts:
         """
         if isinstance(given, Starts):
             return given
-        if given is None or given == "sampled":
+        if given is None or (isinstance(given, str) and given == "sampled"):
             return cls("sampled")
         if isinstance(given, Path) or (isinstance(given, str) and given.endswith(".csv")):
             return _table(Path(given), env)
