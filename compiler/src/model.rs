@@ -170,6 +170,8 @@ pub struct Interface {
     pub algebraic_counts: [u32; 3],
     /// Discrete variables.
     pub discretes: Vec<Quantity>,
+    /// Domains in space.
+    pub grids: Vec<Grid>,
     /// Names of the phases in their order, whose number (from 1) the discrete variable `phase` holds; empty without a schedule.
     pub phases: Vec<String>,
     /// Actions.
@@ -259,6 +261,26 @@ pub enum Axis {
         /// How many there are.
         count: u32,
     },
+    /// Cells of a domain, numbered from 1.
+    Cells {
+        /// Which of [`Interface::grids`].
+        grid: u32,
+        /// How many there are.
+        count: u32,
+    },
+}
+
+/// Where the cells of a domain lie.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Grid {
+    /// Name of the domain.
+    pub name: String,
+    /// Unit of its coordinate.
+    pub unit: String,
+    /// Faces of the cells, one more than there are cells, for parameters as they were when the model was compiled; empty where that does not tell.
+    pub faces: Vec<f64>,
+    /// The elements of parameters that the faces depend on, with the values that they had.
+    pub parameters: Vec<(VarId, u32, f64)>,
 }
 
 /// One random number.
@@ -501,7 +523,7 @@ impl Axis {
     pub fn len(&self) -> usize {
         match self {
             Axis::Names(names) => names.len(),
-            Axis::Numbers { count, .. } => *count as usize,
+            Axis::Numbers { count, .. } | Axis::Cells { count, .. } => *count as usize,
         }
     }
 
@@ -517,6 +539,7 @@ impl Axis {
         match self {
             Axis::Names(names) => names.get(i).cloned().unwrap_or_default(),
             Axis::Numbers { first, .. } => (first + i as i64).to_string(),
+            Axis::Cells { .. } => (i + 1).to_string(),
         }
     }
 }

@@ -92,6 +92,7 @@ fn check_ending(path: &Path) -> PyResult<()> {
 pub struct Recording {
     recorder: Recorder,
     setup: Arc<Setup>,
+    moved: bool,
 }
 
 #[pymethods]
@@ -102,7 +103,8 @@ impl Recording {
         env.with_mut(|environment| {
             let mut recorder = Recorder::new(environment);
             recorder.record(environment, None);
-            Self { recorder, setup: Arc::clone(environment.setup()) }
+            let moved = !items::knows_space(environment.setup(), environment.parameters());
+            Self { recorder, setup: Arc::clone(environment.setup()), moved }
         })
     }
 
@@ -133,7 +135,7 @@ impl Recording {
     /// The picture of what `show` names.
     fn picture(&self, show: Vec<String>, note: String) -> PyResult<Picture> {
         let plans = plan(&items::of_model(&self.setup), &show).map_err(|error| PyValueError::new_err(error.to_string()))?;
-        let run = Run::of_table("", self.recorder.table());
+        let run = Run::of_table("", self.recorder.table()).with_moved(self.moved);
         let unit = &self.setup.model().interface().time.1;
         Ok(Picture { picture: picture::Picture::new(&plans, &[run], &heading(&self.setup, note), unit) })
     }

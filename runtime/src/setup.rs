@@ -282,6 +282,12 @@ impl Setup {
         self.catalogue.parameters.elements().iter().filter(|element| places.contains(&element.at)).collect()
     }
 
+    /// All parameters, at their means where they are drawn.
+    #[must_use]
+    pub fn parameters(&self) -> &[f64] {
+        self.system.region(Region::Param)
+    }
+
     /// The texts that the model was compiled from.
     #[must_use]
     pub fn sources(&self) -> Option<&SourceMap> {

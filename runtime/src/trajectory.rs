@@ -14,6 +14,11 @@ use std::path::Path;
 
 pub use crate::files::{WriteError, write_whole};
 
+/// Whether the name of a file says that it is Parquet.
+fn is_parquet(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("parquet"))
+}
+
 /// Kind of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -131,8 +136,7 @@ impl Table {
     /// # Errors
     /// [`WriteError`] with the path.
     pub fn write(&self, path: &Path) -> Result<(), WriteError> {
-        let is_parquet = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("parquet"));
-        write_whole(path, |out| if is_parquet { parquet::write(self, out) } else { self.write_csv(out) })
+        write_whole(path, |out| if is_parquet(path) { parquet::write(self, out) } else { self.write_csv(out) })
     }
 
     fn write_csv(&self, out: &mut dyn Write) -> io::Result<()> {

@@ -113,6 +113,55 @@ fn labels_of_the_columns_stand_apart_and_every_name_stands_in_the_picture() {
     check(&setup_of_model("mab_plant"), 2, "");
 }
 
+const ROD: &str = "model M\ntime t : s\nparam L : m = 2\nparam q : 1 = 1.2\ndomain z in 0..L cells 10\ndomain y in 0.002 [m]..0.01 [m] cells 8 stretch q\n\
+    state c[z] = 1\nstate b[y] = 0\neq d/dt c[z] = -c[z] / 1 [s] for z\neq d/dt b[y] = value(y) / 1 [s] for y\nobserve c in 0..1\nreward r = 0\n\
+    episode { step = 1 [s], max_steps = 3 }";
+
+#[test]
+fn a_field_is_drawn_over_the_coordinate_of_its_domain() {
+    let setup = setup_of_text(ROD);
+    let (_, picture) = run_of(&setup, 3, "c,b,obs.c,profile:b");
+    let texts = texts_of_svg(&picture.svg());
+    assert_eq!(texts.iter().filter(|text| *text == "z [m]").count(), 2, "{texts:?}");
+    assert_eq!(texts.iter().filter(|text| *text == "y [10\u{207b}\u{b3} m]").count(), 2, "{texts:?}");
+    for tick in ["0.5", "1.5", "10"] {
+        assert!(texts.iter().any(|text| text == tick), "no tick at {tick}: {texts:?}");
+    }
+    assert_eq!(faults(&picture), Vec::<String>::new());
+    // db/dt is the centre of a cell: at the end of a run of 3 s b/3 is the place that the page tells.
+    let page = String::from_utf8(picture.bytes(Format::Html).expect("a file")).expect("text");
+    let ratio: f64 = 1.2;
+    let face = |k: i32| 2.0 + 8.0 * (ratio.powi(k) - 1.0) / (ratio.powi(8) - 1.0);
+    let first = 0.5e-3 * (face(0) + face(1));
+    assert!(page.contains(&format!("y = {first:.6} m")), "{first}");
+}
+
+#[test]
+fn between_sampling_instants_a_field_is_that_of_the_equations() {
+    let setup = setup_of_text(ROD);
+    let (_, picture) = run_of(&setup, 3, "c");
+    let page = String::from_utf8(picture.bytes(Format::Html).expect("a file")).expect("text");
+    let columns = page.split("\"columns\":").nth(1).and_then(|rest| rest.split(',').next()).and_then(|n| n.parse::<u32>().ok());
+    assert!(columns.is_some_and(|n| n > 30), "{columns:?} columns of a run of three steps");
+}
+
+#[test]
+fn where_another_length_was_set_cells_have_numbers() {
+    let setup = setup_of_text(ROD);
+    let plans = plan(&items::of_model(&setup), &["c".to_owned()]).expect("names there are");
+    let (run, _) = run_of(&setup, 3, "c");
+    let mut environment = Environment::new(Arc::clone(&setup)).expect("an environment");
+    environment.reset(Some(1), &ResetOptions::default()).expect("a start");
+    assert!(items::knows_space(&setup, environment.parameters()));
+    let parameters = [("L".to_owned(), 3.0)].into();
+    environment.reset(Some(1), &ResetOptions { parameters, ..ResetOptions::default() }).expect("a start");
+    assert!(!items::knows_space(&setup, environment.parameters()));
+    let moved = run.with_moved(true);
+    let picture = Picture::new(&plans, &[moved], &heading(&setup, String::new()), "s");
+    let texts = texts_of_svg(&picture.svg());
+    assert!(texts.iter().any(|text| text == "cell") && !texts.iter().any(|text| text == "z [m]"), "{texts:?}");
+}
+
 #[test]
 fn a_curve_between_sampling_instants_is_that_of_the_equations() {
     let setup = setup_of_text(

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use smpl_runtime::environment::{Environment, ResetOptions};
 use smpl_runtime::setup::EnvironmentOptions;
-use smpl_runtime::trajectory::{Recorder, read_actions, read_initial};
+use smpl_runtime::trajectory::{Recorder, read_actions, read_columns, read_initial};
 use support::{beer, environment};
 
 fn folder(test: &str) -> PathBuf {
@@ -58,6 +58,35 @@ fn a_parquet_file_is_framed_as_such() {
     recorded(&mut env, 3).table().write(&path).expect("writes");
     let bytes = std::fs::read(&path).expect("reads");
     assert_eq!((&bytes[..4], &bytes[bytes.len() - 4..]), (b"PAR1".as_slice(), b"PAR1".as_slice()));
+}
+
+#[test]
+fn a_table_is_the_same_in_parquet_and_in_csv_and_is_replayed_from_either() {
+    let folder = folder("both");
+    let (csv, parquet) = (folder.join("t.csv"), folder.join("t.parquet"));
+    let mut env = make();
+    let recorder = recorded(&mut env, 3);
+    recorder.table().write(&csv).expect("writes");
+    recorder.table().write(&parquet).expect("writes");
+    let (first, second) = (read_columns(&csv).expect("reads"), read_columns(&parquet).expect("reads"));
+    assert_eq!((&first.names, &first.keys), (&second.names, &second.keys));
+    let bits = |values: &[Vec<f64>]| values.iter().flatten().map(|x| x.to_bits()).collect::<Vec<_>>();
+    assert_eq!(bits(&first.values), bits(&second.values));
+    assert_eq!(read_actions(&parquet, env.catalogue()).expect("reads"), vec![vec![13.5]; 3]);
+}
+
+#[test]
+fn what_is_no_parquet_file_is_refused_by_name() {
+    let folder = folder("damaged");
+    let path = folder.join("t.parquet");
+    let mut env = make();
+    recorded(&mut env, 3).table().write(&path).expect("writes");
+    let whole = std::fs::read(&path).expect("reads");
+    for bytes in [b"step,T\n1,13\n".as_slice(), b"PAR1", &whole[..whole.len() / 2], &whole[whole.len() / 2..], &[]] {
+        std::fs::write(&path, bytes).expect("writes");
+        let message = read_columns(&path).map(|columns| columns.names).expect_err("no table").to_string();
+        assert!(message.contains("t.parquet:1: the file cannot be read as Parquet"), "{message}");
+    }
 }
 
 #[test]

@@ -405,3 +405,19 @@ def test_solver_and_episode_are_set_by_name():
         env.step(np.zeros(2))
     assert coarse.time == 0.2 and fine.time == 0.1
     assert coarse.solver_statistics["steps"] < fine.solver_statistics["steps"]
+
+
+def test_an_observation_of_each_instance_has_the_name_of_what_it_observes():
+    source = """time t : s
+component Tank { state h : m = 1 in 0..2
+  eq d/dt h = -h / 1 [s] }
+use Tank as tank[k in 1..2]()
+state x : m = 1 in 0..2
+eq d/dt x = -x / 1 [s]
+observe tank[k].h in 0..3 for k in 1..2
+observe twice = 2*tank[k].h in 0..4 for k in 1..2
+reward r = 0
+episode { step = 1 [s], max_steps = 3 }"""
+    env = smpl.Env(smpl.compile(source=source))
+    assert env.observation_names == ["tank[1].h", "tank[2].h", "twice[1]", "twice[2]"]
+    assert not [name for name in smpl.Env("mab_plant").observation_names if "[]" in name]

@@ -2,6 +2,8 @@
 
 import copy
 import pickle
+import subprocess
+import sys
 import xml.etree.ElementTree as ET
 
 import numpy as np
@@ -148,3 +150,30 @@ def test_info_names_the_condition_of_a_success():
     envs.step(np.zeros((2, 1)))
     infos = envs.step(np.zeros((2, 1)))[4]
     assert infos["success_name"].tolist() == ["half", "half"] and infos["_success_name"].all()
+
+
+def test_saved_tables_are_read_from_parquet_as_from_csv(tmp_path):
+    model = str(tmp_path / "plant.eq")
+    (tmp_path / "plant.eq").write_text(
+        "time t : s\nstate x : m = 1\neq d/dt x = -x / 1 [s]\nreward r = 0\nepisode { step = 1 [s], max_steps = 4 }"
+    )
+    for ending in ("csv", "parquet"):
+        command = [sys.executable, "-m", "smpl", "simulate", model, "--out", str(tmp_path / f"run.{ending}")]
+        assert subprocess.run(command, capture_output=True).returncode == 0
+    pictures = [smpl.plot(tmp_path / f"run.{ending}", model=model).svg() for ending in ("csv", "parquet")]
+    assert pictures[0] == pictures[1]
+
+
+def test_tables_of_pyarrow_are_read_and_compressed_ones_refused(tmp_path):
+    arrow = pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
+    table = arrow.table({"time": [0.0, 1.0, 2.0], "x": [1.0, None, 3.0], "n": [1, 2, 3]})
+    parquet.write_table(table, tmp_path / "plain.parquet", compression="none")
+    assert {"x", "n"} & set(smpl.plot(tmp_path / "plain.parquet").names)
+    parquet.write_table(table, tmp_path / "small.parquet", compression="snappy")
+    with pytest.raises(ValueError, match="SNAPPY"):
+        smpl.plot(tmp_path / "small.parquet")
+    nested = arrow.table({"time": [0.0], "x": [[1.0, 2.0]]})
+    parquet.write_table(nested, tmp_path / "lists.parquet", compression="none")
+    with pytest.raises(ValueError, match="column `x`"):
+        smpl.plot(tmp_path / "lists.parquet")

@@ -57,9 +57,10 @@ impl Sketch {
         }
     }
 
-    /// Draws and writes the run of a table.
-    pub fn write(self, table: &Table, setup: &Setup, note: String) -> Result<(), Failed> {
-        let mut run = Run::of_table("", table);
+    /// Draws and writes the run of an environment, whose table this is.
+    pub fn write(self, table: &Table, environment: &Environment, note: String) -> Result<(), Failed> {
+        let setup = environment.setup();
+        let mut run = Run::of_table("", table).with_moved(!items::knows_space(setup, environment.parameters()));
         if let Some(follower) = self.follower {
             run.refine(follower.finish());
         }

@@ -62,6 +62,8 @@ struct Outcome {
     /// Parameters that were drawn, by name.
     drawn: Vec<(String, f64)>,
     table: Option<Table>,
+    /// See [`crate::picture::Run::moved`].
+    moved: bool,
 }
 
 /// What a run ended in.
@@ -261,7 +263,8 @@ fn episode_of(
     keeps: bool,
 ) -> Outcome {
     let rewards = point.setup.model().interface().rewards.len();
-    let mut outcome = Outcome { steps: 0, time: 0.0, sums: vec![0.0; 1 + rewards], end: End::NotEnded, drawn: Vec::new(), table: None };
+    let mut outcome =
+        Outcome { steps: 0, time: 0.0, sums: vec![0.0; 1 + rewards], end: End::NotEnded, drawn: Vec::new(), table: None, moved: false };
     environment.set_keep_going(arguments.keep_going);
     if let Err(error) = environment.reset(Some(seed), &point.reset) {
         outcome.end = End::Broken(error.to_string());
@@ -269,6 +272,7 @@ fn episode_of(
     }
     let values = environment.parameters();
     outcome.drawn = point.setup.drawn_parameters().iter().map(|e| (e.name.clone(), values[e.at])).collect();
+    outcome.moved = !crate::picture::items::knows_space(&point.setup, values);
     let mut recorder = keeps.then(|| Recorder::new(environment));
     if let Some(recorder) = &mut recorder {
         recorder.record(environment, None);

@@ -239,7 +239,7 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
     let summary = summary(&mut environment, total);
     if let Some(sketch) = sketch {
         let how = summary.split_once(": ").map_or("", |(_, how)| how).trim_end();
-        sketch.write(recorder.table(), &setup, format!("{}; {how}", arguments.circumstances()))?;
+        sketch.write(recorder.table(), &environment, format!("{}; {how}", arguments.circumstances()))?;
     }
     outputs::conclude(&summary, &written)
 }

@@ -96,9 +96,11 @@ impl<'s> Writer<'s> {
         let count = |value: &Option<Expr>| value.as_ref().map(|e| self.inline(e));
         // Unit and range of what is observed by its own name are those of its declaration.
         let own = o.name.as_ref().map_or(written.as_str(), |name| name.text.as_str());
-        let known = self.interface.observations.iter().find(|known| known.name == own);
+        let mut alike = self.interface.observations.iter().filter(|known| without_indices(&known.name) == without_indices(own)).peekable();
+        let known = alike.peek().copied();
+        let same = alike.all(|one| known.is_some_and(|known| (one.low, one.high) == (known.low, known.high)));
         let unit = o.unit.as_ref().map_or_else(|| known.map(|k| markdown::unit(&k.unit)), |unit| Some(self.unit(Some(unit))));
-        let range = known.map(|k| format!("{} to {}", Short(k.low), Short(k.high)).replace("inf", "∞"));
+        let range = known.filter(|_| same).map(|k| format!("{} to {}", Short(k.low), Short(k.high)).replace("inf", "∞"));
         let row = vec![
             named.unwrap_or_else(|| code(&written)),
             unit.unwrap_or_default(),
@@ -165,4 +167,14 @@ fn policy_text<'s>(writer: &Writer<'s>, statement: &Statement, name: &Ident) -> 
     let source = writer.source;
     let rest = source.texts.text(Span { start: name.span.end, ..statement.span });
     rest.trim_start().strip_prefix('"').and_then(|rest| rest.split('"').next()).unwrap_or("")
+}
+
+/// `col.c` of `col[1].c[tropine,3]`.
+fn without_indices(name: &str) -> String {
+    let mut depth = 0_i32;
+    let outside = |c: &char| {
+        depth += i32::from(*c == '[') - i32::from(*c == ']');
+        depth == 0 && *c != ']'
+    };
+    name.chars().filter(outside).collect()
 }

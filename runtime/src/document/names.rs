@@ -65,6 +65,7 @@ fn indexed(quantity: &Quantity) -> String {
         .map(|axis| match axis {
             Axis::Names(names) if names.len() <= 4 => names.join("/"),
             Axis::Names(names) => format!("{} .. {}", names[0], names[names.len() - 1]),
+            Axis::Cells { count, .. } => format!("1..{count}"),
             Axis::Numbers { first, count } => format!("{first}..{}", first + i64::from(*count) - 1),
         })
         .collect();

@@ -58,6 +58,7 @@ fn of_panel(panel: &Panel, place: &Placed) -> Value {
         "unit": panel.unit,
         "text": panel.text,
         "overSpace": panel.over_space,
+        "coordinate": panel.coordinate,
         "frame": frame,
         "x": [place.x.low, place.x.high],
         "y": [place.y.low, place.y.high],

@@ -1,8 +1,10 @@
 //! What can be shown: the quantities of a model, or the columns of a table of which no more is known than their names.
 
 use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
 
-use smpl_compiler::model::{Axis, Quantity};
+use smpl_compiler::ir::VarId;
+use smpl_compiler::model::{Axis, Grid, Quantity};
 
 use crate::catalogue::Family;
 use crate::environment::Followed;
@@ -71,6 +73,19 @@ pub struct Index {
     pub labels: Vec<String>,
     /// They are numbers one after another, as those of cells are.
     pub numbers: bool,
+    /// Where the cells lie, where they are those of a domain.
+    pub space: Option<Arc<Space>>,
+}
+
+/// Where the cells of a domain lie.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Space {
+    /// Name of the domain.
+    pub name: String,
+    /// Unit of its coordinate.
+    pub unit: String,
+    /// Increasing faces, one more than there are cells.
+    pub faces: Vec<f64>,
 }
 
 /// Least members of an index of numbers that is taken for the cells of a domain.
@@ -112,12 +127,13 @@ pub fn of_model(setup: &Setup) -> Vec<Item> {
     let has_target = interface.has_steady && setup.no_steady().is_none();
     let target = |at: usize| targets.get(at).copied().filter(|x| has_target && x.is_finite());
     let observed = |name: &str| interface.observations.iter().any(|o| base(&o.name) == name);
+    let spaces = spaces(&interface.grids);
     let mut items = Vec::new();
     let mut family = |role: Role, quantities: &[Quantity], family: &Family, source: fn(usize) -> Option<Followed>| {
         items.extend(quantities.iter().map(|quantity| {
             let of_state = |at: usize| if role == Role::State { target(at) } else { None };
             let members = members(quantity, family, &source, &of_state);
-            Item { members, observed: observed(&quantity.name), ..blank(quantity, role) }
+            Item { members, observed: observed(&quantity.name), ..blank(quantity, role, &spaces) }
         }));
     };
     family(Role::State, &interface.states, &catalogue.states, |at| Some(Followed::Unknown(at)));
@@ -125,14 +141,41 @@ pub fn of_model(setup: &Setup) -> Vec<Item> {
     family(Role::Discrete, &interface.discretes, &catalogue.discretes, |at| Some(Followed::Discrete(at)));
     family(Role::Disturbance, &interface.disturbances, &catalogue.disturbances, |_| None);
     family(Role::Action, &interface.actions, &catalogue.actions, |_| None);
-    items.extend(observations(setup));
+    // An array that is observed as a whole has the indices of what is observed.
+    let alike = |seen: &Item| items.iter().find(|item: &&Item| item.name == seen.name && item.members.len() == seen.members.len());
+    let indexed = |seen: Item| Item { indices: alike(&seen).map_or(seen.indices.clone(), |item| item.indices.clone()), ..seen };
+    let seen: Vec<Item> = observations(setup).into_iter().map(indexed).collect();
+    items.extend(seen);
     items.extend(rewards(setup));
     items
 }
 
-fn blank(quantity: &Quantity, role: Role) -> Item {
-    let index =
-        |axis: &Axis| Index { labels: (0..axis.len()).map(|i| axis.label(i)).collect(), numbers: matches!(axis, Axis::Numbers { .. }) };
+/// The domains whose places are known, by their numbers.
+fn spaces(grids: &[Grid]) -> Vec<Option<Arc<Space>>> {
+    let space = |grid: &Grid| Space { name: grid.name.clone(), unit: grid.unit.clone(), faces: grid.faces.clone() };
+    grids.iter().map(|grid| (!grid.faces.is_empty()).then(|| Arc::new(space(grid)))).collect()
+}
+
+/// Whether cells lie where the compiled model says: the parameters that it computed them from have the values that they had.
+#[must_use]
+pub fn knows_space(setup: &Setup, parameters: &[f64]) -> bool {
+    let model = setup.model();
+    let holds = |(var, element, value): &(VarId, u32, f64)| {
+        let now = model.offset(*var).and_then(|first| parameters.get(first + *element as usize));
+        now.is_some_and(|now| (now - value).abs() <= 1e-9 * value.abs())
+    };
+    model.interface().grids.iter().flat_map(|grid| &grid.parameters).all(holds)
+}
+
+fn blank(quantity: &Quantity, role: Role, spaces: &[Option<Arc<Space>>]) -> Item {
+    let index = |axis: &Axis| Index {
+        labels: (0..axis.len()).map(|i| axis.label(i)).collect(),
+        numbers: !matches!(axis, Axis::Names(_)),
+        space: match axis {
+            Axis::Cells { grid, .. } => spaces.get(*grid as usize).cloned().flatten(),
+            _ => None,
+        },
+    };
     Item {
         name: quantity.name.clone(),
         role,
@@ -259,14 +302,14 @@ fn indices(members: &[Member]) -> Vec<Index> {
         let labels: Vec<String> = labels.map(|label| (*label).to_owned()).collect();
         let values: Option<Vec<i64>> = labels.iter().map(|l| l.parse().ok()).collect();
         let numbers = values.is_some_and(|v| v.windows(2).all(|pair| pair[1] == pair[0] + 1));
-        Index { labels, numbers }
+        Index { labels, numbers, space: None }
     };
     let axes: Vec<Index> = (0..depth).map(distinct).collect();
     let is_product = axes.iter().map(|a| a.labels.len()).product::<usize>() == members.len();
     if is_product && parts.iter().all(|p| p.len() == depth) {
         return axes;
     }
-    vec![Index { labels: members.iter().map(|m| m.label.clone()).collect(), numbers: false }]
+    vec![Index { labels: members.iter().map(|m| m.label.clone()).collect(), numbers: false, space: None }]
 }
 
 /// `col[1].c` of `col[1].c[tropine,3]`.
@@ -293,7 +336,7 @@ mod tests {
         let items = of_columns(&columns, |_| false);
         assert_eq!(items.len(), 1);
         assert_eq!(items[0].name, "R1.c");
-        assert_eq!(items[0].indices[0], Index { labels: names(&["a", "b"]), numbers: false });
+        assert_eq!(items[0].indices[0], Index { labels: names(&["a", "b"]), numbers: false, space: None });
         assert!(items[0].indices[1].is_space() && items[0].members.len() == 18);
     }
 

@@ -48,6 +48,8 @@ pub(super) struct Placed {
     pub x: Axis,
     /// Ordinate; that of the colours of a map.
     pub y: Axis,
+    /// Space of a map, upwards.
+    pub space: Option<Axis>,
     /// Upper edge of the cell.
     pub top: f64,
     /// Its whole width.
@@ -175,7 +177,7 @@ impl Grid {
         let mut grid = Self { columns, count, width, top, cell, strip, left: vec![0.0; columns], named: vec![], abscissae: vec![] };
         let row = |r: usize| &panels.panels[(r * columns).min(count)..((r + 1) * columns).min(count)];
         let room = grid.cell_width();
-        grid.named = (0..rows).map(|r| row(r).iter().map(|p| SERIES * series_lines(p, room).len() as f64).fold(0.0, f64::max)).collect();
+        grid.named = (0..rows).map(|r| row(r).iter().map(|p| SERIES * name_lines(p, room) as f64).fold(0.0, f64::max)).collect();
         grid.abscissae = (0..rows).map(|r| (r * columns..((r + 1) * columns).min(count)).any(|i| grid.is_free(i, panels))).collect();
         for (i, panel) in panels.panels.iter().enumerate() {
             let labels = grid.label_room(i, panel);
@@ -215,7 +217,7 @@ impl Grid {
     fn label_room(&self, index: usize, panel: &Panel) -> f64 {
         let axis = match &panel.body {
             Body::Curves(curves) => ordinate(curves.range, self.plot_height(index / self.columns)),
-            Body::Map(map) => return widest(&map.labels) + 8.0,
+            Body::Map(map) => map.upwards(self.plot_height(index / self.columns)),
         };
         let labels: Vec<String> = axis.ticks.iter().map(|t| axis.label(*t)).collect();
         widest(&labels) + 8.0
@@ -234,8 +236,13 @@ impl Grid {
             Body::Curves(curves) => ordinate(curves.range, plot.height),
             Body::Map(map) => ordinate(map.range, plot.height),
         };
+        let space = match &panel.body {
+            Body::Map(map) => Some(map.upwards(plot.height)),
+            Body::Curves(_) => None,
+        };
         Placed {
             plot,
+            space,
             x: abscissa(low, high, plot.width),
             y,
             top,
@@ -305,6 +312,11 @@ fn write_names(drawing: &mut Drawing, panel: &Panel, place: &Placed, panels: &Pa
         drawing.marks.push(Mark::Text(note));
     }
     write_series(drawing, panel, place);
+    if let Some(space) = &place.space {
+        let letters = panel.place_name(space.exponent);
+        let (x, y, weight) = (place.cell.0, place.plot.y - 5.0, Weight::Regular);
+        drawing.marks.push(Mark::Text(Text { x, y, size: LABEL + 0.5, anchor: Anchor::Start, colour: colour::GREY, weight, letters }));
+    }
     if place.names_abscissa {
         write_abscissa(drawing, panel, place, panels);
     }
@@ -333,6 +345,14 @@ fn series_lines(panel: &Panel, room: f64) -> Vec<Vec<(&str, Colour)>> {
         used += wide;
     }
     lines
+}
+
+/// Lines that names of series take, or that of the coordinate of a map.
+fn name_lines(panel: &Panel, room: f64) -> usize {
+    match panel.body {
+        Body::Curves(_) => series_lines(panel, room).len(),
+        Body::Map(_) => 1,
+    }
 }
 
 /// Room for the sign of a series before its name.
@@ -364,9 +384,11 @@ fn darker(colour: Colour) -> Colour {
 }
 
 fn write_abscissa(drawing: &mut Drawing, panel: &Panel, place: &Placed, panels: &Panels) {
-    let (name, exponent) = if panel.over_space { ("cell", 0) } else { ("time", place.x.exponent) };
-    let unit = if panel.over_space { "" } else { panels.time_unit.as_str() };
-    let letters = format!("{name} {}", bracketed(unit, exponent));
+    let exponent = place.x.exponent;
+    let letters = match panel.over_space {
+        true => panel.place_name(exponent),
+        false => format!("time {}", bracketed(&panels.time_unit, exponent)),
+    };
     drawing.marks.push(Mark::Text(Text {
         x: place.plot.x + place.plot.width / 2.0,
         y: place.plot.bottom() + LABEL + 7.0 + LABEL + 2.0,

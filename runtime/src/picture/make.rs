@@ -29,6 +29,9 @@ pub fn of_tables(paths: &[PathBuf], show: &[String], setup: Option<&Setup>) -> R
     for path in paths {
         runs.extend(Run::read(path)?);
     }
+    for run in &mut runs {
+        run.moved = setup.is_some_and(|setup| !tells_space(setup, run));
+    }
     let present: HashSet<&str> = runs.iter().flat_map(Run::names).map(String::as_str).collect();
     let mut all = match (setup, runs.first()) {
         (Some(setup), _) => items::of_model(setup),
@@ -44,6 +47,24 @@ pub fn of_tables(paths: &[PathBuf], show: &[String], setup: Option<&Setup>) -> R
         Some(setup) => Picture::new(&plans, &runs, &heading(setup, String::new()), &setup.model().interface().time.1),
         None => Picture::new(&plans, &runs, &Heading { title: title(paths), ..Heading::default() }, ""),
     })
+}
+
+/// Whether cells lie where the model says in the run of a table: no column says that a parameter which places them had a value of its own.
+fn tells_space(setup: &Setup, run: &Run) -> bool {
+    let model = setup.model();
+    let places: HashSet<usize> = model
+        .interface()
+        .grids
+        .iter()
+        .flat_map(|grid| &grid.parameters)
+        .filter_map(|(var, element, _)| Some(model.offset(*var)? + *element as usize))
+        .collect();
+    let is_said = |name: &str| match name.strip_prefix("param.") {
+        Some(name) => setup.catalogue.parameters.find(name).is_some_and(|element| places.contains(&element.at)),
+        // A column of a sweep: what is computed from it is not known.
+        None => !places.is_empty() && setup.catalogue.parameters.find(name).is_some(),
+    };
+    items::knows_space(setup, setup.parameters()) && !run.names().iter().any(|name| is_said(name))
 }
 
 fn title(paths: &[PathBuf]) -> String {
@@ -97,7 +118,7 @@ pub fn nominal(setup: &Arc<Setup>, show: &[String], most_steps: u32) -> Result<P
         let result = environment.step(&action)?;
         recorder.record(&mut environment, Some(&result));
     }
-    let mut run = Run::of_table("", recorder.table());
+    let mut run = Run::of_table("", recorder.table()).with_moved(!items::knows_space(setup, environment.parameters()));
     if let Some(follower) = follower {
         run.refine(follower.finish());
     }

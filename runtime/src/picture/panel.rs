@@ -1,9 +1,9 @@
 //! Panels with their numbers: curves, maps and what stands beside them, before they have a place on a page.
 
-use super::axis::{readable_time, short, span, unit};
+use super::axis::{Axis, bracketed, readable_time, short, span, unit};
 use super::colour;
 use super::drawing::Colour;
-use super::items::{Member, Role};
+use super::items::{Member, Role, Space};
 use super::plan::{Kind, Line, MOST_LINES, PanelPlan};
 use super::run::Run;
 
@@ -18,6 +18,8 @@ pub(super) struct Panel {
     pub text: String,
     /// Its abscissa is space, not time.
     pub over_space: bool,
+    /// Name and unit of the coordinate in space: `cell` where the places of cells are not known.
+    pub coordinate: (String, String),
     /// What is in it.
     pub body: Body,
 }
@@ -63,11 +65,13 @@ pub(super) struct Series {
     pub y: Vec<f64>,
 }
 
-/// A field: `rows` cells, first cell first, each with one value a column of time.
+/// A field: rows over space, the lowest place first, each with one value a column of time.
 #[derive(Clone, Debug)]
 pub(super) struct Map {
-    /// Labels of the cells.
+    /// Place of each row, in words.
     pub labels: Vec<String>,
+    /// Lower and upper end in space.
+    pub ends: (f64, f64),
     /// Number of columns.
     pub columns: usize,
     /// Values, cell after cell.
@@ -153,16 +157,18 @@ fn constant(panel: &Panel) -> Option<String> {
 
 fn panels_of(plan: &PanelPlan, runs: &[Run], factor: f64, time_unit: &str) -> Vec<Panel> {
     let few = || runs.iter().take(MOST_MAPS);
+    let space = plan.space.as_deref().filter(|_| !runs.iter().any(|run| run.moved));
     let bodies = match &plan.kind {
         Kind::Lines(lines) => vec![(String::new(), curves(lines, runs, factor, plan.role))],
-        Kind::Profile(groups) => vec![(String::new(), profile(groups, runs))],
-        Kind::Map(cells) => few().map(|run| (run.label.clone(), Body::Map(map(cells, run)))).collect(),
-        Kind::Course(cells) => few().map(|run| (run.label.clone(), course(cells, run, factor, time_unit))).collect(),
+        Kind::Profile(groups) => vec![(String::new(), profile(groups, space, runs))],
+        Kind::Map(cells) => few().map(|run| (run.label.clone(), Body::Map(map(cells, space, run)))).collect(),
+        Kind::Course(cells) => few().map(|run| (run.label.clone(), course(cells, space, run, factor, time_unit))).collect(),
     };
+    let coordinate = space.map_or_else(|| ("cell".to_owned(), String::new()), |space| (space.name.clone(), unit(&space.unit)));
     let over_space = matches!(plan.kind, Kind::Profile(_) | Kind::Course(_));
     let panel = |(label, body): (String, Body)| {
         let text = if runs.len() > 1 && !label.is_empty() { label } else { text(plan, &body) };
-        Panel { name: plan.name.clone(), unit: unit(&plan.unit), text, over_space, body }
+        Panel { name: plan.name.clone(), unit: unit(&plan.unit), text, over_space, coordinate: coordinate.clone(), body }
     };
     bodies.into_iter().map(panel).collect()
 }
@@ -298,14 +304,17 @@ fn last(run: &Run, column: &str) -> f64 {
     run.column(column).and_then(finite).unwrap_or(f64::NAN)
 }
 
-/// Numbers of cells, as their labels say where these are numbers.
-fn places(cells: &[Member]) -> Vec<f64> {
+/// Centres of cells; where these are not known, their numbers, as labels say where they are numbers.
+fn places(cells: &[Member], space: Option<&Space>) -> Vec<f64> {
+    if let Some(space) = space.filter(|space| space.faces.len() == cells.len() + 1) {
+        return space.faces.windows(2).map(|face| 0.5 * (face[0] + face[1])).collect();
+    }
     let number = |member: &Member| member.label.rsplit(',').next().and_then(|l| l.parse().ok());
     let numbers: Option<Vec<f64>> = cells.iter().map(number).collect();
     numbers.unwrap_or_else(|| (1..=cells.len()).map(|i| i as f64).collect())
 }
 
-fn profile(groups: &[(String, Vec<Member>)], runs: &[Run]) -> Body {
+fn profile(groups: &[(String, Vec<Member>)], space: Option<&Space>, runs: &[Run]) -> Body {
     let values = |cells: &[Member], run: &Run| -> Vec<f64> { cells.iter().map(|m| last(run, &m.column)).collect() };
     let size = |group: &(String, Vec<Member>)| runs.iter().map(|run| variation(&values(&group.1, run))).fold(0.0, f64::max);
     let chosen = most_varying(groups, size);
@@ -313,7 +322,7 @@ fn profile(groups: &[(String, Vec<Member>)], runs: &[Run]) -> Body {
     for (index, group) in chosen.into_iter().map(|i| &groups[i]).enumerate() {
         for (number, run) in runs.iter().enumerate() {
             let (colour, dashes) = style(index, 2, number, runs.len(), Role::State);
-            let (x, y) = (places(&group.1), values(&group.1, run));
+            let (x, y) = (places(&group.1, space), values(&group.1, run));
             series.push(Series { label: group.0.clone(), colour, dashes, dots: false, x, y });
         }
     }
@@ -321,7 +330,7 @@ fn profile(groups: &[(String, Vec<Member>)], runs: &[Run]) -> Body {
 }
 
 /// Curves over space at some times from the first to the last row.
-fn course(cells: &[Member], run: &Run, factor: f64, time_unit: &str) -> Body {
+fn course(cells: &[Member], space: Option<&Space>, run: &Run, factor: f64, time_unit: &str) -> Body {
     const TIMES: usize = 6;
     let time = run.time();
     let end = time.len().saturating_sub(1);
@@ -331,7 +340,7 @@ fn course(cells: &[Member], run: &Run, factor: f64, time_unit: &str) -> Body {
         let value = |m: &Member| run.column(&m.column).and_then(|c| c.get(row)).copied().unwrap_or(f64::NAN);
         let colour = colour::viridis(0.92 * i as f64 / rows.len().max(2) as f64);
         let label = format!("{} {time_unit}", short_time(time[row] * factor)).trim_end().to_owned();
-        Series { label, colour, dashes: &[], dots: false, x: places(cells), y: cells.iter().map(value).collect() }
+        Series { label, colour, dashes: &[], dots: false, x: places(cells, space), y: cells.iter().map(value).collect() }
     };
     let series = if time.is_empty() { Vec::new() } else { rows.iter().enumerate().map(curve).collect() };
     Body::Curves(with_guides(series, &[], true, false))
@@ -344,8 +353,10 @@ fn short_time(t: f64) -> String {
 /// Most cells of a picture in each direction; more are not seen.
 const MOST_CELLS: usize = 400;
 
-fn map(cells: &[Member], run: &Run) -> Map {
-    let time = run.time();
+fn map(cells: &[Member], space: Option<&Space>, run: &Run) -> Map {
+    let fine: Option<Vec<(&[f64], &[f64])>> = cells.iter().map(|member| run.within_steps(&member.column)).collect();
+    let rows_of_table = run.time();
+    let time: &[f64] = fine.as_ref().and_then(|fine| fine.first()).map_or(&rows_of_table, |(times, _)| times);
     let columns = time.len().clamp(1, MOST_CELLS);
     let (first, last) = (time.first().copied().unwrap_or(0.0), time.last().copied().unwrap_or(1.0));
     let moment = |j: usize| first + (last - first) * (j as f64 + 0.5) / columns as f64;
@@ -354,15 +365,61 @@ fn map(cells: &[Member], run: &Run) -> Map {
         let before = after.saturating_sub(1);
         if time.get(before).is_some_and(|x| t - x < time[after] - t) { before } else { after }
     };
-    let rows: Vec<usize> = (0..columns).map(|j| nearest(moment(j))).collect();
-    let shown: Vec<&Member> = cells.iter().step_by(cells.len().div_ceil(MOST_CELLS).max(1)).collect();
-    let values_of = |member: &&Member| {
-        let column = run.column(&member.column).unwrap_or_default();
-        rows.iter().map(|row| column.get(*row).copied().unwrap_or(f64::NAN)).collect::<Vec<f64>>()
+    let moments: Vec<usize> = (0..columns).map(|j| nearest(moment(j))).collect();
+    let (shown, ends) = rows(cells, space);
+    let values_of = |cell: &usize| {
+        let column = match &fine {
+            Some(fine) => fine[*cell].1,
+            None => run.column(&cells[*cell].column).unwrap_or_default(),
+        };
+        moments.iter().map(|at| column.get(*at).copied().unwrap_or(f64::NAN)).collect::<Vec<f64>>()
     };
     let values: Vec<f64> = shown.iter().flat_map(values_of).collect();
     let (low, high) = extremes(values.iter().copied());
     let range = if low > high { (0.0, 1.0) } else { (low, if high > low { high } else { low + 1e-3 * low.abs().max(1e-9) }) };
-    let label = |m: &&Member| m.label.rsplit(',').next().unwrap_or_default().to_owned();
-    Map { labels: shown.iter().map(label).collect(), columns, values, range }
+    let centres = places(cells, space);
+    let label = |cell: &usize| match space {
+        Some(space) => format!("{} = {} {}", space.name, short(centres[*cell]), unit(&space.unit)).trim_end().to_owned(),
+        None => format!("cell {}", cells[*cell].label.rsplit(',').next().unwrap_or_default()),
+    };
+    Map { labels: shown.iter().map(label).collect(), ends, columns, values, range }
+}
+
+/// The cell that each row of a map shows, from the lowest place on, and the ends of the map. Rows are equally high, cells need not be.
+fn rows(cells: &[Member], space: Option<&Space>) -> (Vec<usize>, (f64, f64)) {
+    const FINER: usize = 4;
+    let count = cells.len();
+    let even = |faces: &[f64]| {
+        let width = (faces[count] - faces[0]) / count as f64;
+        faces.windows(2).all(|pair| (pair[1] - pair[0] - width).abs() < 1e-3 * width)
+    };
+    match space.map(|space| space.faces.as_slice()).filter(|faces| faces.len() == count + 1) {
+        Some(faces) if !even(faces) => {
+            let rows = (FINER * count).min(MOST_CELLS);
+            let (low, high) = (faces[0], faces[count]);
+            let at = |row: usize| low + (high - low) * (row as f64 + 0.5) / rows as f64;
+            let cell = |row: usize| faces[1..].partition_point(|face| *face < at(row)).min(count - 1);
+            ((0..rows).map(cell).collect(), (low, high))
+        }
+        faces => {
+            let rows = count.min(MOST_CELLS);
+            let numbers = places(cells, None);
+            let ends = faces.map_or((numbers[0] - 0.5, numbers[count - 1] + 0.5), |faces| (faces[0], faces[count]));
+            ((0..rows).map(|row| ((row as f64 + 0.5) / rows as f64 * count as f64) as usize).collect(), ends)
+        }
+    }
+}
+
+impl Map {
+    /// The axis of space, for a map of some height.
+    pub fn upwards(&self, height: f64) -> Axis {
+        Axis::new(self.ends.0, self.ends.1, ((height / 26.0) as usize).clamp(2, 8))
+    }
+}
+
+impl Panel {
+    /// Name and unit of the coordinate, `z [cm]`, where labels are in units of ten to `exponent`.
+    pub fn place_name(&self, exponent: i32) -> String {
+        format!("{} {}", self.coordinate.0, bracketed(&self.coordinate.1, exponent)).trim_end().to_owned()
+    }
 }

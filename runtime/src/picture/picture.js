@@ -69,7 +69,7 @@ function lines(panel, x, y) {
     const column = Math.min(columns - 1, Math.max(0, Math.floor(share * columns)));
     const up = 1 - (y - panel.frame[1]) / panel.frame[3];
     const row = Math.min(labels.length - 1, Math.max(0, Math.floor(up * labels.length)));
-    return [["cell " + labels[row], "#333", values[row * columns + column]]];
+    return [[labels[row], "#333", values[row * columns + column]]];
   }
   return panel.series.map((series) => [series.label, series.colour, read(series, x)]);
 }
@@ -78,7 +78,8 @@ function show(panel, place, event) {
   const x = valueAt(panel, place[0]);
   reading.textContent = "";
   const head = document.createElement("div");
-  head.textContent = (panel.overSpace ? "cell " : "") + number(x) + (panel.overSpace ? "" : " " + data.timeUnit);
+  const [name, unit] = panel.coordinate;
+  head.textContent = panel.overSpace ? [name, unit && "=", number(x), unit].filter(Boolean).join(" ") : number(x) + " " + data.timeUnit;
   reading.appendChild(head);
   // Of more curves than can be read those nearest to the pointer.
   const aim = panel.y[1] - ((place[1] - panel.frame[1]) / panel.frame[3]) * (panel.y[1] - panel.y[0]);

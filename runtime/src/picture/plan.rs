@@ -1,6 +1,8 @@
 //! Which panels a picture has: what `--show` asks for, or a sensible choice.
 
-use super::items::{Item, Member, Role, base, index_of};
+use std::sync::Arc;
+
+use super::items::{Item, Member, Role, Space, base, index_of};
 use crate::catalogue::UnknownName;
 use crate::environment::Followed;
 
@@ -42,6 +44,8 @@ pub struct PanelPlan {
     pub role: Role,
     /// How it is shown.
     pub kind: Kind,
+    /// Where the cells lie that it shows, where that is known.
+    pub space: Option<Arc<Space>>,
     /// Left out where there is no room and nothing changes.
     pub dispensable: bool,
 }
@@ -108,7 +112,8 @@ pub fn plan(items: &[Item], show: &[String]) -> Result<Vec<PanelPlan>, ShowError
 
 fn named(items: &[Item], name: &str) -> Result<Vec<PanelPlan>, UnknownName> {
     if let Some(name) = name.strip_prefix("profile:") {
-        return Ok(vec![course(&found(items, name)?)]);
+        let item = found(items, name)?;
+        return if over_space(&item) { Ok(vec![course(&item)]) } else { Err(no_field(items, name)) };
     }
     if name == "all" {
         return Ok(items.iter().filter(|i| i.role != Role::Observation || !is_shadow(items, i)).flat_map(expanded).collect());
@@ -134,6 +139,22 @@ fn unknown(items: &[Item], name: &str) -> UnknownName {
     UnknownName::new("quantity to show", name, known.iter().map(String::as_str))
 }
 
+fn over_space(item: &Item) -> bool {
+    item.indices.last().is_some_and(super::items::Index::is_space)
+}
+
+/// There is such a quantity, but it has no cells.
+fn no_field(items: &[Item], name: &str) -> UnknownName {
+    UnknownName::new("field over space", name, items.iter().filter(|item| over_space(item)).map(|item| item.name.as_str()))
+}
+
+/// There is such an array, but it has no such numbers.
+fn no_element(item: &Item, name: &str) -> UnknownName {
+    let labels: Vec<String> = item.members.iter().map(|member| format!("{}[{}]", item.name, member.label)).collect();
+    let known: Vec<&str> = if item.indices.is_empty() { vec![&item.name] } else { labels.iter().map(String::as_str).collect() };
+    UnknownName::new("element", name, known.into_iter())
+}
+
 /// The quantity of a name, with those of its numbers that the name means.
 fn found(items: &[Item], name: &str) -> Result<Item, UnknownName> {
     let name = name.replace(' ', "");
@@ -151,13 +172,16 @@ fn found(items: &[Item], name: &str) -> Result<Item, UnknownName> {
         return Ok(part_of(item, &name, vec![member.clone()]));
     }
     for item in items.iter().filter(of_name) {
-        let Some(pattern) = pattern else { continue };
+        let Some(pattern) = pattern.filter(|_| !item.indices.is_empty()) else { continue };
         let members: Vec<Member> = item.members.iter().filter(|m| matches(&m.label, pattern)).cloned().collect();
         if !members.is_empty() {
             return Ok(part_of(item, &name, members));
         }
     }
-    Err(unknown(items, &name))
+    match items.iter().find(of_name) {
+        Some(item) if pattern.is_some() => Err(no_element(item, &name)),
+        _ => Err(unknown(items, &name)),
+    }
 }
 
 /// Whether a label fits a pattern: `*` stands for any index, and indices that are left out too.
@@ -182,7 +206,8 @@ fn part_of(item: &Item, name: &str, members: Vec<Member>) -> Item {
 
 fn panel(item: &Item, kind: Kind) -> PanelPlan {
     let (unit, text) = (item.unit.clone(), item.text.clone());
-    PanelPlan { name: item.name.clone(), unit, text, role: item.role, kind, dispensable: false }
+    let space = item.indices.last().and_then(|index| index.space.clone());
+    PanelPlan { name: item.name.clone(), unit, text, role: item.role, kind, space, dispensable: false }
 }
 
 /// Panels for all numbers of a quantity.
@@ -249,6 +274,7 @@ fn together(name: &str, items: &[Item]) -> PanelPlan {
         text: String::new(),
         role: items.first().map_or(Role::Other, |item| item.role),
         kind: Kind::Lines(items.iter().flat_map(of_item).collect()),
+        space: None,
         dispensable: false,
     }
 }
@@ -349,5 +375,14 @@ mod tests {
     fn a_name_that_is_not_there_is_refused_with_a_near_one() {
         let error = plan(&items(), &["obs.TT".into()]).expect_err("no such name").to_string();
         assert!(error.contains("unknown quantity to show `obs.TT`") && error.contains("did you mean `obs.T`?"), "{error}");
+    }
+
+    #[test]
+    fn an_element_that_is_not_there_and_a_profile_of_one_number_are_refused() {
+        let message = |name: &str| plan(&items(), &[name.to_owned()]).expect_err("no such thing").to_string();
+        assert!(message("R.c[x]").contains("unknown element `R.c[x]`"), "{}", message("R.c[x]"));
+        assert!(message("c[11]").contains("c[1]"), "{}", message("c[11]"));
+        assert!(message("T[1]").contains("unknown element `T[1]`"), "{}", message("T[1]"));
+        assert!(message("profile:T").contains("unknown field over space `T`; known: c, R.c"), "{}", message("profile:T"));
     }
 }

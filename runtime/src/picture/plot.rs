@@ -138,10 +138,12 @@ impl Pen<'_> {
         self.drawing.marks.push(Mark::Image { frame: plot, columns: map.columns, pixels });
         self.drawing.marks.push(Mark::Close);
         self.drawing.outline(plot, Stroke::full(colour::AXIS, 0.8));
-        for row in map_ticks(rows, plot.height) {
-            let y = plot.bottom() - (row as f64 + 0.5) / rows as f64 * plot.height;
+        for tick in self.place.space.iter().flat_map(|axis| &axis.ticks) {
+            let axis = self.place.space.as_ref();
+            let y = plot.bottom() - axis.map_or(0.0, |axis| axis.share(*tick)) * plot.height;
             self.tick((plot.x - 3.0, y), (plot.x, y));
-            self.text(plot.x - 5.0, y + 0.36 * LABEL, LABEL, Anchor::End, colour::GREY, &map.labels[row]);
+            let letters = axis.map(|axis| axis.label(*tick)).unwrap_or_default();
+            self.text(plot.x - 5.0, y + 0.36 * LABEL, LABEL, Anchor::End, colour::GREY, &letters);
         }
         self.scale(map);
     }
@@ -200,13 +202,6 @@ impl Pen<'_> {
 fn seen(plot: Frame, place: &Placed) -> Frame {
     let strip = if place.names_phases { STRIP } else { 0.0 };
     Frame { y: plot.y - strip - 1.0, height: plot.height + strip + 2.0, ..plot }
-}
-
-/// Rows of a map that are labelled.
-fn map_ticks(rows: usize, height: f64) -> Vec<usize> {
-    let most = ((height / 22.0) as usize).clamp(2, 6);
-    let step = rows.div_ceil(most).max(1);
-    (0..rows).step_by(step).collect()
 }
 
 /// No more points than can be seen: of those within a half of a pixel the first, the lowest, the highest and the last.

@@ -22,6 +22,8 @@ pub struct Run {
     pub events: Vec<(f64, String)>,
     /// When which phase began, by its number from 0.
     pub phases: Vec<(f64, usize)>,
+    /// Cells may lie elsewhere than the compiled model says: parameters that place them had other values.
+    pub moved: bool,
 }
 
 /// Curves between sampling instants.
@@ -63,6 +65,12 @@ impl Run {
         let mut run = Self { label: label.to_owned(), names, columns, ..Self::default() };
         run.phases = run.phases_of_steps();
         run
+    }
+
+    /// The same run, whose cells may lie elsewhere than the compiled model says, or do not.
+    #[must_use]
+    pub fn with_moved(self, moved: bool) -> Self {
+        Self { moved, ..self }
     }
 
     /// Adds what was followed within steps.
@@ -108,6 +116,13 @@ impl Run {
         }
         let values = self.column(column).unwrap_or_default();
         if role.is_held() || role == Role::Discrete { staircase(&self.time(), values) } else { (self.time(), values.to_vec()) }
+    }
+
+    /// Times and values of a column within steps, where they are known.
+    #[must_use]
+    pub(super) fn within_steps(&self, column: &str) -> Option<(&[f64], &[f64])> {
+        let dense = self.dense.as_ref()?;
+        Some((&dense.times, dense.curves.get(column)?))
     }
 
     /// Beginnings of phases as rows tell them.
@@ -162,6 +177,8 @@ pub struct Follower {
 const POINTS: u32 = 600;
 /// Most points of a step.
 const MOST_POINTS: u32 = 40;
+/// Fields of more cells are drawn as they are at the ends of steps.
+const MOST_FOLLOWED: usize = 2000;
 
 impl Follower {
     /// For an environment of `setup` and a run of `steps` steps; `None` where steps are short enough and nothing happens within.
@@ -177,7 +194,14 @@ impl Follower {
             Kind::Lines(lines) => lines.as_slice(),
             _ => &[],
         });
-        let followed = lines.filter_map(|line| Some((line.member.column.clone(), line.member.source?)));
+        let fields = panels.iter().filter_map(|panel| match &panel.kind {
+            Kind::Map(cells) if cells.len() <= MOST_FOLLOWED => Some(cells),
+            _ => None,
+        });
+        let members = lines.map(|line| &line.member).chain(fields.flatten());
+        let mut known = std::collections::HashSet::new();
+        let followed = members.filter_map(|member| Some((member.column.clone(), member.source?)));
+        let followed = followed.filter(|(column, _)| known.insert(column.clone()));
         let phase = setup.phase.map(|at| (String::new(), Followed::Discrete(at)));
         let (columns, sources): (Vec<String>, Vec<Followed>) = followed.chain(phase).unzip();
         let mut shadow = Environment::new(std::sync::Arc::clone(setup))?;

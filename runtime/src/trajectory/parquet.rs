@@ -3,13 +3,16 @@
 use std::io::{self, Write};
 use std::sync::Arc;
 
-use parquet::basic::{LogicalType, Repetition, Type as PhysicalType};
+use parquet::basic::{Compression, LogicalType, Repetition, Type as PhysicalType};
 use parquet::data_type::{BoolType, ByteArrayType, DataType, DoubleType, Int64Type};
 use parquet::errors::ParquetError;
 use parquet::file::properties::WriterProperties;
+use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
+use parquet::record::Field;
 use parquet::schema::types::{Type, TypePtr};
 
+use super::format::seventeen_digits;
 use super::{Cell, Kind, Table};
 
 /// Writes a table as one row group; empty cells are null.
@@ -55,6 +58,48 @@ fn write_group(table: &Table, out: &mut dyn Write) -> Result<(), ParquetError> {
     file.close()?;
     out.write_all(&bytes)?;
     Ok(())
+}
+
+/// Names of the columns, and the cells of every row as CSV has them: nothing for null, numbers with all their digits.
+///
+/// # Errors
+/// In words, what cannot be read.
+pub(super) fn read(file: std::fs::File) -> Result<(Vec<String>, Vec<Vec<String>>), String> {
+    let unread = |error: ParquetError| format!("the file cannot be read as Parquet: {error}");
+    let reader = SerializedFileReader::new(file).map_err(unread)?;
+    let schema = reader.metadata().file_metadata().schema();
+    let names = schema.get_fields().iter().map(|field| field.name().to_owned()).collect();
+    for column in reader.metadata().row_groups().iter().flat_map(|group| group.columns()) {
+        if column.compression() != Compression::UNCOMPRESSED {
+            let way = column.compression().to_string();
+            let method = way.split('(').next().unwrap_or_default();
+            return Err(format!("the columns are compressed ({method}); write them without compression, in pandas `compression=None`"));
+        }
+    }
+    let mut rows = Vec::new();
+    for row in reader.get_row_iter(None).map_err(unread)? {
+        let fields = row.map_err(unread)?.into_columns();
+        rows.push(fields.into_iter().map(|(name, field)| text(&name, &field)).collect::<Result<_, _>>()?);
+    }
+    Ok((names, rows))
+}
+
+fn text(column: &str, field: &Field) -> Result<String, String> {
+    let number = |x: f64| {
+        let mut text = String::new();
+        seventeen_digits(x, &mut text);
+        text
+    };
+    Ok(match field {
+        Field::Null => String::new(),
+        Field::Double(x) => number(*x),
+        Field::Float(x) => number(f64::from(*x)),
+        Field::Str(text) => text.clone(),
+        Field::Bytes(_) | Field::Group(_) | Field::ListInternal(_) | Field::MapInternal(_) => {
+            return Err(format!("the column `{column}` holds neither numbers nor text"));
+        }
+        other => other.to_string(),
+    })
 }
 
 fn column_of<D: DataType, F: Fn(Cell) -> Option<D::T>>(

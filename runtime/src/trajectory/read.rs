@@ -22,7 +22,7 @@ pub enum DataError {
         /// Why.
         source: std::io::Error,
     },
-    /// It is no CSV table.
+    /// It is no table.
     #[error("{}:{line}: {message}", path.display())]
     Malformed {
         /// The file.
@@ -103,8 +103,27 @@ struct RawTable {
 }
 
 impl RawTable {
+    /// Parquet where the name ends in `.parquet`, CSV otherwise.
     fn read(path: &Path) -> Result<Self, DataError> {
         let file = crate::files::open(path).map_err(|source| DataError::Read { path: path.to_owned(), source })?;
+        let table = if super::is_parquet(path) { Self::read_parquet(path, file) } else { Self::read_csv(path, file) }?;
+        let mut seen = HashSet::new();
+        if let Some(twice) = table.names.iter().find(|name| !seen.insert(name.as_str())) {
+            let message = format!("two columns are named `{twice}`");
+            return Err(DataError::Malformed { path: path.to_owned(), line: 1, message });
+        }
+        if table.rows.is_empty() { Err(DataError::Empty { path: path.to_owned() }) } else { Ok(table) }
+    }
+
+    /// Rows count as lines behind a heading, as if they stood in a table of text.
+    fn read_parquet(path: &Path, file: std::fs::File) -> Result<Self, DataError> {
+        let malformed = |message| DataError::Malformed { path: path.to_owned(), line: 1, message };
+        let (names, cells) = super::parquet::read(file).map_err(malformed)?;
+        let rows = (2..).zip(cells).map(|(line, row)| (line, csv::StringRecord::from(row))).collect();
+        Ok(Self { path: path.to_owned(), names, rows })
+    }
+
+    fn read_csv(path: &Path, file: std::fs::File) -> Result<Self, DataError> {
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
         let fault = |error: csv::Error| fault(path, error);
         let names: Vec<String> =
@@ -116,11 +135,6 @@ impl RawTable {
             let message = format!("the columns are separated by {name}; a table has commas between them and points in its numbers");
             return Err(DataError::Malformed { path: path.to_owned(), line: 1, message });
         }
-        let mut seen = HashSet::new();
-        if let Some(twice) = names.iter().find(|name| !seen.insert(name.as_str())) {
-            let message = format!("two columns are named `{twice}`");
-            return Err(DataError::Malformed { path: path.to_owned(), line: 1, message });
-        }
         if let Some(line) = open_quote(path) {
             let message = "a quote is opened and never closed".into();
             return Err(DataError::Malformed { path: path.to_owned(), line, message });
@@ -129,9 +143,6 @@ impl RawTable {
         for record in reader.records() {
             let record = record.map_err(fault)?;
             rows.push((record.position().map_or(0, csv::Position::line), record));
-        }
-        if rows.is_empty() {
-            return Err(DataError::Empty { path: path.to_owned() });
         }
         Ok(Self { path: path.to_owned(), names, rows })
     }
@@ -276,10 +287,6 @@ pub struct Columns {
 /// # Errors
 /// See [`DataError`].
 pub fn read_columns(path: &Path) -> Result<Columns, DataError> {
-    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("parquet")) {
-        let message = "Parquet is written, not read; give a table in CSV".into();
-        return Err(DataError::Malformed { path: path.to_owned(), line: 1, message });
-    }
     let table = RawTable::read(path)?;
     let number = |text: &str| match text {
         "true" => 1.0,

@@ -13,7 +13,7 @@ use crate::elaborate::lower::nests::Piece;
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::Measure;
 use crate::elaborate::select::items::{Item, items};
-use crate::elaborate::symbols::{Axis, ScopeId, SymbolId, SymbolKind, Symbols};
+use crate::elaborate::symbols::{Axis, ScopeId, SymbolId, SymbolKind};
 use crate::ir::{Affine, ExprId, LoopVar, Nest, Place as Memory, VarId};
 use crate::model::{BoxItem, Observed, Quantity};
 /// The observations of a level with the nests that compute them.
@@ -261,11 +261,22 @@ fn observation_name(l: &mut Lowering<'_, '_>, o: &Observation, place: &Place) ->
             }
         },
     };
-    if o.binders.is_empty() {
+    // A name of its own has every index; one by its path (`col[k].outlet.c`) has those within it already.
+    let open: Vec<&Binder> = o.binders.iter().filter(|b| o.name.is_some() || !indexes(&o.value, &b.name.text)).collect();
+    if open.is_empty() {
         return base;
     }
-    let labels: Vec<String> = o.binders.iter().map(|b| l.symbols.bound_label(&b.name.text, place)).collect();
+    let labels: Vec<String> = open.into_iter().map(|b| l.bound_label(b, place)).collect();
     format!("{base}[{}]", labels.join(","))
+}
+
+/// Whether a name stands among the indices of a reference.
+fn indexes(e: &Expr, name: &str) -> bool {
+    match &e.kind {
+        ExprKind::Member(base, _) => indexes(base, name),
+        ExprKind::Index(base, index) => indexes(base, name) || index.iter().any(|i| matches!(&i.kind, ExprKind::Name(n) if n.text == name)),
+        _ => false,
+    }
 }
 
 fn element_name(l: &mut Lowering<'_, '_>, symbol: SymbolId, index: &[Expr], place: &Place) -> Option<String> {
@@ -402,12 +413,16 @@ fn observed(q: &Quantity, i: usize, a: &Attributes) -> Observed {
     Observed { name: q.element_name(i), unit: q.unit.clone(), low, high, every: a.every, delay: a.delay, noise: a.noise }
 }
 
-impl Symbols<'_> {
-    fn bound_label(&self, name: &str, place: &Place) -> String {
-        match place.bound(name) {
-            Some(Bound::Member(set, i)) => self.sets[*set].labels[*i].clone(),
+impl Lowering<'_, '_> {
+    /// What a binder stands for in a name.
+    fn bound_label(&mut self, binder: &Binder, place: &Place) -> String {
+        match place.bound(&binder.name.text) {
+            Some(Bound::Member(set, i)) => self.symbols.sets[*set].labels[*i].clone(),
             Some(Bound::Cell(_, c)) => (c.first + 1).to_string(),
-            _ => String::new(),
+            _ => {
+                let number = Expr { span: binder.span, kind: ExprKind::Name(binder.name.clone()) };
+                self.integer(&number, place).map_or_else(String::new, |n| n.to_string())
+            }
         }
     }
 }

@@ -144,6 +144,7 @@ pub(in crate::elaborate) fn interface(l: &mut Lowering<'_, '_>) -> Interface {
         actions,
         disturbances,
         parameters,
+        grids: l.grids(),
         phases: schedule_phases(l),
         ..Interface::default()
     }

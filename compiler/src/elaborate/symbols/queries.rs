@@ -60,7 +60,7 @@ impl<'a> Symbols<'a> {
     pub(in crate::elaborate) fn model_axes(&self, axes: &[Axis]) -> Vec<model::Axis> {
         axes.iter()
             .map(|&axis| match axis {
-                Axis::Domain(d) => model::Axis::Numbers { first: 1, count: self.domains[d].cells as u32 },
+                Axis::Domain(d) => model::Axis::Cells { grid: d.as_u32(), count: self.domains[d].cells as u32 },
                 Axis::Set(s) => {
                     let set = &self.sets[s];
                     match set.first {

@@ -121,7 +121,11 @@ pub(super) const MOST_DRAWN: usize = 200;
 
 /// The runs as they are drawn, the first ones of many.
 pub(super) fn pictures(keys: &Keys<'_>, outcomes: &[Outcome]) -> Vec<Run> {
-    let run = |(index, outcome): (usize, &Outcome)| Some(Run::of_table(&keys.label(index), outcome.table.as_ref()?));
+    let grids = |point: usize| &keys.points[point].setup.model().interface().grids;
+    let run = |(index, outcome): (usize, &Outcome)| {
+        let moved = outcome.moved || grids(index / keys.episodes) != grids(0);
+        Some(Run::of_table(&keys.label(index), outcome.table.as_ref()?).with_moved(moved))
+    };
     outcomes.iter().enumerate().filter_map(run).take(MOST_DRAWN).collect()
 }
 
