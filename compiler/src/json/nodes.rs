@@ -73,8 +73,8 @@ impl Nodes {
             return Ok(None);
         }
         let limits = list.list(|limit| limit.number_that("finite", f64::is_finite))?;
-        if !limits.is_sorted() {
-            return Err(list.fault("limits ascend"));
+        if limits.is_empty() || !limits.is_sorted() {
+            return Err(list.fault("limits are numbers that ascend, one at least"));
         }
         Ok(Some(self.exprs.lists_mut().add_limits(&limits)))
     }
