@@ -6,7 +6,7 @@ use super::cursor::{At, ReadError};
 use super::nodes::variable;
 use super::words::{INSTANTS, VARIATES};
 use crate::ir::{Role, VarId};
-use crate::model::{Axis, BoxItem, Draw, Episode, Failure, Finish, Interface, Observed, Quantity, Reward, Solver, Variable};
+use crate::model::{Axis, BoxItem, Draw, Episode, Failure, Finish, Grid, Interface, Observed, Quantity, Reward, Solver, Variable};
 
 type Vars = PrimaryMap<VarId, Variable>;
 
@@ -17,6 +17,9 @@ pub(super) fn read(root: &At<'_>, vars: &Vars) -> Result<Interface, ReadError> {
     time.only(&["name", "unit"])?;
     i.time = (time.field("name")?.string()?, time.field("unit")?.string()?);
     quantities(&mut i, &root.field("quantities")?, vars)?;
+    let grids = root.field("grids")?;
+    i.grids = grids.list(|at| grid(at, vars))?;
+    check_cells(&grids, &i)?;
     i.state_order = state_order(&root.field("state_order")?, count(&i.states))?;
     let algebraic = root.field("algebraic")?;
     algebraic.only(&["declared", "solved", "substituted"])?;
@@ -117,7 +120,41 @@ fn quantity(at: &At<'_>, vars: &Vars) -> Result<Quantity, ReadError> {
     })
 }
 
+fn grid(at: &At<'_>, vars: &Vars) -> Result<Grid, ReadError> {
+    at.only(&["name", "unit", "faces", "parameters"])?;
+    let parameters = at.field("parameters")?.list(|item| {
+        item.only(&["variable", "element", "value"])?;
+        let var = variable(&item.field("variable")?, vars)?;
+        if vars[var].role != Role::Param {
+            return Err(item.fault(format!("variable `{}` is of another role", vars[var].name)));
+        }
+        let element = item.field("element")?.index(vars[var].len as usize, "element")?;
+        Ok((var, element as u32, item.field("value")?.number()?))
+    })?;
+    let faces = at.field("faces")?.list(|face| face.number())?;
+    Ok(Grid { name: at.field("name")?.string()?, unit: at.field("unit")?.string()?, faces, parameters })
+}
+
+/// Every row of cells has its grid, with one face more than there are cells where any are known.
+fn check_cells(grids: &At<'_>, i: &Interface) -> Result<(), ReadError> {
+    let families = [&i.states, &i.solved, &i.algebraics, &i.discretes, &i.actions, &i.disturbances, &i.parameters];
+    for quantity in families.into_iter().flatten() {
+        for axis in &quantity.axes {
+            let &Axis::Cells { grid, count } = axis else { continue };
+            let faces = i.grids.get(grid as usize).map(|grid| grid.faces.len());
+            if !faces.is_some_and(|faces| faces == 0 || faces == count as usize + 1) {
+                return Err(grids.fault(format!("`{}` has {count} cells of grid {grid}, which is not here or has other faces", quantity.name)));
+            }
+        }
+    }
+    Ok(())
+}
+
 fn axis(at: &At<'_>) -> Result<Axis, ReadError> {
+    if let Some(grid) = at.maybe("grid")? {
+        at.only(&["grid", "count"])?;
+        return Ok(Axis::Cells { grid: grid.count(u32::MAX)?, count: at.field("count")?.count(super::read::MAX_ELEMENTS as u32)? });
+    }
     if let Some(names) = at.maybe("names")? {
         at.only(&["names"])?;
         return Ok(Axis::Names(texts(&names)?));

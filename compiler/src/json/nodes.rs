@@ -66,7 +66,7 @@ impl Nodes {
         let [kind, _, list] = parts.as_slice() else { return Ok(None) };
         let kind = kind.text()?;
         if kind == "entry" {
-            let numbers = list.list(At::number)?;
+            let numbers = list.list(|x| x.number())?;
             return if numbers.is_empty() { Err(list.fault("a list of no numbers")) } else { Ok(Some(self.exprs.lists_mut().add(&numbers))) };
         }
         if meaning(&SIDES, kind).is_none() {

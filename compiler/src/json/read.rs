@@ -29,9 +29,9 @@ pub struct Read {
 }
 
 #[rustfmt::skip]
-const FIELDS: [&str; 30] = [
-    "format", "version", "name", "text", "made_for", "time", "explicit", "variables", "unknowns", "quantities", "state_order", "algebraic",
-    "elements", "expressions", "equations", "events", "integrals", "programs", "policies", "finish", "draws", "levels", "phases", "invariants",
+const FIELDS: [&str; 31] = [
+    "format", "version", "name", "text", "made_for", "time", "explicit", "variables", "unknowns", "quantities", "grids", "state_order",
+    "algebraic", "elements", "expressions", "equations", "events", "integrals", "programs", "policies", "finish", "draws", "levels", "phases", "invariants",
     "steady", "start_resets", "episode", "solver", "variants", "choices",
 ];
 

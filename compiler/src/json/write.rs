@@ -7,8 +7,8 @@ use super::words::{BINARY, COMPARE, COPIES, INSTANTS, REDUCE, ROLES, SIDES, UNAR
 use super::{FORMAT, VERSION};
 use crate::artefact::Circumstances;
 use crate::export::{Element, ExportError, Families, Nominal, Origin};
-use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, FastSet, List, MAX_DEPTH, Place, Program, Role};
-use crate::model::{Axis, Interface, Model, Programs, Quantity, RootAction};
+use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, FastSet, List, MAX_DEPTH, Place, Program, Role, VarId};
+use crate::model::{Axis, Grid, Interface, Model, Programs, Quantity, RootAction};
 
 /// The text of a model.
 ///
@@ -30,6 +30,7 @@ pub(crate) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
         })).collect::<Vec<_>>(),
         "unknowns": model.unknowns.iter().map(|v| v.index()).collect::<Vec<_>>(),
         "quantities": quantities(i),
+        "grids": i.grids.iter().map(grid).collect::<Vec<_>>(),
         "state_order": i.state_order,
         "algebraic": {"declared": i.algebraic_counts[0], "solved": i.algebraic_counts[1], "substituted": i.algebraic_counts[2]},
         "elements": elements(&families),
@@ -94,10 +95,19 @@ fn quantities(i: &Interface) -> Value {
     Value::Object(families(i).into_iter().map(|(name, family)| (name.to_owned(), list(family))).collect())
 }
 
+fn grid(grid: &Grid) -> Value {
+    let parameter = |&(var, element, value): &(VarId, u32, f64)| json!({"variable": var.index(), "element": element, "value": number(value)});
+    json!({
+        "name": grid.name, "unit": grid.unit, "faces": grid.faces.iter().map(|&x| number(x)).collect::<Vec<_>>(),
+        "parameters": grid.parameters.iter().map(parameter).collect::<Vec<_>>(),
+    })
+}
+
 fn quantity(q: &Quantity) -> Value {
     let axis = |axis: &Axis| match axis {
         Axis::Names(names) => json!({"names": names}),
         Axis::Numbers { first, count } => json!({"first": first, "count": count}),
+        Axis::Cells { grid, count } => json!({"grid": grid, "count": count}),
     };
     let numbers = |list: &[f64], none: f64| list.iter().map(|&x| if same(x, none) { Value::Null } else { number(x) }).collect::<Vec<_>>();
     json!({
