@@ -416,8 +416,11 @@ state x : m = 1 in 0..2
 eq d/dt x = -x / 1 [s]
 observe tank[k].h in 0..3 for k in 1..2
 observe twice = 2*tank[k].h in 0..4 for k in 1..2
+observe double = 2*y in 0..4 for y in (tank[1].h, x)
+observe y in 0..5 for y in (tank[2].h, x)
 reward r = 0
 episode { step = 1 [s], max_steps = 3 }"""
     env = smpl.Env(smpl.compile(source=source))
-    assert env.observation_names == ["tank[1].h", "tank[2].h", "twice[1]", "twice[2]"]
+    names = ["tank[1].h", "tank[2].h", "twice[1]", "twice[2]", "double[tank[1].h]", "double[x]", "tank[2].h", "x"]
+    assert list(env.observation_names) == names
     assert not [name for name in smpl.Env("mab_plant").observation_names if "[]" in name]

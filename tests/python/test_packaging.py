@@ -42,6 +42,8 @@ def test_the_source_distribution_builds_without_the_checkout(archive):
         for bench in re.findall(r'\[\[bench\]\]\nname = "(\w+)"', (ROOT / crate / "Cargo.toml").read_text()):
             assert f"{crate}/benches/{bench}.rs" in archive
     assert {"Cargo.toml", "Cargo.lock", "pyproject.toml", project()["readme"]} <= archive
+    bindings = [path for path in ROOT.glob("runtime/bindgen/**/*") if path.is_file()]
+    assert bindings and {str(path.relative_to(ROOT)) for path in bindings} <= archive
 
 
 def test_licences_travel_with_the_source(archive):

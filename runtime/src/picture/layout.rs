@@ -314,7 +314,7 @@ fn write_names(drawing: &mut Drawing, panel: &Panel, place: &Placed, panels: &Pa
     write_series(drawing, panel, place);
     if let Some(space) = &place.space {
         let letters = panel.place_name(space.exponent);
-        let (x, y, weight) = (place.cell.0, place.plot.y - 5.0, Weight::Regular);
+        let (x, y, weight) = (place.cell.0, place.plot.y - 8.0, Weight::Regular);
         drawing.marks.push(Mark::Text(Text { x, y, size: LABEL + 0.5, anchor: Anchor::Start, colour: colour::GREY, weight, letters }));
     }
     if place.names_abscissa {

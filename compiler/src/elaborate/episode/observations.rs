@@ -238,7 +238,7 @@ fn observation_name(l: &mut Lowering<'_, '_>, o: &Observation, place: &Place) ->
         None => match &o.value.kind {
             ExprKind::Name(name) => match l.symbols.lookup(place.scope, &name.text).filter(|_| place.bound(&name.text).is_none()) {
                 Some(symbol) => l.symbols[symbol].path.clone(),
-                None => name.text.clone(),
+                None => bound_name(l, name, place),
             },
             ExprKind::Index(base, index) => {
                 if let crate::elaborate::lower::place::Target::Symbol(symbol) = l.resolve(base, place)
@@ -261,13 +261,24 @@ fn observation_name(l: &mut Lowering<'_, '_>, o: &Observation, place: &Place) ->
             }
         },
     };
-    // A name of its own has every index; one by its path (`col[k].outlet.c`) has those within it already.
-    let open: Vec<&Binder> = o.binders.iter().filter(|b| o.name.is_some() || !indexes(&o.value, &b.name.text)).collect();
+    // A name of its own has every index; one by its path (`col[k].outlet.c`) has those within it already, and `x` in a tuple is an element itself.
+    let is_element = |b: &Binder| matches!((&o.value.kind, place.bound(&b.name.text)), (ExprKind::Name(n), Some(Bound::Alias(..))) if n.text == b.name.text);
+    let open: Vec<&Binder> = o.binders.iter().filter(|b| o.name.is_some() || !(indexes(&o.value, &b.name.text) || is_element(b))).collect();
     if open.is_empty() {
         return base;
     }
     let labels: Vec<String> = open.into_iter().map(|b| l.bound_label(b, place)).collect();
     format!("{base}[{}]", labels.join(","))
+}
+
+/// The name of what a bound name stands for.
+fn bound_name(l: &mut Lowering<'_, '_>, name: &Ident, place: &Place) -> String {
+    let reference = Expr { span: name.span, kind: ExprKind::Name(name.clone()) };
+    match (place.bound(&name.text).cloned(), l.resolve(&reference, place)) {
+        (_, crate::elaborate::lower::place::Target::Symbol(symbol)) => l.symbols[symbol].path.clone(),
+        (Some(Bound::Alias(element, ..)), _) => crate::elaborate::select::items::reference(&element),
+        _ => name.text.clone(),
+    }
 }
 
 /// Whether a name stands among the indices of a reference.
@@ -419,10 +430,14 @@ impl Lowering<'_, '_> {
         match place.bound(&binder.name.text) {
             Some(Bound::Member(set, i)) => self.symbols.sets[*set].labels[*i].clone(),
             Some(Bound::Cell(_, c)) => (c.first + 1).to_string(),
-            _ => {
-                let number = Expr { span: binder.span, kind: ExprKind::Name(binder.name.clone()) };
-                self.integer(&number, place).map_or_else(String::new, |n| n.to_string())
-            }
+            Some(Bound::Number(e)) => self.exprs.as_const(*e).map_or_else(String::new, |x| x.to_string()),
+            Some(Bound::Element(symbol, at)) => match &self.symbols[*symbol].kind {
+                SymbolKind::Variable { var, .. } => {
+                    self.quantities.get(var).map_or_else(String::new, |quantity| quantity.element_name(at.offset.max(0) as usize))
+                }
+                _ => self.symbols[*symbol].path.clone(),
+            },
+            _ => bound_name(self, &binder.name, place),
         }
     }
 }
