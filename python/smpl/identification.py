@@ -7,7 +7,7 @@ Analysis and Its Applications (1988), chapter 2. The optimiser is SciPy's trust-
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from smpl._native import SimulationError
 from smpl._recorded import DISTANCE, Recorded, beside
-from smpl._runs import Run, read_run
+from smpl._runs import Run, read_runs
 from smpl.envs import check_method
 from smpl.model import FloatArray, Model, as_count, as_mapping, as_number, check_names
 
@@ -108,7 +108,8 @@ def fit(
     Args:
         model: any model, compiled with the observation level of the runs.
         runs: one or several: tables as `smpl simulate --out` writes them (.csv or .parquet), episodes of
-            `smpl.evaluation`, or mappings from columns to arrays. Columns `param.NAME` are known values.
+            `smpl.evaluation`, or mappings from columns to arrays. Columns `param.NAME` are known values. A data set, or
+            its folder, is one run an episode.
         parameters: names, or a mapping from names to first guesses; otherwise the declared values.
         outputs: names of observations, else of states, that are compared; all observations that the runs have if none.
         noise: standard deviations of outputs by name.
@@ -153,8 +154,7 @@ class _Problem:
         check_names("initial", initial, model.state_names)
         if not names and not initial:
             raise ValueError("parameters is empty, expected names of parameters to fit")
-        single = isinstance(runs, (str, Mapping)) or not isinstance(runs, Sequence)
-        self.runs = [read_run(model, run, place) for place, run in enumerate([runs] if single else runs)]
+        self.runs = read_runs(model, runs)
         if not self.runs:
             raise ValueError("runs is empty, expected at least one run")
         self.parameters, self.initial = tuple(names), initial
