@@ -142,6 +142,7 @@ def test_a_bound_of_the_file_is_kept(readings):
         ({"outputs": ["y"]}, "outputs: unknown 'y'"),
         ({"initial": ["y"]}, "initial: unknown 'y'"),
         ({"runs": {"u": [0.0, np.nan], "obs.x": [1.0, 2.0]}}, "an action is missing in row 1"),
+        ({"noise": {"x": 0}}, r"noise\['x'\] is 0, expected a deviation above 0"),
         ({"runs": 3}, "run 0 is int, expected a path, an episode or a mapping"),
     ],
 )
@@ -356,6 +357,12 @@ def test_the_picture_has_a_row_for_each_output_and_residuals_beside(readings):
     np.testing.assert_allclose(points.get_ydata(), readings)
     np.testing.assert_allclose(line.get_ydata(), 3 * np.exp(-found.parameters["k"] * TIMES), rtol=1e-4)
     np.testing.assert_allclose(axes[1].lines[0].get_ydata(), (readings - line.get_ydata()) / 0.05, rtol=1e-6, atol=1e-9)
+
+
+def test_what_has_not_converged_says_so(readings):
+    found = smpl.fit(decay("noisy"), table(readings), ["k"], iterations=1)
+    assert not found.success and "not converged" in str(found)
+    assert "not converged" not in str(smpl.fit(decay("noisy"), table(readings), ["k"]))
 
 
 def test_a_word_that_is_no_kind_of_derivatives_is_refused(readings):
