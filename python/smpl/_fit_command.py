@@ -18,7 +18,9 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command and return its exit status: 1 where a file or an argument is at fault."""
     parser = argparse.ArgumentParser(prog="smpl fit", description="fit parameters of a model to recorded runs")
     parser.add_argument("model", help="model, or the name of a shipped one")
-    parser.add_argument("--data", action="append", required=True, metavar="RUN.csv", help="run; repeatable")
+    parser.add_argument(
+        "--data", action="append", required=True, metavar="RUN.csv", help="run, or folder of a data set; repeatable"
+    )
     parser.add_argument("--parameters", required=True, metavar="NAME,...", help="parameters to fit; NAME=GUESS")
     parser.add_argument("--outputs", metavar="NAME,...", help="observations (or states) to compare")
     parser.add_argument("--initial", default="", metavar="NAME,...", help="states whose start is not known")

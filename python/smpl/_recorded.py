@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -180,8 +179,7 @@ class Recorded:
         if together:
             found = part(0, steps, min(cores, steps))
             return _Steps(found[0], found[3], found[5])
-        with ThreadPoolExecutor(cores) as pool:
-            parts = list((pool.map if cores > 1 else map)(lambda k: part(k, 1, 1), range(steps)))
+        parts = [part(k, 1, 1) for k in range(steps)]
         return _Steps(*(np.concatenate([one[i] for one in parts]) for i in (0, 3, 5)))
 
     def _chain(self, taken: _Steps, rows: int) -> tuple[FloatArray, FloatArray]:

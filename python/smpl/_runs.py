@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -38,6 +38,28 @@ class Run:
     disturbances: dict[str, FloatArray]
     parameters: dict[str, float]
     assumed: tuple[str, ...] = ()
+
+
+def read_runs(model: Model, runs: Any) -> list[Run]:
+    """All runs: one or several of any kind; a data set, or its folder, is one run an episode.
+
+    Raises:
+        ValueError: what is none, or lacks the actions; another model's data set.
+        FileNotFoundError: there is no such file.
+        ImportError: pyarrow is missing.
+    """
+    if hasattr(runs, "manifest"):
+        return [_from_data_set(model, runs.manifest, episode, f"episode {i}") for i, episode in enumerate(runs)]
+    single = isinstance(runs, (str, os.PathLike, Mapping)) or not isinstance(runs, Sequence)
+    found: list[Run] = []
+    for place, run in enumerate([runs] if single else runs):
+        if isinstance(run, (str, os.PathLike)) and (Path(run) / "dataset.json").is_file():
+            from smpl.datasets import load
+
+            found += read_runs(model, load(run))
+        else:
+            found.append(read_run(model, run, place))
+    return found
 
 
 def read_run(model: Model, run: Any, place: int) -> Run:
@@ -143,6 +165,33 @@ def _from_episode(model: Model, episode: Any, name: str) -> Run:
     outputs = dict(zip(model.state_names, np.asarray(episode.states).T, strict=True))
     outputs |= dict(zip(model.observation_names, readings.T, strict=True))
     return Run(name, np.asarray(episode.states)[0], np.asarray(applied, dtype=np.float64), outputs, {}, {}, {})
+
+
+def _from_data_set(model: Model, manifest: Any, episode: Any, name: str) -> Run:
+    """An episode of a data set: its observations back in physical units, what is drawn or set as it was."""
+    pairs = (("observations", model.observation_names), ("actions", model.action_names))
+    for what, names in pairs:
+        if tuple(manifest.names[what]) != names:
+            there = ", ".join(manifest.names[what])
+            raise ValueError(f"the data set has the {what} {there}, {model.name} has {', '.join(names)}")
+    readings = episode.observations.astype(np.float64)
+    if manifest.about["normalize"]:
+        low, high = (np.array(manifest.about[f"observation_{end}"]) for end in ("low", "high"))
+        readings = low + (readings + 1) / 2 * (high - low)
+    outputs = dict(zip(manifest.names["states"], episode.states.T, strict=False))
+    start = {state: float(outputs[state][0]) for state in model.state_names if state in outputs}
+    outputs |= dict(zip(model.observation_names, readings.T, strict=True))
+    details = episode.details
+    return Run(
+        name,
+        _states(model, start),
+        details.physical,
+        outputs,
+        {one: float(values[0]) for one, values in details.discrete.items()},
+        {one: np.asarray(values, dtype=np.float64) for one, values in details.disturbances.items()},
+        dict(details.parameters),
+        tuple(state for state in model.state_names if state not in start),
+    )
 
 
 def _states(model: Model, given: Mapping[str, float]) -> FloatArray:

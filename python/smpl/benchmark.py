@@ -58,16 +58,18 @@ SUBJECTS = {
     # Table 2 of the paper, whose figures belong to `setpoint_change` and `legacy`.
     "Reactor": Subject(
         {"scenario": "legacy", "reward": "setpoint_change"},
-        {"pid": (-1.0823, 35.0924), "mpc": (-0.1912, 15.9328), "nominal": None, "random": None},
+        {"pid": (-1.0823, 35.0924), "mpc": (-0.1912, 15.9328), "oracle": None, "nominal": None, "random": None},
         _QUICK,
     ),
     "Beer": Subject(
-        {"scenario": "legacy"}, {"profile": None, "isothermal": None, "nominal": None, "random": None}, _QUICK
+        {"scenario": "legacy"},
+        {"profile": None, "isothermal": None, "oracle": None, "nominal": None, "random": None},
+        _QUICK,
     ),
-    "PenSim": Subject({}, {"nominal": None, "random": None}, _LONG),
-    "Atropine": Subject({}, {"mpc": None, "nominal": None}, _LONG),
-    "MAb": Subject({}, {"nominal": None}, _LONG),
-    "MAbPlant": Subject({}, {"nominal": None}, _LONG),
+    "PenSim": Subject({}, {"recipe": None, "oracle": None, "nominal": None, "random": None}, _LONG),
+    "Atropine": Subject({}, {"mpc": None, "zero": None, "oracle": None, "nominal": None}, _LONG),
+    "MAb": Subject({}, {"mpc": None, "empc": None, "oracle": None, "nominal": None}, _LONG),
+    "MAbPlant": Subject({}, {"oracle": None, "nominal": None}, _LONG),
 }
 # Steps of an episode of the budget `smoke`, which shows only that everything runs.
 _SMOKE_STEPS = 20

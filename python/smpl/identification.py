@@ -7,7 +7,7 @@ Analysis and Its Applications (1988), chapter 2. The optimiser is SciPy's trust-
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,10 +15,12 @@ import numpy as np
 
 from smpl._native import SimulationError
 from smpl._recorded import DISTANCE, Recorded, beside
-from smpl._runs import Run, read_run
+from smpl._runs import Run, read_runs
 from smpl.envs import check_method
 from smpl.model import FloatArray, Model, as_count, as_mapping, as_number, check_names
 
+# Most rounds of estimating deviations.
+_ROUNDS = 20
 # Ratio of singular values below which a direction is not determined.
 _RANK = 1e-6
 # Exact derivatives by all states cost more than differences by the fitted numbers above so many states for each.
@@ -80,6 +82,7 @@ class Fit:
             for name, value in self.parameters.items()
         ]
         rows += [f"only a combination is determined of: {', '.join(group)}" for group in self.indistinct]
+        rows += [] if self.success else ["not converged: more iterations, or other first guesses"]
         rows += [f"at a bound of the file: {', '.join(self.at_bounds)}"] if self.at_bounds else []
         rows += [f"derivatives are {self.derivatives}"] if ":" in self.derivatives else []
         return "\n".join([*rows, f"residual norm {self.residual_norm:.6g}"])
@@ -108,7 +111,8 @@ def fit(
     Args:
         model: any model, compiled with the observation level of the runs.
         runs: one or several: tables as `smpl simulate --out` writes them (.csv or .parquet), episodes of
-            `smpl.evaluation`, or mappings from columns to arrays. Columns `param.NAME` are known values.
+            `smpl.evaluation`, or mappings from columns to arrays. Columns `param.NAME` are known values. A data set, or
+            its folder, is one run an episode.
         parameters: names, or a mapping from names to first guesses; otherwise the declared values.
         outputs: names of observations, else of states, that are compared; all observations that the runs have if none.
         noise: standard deviations of outputs by name.
@@ -153,8 +157,7 @@ class _Problem:
         check_names("initial", initial, model.state_names)
         if not names and not initial:
             raise ValueError("parameters is empty, expected names of parameters to fit")
-        single = isinstance(runs, (str, Mapping)) or not isinstance(runs, Sequence)
-        self.runs = [read_run(model, run, place) for place, run in enumerate([runs] if single else runs)]
+        self.runs = read_runs(model, runs)
         if not self.runs:
             raise ValueError("runs is empty, expected at least one run")
         self.parameters, self.initial = tuple(names), initial
@@ -225,7 +228,10 @@ class _Problem:
         sizes, known = [], []
         for name in self.outputs:
             deviation = declared.noise[seen.index(name)] if name in seen else 0.0
-            deviation = as_number(f"noise[{name!r}]", noise.get(name, deviation))
+            if name in noise:
+                deviation = as_number(f"noise[{name!r}]", noise[name])
+                if not 0 < deviation < np.inf:
+                    raise ValueError(f"noise[{name!r}] is {noise[name]!r}, expected a deviation above 0")
             known.append(deviation > 0)
             spread = float(np.nanstd(np.concatenate([run.outputs[name] for run in self.runs])))
             sizes.append(deviation if deviation > 0 else spread or 1.0)
@@ -261,8 +267,8 @@ class _Problem:
         low, high = self.low / self.scale, self.high / self.scale
         point = np.clip(self.guess / self.scale, low + 1e-9, high - 1e-9)
         found: Any = None
-        # Deviations that are not known and the parameters in turn.
-        for _ in range(1 if self._known.all() else 3):
+        # Deviations that are not known and the parameters in turn, until they stay.
+        for _ in range(1 if self._known.all() else _ROUNDS):
             found = optimize.least_squares(
                 self._residuals,
                 point,
@@ -273,8 +279,10 @@ class _Problem:
                 xtol=1e-8,
                 gtol=1e-10,
             )
-            point = found.x
+            point, before = found.x, self.noise
             self._estimate_noise(point)
+            if (np.abs(self.noise - before) <= 1e-3 * before).all():
+                break
         return self._result(point, bool(found.success))
 
     def _choose(self, derivatives: str) -> None:

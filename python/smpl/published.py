@@ -140,7 +140,7 @@ _PENSIM = {"variants": ("long_step", "basic_branch"), "settings": {"visc_exp": 0
 _MAB = {"scenario": "legacy"}
 ROWS = (
     Row("reactor-pid", "Reactor", _REACTOR, "pid", -1.0823, 35.0924, "table 2: 1000 starts", 1000, 3),
-    Row("reactor-mpc", "Reactor", _REACTOR, "mpc", -0.1912, 15.9328, "table 2: 1000 starts", 1000, 1),
+    Row("reactor-mpc", "Reactor", _REACTOR, "mpc", -0.1912, 15.9328, "table 2: 1000 starts", 1000, 3),
     Row(
         "reactor-data", "Reactor", {"scenario": "legacy", "reward": "setpoint"}, "mpc", -3.7528, 60.4470,
         "table 1: the data set on the unclipped grid of 1000 starts", 1000, 1, starts="unclipped_grid:0.3:10",

@@ -65,7 +65,7 @@ def test_every_environment_has_runs_with_seeds_apart():
     ("arguments", "says"),
     [
         (["--suite", "ofline"], "suite is 'ofline'; there are: control, offline, online, all"),
-        (["--algorithm", "pdi"], "algorithm is 'pdi'; there are: isothermal, mpc, nominal, pid"),
+        (["--algorithm", "pdi"], "algorithm is 'pdi'; there are: empc, isothermal, mpc, nominal, oracle, pid"),
         (["--budget", "huge"], "budget is 'huge'; there are: smoke, short, paper"),
         (["--env", "Rector"], "env is 'Rector'; there are: Reactor, Beer"),
         (["--seeds", "0"], "seeds is 0"),

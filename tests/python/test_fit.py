@@ -138,16 +138,15 @@ def test_a_bound_of_the_file_is_kept(readings):
         ({"parameters": []}, "parameters is empty"),
         ({"runs": {"obs.x": [1.0, 2.0]}}, "run 0 has no column for the actions u"),
         ({"runs": []}, "runs is empty"),
-        (
-            {"runs": {"u": [0.0, 0.0], "x": [3.0, np.nan]}},
-            r"the runs have no column obs.NAME of the level 'default', which shows x",
-        ),
+        ({"runs": {"u": [0.0, 0.0]}}, r"the runs have no column obs.NAME of the level 'default', which shows x"),
         ({"outputs": ["y"]}, "outputs: unknown 'y'"),
         ({"initial": ["y"]}, "initial: unknown 'y'"),
         ({"runs": {"u": [0.0, np.nan], "obs.x": [1.0, 2.0]}}, "an action is missing in row 1"),
+        ({"noise": {"x": 0}}, r"noise\['x'\] is 0, expected a deviation above 0"),
         ({"runs": 3}, "run 0 is int, expected a path, an episode or a mapping"),
     ],
 )
+@pytest.mark.filterwarnings("ignore:run 0 does not say where x started")
 def test_what_does_not_fit_is_refused(readings, change, says):
     given = {"runs": table(readings), "parameters": ["k"], **change}
     with pytest.raises(ValueError, match=says):
@@ -360,6 +359,12 @@ def test_the_picture_has_a_row_for_each_output_and_residuals_beside(readings):
     np.testing.assert_allclose(axes[1].lines[0].get_ydata(), (readings - line.get_ydata()) / 0.05, rtol=1e-6, atol=1e-9)
 
 
+def test_what_has_not_converged_says_so(readings):
+    found = smpl.fit(decay("noisy"), table(readings), ["k"], iterations=1)
+    assert not found.success and "not converged" in str(found)
+    assert "not converged" not in str(smpl.fit(decay("noisy"), table(readings), ["k"]))
+
+
 def test_a_word_that_is_no_kind_of_derivatives_is_refused(readings):
     with pytest.raises(ValueError, match="derivatives is 'precise', expected one of auto, exact, differences"):
         smpl.fit(decay(), table(readings), ["k"], derivatives="precise")
@@ -383,3 +388,25 @@ def test_intervals_hold_the_truth_and_scipy_says_the_same(number):
     defaults = dict(zip(model.parameter_names, model.native.defaults("parameter").tolist(), strict=True))
     theirs = peer.x[: len(case.truth)] * [defaults[name] for name in case.truth]
     assert (np.abs(found.estimates[0] - theirs) < 1e-2 * found.widths[0]).all()
+
+
+@pytest.mark.parametrize("normalize", [True, False])
+def test_a_data_set_is_many_runs(tmp_path, normalize):
+    """The same as the episodes that it was made of; its observations are in single precision."""
+    pytest.importorskip("pyarrow")
+    from smpl.datasets import collect, load
+
+    model = smpl.compile("reactor", observation="online")
+    options = {"observation": "online", "max_steps": 20, "normalize": normalize}
+    data = collect("reactor", "pid", 3, tmp_path / "pid", states=True, seed=5, **options)
+    env = smpl.Env("reactor", **options)
+    from smpl.controllers import baseline
+
+    episodes = [run_episode(env, baseline("reactor", "pid"), seed) for seed in (5, 6, 7)]
+    expected = smpl.fit(model, episodes, ["U"])
+    for runs in (data, load(tmp_path / "pid"), tmp_path / "pid"):
+        found = smpl.fit(model, runs, ["U"])
+        assert found.parameters["U"] == pytest.approx(expected.parameters["U"], rel=1e-5)
+        assert found.interval["U"] == pytest.approx(expected.interval["U"], rel=1e-4)
+    with pytest.raises(ValueError, match="the data set has the observations T, h, Reactor has c_A, T, h"):
+        smpl.fit(smpl.compile("reactor"), data, ["U"])

@@ -1,10 +1,15 @@
 """The published figures, in a table made by a command."""
 
 import json
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from smpl import published
+from smpl import Env, published
+from smpl.controllers import baseline
+from smpl.evaluation import run_episode
+from smpl.learning import Task
 
 
 def test_rows_that_have_no_chance_in_them_are_the_published_ones(tmp_path):
@@ -45,6 +50,19 @@ def test_starts_at_random_are_repeated_and_what_is_there_is_not_run_again(tmp_pa
     assert again["means"] == row["means"]
     (shown,) = published.published(tmp_path, ["reactor-pid"], scale=0.11, run=False)
     assert shown["stds"] == row["stds"]
+
+
+def test_a_row_on_a_grid_starts_where_its_part_of_the_grid_is():
+    """Starts 5 and 6 of ten values a state from 0.7 to 1.3 times the steady state, the first state varying fastest."""
+    (row,) = (one for one in published.ROWS if one.name == "reactor-data")
+    part = published._part(replace(row, controller="pid"), 0, 5, 2, 1)
+    env = Env(Task.of("smpl/Reactor-v0", **row.arguments).model, normalize=False)
+    env.reset(seed=0)
+    for i, found in zip((5, 6), part, strict=True):
+        factors = np.array([0.7 + 0.6 * i / 9, 0.7, 0.7])
+        episode = run_episode(env, baseline("reactor", "pid"), 0, {"state": factors * env.steady_state})
+        assert found["steps"] == episode.steps
+        assert found["mean"] == pytest.approx(episode.rewards.mean(), rel=1e-6)
 
 
 def test_what_is_missing_is_said(tmp_path, monkeypatch):

@@ -29,8 +29,9 @@ class CultureMPC:
     Args:
         kind: `mpc` or `empc`.
         horizon: intervals of an hour; the paper's 100.
-        tank: predict the level of the buffer tank too, with its outflow as it is. The published economic controller
-            does not, and lets the tank run empty or over within hours: by default it is predicted for `empc` alone.
+        tank: predict the level of the buffer tank too, with the outflow that the rule has at the nominal level. The
+            published economic controller does not, and lets the tank run empty or over within hours: by default it is
+            predicted for `empc` alone.
         options: further arguments of `NMPC`.
 
     Attributes:
@@ -62,7 +63,13 @@ class CultureMPC:
             )
         if self.controller is None or self.controller.model is not env.model:
             cost: Any = "productivity" if self._kind == "empc" else _deviations(env.model)
-            self.controller = NMPC(env, self._horizon, cost, **{"bounds": self._bounds(env), **self._options})
+            given = {"bounds": self._bounds(env), **self._options}
+            if "h" in given["part"]:
+                # The rule brings the outflow back with the level. As it is at the moment, held for all of the horizon,
+                # it would ask for more than the culture bears after an hour with a full tank.
+                outflow = env.model.native.defaults("action")[env.action_names.index("F_out")]
+                given["forecast"] = {"F_out": float(outflow), **given.get("forecast", {})}
+            self.controller = NMPC(env, self._horizon, cost, **given)
         self.controller.reset(env)
 
     def action(self, env: Env) -> FloatArray:

@@ -1,8 +1,8 @@
 """Controllers with full information: they know the state, the parameters of the episode and the model of the plant.
 
-They say what may be reached, not what a plant could do. Where the model is smooth and small the horizon is optimised by
-collocation, else by sampling around what the nominal policy would do, which is among the samples: within its horizon an
-oracle is not worse than that.
+They say what may be reached, not what a plant could do. Where the model is smooth and small the horizon is optimised
+by collocation, else by sampling around what the nominal policy would do, which is among the samples: within its horizon
+an oracle is not worse than that. That of the antibody plant samples what a batch is run with and when the columns swap.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 from smpl.controllers.base import Nominal, Policy
 from smpl.controllers.culture import ACTIONS, STATES
 from smpl.controllers.nmpc import NMPC
+from smpl.controllers.plant import plant_mpc
 from smpl.controllers.sampling import SamplingMPC
 from smpl.envs import Env
 from smpl.model import FloatArray, Model
@@ -64,7 +65,6 @@ _SAMPLED: dict[str, dict[str, Any]] = {
     "beer": {"horizon": 200, "samples": 48, "iterations": 2, "method": "cem", "hold": 12, "every": 8, "share": 0.15},
     "pensim": {"horizon": 100, "samples": 16, "iterations": 1, "method": "cem", "hold": 25, "every": 25, "share": 0.03},
     "atropine": {"horizon": 6, "samples": 16, "iterations": 2, "method": "cem", "hold": 3, "share": 0.02},
-    "mab_plant": {"horizon": 8, "samples": 12, "iterations": 1, "method": "cem", "hold": 4, "every": 4, "share": 0.01},
 }
 
 
@@ -94,6 +94,8 @@ def oracle(name: str, **options: Any) -> Any:
         return Deferred(lambda env: NMPC(env, **{"p": "episode", **options}))
     if name == "mab":
         return Deferred(lambda env: NMPC(env, **{**_CULTURE, "bounds": _tanks(env), **options}))
+    if name == "mab_plant":
+        return Deferred(lambda env: plant_mpc(env, **options))
 
     def sampled(env: Env) -> SamplingMPC:
         chosen = {**_SAMPLED[name], "guess": followed, **options}
