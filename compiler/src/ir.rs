@@ -16,7 +16,8 @@ mod program;
 mod var;
 
 pub use affine::{Affine, LoopVar, MAX_DEPTH};
-pub use expr::{Expr, ExprId, Exprs, Flavour, Rewritten};
+pub(crate) use expr::Rewritten;
+pub use expr::{Expr, ExprId, Exprs, Flavour};
 pub use function::{BinaryFn, Compare, ReduceFn, UnaryFn};
 pub use program::{Nest, Place, Program, Store, Target};
 pub use rustc_hash::{FxHashMap as FastMap, FxHashSet as FastSet};

@@ -66,7 +66,7 @@ impl Klu {
         self.pivot = true;
     }
 
-    pub fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
+    pub(crate) fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
         self.values.copy_from_slice(values);
         if !self.pivot && self.refactorise() {
             return Ok(());

@@ -110,7 +110,7 @@ impl Factorisation {
     }
 
     /// Factorises the matrix with these entries, in the pattern's order.
-    pub fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
+    pub(crate) fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
         match self {
             Self::Dense(dense) => dense.factorise(values),
             Self::Banded(banded) => banded.factorise(values),
@@ -121,7 +121,7 @@ impl Factorisation {
     }
 
     /// Writes the solution for `factor` times the right-hand side to `x`.
-    pub fn solve_scaled(&mut self, factor: f64, b: &[f64], x: &mut [f64]) {
+    pub(crate) fn solve_scaled(&mut self, factor: f64, b: &[f64], x: &mut [f64]) {
         if let Self::Block(block) = self
             && block.solve_scaled(factor, b, x)
         {
@@ -144,7 +144,7 @@ impl Factorisation {
 
     /// Replaces many right-hand sides, a matrix of `width` columns, row after row, by their solutions; false where that is not
     /// known how. `space` is working memory.
-    pub fn solve_many(&mut self, width: usize, b: &mut [f64], space: &mut Vec<f64>) -> bool {
+    pub(crate) fn solve_many(&mut self, width: usize, b: &mut [f64], space: &mut Vec<f64>) -> bool {
         match self {
             Self::Dense(dense) => dense.solve_many(width, b),
             Self::Block(block) => return block.solve_many(width, b, space),

@@ -29,7 +29,7 @@ impl Repeated {
         &self.leading
     }
 
-    pub fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
+    pub(crate) fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
         self.leading.factorise(&values[..self.entries])
     }
 

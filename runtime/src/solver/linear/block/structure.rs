@@ -49,7 +49,7 @@ pub(super) struct Cursor<'a> {
 }
 
 impl Small {
-    pub fn cursor(&self) -> Cursor<'_> {
+    pub(crate) fn cursor(&self) -> Cursor<'_> {
         Cursor { counts: self.counts.iter(), inside: &self.inside, columns: &self.columns, outside: &self.outside, places: &self.places }
     }
 }
@@ -73,7 +73,7 @@ impl Cursor<'_> {
     /// # Safety
     /// `values` and `factors` have the lengths for which the structure was made, and the next block has dimension `N`.
     #[inline(always)]
-    pub unsafe fn invert<const N: usize>(&mut self, values: &[f64], factors: &mut [f64]) -> bool {
+    pub(crate) unsafe fn invert<const N: usize>(&mut self, values: &[f64], factors: &mut [f64]) -> bool {
         unsafe {
             let &(entries, columns) = self.counts.next().unwrap_unchecked();
             let mut block = [[0.0_f64; N]; N];
@@ -170,7 +170,7 @@ impl Large {
     /// # Safety
     /// `values` and `factors` have the lengths for which the structure was made.
     #[inline(always)]
-    pub unsafe fn eliminate(&mut self, rows: Range<usize>, values: &[f64], factors: &mut [f64]) -> bool {
+    pub(crate) unsafe fn eliminate(&mut self, rows: Range<usize>, values: &[f64], factors: &mut [f64]) -> bool {
         let Self { lower, upper, upper_values, inverse_diagonal, work, .. } = self;
         unsafe {
             for row in rows {
