@@ -143,7 +143,7 @@ impl CompiledModel {
 
     /// Whether equations change their form at times that are known beforehand.
     #[must_use]
-    pub fn has_breaks(&self) -> bool {
+    pub(crate) fn has_breaks(&self) -> bool {
         self.parts.has_breaks
     }
 

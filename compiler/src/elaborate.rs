@@ -53,10 +53,11 @@ use select::Input;
 use select::variants::{Choices, Shown};
 
 pub(crate) use check::lints::unused_parameters;
-pub use episode::{is_entry_setting, ordered_initial};
+pub use episode::is_entry_setting;
+pub(crate) use episode::ordered_initial;
 pub use equations::{Equation, EquationForm};
 pub use lower::builtins::{BUILTINS, Builtin};
-pub use lower::nests::for_each_element;
+pub(crate) use lower::nests::for_each_element;
 pub use options::{Options, Setting};
 
 /// Result of elaboration: the model before structure analysis, and its equations.

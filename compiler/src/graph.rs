@@ -20,7 +20,7 @@ enum Visit {
 }
 
 /// What the starts need, directly or not, in an order in which each follows what it needs.
-pub fn after_needs<K: Copy + Eq + Hash>(starts: impl DoubleEndedIterator<Item = K>, mut needs: impl FnMut(K) -> Vec<K>) -> Order<K> {
+pub(crate) fn after_needs<K: Copy + Eq + Hash>(starts: impl DoubleEndedIterator<Item = K>, mut needs: impl FnMut(K) -> Vec<K>) -> Order<K> {
     let mut out = Order { order: Vec::new(), closing: Vec::new() };
     let mut visits: FastMap<K, Visit> = FastMap::default();
     let mut stack: Vec<K> = starts.rev().collect();

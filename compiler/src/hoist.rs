@@ -27,7 +27,7 @@ pub enum Stage {
 }
 
 /// The pass: rewrites jobs and collects what the preparing functions compute.
-pub struct Hoister<'a> {
+pub(crate) struct Hoister<'a> {
     model: &'a mut Model,
     stages: Vec<Stage>,
     caches: FastMap<(ExprId, Extents), VarId>,

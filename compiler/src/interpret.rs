@@ -267,7 +267,7 @@ impl Machine<'_, '_> {
 ///
 /// Meant for parameters whose numbers are known while the model is built: extents, bounds, exponents.
 #[must_use]
-pub fn eval_constant(exprs: &Exprs, expr: ExprId, value_of: &dyn Fn(VarId, Flavour, i64) -> Option<f64>) -> Option<f64> {
+pub(crate) fn eval_constant(exprs: &Exprs, expr: ExprId, value_of: &dyn Fn(VarId, Flavour, i64) -> Option<f64>) -> Option<f64> {
     let mut known = FastMap::default();
     evaluate(exprs, expr, &mut [0; MAX_DEPTH], value_of, &mut known)
 }

@@ -17,7 +17,8 @@ mod program;
 mod var;
 
 pub use affine::{Affine, LoopVar, MAX_DEPTH};
-pub use expr::{Expr, ExprId, Exprs, Flavour, Rewritten};
+pub(crate) use expr::Rewritten;
+pub use expr::{Expr, ExprId, Exprs, Flavour};
 pub use function::{BinaryFn, Compare, ReduceFn, UnaryFn};
 pub use numbers::{List, Lists, Side, before, behind};
 pub use program::{Nest, Place, Program, Store, Target};

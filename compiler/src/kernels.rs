@@ -52,7 +52,7 @@ pub fn pow(x: f64, y: f64) -> f64 {
 
 /// Angle of the point `(x, y)`: `atan2(y, x)` in the usual order of arguments.
 #[must_use]
-pub fn atan2(y: f64, x: f64) -> f64 {
+pub(crate) fn atan2(y: f64, x: f64) -> f64 {
     (table().atan2)(y, x)
 }
 

@@ -100,7 +100,7 @@ pub enum Base {
 
 /// Place of the first element of a variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Address {
+pub(crate) struct Address {
     /// Memory.
     pub base: Base,
     /// Numbers before it.
@@ -245,7 +245,7 @@ impl Layout {
 
     /// Place of a variable's first element; `None` where that copy does not exist.
     #[must_use]
-    pub fn address(&self, var: VarId, flavour: Flavour) -> Option<Address> {
+    pub(crate) fn address(&self, var: VarId, flavour: Flavour) -> Option<Address> {
         let (role, _) = self.roles[var]?;
         let offset = self.offsets[var]?;
         let part = match role {
@@ -279,7 +279,7 @@ impl Layout {
 
     /// Whether a load of that element of a variable is the Jacobian's scalar argument.
     #[must_use]
-    pub fn is_factor(&self, var: VarId, element: i64) -> bool {
+    pub(crate) fn is_factor(&self, var: VarId, element: i64) -> bool {
         matches!(self.roles[var], Some((Role::Builtin, _))) && element == Builtin::DerivativeFactor as i64
     }
 }

@@ -75,7 +75,7 @@ fn imported(statements: &[Statement], out: &mut Vec<String>) {
 }
 
 /// The faults of texts and those of the next pass that do not follow from them: what a faulty statement would have declared is not missing.
-pub fn independent(sources: &SourceMap, mut faults: Faults, mut later: Faults) -> Faults {
+pub(crate) fn independent(sources: &SourceMap, mut faults: Faults, mut later: Faults) -> Faults {
     let broken = words_of(sources, &faults);
     later.retain(|d: &Diagnostic| {
         broken.is_empty()

@@ -9,7 +9,9 @@ mod jacobian;
 mod job;
 mod reroll;
 
-pub use blocks::{Access, Block, BlockId, Item, Schedule, ScheduleError, is_immediate, schedules};
-pub use jacobian::of_entries;
-pub use job::{Job, Sink, Task, row_major};
-pub use reroll::reroll;
+pub use blocks::{Access, Block, BlockId, Item, Schedule, ScheduleError};
+pub(crate) use blocks::{is_immediate, schedules};
+pub(crate) use jacobian::of_entries;
+pub(crate) use job::row_major;
+pub use job::{Job, Sink, Task};
+pub(crate) use reroll::reroll;

@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use std::{panic, thread};
 
 /// Bytes of the stack, of which pages are used only as deep as it gets; less where so much address space is not to be had.
-pub const SIZES: [usize; 3] = [64 << 20, 16 << 20, 4 << 20];
+pub(crate) const SIZES: [usize; 3] = [64 << 20, 16 << 20, 4 << 20];
 
 /// Does the work on a thread with a large stack and waits for it; on the caller's own where no thread can be started. A panic goes on in the
 /// caller.

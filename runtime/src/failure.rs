@@ -9,13 +9,13 @@ use smpl_dsl::diagnostic::SourceMap;
 use crate::catalogue::Catalogue;
 
 /// Identifier of the failure of an action outside its box.
-pub const ACTION_BOX: &str = "action_box";
+pub(crate) const ACTION_BOX: &str = "action_box";
 /// Identifier of the failure of the integrator.
-pub const SOLVER: &str = "solver";
+pub(crate) const SOLVER: &str = "solver";
 /// Identifier of the failure of events that follow one another without end.
-pub const EVENTS: &str = "events";
+pub(crate) const EVENTS: &str = "events";
 /// Identifier of the failure of a number that is none although nothing else failed.
-pub const NOT_FINITE: &str = "not_finite";
+pub(crate) const NOT_FINITE: &str = "not_finite";
 
 /// Identifier of the failure of a trajectory that has no start, see [`crate::rollout`].
 pub const START: &str = "start";
@@ -51,7 +51,7 @@ impl Failure {
 
 /// What made the integrator give up.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SolverFailure {
+pub(crate) struct SolverFailure {
     /// Time at which it happened, in the model's unit.
     pub time: f64,
     /// What happened.
@@ -165,7 +165,12 @@ impl NotFinite {
 
 /// The message of a solver failure: `equation at reactor.eq:41, d/dt T, became NaN at t = 3.2 min`.
 #[must_use]
-pub fn describe_solver(failure: &SolverFailure, model: &CompiledModel, catalogue: &Catalogue, sources: Option<&SourceMap>) -> String {
+pub(crate) fn describe_solver(
+    failure: &SolverFailure,
+    model: &CompiledModel,
+    catalogue: &Catalogue,
+    sources: Option<&SourceMap>,
+) -> String {
     let when = format!("at t = {}{}", Short(failure.time), unit_suffix(&model.interface().time.1));
     let equation = failure.unknown.map(|unknown| describe_equation(unknown, model, catalogue, sources));
     let subject = |verb: &str| match &equation {
@@ -186,7 +191,7 @@ pub fn describe_solver(failure: &SolverFailure, model: &CompiledModel, catalogue
 
 /// `equation at reactor.eq:41, d/dt T`.
 #[must_use]
-pub fn describe_equation(unknown: usize, model: &CompiledModel, catalogue: &Catalogue, sources: Option<&SourceMap>) -> String {
+pub(crate) fn describe_equation(unknown: usize, model: &CompiledModel, catalogue: &Catalogue, sources: Option<&SourceMap>) -> String {
     let state = catalogue.states.elements().iter().find(|e| e.at == unknown);
     let name = match state {
         Some(state) => format!("d/dt {}", state.name),
@@ -225,7 +230,7 @@ fn covers(extents: &[u32], at: &Affine, element: i64) -> bool {
 
 /// What is wrong with a member of a box, or nothing when it is inside by the slack of 1e-6 of the range.
 #[must_use]
-pub fn describe_item(item: &BoxItem, value: f64) -> Option<String> {
+pub(crate) fn describe_item(item: &BoxItem, value: f64) -> Option<String> {
     let slack = BOX_SLACK * (item.high - item.low).abs();
     let slack = if slack.is_finite() { slack } else { 0.0 };
     let unit = unit_suffix(&item.unit);
@@ -242,12 +247,12 @@ pub fn describe_item(item: &BoxItem, value: f64) -> Option<String> {
 
 /// A unit behind a number; nothing for a number without one.
 #[must_use]
-pub fn unit_suffix(unit: &str) -> String {
+pub(crate) fn unit_suffix(unit: &str) -> String {
     if unit == "1" || unit.is_empty() { String::new() } else { format!(" {unit}") }
 }
 
 /// What counts as inside a box: a value beyond a bound by at most this part of the range.
-pub const BOX_SLACK: f64 = 1e-6;
+pub(crate) const BOX_SLACK: f64 = 1e-6;
 
 /// A number as a message shows it: up to seven significant digits.
 #[derive(Clone, Copy, Debug)]

@@ -58,7 +58,7 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
 ///
 /// # Errors
 /// As [`read`], and `InvalidData` where it is not UTF-8.
-pub fn read_text(path: &Path) -> io::Result<String> {
+pub(crate) fn read_text(path: &Path) -> io::Result<String> {
     String::from_utf8(read(path)?).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, not_utf8(error.as_bytes())))
 }
 
@@ -82,7 +82,7 @@ pub fn is_same(a: &Path, b: &Path) -> bool {
 
 /// Whether what is written to two paths goes into one file, whether it is there or not.
 #[must_use]
-pub fn is_same_destination(a: &Path, b: &Path) -> bool {
+pub(crate) fn is_same_destination(a: &Path, b: &Path) -> bool {
     is_same(a, b) || matches!((plain_name(a), plain_name(b)), (Some(a), Some(b)) if a == b)
 }
 
@@ -105,7 +105,7 @@ fn same_metadata(_: &Metadata, _: &Metadata) -> Option<bool> {
 
 /// Whether a path means the standard output.
 #[must_use]
-pub fn is_standard_output(path: &Path) -> bool {
+pub(crate) fn is_standard_output(path: &Path) -> bool {
     ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"].iter().any(|name| path == Path::new(name))
 }
 
@@ -155,7 +155,7 @@ fn followed(path: &Path) -> io::Result<PathBuf> {
 ///
 /// # Errors
 /// [`WriteError`] with the path; nothing is left behind then.
-pub fn write_whole(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), WriteError> {
+pub(crate) fn write_whole(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), WriteError> {
     let done = Destination::of(path).and_then(|destination| match destination {
         Destination::Output => write_into(io::stdout().lock(), fill),
         Destination::Errors => write_into(io::stderr().lock(), fill),

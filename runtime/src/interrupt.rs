@@ -64,7 +64,7 @@ impl Default for Pace {
 impl Pace {
     /// Counts one part; whether the computation is to stop.
     #[inline]
-    pub fn stops(&mut self) -> bool {
+    pub(crate) fn stops(&mut self) -> bool {
         self.left -= 1;
         self.left == 0 && self.look()
     }

@@ -34,7 +34,7 @@ impl Inverse {
     }
 
     /// The solutions for all columns.
-    pub fn solve_all(&mut self, mut right: DMatrix<f64>) -> DMatrix<f64> {
+    pub(crate) fn solve_all(&mut self, mut right: DMatrix<f64>) -> DMatrix<f64> {
         let rows = right.nrows();
         if rows > 0 {
             right.as_mut_slice().chunks_exact_mut(rows).for_each(|column| self.solve(column));

@@ -26,7 +26,7 @@ use crate::setup::EnvironmentOptions;
 pub const UNREADABLE: &str = codes::UNREADABLE.id();
 
 /// Ending of files that hold a compiled model.
-pub const ARTEFACT_EXTENSION: &str = "smplc";
+pub(crate) const ARTEFACT_EXTENSION: &str = "smplc";
 
 /// Ending of files that hold a checked model in the form that `smpl export --to json` writes.
 pub const JSON_EXTENSION: &str = "json";
@@ -441,7 +441,7 @@ fn read(path: &Path) -> Result<Vec<u8>, LoadError> {
 
 /// The file of a model and those that it imports, as far as they can be read.
 #[must_use]
-pub fn files_of(path: &Path) -> Vec<PathBuf> {
+pub(crate) fn files_of(path: &Path) -> Vec<PathBuf> {
     let mut sources = SourceMap::new();
     if let Ok(text) = files::read_text(path) {
         let main = sources.add(path.display().to_string(), text);

@@ -30,7 +30,7 @@ impl Pool {
     }
 
     /// Whether this process made them.
-    pub fn is_mine(&self) -> bool {
+    pub(crate) fn is_mine(&self) -> bool {
         self.process == std::process::id()
     }
 

@@ -8,7 +8,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Step number of what is drawn at reset.
-pub const AT_RESET: u32 = u32::MAX;
+pub(crate) const AT_RESET: u32 = u32::MAX;
 
 /// What selects the random numbers of one episode.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -48,7 +48,7 @@ impl Stream {
 
     /// The stream whose name has the hash `name_hash` (see [`hash`]).
     #[must_use]
-    pub fn from_hash(key: EpisodeKey, name_hash: u64) -> Self {
+    pub(crate) fn from_hash(key: EpisodeKey, name_hash: u64) -> Self {
         let [name_low, name_high] = halves(name_hash);
         let [episode_low, episode_high] = halves(key.episode);
         let block = philox([name_low, name_high, episode_low, episode_high], halves(key.seed));
@@ -65,7 +65,7 @@ impl Stream {
 
     /// Standard normal.
     #[must_use]
-    pub fn normal(&self, step: u32, element: u32) -> f64 {
+    pub(crate) fn normal(&self, step: u32, element: u32) -> f64 {
         normal_quantile(self.uniform(step, element))
     }
 }
@@ -82,7 +82,7 @@ fn halves(x: u64) -> [u32; 2] {
 
 /// Philox4x32 with ten rounds.
 #[must_use]
-pub fn philox(counter: [u32; 4], key: [u32; 2]) -> [u32; 4] {
+pub(crate) fn philox(counter: [u32; 4], key: [u32; 2]) -> [u32; 4] {
     let (mut c, mut k) = (counter, key);
     for round in 0..10 {
         if round > 0 {
@@ -98,7 +98,7 @@ pub fn philox(counter: [u32; 4], key: [u32; 2]) -> [u32; 4] {
 /// Value below which a standard normal lies with probability `p`, 0 < p < 1 (Wichura, Applied Statistics 37 (1988) 477-484,
 /// algorithm AS 241, PPND16: relative error about 1e-16).
 #[must_use]
-pub fn normal_quantile(p: f64) -> f64 {
+pub(crate) fn normal_quantile(p: f64) -> f64 {
     let q = p - 0.5;
     if q.abs() <= 0.425 {
         let r = 0.180_625 - q * q;

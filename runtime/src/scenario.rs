@@ -330,7 +330,7 @@ impl Scenario {
 
     /// Where a name stands under a key of the scenario, else where it stands at all.
     #[must_use]
-    pub fn place_under(&self, sources: &SourceMap, key: &str, name: &str) -> Span {
+    pub(crate) fn place_under(&self, sources: &SourceMap, key: &str, name: &str) -> Span {
         let Some(file) = self.file else { return Span::default() };
         find_under(sources.file(file).map_or("", |f| f.text()), key, name, file)
     }
@@ -385,7 +385,7 @@ impl VariantEntry {
 
 /// The file of a scenario: a path as it is, or a name beside the model.
 #[must_use]
-pub fn find_file(model: &Path, scenario: &str) -> PathBuf {
+pub(crate) fn find_file(model: &Path, scenario: &str) -> PathBuf {
     let is_path = scenario.ends_with(".yaml") || scenario.ends_with(".yml") || scenario.contains(std::path::is_separator);
     if is_path {
         return PathBuf::from(scenario);

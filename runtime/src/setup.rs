@@ -263,7 +263,7 @@ impl Setup {
 
     /// The parameters that are drawn at a reset, or computed from such.
     #[must_use]
-    pub fn drawn_parameters(&self) -> Vec<&Element> {
+    pub(crate) fn drawn_parameters(&self) -> Vec<&Element> {
         let model = self.model().model();
         let mut drawn: HashSet<VarId> = HashSet::new();
         for store in model.programs.parameters.nests.iter().flat_map(|nest| &nest.stores) {

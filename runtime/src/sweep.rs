@@ -4,7 +4,7 @@ use crate::scenario::Value;
 
 /// A name and the values that it takes one after another.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Sweep {
+pub(crate) struct Sweep {
     /// A parameter, setting, variant, choice, initial value, or `scenario` or `policy`.
     pub name: String,
     /// The values.
@@ -71,13 +71,13 @@ fn range(low: &str, rest: &str) -> Result<Vec<Value>, String> {
 
 /// Number of all combinations; `None` beyond what can be counted.
 #[must_use]
-pub fn combinations(sweeps: &[Sweep]) -> Option<usize> {
+pub(crate) fn combinations(sweeps: &[Sweep]) -> Option<usize> {
     sweeps.iter().try_fold(1_usize, |n, sweep| n.checked_mul(sweep.values.len()))
 }
 
 /// The combination of that number: one value a sweep; the last sweep goes fastest.
 #[must_use]
-pub fn combination(sweeps: &[Sweep], index: usize) -> Vec<&Value> {
+pub(crate) fn combination(sweeps: &[Sweep], index: usize) -> Vec<&Value> {
     let mut rest = index;
     let mut values: Vec<&Value> = sweeps
         .iter()

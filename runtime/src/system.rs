@@ -96,7 +96,7 @@ impl CompiledSystem {
     }
 
     /// Exchanges the present actions and disturbances with those of another instant.
-    pub fn exchange_inputs(&mut self, instant: fn(Part) -> Region) {
+    pub(crate) fn exchange_inputs(&mut self, instant: fn(Part) -> Region) {
         for (part, present) in PRESENT.into_iter().filter(|(part, _)| *part != Part::Discrete) {
             for i in 0..self.memory.region(present).len() {
                 let value = self.memory.region(present)[i];

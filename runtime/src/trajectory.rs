@@ -5,14 +5,16 @@ mod parquet;
 mod read;
 mod record;
 
-pub use format::seventeen_digits;
-pub use read::{Columns, DataError, Sequences, Values, read_actions, read_columns, read_disturbances, read_initial};
+pub(crate) use format::seventeen_digits;
+pub use read::{Columns, DataError, Values, read_actions, read_initial};
+pub(crate) use read::{read_columns, read_disturbances};
 pub use record::Recorder;
 
 use std::io::{self, Write};
 use std::path::Path;
 
-pub use crate::files::{WriteError, write_whole};
+pub use crate::files::WriteError;
+pub(crate) use crate::files::write_whole;
 
 /// Whether the name of a file says that it is Parquet.
 fn is_parquet(path: &Path) -> bool {

@@ -9,53 +9,18 @@ import pytest
 
 import smpl
 from conftest import ROOT
+from smpl.published import original_seed
 
 MODEL = ROOT / "models" / "pensim.eq"
 # The original: 0.205 h a step, an exponent that became 0; but the schedule in hours, and the last reward as simulated.
 LEGACY = ("--variant", "long_step", "--variant", "basic_branch", "--set", "visc_exp=0")
 
 
-def draw(offset):
-    """The number that the original draws with its seed 1."""
-    return float(np.random.RandomState(1 + offset).randn())
-
-
-def seed_one():
-    """Initial state, parameters and disturbances of the original's seed 1, sections 4.2 and 4.3 of the page."""
-    inoculum = 0.5 + 0.05 * draw(31)
-    state = {
-        "a0": inoculum * 0.3333333333333333,
-        "a1": inoculum * 0.6666666666666666,
-        "S": 1 + 0.1 * draw(33),
-        "DO2": 15 + 0.5 * draw(34),
-        "V": 58000 + 500 * draw(36),
-        "Wt": 62000 + 500 * draw(37),
-        "CO2out": 0.038 + 0.001 * draw(38),
-        "O2": 0.2 + 0.05 * draw(39),
-        "H": 10 ** -(6.5 + 0.1 * draw(40)),
-        "T": 297 + 0.5 * draw(41),
-        "PAA": 1400 + 50 * draw(43),
-        "NH3": 1700 + 50 * draw(44),
-    }
-    parameters = {
-        "mux_max": 0.41 + 0.025 * draw(31),
-        "mu_p": 0.041 + 0.0025 * draw(32),
-        "alpha_kla": 85 + 10 * draw(45),
-        "PAA_c": 530000 + 20000 * draw(46),
-        "N_conc_paa": 150000 + 2000 * draw(47),
-    }
-    noise = np.random.RandomState(1).randn(1151)
-    z = np.zeros(1150)
-    for k in range(1150):
-        z[k] = (0.995 * z[k - 1] if k else 0.0) + 0.005 * noise[k]
-    return state, parameters, z
-
-
 @pytest.fixture(scope="module")
 def simulate(tmp_path_factory):
     """Runs the recipe from the command line and gives the sum of the rewards of a full batch."""
     folder = tmp_path_factory.mktemp("pensim")
-    state, parameters, z = seed_one()
+    state, parameters, z = original_seed()
     (folder / "start.csv").write_text(",".join(state) + "\n" + ",".join(map(repr, state.values())) + "\n")
     (folder / "z.csv").write_text("z\n" + "\n".join(map(repr, z.tolist())) + "\n")
 
@@ -101,7 +66,7 @@ def test_the_recipe_yields_what_is_published_with_each_repair(simulate, options,
 
 def test_a_batch_of_the_published_data_set_is_reproduced(reference):
     table = reference("pensim_dataset_random_batch_0.csv")
-    state, parameters, z = seed_one()
+    state, parameters, z = original_seed()
     np.testing.assert_allclose(z, table["z"], rtol=0, atol=1e-15)
     parameters["Fpaa_start"] = table["Fpaa_schedule"][0]
     env = smpl.Env(

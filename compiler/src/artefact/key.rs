@@ -15,7 +15,7 @@ impl Key {
     ///
     /// # Errors
     /// If no home is known, the file cannot be read or made, or others may read it.
-    pub fn of_user() -> Result<Key, ArtefactError> {
+    pub(crate) fn of_user() -> Result<Key, ArtefactError> {
         let variable = |name| env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
         let data = variable("XDG_DATA_HOME").or_else(|| variable("HOME").map(|home| home.join(".local/share")));
         Key::at(&data.ok_or(ArtefactError::NoHome)?.join("smpl/key"))

@@ -8,7 +8,7 @@ mod tables;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{self, Declaration, Flux, Ident, SetMembers, Statement, StatementKind};
+use smpl_dsl::syntax::{self, Declaration, Expr, Flux, Ident, SetMembers, Statement, StatementKind};
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::declare::declaring::{Declaring, MAX_ELEMENTS};
@@ -226,40 +226,7 @@ impl<'a> Declaring<'_, 'a> {
                 let chosen = self.input.selection.chosen.get(&name.text).and_then(|c| options.iter().position(|o| o.text == *c));
                 self.declare(scope, name, SymbolKind::Choice { options, chosen: chosen.unwrap_or(0) });
             }
-            StatementKind::Set { name, members, .. } => {
-                let place = Place::new(scope, Site::Dynamics);
-                let (labels, first) = match members {
-                    SetMembers::Names(names) => (names.iter().map(|n| n.text.clone()).collect::<Vec<_>>(), None),
-                    SetMembers::Range(a, b) => {
-                        let (Some(a), Some(b)) = (self.lowering().integer(a, &place), self.lowering().integer(b, &place)) else {
-                            return self.faulty(scope, name);
-                        };
-                        if b.saturating_sub(a) >= 100_000 || !self.work.ledger.budget.may_hold(b.saturating_sub(a)) {
-                            self.work.ledger.report(
-                                Diagnostic::error(
-                                    codes::TOO_LARGE,
-                                    "a set of more than a hundred thousand members, or sets of more than two million together",
-                                    name.span,
-                                )
-                                .help("use a `domain`: its cells stay a loop"),
-                            );
-                            return self.faulty(scope, name);
-                        }
-                        ((a..=b).map(|i| i.to_string()).collect(), Some(a))
-                    }
-                };
-                if labels.is_empty() {
-                    self.work.ledger.report(Diagnostic::error(
-                        codes::EMPTY_SET,
-                        format!("the set `{}` has no members", name.text),
-                        name.span,
-                    ));
-                }
-                if let SetMembers::Names(names) = members {
-                    self.work.ledger.check_members(names);
-                }
-                self.new_set(scope, name, labels, first);
-            }
+            StatementKind::Set { name, members, .. } => self.declare_members(scope, name, members),
             // `table over species { ... }` declares the set as well, unless it exists.
             StatementKind::Table(table) => {
                 if let [index] = table.indices.as_slice()
@@ -271,6 +238,40 @@ impl<'a> Declaring<'_, 'a> {
             }
             _ => {}
         }
+    }
+
+    /// `set s = (a, b, c)`, `set s = 1..n`
+    fn declare_members(&mut self, scope: ScopeId, name: &Ident, members: &SetMembers) {
+        let (labels, first) = match members {
+            SetMembers::Names(names) => (names.iter().map(|n| n.text.clone()).collect::<Vec<_>>(), None),
+            SetMembers::Range(a, b) => {
+                let Some((a, b)) = self.bounds_of_set(scope, name, a, b) else { return self.faulty(scope, name) };
+                ((a..=b).map(|i| i.to_string()).collect(), Some(a))
+            }
+        };
+        if labels.is_empty() {
+            let message = format!("the set `{}` has no members", name.text);
+            self.work.ledger.report(Diagnostic::error(codes::EMPTY_SET, message, name.span));
+        }
+        if let SetMembers::Names(names) = members {
+            self.work.ledger.check_members(names);
+        }
+        self.new_set(scope, name, labels, first);
+    }
+
+    /// First and last number of a set, where they are not too far apart.
+    fn bounds_of_set(&mut self, scope: ScopeId, name: &Ident, first: &Expr, last: &Expr) -> Option<(i64, i64)> {
+        let place = Place::new(scope, Site::Dynamics);
+        // Both are read, so that faults of both are reported.
+        let (first, last) = (self.lowering().integer(first, &place), self.lowering().integer(last, &place));
+        let (first, last) = (first?, last?);
+        let more = last.saturating_sub(first);
+        if more >= 100_000 || !self.work.ledger.budget.may_hold(more) {
+            let message = "a set of more than a hundred thousand members, or sets of more than two million together";
+            self.work.ledger.report(Diagnostic::error(codes::TOO_LARGE, message, name.span).help("use a `domain`: its cells stay a loop"));
+            return None;
+        }
+        Some((first, last))
     }
 
     fn declare_domain(&mut self, scope: ScopeId, domain: &'a syntax::Domain) {

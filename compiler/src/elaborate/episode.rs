@@ -24,7 +24,7 @@ mod unknown;
 pub(in crate::elaborate) use common::each;
 pub use entries::is_entry_setting;
 pub(in crate::elaborate) use observations::check_level;
-pub use order::ordered_initial;
+pub(crate) use order::ordered_initial;
 
 use crate::elaborate::lower::Lowering;
 use crate::ir::{Role, VarId};

@@ -45,41 +45,10 @@ fn quantity(l: &mut Lowering<'_, '_>, symbol: SymbolId) -> Quantity {
     };
     let path = l.symbols[symbol].path.clone();
     let role = l.symbols.vars[var].role;
-    let is_port = l.symbols.ports.contains(&var);
-    let mut default = vec![f64::NAN];
-    if !is_port && !matches!(role, Role::Discrete) {
-        let pieces = l.default_pieces(symbol, Site::Reset);
-        default = numbers(l, var, pieces);
-    }
-    let bounds = declaration.bounds.as_ref();
-    let low = declared_number(l, symbol, &axes, &unit, declaration, bounds.map(|b| &b.0), f64::NEG_INFINITY);
-    let high = declared_number(l, symbol, &axes, &unit, declaration, bounds.map(|b| &b.1), f64::INFINITY);
-    if let Some((a, b)) = bounds
-        && low.iter().zip(&high).any(|(l, h)| l > h)
-    {
-        l.ledger.report(Diagnostic::error(
-            codes::BAD_SETTING,
-            format!("the bounds of `{path}` are the wrong way round"),
-            a.span.to(b.span),
-        ));
-    }
-    let difference = units::difference(&unit);
-    let mut scale = declared_number(l, symbol, &axes, &difference, declaration, declaration.scale.as_ref(), f64::NAN);
-    if let Some(e) = &declaration.scale
-        && let Some(bad) = scale.iter().find(|s| s.is_infinite() || **s <= 0.0)
-    {
-        let message = format!("the scale of `{path}` must be a positive number, it is {bad}");
-        l.ledger.report(Diagnostic::error(codes::BAD_SETTING, message, e.span));
-    }
-    let n = scale.len().max(low.len()).max(high.len());
-    if scale.iter().any(|s| s.is_nan()) {
-        scale = (0..n)
-            .map(|i| {
-                let range = Quantity::pick(&high, i) - Quantity::pick(&low, i);
-                if range.is_finite() && range > 0.0 { range } else { 1.0 }
-            })
-            .collect();
-    }
+    let declared = Declared { symbol, var, axes: &axes, declaration };
+    let default = default(l, &declared, role);
+    let (low, high) = bounds(l, &declared, &unit, &path);
+    let scale = scale(l, &declared, &unit, &path, (&low, &high));
     if role == Role::Action {
         l.ledger.check_action(&path, declaration, &low, &high, &default);
     }
@@ -103,6 +72,56 @@ fn quantity(l: &mut Lowering<'_, '_>, symbol: SymbolId) -> Quantity {
     quantity
 }
 
+/// A variable whose declaration is read.
+struct Declared<'d> {
+    symbol: SymbolId,
+    var: VarId,
+    axes: &'d [Axis],
+    declaration: &'d Declaration,
+}
+
+/// Defaults, where a declaration gives any that an episode begins with.
+fn default(l: &mut Lowering<'_, '_>, declared: &Declared<'_>, role: Role) -> Vec<f64> {
+    if l.symbols.ports.contains(&declared.var) || role == Role::Discrete {
+        return vec![f64::NAN];
+    }
+    let pieces = l.default_pieces(declared.symbol, Site::Reset);
+    numbers(l, declared.var, pieces)
+}
+
+/// The lower and the upper bounds, infinite where there are none.
+fn bounds(l: &mut Lowering<'_, '_>, declared: &Declared<'_>, unit: &Unit, path: &str) -> (Vec<f64>, Vec<f64>) {
+    let bounds = declared.declaration.bounds.as_ref();
+    let low = declared_number(l, declared, unit, bounds.map(|b| &b.0), f64::NEG_INFINITY);
+    let high = declared_number(l, declared, unit, bounds.map(|b| &b.1), f64::INFINITY);
+    if let Some((a, b)) = bounds
+        && low.iter().zip(&high).any(|(l, h)| l > h)
+    {
+        let message = format!("the bounds of `{path}` are the wrong way round");
+        l.ledger.report(Diagnostic::error(codes::BAD_SETTING, message, a.span.to(b.span)));
+    }
+    (low, high)
+}
+
+/// The declared scale; where there is none, the width between finite bounds, or one.
+fn scale(l: &mut Lowering<'_, '_>, declared: &Declared<'_>, unit: &Unit, path: &str, (low, high): (&[f64], &[f64])) -> Vec<f64> {
+    let difference = units::difference(unit);
+    let given = declared.declaration.scale.as_ref();
+    let scale = declared_number(l, declared, &difference, given, f64::NAN);
+    if let Some(e) = given
+        && let Some(bad) = scale.iter().find(|s| s.is_infinite() || **s <= 0.0)
+    {
+        let message = format!("the scale of `{path}` must be a positive number, it is {bad}");
+        l.ledger.report(Diagnostic::error(codes::BAD_SETTING, message, e.span));
+    }
+    if !scale.iter().any(|s| s.is_nan()) {
+        return scale;
+    }
+    let width = |i| Quantity::pick(high, i) - Quantity::pick(low, i);
+    let or_one = |range: f64| if range.is_finite() && range > 0.0 { range } else { 1.0 };
+    (0..scale.len().max(low.len()).max(high.len())).map(|i| or_one(width(i))).collect()
+}
+
 /// Numbers of the elements; one for all where they are equal.
 fn numbers(l: &mut Lowering<'_, '_>, var: VarId, pieces: Vec<Piece<(Affine, ExprId)>>) -> Vec<f64> {
     if let [piece] = pieces.as_slice() {
@@ -122,17 +141,10 @@ fn numbers(l: &mut Lowering<'_, '_>, var: VarId, pieces: Vec<Piece<(Affine, Expr
     out
 }
 
-fn declared_number(
-    l: &mut Lowering<'_, '_>,
-    symbol: SymbolId,
-    axes: &[Axis],
-    unit: &Unit,
-    d: &Declaration,
-    e: Option<&Expr>,
-    absent: f64,
-) -> Vec<f64> {
+/// The numbers of a bound or a scale; `absent` where there is none.
+fn declared_number(l: &mut Lowering<'_, '_>, declared: &Declared<'_>, unit: &Unit, e: Option<&Expr>, absent: f64) -> Vec<f64> {
     let Some(e) = e else { return vec![absent] };
-    let SymbolKind::Variable { var, .. } = l.symbols[symbol].kind else { return vec![absent] };
+    let &Declared { symbol, var, axes, declaration: d } = declared;
     let place = Place::new(l.symbols[symbol].scope, Site::Dynamics);
     let what = format!("`{}`", d.name.text);
     let mut pieces = Vec::new();

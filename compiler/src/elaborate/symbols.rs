@@ -279,7 +279,7 @@ impl std::ops::IndexMut<SymbolId> for Symbols<'_> {
 
 impl<'a> Symbols<'a> {
     /// Looks a name up from a scope outwards.
-    pub fn lookup(&self, scope: ScopeId, name: &str) -> Option<SymbolId> {
+    pub(crate) fn lookup(&self, scope: ScopeId, name: &str) -> Option<SymbolId> {
         let mut at = Some(scope);
         while let Some(id) = at {
             let scope = &self.scopes[id];
@@ -292,7 +292,7 @@ impl<'a> Symbols<'a> {
     }
 
     /// All names that can be seen from a scope, for suggestions; in no order.
-    pub fn visible(&self, scope: ScopeId) -> Vec<&str> {
+    pub(crate) fn visible(&self, scope: ScopeId) -> Vec<&str> {
         let mut names = Vec::new();
         let mut at = Some(scope);
         while let Some(id) = at {
@@ -314,7 +314,7 @@ impl<'a> Symbols<'a> {
     }
 
     /// Number of members along an axis.
-    pub fn axis_len(&self, axis: Axis) -> i64 {
+    pub(crate) fn axis_len(&self, axis: Axis) -> i64 {
         match axis {
             Axis::Set(set) => self.sets[set].labels.len() as i64,
             Axis::Domain(domain) => self.domains[domain].cells,
@@ -322,7 +322,7 @@ impl<'a> Symbols<'a> {
     }
 
     /// Name of the set or domain of an axis.
-    pub fn axis_name(&self, axis: Axis) -> &str {
+    pub(crate) fn axis_name(&self, axis: Axis) -> &str {
         match axis {
             Axis::Set(set) => &self.sets[set].name,
             Axis::Domain(domain) => &self.domains[domain].name,

@@ -9,7 +9,7 @@ use super::arithmetic::{list_entry, passed_entry};
 use super::emitter::{Arguments, Emitter, Input, Lanes};
 use super::plan::{Part, Piece, Plan};
 use super::segments::is_load;
-use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, ReduceFn, Side};
+use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, Flavour, ReduceFn, Side, VarId};
 use crate::layout::Layout;
 use crate::schedule::{BlockId, Item, is_immediate};
 
@@ -301,16 +301,7 @@ impl Emitter<'_> {
             Expr::Truth(truth) => self.truth(block, truth),
             Expr::Time => self.input.arguments.time,
             Expr::Counter(v) => self.counter_number(block, v.0),
-            Expr::Load { var, flavour, at } => {
-                if self.input.layout.is_factor(var, at.offset) {
-                    return self.input.arguments.factor;
-                }
-                match self.input.layout.address(var, flavour) {
-                    Some(a) => self.load(block, a.base, at.plus(Affine::constant(i64::from(a.offset)))),
-                    // The schedule has refused variables without memory.
-                    None => self.number(block, f64::NAN),
-                }
-            }
+            Expr::Load { var, flavour, at } => self.element(block, var, flavour, at),
             Expr::Unary(f, a) => {
                 let a = self.operand(block, a);
                 self.unary(block, f, a)
@@ -319,24 +310,10 @@ impl Emitter<'_> {
                 let a = self.operand(block, a);
                 self.whole_power(block, a, n)
             }
-            Expr::Binary(f, a, b) => {
-                // A constant as the second operand is read from memory by the instruction itself.
-                let swap = matches!(f, BinaryFn::Add | BinaryFn::Mul) && is_immediate(self.input.exprs.node(a));
-                let (a, b) = if swap { (b, a) } else { (a, b) };
-                let arithmetic = matches!(f, BinaryFn::Add | BinaryFn::Sub | BinaryFn::Mul | BinaryFn::Div);
-                let a = self.operand(block, a);
-                let b = if arithmetic { self.second_operand(block, b) } else { self.operand(block, b) };
-                self.binary(block, f, a, b)
-            }
+            Expr::Binary(f, a, b) => self.binary_of(block, f, a, b),
             Expr::Compare(op, a, b) => {
                 let (a, b) = (self.operand(block, a), self.operand(block, b));
-                let condition = match op {
-                    Compare::Lt => FloatCC::LessThan,
-                    Compare::Le => FloatCC::LessThanOrEqual,
-                    Compare::Eq => FloatCC::Equal,
-                    Compare::Ne => FloatCC::NotEqual,
-                };
-                self.b.ins().fcmp(condition, a, b)
+                self.b.ins().fcmp(condition_code(op), a, b)
             }
             Expr::And(a, b) => {
                 let (a, b) = (self.operand(block, a), self.operand(block, b));
@@ -368,6 +345,28 @@ impl Emitter<'_> {
         }
     }
 
+    /// An element of a variable.
+    fn element(&mut self, block: BlockId, var: VarId, flavour: Flavour, at: Affine) -> Value {
+        if self.input.layout.is_factor(var, at.offset) {
+            return self.input.arguments.factor;
+        }
+        match self.input.layout.address(var, flavour) {
+            Some(a) => self.load(block, a.base, at.plus(Affine::constant(i64::from(a.offset)))),
+            // The schedule has refused variables without memory.
+            None => self.number(block, f64::NAN),
+        }
+    }
+
+    /// A function of two operands. A constant as the second operand is read from memory by the instruction itself.
+    fn binary_of(&mut self, block: BlockId, f: BinaryFn, a: ExprId, b: ExprId) -> Value {
+        let swap = matches!(f, BinaryFn::Add | BinaryFn::Mul) && is_immediate(self.input.exprs.node(a));
+        let (a, b) = if swap { (b, a) } else { (a, b) };
+        let arithmetic = matches!(f, BinaryFn::Add | BinaryFn::Sub | BinaryFn::Mul | BinaryFn::Div);
+        let a = self.operand(block, a);
+        let b = if arithmetic { self.second_operand(block, b) } else { self.operand(block, b) };
+        self.binary(block, f, a, b)
+    }
+
     fn counter_number(&mut self, block: BlockId, counter: u8) -> Value {
         let bound = self.input.schedule.binder(block, counter);
         let counter = match bound.and_then(|b| self.counters[b]) {
@@ -396,5 +395,15 @@ impl Emitter<'_> {
         }
         let (one, zero) = (self.number(block, 1.0), self.number(block, 0.0));
         self.select(self.is_two(block), value, one, zero)
+    }
+}
+
+/// The machine's name of a comparison.
+fn condition_code(op: Compare) -> FloatCC {
+    match op {
+        Compare::Lt => FloatCC::LessThan,
+        Compare::Le => FloatCC::LessThanOrEqual,
+        Compare::Eq => FloatCC::Equal,
+        Compare::Ne => FloatCC::NotEqual,
     }
 }

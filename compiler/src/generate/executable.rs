@@ -44,7 +44,7 @@ impl Executable {
 
     /// Address of a piece; `None` for an empty one.
     #[must_use]
-    pub fn address(&self, piece: usize) -> Option<*const u8> {
+    pub(crate) fn address(&self, piece: usize) -> Option<*const u8> {
         let offset = self.offsets.get(piece).copied().flatten()?;
         Some(self.code.as_ref()?.get(offset..)?.as_ptr())
     }

@@ -64,7 +64,7 @@ impl Affine {
 
     /// The address in one pass of the loop at a depth.
     #[must_use]
-    pub fn at_pass(mut self, depth: usize, pass: i64) -> Affine {
+    pub(crate) fn at_pass(mut self, depth: usize, pass: i64) -> Affine {
         self.offset += self.strides[depth] * pass;
         self.strides[depth] = 0;
         self

@@ -91,7 +91,7 @@ pub enum Expr {
 const DERIVATIVE: u8 = 1 << MAX_DEPTH;
 
 /// What [`Exprs::rewrite`] has made of nodes already.
-pub type Rewritten = FastMap<ExprId, ExprId>;
+pub(crate) type Rewritten = FastMap<ExprId, ExprId>;
 
 /// The arena of nodes; equal nodes are one.
 #[derive(Clone, Default)]
@@ -139,6 +139,9 @@ impl fmt::Debug for Exprs {
         f.debug_map().entries(self.nodes.iter().enumerate().map(|(i, node)| (ExprId::new(i), node))).finish()
     }
 }
+
+/// Two operands as numbers, where they are.
+type Known = (Option<f64>, Option<f64>);
 
 impl Exprs {
     /// The node of an id.
@@ -194,7 +197,7 @@ impl Exprs {
 
     /// The number of a constant.
     #[must_use]
-    pub fn as_const(&self, id: ExprId) -> Option<f64> {
+    pub(crate) fn as_const(&self, id: ExprId) -> Option<f64> {
         match self.nodes[id.index()] {
             Expr::Const(bits) => Some(f64::from_bits(bits)),
             _ => None,
@@ -203,7 +206,7 @@ impl Exprs {
 
     /// Whether the node has a truth value.
     #[must_use]
-    pub fn is_truth(&self, id: ExprId) -> bool {
+    pub(crate) fn is_truth(&self, id: ExprId) -> bool {
         matches!(self.nodes[id.index()], Expr::Truth(_) | Expr::Compare(..) | Expr::And(..) | Expr::Or(..) | Expr::Not(_))
     }
 
@@ -291,84 +294,80 @@ impl Exprs {
 
     /// A function of two numbers. Only rewrites that keep every bit (or drop an exact 0 or 1) are made.
     pub fn binary(&mut self, f: BinaryFn, a: ExprId, b: ExprId) -> ExprId {
-        let (ca, cb) = (self.as_const(a), self.as_const(b));
-        if let (Some(x), Some(y)) = (ca, cb) {
+        let known = (self.as_const(a), self.as_const(b));
+        if let (Some(x), Some(y)) = known {
             return self.constant(f.apply(x, y));
         }
-        match f {
-            BinaryFn::Add => match (ca, cb) {
-                (Some(0.0), _) => return b,
-                (_, Some(0.0)) => return a,
-                _ => {
-                    if let Expr::Unary(UnaryFn::Neg, n) = self.nodes[b.index()] {
-                        return self.binary(BinaryFn::Sub, a, n);
-                    }
-                    if let Expr::Unary(UnaryFn::Neg, n) = self.nodes[a.index()] {
-                        return self.binary(BinaryFn::Sub, b, n);
-                    }
-                }
-            },
-            BinaryFn::Sub => {
-                if cb == Some(0.0) {
-                    return a;
-                }
-                if ca == Some(0.0) {
-                    return self.unary(UnaryFn::Neg, b);
-                }
-                if a == b {
-                    return self.constant(0.0);
-                }
-                if let Expr::Unary(UnaryFn::Neg, n) = self.nodes[b.index()] {
-                    return self.binary(BinaryFn::Add, a, n);
-                }
-            }
-            BinaryFn::Mul => {
-                if ca == Some(0.0) || cb == Some(0.0) {
-                    return self.constant(0.0);
-                }
-                if ca == Some(1.0) {
-                    return b;
-                }
-                if cb == Some(1.0) {
-                    return a;
-                }
-                if ca == Some(-1.0) {
-                    return self.unary(UnaryFn::Neg, b);
-                }
-                if cb == Some(-1.0) {
-                    return self.unary(UnaryFn::Neg, a);
-                }
-            }
-            BinaryFn::Div => {
-                if ca == Some(0.0) {
-                    return a;
-                }
-                if cb == Some(1.0) {
-                    return a;
-                }
-                if cb == Some(-1.0) {
-                    return self.unary(UnaryFn::Neg, a);
-                }
-            }
-            BinaryFn::Pow => {
-                if let Some(n) = cb {
-                    if n == 0.5 {
-                        return self.unary(UnaryFn::Sqrt, a);
-                    }
-                    if n.fract() == 0.0 && n.abs() <= 32.0 {
-                        return self.powi(a, n as i32);
-                    }
-                }
-            }
-            BinaryFn::Min | BinaryFn::Max if a == b => return a,
-            BinaryFn::Min | BinaryFn::Max | BinaryFn::Atan2 => {}
-        }
-        // Commutative operations have one order, so that a*b and b*a are one node.
-        let (a, b) = match f {
-            BinaryFn::Add | BinaryFn::Mul if b < a => (b, a),
-            _ => (a, b),
+        let simpler = match f {
+            BinaryFn::Add => self.simpler_sum(a, b, known),
+            BinaryFn::Sub => self.simpler_difference(a, b, known),
+            BinaryFn::Mul => self.simpler_product(a, b, known),
+            BinaryFn::Div => self.simpler_quotient(a, known),
+            BinaryFn::Pow => self.simpler_power(a, known.1),
+            BinaryFn::Min | BinaryFn::Max => (a == b).then_some(a),
+            BinaryFn::Atan2 => None,
         };
-        self.intern(Expr::Binary(f, a, b))
+        simpler.unwrap_or_else(|| {
+            // Commutative operations have one order, so that a*b and b*a are one node.
+            let (a, b) = match f {
+                BinaryFn::Add | BinaryFn::Mul if b < a => (b, a),
+                _ => (a, b),
+            };
+            self.intern(Expr::Binary(f, a, b))
+        })
+    }
+
+    /// What is negated, where a node is a negation.
+    fn negated(&self, e: ExprId) -> Option<ExprId> {
+        if let Expr::Unary(UnaryFn::Neg, n) = self.nodes[e.index()] { Some(n) } else { None }
+    }
+
+    fn simpler_sum(&mut self, a: ExprId, b: ExprId, known: Known) -> Option<ExprId> {
+        match known {
+            (Some(0.0), _) => Some(b),
+            (_, Some(0.0)) => Some(a),
+            _ => match (self.negated(a), self.negated(b)) {
+                (_, Some(n)) => Some(self.binary(BinaryFn::Sub, a, n)),
+                (Some(n), _) => Some(self.binary(BinaryFn::Sub, b, n)),
+                _ => None,
+            },
+        }
+    }
+
+    fn simpler_difference(&mut self, a: ExprId, b: ExprId, known: Known) -> Option<ExprId> {
+        match known {
+            (_, Some(0.0)) => Some(a),
+            (Some(0.0), _) => Some(self.unary(UnaryFn::Neg, b)),
+            _ if a == b => Some(self.constant(0.0)),
+            _ => self.negated(b).map(|n| self.binary(BinaryFn::Add, a, n)),
+        }
+    }
+
+    fn simpler_product(&mut self, a: ExprId, b: ExprId, known: Known) -> Option<ExprId> {
+        match known {
+            (Some(0.0), _) | (_, Some(0.0)) => Some(self.constant(0.0)),
+            (Some(1.0), _) => Some(b),
+            (_, Some(1.0)) => Some(a),
+            (Some(-1.0), _) => Some(self.unary(UnaryFn::Neg, b)),
+            (_, Some(-1.0)) => Some(self.unary(UnaryFn::Neg, a)),
+            _ => None,
+        }
+    }
+
+    fn simpler_quotient(&mut self, a: ExprId, known: Known) -> Option<ExprId> {
+        match known {
+            (Some(0.0), _) | (_, Some(1.0)) => Some(a),
+            (_, Some(-1.0)) => Some(self.unary(UnaryFn::Neg, a)),
+            _ => None,
+        }
+    }
+
+    fn simpler_power(&mut self, a: ExprId, exponent: Option<f64>) -> Option<ExprId> {
+        match exponent? {
+            0.5 => Some(self.unary(UnaryFn::Sqrt, a)),
+            n if n.fract() == 0.0 && n.abs() <= 32.0 => Some(self.powi(a, n as i32)),
+            _ => None,
+        }
     }
 
     /// `a + b`
@@ -532,7 +531,7 @@ impl Exprs {
     }
 
     /// Visits the counter and the body of each reduction below a node, and of itself.
-    pub fn each_reduction(&self, e: ExprId, visit: &mut dyn FnMut(LoopVar, ExprId)) {
+    pub(crate) fn each_reduction(&self, e: ExprId, visit: &mut dyn FnMut(LoopVar, ExprId)) {
         let mut seen = FastSet::default();
         let mut stack = vec![e];
         while let Some(e) = stack.pop() {
@@ -548,12 +547,17 @@ impl Exprs {
 
     /// Copies `e` with leaves replaced: `replace` is asked for every node, outermost first; `None` means go on inside.
     /// `done` holds what was already rewritten and may be kept for several calls with the same replacement.
-    pub fn rewrite(&mut self, e: ExprId, done: &mut Rewritten, replace: &mut dyn FnMut(&mut Exprs, Expr) -> Option<ExprId>) -> ExprId {
+    pub(crate) fn rewrite(
+        &mut self,
+        e: ExprId,
+        done: &mut Rewritten,
+        replace: &mut dyn FnMut(&mut Exprs, Expr) -> Option<ExprId>,
+    ) -> ExprId {
         self.rewrite_where(e, done, &|_, _| true, replace)
     }
 
     /// As [`Exprs::rewrite`], but only nodes that are `concerned` are looked at; all others stay as they are.
-    pub fn rewrite_where(
+    pub(crate) fn rewrite_where(
         &mut self,
         e: ExprId,
         done: &mut Rewritten,
@@ -581,7 +585,7 @@ impl Exprs {
     }
 
     /// The node with other operands, simplified; leaves as they are.
-    pub fn rebuild(&mut self, node: Expr, operand: impl Fn(ExprId) -> ExprId) -> ExprId {
+    pub(crate) fn rebuild(&mut self, node: Expr, operand: impl Fn(ExprId) -> ExprId) -> ExprId {
         match node {
             Expr::Const(_) | Expr::Truth(_) | Expr::Time | Expr::Counter(_) | Expr::Load { .. } => self.intern(node),
             Expr::Unary(f, a) => self.unary(f, operand(a)),

@@ -10,7 +10,7 @@ type Load = (VarId, Flavour, Affine);
 
 impl Exprs {
     /// Distinct loads below a node that a filter accepts, in the order of variables, copies and addresses.
-    pub fn loads(&self, e: ExprId, accept: impl Fn(VarId, Flavour) -> bool) -> Vec<Load> {
+    pub(crate) fn loads(&self, e: ExprId, accept: impl Fn(VarId, Flavour) -> bool) -> Vec<Load> {
         self.loads_where(e, |_| true, accept)
     }
 

@@ -110,7 +110,7 @@ pub struct Schedule {
 ///
 /// # Errors
 /// If the job addresses what it cannot have.
-pub fn schedules(job: &Job, exprs: &Exprs, layout: &Layout, access: Access) -> Result<Vec<Schedule>, ScheduleError> {
+pub(crate) fn schedules(job: &Job, exprs: &Exprs, layout: &Layout, access: Access) -> Result<Vec<Schedule>, ScheduleError> {
     job.stages.iter().map(|tasks| Builder::new(exprs, layout, access).build(tasks, job.in_place)).collect()
 }
 
@@ -131,14 +131,8 @@ impl Schedule {
         at
     }
 
-    /// Whether there is no loop.
-    #[must_use]
-    pub fn is_straight(&self) -> bool {
-        self.blocks.len() == 1
-    }
-
     /// Visits what an item uses, with the block that uses it, also inside of reductions.
-    pub fn each_use(&self, exprs: &Exprs, block: BlockId, item: Item, visit: &mut dyn FnMut(BlockId, ExprId)) {
+    pub(crate) fn each_use(&self, exprs: &Exprs, block: BlockId, item: Item, visit: &mut dyn FnMut(BlockId, ExprId)) {
         match item {
             Item::Eval(expr) => exprs.operands(expr).for_each(|o| visit(block, o)),
             Item::Store(_, value) => visit(block, value),
@@ -152,7 +146,7 @@ impl Schedule {
     }
 
     /// Visits the items of a block and of the loops in it.
-    pub fn each_item(&self, block: BlockId, visit: &mut dyn FnMut(BlockId, Item)) {
+    pub(crate) fn each_item(&self, block: BlockId, visit: &mut dyn FnMut(BlockId, Item)) {
         self.blocks[block].items.iter().for_each(|item| visit(block, *item));
         self.blocks[block].children.iter().for_each(|&child| self.each_item(child, visit));
     }
@@ -186,7 +180,7 @@ fn home(blocks: &[Block], floor: BlockId, free: u8, block: BlockId) -> BlockId {
 
 /// Whether a node needs no place: it is written where it is used.
 #[must_use]
-pub fn is_immediate(node: Expr) -> bool {
+pub(crate) fn is_immediate(node: Expr) -> bool {
     matches!(node, Expr::Const(_) | Expr::Truth(_))
 }
 

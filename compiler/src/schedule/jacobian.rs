@@ -7,7 +7,7 @@ use crate::ir::{Affine, Exprs, MAX_DEPTH};
 
 /// The job that writes the values of all entries in the order of the pattern; position tables are appended to `tables`.
 #[must_use]
-pub fn of_entries(entries: &[Entry], pattern: &Pattern, exprs: &mut Exprs, tables: &mut Vec<u32>) -> Job {
+pub(crate) fn of_entries(entries: &[Entry], pattern: &Pattern, exprs: &mut Exprs, tables: &mut Vec<u32>) -> Job {
     let zero = exprs.constant(0.0);
     let mut taken = vec![false; pattern.nonzeros()];
     let (mut cleared, mut stored, mut added) = (vec![], vec![], vec![]);

@@ -67,7 +67,7 @@ impl Task {
 impl Job {
     /// Tasks of one stage.
     #[must_use]
-    pub fn of_tasks(tasks: Vec<Task>) -> Job {
+    pub(crate) fn of_tasks(tasks: Vec<Task>) -> Job {
         let stages = if tasks.is_empty() { vec![] } else { vec![tasks] };
         Job { stages, in_place: false }
     }
@@ -83,7 +83,7 @@ impl Job {
 
     /// The residual of each row at its place in `y`.
     #[must_use]
-    pub fn of_rows(rows: &[Rows]) -> Job {
+    pub(crate) fn of_rows(rows: &[Rows]) -> Job {
         let task =
             |row: &Rows| Task { loops: (0..).zip(row.extents.iter().copied()).collect(), stores: vec![(Sink::Out(row.row), row.value)] };
         Job { stages: vec![rows.iter().map(task).collect()], in_place: false }
@@ -91,14 +91,14 @@ impl Job {
 
     /// One number each, in order.
     #[must_use]
-    pub fn of_numbers(values: impl IntoIterator<Item = ExprId>) -> Job {
+    pub(crate) fn of_numbers(values: impl IntoIterator<Item = ExprId>) -> Job {
         let stores = (0..).zip(values).map(|(i, value)| (Sink::Out(Affine::constant(i)), value)).collect();
         Job { stages: vec![vec![Task { loops: vec![], stores }]], in_place: false }
     }
 
     /// Values over loops, each value's passes one after another, the last loop fastest.
     #[must_use]
-    pub fn of_lists<L: AsRef<[(u8, u32)]>>(lists: impl IntoIterator<Item = (L, ExprId)>) -> Job {
+    pub(crate) fn of_lists<L: AsRef<[(u8, u32)]>>(lists: impl IntoIterator<Item = (L, ExprId)>) -> Job {
         let mut next = 0;
         let task = |(loops, value): (L, ExprId)| {
             let loops = loops.as_ref().to_vec();
@@ -118,7 +118,7 @@ impl Job {
 
 /// Number of a pass as a function of the counters.
 #[must_use]
-pub fn row_major(loops: &[(u8, u32)]) -> Affine {
+pub(crate) fn row_major(loops: &[(u8, u32)]) -> Affine {
     let mut at = Affine::default();
     let mut stride = 1;
     for &(counter, extent) in loops.iter().rev() {

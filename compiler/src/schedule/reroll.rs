@@ -35,7 +35,7 @@ enum Token {
 
 /// The job with runs of stores as loops.
 #[must_use]
-pub fn reroll(job: Job, exprs: &mut Exprs) -> Job {
+pub(crate) fn reroll(job: Job, exprs: &mut Exprs) -> Job {
     if job.in_place { in_place(job, exprs) } else { shared(job, exprs) }
 }
 

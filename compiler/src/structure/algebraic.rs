@@ -265,7 +265,7 @@ impl Inputs {
 }
 
 /// Substitutes everywhere and drops the definitions that were substituted.
-pub fn substitute(model: &mut Model, equations: &mut Vec<Equation>, plan: &Plan) {
+pub(crate) fn substitute(model: &mut Model, equations: &mut Vec<Equation>, plan: &Plan) {
     let roles: Vec<Role> = model.vars.values().map(|v| v.role).collect();
     let role = |var: VarId| roles[var.as_u32() as usize];
     let mut expander = Expander { arrays: Some(&plan.arrays), ..Expander::default() };

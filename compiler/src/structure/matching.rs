@@ -1,6 +1,6 @@
 //! Matching of equations to unknowns, and the rows that result.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 
 use smpl_dsl::diagnostic::{Diagnostic, Faults, codes};
@@ -10,7 +10,7 @@ use super::algebraic::{Element, Plan};
 use super::common::{element_name, passes, replace_everywhere};
 use super::rates::Rates;
 use crate::elaborate::{Equation, EquationForm, for_each_element};
-use crate::ir::{Affine, Expr, ExprId, FastMap, Flavour, LoopVar, Role, VarId};
+use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, Flavour, LoopVar, Rewritten, Role, VarId};
 use crate::model::{Model, Quantity, Row, Variable};
 
 /// Largest number of passes of an implicit equation that is written out for matching.
@@ -349,68 +349,71 @@ fn listed(model: &Model, elements: &[Element]) -> String {
 
 /// Adds the solved algebraic variables to the unknowns. Single elements of arrays become variables of their own.
 fn complete(model: &mut Model, mut rows: Vec<Row>) -> Vec<Row> {
-    let mut whole: FastMap<VarId, i64> = FastMap::default();
-    let mut elements_of: FastMap<VarId, Vec<i64>> = FastMap::default();
-    for row in &rows {
-        if model.vars[row.var].role == Role::Algebraic {
-            *whole.entry(row.var).or_default() += passes(&row.extents);
-            elements_of.entry(row.var).or_default().push(row.at.offset);
-        }
+    // How much of each algebraic variable is solved for, and where.
+    let mut parts: BTreeMap<VarId, (i64, Vec<i64>)> = BTreeMap::new();
+    for row in rows.iter().filter(|row| model.vars[row.var].role == Role::Algebraic) {
+        let (count, offsets) = parts.entry(row.var).or_default();
+        *count += passes(&row.extents);
+        offsets.push(row.at.offset);
     }
     let quantities: FastMap<VarId, usize> = model.interface.algebraics.iter().enumerate().filter_map(|(i, q)| Some((q.var?, i))).collect();
-    let mut order: Vec<VarId> = whole.keys().copied().collect();
-    order.sort_unstable();
     let mut renamed: FastMap<Element, VarId> = FastMap::default();
     let declared: u32 = model.interface.algebraics.iter().map(|q| q.len() as u32).sum();
     let (mut solved, mut hidden) = (0, 0);
-    for var in order {
-        let len = i64::from(model.vars[var].len);
-        solved += whole[&var] as u32;
+    for (var, (count, mut offsets)) in parts {
+        solved += count as u32;
         let quantity = quantities.get(&var).map(|&i| model.interface.algebraics[i].clone());
         // Members of ports are shown nowhere, but may be solved for.
-        hidden += if quantity.is_none() { whole[&var] as u32 } else { 0 };
-        if whole[&var] == len {
+        hidden += if quantity.is_none() { count as u32 } else { 0 };
+        if count == i64::from(model.vars[var].len) {
             model.unknowns.push(var);
             model.interface.solved.push(quantity.unwrap_or_else(|| plain(model, var, None)));
             continue;
         }
-        let mut elements = elements_of.remove(&var).unwrap_or_default();
-        elements.sort_unstable();
-        for i in elements {
-            let name = match &quantity {
-                Some(q) => q.element_name(i.max(0) as usize),
-                None => element_name(model, var, i),
-            };
-            let span = model.vars[var].span;
-            let new = model.vars.push(Variable { name, role: Role::Algebraic, len: 1, span });
-            model.unknowns.push(new);
-            renamed.insert((var, i), new);
-            let q = plain(model, new, quantity.as_ref().map(|q| (q, i)));
-            model.interface.solved.push(q);
-        }
+        offsets.sort_unstable();
+        renamed.extend(offsets.into_iter().map(|i| ((var, i), element_as_unknown(model, var, i, quantity.as_ref()))));
     }
     model.interface.algebraic_counts = [declared, solved, declared - (solved - hidden)];
     if !renamed.is_empty() {
-        let mut done = crate::ir::Rewritten::default();
-        let mut replace = |exprs: &mut crate::ir::Exprs, node: Expr| match node {
-            Expr::Load { var, flavour, at } if at.is_constant() => {
-                renamed.get(&(var, at.offset)).map(|&new| exprs.load(new, flavour, Affine::default()))
-            }
-            _ => None,
-        };
-        replace_everywhere(model, &mut [], &mut done, &|_, _| true, &mut replace);
-        for row in &mut rows {
-            row.residual = model.exprs.rewrite(row.residual, &mut done, &mut replace);
-            if let Some(&new) = renamed.get(&(row.var, row.at.offset)) {
-                row.var = new;
-                row.at = Affine::default();
-            }
-        }
+        rename_elements(model, &mut rows, &renamed);
     }
     // Rows in the order of the unknowns.
     let position: FastMap<VarId, usize> = model.unknowns.iter().enumerate().map(|(i, &v)| (v, i)).collect();
     rows.sort_by_key(|r| (position.get(&r.var).copied().unwrap_or(usize::MAX), r.at.offset));
     rows
+}
+
+/// A new unknown for one element of an algebraic array.
+fn element_as_unknown(model: &mut Model, var: VarId, i: i64, quantity: Option<&Quantity>) -> VarId {
+    let name = match quantity {
+        Some(q) => q.element_name(i.max(0) as usize),
+        None => element_name(model, var, i),
+    };
+    let span = model.vars[var].span;
+    let new = model.vars.push(Variable { name, role: Role::Algebraic, len: 1, span });
+    model.unknowns.push(new);
+    let q = plain(model, new, quantity.map(|q| (q, i)));
+    model.interface.solved.push(q);
+    new
+}
+
+/// Puts the new variables in the place of the elements that they stand for.
+fn rename_elements(model: &mut Model, rows: &mut [Row], renamed: &FastMap<Element, VarId>) {
+    let mut done = Rewritten::default();
+    let mut replace = |exprs: &mut Exprs, node: Expr| match node {
+        Expr::Load { var, flavour, at } if at.is_constant() => {
+            renamed.get(&(var, at.offset)).map(|&new| exprs.load(new, flavour, Affine::default()))
+        }
+        _ => None,
+    };
+    replace_everywhere(model, &mut [], &mut done, &|_, _| true, &mut replace);
+    for row in rows {
+        row.residual = model.exprs.rewrite(row.residual, &mut done, &mut replace);
+        if let Some(&new) = renamed.get(&(row.var, row.at.offset)) {
+            row.var = new;
+            row.at = Affine::default();
+        }
+    }
 }
 
 /// A quantity of an unknown that the interface does not list.

@@ -16,7 +16,7 @@ pub struct Rates {
 }
 
 /// `a·x' + b = 0` becomes `x' = -b/a` where one derivative occurs, linearly.
-pub fn solve_for_derivatives(exprs: &mut Exprs, vars: &PrimaryMap<VarId, Variable>, equations: &mut [Equation]) {
+pub(crate) fn solve_for_derivatives(exprs: &mut Exprs, vars: &PrimaryMap<VarId, Variable>, equations: &mut [Equation]) {
     for equation in equations {
         let residual = match equation.form {
             EquationForm::Implicit { residual } => residual,
@@ -103,7 +103,7 @@ fn depends(exprs: &Exprs, e: ExprId, x: ExprId) -> bool {
 ///
 /// # Errors
 /// States with two equations for their derivative.
-pub fn cover_states(model: &Model, equations: &[Equation]) -> Result<Rates, Faults> {
+pub(crate) fn cover_states(model: &Model, equations: &[Equation]) -> Result<Rates, Faults> {
     let mut covered: FastMap<VarId, Vec<bool>> = FastMap::default();
     let mut first: FastMap<VarId, Span> = FastMap::default();
     let mut faults = Faults::default();
@@ -133,7 +133,7 @@ pub fn cover_states(model: &Model, equations: &[Equation]) -> Result<Rates, Faul
 }
 
 /// Replaces derivatives on right sides, in programs and elsewhere by the rates themselves, where these are explicit.
-pub fn substitute_derivatives(model: &mut Model, equations: &mut [Equation]) {
+pub(crate) fn substitute_derivatives(model: &mut Model, equations: &mut [Equation]) {
     let pieces: Vec<(VarId, Affine, Vec<u32>, ExprId)> = equations
         .iter()
         .filter_map(|e| match e.form {

@@ -11,7 +11,7 @@ use crate::ir::{Expr, ExprId, Exprs, FastMap, FastSet, LoopVar, Rewritten, VarId
 use crate::model::Model;
 
 /// Writes out the ranges over which elements of algebraic variables are defined or read one by one.
-pub fn write_out(model: &mut Model, equations: &mut Vec<Equation>) {
+pub(crate) fn write_out(model: &mut Model, equations: &mut Vec<Equation>) {
     loop {
         let scattered = scattered(model, equations);
         if scattered.is_empty() {

@@ -32,7 +32,7 @@ type Unknown = (VarId, Flavour, i64);
 ///
 /// # Errors
 /// The parts that are.
-pub fn refuse_singular_loops(model: &Model) -> Result<(), Vec<Diagnostic>> {
+pub(crate) fn refuse_singular_loops(model: &Model) -> Result<(), Vec<Diagnostic>> {
     let faults = singular_loops(model, &model.rows);
     if faults.is_empty() { Ok(()) } else { Err(faults) }
 }

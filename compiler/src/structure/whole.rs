@@ -17,7 +17,7 @@ pub struct Whole {
 }
 
 /// The variables that loops define as wholes.
-pub fn wholes(model: &Model, equations: &[Equation]) -> FastMap<VarId, Whole> {
+pub(crate) fn wholes(model: &Model, equations: &[Equation]) -> FastMap<VarId, Whole> {
     let mut pieces: FastMap<VarId, Vec<usize>> = FastMap::default();
     for (i, equation) in equations.iter().enumerate() {
         if let EquationForm::Definition { var, .. } = equation.form {
@@ -115,7 +115,7 @@ fn row_major(extents: &[u32]) -> Affine {
 }
 
 /// Addresses at which equations read algebraic variables in loops, and programs in sums.
-pub fn looped_loads(model: &Model, equations: &[Equation]) -> Vec<(VarId, Affine)> {
+pub(crate) fn looped_loads(model: &Model, equations: &[Equation]) -> Vec<(VarId, Affine)> {
     let mut out = Vec::new();
     let mut seen = vec![false; model.exprs.len()];
     let mut stack: Vec<ExprId> = equations.iter().map(|equation| equation.form.value()).collect();
@@ -149,7 +149,7 @@ pub fn looped_loads(model: &Model, equations: &[Equation]) -> Vec<(VarId, Affine
 
 /// Makes the loops of programs fit what is substituted: loops over a whole array become one for each of its parts; what reads elements
 /// that are `defined` one by one is written out.
-pub fn take_apart(model: &mut Model, arrays: &FastMap<VarId, Whole>, defined: &FastSet<VarId>) {
+pub(crate) fn take_apart(model: &mut Model, arrays: &FastMap<VarId, Whole>, defined: &FastSet<VarId>) {
     if arrays.is_empty() && defined.is_empty() {
         return;
     }

@@ -30,7 +30,7 @@ impl SourceFile {
 
     /// Line and column of a byte, both counted from 1, the column in characters. Beyond the end: the end.
     #[must_use]
-    pub fn line_column(&self, byte: usize) -> (usize, usize) {
+    pub(crate) fn line_column(&self, byte: usize) -> (usize, usize) {
         let byte = self.text.floor_char_boundary(byte);
         let line = self.line_starts.partition_point(|start| *start <= byte).max(1);
         let column = self.text[self.line_starts[line - 1]..byte].chars().count() + 1;

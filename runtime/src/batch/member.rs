@@ -120,7 +120,7 @@ impl Member {
     }
 
     /// Stops the others where this one was interrupted.
-    pub fn pass_on(&self, stop: &AtomicBool) {
+    pub(crate) fn pass_on(&self, stop: &AtomicBool) {
         let interrupted = match &self.fault {
             Some(Fault::Step(error)) => *error == StepError::Interrupted,
             Some(Fault::Reset(error)) => matches!(error, ResetError::Interrupted | ResetError::Steady(SteadyError::Interrupted)),

@@ -296,7 +296,7 @@ impl SimulateArguments {
     }
 
     /// The policy of a name, or the recorded actions.
-    pub fn policy_named(&self, name: &str, seed: u64, environment: &Environment) -> Result<Policy, Failed> {
+    pub(crate) fn policy_named(&self, name: &str, seed: u64, environment: &Environment) -> Result<Policy, Failed> {
         if let Some(path) = &self.actions {
             return Ok(Policy::Recorded(read_actions(path, environment.catalogue())?));
         }
@@ -316,7 +316,7 @@ impl SimulateArguments {
     }
 
     /// How episodes begin.
-    pub fn reset_options(&self, setup: &Setup) -> Result<ResetOptions, Failed> {
+    pub(crate) fn reset_options(&self, setup: &Setup) -> Result<ResetOptions, Failed> {
         let start = match self.start {
             StartArgument::Sampled => Start::Sampled,
             StartArgument::Nominal => Start::Nominal,
@@ -335,7 +335,7 @@ impl SimulateArguments {
     }
 
     /// Says which of the initial values that are given lie outside of their bounds.
-    pub fn warn_of_initial(&self, setup: &Setup, reset: &ResetOptions) {
+    pub(crate) fn warn_of_initial(&self, setup: &Setup, reset: &ResetOptions) {
         let (Some(path), StateInput::Named(states)) = (&self.init, &reset.state) else { return };
         let catalogue = &setup.catalogue;
         let states = states.iter().filter_map(|(name, &value)| Some((catalogue.states.find(name)?, value)));

@@ -283,7 +283,7 @@ impl Environment {
 
     /// Derivative of an observation along a direction: of what is measured at the end of the step, without noise, delay or clipping.
     #[must_use]
-    pub fn observation_derivative(&self, follower: &Follower, observation: usize, direction: usize) -> f64 {
+    pub(crate) fn observation_derivative(&self, follower: &Follower, observation: usize, direction: usize) -> f64 {
         self.finish_derivative(follower, self.part(4).start + observation, direction)
     }
 
@@ -295,7 +295,7 @@ impl Environment {
 
     /// What is measured at the end of the last step, without noise, delay or clipping.
     #[must_use]
-    pub fn measured(&self) -> &[f64] {
+    pub(crate) fn measured(&self) -> &[f64] {
         &self.finish[self.part(4)]
     }
 

@@ -130,13 +130,13 @@ impl Bridge {
     }
 
     /// Lends the system to the callbacks until [`take_back`](Self::take_back).
-    pub fn lend(&mut self, system: &mut dyn System) {
+    pub(crate) fn lend(&mut self, system: &mut dyn System) {
         let system: NonNull<dyn System + '_> = NonNull::from(system);
         // SAFETY: only the lifetime changes; the pointer is taken back before the borrow ends.
         self.system = Some(unsafe { std::mem::transmute::<NonNull<dyn System + '_>, NonNull<dyn System>>(system) });
     }
 
-    pub fn take_back(&mut self) {
+    pub(crate) fn take_back(&mut self) {
         self.system = None;
     }
 
@@ -279,12 +279,12 @@ impl Bridge {
     }
 
     /// Evaluates the integrands into `out`.
-    pub fn integrands(&mut self, t: f64, y: &Vector, yp: &Vector, out: &mut [f64]) -> Result<(), c_int> {
+    pub(crate) fn integrands(&mut self, t: f64, y: &Vector, yp: &Vector, out: &mut [f64]) -> Result<(), c_int> {
         self.guarded(|system| system.quadratures(t, y.entries(), yp.entries(), out))
     }
 
     /// Evaluates the root functions at a state.
-    pub fn evaluate_roots(&mut self, t: f64, y: &[f64], yp: &[f64]) -> Result<(), c_int> {
+    pub(crate) fn evaluate_roots(&mut self, t: f64, y: &[f64], yp: &[f64]) -> Result<(), c_int> {
         let mut values = std::mem::take(&mut self.watch.values);
         let done = self.guarded(|system| system.roots(t, y, yp, &mut values));
         self.watch.values = values;
@@ -292,7 +292,7 @@ impl Bridge {
     }
 
     /// Evaluates them at a state a little later.
-    pub fn evaluate_roots_ahead(&mut self, t: f64, y: &[f64], yp: &[f64]) -> Result<(), c_int> {
+    pub(crate) fn evaluate_roots_ahead(&mut self, t: f64, y: &[f64], yp: &[f64]) -> Result<(), c_int> {
         let mut values = std::mem::take(&mut self.watch.ahead);
         let done = self.guarded(|system| system.roots(t, y, yp, &mut values));
         self.watch.ahead = values;
@@ -300,7 +300,7 @@ impl Bridge {
     }
 
     /// Looks at the root functions at an accepted state; whether a condition has become true.
-    pub fn has_passed(&mut self, t: f64, y: &[f64], yp: &[f64]) -> Result<bool, c_int> {
+    pub(crate) fn has_passed(&mut self, t: f64, y: &[f64], yp: &[f64]) -> Result<bool, c_int> {
         if self.watch.is_empty() {
             return Ok(false);
         }
@@ -348,7 +348,7 @@ impl Bridge {
     }
 
     /// Notes a panic, which is not to leave a callback.
-    pub fn panicked(&mut self) -> c_int {
+    pub(crate) fn panicked(&mut self) -> c_int {
         self.note(Trouble::Panic);
         FATAL
     }

@@ -47,7 +47,7 @@ pub(crate) enum Course {
 
 impl Course {
     /// Longest step over an interval; infinite where nothing bounds it.
-    pub fn longest_step(self, interval: f64) -> f64 {
+    pub(crate) fn longest_step(self, interval: f64) -> f64 {
         match self {
             Self::Structured(turns) => interval / STEPS.max(STEPS_OF_A_TURN * f64::from(turns)),
             _ => f64::INFINITY,
@@ -55,7 +55,7 @@ impl Course {
     }
 
     /// Longest first step.
-    pub fn longest_first_step(self, interval: f64) -> f64 {
+    pub(crate) fn longest_first_step(self, interval: f64) -> f64 {
         FIRST_STEP * self.longest_step(interval)
     }
 }
@@ -110,7 +110,7 @@ impl Forcing {
     }
 
     /// Looks at the interval; `evaluate` writes the values of all forcings at a share of it.
-    pub fn look<E>(&mut self, mut evaluate: impl FnMut(f64, &mut [f64]) -> Result<(), E>) -> Result<Course, E> {
+    pub(crate) fn look<E>(&mut self, mut evaluate: impl FnMut(f64, &mut [f64]) -> Result<(), E>) -> Result<Course, E> {
         let count = self.ways.len();
         for (k, out) in self.samples.chunks_exact_mut(count).enumerate() {
             evaluate(share(k, PIECES), out)?;

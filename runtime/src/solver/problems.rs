@@ -31,7 +31,7 @@ impl Problem {
     }
 
     /// The same without time in its functions.
-    pub fn autonomous(mut self) -> Self {
+    pub(crate) fn autonomous(mut self) -> Self {
         self.autonomous = true;
         self
     }

@@ -78,7 +78,7 @@ impl Integrals {
     }
 
     /// Begins a step: what has come to so far stays.
-    pub fn next_step(&mut self, t: f64) {
+    pub(crate) fn next_step(&mut self, t: f64) {
         if let Some(steps) = &mut self.by_steps {
             steps.next_step(t, self.values.entries());
         }
@@ -142,7 +142,7 @@ impl BySteps {
     }
 
     /// Begins a step: what has come to so far stays.
-    pub fn next_step(&mut self, t: f64, values: &[f64]) {
+    pub(crate) fn next_step(&mut self, t: f64, values: &[f64]) {
         self.before.copy_from_slice(values);
         self.begin = t;
     }

@@ -194,7 +194,7 @@ impl Pattern {
     }
 
     /// Beginning of each column, and the end of the last.
-    pub fn column_starts(&self) -> &[usize] {
+    pub(crate) fn column_starts(&self) -> &[usize] {
         &self.column_starts
     }
 

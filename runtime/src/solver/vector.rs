@@ -48,13 +48,13 @@ pub(crate) struct Shared {
 
 impl Shared {
     /// The error weights were set anew: no norm is known.
-    pub fn renew(&self, weights: N_Vector) {
+    pub(crate) fn renew(&self, weights: N_Vector) {
         self.weights.set(Some(weights));
         self.age.set(self.age.get() + 1);
     }
 
     /// Newton's method sums its corrections up here.
-    pub fn set_corrections(&self, sum: N_Vector) {
+    pub(crate) fn set_corrections(&self, sum: N_Vector) {
         self.corrections.set(Some(sum));
     }
 }
@@ -403,7 +403,7 @@ pub(crate) enum Operations {
 
 impl Operations {
     /// The fastest that this processor runs.
-    pub fn detect() -> Self {
+    pub(crate) fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
             return Self::Avx2;
@@ -424,7 +424,7 @@ impl Operations {
     /// # Safety
     /// `y` and `w` were made by [`Vector`] with as many blocks as `atol`.
     #[inline]
-    pub unsafe fn error_weights(self, rtol: f64, y: N_Vector, atol: &[Block], w: N_Vector) {
+    pub(crate) unsafe fn error_weights(self, rtol: f64, y: N_Vector, atol: &[Block], w: N_Vector) {
         match self {
             Self::Portable => unsafe { portable::error_weights(rtol, y, atol, w) },
             #[cfg(target_arch = "x86_64")]
@@ -437,7 +437,7 @@ impl Operations {
     /// # Safety
     /// All were made by [`Vector`] with the same length; `sum` is another than the rest.
     #[inline]
-    pub unsafe fn accumulate(self, blocks: usize, delta: N_Vector, w: N_Vector, sum: N_Vector) -> f64 {
+    pub(crate) unsafe fn accumulate(self, blocks: usize, delta: N_Vector, w: N_Vector, sum: N_Vector) -> f64 {
         match self {
             Self::Portable => unsafe { portable::accumulate(blocks, delta, w, sum) },
             #[cfg(target_arch = "x86_64")]
@@ -450,7 +450,7 @@ impl Operations {
     /// # Safety
     /// All were made by [`Vector`] with the same length; what is written is another than the rest.
     #[inline]
-    pub unsafe fn correct(self, blocks: usize, c: f64, x: N_Vector, y: (N_Vector, N_Vector), z: (N_Vector, N_Vector)) {
+    pub(crate) unsafe fn correct(self, blocks: usize, c: f64, x: N_Vector, y: (N_Vector, N_Vector), z: (N_Vector, N_Vector)) {
         match self {
             Self::Portable => unsafe { portable::correct(blocks, c, x, y, z) },
             #[cfg(target_arch = "x86_64")]
@@ -460,7 +460,7 @@ impl Operations {
 
     /// Whether every number is finite.
     #[inline]
-    pub fn all_finite(self, x: &[Block]) -> bool {
+    pub(crate) fn all_finite(self, x: &[Block]) -> bool {
         match self {
             Self::Portable => unsafe { portable::all_finite(x) },
             #[cfg(target_arch = "x86_64")]
@@ -483,14 +483,14 @@ impl Vector {
     }
 
     /// A vector of an integrator, as those that SUNDIALS will make after it.
-    pub fn sharing(length: usize, operations: Operations, context: SUNContext, shared: &Rc<Shared>) -> Self {
+    pub(crate) fn sharing(length: usize, operations: Operations, context: SUNContext, shared: &Rc<Shared>) -> Self {
         let vector = Self::zeros(length, operations, context);
         unsafe { (*content(vector.raw)).shared = Some(Rc::clone(shared)) };
         vector
     }
 
     /// Whether nobody reads what a prediction and the corrections add up to.
-    pub fn set_discards(&mut self, discards: bool) {
+    pub(crate) fn set_discards(&mut self, discards: bool) {
         unsafe { (*content(self.raw)).discards = discards };
     }
 
@@ -505,7 +505,7 @@ impl Vector {
     }
 
     /// The entries, to be written.
-    pub fn entries_mut(&mut self) -> &mut [f64] {
+    pub(crate) fn entries_mut(&mut self) -> &mut [f64] {
         unsafe { entries_mut(self.raw) }
     }
 }

@@ -119,13 +119,13 @@ impl Watch {
     }
 
     /// Whether a root function is at its threshold, or just there.
-    pub fn is_at_threshold(&mut self) -> bool {
+    pub(crate) fn is_at_threshold(&mut self) -> bool {
         self.motion.fill(0.0);
         self.edges.iter().zip(&self.values).any(|(edge, &value)| value == 0.0 || edge.stays(value))
     }
 
     /// Takes the motion from the values ahead, where it did not show yet; whether it shows for all that are at their threshold.
-    pub fn look_ahead(&mut self) -> bool {
+    pub(crate) fn look_ahead(&mut self) -> bool {
         let mut shows = true;
         for (i, motion) in self.motion.iter_mut().enumerate() {
             if *motion == 0.0 {
@@ -156,7 +156,7 @@ impl Watch {
     }
 
     /// Whether a condition that is away from its threshold moves over it within rounding or `reach` times the motion to the values ahead.
-    pub fn is_about_to_stop(&self, reach: f64) -> bool {
+    pub(crate) fn is_about_to_stop(&self, reach: f64) -> bool {
         (0..self.edges.len()).filter(|&i| self.edges[i].band < 0.0).any(|i| {
             let (edge, value, motion) = (self.edges[i], self.values[i], self.ahead[i] - self.values[i]);
             let (value, motion) = if edge.holds { (-value, -motion) } else { (value, motion) };
@@ -166,12 +166,12 @@ impl Watch {
     }
 
     /// Nothing is known of rounding.
-    pub fn forget_noise(&mut self) {
+    pub(crate) fn forget_noise(&mut self) {
         self.noise.fill(0.0);
     }
 
     /// Adds what a state that differs by rounding gives otherwise; `first` begins anew.
-    pub fn note_noise(&mut self, first: bool) {
+    pub(crate) fn note_noise(&mut self, first: bool) {
         for ((noise, ahead), value) in self.noise.iter_mut().zip(&self.ahead).zip(&self.values) {
             *noise = (ahead - value).abs() + if first { 0.0 } else { *noise };
         }
@@ -180,7 +180,7 @@ impl Watch {
     /// Conditions where the integration has stopped. What moves over its threshold to within rounding or `reach` times the motion to the values ahead
     /// has passed it; what the equations move the other way has not, whatever the polynomial says. A strict condition waits for the motion after what
     /// happens here.
-    pub fn arrive(&mut self, reach: f64, fired: &mut [c_int]) {
+    pub(crate) fn arrive(&mut self, reach: f64, fired: &mut [c_int]) {
         self.note_undefined();
         for (i, fired) in fired.iter_mut().enumerate() {
             let (value, kind, edge) = (self.values[i], self.kinds[i], self.edges[i]);

@@ -41,7 +41,7 @@ impl Bounds {
     }
 
     /// A guess inside of the bounds, by number; around the present one where there are none.
-    pub fn other_guess(&self, number: u64, free: &[usize], scales: &[f64], y: &mut [f64]) {
+    pub(crate) fn other_guess(&self, number: u64, free: &[usize], scales: &[f64], y: &mut [f64]) {
         for (i, &at) in free.iter().enumerate() {
             let part = uniform(number << 32 | i as u64);
             let (low, high) = (self.low[at], self.high[at]);

@@ -221,7 +221,7 @@ impl Search {
     }
 
     /// Newton's method from `y`, and from where the process leads, whatever the bounds.
-    pub fn run_once(&mut self, system: &mut CompiledSystem, y: &mut [f64]) -> bool {
+    pub(crate) fn run_once(&mut self, system: &mut CompiledSystem, y: &mut [f64]) -> bool {
         let guess = y.to_vec();
         for way in [Way::Newton, Way::Process] {
             y.copy_from_slice(&guess);
@@ -243,7 +243,7 @@ impl Search {
     }
 
     /// Another first guess inside of the bounds, by number.
-    pub fn other_guess(&self, number: u64, y: &mut [f64]) {
+    pub(crate) fn other_guess(&self, number: u64, y: &mut [f64]) {
         self.bounds.other_guess(number, &self.free, &self.scales, y);
     }
 

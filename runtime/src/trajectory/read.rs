@@ -9,7 +9,7 @@ use crate::catalogue::{Catalogue, Family, UnknownName};
 pub type Values = BTreeMap<String, f64>;
 
 /// Named sequences, one value a step.
-pub type Sequences = BTreeMap<String, Vec<f64>>;
+pub(crate) type Sequences = BTreeMap<String, Vec<f64>>;
 
 /// A data file that is missing or at fault. Lines count from 1, the heading included.
 #[derive(Debug, thiserror::Error)]
@@ -228,7 +228,7 @@ fn required(table: &RawTable, family: &Family) -> Result<Vec<usize>, DataError> 
 ///
 /// # Errors
 /// See [`DataError`].
-pub fn read_disturbances(path: &Path, catalogue: &Catalogue) -> Result<Sequences, DataError> {
+pub(crate) fn read_disturbances(path: &Path, catalogue: &Catalogue) -> Result<Sequences, DataError> {
     let table = RawTable::read(path)?;
     if catalogue.disturbances.is_empty() {
         return Err(DataError::NoDisturbances { path: table.path });
@@ -286,7 +286,7 @@ pub struct Columns {
 ///
 /// # Errors
 /// See [`DataError`].
-pub fn read_columns(path: &Path) -> Result<Columns, DataError> {
+pub(crate) fn read_columns(path: &Path) -> Result<Columns, DataError> {
     let table = RawTable::read(path)?;
     let number = |text: &str| match text {
         "true" => 1.0,

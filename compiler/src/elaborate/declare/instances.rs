@@ -7,7 +7,7 @@ use smpl_dsl::units::Unit;
 
 use crate::elaborate::declare::declaring::Declaring;
 use crate::elaborate::instances::SAMPLE;
-use crate::elaborate::lower::place::{Bound, Place, Site};
+use crate::elaborate::lower::place::{BinderValue, Bound, Place, Site};
 use crate::elaborate::options::Setting;
 use crate::elaborate::select::items::{Item, items};
 use crate::elaborate::symbols::{Row, Scope, ScopeId, SymbolKind, Symbols};
@@ -54,50 +54,64 @@ impl<'a> Declaring<'_, 'a> {
         arguments: &'a [(Ident, Expr)],
         depth: usize,
     ) {
+        let Some(statement) = self.instantiable(component, depth) else { return self.faulty(scope, name) };
+        let place = Place::new(scope, Site::Dynamics);
+        let path = format!("{}{}", self.symbols.scopes[scope].prefix, name.text);
+        let kind = match indices {
+            [] => Some(SymbolKind::Instance(self.instantiate(statement, &path, name.span, arguments, &place, depth))),
+            [binder] => self.row_of_instances(statement, (&path, name.span), binder, arguments, &place, depth),
+            _ => {
+                self.work.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, "instances take one index", name.span));
+                None
+            }
+        };
+        self.declare(scope, name, kind.unwrap_or(SymbolKind::Faulty));
+    }
+
+    /// The component that an instance is made of, where one may be made here; reports why not.
+    fn instantiable(&mut self, component: &'a Ident, depth: usize) -> Option<&'a Statement> {
         // Enough was said.
         if self.instances.made > MAX_INSTANTIATED {
-            return self.faulty(scope, name);
+            return None;
         }
         if let Some(at) = self.instances.open.iter().position(|c| *c == component.text) {
             self.contains_itself(at, component);
-            return self.faulty(scope, name);
+            return None;
         }
         if depth >= MAX_COMPONENT_DEPTH {
             self.instances.made = usize::MAX;
             let message = format!("components inside one another, more than {MAX_COMPONENT_DEPTH} deep");
             self.work.ledger.report(Diagnostic::error(codes::TOO_LARGE, message, component.span));
-            return self.faulty(scope, name);
+            return None;
         }
         let Some(statement) = self.instances.components.get(component.text.as_str()).copied() else {
             let help = self.work.ledger.reports.did_you_mean(&component.text, self.instances.components.keys().copied());
-            self.work.ledger.report(
-                Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown component `{}`", component.text), component.span).maybe_help(help),
-            );
-            return self.faulty(scope, name);
+            let message = format!("unknown component `{}`", component.text);
+            self.work.ledger.report(Diagnostic::error(codes::UNKNOWN_NAME, message, component.span).maybe_help(help));
+            return None;
         };
         self.instances.used.insert(&component.text);
-        if !self.instances.samples.may_instantiate(depth) {
-            return self.faulty(scope, name);
-        }
-        let place = Place::new(scope, Site::Dynamics);
-        let path = format!("{}{}", self.symbols.scopes[scope].prefix, name.text);
-        if indices.is_empty() {
-            let inner = self.instantiate(statement, &path, name.span, arguments, &place, depth);
-            self.declare(scope, name, SymbolKind::Instance(inner));
-            return;
-        }
-        let [binder] = indices else {
-            self.work.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, "instances take one index", name.span));
-            return self.faulty(scope, name);
-        };
+        self.instances.samples.may_instantiate(depth).then_some(statement)
+    }
+
+    /// An instance for each member of a set; `None`, and a report, where they are too many or what counts them is no set.
+    fn row_of_instances(
+        &mut self,
+        statement: &'a Statement,
+        (path, used): (&str, Span),
+        binder: &'a Binder,
+        arguments: &'a [(Ident, Expr)],
+        place: &Place,
+        depth: usize,
+    ) -> Option<SymbolKind<'a>> {
         let mut list = Vec::new();
-        for value in self.lowering().bindings_of(binder, &place) {
+        for value in self.lowering().bindings_of(binder, place) {
             if self.instances.made > MAX_INSTANTIATED {
-                return self.faulty(scope, name);
+                return None;
             }
-            let crate::elaborate::lower::place::BinderValue::One(bound) = value else {
+            let BinderValue::One(bound) = value else {
                 self.work.ledger.report(Diagnostic::error(codes::WRONG_KIND, "instances are counted by a set", binder.span));
-                return self.faulty(scope, name);
+                return None;
             };
             let label = match &bound {
                 Bound::Member(set, i) => self.symbols.sets[*set].labels[*i].clone(),
@@ -108,10 +122,10 @@ impl<'a> Declaring<'_, 'a> {
                 break;
             }
             let inner_place = place.bind(&binder.name.text, bound);
-            let inner = self.instantiate(statement, &format!("{path}[{label}]"), name.span, arguments, &inner_place, depth);
+            let inner = self.instantiate(statement, &format!("{path}[{label}]"), used, arguments, &inner_place, depth);
             list.push((label, inner));
         }
-        self.declare(scope, name, SymbolKind::Instances(Row::new(list).into()));
+        Some(SymbolKind::Instances(Row::new(list).into()))
     }
 
     /// Reports a component that is inside of itself, with those between.
@@ -167,38 +181,41 @@ impl<'a> Declaring<'_, 'a> {
             self.structural(scope, (path, used), parameter, given, default.as_ref(), outer);
         }
         let list = items(body, &self.input.selection);
-        for (argument, e) in arguments {
-            if parameters.iter().any(|(p, _)| p.text == argument.text) {
-                continue;
-            }
-            let known: Vec<&str> = list
-                .iter()
-                .filter_map(|i| match i {
-                    Item::Declare(syntax::Role::Param, d) => Some(d.name.text.as_str()),
-                    _ => None,
-                })
-                .chain(parameters.iter().map(|(p, _)| p.text.as_str()))
-                .collect();
-            if known.contains(&argument.text.as_str()) {
-                self.instances.given.insert((scope, argument.text.clone()), (e, outer.clone()));
-            } else {
-                let help = self.work.ledger.reports.did_you_mean(&argument.text, known);
-                self.work.ledger.report(
-                    Diagnostic::error(
-                        codes::WRONG_ARGUMENTS,
-                        format!("the component `{}` has no parameter `{}`", name.text, argument.text),
-                        argument.span,
-                    )
-                    .maybe_help(help),
-                );
-            }
-        }
+        self.note_given(scope, (name, parameters), &list, arguments, outer);
         if self.may_instantiate(list.len(), used) {
             self.instances.open.push(&name.text);
             self.declare_block(scope, list, depth + 1);
             self.instances.open.pop();
         }
         scope
+    }
+
+    /// Notes the arguments of an instance that are parameters of its body; reports those of which its component knows nothing.
+    fn note_given(
+        &mut self,
+        scope: ScopeId,
+        (component, structural): (&Ident, &[(Ident, Option<Expr>)]),
+        list: &[Item<'a>],
+        arguments: &'a [(Ident, Expr)],
+        outer: &Place,
+    ) {
+        let declared = list.iter().filter_map(|i| match i {
+            Item::Declare(syntax::Role::Param, d) => Some(d.name.text.as_str()),
+            _ => None,
+        });
+        let known: Vec<&str> = declared.chain(structural.iter().map(|(p, _)| p.text.as_str())).collect();
+        for (argument, e) in arguments {
+            if structural.iter().any(|(p, _)| p.text == argument.text) {
+                continue;
+            }
+            if known.contains(&argument.text.as_str()) {
+                self.instances.given.insert((scope, argument.text.clone()), (e, outer.clone()));
+                continue;
+            }
+            let help = self.work.ledger.reports.did_you_mean(&argument.text, known.iter().copied());
+            let message = format!("the component `{}` has no parameter `{}`", component.text, argument.text);
+            self.work.ledger.report(Diagnostic::error(codes::WRONG_ARGUMENTS, message, argument.span).maybe_help(help));
+        }
     }
 
     /// A structural parameter: a whole number or a set; a setting `R1.n_cells` or `n_cells` overrides it.

@@ -50,19 +50,49 @@ pub(in crate::elaborate) struct Steady {
 
 /// What `steady` blocks say.
 pub(in crate::elaborate) fn steady_program<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> Steady {
-    let mut said = false;
-    let mut given: FastMap<(VarId, i64), ExprId> = FastMap::default();
-    let mut conditions = Vec::new();
+    let SteadyText { said, given, conditions } = steady_text(l, blocks);
+    let mut values = steady_actions(l, &given);
+    let mut base = 0_u32;
+    let mut fixed = Vec::new();
+    for var in l.variables_of(Role::State) {
+        let len = l.symbols.vars[var].len;
+        let here = (0..len).filter_map(|i| Some((base + i, *given.get(&(var, i64::from(i)))?)));
+        for (position, value) in here {
+            fixed.push(position);
+            values.push(value);
+        }
+        base += len;
+    }
+    let count = conditions.len() as u32;
+    values.extend(conditions);
+    let stores = values.into_iter().enumerate().map(|(i, value)| store(Memory::Out, Affine::constant(i as i64), value)).collect();
+    let program = Program { nests: vec![Nest { extents: Vec::new(), stores }], in_place: false };
+    Steady { program, given: base > 0 && fixed.len() == base as usize, fixed, conditions: count, said }
+}
+
+/// The entries of `steady` blocks.
+#[derive(Default)]
+struct SteadyText {
+    /// There is a block.
+    said: bool,
+    /// Values of elements.
+    given: FastMap<(VarId, i64), ExprId>,
+    /// What must be zero.
+    conditions: Vec<ExprId>,
+}
+
+fn steady_text<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> SteadyText {
+    let mut out = SteadyText::default();
     for (scope, item) in each(blocks) {
         let Item::Other(Statement { kind: StatementKind::Steady { entries }, .. }) = item else { continue };
-        said = true;
+        out.said = true;
         let place = Place::new(scope, Site::Instant);
         for (target, value) in entries {
             if !is_place(target) {
-                conditions.push(steady_condition(l, target, value, &place));
+                out.conditions.push(steady_condition(l, target, value, &place));
                 continue;
             }
-            if steady_instance(l, target, value, &place, &mut given) {
+            if steady_instance(l, target, value, &place, &mut out.given) {
                 continue;
             }
             let Some((symbol, at)) = l.target(target, &place, &[Role::Action, Role::State]) else { continue };
@@ -72,41 +102,24 @@ pub(in crate::elaborate) fn steady_program<'a>(l: &mut Lowering<'_, 'a>, blocks:
                 Some(at) => at.offset..at.offset + 1,
                 None => 0..i64::from(l.symbols.vars[var].len),
             };
-            given.extend(elements.map(|i| ((var, i), expr)));
+            out.given.extend(elements.map(|i| ((var, i), expr)));
         }
     }
-    let mut stores = Vec::new();
-    let actions: Vec<VarId> = l.variables_of(Role::Action);
-    for var in actions {
+    out
+}
+
+/// The actions of the steady problem: as given, else their defaults.
+fn steady_actions(l: &mut Lowering<'_, '_>, given: &FastMap<(VarId, i64), ExprId>) -> Vec<ExprId> {
+    let mut values = Vec::new();
+    for var in l.variables_of(Role::Action) {
         for i in 0..i64::from(l.symbols.vars[var].len) {
-            let value = match given.get(&(var, i)) {
-                Some(&e) => e,
-                None => {
-                    let x = l.quantities.get(&var).map_or(f64::NAN, |q| Quantity::pick(&q.default, i as usize));
-                    l.exprs.constant(x)
-                }
-            };
-            stores.push(store(Memory::Out, Affine::constant(stores.len() as i64), value));
+            values.push(given.get(&(var, i)).copied().unwrap_or_else(|| {
+                let x = l.quantities.get(&var).map_or(f64::NAN, |q| Quantity::pick(&q.default, i as usize));
+                l.exprs.constant(x)
+            }));
         }
     }
-    let mut base = 0_i64;
-    let mut fixed = Vec::new();
-    let states = l.variables_of(Role::State);
-    for var in states {
-        for i in 0..i64::from(l.symbols.vars[var].len) {
-            if let Some(&value) = given.get(&(var, i)) {
-                fixed.push((base + i) as u32);
-                stores.push(store(Memory::Out, Affine::constant(stores.len() as i64), value));
-            }
-        }
-        base += i64::from(l.symbols.vars[var].len);
-    }
-    let count = conditions.len() as u32;
-    for condition in conditions {
-        stores.push(store(Memory::Out, Affine::constant(stores.len() as i64), condition));
-    }
-    let program = Program { nests: vec![Nest { extents: Vec::new(), stores }], in_place: false };
-    Steady { program, given: base > 0 && fixed.len() as i64 == base, fixed, conditions: count, said }
+    values
 }
 
 /// `A + B = 1`: left less right.

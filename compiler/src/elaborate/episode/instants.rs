@@ -2,7 +2,7 @@
 
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident, Statement, StatementKind};
+use smpl_dsl::syntax::{BinaryOp, Binder, Expr, ExprKind, Ident, Statement, StatementKind};
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::episode::common::{each, store};
@@ -14,7 +14,7 @@ use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::values::Values;
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{ScopeId, SymbolKind};
-use crate::ir::{Affine, Builtin, Expr as Node, ExprId, FastMap, Flavour, Nest, Place as Memory, Program, Rewritten, Role, VarId};
+use crate::ir::{Affine, Builtin, Expr as Node, ExprId, FastMap, Flavour, Nest, Place as Memory, Program, Rewritten, Role, Store, VarId};
 use crate::model::{Root, RootAction};
 
 /// What runs at the instants of a step.
@@ -51,55 +51,79 @@ pub(in crate::elaborate) struct Assignments {
     assigned: FastMap<(ScopeId, String), FastMap<(VarId, i64), Span>>,
 }
 
+/// The programs of instants as they are put together.
+struct Drafts<'a> {
+    start: Program,
+    end: Program,
+    /// By scope and name, in the order in which they are first mentioned.
+    events: Vec<(ScopeId, &'a str, Program)>,
+}
+
+impl<'a> Drafts<'a> {
+    /// The program of an instant.
+    fn of(&mut self, scope: ScopeId, instant: &'a str) -> &mut Program {
+        match instant {
+            "start" => &mut self.start,
+            "end" => &mut self.end,
+            name => {
+                let known = self.events.iter().position(|(s, n, _)| *n == name && *s == scope);
+                let at = known.unwrap_or_else(|| {
+                    self.events.push((scope, name, Program { nests: Vec::new(), in_place: true }));
+                    self.events.len() - 1
+                });
+                &mut self.events[at].2
+            }
+        }
+    }
+}
+
 /// The programs of `at start`, `at end` and of events.
 pub(in crate::elaborate) fn instant_programs<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> Instants {
     let mut out = Instants::default();
     let mut assignments = Assignments::default();
-    let mut start = Program { nests: Vec::new(), in_place: true };
-    let mut end = Program { nests: Vec::new(), in_place: true };
-    let mut events: Vec<(ScopeId, &'a str, Program)> = Vec::new();
+    let empty = || Program { nests: Vec::new(), in_place: true };
+    let mut drafts = Drafts { start: empty(), end: empty(), events: Vec::new() };
     // Parts before the whole: what a component updates at the end of a step is seen by the `at end` of what it is used in.
     let mut inner_first: Vec<&(ScopeId, Vec<Item<'a>>)> = blocks.iter().collect();
     inner_first.sort_by_key(|(scope, _)| std::cmp::Reverse(l.symbols.scopes[*scope].prefix.matches('.').count()));
     let mut last_end: Option<Span> = None;
     for (scope, item) in inner_first.into_iter().flat_map(|(scope, items)| items.iter().map(move |i| (*scope, *i))) {
         let Item::At(Ident { text: instant, span: block }, statement) = item else { continue };
-        let instant = instant.as_str();
+        // The `next`s of another `at end` block come after those of this one.
         if instant == "end" && last_end.replace(*block).is_some_and(|last| last != *block) {
             assignments.groups.retain(|(name, _)| name != instant);
         }
-        let program = match instant {
-            "start" => &mut start,
-            "end" => &mut end,
-            name => {
-                let at = match events.iter().position(|(s, n, _)| *n == name && *s == scope) {
-                    Some(at) => at,
-                    None => {
-                        events.push((scope, name, Program { nests: Vec::new(), in_place: true }));
-                        events.len() - 1
-                    }
-                };
-                &mut events[at].2
-            }
-        };
-        let mut taken = std::mem::take(program);
-        if instant == "start" && matches!(statement.kind, StatementKind::Reset { .. }) {
-            out.start_resets = true;
-        }
-        instant_statement(l, scope, statement, &mut taken, &mut assignments, instant);
-        match instant {
-            "start" => start = taken,
-            "end" => end = taken,
-            name => {
-                if let Some(e) = events.iter_mut().find(|(s, n, _)| *n == name && *s == scope) {
-                    e.2 = taken;
-                }
-            }
-        }
+        out.start_resets |= instant == "start" && matches!(statement.kind, StatementKind::Reset { .. });
+        instant_statement(l, scope, statement, drafts.of(scope, instant), &mut assignments, instant);
     }
-    (out.start, out.end) = (start, end);
-    watched_events(l, blocks, &events, &mut out);
+    (out.start, out.end) = (drafts.start, drafts.end);
+    watched_events(l, blocks, &drafts.events, &mut out);
     out
+}
+
+/// What a statement of an instant assigns, and to what it may.
+#[derive(Clone, Copy)]
+struct Assigned<'s> {
+    target: &'s Expr,
+    value: &'s Expr,
+    condition: Option<&'s Expr>,
+    binders: &'s [Binder],
+    roles: &'static [Role],
+}
+
+impl<'s> Assigned<'s> {
+    /// Of `next`, `reset`, `clamp`; `None` for what else there is.
+    fn of(statement: &'s Statement) -> Option<Assigned<'s>> {
+        let (target, value, condition, binders, roles): (_, _, _, _, &[Role]) = match &statement.kind {
+            StatementKind::Next { target, value, binders } => (target, value, None, binders, &[Role::Discrete]),
+            StatementKind::Reset { target, value, binders } => (target, value, None, binders, &[Role::State]),
+            StatementKind::Clamp { target, value, condition, binders } => {
+                (target, value, Some(condition), binders, &[Role::State, Role::Discrete])
+            }
+            _ => return None,
+        };
+        Some(Assigned { target, value, condition, binders, roles })
+    }
 }
 
 /// `next`, `reset`, `clamp`. Consecutive `next`s of scalars share a nest, so that they assign together.
@@ -112,29 +136,18 @@ pub(in crate::elaborate) fn instant_statement(
     instant: &str,
 ) {
     let place = Place::new(scope, Site::Instant);
-    let (target, value, condition, binders, roles): (_, _, Option<&Expr>, _, &[Role]) = match &statement.kind {
-        StatementKind::Next { target, value, binders } => (target, value, None, binders, &[Role::Discrete]),
-        StatementKind::Reset { target, value, binders } => (target, value, None, binders, &[Role::State]),
-        StatementKind::Clamp { target, value, condition, binders } => {
-            (target, value, Some(condition), binders, &[Role::State, Role::Discrete])
-        }
-        _ => {
-            l.ledger.report(Diagnostic::error(
-                codes::MISPLACED_BLOCK,
-                "only `next`, `reset` and `clamp` may stand in `at`",
-                statement.span,
-            ));
-            return;
-        }
+    let Some(assigned) = Assigned::of(statement) else {
+        let message = "only `next`, `reset` and `clamp` may stand in `at`";
+        return l.ledger.report(Diagnostic::error(codes::MISPLACED_BLOCK, message, statement.span));
     };
     let is_next = matches!(statement.kind, StatementKind::Next { .. });
     // `next`s assign together; other statements one element after another, written out or in a loop.
     if !is_next {
-        let parts: Vec<&Expr> = [target, value].into_iter().chain(condition).collect();
-        l.loops.counted = l.symbols.counted_cells(binders, &parts, &place);
+        let parts: Vec<&Expr> = [assigned.target, assigned.value].into_iter().chain(assigned.condition).collect();
+        l.loops.counted = l.symbols.counted_cells(assigned.binders, &parts, &place);
     }
     let guard = assignments.guard;
-    let pieces = l.nest(binders, &place, &mut |s, inner| assignment(s, (target, value, condition), roles, guard, inner));
+    let pieces = l.nest(assigned.binders, &place, &mut |s, inner| assignment(s, assigned, guard, inner));
     l.loops.counted.clear();
     for piece in pieces {
         let Some((var, at, v, whole)) = piece.value else { continue };
@@ -144,31 +157,37 @@ pub(in crate::elaborate) fn instant_statement(
             check_next(l, assignments, (scope, instant), var, (&extents, at), statement.span);
         }
         let s = store(Memory::Var(var), at, v);
-        let group = &mut assignments.groups;
-        // The nest that collects the `next`s of this instant since its last other statement.
-        // At the start all `next`s come together, before the resets.
-        if is_next && extents.is_empty() && instant == "start" {
-            match program.nests.first_mut().filter(|_| group.iter().any(|(name, _)| name == instant)) {
-                Some(first) => first.stores.push(s),
-                None => {
-                    program.nests.insert(0, Nest { extents, stores: vec![s] });
-                    group.push((instant.to_owned(), 0));
-                }
-            }
-            continue;
-        }
-        let open = group.iter().find(|(name, _)| name == instant).map(|(_, at)| *at);
         if is_next && extents.is_empty() {
-            match open.filter(|&at| at + 1 == program.nests.len()) {
-                Some(at) => program.nests[at].stores.push(s),
-                None => {
-                    program.nests.push(Nest { extents, stores: vec![s] });
-                    group.retain(|(name, _)| name != instant);
-                    group.push((instant.to_owned(), program.nests.len() - 1));
-                }
-            }
+            assignments.together(program, instant, s);
         } else {
             program.nests.push(Nest { extents, stores: vec![s] });
+        }
+    }
+}
+
+impl Assignments {
+    /// Puts the `next` of a scalar into the nest that collects those of its instant since its last other statement. At the start
+    /// all `next`s come together, before the resets.
+    fn together(&mut self, program: &mut Program, instant: &str, s: Store) {
+        let open = self.groups.iter().find(|(name, _)| name == instant).map(|(_, at)| *at);
+        let own = Nest { extents: Vec::new(), stores: vec![s] };
+        if instant == "start" {
+            match program.nests.first_mut().filter(|_| open.is_some()) {
+                Some(first) => first.stores.extend(own.stores),
+                None => {
+                    program.nests.insert(0, own);
+                    self.groups.push((instant.to_owned(), 0));
+                }
+            }
+            return;
+        }
+        match open.filter(|&at| at + 1 == program.nests.len()) {
+            Some(at) => program.nests[at].stores.extend(own.stores),
+            None => {
+                program.nests.push(own);
+                self.groups.retain(|(name, _)| name != instant);
+                self.groups.push((instant.to_owned(), program.nests.len() - 1));
+            }
         }
     }
 }
@@ -202,8 +221,7 @@ fn check_next(
 #[allow(clippy::type_complexity, reason = "variable, element, value, and the extent of a whole array")]
 fn assignment(
     l: &mut Lowering<'_, '_>,
-    (target, value, condition): (&Expr, &Expr, Option<&Expr>),
-    roles: &[Role],
+    Assigned { target, value, condition, roles, .. }: Assigned<'_>,
     guard: Option<ExprId>,
     place: &Place,
 ) -> Option<(VarId, Affine, ExprId, Option<u32>)> {

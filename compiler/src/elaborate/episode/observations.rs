@@ -139,51 +139,15 @@ fn noise(l: &mut Lowering<'_, '_>, e: &Expr, unit: &Unit, place: &Place) -> f64 
 }
 
 fn observation(l: &mut Lowering<'_, '_>, o: &Observation, place: &Place, out: &mut Observations) {
-    if let ExprKind::Name(name) = &o.value.kind
-        && name.text == "states"
-        && l.symbols.lookup(place.scope, "states").is_none()
-    {
-        observe_states(l, out);
-        return;
-    }
-    // `observe x for x in states`
-    if let ([Binder { name: x, over: BinderSet::Set(set), .. }], ExprKind::Name(n)) = (o.binders.as_slice(), &o.value.kind)
-        && x.text == n.text
-        && set.text == "states"
-        && l.symbols.lookup(place.scope, "states").is_none()
-    {
-        observe_states(l, out);
-        return;
+    if are_all_states(o) && l.symbols.lookup(place.scope, "states").is_none() {
+        return observe_states(l, out);
     }
     if o.binders.is_empty()
         && let Some((symbol, axes)) = whole_array(l, &o.value, place)
     {
-        observe_array(l, o, symbol, &axes, place, out);
-        return;
+        return observe_array(l, o, symbol, &axes, place, out);
     }
-    let pieces = l.nest(&o.binders, place, &mut |s, inner| {
-        let v = s.value(&o.value, inner);
-        // What else is said of it makes no sense yet.
-        if v.is_poison() {
-            return None;
-        }
-        let unit = match &o.unit {
-            Some(u) => s.unit(u, inner),
-            None => Some(v.unit.unit()),
-        };
-        let unit = unit.unwrap_or_else(Unit::one);
-        let what = "the observation".to_owned();
-        let expr = match v.unit {
-            Measure::Bare => v.expr,
-            _ => s.values().strictly_in(v, &unit, o.value.span, &what, o.span),
-        };
-        let name = observation_name(s, o, inner);
-        let mut attributes = attributes(s, o, &unit, inner);
-        if attributes.bounds.is_none() {
-            attributes.bounds = bounds_of_element(s, expr);
-        }
-        Some((name, unit, expr, attributes))
-    });
+    let pieces = l.nest(&o.binders, place, &mut |s, inner| observed_element(s, o, inner));
     for Piece { extents, value } in pieces {
         let Some((name, unit, expr, attributes)) = value else { continue };
         if !extents.is_empty() {
@@ -195,6 +159,37 @@ fn observation(l: &mut Lowering<'_, '_>, o: &Observation, place: &Place, out: &m
         }
         push_observation(l, name, &unit.to_string(), expr, &attributes, o, out);
     }
+}
+
+/// `observe states`, `observe x for x in states`
+fn are_all_states(o: &Observation) -> bool {
+    let ExprKind::Name(name) = &o.value.kind else { return false };
+    let over_states = |b: &Binder| b.name.text == name.text && matches!(&b.over, BinderSet::Set(set) if set.text == "states");
+    name.text == "states" || matches!(o.binders.as_slice(), [binder] if over_states(binder))
+}
+
+/// Name, unit, value and attributes of one observed number; `None` where it has no value.
+fn observed_element(l: &mut Lowering<'_, '_>, o: &Observation, place: &Place) -> Option<(String, Unit, ExprId, Attributes)> {
+    let v = l.value(&o.value, place);
+    // What else is said of it makes no sense yet.
+    if v.is_poison() {
+        return None;
+    }
+    let unit = match &o.unit {
+        Some(u) => l.unit(u, place),
+        None => Some(v.unit.unit()),
+    };
+    let unit = unit.unwrap_or_else(Unit::one);
+    let expr = match v.unit {
+        Measure::Bare => v.expr,
+        _ => l.values().strictly_in(v, &unit, o.value.span, "the observation", o.span),
+    };
+    let name = observation_name(l, o, place);
+    let mut attributes = attributes(l, o, &unit, place);
+    if attributes.bounds.is_none() {
+        attributes.bounds = bounds_of_element(l, expr);
+    }
+    Some((name, unit, expr, attributes))
 }
 
 fn push_observation(

@@ -104,7 +104,7 @@ impl Writers {
 
 /// Nests of initial values so that each follows those whose results it reads; scalars that read nothing stay together, first. And
 /// those that need each other.
-pub fn ordered_initial(nests: Vec<Nest>, exprs: &Exprs, vars: &PrimaryMap<VarId, Variable>) -> (Vec<Nest>, Vec<Diagnostic>) {
+pub(crate) fn ordered_initial(nests: Vec<Nest>, exprs: &Exprs, vars: &PrimaryMap<VarId, Variable>) -> (Vec<Nest>, Vec<Diagnostic>) {
     let states_read = |e: ExprId| states_read(exprs, vars, e);
     let mut list = Vec::with_capacity(nests.len());
     for mut nest in nests {

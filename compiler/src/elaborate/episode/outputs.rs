@@ -95,6 +95,16 @@ fn let_quantity(l: &Lowering<'_, '_>, symbol: SymbolId, axes: &[Axis], unit: &Un
     }
 }
 
+/// The states in the order of declaration, by their own numbers; `None` where that is their own order.
+fn state_order(l: &Lowering<'_, '_>) -> Option<Vec<u32>> {
+    let positions = state_positions(l).into_iter().flat_map(|(_, list)| list);
+    let mut order: Vec<(u32, u32)> = positions.zip(0..).collect();
+    order.sort_unstable();
+    let order: Vec<u32> = order.into_iter().map(|(_, own)| own).collect();
+    let is_own = order.iter().zip(0..).all(|(&own, i)| own == i);
+    (!is_own).then_some(order)
+}
+
 /// Lists of quantities.
 pub(in crate::elaborate) fn interface(l: &mut Lowering<'_, '_>) -> Interface {
     let quantity = |s: &Lowering<'_, '_>, v: VarId| s.quantities.get(&v).cloned();
@@ -125,21 +135,9 @@ pub(in crate::elaborate) fn interface(l: &mut Lowering<'_, '_>) -> Interface {
                      stepped with `state idle = 0` and `eq d/dt idle = 0`",
         ));
     }
-    let positions = state_positions(l);
-    let mut order = Vec::new();
-    let mut internal = 0_u32;
-    for (_, list) in &positions {
-        for &p in list {
-            order.push((p, internal));
-            internal += 1;
-        }
-    }
-    order.sort_unstable();
-    let order: Vec<u32> = order.into_iter().map(|(_, i)| i).collect();
-    let identity = order.iter().enumerate().all(|(i, &o)| i as u32 == o);
     Interface {
         states,
-        state_order: (!identity).then_some(order),
+        state_order: state_order(l),
         discretes,
         actions,
         disturbances,

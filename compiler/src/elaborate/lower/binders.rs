@@ -6,8 +6,8 @@ use smpl_dsl::syntax::{Binder, BinderSet, Expr, ExprKind, Ident};
 use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::place::{BinderValue, Bound, Place};
 use crate::elaborate::naming::Naming;
-use crate::elaborate::symbols::{Axis, SymbolKind, Symbols};
-use crate::ir::{ExprId, Role};
+use crate::elaborate::symbols::{Axis, DomainId, SetId, SymbolKind, Symbols};
+use crate::ir::Role;
 
 impl Lowering<'_, '_> {
     /// What a binder runs over.
@@ -52,47 +52,43 @@ impl Lowering<'_, '_> {
         {
             return vec![BinderValue::Cells(domain, a - 1, b - 1)];
         }
-        match symbol.map(|s| self.symbols[s].kind.clone()) {
-            Some(SymbolKind::Domain(domain)) => {
-                let n = self.symbols.domains[domain].cells;
-                if a > b {
-                    return Vec::new();
-                }
-                if a < 1 || b > n {
-                    self.ledger.report(Diagnostic::error(
-                        codes::OUT_OF_RANGE,
-                        format!("`{}` has the cells 1 to {n}, the range is {a} to {b}", binder.name.text),
-                        binder.span,
-                    ));
-                    return Vec::new();
-                }
-                vec![BinderValue::Cells(domain, a - 1, b - 1)]
-            }
-            Some(SymbolKind::Set(set)) if self.symbols.sets[set].first.is_some() => {
-                let first = self.symbols.sets[set].first.unwrap_or(0);
-                let len = self.symbols.sets[set].labels.len() as i64;
-                (a..=b)
-                    .filter(|i| (first..first + len).contains(i))
-                    .map(|i| BinderValue::One(Bound::Member(set, (i - first) as usize)))
-                    .collect()
-            }
-            _ if self.symbols.sets.values().any(|s| s.name == format!("{a}..{b}")) => {
-                let name = format!("{a}..{b}");
-                let set = self.symbols.sets.iter().find(|(_, s)| s.name == name).map(|(id, _)| id);
-                set.map_or_else(Vec::new, |set| (0..=(b - a) as usize).map(|i| BinderValue::One(Bound::Member(set, i))).collect())
-            }
+        match symbol.map(|s| &self.symbols[s].kind) {
+            Some(&SymbolKind::Domain(domain)) => self.cells_from(domain, (a, b), binder),
+            Some(&SymbolKind::Set(set)) if self.symbols.sets[set].first.is_some() => self.symbols.members_between(set, a, b),
             _ => {
-                if b - a >= 10_000 {
-                    self.ledger.report(
-                        Diagnostic::error(codes::TOO_LARGE, "a range of more than ten thousand numbers is written out", binder.span)
-                            .help("use a `domain`: its cells stay a loop"),
-                    );
-                    return Vec::new();
+                let name = format!("{a}..{b}");
+                match self.symbols.sets.iter().find(|(_, s)| s.name == name) {
+                    Some((set, _)) => self.symbols.members_between(set, a, b),
+                    None => self.numbers_between(a, b, binder),
                 }
-                let numbers: Vec<ExprId> = (a..=b).map(|i| self.exprs.constant(i as f64)).collect();
-                numbers.into_iter().map(|e| BinderValue::One(Bound::Number(e))).collect()
             }
         }
+    }
+
+    /// The cells `a` to `b` of a domain, counted from one.
+    fn cells_from(&mut self, domain: DomainId, (a, b): (i64, i64), binder: &Binder) -> Vec<BinderValue> {
+        let n = self.symbols.domains[domain].cells;
+        if a > b {
+            return Vec::new();
+        }
+        if a < 1 || b > n {
+            let message = format!("`{}` has the cells 1 to {n}, the range is {a} to {b}", binder.name.text);
+            self.ledger.report(Diagnostic::error(codes::OUT_OF_RANGE, message, binder.span));
+            return Vec::new();
+        }
+        vec![BinderValue::Cells(domain, a - 1, b - 1)]
+    }
+
+    /// Numbers that no set has.
+    fn numbers_between(&mut self, a: i64, b: i64, binder: &Binder) -> Vec<BinderValue> {
+        if b - a >= 10_000 {
+            self.ledger.report(
+                Diagnostic::error(codes::TOO_LARGE, "a range of more than ten thousand numbers is written out", binder.span)
+                    .help("use a `domain`: its cells stay a loop"),
+            );
+            return Vec::new();
+        }
+        (a..=b).map(|i| BinderValue::One(Bound::Number(self.exprs.constant(i as f64)))).collect()
     }
 
     /// What an index of a declaration runs over (`i in species`, `z`, `k in 1..4`).
@@ -190,6 +186,13 @@ impl<'a> Naming<'_, 'a> {
 }
 
 impl<'a> Symbols<'a> {
+    /// The members of a set of numbers that are between two, both included.
+    fn members_between(&self, set: SetId, a: i64, b: i64) -> Vec<BinderValue> {
+        let first = self.sets[set].first.unwrap_or(0);
+        let last = first + self.sets[set].labels.len() as i64 - 1;
+        (a.max(first)..=b.min(last)).map(|i| BinderValue::One(Bound::Member(set, (i - first) as usize))).collect()
+    }
+
     /// All variables of a role, each as the row of its elements.
     fn arrays_of(&self, role: Role) -> Vec<BinderValue> {
         let of_role = |kind: &SymbolKind| match kind {

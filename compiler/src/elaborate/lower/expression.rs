@@ -273,20 +273,11 @@ impl<'a> Lowering<'_, 'a> {
             return v.clone();
         }
         if self.expansions.is_open(symbol) {
-            let path = self.symbols[symbol].path.clone();
-            let at = self.symbols[symbol].span;
-            let chain = self.cycle(symbol);
-            return self.fault(
-                Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the definition of `{path}` needs itself{chain}"), at)
-                    .help("make it a `var` with an equation of its own: then it is solved for"),
-            );
+            return self.needs_itself(symbol);
         }
-        let mut inner = place.clone();
-        inner.scope = self.symbols[symbol].scope;
-        inner.bindings = None;
+        let mut inner = Place { scope: self.symbols[symbol].scope, bindings: None, ..place.clone() };
         if random {
-            inner.site = Site::Reset;
-            inner.depth = 0;
+            (inner.site, inner.depth) = (Site::Reset, 0);
         }
         for (name, bound) in binders.iter().zip(bounds) {
             inner = inner.bind(name, bound);
@@ -313,6 +304,17 @@ impl<'a> Lowering<'_, 'a> {
             self.expansions.remember(key, v.clone());
         }
         v
+    }
+
+    /// Reports a definition that needs itself.
+    fn needs_itself(&mut self, symbol: SymbolId) -> Value {
+        let path = self.symbols[symbol].path.clone();
+        let at = self.symbols[symbol].span;
+        let chain = self.cycle(symbol);
+        self.fault(
+            Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the definition of `{path}` needs itself{chain}"), at)
+                .help("make it a `var` with an equation of its own: then it is solved for"),
+        )
     }
 
     /// The value of a `let` with a unit, in that unit: strictly, but for a pure number and what is drawn.

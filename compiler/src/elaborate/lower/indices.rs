@@ -2,7 +2,7 @@
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{self, BinaryOp, Expr, ExprKind, Form, UnaryOp};
+use smpl_dsl::syntax::{self, BinaryOp, Expr, ExprKind, Form, Ident, UnaryOp};
 
 use crate::elaborate::ledger::Ledger;
 use crate::elaborate::lower::Lowering;
@@ -124,57 +124,61 @@ impl<'a> Lowering<'_, 'a> {
         if let Some(numbers) = self.run_index(e, place) {
             return Some(Bound::Cell(domain, numbers.shifted(-1)));
         }
-        if let ExprKind::Member(base, member) = &e.kind
-            && member.text == "number"
-            && let Some(cell) = cell_number(base, place)
-        {
-            return Some(Bound::Cell(domain, cell));
+        let known = match &e.kind {
+            ExprKind::Member(base, member) if member.text == "number" => cell_number(base, place).map(|c| Some(Bound::Cell(domain, c))),
+            ExprKind::Name(name) => self.bound_cell(domain, name, place),
+            ExprKind::Binary(op @ (BinaryOp::Add | BinaryOp::Sub), a, b) => self.neighbour(domain, *op, (a, b), e.span, place),
+            _ => None,
+        };
+        match known {
+            Some(found) => found,
+            None => Some(Bound::Cell(domain, Cell::single(self.integer(e, place)? - 1))),
         }
-        if let ExprKind::Name(name) = &e.kind {
-            match place.bound(&name.text) {
-                Some(Bound::Cell(other, c)) => {
-                    if self.same_cells(*other, domain) {
-                        return Some(Bound::Cell(domain, *c));
-                    }
-                    self.ledger.report(self.symbols.other_domain(*other, domain, e.span));
-                    return None;
+    }
+
+    /// What the name of an index stands for: `None` where it stands for no cell, `Some(None)` where that was reported.
+    fn bound_cell(&mut self, domain: DomainId, name: &Ident, place: &Place) -> Option<Option<Bound>> {
+        let (z, span) = (&name.text, name.span);
+        match place.bound(z) {
+            Some(Bound::Cell(other, c)) => {
+                if self.same_cells(*other, domain) {
+                    return Some(Some(Bound::Cell(domain, *c)));
                 }
-                Some(Bound::Face(other, c)) if *other == domain => return Some(Bound::Face(domain, *c)),
-                None if self.symbols.domains[domain].name == name.text => {
-                    let z = &name.text;
-                    if !self.ledger.is_first_unbound(z) {
-                        return None;
-                    }
+                self.ledger.report(self.symbols.other_domain(*other, domain, span));
+                Some(None)
+            }
+            Some(Bound::Face(other, c)) if *other == domain => Some(Some(Bound::Face(domain, *c))),
+            None if self.symbols.domains[domain].name == *z => {
+                if self.ledger.is_first_unbound(z) {
                     self.ledger.report(
-                        Diagnostic::error(codes::WRONG_SHAPE, format!("`{z}` is not bound here"), e.span)
+                        Diagnostic::error(codes::WRONG_SHAPE, format!("`{z}` is not bound here"), span)
                             .help(format!("add `for {z}` to the statement, or name a cell: `{z}.last`")),
                     );
-                    return None;
                 }
-                _ => {}
+                Some(None)
             }
+            _ => None,
         }
-        if let ExprKind::Binary(op @ (BinaryOp::Add | BinaryOp::Sub), a, b) = &e.kind {
-            if let Some(z) = [a, b].into_iter().find_map(|side| at_face(side, place)) {
-                self.ledger.report(
-                    Diagnostic::error(codes::WRONG_KIND, format!("inside of a flux `{z}` is a face, which has no neighbours by number"), e.span)
-                        .label("beside a face")
-                        .help(format!("`x[{z}]` is the value at the face by the domain's `scheme`, `grad(x[{z}])` the difference of the cells beside it over their distance")),
-                );
-                return None;
-            }
-            if self.is_cell(a, place) {
-                let Some(Bound::Cell(_, c)) = self.cell(domain, a, place) else { return None };
-                let by = self.integer(b, place)?;
-                return Some(Bound::Cell(domain, c.shifted(if *op == BinaryOp::Add { by } else { -by })));
-            }
-            if *op == BinaryOp::Add && self.is_cell(b, place) {
-                let Some(Bound::Cell(_, c)) = self.cell(domain, b, place) else { return None };
-                return Some(Bound::Cell(domain, c.shifted(self.integer(a, place)?)));
-            }
+    }
+
+    /// `z + 1`, `z - 1`, `1 + z`: `None` where no cell is among the operands, `Some(None)` where a fault was reported.
+    fn neighbour(&mut self, domain: DomainId, op: BinaryOp, (a, b): (&Expr, &Expr), span: Span, place: &Place) -> Option<Option<Bound>> {
+        if let Some(z) = [a, b].into_iter().find_map(|side| at_face(side, place)) {
+            self.ledger.report(
+                Diagnostic::error(codes::WRONG_KIND, format!("inside of a flux `{z}` is a face, which has no neighbours by number"), span)
+                    .label("beside a face")
+                    .help(format!("`x[{z}]` is the value at the face by the domain's `scheme`, `grad(x[{z}])` the difference of the cells beside it over their distance")),
+            );
+            return Some(None);
         }
-        let n = self.integer(e, place)?;
-        Some(Bound::Cell(domain, Cell::single(n - 1)))
+        let (from, by) = match op {
+            _ if self.is_cell(a, place) => (a, b),
+            BinaryOp::Add if self.is_cell(b, place) => (b, a),
+            _ => return None,
+        };
+        let Some(Bound::Cell(_, c)) = self.cell(domain, from, place) else { return Some(None) };
+        let by = self.integer(by, place).map(|by| if op == BinaryOp::Add { by } else { -by });
+        Some(by.map(|by| Bound::Cell(domain, c.shifted(by))))
     }
 
     /// Whether the cells of two domains are at the same places: equally many between the same ends, whatever the parameters are.

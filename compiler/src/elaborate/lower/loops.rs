@@ -33,7 +33,7 @@ impl Cell {
     }
 
     /// The number as an address.
-    pub fn affine(self) -> Affine {
+    pub(crate) fn affine(self) -> Affine {
         match self.along {
             Some(v) => Affine::along(self.first, v, 1),
             None => Affine::constant(self.first),

@@ -125,7 +125,7 @@ impl Symbols<'_> {
 }
 
 /// Calls `f` with the address of every pass of a nest.
-pub fn for_each_element(extents: &[u32], at: Affine, f: &mut dyn FnMut(i64)) {
+pub(crate) fn for_each_element(extents: &[u32], at: Affine, f: &mut dyn FnMut(i64)) {
     fn pass(extents: &[u32], depth: usize, at: i64, strides: &[i64], f: &mut dyn FnMut(i64)) {
         match extents.get(depth) {
             None => f(at),

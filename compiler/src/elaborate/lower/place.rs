@@ -100,7 +100,7 @@ impl Place {
 
 /// An index as a key of what was expanded for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum IndexKey {
+pub(crate) enum IndexKey {
     /// Member of a set.
     Member(usize),
     /// Cells of a loop.
@@ -119,7 +119,7 @@ impl IndexKey {
 }
 
 /// One value of a binder.
-pub enum BinderValue {
+pub(crate) enum BinderValue {
     /// A member, a number, an element.
     One(Bound),
     /// The cells of a domain from one number to another.

@@ -14,6 +14,32 @@ use crate::elaborate::lower::{Lowering, units};
 use crate::elaborate::symbols::DomainId;
 use crate::ir::{BinaryFn, Compare, Expr as Node, ExprId, LoopVar, ReduceFn};
 
+/// What is reduced over the binders that are left.
+#[derive(Clone, Copy)]
+struct Reduced<'e> {
+    body: &'e Expr,
+    binders: &'e [Binder],
+    condition: Option<&'e Expr>,
+    kind: Terms,
+}
+
+impl<'e> Reduced<'e> {
+    /// The first binder, and what is reduced inside of it.
+    fn inside(self) -> Option<(&'e Binder, Reduced<'e>)> {
+        let (binder, binders) = self.binders.split_first()?;
+        Some((binder, Reduced { binders, ..self }))
+    }
+}
+
+/// A binder whose range stays a loop.
+struct Looped<'e> {
+    binder: &'e Binder,
+    /// First and last number.
+    range: (i64, i64),
+    /// Whose cells they are.
+    domain: Option<DomainId>,
+}
+
 impl Lowering<'_, '_> {
     /// `sum(e for i in set, z if condition)`
     pub(in crate::elaborate) fn reduction(
@@ -32,7 +58,7 @@ impl Lowering<'_, '_> {
             Some(Over::Reduce(ReduceFn::Sum) | Over::Any | Over::All) => Terms::Plain,
             _ => Terms::Single,
         };
-        self.terms(body, binders, condition, kind, place, &mut terms);
+        self.terms(Reduced { body, binders, condition, kind }, place, &mut terms);
         if terms.iter().any(|t| t.value.is_poison()) {
             return self.poison();
         }
@@ -48,35 +74,10 @@ impl Lowering<'_, '_> {
     }
 
     /// All terms of a reduction: one for each member, one a piece of a range of cells.
-    fn terms(&mut self, body: &Expr, binders: &[Binder], condition: Option<&Expr>, kind: Terms, place: &Place, out: &mut Vec<Term>) {
-        let Some((binder, rest)) = binders.split_first() else {
-            if !self.ledger.may_write_out(body.span) {
-                return;
-            }
-            let keep = condition.map(|c| self.condition(c, place));
-            if let Some(c) = keep
-                && matches!(self.exprs.node(c), Node::Truth(false))
-            {
-                return;
-            }
-            let keep = keep.filter(|&c| !matches!(self.exprs.node(c), Node::Truth(true)));
-            let value = self.value(body, place);
-            out.push(Term { value, span: body.span, keep, loops: Vec::new(), weight: None });
+    fn terms(&mut self, reduced: Reduced<'_>, place: &Place, out: &mut Vec<Term>) {
+        let Some((binder, reduced)) = reduced.inside() else { return self.innermost_term(reduced, place, out) };
+        if self.looped_run(binder, reduced, place, out) {
             return;
-        };
-        if kind != Terms::Single
-            && let Some(range) = self.run_of(binder, place)
-        {
-            let mut terms = Vec::new();
-            let looped = self.attempt(|s| {
-                s.looped_terms(binder, range, &mut Bound::Run, body, rest, condition, (kind, None), place, &mut terms);
-                if terms.iter().any(|t| t.value.is_poison() || s.repeats_sums(t)) {
-                    s.ledger.speculation.refuse();
-                }
-            });
-            if looped.is_some() {
-                return out.append(&mut terms);
-            }
         }
         for bound in self.bindings_of(binder, place) {
             if self.ledger.budget.is_full() {
@@ -86,46 +87,75 @@ impl Lowering<'_, '_> {
                 BinderValue::One(bound) => {
                     let written = if let Bound::Alias(e, ..) = &bound { Some(e.span) } else { None };
                     let first = out.len();
-                    let inner = place.bind(&binder.name.text, bound);
-                    self.terms(body, rest, condition, kind, &inner, out);
+                    self.terms(reduced, &place.bind(&binder.name.text, bound), out);
                     if let Some(span) = written {
                         out[first..].iter_mut().for_each(|t| t.span = span);
                     }
                 }
                 BinderValue::Cells(domain, low, high) => {
                     let mut make = |cell: Cell| Bound::Cell(domain, cell);
-                    self.looped_terms(binder, (low, high), &mut make, body, rest, condition, (kind, Some(domain)), place, out);
+                    self.looped_terms(Looped { binder, range: (low, high), domain: Some(domain) }, &mut make, reduced, place, out);
                 }
                 BinderValue::Elements(symbol, len) => {
                     let mut make = |cell: Cell| Bound::Element(symbol, cell.affine());
-                    self.looped_terms(binder, (0, len - 1), &mut make, body, rest, condition, (kind, None), place, out);
+                    self.looped_terms(Looped { binder, range: (0, len - 1), domain: None }, &mut make, reduced, place, out);
                 }
             }
         }
     }
 
-    #[allow(clippy::too_many_arguments, reason = "the parts of one reduction")]
+    /// The term inside of all binders, unless its condition never holds.
+    fn innermost_term(&mut self, Reduced { body, condition, .. }: Reduced<'_>, place: &Place, out: &mut Vec<Term>) {
+        if !self.ledger.may_write_out(body.span) {
+            return;
+        }
+        let keep = condition.map(|c| self.condition(c, place));
+        if keep.is_some_and(|c| matches!(self.exprs.node(c), Node::Truth(false))) {
+            return;
+        }
+        let keep = keep.filter(|&c| !matches!(self.exprs.node(c), Node::Truth(true)));
+        let value = self.value(body, place);
+        out.push(Term { value, span: body.span, keep, loops: Vec::new(), weight: None });
+    }
+
+    /// Attempts to keep the members of a set as a loop; whether that went.
+    fn looped_run(&mut self, binder: &Binder, reduced: Reduced<'_>, place: &Place, out: &mut Vec<Term>) -> bool {
+        if reduced.kind == Terms::Single {
+            return false;
+        }
+        let Some(range) = self.run_of(binder, place) else { return false };
+        let mut terms = Vec::new();
+        let looped = self.attempt(|s| {
+            s.looped_terms(Looped { binder, range, domain: None }, &mut Bound::Run, reduced, place, &mut terms);
+            if terms.iter().any(|t| t.value.is_poison() || s.repeats_sums(t)) {
+                s.ledger.speculation.refuse();
+            }
+        });
+        if looped.is_some() {
+            out.append(&mut terms);
+        }
+        looped.is_some()
+    }
+
+    /// The terms of a range that stays a loop, weighted with the volumes of cells where they are.
     fn looped_terms(
         &mut self,
-        binder: &Binder,
-        (low, high): (i64, i64),
+        Looped { binder, range: (low, high), domain }: Looped<'_>,
         bound: &mut dyn FnMut(Cell) -> Bound,
-        body: &Expr,
-        rest: &[Binder],
-        condition: Option<&Expr>,
-        (kind, domain): (Terms, Option<DomainId>),
+        reduced: Reduced<'_>,
         place: &Place,
         out: &mut Vec<Term>,
     ) {
+        let span = reduced.body.span;
         let pieces = self.cells(low, high, binder.span, place, &mut |s, cell, inner| {
             let inner = inner.bind(&binder.name.text, bound(cell));
             let mut list = Vec::new();
-            s.terms(body, rest, condition, kind, &inner, &mut list);
-            if let Some(domain) = domain.filter(|_| kind == Terms::Weighted) {
+            s.terms(reduced, &inner, &mut list);
+            if let Some(domain) = domain.filter(|_| reduced.kind == Terms::Weighted) {
                 for term in &mut list {
                     let volume = s.cell_volume(domain, cell);
                     term.weight = Some(match term.weight.take() {
-                        Some(w) => s.arithmetic(BinaryOp::Mul, (w, body.span), (volume, body.span), body.span),
+                        Some(w) => s.arithmetic(BinaryOp::Mul, (w, span), (volume, span), span),
                         None => volume,
                     });
                 }

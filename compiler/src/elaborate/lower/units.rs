@@ -10,12 +10,12 @@ use crate::elaborate::lower::place::Place;
 use crate::elaborate::lower::value::Measure;
 
 /// Whether the unit has no dimension (it may have a scale, as `%`).
-pub fn is_dimensionless(unit: &Unit) -> bool {
+pub(crate) fn is_dimensionless(unit: &Unit) -> bool {
     unit.dimension().is_none()
 }
 
 /// Whether the unit is that of numbers.
-pub fn is_plain_number(unit: &Unit) -> bool {
+pub(crate) fn is_plain_number(unit: &Unit) -> bool {
     unit.is_one()
 }
 
@@ -77,7 +77,7 @@ pub fn mismatch(found: &Unit, wanted: &Unit, span: Span, what: &str, declared: S
 }
 
 /// "cannot be added"
-pub fn clash(a: &Unit, sa: Span, b: &Unit, sb: Span, span: Span, verb: &str) -> Diagnostic {
+pub(crate) fn clash(a: &Unit, sa: Span, b: &Unit, sb: Span, span: Span, verb: &str) -> Diagnostic {
     // What is added to a point on a scale, or taken from it, is a difference.
     let adds = matches!(verb, "added" | "subtracted");
     let of = |unit: &Unit| if adds { difference(unit) } else { unit.clone() };
@@ -98,7 +98,7 @@ pub fn literal(x: f64, unit: &Unit) -> String {
 }
 
 /// A number without a unit beside a dimensionless quantity with a scale: what it counts as.
-pub fn bare_beside(number: Option<f64>, unit: &Unit, span: Span) -> Diagnostic {
+pub(crate) fn bare_beside(number: Option<f64>, unit: &Unit, span: Span) -> Diagnostic {
     let factor = conversion(&Unit::one(), unit).map_or(1.0, |c| c.0);
     let counts = match number {
         Some(x) => format!("{x} without a unit is {} [{unit}]", rounded(x * factor)),

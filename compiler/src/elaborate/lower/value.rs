@@ -45,7 +45,7 @@ impl Value {
     }
 
     /// Whether an error was already reported for it.
-    pub fn is_poison(&self) -> bool {
+    pub(crate) fn is_poison(&self) -> bool {
         matches!(self.unit, Measure::Poison)
     }
 }

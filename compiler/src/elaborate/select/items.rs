@@ -54,7 +54,7 @@ pub fn plain(statements: &[Statement]) -> Vec<Item<'_>> {
 }
 
 /// The bodies of the active variants and choices of a block.
-pub fn selected<'a>(statements: &'a [Statement], selection: &Selection) -> impl Iterator<Item = &'a [Statement]> {
+pub(crate) fn selected<'a>(statements: &'a [Statement], selection: &Selection) -> impl Iterator<Item = &'a [Statement]> {
     statements.iter().filter_map(|statement| match &statement.kind {
         StatementKind::Variant { name, body, .. } if selection.holds(&name.text, "true") => Some(body.as_slice()),
         StatementKind::When { choice, option, body } if selection.holds(&choice.text, &option.text) => Some(body.as_slice()),

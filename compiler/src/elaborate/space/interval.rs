@@ -27,17 +27,17 @@ impl Interval {
     }
 
     /// Whether no number in it is negative.
-    pub fn is_not_negative(self) -> bool {
+    pub(crate) fn is_not_negative(self) -> bool {
         self.low >= 0.0
     }
 
     /// Whether no number in it is positive.
-    pub fn is_not_positive(self) -> bool {
+    pub(crate) fn is_not_positive(self) -> bool {
         self.high <= 0.0
     }
 
     /// Whether the sign is known.
-    pub fn has_sign(self) -> bool {
+    pub(crate) fn has_sign(self) -> bool {
         self.is_not_negative() || self.is_not_positive()
     }
 

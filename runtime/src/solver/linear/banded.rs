@@ -56,7 +56,7 @@ impl Banded {
         self.stored + self.lower + 1
     }
 
-    pub fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
+    pub(crate) fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
         self.bands.fill(0.0);
         for (&place, &value) in self.places.iter().zip(values) {
             self.bands[place] = value;

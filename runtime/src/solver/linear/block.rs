@@ -42,7 +42,7 @@ impl Block {
         Ok(order::Order::new(pattern)?.blocks().map(|block| block.len()).max().unwrap_or(0))
     }
 
-    pub fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
+    pub(crate) fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
         if !self.pivoted && values.len() == self.pattern.entries() && self.eliminate(values) {
             return Ok(());
         }
@@ -73,7 +73,7 @@ impl Block {
     }
 
     /// Writes the solution for `factor` times `b` to `x`; does nothing and returns false where partial pivoting is in force.
-    pub fn solve_scaled(&mut self, factor: f64, b: &[f64], x: &mut [f64]) -> bool {
+    pub(crate) fn solve_scaled(&mut self, factor: f64, b: &[f64], x: &mut [f64]) -> bool {
         if !self.pivoted {
             self.structure.substitution.load(factor, b);
             self.structure.substitution.run(x);
@@ -82,7 +82,7 @@ impl Block {
     }
 
     /// Solves for a matrix of `width` right-hand sides, row after row; does nothing and returns false where partial pivoting is in force.
-    pub fn solve_many(&mut self, width: usize, b: &mut [f64], space: &mut Vec<f64>) -> bool {
+    pub(crate) fn solve_many(&mut self, width: usize, b: &mut [f64], space: &mut Vec<f64>) -> bool {
         if !self.pivoted {
             self.structure.substitution.run_many(width, b, space);
         }

@@ -33,7 +33,7 @@ impl Dense {
         }
     }
 
-    pub fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
+    pub(crate) fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
         if self.full {
             self.columns.copy_from_slice(values);
         } else {
@@ -78,7 +78,7 @@ impl Dense {
     }
 
     /// The same for a matrix of `width` right-hand sides, row after row.
-    pub fn solve_many(&self, width: usize, b: &mut [f64]) {
+    pub(crate) fn solve_many(&self, width: usize, b: &mut [f64]) {
         #[cfg(target_arch = "x86_64")]
         {
             #[target_feature(enable = "avx2")]

@@ -47,6 +47,8 @@ impl Klu {
             pivot: true,
             values: vec![0.0; pattern.entries()].into_boxed_slice(),
         };
+        // SAFETY: the arrays are the pattern that the constructor was given, whose starts and rows fit one another; KLU keeps no address of
+        // them.
         unsafe {
             klu_l_defaults(&mut *klu.common);
             klu.common.ordering = COLAMD;
@@ -66,7 +68,7 @@ impl Klu {
         self.pivot = true;
     }
 
-    pub fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
+    pub(crate) fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
         self.values.copy_from_slice(values);
         if !self.pivot && self.refactorise() {
             return Ok(());
@@ -79,6 +81,8 @@ impl Klu {
 
     /// Factorises with the pivots of the last time; false if they do not serve.
     fn refactorise(&mut self) -> bool {
+        // SAFETY: the arrays have the pattern that was analysed; there are factors, since only a success of
+        // `factorise_with_pivoting` clears `pivot`.
         unsafe {
             let done = klu_l_refactor(
                 self.column_starts.as_mut_ptr(),
@@ -93,7 +97,11 @@ impl Klu {
     }
 
     /// A cheap estimate of the condition first, a better one where that is alarming.
+    ///
+    /// # Safety
+    /// There are factors.
     unsafe fn is_well_conditioned(&mut self) -> bool {
+        // SAFETY: by the contract of this function; the arrays have the pattern that was analysed.
         unsafe {
             klu_l_rcond(self.symbolic, self.numeric, &mut *self.common);
             if self.common.rcond >= ILL_CONDITIONED {
@@ -105,6 +113,7 @@ impl Klu {
     }
 
     fn factorise_with_pivoting(&mut self) -> Result<(), Singular> {
+        // SAFETY: the arrays have the pattern that was analysed; old factors are freed once, which sets their address to null.
         unsafe {
             if !self.numeric.is_null() {
                 klu_l_free_numeric(&mut self.numeric, &mut *self.common);
@@ -125,6 +134,7 @@ impl Klu {
     }
 
     pub fn solve(&mut self, b: &mut [f64]) {
+        // SAFETY: callers give as many numbers as the matrix has rows; without factors KLU returns at once.
         unsafe {
             klu_l_solve(self.symbolic, self.numeric, self.n, 1, b.as_mut_ptr(), &mut *self.common);
         }
@@ -138,6 +148,7 @@ fn has_diagonal(pattern: &Pattern) -> bool {
 
 impl Drop for Klu {
     fn drop(&mut self) {
+        // SAFETY: made by KLU with the same settings, or null, which it leaves alone; freed here only.
         unsafe {
             klu_l_free_numeric(&mut self.numeric, &mut *self.common);
             klu_l_free_symbolic(&mut self.symbolic, &mut *self.common);

@@ -98,7 +98,7 @@ impl Factorisation {
     }
 
     /// Factorises the matrix with these entries, in the pattern's order.
-    pub fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
+    pub(crate) fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
         match self {
             Self::Dense(dense) => dense.factorise(values),
             Self::Banded(banded) => banded.factorise(values),
@@ -108,7 +108,7 @@ impl Factorisation {
     }
 
     /// Writes the solution for `factor` times the right-hand side to `x`.
-    pub fn solve_scaled(&mut self, factor: f64, b: &[f64], x: &mut [f64]) {
+    pub(crate) fn solve_scaled(&mut self, factor: f64, b: &[f64], x: &mut [f64]) {
         if let Self::Block(block) = self
             && block.solve_scaled(factor, b, x)
         {
@@ -129,7 +129,7 @@ impl Factorisation {
     }
 
     /// Replaces many right-hand sides, a matrix of `width` columns, row after row, by their solutions. `space` is working memory.
-    pub fn solve_many(&mut self, width: usize, b: &mut [f64], space: &mut Vec<f64>) {
+    pub(crate) fn solve_many(&mut self, width: usize, b: &mut [f64], space: &mut Vec<f64>) {
         let done = match self {
             Self::Dense(dense) => {
                 dense.solve_many(width, b);

@@ -92,7 +92,7 @@ impl Substitution {
     }
 
     /// All factors, to be written at their [`Places`].
-    pub fn factors_mut(&mut self) -> &mut [f64] {
+    pub(crate) fn factors_mut(&mut self) -> &mut [f64] {
         &mut self.factors
     }
 
@@ -108,7 +108,7 @@ impl Substitution {
     }
 
     /// Replaces a matrix of `width` right-hand sides, row after row, by the unknowns. `space` is working memory.
-    pub fn run_many(&mut self, width: usize, b: &mut [f64], space: &mut Vec<f64>) {
+    pub(crate) fn run_many(&mut self, width: usize, b: &mut [f64], space: &mut Vec<f64>) {
         if self.rows.is_empty() {
             self.list_rows();
         }
@@ -164,7 +164,7 @@ impl Substitution {
 
     /// The same without the instructions that only some processors have; same results.
     #[inline(always)]
-    pub fn run_portable(&mut self, x: &mut [f64]) {
+    pub(crate) fn run_portable(&mut self, x: &mut [f64]) {
         let mut results = self.operand.as_mut_ptr();
         let operand = results;
         let mut factors = self.factors.as_ptr().cast::<[f64; LANES]>();

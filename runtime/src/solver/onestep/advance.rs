@@ -38,7 +38,7 @@ pub struct Run<'a> {
 
 impl Run<'_> {
     /// Consistent values and derivatives at a time.
-    pub fn initialise(&mut self, t: f64) -> Result<(), SolveError> {
+    pub(crate) fn initialise(&mut self, t: f64) -> Result<(), SolveError> {
         self.one.frame.t = t;
         self.make_consistent(t)?;
         let frame = &mut self.one.frame;

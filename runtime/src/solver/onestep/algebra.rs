@@ -13,7 +13,7 @@ use super::super::watch::Watch;
 use super::super::{IdaFlag, LinearSolver, Pattern, Settings, SolveError, Statistics, System};
 
 /// Finds algebraic unknowns.
-pub struct Algebra {
+pub(crate) struct Algebra {
     // Freed in this order, the context last.
     consistent: Consistent,
     bridge: Bridge,

@@ -64,7 +64,7 @@ impl Control {
     }
 
     /// The step to take where so much is left: equal ones where few fit.
-    pub fn fit(&self, left: f64, longest: f64) -> f64 {
+    pub(crate) fn fit(&self, left: f64, longest: f64) -> f64 {
         let step = self.proposed.min(longest);
         // Rounding is no reason for one more.
         let pieces = (left / step - 1e-9).ceil();
@@ -101,7 +101,7 @@ impl Control {
     }
 
     /// Notes the error of a step that was rejected; infinite where there is none.
-    pub fn reject(&mut self, step: f64, error: f64, growth: Growth) {
+    pub(crate) fn reject(&mut self, step: f64, error: f64, growth: Growth) {
         let root = root32(error);
         let power = root * root * root * root;
         let factor = match growth {

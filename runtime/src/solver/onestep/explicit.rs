@@ -123,7 +123,7 @@ impl Explicit {
 
     /// The largest eigenvalue that the last step met times its length, about: rates and states of the last two stages (Hairer and Wanner,
     /// *Solving Ordinary Differential Equations II*, section IV.2).
-    pub fn stiffness(&self, frame: &Frame) -> f64 {
+    pub(crate) fn stiffness(&self, frame: &Frame) -> f64 {
         let last = &self.k[10];
         let squares = |a: &[Quad], b: &[Quad]| {
             sum(a.len(), |i, lane| {

@@ -91,14 +91,14 @@ impl Frame {
     }
 
     /// Reciprocal tolerance of unknown `at` over the step.
-    pub fn reciprocal_tolerance(&self, at: usize) -> f64 {
+    pub(crate) fn reciprocal_tolerance(&self, at: usize) -> f64 {
         let (i, lane) = (at / 4, at % 4);
         1.0 / (self.atol[i][lane] + self.rtol * self.begin[i][lane].abs().max(self.end[i][lane].abs()))
     }
 
     /// Root mean square over all unknowns of what is tested, in tolerances.
     #[inline(always)]
-    pub fn norm(&self, x: &[Quad]) -> f64 {
+    pub(crate) fn norm(&self, x: &[Quad]) -> f64 {
         let squares = sum(self.begin.len(), |i, lane| {
             let x = x[i][lane] * self.weight(i, lane);
             x * x
@@ -115,13 +115,13 @@ impl Frame {
 
     /// Rates at the end of the step.
     #[inline]
-    pub fn evaluate_end(&mut self, system: &mut dyn System) {
+    pub(crate) fn evaluate_end(&mut self, system: &mut dyn System) {
         self.functions.rates(system, self.t + self.h, &self.end, &mut self.end_rates);
     }
 
     /// The end becomes the beginning.
     #[inline]
-    pub fn go_on(&mut self, t: f64) {
+    pub(crate) fn go_on(&mut self, t: f64) {
         std::mem::swap(&mut self.begin, &mut self.end);
         std::mem::swap(&mut self.begin_rates, &mut self.end_rates);
         self.t = t;
@@ -131,7 +131,7 @@ impl Frame {
         entries(&self.begin, self.n)
     }
 
-    pub fn y_mut(&mut self) -> &mut [f64] {
+    pub(crate) fn y_mut(&mut self) -> &mut [f64] {
         entries_mut(&mut self.begin, self.n)
     }
 }

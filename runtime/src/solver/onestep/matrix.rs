@@ -42,7 +42,7 @@ impl Matrix {
 
     /// Factorises the matrix with these entries, in the pattern's order.
     #[inline]
-    pub fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
+    pub(crate) fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
         match self {
             Self::Small(small) => small.factorise(values),
             Self::General(factorisation, _) => factorisation.factorise(values),
@@ -51,7 +51,7 @@ impl Matrix {
 
     /// Writes the solution for minus the right-hand side to `x`.
     #[inline]
-    pub fn solve_negative(&mut self, b: &[Quad], x: &mut [Quad]) {
+    pub(crate) fn solve_negative(&mut self, b: &[Quad], x: &mut [Quad]) {
         match self {
             Self::Small(small) => small.solve_negative(b, x),
             Self::General(factorisation, n) => factorisation.solve_scaled(-1.0, entries(b, *n), entries_mut(x, *n)),

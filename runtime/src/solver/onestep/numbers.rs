@@ -36,7 +36,7 @@ pub fn entries(quads: &[Quad], length: usize) -> &[f64] {
 
 /// The entries themselves.
 #[inline(always)]
-pub fn entries_mut(quads: &mut [Quad], length: usize) -> &mut [f64] {
+pub(crate) fn entries_mut(quads: &mut [Quad], length: usize) -> &mut [f64] {
     &mut quads.as_flattened_mut()[..length]
 }
 

@@ -136,7 +136,7 @@ impl Rosenbrock {
     }
 
     /// The largest row sum of |∂f/∂y| in tolerances, which bounds its spectral radius, at the beginning of the last step.
-    pub fn spectral_bound(&mut self, frame: &Frame) -> f64 {
+    pub(crate) fn spectral_bound(&mut self, frame: &Frame) -> f64 {
         let (weights, sums) = (entries_mut(&mut self.right, frame.n), entries_mut(&mut self.rates, frame.n));
         weights.iter_mut().enumerate().for_each(|(at, weight)| *weight = frame.reciprocal_tolerance(at));
         sums.fill(0.0);

@@ -49,7 +49,7 @@ pub(super) struct Cursor<'a> {
 }
 
 impl Small {
-    pub fn cursor(&self) -> Cursor<'_> {
+    pub(crate) fn cursor(&self) -> Cursor<'_> {
         Cursor { counts: self.counts.iter(), inside: &self.inside, columns: &self.columns, outside: &self.outside, places: &self.places }
     }
 }
@@ -60,6 +60,7 @@ impl Small {
 /// There are as many.
 #[inline(always)]
 unsafe fn take<'a, T>(from: &mut &'a [T], count: usize) -> &'a [T] {
+    // SAFETY: there are `count` items, by the contract.
     unsafe {
         let taken = from.get_unchecked(..count);
         *from = from.get_unchecked(count..);
@@ -73,7 +74,9 @@ impl Cursor<'_> {
     /// # Safety
     /// `values` and `factors` have the lengths for which the structure was made, and the next block has dimension `N`.
     #[inline(always)]
-    pub unsafe fn invert<const N: usize>(&mut self, values: &[f64], factors: &mut [f64]) -> bool {
+    pub(crate) unsafe fn invert<const N: usize>(&mut self, values: &[f64], factors: &mut [f64]) -> bool {
+        // SAFETY: places and entries are those of the structure, whose lengths `values` and `factors` have by the contract; blocks are taken
+        // in the order in which the structure was written, so that a next one with as many items is there.
         unsafe {
             let &(entries, columns) = self.counts.next().unwrap_unchecked();
             let mut block = [[0.0_f64; N]; N];
@@ -137,8 +140,11 @@ impl Rows {
         self.places.extend_from_slice(places);
     }
 
+    /// # Safety
+    /// There is such a row.
     #[inline(always)]
     unsafe fn range(&self, row: usize) -> Range<usize> {
+        // SAFETY: rows have a start, and the next one's where they end.
         unsafe { *self.starts.get_unchecked(row) as usize..*self.starts.get_unchecked(row + 1) as usize }
     }
 }
@@ -170,8 +176,9 @@ impl Large {
     /// # Safety
     /// `values` and `factors` have the lengths for which the structure was made.
     #[inline(always)]
-    pub unsafe fn eliminate(&mut self, rows: Range<usize>, values: &[f64], factors: &mut [f64]) -> bool {
+    pub(crate) unsafe fn eliminate(&mut self, rows: Range<usize>, values: &[f64], factors: &mut [f64]) -> bool {
         let Self { lower, upper, upper_values, inverse_diagonal, work, .. } = self;
+        // SAFETY: rows, columns and places are those of the structure, whose lengths `values` and `factors` have by the contract.
         unsafe {
             for row in rows {
                 let range = *self.outside_starts.get_unchecked(row) as usize..*self.outside_starts.get_unchecked(row + 1) as usize;
