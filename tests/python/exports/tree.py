@@ -166,7 +166,9 @@ class Tree:
         if kind == "integer_power":
             return operands[0] ** np.float64(rest[1])
         if kind in ("passed_below", "passed_up_to"):
-            return np.searchsorted(rest[1], operands[0], side="left" if kind == "passed_below" else "right").astype(float)
+            return np.searchsorted(rest[1], operands[0], side="left" if kind == "passed_below" else "right").astype(
+                float
+            )
         if kind == "entry":
             return np.array(rest[1])[np.asarray(operands[0], dtype=int)]
         if kind == "select":
