@@ -20,6 +20,7 @@ from smpl._step import Step
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
+    from smpl.adjoint import EpisodeGradient
     from smpl.rollout import Rollout
     from smpl.sensitivity import StepDerivatives
 
@@ -323,6 +324,55 @@ class Model(Named):
             parameters=parameters,
             discrete=discrete,
             disturbances=disturbances,
+            method=method,
+            threads=threads,
+            first_step=first_step,
+        )
+
+    def gradient(
+        self,
+        x: npt.ArrayLike,
+        actions: npt.ArrayLike,
+        p: Mapping[str, npt.ArrayLike] | None = None,
+        *,
+        reward: str | None = None,
+        final: npt.ArrayLike | None = None,
+        discount: float = 1.0,
+        parameters: Iterable[str] = (),
+        method: str | None = None,
+        threads: int | None = None,
+        first_step: int = 0,
+    ) -> EpisodeGradient:
+        """The value of an episode with its exact derivatives by start, actions and parameters.
+
+        The value is the sum of the reward, each step's multiplied by another `discount`, and of `final` times the last
+        states. Derivatives of the steps are accumulated backwards in time.
+
+        Args:
+            x: states at the start, (states,), or (N, states) for N episodes on all cores.
+            actions: (steps, actions) or (N, steps, actions).
+            p, method, threads, first_step: as for `step`, for all steps.
+            reward: its name; the model's chosen one if none.
+            final: what each of the last states is worth, (states,).
+            discount: from 0 to 1.
+            parameters: names of parameters, whole arrays too.
+
+        Raises:
+            ValueError: as for `step`; or the model remembers more than its states, so that an episode is no chain of
+                steps.
+            SimulationError: the episode ends early, or a step has no derivative.
+        """
+        from smpl.adjoint import gradient
+
+        return gradient(
+            self,
+            x,
+            actions,
+            p,
+            reward=reward,
+            final=final,
+            discount=discount,
+            parameters=parameters,
             method=method,
             threads=threads,
             first_step=first_step,

@@ -99,6 +99,18 @@ observe x
 episode { step = 0.8 [s], max_steps = 10 }
 """
 
+IMPLICIT = """model Implicit
+param k : 1/s = 0.7
+action u = 0.3 in -1..1
+state x = 1
+state y = 0.5
+eq d/dt x + 0.2*sin(d/dt x * 1[s])*1[1/s] + 0.1*d/dt y = -k*x + u*1[1/s]
+eq d/dt y + 0.3*x*d/dt x = -k*y*x
+observe x, y in -9..9
+reward r = x*y
+episode { step = 0.8 [s], max_steps = 10 }
+"""
+
 ALGEBRAIC = """model Algebraic "a rate that follows from an equation"
 time t : s
 param k = 1.3 in 0..5
@@ -232,6 +244,25 @@ def test_updates_resets_discrete_variables_and_disturbances():
 
 def test_algebraic_variables():
     check(compiled(ALGEBRAIC), [1.0, 0.2], [0.4], ("k",))
+
+
+def test_rates_that_are_given_implicitly():
+    model = compiled(IMPLICIT)
+    assert not model.explicit
+    check(model, [1.0, 0.5], [0.3], ("k",))
+
+
+def test_tolerances_of_derivatives_are_those_that_the_book_tells():
+    """At `rtol = 1e-8` derivatives keep to 1e-6, at 1e-11 to 1e-9; compared with the matrix exponential."""
+    linalg = pytest.importorskip("scipy.linalg")
+    a, u, v = 0.7, 0.3, -0.1
+    expected = linalg.expm(np.array([[-a, 0.4, 1, 0], [0.3, -2 * a, v, u], [0, 0, 0, 0], [0, 0, 0, 0]]) * 0.8)
+    for rtol, bound in ((1e-8, 2e-6), (1e-11, 2e-9)):
+        # An algebraic variable keeps it from the explicit method.
+        source = LINEAR.replace("let square", "var z : 1 = 0.7\neq 0 = z + 0.2*z^3 - x_1\nlet square")
+        _, by_x, by_u, _ = smpl.compile(source=source, settings={"rtol": rtol}).sensitivity([1, -0.5], [u, v])
+        np.testing.assert_allclose(by_x, expected[:2, :2], rtol=bound, atol=bound)
+        np.testing.assert_allclose(by_u, expected[:2, 2:], rtol=bound, atol=bound)
 
 
 def test_what_has_no_derivative_is_refused_by_name():

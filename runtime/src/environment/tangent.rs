@@ -25,6 +25,10 @@ use crate::solver::{Integrator, Method, Settings, SolveError, System, integrator
 const SMALL: usize = 200;
 const FEW: u32 = 64;
 
+/// Tolerances of derivatives, as a multiple of those of the unknowns: as many as this, but up to this relative tolerance at most.
+const MOST_LOOSE: f64 = 100.0;
+const LOOSE_ENOUGH: f64 = 1e-6;
+
 /// What a derivative is taken by: a place of its family in the order of the inside (`Element::at`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
@@ -144,10 +148,11 @@ impl Follower {
     }
 }
 
-/// Tolerances of unknowns for their derivatives too, which are in their units.
+/// Tolerances of unknowns, and for their derivatives, which are in their units, looser ones.
 fn settings(of_model: &Settings, width: usize) -> Settings {
     let each = of_model.atol.iter().flat_map(|&atol| std::iter::repeat_n(atol, width));
-    Settings { atol: of_model.atol.iter().copied().chain(each).collect(), ..of_model.clone() }
+    let looseness = (LOOSE_ENOUGH / of_model.rtol).clamp(1.0, MOST_LOOSE);
+    Settings { atol: of_model.atol.iter().copied().chain(each).collect(), looseness, ..of_model.clone() }
 }
 
 impl Environment {

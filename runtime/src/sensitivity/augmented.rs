@@ -145,7 +145,11 @@ enum Beginning<'a> {
     /// Another matrix.
     Given(&'a [f64]),
     /// On differential rows `cj` x minus this; zero on others.
-    Rates { differential: &'a [bool], cj: f64, rates: &'a [f64] },
+    Rates {
+        differential: &'a [bool],
+        cj: f64,
+        rates: &'a [f64],
+    },
 }
 
 with_avx2! {

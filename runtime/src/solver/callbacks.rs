@@ -67,6 +67,8 @@ pub(crate) struct Bridge {
     /// Unknowns that derivatives along directions follow, or all; and those together.
     pub leading: usize,
     length: usize,
+    /// Tolerances of the derivatives in those of the unknowns.
+    pub looseness: f64,
     /// For many right-hand sides.
     space: Vec<f64>,
     /// Absolute tolerances, filled up with infinity.
@@ -111,6 +113,7 @@ impl Bridge {
             rtol,
             leading: atol.len(),
             length: atol.len(),
+            looseness: 1.0,
             space: Vec::new(),
             atol: blocks,
             values: vec![0.0; entries].into_boxed_slice(),
@@ -322,7 +325,14 @@ impl Bridge {
     /// Solves with the factorised matrix in place.
     fn solve(&mut self, x: &mut [f64]) -> c_int {
         self.counts.linear_solves += 1;
-        match catch_unwind(AssertUnwindSafe(|| self.factorisation.solve(x))) {
+        let solve = || {
+            let (own, following) = x.split_at_mut(self.leading);
+            self.factorisation.solve(own);
+            if !following.is_empty() {
+                self.factorisation.solve_many(following.len() / own.len(), following, &mut self.space);
+            }
+        };
+        match catch_unwind(AssertUnwindSafe(solve)) {
             Ok(()) => 0,
             Err(_) => self.panicked(),
         }
@@ -339,11 +349,13 @@ impl Bridge {
         weighed.unwrap_or_else(|_| self.panicked())
     }
 
-    /// The leading unknowns count as much as if they were alone.
+    /// The leading unknowns count as much as if they were alone; derivatives along directions have tolerances of their own.
     pub fn emphasise(&self, weights: &mut [f64]) {
         if self.leading < weights.len() {
             let factor = (weights.len() as f64 / self.leading as f64).sqrt();
             weights[..self.leading].iter_mut().for_each(|weight| *weight *= factor);
+            let tighter = 1.0 / self.looseness;
+            weights[self.leading..].iter_mut().for_each(|weight| *weight *= tighter);
         }
     }
 

@@ -192,6 +192,7 @@ impl Ida {
 
     /// Hands the values at the beginning to IDA, with a first step (zero: by IDA's rule).
     fn start(&mut self, step: f64) -> Result<(), SolveError> {
+        self.bridge().newton.restart();
         unsafe {
             check("IDASetInitStep", IDASetInitStep(self.memory, step))?;
             check("IDAReInit", IDAReInit(self.memory, self.time, self.y.raw(), self.yp.raw()))?;

@@ -7,7 +7,7 @@
 //!
 //! Derivatives along directions follow when the unknowns have converged (the staggered corrector of W. F. Feehery, J. E. Tolsma and P. I. Barton,
 //! *Appl. Numer. Math.* 25 (1997) 41). Their equations are linear: with the Jacobian there, factorised once for all directions, one solution is the exact one. It
-//! serves the next step's iterations too.
+//! serves the next step's iterations too. (A few iterations with an older matrix take longer where directions are many: each of them is a product and a solution for all.)
 
 use std::os::raw::{c_int, c_long, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -77,6 +77,11 @@ impl Newton {
     /// The last correction of the last solve; zero for derivatives along directions.
     pub fn corrections(&self) -> &[f64] {
         self.correction.entries()
+    }
+
+    /// Forgets the matrix: the next solve is the first one after a restart.
+    pub fn restart(&mut self) {
+        self.setup_cj = f64::NAN;
     }
 
     /// Forgets earlier solves.
@@ -255,7 +260,13 @@ impl Solve {
     unsafe fn move_to_sum(&self) {
         let step = &self.step;
         unsafe {
-            self.bridge().operations.correct(self.blocks, step.cj, self.sum, (step.predicted, step.y), (step.predicted_derivative, step.yp));
+            self.bridge().operations.correct(
+                self.blocks,
+                step.cj,
+                self.sum,
+                (step.predicted, step.y),
+                (step.predicted_derivative, step.yp),
+            );
         }
     }
 
@@ -276,9 +287,9 @@ impl Solve {
 
     /// The derivatives along directions at the unknowns that were found.
     unsafe fn follow(&self) -> c_int {
+        let Step { time, cj, y, yp, residual, predicted, predicted_derivative } = self.step;
         unsafe {
             self.move_to_sum();
-            let Step { time, cj, y, yp, residual, predicted, predicted_derivative } = self.step;
             let bridge = self.bridge();
             if let Err(code) = bridge.jacobian(time, cj, y, yp) {
                 return code;
@@ -330,9 +341,7 @@ unsafe extern "C" fn solver_solve(
 ) -> c_int {
     unsafe {
         bridge(solver).shared.set_corrections(sum);
-        let solve = || {
-            Solve::new((*solver).content.cast(), memory, sum, weights, tolerance).run(setup != 0)
-        };
+        let solve = || Solve::new((*solver).content.cast(), memory, sum, weights, tolerance).run(setup != 0);
         catch_unwind(AssertUnwindSafe(solve)).unwrap_or_else(|_| bridge(solver).panicked())
     }
 }

@@ -28,6 +28,8 @@ pub struct Settings {
     pub linear_solver: LinearSolver,
     /// Tolerances of the quadratures. Default [`Quadratures::Unchecked`].
     pub quadratures: Quadratures,
+    /// Tolerances of derivatives along [`directions`](super::System::directions), as a multiple of those of the unknowns. Default 1.
+    pub looseness: f64,
 }
 
 /// How the first step after a restart is chosen. It never exceeds the interval.
@@ -144,6 +146,7 @@ impl Settings {
             method: Method::default(),
             linear_solver: LinearSolver::default(),
             quadratures: Quadratures::default(),
+            looseness: 1.0,
         }
     }
 
@@ -170,6 +173,7 @@ impl Settings {
             (not_negative(self.min_step), "min_step must be finite and not negative"),
             (self.max_step > self.min_step, "max_step must exceed min_step"),
             (quadratures, "tolerances of the quadratures must be finite and positive"),
+            (positive(self.looseness), "looseness must be finite and positive"),
         ];
         match checks.into_iter().find(|(holds, _)| !holds) {
             Some((_, message)) => Err(SolveError::Settings { message }),

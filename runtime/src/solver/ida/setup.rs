@@ -29,7 +29,8 @@ impl Ida {
         let newton = Newton::new(n, operations, context.0);
         let watch = Watch::new(system.root_count(), system.root_kinds());
         let mut bridge = Bridge::new(operations, settings.rtol, &settings.atol, entries, factorisation, newton, watch);
-        bridge.leading = n / (1 + system.directions());
+        (bridge.leading, bridge.looseness) = (n / (1 + system.directions()), settings.looseness);
+        bridge.shared.set_many(system.directions() > 0);
         let consistent = match system.is_explicit() {
             true => Some(Consistent::new(system, operations, context.0)?),
             false => None,

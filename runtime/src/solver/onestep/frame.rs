@@ -25,7 +25,7 @@ pub struct Frame {
     pub end_rates: Quads,
     /// 1 on differential rows, 0 on algebraic ones and behind the last.
     pub mass: Quads,
-    /// 1 for unknowns in the error test.
+    /// 1 for unknowns in the error test; where there are derivatives along directions, how much each counts.
     tested: Quads,
     rtol: f64,
     atol: Quads,
@@ -47,9 +47,13 @@ impl Frame {
     pub fn new(system: &dyn System, settings: &Settings) -> Self {
         let n = system.dimension();
         let differential = || system.differential().iter().map(|&d| f64::from(u8::from(d)));
+        let leading = n / (1 + system.directions());
+        // Unknowns that derivatives follow count as much as if they were alone.
+        let (alone, following) = ((n as f64 / leading.max(1) as f64).sqrt(), 1.0 / settings.looseness);
+        let importance = |i: usize| if i < leading { alone } else { following };
         let tested = match settings.algebraic_error_control {
-            true => from((0..n).map(|_| 1.0), n, 0.0),
-            false => from(differential(), n, 0.0),
+            true => from((0..n).map(importance), n, 0.0),
+            false => from(differential().enumerate().map(|(i, differential)| importance(i) * differential), n, 0.0),
         };
         Self {
             n,
