@@ -9,6 +9,7 @@ mod document;
 mod excerpt;
 mod export;
 mod fit;
+mod import;
 mod new;
 mod outputs;
 mod plot;
@@ -66,6 +67,8 @@ enum Command {
     Fit(fit::FitArguments),
     /// Write a model in the form of another tool
     Export(export::ExportArguments),
+    /// Write a model of another tool (SBML) as text
+    Import(import::ImportArguments),
     /// Lay models out in the canonical way
     Fmt(document::FormatArguments),
     /// Describe a model in Markdown, with its equations typeset
@@ -135,7 +138,7 @@ impl ModelArguments {
     fn load_with(&self, file: &std::path::Path, texts: bool) -> Result<Loaded, Failed> {
         let loaded = load::load(file, &LoadOptions { texts, ..self.options() })?;
         report::print_diagnostics(&loaded.warnings, &loaded.sources);
-        if file.extension().is_some_and(|e| e == load::ARTEFACT_EXTENSION) && !loaded.made_for().is_empty() {
+        if load::is_made(file) && !loaded.made_for().is_empty() {
             report::note(&format!("note: {} was compiled for {}\n", file.display(), loaded.made_for()));
         }
         Ok(loaded)
@@ -168,6 +171,7 @@ fn dispatch(command: Command) -> Result<(), Failed> {
         Command::Steady(arguments) => steady::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
+        Command::Import(arguments) => import::run(&arguments),
         Command::Fmt(arguments) => document::format(&arguments),
         Command::Doc(arguments) => document::describe(&arguments),
     }

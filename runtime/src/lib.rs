@@ -2,7 +2,7 @@
 //!
 //! [`solver`] integrates; [`environment`] turns a compiled model into episodes with actions, rewards and failures; [`batch`] runs many instances on
 //! several threads, [`rollout`] many action sequences from given states; [`sensitivity`] differentiates steps; [`steady`], [`linearize`] and [`spectrum`] find and describe points of rest;
-//! [`trajectory`] reads and writes tables, [`picture`] draws them, [`files`] writes anything; [`load`] goes from a file to a model ready to run;
+//! [`trajectory`] reads and writes tables, [`picture`] draws them, [`files`] writes anything; [`load`] goes from a file to a model ready to run; [`import`] makes text of models of other tools;
 //! [`interrupt`] stops what takes long; [`cli`] is the command `smpl`.
 //!
 //! What all instances share is a [`setup::Setup`]; what changes is an [`environment::Environment`].
@@ -15,6 +15,7 @@ pub mod environment;
 pub mod export;
 pub mod failure;
 pub mod files;
+pub mod import;
 pub mod interrupt;
 mod inverse;
 pub mod linearize;

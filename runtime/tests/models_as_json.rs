@@ -25,7 +25,8 @@ fn what_is_read_computes_the_same_bits() {
     for file in ["models/reactor.eq", "models/pensim.eq", "models/atropine.eq", "tests/problems/transistor_amplifier.eq"] {
         let first = load(&root().join(file), &LoadOptions::default()).expect("compiles").model;
         let again = CompiledModel::build(read(&text_of(file)).expect("is read").model, &BackEndSettings::default()).expect("builds");
-        assert_eq!(again.interface(), first.interface(), "{file}");
+        // As text: a default that there is not is NaN, which equals nothing.
+        assert_eq!(format!("{:?}", again.interface()), format!("{:?}", first.interface()), "{file}");
         assert_eq!(again.pattern().row_indices, first.pattern().row_indices, "{file}");
         let n = first.unknowns();
         let mut state = 1_u64;
@@ -182,5 +183,5 @@ fn nodes_inside_one_another_have_a_limit_that_the_compiler_bears() {
         value.to_string()
     };
     is_a_model(&deep(9_000));
-    assert!(read(&deep(9_000)).is_err());
+    assert!(read(&deep(11_000)).is_err());
 }

@@ -5,7 +5,7 @@ use std::fmt;
 use serde_json::{Map, Value};
 use thiserror::Error;
 
-use super::words::{Words, meaning};
+use super::words::{Word, meaning};
 
 /// Why a text is no model.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
@@ -188,11 +188,11 @@ impl<'a> At<'a> {
         if test(x) { Ok(x) } else { Err(self.fault(format!("expected a number that is {is}, found {x}"))) }
     }
 
-    /// The meaning of a word of a table.
-    pub(super) fn word<T: Copy>(&self, table: &Words<T>) -> Result<T, ReadError> {
+    /// The meaning of a word.
+    pub(super) fn word<T: Word>(&self) -> Result<T, ReadError> {
         let text = self.text()?;
-        let known = || table.iter().map(|(_, word)| *word).collect::<Vec<_>>().join(", ");
-        meaning(table, text).ok_or_else(|| self.fault(format!("unknown word `{}`; known: {}", short(text), known())))
+        let known = || T::ALL.iter().map(|known| known.word()).collect::<Vec<_>>().join(", ");
+        meaning(text).ok_or_else(|| self.fault(format!("unknown word `{}`; known: {}", short(text), known())))
     }
 
     /// One of several texts.

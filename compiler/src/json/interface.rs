@@ -4,7 +4,7 @@ use cranelift_entity::{EntityRef, PrimaryMap};
 
 use super::cursor::{At, ReadError};
 use super::nodes::variable;
-use super::words::{INSTANTS, VARIATES};
+
 use crate::ir::{Role, VarId};
 use crate::model::{Axis, BoxItem, Draw, Episode, Failure, Finish, Grid, Interface, Observed, Quantity, Reward, Solver, Variable};
 
@@ -179,7 +179,7 @@ fn state_order(at: &At<'_>, states: usize) -> Result<Option<Vec<u32>>, ReadError
 
 fn draw(at: &At<'_>) -> Result<Draw, ReadError> {
     at.only(&["stream", "kind", "at"])?;
-    Ok(Draw { stream: at.field("stream")?.string()?, kind: at.field("kind")?.word(&VARIATES)?, instant: at.field("at")?.word(&INSTANTS)? })
+    Ok(Draw { stream: at.field("stream")?.string()?, kind: at.field("kind")?.word()?, instant: at.field("at")?.word()? })
 }
 
 fn finish(i: &mut Interface, at: &At<'_>) -> Result<(), ReadError> {

@@ -3,8 +3,8 @@
 use cranelift_entity::{EntityRef, PrimaryMap};
 
 use super::cursor::{At, ReadError};
-use super::words::{BINARY, COMPARE, COPIES, REDUCE, SIDES, UNARY, meaning};
-use crate::ir::{Affine, Expr, ExprId, Exprs, Flavour, List, LoopVar, MAX_DEPTH, Nest, Place, Program, Role, Store, Target, VarId};
+use super::words::meaning;
+use crate::ir::{Affine, Expr, ExprId, Exprs, Flavour, List, LoopVar, MAX_DEPTH, Nest, Place, Program, Role, Side, Store, Target, VarId};
 use crate::model::Variable;
 
 /// Most nodes inside one another: passes follow them.
@@ -69,7 +69,7 @@ impl Nodes {
             let numbers = list.list(|x| x.number())?;
             return if numbers.is_empty() { Err(list.fault("a list of no numbers")) } else { Ok(Some(self.exprs.lists_mut().add(&numbers))) };
         }
-        if meaning(&SIDES, kind).is_none() {
+        if meaning::<Side>(kind).is_none() {
             return Ok(None);
         }
         let limits = list.list(|limit| limit.number_that("finite", f64::is_finite))?;
@@ -101,17 +101,17 @@ impl Nodes {
             "not" => takes(1).and_then(|()| Ok(Expr::Not(truth(0)?)))?,
             "select" => takes(3).and_then(|()| Ok(Expr::Select(truth(0)?, number(1)?, number(2)?)))?,
             word => {
-                if let (Some(list), Some(side)) = (looked_up, meaning(&SIDES, word)) {
+                if let (Some(list), Some(side)) = (looked_up, meaning(word)) {
                     Expr::Passed(list, side, number(0)?)
                 } else if let (Some(list), "entry") = (looked_up, word) {
                     Expr::Entry(list, number(0)?)
-                } else if let Some(f) = meaning(&UNARY, word) {
+                } else if let Some(f) = meaning(word) {
                     takes(1).and_then(|()| Ok(Expr::Unary(f, number(0)?)))?
-                } else if let Some(f) = meaning(&BINARY, word) {
+                } else if let Some(f) = meaning(word) {
                     takes(2).and_then(|()| Ok(Expr::Binary(f, number(0)?, number(1)?)))?
-                } else if let Some(f) = meaning(&COMPARE, word) {
+                } else if let Some(f) = meaning(word) {
                     takes(2).and_then(|()| Ok(Expr::Compare(f, number(0)?, number(1)?)))?
-                } else if let Some(op) = meaning(&REDUCE, word) {
+                } else if let Some(op) = meaning(word) {
                     takes(3).and_then(|()| {
                         Ok(Expr::Reduce { op, depth: counter(&rest[0])?, extent: rest[1].count(MAX_EXTENT)?, body: number(2)? })
                     })?
@@ -191,7 +191,7 @@ fn counter(at: &At<'_>) -> Result<LoopVar, ReadError> {
 
 fn load(rest: &[At<'_>], vars: &PrimaryMap<VarId, Variable>) -> Result<Expr, ReadError> {
     let var = variable(&rest[0], vars)?;
-    let flavour = rest[1].word(&COPIES)?;
+    let flavour = rest[1].word()?;
     let has = match (vars[var].role, flavour) {
         (_, Flavour::Value) => true,
         (Role::State | Role::Algebraic, _) => true,

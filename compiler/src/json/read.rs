@@ -8,7 +8,7 @@ use super::bounds::{Bounds, loops, within};
 use super::cursor::{At, ReadError};
 use super::interface::{self, count, texts};
 use super::nodes::{Nodes, address, extents, variable};
-use super::words::ROLES;
+
 use super::{FORMAT, VERSION, write};
 use crate::artefact::Circumstances;
 use crate::export::{Families, Nominal};
@@ -102,7 +102,7 @@ fn variables(at: &At<'_>) -> Result<PrimaryMap<VarId, Variable>, ReadError> {
         if elements > MAX_ELEMENTS {
             return Err(item.fault(format!("more than {MAX_ELEMENTS} elements of all variables together")));
         }
-        vars.push(Variable { name: item.field("name")?.string()?, role: item.field("role")?.word(&ROLES)?, len, span: Span::default() });
+        vars.push(Variable { name: item.field("name")?.string()?, role: item.field("role")?.word()?, len, span: Span::default() });
     }
     Ok(vars)
 }

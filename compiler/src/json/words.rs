@@ -1,85 +1,192 @@
-//! The words of the form, each beside what it means: one table for both directions.
+//! The words of the form: each meaning has one, which the compiler sees to, and the reader finds the meaning of a word by it.
 
 use crate::ir::{BinaryFn, Compare, Flavour, ReduceFn, Role, Side, UnaryFn};
 use crate::model::{Instant, Variate};
 
-/// A table of meanings and their words.
-pub(super) type Words<T> = [(T, &'static str)];
+/// What is written as a word.
+pub(super) trait Word: Copy + 'static {
+    /// All that can be read.
+    const ALL: &'static [Self];
 
-/// The word of a meaning; every meaning that is written has one.
-pub(super) fn word<T: PartialEq>(table: &Words<T>, meaning: &T) -> &'static str {
-    table.iter().find(|(known, _)| known == meaning).map_or("", |(_, word)| word)
+    /// The word.
+    fn word(self) -> &'static str;
 }
 
 /// The meaning of a word.
-pub(super) fn meaning<T: Copy>(table: &Words<T>, word: &str) -> Option<T> {
-    table.iter().find(|(_, known)| *known == word).map(|(meaning, _)| *meaning)
+pub(super) fn meaning<T: Word>(word: &str) -> Option<T> {
+    T::ALL.iter().copied().find(|known| known.word() == word)
 }
 
-pub(super) const ROLES: [(Role, &str); 11] = [
-    (Role::State, "state"),
-    (Role::Algebraic, "algebraic"),
-    (Role::Param, "parameter"),
-    (Role::Action, "action"),
-    (Role::Discrete, "discrete"),
-    (Role::Disturbance, "disturbance"),
-    (Role::Draw, "draw"),
-    (Role::Quadrature, "integral"),
-    (Role::Builtin, "builtin"),
-    (Role::ParamGiven, "given"),
-    (Role::Scratch, "scratch"),
-];
+impl Word for Role {
+    const ALL: &'static [Role] = &[
+        Role::State,
+        Role::Algebraic,
+        Role::Param,
+        Role::Action,
+        Role::Discrete,
+        Role::Disturbance,
+        Role::Draw,
+        Role::Quadrature,
+        Role::Builtin,
+        Role::ParamGiven,
+        Role::Scratch,
+    ];
 
-pub(super) const COPIES: [(Flavour, &str); 5] = [
-    (Flavour::Value, "value"),
-    (Flavour::Derivative, "derivative"),
-    (Flavour::Initial, "initial"),
-    (Flavour::Previous, "previous"),
-    (Flavour::Steady, "steady"),
-];
+    fn word(self) -> &'static str {
+        match self {
+            Role::State => "state",
+            Role::Algebraic => "algebraic",
+            Role::Param => "parameter",
+            Role::Action => "action",
+            Role::Discrete => "discrete",
+            Role::Disturbance => "disturbance",
+            Role::Draw => "draw",
+            Role::Quadrature => "integral",
+            Role::Builtin => "builtin",
+            Role::ParamGiven => "given",
+            Role::Scratch => "scratch",
+            Role::Cache => "cache",
+        }
+    }
+}
 
-pub(super) const SIDES: [(Side, &str); 2] = [(Side::Below, "passed_below"), (Side::UpTo, "passed_up_to")];
+impl Word for Flavour {
+    const ALL: &'static [Flavour] = &[Flavour::Value, Flavour::Derivative, Flavour::Initial, Flavour::Previous, Flavour::Steady];
 
-pub(super) const UNARY: [(UnaryFn, &str); 20] = [
-    (UnaryFn::Neg, "negate"),
-    (UnaryFn::Abs, "abs"),
-    (UnaryFn::Sign, "sign"),
-    (UnaryFn::Sqrt, "sqrt"),
-    (UnaryFn::Exp, "exp"),
-    (UnaryFn::Ln, "ln"),
-    (UnaryFn::Log10, "log10"),
-    (UnaryFn::Sin, "sin"),
-    (UnaryFn::Cos, "cos"),
-    (UnaryFn::Tan, "tan"),
-    (UnaryFn::Asin, "asin"),
-    (UnaryFn::Acos, "acos"),
-    (UnaryFn::Atan, "atan"),
-    (UnaryFn::Sinh, "sinh"),
-    (UnaryFn::Cosh, "cosh"),
-    (UnaryFn::Tanh, "tanh"),
-    (UnaryFn::Floor, "floor"),
-    (UnaryFn::Ceil, "ceil"),
-    (UnaryFn::Round, "round"),
-    (UnaryFn::Single, "single"),
-];
+    fn word(self) -> &'static str {
+        match self {
+            Flavour::Value => "value",
+            Flavour::Derivative => "derivative",
+            Flavour::Initial => "initial",
+            Flavour::Previous => "previous",
+            Flavour::Steady => "steady",
+        }
+    }
+}
 
-pub(super) const BINARY: [(BinaryFn, &str); 8] = [
-    (BinaryFn::Add, "add"),
-    (BinaryFn::Sub, "subtract"),
-    (BinaryFn::Mul, "multiply"),
-    (BinaryFn::Div, "divide"),
-    (BinaryFn::Pow, "power"),
-    (BinaryFn::Min, "min"),
-    (BinaryFn::Max, "max"),
-    (BinaryFn::Atan2, "atan2"),
-];
+impl Word for Side {
+    const ALL: &'static [Side] = &[Side::Below, Side::UpTo];
 
-pub(super) const COMPARE: [(Compare, &str); 4] =
-    [(Compare::Lt, "less"), (Compare::Le, "less_equal"), (Compare::Eq, "equal"), (Compare::Ne, "unequal")];
+    fn word(self) -> &'static str {
+        match self {
+            Side::Below => "passed_below",
+            Side::UpTo => "passed_up_to",
+        }
+    }
+}
 
-pub(super) const REDUCE: [(ReduceFn, &str); 4] =
-    [(ReduceFn::Sum, "sum"), (ReduceFn::Product, "product"), (ReduceFn::Min, "minimum"), (ReduceFn::Max, "maximum")];
+impl Word for UnaryFn {
+    const ALL: &'static [UnaryFn] = &[
+        UnaryFn::Neg,
+        UnaryFn::Abs,
+        UnaryFn::Sign,
+        UnaryFn::Sqrt,
+        UnaryFn::Exp,
+        UnaryFn::Ln,
+        UnaryFn::Log10,
+        UnaryFn::Sin,
+        UnaryFn::Cos,
+        UnaryFn::Tan,
+        UnaryFn::Asin,
+        UnaryFn::Acos,
+        UnaryFn::Atan,
+        UnaryFn::Sinh,
+        UnaryFn::Cosh,
+        UnaryFn::Tanh,
+        UnaryFn::Floor,
+        UnaryFn::Ceil,
+        UnaryFn::Round,
+        UnaryFn::Single,
+    ];
 
-pub(super) const VARIATES: [(Variate, &str); 2] = [(Variate::Uniform, "uniform"), (Variate::Normal, "normal")];
+    fn word(self) -> &'static str {
+        match self {
+            UnaryFn::Neg => "negate",
+            UnaryFn::Abs => "abs",
+            UnaryFn::Sign => "sign",
+            UnaryFn::Sqrt => "sqrt",
+            UnaryFn::Exp => "exp",
+            UnaryFn::Ln => "ln",
+            UnaryFn::Log10 => "log10",
+            UnaryFn::Sin => "sin",
+            UnaryFn::Cos => "cos",
+            UnaryFn::Tan => "tan",
+            UnaryFn::Asin => "asin",
+            UnaryFn::Acos => "acos",
+            UnaryFn::Atan => "atan",
+            UnaryFn::Sinh => "sinh",
+            UnaryFn::Cosh => "cosh",
+            UnaryFn::Tanh => "tanh",
+            UnaryFn::Floor => "floor",
+            UnaryFn::Ceil => "ceil",
+            UnaryFn::Round => "round",
+            UnaryFn::Single => "single",
+        }
+    }
+}
 
-pub(super) const INSTANTS: [(Instant, &str); 2] = [(Instant::Reset, "reset"), (Instant::Step, "step")];
+impl Word for BinaryFn {
+    const ALL: &'static [BinaryFn] =
+        &[BinaryFn::Add, BinaryFn::Sub, BinaryFn::Mul, BinaryFn::Div, BinaryFn::Pow, BinaryFn::Min, BinaryFn::Max, BinaryFn::Atan2];
+
+    fn word(self) -> &'static str {
+        match self {
+            BinaryFn::Add => "add",
+            BinaryFn::Sub => "subtract",
+            BinaryFn::Mul => "multiply",
+            BinaryFn::Div => "divide",
+            BinaryFn::Pow => "power",
+            BinaryFn::Min => "min",
+            BinaryFn::Max => "max",
+            BinaryFn::Atan2 => "atan2",
+        }
+    }
+}
+
+impl Word for Compare {
+    const ALL: &'static [Compare] = &[Compare::Lt, Compare::Le, Compare::Eq, Compare::Ne];
+
+    fn word(self) -> &'static str {
+        match self {
+            Compare::Lt => "less",
+            Compare::Le => "less_equal",
+            Compare::Eq => "equal",
+            Compare::Ne => "unequal",
+        }
+    }
+}
+
+impl Word for ReduceFn {
+    const ALL: &'static [ReduceFn] = &[ReduceFn::Sum, ReduceFn::Product, ReduceFn::Min, ReduceFn::Max];
+
+    fn word(self) -> &'static str {
+        match self {
+            ReduceFn::Sum => "sum",
+            ReduceFn::Product => "product",
+            ReduceFn::Min => "minimum",
+            ReduceFn::Max => "maximum",
+        }
+    }
+}
+
+impl Word for Variate {
+    const ALL: &'static [Variate] = &[Variate::Uniform, Variate::Normal];
+
+    fn word(self) -> &'static str {
+        match self {
+            Variate::Uniform => "uniform",
+            Variate::Normal => "normal",
+        }
+    }
+}
+
+impl Word for Instant {
+    const ALL: &'static [Instant] = &[Instant::Reset, Instant::Step];
+
+    fn word(self) -> &'static str {
+        match self {
+            Instant::Reset => "reset",
+            Instant::Step => "step",
+        }
+    }
+}

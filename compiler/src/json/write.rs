@@ -3,7 +3,7 @@
 use cranelift_entity::EntityRef;
 use serde_json::{Map, Value, json};
 
-use super::words::{BINARY, COMPARE, COPIES, INSTANTS, REDUCE, ROLES, SIDES, UNARY, VARIATES, word};
+use super::words::Word;
 use super::{FORMAT, VERSION};
 use crate::artefact::Circumstances;
 use crate::export::{Element, ExportError, Families, Nominal, Origin};
@@ -26,7 +26,7 @@ pub(crate) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
         "time": {"name": i.time.0, "unit": i.time.1},
         "explicit": model.explicit,
         "variables": model.vars.values().filter(|v| v.role != Role::Cache).map(|v| json!({
-            "name": v.name, "role": word(&ROLES, &v.role), "length": v.len,
+            "name": v.name, "role": v.role.word(), "length": v.len,
         })).collect::<Vec<_>>(),
         "unknowns": model.unknowns.iter().map(|v| v.index()).collect::<Vec<_>>(),
         "quantities": quantities(i),
@@ -49,8 +49,8 @@ pub(crate) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
         "finish": finish(i),
         "draws": i.draws.iter().map(|d| json!({
             "stream": d.stream,
-            "kind": word(&VARIATES, &d.kind),
-            "at": word(&INSTANTS, &d.instant),
+            "kind": d.kind.word(),
+            "at": d.instant.word(),
         })).collect::<Vec<_>>(),
         "levels": i.levels,
         "phases": i.phases,
@@ -287,18 +287,18 @@ impl Nodes {
             Expr::Truth(t) => json!(["truth", t]),
             Expr::Time => json!(["time"]),
             Expr::Counter(v) => json!(["counter", v.0]),
-            Expr::Load { var, flavour, at } => json!(["load", var.index(), word(&COPIES, &flavour), affine(at)]),
-            Expr::Unary(f, a) => json!([word(&UNARY, &f), n(a)]),
-            Expr::Binary(f, a, b) => json!([word(&BINARY, &f), n(a), n(b)]),
+            Expr::Load { var, flavour, at } => json!(["load", var.index(), flavour.word(), affine(at)]),
+            Expr::Unary(f, a) => json!([f.word(), n(a)]),
+            Expr::Binary(f, a, b) => json!([f.word(), n(a), n(b)]),
             Expr::PowInt(a, exponent) => json!(["integer_power", n(a), exponent]),
-            Expr::Passed(limits, side, a) => json!([word(&SIDES, &side), n(a), list(limits)]),
+            Expr::Passed(limits, side, a) => json!([side.word(), n(a), list(limits)]),
             Expr::Entry(numbers, a) => json!(["entry", n(a), list(numbers)]),
-            Expr::Compare(f, a, b) => json!([word(&COMPARE, &f), n(a), n(b)]),
+            Expr::Compare(f, a, b) => json!([f.word(), n(a), n(b)]),
             Expr::And(a, b) => json!(["and", n(a), n(b)]),
             Expr::Or(a, b) => json!(["or", n(a), n(b)]),
             Expr::Not(a) => json!(["not", n(a)]),
             Expr::Select(c, a, b) => json!(["select", n(c), n(a), n(b)]),
-            Expr::Reduce { op, depth, extent, body } => json!([word(&REDUCE, &op), depth.0, extent, n(body)]),
+            Expr::Reduce { op, depth, extent, body } => json!([op.word(), depth.0, extent, n(body)]),
         }
     }
 }

@@ -1,0 +1,474 @@
+//! An SBML document: what of its XML carries meaning, checked element by element. What is not known is refused, never passed over.
+
+use std::collections::{BTreeMap, HashMap};
+
+use roxmltree::{Document, Node};
+
+use super::math::{self, Functions, Math};
+
+/// Something in the file that cannot be carried over.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Fault {
+    pub(super) at: usize,
+    pub(super) message: String,
+}
+
+pub(super) fn fault(node: Node<'_, '_>, message: impl Into<String>) -> Fault {
+    Fault { at: node.range().start, message: message.into() }
+}
+
+/// A model as it is written.
+#[derive(Default)]
+pub(super) struct Sbml {
+    pub(super) level: u32,
+    pub(super) version: u32,
+    pub(super) id: String,
+    pub(super) name: String,
+    /// What the model says of itself, as plain text.
+    pub(super) notes: String,
+    /// Packages that are not needed and not carried.
+    pub(super) packages: Vec<String>,
+    pub(super) substance: Option<String>,
+    pub(super) extent: Option<String>,
+    pub(super) volume: Option<String>,
+    pub(super) area: Option<String>,
+    pub(super) length: Option<String>,
+    pub(super) time: Option<String>,
+    pub(super) factor: Option<String>,
+    /// Products of (kind, exponent, scale, multiplier) by id.
+    pub(super) units: BTreeMap<String, Vec<UnitPart>>,
+    pub(super) functions: Functions,
+    /// Compartments, species, parameters, and stoichiometries with an id, in their order.
+    pub(super) symbols: Vec<Symbol>,
+    pub(super) initial: HashMap<String, Math>,
+    pub(super) rules: Vec<Rule>,
+    pub(super) reactions: Vec<Reaction>,
+    pub(super) events: Vec<Event>,
+    pub(super) constraints: Vec<(usize, Math)>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct UnitPart {
+    pub(super) kind: String,
+    pub(super) exponent: f64,
+    pub(super) scale: i32,
+    pub(super) multiplier: f64,
+}
+
+/// What kind of thing a symbol is.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Kind {
+    Compartment {
+        dimensions: f64,
+    },
+    Species {
+        compartment: String,
+        /// The symbol is the amount, not the concentration.
+        amount: bool,
+        boundary: bool,
+        /// The initial value is an amount.
+        starts_as_amount: bool,
+        substance: Option<String>,
+        factor: Option<String>,
+    },
+    Parameter,
+    Stoichiometry,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Symbol {
+    pub(super) at: usize,
+    pub(super) id: String,
+    pub(super) name: String,
+    pub(super) kind: Kind,
+    pub(super) value: Option<f64>,
+    pub(super) constant: bool,
+    pub(super) unit: Option<String>,
+}
+
+pub(super) enum Target {
+    Assignment(String),
+    Rate(String),
+    Algebraic,
+}
+
+pub(super) struct Rule {
+    pub(super) at: usize,
+    pub(super) target: Target,
+    pub(super) math: Math,
+}
+
+/// A reactant or product: species, number, and what it is called.
+pub(super) struct Part {
+    pub(super) at: usize,
+    pub(super) species: String,
+    pub(super) number: Math,
+    /// -1 for a reactant, 1 for a product.
+    pub(super) sign: f64,
+}
+
+pub(super) struct Reaction {
+    pub(super) at: usize,
+    pub(super) id: String,
+    pub(super) name: String,
+    pub(super) reversible: bool,
+    pub(super) parts: Vec<Part>,
+    pub(super) rate: Math,
+}
+
+pub(super) struct Event {
+    pub(super) at: usize,
+    pub(super) id: String,
+    pub(super) name: String,
+    pub(super) trigger: Math,
+    /// The condition counts as true before the start.
+    pub(super) starts_true: bool,
+    pub(super) assignments: Vec<(usize, String, Math)>,
+}
+
+/// The elements in an element.
+pub(super) fn children<'a, 'i>(node: Node<'a, 'i>) -> impl Iterator<Item = Node<'a, 'i>> {
+    node.children().filter(Node::is_element)
+}
+
+pub(super) fn tag<'a>(node: Node<'a, '_>) -> &'a str {
+    node.tag_name().name()
+}
+
+pub(super) fn attribute<'a>(node: Node<'a, '_>, name: &str) -> Option<&'a str> {
+    node.attributes().find(|a| a.name() == name).map(|a| a.value())
+}
+
+/// A number as XML Schema writes one.
+pub(super) fn number(node: Node<'_, '_>, text: &str) -> Result<f64, Fault> {
+    match text.trim() {
+        "INF" => Ok(f64::INFINITY),
+        "-INF" => Ok(f64::NEG_INFINITY),
+        "NaN" => Ok(f64::NAN),
+        text if !text.contains(|c: char| c.is_alphabetic() && c != 'e' && c != 'E') => {
+            text.parse().map_err(|_| fault(node, format!("`{text}` is no number")))
+        }
+        text => Err(fault(node, format!("`{text}` is no number"))),
+    }
+}
+
+fn numeric(node: Node<'_, '_>, name: &str) -> Result<Option<f64>, Fault> {
+    let value = attribute(node, name).map(|text| number(node, text)).transpose()?;
+    // An unset value of some writers.
+    Ok(value.filter(|x| !x.is_nan()))
+}
+
+fn flag(node: Node<'_, '_>, name: &str, usual: bool) -> Result<bool, Fault> {
+    match attribute(node, name) {
+        None => Ok(usual),
+        Some("true" | "1") => Ok(true),
+        Some("false" | "0") => Ok(false),
+        Some(other) => Err(fault(node, format!("`{name}` is `true` or `false`, not `{other}`"))),
+    }
+}
+
+fn needed(node: Node<'_, '_>, name: &str) -> Result<String, Fault> {
+    attribute(node, name).map(str::to_owned).ok_or_else(|| fault(node, format!("`{}` without `{name}`", tag(node))))
+}
+
+fn owned(node: Node<'_, '_>, name: &str) -> Option<String> {
+    attribute(node, name).map(str::to_owned)
+}
+
+/// The children that carry meaning: not notes, annotations, or elements of packages that are not needed.
+fn meaning<'a, 'i>(node: Node<'a, 'i>) -> impl Iterator<Item = Node<'a, 'i>> {
+    let own = node.tag_name().namespace();
+    children(node).filter(move |n| {
+        let math = n.tag_name().name() == "math";
+        (n.tag_name().namespace() == own || math) && !matches!(tag(*n), "notes" | "annotation")
+    })
+}
+
+fn unknown(node: Node<'_, '_>, inside: &str) -> Fault {
+    fault(node, format!("`{}` in `{inside}` is not known", tag(node)))
+}
+
+fn math_of(node: Node<'_, '_>) -> Result<Option<Math>, Fault> {
+    children(node).find(|n| tag(*n) == "math").map(math::read).transpose()
+}
+
+fn math_needed(node: Node<'_, '_>) -> Result<Math, Fault> {
+    math_of(node)?.ok_or_else(|| fault(node, format!("`{}` without `math`", tag(node))))
+}
+
+/// Text of the notes: words in one line.
+fn notes(node: Node<'_, '_>) -> String {
+    let Some(notes) = children(node).find(|n| tag(*n) == "notes") else { return String::new() };
+    let words: Vec<&str> = notes.descendants().filter(|n| n.is_text()).filter_map(|n| n.text()).flat_map(str::split_whitespace).collect();
+    words.join(" ")
+}
+
+/// Reads a document.
+pub(super) fn read(document: &Document<'_>) -> Result<Sbml, Fault> {
+    let root = document.root_element();
+    if tag(root) != "sbml" {
+        return Err(fault(root, format!("this is no SBML: the outermost element is `{}`, not `sbml`", tag(root))));
+    }
+    let whole = |name: &str| needed(root, name)?.parse::<u32>().map_err(|_| fault(root, format!("`{name}` is no whole number")));
+    let (level, version) = (whole("level")?, whole("version")?);
+    if !(2..=3).contains(&level) {
+        return Err(fault(root, format!("SBML Level {level} is not read, Levels 2 and 3 are: libSBML converts between them")));
+    }
+    let mut sbml = Sbml { level, version, ..Sbml::default() };
+    for package in root.attributes().filter(|a| a.name() == "required" && a.namespace().is_some()) {
+        let url = package.namespace().unwrap_or_default();
+        let name = url.rsplit("/").find(|part| !part.starts_with("version") && !part.is_empty()).unwrap_or(url);
+        if package.value() == "true" || package.value() == "1" {
+            return Err(fault(root, format!("the package `{name}` is required and not read: only the core of SBML is")));
+        }
+        sbml.packages.push(name.to_owned());
+    }
+    let mut models = meaning(root);
+    let model = models.next().filter(|n| tag(*n) == "model").ok_or_else(|| fault(root, "no `model` in the document"))?;
+    sbml.id = owned(model, "id").unwrap_or_default();
+    sbml.name = owned(model, "name").unwrap_or_default();
+    sbml.notes = notes(model);
+    read_model(&mut sbml, model)?;
+    Ok(sbml)
+}
+
+fn read_model(sbml: &mut Sbml, model: Node<'_, '_>) -> Result<(), Fault> {
+    sbml.substance = owned(model, "substanceUnits");
+    sbml.extent = owned(model, "extentUnits");
+    sbml.volume = owned(model, "volumeUnits");
+    sbml.area = owned(model, "areaUnits");
+    sbml.length = owned(model, "lengthUnits");
+    sbml.time = owned(model, "timeUnits");
+    sbml.factor = owned(model, "conversionFactor");
+    for list in meaning(model) {
+        for item in meaning(list) {
+            match (tag(list), tag(item)) {
+                ("listOfFunctionDefinitions", "functionDefinition") => {
+                    let math = children(item).find(|n| tag(*n) == "math").ok_or_else(|| fault(item, "a function without `math`"))?;
+                    sbml.functions.insert(needed(item, "id")?, math::read_function(math)?);
+                }
+                ("listOfUnitDefinitions", "unitDefinition") => {
+                    sbml.units.insert(needed(item, "id")?, unit_parts(item)?);
+                }
+                // Types of compartments and species group them and say nothing of equations.
+                ("listOfCompartmentTypes", "compartmentType") | ("listOfSpeciesTypes", "speciesType") => {}
+                ("listOfCompartments", "compartment") => sbml.symbols.push(compartment(item)?),
+                ("listOfSpecies", "species") => sbml.symbols.push(species(item)?),
+                ("listOfParameters", "parameter") => sbml.symbols.push(parameter(item)?),
+                ("listOfInitialAssignments", "initialAssignment") => {
+                    if let Some(math) = math_of(item)? {
+                        sbml.initial.insert(needed(item, "symbol")?, math);
+                    }
+                }
+                ("listOfRules", _) => sbml.rules.extend(rule(item)?),
+                ("listOfConstraints", "constraint") => sbml.constraints.push((item.range().start, math_needed(item)?)),
+                ("listOfReactions", "reaction") => {
+                    let made = reaction(sbml, item)?;
+                    sbml.reactions.push(made);
+                }
+                ("listOfEvents", "event") => {
+                    let made = event(item, sbml.events.len())?;
+                    sbml.events.push(made);
+                }
+                (inside, _) => return Err(unknown(item, inside)),
+            }
+        }
+    }
+    Ok(())
+}
+
+fn unit_parts(definition: Node<'_, '_>) -> Result<Vec<UnitPart>, Fault> {
+    let parts = meaning(definition).flat_map(meaning);
+    parts
+        .map(|unit| {
+            if let Some(offset) = numeric(unit, "offset")?.filter(|x| *x != 0.0) {
+                return Err(fault(unit, format!("a unit with an offset ({offset}) has no counterpart")));
+            }
+            let scale = numeric(unit, "scale")?.unwrap_or(0.0);
+            if scale.fract() != 0.0 || scale.abs() > 300.0 {
+                return Err(fault(unit, "`scale` is a whole number"));
+            }
+            Ok(UnitPart {
+                kind: needed(unit, "kind")?,
+                exponent: numeric(unit, "exponent")?.unwrap_or(1.0),
+                scale: scale as i32,
+                multiplier: numeric(unit, "multiplier")?.unwrap_or(1.0),
+            })
+        })
+        .collect()
+}
+
+fn compartment(node: Node<'_, '_>) -> Result<Symbol, Fault> {
+    let dimensions = numeric(node, "spatialDimensions")?.unwrap_or(3.0);
+    let usual = if dimensions == 0.0 { Some(1.0) } else { None };
+    Ok(Symbol {
+        at: node.range().start,
+        id: needed(node, "id")?,
+        name: owned(node, "name").unwrap_or_default(),
+        kind: Kind::Compartment { dimensions },
+        value: numeric(node, "size")?.or(usual),
+        constant: flag(node, "constant", true)?,
+        unit: owned(node, "units"),
+    })
+}
+
+fn species(node: Node<'_, '_>) -> Result<Symbol, Fault> {
+    let (amount, concentration) = (numeric(node, "initialAmount")?, numeric(node, "initialConcentration")?);
+    let kind = Kind::Species {
+        compartment: needed(node, "compartment")?,
+        amount: flag(node, "hasOnlySubstanceUnits", false)?,
+        boundary: flag(node, "boundaryCondition", false)?,
+        starts_as_amount: amount.is_some(),
+        substance: owned(node, "substanceUnits"),
+        factor: owned(node, "conversionFactor"),
+    };
+    Ok(Symbol {
+        at: node.range().start,
+        id: needed(node, "id")?,
+        name: owned(node, "name").unwrap_or_default(),
+        kind,
+        value: amount.or(concentration),
+        constant: flag(node, "constant", false)?,
+        unit: None,
+    })
+}
+
+fn parameter(node: Node<'_, '_>) -> Result<Symbol, Fault> {
+    Ok(Symbol {
+        at: node.range().start,
+        id: needed(node, "id")?,
+        name: owned(node, "name").unwrap_or_default(),
+        kind: Kind::Parameter,
+        value: numeric(node, "value")?,
+        constant: flag(node, "constant", true)?,
+        unit: owned(node, "units"),
+    })
+}
+
+fn rule(node: Node<'_, '_>) -> Result<Option<Rule>, Fault> {
+    let target = match tag(node) {
+        "assignmentRule" => Target::Assignment(needed(node, "variable")?),
+        "rateRule" => Target::Rate(needed(node, "variable")?),
+        "algebraicRule" => Target::Algebraic,
+        _ => return Err(unknown(node, "listOfRules")),
+    };
+    // A rule without an expression says nothing.
+    Ok(math_of(node)?.map(|math| Rule { at: node.range().start, target, math }))
+}
+
+fn reaction(sbml: &mut Sbml, node: Node<'_, '_>) -> Result<Reaction, Fault> {
+    let id = needed(node, "id")?;
+    if flag(node, "fast", false)? {
+        return Err(fault(node, format!("the reaction `{id}` is fast, which has no counterpart: write its equilibrium as a rule")));
+    }
+    let mut parts = vec![];
+    let mut rate = None;
+    for item in meaning(node) {
+        match tag(item) {
+            "listOfReactants" | "listOfProducts" => {
+                let sign = if tag(item) == "listOfReactants" { -1.0 } else { 1.0 };
+                for part in meaning(item) {
+                    parts.push(stoichiometry(sbml, part, sign)?);
+                }
+            }
+            "listOfModifiers" => {}
+            "kineticLaw" => rate = Some(kinetic_law(sbml, item, &id)?),
+            _ => return Err(unknown(item, "reaction")),
+        }
+    }
+    let rate = rate.ok_or_else(|| fault(node, format!("the reaction `{id}` has no kinetic law: its rate is not known")))?;
+    let (name, reversible) = (owned(node, "name").unwrap_or_default(), flag(node, "reversible", true)?);
+    Ok(Reaction { at: node.range().start, id, name, reversible, parts, rate })
+}
+
+fn stoichiometry(sbml: &mut Sbml, node: Node<'_, '_>, sign: f64) -> Result<Part, Fault> {
+    let species = needed(node, "species")?;
+    let mut value = numeric(node, "stoichiometry")?;
+    if sbml.level == 2 {
+        let denominator = numeric(node, "denominator")?.unwrap_or(1.0);
+        value = Some(value.unwrap_or(1.0) / denominator);
+    }
+    let math = children(node).find(|n| tag(*n) == "stoichiometryMath").map(math_needed).transpose()?;
+    let number = match (math, owned(node, "id")) {
+        (Some(math), _) => math,
+        (None, Some(id)) => {
+            let kind = Kind::Stoichiometry;
+            let constant = flag(node, "constant", true)?;
+            sbml.symbols.push(Symbol { at: node.range().start, id: id.clone(), name: String::new(), kind, value, constant, unit: None });
+            Math::Name(id)
+        }
+        (None, None) => {
+            let value = value.ok_or_else(|| fault(node, format!("the stoichiometry of `{species}` is not known")))?;
+            Math::Number(value, None)
+        }
+    };
+    Ok(Part { at: node.range().start, species, number, sign })
+}
+
+/// The rate, with the reaction's own parameters as parameters of the model: `k` of reaction `R` is `R_k`.
+fn kinetic_law(sbml: &mut Sbml, node: Node<'_, '_>, reaction: &str) -> Result<Math, Fault> {
+    let mut own: HashMap<String, String> = HashMap::new();
+    for list in meaning(node).filter(|n| matches!(tag(*n), "listOfParameters" | "listOfLocalParameters")) {
+        for item in meaning(list) {
+            let mut local = parameter(item)?;
+            let global = format!("{reaction}_{}", local.id);
+            own.insert(local.id.clone(), local_id(reaction, &local.id));
+            local.id = local_id(reaction, &local.id);
+            local.constant = true;
+            if local.name.is_empty() {
+                local.name = format!("`{}` of {reaction}", global.trim_start_matches(&format!("{reaction}_")));
+            }
+            sbml.symbols.push(local);
+        }
+    }
+    if let Some(other) = meaning(node).find(|n| !matches!(tag(*n), "math" | "listOfParameters" | "listOfLocalParameters")) {
+        return Err(unknown(other, "kineticLaw"));
+    }
+    let renamed = math_needed(node)?.map(&mut |part| {
+        Ok(match part {
+            Math::Name(name) => Math::Name(own.get(&name).cloned().unwrap_or(name)),
+            other => other,
+        })
+    });
+    renamed.map_err(|why| fault(node, why))
+}
+
+/// The id of a reaction's own parameter: no id of the model has a dot.
+fn local_id(reaction: &str, parameter: &str) -> String {
+    format!("{reaction}.{parameter}")
+}
+
+fn event(node: Node<'_, '_>, number: usize) -> Result<Event, Fault> {
+    let id = owned(node, "id").unwrap_or_else(|| format!("event_{}", number + 1));
+    let mut trigger = None;
+    let mut starts_true = true;
+    let mut assignments = vec![];
+    for item in meaning(node) {
+        match tag(item) {
+            "trigger" => {
+                starts_true = flag(item, "initialValue", true)?;
+                trigger = Some(math_needed(item)?);
+            }
+            "delay" => match math_of(item)? {
+                None | Some(Math::Number(0.0, _)) => {}
+                Some(_) => return Err(fault(item, format!("the event `{id}` has a delay, which has no counterpart"))),
+            },
+            "priority" => {
+                return Err(fault(
+                    item,
+                    format!("the event `{id}` has a priority, which has no counterpart: events of one instant follow the text"),
+                ));
+            }
+            "listOfEventAssignments" => {
+                for assignment in meaning(item) {
+                    if let Some(math) = math_of(assignment)? {
+                        assignments.push((assignment.range().start, needed(assignment, "variable")?, math));
+                    }
+                }
+            }
+            _ => return Err(unknown(item, "event")),
+        }
+    }
+    let trigger = trigger.ok_or_else(|| fault(node, format!("the event `{id}` has no trigger")))?;
+    Ok(Event { at: node.range().start, id, name: owned(node, "name").unwrap_or_default(), trigger, starts_true, assignments })
+}

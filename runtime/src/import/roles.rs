@@ -1,0 +1,178 @@
+//! What each symbol of an SBML model becomes: parameter, state, discrete variable, named expression or algebraic variable.
+
+use std::collections::{HashMap, HashSet};
+
+use super::document::{Fault, Kind, Sbml, Symbol, Target};
+use super::math::Math;
+
+/// What a symbol becomes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Role {
+    /// It never changes.
+    Parameter,
+    /// An assignment rule gives it.
+    Let,
+    /// It has a rate.
+    State,
+    /// An algebraic rule determines it.
+    Variable,
+    /// Events change it, or it starts from what is known at the start only.
+    Discrete,
+}
+
+/// The roles of all symbols, and what follows from them.
+pub(super) struct Roles {
+    pub(super) roles: HashMap<String, Role>,
+    /// Species whose state is the amount though the symbol is the concentration: their compartments change.
+    pub(super) amounts: HashSet<String>,
+}
+
+impl Roles {
+    pub(super) fn of(&self, id: &str) -> Option<Role> {
+        self.roles.get(id).copied()
+    }
+}
+
+fn at(at: usize, message: impl Into<String>) -> Fault {
+    Fault { at, message: message.into() }
+}
+
+/// Finds the roles.
+pub(super) fn find(sbml: &Sbml) -> Result<Roles, Fault> {
+    let known: HashMap<&str, &Symbol> = sbml.symbols.iter().map(|s| (s.id.as_str(), s)).collect();
+    if known.len() < sbml.symbols.len() {
+        let twice = sbml.symbols.iter().find(|s| sbml.symbols.iter().filter(|o| o.id == s.id).count() > 1);
+        return Err(twice.map_or_else(|| at(0, "an id twice"), |s| at(s.at, format!("the id `{}` is used twice", s.id))));
+    }
+    let mut roles: HashMap<String, Role> = HashMap::new();
+    let mut set = |place: usize, id: &str, role: Role| -> Result<(), Fault> {
+        let symbol = known.get(id).ok_or_else(|| at(place, format!("unknown symbol `{id}`")))?;
+        if symbol.constant && role != Role::Discrete {
+            return Err(at(place, format!("`{id}` is constant, and changes here")));
+        }
+        match (roles.get(id), role) {
+            (None, _) => drop(roles.insert(id.to_owned(), role)),
+            (Some(Role::State), Role::State | Role::Discrete) | (Some(Role::Discrete), Role::Discrete) => {}
+            _ => return Err(at(place, format!("`{id}` is determined twice"))),
+        }
+        Ok(())
+    };
+    for rule in &sbml.rules {
+        match &rule.target {
+            Target::Assignment(id) => set(rule.at, id, Role::Let)?,
+            Target::Rate(id) => set(rule.at, id, Role::State)?,
+            Target::Algebraic => {}
+        }
+    }
+    let ruled: HashSet<String> = sbml.rules.iter().filter_map(|r| r.target.id().map(str::to_owned)).collect();
+    for reaction in &sbml.reactions {
+        for part in &reaction.parts {
+            let species = known.get(part.species.as_str()).ok_or_else(|| at(part.at, format!("unknown species `{}`", part.species)))?;
+            match &species.kind {
+                Kind::Species { boundary: true, .. } => {}
+                Kind::Species { .. } if ruled.contains(&part.species) => {
+                    return Err(at(part.at, format!("`{}` is changed by a reaction and by a rule", part.species)));
+                }
+                Kind::Species { .. } => set(part.at, &part.species, Role::State)?,
+                _ => return Err(at(part.at, format!("`{}` is no species", part.species))),
+            }
+        }
+    }
+    for event in &sbml.events {
+        for (place, id, _) in &event.assignments {
+            if known.get(id.as_str()).is_some_and(|s| s.constant) {
+                return Err(at(*place, format!("`{id}` is constant, and an event changes it")));
+            }
+            set(*place, id, Role::Discrete)?;
+        }
+    }
+    algebraic(sbml, &mut roles)?;
+    for symbol in &sbml.symbols {
+        roles.entry(symbol.id.clone()).or_insert(Role::Parameter);
+    }
+    starts(sbml, &mut roles);
+    let amounts = amounts(sbml, &roles, &ruled);
+    Ok(Roles { roles, amounts })
+}
+
+impl Target {
+    pub(super) fn id(&self) -> Option<&str> {
+        match self {
+            Target::Assignment(id) | Target::Rate(id) => Some(id),
+            Target::Algebraic => None,
+        }
+    }
+}
+
+/// Gives each algebraic rule a symbol that nothing else determines.
+fn algebraic(sbml: &Sbml, roles: &mut HashMap<String, Role>) -> Result<(), Fault> {
+    let rules: Vec<_> = sbml.rules.iter().filter(|r| matches!(r.target, Target::Algebraic)).collect();
+    let free = |id: &str| sbml.symbols.iter().any(|s| s.id == id && !s.constant) && !roles.contains_key(id);
+    let candidates: Vec<Vec<String>> = rules.iter().map(|r| through(sbml, &r.math).into_iter().filter(|id| free(id)).collect()).collect();
+    let mut of: HashMap<String, usize> = HashMap::new();
+    for rule in 0..rules.len() {
+        if !augment(rule, &candidates, &mut of, &mut HashSet::new()) {
+            return Err(at(rules[rule].at, "the algebraic rule determines nothing: all its symbols are determined otherwise"));
+        }
+    }
+    roles.extend(of.into_keys().map(|id| (id, Role::Variable)));
+    Ok(())
+}
+
+/// The symbols of an expression, and those of the rules behind them.
+fn through(sbml: &Sbml, math: &Math) -> Vec<String> {
+    let mut found: Vec<String> = vec![];
+    let mut stack = math.names();
+    while let Some(id) = stack.pop() {
+        if found.contains(&id) {
+            continue;
+        }
+        let rule = sbml.rules.iter().find(|r| matches!(&r.target, Target::Assignment(own) if *own == id));
+        stack.extend(rule.map(|r| r.math.names()).unwrap_or_default());
+        stack.extend(sbml.reactions.iter().find(|r| r.id == id).map(|r| r.rate.names()).unwrap_or_default());
+        found.push(id);
+    }
+    found
+}
+
+fn augment(rule: usize, candidates: &[Vec<String>], of: &mut HashMap<String, usize>, seen: &mut HashSet<String>) -> bool {
+    for id in &candidates[rule] {
+        if !seen.insert(id.clone()) {
+            continue;
+        }
+        let other = of.get(id).copied();
+        if other.is_none_or(|other| augment(other, candidates, of, seen)) {
+            of.insert(id.clone(), rule);
+            return true;
+        }
+    }
+    false
+}
+
+/// A parameter that starts from more than parameters is known at the start only.
+fn starts(sbml: &Sbml, roles: &mut HashMap<String, Role>) {
+    loop {
+        let late = |id: &str, math: &Math| {
+            let mut timed = false;
+            math.each(&mut |part| timed |= matches!(part, Math::RateOf(_)));
+            roles.get(id) == Some(&Role::Parameter) && (timed || math.names().iter().any(|n| roles.get(n) != Some(&Role::Parameter)))
+        };
+        let found: Vec<String> = sbml.initial.iter().filter(|(id, math)| late(id, math)).map(|(id, _)| id.clone()).collect();
+        if found.is_empty() {
+            return;
+        }
+        roles.extend(found.into_iter().map(|id| (id, Role::Discrete)));
+    }
+}
+
+/// Species that are concentrations in compartments that change: their amounts are what is kept.
+fn amounts(sbml: &Sbml, roles: &HashMap<String, Role>, ruled: &HashSet<String>) -> HashSet<String> {
+    let changes = |compartment: &str| roles.get(compartment) != Some(&Role::Parameter);
+    let kept = |s: &&Symbol| match &s.kind {
+        Kind::Species { compartment, amount: false, .. } => {
+            changes(compartment) && !ruled.contains(&s.id) && roles.get(&s.id) != Some(&Role::Variable)
+        }
+        _ => false,
+    };
+    sbml.symbols.iter().filter(kept).map(|s| s.id.clone()).collect()
+}

@@ -1,0 +1,83 @@
+//! Triggers of events as one comparison, which is what an event of the language takes.
+//!
+//! `a > 1 and b < 2` is `min(a - 1, 2 - b) > 0`: a function that is continuous where its parts are, so that its zeros are found.
+
+use super::math::Math;
+
+/// A trigger as a function that is positive where the condition holds, and whether it holds at zero.
+pub(super) struct Trigger {
+    pub(super) value: Math,
+    pub(super) at_zero: bool,
+    /// The condition is one comparison, as it stands.
+    pub(super) plain: bool,
+}
+
+/// Which comparisons occur in a condition.
+#[derive(Default)]
+struct Seen {
+    strict: bool,
+    weak: bool,
+    comparisons: usize,
+    strict_time: bool,
+}
+
+/// The trigger of a condition, or of its negation.
+///
+/// # Errors
+/// In words, if the condition has no such function.
+pub(super) fn trigger(condition: &Math, negated: bool) -> Result<Trigger, String> {
+    let mut seen = Seen::default();
+    let value = function(condition, negated, &mut seen)?;
+    if seen.strict && seen.weak {
+        return Err("mixes `<` with `<=`: at the thresholds one comparison cannot say both".into());
+    }
+    let at_zero = if seen.strict || seen.weak { seen.weak } else { !seen.strict_time };
+    let plain = seen.comparisons == 1 && !negated && matches!(condition, Math::Apply("<" | ">" | "<=" | ">=", _));
+    Ok(Trigger { value, at_zero, plain })
+}
+
+fn function(condition: &Math, negated: bool, seen: &mut Seen) -> Result<Math, String> {
+    let mut list = |list: &[Math], negated: bool| list.iter().map(|c| function(c, negated, seen)).collect::<Result<Vec<_>, _>>();
+    match condition {
+        Math::Apply("not", inner) => function(&inner[0], !negated, seen),
+        Math::Apply(f @ ("and" | "or"), inner) if !inner.is_empty() => {
+            let all = list(inner, negated)?;
+            Ok(Math::Apply(if (*f == "and") != negated { "min" } else { "max" }, all))
+        }
+        Math::Apply("implies", inner) => {
+            let either = Math::Apply("or", vec![Math::Apply("not", vec![inner[0].clone()]), inner[1].clone()]);
+            function(&either, negated, seen)
+        }
+        Math::Apply("xor", inner) => {
+            let not = |i: usize| Math::Apply("not", vec![inner[i].clone()]);
+            let one = |a: Math, b: Math| Math::Apply("and", vec![a, b]);
+            let either = Math::Apply("or", vec![one(inner[0].clone(), not(1)), one(not(0), inner[1].clone())]);
+            function(&either, negated, seen)
+        }
+        Math::Apply(f @ ("<" | ">" | "<=" | ">="), sides) => {
+            let pairs = sides.windows(2).map(|pair| {
+                let timed = pair.iter().any(|side| *side == Math::Time);
+                let strict = f.len() == 1;
+                // At the threshold of time alone nothing can rest.
+                if timed {
+                    seen.strict_time |= strict != negated;
+                } else if strict != negated {
+                    seen.strict = true;
+                } else {
+                    seen.weak = true;
+                }
+                seen.comparisons += 1;
+                let greater = f.starts_with('>') != negated;
+                let (high, low) = if greater { (&pair[0], &pair[1]) } else { (&pair[1], &pair[0]) };
+                Math::Apply("-", vec![high.clone(), low.clone()])
+            });
+            let mut all: Vec<Math> = pairs.collect();
+            Ok(match all.len() {
+                1 => all.remove(0),
+                _ => Math::Apply(if negated { "max" } else { "min" }, all),
+            })
+        }
+        Math::Apply("==" | "!=", _) => Err("asks for equality, which has no instant".into()),
+        _ => Err("is no comparison".into()),
+    }
+}

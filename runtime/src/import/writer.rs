@@ -1,0 +1,192 @@
+//! Expressions written in the language, with no more parentheses than they need.
+
+use std::fmt::Write as _;
+
+use super::math::Math;
+
+/// How tightly the parts of an expression hold together.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Level {
+    If,
+    Or,
+    And,
+    Not,
+    Compare,
+    Sum,
+    Product,
+    Sign,
+    Power,
+    Atom,
+}
+
+/// Writes expressions in the language.
+pub(super) struct Writer<'a> {
+    /// The name here of a symbol there.
+    pub(super) names: &'a dyn Fn(&str) -> String,
+    /// The unit of a number by its id; empty where none is written.
+    pub(super) units: &'a dyn Fn(&str) -> String,
+    /// Name of the time.
+    pub(super) time: &'a str,
+}
+
+/// A number as the language writes it.
+pub(super) fn shown(x: f64) -> String {
+    let size = x.abs();
+    if x == 0.0 {
+        "0".into()
+    } else if (1e-4..1e7).contains(&size) {
+        format!("{x}")
+    } else {
+        format!("{x:e}")
+    }
+}
+
+impl Writer<'_> {
+    /// The text of an expression.
+    pub(super) fn text(&self, math: &Math) -> Result<String, String> {
+        Ok(self.write(math)?.0)
+    }
+
+    /// The text as a factor of a product, or what is taken off.
+    pub(super) fn factor(&self, math: &Math) -> Result<String, String> {
+        self.within(math, Level::Product)
+    }
+
+    fn within(&self, math: &Math, least: Level) -> Result<String, String> {
+        let (text, level) = self.write(math)?;
+        Ok(if level < least { format!("({text})") } else { text })
+    }
+
+    fn write(&self, math: &Math) -> Result<(String, Level), String> {
+        Ok(match math {
+            Math::Number(x, unit) => {
+                let unit = unit.as_deref().map(self.units).unwrap_or_default();
+                let unit = if unit.is_empty() { unit } else { format!(" [{unit}]") };
+                (format!("{}{unit}", shown(*x)), if *x < 0.0 { Level::Sign } else { Level::Atom })
+            }
+            Math::Name(id) => ((self.names)(id), Level::Atom),
+            Math::Time => (self.time.to_owned(), Level::Atom),
+            Math::Constant(c) => ((*c).to_owned(), Level::Atom),
+            Math::RateOf(id) => (format!("der({})", (self.names)(id)), Level::Atom),
+            Math::Call(name, _) => return Err(format!("unknown function `{name}`")),
+            Math::Piecewise(pieces, otherwise) => self.piecewise(pieces, otherwise)?,
+            Math::Apply(f, arguments) => self.apply(f, arguments)?,
+        })
+    }
+
+    fn piecewise(&self, pieces: &[(Math, Math)], otherwise: &Math) -> Result<(String, Level), String> {
+        if otherwise.is_condition() {
+            return Err("`piecewise` of truth values".into());
+        }
+        let mut text = String::new();
+        for (value, condition) in pieces {
+            let _ = write!(text, "if {} then {} else ", self.condition(condition, Level::Or)?, self.within(value, Level::Or)?);
+        }
+        let _ = write!(text, "{}", self.within(otherwise, Level::Or)?);
+        Ok((text, if pieces.is_empty() { Level::Or } else { Level::If }))
+    }
+
+    fn condition(&self, math: &Math, least: Level) -> Result<String, String> {
+        if math.is_condition() { self.within(math, least) } else { Err("a number stands where a condition has to".into()) }
+    }
+
+    fn joined(&self, arguments: &[Math], sign: &str, level: Level) -> Result<(String, Level), String> {
+        let parts: Vec<String> = arguments.iter().map(|a| self.within(a, level)).collect::<Result<_, _>>()?;
+        Ok((parts.join(sign), level))
+    }
+
+    fn apply(&self, f: &'static str, arguments: &[Math]) -> Result<(String, Level), String> {
+        let call = |name: &str| Ok((format!("{name}({})", self.list(arguments)?), Level::Atom));
+        let of = |text: String| -> Result<(String, Level), String> { Ok((text, Level::Product)) };
+        let one = || self.list(arguments);
+        match (f, arguments) {
+            ("+", []) => Ok(("0".into(), Level::Atom)),
+            ("*", []) => Ok(("1".into(), Level::Atom)),
+            ("and", []) => Ok(("true".into(), Level::Atom)),
+            ("or", []) => Ok(("false".into(), Level::Atom)),
+            ("+" | "*" | "and" | "or" | "max" | "min", [one]) => self.write(one),
+            ("+", _) => self.sum(arguments),
+            ("*", _) => self.joined(arguments, "*", Level::Product),
+            ("-", [a]) => Ok((format!("-{}", self.within(a, Level::Power)?), Level::Sign)),
+            ("-", [a, b]) => Ok((format!("{} - {}", self.within(a, Level::Sum)?, self.within(b, Level::Product)?), Level::Sum)),
+            ("/", [a, b]) => Ok((format!("{}/{}", self.within(a, Level::Product)?, self.within(b, Level::Power)?), Level::Product)),
+            ("^", [a, b]) => Ok((format!("{}^{}", self.within(a, Level::Atom)?, self.within(b, Level::Atom)?), Level::Power)),
+            ("and", _) => self.conditions(arguments, " and ", Level::And),
+            ("or", _) => self.conditions(arguments, " or ", Level::Or),
+            ("not", [a]) => Ok((format!("not ({})", self.condition(a, Level::If)?), Level::Not)),
+            ("xor", [a, b]) => {
+                let (a, b) = (self.condition(a, Level::If)?, self.condition(b, Level::If)?);
+                Ok((format!("({a}) and not ({b}) or not ({a}) and ({b})"), Level::Or))
+            }
+            ("implies", [a, b]) => {
+                Ok((format!("not ({}) or ({})", self.condition(a, Level::If)?, self.condition(b, Level::If)?), Level::Or))
+            }
+            ("==" | "!=" | ">" | "<" | ">=" | "<=", _) => self.comparisons(f, arguments),
+            ("sec", _) => of(format!("1/cos({})", one()?)),
+            ("csc", _) => of(format!("1/sin({})", one()?)),
+            ("cot", _) => of(format!("1/tan({})", one()?)),
+            ("sech", _) => of(format!("1/cosh({})", one()?)),
+            ("csch", _) => of(format!("1/sinh({})", one()?)),
+            ("coth", _) => of(format!("1/tanh({})", one()?)),
+            ("arcsec", [a]) => Ok((format!("acos(1/{})", self.within(a, Level::Atom)?), Level::Atom)),
+            ("arccsc", [a]) => Ok((format!("asin(1/{})", self.within(a, Level::Atom)?), Level::Atom)),
+            ("arccot", [a]) => Ok((format!("atan(1/{})", self.within(a, Level::Atom)?), Level::Atom)),
+            ("arcsinh", [a]) => {
+                let x = self.within(a, Level::Atom)?;
+                // Of the absolute value: the sum of a negative number and the root would vanish.
+                of(format!("sign({x})*ln(abs({x}) + sqrt(sq({x}) + 1))"))
+            }
+            ("arccosh", [a]) => {
+                let x = self.within(a, Level::Atom)?;
+                Ok((format!("ln({x} + sqrt({x} - 1)*sqrt({x} + 1))"), Level::Atom))
+            }
+            ("arctanh", [a]) => {
+                let x = self.within(a, Level::Atom)?;
+                of(format!("ln((1 + {x})/(1 - {x}))/2"))
+            }
+            ("quotient" | "rem", [a, b]) => {
+                let (x, y) = (self.within(a, Level::Power)?, self.within(b, Level::Power)?);
+                let whole = format!("(if {x}/{y} < 0 then ceil({x}/{y}) else floor({x}/{y}))");
+                Ok(if f == "rem" { (format!("{x} - {y}*{whole}"), Level::Sum) } else { (whole, Level::Atom) })
+            }
+            (name, _) => call(name),
+        }
+    }
+
+    /// A sum: what is negative is taken off.
+    fn sum(&self, arguments: &[Math]) -> Result<(String, Level), String> {
+        let mut text = String::new();
+        for argument in arguments {
+            let (sign, part) = match argument {
+                Math::Apply("-", inner) if inner.len() == 1 && !text.is_empty() => (" - ", self.within(&inner[0], Level::Product)?),
+                Math::Number(x, unit) if *x < 0.0 && !text.is_empty() => {
+                    (" - ", self.within(&Math::Number(-x, unit.clone()), Level::Product)?)
+                }
+                other => (if text.is_empty() { "" } else { " + " }, self.within(other, Level::Sum)?),
+            };
+            text.push_str(sign);
+            text.push_str(&part);
+        }
+        Ok((text, Level::Sum))
+    }
+
+    fn list(&self, arguments: &[Math]) -> Result<String, String> {
+        let parts: Vec<String> = arguments.iter().map(|a| self.text(a)).collect::<Result<_, _>>()?;
+        Ok(parts.join(", "))
+    }
+
+    fn conditions(&self, arguments: &[Math], sign: &str, level: Level) -> Result<(String, Level), String> {
+        let parts: Vec<String> = arguments.iter().map(|a| self.condition(a, level)).collect::<Result<_, _>>()?;
+        Ok((parts.join(sign), level))
+    }
+
+    /// `a < b < c` is `a < b and b < c`.
+    fn comparisons(&self, f: &str, arguments: &[Math]) -> Result<(String, Level), String> {
+        if arguments.iter().any(Math::is_condition) {
+            return Err("truth values are compared".into());
+        }
+        let parts: Vec<String> = arguments.iter().map(|a| self.within(a, Level::Sum)).collect::<Result<_, _>>()?;
+        let pairs: Vec<String> = parts.windows(2).map(|pair| format!("{} {f} {}", pair[0], pair[1])).collect();
+        Ok((pairs.join(" and "), if pairs.len() > 1 { Level::And } else { Level::Compare }))
+    }
+}

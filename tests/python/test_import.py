@@ -1,0 +1,278 @@
+"""Models in SBML, imported, move as their equations say."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import smpl
+from conftest import ROOT
+from smpl._cli import main
+
+SBML = ROOT / "tests" / "sbml"
+ENDINGS = ("reward", "terminated", "truncated")
+
+
+class Said:
+    """What a command ended with and said."""
+
+    def __init__(self, status, error):
+        self.status = status
+        self.error = error
+
+
+@pytest.fixture
+def convert(capfd):
+    """Imports a file."""
+
+    def run(path, output):
+        status = main(["import", str(path), "-o", str(output)])
+        said = Said(status, capfd.readouterr().err)
+        assert "internal error" not in said.error
+        return said
+
+    return run
+
+
+@pytest.fixture
+def trajectory(convert, capfd):
+    """Times, and the values by name, of a run of an imported file."""
+
+    def run(path, folder, end, count=40):
+        text, table = folder / f"{path.stem}.eq", folder / f"{path.stem}.csv"
+        said = convert(path, text)
+        assert said.status == 0, said.error
+        settings = ["--set", f"step={end / count!r}", "--set", f"max_steps={count}", "--rtol", "1e-10"]
+        assert main(["simulate", str(text), "--start", "nominal", *settings, "--out", str(table)]) == 0, (
+            capfd.readouterr().err
+        )
+        names, *rows = csv.reader(table.read_text(encoding="utf-8").splitlines())
+        columns = {
+            name: column for name, column in zip(names, zip(*rows, strict=True), strict=True) if name not in ENDINGS
+        }
+        assert len(rows) == count + 1
+        return np.linspace(0.0, end, count + 1), {name: np.array(column, float) for name, column in columns.items()}
+
+    return run
+
+
+def solved(rates, start, times, **options):
+    found = solve_ivp(
+        rates, (times[0], times[-1]), start, t_eval=times, rtol=1e-11, atol=1e-13, method="LSODA", **options
+    )
+    assert found.success
+    return found.y
+
+
+def close(found, expected, tolerance=1e-6):
+    assert np.abs(found - expected).max() <= tolerance * np.abs(expected).max()
+
+
+def test_michaelis_menten(tmp_path, trajectory):
+    t, found = trajectory(SBML / "michaelis_menten.xml", tmp_path, 5.0)
+    s, p = solved(lambda t, y: [-3 * y[0] / (0.5 + y[0]), 6 * y[0] / (0.5 + y[0])], [10.0, 0.5], t)
+    close(found["S"], s)
+    close(found["P"], p)
+
+
+def test_the_text_is_that_of_the_page(tmp_path, convert):
+    out = tmp_path / "m.eq"
+    assert convert(SBML / "michaelis_menten.xml", out).status == 0
+    page = (ROOT / "docs" / "import.md").read_text(encoding="utf-8")
+    assert out.read_text(encoding="utf-8") in page
+
+
+def test_the_brusselator_of_level_2(tmp_path, trajectory):
+    t, found = trajectory(SBML / "brusselator.xml", tmp_path, 20.0)
+
+    def rates(_, y):
+        x, y = y
+        return [1 - 4 * x + 1.1 * x**2 * y, 3 * x - 1.1 * x**2 * y]
+
+    x, y = solved(rates, [1.2, 3.1], t)
+    close(found["X"], x, 1e-5)
+    close(found["Y"], y, 1e-5)
+
+
+def test_the_repressilator(tmp_path, trajectory):
+    t, found = trajectory(SBML / "repressilator.xml", tmp_path, 10.0)
+
+    def rates(_, y):
+        m, p = y[:3], y[3:]
+        repressors = p[[1, 2, 0]]
+        return [*(216 / (1 + (repressors / 40) ** 2) + 0.216 - m), *(5 * m - 5 * p)]
+
+    expected = solved(rates, [0, 0, 0, 5, 0, 15], t)
+    for name, values in zip(["m1", "m2", "m3", "p1", "p2", "p3"], expected, strict=True):
+        close(found[name], values)
+
+
+def test_doses_are_given_when_little_is_left(tmp_path, trajectory):
+    t, found = trajectory(SBML / "doses.xml", tmp_path, 9.9, 37)
+    # Between doses the drug decays; the times at which it reaches 4 are known.
+    level, dose, start, count = 10.0, 40.0, 0.0, 0
+    changes = []
+    while True:
+        start += np.log(level / 4.0) / 0.3
+        if start > t[-1]:
+            break
+        level, dose, count = 4.0 + dose / 5.0, dose / 2.0, count + 1
+        changes.append((start, level, dose, count))
+    expected = 10.0 * np.exp(-0.3 * t)
+    number = np.zeros_like(t)
+    for start, level, _, count in changes:
+        after = t >= start
+        expected[after] = level * np.exp(-0.3 * (t[after] - start))
+        number[after] = count
+    assert len(changes) >= 3
+    close(found["drug"], expected)
+    assert np.array_equal(found["n_"], number)
+    given = 5.0 * np.array([sum(40.0 / 2**i / 5.0 for i in range(int(n))) for n in number])
+    close(found["out"], 50.0 + given - 5.0 * expected)
+
+
+def test_a_compartment_that_grows_dilutes(tmp_path, trajectory):
+    t, found = trajectory(SBML / "growing.xml", tmp_path, 10.0, 41)
+    # V = exp(0.1 t) passes 1.5 once; one is added to the concentration there.
+    when = np.log(1.5) / 0.1
+    v = np.exp(0.1 * t)
+    s = 10.0 * np.exp(-0.2 * t)
+    added = np.where(t >= when, 1.5 * np.exp(-0.2 * (t - when)), 0.0)
+    close(found["V"], v)
+    close(found["S_amount"], s + added)
+    close(found["P_amount"], 10.0 - s + np.where(t >= when, 1.5, 0.0) - added)
+    close(found["Q"], 3.0 * np.exp(-0.1 * t))
+
+
+def test_an_event_reads_the_values_from_before_it(tmp_path, trajectory):
+    t, found = trajectory(SBML / "swap.xml", tmp_path, 6.0, 31)
+    before, after = t < 3.0, t >= 3.0
+    x, y = np.exp(-0.3), 2 * np.exp(0.6)
+    close(found["x"], np.where(before, np.exp(-0.1 * t), y * np.exp(-0.1 * (t - 3))))
+    close(found["y"], np.where(before, 2 * np.exp(0.2 * t), x * np.exp(0.2 * (t - 3))))
+    close(found["w"], np.where(after, x + y, 0.0))
+
+
+def test_units_are_declared_where_they_change_nothing(tmp_path, convert):
+    out = tmp_path / "m.eq"
+    assert "note" not in convert(SBML / "doses.xml", out).error
+    assert "param threshold : mg/L = 4" in out.read_text(encoding="utf-8")
+    # Grams among milligrams: the language would convert, SBML does not.
+    text = (SBML / "doses.xml").read_text(encoding="utf-8")
+    mixed = tmp_path / "mixed.xml"
+    mixed.write_text(
+        text.replace('id="dose" value="40" units="mg"', 'id="dose" value="40" units="gram"'), encoding="utf-8"
+    )
+    result = convert(mixed, out)
+    assert "a factor would be put where units differ" in result.error
+    assert 'discrete dose = 40    "in g"' in out.read_text(encoding="utf-8")
+    smpl.compile(out)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("<sbml", "<sbml <", "this is no XML"),
+        ('level="3"', 'level="1"', "SBML Level 1 is not read"),
+        ("</trigger>", "</trigger><delay>MATH<cn>2</cn></math></delay>", "line 34: the event `again` has a delay"),
+        ("</trigger>", "</trigger><priority>MATH<cn>2</cn></math></priority>", "the event `again` has a priority"),
+        ("<lt/>", "<eq/>", "the trigger of the event `again` asks for equality"),
+        ("<lt/>", "<foo/>", "the operator `foo` of MathML has no counterpart"),
+        ('fast="false"', 'fast="true"', "the reaction `elimination` is fast"),
+        ("<ci>threshold</ci>", "<ci>treshold</ci>", "unknown symbol `treshold`"),
+        ('size="5"', "", "`plasma` has no value"),
+        ('id="k" value="0.3"', 'id="k" value="much"', "line 16: `much` is no number"),
+        ('id="out" compartment', 'id="drug" compartment', "the id `drug` is used twice"),
+        (
+            "<listOfEvents>",
+            "<listOfWonders><wonder/></listOfWonders><listOfEvents>",
+            "`wonder` in `listOfWonders` is not known",
+        ),
+        (
+            'level="3"',
+            'xmlns:comp="http://www.sbml.org/x/comp/version1" comp:required="true" level="3"',
+            "package `comp` is required",
+        ),
+        ('variable="n"', 'variable="k"', "`k` is constant, and an event changes it"),
+        ("<kineticLaw>", "<listOfModifiers/><other/><kineticLaw>", "`other` in `reaction` is not known"),
+    ],
+    ids=lambda value: value[:20],
+)
+def test_what_cannot_be_carried_is_refused_by_name(old, new, message, tmp_path, convert):
+    text = (SBML / "doses.xml").read_text(encoding="utf-8")
+    assert old in text
+    new = new.replace("MATH", '<math xmlns="http://www.w3.org/1998/Math/MathML">')
+    path = tmp_path / "m.xml"
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    result = convert(path, tmp_path / "m.eq")
+    assert result.status == 1
+    assert message in result.error
+    assert not (tmp_path / "m.eq").exists()
+
+
+def test_damaged_files_give_an_error_or_a_model(tmp_path, convert):
+    random = np.random.default_rng(3)
+    text = (SBML / "doses.xml").read_bytes()
+    path = tmp_path / "m.xml"
+    for _ in range(40):
+        damaged = bytearray(text)
+        for at in random.integers(60, len(text), 3):
+            damaged[at] = random.choice(list(b'<>/"= a0'))
+        path.write_bytes(bytes(damaged))
+        result = convert(path, tmp_path / "m.eq")
+        assert result.status in (0, 1)
+        assert result.status == 0 or result.error.startswith("error")
+
+
+def test_names_that_mean_something_here_are_changed_and_told(tmp_path, convert):
+    text = (
+        (SBML / "swap.xml")
+        .read_text(encoding="utf-8")
+        .replace('"x"', '"step"')
+        .replace("<ci> x </ci>", "<ci> step </ci>")
+    )
+    path = tmp_path / "m.xml"
+    path.write_text(text, encoding="utf-8")
+    out = tmp_path / "m.eq"
+    assert convert(path, out).status == 0
+    written = out.read_text(encoding="utf-8")
+    assert "step is step_" in written and "state step_ = 1" in written
+
+
+def library():
+    return pytest.importorskip("roadrunner", reason="libRoadRunner is not installed")
+
+
+def against_roadrunner(trajectory, path, folder, end=9.7, count=23):
+    roadrunner = library()
+    roadrunner.Logger.setLevel(roadrunner.Logger.LOG_FATAL)
+    peer = roadrunner.RoadRunner(str(path))
+    peer.integrator.relative_tolerance = 1e-10
+    peer.integrator.absolute_tolerance = 1e-14
+    names = list(peer.model.getFloatingSpeciesIds())
+    peer.timeCourseSelections = ["time", *(f"[{name}]" for name in names), *names]
+    expected = np.array(peer.simulate(0.0, end, count + 1))[:, 1:]
+    _, found = trajectory(path, folder, end, count)
+    compared = 0
+    for i, name in enumerate(names):
+        if name in found:
+            both = expected[:, i], expected[:, len(names) + i]
+            assert min(np.abs(found[name] - e).max() / max(np.abs(e).max(), 1e-12) for e in both) < 1e-5
+            compared += 1
+    return compared
+
+
+@pytest.mark.parametrize("path", sorted(SBML.glob("*.xml")), ids=lambda path: path.stem)
+def test_libroadrunner_gives_the_same(path, tmp_path, trajectory):
+    against_roadrunner(trajectory, path, tmp_path)
+
+
+def test_libroadrunner_gives_the_same_for_the_models_that_come_with_it(tmp_path, trajectory, convert):
+    folder = Path(library().__file__).parent
+    compared = 0
+    for path in sorted(folder.rglob("*.xml")):
+        if b"<sbml" in path.read_bytes() and convert(path, tmp_path / "probe.eq").status == 0:
+            compared += against_roadrunner(trajectory, path, tmp_path)
+    assert compared > 10
