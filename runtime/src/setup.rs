@@ -6,11 +6,14 @@ use std::sync::{Arc, OnceLock};
 
 use smpl_compiler::artefact;
 use smpl_compiler::compiled::CompiledModel;
-use smpl_compiler::ir::{Expr, ExprId, Exprs, Flavour, Nest, Place, Program, Role, VarId};
+use smpl_compiler::ir::{Expr, Flavour, Place, Role, VarId};
 use smpl_compiler::layout::{Part, Region};
-use smpl_compiler::model::{Model, Solver, Variate};
+use smpl_compiler::model::{Solver, Variate};
 use smpl_dsl::diagnostic::SourceMap;
 
+mod reads;
+
+use self::reads::{any_expression, finish_reads_derivatives, reads, start_passes, steady_outputs, step_reads_steady};
 use crate::catalogue::{Catalogue, Element, OutsideBounds, StructuralParameter, UnknownName, check_parameters};
 use crate::random;
 use crate::solver::{Integrator, LinearSolver, Method, PatternError, Quadratures, Settings, SolveError, integrator};
@@ -424,26 +427,14 @@ fn check_method(model: &CompiledModel, catalogue: &Catalogue, method: Method) ->
 
 /// What takes the steps, by its name.
 pub(crate) fn method(name: &str) -> Result<Method, SetupError> {
-    Method::from_name(name).ok_or_else(|| SetupError::Value {
-        what: "method".into(),
-        expected: "`ida`, `rosenbrock`, `explicit` or `auto`",
-        value: format!("`{name}`"),
-    })
+    let unknown = || SetupError::Value { what: "method".into(), expected: Method::TEXT, value: format!("`{name}`") };
+    Method::from_name(name).ok_or_else(unknown)
 }
 
+/// What solves linear systems, by its name.
 pub(crate) fn linear_solver(name: &str) -> Result<LinearSolver, SetupError> {
-    match name {
-        "auto" | "" => Ok(LinearSolver::Auto),
-        "dense" => Ok(LinearSolver::Dense),
-        "banded" => Ok(LinearSolver::Banded),
-        "block" => Ok(LinearSolver::Block),
-        "klu" => Ok(LinearSolver::Klu),
-        _ => Err(SetupError::Value {
-            what: "linear_solver".into(),
-            expected: "`auto`, `dense`, `banded`, `block` or `klu`",
-            value: format!("`{name}`"),
-        }),
-    }
+    let unknown = || SetupError::Value { what: "linear_solver".into(), expected: LinearSolver::TEXT, value: format!("`{name}`") };
+    LinearSolver::from_name(name).ok_or_else(unknown)
 }
 
 fn noise(model: &CompiledModel, options: &EnvironmentOptions) -> Result<Vec<f64>, SetupError> {
@@ -497,116 +488,4 @@ fn draws(model: &CompiledModel) -> Vec<Drawn> {
             number((at, draw), element)
         })
         .collect()
-}
-
-/// Whether `finish` or the algebraic outputs read a time derivative.
-fn finish_reads_derivatives(model: &CompiledModel) -> bool {
-    let programs = &model.model().programs;
-    reads_in(model.model(), values(&[&programs.finish, &programs.outputs]), Flavour::Derivative)
-}
-
-/// Whether a step reads the steady state, apart from what it is judged by.
-fn step_reads_steady(model: &CompiledModel) -> bool {
-    let model = model.model();
-    let p = &model.programs;
-    let mut programs = vec![&p.initial_discretes, &p.disturb, &p.start, &p.end];
-    programs.extend(&p.events);
-    let mut todo = values(&programs);
-    todo.extend(model.rows.iter().map(|row| row.residual));
-    todo.extend(model.roots.iter().map(|root| root.value));
-    todo.extend(&model.quadratures);
-    reads_in(model, todo, Flavour::Steady)
-}
-
-/// Which outputs of the `finish` program read the steady state; in a loop that does, all of them.
-fn steady_outputs(model: &CompiledModel) -> Vec<bool> {
-    let mut outputs = vec![false; model.finish_len()];
-    for nest in &model.model().programs.finish.nests {
-        for store in nest.stores.iter().filter(|store| reads_in(model.model(), vec![store.value], Flavour::Steady)) {
-            match outputs.get_mut(store.target.at.offset as usize).filter(|_| nest.extents.is_empty()) {
-                Some(output) => *output = true,
-                None => outputs.fill(true),
-            }
-        }
-    }
-    outputs
-}
-
-/// Whether anything reads values of a kind.
-fn reads(model: &CompiledModel, flavour: Flavour) -> bool {
-    let model = model.model();
-    let p = &model.programs;
-    let mut programs = vec![
-        &p.parameters,
-        &p.initial_states,
-        &p.initial_discretes,
-        &p.disturb,
-        &p.start,
-        &p.end,
-        &p.finish,
-        &p.outputs,
-        &p.invariants,
-        &p.boxes,
-    ];
-    programs.extend(p.events.iter().chain(p.policies.iter().map(|(_, program)| program)));
-    let mut todo = values(&programs);
-    todo.extend(model.rows.iter().map(|row| row.residual));
-    todo.extend(model.roots.iter().map(|root| root.value));
-    todo.extend(&model.quadratures);
-    reads_in(model, todo, flavour)
-}
-
-fn values(programs: &[&Program]) -> Vec<ExprId> {
-    programs.iter().flat_map(|p| &p.nests).flat_map(|n| &n.stores).map(|s| s.value).collect()
-}
-
-/// Whether a value of a kind is read in some of these expressions.
-fn reads_in(model: &Model, todo: Vec<ExprId>, wanted: Flavour) -> bool {
-    any_expression(&model.exprs, todo, |expr| matches!(expr, Expr::Load { flavour, .. } if *flavour == wanted))
-}
-
-/// Whether something holds of some expression, or of one inside.
-fn any_expression(exprs: &Exprs, mut todo: Vec<ExprId>, holds: impl Fn(&Expr) -> bool) -> bool {
-    let mut seen = HashSet::new();
-    while let Some(e) = todo.pop() {
-        if !seen.insert(e) {
-            continue;
-        }
-        if holds(&exprs.node(e)) {
-            return true;
-        }
-        todo.extend(exprs.operands(e));
-    }
-    false
-}
-
-/// Number of elements whose initial value reads an algebraic unknown or a value at the start, and one pass that finds them settled.
-fn start_passes(model: &CompiledModel) -> usize {
-    const MOST: usize = 50;
-    let model = model.model();
-    let programs = [&model.programs.initial_states, &model.programs.initial_discretes];
-    let reads = |e: ExprId| {
-        let mut todo = vec![e];
-        let mut seen = std::collections::HashSet::new();
-        while let Some(e) = todo.pop() {
-            if !seen.insert(e) {
-                continue;
-            }
-            if let Expr::Load { var, flavour, .. } = model.exprs.node(e)
-                && (flavour == Flavour::Initial || (flavour == Flavour::Value && model.vars[var].role == Role::Algebraic))
-            {
-                return true;
-            }
-            todo.extend(model.exprs.operands(e));
-        }
-        false
-    };
-    let of_nest = |nest: &Nest| {
-        let passes: usize = nest.extents.iter().map(|&n| n as usize).product();
-        passes.saturating_mul(nest.stores.iter().filter(|s| reads(s.value)).count())
-    };
-    match programs.iter().flat_map(|p| &p.nests).map(of_nest).fold(0, usize::saturating_add) {
-        0 => 0,
-        many => many.min(MOST) + 1,
-    }
 }

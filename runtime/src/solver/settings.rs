@@ -77,6 +77,9 @@ impl Method {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Ida, Self::Rosenbrock, Self::Explicit, Self::Auto];
 
+    /// Their names, for messages.
+    pub(crate) const TEXT: &str = "ida, rosenbrock, explicit or auto";
+
     /// As it is written in models, scenarios and on the command line.
     pub fn name(self) -> &'static str {
         match self {
@@ -113,6 +116,29 @@ pub enum LinearSolver {
     Block,
     /// SuiteSparse's KLU.
     Klu,
+}
+
+impl LinearSolver {
+    const ALL: [Self; 5] = [Self::Auto, Self::Dense, Self::Banded, Self::Block, Self::Klu];
+
+    /// Their names, for messages.
+    pub(crate) const TEXT: &str = "auto, dense, banded, block or klu";
+
+    /// As it is written in models and scenarios.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Dense => "dense",
+            Self::Banded => "banded",
+            Self::Block => "block",
+            Self::Klu => "klu",
+        }
+    }
+
+    /// The one of a name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|solver| solver.name() == name)
+    }
 }
 
 /// Whether the error of quadratures is controlled.

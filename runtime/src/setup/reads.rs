@@ -1,0 +1,108 @@
+//! What the equations and programs of a model read.
+
+use std::collections::HashSet;
+
+use smpl_compiler::compiled::CompiledModel;
+use smpl_compiler::ir::{Expr, ExprId, Exprs, Flavour, Nest, Program, Role};
+use smpl_compiler::model::Model;
+
+/// Whether `finish` or the algebraic outputs read a time derivative.
+pub(super) fn finish_reads_derivatives(model: &CompiledModel) -> bool {
+    let programs = &model.model().programs;
+    reads_in(model.model(), values(&[&programs.finish, &programs.outputs]), Flavour::Derivative)
+}
+
+/// Whether a step reads the steady state, apart from what it is judged by.
+pub(super) fn step_reads_steady(model: &CompiledModel) -> bool {
+    let model = model.model();
+    let p = &model.programs;
+    let mut programs = vec![&p.initial_discretes, &p.disturb, &p.start, &p.end];
+    programs.extend(&p.events);
+    let mut todo = values(&programs);
+    todo.extend(model.rows.iter().map(|row| row.residual));
+    todo.extend(model.roots.iter().map(|root| root.value));
+    todo.extend(&model.quadratures);
+    reads_in(model, todo, Flavour::Steady)
+}
+
+/// Which outputs of the `finish` program read the steady state; in a loop that does, all of them.
+pub(super) fn steady_outputs(model: &CompiledModel) -> Vec<bool> {
+    let mut outputs = vec![false; model.finish_len()];
+    for nest in &model.model().programs.finish.nests {
+        for store in nest.stores.iter().filter(|store| reads_in(model.model(), vec![store.value], Flavour::Steady)) {
+            match outputs.get_mut(store.target.at.offset as usize).filter(|_| nest.extents.is_empty()) {
+                Some(output) => *output = true,
+                None => outputs.fill(true),
+            }
+        }
+    }
+    outputs
+}
+
+/// Whether anything reads values of a kind.
+pub(super) fn reads(model: &CompiledModel, flavour: Flavour) -> bool {
+    let model = model.model();
+    let p = &model.programs;
+    let mut programs = vec![
+        &p.parameters,
+        &p.initial_states,
+        &p.initial_discretes,
+        &p.disturb,
+        &p.start,
+        &p.end,
+        &p.finish,
+        &p.outputs,
+        &p.invariants,
+        &p.boxes,
+    ];
+    programs.extend(p.events.iter().chain(p.policies.iter().map(|(_, program)| program)));
+    let mut todo = values(&programs);
+    todo.extend(model.rows.iter().map(|row| row.residual));
+    todo.extend(model.roots.iter().map(|root| root.value));
+    todo.extend(&model.quadratures);
+    reads_in(model, todo, flavour)
+}
+
+fn values(programs: &[&Program]) -> Vec<ExprId> {
+    programs.iter().flat_map(|p| &p.nests).flat_map(|n| &n.stores).map(|s| s.value).collect()
+}
+
+/// Whether a value of a kind is read in some of these expressions.
+fn reads_in(model: &Model, todo: Vec<ExprId>, wanted: Flavour) -> bool {
+    any_expression(&model.exprs, todo, |expr| matches!(expr, Expr::Load { flavour, .. } if *flavour == wanted))
+}
+
+/// Whether something holds of some expression, or of one inside.
+pub(super) fn any_expression(exprs: &Exprs, mut todo: Vec<ExprId>, holds: impl Fn(&Expr) -> bool) -> bool {
+    let mut seen = HashSet::new();
+    while let Some(e) = todo.pop() {
+        if !seen.insert(e) {
+            continue;
+        }
+        if holds(&exprs.node(e)) {
+            return true;
+        }
+        todo.extend(exprs.operands(e));
+    }
+    false
+}
+
+/// Number of elements whose initial value reads an algebraic unknown or a value at the start, and one pass that finds them settled.
+pub(super) fn start_passes(model: &CompiledModel) -> usize {
+    const MOST: usize = 50;
+    let model = model.model();
+    let programs = [&model.programs.initial_states, &model.programs.initial_discretes];
+    let settles = |expr: &Expr| match expr {
+        Expr::Load { flavour: Flavour::Initial, .. } => true,
+        Expr::Load { flavour: Flavour::Value, var, .. } => model.vars[*var].role == Role::Algebraic,
+        _ => false,
+    };
+    let of_nest = |nest: &Nest| {
+        let passes: usize = nest.extents.iter().map(|&n| n as usize).product();
+        passes.saturating_mul(nest.stores.iter().filter(|s| any_expression(&model.exprs, vec![s.value], settles)).count())
+    };
+    match programs.iter().flat_map(|p| &p.nests).map(of_nest).fold(0, usize::saturating_add) {
+        0 => 0,
+        many => many.min(MOST) + 1,
+    }
+}
