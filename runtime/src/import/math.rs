@@ -140,7 +140,7 @@ fn expression(node: Node<'_, '_>, depth: usize) -> Result<Math, Fault> {
 }
 
 fn constant(node: Node<'_, '_>) -> Result<Math, Fault> {
-    let parts: Vec<&str> = node.children().filter_map(|n| n.is_text().then(|| n.text().unwrap_or_default().trim())).collect();
+    let parts: Vec<&str> = node.children().filter(Node::is_text).map(|n| n.text().unwrap_or_default().trim()).collect();
     let parts: Vec<f64> = parts.iter().filter(|p| !p.is_empty()).map(|p| number(node, p)).collect::<Result<_, _>>()?;
     let value = match (attribute(node, "type").unwrap_or("real"), &parts[..]) {
         ("real" | "integer", [x]) => *x,

@@ -110,9 +110,9 @@ fn algebraic(sbml: &Sbml, roles: &mut HashMap<String, Role>) -> Result<(), Fault
     let free = |id: &str| sbml.symbols.iter().any(|s| s.id == id && !s.constant) && !roles.contains_key(id);
     let candidates: Vec<Vec<String>> = rules.iter().map(|r| through(sbml, &r.math).into_iter().filter(|id| free(id)).collect()).collect();
     let mut of: HashMap<String, usize> = HashMap::new();
-    for rule in 0..rules.len() {
+    for (rule, found) in rules.iter().enumerate() {
         if !augment(rule, &candidates, &mut of, &mut HashSet::new()) {
-            return Err(at(rules[rule].at, "the algebraic rule determines nothing: all its symbols are determined otherwise"));
+            return Err(at(found.at, "the algebraic rule determines nothing: all its symbols are determined otherwise"));
         }
     }
     roles.extend(of.into_keys().map(|id| (id, Role::Variable)));

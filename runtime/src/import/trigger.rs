@@ -56,7 +56,7 @@ fn function(condition: &Math, negated: bool, seen: &mut Seen) -> Result<Math, St
         }
         Math::Apply(f @ ("<" | ">" | "<=" | ">="), sides) => {
             let pairs = sides.windows(2).map(|pair| {
-                let timed = pair.iter().any(|side| *side == Math::Time);
+                let timed = pair.contains(&Math::Time);
                 let strict = f.len() == 1;
                 // At the threshold of time alone nothing can rest.
                 if timed {

@@ -5,8 +5,11 @@ use super::document::{Sbml, UnitPart};
 /// A product of symbols with their exponents.
 pub(super) type Product = Vec<(String, f64)>;
 
+/// Symbols with their exponents, as the tables hold them.
+type Symbols = &'static [(&'static str, f64)];
+
 /// Kinds of SBML: products of symbols, whether a prefix may stand before the first.
-const KINDS: [(&str, &[(&str, f64)], bool); 33] = [
+const KINDS: [(&str, Symbols, bool); 33] = [
     ("ampere", &[("A", 1.0)], true),
     ("becquerel", &[("s", -1.0)], false),
     ("candela", &[("cd", 1.0)], true),
@@ -50,7 +53,7 @@ const PREFIXES: [(i32, &str); 11] =
 const TIMES: [(f64, &str); 5] = [(60.0, "min"), (3600.0, "h"), (86_400.0, "d"), (604_800.0, "week"), (31_536_000.0, "year")];
 
 /// What SBML Level 2 means where nothing is defined.
-const USUAL: [(&str, &[(&str, f64)]); 5] = [
+const USUAL: [(&str, Symbols); 5] = [
     ("substance", &[("mol", 1.0)]),
     ("volume", &[("L", 1.0)]),
     ("area", &[("m", 2.0)]),
