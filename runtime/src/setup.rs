@@ -13,7 +13,7 @@ use smpl_dsl::diagnostic::SourceMap;
 
 mod reads;
 
-use self::reads::{any_expression, finish_reads_derivatives, reads, start_passes, steady_outputs, step_reads_steady};
+use self::reads::{any_expression, discrete_passes, finish_reads_derivatives, reads, start_passes, steady_outputs, step_reads_steady};
 use crate::catalogue::{Catalogue, Element, OutsideBounds, StructuralParameter, UnknownName, check_parameters};
 use crate::random;
 use crate::solver::{Integrator, LinearSolver, Method, PatternError, Quadratures, Settings, SolveError, integrator};
@@ -140,6 +140,8 @@ pub struct Setup {
     pub(crate) derivatives_at_end: bool,
     /// Most passes in which initial values that read what is known only at a consistent start get theirs.
     pub(crate) start_passes: usize,
+    /// Most passes in which start values that read discrete variables or disturbances settle; 0 where there are none.
+    pub(crate) discrete_passes: usize,
     pub(crate) has_start: bool,
     pub(crate) has_end: bool,
     pub(crate) has_disturbances: bool,
@@ -220,6 +222,7 @@ impl Setup {
             max_events: options.max_events.map_or(interface.solver.max_events, NonZeroU32::get),
             derivatives_at_end: finish_reads_derivatives(&model),
             start_passes: start_passes(&model),
+            discrete_passes: discrete_passes(&model),
             has_start: !programs.start.nests.is_empty(),
             has_end: !programs.end.nests.is_empty(),
             has_disturbances: !programs.disturb.nests.is_empty(),

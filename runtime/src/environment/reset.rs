@@ -204,8 +204,10 @@ impl Environment {
     /// States, discrete variables and what the algebraic equations make of them. Initial values that read algebraic unknowns are worked
     /// out from their guesses first, and again from the solution, as often as one such value needs another.
     fn initial_values(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
+        self.initial_inputs(options);
         self.initial_states(options)?;
-        self.initial_rest(options)?;
+        self.initial_discretes(options)?;
+        self.settle_discretes(options)?;
         self.make_consistent()?;
         for passes_left in (0..self.setup.start_passes).rev() {
             let first = self.setup.model().states();
@@ -217,7 +219,8 @@ impl Environment {
             if options.start != Start::Steady {
                 self.run_initial_states(options)?;
             }
-            self.initial_rest(options)?;
+            self.initial_discretes(options)?;
+            self.settle_discretes(options)?;
             let tolerance = 1e-6_f64.max(10.0 * self.setup.model().interface().solver.rtol);
             let moved = |old: &[f64], new: &[f64]| {
                 let far = |(a, b): (&f64, &f64)| (a - b).abs() > tolerance * a.abs().max(b.abs());
@@ -296,12 +299,17 @@ impl Environment {
         Ok(())
     }
 
-    /// Actions, builtins and discrete variables.
-    fn initial_rest(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
+    /// Actions and builtins, and defaults of what start values may read before it has its own.
+    fn initial_inputs(&mut self, options: &ResetOptions) {
         let setup = std::sync::Arc::clone(&self.setup);
         let catalogue = &setup.catalogue;
-        for element in catalogue.actions.elements() {
-            self.system.region_mut(Region::Action)[element.at] = element.default;
+        let families =
+            [(&catalogue.actions, Region::Action), (&catalogue.discretes, Region::Discrete), (&catalogue.disturbances, Region::Disturbance)];
+        for (family, region) in families {
+            for element in family.elements() {
+                let default = if region == Region::Action || element.default.is_finite() { element.default } else { 0.0 };
+                self.system.region_mut(region)[element.at] = default;
+            }
         }
         self.progress.steps = options.first_step;
         self.progress.event_time = None;
@@ -311,6 +319,33 @@ impl Environment {
         let clock = self.time();
         self.set_builtin(Builtin::Steps, f64::from(options.first_step));
         self.set_builtin(Builtin::Clock, clock);
+    }
+
+    /// Start values of states that read discrete variables or disturbances, once these have theirs, as often as one such value needs another.
+    fn settle_discretes(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
+        for passes_left in (0..self.setup.discrete_passes).rev() {
+            let first = self.setup.model().states();
+            let before = (self.progress.y[..first].to_vec(), self.system.region(Region::Discrete).to_vec());
+            if options.start != Start::Steady {
+                self.run_initial_states(options)?;
+            }
+            self.initial_discretes(options)?;
+            let same = |old: &[f64], new: &[f64]| old.iter().zip(new).all(|(a, b)| a == b || a.is_nan() && b.is_nan());
+            if same(&before.0, &self.progress.y[..first]) && same(&before.1, self.system.region(Region::Discrete)) {
+                return Ok(());
+            }
+            if passes_left == 0 {
+                let message = "initial values of states and of discrete variables need each other".to_owned();
+                return Err(ResetError::Inconsistent { message });
+            }
+        }
+        Ok(())
+    }
+
+    /// Discrete variables.
+    fn initial_discretes(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
+        let setup = std::sync::Arc::clone(&self.setup);
+        let catalogue = &setup.catalogue;
         let (model, memory) = self.system.parts();
         model.initial_discretes(memory, &mut self.progress.y);
         for (name, &value) in &setup.options.initial {

@@ -89,14 +89,27 @@ pub(super) fn any_expression(exprs: &Exprs, mut todo: Vec<ExprId>, holds: impl F
 
 /// Number of elements whose initial value reads an algebraic unknown or a value at the start, and one pass that finds them settled.
 pub(super) fn start_passes(model: &CompiledModel) -> usize {
-    const MOST: usize = 50;
     let model = model.model();
     let programs = [&model.programs.initial_states, &model.programs.initial_discretes];
-    let settles = |expr: &Expr| match expr {
+    passes(model, &programs, |expr| match expr {
         Expr::Load { flavour: Flavour::Initial, .. } => true,
         Expr::Load { flavour: Flavour::Value, var, .. } => model.vars[*var].role == Role::Algebraic,
         _ => false,
-    };
+    })
+}
+
+/// Number of states whose initial value reads a discrete variable or a disturbance, and one pass that finds them settled.
+pub(super) fn discrete_passes(model: &CompiledModel) -> usize {
+    let model = model.model();
+    passes(model, &[&model.programs.initial_states], |expr| match expr {
+        Expr::Load { flavour: Flavour::Value, var, .. } => matches!(model.vars[*var].role, Role::Discrete | Role::Disturbance),
+        _ => false,
+    })
+}
+
+/// Number of elements whose value reads what has to settle, within reason, and one pass that finds them settled; 0 where none does.
+fn passes(model: &Model, programs: &[&Program], settles: impl Fn(&Expr) -> bool + Copy) -> usize {
+    const MOST: usize = 50;
     let of_nest = |nest: &Nest| {
         let passes: usize = nest.extents.iter().map(|&n| n as usize).product();
         passes.saturating_mul(nest.stores.iter().filter(|s| any_expression(&model.exprs, vec![s.value], settles)).count())

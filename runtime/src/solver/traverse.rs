@@ -25,6 +25,9 @@ const AGAIN: f64 = 2.0;
 /// Relative rounding of a state.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
+/// What is rounding grows with it, here by as much; a jump does not.
+const WIDER: f64 = 16.0;
+
 /// An integrator between two control instants, with its system at hand.
 pub(crate) trait Traverse {
     /// Present time.
@@ -180,10 +183,22 @@ pub(crate) trait Traverse {
 
     /// What of the root functions is rounding of the state, and of the time if another one is given.
     fn measure_noise(&mut self, time: f64) -> Result<(), SolveError> {
+        self.move_by(ROUNDING, time)?;
+        self.watched().0.take_noise();
+        if self.watched().0.is_lost_in_noise() {
+            // A root function that jumps here, `if h < 1 then 1 else -1`, is as clear as any other on both sides.
+            self.move_by(WIDER * ROUNDING, time)?;
+            self.watched().0.take_jumps();
+        }
+        Ok(())
+    }
+
+    /// Evaluates the root functions at states that differ by this much in each unknown.
+    fn move_by(&mut self, part: f64, time: f64) -> Result<(), SolveError> {
         for pattern in [1, 2] {
             // Signs of two patterns: a difference of two unknowns shows in one of them.
-            self.evaluate_moved(time, &|i| 1.0 + if i & pattern == 0 { ROUNDING } else { -ROUNDING })?;
-            self.watched().0.note_noise(pattern == 1);
+            self.evaluate_moved(time, &|i| 1.0 + if i & pattern == 0 { part } else { -part })?;
+            self.watched().0.note_moved(pattern == 1);
         }
         Ok(())
     }

@@ -54,6 +54,8 @@ pub(crate) struct Watch {
     motion: Box<[f64]>,
     /// What of them is rounding.
     noise: Box<[f64]>,
+    /// By how much they differ at states nearby.
+    moved: Box<[f64]>,
     /// Time of the last accepted state in which nothing happened, and of the first one after something did.
     pub since: f64,
     pub until: f64,
@@ -74,6 +76,7 @@ impl Watch {
             ahead: zeros(),
             motion: zeros(),
             noise: zeros(),
+            moved: zeros(),
             ..Self::default()
         }
     }
@@ -170,10 +173,29 @@ impl Watch {
         self.noise.fill(0.0);
     }
 
-    /// Adds what a state that differs by rounding gives otherwise; `first` begins anew.
-    pub(crate) fn note_noise(&mut self, first: bool) {
-        for ((noise, ahead), value) in self.noise.iter_mut().zip(&self.ahead).zip(&self.values) {
-            *noise = (ahead - value).abs() + if first { 0.0 } else { *noise };
+    /// Adds by how much the values differ at a state nearby; `first` begins anew.
+    pub(crate) fn note_moved(&mut self, first: bool) {
+        for ((moved, ahead), value) in self.moved.iter_mut().zip(&self.ahead).zip(&self.values) {
+            *moved = (ahead - value).abs() + if first { 0.0 } else { *moved };
+        }
+    }
+
+    /// Takes the differences at states that differ by rounding.
+    pub(crate) fn take_noise(&mut self) {
+        self.noise.copy_from_slice(&self.moved);
+    }
+
+    /// Whether a value that is not zero differs by as much at a state that is the same but for rounding.
+    pub(crate) fn is_lost_in_noise(&self) -> bool {
+        self.noise.iter().zip(&self.values).any(|(&noise, &value)| value != 0.0 && noise >= value.abs())
+    }
+
+    /// Takes the differences at states that differ by more than rounding: where they are no larger the root function jumps, and has no noise.
+    pub(crate) fn take_jumps(&mut self) {
+        for (noise, moved) in self.noise.iter_mut().zip(&self.moved) {
+            if *moved <= 2.0 * *noise {
+                *noise = 0.0;
+            }
         }
     }
 

@@ -286,7 +286,7 @@ pub struct Columns {
 ///
 /// # Errors
 /// See [`DataError`].
-pub(crate) fn read_columns(path: &Path) -> Result<Columns, DataError> {
+pub fn read_columns(path: &Path) -> Result<Columns, DataError> {
     let table = RawTable::read(path)?;
     let number = |text: &str| match text {
         "true" => 1.0,
