@@ -2,14 +2,16 @@
 
 mod breaks;
 mod events;
+mod handles;
 mod setup;
 
-use std::os::raw::{c_int, c_long, c_void};
+use std::os::raw::{c_int, c_long};
 
 use sundials_sys::*;
 
+use self::handles::{Context, Memory, OwnBridge};
 use self::setup::check;
-use super::callbacks::{Bridge, LinearObjects, Trouble};
+use super::callbacks::{LinearObjects, Trouble};
 use super::consistent::{Consistent, Inconsistent, Start, largest};
 use super::forcing::{Course, Forcing};
 use super::linear::Method;
@@ -43,9 +45,9 @@ enum Phase {
 /// Everything is allocated when it is made, except for KLU's factors, which are allocated at the first factorisation, and
 /// again where their pivots no longer serve or are [forgotten](Integrator::forget).
 pub struct Ida {
-    // Freed in the order of `Drop` below; vectors and the bridge outlive `memory`.
-    memory: *mut c_void,
-    bridge: *mut Bridge,
+    // Freed in this order: `memory` first, the context after all vectors.
+    memory: Memory,
+    bridge: OwnBridge,
     linear: LinearObjects,
     nonlinear: Box<_generic_SUNNonlinearSolver>,
     y: Vector,
@@ -54,7 +56,6 @@ pub struct Ida {
     identity: Option<Vector>,
     consistent: Option<Consistent>,
     forcing: Forcing,
-    context: Context,
     operations: Operations,
     settings: Settings,
     differential: Box<[bool]>,
@@ -70,15 +71,7 @@ pub struct Ida {
     /// The last step before the restart, zero if none.
     last_step: f64,
     last_interval: f64,
-}
-
-/// A SUNDIALS context, freed last.
-struct Context(SUNContext);
-
-impl Drop for Context {
-    fn drop(&mut self) {
-        unsafe { SUNContext_Free(&mut self.0) };
-    }
+    context: Context,
 }
 
 // SAFETY: all pointers are to objects that this instance alone owns, and SUNDIALS keeps no state outside of them.
@@ -100,8 +93,7 @@ impl Ida {
 
     /// The linear solver in use.
     pub fn method(&self) -> Method {
-        // SAFETY: outside of IDA's calls nobody else uses the bridge.
-        unsafe { (*self.bridge).factorisation.method() }
+        self.bridge.factorisation.method()
     }
 
     /// The settings.
@@ -109,25 +101,20 @@ impl Ida {
         &self.settings
     }
 
-    fn bridge(&mut self) -> &mut Bridge {
-        // SAFETY: outside of IDA's calls nobody else uses the bridge.
-        unsafe { &mut *self.bridge }
-    }
-
     /// Runs `call` with the system lent to the callbacks.
     fn lending<R>(&mut self, system: &mut dyn System, call: impl FnOnce(&mut Self) -> R) -> R {
-        self.bridge().lend(system);
+        self.bridge.lend(system);
         let result = call(self);
-        self.bridge().take_back();
+        self.bridge.take_back();
         result
     }
 
     fn flag(&mut self, value: c_int) -> IdaFlag {
-        IdaFlag { value, message: self.bridge().message() }
+        IdaFlag { value, message: self.bridge.message() }
     }
 
     fn initialise(&mut self) -> Result<(), SolveError> {
-        let bridge = unsafe { &mut *self.bridge };
+        let bridge = &mut *self.bridge;
         bridge.begin();
         match &mut self.consistent {
             Some(consistent) => {
@@ -139,16 +126,7 @@ impl Ida {
 
     /// IDA's own search for y' and the algebraic unknowns of an implicit system.
     fn calculate_initial_condition(&mut self) -> Result<(), SolveError> {
-        let value = unsafe {
-            let mut value = IDAReInit(self.memory, self.time, self.y.raw(), self.yp.raw());
-            if value == IDA_SUCCESS {
-                value = IDACalcIC(self.memory, IDA_YA_YDP_INIT, self.time + self.last_interval);
-            }
-            if value == IDA_SUCCESS {
-                value = IDAGetConsistentIC(self.memory, self.y.raw(), self.yp.raw());
-            }
-            value
-        };
+        let value = self.memory.search_initial(self.time, &mut self.y, &mut self.yp, self.time + self.last_interval);
         if value == IDA_SUCCESS {
             return Ok(());
         }
@@ -159,7 +137,7 @@ impl Ida {
     fn inconsistent(&mut self, cause: Inconsistent) -> SolveError {
         let time = self.time;
         match cause {
-            _ if self.bridge().trouble == Some(Trouble::Interrupted) => SolveError::Interrupted { time },
+            _ if self.bridge.trouble == Some(Trouble::Interrupted) => SolveError::Interrupted { time },
             Inconsistent::Callback => self.fault(),
             Inconsistent::Singular(column) => SolveError::SingularJacobian { time, column },
             Inconsistent::Diverged { iterations, correction, unknown } => {
@@ -177,7 +155,7 @@ impl Ida {
     /// What the callbacks noted, as an error.
     fn trouble(&mut self) -> Option<SolveError> {
         let time = self.time;
-        Some(match self.bridge().trouble? {
+        Some(match self.bridge.trouble? {
             Trouble::Residual { time, row } => SolveError::NotFinite { time, row },
             Trouble::Jacobian { time, entry } => {
                 let (rows, columns) = &self.rows_of_entries;
@@ -192,14 +170,12 @@ impl Ida {
 
     /// Hands the values at the beginning to IDA, with a first step (zero: by IDA's rule).
     fn start(&mut self, step: f64) -> Result<(), SolveError> {
-        unsafe {
-            check("IDASetInitStep", IDASetInitStep(self.memory, step))?;
-            check("IDAReInit", IDAReInit(self.memory, self.time, self.y.raw(), self.yp.raw()))?;
-            if let Some(quadratures) = self.quadratures.as_ref().filter(|q| q.by_steps.is_none()) {
-                check("IDAQuadReInit", IDAQuadReInit(self.memory, quadratures.values.raw()))?;
-                if let Some(rtol) = quadratures.checked() {
-                    check("IDAQuadSVtolerances", IDAQuadSVtolerances(self.memory, rtol, quadratures.tolerances.raw()))?;
-                }
+        check("IDASetInitStep", self.memory.set_first_step(step))?;
+        check("IDAReInit", self.memory.begin(self.time, &self.y, &self.yp))?;
+        if let Some(quadratures) = self.quadratures.as_ref().filter(|q| q.by_steps.is_none()) {
+            check("IDAQuadReInit", self.memory.begin_integrals(&quadratures.values))?;
+            if let Some(rtol) = quadratures.checked() {
+                check("IDAQuadSVtolerances", self.memory.set_integral_tolerances(rtol, &quadratures.tolerances))?;
             }
         }
         self.counted = IdaCounts::default();
@@ -209,7 +185,7 @@ impl Ida {
 
     /// The first step, or zero for IDA's rule.
     fn first_step(&mut self, interval: f64, course: Course) -> Result<f64, SolveError> {
-        let bridge = unsafe { &mut *self.bridge };
+        let bridge = &mut *self.bridge;
         let time = self.time;
         if let Some(quadratures) = &mut self.quadratures
             && quadratures.begin(bridge, time, interval, &self.y, &self.yp).is_err()
@@ -232,7 +208,7 @@ impl Ida {
 
     /// Steps to a time before the next break, or to an event.
     fn integrate(&mut self, t_end: f64) -> Result<Advance, SolveError> {
-        self.bridge().begin();
+        self.bridge.begin();
         let (interval, fresh) = (t_end - self.time, self.phase == Phase::Restarted);
         self.scale = self.scale.max(interval);
         if fresh && self.settle()? {
@@ -253,9 +229,8 @@ impl Ida {
             return Err(self.failure(value));
         }
         self.time = t_end;
-        if let Some(quadratures) = self.quadratures.as_ref().filter(|q| q.by_steps.is_none()) {
-            let mut time = self.time;
-            check("IDAGetQuad", unsafe { IDAGetQuad(self.memory, &mut time, quadratures.values.raw()) })?;
+        if let Some(quadratures) = self.quadratures.as_mut().filter(|q| q.by_steps.is_none()) {
+            check("IDAGetQuad", self.memory.integrals(self.time, &mut quadratures.values))?;
         }
         Ok(Advance::Reached)
     }
@@ -276,14 +251,13 @@ impl Ida {
 
     /// Lets IDA step on to `t_end` and returns its flag.
     fn run(&mut self, t_end: f64) -> Result<c_int, SolveError> {
-        let (memory, y, yp) = (self.memory, self.y.raw(), self.yp.raw());
-        check("IDASetStopTime", unsafe { IDASetStopTime(memory, t_end) })?;
+        check("IDASetStopTime", self.memory.set_stop(t_end))?;
         // After each Newton iteration IDA sets y and y', which its quadratures alone look at; what it returns is interpolated.
         let by_steps = self.quadratures.as_ref().is_some_and(|q| q.by_steps.is_some());
         self.discard(self.quadratures.is_none() || by_steps);
         let value = match by_steps {
             true => self.run_by_steps(t_end),
-            false => Ok(unsafe { IDASolve(memory, t_end, &mut self.time, y, yp, IDA_NORMAL) }),
+            false => Ok(self.memory.solve(t_end, &mut self.time, &mut self.y, &mut self.yp, false)),
         };
         self.discard(false);
         self.count();
@@ -292,10 +266,9 @@ impl Ida {
 
     /// As IDA alone, with a look at each step for the integrals.
     fn run_by_steps(&mut self, t_end: f64) -> Result<c_int, SolveError> {
-        let (memory, y, yp) = (self.memory, self.y.raw(), self.yp.raw());
         for _ in 0..self.settings.max_steps {
             let begin = self.time;
-            let value = unsafe { IDASolve(memory, t_end, &mut self.time, y, yp, IDA_ONE_STEP) };
+            let value = self.memory.solve(t_end, &mut self.time, &mut self.y, &mut self.yp, true);
             if !matches!(value, IDA_SUCCESS | IDA_TSTOP_RETURN) {
                 return Ok(value);
             }
@@ -312,8 +285,8 @@ impl Ida {
 
     /// Takes the integrals up to a time in the last step.
     fn take(&mut self, to: f64) -> Result<(), SolveError> {
-        let bridge = unsafe { &mut *self.bridge };
-        let taken = self.quadratures.as_mut().map_or(Ok(()), |quadratures| quadratures.take(bridge, self.memory, to));
+        let bridge = &mut *self.bridge;
+        let taken = self.quadratures.as_mut().map_or(Ok(()), |quadratures| quadratures.take(bridge, self.memory.raw(), to));
         taken.map_err(|_| self.fault())
     }
 
@@ -325,27 +298,9 @@ impl Ida {
     /// Adds what IDA counted since the last time, and notes the step.
     fn count(&mut self) {
         let before = self.counted;
-        let (mut residuals, mut setups, mut last_order, mut order) = (0, 0, 0, 0);
-        let (mut first, mut last, mut next, mut time) = (0.0, 0.0, 0.0, 0.0);
-        let mut now = IdaCounts::default();
-        unsafe {
-            IDAGetIntegratorStats(
-                self.memory,
-                &mut now.steps,
-                &mut residuals,
-                &mut setups,
-                &mut now.error_test_failures,
-                &mut last_order,
-                &mut order,
-                &mut first,
-                &mut last,
-                &mut next,
-                &mut time,
-            );
-            IDAGetNumNonlinSolvConvFails(self.memory, &mut now.nonlinear_failures);
-        }
+        let (now, last) = self.memory.counts();
         self.counted = now;
-        let bridge = self.bridge();
+        let bridge = &mut *self.bridge;
         bridge.counts.steps += (now.steps - before.steps) as u64;
         bridge.counts.error_test_failures += (now.error_test_failures - before.error_test_failures) as u64;
         bridge.counts.nonlinear_failures += (now.nonlinear_failures - before.nonlinear_failures) as u64;
@@ -370,30 +325,28 @@ impl Ida {
     /// The unknown with the largest local error of the last step that was tried.
     fn largest_error(&self) -> Option<usize> {
         let n = self.differential.len();
-        let (errors, weights) = (Vector::zeros(n, self.operations, self.context.0), self.weights()?);
-        let value = unsafe { IDAGetEstLocalErrors(self.memory, errors.raw()) };
+        let (mut errors, weights) = (Vector::zeros(n, self.operations, self.context.raw()), self.weights()?);
+        let value = self.memory.local_errors(&mut errors);
         (value == IDA_SUCCESS).then(|| largest(errors.entries(), weights.entries())).flatten()
     }
 
     /// The unknown that Newton's method last corrected most.
     fn largest_correction(&self) -> Option<usize> {
-        // SAFETY: outside of IDA's calls nobody else uses the bridge.
-        let corrections = unsafe { (*self.bridge).newton.corrections() };
-        largest(corrections, self.weights()?.entries())
+        largest(self.bridge.newton.corrections(), self.weights()?.entries())
     }
 
     /// The unknown whose equation is furthest from holding at the present y and y'.
     fn largest_residual(&mut self) -> Option<usize> {
-        let out = Vector::zeros(self.differential.len(), self.operations, self.context.0);
+        let out = Vector::zeros(self.differential.len(), self.operations, self.context.raw());
         let (time, y, yp) = (self.time, self.y.raw(), self.yp.raw());
-        self.bridge().evaluate(time, y, yp, out.raw()).ok()?;
+        self.bridge.evaluate(time, y, yp, out.raw()).ok()?;
         largest(out.entries(), &vec![1.0; self.differential.len()])
     }
 
     /// The present error weights: reciprocal tolerances.
     fn weights(&self) -> Option<Vector> {
-        let weights = Vector::zeros(self.differential.len(), self.operations, self.context.0);
-        let value = unsafe { IDAGetErrWeights(self.memory, weights.raw()) };
+        let mut weights = Vector::zeros(self.differential.len(), self.operations, self.context.raw());
+        let value = self.memory.weights(&mut weights);
         (value == IDA_SUCCESS).then_some(weights)
     }
 }
@@ -419,7 +372,7 @@ impl Integrator for Ida {
             quadratures.restart(t0);
         }
         self.lending(system, Self::initialise)?;
-        self.bridge().counts.restarts += 1;
+        self.bridge.counts.restarts += 1;
         self.phase = Phase::Restarted;
         Ok(())
     }
@@ -452,7 +405,7 @@ impl Integrator for Ida {
         if let Some(consistent) = &mut self.consistent {
             consistent.forget();
         }
-        let bridge = self.bridge();
+        let bridge = &mut *self.bridge;
         bridge.factorisation.forget();
         bridge.newton.forget();
         bridge.watch.edges.fill(Edge::default());
@@ -481,33 +434,18 @@ impl Integrator for Ida {
     }
 
     fn edges(&self) -> &[Edge] {
-        // SAFETY: outside of IDA's calls nobody else uses the bridge.
-        unsafe { &(*self.bridge).watch.edges }
+        &self.bridge.watch.edges
     }
 
     fn edges_mut(&mut self) -> &mut [Edge] {
-        &mut self.bridge().watch.edges
+        &mut self.bridge.watch.edges
     }
 
     fn undefined_event(&self) -> Option<usize> {
-        // SAFETY: as above.
-        unsafe { (*self.bridge).watch.undefined }
+        self.bridge.watch.undefined
     }
 
     fn statistics(&self) -> Statistics {
-        // SAFETY: outside of IDA's calls nobody else uses the bridge.
-        unsafe { (*self.bridge).counts }
-    }
-}
-
-impl Drop for Ida {
-    fn drop(&mut self) {
-        unsafe {
-            if !self.memory.is_null() {
-                IDAFree(&mut self.memory);
-            }
-            drop(Box::from_raw(self.bridge));
-        }
-        let _ = &self.context; // freed after this, with the vectors
+        self.bridge.counts
     }
 }

@@ -28,7 +28,9 @@
 //! [`forget`](Integrator::forget), and on nothing else: not on the thread, the processor's vector width or what an
 //! instance computed before.
 
+#[allow(clippy::undocumented_unsafe_blocks, reason = "callbacks of SUNDIALS: the contracts stand at the functions")]
 mod callbacks;
+#[allow(clippy::undocumented_unsafe_blocks, reason = "callbacks of SUNDIALS: the contracts stand at the functions")]
 mod consistent;
 mod error;
 mod forcing;
@@ -36,6 +38,7 @@ mod ida;
 mod integrator;
 mod kernels;
 pub(crate) mod linear;
+#[allow(clippy::undocumented_unsafe_blocks, reason = "callbacks of SUNDIALS: the contracts stand at the functions")]
 mod newton;
 mod onestep;
 pub mod problems;
@@ -43,6 +46,7 @@ mod quadrature;
 mod settings;
 mod system;
 mod traverse;
+#[allow(clippy::undocumented_unsafe_blocks, reason = "callbacks of SUNDIALS: the contracts stand at the functions")]
 mod vector;
 mod watch;
 

@@ -1,7 +1,6 @@
 //! Making an integrator: everything that is allocated, and everything IDA is told once.
 
 use std::os::raw::{c_int, c_long, c_void};
-use std::ptr;
 
 use sundials_sys::*;
 
@@ -14,41 +13,41 @@ use super::super::quadrature::Integrals;
 use super::super::vector::{Operations, Vector};
 use super::super::watch::Watch;
 use super::super::{IdaFlag, Settings, SolveError, System};
-use super::{Context, Ida, IdaCounts, Phase};
+use super::handles::{Context, Memory, OwnBridge};
+use super::{Ida, IdaCounts, Phase};
 
 impl Ida {
     pub(super) fn with_operations(system: &dyn System, settings: Settings, operations: Operations) -> Result<Self, SolveError> {
         let n = system.dimension();
         settings.validate(n)?;
         check_shape(system)?;
-        let mut raw = ptr::null_mut();
-        check("SUNContext_Create", unsafe { SUNContext_Create(comm_no_mpi(), &mut raw) })?;
-        let context = Context(raw);
+        let context = Context::new()?;
         let factorisation = Factorisation::of(system, settings.linear_solver)?;
         let entries = system.pattern().entries();
-        let newton = Newton::new(n, operations, context.0);
+        let newton = Newton::new(n, operations, context.raw());
         let watch = Watch::new(system.root_count(), system.root_kinds());
         let mut bridge = Bridge::new(operations, settings.rtol, &settings.atol, entries, factorisation, newton, watch);
         bridge.leading = n / (1 + system.directions());
         let consistent = match system.is_explicit() {
-            true => Some(Consistent::new(system, operations, context.0)?),
+            true => Some(Consistent::new(system, operations, context.raw())?),
             false => None,
         };
-        let vector = |length| Vector::zeros(length, operations, context.0);
-        let quadratures = Integrals::new(system, &settings.quadratures, operations, context.0);
-        let sharing = || Vector::sharing(n, operations, context.0, &bridge.shared);
+        let vector = |length| Vector::zeros(length, operations, context.raw());
+        let quadratures = Integrals::new(system, &settings.quadratures, operations, context.raw());
+        let sharing = || Vector::sharing(n, operations, context.raw(), &bridge.shared);
         let (y, yp) = (sharing(), sharing());
         let later = (system.root_count() > 0).then(|| (sharing(), sharing()));
         let masks = !settings.algebraic_error_control && system.differential().contains(&false);
         let identity = (masks || !system.is_explicit()).then(|| vector(n));
         let pattern = system.pattern();
         let columns = (0..n).flat_map(|column| pattern.column(column).map(move |_| column)).collect();
-        let bridge = Box::into_raw(Box::new(bridge));
+        let bridge = OwnBridge::new(bridge);
         let mut ida = Self {
-            memory: unsafe { IDACreate(context.0) },
+            // SAFETY: all that it will be told of are fields after it, and vectors of `n` numbers.
+            memory: unsafe { Memory::new(&context) },
+            linear: LinearObjects::new(bridge.address(), context.raw()),
+            nonlinear: newton::object(bridge.address(), context.raw()),
             bridge,
-            linear: LinearObjects::new(bridge, context.0),
-            nonlinear: newton::object(bridge, context.0),
             y,
             yp,
             quadratures,
@@ -69,9 +68,9 @@ impl Ida {
             last_step: 0.0,
             last_interval: 1.0,
         };
-        ida.bridge().memory = ida.memory;
+        ida.bridge.memory = ida.memory.raw();
         if system.root_count() > 0 && system.roots_use_derivatives() {
-            ida.bridge().derivative = Some(Vector::sharing(n, operations, ida.context.0, &unsafe { &*ida.bridge }.shared));
+            ida.bridge.derivative = Some(Vector::sharing(n, operations, ida.context.raw(), &ida.bridge.shared));
         }
         ida.configure()?;
         Ok(ida)
@@ -79,8 +78,9 @@ impl Ida {
 
     /// Tells IDA everything that does not change.
     fn configure(&mut self) -> Result<(), SolveError> {
-        let memory = self.memory;
-        let data: *mut c_void = self.bridge.cast();
+        let memory = self.memory.raw();
+        let data: *mut c_void = self.bridge.address().cast();
+        // SAFETY: the memory is valid or null, which is refused; solvers, vectors and the bridge are fields that outlive it.
         unsafe {
             self.take_messages(data)?;
             check("IDASetUserData", IDASetUserData(memory, data))?;
@@ -106,15 +106,18 @@ impl Ida {
     /// Messages go to `data`, the bridge, in place of standard error: SUNDIALS 6.
     #[cfg(not(feature = "vendored"))]
     unsafe fn take_messages(&self, data: *mut c_void) -> Result<(), SolveError> {
-        check("IDASetErrHandlerFn", unsafe { IDASetErrHandlerFn(self.memory, Some(callbacks::message), data) })
+        // SAFETY: `data` is the bridge, which outlives the memory; the callback has the type that is asked for.
+        check("IDASetErrHandlerFn", unsafe { IDASetErrHandlerFn(self.memory.raw(), Some(callbacks::message), data) })
     }
 
     /// Messages go to `data`, the bridge, in place of standard error: SUNDIALS 7, where they belong to the context.
     #[cfg(feature = "vendored")]
     unsafe fn take_messages(&self, data: *mut c_void) -> Result<(), SolveError> {
-        let context = self.context.0;
+        let context = self.context.raw();
         // All handlers are called, and one that prints is there from the start.
+        // SAFETY: the context is valid.
         check("SUNContext_ClearErrHandlers", unsafe { SUNContext_ClearErrHandlers(context) })?;
+        // SAFETY: `data` is the bridge; the context is freed after it, but calls no handler then.
         check("SUNContext_PushErrHandler", unsafe { SUNContext_PushErrHandler(context, Some(callbacks::message), data) })
     }
 
@@ -126,9 +129,12 @@ impl Ida {
         for (entry, &differential) in identity.entries_mut().iter_mut().zip(&self.differential) {
             *entry = f64::from(u8::from(differential));
         }
-        check("IDASetId", unsafe { IDASetId(self.memory, identity.raw()) })?;
+        let memory = self.memory.raw();
+        // SAFETY: the memory is valid; the vector is copied.
+        check("IDASetId", unsafe { IDASetId(memory, identity.raw()) })?;
         if !self.settings.algebraic_error_control {
-            check("IDASetSuppressAlg", unsafe { IDASetSuppressAlg(self.memory, 1) })?;
+            // SAFETY: as above.
+            check("IDASetSuppressAlg", unsafe { IDASetSuppressAlg(memory, 1) })?;
         }
         Ok(())
     }
@@ -138,11 +144,12 @@ impl Ida {
             return Ok(());
         };
         let function = Some(callbacks::quadratures as unsafe extern "C" fn(_, _, _, _, _) -> _);
-        check("IDAQuadInit", unsafe { IDAQuadInit(self.memory, function, quadratures.values.raw()) })?;
+        // SAFETY: the memory is valid, the vector is copied, the callback has the type that is asked for.
+        check("IDAQuadInit", unsafe { IDAQuadInit(self.memory.raw(), function, quadratures.values.raw()) })?;
         if let Some(rtol) = quadratures.checked() {
-            let tolerances = quadratures.tolerances.raw();
-            check("IDAQuadSVtolerances", unsafe { IDAQuadSVtolerances(self.memory, rtol, tolerances) })?;
-            check("IDASetQuadErrCon", unsafe { IDASetQuadErrCon(self.memory, 1) })?;
+            check("IDAQuadSVtolerances", self.memory.set_integral_tolerances(rtol, &quadratures.tolerances))?;
+            // SAFETY: the memory is valid.
+            check("IDASetQuadErrCon", unsafe { IDASetQuadErrCon(self.memory.raw(), 1) })?;
         }
         Ok(())
     }
