@@ -16,6 +16,7 @@ use smpl_dsl::stack::on_own_stack;
 use crate::compiled::{BackEndError, BackEndSettings, CompileStatistics, CompiledModel, Parts};
 use crate::differentiate::pattern::Pattern;
 use crate::elaborate::{self, Elaborated, Options};
+use crate::explicit_time::ExplicitTime;
 use crate::functions::{self, Function};
 use crate::generate::{Effort, Generated, Request, generate};
 use crate::hoist::Hoister;
@@ -25,6 +26,9 @@ use crate::model::Model;
 use crate::read::{Loader, independent, read};
 use crate::schedule::{Job, reroll};
 use crate::{differentiate, explicit_time, schedule, structure};
+
+#[cfg(test)]
+mod tests;
 
 /// What a text was compiled to.
 pub struct Compiled {
@@ -117,21 +121,43 @@ fn determine(elaborated: Elaborated) -> Result<(Model, Faults), Faults> {
     Ok((model, warnings))
 }
 
-/// A flat model to machine code.
-fn back_end(mut model: Model, settings: &BackEndSettings) -> Result<Parts, BackEndError> {
-    let started = Instant::now();
-    let unknowns = check_square(&model)?;
+/// What the functions of a model compute.
+struct Planned {
+    /// In the order of [`Function::ALL`].
+    jobs: Vec<(Function, Job)>,
+    /// Fills the caches once parameters are set.
+    prepare_parameters: Job,
+    /// Where the Jacobian has entries.
+    pattern: Pattern,
+    /// Positions in outputs.
+    tables: Vec<u32>,
+    /// Where time occurs explicitly.
+    time: ExplicitTime,
+    /// When the derivatives were there.
+    differentiated: Instant,
+}
+
+/// Derivatives, and what is computed in which loop and ahead of it.
+fn planned(model: &mut Model) -> Result<Planned, BackEndError> {
+    let unknowns = check_square(model)?;
     let mut tables: Vec<u32> = model.slots.concat();
-    let rows = differentiate::rows(&mut model)?;
-    let entries = differentiate::jacobian(&mut model, &rows);
+    let rows = differentiate::rows(model)?;
+    let entries = differentiate::jacobian(model, &rows);
     let pattern = Pattern::new(&entries, unknowns);
     let jacobian = schedule::of_entries(&entries, &pattern, &mut model.exprs, &mut tables);
     let differentiated = Instant::now();
 
-    let time = explicit_time::collect(&mut model, &rows);
-    let jobs = functions::jobs(&model, &rows, jacobian, &time);
+    let time = explicit_time::collect(model, &rows);
+    let jobs = functions::jobs(model, &rows, jacobian, &time);
     let jobs = rerolled(jobs, &mut model.exprs);
-    let (jobs, prepare_parameters) = hoisted(jobs, &mut model);
+    let (jobs, prepare_parameters) = hoisted(jobs, model);
+    Ok(Planned { jobs, prepare_parameters, pattern, tables, time, differentiated })
+}
+
+/// A flat model to machine code.
+fn back_end(mut model: Model, settings: &BackEndSettings) -> Result<Parts, BackEndError> {
+    let started = Instant::now();
+    let Planned { jobs, prepare_parameters, pattern, tables, time, differentiated } = planned(&mut model)?;
     let layout = Layout::new(&model, 0);
     let hoisted = Instant::now();
 

@@ -8,6 +8,8 @@ use crate::ir::{Affine, ExprId, Place, Program, Store, VarId};
 use crate::model::Model;
 
 mod infix;
+#[cfg(test)]
+pub(crate) mod passes;
 
 use infix::Printer;
 
@@ -25,10 +27,7 @@ pub fn ir(model: &Model) -> String {
         line(&mut text, 0, &format!("{id}: {role:?} {name}[{len}]{unknown}"));
     }
     line(&mut text, 0, "\nequations");
-    for row in &model.rows {
-        let printed = |p: &mut Printer<'_>| format!("0 = {}  # row of {}", p.value(row.residual), element(model, row.var, row.at));
-        nest(&mut text, model, &row.extents, printed);
-    }
+    equations(&mut text, model);
     let mut single = |title: &str, values: Vec<(String, ExprId)>| {
         if !values.is_empty() {
             line(&mut text, 0, &format!("\n{title}"));
@@ -43,6 +42,13 @@ pub fn ir(model: &Model) -> String {
         print_program(&mut text, model, &name, program);
     }
     text
+}
+
+fn equations(text: &mut String, model: &Model) {
+    for row in &model.rows {
+        let printed = |p: &mut Printer<'_>| format!("0 = {}  # row of {}", p.value(row.residual), element(model, row.var, row.at));
+        nest(text, model, &row.extents, printed);
+    }
 }
 
 fn programs(model: &Model) -> Vec<(String, &Program)> {

@@ -6,8 +6,8 @@ mod read;
 mod record;
 
 pub(crate) use format::seventeen_digits;
-pub use read::{Columns, DataError, Values, read_actions, read_columns, read_initial};
 pub(crate) use read::read_disturbances;
+pub use read::{Columns, DataError, Values, read_actions, read_columns, read_initial};
 pub use record::Recorder;
 
 use std::io::{self, Write};

@@ -19,6 +19,26 @@ fn started(text: &str) -> Result<Environment, ResetError> {
     Ok(environment)
 }
 
+/// Whatever the last episode left, and in whichever order they need each other.
+#[test]
+fn start_values_of_states_read_discrete_variables_disturbances_and_actions() {
+    let text = "action u = 3 in 0..10\ndisturbance w = 4 ~ w + 1\ndiscrete V = 2 in 0..10\ndiscrete A = 1 in 0..1e3\n\
+        state S = 0 in 0..1e3\nstate R = 0 in 0..1e3\nstate Q = 0 in 0..1e3\n\
+        initial S = 10*V\ninitial A = S + 1\ninitial R = 10*u + w\ninitial Q = 2*A + n\n\
+        eq d/dt S = 1\neq d/dt R = 0\neq d/dt Q = 0\nat end { next V = V + 1 }\nobserve S in 0..1e3\n";
+    let mut environment = environment(text);
+    for _ in 0..2 {
+        environment.reset(Some(0), &ResetOptions::default()).expect("a start");
+        assert_eq!(environment.unknowns()[..3], [20.0, 34.0, 42.0]);
+        environment.step(&[7.0]).expect("a step");
+    }
+    let options = ResetOptions { discrete: [("V".to_owned(), 5.0)].into(), ..ResetOptions::default() };
+    environment.reset(Some(0), &options).expect("a start");
+    assert_eq!(environment.unknowns()[..3], [50.0, 34.0, 102.0]);
+    let circle = text.replace("initial S = 10*V", "initial S = 10*A");
+    assert!(started(&circle).err().expect("no start").to_string().contains("need each other"));
+}
+
 #[test]
 fn a_logarithm_is_found_from_far_above_and_far_below() {
     for guess in [40.0, 300.0, -30.0, 0.0] {

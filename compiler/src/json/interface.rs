@@ -143,7 +143,9 @@ fn check_cells(grids: &At<'_>, i: &Interface) -> Result<(), ReadError> {
             let &Axis::Cells { grid, count } = axis else { continue };
             let faces = i.grids.get(grid as usize).map(|grid| grid.faces.len());
             if !faces.is_some_and(|faces| faces == 0 || faces == count as usize + 1) {
-                return Err(grids.fault(format!("`{}` has {count} cells of grid {grid}, which is not here or has other faces", quantity.name)));
+                return Err(
+                    grids.fault(format!("`{}` has {count} cells of grid {grid}, which is not here or has other faces", quantity.name))
+                );
             }
         }
     }

@@ -67,7 +67,11 @@ impl Nodes {
         let kind = kind.text()?;
         if kind == "entry" {
             let numbers = list.list(|x| x.number())?;
-            return if numbers.is_empty() { Err(list.fault("a list of no numbers")) } else { Ok(Some(self.exprs.lists_mut().add(&numbers))) };
+            return if numbers.is_empty() {
+                Err(list.fault("a list of no numbers"))
+            } else {
+                Ok(Some(self.exprs.lists_mut().add(&numbers)))
+            };
         }
         if meaning::<Side>(kind).is_none() {
             return Ok(None);

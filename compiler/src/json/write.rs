@@ -96,7 +96,8 @@ fn quantities(i: &Interface) -> Value {
 }
 
 fn grid(grid: &Grid) -> Value {
-    let parameter = |&(var, element, value): &(VarId, u32, f64)| json!({"variable": var.index(), "element": element, "value": number(value)});
+    let parameter =
+        |&(var, element, value): &(VarId, u32, f64)| json!({"variable": var.index(), "element": element, "value": number(value)});
     json!({
         "name": grid.name, "unit": grid.unit, "faces": grid.faces.iter().map(|&x| number(x)).collect::<Vec<_>>(),
         "parameters": grid.parameters.iter().map(parameter).collect::<Vec<_>>(),

@@ -303,8 +303,11 @@ impl Environment {
     fn initial_inputs(&mut self, options: &ResetOptions) {
         let setup = std::sync::Arc::clone(&self.setup);
         let catalogue = &setup.catalogue;
-        let families =
-            [(&catalogue.actions, Region::Action), (&catalogue.discretes, Region::Discrete), (&catalogue.disturbances, Region::Disturbance)];
+        let families = [
+            (&catalogue.actions, Region::Action),
+            (&catalogue.discretes, Region::Discrete),
+            (&catalogue.disturbances, Region::Disturbance),
+        ];
         for (family, region) in families {
             for element in family.elements() {
                 let default = if region == Region::Action || element.default.is_finite() { element.default } else { 0.0 };

@@ -94,6 +94,28 @@ fn a_state_that_is_set_beyond_a_threshold_is_an_event_at_once_and_only_once() {
     assert_eq!(running.discrete("n"), 1.0, "true at the threshold itself");
 }
 
+/// What is compared may jump: the instant is as clear as where it is continuous, within a step (20.5) and at its end (20).
+#[test]
+fn conditions_that_jump_are_found() {
+    for (start, rate) in [(20.5, -3.0), (20.0, -3.0), (-4.5, 3.0), (-4.0, 3.0)] {
+        let below = if rate < 0.0 { "D < 8" } else { "not (D > 8)" };
+        let conditions = [("1", "-1", "> 0"), ("1", "-1", ">= 0"), ("3", "-0.5", "> 0"), ("0.25", "-1e6", ">= 0")];
+        for (yes, no, sign) in conditions {
+            let (yes, no) = if rate < 0.0 { (yes, no) } else { (no, yes) };
+            let mut running = Running::new(&format!(
+                "time t : h\nstate D = {start:?} in -50..50\nstate T : h = 0\ndiscrete n = 0\neq d/dt D = {rate:?}/1 [h]\neq d/dt T = 0 [1]\n\
+                 event e when (if {below} then {yes} else {no}) {sign}\nat e {{ next n = n + 1 ; reset T = t }}\nobserve D in -50..50\n\
+                 episode {{ step = 1 [h], max_steps = 9 }}"
+            ));
+            for _ in 0..6 {
+                assert_eq!(running.step().failure, None);
+            }
+            assert_eq!(running.discrete("n"), 1.0, "{start} {yes} {no} {sign}");
+            close(running.state("T"), (8.0 - start) / rate, 1e-7);
+        }
+    }
+}
+
 #[test]
 fn conditions_are_remembered_by_snapshots() {
     let mut tank = tank(&[]);
