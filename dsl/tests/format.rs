@@ -71,6 +71,22 @@ fn entries_on_several_lines_stand_below_each_other() {
 
 /// Found by fuzzing: what follows a keyword begins an expression, so that a sign is one with or without blanks.
 #[test]
+fn names_may_be_words_of_clauses() {
+    for name in ["scale", "named", "every", "clip", "default", "noise"] {
+        check(&format!(
+            "param  A : m^2 = 0.5   \"area\"\naction {name} : m^3/min = 0.1 in 0..0.3   \"inflow\"\nstate h : m = {name}*2 in 0..2 scale {name}\nparam b = 1, {name}_2 = 2\n"
+        ));
+    }
+    // Columns begin where the clauses do.
+    let text = "param scale : m = 1 in 0..2\nparam scale_2 : m = scale in 0..2\nstate x = 2 * scale in 0..1 scale 3\n";
+    check(text);
+    assert_eq!(
+        format(text).expect("a layout"),
+        "param scale   : m = 1      in 0..2\nparam scale_2 : m = scale  in 0..2\nstate x = 2 * scale in 0..1 scale 3\n"
+    );
+}
+
+#[test]
 fn an_observation_may_begin_with_a_sign() {
     for text in ["observe -x noise normal(0, 1), y = x in 0..2\n", "observe - x noise normal(0, 1), y = x in 0..2\n"] {
         assert_eq!(format(text).as_deref(), Ok("observe -x noise normal(0, 1), y = x in 0..2\n"));

@@ -207,7 +207,9 @@ fn cells(keyword: &str, tokens: &[Token<'_>]) -> Vec<Cell> {
             // The pattern of names is part of the name.
             "named" => None,
             _ if clause == Some(index) => Some(TEXT),
-            _ => column(keyword, token, colons),
+            // A name may be the word of a clause.
+            _ if index == 1 && is_declaration(keyword) => None,
+            _ => column(keyword, token, colons).filter(|column| !matches!(column, 4 | 5) || ends_operand(&tokens[index - 1])),
         };
         let Some(column) = column.filter(|column| declaration + column > slot) else { continue };
         cells.push(cell(slot, &tokens[start..index]));
@@ -227,6 +229,11 @@ fn cell(slot: usize, tokens: &[Token<'_>]) -> Cell {
         _ => (1, 1),
     };
     Cell { slot, text: render::inline(tokens), gaps }
+}
+
+/// Whether something that a clause may follow ends here: behind an operator its word is a name.
+fn ends_operand(token: &Token<'_>) -> bool {
+    matches!(token.kind, Kind::Word | Kind::Number | Kind::Text) || matches!(token.text, ")" | "]" | "}")
 }
 
 /// Where the clause `for` begins that belongs to the whole statement.
