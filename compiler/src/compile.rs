@@ -106,6 +106,7 @@ fn front_end(sources: &mut SourceMap, main: FileId, loader: &mut Loader, options
 /// Which equation determines which unknown: completes the model, equations to rows.
 fn determine(elaborated: Elaborated) -> Result<(Model, Faults), Faults> {
     let Elaborated { mut model, mut equations, runs, warnings } = elaborated;
+    structure::cut_at_parts(&mut model, &mut equations);
     if runs {
         structure::write_out_ranges(&mut model, &mut equations);
     }

@@ -204,10 +204,12 @@ fn survey(exprs: &Exprs, root: ExprId, column_of: &ColumnOf<'_>) -> (usize, bool
 
 /// The matrix of derivatives of normalised rows.
 pub fn entries(exprs: &mut Exprs, rows: &[Rows], column_of: &ColumnOf<'_>) -> Vec<Entry> {
-    let mut pass = Differentiator { exprs, column_of, known: FastMap::default(), nothing: Terms::new([]) };
+    let uses = uses(exprs, rows);
+    let mut pass = Differentiator { exprs, column_of, known: FastMap::default(), uses, nothing: Terms::new([]) };
     let mut entries = vec![];
     for row in rows {
         let terms = pass.terms(row.value);
+        pass.used(row.value);
         for term in pass.expanded(&terms).iter() {
             let mut loops: Vec<(u8, u32)> = (0..).zip(row.extents.iter().copied()).collect();
             loops.extend((0..).zip(term.leaf.bound).filter(|&(_, extent)| extent > 0));
@@ -217,10 +219,27 @@ pub fn entries(exprs: &mut Exprs, rows: &[Rows], column_of: &ColumnOf<'_>) -> Ve
     entries
 }
 
+/// How often each node is an operand below rows, or a row.
+fn uses(exprs: &Exprs, rows: &[Rows]) -> Vec<u32> {
+    let mut uses = vec![0; exprs.len()];
+    let mut stack: Vec<ExprId> = rows.iter().map(|row| row.value).collect();
+    while let Some(e) = stack.pop() {
+        let count: &mut u32 = &mut uses[e.as_u32() as usize];
+        *count += 1;
+        if *count == 1 {
+            stack.extend(exprs.operands(e));
+        }
+    }
+    uses
+}
+
 struct Differentiator<'a, 'c> {
     exprs: &'a mut Exprs,
     column_of: &'a ColumnOf<'c>,
+    /// Derivatives that are still needed.
     known: FastMap<ExprId, Terms>,
+    /// By how many nodes and rows those of each node are still needed.
+    uses: Vec<u32>,
     nothing: Terms,
 }
 
@@ -235,12 +254,23 @@ impl Differentiator<'_, '_> {
             if entered {
                 let terms = self.derive(expr);
                 self.known.insert(expr, terms);
+                // A sum of n terms has n partial sums: their lists together would take the square of it.
+                self.exprs.operands(expr).for_each(|o| self.used(o));
             } else {
                 stack.push((expr, true));
                 stack.extend(self.exprs.operands(expr).map(|o| (o, false)));
             }
         }
         self.of(root)
+    }
+
+    /// Forgets the derivatives of a node with its last use.
+    fn used(&mut self, expr: ExprId) {
+        let left = &mut self.uses[expr.as_u32() as usize];
+        *left = left.saturating_sub(1);
+        if *left == 0 {
+            self.known.remove(&expr);
+        }
     }
 
     fn of(&self, expr: ExprId) -> Terms {

@@ -16,7 +16,7 @@ mod numbers;
 mod program;
 mod var;
 
-pub use affine::{Affine, LoopVar, MAX_DEPTH};
+pub use affine::{Affine, LoopVar, Loops, MAX_DEPTH, loops_of};
 pub(crate) use expr::Rewritten;
 pub use expr::{Expr, ExprId, Exprs, Flavour};
 pub use function::{BinaryFn, Compare, ReduceFn, UnaryFn};

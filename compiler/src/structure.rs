@@ -1,6 +1,7 @@
 //! Structure analysis: which equation determines which unknown.
 //!
-//! 0. Ranges of numbers over which algebraic variables are defined element by element are written out.
+//! 0. Loops that go across parts of an array that are defined one by one are cut there. Ranges of numbers over which algebraic
+//!    variables are defined element by element are written out.
 //! 1. Equations that are linear in one derivative are solved for it; derivatives on right sides are replaced by their rates.
 //! 2. Explicit algebraic variables are substituted, unless keeping one as an unknown makes the Jacobian sparser, or it closes a loop.
 //! 3. What is left is matched: implicit equations to unknowns without an equation. What cannot be matched is reported by name:
@@ -11,14 +12,17 @@
 
 mod algebraic;
 mod common;
+mod cuts;
 mod initial;
 mod matching;
 mod rates;
+mod reads;
 mod runs;
 mod singular;
 mod whole;
 
 pub(crate) use algebraic::{plan as plan_algebraic, substitute as substitute_algebraic};
+pub(crate) use cuts::cut_at_parts;
 pub(crate) use initial::order as order_initial;
 pub(crate) use matching::rows as match_rows;
 pub(crate) use rates::{cover_states, is_explicit, solve_for_derivatives, substitute_derivatives};

@@ -308,3 +308,67 @@ fn a_long_table_over_time_takes_no_code_of_its_length() {
     let (small, large) = (model(100), model(5000));
     assert!(large.model.code_len() < small.model.code_len() + 64, "{} and {} bytes", small.model.code_len(), large.model.code_len());
 }
+
+#[test]
+fn loops_across_equal_parts_read_each_by_its_own_definition() {
+    for n in [6, 32, 48] {
+        let half = n / 2;
+        let parts = format!("var y[i in s]\neq y[i] = i*x[i] for i in 1..{half}\neq y[i] = 3 + x[i]^2 for i in {half}+1..{n}");
+        let y = |x: &[f64], i: usize| if i < half { (i + 1) as f64 * x[i] } else { 3.0 + x[i] * x[i] };
+        let with = |equations: &str| model(n, &format!("{parts}\n{equations}"));
+        check(n, &with("eq d/dt x[i] = y[i] / 1 [s] for i in s"), |x, i| y(x, i));
+        let shifted = format!("eq d/dt x[i] = y[i+1] / 1 [s] for i in 1..{n}-1\neq d/dt x[{n}] = (0 * u) as [1/s]");
+        check(n, &with(&shifted), |x, i| if i + 1 < x.len() { y(x, i + 1) } else { 0.0 });
+        let sum = "eq d/dt x[i] = i*sum(j*y[j] for j in 2..n-1 if j != i) / 1 [s] for i in s";
+        let sum = format!("param n = {n}\n{}", with(sum));
+        check(n, &sum, |x, i| (i + 1) as f64 * (1..n - 1).filter(|&j| j != i).map(|j| (j + 1) as f64 * y(x, j)).sum::<f64>());
+        // Further definitions go across as well; read from the end.
+        let further = format!("var z[i in s]\neq z[i] = 2*y[i] + i for i in s\neq d/dt x[i] = z[{n} + 1 - i] / 1 [s] for i in s");
+        check(n, &with(&further), |x, i| 2.0 * y(x, n - 1 - i) + (n - i) as f64);
+    }
+}
+
+#[test]
+fn cells_across_equal_parts_read_each_by_its_own_definition() {
+    let mut r = Running::new(
+        "domain z in 0 [m]..1 [m] cells 10\nstate x[z] = 0.5\nvar y[z]
+         eq y[z] = x[z] for z in 1..5\neq y[z] = 7 for z in 6..10\neq d/dt x[z] = y[z] / 1 [s] for z",
+    );
+    assert_eq!(r.model.unknowns(), 10, "only the states are unknown");
+    assert_eq!(r.rates(), [[0.5; 5], [7.0; 5]].concat());
+}
+
+#[test]
+fn indices_that_count_down() {
+    for n in LENGTHS {
+        let source = model(
+            n,
+            &format!(
+                "eq d/dt x[i] = (x[{n} + 1 - i] - x[i] + (if {n} - i < 3 then 1 else 0)*({n} - i)) / (M[{n} + 1 - i] * 1 [s]) for i in s"
+            ),
+        );
+        check(n, &source, |x, i| {
+            let last = if n - (i + 1) < 3 { (n - i - 1) as f64 } else { 0.0 };
+            (x[n - 1 - i] - x[i] + last) / (1.0 + 0.1 * (n - i) as f64)
+        });
+        let source =
+            model(n, "eq d/dt x[i] = sum(j*x[j]*x[i-j] + (if j == i - j then u else 0) for j in 1..i-1 if i - j != 2) / 1 [s] for i in s");
+        check(n, &source, |x, i| {
+            let term = |j: usize| j as f64 * x[j - 1] * x[i - j] + if 2 * j == i + 1 { 1.0 } else { 0.0 };
+            (1..=i).filter(|j| i + 1 - j != 2).map(term).sum()
+        });
+    }
+}
+
+#[test]
+fn sums_up_to_an_outer_index_stay_loops() {
+    let aggregation = |n: usize| {
+        Running::new(&model(n, "eq d/dt x[i] = (0.5*sum(x[j]*x[i-j] for j in 1..i-1) - x[i]*sum(x[j] for j in s)) / 1 [s] for i in s"))
+    };
+    let (small, large) = (aggregation(50), aggregation(200));
+    let ratio = large.model.code_len() as f64 / small.model.code_len() as f64;
+    assert!(ratio < 8.0, "four times as many classes, {ratio} times the code: written out it would be 16");
+    check(60, &model(60, "eq d/dt x[i] = sum(x[j]*x[i-j] for j in 1..i-1) / 1 [s] for i in s"), |x, i| {
+        (0..i).map(|j| x[j] * x[i - 1 - j]).sum()
+    });
+}

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import smpl
-from random_models import Key, Number, RandomModel, World, flat, real
+from random_models import Key, Number, PartedModel, RandomModel, World, flat, real
 
 TOLERANCE = 1e-11
 STEP = 1e-30  # of the complex step
@@ -114,9 +114,10 @@ def check_start(drawn: RandomModel, model: smpl.Model, parameters: dict[str, flo
     assert_close("observation", observation, np.array(seen), 1e-6)
 
 
+@pytest.mark.parametrize("kind", [RandomModel, PartedModel])
 @pytest.mark.parametrize("seed", seeds())
-def test_a_random_model_computes_what_its_text_says(seed):
-    drawn = RandomModel(seed)
+def test_a_random_model_computes_what_its_text_says(seed, kind):
+    drawn = kind(seed)
     generator = np.random.default_rng((seed, 1))
     try:
         model = smpl.compile(source=drawn.text)

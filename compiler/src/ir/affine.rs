@@ -5,6 +5,17 @@ use serde::{Deserialize, Serialize};
 /// Deepest nest of loops.
 pub const MAX_DEPTH: usize = 6;
 
+/// Extents of the loops around a value, by depth; none outside of them.
+pub type Loops = [Option<u32>; MAX_DEPTH];
+
+/// The loops of a nest.
+#[must_use]
+pub fn loops_of(extents: &[u32]) -> Loops {
+    let mut loops = [None; MAX_DEPTH];
+    loops.iter_mut().zip(extents).for_each(|(l, &extent)| *l = Some(extent));
+    loops
+}
+
 /// Counter of the loop at a depth, from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct LoopVar(pub u8);
@@ -60,6 +71,25 @@ impl Affine {
     #[must_use]
     pub fn depth(&self) -> u8 {
         (0..MAX_DEPTH).rev().find(|&d| self.strides[d] != 0).map_or(0, |d| d as u8 + 1)
+    }
+
+    /// The lowest and the highest element over all passes; counters of no loop count as 0.
+    #[must_use]
+    pub fn reach(&self, loops: &Loops) -> (i64, i64) {
+        let (mut low, mut high) = (self.offset, self.offset);
+        for (&stride, extent) in self.strides.iter().zip(loops) {
+            let way = stride * i64::from(extent.unwrap_or(1).max(1) - 1);
+            low += way.min(0);
+            high += way.max(0);
+        }
+        (low, high)
+    }
+
+    /// The address with a counter that begins `by` passes later.
+    #[must_use]
+    pub(crate) fn advanced(mut self, depth: usize, by: i64) -> Affine {
+        self.offset += self.strides[depth] * by;
+        self
     }
 
     /// The address in one pass of the loop at a depth.

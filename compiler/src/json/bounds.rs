@@ -1,15 +1,12 @@
 //! Whether what a model evaluates stays within its arrays and within reason.
 
 use super::cursor::{At, ReadError};
-use crate::ir::{Affine, Expr, ExprId, Exprs, FastSet, MAX_DEPTH};
+use crate::ir::{Affine, Expr, ExprId, Exprs, FastSet, Loops, loops_of};
 use crate::model::Model;
 use cranelift_entity::EntityRef;
 
 /// Most passes of all loops around and inside of one value.
 const MAX_PASSES: u64 = 1_000_000_000;
-
-/// Extents of the loops around a value; none outside of them.
-type Loops = [Option<u32>; MAX_DEPTH];
 
 /// Checks what is evaluated in loops of some extents; what was looked at is remembered.
 pub(super) struct Bounds<'m> {
@@ -39,7 +36,7 @@ impl<'m> Bounds<'m> {
             return Err(at.fault(format!("{passes} passes of loops are more than {MAX_PASSES}")));
         }
         let exprs = &self.model.exprs;
-        let mut stack = vec![(value, loops(extents))];
+        let mut stack = vec![(value, loops_of(extents))];
         while let Some((id, loops)) = stack.pop() {
             let around = free_only(exprs, id, loops);
             if !self.seen.insert((id, around)) {
@@ -63,13 +60,6 @@ impl<'m> Bounds<'m> {
         }
         Ok(())
     }
-}
-
-/// The loops of a nest.
-pub(super) fn loops(extents: &[u32]) -> Loops {
-    let mut loops = [None; MAX_DEPTH];
-    loops.iter_mut().zip(extents).for_each(|(l, &extent)| *l = Some(extent));
-    loops
 }
 
 /// The loops that a node depends on.

@@ -4,7 +4,7 @@ use cranelift_entity::{EntityRef, PrimaryMap};
 use serde_json::Value;
 use smpl_dsl::span::Span;
 
-use super::bounds::{Bounds, loops, within};
+use super::bounds::{Bounds, within};
 use super::cursor::{At, ReadError};
 use super::interface::{self, count, texts};
 use super::nodes::{Nodes, address, extents, variable};
@@ -12,7 +12,7 @@ use super::nodes::{Nodes, address, extents, variable};
 use super::{FORMAT, VERSION, write};
 use crate::artefact::Circumstances;
 use crate::export::{Families, Nominal};
-use crate::ir::{BUILTIN_COUNT, ExprId, MAX_DEPTH, Place, Program, Role, VarId};
+use crate::ir::{BUILTIN_COUNT, ExprId, MAX_DEPTH, Place, Program, Role, VarId, loops_of};
 use crate::layout::Layout;
 use crate::model::{Model, Programs, Root, RootAction, Row, Variable};
 use crate::structure::is_explicit;
@@ -259,7 +259,7 @@ fn check_bounds(root: &At<'_>, model: &Model) -> Result<(), ReadError> {
     for (at, row) in equations.items()?.zip(&model.rows) {
         bounds.value(&at, row.residual, &row.extents)?;
         let variable = &model.vars[row.var];
-        within(row.at, &loops(&row.extents), variable.len).map_err(|why| at.fault(format!("`{}`: {why}", variable.name)))?;
+        within(row.at, &loops_of(&row.extents), variable.len).map_err(|why| at.fault(format!("`{}`: {why}", variable.name)))?;
     }
     let values = |field: &'static str, values: Vec<ExprId>, bounds: &mut Bounds<'_>| -> Result<(), ReadError> {
         let list = root.field(field)?;
@@ -284,7 +284,7 @@ fn check_program(at: &At<'_>, program: &Program, model: &Model, bounds: &mut Bou
                 // How long the output is depends on the program: the back end compares.
                 Place::Out | Place::OutSlots(_) => ("the output", u32::MAX),
             };
-            within(store.target.at, &loops(&nest.extents), len).map_err(|why| at.fault(format!("`{what}`: {why}")))?;
+            within(store.target.at, &loops_of(&nest.extents), len).map_err(|why| at.fault(format!("`{what}`: {why}")))?;
         }
     }
     Ok(())

@@ -3,7 +3,8 @@
 use smpl_dsl::span::Span;
 
 use super::common::{passes, replace_everywhere};
-use super::whole::{Whole, looped_loads, placed, take_apart, wholes};
+use super::reads::looped_reads;
+use super::whole::{Whole, placed, take_apart, wholes};
 use crate::elaborate::{Equation, EquationForm};
 use crate::graph::{Order, after_needs};
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, Rewritten, Role, VarId};
@@ -47,10 +48,10 @@ pub fn plan(model: &mut Model, equations: &mut [Equation]) -> Plan {
             in_loops.insert(var);
         }
     }
-    for (var, at) in looped_loads(model, equations) {
-        in_loops.insert(var);
-        if arrays.get(&var).is_some_and(|whole| whole.locate(at).is_none()) {
-            arrays.remove(&var);
+    for read in looped_reads(model, equations) {
+        in_loops.insert(read.var);
+        if arrays.get(&read.var).is_some_and(|whole| !whole.holds(read.at, &read.loops)) {
+            arrays.remove(&read.var);
         }
     }
     candidates.retain(|(var, _), _| !in_loops.contains(var));

@@ -1,8 +1,50 @@
 //! What several passes need.
 
 use crate::elaborate::{Equation, EquationForm};
-use crate::ir::{Expr, ExprId, Exprs, Rewritten, VarId};
-use crate::model::Model;
+use crate::ir::{Expr, ExprId, Exprs, Program, Rewritten, VarId};
+use crate::model::{Model, Programs};
+
+/// All programs of a model.
+pub(super) fn programs(programs: &Programs) -> impl Iterator<Item = &Program> {
+    let Programs {
+        parameters,
+        initial_states,
+        initial_discretes,
+        steady,
+        disturb,
+        start,
+        end,
+        finish,
+        outputs,
+        invariants,
+        boxes,
+        events,
+        policies,
+    } = programs;
+    let single = [parameters, initial_states, initial_discretes, steady, disturb, start, end, finish, outputs, invariants, boxes];
+    single.into_iter().chain(events).chain(policies.iter().map(|(_, program)| program))
+}
+
+/// All programs of a model, to be changed.
+pub(super) fn programs_mut(programs: &mut Programs) -> impl Iterator<Item = &mut Program> {
+    let Programs {
+        parameters,
+        initial_states,
+        initial_discretes,
+        steady,
+        disturb,
+        start,
+        end,
+        finish,
+        outputs,
+        invariants,
+        boxes,
+        events,
+        policies,
+    } = programs;
+    let single = [parameters, initial_states, initial_discretes, steady, disturb, start, end, finish, outputs, invariants, boxes];
+    single.into_iter().chain(events).chain(policies.iter_mut().map(|(_, program)| program))
+}
 
 /// Number of passes of a nest.
 pub(super) fn passes(extents: &[u32]) -> i64 {
@@ -42,21 +84,7 @@ pub(super) fn replace_everywhere(
     for quadrature in &mut model.quadratures {
         *quadrature = rewritten(*quadrature);
     }
-    let p = &mut model.programs;
-    let programs = [
-        &mut p.parameters,
-        &mut p.initial_states,
-        &mut p.initial_discretes,
-        &mut p.steady,
-        &mut p.disturb,
-        &mut p.start,
-        &mut p.end,
-        &mut p.finish,
-        &mut p.outputs,
-        &mut p.invariants,
-        &mut p.boxes,
-    ];
-    for program in programs.into_iter().chain(&mut p.events).chain(p.policies.iter_mut().map(|(_, p)| p)) {
+    for program in programs_mut(&mut model.programs) {
         for store in program.nests.iter_mut().flat_map(|n| &mut n.stores) {
             store.value = rewritten(store.value);
         }

@@ -5,7 +5,9 @@
 //! and sum that reads them must name them one by one.
 
 use super::common::replace_everywhere;
-use super::whole::{Whole, looped_loads, wholes};
+use super::cuts::cut_at_parts;
+use super::reads::looped_reads;
+use super::whole::{Whole, wholes};
 use crate::elaborate::{Equation, EquationForm};
 use crate::ir::{Expr, ExprId, Exprs, FastMap, FastSet, LoopVar, Rewritten, VarId};
 use crate::model::Model;
@@ -13,6 +15,7 @@ use crate::model::Model;
 /// Writes out the ranges over which elements of algebraic variables are defined or read one by one.
 pub(crate) fn write_out(model: &mut Model, equations: &mut Vec<Equation>) {
     loop {
+        cut_at_parts(model, equations);
         let scattered = scattered(model, equations);
         if scattered.is_empty() {
             return;
@@ -46,10 +49,10 @@ fn scattered(model: &Model, equations: &[Equation]) -> FastSet<VarId> {
         }
     }
     let wholes = wholes(model, equations);
-    let mut across: FastSet<VarId> = looped_loads(model, equations)
+    let mut across: FastSet<VarId> = looped_reads(model, equations)
         .into_iter()
-        .filter(|(var, at)| wholes.get(var).is_some_and(|whole| whole.locate(*at).is_none()))
-        .map(|(var, _)| var)
+        .filter(|read| wholes.get(&read.var).is_some_and(|whole| !whole.holds(read.at, &read.loops)))
+        .map(|read| read.var)
         .collect();
     across.extend(repeated(model, equations, &wholes));
     // Of the parts of arrays, those on a ring of definitions.

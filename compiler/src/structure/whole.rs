@@ -1,8 +1,8 @@
 //! Arrays that loops define as wholes.
 
-use super::common::passes;
+use super::common::{passes, programs_mut};
 use crate::elaborate::{Equation, EquationForm};
-use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, FastSet, LoopVar, MAX_DEPTH, Nest, Role, Store, Target, VarId};
+use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, FastSet, LoopVar, Loops, MAX_DEPTH, Nest, Store, Target, VarId, loops_of};
 use crate::model::Model;
 
 /// An algebraic variable whose elements are defined by loops over equal parts of it: one loop nest a part.
@@ -64,36 +64,85 @@ impl Whole {
         Some(Whole { equations: equations?, extents: extents.clone(), interleaved: interleaved? })
     }
 
-    /// The part in which the elements at an address lie, and their index along each of its loops; `None` if they lie in several.
+    /// The part in which the element of the first pass lies, and its index along each of its loops; `None` if others lie elsewhere
+    /// whatever the extents of loops are. Elements of further passes [may](Self::holds) lie in other parts.
     pub fn locate(&self, at: Affine) -> Option<(usize, Vec<Affine>)> {
-        let (size, count) = (passes(&self.extents), self.equations.len() as i64);
-        let mut indices = vec![Affine::default(); self.extents.len()];
+        let count = self.equations.len() as i64;
+        let mut indices;
         let part;
         if self.interleaved {
             part = at.offset.rem_euclid(count);
             if at.strides.iter().any(|s| s % count != 0) {
                 return None;
             }
-            indices[0].offset = at.offset.div_euclid(count);
-            (0..MAX_DEPTH).for_each(|d| indices[0].strides[d] = at.strides[d] / count);
+            indices = vec![Affine { offset: at.offset.div_euclid(count), strides: at.strides.map(|s| s / count) }];
         } else {
-            part = at.offset.div_euclid(size);
-            if count > 1 && at.strides.iter().any(|s| *s >= size) {
+            indices = self.indices(at);
+            part = indices[0].offset.div_euclid(self.rows());
+            indices[0].offset -= part * self.rows();
+            if count > 1 && indices[0].strides.iter().any(|s| s.abs() >= self.rows()) {
                 return None;
             }
-            let mut rest = Affine { offset: at.offset - part * size, ..at };
-            for (index, &extent) in indices.iter_mut().zip(&self.extents).skip(1).rev() {
-                let n = i64::from(extent);
-                index.offset = rest.offset.rem_euclid(n);
-                rest.offset = rest.offset.div_euclid(n);
-                for (own, stride) in index.strides.iter_mut().zip(&mut rest.strides) {
-                    *own = stride.rem_euclid(n);
-                    *stride = stride.div_euclid(n);
-                }
-            }
-            indices[0] = rest;
         }
         (0..count).contains(&part).then_some((part as usize, indices))
+    }
+
+    /// Whether the elements of all passes lie in one part.
+    pub fn holds(&self, at: Affine, loops: &Loops) -> bool {
+        let inside = |(index, &n): (&Affine, &u32)| {
+            let (low, high) = index.reach(loops);
+            low >= 0 && high < i64::from(n)
+        };
+        self.locate(at).is_some_and(|(_, indices)| indices.iter().zip(&self.extents).all(inside))
+    }
+
+    /// Passes of the loop at `depth` before which it goes over to another part, where no other loop moves it between parts.
+    pub fn turns(&self, at: Affine, depth: usize, extent: u32) -> Vec<i64> {
+        if !self.is_in_parts() {
+            return Vec::new();
+        }
+        let row = self.indices(at)[0];
+        let step = row.strides[depth];
+        if row.counters() != 1 << depth {
+            return Vec::new();
+        }
+        let turn = |part: i64| {
+            let ahead = part * self.rows() - row.offset;
+            if step > 0 { (ahead + step - 1).div_euclid(step) } else { (-ahead).div_euclid(-step) + 1 }
+        };
+        let mut turns: Vec<i64> = (1..self.equations.len() as i64).map(turn).filter(|t| (1..i64::from(extent)).contains(t)).collect();
+        turns.sort_unstable();
+        turns.dedup();
+        turns
+    }
+
+    /// Whether it has several parts, one after another.
+    pub fn is_in_parts(&self) -> bool {
+        !self.interleaved && self.equations.len() > 1
+    }
+
+    /// Length of a part along its outermost loop.
+    fn rows(&self) -> i64 {
+        i64::from(self.extents[0])
+    }
+
+    /// The index along each loop of parts that lie one after another, counted through all of them.
+    fn indices(&self, at: Affine) -> Vec<Affine> {
+        let mut indices = vec![Affine::default(); self.extents.len()];
+        let mut rest = at;
+        for (index, &extent) in indices.iter_mut().zip(&self.extents).skip(1).rev() {
+            let n = i64::from(extent);
+            index.offset = rest.offset.rem_euclid(n);
+            rest.offset = rest.offset.div_euclid(n);
+            for (own, stride) in index.strides.iter_mut().zip(&mut rest.strides) {
+                // The shortest way: one back in a row is not a row back and all but one ahead.
+                let ahead = stride.rem_euclid(n);
+                *own = if 2 * ahead > n { ahead - n } else { ahead };
+                *stride = (*stride - *own) / n;
+            }
+        }
+        indices[0] = rest;
+        indices
     }
 
     /// The addresses of the elements of each part, with the extents of their loops.
@@ -114,39 +163,6 @@ fn row_major(extents: &[u32]) -> Affine {
     at
 }
 
-/// Addresses at which equations read algebraic variables in loops, and programs in sums.
-pub(crate) fn looped_loads(model: &Model, equations: &[Equation]) -> Vec<(VarId, Affine)> {
-    let mut out = Vec::new();
-    let mut seen = vec![false; model.exprs.len()];
-    let mut stack: Vec<ExprId> = equations.iter().map(|equation| equation.form.value()).collect();
-    stack.extend(model.roots.iter().map(|r| r.value));
-    stack.extend(&model.quadratures);
-    let p = &model.programs;
-    for program in [&p.initial_discretes, &p.start, &p.end, &p.finish, &p.outputs, &p.invariants, &p.boxes].into_iter().chain(&p.events) {
-        for store in program.nests.iter().flat_map(|n| &n.stores) {
-            model.exprs.each_reduction(store.value, &mut |depth, body| {
-                let read = model.exprs.loads(body, |v, _| model.vars[v].role == Role::Algebraic);
-                out.extend(read.into_iter().filter(|(_, _, at)| at.strides[usize::from(depth.0)] != 0).map(|(var, _, at)| (var, at)));
-            });
-        }
-    }
-    while let Some(e) = stack.pop() {
-        if std::mem::replace(&mut seen[e.as_u32() as usize], true) {
-            continue;
-        }
-        if let Expr::Load { var, at, .. } = model.exprs.node(e)
-            && !at.is_constant()
-            && model.vars[var].role == Role::Algebraic
-        {
-            out.push((var, at));
-        }
-        stack.extend(model.exprs.operands(e));
-    }
-    out.sort_unstable();
-    out.dedup();
-    out
-}
-
 /// Makes the loops of programs fit what is substituted: loops over a whole array become one for each of its parts; what reads elements
 /// that are `defined` one by one is written out.
 pub(crate) fn take_apart(model: &mut Model, arrays: &FastMap<VarId, Whole>, defined: &FastSet<VarId>) {
@@ -154,9 +170,7 @@ pub(crate) fn take_apart(model: &mut Model, arrays: &FastMap<VarId, Whole>, defi
         return;
     }
     let (exprs, vars) = (&mut model.exprs, &model.vars);
-    let p = &mut model.programs;
-    let programs = [&mut p.initial_discretes, &mut p.start, &mut p.end, &mut p.finish, &mut p.outputs, &mut p.invariants, &mut p.boxes];
-    for program in programs.into_iter().chain(&mut p.events) {
+    for program in programs_mut(&mut model.programs) {
         let mut waiting: Vec<Nest> = std::mem::take(&mut program.nests);
         waiting.reverse();
         while let Some(nest) = waiting.pop() {
@@ -178,9 +192,7 @@ fn across(exprs: &Exprs, nest: &Nest, arrays: &FastMap<VarId, Whole>, defined: &
     let looped = |at: &Affine| (0..nest.extents.len()).any(|d| at.strides[d] != 0);
     let goes_across = |var: VarId, at: Affine| {
         let Some(whole) = arrays.get(&var) else { return true };
-        let last = |at: &Affine| at.offset + nest.extents.iter().zip(&at.strides).map(|(&n, s)| s * (i64::from(n) - 1)).sum::<i64>();
-        let Some((_, indices)) = whole.locate(at) else { return true };
-        !indices.iter().zip(&whole.extents).all(|(index, &n)| last(index) < i64::from(n))
+        !whole.holds(at, &loops_of(&nest.extents))
     };
     let found = nest.stores.iter().flat_map(|s| exprs.loads(s.value, |v, _| concerned(v)));
     let mut found = found.filter(|(_, _, at)| looped(at));

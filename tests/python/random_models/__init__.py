@@ -1,7 +1,7 @@
 """Random models with an evaluation of their own."""
 
-from .model import RandomModel
+from .model import PartedModel, RandomModel
 from .space import RandomSpace
 from .terms import Key, Number, World, flat, real
 
-__all__ = ["Key", "Number", "RandomModel", "RandomSpace", "World", "flat", "real"]
+__all__ = ["Key", "Number", "PartedModel", "RandomModel", "RandomSpace", "World", "flat", "real"]

@@ -118,9 +118,21 @@ class Writer:
             for offset in (0, 0, 0, 0, -1, -1, 1, 1, -2, 2, 3, low - least_of):
                 if low <= least_of + offset and most_of + offset <= high:
                     found.append(self._shifted(name, offset))
-            if self.chance(0.1) and low <= least_of and most_of <= high:
-                found.append(Index(f"{low + high} - {name}", lambda s, b=name: low + high - s[b]))
+            if self.chance(0.3):
+                found += self._mirrored(place, name, low, high)
         return self.pick(found) if found and self.chance(0.9) else self._at(self.pick(axis.members))
+
+    def _mirrored(self, place: Place, name: str, low: int, high: int) -> list[Index]:
+        """A number, or another index, minus an index, where that stays on an axis."""
+        members = place.bound[name]
+        totals = [t for t in (low + high, low + max(members), high + min(members)) if t - max(members) >= low]
+        found = [Index(f"{t} - {name}", lambda s, t=t: t - s[name]) for t in totals if t - min(members) <= high]
+        for other, numbers in place.bound.items():
+            if other != name and isinstance(numbers[0], int):
+                ends = min(numbers) - max(members), max(numbers) - min(members)
+                if low <= ends[0] and ends[1] <= high:
+                    found.append(Index(f"{other} - {name}", lambda s, other=other: s[other] - s[name]))
+        return found
 
     # Expressions.
 

@@ -33,6 +33,9 @@ class RandomModel(Writer):
     the initial values and `rates` the time derivatives of the states; `arrays` what is declared, by role.
     """
 
+    sizes: tuple[int, ...] = SIZES
+    parted = 0.3  # how many arrays are defined in equal parts
+
     def __init__(self, seed: int) -> None:
         self.random = np.random.default_rng(seed)
         self.statements: list[str] = []
@@ -41,7 +44,7 @@ class RandomModel(Writer):
         self.rates: Definitions = {}
         self.observed: list[Key] = []
         self.arrays: dict[str, list[Array]] = {role: [] for role in ROLES}
-        self.n = int(self.random.choice(SIZES))
+        self.n = int(self.random.choice(self.sizes))
         self.axes = self._axes()
         for role, most in (("param", 4), ("table", 3), ("action", 3), ("state", 4), ("let", 3), ("var", 4), ("let", 3)):
             for _ in range(self.random.integers(role == "state", most + 1)):
@@ -58,7 +61,7 @@ class RandomModel(Writer):
     # Declarations.
 
     def _axes(self) -> list[Axis]:
-        first, length = int(self.pick((-1, 0, 2, 3, 5, 11))), int(self.random.choice(SIZES))
+        first, length = int(self.pick((-1, 0, 2, 3, 5, 11))), int(self.random.choice(self.sizes))
         names = ("a", "b", "rest", "water")[: self.random.integers(2, 5)]
         self.statements += [f"param n = {self.n}", f"set comps = {{ {', '.join(names)} }}"]
         axes = [Axis("comps", names, True)]
@@ -179,6 +182,9 @@ class RandomModel(Writer):
         along, step = int(self.pick(ranges)), int(self.pick((0, -1, 1))) if role == "var" else 0
         members = array.axes[along].members
         cuts = sorted({int(c) for c in self.random.integers(1, len(members), self.pick((0, 0, 1, 2, 3)))})
+        if self.chance(self.parted):
+            equal = int(self.pick((2, 2, 3)))
+            cuts = [k * len(members) // equal for k in range(1, equal)] if len(members) >= equal else []
         if step and self.chance(0.6):
             cuts = [1] if step < 0 else [len(members) - 1]
         parts = [members[a:b] for a, b in zip([0, *cuts], [*cuts, len(members)], strict=True)]
@@ -238,3 +244,18 @@ class RandomModel(Writer):
         boundary = next(scope[name] for scope in place.scopes() if index.of(scope) == end)
         test = Condition(f"{name} == {boundary}", lambda w, s: s[name] == boundary, place, place)
         return if_else(test, self.expression(place, 1), further)
+
+
+class PartedModel(RandomModel):
+    """A random model whose algebraic arrays are mostly defined by a few loops of equal length, and read across these."""
+
+    sizes = (32, 34, 36, 48, 51)
+    parted = 0.8
+
+    def _axes(self) -> list[Axis]:
+        axes = super()._axes()
+        return [*axes, *[a for a in axes if a.numbers] * 3]
+
+    def leaf(self, place: Place) -> Expr:
+        arrays = [a for a in self.arrays["var"] if a.axes]
+        return self.reference(place, arrays) if arrays and self.chance(0.5) else super().leaf(place)

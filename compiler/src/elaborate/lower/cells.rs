@@ -43,7 +43,7 @@ impl Lowering<'_, '_> {
                 }
                 let mut inner = place.clone();
                 inner.depth += 1;
-                let cell = Cell { first, count, along: Some(LoopVar(place.depth)) };
+                let cell = Cell::run(first, count, LoopVar(place.depth));
                 // A loop's frame stands at its depth; reductions beside one another reuse it.
                 self.loops.frames.truncate(place.depth as usize);
                 self.loops.frames.push(Loop { passes: count, cuts: BTreeSet::new() });
@@ -83,11 +83,12 @@ impl Lowering<'_, '_> {
     /// Whether the cell is number `v` in all passes or in none; `None` after asking for a cut where it is so in some.
     pub(in crate::elaborate) fn is_number(&mut self, cell: Cell, v: i64) -> Option<bool> {
         let Some(along) = cell.along else { return Some(cell.first == v) };
-        if v < cell.first || v > cell.last() {
+        let (lowest, highest) = cell.ends();
+        if v < lowest || v > highest {
             return Some(false);
         }
-        self.cut(along, v - cell.first);
-        self.cut(along, v - cell.first + 1);
+        self.cut(along, cell.turn(v));
+        self.cut(along, cell.turn(v + 1));
         None
     }
 

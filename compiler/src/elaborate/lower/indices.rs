@@ -122,6 +122,11 @@ impl<'a> Lowering<'_, 'a> {
     /// A cell (or the face at which a flux is taken) of a domain.
     fn cell(&mut self, domain: DomainId, e: &Expr, place: &Place) -> Option<Bound> {
         if let Some(numbers) = self.run_index(e, place) {
+            if numbers.step < 0 {
+                // What stands in a cell reads its neighbours as if numbers rose.
+                self.ledger.speculation.refuse();
+                return None;
+            }
             return Some(Bound::Cell(domain, numbers.shifted(-1)));
         }
         let known = match &e.kind {

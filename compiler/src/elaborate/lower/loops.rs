@@ -5,7 +5,8 @@ use std::collections::BTreeSet;
 use crate::elaborate::symbols::DomainId;
 use crate::ir::{Affine, LoopVar};
 
-/// The cells (or faces) of a domain that one piece of an equation stands for: `first + l` for the passes `l < count` of a loop.
+/// The cells (or faces) of a domain, or the numbers of a range, that one piece of an equation stands for: `first + step·l` for the
+/// passes `l < count` of a loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Cell {
     /// Number (from 0) in the first pass.
@@ -14,17 +15,29 @@ pub struct Cell {
     pub count: i64,
     /// The loop; `None` for a single cell.
     pub along: Option<LoopVar>,
+    /// 1; -1 for numbers that a loop counts down, as `n - i` does. 1 for a single cell.
+    pub step: i64,
 }
 
 impl Cell {
     /// One cell.
     pub fn single(number: i64) -> Self {
-        Cell { first: number, count: 1, along: None }
+        Cell { first: number, count: 1, along: None, step: 1 }
+    }
+
+    /// Ascending numbers.
+    pub fn run(first: i64, count: i64, along: LoopVar) -> Self {
+        Cell { first, count, along: Some(along), step: 1 }
     }
 
     /// The number in the last pass.
     pub fn last(self) -> i64 {
-        self.first + self.count - 1
+        self.first + (self.count - 1) * self.step
+    }
+
+    /// The lowest and the highest number.
+    pub fn ends(self) -> (i64, i64) {
+        (self.first.min(self.last()), self.first.max(self.last()))
     }
 
     /// The cell `by` further on.
@@ -32,10 +45,20 @@ impl Cell {
         Cell { first: self.first + by, ..self }
     }
 
+    /// `n` minus each number.
+    pub fn subtracted_from(self, n: i64) -> Self {
+        Cell { first: n - self.first, step: if self.along.is_some() { -self.step } else { 1 }, ..self }
+    }
+
+    /// The first pass in which it is settled otherwise than in the first one whether the number is at least `turn`.
+    pub fn turn(self, turn: i64) -> i64 {
+        if self.step > 0 { turn - self.first } else { self.first - turn + 1 }
+    }
+
     /// The number as an address.
     pub(crate) fn affine(self) -> Affine {
         match self.along {
-            Some(v) => Affine::along(self.first, v, 1),
+            Some(v) => Affine::along(self.first, v, self.step),
             None => Affine::constant(self.first),
         }
     }

@@ -7,7 +7,7 @@ use smpl_dsl::syntax::Expr;
 use crate::elaborate::lower::loops::{Cell, Face};
 use crate::elaborate::lower::value::Value;
 use crate::elaborate::symbols::{DomainId, ScopeId, SetId, SymbolId};
-use crate::ir::{Affine, ExprId, LoopVar};
+use crate::ir::{Affine, ExprId};
 
 /// Where an expression stands, and what is bound there.
 #[derive(Clone, Debug)]
@@ -104,7 +104,7 @@ pub(crate) enum IndexKey {
     /// Member of a set.
     Member(usize),
     /// Cells of a loop.
-    Cell(i64, i64, Option<LoopVar>),
+    Cell(Cell),
 }
 
 impl IndexKey {
@@ -112,7 +112,7 @@ impl IndexKey {
     pub fn of(bound: &Bound) -> Self {
         match bound {
             Bound::Member(_, i) => IndexKey::Member(*i),
-            Bound::Cell(_, c) | Bound::Face(_, c) | Bound::Run(c) => IndexKey::Cell(c.first, c.count, c.along),
+            Bound::Cell(_, c) | Bound::Face(_, c) | Bound::Run(c) => IndexKey::Cell(*c),
             _ => IndexKey::Member(usize::MAX),
         }
     }

@@ -66,7 +66,7 @@ impl Lowering<'_, '_> {
         Some(value)
     }
 
-    /// The numbers that an index expression stands for, `i`, `i + 2`, `1 + i`, `i - 1`, where `i` is bound to a range.
+    /// The numbers that an index expression stands for, `i`, `i + 2`, `1 + i`, `i - 1`, `8 - i`, where `i` is bound to a range.
     pub(in crate::elaborate) fn run_index(&mut self, e: &Expr, place: &Place) -> Option<Cell> {
         match &e.kind {
             ExprKind::Name(name) => match place.bound(&name.text) {
@@ -78,11 +78,9 @@ impl Lowering<'_, '_> {
                     let by = self.integer_quietly(b, place)?;
                     return Some(numbers.shifted(if *op == BinaryOp::Add { by } else { -by }));
                 }
-                if *op == BinaryOp::Sub {
-                    return None;
-                }
                 let numbers = self.run_index(b, place)?;
-                Some(numbers.shifted(self.integer_quietly(a, place)?))
+                let n = self.integer_quietly(a, place)?;
+                Some(if *op == BinaryOp::Add { numbers.shifted(n) } else { numbers.subtracted_from(n) })
             }
             _ => None,
         }
@@ -123,7 +121,7 @@ impl Lowering<'_, '_> {
     /// that it cannot change. A loop is cut where that holds in some passes only; what is made of this pass is thrown away then.
     pub(in crate::elaborate) fn run_comparison(&mut self, op: BinaryOp, a: &Expr, b: &Expr, place: &Place) -> Option<bool> {
         let (numbers, op, n) = match (self.counted_index(a, place), self.counted_index(b, place)) {
-            (Some(x), Some(y)) if x.along == y.along => return Some(holds(op, x.first, y.first)),
+            (Some(x), Some(y)) if (x.along, x.step) == (y.along, y.step) => return Some(holds(op, x.first, y.first)),
             (Some(x), Some(y)) if y.along.is_none() => (x, op, y.first),
             (Some(x), Some(y)) if x.along.is_none() => (y, mirrored(op), x.first),
             (Some(numbers), None) => (numbers, op, self.settled_number(b, place)?),
@@ -137,7 +135,7 @@ impl Lowering<'_, '_> {
             _ => vec![n, n + 1],
         };
         for turn in turns {
-            numbers.along.into_iter().for_each(|along| self.cut(along, turn - numbers.first));
+            numbers.along.into_iter().for_each(|along| self.cut(along, numbers.turn(turn)));
         }
         Some(holds(op, numbers.first, n))
     }
@@ -147,7 +145,7 @@ impl<'a> Naming<'_, 'a> {
     /// The members of a set that numbers of a range are; those of other sets, and numbers beyond it, are written out and reported.
     pub(in crate::elaborate) fn run_members(&mut self, set: SetId, numbers: Cell) -> Option<Cell> {
         let len = self.symbols.sets[set].labels.len() as i64;
-        let members = self.symbols.sets[set].first.map(|first| numbers.shifted(-first)).filter(|m| m.first >= 0 && m.last() < len);
+        let members = self.symbols.sets[set].first.map(|first| numbers.shifted(-first)).filter(|m| m.ends().0 >= 0 && m.ends().1 < len);
         if members.is_none() {
             self.ledger.speculation.refuse();
         }
@@ -161,7 +159,7 @@ impl Values<'_> {
         let first = self.exprs.constant(numbers.first as f64);
         let Some(along) = numbers.along else { return Value::bare(first) };
         let counter = self.exprs.counter(along);
-        Value::bare(if numbers.first == 0 { counter } else { self.exprs.add(counter, first) })
+        Value::bare(if numbers.step > 0 { self.exprs.add(counter, first) } else { self.exprs.sub(first, counter) })
     }
 }
 
