@@ -5,7 +5,9 @@ from itertools import pairwise
 
 import pytest
 
-from smpl.benchmark import SUBJECTS, benchmark, main, runs
+from smpl.benchmark import SUBJECTS, Run, benchmark, main, runs
+from smpl.learning.records import Result
+from smpl.learning.tables import table
 
 
 def test_runs_are_folders_with_configuration_and_scores_and_make_one_table(tmp_path):
@@ -45,6 +47,80 @@ def test_a_table_of_what_is_finished_runs_nothing(tmp_path):
     table = benchmark(tmp_path, env="Beer", seeds=3, run_nothing=True)
     assert [(row["controller"], row["seeds"]) for row in table["rows"]] == [("profile", 1)]
     assert not (tmp_path / "control/Beer/isothermal").exists()
+
+
+def test_records_are_all_that_the_table_needs_and_are_not_run_again(tmp_path):
+    records = tmp_path / "records"
+    first = benchmark(tmp_path / "first", env="Beer", seeds=2, results=records)
+    files = sorted(path.relative_to(records).as_posix() for path in records.rglob("*.json"))
+    names = sorted(SUBJECTS["Beer"].controllers)
+    assert files == [f"smoke/Beer/control/{name}/seed-{k}.json" for name in names for k in (0, 1)]
+    assert max(path.stat().st_size for path in records.rglob("*.json")) < 4000
+    again = benchmark(tmp_path / "second", env="Beer", seeds=2, results=records, resume=True)
+    assert not list((tmp_path / "second").glob("control"))
+    for before, after in zip(first["rows"], again["rows"], strict=True):
+        assert after.pop("seconds") == pytest.approx(before.pop("seconds"))
+        for key in ("return_mean", "return_iqm", "return_interval", "regret"):
+            assert after.pop(key) == pytest.approx(before.pop(key), rel=1e-7)
+        assert after == before
+    assert [row["changed"] for row in again["rows"]] == [[]] * len(names)
+    # One that is missing is made, and nothing else.
+    (records / "smoke/Beer/control/profile/seed-1.json").unlink()
+    benchmark(tmp_path / "third", env="Beer", seeds=2, results=records, resume=True)
+    assert [path.parent.name for path in (tmp_path / "third").glob("*/*/*/*")] == ["profile"]
+    assert (records / "smoke/Beer/control/profile/seed-1.json").is_file()
+
+
+def test_a_record_of_other_settings_is_run_again_and_marked_until_then(tmp_path):
+    benchmark(tmp_path / "first", env="Beer", algorithms=["profile", "nominal"], results=tmp_path)
+    for name, key, value in (("profile", "episodes", 9), ("nominal", "checksum", "another")):
+        path = tmp_path / f"smoke/Beer/control/{name}/seed-0.json"
+        content = json.loads(path.read_text())
+        content["configuration"][key] = value
+        path.write_text(json.dumps(content))
+    page = tmp_path / "page.md"
+    page.write_text("before\n<!-- table -->\nold\n<!-- end of table -->\nafter\n")
+    shown = ["--table", "--env", "Beer", "--results", str(tmp_path), "--page", str(page), "--quiet"]
+    assert main([*shown, "--out", str(tmp_path / "second")]) == 0
+    text = page.read_text()
+    assert "| profile* |" in text and "| nominal* |" in text and "a change of: episodes, model." in text
+    assert text.startswith("before\n<!-- table -->\n| env") and text.endswith("<!-- end of table -->\nafter\n")
+    arguments = {"env": "Beer", "algorithms": ["profile", "nominal"], "results": tmp_path}
+    third = benchmark(tmp_path / "third", resume=True, **arguments)
+    # The settings decide what is run again; another text of the model may say the same.
+    assert [path.parent.name for path in (tmp_path / "third").glob("*/*/*/*")] == ["profile"]
+    assert {row["controller"]: row["changed"] for row in third["rows"]} == {"profile": [], "nominal": ["model"]}
+
+
+def test_regret_is_the_oracles_lead_on_the_same_episodes(tmp_path):
+    def result(controller, returns):
+        run = Run("control", "short", "Beer", controller, 0, 0, len(returns), {})
+        counts = {"failures": 0, "successes": 0, "seconds": 1.0}
+        return Result(run, {"returns": returns, "steps": 10, "mean": 0.0, "std": 0.0, **counts}, [], {})
+
+    found = [result("oracle", [5.0, 7.0]), result("profile", [2.0, 3.0, -100.0])]
+    every = [one.run for one in found]
+    rows = table(every, {one.run.name: one for one in found}, {}, {})["rows"]
+    assert [row["regret"] for row in rows] == [0.0, 3.5]
+
+
+@pytest.mark.parametrize("text", ["{", "[]", "{}", '{"configuration": {}, "scores": {}, "curve": [1]}'])
+def test_a_damaged_record_is_named(text, tmp_path, capsys):
+    path = tmp_path / "smoke/Beer/control/profile/seed-0.json"
+    path.parent.mkdir(parents=True)
+    path.write_text(text)
+    given = ["--env", "Beer", "--algorithm", "profile", "--results", str(tmp_path), "--resume", "--quiet"]
+    assert main([*given, "--out", str(tmp_path / "runs")]) == 2
+    assert f"error: {path}" in capsys.readouterr().err
+
+
+def test_a_page_without_a_place_for_the_table_is_told(tmp_path, capsys):
+    page = tmp_path / "page.md"
+    page.write_text("nothing")
+    given = ["--env", "Beer", "--algorithm", "profile", "--page", str(page), "--quiet"]
+    assert main([*given, "--out", str(tmp_path / "runs")]) == 2
+    assert "<!-- table -->" in capsys.readouterr().err
+    assert not (tmp_path / "runs").exists()
 
 
 def test_a_controller_whose_package_is_missing_is_skipped_by_name(tmp_path, monkeypatch, capsys):
