@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,7 +20,7 @@ from typing import Any
 
 from smpl._native import __version__
 from smpl.collect import add_ray, guarded
-from smpl.learning import Plan, Task
+from smpl.learning import Plan, Task, tune
 from smpl.learning.cluster import spread_on_ray
 from smpl.learning.curves import draw
 from smpl.learning.learned import train_and_score, versions
@@ -247,7 +248,14 @@ def _write(path: Path, text: str) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the benchmark as the command line says; the exit status is 2 where it cannot be done."""
-    parser = argparse.ArgumentParser("python -m smpl.benchmark", description="The benchmark.")
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if words[:1] == ["tune"]:
+        return tune.main(words[1:])
+    parser = argparse.ArgumentParser(
+        "python -m smpl.benchmark",
+        description="The benchmark.",
+        epilog="python -m smpl.benchmark tune --help: search hyperparameters",
+    )
     parser.add_argument("--suite", default="control", help=f"one of {', '.join(SUITES)}, all")
     parser.add_argument("--budget", default="smoke", help=f"one of {', '.join(BUDGETS)}")
     parser.add_argument("--env", metavar="NAME", help="one environment in place of all")
@@ -262,7 +270,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--workers", type=int, metavar="W", help="threads or processes; default: all processors")
     add_ray(parser)
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
-    given = parser.parse_args(arguments)
+    given = parser.parse_args(words)
 
     def work() -> int:
         if given.page is not None:
