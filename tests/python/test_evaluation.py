@@ -3,6 +3,7 @@
 import json
 import re
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -170,3 +171,23 @@ def test_bad_input_of_an_evaluation_is_told_in_a_line(arguments, says, capsys):
     assert main([*arguments, "--quiet"]) == 2
     error = capsys.readouterr().err
     assert error.startswith("error: ") and says in error
+
+
+def test_an_environment_of_ones_own_is_named_with_the_module_that_registers_it(tmp_path, monkeypatch, capsys):
+    (tmp_path / "registers_a_tank.py").write_text(
+        "import gymnasium\n"
+        "gymnasium.register('own/Tank-v0', entry_point='smpl.envs:Env', kwargs={'model': 'reactor', 'max_steps': 4})\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    assert main(["registers_a_tank:own/Tank-v0", "--episodes", "2", "--quiet", "--out", str(tmp_path / "own")]) == 0
+    assert main(["reactor", "--max-steps", "4", "--episodes", "2", "--quiet", "--out", str(tmp_path / "plain")]) == 0
+    own, plain = (json.loads((tmp_path / name / "report.json").read_text()) for name in ("own", "plain"))
+    assert own["controllers"]["nominal"]["returns"] == plain["controllers"]["nominal"]["returns"]
+    gymnasium.registry.pop("own/Tank-v0")
+    capsys.readouterr()
+    for env, says in (
+        ("smpl/Rector-v0", "there is no environment 'smpl/Rector-v0'; there are: smpl/"),
+        ("no_such_module:own/Tank-v0", "no_such_module"),
+    ):
+        assert main([env, "--episodes", "1", "--quiet"]) == 2
+        assert says in capsys.readouterr().err

@@ -7,8 +7,10 @@ observation. Policies with `predict` and some of our own controllers act on a wh
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import inspect
+import io
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -297,7 +299,9 @@ class _TorchPolicy:
 
 def _needs(module: str, package: str) -> Any:
     try:
-        return importlib.import_module(module)
+        # The gym that d3rlpy imports, and Stable-Baselines3 where it is there, greets with a banner.
+        with contextlib.redirect_stderr(io.StringIO()):
+            return importlib.import_module(module)
     except ImportError as error:
         raise ImportError(f"this policy needs {module}: pip install '{package}'") from error
 

@@ -31,6 +31,7 @@ from smpl.model import as_count
 
 # Seeds of the episodes that trials are scored on, and numbers of the trainings.
 TUNING, _NUMBERS = 700_000_000, 1000
+EARLY = "stopped early"
 # Trials that are drawn at random; trials that are finished before one is stopped early, and segments that each has.
 _RANDOM, _WHOLE, _SURE = 8, 4, 2
 Objective = Callable[[Mapping[str, Any], Callable[[int, float], None]], float]
@@ -211,7 +212,7 @@ def write(search: Search, trials: Sequence[Trial], command: str, path: Path) -> 
     if not isinstance(there, Mapping):
         raise ValueError(f"{path} is no configuration: remove it, or give another file")
     about = {
-        "command": command, "trials": len(trials), "stopped_early": sum(one.score is None for one in trials),
+        "command": command, "trials": len(trials), "stopped_early": sum(one.ended == EARLY for one in trials),
         "score": found.score, "score_before": trials[0].score, "steps": search.settings["steps"],
         "smpl": __version__, "model": search.checksum[:12], "versions": versions("optuna"),
     }  # fmt: skip
@@ -339,7 +340,7 @@ def _finished(opened: Any) -> list[Trial]:
     for one in opened.get_trials(deepcopy=False):
         state, error = one.state.name, one.user_attrs.get("error")
         if state in ("COMPLETE", "PRUNED") or error is not None:
-            ended = {"COMPLETE": "complete", "PRUNED": "stopped early"}.get(state, f"failed: {error}")
+            ended = {"COMPLETE": "complete", "PRUNED": EARLY}.get(state, f"failed: {error}")
             score = float(one.value) if state == "COMPLETE" else None
             found.append(Trial(len(found), one.user_attrs["hyperparameters"], score, ended))
     return found

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import multiprocessing
 import pickle
+import sys
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
 from typing import Any, TypeVar
 
 Result = TypeVar("Result")
@@ -37,6 +40,15 @@ def spread(
             f"the controller cannot be sent to other processes ({error}): give workers=1, or MODULE:NAME"
         ) from error
     left, deaths = list(dict.fromkeys(pieces)), 0
+    if (script := _unguarded()) is not None:
+        warnings.warn(
+            f'one process does all the work: {script} has no `if __name__ == "__main__":`, and others would run it',
+            stacklevel=2,
+        )
+        here = pickle.loads(sent)
+        for piece in left:
+            yield piece, work(here, piece)
+        return
     while left:
         before = len(left)
         try:
@@ -50,6 +62,15 @@ def spread(
                     "worker processes die again and again (out of memory?): what is whole is kept, and the same "
                     "command goes on; give fewer workers"
                 ) from error
+
+
+def _unguarded() -> str | None:
+    """The script that runs, if a new process, which imports it, would do all that it does; none otherwise."""
+    main = sys.modules["__main__"]
+    path = Path(str(getattr(main, "__file__", None) or ""))
+    if getattr(main, "__spec__", None) is not None or path.suffix != ".py" or not path.is_file():
+        return None
+    return None if "__name__" in path.read_text(encoding="utf-8", errors="replace") else path.name
 
 
 def _pool(
