@@ -2,12 +2,15 @@
 
 import json
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
 from smpl.benchmark import SUBJECTS, Run, benchmark, main, runs
 from smpl.learning.records import Result
-from smpl.learning.tables import table
+from smpl.learning.tables import markdown, table
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_runs_are_folders_with_configuration_and_scores_and_make_one_table(tmp_path):
@@ -150,3 +153,14 @@ def test_every_environment_has_runs_with_seeds_apart():
 def test_bad_input_of_the_benchmark_is_told_in_a_line(arguments, says, capsys, tmp_path):
     assert main([*arguments, "--out", str(tmp_path), "--quiet"]) == 2
     assert says in capsys.readouterr().err
+
+
+def test_the_table_of_the_book_is_that_of_the_records(tmp_path):
+    """Asterisks apart, which come when the text of a model changes; the page of the records has the command."""
+    pytest.importorskip("yaml")
+    page = (ROOT / "docs/learning.md").read_text(encoding="utf-8")
+    shown = page.partition("<!-- table -->\n")[2].partition("<!-- end of table -->")[0]
+    found = benchmark(tmp_path, "all", "short", run_nothing=True, results=ROOT / "docs/results/benchmark")
+    assert len(found["rows"]) >= 10
+    given = [line.replace("* |", " |") for line in shown.splitlines() if line.startswith("| ")]
+    assert given == [line.replace("* |", " |") for line in markdown(found).splitlines() if line.startswith("| ")]

@@ -191,3 +191,14 @@ def test_an_environment_of_ones_own_is_named_with_the_module_that_registers_it(t
     ):
         assert main([env, "--episodes", "1", "--quiet"]) == 2
         assert says in capsys.readouterr().err
+
+
+def test_controllers_are_called_what_one_says(tmp_path, capsys):
+    given = ["--controller", "still=constant:26.85,0.1", "--controller", "as always=nominal", "--episodes", "2"]
+    assert main(["reactor", *given, "--max-steps", "3", "--quiet", "--out", str(tmp_path)]) == 0
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert list(report["controllers"]) == ["still", "as always"]
+    assert report["controllers"]["still"]["returns"] == report["controllers"]["as always"]["returns"]
+    capsys.readouterr()
+    assert main(["reactor", "--controller", "mine=pdi", "--episodes", "2", "--quiet"]) == 2
+    assert "controller is 'pdi'" in capsys.readouterr().err

@@ -11,6 +11,7 @@ import contextlib
 import importlib
 import inspect
 import io
+import re
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -164,6 +165,8 @@ def agent(spec: Any, model: Model, name: str | None = None) -> Agent:
         return spec
     if not isinstance(spec, str):
         return Agent(name or type(spec).__name__, spec)
+    if (named := re.match(r"([\w -]+)=(.+)", spec)) is not None:
+        name, spec = name or named[1], named[2]
     made = Agent(name or _title(spec), _made(spec, model))
     made.origin = (spec, model)
     return made

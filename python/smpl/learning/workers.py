@@ -33,6 +33,14 @@ def spread(
         ValueError: `shared` cannot be sent to other processes.
         RuntimeError: processes die again and again.
     """
+    if (script := _unguarded()) is not None:
+        warnings.warn(
+            f'one process does all the work: {script} has no `if __name__ == "__main__":`, and others would run it',
+            stacklevel=2,
+        )
+        for piece in dict.fromkeys(pieces):
+            yield piece, work(shared, piece)
+        return
     try:
         sent = pickle.dumps(shared)
     except (pickle.PicklingError, TypeError, AttributeError) as error:
@@ -40,15 +48,6 @@ def spread(
             f"the controller cannot be sent to other processes ({error}): give workers=1, or MODULE:NAME"
         ) from error
     left, deaths = list(dict.fromkeys(pieces)), 0
-    if (script := _unguarded()) is not None:
-        warnings.warn(
-            f'one process does all the work: {script} has no `if __name__ == "__main__":`, and others would run it',
-            stacklevel=2,
-        )
-        here = pickle.loads(sent)
-        for piece in left:
-            yield piece, work(here, piece)
-        return
     while left:
         before = len(left)
         try:
