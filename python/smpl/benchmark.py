@@ -112,7 +112,7 @@ def _report(every: Sequence[Run], out: Path, records: Path | None, skipped: dict
     """Write table and figures."""
     found = {one.name: _result(one, out, records) for one in every}
     results = {name: one for name, one in found.items() if one is not None}
-    content = table(every, results, skipped, {name: _changed(one) for name, one in results.items()})
+    content = table(every, results, skipped, _changed(results))
     out.mkdir(parents=True, exist_ok=True)
     _write(out / "table.json", json.dumps(content, indent=1))
     text = f"Suites: {content['suite']}; budget {content['budget']}, smpl {content['smpl']}."
@@ -121,12 +121,17 @@ def _report(every: Sequence[Run], out: Path, records: Path | None, skipped: dict
     return content
 
 
-def _changed(result: Result) -> list[str]:
-    """What of a result is not as a run of today would have it."""
-    run = result.run
-    task = Task.of(f"smpl/{run.env}-v0", **run.arguments)
-    model = ["model"] * (result.configuration.get("checksum") != task.checksum)
-    return [*result.differing(), *model]
+def _changed(results: Mapping[str, Result]) -> dict[str, list[str]]:
+    """What of each result is not as a run of today would have it."""
+    checksums: dict[str, str] = {}
+    found = {}
+    for name, one in results.items():
+        about = json.dumps([one.run.env, one.run.arguments], sort_keys=True)
+        if about not in checksums:
+            checksums[about] = Task.of(f"smpl/{one.run.env}-v0", **one.run.arguments).checksum
+        model = ["model"] * (one.configuration.get("checksum") != checksums[about])
+        found[name] = [*one.differing(), *model]
+    return found
 
 
 def _made(

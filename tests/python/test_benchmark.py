@@ -1,13 +1,14 @@
 """The benchmark: runs as folders, resumed, and one table."""
 
 import json
+from dataclasses import asdict
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
 from smpl.benchmark import SUBJECTS, Run, benchmark, main, runs
-from smpl.learning.records import Result
+from smpl.learning.records import Result, keep, recorded
 from smpl.learning.tables import markdown, table
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -105,6 +106,23 @@ def test_regret_is_the_oracles_lead_on_the_same_episodes(tmp_path):
     every = [one.run for one in found]
     rows = table(every, {one.run.name: one for one in found}, {}, {})["rows"]
     assert [row["regret"] for row in rows] == [0.0, 3.5]
+
+
+def test_a_learned_run_is_shown_from_its_record_alone(tmp_path):
+    for package in ("yaml", "matplotlib"):
+        pytest.importorskip(package)
+    (run,) = runs("online", "short", "Beer", 1, ["PPO"])
+    scores = {"mean": 1.25, "std": 2.0, "steps": 160, "returns": [99.0, 101.0], "failures": 0, "successes": 2}
+    rows = [{"steps": 10.0 * k, "mean": -1.0 / k, "failures": 0.0} for k in (1, 2, 3)]
+    keep(Result(run, {**scores, "seconds": 7.5, "lengths": [80, 80]}, rows, asdict(run)), tmp_path / "records")
+    found = recorded(run, tmp_path / "records")
+    assert found.curve == [pytest.approx(row, rel=1e-7) for row in rows] and "lengths" not in found.scores
+    content = benchmark(tmp_path / "out", "online", "short", run_nothing=True, results=tmp_path / "records")
+    (row,) = content["rows"]
+    assert (row["mean"], row["std"], row["return_mean"], row["seeds"]) == (1.25, 2.0, 100.0, 1)
+    assert row["published"] == (1.0688, 20.70) and row["changed"] == ["model"]  # no checksum is recorded
+    drawn = sorted(path.name for path in (tmp_path / "out/figures").iterdir())
+    assert drawn == ["Beer-curves.png", "Beer-scores.png"]
 
 
 @pytest.mark.parametrize("text", ["{", "[]", "{}", '{"configuration": {}, "scores": {}, "curve": [1]}'])

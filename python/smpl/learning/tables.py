@@ -32,17 +32,22 @@ def table(
     for which in dict.fromkeys((one.env, one.suite, one.controller) for one in every):
         env, suite, controller = which
         row: dict[str, Any] = {"env": env, "suite": suite, "controller": controller}
-        if f"{suite} {env} {controller}" in skipped:
+        mine = _of(which, every, results)
+        if not mine:
             rows.append({**row, "skipped": skipped[f"{suite} {env} {controller}"]})
             continue
-        mine = [one for one in every if (one.env, one.suite, one.controller) == which]
-        changed = sorted({what for one in mine for what in stale.get(one.name, ())})
-        best = [one for one in every if (one.env, one.suite, one.controller) == (env, "control", "oracle")]
-        oracle = {one.number: results[one.name] for one in best if one.name in results}
-        rows.append({**row, **_row([results[one.name] for one in mine], oracle), "changed": changed})
+        changed = sorted({what for one in mine for what in stale.get(one.run.name, ())})
+        oracle = {one.run.number: one for one in _of((env, "control", "oracle"), every, results)}
+        rows.append({**row, **_row(mine, oracle), "changed": changed})
     rows.sort(key=lambda row: list(SUBJECTS).index(row["env"]))
     suites = list(dict.fromkeys(one.suite for one in every))
     return {"suite": ", ".join(suites), "budget": every[0].budget, "smpl": __version__, "rows": rows}
+
+
+def _of(which: tuple[str, str, str], every: Sequence[Run], results: Mapping[str, Result]) -> list[Result]:
+    """What is finished of an environment, suite and controller."""
+    mine = [one for one in every if (one.env, one.suite, one.controller) == which]
+    return [results[one.name] for one in mine if one.name in results]
 
 
 def _row(mine: Sequence[Result], oracle: Mapping[int, Result]) -> dict[str, Any]:
@@ -93,7 +98,7 @@ def _published(one: Run) -> tuple[float, float] | None:
 
 _HEADINGS = (
     *("environment", "suite", "controller", "per step", "published", "return", "regret"),
-    *("failures", "successes", "episodes", "s"),
+    *("failures", "successes", "episodes", "seeds", "s"),
 )
 
 
@@ -102,14 +107,14 @@ def lines(table: Mapping[str, Any]) -> list[list[str]]:
     found = [list(_HEADINGS)]
     for row in table["rows"]:
         if "skipped" in row:
-            found.append([row["env"], row["suite"], row["controller"], f"skipped: {row['skipped']}", *[""] * 7])
+            found.append([row["env"], row["suite"], row["controller"], f"skipped: {row['skipped']}", *[""] * 8])
             continue
         low, high = row["return_interval"]
         published = "" if row["published"] is None else "{:.5g} ± {:.5g}".format(*row["published"])
         steps = f"{row['mean']:.5g} ± {row['std']:.5g}"
         returns = f"{row['return_mean']:.5g} ({low:.5g} to {high:.5g})"
         regret = "" if row["regret"] is None else f"{row['regret']:.4g}"
-        counts = [str(row[key]) for key in ("failures", "successes", "episodes")]
+        counts = [str(row[key]) for key in ("failures", "successes", "episodes", "seeds")]
         name = row["controller"] + "*" * bool(row["changed"])
         found.append(
             [row["env"], row["suite"], name, steps, published, returns, regret, *counts, f"{row['seconds']:.0f}"]
