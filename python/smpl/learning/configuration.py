@@ -16,7 +16,19 @@ TUNED = Path(__file__).with_name("tuned.yaml")
 SUITES = ("offline", "online")
 # Algorithms that learn from what the present policy has done, and those that search without gradients.
 _ON_POLICY, _SEARCH = ("PPO", "A2C", "RecurrentPPO"), ("ARS",)
-_PROCESS = ("train", "formulation", "data", "curriculum", "steps", "segments", "num_envs", "algorithms", "spaces")
+_PROCESS = (
+    "train",
+    "formulation",
+    "data",
+    "curriculum",
+    "steps",
+    "segments",
+    "sizes",
+    "num_envs",
+    "algorithms",
+    "spaces",
+)
+_SIZES = ("validation", "data")
 _BUDGET = ("segments", "validation", "data", "num_envs", "steps", "hyperparameters")
 
 
@@ -66,6 +78,7 @@ def settings(configuration: Mapping[str, Any], suite: str, env: str, algorithm: 
     sized = sizes.get("hyperparameters", {}).get(suite, {}).get(algorithm, {})
     hyper = {**configuration["algorithms"][suite][algorithm], **own, **sized}
     steps = sizes["steps"] if budget == "smoke" else {**sizes["steps"], **process.get("steps", {}).get(budget, {})}
+    whole = {**sizes, **({} if budget == "smoke" else process.get("sizes", {}).get(budget, {}))}
     chosen = {
         "train": process.get("train", {}),
         "formulation": process.get("formulation", {}),
@@ -73,9 +86,9 @@ def settings(configuration: Mapping[str, Any], suite: str, env: str, algorithm: 
         "hyperparameters": hyper,
         "steps": as_count("steps", steps[kind]),
         "segments": as_count("segments", process.get("segments", {}).get(budget, sizes["segments"])),
-        "validation": as_count("validation", sizes["validation"]),
+        "validation": as_count("validation", whole["validation"]),
         "num_envs": as_count("num_envs", sizes["num_envs"] if budget == "smoke" else process.get("num_envs", 32)),
-        "data": {"controller": "nominal", "noise": 0.1, "episodes": sizes["data"], **process.get("data", {})},
+        "data": {"controller": "nominal", "noise": 0.1, "episodes": whole["data"], **process.get("data", {})},
     }
     Formulation.of(chosen["formulation"])
     return chosen
@@ -99,6 +112,8 @@ def _check(given: Mapping[str, Any], base: Mapping[str, Any]) -> None:
     check_names("processes", given.get("processes", {}), tuple(base["processes"]))
     for name, one in given.get("processes", {}).items():
         check_names(f"processes.{name}", one, _PROCESS)
+        for budget, sizes in one.get("sizes", {}).items():
+            check_names(f"processes.{name}.sizes.{budget}", sizes, _SIZES)
     check_names("algorithms", given.get("algorithms", {}), SUITES)
     for suite, one in given.get("algorithms", {}).items():
         check_names(f"algorithms.{suite}", one, tuple(base["algorithms"][suite]))
