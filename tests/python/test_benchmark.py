@@ -1,11 +1,17 @@
 """The benchmark: runs as folders, resumed, and one table."""
 
 import json
+from dataclasses import asdict
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
-from smpl.benchmark import SUBJECTS, benchmark, main, runs
+from smpl.benchmark import SUBJECTS, Run, benchmark, main, runs
+from smpl.learning.records import Result, keep, recorded
+from smpl.learning.tables import markdown, table
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_runs_are_folders_with_configuration_and_scores_and_make_one_table(tmp_path):
@@ -47,6 +53,97 @@ def test_a_table_of_what_is_finished_runs_nothing(tmp_path):
     assert not (tmp_path / "control/Beer/isothermal").exists()
 
 
+def test_records_are_all_that_the_table_needs_and_are_not_run_again(tmp_path):
+    records = tmp_path / "records"
+    first = benchmark(tmp_path / "first", env="Beer", seeds=2, results=records)
+    files = sorted(path.relative_to(records).as_posix() for path in records.rglob("*.json"))
+    names = sorted(SUBJECTS["Beer"].controllers)
+    assert files == [f"smoke/Beer/control/{name}/seed-{k}.json" for name in names for k in (0, 1)]
+    assert max(path.stat().st_size for path in records.rglob("*.json")) < 4000
+    again = benchmark(tmp_path / "second", env="Beer", seeds=2, results=records, resume=True)
+    assert not list((tmp_path / "second").glob("control"))
+    for before, after in zip(first["rows"], again["rows"], strict=True):
+        assert after.pop("seconds") == pytest.approx(before.pop("seconds"))
+        for key in ("return_mean", "return_iqm", "return_interval", "regret"):
+            assert after.pop(key) == pytest.approx(before.pop(key), rel=1e-7)
+        assert after == before
+    assert [row["changed"] for row in again["rows"]] == [[]] * len(names)
+    # One that is missing is made, and nothing else.
+    (records / "smoke/Beer/control/profile/seed-1.json").unlink()
+    benchmark(tmp_path / "third", env="Beer", seeds=2, results=records, resume=True)
+    assert [path.parent.name for path in (tmp_path / "third").glob("*/*/*/*")] == ["profile"]
+    assert (records / "smoke/Beer/control/profile/seed-1.json").is_file()
+
+
+def test_a_record_of_other_settings_is_run_again_and_marked_until_then(tmp_path):
+    benchmark(tmp_path / "first", env="Beer", algorithms=["profile", "nominal"], results=tmp_path)
+    for name, key, value in (("profile", "episodes", 9), ("nominal", "checksum", "another")):
+        path = tmp_path / f"smoke/Beer/control/{name}/seed-0.json"
+        content = json.loads(path.read_text())
+        content["configuration"][key] = value
+        path.write_text(json.dumps(content))
+    page = tmp_path / "page.md"
+    page.write_text("before\n<!-- table -->\nold\n<!-- end of table -->\nafter\n")
+    shown = ["--table", "--env", "Beer", "--results", str(tmp_path), "--page", str(page), "--quiet"]
+    assert main([*shown, "--out", str(tmp_path / "second")]) == 0
+    text = page.read_text()
+    assert "| profile* |" in text and "| nominal* |" in text and "a change of: episodes, model." in text
+    assert text.startswith("before\n<!-- table -->\n| env") and text.endswith("<!-- end of table -->\nafter\n")
+    arguments = {"env": "Beer", "algorithms": ["profile", "nominal"], "results": tmp_path}
+    third = benchmark(tmp_path / "third", resume=True, **arguments)
+    # The settings decide what is run again; another text of the model may say the same.
+    assert [path.parent.name for path in (tmp_path / "third").glob("*/*/*/*")] == ["profile"]
+    assert {row["controller"]: row["changed"] for row in third["rows"]} == {"profile": [], "nominal": ["model"]}
+
+
+def test_regret_is_the_oracles_lead_on_the_same_episodes(tmp_path):
+    def result(controller, returns):
+        run = Run("control", "short", "Beer", controller, 0, 0, len(returns), {})
+        counts = {"failures": 0, "successes": 0, "seconds": 1.0}
+        return Result(run, {"returns": returns, "steps": 10, "mean": 0.0, "std": 0.0, **counts}, [], {})
+
+    found = [result("oracle", [5.0, 7.0]), result("profile", [2.0, 3.0, -100.0])]
+    every = [one.run for one in found]
+    rows = table(every, {one.run.name: one for one in found}, {}, {})["rows"]
+    assert [row["regret"] for row in rows] == [0.0, 3.5]
+
+
+def test_a_learned_run_is_shown_from_its_record_alone(tmp_path):
+    for package in ("yaml", "matplotlib"):
+        pytest.importorskip(package)
+    (run,) = runs("online", "short", "Beer", 1, ["PPO"])
+    scores = {"mean": 1.25, "std": 2.0, "steps": 160, "returns": [99.0, 101.0], "failures": 0, "successes": 2}
+    rows = [{"steps": 10.0 * k, "mean": -1.0 / k, "failures": 0.0} for k in (1, 2, 3)]
+    keep(Result(run, {**scores, "seconds": 7.5, "lengths": [80, 80]}, rows, asdict(run)), tmp_path / "records")
+    found = recorded(run, tmp_path / "records")
+    assert found.curve == [pytest.approx(row, rel=1e-7) for row in rows] and "lengths" not in found.scores
+    content = benchmark(tmp_path / "out", "online", "short", run_nothing=True, results=tmp_path / "records")
+    (row,) = content["rows"]
+    assert (row["mean"], row["std"], row["return_mean"], row["seeds"]) == (1.25, 2.0, 100.0, 1)
+    assert row["published"] == (1.0688, 20.70) and row["changed"] == ["model"]  # no checksum is recorded
+    drawn = sorted(path.name for path in (tmp_path / "out/figures").iterdir())
+    assert drawn == ["Beer-curves.png", "Beer-scores.png"]
+
+
+@pytest.mark.parametrize("text", ["{", "[]", "{}", '{"configuration": {}, "scores": {}, "curve": [1]}'])
+def test_a_damaged_record_is_named(text, tmp_path, capsys):
+    path = tmp_path / "smoke/Beer/control/profile/seed-0.json"
+    path.parent.mkdir(parents=True)
+    path.write_text(text)
+    given = ["--env", "Beer", "--algorithm", "profile", "--results", str(tmp_path), "--resume", "--quiet"]
+    assert main([*given, "--out", str(tmp_path / "runs")]) == 2
+    assert f"error: {path}" in capsys.readouterr().err
+
+
+def test_a_page_without_a_place_for_the_table_is_told(tmp_path, capsys):
+    page = tmp_path / "page.md"
+    page.write_text("nothing")
+    given = ["--env", "Beer", "--algorithm", "profile", "--page", str(page), "--quiet"]
+    assert main([*given, "--out", str(tmp_path / "runs")]) == 2
+    assert "<!-- table -->" in capsys.readouterr().err
+    assert not (tmp_path / "runs").exists()
+
+
 def test_a_controller_whose_package_is_missing_is_skipped_by_name(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(__import__("sys").modules, "casadi", None)
     assert main(["--env", "smpl/Reactor-v0", "--out", str(tmp_path), "--quiet"]) == 0
@@ -74,3 +171,14 @@ def test_every_environment_has_runs_with_seeds_apart():
 def test_bad_input_of_the_benchmark_is_told_in_a_line(arguments, says, capsys, tmp_path):
     assert main([*arguments, "--out", str(tmp_path), "--quiet"]) == 2
     assert says in capsys.readouterr().err
+
+
+def test_the_table_of_the_book_is_that_of_the_records(tmp_path):
+    """Asterisks apart, which come when the text of a model changes; the page of the records has the command."""
+    pytest.importorskip("yaml")
+    page = (ROOT / "docs/learning.md").read_text(encoding="utf-8")
+    shown = page.partition("<!-- table -->\n")[2].partition("<!-- end of table -->")[0]
+    found = benchmark(tmp_path, "all", "short", run_nothing=True, results=ROOT / "docs/results/benchmark")
+    assert len(found["rows"]) >= 10
+    given = [line.replace("* |", " |") for line in shown.splitlines() if line.startswith("| ")]
+    assert given == [line.replace("* |", " |") for line in markdown(found).splitlines() if line.startswith("| ")]

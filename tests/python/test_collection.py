@@ -414,3 +414,30 @@ def test_a_worker_that_dies_is_replaced_and_nothing_is_lost_or_counted_twice(tmp
 def test_a_controller_that_cannot_travel_says_what_to_do(tmp_path):
     with pytest.raises(ValueError, match=r"cannot be sent to other processes .*workers=1, or MODULE:NAME"):
         collect("reactor", lambda observation: [0.0, 0.0], 4, tmp_path, workers=2, part=2)
+
+
+def test_a_script_that_other_processes_would_run_again_works_in_one(tmp_path):
+    """`collect` at the top of a script, without a guard: a spawned process would import the script and collect too."""
+    lines = [
+        "import sys",
+        "from smpl.datasets import collect",
+        "class Still:",
+        "    def reset(self, env): pass",
+        "    def action(self, env): return [26.85, 0.1]",
+        "data = collect('reactor', Still(), 3, sys.argv[1], workers=2, part=1, max_steps=4)",
+        "print(len(data), data[2].steps)",
+    ]
+    for name, text in (
+        ("plain.py", lines),
+        ("guarded.py", [*lines[:5], "if __name__ == '__main__':", *("    " + line for line in lines[5:])]),
+    ):
+        script = tmp_path / name
+        script.write_text("\n".join(text))
+        done = subprocess.run(
+            [sys.executable, script, tmp_path / script.stem], capture_output=True, text=True, timeout=300
+        )
+        assert done.stdout.split() == ["3", "4"], done.stderr
+        assert ("one process does all the work: plain.py has no" in done.stderr) == (name == "plain.py")
+    for number in range(3):
+        one, other = (load(tmp_path / name)[number] for name in ("plain", "guarded"))
+        np.testing.assert_array_equal(one.observations, other.observations)

@@ -99,7 +99,7 @@ def test_the_commands_and_the_script_of_the_page_on_learning_run(tmp_path: Path)
         pytest.importorskip(module, reason=f"{module} is not installed")
     written = "".join(blocks("docs/learning.md", "sh")).splitlines()
     # A cluster and the packages of the learners are not there; `test_cluster.py` and `test_learned.py` have theirs.
-    lines = [line for line in written if not re.search(r"ray |--suite (all|online)", line)]
+    lines = [line for line in written if not re.search(r"ray |--suite (all|online)|benchmark tune|--policy", line)]
     assert len(lines) == 5
     for line in lines:
         _, *arguments = re.sub(r"--episodes \d+", "--episodes 8", line).split()
@@ -108,6 +108,26 @@ def test_the_commands_and_the_script_of_the_page_on_learning_run(tmp_path: Path)
     script = blocks("docs/learning.md", "python")[0]
     subprocess.run([sys.executable, "-c", script], cwd=tmp_path, check=True)
     assert (tmp_path / "data/pid.hdf5").is_file() and (tmp_path / "report/report.html").is_file()
+
+
+def test_the_model_of_ones_own_of_the_page_on_learning_is_learned(tmp_path: Path) -> None:
+    for module in ("pyarrow", "d3rlpy", "stable_baselines3"):
+        pytest.importorskip(module, reason=f"{module} is not installed")
+    page = (ROOT / "docs/learning.md").read_text(encoding="utf-8")
+    (tmp_path / "tank.eq").write_text(piece("README.md", "model Tank"))
+    script = next(body for body in blocks("docs/learning.md", "python") if "import d3rlpy" in body)
+    for long, short in (
+        ("100, ", "6, "),
+        ("n_steps=2000", "n_steps=20"),
+        ("n_steps_per_epoch=1000", "n_steps_per_epoch=10"),
+    ):
+        script = script.replace(long, short)
+    (tmp_path / "script.py").write_text(script.replace("50_000", "10").replace("num_envs=32", "num_envs=4"))
+    subprocess.run([sys.executable, "script.py"], cwd=tmp_path, check=True)
+    (line,) = [line for line in page.splitlines() if line.startswith("python -m smpl.evaluate tank.eq")]
+    _, *arguments = line.replace("100", "4").split()
+    done = subprocess.run([sys.executable, *arguments], cwd=tmp_path, check=True, capture_output=True, text=True)
+    assert all(name in done.stdout for name in ("nominal", "cloned", "tried"))
 
 
 def test_the_formulations_of_the_page_on_learning_train(tmp_path: Path) -> None:

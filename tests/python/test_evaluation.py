@@ -3,6 +3,7 @@
 import json
 import re
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -170,3 +171,34 @@ def test_bad_input_of_an_evaluation_is_told_in_a_line(arguments, says, capsys):
     assert main([*arguments, "--quiet"]) == 2
     error = capsys.readouterr().err
     assert error.startswith("error: ") and says in error
+
+
+def test_an_environment_of_ones_own_is_named_with_the_module_that_registers_it(tmp_path, monkeypatch, capsys):
+    (tmp_path / "registers_a_tank.py").write_text(
+        "import gymnasium\n"
+        "gymnasium.register('own/Tank-v0', entry_point='smpl.envs:Env', kwargs={'model': 'reactor', 'max_steps': 4})\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    assert main(["registers_a_tank:own/Tank-v0", "--episodes", "2", "--quiet", "--out", str(tmp_path / "own")]) == 0
+    assert main(["reactor", "--max-steps", "4", "--episodes", "2", "--quiet", "--out", str(tmp_path / "plain")]) == 0
+    own, plain = (json.loads((tmp_path / name / "report.json").read_text()) for name in ("own", "plain"))
+    assert own["controllers"]["nominal"]["returns"] == plain["controllers"]["nominal"]["returns"]
+    gymnasium.registry.pop("own/Tank-v0")
+    capsys.readouterr()
+    for env, says in (
+        ("smpl/Rector-v0", "there is no environment 'smpl/Rector-v0'; there are: smpl/"),
+        ("no_such_module:own/Tank-v0", "no_such_module"),
+    ):
+        assert main([env, "--episodes", "1", "--quiet"]) == 2
+        assert says in capsys.readouterr().err
+
+
+def test_controllers_are_called_what_one_says(tmp_path, capsys):
+    given = ["--controller", "still=constant:26.85,0.1", "--controller", "as always=nominal", "--episodes", "2"]
+    assert main(["reactor", *given, "--max-steps", "3", "--quiet", "--out", str(tmp_path)]) == 0
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert list(report["controllers"]) == ["still", "as always"]
+    assert report["controllers"]["still"]["returns"] == report["controllers"]["as always"]["returns"]
+    capsys.readouterr()
+    assert main(["reactor", "--controller", "mine=pdi", "--episodes", "2", "--quiet"]) == 2
+    assert "controller is 'pdi'" in capsys.readouterr().err

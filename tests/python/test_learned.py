@@ -83,6 +83,21 @@ def test_every_algorithm_of_the_paper_and_beyond_has_runs():
     assert {one.settings["steps"] for one in every if (one.suite, one.controller) == ("online", "PPO")} == {1_200_000}
 
 
+def test_slow_processes_have_smaller_budgets_and_rollouts_that_fit_them():
+    pytest.importorskip("yaml")
+    for env in ("Reactor", "Beer", "PenSim", "Atropine", "MAb", "MAbPlant"):
+        for one in runs("online", "short", env, 1, ["PPO", "A2C", "RecurrentPPO"]):
+            rollout = one.settings["hyperparameters"]["n_steps"] * one.settings["num_envs"]
+            # A segment is whole rollouts: with a longer one it would run over its share of the steps.
+            assert rollout <= one.settings["steps"] / one.settings["segments"], (env, one.controller)
+    (plant,) = runs("online", "short", "MAbPlant", 1, ["PPO"])
+    (reactor,) = runs("online", "short", "Reactor", 1, ["PPO"])
+    assert (plant.settings["validation"], plant.settings["data"]["episodes"]) == (1, 5)
+    assert (reactor.settings["validation"], reactor.settings["data"]["episodes"]) == (50, 200)
+    (smoke,) = runs("online", "smoke", "MAbPlant", 1, ["PPO"])
+    assert (smoke.settings["validation"], smoke.settings["data"]["episodes"]) == (2, 4)
+
+
 @pytest.mark.parametrize("algorithm", NAMES["offline"])
 def test_each_offline_algorithm_trains_on_every_kind_of_process(algorithm, tmp_path):
     for package in ("yaml", "d3rlpy", "pyarrow"):
@@ -166,6 +181,7 @@ def test_a_suite_without_its_package_is_skipped_by_name(tmp_path, monkeypatch, c
         ("processes: {Reactor: {formulation: {centre: pid, reach: 2}}}", "reach is 2"),
         ("processes: {Reactor: {algorithms: {online: {PPO: {n_stepz: 3}}}}}", "PPO has no hyperparameter n_stepz"),
         ("budgets: {smoke: {segments: 0}}", "segments is 0"),
+        ("processes: {Reactor: {sizes: {short: {steps: 3}}}}", "processes.Reactor.sizes.short.*'steps'"),
         ("- 1", "expected a mapping"),
         ("a: [", "configuration"),
     ],

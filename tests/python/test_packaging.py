@@ -1,9 +1,10 @@
-"""What a source distribution carries."""
+"""What a source distribution and a wheel carry."""
 
 import re
 import shutil
 import subprocess
 import tarfile
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,28 @@ def test_the_source_distribution_has_all_models_and_modules(archive):
     assert len(wanted) > 50
     assert {str(path.relative_to(ROOT)) for path in wanted} <= archive
     assert {"python/smpl/py.typed", "python/smpl/_native.pyi"} <= archive
+
+
+def read_by_commands():
+    """Files of the package that are no modules: what its commands read."""
+    every = (path for path in ROOT.glob("python/smpl/**/*") if path.is_file())
+    return {path for path in every if path.suffix not in (".py", ".so", ".pyc") and "models" not in path.parts}
+
+
+def test_the_source_distribution_has_all_that_commands_read(archive):
+    names = {str(path.relative_to(ROOT)) for path in read_by_commands()}
+    assert {f"python/smpl/learning/{name}.yaml" for name in ("benchmark", "tuned")} <= names <= archive
+    assert {f"python/smpl/learning/historical/{name}.txt" for name in ("present", "offline", "online")} <= names
+
+
+def test_a_wheel_has_all_that_commands_read():
+    built = sorted(ROOT.glob("target/wheels/smpl-*.whl"))
+    if not built:
+        pytest.skip("no wheel is built: .ci/wheel")
+    with zipfile.ZipFile(built[-1]) as opened:
+        names = set(opened.namelist())
+    assert {str(path.relative_to(ROOT / "python")) for path in read_by_commands()} <= names
+    assert {f"smpl/models/{path.name}" for path in ROOT.glob("models/*.eq")} <= names
 
 
 def test_the_source_distribution_builds_without_the_checkout(archive):

@@ -7,8 +7,11 @@ observation. Policies with `predict` and some of our own controllers act on a wh
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import inspect
+import io
+import re
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -162,6 +165,8 @@ def agent(spec: Any, model: Model, name: str | None = None) -> Agent:
         return spec
     if not isinstance(spec, str):
         return Agent(name or type(spec).__name__, spec)
+    if (named := re.match(r"([\w -]+)=(.+)", spec)) is not None:
+        name, spec = name or named[1], named[2]
     made = Agent(name or _title(spec), _made(spec, model))
     made.origin = (spec, model)
     return made
@@ -297,7 +302,9 @@ class _TorchPolicy:
 
 def _needs(module: str, package: str) -> Any:
     try:
-        return importlib.import_module(module)
+        # The gym that d3rlpy imports, and Stable-Baselines3 where it is there, greets with a banner.
+        with contextlib.redirect_stderr(io.StringIO()):
+            return importlib.import_module(module)
     except ImportError as error:
         raise ImportError(f"this policy needs {module}: pip install '{package}'") from error
 

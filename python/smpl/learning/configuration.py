@@ -11,18 +11,33 @@ from smpl.learning.formulation import Formulation
 from smpl.model import as_count, check_names
 
 OWN = Path(__file__).with_name("benchmark.yaml")
+# Hyperparameters that `python -m smpl.benchmark tune` has found, with its commands; they lie over the others.
+TUNED = Path(__file__).with_name("tuned.yaml")
 SUITES = ("offline", "online")
 # Algorithms that learn from what the present policy has done, and those that search without gradients.
 _ON_POLICY, _SEARCH = ("PPO", "A2C", "RecurrentPPO"), ("ARS",)
-_PROCESS = ("train", "formulation", "data", "curriculum", "steps", "segments", "num_envs", "algorithms")
+_PROCESS = (
+    "train",
+    "formulation",
+    "data",
+    "curriculum",
+    "steps",
+    "segments",
+    "sizes",
+    "num_envs",
+    "algorithms",
+    "spaces",
+)
+_SIZES = ("validation", "data")
 _BUDGET = ("segments", "validation", "data", "num_envs", "steps", "hyperparameters")
 
 
-def read(path: str | os.PathLike[str] | None = None) -> dict[str, Any]:
+def read(path: str | os.PathLike[str] | None = None, tuned: bool = True) -> dict[str, Any]:
     """The configuration.
 
     Args:
         path: a file over the one of this package.
+        tuned: with the hyperparameters that were tuned for the package.
 
     Raises:
         ImportError: PyYAML is missing.
@@ -32,7 +47,8 @@ def read(path: str | os.PathLike[str] | None = None) -> dict[str, Any]:
         import yaml
     except ImportError as error:
         raise ImportError("this suite needs PyYAML: pip install 'smpl[benchmark]'") from error
-    base: dict[str, Any] = yaml.safe_load(OWN.read_text(encoding="utf-8"))
+    own, found = (yaml.safe_load(file.read_text(encoding="utf-8")) for file in (OWN, TUNED))
+    base: dict[str, Any] = over(own, found if tuned else {"tuned": {}})
     if path is None:
         return base
     try:
@@ -42,7 +58,7 @@ def read(path: str | os.PathLike[str] | None = None) -> dict[str, Any]:
     if not isinstance(given, Mapping):
         raise ValueError(f"configuration {str(path)!r}: expected a mapping with {', '.join(base)}")
     _check(given, base)
-    return _over(base, given)
+    return over(base, given)
 
 
 def algorithms(configuration: Mapping[str, Any], suite: str) -> tuple[str, ...]:
@@ -62,6 +78,7 @@ def settings(configuration: Mapping[str, Any], suite: str, env: str, algorithm: 
     sized = sizes.get("hyperparameters", {}).get(suite, {}).get(algorithm, {})
     hyper = {**configuration["algorithms"][suite][algorithm], **own, **sized}
     steps = sizes["steps"] if budget == "smoke" else {**sizes["steps"], **process.get("steps", {}).get(budget, {})}
+    whole = {**sizes, **({} if budget == "smoke" else process.get("sizes", {}).get(budget, {}))}
     chosen = {
         "train": process.get("train", {}),
         "formulation": process.get("formulation", {}),
@@ -69,9 +86,9 @@ def settings(configuration: Mapping[str, Any], suite: str, env: str, algorithm: 
         "hyperparameters": hyper,
         "steps": as_count("steps", steps[kind]),
         "segments": as_count("segments", process.get("segments", {}).get(budget, sizes["segments"])),
-        "validation": as_count("validation", sizes["validation"]),
+        "validation": as_count("validation", whole["validation"]),
         "num_envs": as_count("num_envs", sizes["num_envs"] if budget == "smoke" else process.get("num_envs", 32)),
-        "data": {"controller": "nominal", "noise": 0.1, "episodes": sizes["data"], **process.get("data", {})},
+        "data": {"controller": "nominal", "noise": 0.1, "episodes": whole["data"], **process.get("data", {})},
     }
     Formulation.of(chosen["formulation"])
     return chosen
@@ -95,13 +112,18 @@ def _check(given: Mapping[str, Any], base: Mapping[str, Any]) -> None:
     check_names("processes", given.get("processes", {}), tuple(base["processes"]))
     for name, one in given.get("processes", {}).items():
         check_names(f"processes.{name}", one, _PROCESS)
+        for budget, sizes in one.get("sizes", {}).items():
+            check_names(f"processes.{name}.sizes.{budget}", sizes, _SIZES)
     check_names("algorithms", given.get("algorithms", {}), SUITES)
     for suite, one in given.get("algorithms", {}).items():
         check_names(f"algorithms.{suite}", one, tuple(base["algorithms"][suite]))
+    check_names("spaces", given.get("spaces", {}), SUITES)
+    for suite, one in given.get("spaces", {}).items():
+        check_names(f"spaces.{suite}", one, tuple(base["algorithms"][suite]))
 
 
-def _over(base: Any, given: Any) -> Any:
+def over(base: Any, given: Any) -> Any:
     """`given` laid over `base`, mapping by mapping."""
     if not (isinstance(base, Mapping) and isinstance(given, Mapping)):
         return given
-    return {**base, **{key: _over(base.get(key), value) for key, value in given.items()}}
+    return {**base, **{key: over(base.get(key), value) for key, value in given.items()}}

@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from smpl.learning.training import curve
+from smpl.learning.records import Result
 
 
-def draw(table: Mapping[str, Any], out: Path) -> list[Path]:
-    """Draw what `table.json` holds into `figures/`; nothing where Matplotlib is missing."""
+def draw(results: Iterable[Result], table: Mapping[str, Any], out: Path) -> list[Path]:
+    """Draw results, and what `table.json` holds of them, into `figures/`; nothing where Matplotlib is missing."""
     try:
         from matplotlib.figure import Figure
     except ImportError:
         return []
     rows = [row for row in table["rows"] if "skipped" not in row]
-    folder, drawn = out / "figures", []
+    folder, drawn, learned = out / "figures", [], [one for one in results if one.curve]
     folder.mkdir(exist_ok=True)
     for env in dict.fromkeys(row["env"] for row in rows):
         mine = [row for row in rows if row["env"] == env]
-        figures = {f"{env}-scores": _scores(Figure, env, mine), f"{env}-curves": _curves(Figure, env, mine, out)}
+        figures = {f"{env}-scores": _scores(Figure, env, mine), f"{env}-curves": _curves(Figure, env, learned)}
         for name, figure in figures.items():
             if figure is not None:
                 drawn.append(folder / f"{name}.png")
@@ -47,14 +47,12 @@ def _scores(figure_type: Any, env: str, rows: Sequence[Mapping[str, Any]]) -> An
     return figure
 
 
-def _curves(figure_type: Any, env: str, rows: Sequence[Mapping[str, Any]], out: Path) -> Any:
+def _curves(figure_type: Any, env: str, learned: Iterable[Result]) -> Any:
     """Mean reward of the validation episodes over the steps of training: mean of the seeds, and their extent."""
     panels: dict[str, dict[str, list[list[dict[str, float]]]]] = {}
-    for row in rows:
-        folder = out / row["suite"] / env / row["controller"]
-        found = [one for one in (curve(place) for place in sorted(folder.glob("seed-*"))) if one]
-        if found:
-            panels.setdefault(row["suite"], {})[row["controller"]] = found
+    for one in learned:
+        if one.run.env == env:
+            panels.setdefault(one.run.suite, {}).setdefault(one.run.controller, []).append(one.curve)
     if not panels:
         return None
     figure = figure_type(figsize=(5.5 * len(panels) + 1, 4), layout="constrained")

@@ -46,10 +46,10 @@ _VALIDATION, _DATA = 500_000_000, 600_000_000
 _PACKAGES = ("numpy", "gymnasium", "torch", "d3rlpy", "stable-baselines3", "sb3-contrib", "ray")
 
 
-def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that are there."""
+def versions(*more: str) -> dict[str, str]:
+    """Versions of Python and of the packages that are there, of `more` too."""
     found = {"python": platform.python_version()}
-    for name in _PACKAGES:
+    for name in (*_PACKAGES, *more):
         try:
             found[name] = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
@@ -88,11 +88,10 @@ def train_and_score(
         ImportError: a package is missing.
     """
     begin = time.perf_counter()
-    formulation = Formulation.of(settings["formulation"])
-    trainer = _trainer(suite, task, algorithm, settings, formulation, data, workers)
+    trainer = trainer_of(suite, task, algorithm, settings, data, workers)
     folder.mkdir(parents=True, exist_ok=True)
-    task = _as_observed(task, settings["train"])
-    validate = _validate(task, settings["validation"], workers)
+    task = as_observed(task, settings["train"])
+    validate = validator(task, settings["validation"], workers, _VALIDATION)
     spec = learn(trainer, folder, settings["steps"], settings["segments"], number, validate)
     trained = time.perf_counter() - begin
     prefix, _, name = spec.rpartition(":")
@@ -102,15 +101,16 @@ def train_and_score(
     return {**report, "policy": spec, "training_seconds": trained, "seconds": time.perf_counter() - begin}
 
 
-def _trainer(
-    suite: str,
-    task: Task,
-    algorithm: str,
-    settings: Mapping[str, Any],
-    formulation: Formulation,
-    data: Path,
-    workers: int | None,
+def trainer_of(
+    suite: str, task: Task, algorithm: str, settings: Mapping[str, Any], data: Path, workers: int | None
 ) -> Trainer:
+    """The trainer of an algorithm; arguments as of `train_and_score`.
+
+    Raises:
+        ImportError: a package is missing.
+        ValueError: an unknown hyperparameter.
+    """
+    formulation = Formulation.of(settings["formulation"])
     arguments = {**_arguments(task), **settings["train"]}
     learned = Task.of(task.name, **arguments)
     hyper = settings["hyperparameters"]
@@ -141,7 +141,7 @@ def _arguments(task: Task) -> dict[str, Any]:
     return {**kept, **task.arguments}
 
 
-def _as_observed(task: Task, train: Mapping[str, Any]) -> Task:
+def as_observed(task: Task, train: Mapping[str, Any]) -> Task:
     """The task with the observations that the policy was trained on; its rewards stay."""
     if "observation" not in train:
         return task
@@ -163,9 +163,11 @@ def _data_set(
     )  # fmt: skip
 
 
-def _validate(task: Task, episodes: int, workers: int | None) -> Validate:
+def validator(task: Task, episodes: int, workers: int | None, seed: int) -> Validate:
+    """What scores a policy on episodes from `seed` on."""
+
     def validate(policy: str) -> tuple[float, float, int]:
-        found = score(Plan.of(task, policy, episodes, seed=_VALIDATION), workers, kept=0)
+        found = score(Plan.of(task, policy, episodes, seed=seed), workers, kept=0)
         return found.pooled()[0], float(found.returns.mean()), sum(bool(one.failure) for one in found.summaries)
 
     return validate

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -38,7 +39,7 @@ class Task:
 
     @classmethod
     def of(cls, env: Any, **arguments: Any) -> Task:
-        """The task of an id (`smpl/Reactor-v0`), a model's name, a path, a model or an `smpl.Env`.
+        """The task of an id (`smpl/Reactor-v0`, `MODULE:ID`), a model's name, a path, a model or an `smpl.Env`.
 
         Raises:
             ValueError: an id that there is not, or of another package.
@@ -47,10 +48,9 @@ class Task:
         given = {key: value for key, value in arguments.items() if value is not None}
         if isinstance(env, gymnasium.Env):
             return _of_env(env, given)
-        if isinstance(env, str) and (
-            env.startswith(("smpl/", "smpl:")) or env.removeprefix("smpl:") in gymnasium.registry
-        ):
-            spec = gymnasium.spec(env)
+        name = _registered(env) if isinstance(env, str) else None
+        if name is not None:
+            spec = gymnasium.spec(name)
             if spec.entry_point != "smpl.envs:Env":
                 raise ValueError(f"{env!r} is no environment of smpl")
             given = {**spec.kwargs, **given}
@@ -206,6 +206,26 @@ class Plan:
         generator = np.random.default_rng([seed, 4])
         taken = generator.uniform(size=(shape[0], 1)) < self.epsilon
         return np.where(taken, generator.uniform(-1.0, 1.0, shape), np.nan)
+
+
+def _registered(env: str) -> str | None:
+    """The id of a registered environment, with or without `MODULE:` before it; none for a name or a path.
+
+    Raises:
+        ValueError: an id of smpl that there is not, or a module that cannot be imported.
+    """
+    module, colon, name = env.rpartition(":")
+    if colon and "/" not in module and not Path(env).exists():
+        try:
+            importlib.import_module(module)
+        except ImportError as error:
+            raise ValueError(f"environment {env!r}: {error}") from error
+    if name in gymnasium.registry:
+        return name
+    if name.startswith("smpl/"):
+        known = ", ".join(one for one in gymnasium.registry if one.startswith("smpl/"))
+        raise ValueError(f"there is no environment {name!r}; there are: {known}")
+    return None
 
 
 def _of_env(env: Any, given: dict[str, Any]) -> Task:

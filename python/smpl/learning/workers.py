@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import multiprocessing
 import pickle
+import sys
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
 from typing import Any, TypeVar
 
 Result = TypeVar("Result")
@@ -30,6 +33,14 @@ def spread(
         ValueError: `shared` cannot be sent to other processes.
         RuntimeError: processes die again and again.
     """
+    if (script := _unguarded()) is not None:
+        warnings.warn(
+            f'one process does all the work: {script} has no `if __name__ == "__main__":`, and others would run it',
+            stacklevel=2,
+        )
+        for piece in dict.fromkeys(pieces):
+            yield piece, work(shared, piece)
+        return
     try:
         sent = pickle.dumps(shared)
     except (pickle.PicklingError, TypeError, AttributeError) as error:
@@ -50,6 +61,15 @@ def spread(
                     "worker processes die again and again (out of memory?): what is whole is kept, and the same "
                     "command goes on; give fewer workers"
                 ) from error
+
+
+def _unguarded() -> str | None:
+    """The script that runs, if a new process, which imports it, would do all that it does; none otherwise."""
+    main = sys.modules["__main__"]
+    path = Path(str(getattr(main, "__file__", None) or ""))
+    if getattr(main, "__spec__", None) is not None or path.suffix != ".py" or not path.is_file():
+        return None
+    return None if "__name__" in path.read_text(encoding="utf-8", errors="replace") else path.name
 
 
 def _pool(

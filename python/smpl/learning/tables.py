@@ -1,0 +1,157 @@
+"""The table of the benchmark: scores of each controller and algorithm over its seeds, beside the published ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from smpl._native import __version__
+from smpl.learning.learned import PUBLISHED
+from smpl.learning.records import Result
+from smpl.learning.statistics import bootstrap, interquartile_mean
+from smpl.learning.subjects import SUBJECTS, Run
+
+BEGIN, END = "<!-- table -->\n", "<!-- end of table -->\n"
+
+
+def table(
+    every: Sequence[Run], results: Mapping[str, Result], skipped: Mapping[str, str], stale: Mapping[str, Sequence[str]]
+) -> dict[str, Any]:
+    """Scores of each controller over its seeds, as `table.json` has them.
+
+    Args:
+        every: the runs that were asked for.
+        results: those that are finished, by the run's name.
+        skipped: why a controller cannot be run, by `SUITE ENV NAME`.
+        stale: what has changed since a result was made, by the run's name.
+    """
+    rows = []
+    for which in dict.fromkeys((one.env, one.suite, one.controller) for one in every):
+        env, suite, controller = which
+        row: dict[str, Any] = {"env": env, "suite": suite, "controller": controller}
+        mine = _of(which, every, results)
+        if not mine:
+            rows.append({**row, "skipped": skipped[f"{suite} {env} {controller}"]})
+            continue
+        changed = sorted({what for one in mine for what in stale.get(one.run.name, ())})
+        oracle = {one.run.number: one for one in _of((env, "control", "oracle"), every, results)}
+        rows.append({**row, **_row(mine, oracle), "changed": changed})
+    rows.sort(key=lambda row: list(SUBJECTS).index(row["env"]))
+    suites = list(dict.fromkeys(one.suite for one in every))
+    return {"suite": ", ".join(suites), "budget": every[0].budget, "smpl": __version__, "rows": rows}
+
+
+def _of(which: tuple[str, str, str], every: Sequence[Run], results: Mapping[str, Result]) -> list[Result]:
+    """What is finished of an environment, suite and controller."""
+    mine = [one for one in every if (one.env, one.suite, one.controller) == which]
+    return [results[one.name] for one in mine if one.name in results]
+
+
+def _row(mine: Sequence[Result], oracle: Mapping[int, Result]) -> dict[str, Any]:
+    scores = [one.scores for one in mine]
+    returns = np.concatenate([one["returns"] for one in scores])
+    steps = np.array([one["steps"] for one in scores], dtype=np.float64)
+    means, deviations = (np.array([one[key] for one in scores], dtype=np.float64) for key in ("mean", "std"))
+    mean = float((steps * means).sum() / steps.sum())
+    variance = float((steps * (deviations**2 + (means - mean) ** 2)).sum() / steps.sum())
+    first = mine[0].run
+    return {
+        "seeds": len(scores),
+        "episodes": len(returns),
+        "mean": mean,
+        "std": float(np.sqrt(variance)),
+        # Twenty steps of an episode compare with nothing.
+        "published": None if first.budget == "smoke" else _published(first),
+        "return_mean": float(returns.mean()),
+        "return_interval": list(bootstrap(returns)),
+        "return_iqm": float(interquartile_mean(returns)),
+        "regret": _regret(mine, oracle),
+        "failures": sum(one["failures"] for one in scores),
+        "successes": sum(one["successes"] for one in scores),
+        "seconds": sum(one["seconds"] for one in scores),
+    }
+
+
+def _regret(mine: Sequence[Result], oracle: Mapping[int, Result]) -> float | None:
+    """By how much the oracle's return is higher, mean over the episodes that both have run; none without any."""
+    lost: list[float] = []
+    for one in mine:
+        best = oracle.get(one.run.number)
+        if best is not None:
+            pairs = zip(best.scores["returns"], one.scores["returns"], strict=False)
+            lost += [float(high) - float(low) for high, low in pairs]
+    return float(np.mean(lost)) if lost else None
+
+
+def _published(one: Run) -> tuple[float, float] | None:
+    if one.suite == "control":
+        return SUBJECTS[one.env].controllers[one.controller]
+    # The row of the paper stands beside the algorithm, whichever package runs it.
+    plain = one.controller.removesuffix("-2022").removeprefix("RLlib-")
+    # Its figures belong to the original's behaviour.
+    legacy = one.arguments.get("scenario") == "legacy"
+    return PUBLISHED.get((one.suite, one.env, plain)) if legacy else None
+
+
+_HEADINGS = (
+    *("environment", "suite", "controller", "per step", "published", "return", "regret"),
+    *("failures", "successes", "episodes", "seeds", "s"),
+)
+
+
+def lines(table: Mapping[str, Any]) -> list[list[str]]:
+    """Heading and rows as text."""
+    found = [list(_HEADINGS)]
+    for row in table["rows"]:
+        if "skipped" in row:
+            found.append([row["env"], row["suite"], row["controller"], f"skipped: {row['skipped']}", *[""] * 8])
+            continue
+        low, high = row["return_interval"]
+        published = "" if row["published"] is None else "{:.5g} ± {:.5g}".format(*row["published"])
+        steps = f"{row['mean']:.5g} ± {row['std']:.5g}"
+        returns = f"{row['return_mean']:.5g} ({low:.5g} to {high:.5g})"
+        regret = "" if row["regret"] is None else f"{row['regret']:.4g}"
+        counts = [str(row[key]) for key in ("failures", "successes", "episodes", "seeds")]
+        name = row["controller"] + "*" * bool(row["changed"])
+        found.append(
+            [row["env"], row["suite"], name, steps, published, returns, regret, *counts, f"{row['seconds']:.0f}"]
+        )
+    return found
+
+
+def markdown(table: Mapping[str, Any]) -> str:
+    """The table for a page."""
+    head, *body = [f"| {' | '.join(row)} |" for row in lines(table)]
+    return "\n".join([head, "|" + " --- |" * len(_HEADINGS), *body]) + "\n" + remarks(table)
+
+
+def remarks(table: Mapping[str, Any]) -> str:
+    """What is to be said of rows with an asterisk; empty without any."""
+    changed = sorted({what for row in table["rows"] for what in row.get("changed", ())})
+    return f"\n\\* made before a change of: {', '.join(changed)}.\n" if changed else ""
+
+
+def place_in(page: Path, table: Mapping[str, Any]) -> None:
+    """Put the table into a page, between `<!-- table -->` and `<!-- end of table -->`.
+
+    Raises:
+        ValueError: the page has no such place.
+    """
+    before, after = around(page)
+    page.write_text(before + markdown(table) + after, encoding="utf-8")
+
+
+def around(page: Path) -> tuple[str, str]:
+    """The text of a page before the place of its table, and after it.
+
+    Raises:
+        ValueError: the page has no such place.
+    """
+    before, begin, rest = page.read_text(encoding="utf-8").partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not (begin and end):
+        raise ValueError(f"{page} has no lines {BEGIN.strip()} and {END.strip()}")
+    return before + begin, end + after
