@@ -20,7 +20,6 @@ from smpl.model import FloatArray, Model, as_number
 from smpl.rollout import rollout
 from smpl.sensitivity import linearize_step
 
-
 # Points by states from which on threads bring more than they cost.
 _LARGE = 400
 
