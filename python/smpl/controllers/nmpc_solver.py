@@ -239,6 +239,8 @@ class Solver:
 
     def _ipopt(self) -> dict[str, Any]:
         options: dict[str, Any] = {"print_level": 0, "sb": "yes", "tol": self._tolerance}
+        if max(self._programme.structure["nu"]) > _WIDE:
+            options["mumps_pivot_order"] = 0  # minimum degree orders a long band better than what MUMPS chooses
         if self._budget is None:
             options["max_cpu_time"] = _LONGEST
         else:

@@ -63,12 +63,14 @@ def write(file: Path, rows: Sequence[Row]) -> None:
 
 def table(rows: Sequence[Row]) -> str:
     """The table of what is there, in Markdown: means over the seeds that both have played."""
-    lines = [
-        "| environment | seeds | nominal: return | failures, violations | oracle: return | failures, violations | better in | an episode |",
-        "| --- | ---: | ---: | --- | ---: | --- | ---: | ---: |",
-    ]  # fmt: skip
+    heads = ["environment", "seeds"]
+    heads += [f"{one}: {what}" for one in CONTROLLERS for what in ("return", "failures, violations")]
+    lines = [f"| {' | '.join([*heads, 'oracle better in', 'an episode'])} |", "|" + " --- |" * (len(heads) + 2)]
     for name in ENVIRONMENTS:
-        found = {one: {int(r["seed"]): r for r in rows if (r["environment"], r["controller"]) == (name, one)} for one in CONTROLLERS}  # fmt: skip
+        found: dict[str, dict[int, Row]] = {one: {} for one in CONTROLLERS}
+        for row in rows:
+            if row["environment"] == name:
+                found[row["controller"]][int(row["seed"])] = row
         seeds = sorted(found["nominal"].keys() & found["oracle"].keys())
         if not seeds:
             continue
