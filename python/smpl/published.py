@@ -281,13 +281,15 @@ def _part(row: Row, repetition: int, first: int, count: int, workers: int | None
         return [_numbers(episode) for episode in row.special(row, repetition)]
     task = Task.of(f"smpl/{row.env}-v0", **row.arguments)
     seed = repetition * _APART + first
+    # By its name every process makes its own: a predictive controller that was used cannot be sent.
+    controller = row.made() if callable(row.controller) or row.options else row.controller
     if row.starts is None:
-        plan = Plan.of(task, row.made(), count, seed=seed)
+        plan = Plan.of(task, controller, count, seed=seed)
         return [_of_summary(one) for one in score(plan, workers, kept=0).summaries]
-    whole = Plan.of(task, row.made(), first + count, seed=repetition * _APART, starts=row.starts)
+    whole = Plan.of(task, controller, first + count, seed=repetition * _APART, starts=row.starts)
     states = whole.starts.states
     assert states is not None
-    plan = Plan.of(task, row.made(), count, seed=seed, starts=states[first : first + count])
+    plan = Plan.of(task, controller, count, seed=seed, starts=states[first : first + count])
     return [_of_summary(one) for one in score(plan, workers, kept=0).summaries]
 
 
