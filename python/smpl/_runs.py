@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from smpl._native import SimulationError
 from smpl.envs import Env
 from smpl.model import FloatArray, Model
 
@@ -155,16 +156,78 @@ def _sequence(values: FloatArray) -> FloatArray:
 
 def _from_episode(model: Model, episode: Any, name: str) -> Run:
     applied, readings = getattr(episode, "applied", None), getattr(episode, "readings", None)
-    if applied is None or readings is None:
-        raise ValueError(f"{name} has no physical units (applied, readings): make it by smpl.evaluation.run_episode")
+    given = getattr(episode, "given", None)
+    if applied is None or readings is None or given is None:
+        raise ValueError(
+            f"{name} does not say its physical units and what was drawn for it (applied, readings, given): make it by "
+            "smpl.evaluation.run_episode"
+        )
     widths = np.shape(applied)[1], np.shape(readings)[1], np.shape(episode.states)[1]
     expected = len(model.action_names), len(model.observation_names), len(model.state_names)
     if widths != expected:
         counts = "{} actions, {} observations and {} states"
         raise ValueError(f"{name} has {counts.format(*widths)}, {model.name} has {counts.format(*expected)}")
+    _check_given(model, given, name)
     outputs = dict(zip(model.state_names, np.asarray(episode.states).T, strict=True))
     outputs |= dict(zip(model.observation_names, readings.T, strict=True))
-    return Run(name, np.asarray(episode.states)[0], np.asarray(applied, dtype=np.float64), outputs, {}, {}, {})
+    return Run(
+        name,
+        np.asarray(episode.states)[0],
+        np.asarray(applied, dtype=np.float64),
+        outputs,
+        dict(given.discrete),
+        dict(given.disturbances),
+        dict(given.parameters),
+    )
+
+
+def _check_given(model: Model, given: Any, name: str) -> None:
+    """Whether the model has what was drawn for an episode."""
+    known = (
+        ("parameters", given.parameters, model.parameter_names),
+        ("discrete variables", given.discrete, model.discrete_names),
+        ("disturbances", given.disturbances, model.disturbance_names),
+    )
+    for what, values, names in known:
+        strange = [one for one in values if one not in names]
+        if strange:
+            raise ValueError(f"{name} has the {what} {', '.join(strange)}, which {model.name} has not")
+
+
+def without_computed(model: Model, runs: list[Run], moved: Iterable[str]) -> list[Run]:
+    """Runs that do not hold at its recorded value what the model computes from parameters that are moved."""
+    follow = set.union(set(), *(_following(model, name) for name in moved)) - set(moved)
+    return [_without_computed(model, run, sorted(follow & set(run.parameters))) for run in runs]
+
+
+def _following(model: Model, name: str) -> set[str]:
+    """Names of the parameters that are computed from one."""
+    place = model.parameter_names.index(name)
+    low, high = (float(bound[place]) for bound in model.native.bounds("parameter"))
+    value = float(model.native.defaults("parameter")[place])
+    step = 1e-3 * (abs(value) or 1.0)
+    try:
+        usual = _parameters(model, {name: value})
+        other = _parameters(model, {name: value + step if value + step <= high else max(value - step, low)})
+    except (ValueError, SimulationError):  # no episode begins there: nothing is known of it
+        return set()
+    return {one for one in usual if usual[one] != other[one] and one != name}
+
+
+def _without_computed(model: Model, run: Run, names: list[str]) -> Run:
+    if not names:
+        return run
+    rest = {one: value for one, value in run.parameters.items() if one not in names}
+    computed = _parameters(model, rest)
+    ours = {one for one in names if np.isclose(computed[one], run.parameters[one], rtol=1e-9, atol=0)}
+    return replace(run, parameters={one: value for one, value in run.parameters.items() if one not in ours})
+
+
+def _parameters(model: Model, given: Mapping[str, float]) -> dict[str, float]:
+    """All parameters of an episode for which some are given, what is drawn at its mean."""
+    env = Env(model, normalize=False)
+    env.reset(seed=0, options={"start": "nominal", "parameters": dict(given)})
+    return env.parameters
 
 
 def _from_data_set(model: Model, manifest: Any, episode: Any, name: str) -> Run:

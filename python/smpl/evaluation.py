@@ -41,6 +41,21 @@ class Details:
 
 
 @dataclass(frozen=True)
+class Given:
+    """What an episode had beside its start and its actions.
+
+    Attributes:
+        parameters: those that were drawn or set, by name.
+        discrete: discrete variables at the start, by name.
+        disturbances: by name, in force during each step, (T,).
+    """
+
+    parameters: dict[str, float]
+    discrete: dict[str, float]
+    disturbances: dict[str, FloatArray]
+
+
+@dataclass(frozen=True)
 class Episode:
     """One episode of T steps; arrays of T + 1 rows start with the state of the reset.
 
@@ -57,6 +72,7 @@ class Episode:
         applied: (T, actions), the actions in physical units, as they arrived beneath all wrappers.
         readings: (T + 1, observations), in physical units, as the model showed them beneath all wrappers.
         details: what a data set keeps beside these.
+        given: parameters, discrete variables at the start and disturbances.
     """
 
     seed: int | None
@@ -74,6 +90,7 @@ class Episode:
     applied: FloatArray | None = None
     readings: FloatArray | None = None
     details: Details | None = None
+    given: Given | None = None
 
     @property
     def steps(self) -> int:
@@ -123,6 +140,7 @@ def run_episode(env: Any, controller: Any, seed: int | None = None, options: dic
     observations, states, costs, times = [observation], [base.state], [info["cost"]], [info["time"]]
     actions, rewards, terminations, truncations = [], [], [], []
     applied, readings = [], [base.reading]
+    parameters, discrete, disturbances = _own_parameters(base), base.discrete.tolist(), []
     terminated = truncated = False
     while not (terminated or truncated):
         action, physical = player.choose(env, observation)
@@ -136,6 +154,7 @@ def run_episode(env: Any, controller: Any, seed: int | None = None, options: dic
         actions.append(action)
         applied.append(base.action)
         readings.append(base.reading)
+        disturbances.append(base._native.values("disturbance"))
         rewards.append(reward)
         terminations.append(terminated)
         truncations.append(truncated)
@@ -154,7 +173,19 @@ def run_episode(env: Any, controller: Any, seed: int | None = None, options: dic
         options,
         applied=np.stack(applied),
         readings=np.stack(readings),
+        given=Given(
+            parameters,
+            dict(zip(base.discrete_names, discrete, strict=True)),
+            dict(zip(base.model.disturbance_names, np.stack(disturbances).T, strict=True)),
+        ),
     )
+
+
+def _own_parameters(env: Env) -> dict[str, float]:
+    """Parameters of the episode that are not the model's."""
+    values, usual = env._native.values("parameter"), env.model.native.defaults("parameter")
+    names = env.model.parameter_names
+    return {names[place]: float(values[place]) for place in np.flatnonzero(values != usual)}
 
 
 def evaluate(

@@ -15,7 +15,7 @@ import numpy as np
 
 from smpl._native import SimulationError
 from smpl._recorded import DISTANCE, Recorded, beside
-from smpl._runs import Run, read_runs
+from smpl._runs import Run, read_runs, without_computed
 from smpl.envs import check_method
 from smpl.model import FloatArray, Model, as_count, as_mapping, as_number, check_names
 
@@ -161,7 +161,9 @@ class _Problem:
         if not self.runs:
             raise ValueError("runs is empty, expected at least one run")
         self.parameters, self.initial = tuple(names), initial
+        self.runs = without_computed(model, self.runs, {*self.parameters, *self.fixed})
         self._warn_of_starts()
+        self._warn_of_draws()
         self.outputs = self._chosen(outputs)
         self._start(guesses)
         self._weigh(as_mapping("noise", noise))
@@ -176,6 +178,14 @@ class _Problem:
                 text = (
                     f"{run.name} does not say where {shown} started: the nominal start is taken, or name it in initial"
                 )
+                warnings.warn(text, stacklevel=4)
+
+    def _warn_of_draws(self) -> None:
+        """Say which parameters are one number here, and several in the runs."""
+        for name in self.parameters:
+            values = [run.parameters[name] for run in self.runs if name in run.parameters]
+            if values and min(values) != max(values):
+                text = f"{name} is fitted as one number, and was {min(values):.6g} to {max(values):.6g} in the runs"
                 warnings.warn(text, stacklevel=4)
 
     # What is fitted: the parameters, then the unknown initial states of each run, over their scales.

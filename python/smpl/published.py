@@ -1,8 +1,8 @@
 """`python -m smpl.published --out DIR`: the published figures beside those of this package, in one table.
 
-A row is a controller in an environment of the original implementation (`legacy`). Its episodes are run in parts, each a
-file, so that what was stopped goes on; the table is made of the files. What a row needs and this installation does not
-have is said in place of its figures.
+A row is a controller in an environment of the original implementation (`legacy`). Its episodes are run in parts, each
+added to a file, so that what was stopped goes on; the table is made of the files. What a row needs and this
+installation does not have is said in place of its figures.
 
 The figures are those of the SMPL paper and its data sets: mean and population standard deviation over all steps.
 """
@@ -238,22 +238,41 @@ def _measured(folder: Path, row: Row, scale: float, workers: int | None, progres
     repetitions = []
     with Progress(progress, row.name, count * row.repetitions) as bar:
         for repetition in range(row.repetitions):
-            found: Part = []
-            for first in range(0, count, size):
-                file = folder / f"repetition-{repetition}" / f"episodes-{first}.json"
-                if file.is_file():
-                    found += json.loads(file.read_text(encoding="utf-8"))
-                elif run:
-                    part = _part(row, repetition, first, min(size, count - first), workers)
-                    file.parent.mkdir(parents=True, exist_ok=True)
-                    _write(file, json.dumps(part))
-                    found += part
-                bar.add(min(size, count - first))
+            file = folder / f"repetition-{repetition}.csv"
+            found = _read_part(file)[:count]
+            first = len(found) if len(found) == count or row.special is None else 0
+            bar.add(first)
+            while first < count and run:
+                fresh = _part(row, repetition, first, min(size, count - first), workers)
+                folder.mkdir(parents=True, exist_ok=True)
+                _write(file, _as_text(found[:first] + fresh))
+                found, first = _read_part(file), first + len(fresh)
+                bar.add(len(fresh))
             if found:
                 repetitions.append(found)
     if not repetitions:
         return {"skipped": "not run yet"}
     return {**_figures(repetitions), "of_returns": row.returns, "seconds": time.perf_counter() - begin}
+
+
+_COLUMNS = ("steps", "return", "squares", "failure")
+
+
+def _as_text(part: Part) -> str:
+    """Episodes as a table; numbers that do not come out whole have twelve digits."""
+    rows = (f"{one['steps']},{one['mean'] * one['steps']:.12g},{one['squares']:.12g},{one['failure']}" for one in part)
+    return "\n".join([",".join(_COLUMNS), *rows])
+
+
+def _read_part(file: Path) -> Part:
+    """Episodes of a table; none where it is not there."""
+    if not file.is_file():
+        return []
+    lines = [line.split(",", 3) for line in file.read_text(encoding="utf-8").splitlines()[1:]]
+    return [
+        {"steps": int(steps), "mean": float(total) / int(steps), "squares": float(squares), "failure": failure}
+        for steps, total, squares, failure in lines
+    ]
 
 
 def _part(row: Row, repetition: int, first: int, count: int, workers: int | None) -> Part:
@@ -262,13 +281,15 @@ def _part(row: Row, repetition: int, first: int, count: int, workers: int | None
         return [_numbers(episode) for episode in row.special(row, repetition)]
     task = Task.of(f"smpl/{row.env}-v0", **row.arguments)
     seed = repetition * _APART + first
+    # By its name every process makes its own: a predictive controller that was used cannot be sent.
+    controller = row.made() if callable(row.controller) or row.options else row.controller
     if row.starts is None:
-        plan = Plan.of(task, row.made(), count, seed=seed)
+        plan = Plan.of(task, controller, count, seed=seed)
         return [_of_summary(one) for one in score(plan, workers, kept=0).summaries]
-    whole = Plan.of(task, row.made(), first + count, seed=repetition * _APART, starts=row.starts)
+    whole = Plan.of(task, controller, first + count, seed=repetition * _APART, starts=row.starts)
     states = whole.starts.states
     assert states is not None
-    plan = Plan.of(task, row.made(), count, seed=seed, starts=states[first : first + count])
+    plan = Plan.of(task, controller, count, seed=seed, starts=states[first : first + count])
     return [_of_summary(one) for one in score(plan, workers, kept=0).summaries]
 
 
@@ -325,7 +346,10 @@ def _searched(folder: Path, searches: int, row: Row, progress: bool, run: bool) 
         recipe.low, recipe.high, names=recipe.names, initial=10, batch=4, decimals=3, file=folder / "search.csv"
     )
     begin = time.perf_counter()
-    if run and len(search.values) < 10 + searches:
+    # Of a finished search the batches say all; its points need not be there.
+    finished = not len(search.values) and len(batches.there()) >= 10 + searches
+    if run and not finished and len(search.values) < 10 + searches:
+        batches.keep(len(search.values))
         with Progress(progress, row.name, 10 + searches, len(search.values)) as bar:
             done = [len(search.values)]
 
@@ -334,17 +358,18 @@ def _searched(folder: Path, searches: int, row: Row, progress: bool, run: bool) 
                 done[0] = count
 
             search.run(lambda points: batches.run(points)[:, 0], 10 + searches, told)
-    if not len(search.values):
+    rows = batches.of(search.points) if len(search.values) else batches.there()
+    if not len(rows):
         return {"skipped": "not run yet"}
-    rows = batches.of(search.points)
+    values = rows[:, 0]
     count = rows[:, 2].sum()
     mean = float(rows[:, 0].sum() / count)
     deviation = float(np.sqrt(rows[:, 1].sum() / count - mean**2))
-    found = search.values[10:] if len(search.values) > 10 else search.values
+    found = values[10:] if len(values) > 10 else values
     figures = {"mean": mean, "std": deviation, "return": float(found.mean()), "of_returns": False}
     repeated = {"means": [mean], "stds": [deviation], "returns": [float(found.mean())]}
     counts = {"episodes": len(rows), "failures": int((rows[:, 2] < model.max_steps).sum())}
-    best = {"best": float(search.values.max()), "searches": len(search.values) - 10}
+    best = {"best": float(values.max()), "searches": len(values) - 10}
     return {**figures, **repeated, **counts, **best, "seconds": time.perf_counter() - begin}
 
 
@@ -368,14 +393,26 @@ class _Batches:
             text.writelines(",".join(map(repr, row)) + "\n" for row in rows.tolist())
         return rows
 
+    def there(self) -> FloatArray:
+        """Rows of the file, (n, 3)."""
+        if not self._file.is_file():
+            return np.zeros((0, 3))
+        text = self._file.read_text(encoding="utf-8")
+        lines = [line.split(",") for line in text[: text.rfind("\n") + 1].splitlines()]
+        return np.array(lines, dtype=np.float64).reshape(-1, 3)
+
+    def keep(self, count: int) -> None:
+        """Take rows off the file that belong to no point of the search, which was stopped before it had them."""
+        if self._file.is_file():
+            rows = self._file.read_text(encoding="utf-8").splitlines(keepends=True)[:count]
+            self._file.write_text("".join(rows), encoding="utf-8")
+
     def of(self, points: FloatArray) -> FloatArray:
         """Rows of all points of a search; those that the file has are not run again."""
-        there = np.zeros((0, 3))
-        if self._file.is_file():
-            text = self._file.read_text(encoding="utf-8")
-            lines = [line.split(",") for line in text[: text.rfind("\n") + 1].splitlines()]
-            there = np.array(lines, dtype=np.float64).reshape(-1, 3)[: len(points)]
+        there = self.there()[: len(points)]
         rest = points[len(there) :]
+        if len(rest):
+            self.keep(len(there))
         pieces = [self.run(rest[first : first + 64]) for first in range(0, len(rest), 64)]
         return np.vstack([there, *pieces])
 

@@ -113,3 +113,24 @@ def test_the_economic_controller_of_the_culture_does_not_ask_for_what_a_full_tan
     assert not episode.failure and episode.steps == 4
     # The published mean is 1350.
     assert np.mean(episode.rewards) == pytest.approx(1350.0, rel=0.03)
+
+
+def test_the_command_of_the_oracles_goes_on_where_it_stopped(tmp_path, capsys, monkeypatch):
+    pytest.importorskip("casadi")
+    from smpl.examples import oracles
+
+    arguments = ["reactor", "beer", "--out", str(tmp_path), "--steps", "6"]
+    oracles.main([*arguments, "--seeds", "1"])
+    rows = oracles.read(tmp_path / "oracles.csv")
+    assert [(row["environment"], row["controller"], row["seed"]) for row in rows] == [
+        (name, one, "2000") for name in ("reactor", "beer") for one in ("nominal", "oracle")
+    ]
+    # A beer that is not ready costs 1 a step and 200 in the last one, whoever chooses the temperature.
+    assert [float(row["return"]) for row in rows if row["environment"] == "beer"] == [-205.0, -205.0]
+    assert "| beer | 1 | -205 | 0, 0 | -205 | 0, 0 | 0 of 1 |" in capsys.readouterr().out
+    ran = []
+    monkeypatch.setattr(oracles, "played", lambda *given: ran.append(given) or rows[0])
+    oracles.main([*arguments, "--table"])
+    assert not ran
+    oracles.main([*arguments[1:], "--seeds", "2"])
+    assert ran == [("beer", "nominal", 2001, 6), ("beer", "oracle", 2001, 6)]

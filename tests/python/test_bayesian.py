@@ -52,6 +52,48 @@ def test_a_search_that_was_stopped_goes_on_as_one_that_was_not(tmp_path):
         BayesianOptimization({"a": (0, 1)}, file=file)
 
 
+@pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
+@pytest.mark.parametrize("refit", [0.0, 0.5])
+def test_the_point_asked_for_has_the_largest_expected_improvement_given_all_that_is_known(refit):
+    """Beside a Gaussian process written out here; its hyperparameters are scikit-learn's of the first ones."""
+    from sklearn.gaussian_process import GaussianProcessRegressor, kernels
+
+    x = np.array([0.1, 0.35, 0.6, 0.9, 0.2, 0.75, 0.5])
+    y = np.sin(7 * x) + x
+    search = BayesianOptimization([0.0], [1.0], initial=3, candidates=50, refit=refit)
+    search.tell(x[:, None], y)
+    (asked,) = search.ask(1)
+    first = 5 if refit else 7  # 3, ceil(1.5 * 3) = 5, ceil(1.5 * 5) = 8
+    mean, deviation = y[:first].mean(), y[:first].std()
+    kernel = kernels.ConstantKernel(1.0, (1e-2, 1e2)) * kernels.Matern(0.5, (1e-2, 1e2), nu=2.5)
+    kernel = kernel + kernels.WhiteKernel(1e-4, (1e-8, 1e0))
+    fitted = GaussianProcessRegressor(kernel).fit(x[:first, None], (y[:first] - mean) / deviation).kernel_
+    size, length, noise = np.exp(fitted.theta)
+
+    def covariance(a, b):
+        r = np.sqrt(5) * np.abs(a[:, None] - b[None]) / length
+        return size * (1 + r + r**2 / 3) * np.exp(-r)
+
+    def gain(points):
+        inverse = np.linalg.inv(covariance(x, x) + (noise + 1e-10) * np.eye(len(x)))
+        across = covariance(points, x)
+        targets = (y - mean) / deviation
+        variance = size + noise - np.einsum("ij,jk,ik->i", across, inverse, across)
+        return expected_improvement(across @ inverse @ targets, np.sqrt(variance), targets.max(), 0.01)
+
+    grid = np.linspace(0, 1, 20001)
+    best = gain(grid)
+    assert gain(asked)[0] >= best.max() * (1 - 1e-6)
+    assert best.max() > 1.5 * np.median(best)
+
+
+def test_points_are_random_until_two_values_are_known():
+    search = BayesianOptimization([0.0], [1.0], initial=1, batch=4)
+    assert search.ask().shape == (4, 1)
+    search.tell([[0.5]], [1.0])
+    assert search.ask().shape == (4, 1)
+
+
 def test_values_that_are_not_finite_count_as_the_worst():
     search = BayesianOptimization([0.0], [1.0], initial=3, candidates=100)
     search.run(lambda points: np.where(points[:, 0] > 0.5, np.nan, points[:, 0]), 12)
@@ -72,6 +114,8 @@ def test_the_temperature_of_the_beer_is_found():
 
 
 def test_a_box_that_is_none_is_refused():
+    with pytest.raises(ValueError, match="refit is 2, expected a share from 0 to 1"):
+        BayesianOptimization([0.0], [1.0], refit=2)
     with pytest.raises(ValueError, match="expected \\(d,\\) and low below high"):
         BayesianOptimization([0.0, 1.0], [1.0, 1.0])
     search = BayesianOptimization([0.0], [1.0])

@@ -139,6 +139,88 @@ def test_the_covariance_settles_where_the_riccati_equation_has_its_solution():
     np.testing.assert_allclose(kalman.covariance, after, rtol=1e-3)
 
 
+BENT = """model Bent "a growth that saturates, and what it eats"
+time t : h
+action u = 0 in 0..1
+param k : 1/h = 0.8 in 0.1..3
+state x = 0.4 in 0.01..10
+state s = 2 in 0.001..10
+eq d/dt x = k*x*s/(0.5 + s) - 0.1[1/h]*x
+eq d/dt s = u*1[1/h] - 2*k*x*s/(0.5 + s)
+observe root = x^1.5 in 0..100 noise normal(0, 0.02)
+reward r default = x
+episode { step = 0.5 [h], max_steps = 40, error_reward = 0 }
+"""
+
+
+def by_hand(readings, actions):
+    """An extended Kalman filter of `BENT` from its equations and their derivatives, by SciPy's integrator."""
+    integrate = pytest.importorskip("scipy.integrate")
+
+    def rates(_, z, u):
+        x, s, k = z[:3]
+        slope = 0.5 * k * x / (0.5 + s) ** 2
+        monod = s / (0.5 + s)
+        jacobian = np.array(
+            [[k * monod - 0.1, slope, x * monod], [-2 * k * monod, -2 * slope, -2 * x * monod], [0, 0, 0]]
+        )
+        state = [k * x * monod - 0.1 * x, u - 2 * k * x * monod, 0.0]
+        return np.concatenate([state, (jacobian @ z[3:].reshape(3, 3)).ravel()])
+
+    mean, covariance = np.array([0.4, 2.0, 0.8]), np.diag([0.1, 0.3, 0.2]) ** 2
+    found = []
+    for k, reading in enumerate(readings):
+        if k:
+            start = np.concatenate([mean, np.eye(3).ravel()])
+            end = integrate.solve_ivp(
+                rates, (0, 0.5), start, args=(actions[k - 1],), method="DOP853", rtol=1e-12, atol=1e-13
+            ).y[:, -1]
+            mean, F = end[:3], end[3:].reshape(3, 3)
+            covariance = F @ covariance @ F.T + np.diag([0.01, 0.01, 0.02]) ** 2
+        h = np.array([1.5 * mean[0] ** 0.5, 0, 0])
+        gain = covariance @ h / (h @ covariance @ h + 0.02**2)
+        mean = mean + gain * (reading - mean[0] ** 1.5)
+        covariance = covariance - np.outer(gain, h @ covariance)
+        found.append((mean, covariance))
+    return found
+
+
+def test_the_filter_of_a_bent_model_is_one_written_by_hand():
+    env = smpl.Env(smpl.compile(source=BENT, settings={"rtol": 1e-11}), normalize=False)
+    kalman = ExtendedKalmanFilter(
+        env, deviation={"x": 0.1, "s": 0.3, "k": 0.2}, process_noise={"x": 0.01, "s": 0.01}, parameters={"k": 0.02}
+    )
+    for steps in (1, 5, 15):
+        rng = np.random.default_rng(1)
+        env.reset(seed=2, options={"state": {"x": 0.45, "s": 1.8}, "parameters": {"k": 1.0}})
+        kalman.reset(env)
+        readings, actions = [], []
+        for k in range(steps + 1):
+            readings.append(env.reading[0])
+            kalman.update(env)
+            if k < steps:
+                actions.append(rng.uniform(0, 1))
+                env.step([actions[-1]])
+        mean, covariance = by_hand(readings, actions)[-1]
+        np.testing.assert_allclose(list(kalman.estimate.values()), mean, rtol=2e-7)
+        np.testing.assert_allclose(kalman.covariance, covariance, rtol=1e-6, atol=1e-12)
+    assert kalman.derivatives == "exact"
+    assert kalman.estimate["k"] == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_step_without_a_derivative_is_done_with_differences_and_told():
+    model = smpl.compile(source=BENT.replace("u*1[1/h]", "floor(3*x)*1[1/h]*0.1"))
+    env = smpl.Env(model, normalize=False)
+    for estimator in (ExtendedKalmanFilter(env), MovingHorizonEstimator(env, horizon=2)):
+        env.reset(seed=0)
+        estimator.reset(env)
+        estimator.update(env)
+        assert estimator.derivatives == "exact"
+        env.step([0.0])
+        assert np.isfinite(estimator.update(env)).all()
+        assert estimator.derivatives.startswith("differences in ") and "rounds" in estimator.derivatives
+
+
 @pytest.mark.parametrize("kind", [ExtendedKalmanFilter, MovingHorizonEstimator])
 def test_a_hidden_concentration_and_a_wrong_parameter_are_found(kind):
     env = smpl.Env("reactor", normalize=False, observation="online")

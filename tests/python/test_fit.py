@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 import smpl
 from smpl._cli import main
-from smpl.controllers import OpenLoop, Uniform
+from smpl.controllers import Nominal, OpenLoop, Uniform
 from smpl.evaluation import run_episode
 
 optimize = pytest.importorskip("scipy.optimize")
@@ -410,3 +411,72 @@ def test_a_data_set_is_many_runs(tmp_path, normalize):
         assert found.interval["U"] == pytest.approx(expected.interval["U"], rel=1e-4)
     with pytest.raises(ValueError, match="the data set has the observations T, h, Reactor has c_A, T, h"):
         smpl.fit(smpl.compile("reactor"), data, ["U"])
+
+
+DRAWN = """model Drawn
+time t : h
+param k : 1/h = 0.3 in 0.01..5
+param half : 1/h = k/2
+param c = 1 ~ normal(1, 0.2)
+param d = 1 ~ k/0.3[1/h] + uniform(0, 0.2)
+action u = 0 in -1..1
+discrete n = 0
+at end { next n = n + 1 }
+disturbance w ~ normal(0, 0.1)
+state x = 3 in 0..10
+eq d/dt x = -2*half*c*x*(1 + w)
+state y = 1 in 0..10
+eq d/dt y = -k*d*y
+observe x in 0..10
+observe y in 0..10
+reward r default = -x
+episode { step = 0.25 [h], max_steps = 10, error_reward = 0 }
+"""
+
+
+def test_what_was_drawn_for_an_episode_is_known_of_it():
+    """A rate that is drawn, multiplied with disturbances, in the closed form; another one that is set, and halved."""
+    model = smpl.compile(source=DRAWN, settings={"rtol": 1e-10})
+    env = smpl.Env(model, normalize=False)
+    episodes = [run_episode(env, OpenLoop([[0.0]] * 10), seed, {"parameters": {"k": 0.7}}) for seed in (1, 2)]
+    for episode in episodes:
+        rates = 0.7 * episode.given.parameters["c"] * (1 + episode.given.disturbances["w"])
+        np.testing.assert_allclose(episode.states[1:, 0], 3 * np.exp(-0.25 * np.cumsum(rates)), rtol=1e-7)
+    assert episodes[0].given.parameters["c"] != episodes[1].given.parameters["c"]
+    # `half` follows the rate that is fitted, and `d`, of which a part was drawn, stays what it was.
+    for kind in ("exact", "differences"):
+        found = smpl.fit(model, episodes, {"k": 0.3}, derivatives=kind)
+        assert found.parameters["k"] == pytest.approx(0.7, rel=1e-5)
+        assert max(np.nanmax(np.abs(one[name])) for one in found.residuals for name in ("x", "y")) < 1e-5
+    with pytest.warns(UserWarning, match="c is fitted as one number, and was"):
+        smpl.fit(model, episodes, ["c"])
+
+
+@pytest.mark.parametrize("name", ["reactor", "beer", "pensim", "atropine", "mab", "mab_plant"])
+def test_a_recorded_episode_is_simulated_again_to_the_bit(name):
+    from smpl._runs import read_runs
+
+    env = smpl.Env(name, normalize=False, max_steps=4)
+    episode = run_episode(env, Nominal(), 5)
+    (run,) = read_runs(env.model, [episode])
+    found = env.model.rollout(
+        run.states, run.actions, parameters=run.parameters, discrete=run.discrete, disturbances=run.disturbances
+    )
+    np.testing.assert_array_equal(found.states[0], episode.states)
+
+
+def test_a_batch_of_pensim_with_its_draws_gives_the_yields_that_it_was_made_with():
+    env = smpl.Env("pensim", normalize=False, max_steps=60)
+    batches = [run_episode(env, Nominal(), seed, {"parameters": {"Y_sX": 1.7}}) for seed in (5, 6)]
+    assert {"mux_max", "mu_p", "alpha_kla", "c_0"} < set(batches[0].given.parameters)
+    found = smpl.fit(env.model, batches, {"Y_sX": 1.8}, outputs=["S", "DO2"])
+    assert found.parameters["Y_sX"] == pytest.approx(1.7, rel=1e-4)
+
+
+def test_an_episode_that_does_not_say_what_was_drawn_is_refused():
+    model = decay()
+    episode = run_episode(smpl.Env(model, normalize=False), OpenLoop([[0.0]] * 40), 1)
+    with pytest.raises(ValueError, match=r"run 0 does not say .* what was drawn for it \(applied, readings, given\)"):
+        smpl.fit(model, [replace(episode, given=None)], ["k"])
+    with pytest.raises(ValueError, match="run 0 has the parameters c, which Decay has not"):
+        smpl.fit(model, [replace(episode, given=replace(episode.given, parameters={"c": 1.0}))], ["k"])

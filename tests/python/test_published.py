@@ -34,9 +34,10 @@ def test_starts_at_random_are_repeated_and_what_is_there_is_not_run_again(tmp_pa
     # About a tenth of the starts run away: -1000 in one step of some ninety each.
     assert 0.05 < row["failures"] / row["episodes"] < 0.16
     assert row["std"] == pytest.approx(35.09, rel=0.3)
-    parts = sorted(tmp_path.glob("reactor-pid/*/*.json"))
-    assert [part.name for part in parts] == ["episodes-0.json", "episodes-100.json"] * 3
-    parts[1].unlink()
+    files = sorted(tmp_path.glob("reactor-pid/*.csv"))
+    assert [file.name for file in files] == [f"repetition-{i}.csv" for i in range(3)]
+    text = files[0].read_text(encoding="utf-8")
+    files[0].write_text("".join(text.splitlines(keepends=True)[:101]), encoding="utf-8")
     ran = []
     original = published._part
 
@@ -48,6 +49,7 @@ def test_starts_at_random_are_repeated_and_what_is_there_is_not_run_again(tmp_pa
     (again,) = published.published(tmp_path, ["reactor-pid"], scale=0.11)
     assert ran == [(0, 100, 10)]
     assert again["means"] == row["means"]
+    assert files[0].read_text(encoding="utf-8") == text
     (shown,) = published.published(tmp_path, ["reactor-pid"], scale=0.11, run=False)
     assert shown["stds"] == row["stds"]
 
@@ -86,6 +88,15 @@ def test_the_search_over_recipes_is_summarised_from_its_points(tmp_path):
     (tmp_path / "pensim-gpei" / "batches.csv").unlink()
     (again,) = published.published(tmp_path, ["pensim-gpei"], run=False)
     assert again["mean"] == pytest.approx(row["mean"], rel=1e-12)
+    # A row too many, of a search that was stopped before it had its points; and no points at all.
+    with (tmp_path / "pensim-gpei" / "batches.csv").open("a") as text:
+        text.write("1.0,1.0,1150.0\n")
+    (more,) = published.published(tmp_path, ["pensim-gpei"], searches=3)
+    assert (more["searches"], more["best"] >= row["best"], more["failures"]) == (3, True, 0)
+    (tmp_path / "pensim-gpei" / "search.csv").unlink()
+    for run in (True, False):
+        (last,) = published.published(tmp_path, ["pensim-gpei"], searches=3, run=run)
+        assert {**last, "seconds": 0} == {**more, "seconds": 0}
 
 
 def test_the_command_and_its_errors(tmp_path, capsys):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import warnings
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,8 @@ class BayesianOptimization:
         decimals: points are rounded so.
         candidates: random points among which that of the highest expected improvement is improved further.
         exploration: xi, by which the best value must be improved, over the deviation of the values.
+        refit: hyperparameters of the Gaussian process are fitted again when the evaluations have grown by this share;
+            0 fits them before every batch. What is new counts in any case: only lengths and variances wait.
 
     Raises:
         ValueError: a box that is none, or a file of another search.
@@ -58,6 +61,7 @@ class BayesianOptimization:
         decimals: int | None = None,
         candidates: int = 2000,
         exploration: float = 0.01,
+        refit: float = 0.1,
     ) -> None:
         if isinstance(low, Mapping):
             names, pairs = tuple(low), list(low.values())
@@ -73,6 +77,9 @@ class BayesianOptimization:
         self._initial, self._batch = as_count("initial", initial), as_count("batch", batch)
         self._seed, self._decimals = as_count("seed", seed, 0, "an integer that is not negative"), decimals
         self._candidates, self._exploration = as_count("candidates", candidates), float(exploration)
+        if not 0 <= refit <= 1:
+            raise ValueError(f"refit is {refit}, expected a share from 0 to 1")
+        self._refit, self._prior = float(refit), (0, _Prior(0.0, 1.0, None))
         self._file = None if file is None else Path(file)
         self.points, self.values = np.zeros((0, len(self.low))), np.zeros(0)
         _library()
@@ -111,9 +118,9 @@ class BayesianOptimization:
         generator = np.random.default_rng([self._seed, len(self.values)])
         fixed = self._initial - len(self.values)
         chosen: list[FloatArray] = []
-        points, values = self.points, self._usable()
+        points, values = self.points, _usable(self.values)
         for place in range(count):
-            if place < fixed or len(points) < 2:
+            if place < fixed or len(self.values) < 2:
                 point = generator.uniform(self.low, self.high)
             else:
                 with _one_thread():
@@ -134,56 +141,49 @@ class BayesianOptimization:
         self.points, self.values = np.vstack([self.points, given]), np.concatenate([self.values, found])
         self._write(given, found)
 
-    def _usable(self) -> FloatArray:
-        """Values, those that are not finite as the worst one."""
-        finite = np.isfinite(self.values)
-        worst = self.values[finite].min() if finite.any() else 0.0
-        return np.where(finite, self.values, worst)
-
     def _rounded(self, point: FloatArray) -> FloatArray:
         if self._decimals is None:
             return point
         return np.clip(np.round(point, self._decimals), self.low, self.high)
 
     def _most_promising(self, points: FloatArray, values: FloatArray, generator: np.random.Generator) -> FloatArray:
-        scaled = (points - self.low) / (self.high - self.low)
-        deviation = float(values.std()) or 1.0
-        targets = (values - values.mean()) / deviation
-        process = self._fitted(scaled, targets)
+        scaled, prior = self._scaled(points), self._fitted()
+        targets = (values - prior.mean) / prior.deviation
+        process = prior.process(scaled, targets, self._seed)
         best = targets.max()
         dimension = len(self.low)
         drawn = generator.uniform(size=(self._candidates, dimension))
         # Near the best point too: in many dimensions random points are far from everything.
         near = scaled[int(np.argmax(targets))] + 0.1 * generator.standard_normal((self._candidates // 4, dimension))
         tried = np.vstack([drawn, np.clip(near, 0, 1)])
-        mean, spread = process.predict(tried, return_std=True)
-        gains = expected_improvement(mean, spread, best, self._exploration)
-        order = np.argsort(-gains)[:2]
-        optimize = _minimize()
 
-        def loss(x: FloatArray) -> float:
-            mean, spread = process.predict(x[None], return_std=True)
-            return -float(expected_improvement(mean, spread, best, self._exploration)[0])
+        def gains(points: FloatArray) -> FloatArray:
+            mean, spread = process.predict(points, return_std=True)
+            return expected_improvement(mean, spread, best, self._exploration)
 
-        found = [(gains[i], tried[i]) for i in order]
+        found = gains(tried)
+        order = np.argsort(-found)[:2]
+        top, most = tried[order[0]], float(found[order[0]])
         if dimension <= 20:  # differences in many dimensions cost more than they bring
             for i in order:
-                better = optimize(loss, tried[i], method="L-BFGS-B", bounds=[(0.0, 1.0)] * dimension)
-                found.append((-float(better.fun), better.x))
-        top = max(found, key=lambda pair: pair[0])[1]
+                better, gain = _climbed(gains, tried[i])
+                if gain > most:
+                    top, most = better, gain
         return self.low + np.clip(top, 0, 1) * (self.high - self.low)
 
-    def _fitted(self, points: FloatArray, targets: FloatArray) -> Any:
-        regressor, kernels = _library()
-        dimension = points.shape[1]
-        # One length for each direction in few dimensions, one for all in many.
-        lengths = np.ones(dimension) * 0.5 if dimension <= 10 else 0.5 * np.sqrt(dimension)
-        kernel = kernels.ConstantKernel(1.0, (1e-2, 1e2)) * kernels.Matern(lengths, (1e-2, 1e2), nu=2.5)
-        kernel = kernel + kernels.WhiteKernel(1e-4, (1e-8, 1e0))
-        process = regressor(kernel, random_state=self._seed)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # lengths at their bounds
-            return process.fit(points, targets)
+    def _scaled(self, points: FloatArray) -> FloatArray:
+        return (points - self.low) / (self.high - self.low)
+
+    def _fitted(self) -> _Prior:
+        """The prior of the first evaluations, of so many that a search from a file has the same one."""
+        count = last = max(self._initial, 2)
+        while count <= len(self.values):
+            last, count = count, max(count + 1, int(np.ceil(count * (1 + self._refit))))
+        last = min(last, len(self.values))
+        if self._prior[0] != last:
+            values = _usable(self.values[:last])
+            self._prior = last, _Prior.fitted(self._scaled(self.points[:last]), values, self._seed)
+        return self._prior[1]
 
     def _read(self) -> None:
         if self._file is None or not self._file.is_file():
@@ -201,6 +201,57 @@ class BayesianOptimization:
                 writer.writerow([*self.names, "value"])
             for point, value in zip(points, values, strict=True):
                 writer.writerow([*map(repr, point.tolist()), repr(float(value))])
+
+
+@dataclass(frozen=True)
+class _Prior:
+    """What is supposed of the values before they are known: mean, deviation, and the kernel of what is over them."""
+
+    mean: float
+    deviation: float
+    kernel: Any
+
+    @classmethod
+    def fitted(cls, points: FloatArray, values: FloatArray, seed: int) -> _Prior:
+        """Of the largest marginal likelihood."""
+        regressor, kernels = _library()
+        mean, deviation = float(values.mean()), float(values.std()) or 1.0
+        dimension = points.shape[1]
+        # One length for each direction in few dimensions, one for all in many.
+        lengths = np.ones(dimension) * 0.5 if dimension <= 10 else 0.5 * np.sqrt(dimension)
+        kernel = kernels.ConstantKernel(1.0, (1e-2, 1e2)) * kernels.Matern(lengths, (1e-2, 1e2), nu=2.5)
+        kernel = kernel + kernels.WhiteKernel(1e-4, (1e-8, 1e0))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # lengths at their bounds
+            process = regressor(kernel, random_state=seed).fit(points, (values - mean) / deviation)
+        return cls(mean, deviation, process.kernel_)
+
+    def process(self, points: FloatArray, targets: FloatArray, seed: int) -> Any:
+        """The Gaussian process given what is known: one factorisation."""
+        regressor, _ = _library()
+        return regressor(self.kernel, optimizer=None, random_state=seed).fit(points, targets)
+
+
+def _usable(values: FloatArray) -> FloatArray:
+    """Values, those that are not finite as the worst one."""
+    finite = np.isfinite(values)
+    worst = values[finite].min() if finite.any() else 0.0
+    return np.where(finite, values, worst)
+
+
+def _climbed(gains: Callable[[FloatArray], FloatArray], start: FloatArray) -> tuple[FloatArray, float]:
+    """The point of the unit box to which the gain grows from a start, and its gain; differences in one batch each."""
+    from scipy.optimize import minimize
+
+    steps = 1e-6 * np.eye(len(start))
+
+    def loss(point: FloatArray) -> tuple[float, FloatArray]:
+        signs = np.where(point > 0.5, -1.0, 1.0)  # within the box
+        values = gains(np.vstack([point, point + signs[:, None] * steps]))
+        return -float(values[0]), -(values[1:] - values[0]) / (signs * 1e-6)
+
+    found = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=[(0.0, 1.0)] * len(start))
+    return found.x, -float(found.fun)
 
 
 def expected_improvement(mean: FloatArray, spread: FloatArray, best: float, exploration: float = 0.0) -> FloatArray:
@@ -245,9 +296,3 @@ def _one_thread() -> Any:
     from threadpoolctl import threadpool_limits  # scikit-learn depends on it
 
     return threadpool_limits(limits=1)
-
-
-def _minimize() -> Any:
-    from scipy.optimize import minimize
-
-    return minimize

@@ -45,7 +45,7 @@ class CultureMPC:
             raise ValueError(f"kind is {kind!r}; there are: {', '.join(KINDS)}")
         self._kind, self._horizon = kind, horizon
         part = (*STATES, "h") if (kind == "empc" if tank is None else tank) else STATES
-        self._options: dict[str, Any] = {"integrate": True, "part": part, "actions": ACTIONS, "tolerance": 1e-6}
+        self._options: dict[str, Any] = {"integrate": True, "part": part, "actions": ACTIONS, "tolerance": 1e-4}
         # A start that is too hot is cooled by what the other tanks bear, so that broken bounds are priced low.
         self._options |= {"rest": Policy("nominal"), "p": "episode", "soft_weight": 100.0} | options
         self.controller: NMPC | None = None

@@ -1,7 +1,8 @@
 """State estimation from an observation level: what filters and estimators over a window have in common.
 
 The prediction is the model's own step (`Model.rollout`), so that phases, events, sums over a step and clamps are those
-of the plant; its derivatives are differences of rollouts, all trajectories in one call.
+of the plant; its derivatives are exact (`Model.linearize_step`), and differences of rollouts where a step has none. The
+derivatives of readings, which no integration blurs, are central differences.
 """
 
 from __future__ import annotations
@@ -11,11 +12,16 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from smpl._native import SimulationError
 from smpl.controllers.names import listing, weights
 from smpl.controllers.sensors import Sensors, sensors
 from smpl.envs import Env
 from smpl.model import FloatArray, Model, as_number
 from smpl.rollout import rollout
+from smpl.sensitivity import linearize_step
+
+# Points by states from which on threads bring more than they cost.
+_LARGE = 400
 
 
 class Estimator(Protocol):
@@ -71,6 +77,12 @@ class Prediction:
         self.noise = np.where(self.sensors.noise > 0, self.sensors.noise, 1e-6 * width)
         self.fixed: dict[str, float] = {}
         self.limit = model.max_steps + 1
+        self._by_differences, self._why = 0, ""
+
+    @property
+    def derivatives(self) -> str:
+        """`exact`, or in how many steps of the episode derivatives were differences, and why at last."""
+        return f"differences in {self._by_differences} steps: {self._why}" if self._by_differences else "exact"
 
     def begin(self, env: Env) -> None:
         """Check the environment of an episode.
@@ -86,6 +98,7 @@ class Prediction:
             )
         # The environment may have another time limit than the model; readings are taken at its last step too.
         self.limit = env.max_steps + 1
+        self._by_differences, self._why = 0, ""
 
     def step(self, points: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float]) -> FloatArray:
         """The points (N, x) a step later.
@@ -100,29 +113,54 @@ class Prediction:
         """Readings (N, observations) without noise of samples taken at the points."""
         return self._rollout(points, action, at, discrete).observations[:, 0]
 
-    def around(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The point and one beside it in each direction, (1 + x, x), inside of the bounds; and the distances."""
-        distance = 1e-4 * np.maximum(self.scale, np.abs(x))
-        distance = np.where(x + distance > self.high, -distance, distance)
-        return np.vstack([x, x + np.diag(distance)]), distance
+    def transition(
+        self, x: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float]
+    ) -> tuple[FloatArray, FloatArray]:
+        """The point (x,) a step later and its derivative (x, x)."""
+        return self.step(x[None], action, at, discrete)[0], self._slope(x, action, at, discrete)
 
     def linearized(
         self, x: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float]
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """The point a step later and its derivative, the readings now and theirs, from one call of rollouts."""
-        points, distance = self.around(x)
-        found = self._rollout(points, action, at, discrete)
-        later = np.concatenate([found.states[:, -1], points[:, self.states :]], axis=1)
-        read = found.observations[:, 0]
-        return later[0], (later[1:] - later[0]).T / distance, read[0], (read[1:] - read[0]).T / distance
+        """The point a step later and its derivative, the readings now and theirs."""
+        points, width = self._beside(x)
+        found = self._rollout(np.vstack([x, points]), action, at, discrete)
+        later, read = np.append(found.states[0, -1], x[self.states :]), found.observations[:, 0]
+        return later, self._slope(x, action, at, discrete), read[0], _slopes(read[1:], width)
+
+    def _slope(self, x: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float]) -> FloatArray:
+        """Derivative (x, x) of a step."""
+        try:
+            return self._exact(self.clipped(x), action, at, discrete)
+        except SimulationError as error:
+            self._by_differences, self._why = self._by_differences + 1, str(error).removeprefix("point 0: ")
+        points, width = self._beside(x)
+        return _slopes(self.step(points, action, at, discrete), width)
+
+    def _exact(self, x: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float]) -> FloatArray:
+        """Forward sensitivities of the step, (x, x); estimated parameters stay as they are."""
+        values = dict(zip(self.parameters, x[self.states :].tolist(), strict=True))
+        found = linearize_step(
+            self.model, x[: self.states], action, {**self.fixed, **discrete, **values}, by=("state",),
+            parameters=self.parameters, first_step=at,
+        )  # fmt: skip
+        whole = np.eye(len(x))
+        whole[: self.states] = np.concatenate([found.dx_dx, found.dx_dp], axis=1)
+        return whole
 
     def read_with_jacobian(
         self, x: FloatArray, at: int, discrete: Mapping[str, float], action: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """The readings at a point and their derivative."""
-        points, distance = self.around(x)
-        found = self.read(points, at, discrete, action)
-        return found[0], (found[1:] - found[0]).T / distance
+        """The readings (observations,) at a point and their derivative (observations, x)."""
+        points, width = self._beside(x)
+        found = self.read(np.vstack([x, points]), at, discrete, action)
+        return found[0], _slopes(found[1:], width)
+
+    def _beside(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Points beside x, (2 x, x), two in each direction within the bounds, and how far these are apart."""
+        distance = 1e-4 * np.maximum(self.scale, np.abs(x))
+        below, above = np.maximum(x - distance, self.low), np.minimum(x + distance, self.high)
+        return np.vstack([x + np.diag(below - x), x + np.diag(above - x)]), above - below
 
     def start(self, env: Env, initial: Any, deviation: Any) -> tuple[FloatArray, FloatArray]:
         """Mean and covariance before the first reading.
@@ -165,6 +203,7 @@ class Prediction:
             discrete=discrete,
             first_step=at,
             max_steps=self.limit,
+            threads=1 if points.size < _LARGE else None,
         )
         bad = [i for i, failure in enumerate(found.failure) if failure.startswith(("start", "solver"))]
         if bad:
@@ -193,6 +232,11 @@ class Prediction:
         places = [self.model.parameter_names.index(name) for name in self.parameters]
         least, most = self.model.native.bounds("parameter")
         return np.concatenate([low, least[places]]), np.concatenate([high, most[places]])
+
+
+def _slopes(found: FloatArray, width: FloatArray) -> FloatArray:
+    """Derivative (of, x) from values (2 x, of) beside a point."""
+    return ((found[len(width) :] - found[: len(width)]) / width[:, None]).T
 
 
 def discrete_of(env: Env) -> dict[str, float]:

@@ -28,9 +28,9 @@ class _Instant:
 class ExtendedKalmanFilter:
     """Extended Kalman filter from an observation level, its noise, rare samples and delays as the file declares them.
 
-    The mean is predicted by the model's own step, the covariance by its derivative. A sample that arrives late is taken
-    up at the step at which it was taken, and the filter runs from there again. (D. Simon, Optimal State Estimation,
-    2006, sections 13.2 and 10.5; covariance in Joseph's form.)
+    The mean is predicted by the model's own step, the covariance by its exact derivative. A sample that arrives late is
+    taken up at the step at which it was taken, and the filter runs from there again. (D. Simon, Optimal State
+    Estimation, 2006, sections 13.2 and 10.5; covariance in Joseph's form.)
 
     Args:
         model: a model, or an environment; its observation level is what is read.
@@ -44,6 +44,7 @@ class ExtendedKalmanFilter:
     Attributes:
         covariance: of the estimate.
         innovation: last readings less predicted ones by name, physical units.
+        derivatives: `exact`, or in how many steps of the episode they were differences, and why.
     """
 
     def __init__(
@@ -74,6 +75,11 @@ class ExtendedKalmanFilter:
     def covariance(self) -> FloatArray:
         """Covariance of states and estimated parameters."""
         return self._past[-1].covariance
+
+    @property
+    def derivatives(self) -> str:
+        """Which derivatives the covariance was predicted by."""
+        return self.prediction.derivatives
 
     def reset(self, env: Env) -> None:
         """Forget the last episode."""
@@ -138,7 +144,7 @@ def predict(
     discrete: Mapping[str, float],
 ) -> tuple[FloatArray, FloatArray]:
     """Mean and covariance a step later."""
-    later, F, _, _ = prediction.linearized(mean, action, step, discrete)
+    later, F = prediction.transition(mean, action, step, discrete)
     return prediction.clipped(later), F @ covariance @ F.T + np.diag(prediction.process**2)
 
 

@@ -44,6 +44,7 @@ class MovingHorizonEstimator:
 
     Attributes:
         failures: how often the optimiser failed, so that the prediction was taken.
+        derivatives: as of `ExtendedKalmanFilter`.
     """
 
     def __init__(
@@ -74,6 +75,11 @@ class MovingHorizonEstimator:
     def estimate(self) -> dict[str, float]:
         """Estimated states and parameters by name."""
         return dict(zip(self.prediction.names, self._window[-1].point.tolist(), strict=True))
+
+    @property
+    def derivatives(self) -> str:
+        """Which derivatives the optimiser was given."""
+        return self.prediction.derivatives
 
     def reset(self, env: Env) -> None:
         """Forget the last episode."""

@@ -21,7 +21,7 @@ _CHANGES = 30
 _WARM = 6
 # A point that breaks no equation by more (in scaled variables) can be followed, whatever else it lacks.
 _FEASIBLE = 1e-5
-# IPOPT's own limit of a decision where no budget is given, s.
+# IPOPT's own limit of a decision where no budget is given, s of the processor: a busy machine decides the same.
 _LONGEST = 60.0
 
 
@@ -239,7 +239,12 @@ class Solver:
 
     def _ipopt(self) -> dict[str, Any]:
         options: dict[str, Any] = {"print_level": 0, "sb": "yes", "tol": self._tolerance}
-        options["max_wall_time"] = _LONGEST if self._budget is None else self._budget
+        if max(self._programme.structure["nu"]) > _WIDE:
+            options["mumps_pivot_order"] = 0  # minimum degree orders a long band better than what MUMPS chooses
+        if self._budget is None:
+            options["max_cpu_time"] = _LONGEST
+        else:
+            options["max_wall_time"] = self._budget
         if self._iterations is not None and self._name == "ipopt":
             options["max_iter"] = self._iterations
         return {"ipopt": options}
