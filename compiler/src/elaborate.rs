@@ -52,6 +52,7 @@ use lower::Lowering;
 use select::Input;
 use select::variants::{Choices, Shown};
 
+pub use built_ins::is_built_in;
 pub(crate) use check::lints::unused_parameters;
 pub use episode::is_entry_setting;
 pub(crate) use episode::ordered_initial;

@@ -410,10 +410,99 @@ pub struct Solver {
     pub algebraic_error_control: bool,
     /// Quadratures enter the error test.
     pub quadrature_error_control: bool,
-    /// `auto`, `dense` or `klu`.
-    pub linear_solver: String,
-    /// `ida`, `rosenbrock`, `explicit` or `auto`.
-    pub method: String,
+    /// What solves the linear systems of Newton's method.
+    pub linear_solver: LinearSolver,
+    /// What takes the steps.
+    pub method: Method,
+}
+
+/// What takes the steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// SUNDIALS' variable-order BDF code IDA: any system of index 1, of any size.
+    #[default]
+    Ida,
+    /// The Rosenbrock method Rodas5P of order 5: systems that are explicit in their derivatives, stiff or not, with algebraic unknowns or without.
+    Rosenbrock,
+    /// The explicit Runge–Kutta method DOP853 of order 8: ordinary differential equations that are not stiff.
+    Explicit,
+    /// One of the two, by a test of stiffness at run time; IDA for systems that they do not take or that are large.
+    Auto,
+}
+
+impl Method {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Ida, Self::Rosenbrock, Self::Explicit, Self::Auto];
+
+    /// Their names, for messages.
+    pub const TEXT: &str = "ida, rosenbrock, explicit or auto";
+
+    /// As it is written in models, scenarios and on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ida => "ida",
+            Self::Rosenbrock => "rosenbrock",
+            Self::Explicit => "explicit",
+            Self::Auto => "auto",
+        }
+    }
+
+    /// The one of a name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|method| method.name() == name)
+    }
+}
+
+impl std::fmt::Display for Method {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Which linear solver the Newton iteration uses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LinearSolver {
+    /// By dimension and density.
+    #[default]
+    Auto,
+    /// LU with partial pivoting of the full matrix.
+    Dense,
+    /// LU with partial pivoting of the bands around the diagonal, unknowns renumbered so that they are narrow.
+    Banded,
+    /// Sparse LU of the diagonal blocks of the block triangular form, pivots on the diagonal; KLU where these do not serve.
+    Block,
+    /// SuiteSparse's KLU.
+    Klu,
+}
+
+impl LinearSolver {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Auto, Self::Dense, Self::Banded, Self::Block, Self::Klu];
+
+    /// Their names, for messages.
+    pub const TEXT: &str = "auto, dense, banded, block or klu";
+
+    /// As it is written in models and scenarios.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Dense => "dense",
+            Self::Banded => "banded",
+            Self::Block => "block",
+            Self::Klu => "klu",
+        }
+    }
+
+    /// The one of a name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|solver| solver.name() == name)
+    }
 }
 
 impl Default for Episode {
@@ -461,8 +550,8 @@ impl Default for Solver {
             max_step: f64::INFINITY,
             algebraic_error_control: false,
             quadrature_error_control: true,
-            linear_solver: "auto".into(),
-            method: "ida".into(),
+            linear_solver: LinearSolver::default(),
+            method: Method::default(),
         }
     }
 }

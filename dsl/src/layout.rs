@@ -10,7 +10,7 @@
 
 mod words;
 
-pub(crate) use words::{KEYWORDS, has_block, is_reserved};
+pub(crate) use words::has_block;
 
 use std::ops::Range;
 

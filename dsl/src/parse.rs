@@ -17,10 +17,11 @@ use pest::Parser;
 use pest::iterators::{Pair, Pairs};
 
 use crate::diagnostic::{Diagnostic, Faults, codes, did_you_mean};
-use crate::layout::{KEYWORDS, RawStatement, has_block, is_reserved, layout, span};
+use crate::layout::{RawStatement, has_block, layout, span};
 use crate::span::{FileId, Span};
 use crate::stack::SIZES;
 use crate::syntax::{File, Ident, Statement, StatementKind};
+use crate::words::{KEYWORDS, is_reserved};
 
 /// Shorter texts are read sooner than a thread has started.
 const WORTH_A_THREAD: usize = 8 * 1024;

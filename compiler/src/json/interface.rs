@@ -311,8 +311,8 @@ fn solver(at: &At<'_>) -> Result<Solver, ReadError> {
         max_step: at.field("max_step")?.number_or(f64::INFINITY)?,
         algebraic_error_control: at.field("algebraic_error_control")?.flag()?,
         quadrature_error_control: at.field("quadrature_error_control")?.flag()?,
-        linear_solver: at.field("linear_solver")?.one_of(&["auto", "dense", "banded", "block", "klu"])?,
-        method: at.field("method")?.one_of(&["ida", "rosenbrock", "explicit", "auto"])?,
+        linear_solver: at.field("linear_solver")?.word()?,
+        method: at.field("method")?.word()?,
     })
 }
 
