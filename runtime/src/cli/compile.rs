@@ -190,7 +190,7 @@ fn interface_json(model: &CompiledModel) -> Result<String, Failed> {
     let value = json!({
         "model": interface.name,
         "text": interface.text,
-        "time": {"name": interface.time.0, "unit": interface.time.1},
+        "time": {"name": interface.time.name, "unit": interface.time.unit},
         "states": family(&catalogue.states),
         "algebraics": family(&catalogue.algebraics),
         "discretes": family(&catalogue.discretes),

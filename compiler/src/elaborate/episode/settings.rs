@@ -7,8 +7,8 @@ use smpl_dsl::units::Unit;
 use crate::elaborate::episode::common::each;
 use crate::elaborate::episode::entries::{Block, ENTRIES, ORDER_TEXT, Said, Takes, is_order, setting_entry};
 use crate::elaborate::ledger::Ledger;
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::place::{Place, Site};
+use crate::elaborate::lower::{Lowering, defaults};
 use crate::elaborate::options::Setting;
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::ScopeId;
@@ -55,7 +55,7 @@ fn entry_of_text(l: &mut Lowering<'_, '_>, block: Block, (name, e): (&Ident, &Ex
         // Rewards carry their own units; the number is taken in each.
         Takes::Number(to) => {
             let v = l.value(e, place);
-            put(to(said), l.constant_value(v.expr));
+            put(to(said), defaults::constant_value(l, v.expr));
         }
         Takes::Truth(to) => *to(said) = holds(l, e, place),
         Takes::Name(names) => {
@@ -109,7 +109,7 @@ fn put<T>(to: &mut T, x: Option<T>) {
 fn setting_number(l: &mut Lowering<'_, '_>, name: &Ident, e: &Expr, unit: &Unit, place: &Place) -> Option<f64> {
     let reports = l.ledger.reports.diagnostics.len();
     let expr = l.number_in(e, unit, &format!("`{}`", name.text), name.span, place);
-    let value = l.constant_value(expr).filter(|x| !x.is_nan());
+    let value = defaults::constant_value(l, expr).filter(|x| !x.is_nan());
     if l.ledger.reports.diagnostics.len() != reports {
         return None;
     }
