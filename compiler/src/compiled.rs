@@ -24,7 +24,7 @@ pub(crate) use parts::Parts;
 pub use parts::{BackEndError, BackEndSettings, CompileStatistics};
 use tapes::Tapes;
 
-/// A model ready to run; shared by many instances, each with its own [`Memory`].
+/// A model ready to run; shared by many instances, each with its own [`Memory`]. It has many methods: one for each compiled function.
 pub struct CompiledModel {
     parts: Parts,
     layout: Arc<Layout>,

@@ -44,7 +44,7 @@ use std::collections::HashMap;
 use smpl_dsl::diagnostic::{Diagnostic, Faults, codes};
 use smpl_dsl::syntax::{self, Statement};
 
-use crate::model::{Interface, Model};
+use crate::model::{Interface, Model, Time};
 use declare::declaring::{About, Declaring};
 use episode::Control;
 use ledger::Ledger;
@@ -52,6 +52,7 @@ use lower::Lowering;
 use select::Input;
 use select::variants::{Choices, Shown};
 
+pub use built_ins::is_built_in;
 pub(crate) use check::lints::unused_parameters;
 pub use episode::is_entry_setting;
 pub(crate) use episode::ordered_initial;
@@ -146,7 +147,7 @@ fn lowered(input: &Input<'_>, declaring: Declaring<'_, '_>, shown: Shown) -> (Re
     let (equations, control) = passed.unwrap_or_default();
     work.hidden.close(&mut symbols.vars);
     let mut model = model_of(control, about, shown);
-    model.interface.time = (symbols.time_name, symbols.time_unit.to_string());
+    model.interface.time = Time { name: symbols.time_name, unit: symbols.time_unit.to_string() };
     model.interface.draws = work.hidden.draws.list;
     model.quadratures = work.hidden.quadratures.list;
     model.exprs = work.exprs;
@@ -157,7 +158,7 @@ fn lowered(input: &Input<'_>, declaring: Declaring<'_, '_>, shown: Shown) -> (Re
 /// What follows the declarations, in this order.
 fn all_statements(l: &mut Lowering<'_, '_>) -> (Vec<Equation>, Control) {
     quantities::declare_defaults(l);
-    l.check_ends();
+    space::grid::check_ends(l);
     l.ledger.speculation.enabled = true;
     let equations = equations::elaborate_equations(l);
     let control = episode::elaborate_control(l);

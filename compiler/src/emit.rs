@@ -144,11 +144,3 @@ fn hexadecimal(bytes: &[u8]) -> String {
     text.push('\n');
     text
 }
-
-/// The interface as JSON: what a tool outside needs to know of names, units, bounds and settings.
-///
-/// # Errors
-/// If a value cannot be written; infinite bounds become `null`.
-pub fn interface_json(model: &Model) -> Result<String, serde_json::Error> {
-    serde_json::to_string_pretty(&model.interface)
-}

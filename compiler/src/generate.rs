@@ -8,7 +8,9 @@ mod arithmetic;
 mod body;
 mod emitter;
 mod executable;
+mod loops;
 mod memory;
+mod phases;
 mod plan;
 mod residence;
 mod segments;
@@ -145,7 +147,7 @@ impl Generator {
         self.context.clear();
         self.context.func = Function::with_name_signature(UserFuncName::default(), signature(isa.default_call_conv()));
         let builder = FunctionBuilder::new(&mut self.context.func, &mut self.builder);
-        let columns = body::emit(builder, plan, piece, exprs, layout, isa.as_ref());
+        let columns = loops::emit(builder, plan, piece, exprs, layout, isa.as_ref());
         let mut code = Code { columns, ..Code::default() };
         if self.texts {
             code.clif = self.context.func.display().to_string();

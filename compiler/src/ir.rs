@@ -9,6 +9,7 @@
 //! back end compiles and what the interpreter runs.
 
 mod affine;
+mod build;
 mod expr;
 mod function;
 mod loads;
@@ -17,7 +18,7 @@ mod program;
 mod var;
 
 pub use affine::{Affine, LoopVar, Loops, MAX_DEPTH, loops_of};
-pub(crate) use expr::Rewritten;
+pub(crate) use build::Rewritten;
 pub use expr::{Expr, ExprId, Exprs, Flavour};
 pub use function::{BinaryFn, Compare, ReduceFn, UnaryFn};
 pub use numbers::{List, Lists, Side, before, behind};

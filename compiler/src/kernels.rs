@@ -5,9 +5,11 @@
 //! multiply-add (`math`): one copy is compiled for AVX2 with FMA, where loops over arrays run four lanes wide, another for any
 //! processor; both round alike because a fused multiply-add is exact on either. Other functions are the standard library's.
 
+mod lists;
 mod math;
 mod table;
 
+pub use lists::{entry, passed};
 pub use table::{ArrayKernel, BinaryArrayKernel, BinaryKernel, KernelTable, ListKernel, ScalarKernel, table};
 
 /// Functions of one number, in the order of [`KernelTable::unary`].
@@ -54,22 +56,6 @@ pub fn pow(x: f64, y: f64) -> f64 {
 #[must_use]
 pub(crate) fn atan2(y: f64, x: f64) -> f64 {
     (table().atan2)(y, x)
-}
-
-/// How many of ascending limits a number has left behind: those below it, and with `up_to` the one that it is equal to.
-#[must_use]
-pub fn passed(limits: &[f64], up_to: bool, x: f64) -> f64 {
-    if x.is_nan() {
-        return x;
-    }
-    limits.partition_point(|&limit| if up_to { limit <= x } else { limit < x }) as f64
-}
-
-/// The number at an index, the first or the last beyond the ends; NaN for an index that is none, or where there are no numbers.
-#[must_use]
-pub fn entry(numbers: &[f64], index: f64) -> f64 {
-    let last = numbers.len().saturating_sub(1);
-    if index.is_nan() { index } else { numbers.get((index as usize).min(last)).copied().unwrap_or(f64::NAN) }
 }
 
 /// `x^n` by squaring: the order of multiplications that compiled code uses too.

@@ -106,5 +106,4 @@ fn texts_show_equations_as_loops_and_code() {
     let ir = emit::ir(model.model());
     assert!(ir.contains("for i in 0..6\n  ") && ir.contains("exp(-(E_R / T[i + 1]))") && ir.contains("der(A[i + 1])"), "{ir}");
     assert!(emit::clif(&model).contains("f64x2") && emit::assembly(&model).contains("; residual"));
-    assert!(emit::interface_json(model.model()).is_ok_and(|json| json.contains("\"parameters\"")));
 }

@@ -9,5 +9,6 @@ pub mod span;
 pub mod stack;
 pub mod syntax;
 pub mod units;
+pub mod words;
 
 pub use parse::{Parsed, parse};

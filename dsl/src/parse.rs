@@ -6,6 +6,7 @@
 mod declaration;
 mod expression;
 mod message;
+mod parts;
 mod problem;
 mod statement;
 mod table;
@@ -13,14 +14,16 @@ mod unit;
 
 use std::thread;
 
+use grammar::{Grammar, Rule};
+use parts::{Children, Context};
 use pest::Parser;
-use pest::iterators::{Pair, Pairs};
 
 use crate::diagnostic::{Diagnostic, Faults, codes, did_you_mean};
-use crate::layout::{KEYWORDS, RawStatement, has_block, is_reserved, layout, span};
-use crate::span::{FileId, Span};
+use crate::layout::{RawStatement, has_block, layout};
+use crate::span::{FileId, span};
 use crate::stack::SIZES;
-use crate::syntax::{File, Ident, Statement, StatementKind};
+use crate::syntax::{File, Statement, StatementKind};
+use crate::words::KEYWORDS;
 
 /// Shorter texts are read sooner than a thread has started.
 const WORTH_A_THREAD: usize = 8 * 1024;
@@ -33,8 +36,6 @@ mod grammar {
     #[grammar = "grammar.pest"]
     pub(super) struct Grammar;
 }
-
-use grammar::{Grammar, Rule};
 
 /// What parsing one file gives: the statements that could be read, and all faults found.
 #[derive(Clone, Debug, Default)]
@@ -156,95 +157,4 @@ fn check_block(keyword: &str, raw: &RawStatement, file: FileId) -> Fallible<()> 
 fn leading_word(text: &str) -> &str {
     let length = text.bytes().take_while(|b| b.is_ascii_alphanumeric() || *b == b'_').count();
     &text[..length]
-}
-
-/// What lowering needs to know about the statement at hand.
-struct Context<'t> {
-    file: FileId,
-    /// Byte of the file at which the parsed text begins.
-    offset: usize,
-    keyword: &'t str,
-}
-
-impl Context<'_> {
-    fn span(&self, pair: &Pair<'_, Rule>) -> Span {
-        // A rule that ends in an optional part has taken the blanks before it.
-        let at = pair.as_span();
-        let end = at.start() + at.as_str().trim_end().len();
-        span(self.file, self.offset + at.start(), self.offset + end)
-    }
-
-    /// A name; reserved words are refused.
-    fn ident(&self, pair: &Pair<'_, Rule>) -> Fallible<Ident> {
-        let ident = self.word(pair);
-        if is_reserved(&ident.text) {
-            let message = format!("`{}` is a reserved word and cannot be a name", ident.text);
-            let fault = Diagnostic::error(codes::RESERVED_WORD, message, ident.span).label("expected a name or an expression");
-            return Err(Box::new(fault));
-        }
-        Ok(ident)
-    }
-
-    /// A word, reserved or not.
-    fn word(&self, pair: &Pair<'_, Rule>) -> Ident {
-        Ident { text: pair.as_str().to_owned(), span: self.span(pair) }
-    }
-
-    /// The text between the quotes.
-    fn text(pair: &Pair<'_, Rule>) -> String {
-        pair.as_str().trim_matches('"').to_owned()
-    }
-}
-
-/// The parts of a rule, taken in their order.
-struct Children<'t> {
-    pairs: Pairs<'t, Rule>,
-    /// Whole text of the rule, for faults that have no better place.
-    whole: Option<Pair<'t, Rule>>,
-}
-
-impl<'t> Children<'t> {
-    fn new(pair: Pair<'t, Rule>) -> Self {
-        Self { pairs: pair.clone().into_inner(), whole: Some(pair) }
-    }
-
-    fn of_statement(mut pairs: Pairs<'t, Rule>) -> Self {
-        match pairs.next() {
-            Some(pair) => Self::new(pair),
-            None => Self { pairs, whole: None },
-        }
-    }
-
-    fn peek(&self) -> Option<Rule> {
-        self.pairs.peek().map(|pair| pair.as_rule())
-    }
-
-    /// The next part if it is of this rule.
-    fn take(&mut self, rule: Rule) -> Option<Pair<'t, Rule>> {
-        if self.peek() == Some(rule) { self.pairs.next() } else { None }
-    }
-
-    /// Takes a marker such as `=` and says whether it was there.
-    fn skip(&mut self, rule: Rule) -> bool {
-        self.take(rule).is_some()
-    }
-
-    /// The next part, which the grammar demands to be of this rule.
-    fn expect(&mut self, context: &Context<'_>, rule: Rule) -> Fallible<Pair<'t, Rule>> {
-        self.take(rule).ok_or_else(|| self.mismatch(context, rule))
-    }
-
-    fn mismatch(&self, context: &Context<'_>, rule: Rule) -> Box<Diagnostic> {
-        let place = self.whole.as_ref().map_or_else(|| span(context.file, context.offset, context.offset), |pair| context.span(pair));
-        let message = format!("expected {} in `{}`", message::describe(rule), context.keyword);
-        Box::new(Diagnostic::error(codes::SYNTAX, message, place))
-    }
-
-    fn name(&mut self, context: &Context<'_>) -> Fallible<Ident> {
-        context.ident(&self.expect(context, Rule::name)?)
-    }
-
-    fn text(&mut self) -> Option<String> {
-        self.take(Rule::text).map(|pair| Context::text(&pair))
-    }
 }

@@ -33,3 +33,9 @@ impl Span {
         Span { file: self.file, start: self.start.min(other.start), end: self.end.max(other.end) }
     }
 }
+
+/// A span from byte offsets; files are smaller than 4 GiB, so that nothing is cut off.
+pub(crate) fn span(file: FileId, start: usize, end: usize) -> Span {
+    let narrow = |byte: usize| u32::try_from(byte).unwrap_or(u32::MAX);
+    Span { file, start: narrow(start), end: narrow(end) }
+}

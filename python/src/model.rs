@@ -96,12 +96,12 @@ impl Model {
 
     #[getter]
     fn time_name(&self) -> &str {
-        &self.loaded.model.interface().time.0
+        &self.loaded.model.interface().time.name
     }
 
     #[getter]
     fn time_unit(&self) -> &str {
-        &self.loaded.model.interface().time.1
+        &self.loaded.model.interface().time.unit
     }
 
     #[getter]

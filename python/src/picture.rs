@@ -136,7 +136,7 @@ impl Recording {
     fn picture(&self, show: Vec<String>, note: String) -> PyResult<Picture> {
         let plans = plan(&items::of_model(&self.setup), &show).map_err(|error| PyValueError::new_err(error.to_string()))?;
         let run = Run::of_table("", self.recorder.table()).with_moved(self.moved);
-        let unit = &self.setup.model().interface().time.1;
+        let unit = &self.setup.model().interface().time.unit;
         Ok(Picture { picture: picture::Picture::new(&plans, &[run], &heading(&self.setup, note), unit) })
     }
 

@@ -301,5 +301,5 @@ fn family(quantities: &[Quantity], place: impl Fn(&Quantity, usize, usize) -> us
 /// Name and unit of time as a message shows them: `min`.
 #[must_use]
 pub fn time_unit(interface: &Interface) -> &str {
-    &interface.time.1
+    &interface.time.unit
 }

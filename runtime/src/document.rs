@@ -81,7 +81,7 @@ fn facts(interface: &Interface) -> String {
     let mut parts = vec![plural(count(&interface.states), "state"), plural(count(&interface.actions), "action")];
     parts.push(plural(interface.observations.len(), "observation"));
     let phases = if interface.phases.is_empty() { String::new() } else { format!(", {} phases", interface.phases.len()) };
-    let (episode, unit) = (&interface.episode, markdown::unit(&interface.time.1));
+    let (episode, unit) = (&interface.episode, markdown::unit(&interface.time.unit));
     let (step, end) = (crate::failure::Short(episode.step), if episode.end_is_success { "a batch" } else { "an episode at most" });
     format!("\n{}{phases}. Time is in {unit}; a step is {step} {unit}, {end} {} steps.\n", parts.join(", "), episode.max_steps)
 }

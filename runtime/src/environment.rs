@@ -14,7 +14,6 @@ mod tangent;
 mod trace;
 mod verdict;
 
-use std::ops::Range;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
@@ -187,8 +186,6 @@ pub struct Environment {
     replay: Vec<Replay>,
     /// Output of the `finish` program.
     finish: Vec<f64>,
-    /// Where its parts lie: failures, successes, constraints, rewards, observations.
-    parts: [Range<usize>; 5],
     scratch: Vec<f64>,
     /// Integrals over the step, its pieces between events added up.
     integrals: Vec<f64>,
@@ -221,7 +218,6 @@ impl Environment {
         let system = setup.system.clone();
         let interface = setup.model().interface();
         let (unknowns, layout) = (setup.model().unknowns(), interface.finish);
-        let parts = consecutive([2 * layout.failures, layout.successes, layout.constraints, layout.rewards, layout.observations]);
         let sensors = Sensors::new(&interface.observations, &setup.noise);
         let progress = Progress {
             key: EpisodeKey::default(),
@@ -249,8 +245,7 @@ impl Environment {
         Self {
             integrals: vec![0.0; system.region(Region::Quadrature).len()],
             integrator: Box::new(Absent),
-            finish: vec![0.0; parts[4].end],
-            parts,
+            finish: vec![0.0; layout.len()],
             scratch: vec![0.0; unknowns],
             statistics: Statistics::default(),
             drifts: Vec::new(),
@@ -563,16 +558,6 @@ impl Environment {
         let (model, memory) = self.system.parts();
         model.invariants(memory, t, &self.progress.y, &self.progress.yp, out);
     }
-}
-
-/// Ranges of so many numbers, one behind the other.
-fn consecutive(counts: [u32; 5]) -> [Range<usize>; 5] {
-    let mut end = 0;
-    counts.map(|count| {
-        let begin = end;
-        end += count as usize;
-        begin..end
-    })
 }
 
 /// Names of all limits of a model, see [`Environment::constraint_names`].

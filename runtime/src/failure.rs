@@ -99,7 +99,7 @@ impl Chatter {
     #[must_use]
     pub fn describe(&self, model: &CompiledModel, limit: u32) -> String {
         let name = |index: usize| model.roots_info().get(index).map_or("", |root| &root.name);
-        let at = format!("at t = {} {}", Short(self.time), model.interface().time.1);
+        let at = format!("at t = {} {}", Short(self.time), model.interface().time.unit);
         let event = name(self.event);
         match (self.accumulates, self.partner) {
             (true, _) => format!("`{event}` follows itself ever faster {at}"),
@@ -171,7 +171,7 @@ pub(crate) fn describe_solver(
     catalogue: &Catalogue,
     sources: Option<&SourceMap>,
 ) -> String {
-    let when = format!("at t = {}{}", Short(failure.time), unit_suffix(&model.interface().time.1));
+    let when = format!("at t = {}{}", Short(failure.time), unit_suffix(&model.interface().time.unit));
     let equation = failure.unknown.map(|unknown| describe_equation(unknown, model, catalogue, sources));
     let subject = |verb: &str| match &equation {
         Some(equation) => format!("{equation}, {verb} {when}"),

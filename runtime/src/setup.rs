@@ -398,8 +398,8 @@ fn solver_settings(model: &CompiledModel, catalogue: &Catalogue, options: &Envir
     let mut settings = Settings::new(rtol, atol);
     settings.max_order = options.max_order.unwrap_or(declared.max_order);
     settings.max_steps = options.solver_steps.unwrap_or(declared.max_steps);
-    settings.linear_solver = linear_solver(options.linear_solver.as_deref().unwrap_or(&declared.linear_solver))?;
-    settings.method = method(options.method.as_deref().unwrap_or(&declared.method))?;
+    settings.linear_solver = options.linear_solver.as_deref().map_or(Ok(declared.linear_solver), linear_solver)?;
+    settings.method = options.method.as_deref().map_or(Ok(declared.method), method)?;
     settings.max_step = options.max_step.unwrap_or(declared.max_step);
     if settings.max_step.is_nan() || settings.max_step <= 0.0 {
         positive("max_step", settings.max_step)?;
@@ -435,7 +435,7 @@ pub(crate) fn method(name: &str) -> Result<Method, SetupError> {
 }
 
 /// What solves linear systems, by its name.
-pub(crate) fn linear_solver(name: &str) -> Result<LinearSolver, SetupError> {
+fn linear_solver(name: &str) -> Result<LinearSolver, SetupError> {
     let unknown = || SetupError::Value { what: "linear_solver".into(), expected: LinearSolver::TEXT, value: format!("`{name}`") };
     LinearSolver::from_name(name).ok_or_else(unknown)
 }

@@ -45,7 +45,7 @@ fn run_of(setup: &Arc<Setup>, steps: u32, show: &str) -> (Run, Picture) {
     if let Some(follower) = follower {
         run.refine(follower.finish());
     }
-    let picture = Picture::new(&plans, std::slice::from_ref(&run), &heading(setup, "a note".into()), &setup.model().interface().time.1);
+    let picture = Picture::new(&plans, std::slice::from_ref(&run), &heading(setup, "a note".into()), &setup.model().interface().time.unit);
     (run, picture)
 }
 

@@ -3,7 +3,6 @@
 use super::{BackEndError, CompiledModel};
 use crate::differentiate::pattern::each_place;
 use crate::differentiate::{self, Column, Entry, Rows};
-use crate::functions::finish_len;
 use crate::interpret::{Tape, View};
 use crate::ir::{Affine, Flavour, Place, Program, Role, VarId};
 use crate::layout::Memory;
@@ -81,7 +80,7 @@ impl CompiledModel {
         let mut rows = match of {
             Derived::Rows => differentiate::rows(&mut model)?,
             Derived::Observations => {
-                let first = finish_len(&model) as i64 - i64::from(model.interface.finish.observations);
+                let first = model.interface.finish.observations().start as i64;
                 output_rows(&model.programs.finish, first)
             }
             Derived::SteadyConditions => {

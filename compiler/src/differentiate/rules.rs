@@ -1,6 +1,6 @@
 //! Derivatives of the elementary functions.
 
-use super::{Differentiator, Terms};
+use super::terms::{Differentiator, Terms};
 use crate::ir::{BinaryFn, Compare, ExprId, UnaryFn};
 
 impl Differentiator<'_, '_> {

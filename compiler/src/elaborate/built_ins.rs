@@ -32,6 +32,12 @@ fn built_in(name: &str) -> Option<&'static (&'static str, &'static str, Option<&
     NAMES.iter().find(|(n, ..)| *n == name)
 }
 
+/// Whether a name or a function of that name is built in.
+#[must_use]
+pub fn is_built_in(name: &str) -> bool {
+    built_in(name).is_some() || builtins::find(name).is_some()
+}
+
 /// What to say with a fault where a name that is declared stands like a built-in one.
 pub(in crate::elaborate) fn note(diagnostic: Diagnostic, name: &str) -> Diagnostic {
     match built_in(name) {

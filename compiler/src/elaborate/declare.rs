@@ -1,6 +1,7 @@
 //! Declarations: variants, imports, sets, tables, variables, components.
 
 mod checks;
+mod declarations;
 pub(in crate::elaborate) mod declaring;
 mod instances;
 mod phases;
@@ -8,36 +9,17 @@ mod tables;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{self, Declaration, Expr, Flux, Ident, SetMembers, Statement, StatementKind};
+use smpl_dsl::syntax::{Binder, Expr, Ident, Statement, StatementKind};
 use smpl_dsl::units::Unit;
 
-use crate::elaborate::declare::declaring::{Declaring, MAX_ELEMENTS};
-use crate::elaborate::lower::place::{Place, Site};
+use crate::elaborate::declare::declarations::Turn;
+use crate::elaborate::declare::declaring::Declaring;
+use crate::elaborate::declare::instances::MAX_INSTANTIATED;
+use crate::elaborate::lower::place::{BinderValue, Bound, Place, Site};
+use crate::elaborate::lower::{binders, units};
 use crate::elaborate::select::imports::gathered;
 use crate::elaborate::select::items::{Item, items, overlay};
-use crate::elaborate::symbols::{Axis, Domain, Geometry, Scheme, Scope, ScopeId, Symbol, SymbolKind};
-use crate::ir::Role;
-
-/// When a set is declared.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Turn {
-    /// Ahead of everything: its members are written.
-    Named,
-    /// After the scalars: its ends may be computed from them.
-    Ranges,
-    /// After all other sets: the rows of a table are a set where there is no other of that name.
-    Tables,
-}
-
-impl Turn {
-    fn of(statement: &Statement) -> Turn {
-        match &statement.kind {
-            StatementKind::Set { members: SetMembers::Range(..), .. } => Turn::Ranges,
-            StatementKind::Table(_) => Turn::Tables,
-            _ => Turn::Named,
-        }
-    }
-}
+use crate::elaborate::symbols::{Row, Scope, ScopeId, Symbol, SymbolKind};
 
 impl<'a> Declaring<'_, 'a> {
     /// Declares everything of the main file and what it imports.
@@ -119,7 +101,7 @@ impl<'a> Declaring<'_, 'a> {
                     name.clone_from(&n.text);
                     span = statement.span;
                     let place = Place::new(root, Site::Dynamics);
-                    unit = self.lowering().unit(u, &place);
+                    unit = units::unit(&mut self.lowering(), u, &place);
                 }
                 StatementKind::Model { name: n, text } => {
                     if let Some(before) = model_seen.replace(statement.span) {
@@ -171,17 +153,6 @@ impl<'a> Declaring<'_, 'a> {
         self.instances.blocks[at].1 = list;
     }
 
-    /// Declares the sets whose turn it is.
-    fn declare_sets(&mut self, scope: ScopeId, list: &[Item<'a>], turn: Turn) {
-        for item in list {
-            if let Item::Other(statement) = item
-                && Turn::of(statement) == turn
-            {
-                self.declare_set(scope, statement);
-            }
-        }
-    }
-
     /// Declares tables, functions and domains.
     fn declare_unindexed(&mut self, scope: ScopeId, item: &Item<'a>) {
         let Item::Other(statement) = item else { return };
@@ -208,145 +179,106 @@ impl<'a> Declaring<'_, 'a> {
         }
     }
 
-    fn declare_flux(&mut self, scope: ScopeId, flux: &'a Flux) {
+    /// Instances of a component: one, or one for each member of a set.
+    fn declare_instance(
+        &mut self,
+        scope: ScopeId,
+        component: &'a Ident,
+        name: &'a Ident,
+        indices: &'a [Binder],
+        arguments: &'a [(Ident, Expr)],
+        depth: usize,
+    ) {
+        let Some(statement) = self.instantiable(component, depth) else { return self.faulty(scope, name) };
         let place = Place::new(scope, Site::Dynamics);
-        let Some((axes, binders)) = self.axes(&flux.indices, &place) else { return self.faulty(scope, &flux.name) };
-        if matches!(axes.last(), Some(Axis::Domain(_))) {
-            self.declare(scope, &flux.name, SymbolKind::Flux { flux, axes: axes.into(), binders: binders.into() });
-            return;
-        }
-        let message = format!("the last index of the flux `{}` must be the domain along which it flows", flux.name.text);
-        self.work.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, message, flux.name.span));
-        self.faulty(scope, &flux.name);
-    }
-
-    fn declare_set(&mut self, scope: ScopeId, statement: &'a Statement) {
-        match &statement.kind {
-            StatementKind::Choice { name, options, .. } => {
-                let chosen = self.input.selection.chosen.get(&name.text).and_then(|c| options.iter().position(|o| o.text == *c));
-                self.declare(scope, name, SymbolKind::Choice { options, chosen: chosen.unwrap_or(0) });
-            }
-            StatementKind::Set { name, members, .. } => self.declare_members(scope, name, members),
-            // `table over species { ... }` declares the set as well, unless it exists.
-            StatementKind::Table(table) => {
-                if let [index] = table.indices.as_slice()
-                    && self.symbols.lookup(scope, &index.text).is_none()
-                {
-                    let labels = table.rows.iter().map(|r| r.label.text.clone()).collect();
-                    self.new_set(scope, index, labels, None);
-                }
-            }
-            _ => {}
-        }
-    }
-
-    /// `set s = (a, b, c)`, `set s = 1..n`
-    fn declare_members(&mut self, scope: ScopeId, name: &Ident, members: &SetMembers) {
-        let (labels, first) = match members {
-            SetMembers::Names(names) => (names.iter().map(|n| n.text.clone()).collect::<Vec<_>>(), None),
-            SetMembers::Range(a, b) => {
-                let Some((a, b)) = self.bounds_of_set(scope, name, a, b) else { return self.faulty(scope, name) };
-                ((a..=b).map(|i| i.to_string()).collect(), Some(a))
+        let path = format!("{}{}", self.symbols.scopes[scope].prefix, name.text);
+        let kind = match indices {
+            [] => Some(SymbolKind::Instance(self.instantiate(statement, &path, name.span, arguments, &place, depth))),
+            [binder] => self.row_of_instances(statement, (&path, name.span), binder, arguments, &place, depth),
+            _ => {
+                self.work.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, "instances take one index", name.span));
+                None
             }
         };
-        if labels.is_empty() {
-            let message = format!("the set `{}` has no members", name.text);
-            self.work.ledger.report(Diagnostic::error(codes::EMPTY_SET, message, name.span));
-        }
-        if let SetMembers::Names(names) = members {
-            self.work.ledger.check_members(names);
-        }
-        self.new_set(scope, name, labels, first);
+        self.declare(scope, name, kind.unwrap_or(SymbolKind::Faulty));
     }
 
-    /// First and last number of a set, where they are not too far apart.
-    fn bounds_of_set(&mut self, scope: ScopeId, name: &Ident, first: &Expr, last: &Expr) -> Option<(i64, i64)> {
-        let place = Place::new(scope, Site::Dynamics);
-        // Both are read, so that faults of both are reported.
-        let (first, last) = (self.lowering().integer(first, &place), self.lowering().integer(last, &place));
-        let (first, last) = (first?, last?);
-        let more = last.saturating_sub(first);
-        if more >= 100_000 || !self.work.ledger.budget.may_hold(more) {
-            let message = "a set of more than a hundred thousand members, or sets of more than two million together";
-            self.work.ledger.report(Diagnostic::error(codes::TOO_LARGE, message, name.span).help("use a `domain`: its cells stay a loop"));
-            return None;
-        }
-        Some((first, last))
-    }
-
-    fn declare_domain(&mut self, scope: ScopeId, domain: &'a syntax::Domain) {
-        let place = Place::new(scope, Site::Dynamics);
-        let Some(cells) = self.lowering().integer(&domain.cells, &place) else { return self.faulty(scope, &domain.name) };
-        if !(1..=MAX_ELEMENTS).contains(&cells) {
-            let code = if cells < 1 { codes::EMPTY_SET } else { codes::TOO_LARGE };
-            self.work.ledger.report(
-                Diagnostic::error(code, format!("a domain of {cells} cells"), domain.cells.span).label("at least 1, at most 10 million"),
-            );
-            return self.faulty(scope, &domain.name);
-        }
-        let scheme = self.work.ledger.option(
-            domain.scheme.as_ref(),
-            "scheme",
-            Scheme::Central,
-            &[
-                ("upwind", Scheme::Upwind),
-                ("downwind", Scheme::Downwind),
-                ("central", Scheme::Central),
-                ("upwind2", Scheme::Upwind2),
-                ("limited", Scheme::Limited),
-            ],
-        );
-        let geometry = self.work.ledger.option(
-            domain.geometry.as_ref(),
-            "geometry",
-            Geometry::Planar,
-            &[("planar", Geometry::Planar), ("cylindrical", Geometry::Cylindrical), ("spherical", Geometry::Spherical)],
-        );
-        let id = self.symbols.domains.push(Domain { name: domain.name.text.clone(), scope, declaration: domain, cells, scheme, geometry });
-        self.declare(scope, &domain.name, SymbolKind::Domain(id));
-    }
-
-    /// Declares a parameter, state, `let` and so on.
-    fn declare_variable(&mut self, scope: ScopeId, role: syntax::Role, d: &'a Declaration) {
-        // Declared member by member: the first one was reported.
-        let before = self.symbols.scopes[scope].names.get(&d.name.text);
-        if !d.indices.is_empty() && before.is_some_and(|&s| matches!(self.symbols[s].kind, SymbolKind::Faulty)) {
-            return;
-        }
-        let place = Place::new(scope, Site::Dynamics);
-        let Some((axes, binders)) = self.axes(&d.indices, &place) else { return self.faulty(scope, &d.name) };
-        let written = d.unit.as_ref().map(|u| self.lowering().unit(u, &place));
-        if matches!(written, Some(None)) {
-            // The unit is at fault; the name is declared so that its uses cause no further report.
-            return self.declare_poison(scope, role, d, axes, binders);
-        }
-        let unit = written.flatten();
-        let role = match role {
-            syntax::Role::Let | syntax::Role::Random => {
-                let random = role == syntax::Role::Random;
-                let definition = if random { d.sample.as_ref().or(d.value.as_ref()) } else { d.value.as_ref() };
-                let Some(definition) = definition else {
-                    self.work.ledger.report(
-                        Diagnostic::error(codes::MISSING_CLAUSE, format!("`{}` has no definition", d.name.text), d.span)
-                            .help("write `= expression`, or declare a `var` and give it an equation"),
-                    );
-                    return self.faulty(scope, &d.name);
-                };
-                self.declare(
-                    scope,
-                    &d.name,
-                    SymbolKind::Let { axes: axes.into(), binders: binders.into(), unit, definition, random, declaration: d },
-                );
-                return;
+    /// An instance for each member of a set; `None`, and a report, where they are too many or what counts them is no set.
+    fn row_of_instances(
+        &mut self,
+        statement: &'a Statement,
+        (path, used): (&str, Span),
+        binder: &'a Binder,
+        arguments: &'a [(Ident, Expr)],
+        place: &Place,
+        depth: usize,
+    ) -> Option<SymbolKind<'a>> {
+        let mut list = Vec::new();
+        for value in binders::bindings_of(&mut self.lowering(), binder, place) {
+            if self.instances.made > MAX_INSTANTIATED {
+                return None;
             }
-            syntax::Role::Param => Role::Param,
-            syntax::Role::Action => Role::Action,
-            syntax::Role::State => Role::State,
-            syntax::Role::Var => Role::Algebraic,
-            syntax::Role::Discrete => Role::Discrete,
-            syntax::Role::Disturbance => Role::Disturbance,
-        };
-        let unit = unit.unwrap_or_else(Unit::one);
-        self.new_variable(scope, &d.name, role, axes, unit, d);
+            let BinderValue::One(bound) = value else {
+                self.work.ledger.report(Diagnostic::error(codes::WRONG_KIND, "instances are counted by a set", binder.span));
+                return None;
+            };
+            let label = match &bound {
+                Bound::Member(set, i) => self.symbols.sets[*set].labels[*i].clone(),
+                Bound::Number(e) => self.work.exprs.as_const(*e).map_or_else(String::new, |x| x.to_string()),
+                _ => continue,
+            };
+            if !self.instances.samples.may_instantiate(depth) {
+                break;
+            }
+            let inner_place = place.bind(&binder.name.text, bound);
+            let inner = self.instantiate(statement, &format!("{path}[{label}]"), used, arguments, &inner_place, depth);
+            list.push((label, inner));
+        }
+        Some(SymbolKind::Instances(Row::new(list).into()))
+    }
+
+    /// Declares what an instance holds, in a scope of its own.
+    fn instantiate(
+        &mut self,
+        statement: &'a Statement,
+        path: &str,
+        used: Span,
+        arguments: &'a [(Ident, Expr)],
+        outer: &Place,
+        depth: usize,
+    ) -> ScopeId {
+        let root = ScopeId::from_u32(0);
+        let scope = self.symbols.scopes.push(Scope { prefix: format!("{path}."), parent: Some(root), names: Default::default() });
+        self.instances.used_at.insert(scope, used);
+        let StatementKind::Component { name, parameters, body, .. } = &statement.kind else { return scope };
+        for (parameter, default) in parameters {
+            self.work.ledger.warn_of_name(parameter);
+            let given = arguments.iter().find(|(a, _)| a.text == parameter.text).map(|(_, e)| e);
+            if self.instances.samples.taken() && given.is_none() && default.is_none() {
+                let kind = self.symbols.sampled(scope, parameter, body);
+                self.declare(scope, parameter, kind);
+                continue;
+            }
+            self.structural(scope, (path, used), parameter, given, default.as_ref(), outer);
+        }
+        let list = items(body, &self.input.selection);
+        self.note_given(scope, (name, parameters), &list, arguments, outer);
+        if self.may_instantiate(list.len(), used) {
+            self.instances.open.push(&name.text);
+            self.declare_block(scope, list, depth + 1);
+            self.instances.open.pop();
+        }
+        scope
+    }
+
+    /// Declares what components see of the file, and one instance of each.
+    pub(in crate::elaborate) fn declare_samples(&mut self, components: &[&'a Statement]) {
+        self.instances.samples.instances = Some(0);
+        let root = self.declare_seen();
+        let place = Place::new(root, Site::Dynamics);
+        for statement in components {
+            let StatementKind::Component { name, .. } = &statement.kind else { continue };
+            self.instantiate(statement, &name.text, name.span, &[], &place, 0);
+        }
     }
 }

@@ -9,8 +9,9 @@ use smpl_dsl::syntax::{Binder, Expr, StatementKind};
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::ranges::SHORTEST;
 use crate::elaborate::lower::value::Measure;
-use crate::elaborate::lower::{Lowering, units};
+use crate::elaborate::lower::{Lowering, nests, paths, units};
 use crate::elaborate::select::items::Item;
+use crate::elaborate::space::flux;
 use crate::elaborate::symbols::{Axis, ScopeId, SymbolId, SymbolKind};
 use crate::ir::{Affine, Expr as Node, ExprId, Flavour, LoopVar, Role, VarId};
 
@@ -87,7 +88,7 @@ fn equation(l: &mut Lowering<'_, '_>, scope: ScopeId, (lhs, rhs, binders): (&Exp
     let place = Place::new(scope, Site::Dynamics);
     l.ledger.reports.statement = span;
     let before = l.ledger.reports.diagnostics.len();
-    let pieces = l.looped_nest(binders, &place, &mut |s, inner| {
+    let pieces = nests::looped_nest(l, binders, &place, &mut |s, inner| {
         let left = s.value(lhs, inner);
         let right = s.value(rhs, inner);
         if left.is_poison() || right.is_poison() {
@@ -123,7 +124,7 @@ fn equation(l: &mut Lowering<'_, '_>, scope: ScopeId, (lhs, rhs, binders): (&Exp
         Some((form, runs))
     });
     l.ledger.reports.statement = Span::default();
-    l.blame_lengths(before, &[lhs, rhs]);
+    flux::blame_lengths(l, before, &[lhs, rhs]);
     for piece in pieces {
         if let Some((form, runs)) = piece.value {
             out.push(Equation { extents: piece.extents, runs, repeats: None, form, span });
@@ -165,7 +166,7 @@ fn shares_sums(l: &Lowering<'_, '_>, form: EquationForm, runs: u8, depth: u8) ->
 fn connect(l: &mut Lowering<'_, '_>, scope: ScopeId, chain: &[Expr], span: Span, out: &mut Vec<Equation>) {
     let place = Place::new(scope, Site::Dynamics);
     for pair in chain.windows(2) {
-        let (Some(from), Some(to)) = (l.scope_of(&pair[0], &place), l.scope_of(&pair[1], &place)) else { continue };
+        let (Some(from), Some(to)) = (paths::scope_of(l, &pair[0], &place), paths::scope_of(l, &pair[1], &place)) else { continue };
         let members = |s: &Lowering<'_, '_>, scope: ScopeId| -> BTreeMap<String, SymbolId> {
             s.symbols.scopes[scope].names.iter().map(|(n, &id)| (n.clone(), id)).collect()
         };

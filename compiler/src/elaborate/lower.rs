@@ -85,7 +85,8 @@ impl Work {
     }
 }
 
-/// Expressions to nodes, over frozen symbols: one grammar, and so one type with many methods.
+/// What functions that lower read and write: they take it first. Its methods are the recursion itself: values of expressions, of names
+/// and of reductions.
 pub(in crate::elaborate) struct Lowering<'m, 'a> {
     /// What is elaborated.
     pub input: &'m Input<'a>,

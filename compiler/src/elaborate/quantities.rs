@@ -8,7 +8,7 @@ use crate::elaborate::ledger::Ledger;
 use crate::elaborate::lower::defaults::mentions;
 use crate::elaborate::lower::nests::{Piece, for_each_element};
 use crate::elaborate::lower::place::{Place, Site};
-use crate::elaborate::lower::{Lowering, units};
+use crate::elaborate::lower::{Lowering, defaults, nests, units};
 use crate::elaborate::outside::{check_initial, check_range, check_settings};
 use crate::elaborate::symbols::{Axis, SymbolId, SymbolKind};
 use crate::ir::{Affine, ExprId, Role, VarId};
@@ -27,7 +27,7 @@ pub(in crate::elaborate) fn declare_defaults(l: &mut Lowering<'_, '_>) {
         .collect();
     for &(symbol, var) in &symbols {
         if l.symbols.vars[var].role == Role::Param {
-            l.know(symbol);
+            defaults::know(l, symbol);
         }
     }
     for (symbol, var) in symbols {
@@ -85,7 +85,7 @@ fn default(l: &mut Lowering<'_, '_>, declared: &Declared<'_>, role: Role) -> Vec
     if l.symbols.ports.contains(&declared.var) || role == Role::Discrete {
         return vec![f64::NAN];
     }
-    let pieces = l.default_pieces(declared.symbol, Site::Reset);
+    let pieces = defaults::default_pieces(l, declared.symbol, Site::Reset);
     numbers(l, declared.var, pieces)
 }
 
@@ -126,12 +126,12 @@ fn scale(l: &mut Lowering<'_, '_>, declared: &Declared<'_>, unit: &Unit, path: &
 fn numbers(l: &mut Lowering<'_, '_>, var: VarId, pieces: Vec<Piece<(Affine, ExprId)>>) -> Vec<f64> {
     if let [piece] = pieces.as_slice() {
         let value = piece.value.1;
-        return vec![l.constant_value(value).unwrap_or(f64::NAN)];
+        return vec![defaults::constant_value(l, value).unwrap_or(f64::NAN)];
     }
     let mut out = vec![f64::NAN; l.symbols.vars[var].len as usize];
     for piece in pieces {
         let (at, value) = piece.value;
-        let Some(x) = l.constant_value(value) else { continue };
+        let Some(x) = defaults::constant_value(l, value) else { continue };
         for_each_element(&piece.extents, at, &mut |i| {
             if let Some(slot) = out.get_mut(i as usize) {
                 *slot = x;
@@ -152,7 +152,7 @@ fn declared_number(l: &mut Lowering<'_, '_>, declared: &Declared<'_>, unit: &Uni
         let value = l.number_in(e, unit, &what, d.span, &place);
         pieces.push(l.symbols.whole(var, value));
     } else {
-        pieces = l.nest(&d.indices, &place, &mut |s, inner| {
+        pieces = nests::nest(l, &d.indices, &place, &mut |s, inner| {
             (s.symbols.bound_address(axes, &d.indices, inner), s.number_in(e, unit, &what, d.span, inner))
         });
     }

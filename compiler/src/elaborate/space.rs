@@ -5,9 +5,9 @@
 
 mod directions;
 pub(in crate::elaborate) mod faces;
-mod field;
-mod flux;
-mod grid;
+pub(in crate::elaborate) mod field;
+pub(in crate::elaborate) mod flux;
+pub(in crate::elaborate) mod grid;
 pub(in crate::elaborate) mod grids;
 pub(in crate::elaborate) mod interval;
 mod marks;

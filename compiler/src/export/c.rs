@@ -7,8 +7,8 @@ mod index;
 mod prepare;
 
 use body::Body;
-pub(super) use body::number;
 use index::Tables;
+pub(super) use index::number;
 pub(super) use index::wrapped;
 
 use super::jacobian::{Pattern, jacobian};
@@ -96,7 +96,7 @@ impl File<'_> {
         let mut text = format!("/* {}\n", comment(&format!("{}: {}", i.name, i.text)));
         let made_for = if self.origin.made_for.is_empty() { String::new() } else { format!(", for {}", self.origin.made_for) };
         let _ = writeln!(text, " * Written by smpl {}{}.", env!("CARGO_PKG_VERSION"), comment(&made_for));
-        let _ = writeln!(text, " *\n{} */", CONVENTIONS.replace("NAME", prefix).replace("TIME", &comment(&i.time.1)));
+        let _ = writeln!(text, " *\n{} */", CONVENTIONS.replace("NAME", prefix).replace("TIME", &comment(&i.time.unit)));
         let _ = writeln!(text, "#ifndef {upper}_H\n#define {upper}_H\n\n#ifdef __cplusplus\nextern \"C\" {{\n#endif\n");
         for (name, what, elements) in self.tables() {
             let _ = writeln!(text, "#define {upper}_{} {} /* {what} */", name.to_uppercase(), elements.len());

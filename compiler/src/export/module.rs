@@ -120,7 +120,7 @@ impl Module {
         let mut text = format!("\"\"\"{}\n\n", docstring(&format!("{}: {}.", i.name, i.text.trim_end_matches('.'))));
         let _ = writeln!(text, "Written by smpl {}{}.\n\n{about}\"\"\"\n", env!("CARGO_PKG_VERSION"), docstring(&made_for));
         let _ = writeln!(text, "{imports}\ninf, nan = float(\"inf\"), float(\"nan\")\n");
-        let _ = writeln!(text, "NAME = {}\nTIME = ({}, {})", string(&i.name), string(&i.time.0), string(&i.time.1));
+        let _ = writeln!(text, "NAME = {}\nTIME = ({}, {})", string(&i.name), string(&i.time.name), string(&i.time.unit));
         let _ = writeln!(text, "STEP = {:?}\nEXPLICIT = {}\n", i.episode.step, if self.sheet.model.explicit { "True" } else { "False" });
         text += "# Elements of the vectors: name, unit, lower and upper bound, magnitude, nominal value.\n";
         let f = &self.sheet.families;
@@ -133,7 +133,7 @@ impl Module {
             ("OUTPUTS", &f.outputs),
         ] {
             let time = (name == "PARAMETERS" && self.timed).then(|| {
-                let (name, unit) = (string(&i.time.0), string(&i.time.1));
+                let (name, unit) = (string(&i.time.name), string(&i.time.unit));
                 format!("    ({name}, {unit}, -inf, inf, 1.0, 0.0),\n")
             });
             let rows: String = elements.iter().map(row).chain(time).collect();

@@ -1,142 +1,24 @@
-//! Scalar code and loops.
+//! The code of nodes: values, operands, reductions.
 
 use cranelift_codegen::ir::condcodes::{FloatCC, IntCC};
 use cranelift_codegen::ir::{InstBuilder, Value, types};
-use cranelift_codegen::isa::TargetIsa;
-use cranelift_frontend::FunctionBuilder;
 
 use super::arithmetic::{list_entry, passed_entry};
-use super::emitter::{Arguments, Emitter, Input, Lanes};
-use super::plan::{Part, Piece, Plan};
+use super::emitter::{Emitter, Lanes};
 use super::segments::is_load;
-use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, Flavour, ReduceFn, Side, VarId};
-use crate::layout::Layout;
+use super::{arithmetic, memory};
+use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Flavour, ReduceFn, Side, VarId};
 use crate::schedule::{BlockId, Item, is_immediate};
 
-/// Writes the code of the parts of a function; returns the numbers of working memory it uses.
-pub(super) fn emit(
-    mut builder: FunctionBuilder<'_>,
-    plan: &Plan,
-    piece: &Piece,
-    exprs: &Exprs,
-    layout: &Layout,
-    isa: &dyn TargetIsa,
-) -> u32 {
-    let entry = builder.create_block();
-    builder.append_block_params_for_function_params(entry);
-    builder.switch_to_block(entry);
-    let p = builder.block_params(entry);
-    let arguments = Arguments { time: p[0], factor: p[1], y: p[2], yp: p[3], work: p[4], out: p[5], surroundings: p[6] };
-    let rounding = has_rounding(isa);
-    let mut columns = 0;
-    let mut rest = Some(builder);
-    for part in &piece.parts {
-        let Some(b) = rest.take() else { break };
-        let (schedule, segments) = &plan.schedules[part.schedule];
-        let (lean, in_place) = (piece.lean, plan.in_place);
-        let mut emitter = Emitter::new(b, Input { exprs, layout, schedule, segments, arguments, lean, in_place, rounding });
-        emitter.outside(part);
-        columns = columns.max(emitter.columns);
-        rest = Some(emitter.b);
-    }
-    if let Some(mut b) = rest {
-        b.ins().return_(&[]);
-        b.seal_all_blocks();
-        b.finalize(isa.frontend_config());
-    }
-    columns
-}
-
-/// Whether rounding is an instruction; elsewhere Cranelift would call a library.
-fn has_rounding(isa: &dyn TargetIsa) -> bool {
-    let by_flag = isa.isa_flags().iter().any(|f| f.name == "has_sse41" && f.as_bool() == Some(true));
-    by_flag || !matches!(isa.triple().architecture, target_lexicon::Architecture::X86_64)
-}
-
 impl Emitter<'_> {
-    /// Writes items and loops of a part of a function.
-    fn outside(&mut self, part: &Part) {
-        for i in part.items.clone() {
-            let item = self.input.schedule.blocks[0].items[i];
-            self.item(0, item);
-            if self.input.segments.ends_at(i) {
-                let result = match item {
-                    Item::Eval(expr) | Item::Reduce { expr, .. } => self.values[0].remove_entry(&expr),
-                    Item::Store(..) => None,
-                };
-                self.values[0].clear();
-                self.values[0].extend(result);
-            }
-        }
-        for &child in &part.loops {
-            if self.input.segments.is_active() {
-                self.values[0].clear();
-                if !self.input.lean {
-                    self.fetch_for_loop(child);
-                }
-            }
-            self.inner_loop(child);
-        }
-    }
-
-    /// Writes the items of a loop, then the loops in it.
-    fn inside(&mut self, block: BlockId) {
-        let schedule = self.input.schedule;
-        schedule.blocks[block].items.iter().for_each(|item| self.item(block, *item));
-        schedule.blocks[block].children.iter().for_each(|&child| self.inner_loop(child));
-    }
-
-    fn inner_loop(&mut self, block: BlockId) {
-        if self.is_wide(block) {
-            self.wide_loop(block);
-        } else {
-            self.scalar_loop(block);
-        }
-    }
-
-    /// Loads what a loop of stores needs from outside ahead of it.
-    fn fetch_for_loop(&mut self, child: BlockId) {
-        let mut items = vec![];
-        self.input.schedule.each_item(child, &mut |block, item| items.push((block, item)));
-        items.into_iter().for_each(|(block, item)| self.fetch_outside(block, item));
-    }
-
     /// Loads what an item needs from outside of loops.
-    fn fetch_outside(&mut self, block: BlockId, item: Item) {
+    pub(super) fn fetch_outside(&mut self, block: BlockId, item: Item) {
         let (schedule, exprs) = (self.input.schedule, self.input.exprs);
         schedule.each_use(exprs, block, item, &mut |from, expr| {
             if !is_immediate(exprs.node(expr)) && schedule.home(exprs, from, expr) == 0 {
                 self.value(0, expr);
             }
         });
-    }
-
-    fn scalar_loop(&mut self, block: BlockId) {
-        self.prepare_pointers(block);
-        let extent = i64::from(self.input.schedule.blocks[block].extent);
-        self.counted(extent, &mut |emitter, counter| {
-            emitter.counters[block] = Some(counter);
-            emitter.inside(block);
-            emitter.forget(block);
-        });
-    }
-
-    /// A loop of counters below `passes`; at least one pass.
-    fn counted(&mut self, passes: i64, pass: &mut dyn FnMut(&mut Self, Value)) {
-        let start = self.b.ins().iconst(types::I64, 0);
-        if passes <= 1 {
-            pass(self, start);
-            return;
-        }
-        let (body, exit) = (self.b.create_block(), self.b.create_block());
-        let counter = self.b.append_block_param(body, types::I64);
-        self.b.ins().jump(body, &[start.into()]);
-        self.b.switch_to_block(body);
-        pass(self, counter);
-        let next = self.b.ins().iadd_imm_s(counter, 1);
-        let more = self.b.ins().icmp_imm_s(IntCC::SignedLessThan, next, passes);
-        self.b.ins().brif(more, body, &[next.into()], exit, &[]);
-        self.b.switch_to_block(exit);
     }
 
     /// Forgets what was computed in a block and inside of it.
@@ -165,7 +47,10 @@ impl Emitter<'_> {
                 let value = self.reduce(op, body, inner);
                 self.define(block, expr, value);
             }
-            Item::Store(sink, value) => self.store(block, sink, value),
+            Item::Store(sink, value) => {
+                let number = self.as_number(block, value);
+                memory::store(self, block, sink, number);
+            }
         }
     }
 
@@ -178,7 +63,7 @@ impl Emitter<'_> {
             _ => None,
         };
         if let Some(slot) = slot {
-            self.write_slot(slot, value);
+            memory::write_slot(self, slot, value);
         }
     }
 
@@ -194,7 +79,7 @@ impl Emitter<'_> {
             self.node(0, expr)
         } else {
             let slot = self.input.segments.slot(expr)?;
-            self.read_slot(0, slot, expr)
+            memory::read_slot(self, 0, slot, expr)
         };
         self.values[home].insert(expr, value);
         Some(value)
@@ -274,7 +159,7 @@ impl Emitter<'_> {
             return value;
         }
         if let Some(place) = self.wide.as_ref().and_then(|wide| wide.splat(home, expr)) {
-            let value = self.read_slot(self.wide_block(), place, expr);
+            let value = memory::read_slot(self, self.wide_block(), place, expr);
             self.splats.insert((home, expr), value);
             return value;
         }
@@ -304,11 +189,11 @@ impl Emitter<'_> {
             Expr::Load { var, flavour, at } => self.element(block, var, flavour, at),
             Expr::Unary(f, a) => {
                 let a = self.operand(block, a);
-                self.unary(block, f, a)
+                arithmetic::unary(self, block, f, a)
             }
             Expr::PowInt(a, n) => {
                 let a = self.operand(block, a);
-                self.whole_power(block, a, n)
+                arithmetic::whole_power(self, block, a, n)
             }
             Expr::Binary(f, a, b) => self.binary_of(block, f, a, b),
             Expr::Compare(op, a, b) => {
@@ -334,11 +219,11 @@ impl Emitter<'_> {
             }
             Expr::Passed(limits, side, a) => {
                 let a = self.operand(block, a);
-                self.look_up(block, passed_entry(side == Side::UpTo), a, limits)
+                arithmetic::look_up(self, block, passed_entry(side == Side::UpTo), a, limits)
             }
             Expr::Entry(list, a) => {
                 let a = self.operand(block, a);
-                self.look_up(block, list_entry(), a, list)
+                arithmetic::look_up(self, block, list_entry(), a, list)
             }
             // Reductions are items of their own.
             Expr::Reduce { .. } => self.number(block, f64::NAN),
@@ -351,7 +236,7 @@ impl Emitter<'_> {
             return self.input.arguments.factor;
         }
         match self.input.layout.address(var, flavour) {
-            Some(a) => self.load(block, a.base, at.plus(Affine::constant(i64::from(a.offset)))),
+            Some(a) => memory::load(self, block, a.base, at.plus(Affine::constant(i64::from(a.offset)))),
             // The schedule has refused variables without memory.
             None => self.number(block, f64::NAN),
         }
@@ -364,7 +249,7 @@ impl Emitter<'_> {
         let arithmetic = matches!(f, BinaryFn::Add | BinaryFn::Sub | BinaryFn::Mul | BinaryFn::Div);
         let a = self.operand(block, a);
         let b = if arithmetic { self.second_operand(block, b) } else { self.operand(block, b) };
-        self.binary(block, f, a, b)
+        arithmetic::binary(self, block, f, a, b)
     }
 
     fn counter_number(&mut self, block: BlockId, counter: u8) -> Value {

@@ -6,7 +6,7 @@ use cranelift_frontend::FunctionBuilder;
 
 use super::residence::WideResidence;
 use super::segments::Segments;
-use crate::ir::{Affine, ExprId, Exprs, FastMap, MAX_DEPTH};
+use crate::ir::{ExprId, Exprs, FastMap, MAX_DEPTH};
 use crate::layout::{Base, Layout};
 use crate::schedule::{BlockId, Schedule};
 
@@ -123,11 +123,6 @@ impl Emitter<'_> {
         self.input.segments.len().next_multiple_of(LINE)
     }
 
-    /// Pointer and offset of a place ahead of the columns or after them.
-    pub(super) fn slot(&mut self, slot: u32) -> (Value, i32) {
-        self.pointer(0, Base::Work, Affine::constant(i64::from(self.input.layout.columns() + slot)))
-    }
-
     /// The type of numbers in a block.
     pub(super) fn number_type(&self, block: BlockId) -> Type {
         if self.is_two(block) { types::F64X2 } else { types::F64 }
@@ -139,6 +134,11 @@ impl Emitter<'_> {
             Lanes::One => false,
             Lanes::Two(outer) => self.input.schedule.is_inside(block, outer),
         }
+    }
+
+    /// The loop of lanes that is being written.
+    pub(super) fn wide_block(&self) -> BlockId {
+        self.wide.as_ref().map_or(0, |wide| wide.block)
     }
 
     /// A constant in the lanes of a block.

@@ -194,15 +194,6 @@ impl<'a> At<'a> {
         let known = || T::ALL.iter().map(|known| known.word()).collect::<Vec<_>>().join(", ");
         meaning(text).ok_or_else(|| self.fault(format!("unknown word `{}`; known: {}", short(text), known())))
     }
-
-    /// One of several texts.
-    pub(super) fn one_of(&self, known: &[&str]) -> Result<String, ReadError> {
-        let text = self.text()?;
-        if known.contains(&text) {
-            return Ok(text.to_owned());
-        }
-        Err(self.fault(format!("unknown word `{}`; known: {}", short(text), known.join(", "))))
-    }
 }
 
 /// A name as messages show it.

@@ -6,7 +6,7 @@ use super::cursor::{At, ReadError};
 use super::nodes::variable;
 
 use crate::ir::{Role, VarId};
-use crate::model::{Axis, BoxItem, Draw, Episode, Failure, Finish, Grid, Interface, Observed, Quantity, Reward, Solver, Variable};
+use crate::model::{Axis, BoxItem, Draw, Episode, Failure, Finish, Grid, Interface, Observed, Quantity, Reward, Solver, Time, Variable};
 
 type Vars = PrimaryMap<VarId, Variable>;
 
@@ -15,7 +15,7 @@ pub(super) fn read(root: &At<'_>, vars: &Vars) -> Result<Interface, ReadError> {
     let mut i = Interface { name: root.field("name")?.string()?, text: root.field("text")?.string()?, ..Interface::default() };
     let time = root.field("time")?;
     time.only(&["name", "unit"])?;
-    i.time = (time.field("name")?.string()?, time.field("unit")?.string()?);
+    i.time = Time { name: time.field("name")?.string()?, unit: time.field("unit")?.string()? };
     quantities(&mut i, &root.field("quantities")?, vars)?;
     let grids = root.field("grids")?;
     i.grids = grids.list(|at| grid(at, vars))?;
@@ -311,8 +311,8 @@ fn solver(at: &At<'_>) -> Result<Solver, ReadError> {
         max_step: at.field("max_step")?.number_or(f64::INFINITY)?,
         algebraic_error_control: at.field("algebraic_error_control")?.flag()?,
         quadrature_error_control: at.field("quadrature_error_control")?.flag()?,
-        linear_solver: at.field("linear_solver")?.one_of(&["auto", "dense", "banded", "block", "klu"])?,
-        method: at.field("method")?.one_of(&["ida", "rosenbrock", "explicit", "auto"])?,
+        linear_solver: at.field("linear_solver")?.word()?,
+        method: at.field("method")?.word()?,
     })
 }
 

@@ -1,7 +1,7 @@
 //! The words of the form: each meaning has one, which the compiler sees to, and the reader finds the meaning of a word by it.
 
 use crate::ir::{BinaryFn, Compare, Flavour, ReduceFn, Role, Side, UnaryFn};
-use crate::model::{Instant, Variate};
+use crate::model::{Instant, LinearSolver, Method, Variate};
 
 /// What is written as a word.
 pub(super) trait Word: Copy + 'static {
@@ -188,5 +188,21 @@ impl Word for Instant {
             Instant::Reset => "reset",
             Instant::Step => "step",
         }
+    }
+}
+
+impl Word for LinearSolver {
+    const ALL: &'static [LinearSolver] = &LinearSolver::ALL;
+
+    fn word(self) -> &'static str {
+        self.name()
+    }
+}
+
+impl Word for Method {
+    const ALL: &'static [Method] = &Method::ALL;
+
+    fn word(self) -> &'static str {
+        self.name()
     }
 }

@@ -23,7 +23,7 @@ pub(crate) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
         "name": i.name,
         "text": i.text,
         "made_for": made_for(origin.circumstances),
-        "time": {"name": i.time.0, "unit": i.time.1},
+        "time": {"name": i.time.name, "unit": i.time.unit},
         "explicit": model.explicit,
         "variables": model.vars.values().filter(|v| v.role != Role::Cache).map(|v| json!({
             "name": v.name, "role": v.role.word(), "length": v.len,

@@ -4,17 +4,17 @@ use super::{UNARY_COUNT, math};
 
 unsafe extern "C" fn passed_below(x: f64, limits: *const f64, n: usize) -> f64 {
     // SAFETY: valid for n numbers, by the contract of `ListKernel`.
-    super::passed(unsafe { std::slice::from_raw_parts(limits, n) }, false, x)
+    super::lists::passed(unsafe { std::slice::from_raw_parts(limits, n) }, false, x)
 }
 
 unsafe extern "C" fn passed_up_to(x: f64, limits: *const f64, n: usize) -> f64 {
     // SAFETY: valid for n numbers, by the contract of `ListKernel`.
-    super::passed(unsafe { std::slice::from_raw_parts(limits, n) }, true, x)
+    super::lists::passed(unsafe { std::slice::from_raw_parts(limits, n) }, true, x)
 }
 
 unsafe extern "C" fn entry(index: f64, numbers: *const f64, n: usize) -> f64 {
     // SAFETY: valid for n numbers, by the contract of `ListKernel`.
-    super::entry(unsafe { std::slice::from_raw_parts(numbers, n) }, index)
+    super::lists::entry(unsafe { std::slice::from_raw_parts(numbers, n) }, index)
 }
 
 /// A function of one number.

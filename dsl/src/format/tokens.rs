@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::layout::is_reserved;
+use crate::words::is_reserved;
 
 /// What a token is, as far as blanks depend on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,64 +1,6 @@
-//! Words that the layout of a text depends on.
+//! What the layout of a text depends on of its words.
 
-/// First words of statements.
-pub(crate) const KEYWORDS: &[&str] = &[
-    "model",
-    "use",
-    "time",
-    "set",
-    "table",
-    "def",
-    "param",
-    "action",
-    "state",
-    "var",
-    "let",
-    "discrete",
-    "disturbance",
-    "random",
-    "eq",
-    "domain",
-    "flux",
-    "connector",
-    "component",
-    "port",
-    "connect",
-    "initial",
-    "steady",
-    "observe",
-    "level",
-    "reward",
-    "fail",
-    "success",
-    "constraint",
-    "invariant",
-    "episode",
-    "solver",
-    "policy",
-    "at",
-    "next",
-    "reset",
-    "clamp",
-    "event",
-    "phase",
-    "variant",
-    "choice",
-    "when",
-];
-
-/// Words that cannot be names.
-pub(crate) const RESERVED: &[&str] = &["if", "then", "else", "and", "or", "not", "for", "in", "as", "true", "false"];
-
-/// Words that may follow a name inside a statement, so that a keyword before them is an ordinary name.
-const CLAUSES: &[&str] = &[
-    "if", "then", "else", "and", "or", "for", "in", "as", "every", "delay", "noise", "scale", "clip", "named", "default", "when", "rate",
-    "until", "over", "cells",
-];
-
-/// Whether the word cannot be a name.
-pub(crate) fn is_reserved(word: &str) -> bool {
-    RESERVED.contains(&word)
-}
+use crate::words::{CLAUSES, KEYWORDS, is_reserved};
 
 /// Whether statements that begin with this word hold statements in braces.
 pub(crate) fn has_block(keyword: &str) -> bool {

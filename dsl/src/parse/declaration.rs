@@ -3,7 +3,8 @@
 use pest::iterators::Pair;
 
 use super::{Children, Context, Fallible, Rule, expression, unit};
-use crate::syntax::{Binder, Clip, Declaration, Expr};
+use crate::diagnostic::{Diagnostic, codes};
+use crate::syntax::{Binder, Clip, Declaration, Expr, Ident};
 
 /// `name[i in set] named "n{}" : unit = value ~ sample clip bounds in low..high scale s "text"`
 pub(super) fn declaration(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Declaration> {
@@ -78,4 +79,19 @@ pub(super) fn clip(context: &Context<'_>, children: &mut Children<'_>) -> Fallib
     }
     let (low, high) = range(context, &mut inner)?;
     Ok(Some(Clip::Range(low, high)))
+}
+
+/// `name = expr`, several.
+pub(super) fn arguments(context: &Context<'_>, children: Children<'_>) -> Fallible<Vec<(Ident, Expr)>> {
+    let parts = children.pairs.filter(|part| part.as_rule() == Rule::argument);
+    parts.map(|part| Ok((Children::new(part.clone()).name(context)?, only_expr(context, part)?))).collect()
+}
+
+/// Sets a clause that may be given once.
+pub(super) fn fill<T>(context: &Context<'_>, slot: &mut Option<T>, value: T, name: &str, pair: &Pair<'_, Rule>) -> Fallible<()> {
+    if slot.replace(value).is_some() {
+        let fault = Diagnostic::error(codes::DUPLICATE_CLAUSE, format!("`{name}` is given twice"), context.span(pair));
+        return Err(Box::new(fault.label("a second time").help("keep one of the two")));
+    }
+    Ok(())
 }

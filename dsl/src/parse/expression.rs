@@ -185,7 +185,7 @@ impl<'t> Climber<'_, 't> {
     }
 
     fn missing_operand(&self) -> Box<Diagnostic> {
-        let place = crate::layout::span(self.context.file, self.context.offset, self.context.offset);
+        let place = crate::span::span(self.context.file, self.context.offset, self.context.offset);
         Box::new(Diagnostic::error(codes::SYNTAX, "expected an expression", place))
     }
 }

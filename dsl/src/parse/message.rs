@@ -4,7 +4,7 @@ use pest::error::{Error, ErrorVariant, InputLocation};
 
 use super::{Context, Rule};
 use crate::diagnostic::{Diagnostic, codes};
-use crate::layout::span;
+use crate::span::span;
 
 /// The diagnostic of a statement that the grammar refused.
 pub(super) fn syntax_error(error: &Error<Rule>, text: &str, context: &Context<'_>, start: usize) -> Diagnostic {

@@ -2,7 +2,7 @@
 
 use pest::iterators::Pair;
 
-use super::statement::{arguments, fill};
+use super::declaration::{arguments, fill};
 use super::{Children, Context, Fallible, Rule, declaration, expression, unit};
 use crate::syntax::{Binder, BinderSet, Expr, ExprKind, Observation, Phase, Statement, StatementKind};
 

@@ -108,15 +108,10 @@ fn instance(context: &Context<'_>, component: &Ident, pair: Pair<'_, Rule>) -> F
     let mut children = Children::new(pair);
     let name = children.name(context)?;
     let indices = declaration::indices(context, &mut children)?;
-    let arguments =
-        children.take(Rule::instance_arguments).map_or_else(|| Ok(Vec::new()), |pair| arguments(context, Children::new(pair)))?;
+    let arguments = children
+        .take(Rule::instance_arguments)
+        .map_or_else(|| Ok(Vec::new()), |pair| declaration::arguments(context, Children::new(pair)))?;
     Ok(StatementKind::Instance { component: component.clone(), name, indices, arguments })
-}
-
-/// `name = expr`, several.
-pub(super) fn arguments(context: &Context<'_>, children: Children<'_>) -> Fallible<Vec<(Ident, Expr)>> {
-    let parts = children.pairs.filter(|part| part.as_rule() == Rule::argument);
-    parts.map(|part| Ok((Children::new(part.clone()).name(context)?, declaration::only_expr(context, part)?))).collect()
 }
 
 fn time(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
@@ -172,7 +167,7 @@ impl DomainClauses {
         let mut children = Children::new(pair);
         if let Some(word) = children.take(Rule::domain_choice) {
             let slot = if word.as_str() == "scheme" { &mut self.scheme } else { &mut self.geometry };
-            return fill(context, slot, children.name(context)?, word.as_str(), &place);
+            return declaration::fill(context, slot, children.name(context)?, word.as_str(), &place);
         }
         let word = children.expect(context, Rule::domain_word)?;
         let slot = match word.as_str() {
@@ -183,17 +178,8 @@ impl DomainClauses {
             _ => &mut self.volumes,
         };
         let value = expression::expr(context, children.expect(context, Rule::expr)?)?;
-        fill(context, slot, value, word.as_str(), &place)
+        declaration::fill(context, slot, value, word.as_str(), &place)
     }
-}
-
-/// Sets a clause that may be given once.
-pub(super) fn fill<T>(context: &Context<'_>, slot: &mut Option<T>, value: T, name: &str, pair: &Pair<'_, Rule>) -> Fallible<()> {
-    if slot.replace(value).is_some() {
-        let fault = Diagnostic::error(codes::DUPLICATE_CLAUSE, format!("`{name}` is given twice"), context.span(pair));
-        return Err(Box::new(fault.label("a second time").help("keep one of the two")));
-    }
-    Ok(())
 }
 
 fn flux(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
@@ -207,7 +193,7 @@ fn flux(context: &Context<'_>, mut children: Children<'_>) -> Fallible<Statement
         let place = end.clone();
         let side = Children::new(end.clone()).expect(context, Rule::flux_side)?;
         let slot = if side.as_str() == "low" { &mut low } else { &mut high };
-        fill(context, slot, declaration::only_expr(context, end)?, side.as_str(), &place)?;
+        declaration::fill(context, slot, declaration::only_expr(context, end)?, side.as_str(), &place)?;
     }
     Ok(StatementKind::Flux(Flux { name, indices, unit, inner, low, high }))
 }
@@ -236,7 +222,7 @@ fn port(context: &Context<'_>, children: Children<'_>) -> Fallible<StatementKind
         }
         names.push(name);
     }
-    let place = crate::layout::span(context.file, context.offset, context.offset);
+    let place = crate::span::span(context.file, context.offset, context.offset);
     Err(Box::new(Diagnostic::error(codes::SYNTAX, "expected `port name : Connector`", place)))
 }
 

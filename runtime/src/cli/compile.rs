@@ -15,7 +15,6 @@ use super::{ModelArguments, outputs, say};
 use crate::catalogue::{Catalogue, Element, Family};
 use crate::files::write_whole;
 use crate::load::{self, ARTEFACT_EXTENSION};
-use crate::setup::linear_solver;
 use crate::solver::System;
 use crate::solver::linear::Factorisation;
 use crate::system::CompiledSystem;
@@ -133,7 +132,7 @@ fn summary(model: &std::sync::Arc<CompiledModel>, loading: Duration, out: &Path)
 
 fn method(model: &std::sync::Arc<CompiledModel>) -> Result<String, Failed> {
     let system = CompiledSystem::new(std::sync::Arc::clone(model)).map_err(|e| Failed::Message(e.to_string()))?;
-    let choice = linear_solver(&model.model().interface.solver.linear_solver).map_err(|e| Failed::Message(e.to_string()))?;
+    let choice = model.interface().solver.linear_solver;
     let factorisation = Factorisation::new(system.pattern(), choice).map_err(|e| Failed::Message(e.to_string()))?;
     Ok(format!("{}, exact", factorisation.method()))
 }
@@ -191,7 +190,7 @@ fn interface_json(model: &CompiledModel) -> Result<String, Failed> {
     let value = json!({
         "model": interface.name,
         "text": interface.text,
-        "time": {"name": interface.time.0, "unit": interface.time.1},
+        "time": {"name": interface.time.name, "unit": interface.time.unit},
         "states": family(&catalogue.states),
         "algebraics": family(&catalogue.algebraics),
         "discretes": family(&catalogue.discretes),

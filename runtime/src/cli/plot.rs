@@ -69,7 +69,7 @@ impl Sketch {
 
     /// Draws and writes several runs over one another.
     pub fn write_runs(self, runs: &[Run], setup: &Setup, note: String) -> Result<(), Failed> {
-        let unit = &setup.model().interface().time.1;
+        let unit = &setup.model().interface().time.unit;
         Ok(Picture::new(&self.plans, runs, &heading(setup, note), unit).write(&self.path)?)
     }
 }

@@ -360,7 +360,7 @@ fn summary(environment: &mut Environment, total: f64) -> String {
     let reward = interface.rewards.get(setup.reward).map_or(String::new(), |r| format!("sum of {} = {}, ", r.name, Short(total)));
     let truncated = environment.last().is_some_and(|r| r.truncated);
     let end = early_end(environment).unwrap_or_else(|| if truncated { "time limit".into() } else { "not ended".into() });
-    format!("{}: {} steps, t = {} {}, {reward}{end}\n", interface.name, environment.steps(), Short(environment.time()), interface.time.1,)
+    format!("{}: {} steps, t = {} {}, {reward}{end}\n", interface.name, environment.steps(), Short(environment.time()), interface.time.unit,)
 }
 
 /// A bar on standard error, where it is a terminal and the run is long.

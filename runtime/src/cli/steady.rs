@@ -105,7 +105,7 @@ pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
             let _ = writeln!(text, "{name} = {}{}", Short(*value), unit_suffix(unit));
         }
     }
-    text += &spectrum(&mut system, catalogue, &y, &setup.model().interface().time.1);
+    text += &spectrum(&mut system, catalogue, &y, &setup.model().interface().time.unit);
     if let Some(at) = steady::kink(&mut system, catalogue, &y) {
         let equation = describe_equation(at, setup.model(), catalogue, setup.sources());
         let _ = writeln!(

@@ -452,7 +452,7 @@ impl Environment {
         progress.chatter = None;
         progress.not_finite = None;
         self.evaluate_finish(self.time());
-        let values = &self.finish[self.part(4)];
+        let values = &self.finish[self.layout().observations()];
         if let Some(at) = values.iter().position(|v| !v.is_finite()) {
             let name = &self.setup.model().interface().observations[at].name;
             return Err(ResetError::NotFinite { what: format!("the observation `{name}` at the start") });

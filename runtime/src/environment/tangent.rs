@@ -283,13 +283,13 @@ impl Environment {
         if self.progress.last.is_none_or(|result| result.failure.is_some()) {
             return 0.0;
         }
-        self.finish_derivative(follower, self.part(3).start + reward, direction)
+        self.finish_derivative(follower, self.layout().rewards().start + reward, direction)
     }
 
     /// Derivative of an observation along a direction: of what is measured at the end of the step, without noise, delay or clipping.
     #[must_use]
     pub(crate) fn observation_derivative(&self, follower: &Follower, observation: usize, direction: usize) -> f64 {
-        self.finish_derivative(follower, self.part(4).start + observation, direction)
+        self.finish_derivative(follower, self.layout().observations().start + observation, direction)
     }
 
     /// Derivative of an output of the `finish` program; not a number by a parameter where the output reads the steady state, which has no known derivative.
@@ -301,7 +301,7 @@ impl Environment {
     /// What is measured at the end of the last step, without noise, delay or clipping.
     #[must_use]
     pub(crate) fn measured(&self) -> &[f64] {
-        &self.finish[self.part(4)]
+        &self.finish[self.layout().observations()]
     }
 
     fn solver_fault(&self, error: &SolveError, start: f64, width: usize) -> FollowError {

@@ -1,7 +1,10 @@
 //! What a step ended in: failures, successes, rewards, observations, in numbers and in words.
 
+use std::ops::Range;
+
 use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::Region;
+use smpl_compiler::model::Finish;
 
 use super::interval::Outcome;
 use super::{Environment, Phase, StepResult};
@@ -24,7 +27,7 @@ impl Environment {
         self.evaluate_finish(self.progress.event_time.unwrap_or_else(|| self.end_time()));
 
         self.collect_failures(outcome, excess);
-        let rewards = self.part(3);
+        let rewards = self.layout().rewards();
         self.progress.rewards.copy_from_slice(&self.finish[rewards]);
         let mut failure = self.first_failure(outcome, excess);
         self.progress.not_finite = if failure.is_none() { self.not_finite(outcome) } else { None };
@@ -41,17 +44,18 @@ impl Environment {
         if outcome == Outcome::NotRun || self.all_finite() {
             return None;
         }
-        let infinite = |part: usize| self.finish[self.part(part)].iter().position(|x| !x.is_finite());
-        let condition = |part: usize, stride: usize| self.finish[self.part(part)].iter().step_by(stride).position(|x| x.is_nan());
+        let layout = self.layout();
+        let infinite = |part: Range<usize>| self.finish[part].iter().position(|x| !x.is_finite());
+        let condition = |part: Range<usize>, stride: usize| self.finish[part].iter().step_by(stride).position(|x| x.is_nan());
         let chosen = self.setup.reward;
         let dense = self.progress.rewards.get(chosen).filter(|r| !r.is_finite()).map(|_| chosen);
         (self.broken_variable())
             .or_else(|| self.integrator.undefined_event().map(NotFinite::Event))
-            .or_else(|| dense.or_else(|| infinite(3)).map(NotFinite::Reward))
-            .or_else(|| condition(0, 2).map(NotFinite::Failure))
-            .or_else(|| condition(1, 1).map(NotFinite::Success))
-            .or_else(|| infinite(2).map(NotFinite::Constraint))
-            .or_else(|| infinite(4).map(NotFinite::Observation))
+            .or_else(|| dense.or_else(|| infinite(layout.rewards())).map(NotFinite::Reward))
+            .or_else(|| condition(layout.failures(), 2).map(NotFinite::Failure))
+            .or_else(|| condition(layout.successes(), 1).map(NotFinite::Success))
+            .or_else(|| infinite(layout.constraints()).map(NotFinite::Constraint))
+            .or_else(|| infinite(layout.observations()).map(NotFinite::Observation))
     }
 
     /// Whether there is nothing to look for: most steps, by sums of 0 * x, which are zero unless an entry is not finite.
@@ -77,14 +81,14 @@ impl Environment {
         model.finish(memory, t, &self.progress.y, &self.progress.yp, &mut self.finish);
     }
 
-    /// Range of a part of the `finish` output: 0 failures, 1 successes, 2 constraints, 3 rewards, 4 observations.
-    pub(super) fn part(&self, index: usize) -> std::ops::Range<usize> {
-        self.parts[index].clone()
+    /// Where the parts of the `finish` output stand.
+    pub(super) fn layout(&self) -> Finish {
+        self.setup.model().interface().finish
     }
 
     /// Takes failures and violations from the `finish` output.
     fn collect_failures(&mut self, outcome: Outcome, excess: f64) {
-        let (failures, constraints) = (self.part(0), self.part(2));
+        let (failures, constraints) = (self.layout().failures(), self.layout().constraints());
         let event = match outcome {
             Outcome::Event(index) => Some(index as usize),
             _ => None,
@@ -125,7 +129,7 @@ impl Environment {
         }
         // A limit below the model's own cuts the batch short.
         let whole = last_step && self.setup.max_steps >= episode.max_steps && end_is_success;
-        let conditions = self.finish[self.part(1)].iter();
+        let conditions = self.finish[self.layout().successes()].iter();
         let met = conditions.clone().position(|x| *x == 1.0).or(whole.then_some(conditions.len()));
         let success = failure.is_none() && met.is_some();
         self.progress.met = met.filter(|_| success).map(|met| met as u32);
@@ -143,7 +147,7 @@ impl Environment {
         if terminated || truncated {
             self.progress.phase = Phase::Over;
         }
-        let observations = self.part(4);
+        let observations = self.layout().observations();
         let progress = &mut self.progress;
         let (errors, steps) = (progress.errors(), progress.steps);
         self.sensors.read(&mut progress.readings, errors, steps, &self.finish[observations]);

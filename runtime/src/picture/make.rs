@@ -44,7 +44,7 @@ pub fn of_tables(paths: &[PathBuf], show: &[String], setup: Option<&Setup>) -> R
     all.retain(|item| !item.members.is_empty());
     let plans = plan(&all, show)?;
     Ok(match setup {
-        Some(setup) => Picture::new(&plans, &runs, &heading(setup, String::new()), &setup.model().interface().time.1),
+        Some(setup) => Picture::new(&plans, &runs, &heading(setup, String::new()), &setup.model().interface().time.unit),
         None => Picture::new(&plans, &runs, &Heading { title: title(paths), ..Heading::default() }, ""),
     })
 }
@@ -123,5 +123,5 @@ pub fn nominal(setup: &Arc<Setup>, show: &[String], most_steps: u32) -> Result<P
         run.refine(follower.finish());
     }
     let heading = heading(setup, format!("policy nominal, {} steps", environment.steps()));
-    Ok(Picture::new(&plans, &[run], &heading, &setup.model().interface().time.1))
+    Ok(Picture::new(&plans, &[run], &heading, &setup.model().interface().time.unit))
 }

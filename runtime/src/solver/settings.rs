@@ -2,6 +2,8 @@
 
 use super::SolveError;
 
+pub use smpl_compiler::model::{LinearSolver, Method};
+
 /// Settings of an integrator. Begin with [`Settings::new`] and change fields.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
@@ -56,88 +58,6 @@ pub enum FirstStep {
 impl Default for FirstStep {
     fn default() -> Self {
         Self::Estimated { safety: 0.25 }
-    }
-}
-
-/// What takes the steps.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Method {
-    /// SUNDIALS' variable-order BDF code IDA: any system of index 1, of any size.
-    #[default]
-    Ida,
-    /// The Rosenbrock method Rodas5P of order 5: systems that are explicit in their derivatives, stiff or not, with algebraic unknowns or without.
-    Rosenbrock,
-    /// The explicit Runge–Kutta method DOP853 of order 8: ordinary differential equations that are not stiff.
-    Explicit,
-    /// One of the two, by a test of stiffness at run time; IDA for systems that they do not take or that are large.
-    Auto,
-}
-
-impl Method {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::Ida, Self::Rosenbrock, Self::Explicit, Self::Auto];
-
-    /// Their names, for messages.
-    pub(crate) const TEXT: &str = "ida, rosenbrock, explicit or auto";
-
-    /// As it is written in models, scenarios and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Ida => "ida",
-            Self::Rosenbrock => "rosenbrock",
-            Self::Explicit => "explicit",
-            Self::Auto => "auto",
-        }
-    }
-
-    /// The one of a name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|method| method.name() == name)
-    }
-}
-
-impl std::fmt::Display for Method {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-/// Which linear solver the Newton iteration uses.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum LinearSolver {
-    /// By dimension and density.
-    #[default]
-    Auto,
-    /// LU with partial pivoting of the full matrix.
-    Dense,
-    /// LU with partial pivoting of the bands around the diagonal, unknowns renumbered so that they are narrow.
-    Banded,
-    /// Sparse LU of the diagonal blocks of the block triangular form, pivots on the diagonal; KLU where these do not serve.
-    Block,
-    /// SuiteSparse's KLU.
-    Klu,
-}
-
-impl LinearSolver {
-    const ALL: [Self; 5] = [Self::Auto, Self::Dense, Self::Banded, Self::Block, Self::Klu];
-
-    /// Their names, for messages.
-    pub(crate) const TEXT: &str = "auto, dense, banded, block or klu";
-
-    /// As it is written in models and scenarios.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::Dense => "dense",
-            Self::Banded => "banded",
-            Self::Block => "block",
-            Self::Klu => "klu",
-        }
-    }
-
-    /// The one of a name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|solver| solver.name() == name)
     }
 }
 

@@ -13,7 +13,7 @@ use smpl_compiler::compiled::{BackEndSettings, CompiledModel};
 use smpl_compiler::ir::{
     Affine, BUILTIN_COUNT, Builtin, Compare, ExprId, Flavour, Nest, Place, Program, Role, Store, Target, UnaryFn, VarId,
 };
-use smpl_compiler::model::{BoxItem, Draw, Failure, Instant, Model, Observed, Quantity, Reward, Row, Variable, Variate};
+use smpl_compiler::model::{BoxItem, Draw, Failure, Instant, Model, Observed, Quantity, Reward, Row, Time, Variable, Variate};
 use smpl_dsl::span::Span;
 use smpl_runtime::environment::Environment;
 use smpl_runtime::setup::{EnvironmentOptions, Setup};
@@ -41,7 +41,7 @@ impl Maker {
     pub fn new(name: &str, time_unit: &str) -> Self {
         let mut model = Model { explicit: true, ..Model::default() };
         model.interface.name = name.into();
-        model.interface.time = ("t".into(), time_unit.into());
+        model.interface.time = Time { name: "t".into(), unit: time_unit.into() };
         let mut variable = |name: &str, role, len| model.vars.push(Variable { name: name.into(), role, len, span: Span::default() });
         let builtin = variable("builtin", Role::Builtin, BUILTIN_COUNT);
         let draws = variable("draw", Role::Draw, 0);

@@ -5,9 +5,9 @@ use smpl_dsl::span::{FileId, Span};
 use smpl_dsl::syntax::{Expr, ExprKind, Statement, StatementKind};
 
 use crate::elaborate::episode::{Control, each};
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::nests::for_each_element;
 use crate::elaborate::lower::place::{Place, Site};
+use crate::elaborate::lower::{Lowering, defaults};
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{ScopeId, SymbolKind, Symbols};
 use crate::ir::{FastMap, FastSet, Nest, Place as Memory, Role, VarId};
@@ -26,7 +26,7 @@ fn lint_starts(l: &mut Lowering<'_, '_>, nests: &[Nest]) {
     for nest in nests {
         for store in &nest.stores {
             let Memory::Var(var) = store.target.place else { continue };
-            let x = l.constant_value(store.value).unwrap_or(f64::NAN);
+            let x = defaults::constant_value(l, store.value).unwrap_or(f64::NAN);
             for_each_element(&nest.extents, store.target.at, &mut |i| {
                 starts.insert((var, i), x);
             });

@@ -9,9 +9,10 @@ use smpl_dsl::syntax::{Binder, Expr, ExprKind, Statement, StatementKind};
 
 use crate::elaborate::episode::check_level;
 use crate::elaborate::ledger::Ledger;
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::place::{Bound, Place, Site};
+use crate::elaborate::lower::{Lowering, binders, nests, units};
 use crate::elaborate::select::items::{Item, items};
+use crate::elaborate::space::flux;
 use crate::elaborate::symbols::{ScopeId, SymbolId, SymbolKind};
 use crate::ir::FastSet;
 
@@ -59,13 +60,13 @@ fn check_symbol<'a>(l: &mut Lowering<'_, 'a>, symbol: SymbolId, kind: SymbolKind
         SymbolKind::Let { declaration, .. } => {
             let place = Place::new(scope, Site::Instant);
             let index: Vec<Expr> = declaration.indices.iter().map(index_of).collect();
-            l.nest(&declaration.indices, &place, &mut |s, inner| s.symbol_value(symbol, &index, declaration.span, inner));
+            nests::nest(l, &declaration.indices, &place, &mut |s, inner| s.symbol_value(symbol, &index, declaration.span, inner));
         }
         SymbolKind::Flux { flux, .. } => {
             let place = Place::new(scope, Site::Dynamics);
             let base = Box::new(Expr { span, kind: ExprKind::Name(flux.name.clone()) });
             let element = Expr { span, kind: ExprKind::Index(base, flux.indices.iter().map(index_of).collect()) };
-            l.nest(&flux.indices, &place, &mut |s, inner| s.divergence(span, &element, inner));
+            nests::nest(l, &flux.indices, &place, &mut |s, inner| flux::divergence(s, span, &element, inner));
         }
         SymbolKind::Def { parameters, body } => {
             let mut place = Place::new(scope, Site::Instant);
@@ -107,12 +108,12 @@ fn check_connectors(l: &mut Lowering<'_, '_>) {
         let StatementKind::Connector { members, .. } = &statement.kind else { continue };
         for member in members {
             for binder in &member.indices {
-                if l.index_over(binder, &place).is_none() {
+                if binders::index_over(l, binder, &place).is_none() {
                     break;
                 }
             }
             member.unit.iter().for_each(|u| {
-                l.unit(u, &place);
+                units::unit(l, u, &place);
             });
         }
     }

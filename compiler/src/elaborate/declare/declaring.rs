@@ -8,7 +8,7 @@ use crate::elaborate::instances::Instances;
 use crate::elaborate::ledger::Ledger;
 use crate::elaborate::lower::binders::IndexOver;
 use crate::elaborate::lower::place::Place;
-use crate::elaborate::lower::{Lowering, Work};
+use crate::elaborate::lower::{Lowering, Work, binders};
 use crate::elaborate::naming::Naming;
 use crate::elaborate::select::Input;
 use crate::elaborate::symbols::{Axis, ScopeId, Set, Symbol, SymbolId, SymbolKind, Symbols};
@@ -60,7 +60,7 @@ impl<'m, 'a> Declaring<'m, 'a> {
     pub(in crate::elaborate::declare) fn axes(&mut self, binders: &[Binder], place: &Place) -> Option<(Vec<Axis>, Vec<String>)> {
         let mut axes = Vec::with_capacity(binders.len());
         for binder in binders {
-            axes.push(match self.lowering().index_over(binder, place)? {
+            axes.push(match binders::index_over(&mut self.lowering(), binder, place)? {
                 IndexOver::Axis(axis) => axis,
                 IndexOver::New { name, low, high } => {
                     let labels = (low..=high).map(|i| i.to_string()).collect();

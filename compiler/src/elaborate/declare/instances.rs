@@ -1,4 +1,4 @@
-//! Components: ports, instances, structural parameters.
+//! Parts of instances: ports, structural parameters, and how many there may be.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
@@ -7,17 +7,18 @@ use smpl_dsl::units::Unit;
 
 use crate::elaborate::declare::declaring::Declaring;
 use crate::elaborate::instances::SAMPLE;
-use crate::elaborate::lower::place::{BinderValue, Bound, Place, Site};
+use crate::elaborate::lower::place::{Place, Site};
+use crate::elaborate::lower::{indices, units};
 use crate::elaborate::options::Setting;
-use crate::elaborate::select::items::{Item, items};
-use crate::elaborate::symbols::{Row, Scope, ScopeId, SymbolKind, Symbols};
+use crate::elaborate::select::items::Item;
+use crate::elaborate::symbols::{Scope, ScopeId, SymbolKind, Symbols};
 use crate::ir::Role;
 
 /// Deepest nest of components.
 const MAX_COMPONENT_DEPTH: usize = 32;
 
 /// Most declarations and equations that instances of components make together.
-const MAX_INSTANTIATED: usize = 300_000;
+pub(in crate::elaborate::declare) const MAX_INSTANTIATED: usize = 300_000;
 
 impl<'a> Declaring<'_, 'a> {
     pub(in crate::elaborate) fn declare_port(&mut self, scope: ScopeId, name: &Ident, connector: &Ident) {
@@ -35,7 +36,7 @@ impl<'a> Declaring<'_, 'a> {
             let place = Place::new(scope, Site::Dynamics);
             let Some((axes, _)) = self.axes(&member.indices, &place) else { continue };
             let unit = match &member.unit {
-                Some(u) => self.lowering().unit(u, &place),
+                Some(u) => units::unit(&mut self.lowering(), u, &place),
                 None => Some(Unit::one()),
             };
             let Some(unit) = unit else { continue };
@@ -45,37 +46,14 @@ impl<'a> Declaring<'_, 'a> {
         }
     }
 
-    pub(in crate::elaborate) fn declare_instance(
-        &mut self,
-        scope: ScopeId,
-        component: &'a Ident,
-        name: &'a Ident,
-        indices: &'a [Binder],
-        arguments: &'a [(Ident, Expr)],
-        depth: usize,
-    ) {
-        let Some(statement) = self.instantiable(component, depth) else { return self.faulty(scope, name) };
-        let place = Place::new(scope, Site::Dynamics);
-        let path = format!("{}{}", self.symbols.scopes[scope].prefix, name.text);
-        let kind = match indices {
-            [] => Some(SymbolKind::Instance(self.instantiate(statement, &path, name.span, arguments, &place, depth))),
-            [binder] => self.row_of_instances(statement, (&path, name.span), binder, arguments, &place, depth),
-            _ => {
-                self.work.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, "instances take one index", name.span));
-                None
-            }
-        };
-        self.declare(scope, name, kind.unwrap_or(SymbolKind::Faulty));
-    }
-
     /// The component that an instance is made of, where one may be made here; reports why not.
-    fn instantiable(&mut self, component: &'a Ident, depth: usize) -> Option<&'a Statement> {
+    pub(in crate::elaborate::declare) fn instantiable(&mut self, component: &'a Ident, depth: usize) -> Option<&'a Statement> {
         // Enough was said.
         if self.instances.made > MAX_INSTANTIATED {
             return None;
         }
         if let Some(at) = self.instances.open.iter().position(|c| *c == component.text) {
-            self.contains_itself(at, component);
+            self.work.ledger.report(contains_itself(&self.instances.open[at + 1..], component));
             return None;
         }
         if depth >= MAX_COMPONENT_DEPTH {
@@ -94,53 +72,8 @@ impl<'a> Declaring<'_, 'a> {
         self.instances.samples.may_instantiate(depth).then_some(statement)
     }
 
-    /// An instance for each member of a set; `None`, and a report, where they are too many or what counts them is no set.
-    fn row_of_instances(
-        &mut self,
-        statement: &'a Statement,
-        (path, used): (&str, Span),
-        binder: &'a Binder,
-        arguments: &'a [(Ident, Expr)],
-        place: &Place,
-        depth: usize,
-    ) -> Option<SymbolKind<'a>> {
-        let mut list = Vec::new();
-        for value in self.lowering().bindings_of(binder, place) {
-            if self.instances.made > MAX_INSTANTIATED {
-                return None;
-            }
-            let BinderValue::One(bound) = value else {
-                self.work.ledger.report(Diagnostic::error(codes::WRONG_KIND, "instances are counted by a set", binder.span));
-                return None;
-            };
-            let label = match &bound {
-                Bound::Member(set, i) => self.symbols.sets[*set].labels[*i].clone(),
-                Bound::Number(e) => self.work.exprs.as_const(*e).map_or_else(String::new, |x| x.to_string()),
-                _ => continue,
-            };
-            if !self.instances.samples.may_instantiate(depth) {
-                break;
-            }
-            let inner_place = place.bind(&binder.name.text, bound);
-            let inner = self.instantiate(statement, &format!("{path}[{label}]"), used, arguments, &inner_place, depth);
-            list.push((label, inner));
-        }
-        Some(SymbolKind::Instances(Row::new(list).into()))
-    }
-
-    /// Reports a component that is inside of itself, with those between.
-    fn contains_itself(&mut self, at: usize, component: &Ident) {
-        let between: Vec<String> = self.instances.open[at + 1..].iter().map(|c| format!("`{c}`")).collect();
-        let through = if between.is_empty() { String::new() } else { format!(" through {}", between.join(" and ")) };
-        let message = format!("`{}` contains itself{through}", component.text);
-        let fault = Diagnostic::error(codes::CYCLIC_DEFINITION, message, component.span);
-        self.work
-            .ledger
-            .report(fault.help("a component has a fixed size: use an array of instances, `use Stage as s[k in 1..n]`, and connect them"));
-    }
-
     /// Counts the declarations of an instance; `false`, and one report, where they are beyond reason.
-    fn may_instantiate(&mut self, declarations: usize, used: Span) -> bool {
+    pub(in crate::elaborate::declare) fn may_instantiate(&mut self, declarations: usize, used: Span) -> bool {
         let before = self.instances.made;
         self.instances.made = before.saturating_add(1 + declarations);
         let fits = self.instances.made <= MAX_INSTANTIATED;
@@ -157,41 +90,8 @@ impl<'a> Declaring<'_, 'a> {
         fits
     }
 
-    pub(in crate::elaborate) fn instantiate(
-        &mut self,
-        statement: &'a Statement,
-        path: &str,
-        used: Span,
-        arguments: &'a [(Ident, Expr)],
-        outer: &Place,
-        depth: usize,
-    ) -> ScopeId {
-        let root = ScopeId::from_u32(0);
-        let scope = self.symbols.scopes.push(Scope { prefix: format!("{path}."), parent: Some(root), names: Default::default() });
-        self.instances.used_at.insert(scope, used);
-        let StatementKind::Component { name, parameters, body, .. } = &statement.kind else { return scope };
-        for (parameter, default) in parameters {
-            self.work.ledger.warn_of_name(parameter);
-            let given = arguments.iter().find(|(a, _)| a.text == parameter.text).map(|(_, e)| e);
-            if self.instances.samples.taken() && given.is_none() && default.is_none() {
-                let kind = self.symbols.sampled(scope, parameter, body);
-                self.declare(scope, parameter, kind);
-                continue;
-            }
-            self.structural(scope, (path, used), parameter, given, default.as_ref(), outer);
-        }
-        let list = items(body, &self.input.selection);
-        self.note_given(scope, (name, parameters), &list, arguments, outer);
-        if self.may_instantiate(list.len(), used) {
-            self.instances.open.push(&name.text);
-            self.declare_block(scope, list, depth + 1);
-            self.instances.open.pop();
-        }
-        scope
-    }
-
     /// Notes the arguments of an instance that are parameters of its body; reports those of which its component knows nothing.
-    fn note_given(
+    pub(in crate::elaborate::declare) fn note_given(
         &mut self,
         scope: ScopeId,
         (component, structural): (&Ident, &[(Ident, Option<Expr>)]),
@@ -219,7 +119,7 @@ impl<'a> Declaring<'_, 'a> {
     }
 
     /// A structural parameter: a whole number or a set; a setting `R1.n_cells` or `n_cells` overrides it.
-    fn structural(
+    pub(in crate::elaborate::declare) fn structural(
         &mut self,
         scope: ScopeId,
         (path, used): (&str, Span),
@@ -253,21 +153,8 @@ impl<'a> Declaring<'_, 'a> {
             self.declare(scope, name, SymbolKind::Set(set));
             return;
         }
-        let kind = self.lowering().integer(e, outer).map_or(SymbolKind::Faulty, SymbolKind::Integer);
+        let kind = indices::integer(&mut self.lowering(), e, outer).map_or(SymbolKind::Faulty, SymbolKind::Integer);
         self.declare(scope, name, kind);
-    }
-}
-
-impl<'a> Declaring<'_, 'a> {
-    /// Declares what components see of the file, and one instance of each.
-    pub(in crate::elaborate) fn declare_samples(&mut self, components: &[&'a Statement]) {
-        self.instances.samples.instances = Some(0);
-        let root = self.declare_seen();
-        let place = Place::new(root, Site::Dynamics);
-        for statement in components {
-            let StatementKind::Component { name, .. } = &statement.kind else { continue };
-            self.instantiate(statement, &name.text, name.span, &[], &place, 0);
-        }
     }
 }
 
@@ -283,6 +170,15 @@ impl<'a> Symbols<'a> {
             _ => SymbolKind::Faulty,
         }
     }
+}
+
+/// A component that is inside of itself, with those between.
+fn contains_itself(between: &[&str], component: &Ident) -> Diagnostic {
+    let between: Vec<String> = between.iter().map(|c| format!("`{c}`")).collect();
+    let through = if between.is_empty() { String::new() } else { format!(" through {}", between.join(" and ")) };
+    let message = format!("`{}` contains itself{through}", component.text);
+    Diagnostic::error(codes::CYCLIC_DEFINITION, message, component.span)
+        .help("a component has a fixed size: use an array of instances, `use Stage as s[k in 1..n]`, and connect them")
 }
 
 /// Whether an index of a statement runs over a name.

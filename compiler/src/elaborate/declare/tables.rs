@@ -9,6 +9,7 @@ use smpl_dsl::units::Unit;
 
 use crate::elaborate::declare::declaring::Declaring;
 use crate::elaborate::lower::place::{Place, Site};
+use crate::elaborate::lower::{defaults, units};
 use crate::elaborate::naming::Naming;
 use crate::elaborate::symbols::{Axis, ScopeId, SetId, SymbolKind};
 
@@ -63,7 +64,7 @@ impl<'a> Declaring<'_, 'a> {
         let mut units = Vec::new();
         for column in &table.columns {
             let unit = match &column.unit {
-                Some(u) => self.lowering().unit(u, &place),
+                Some(u) => units::unit(&mut self.lowering(), u, &place),
                 None => Some(Unit::one()),
             };
             units.push(unit.unwrap_or_else(Unit::one));
@@ -106,7 +107,7 @@ impl<'a> Declaring<'_, 'a> {
         let one = Unit::one();
         let expr = self.lowering().number_in(e, unit.unwrap_or(&one), "the table's entry", Span::default(), place);
         let reports = self.work.ledger.reports.diagnostics.len();
-        let value = self.lowering().constant_value(expr);
+        let value = defaults::constant_value(&mut self.lowering(), expr);
         if value.is_none() && reports == self.work.ledger.reports.diagnostics.len() {
             self.work.ledger.missing_value("an entry of a table", e.span);
         }
@@ -116,10 +117,10 @@ impl<'a> Declaring<'_, 'a> {
     pub(in crate::elaborate) fn declare_time_table(&mut self, scope: ScopeId, table: &'a TimeTable) {
         let place = Place::new(scope, Site::Dynamics);
         let unit = match &table.unit {
-            Some(u) => self.lowering().unit(u, &place).unwrap_or_else(Unit::one),
+            Some(u) => units::unit(&mut self.lowering(), u, &place).unwrap_or_else(Unit::one),
             None => Unit::one(),
         };
-        let time_unit = self.lowering().unit(&table.time_unit, &place).unwrap_or_else(Unit::one);
+        let time_unit = units::unit(&mut self.lowering(), &table.time_unit, &place).unwrap_or_else(Unit::one);
         let mut points = Vec::with_capacity(table.entries.len());
         for (time, value) in &table.entries {
             let t = self.table_number(time, Some(&time_unit), &place);

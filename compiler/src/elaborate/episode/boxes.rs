@@ -4,8 +4,8 @@ use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind};
 
 use crate::elaborate::episode::common::Condition;
 use crate::elaborate::episode::unknown::doubting;
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::place::Place;
+use crate::elaborate::lower::{Lowering, boxes, defaults};
 use crate::ir::{BinaryFn, ExprId};
 use crate::model::Quantity;
 
@@ -16,7 +16,7 @@ pub(in crate::elaborate) fn failing(l: &mut Lowering<'_, '_>, e: &Expr, place: &
         && function.text == "outside"
         && let [inner] = arguments.as_slice()
     {
-        let (excess, items) = l.box_excess(inner, place);
+        let (excess, items) = boxes::box_excess(l, inner, place);
         let holds = l.values().beyond(excess);
         let excess = l.exprs.select(holds, excess, zero);
         // A member that is no number is outside.
@@ -46,7 +46,8 @@ fn amount(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> Option<ExprId> {
         BinaryOp::Lt | BinaryOp::Le | BinaryOp::Gt | BinaryOp::Ge => {
             let (x, y) = (l.value(a, place), l.value(b, place));
             let (left, right) = l.values().common(&x, a.span, &y, b.span, e.span)?;
-            let range = range_of(l, left).or_else(|| l.constant_value(right).map(f64::abs)).filter(|r| *r > 0.0 && r.is_finite());
+            let range =
+                range_of(l, left).or_else(|| defaults::constant_value(l, right).map(f64::abs)).filter(|r| *r > 0.0 && r.is_finite());
             let range = l.exprs.constant(range.unwrap_or(1.0));
             let difference = if matches!(op, BinaryOp::Lt | BinaryOp::Le) { l.exprs.sub(right, left) } else { l.exprs.sub(left, right) };
             Some(l.exprs.div(difference, range))

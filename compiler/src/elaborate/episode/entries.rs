@@ -1,6 +1,6 @@
 //! The entries of `episode` and `solver`: one table for the text, for settings from outside, and for what messages list.
 
-use crate::model::{Episode, Solver};
+use crate::model::{Episode, LinearSolver, Method, Solver};
 
 /// A block of settings.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -50,21 +50,29 @@ pub(in crate::elaborate) enum Takes {
     /// A condition.
     Truth(fn(&mut Said) -> &mut bool),
     /// One of several names.
-    Name(&'static Names, fn(&mut Said) -> &mut String),
+    Name(&'static Names),
 }
 
 /// Names that an entry takes.
 pub(in crate::elaborate) struct Names {
     pub what: &'static str,
-    pub known: &'static [&'static str],
     /// They as a text.
     pub text: &'static str,
+    /// Puts what is of a name where it belongs; `false` where nothing is.
+    pub put: fn(&mut Said, &str) -> bool,
 }
 
-static LINEAR_SOLVERS: Names =
-    Names { what: "linear solver", known: &["auto", "dense", "banded", "block", "klu"], text: "auto, dense, banded, block or klu" };
+static LINEAR_SOLVERS: Names = Names {
+    what: "linear solver",
+    text: LinearSolver::TEXT,
+    put: |said, name| put_found(&mut said.solver.linear_solver, LinearSolver::from_name(name)),
+};
 static METHODS: Names =
-    Names { what: "method", known: &["ida", "rosenbrock", "explicit", "auto"], text: "ida, rosenbrock, explicit or auto" };
+    Names { what: "method", text: Method::TEXT, put: |said, name| put_found(&mut said.solver.method, Method::from_name(name)) };
+
+fn put_found<T>(to: &mut T, found: Option<T>) -> bool {
+    found.map(|found| *to = found).is_some()
+}
 
 const fn episode(name: &'static str, setting: Option<&'static str>, takes: Takes) -> Entry {
     Entry { block: Block::Episode, name, setting, takes }
@@ -90,8 +98,8 @@ pub(in crate::elaborate) static ENTRIES: &[Entry] = &[
     solver("max_steps", Some("max_internal_steps"), Takes::Count(|s| &mut s.solver.max_steps)),
     solver("max_step", Some("max_step"), Takes::Duration(|s| &mut s.solver.max_step)),
     solver("max_events", Some("max_events"), Takes::Count(|s| &mut s.solver.max_events)),
-    solver("linear_solver", Some("linear_solver"), Takes::Name(&LINEAR_SOLVERS, |s| &mut s.solver.linear_solver)),
-    solver("method", None, Takes::Name(&METHODS, |s| &mut s.solver.method)),
+    solver("linear_solver", Some("linear_solver"), Takes::Name(&LINEAR_SOLVERS)),
+    solver("method", None, Takes::Name(&METHODS)),
     solver("algebraic_error_control", None, Takes::Truth(|s| &mut s.solver.algebraic_error_control)),
     solver("quadrature_error_control", None, Takes::Truth(|s| &mut s.solver.quadrature_error_control)),
 ];

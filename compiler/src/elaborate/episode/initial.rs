@@ -9,9 +9,9 @@ use crate::elaborate::episode::common::{each, store, stream_name};
 use crate::elaborate::episode::order::ordered_initial;
 use crate::elaborate::episode::parameters::clipped;
 use crate::elaborate::episode::phases::schedule_initial;
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::nests::Piece;
 use crate::elaborate::lower::place::{Place, Site};
+use crate::elaborate::lower::{Lowering, boxes, defaults, nests};
 use crate::elaborate::outside::initial_elements;
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{ScopeId, SymbolKind, Symbols};
@@ -95,7 +95,7 @@ fn steady_text<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]
             if steady_instance(l, target, value, &place, &mut out.given) {
                 continue;
             }
-            let Some((symbol, at)) = l.target(target, &place, &[Role::Action, Role::State]) else { continue };
+            let Some((symbol, at)) = boxes::target(l, target, &place, &[Role::Action, Role::State]) else { continue };
             let SymbolKind::Variable { var, unit, .. } = l.symbols[symbol].kind.clone() else { continue };
             let expr = l.number_in(value, &unit, "the steady value", target.span, &place);
             let elements = match at {
@@ -197,7 +197,7 @@ fn declared_starts(l: &mut Lowering<'_, '_>, starts: &mut Starts) {
                 let value = l.exprs.constant(x);
                 vec![l.symbols.whole(var, value)]
             }
-            None => l.default_pieces(symbol, site),
+            None => defaults::default_pieces(l, symbol, site),
         };
         let span = l.symbols[symbol].span;
         for piece in pieces {
@@ -219,7 +219,7 @@ fn stated_starts<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>
         if binders.is_empty() {
             check_single(l, &mut given, scope, target, &place);
         }
-        let pieces = l.nest(binders, &place, &mut |s, inner| initial(s, target, *random, value, clip.as_ref(), inner));
+        let pieces = nests::nest(l, binders, &place, &mut |s, inner| initial(s, target, *random, value, clip.as_ref(), inner));
         for piece in pieces {
             let Some((var, list)) = piece.value else { continue };
             for p in list {
@@ -273,7 +273,7 @@ fn check_single(
     target: &Expr,
     place: &Place,
 ) {
-    let Some((symbol, at)) = l.target(target, place, &[Role::State, Role::Discrete, Role::Disturbance]) else { return };
+    let Some((symbol, at)) = boxes::target(l, target, place, &[Role::State, Role::Discrete, Role::Disturbance]) else { return };
     let SymbolKind::Variable { var, .. } = l.symbols[symbol].kind else { return };
     if let Some(first) = given.insert((scope, var, at.map(|at| at.offset)), target.span) {
         let path = l.symbols[symbol].path.clone();
@@ -295,7 +295,7 @@ fn initial(
     clip: Option<&Clip>,
     place: &Place,
 ) -> Option<(VarId, Vec<Piece<(Affine, ExprId)>>)> {
-    let (symbol, at) = l.target(target, place, &[Role::State, Role::Discrete, Role::Disturbance])?;
+    let (symbol, at) = boxes::target(l, target, place, &[Role::State, Role::Discrete, Role::Disturbance])?;
     let SymbolKind::Variable { var, unit, .. } = l.symbols[symbol].kind.clone() else { return None };
     let path = l.symbols[symbol].path.clone();
     if let Some(&x) = l.input.options.initial.get(&path) {

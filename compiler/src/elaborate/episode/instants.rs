@@ -3,15 +3,12 @@
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Binder, Expr, ExprKind, Ident, Statement, StatementKind};
-use smpl_dsl::units::Unit;
 
 use crate::elaborate::episode::common::{each, store};
 use crate::elaborate::episode::unknown::doubting;
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::nests::for_each_element;
 use crate::elaborate::lower::place::{Place, Site};
-use crate::elaborate::lower::value::{Measure, Value};
-use crate::elaborate::lower::values::Values;
+use crate::elaborate::lower::{Lowering, boxes, nests};
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{ScopeId, SymbolKind};
 use crate::ir::{Affine, Builtin, Expr as Node, ExprId, FastMap, Flavour, Nest, Place as Memory, Program, Rewritten, Role, Store, VarId};
@@ -147,7 +144,7 @@ pub(in crate::elaborate) fn instant_statement(
         l.loops.counted = l.symbols.counted_cells(assigned.binders, &parts, &place);
     }
     let guard = assignments.guard;
-    let pieces = l.nest(assigned.binders, &place, &mut |s, inner| assignment(s, assigned, guard, inner));
+    let pieces = nests::nest(l, assigned.binders, &place, &mut |s, inner| assignment(s, assigned, guard, inner));
     l.loops.counted.clear();
     for piece in pieces {
         let Some((var, at, v, whole)) = piece.value else { continue };
@@ -225,7 +222,7 @@ fn assignment(
     guard: Option<ExprId>,
     place: &Place,
 ) -> Option<(VarId, Affine, ExprId, Option<u32>)> {
-    let (symbol, at) = l.target(target, place, roles)?;
+    let (symbol, at) = boxes::target(l, target, place, roles)?;
     let SymbolKind::Variable { var, unit, .. } = l.symbols[symbol].kind.clone() else { return None };
     let declared = l.symbols[symbol].span;
     let what = format!("`{}`", l.symbols[symbol].path);
@@ -352,14 +349,4 @@ fn moving_clock(l: &mut Lowering<'_, '_>, e: ExprId) -> ExprId {
         Node::Load { var, at: element, .. } if var == builtins && element == at => Some(exprs.time()),
         _ => None,
     })
-}
-
-impl Values<'_> {
-    /// A literal number is taken in the target's unit, anything else must have it.
-    pub(in crate::elaborate) fn strictly_or_bare(&mut self, v: Value, unit: &Unit, span: Span, what: &str, declared: Span) -> ExprId {
-        if matches!(v.unit, Measure::Bare) {
-            return self.in_unit(v, unit, span, what, declared);
-        }
-        self.strictly_in(v, unit, span, what, declared)
-    }
 }

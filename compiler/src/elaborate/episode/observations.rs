@@ -8,10 +8,10 @@ use smpl_dsl::units::Unit;
 
 use crate::elaborate::episode::common::{each, store};
 use crate::elaborate::episode::positions::state_positions;
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::nests::Piece;
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::Measure;
+use crate::elaborate::lower::{Lowering, defaults, indices, nests, paths, units};
 use crate::elaborate::select::items::{Item, items};
 use crate::elaborate::symbols::{Axis, ScopeId, SymbolId, SymbolKind};
 use crate::ir::{Affine, ExprId, LoopVar, Nest, Place as Memory, VarId};
@@ -91,7 +91,7 @@ fn attributes(l: &mut Lowering<'_, '_>, o: &Observation, unit: &Unit, place: &Pl
     let bounds = o.bounds.as_ref().map(|(a, b)| {
         let mut number = |e: &Expr| {
             let expr = l.number_in(e, unit, "the bound", e.span, place);
-            match l.constant_value(expr) {
+            match defaults::constant_value(l, expr) {
                 Some(x) => x,
                 None => {
                     l.ledger.missing_value("a bound", e.span);
@@ -102,7 +102,7 @@ fn attributes(l: &mut Lowering<'_, '_>, o: &Observation, unit: &Unit, place: &Pl
         (number(a), number(b))
     });
     let count = |s: &mut Lowering<'_, '_>, e: &Option<Expr>, least: i64| match e {
-        Some(e) => match s.integer(e, place) {
+        Some(e) => match indices::integer(s, e, place) {
             Some(n) if n >= least && n < 1_000_000 => n as u32,
             Some(n) => {
                 s.ledger.report(Diagnostic::error(
@@ -128,7 +128,7 @@ fn noise(l: &mut Lowering<'_, '_>, e: &Expr, unit: &Unit, place: &Place) -> f64 
         && let [_, sd] = arguments.as_slice()
     {
         let expr = l.number_in(sd, unit, "the noise", e.span, place);
-        if let Some(x) = l.constant_value(expr).filter(|x| *x >= 0.0) {
+        if let Some(x) = defaults::constant_value(l, expr).filter(|x| *x >= 0.0) {
             return x;
         }
     }
@@ -147,7 +147,7 @@ fn observation(l: &mut Lowering<'_, '_>, o: &Observation, place: &Place, out: &m
     {
         return observe_array(l, o, symbol, &axes, place, out);
     }
-    let pieces = l.nest(&o.binders, place, &mut |s, inner| observed_element(s, o, inner));
+    let pieces = nests::nest(l, &o.binders, place, &mut |s, inner| observed_element(s, o, inner));
     for Piece { extents, value } in pieces {
         let Some((name, unit, expr, attributes)) = value else { continue };
         if !extents.is_empty() {
@@ -176,7 +176,7 @@ fn observed_element(l: &mut Lowering<'_, '_>, o: &Observation, place: &Place) ->
         return None;
     }
     let unit = match &o.unit {
-        Some(u) => l.unit(u, place),
+        Some(u) => units::unit(l, u, place),
         None => Some(v.unit.unit()),
     };
     let unit = unit.unwrap_or_else(Unit::one);
@@ -236,14 +236,14 @@ fn observation_name(l: &mut Lowering<'_, '_>, o: &Observation, place: &Place) ->
                 None => bound_name(l, name, place),
             },
             ExprKind::Index(base, index) => {
-                if let crate::elaborate::lower::place::Target::Symbol(symbol) = l.resolve(base, place)
+                if let crate::elaborate::lower::place::Target::Symbol(symbol) = paths::resolve(l, base, place)
                     && let Some(name) = element_name(l, symbol, index, place)
                 {
                     return name;
                 }
                 crate::elaborate::select::items::reference(&o.value)
             }
-            ExprKind::Member(..) => match l.resolve(&o.value, place) {
+            ExprKind::Member(..) => match paths::resolve(l, &o.value, place) {
                 crate::elaborate::lower::place::Target::Symbol(symbol) => l.symbols[symbol].path.clone(),
                 _ => crate::elaborate::select::items::reference(&o.value),
             },
@@ -262,14 +262,14 @@ fn observation_name(l: &mut Lowering<'_, '_>, o: &Observation, place: &Place) ->
     if open.is_empty() {
         return base;
     }
-    let labels: Vec<String> = open.into_iter().map(|b| l.bound_label(b, place)).collect();
+    let labels: Vec<String> = open.into_iter().map(|b| bound_label(l, b, place)).collect();
     format!("{base}[{}]", labels.join(","))
 }
 
 /// The name of what a bound name stands for.
 fn bound_name(l: &mut Lowering<'_, '_>, name: &Ident, place: &Place) -> String {
     let reference = Expr { span: name.span, kind: ExprKind::Name(name.clone()) };
-    match (place.bound(&name.text).cloned(), l.resolve(&reference, place)) {
+    match (place.bound(&name.text).cloned(), paths::resolve(l, &reference, place)) {
         (_, crate::elaborate::lower::place::Target::Symbol(symbol)) => l.symbols[symbol].path.clone(),
         (Some(Bound::Alias(element, ..)), _) => crate::elaborate::select::items::reference(&element),
         _ => name.text.clone(),
@@ -294,7 +294,7 @@ fn element_name(l: &mut Lowering<'_, '_>, symbol: SymbolId, index: &[Expr], plac
         _ => return None,
     };
     let path = l.symbols[symbol].path.clone();
-    let (_, bounds) = l.address(symbol, &axes, index, index.first()?.span, place)?;
+    let (_, bounds) = indices::address(l, symbol, &axes, index, index.first()?.span, place)?;
     let labels: Vec<String> = bounds
         .iter()
         .map(|b| match b {
@@ -320,7 +320,7 @@ fn whole_array(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> Option<(Sym
     {
         return None;
     }
-    let crate::elaborate::lower::place::Target::Symbol(symbol) = l.resolve(e, place) else { return None };
+    let crate::elaborate::lower::place::Target::Symbol(symbol) = paths::resolve(l, e, place) else { return None };
     match &l.symbols[symbol].kind {
         SymbolKind::Variable { axes, .. } | SymbolKind::Let { axes, .. } if !axes.is_empty() => Some((symbol, axes.clone())),
         _ => None,
@@ -351,7 +351,7 @@ fn observe_array(l: &mut Lowering<'_, '_>, o: &Observation, symbol: SymbolId, ax
     }
     let value = Expr { span: o.value.span, kind: ExprKind::Index(Box::new(o.value.clone()), index) };
     let each = Observation { value, binders: Vec::new(), name: None, ..o.clone() };
-    let pieces = l.nest(&binders, place, &mut |s, inner| {
+    let pieces = nests::nest(l, &binders, place, &mut |s, inner| {
         let v = s.value(&each.value, inner);
         let unit = v.unit.unit();
         let name = observation_name(s, &each, inner);
@@ -419,20 +419,18 @@ fn observed(q: &Quantity, i: usize, a: &Attributes) -> Observed {
     Observed { name: q.element_name(i), unit: q.unit.clone(), low, high, every: a.every, delay: a.delay, noise: a.noise }
 }
 
-impl Lowering<'_, '_> {
-    /// What a binder stands for in a name.
-    fn bound_label(&mut self, binder: &Binder, place: &Place) -> String {
-        match place.bound(&binder.name.text) {
-            Some(Bound::Member(set, i)) => self.symbols.sets[*set].labels[*i].clone(),
-            Some(Bound::Cell(_, c)) => (c.first + 1).to_string(),
-            Some(Bound::Number(e)) => self.exprs.as_const(*e).map_or_else(String::new, |x| x.to_string()),
-            Some(Bound::Element(symbol, at)) => match &self.symbols[*symbol].kind {
-                SymbolKind::Variable { var, .. } => {
-                    self.quantities.get(var).map_or_else(String::new, |quantity| quantity.element_name(at.offset.max(0) as usize))
-                }
-                _ => self.symbols[*symbol].path.clone(),
-            },
-            _ => bound_name(self, &binder.name, place),
-        }
+/// What a binder stands for in a name.
+fn bound_label(l: &mut Lowering<'_, '_>, binder: &Binder, place: &Place) -> String {
+    match place.bound(&binder.name.text) {
+        Some(Bound::Member(set, i)) => l.symbols.sets[*set].labels[*i].clone(),
+        Some(Bound::Cell(_, c)) => (c.first + 1).to_string(),
+        Some(Bound::Number(e)) => l.exprs.as_const(*e).map_or_else(String::new, |x| x.to_string()),
+        Some(Bound::Element(symbol, at)) => match &l.symbols[*symbol].kind {
+            SymbolKind::Variable { var, .. } => {
+                l.quantities.get(var).map_or_else(String::new, |quantity| quantity.element_name(at.offset.max(0) as usize))
+            }
+            _ => l.symbols[*symbol].path.clone(),
+        },
+        _ => bound_name(l, &binder.name, place),
     }
 }

@@ -8,9 +8,10 @@ use crate::elaborate::episode::assembly::Assembly;
 use crate::elaborate::episode::common::store;
 use crate::elaborate::episode::phases::{schedule_phases, schedule_quantities};
 use crate::elaborate::episode::positions::state_positions;
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::nests::Piece;
 use crate::elaborate::lower::place::{Place, Site};
+use crate::elaborate::lower::{Lowering, nests};
+use crate::elaborate::space::grids;
 use crate::elaborate::symbols::{Axis, SymbolId, SymbolKind};
 use crate::ir::{Affine, LoopVar, Place as Memory, Program, Role, VarId};
 use crate::model::{Interface, Quantity};
@@ -65,7 +66,7 @@ fn let_output(l: &mut Lowering<'_, '_>, symbol: SymbolId, axes: &[Axis], declara
     let binders = &declaration.indices;
     let name = |b: &Binder| Expr { span: b.span, kind: ExprKind::Name(Ident { text: b.name.text.clone(), span: b.span }) };
     let index: Vec<Expr> = binders.iter().map(name).collect();
-    let pieces = l.looped_nest(binders, &place, &mut |s, inner| {
+    let pieces = nests::looped_nest(l, binders, &place, &mut |s, inner| {
         let value = s.symbol_value(symbol, &index, declaration.span, inner);
         if value.is_poison() {
             s.ledger.speculation.refuse();
@@ -142,7 +143,7 @@ pub(in crate::elaborate) fn interface(l: &mut Lowering<'_, '_>) -> Interface {
         actions,
         disturbances,
         parameters,
-        grids: l.grids(),
+        grids: grids::grids(l),
         phases: schedule_phases(l),
         ..Interface::default()
     }

@@ -5,9 +5,9 @@ use smpl_dsl::syntax::{Clip, Expr};
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::episode::common::{store, stream_name};
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::nests::Piece;
 use crate::elaborate::lower::place::{Place, Site};
+use crate::elaborate::lower::{Lowering, defaults, nests};
 use crate::elaborate::symbols::{SymbolId, SymbolKind, Symbols};
 use crate::graph::{Order, after_needs};
 use crate::ir::{Affine, BinaryFn, Compare, ExprId, FastMap, Flavour, Nest, Place as Memory, Program, Role, VarId};
@@ -31,7 +31,7 @@ pub(in crate::elaborate) fn parameter_program(l: &mut Lowering<'_, '_>) -> Progr
             pieces.extend(list.into_iter().map(|p| (var, p)));
             continue;
         }
-        for piece in l.default_pieces(symbol, Site::Reset) {
+        for piece in defaults::default_pieces(l, symbol, Site::Reset) {
             if l.exprs.as_const(piece.value.1).is_some() {
                 continue;
             }
@@ -69,7 +69,7 @@ fn drawn(l: &mut Lowering<'_, '_>, symbol: SymbolId, sample: &Expr) -> Vec<Piece
     let SymbolKind::Variable { var, unit, declaration, axes } = l.symbols[symbol].kind.clone() else { return Vec::new() };
     let path = l.symbols[symbol].path.clone();
     let place = Place::new(l.symbols[symbol].scope, Site::Reset);
-    l.nest(&declaration.indices, &place, &mut |s, inner| {
+    nests::nest(l, &declaration.indices, &place, &mut |s, inner| {
         let at = s.symbols.bound_address(&axes, &declaration.indices, inner);
         let outer = s.hidden.draws.site.replace((stream_name(&path, at, s.symbols.vars[var].len), Instant::Reset));
         let v = s.number_in(sample, &unit, &path, declaration.span, inner);
@@ -156,7 +156,7 @@ pub(in crate::elaborate) fn disturbance_program(l: &mut Lowering<'_, '_>) -> Pro
         let Some(rule) = &declaration.sample else { continue };
         let path = l.symbols[symbol].path.clone();
         let place = Place::new(l.symbols[symbol].scope, Site::Disturb);
-        let pieces = l.nest(&declaration.indices, &place, &mut |s, inner| {
+        let pieces = nests::nest(l, &declaration.indices, &place, &mut |s, inner| {
             let at = s.symbols.bound_address(&axes, &declaration.indices, inner);
             let outer = s.hidden.draws.site.replace((stream_name(&path, at, s.symbols.vars[var].len), Instant::Step));
             let v = s.number_in(rule, &unit, &path, declaration.span, inner);

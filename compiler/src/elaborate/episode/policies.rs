@@ -4,7 +4,7 @@ use smpl_dsl::syntax::{Statement, StatementKind};
 
 use crate::elaborate::episode::common::{each, store};
 use crate::elaborate::lower::place::{Place, Site};
-use crate::elaborate::lower::{Lowering, units};
+use crate::elaborate::lower::{Lowering, boxes, units};
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{ScopeId, SymbolKind};
 use crate::ir::{Affine, ExprId, Nest, Place as Memory, Program, Role, VarId};
@@ -34,7 +34,7 @@ pub(in crate::elaborate) fn policies<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(Sc
         let place = Place::new(scope, Site::Instant);
         let mut values = nominal.clone();
         for (target, e) in entries {
-            let Some((symbol, at)) = l.target(target, &place, &[Role::Action]) else { continue };
+            let Some((symbol, at)) = boxes::target(l, target, &place, &[Role::Action]) else { continue };
             let SymbolKind::Variable { var, unit, .. } = l.symbols[symbol].kind.clone() else { continue };
             let value = l.number_in(e, &unit, "the action", target.span, &place);
             for (slot, (v, i)) in values.iter_mut().zip(&actions) {

@@ -6,9 +6,9 @@ use smpl_dsl::syntax::{Statement, StatementKind};
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::episode::common::each;
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::values::Values;
+use crate::elaborate::lower::{Lowering, units};
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::ScopeId;
 use crate::ir::{BinaryFn, Expr, ExprId, Flavour, Role, UnaryFn};
@@ -33,7 +33,7 @@ pub(in crate::elaborate) fn rewards<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(Sco
         let Item::Other(Statement { kind: StatementKind::Reward { name, unit, default, value, text }, .. }) = item else { continue };
         let place = Place::new(scope, Site::Instant);
         let unit = match unit {
-            Some(u) => l.unit(u, &place).unwrap_or_else(Unit::one),
+            Some(u) => units::unit(l, u, &place).unwrap_or_else(Unit::one),
             None => Unit::one(),
         };
         if *default {

@@ -7,8 +7,8 @@ use smpl_dsl::units::Unit;
 use crate::elaborate::episode::common::each;
 use crate::elaborate::episode::entries::{Block, ENTRIES, ORDER_TEXT, Said, Takes, is_order, setting_entry};
 use crate::elaborate::ledger::Ledger;
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::place::{Place, Site};
+use crate::elaborate::lower::{Lowering, defaults};
 use crate::elaborate::options::Setting;
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::ScopeId;
@@ -55,10 +55,14 @@ fn entry_of_text(l: &mut Lowering<'_, '_>, block: Block, (name, e): (&Ident, &Ex
         // Rewards carry their own units; the number is taken in each.
         Takes::Number(to) => {
             let v = l.value(e, place);
-            put(to(said), l.constant_value(v.expr));
+            put(to(said), defaults::constant_value(l, v.expr));
         }
         Takes::Truth(to) => *to(said) = holds(l, e, place),
-        Takes::Name(names, to) => l.ledger.one_of(e, names.known, || format!("the {} is {}", names.what, names.text), to(said)),
+        Takes::Name(names) => {
+            if !matches!(&e.kind, ExprKind::Name(n) if (names.put)(said, &n.text)) {
+                l.ledger.report(Diagnostic::error(codes::BAD_SETTING, format!("the {} is {}", names.what, names.text), e.span));
+            }
+        }
     }
 }
 
@@ -76,7 +80,7 @@ fn entry_of_settings(l: &mut Lowering<'_, '_>, name: &str, value: &Setting, said
         Takes::Tolerance(_) => (Solver::RTOL.contains(&number), Solver::RTOL_TEXT),
         Takes::Order(_) => (is_order(number), ORDER_TEXT),
         Takes::Count(_) => ((1.0..4e9).contains(&number) && number.fract() == 0.0, "a whole number of at least 1"),
-        Takes::Name(names, _) => (matches!(value, Setting::Text(text) if names.known.contains(&text.as_str())), names.text),
+        Takes::Name(names) => (matches!(value, Setting::Text(text) if (names.put)(said, text)), names.text),
         Takes::Truth(_) => (false, "a condition"),
     };
     if !holds {
@@ -88,12 +92,11 @@ fn entry_of_settings(l: &mut Lowering<'_, '_>, name: &str, value: &Setting, said
         l.ledger.reports.scenario_fault(format!("`{name}` must be {expected}, not {given}"), None);
         return;
     }
-    match (&entry.takes, value) {
-        (Takes::Interval, _) => said.integrate = Some(number),
-        (Takes::Duration(to) | Takes::Positive(to) | Takes::Tolerance(to) | Takes::Number(to), _) => *to(said) = number,
-        (Takes::Order(to) | Takes::Count(to), _) => *to(said) = number as u32,
-        (Takes::Name(_, to), Setting::Text(text)) => to(said).clone_from(text),
-        _ => {}
+    match &entry.takes {
+        Takes::Interval => said.integrate = Some(number),
+        Takes::Duration(to) | Takes::Positive(to) | Takes::Tolerance(to) | Takes::Number(to) => *to(said) = number,
+        Takes::Order(to) | Takes::Count(to) => *to(said) = number as u32,
+        Takes::Name(_) | Takes::Truth(_) => {}
     }
 }
 
@@ -106,7 +109,7 @@ fn put<T>(to: &mut T, x: Option<T>) {
 fn setting_number(l: &mut Lowering<'_, '_>, name: &Ident, e: &Expr, unit: &Unit, place: &Place) -> Option<f64> {
     let reports = l.ledger.reports.diagnostics.len();
     let expr = l.number_in(e, unit, &format!("`{}`", name.text), name.span, place);
-    let value = l.constant_value(expr).filter(|x| !x.is_nan());
+    let value = defaults::constant_value(l, expr).filter(|x| !x.is_nan());
     if l.ledger.reports.diagnostics.len() != reports {
         return None;
     }
@@ -157,14 +160,6 @@ fn holds(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> bool {
 }
 
 impl Ledger {
-    /// One of several names.
-    fn one_of(&mut self, e: &Expr, known: &[&str], message: impl FnOnce() -> String, to: &mut String) {
-        match &e.kind {
-            ExprKind::Name(n) if known.contains(&n.text.as_str()) => to.clone_from(&n.text),
-            _ => self.report(Diagnostic::error(codes::BAD_SETTING, message(), e.span)),
-        }
-    }
-
     fn unknown_entry(&mut self, name: &Ident, block: Block) {
         let known: Vec<&str> = ENTRIES.iter().filter(|e| e.block == block).map(|e| e.name).collect();
         let block = if block == Block::Episode { "episode" } else { "solver" };

@@ -3,134 +3,132 @@
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Binder, BinderSet, Expr, ExprKind, Ident};
 
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::place::{BinderValue, Bound, Place};
+use crate::elaborate::lower::{Lowering, indices};
 use crate::elaborate::naming::Naming;
 use crate::elaborate::symbols::{Axis, DomainId, SetId, SymbolKind, Symbols};
 use crate::ir::Role;
 
-impl Lowering<'_, '_> {
-    /// What a binder runs over.
-    pub(in crate::elaborate) fn bindings_of(&mut self, binder: &Binder, place: &Place) -> Vec<BinderValue> {
-        match &binder.over {
-            BinderSet::Itself => self.naming().bindings_of_name(&binder.name, place),
-            BinderSet::Set(name)
-                if matches!(name.text.as_str(), "states" | "actions") && self.symbols.lookup(place.scope, &name.text).is_none() =>
-            {
-                let role = if name.text == "states" { Role::State } else { Role::Action };
-                self.symbols.arrays_of(role)
-            }
-            BinderSet::Set(name) => self.naming().bindings_of_name(name, place),
-            BinderSet::Range(low, high) => self.bindings_of_range(binder, low, high, place),
-            BinderSet::Tuple(list) => {
-                let scope = place.scope;
-                let mut out = Vec::new();
-                for e in list {
-                    // An element that is itself bound here must be taken now.
-                    let bound = match &e.kind {
-                        ExprKind::Name(n) if place.bound(&n.text).is_some() => place.bound(&n.text).cloned(),
-                        _ => None,
-                    };
-                    out.push(BinderValue::One(bound.unwrap_or_else(|| Bound::Alias(e.clone(), scope, place.bindings.clone()))));
-                }
-                out
-            }
-        }
-    }
-
-    fn bindings_of_range(&mut self, binder: &Binder, low: &Expr, high: &Expr, place: &Place) -> Vec<BinderValue> {
-        let symbol = self.symbols.lookup(place.scope, &binder.name.text);
-        let (Some(a), Some(b)) = (self.integer(low, place), self.integer(high, place)) else { return Vec::new() };
-        if b - a >= 10_000_000 {
-            self.ledger.report(Diagnostic::error(codes::TOO_LARGE, "a range of more than ten million numbers", binder.span));
-            return Vec::new();
-        }
-        if let Some(&(_, domain)) = self.loops.counted.iter().find(|(name, _)| *name == binder.name.text)
-            && a >= 1
-            && a <= b
-            && b <= self.symbols.domains[domain].cells
+/// What a binder runs over.
+pub(in crate::elaborate) fn bindings_of(l: &mut Lowering<'_, '_>, binder: &Binder, place: &Place) -> Vec<BinderValue> {
+    match &binder.over {
+        BinderSet::Itself => l.naming().bindings_of_name(&binder.name, place),
+        BinderSet::Set(name)
+            if matches!(name.text.as_str(), "states" | "actions") && l.symbols.lookup(place.scope, &name.text).is_none() =>
         {
-            return vec![BinderValue::Cells(domain, a - 1, b - 1)];
+            let role = if name.text == "states" { Role::State } else { Role::Action };
+            l.symbols.arrays_of(role)
         }
-        match symbol.map(|s| &self.symbols[s].kind) {
-            Some(&SymbolKind::Domain(domain)) => self.cells_from(domain, (a, b), binder),
-            Some(&SymbolKind::Set(set)) if self.symbols.sets[set].first.is_some() => self.symbols.members_between(set, a, b),
-            _ => {
-                let name = format!("{a}..{b}");
-                match self.symbols.sets.iter().find(|(_, s)| s.name == name) {
-                    Some((set, _)) => self.symbols.members_between(set, a, b),
-                    None => self.numbers_between(a, b, binder),
-                }
+        BinderSet::Set(name) => l.naming().bindings_of_name(name, place),
+        BinderSet::Range(low, high) => bindings_of_range(l, binder, low, high, place),
+        BinderSet::Tuple(list) => {
+            let scope = place.scope;
+            let mut out = Vec::new();
+            for e in list {
+                // An element that is itself bound here must be taken now.
+                let bound = match &e.kind {
+                    ExprKind::Name(n) if place.bound(&n.text).is_some() => place.bound(&n.text).cloned(),
+                    _ => None,
+                };
+                out.push(BinderValue::One(bound.unwrap_or_else(|| Bound::Alias(e.clone(), scope, place.bindings.clone()))));
+            }
+            out
+        }
+    }
+}
+
+fn bindings_of_range(l: &mut Lowering<'_, '_>, binder: &Binder, low: &Expr, high: &Expr, place: &Place) -> Vec<BinderValue> {
+    let symbol = l.symbols.lookup(place.scope, &binder.name.text);
+    let (Some(a), Some(b)) = (indices::integer(l, low, place), indices::integer(l, high, place)) else { return Vec::new() };
+    if b - a >= 10_000_000 {
+        l.ledger.report(Diagnostic::error(codes::TOO_LARGE, "a range of more than ten million numbers", binder.span));
+        return Vec::new();
+    }
+    if let Some(&(_, domain)) = l.loops.counted.iter().find(|(name, _)| *name == binder.name.text)
+        && a >= 1
+        && a <= b
+        && b <= l.symbols.domains[domain].cells
+    {
+        return vec![BinderValue::Cells(domain, a - 1, b - 1)];
+    }
+    match symbol.map(|s| &l.symbols[s].kind) {
+        Some(&SymbolKind::Domain(domain)) => cells_from(l, domain, (a, b), binder),
+        Some(&SymbolKind::Set(set)) if l.symbols.sets[set].first.is_some() => l.symbols.members_between(set, a, b),
+        _ => {
+            let name = format!("{a}..{b}");
+            match l.symbols.sets.iter().find(|(_, s)| s.name == name) {
+                Some((set, _)) => l.symbols.members_between(set, a, b),
+                None => numbers_between(l, a, b, binder),
             }
         }
     }
+}
 
-    /// The cells `a` to `b` of a domain, counted from one.
-    fn cells_from(&mut self, domain: DomainId, (a, b): (i64, i64), binder: &Binder) -> Vec<BinderValue> {
-        let n = self.symbols.domains[domain].cells;
-        if a > b {
-            return Vec::new();
-        }
-        if a < 1 || b > n {
-            let message = format!("`{}` has the cells 1 to {n}, the range is {a} to {b}", binder.name.text);
-            self.ledger.report(Diagnostic::error(codes::OUT_OF_RANGE, message, binder.span));
-            return Vec::new();
-        }
-        vec![BinderValue::Cells(domain, a - 1, b - 1)]
+/// The cells `a` to `b` of a domain, counted from one.
+fn cells_from(l: &mut Lowering<'_, '_>, domain: DomainId, (a, b): (i64, i64), binder: &Binder) -> Vec<BinderValue> {
+    let n = l.symbols.domains[domain].cells;
+    if a > b {
+        return Vec::new();
     }
-
-    /// Numbers that no set has.
-    fn numbers_between(&mut self, a: i64, b: i64, binder: &Binder) -> Vec<BinderValue> {
-        if b - a >= 10_000 {
-            self.ledger.report(
-                Diagnostic::error(codes::TOO_LARGE, "a range of more than ten thousand numbers is written out", binder.span)
-                    .help("use a `domain`: its cells stay a loop"),
-            );
-            return Vec::new();
-        }
-        (a..=b).map(|i| BinderValue::One(Bound::Number(self.exprs.constant(i as f64)))).collect()
+    if a < 1 || b > n {
+        let message = format!("`{}` has the cells 1 to {n}, the range is {a} to {b}", binder.name.text);
+        l.ledger.report(Diagnostic::error(codes::OUT_OF_RANGE, message, binder.span));
+        return Vec::new();
     }
+    vec![BinderValue::Cells(domain, a - 1, b - 1)]
+}
 
-    /// What an index of a declaration runs over (`i in species`, `z`, `k in 1..4`).
-    pub(in crate::elaborate) fn index_over(&mut self, binder: &Binder, place: &Place) -> Option<IndexOver> {
-        let set = match &binder.over {
-            BinderSet::Set(name) => name,
-            BinderSet::Itself => &binder.name,
-            BinderSet::Range(low, high) => return self.index_over_range(binder, low, high, place),
-            BinderSet::Tuple(_) => {
-                let message = "an index of a declaration runs over a set or a domain";
-                self.ledger.report(Diagnostic::error(codes::BAD_BINDER, message, binder.span));
-                return None;
-            }
-        };
-        match self.symbols.lookup(place.scope, &set.text).map(|s| &self.symbols[s].kind) {
-            Some(SymbolKind::Set(set) | SymbolKind::Phase(set)) => Some(IndexOver::Axis(Axis::Set(*set))),
-            Some(SymbolKind::Domain(domain)) => Some(IndexOver::Axis(Axis::Domain(*domain))),
-            _ => {
-                self.naming().bindings_of_name(set, place);
-                None
-            }
-        }
+/// Numbers that no set has.
+fn numbers_between(l: &mut Lowering<'_, '_>, a: i64, b: i64, binder: &Binder) -> Vec<BinderValue> {
+    if b - a >= 10_000 {
+        l.ledger.report(
+            Diagnostic::error(codes::TOO_LARGE, "a range of more than ten thousand numbers is written out", binder.span)
+                .help("use a `domain`: its cells stay a loop"),
+        );
+        return Vec::new();
     }
+    (a..=b).map(|i| BinderValue::One(Bound::Number(l.exprs.constant(i as f64)))).collect()
+}
 
-    /// The integers behind `k in 1..4` in a declaration; equal ranges are one set.
-    fn index_over_range(&mut self, binder: &Binder, low: &Expr, high: &Expr, place: &Place) -> Option<IndexOver> {
-        let (a, b) = (self.integer(low, place)?, self.integer(high, place)?);
-        if a > b || b - a >= 100_000 {
-            let d = Diagnostic::error(codes::EMPTY_SET, format!("an index from {a} to {b}"), binder.span);
-            self.ledger.report(d.label("must have between one and a hundred thousand members"));
+/// What an index of a declaration runs over (`i in species`, `z`, `k in 1..4`).
+pub(in crate::elaborate) fn index_over(l: &mut Lowering<'_, '_>, binder: &Binder, place: &Place) -> Option<IndexOver> {
+    let set = match &binder.over {
+        BinderSet::Set(name) => name,
+        BinderSet::Itself => &binder.name,
+        BinderSet::Range(low, high) => return index_over_range(l, binder, low, high, place),
+        BinderSet::Tuple(_) => {
+            let message = "an index of a declaration runs over a set or a domain";
+            l.ledger.report(Diagnostic::error(codes::BAD_BINDER, message, binder.span));
             return None;
         }
-        let name = format!("{a}..{b}");
-        if let Some((known, _)) = self.symbols.sets.iter().find(|(_, s)| s.name == name) {
-            return Some(IndexOver::Axis(Axis::Set(known)));
+    };
+    match l.symbols.lookup(place.scope, &set.text).map(|s| &l.symbols[s].kind) {
+        Some(SymbolKind::Set(set) | SymbolKind::Phase(set)) => Some(IndexOver::Axis(Axis::Set(*set))),
+        Some(SymbolKind::Domain(domain)) => Some(IndexOver::Axis(Axis::Domain(*domain))),
+        _ => {
+            l.naming().bindings_of_name(set, place);
+            None
         }
-        if !self.ledger.budget.may_hold(b - a) {
-            self.ledger.report(Diagnostic::error(codes::TOO_LARGE, "sets of more than two million members together", binder.span));
-            return None;
-        }
-        Some(IndexOver::New { name, low: a, high: b })
     }
+}
+
+/// The integers behind `k in 1..4` in a declaration; equal ranges are one set.
+fn index_over_range(l: &mut Lowering<'_, '_>, binder: &Binder, low: &Expr, high: &Expr, place: &Place) -> Option<IndexOver> {
+    let (a, b) = (indices::integer(l, low, place)?, indices::integer(l, high, place)?);
+    if a > b || b - a >= 100_000 {
+        let d = Diagnostic::error(codes::EMPTY_SET, format!("an index from {a} to {b}"), binder.span);
+        l.ledger.report(d.label("must have between one and a hundred thousand members"));
+        return None;
+    }
+    let name = format!("{a}..{b}");
+    if let Some((known, _)) = l.symbols.sets.iter().find(|(_, s)| s.name == name) {
+        return Some(IndexOver::Axis(Axis::Set(known)));
+    }
+    if !l.ledger.budget.may_hold(b - a) {
+        l.ledger.report(Diagnostic::error(codes::TOO_LARGE, "sets of more than two million members together", binder.span));
+        return None;
+    }
+    Some(IndexOver::New { name, low: a, high: b })
 }
 
 /// What an index of a declaration runs over.

@@ -7,7 +7,8 @@ use smpl_dsl::units::Unit;
 
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::{Measure, Value};
-use crate::elaborate::lower::{Lowering, units};
+use crate::elaborate::lower::{Lowering, functions, indices, operators, outcome, paths, phases, units};
+use crate::elaborate::space::{field, flux, grid};
 use crate::elaborate::symbols::{Axis, ScopeId, SymbolId, SymbolKind};
 use crate::ir::{Affine, Builtin, Expr as Node, ExprId, Flavour, Role};
 
@@ -40,7 +41,7 @@ impl<'a> Lowering<'_, 'a> {
                 Value { expr, unit: if *value == 0.0 { Measure::Zero } else { Measure::Bare } }
             }
             ExprKind::Number { value, unit: Some(unit) } => {
-                let unit = self.unit(unit, place);
+                let unit = units::unit(self, unit, place);
                 let expr = self.exprs.constant(*value);
                 match unit {
                     Some(unit) => Value::of(expr, unit),
@@ -52,17 +53,17 @@ impl<'a> Lowering<'_, 'a> {
                 Value::truth(expr)
             }
             ExprKind::Name(name) => self.name(name, place),
-            ExprKind::Member(..) | ExprKind::Index(..) => self.reference(e, place),
-            ExprKind::Call { function, arguments } => self.call(e.span, function, arguments, place),
+            ExprKind::Member(..) | ExprKind::Index(..) => paths::reference(self, e, place),
+            ExprKind::Call { function, arguments } => functions::call(self, e.span, function, arguments, place),
             ExprKind::Reduce { function, body, binders, condition } => {
                 self.reduction(e.span, function, body, binders, condition.as_deref(), place)
             }
             ExprKind::Derivative(inner) => self.derivative(e.span, inner, place),
-            ExprKind::Unary(op, a) => self.unary(*op, a, place),
-            ExprKind::Binary(op, a, b) => self.binary(e.span, *op, a, b, place),
-            ExprKind::If(c, a, b) => self.conditional_of(e.span, c, (a, b), place, &mut |s, e| s.value(e, place)),
+            ExprKind::Unary(op, a) => operators::unary(self, *op, a, place),
+            ExprKind::Binary(op, a, b) => operators::binary(self, e.span, *op, a, b, place),
+            ExprKind::If(c, a, b) => operators::conditional_of(self, e.span, c, (a, b), place, &mut |s, e| s.value(e, place)),
             ExprKind::As(a, unit) => {
-                let Some(target) = self.unit(unit, place) else { return self.poison() };
+                let Some(target) = units::unit(self, unit, place) else { return self.poison() };
                 let v = self.value(a, place);
                 self.values().put_unit(v, target, a.span)
             }
@@ -119,64 +120,24 @@ impl<'a> Lowering<'_, 'a> {
                 _ => Value::of(taken(self, v, e.span), unit.clone()),
             };
         };
-        self.nested(e.span, |s| s.conditional_of(e.span, c, (a, b), place, &mut |s, e| s.declared_value(e, place, taken, unit)))
+        self.nested(e.span, |s| operators::conditional_of(s, e.span, c, (a, b), place, &mut |s, e| s.declared_value(e, place, taken, unit)))
     }
 
     /// A name by itself.
     pub(in crate::elaborate) fn name(&mut self, name: &Ident, place: &Place) -> Value {
         if let Some(bound) = place.bound(&name.text).cloned() {
-            return self.bound_value(name.span, &name.text, &bound, place);
+            return bound_value(self, name.span, &name.text, &bound, place);
         }
         if let Some(symbol) = self.symbols.lookup(place.scope, &name.text) {
             return self.symbol_value(symbol, &[], name.span, place);
         }
-        if let Some(v) = self.schedule_name(name) {
+        if let Some(v) = phases::schedule_name(self, name) {
             return v;
         }
-        if let Some(v) = self.builtin_name(name) {
+        if let Some(v) = builtin_name(self, name) {
             return v;
         }
-        self.unknown_name(name, place.scope)
-    }
-
-    fn unknown_name(&mut self, name: &Ident, scope: ScopeId) -> Value {
-        let help = if self.ledger.reports.may_suggest() {
-            self.ledger.reports.did_you_mean(&name.text, self.symbols.visible(scope))
-        } else {
-            None
-        };
-        let d = Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown name `{}`", name.text), name.span)
-            .label("not declared")
-            .maybe_help(help);
-        self.fault(d)
-    }
-
-    fn bound_value(&mut self, span: Span, name: &str, bound: &Bound, place: &Place) -> Value {
-        match bound {
-            Bound::Value(v) => v.clone(),
-            Bound::Number(e) => Value::bare(*e),
-            Bound::Run(numbers) => self.values().run_value(*numbers),
-            Bound::Member(set, index) => match self.symbols.sets[*set].first {
-                Some(first) => {
-                    let expr = self.exprs.constant((first + *index as i64) as f64);
-                    Value { expr, unit: Measure::Bare }
-                }
-                None => self.fault(
-                    Diagnostic::error(codes::WRONG_KIND, format!("`{name}` is a member of a set, not a number"), span)
-                        .help("use it as an index"),
-                ),
-            },
-            Bound::Cell(domain, cell) => self.cell_centre(*domain, *cell),
-            Bound::Face(domain, face) => self.face_position_value(*domain, *face),
-            Bound::Alias(e, scope, bindings) => {
-                let mut inner = place.clone();
-                inner.scope = *scope;
-                inner.bindings = bindings.clone();
-                let e = e.clone();
-                self.value(&e, &inner)
-            }
-            Bound::Element(symbol, at) => self.load(*symbol, *at),
-        }
+        unknown_name(self, name, place.scope)
     }
 
     /// A whole variable's element.
@@ -189,25 +150,25 @@ impl<'a> Lowering<'_, 'a> {
 
     /// A symbol with index expressions.
     pub(in crate::elaborate) fn symbol_value(&mut self, symbol: SymbolId, index: &[Expr], span: Span, place: &Place) -> Value {
-        if let Some(v) = self.by_phase(symbol, index, span, place) {
+        if let Some(v) = phases::by_phase(self, symbol, index, span, place) {
             return v;
         }
         match self.symbols[symbol].kind.clone() {
             SymbolKind::Variable { axes, .. } => {
                 if let Some(face) = place.face
-                    && let Some(v) = self.face_value(symbol, &axes, index, span, face, place)
+                    && let Some(v) = field::face_value(self, symbol, &axes, index, span, face, place)
                 {
                     return v;
                 }
-                match self.address(symbol, &axes, index, span, place) {
+                match indices::address(self, symbol, &axes, index, span, place) {
                     Some((at, _)) => self.load(symbol, at),
                     None => self.poison(),
                 }
             }
             SymbolKind::Let { axes, binders, unit, definition, random, .. } => {
-                self.expand_let(symbol, &axes, &binders, unit.as_ref(), definition, random, index, span, place)
+                expand_let(self, symbol, &axes, &binders, unit.as_ref(), definition, random, index, span, place)
             }
-            SymbolKind::Table { axes, unit, values } => match self.address(symbol, &axes, index, span, place) {
+            SymbolKind::Table { axes, unit, values } => match indices::address(self, symbol, &axes, index, span, place) {
                 Some((at, _)) if at.is_constant() => {
                     let expr = self.exprs.constant(values.get(at.offset as usize).copied().unwrap_or(f64::NAN));
                     Value::of(expr, unit)
@@ -225,149 +186,14 @@ impl<'a> Lowering<'_, 'a> {
                 let expr = self.exprs.time();
                 Value::of(expr, self.symbols.time_unit.clone())
             }
-            SymbolKind::Flux { .. } => self.flux_at_end(symbol, index, span, place),
+            SymbolKind::Flux { .. } => flux::flux_at_end(self, symbol, index, span, place),
             SymbolKind::Faulty => self.poison(),
             SymbolKind::Phase(_) => {
                 let name = Ident { text: "phase".to_owned(), span };
-                self.schedule_name(&name).unwrap_or_else(|| self.poison())
+                phases::schedule_name(self, &name).unwrap_or_else(|| self.poison())
             }
-            kind => self.no_value(symbol, &kind, span),
+            kind => no_value(self, symbol, &kind, span),
         }
-    }
-
-    /// Reports a name that stands for no value.
-    fn no_value(&mut self, symbol: SymbolId, kind: &SymbolKind<'_>, span: Span) -> Value {
-        let what = match kind {
-            SymbolKind::Def { .. } => "a function; call it with arguments",
-            SymbolKind::TimeTable { .. } => "a function of time; call it, `table(t)`",
-            SymbolKind::Set(_) => "a set; use a member as an index",
-            SymbolKind::Domain(_) => "a domain; bind it with `for`",
-            SymbolKind::Choice { .. } => "a choice; compare it with one of its options",
-            _ => "a component; name one of its variables",
-        };
-        let path = self.symbols[symbol].path.clone();
-        let d = Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is {what}"), span);
-        self.fault(crate::elaborate::built_ins::note(d, &path))
-    }
-
-    #[allow(clippy::too_many_arguments, reason = "the parts of one symbol")]
-    fn expand_let(
-        &mut self,
-        symbol: SymbolId,
-        axes: &[Axis],
-        binders: &[String],
-        unit: Option<&Unit>,
-        definition: &Expr,
-        random: bool,
-        index: &[Expr],
-        span: Span,
-        place: &Place,
-    ) -> Value {
-        let Some((_, bounds)) = self.address(symbol, axes, index, span, place) else { return self.poison() };
-        // At a face a field index keeps meaning "here", so the expansion is made anew.
-        let key = place.face.is_none().then(|| {
-            let site = if random { Site::Reset } else { place.site };
-            (symbol, bounds.iter().map(crate::elaborate::lower::place::IndexKey::of).collect::<Vec<_>>(), site)
-        });
-        if let Some(v) = key.as_ref().and_then(|k| self.expansions.value(k)) {
-            return v.clone();
-        }
-        if self.expansions.is_open(symbol) {
-            return self.needs_itself(symbol);
-        }
-        let mut inner = Place { scope: self.symbols[symbol].scope, bindings: None, ..place.clone() };
-        if random {
-            (inner.site, inner.depth) = (Site::Reset, 0);
-        }
-        for (name, bound) in binders.iter().zip(bounds) {
-            inner = inner.bind(name, bound);
-        }
-        self.expansions.note_use(symbol);
-        self.expansions.enter(symbol);
-        let outer_stream = random.then(|| {
-            let path = self.symbols[symbol].path.clone();
-            self.hidden.draws.site.replace((path, crate::model::Instant::Reset))
-        });
-        // A fault of a definition is its own, whoever asks for it.
-        let calls = std::mem::take(&mut self.ledger.reports.calls);
-        let v = match unit {
-            Some(unit) => self.value_of_let(symbol, definition, unit, random, &inner),
-            None => self.value(definition, &inner),
-        };
-        self.ledger.reports.calls = calls;
-        if let Some(outer) = outer_stream {
-            self.hidden.draws.site = outer;
-        }
-        self.expansions.leave();
-        if let Some(key) = key {
-            self.ledger.speculation.remember(&key);
-            self.expansions.remember(key, v.clone());
-        }
-        v
-    }
-
-    /// Reports a definition that needs itself.
-    fn needs_itself(&mut self, symbol: SymbolId) -> Value {
-        let path = self.symbols[symbol].path.clone();
-        let at = self.symbols[symbol].span;
-        let chain = self.cycle(symbol);
-        self.fault(
-            Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the definition of `{path}` needs itself{chain}"), at)
-                .help("make it a `var` with an equation of its own: then it is solved for"),
-        )
-    }
-
-    /// The value of a `let` with a unit, in that unit: strictly, but for a pure number and what is drawn.
-    fn value_of_let(&mut self, symbol: SymbolId, definition: &Expr, unit: &Unit, random: bool, place: &Place) -> Value {
-        let declared = self.symbols[symbol].span;
-        let what = format!("`{}`", self.symbols[symbol].path);
-        let taken = &mut |s: &mut Self, v: Value, span: Span| {
-            if random {
-                s.values().in_unit(v, unit, span, &what, declared)
-            } else {
-                s.values().strictly_or_bare(v, unit, span, &what, declared)
-            }
-        };
-        self.declared_value(definition, place, taken, unit)
-    }
-
-    /// The way from a definition back to itself, where it has stations.
-    pub(in crate::elaborate) fn cycle(&self, symbol: SymbolId) -> String {
-        let ring = self.expansions.ring(symbol);
-        if ring.len() < 2 {
-            return String::new();
-        }
-        let path = |s: &SymbolId| format!("`{}`", self.symbols[*s].path);
-        let stations: Vec<String> = ring.iter().chain([&symbol]).map(path).collect();
-        format!(": {}", stations.join(" needs "))
-    }
-
-    fn builtin_name(&mut self, name: &Ident) -> Option<Value> {
-        let builtin = |s: &mut Self, b: Builtin| s.exprs.load(s.hidden.builtins, Flavour::Value, Affine::constant(b as i64));
-        Some(match name.text.as_str() {
-            "pi" => Value::bare(self.exprs.constant(std::f64::consts::PI)),
-            "e" => Value::bare(self.exprs.constant(std::f64::consts::E)),
-            "inf" => Value { expr: self.exprs.constant(f64::INFINITY), unit: Measure::Zero },
-            "n" | "steps" => Value::bare(builtin(self, Builtin::Steps)),
-            "step" => {
-                let e = builtin(self, Builtin::StepLength);
-                Value::of(e, self.symbols.time_unit.clone())
-            }
-            "clock" => {
-                let e = builtin(self, Builtin::Clock);
-                Value::of(e, self.symbols.time_unit.clone())
-            }
-            "success" | "failure" | "timeout" | "reward" => {
-                return self.outcome_name(name).or_else(|| {
-                    Some(self.fault(Diagnostic::error(
-                        codes::MISPLACED_FUNCTION,
-                        format!("`{}` is known at the end of a step: it has a meaning in rewards and in `fail` only", name.text),
-                        name.span,
-                    )))
-                });
-            }
-            _ => return None,
-        })
     }
 
     /// `d/dt x`
@@ -384,4 +210,174 @@ impl<'a> Lowering<'_, 'a> {
             _ => self.values().not_a_state(span, inner),
         }
     }
+}
+
+fn unknown_name(l: &mut Lowering<'_, '_>, name: &Ident, scope: ScopeId) -> Value {
+    let help = if l.ledger.reports.may_suggest() { l.ledger.reports.did_you_mean(&name.text, l.symbols.visible(scope)) } else { None };
+    let d =
+        Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown name `{}`", name.text), name.span).label("not declared").maybe_help(help);
+    l.fault(d)
+}
+
+fn bound_value(l: &mut Lowering<'_, '_>, span: Span, name: &str, bound: &Bound, place: &Place) -> Value {
+    match bound {
+        Bound::Value(v) => v.clone(),
+        Bound::Number(e) => Value::bare(*e),
+        Bound::Run(numbers) => l.values().run_value(*numbers),
+        Bound::Member(set, index) => match l.symbols.sets[*set].first {
+            Some(first) => {
+                let expr = l.exprs.constant((first + *index as i64) as f64);
+                Value { expr, unit: Measure::Bare }
+            }
+            None => l.fault(
+                Diagnostic::error(codes::WRONG_KIND, format!("`{name}` is a member of a set, not a number"), span)
+                    .help("use it as an index"),
+            ),
+        },
+        Bound::Cell(domain, cell) => grid::cell_centre(l, *domain, *cell),
+        Bound::Face(domain, face) => grid::face_position_value(l, *domain, *face),
+        Bound::Alias(e, scope, bindings) => {
+            let mut inner = place.clone();
+            inner.scope = *scope;
+            inner.bindings = bindings.clone();
+            let e = e.clone();
+            l.value(&e, &inner)
+        }
+        Bound::Element(symbol, at) => l.load(*symbol, *at),
+    }
+}
+
+/// Reports a name that stands for no value.
+fn no_value(l: &mut Lowering<'_, '_>, symbol: SymbolId, kind: &SymbolKind<'_>, span: Span) -> Value {
+    let what = match kind {
+        SymbolKind::Def { .. } => "a function; call it with arguments",
+        SymbolKind::TimeTable { .. } => "a function of time; call it, `table(t)`",
+        SymbolKind::Set(_) => "a set; use a member as an index",
+        SymbolKind::Domain(_) => "a domain; bind it with `for`",
+        SymbolKind::Choice { .. } => "a choice; compare it with one of its options",
+        _ => "a component; name one of its variables",
+    };
+    let path = l.symbols[symbol].path.clone();
+    let d = Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is {what}"), span);
+    l.fault(crate::elaborate::built_ins::note(d, &path))
+}
+
+#[allow(clippy::too_many_arguments, reason = "the parts of one symbol")]
+fn expand_let(
+    l: &mut Lowering<'_, '_>,
+    symbol: SymbolId,
+    axes: &[Axis],
+    binders: &[String],
+    unit: Option<&Unit>,
+    definition: &Expr,
+    random: bool,
+    index: &[Expr],
+    span: Span,
+    place: &Place,
+) -> Value {
+    let Some((_, bounds)) = indices::address(l, symbol, axes, index, span, place) else { return l.poison() };
+    // At a face a field index keeps meaning "here", so the expansion is made anew.
+    let key = place.face.is_none().then(|| {
+        let site = if random { Site::Reset } else { place.site };
+        (symbol, bounds.iter().map(crate::elaborate::lower::place::IndexKey::of).collect::<Vec<_>>(), site)
+    });
+    if let Some(v) = key.as_ref().and_then(|k| l.expansions.value(k)) {
+        return v.clone();
+    }
+    if l.expansions.is_open(symbol) {
+        return needs_itself(l, symbol);
+    }
+    let mut inner = Place { scope: l.symbols[symbol].scope, bindings: None, ..place.clone() };
+    if random {
+        (inner.site, inner.depth) = (Site::Reset, 0);
+    }
+    for (name, bound) in binders.iter().zip(bounds) {
+        inner = inner.bind(name, bound);
+    }
+    l.expansions.note_use(symbol);
+    l.expansions.enter(symbol);
+    let outer_stream = random.then(|| {
+        let path = l.symbols[symbol].path.clone();
+        l.hidden.draws.site.replace((path, crate::model::Instant::Reset))
+    });
+    // A fault of a definition is its own, whoever asks for it.
+    let calls = std::mem::take(&mut l.ledger.reports.calls);
+    let v = match unit {
+        Some(unit) => value_of_let(l, symbol, definition, unit, random, &inner),
+        None => l.value(definition, &inner),
+    };
+    l.ledger.reports.calls = calls;
+    if let Some(outer) = outer_stream {
+        l.hidden.draws.site = outer;
+    }
+    l.expansions.leave();
+    if let Some(key) = key {
+        l.ledger.speculation.remember(&key);
+        l.expansions.remember(key, v.clone());
+    }
+    v
+}
+
+/// Reports a definition that needs itself.
+fn needs_itself(l: &mut Lowering<'_, '_>, symbol: SymbolId) -> Value {
+    let path = l.symbols[symbol].path.clone();
+    let at = l.symbols[symbol].span;
+    let chain = cycle(l, symbol);
+    l.fault(
+        Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the definition of `{path}` needs itself{chain}"), at)
+            .help("make it a `var` with an equation of its own: then it is solved for"),
+    )
+}
+
+/// The value of a `let` with a unit, in that unit: strictly, but for a pure number and what is drawn.
+fn value_of_let<'m, 'a>(l: &mut Lowering<'m, 'a>, symbol: SymbolId, definition: &Expr, unit: &Unit, random: bool, place: &Place) -> Value {
+    let declared = l.symbols[symbol].span;
+    let what = format!("`{}`", l.symbols[symbol].path);
+    let taken = &mut |s: &mut Lowering<'m, 'a>, v: Value, span: Span| {
+        if random {
+            s.values().in_unit(v, unit, span, &what, declared)
+        } else {
+            s.values().strictly_or_bare(v, unit, span, &what, declared)
+        }
+    };
+    l.declared_value(definition, place, taken, unit)
+}
+
+/// The way from a definition back to itself, where it has stations.
+pub(in crate::elaborate) fn cycle(l: &Lowering<'_, '_>, symbol: SymbolId) -> String {
+    let ring = l.expansions.ring(symbol);
+    if ring.len() < 2 {
+        return String::new();
+    }
+    let path = |s: &SymbolId| format!("`{}`", l.symbols[*s].path);
+    let stations: Vec<String> = ring.iter().chain([&symbol]).map(path).collect();
+    format!(": {}", stations.join(" needs "))
+}
+
+fn builtin_name<'m, 'a>(l: &mut Lowering<'m, 'a>, name: &Ident) -> Option<Value> {
+    let builtin = |s: &mut Lowering<'m, 'a>, b: Builtin| s.exprs.load(s.hidden.builtins, Flavour::Value, Affine::constant(b as i64));
+    Some(match name.text.as_str() {
+        "pi" => Value::bare(l.exprs.constant(std::f64::consts::PI)),
+        "e" => Value::bare(l.exprs.constant(std::f64::consts::E)),
+        "inf" => Value { expr: l.exprs.constant(f64::INFINITY), unit: Measure::Zero },
+        "n" | "steps" => Value::bare(builtin(l, Builtin::Steps)),
+        "step" => {
+            let e = builtin(l, Builtin::StepLength);
+            Value::of(e, l.symbols.time_unit.clone())
+        }
+        "clock" => {
+            let e = builtin(l, Builtin::Clock);
+            Value::of(e, l.symbols.time_unit.clone())
+        }
+        "success" | "failure" | "timeout" | "reward" => {
+            return outcome::outcome_name(l, name).or_else(|| {
+                Some(l.fault(Diagnostic::error(
+                    codes::MISPLACED_FUNCTION,
+                    format!("`{}` is known at the end of a step: it has a meaning in rewards and in `fail` only", name.text),
+                    name.span,
+                )))
+            });
+        }
+        _ => return None,
+    })
 }

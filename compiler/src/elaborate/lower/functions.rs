@@ -10,364 +10,368 @@ use crate::elaborate::lower::builtins::{self, Attribute, Builtin, Call};
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::values::Values;
-use crate::elaborate::lower::{Lowering, units};
+use crate::elaborate::lower::{Lowering, boxes, expression, operators, random_and_tables, units};
+use crate::elaborate::space::{field, flux, grid};
 use crate::elaborate::symbols::{SymbolId, SymbolKind};
 use crate::ir::{Affine, BinaryFn, Expr as Node, Flavour, Role, UnaryFn};
 use crate::model::Quantity;
 
-impl Lowering<'_, '_> {
-    /// `f(a, b)`
-    pub(in crate::elaborate) fn call(&mut self, span: Span, function: &Ident, arguments: &[Expr], place: &Place) -> Value {
-        if let Some(symbol) = self.symbols.lookup(place.scope, &function.text) {
-            match self.symbols[symbol].kind.clone() {
-                SymbolKind::Def { parameters, body } => return self.expand_def(span, symbol, parameters, body, arguments, place),
-                SymbolKind::TimeTable { .. } => return self.time_table(span, symbol, arguments, place),
-                _ => {}
-            }
-        }
-        let Some(&Builtin { name, arity, call: Some(call), .. }) = builtins::find(&function.text) else {
-            return self.unknown_function(function, place);
-        };
-        if arity.is_some_and(|wanted| !self.ledger.argument(span, function, arguments, wanted)) {
-            return self.poison();
-        }
-        self.built_in(span, (name, call), arguments, place)
-    }
-
-    /// A call of a built-in function with as many arguments as it takes.
-    fn built_in(&mut self, span: Span, (name, call): (&str, Call), arguments: &[Expr], place: &Place) -> Value {
-        match (call, arguments) {
-            (Call::Elementary(f), [a]) => self.elementary(name, f, a, place),
-            (Call::Keeping(f), [a]) => self.keeping_unit(name, f, false, a, place),
-            (Call::OfAmount(f), [a]) => self.keeping_unit(name, f, true, a, place),
-            (Call::Power(exponent), [a]) => {
-                let v = self.value(a, place);
-                let exponent = self.exprs.constant(exponent);
-                self.arithmetic(BinaryOp::Pow, (v, a.span), (Value::bare(exponent), span), span)
-            }
-            (Call::Extremum(f), _) => self.extremum(span, name, f, arguments, place),
-            (Call::Clip, _) => self.clip(span, arguments, place),
-            (Call::Atan2, [y, x]) => self.atan2(span, y, x, place),
-            (Call::Modulo, [a, b]) => self.modulo(span, a, b, place),
-            (Call::Derivative, [a]) => self.derivative(span, a, place),
-            (Call::Frame(flavour), [a]) => self.flavoured(span, name, flavour, a, place),
-            (Call::Quadrature, [a]) => self.quadrature(span, a, place),
-            (Call::Kelvin, [a]) => self.kelvin(a, place),
-            (Call::Celsius, [a]) => self.celsius(a, place),
-            (Call::Value, [a]) => self.plain_value(a, None, place),
-            (Call::Value, [a, unit]) => self.plain_value(a, Some(unit), place),
-            (Call::Attribute(attribute), [a]) => self.attribute(span, name, attribute, a, place),
-            (Call::Box(inside), [a]) => self.box_condition(inside, a, place),
-            (Call::Random(distribution), [a, b]) => self.random(span, name, distribution, (a, b), place),
-            (Call::Divergence, [a]) => self.divergence(span, a, place),
-            (Call::Gradient, [a]) => self.gradient(span, a, place),
-            (Call::Upwind, [v, e]) => self.upwind(span, v, e, place),
-            (Call::Width | Call::Volume, [a]) => self.cell_size(span, name, call, a, place),
-            _ => {
-                self.ledger.wrong_number(span, name, 1, arguments.len());
-                self.poison()
-            }
+/// `f(a, b)`
+pub(in crate::elaborate) fn call(l: &mut Lowering<'_, '_>, span: Span, function: &Ident, arguments: &[Expr], place: &Place) -> Value {
+    if let Some(symbol) = l.symbols.lookup(place.scope, &function.text) {
+        match l.symbols[symbol].kind.clone() {
+            SymbolKind::Def { parameters, body } => return expand_def(l, span, symbol, parameters, body, arguments, place),
+            SymbolKind::TimeTable { .. } => return random_and_tables::time_table(l, span, symbol, arguments, place),
+            _ => {}
         }
     }
-
-    pub(in crate::elaborate) fn unknown_function(&mut self, function: &Ident, place: &Place) -> Value {
-        let name = &function.text;
-        let declared = self.symbols.lookup(place.scope, name);
-        if let Some(symbol) = declared {
-            let at = self.symbols[symbol].span;
-            return self.fault(
-                Diagnostic::error(codes::WRONG_KIND, format!("`{name}` is no function"), function.span)
-                    .secondary(at, "declared here")
-                    .help(format!("multiply with `*`: `{name} * (...)`")),
-            );
-        }
-        let over_sets = builtins::find(name).is_some_and(|b| b.call.is_none());
-        let help = match name.as_str() {
-            "log" => Some("write `ln` for the natural logarithm, `log10` for the decimal one".to_owned()),
-            "pow" => Some("write `x^y`".to_owned()),
-            _ if over_sets => Some(format!("say over what: `{name}(x[i] for i in set)`")),
-            _ if self.ledger.reports.may_suggest() => {
-                self.ledger.reports.did_you_mean(name, builtins::names().chain(self.symbols.visible(place.scope)))
-            }
-            _ => None,
-        };
-        let message = if over_sets { format!("`{name}` runs over a set, here is none") } else { format!("unknown function `{name}`") };
-        let d = Diagnostic::error(codes::UNKNOWN_NAME, message, function.span).maybe_help(help);
-        self.fault(d)
+    let Some(&Builtin { name, arity, call: Some(call), .. }) = builtins::find(&function.text) else {
+        return unknown_function(l, function, place);
+    };
+    if arity.is_some_and(|wanted| !l.ledger.argument(span, function, arguments, wanted)) {
+        return l.poison();
     }
+    built_in(l, span, (name, call), arguments, place)
+}
 
-    fn expand_def(&mut self, span: Span, symbol: SymbolId, parameters: &[Ident], body: &Expr, arguments: &[Expr], place: &Place) -> Value {
-        if !self.ledger.may_write_out(span) {
-            return self.poison();
+/// A call of a built-in function with as many arguments as it takes.
+fn built_in(l: &mut Lowering<'_, '_>, span: Span, (name, call): (&str, Call), arguments: &[Expr], place: &Place) -> Value {
+    match (call, arguments) {
+        (Call::Elementary(f), [a]) => elementary(l, name, f, a, place),
+        (Call::Keeping(f), [a]) => keeping_unit(l, name, f, false, a, place),
+        (Call::OfAmount(f), [a]) => keeping_unit(l, name, f, true, a, place),
+        (Call::Power(exponent), [a]) => {
+            let v = l.value(a, place);
+            let exponent = l.exprs.constant(exponent);
+            operators::arithmetic(l, BinaryOp::Pow, (v, a.span), (Value::bare(exponent), span), span)
         }
-        let path = self.symbols[symbol].path.clone();
-        if parameters.len() != arguments.len() {
-            let declared = self.symbols[symbol].span;
-            return self.fault(
-                Diagnostic::error(
-                    codes::WRONG_ARGUMENTS,
-                    format!("`{path}` takes {} arguments, not {}", parameters.len(), arguments.len()),
-                    span,
-                )
-                .secondary(declared, "declared here"),
-            );
-        }
-        if self.expansions.is_open(symbol) {
-            let declared = self.symbols[symbol].span;
-            let chain = self.cycle(symbol);
-            return self.fault(
-                Diagnostic::error(codes::CYCLIC_DEFINITION, format!("`{path}` calls itself{chain}"), declared)
-                    .help("functions are expanded where they are called, so none can call itself"),
-            );
-        }
-        let mut inner = place.clone();
-        inner.scope = self.symbols[symbol].scope;
-        inner.bindings = None;
-        for (parameter, argument) in parameters.iter().zip(arguments) {
-            let v = self.value(argument, place);
-            inner = inner.bind(&parameter.text, Bound::Value(v));
-        }
-        self.expansions.note_use(symbol);
-        self.expansions.enter(symbol);
-        self.ledger.reports.calls.push(span);
-        let v = self.value(body, &inner);
-        self.ledger.reports.calls.pop();
-        self.expansions.leave();
-        v
-    }
-
-    fn elementary(&mut self, name: &str, f: UnaryFn, a: &Expr, place: &Place) -> Value {
-        let v = self.value(a, place);
-        match self.values().dimensionless(&v, a.span, name) {
-            Some(x) => {
-                let expr = self.exprs.unary(f, x);
-                if v.unit.is_plain() { Value::bare(expr) } else { Value::of(expr, Unit::one()) }
-            }
-            None => self.poison(),
+        (Call::Extremum(f), _) => extremum(l, span, name, f, arguments, place),
+        (Call::Clip, _) => clip(l, span, arguments, place),
+        (Call::Atan2, [y, x]) => atan2(l, span, y, x, place),
+        (Call::Modulo, [a, b]) => modulo(l, span, a, b, place),
+        (Call::Derivative, [a]) => l.derivative(span, a, place),
+        (Call::Frame(flavour), [a]) => flavoured(l, span, name, flavour, a, place),
+        (Call::Quadrature, [a]) => quadrature(l, span, a, place),
+        (Call::Kelvin, [a]) => kelvin(l, a, place),
+        (Call::Celsius, [a]) => celsius(l, a, place),
+        (Call::Value, [a]) => plain_value(l, a, None, place),
+        (Call::Value, [a, unit]) => plain_value(l, a, Some(unit), place),
+        (Call::Attribute(attribute), [a]) => declared_number(l, span, name, attribute, a, place),
+        (Call::Box(inside), [a]) => boxes::box_condition(l, inside, a, place),
+        (Call::Random(distribution), [a, b]) => random_and_tables::random(l, span, name, distribution, (a, b), place),
+        (Call::Divergence, [a]) => flux::divergence(l, span, a, place),
+        (Call::Gradient, [a]) => field::gradient(l, span, a, place),
+        (Call::Upwind, [v, e]) => field::upwind(l, span, v, e, place),
+        (Call::Width | Call::Volume, [a]) => cell_size(l, span, name, call, a, place),
+        _ => {
+            l.ledger.wrong_number(span, name, 1, arguments.len());
+            l.poison()
         }
     }
+}
 
-    fn keeping_unit(&mut self, name: &str, f: UnaryFn, of_amount: bool, a: &Expr, place: &Place) -> Value {
-        let v = self.value(a, place);
-        match &v.unit {
-            Measure::Poison => v,
-            Measure::Truth => self.fault(Diagnostic::error(codes::WRONG_KIND, format!("`{name}` of a condition"), a.span)),
-            Measure::Of(u) if of_amount && units::is_point(u) => self.fault(
-                Diagnostic::error(codes::AFFINE_UNIT, format!("`{name}` of a point on a temperature scale"), a.span)
-                    .help("use `kelvin(T)`, or a difference of two temperatures"),
-            ),
-            unit => {
-                let unit = if f == UnaryFn::Sign { Measure::Bare } else { unit.clone() };
-                let expr = self.exprs.unary(f, v.expr);
-                Value { expr, unit }
-            }
+pub(in crate::elaborate) fn unknown_function(l: &mut Lowering<'_, '_>, function: &Ident, place: &Place) -> Value {
+    let name = &function.text;
+    let declared = l.symbols.lookup(place.scope, name);
+    if let Some(symbol) = declared {
+        let at = l.symbols[symbol].span;
+        return l.fault(
+            Diagnostic::error(codes::WRONG_KIND, format!("`{name}` is no function"), function.span)
+                .secondary(at, "declared here")
+                .help(format!("multiply with `*`: `{name} * (...)`")),
+        );
+    }
+    let over_sets = builtins::find(name).is_some_and(|b| b.call.is_none());
+    let help = match name.as_str() {
+        "log" => Some("write `ln` for the natural logarithm, `log10` for the decimal one".to_owned()),
+        "pow" => Some("write `x^y`".to_owned()),
+        _ if over_sets => Some(format!("say over what: `{name}(x[i] for i in set)`")),
+        _ if l.ledger.reports.may_suggest() => l.ledger.reports.did_you_mean(name, builtins::names().chain(l.symbols.visible(place.scope))),
+        _ => None,
+    };
+    let message = if over_sets { format!("`{name}` runs over a set, here is none") } else { format!("unknown function `{name}`") };
+    let d = Diagnostic::error(codes::UNKNOWN_NAME, message, function.span).maybe_help(help);
+    l.fault(d)
+}
+
+fn expand_def(
+    l: &mut Lowering<'_, '_>,
+    span: Span,
+    symbol: SymbolId,
+    parameters: &[Ident],
+    body: &Expr,
+    arguments: &[Expr],
+    place: &Place,
+) -> Value {
+    if !l.ledger.may_write_out(span) {
+        return l.poison();
+    }
+    let path = l.symbols[symbol].path.clone();
+    if parameters.len() != arguments.len() {
+        let declared = l.symbols[symbol].span;
+        return l.fault(
+            Diagnostic::error(
+                codes::WRONG_ARGUMENTS,
+                format!("`{path}` takes {} arguments, not {}", parameters.len(), arguments.len()),
+                span,
+            )
+            .secondary(declared, "declared here"),
+        );
+    }
+    if l.expansions.is_open(symbol) {
+        let declared = l.symbols[symbol].span;
+        let chain = expression::cycle(l, symbol);
+        return l.fault(
+            Diagnostic::error(codes::CYCLIC_DEFINITION, format!("`{path}` calls itself{chain}"), declared)
+                .help("functions are expanded where they are called, so none can call itself"),
+        );
+    }
+    let mut inner = place.clone();
+    inner.scope = l.symbols[symbol].scope;
+    inner.bindings = None;
+    for (parameter, argument) in parameters.iter().zip(arguments) {
+        let v = l.value(argument, place);
+        inner = inner.bind(&parameter.text, Bound::Value(v));
+    }
+    l.expansions.note_use(symbol);
+    l.expansions.enter(symbol);
+    l.ledger.reports.calls.push(span);
+    let v = l.value(body, &inner);
+    l.ledger.reports.calls.pop();
+    l.expansions.leave();
+    v
+}
+
+fn elementary(l: &mut Lowering<'_, '_>, name: &str, f: UnaryFn, a: &Expr, place: &Place) -> Value {
+    let v = l.value(a, place);
+    match l.values().dimensionless(&v, a.span, name) {
+        Some(x) => {
+            let expr = l.exprs.unary(f, x);
+            if v.unit.is_plain() { Value::bare(expr) } else { Value::of(expr, Unit::one()) }
+        }
+        None => l.poison(),
+    }
+}
+
+fn keeping_unit(l: &mut Lowering<'_, '_>, name: &str, f: UnaryFn, of_amount: bool, a: &Expr, place: &Place) -> Value {
+    let v = l.value(a, place);
+    match &v.unit {
+        Measure::Poison => v,
+        Measure::Truth => l.fault(Diagnostic::error(codes::WRONG_KIND, format!("`{name}` of a condition"), a.span)),
+        Measure::Of(u) if of_amount && units::is_point(u) => l.fault(
+            Diagnostic::error(codes::AFFINE_UNIT, format!("`{name}` of a point on a temperature scale"), a.span)
+                .help("use `kelvin(T)`, or a difference of two temperatures"),
+        ),
+        unit => {
+            let unit = if f == UnaryFn::Sign { Measure::Bare } else { unit.clone() };
+            let expr = l.exprs.unary(f, v.expr);
+            Value { expr, unit }
         }
     }
+}
 
-    fn extremum(&mut self, span: Span, name: &str, f: BinaryFn, arguments: &[Expr], place: &Place) -> Value {
-        if arguments.len() < 2 {
-            return self.fault(
-                Diagnostic::error(codes::WRONG_ARGUMENTS, format!("`{name}` takes two or more arguments"), span)
-                    .help(format!("over a set: `{name}(x[i] for i in set)`")),
-            );
-        }
-        let values: Vec<(Value, Span)> = arguments.iter().map(|a| (self.value(a, place), a.span)).collect();
-        self.values().fold_extremum(f, values, span)
+fn extremum(l: &mut Lowering<'_, '_>, span: Span, name: &str, f: BinaryFn, arguments: &[Expr], place: &Place) -> Value {
+    if arguments.len() < 2 {
+        return l.fault(
+            Diagnostic::error(codes::WRONG_ARGUMENTS, format!("`{name}` takes two or more arguments"), span)
+                .help(format!("over a set: `{name}(x[i] for i in set)`")),
+        );
     }
+    let values: Vec<(Value, Span)> = arguments.iter().map(|a| (l.value(a, place), a.span)).collect();
+    l.values().fold_extremum(f, values, span)
+}
 
-    fn clip(&mut self, span: Span, arguments: &[Expr], place: &Place) -> Value {
-        let v: Vec<(Value, Span)> = arguments.iter().map(|a| (self.value(a, place), a.span)).collect();
-        let [x, low, high] = &v[..] else { return self.poison() };
-        let above = self.values().fold_extremum(BinaryFn::Max, vec![x.clone(), low.clone()], span);
-        self.values().fold_extremum(BinaryFn::Min, vec![(above, x.1), high.clone()], span)
+fn clip(l: &mut Lowering<'_, '_>, span: Span, arguments: &[Expr], place: &Place) -> Value {
+    let v: Vec<(Value, Span)> = arguments.iter().map(|a| (l.value(a, place), a.span)).collect();
+    let [x, low, high] = &v[..] else { return l.poison() };
+    let above = l.values().fold_extremum(BinaryFn::Max, vec![x.clone(), low.clone()], span);
+    l.values().fold_extremum(BinaryFn::Min, vec![(above, x.1), high.clone()], span)
+}
+
+fn atan2(l: &mut Lowering<'_, '_>, span: Span, y: &Expr, x: &Expr, place: &Place) -> Value {
+    let (a, b) = (l.value(y, place), l.value(x, place));
+    let Some((left, right)) = l.values().common(&a, y.span, &b, x.span, span) else { return l.poison() };
+    let expr = l.exprs.binary(BinaryFn::Atan2, left, right);
+    Value::of(expr, Unit::one())
+}
+
+/// `mod(a, b)`: what is left of `a` after whole multiples of `b`, with the sign of `b`.
+fn modulo(l: &mut Lowering<'_, '_>, span: Span, first: &Expr, second: &Expr, place: &Place) -> Value {
+    let (a, b) = (l.value(first, place), l.value(second, place));
+    let Some((left, right)) = l.values().common(&a, first.span, &b, second.span, span) else { return l.poison() };
+    let ratio = l.exprs.div(left, right);
+    let whole = l.exprs.unary(UnaryFn::Floor, ratio);
+    let multiple = l.exprs.mul(right, whole);
+    let expr = l.exprs.sub(left, multiple);
+    Value { expr, unit: a.unit.beside(&b.unit) }
+}
+
+/// `initial(e)`, `previous(e)`, `steady(e)`: `e` with every variable read from another frame.
+fn flavoured(l: &mut Lowering<'_, '_>, span: Span, name: &str, flavour: Flavour, a: &Expr, place: &Place) -> Value {
+    l.hidden.steady |= flavour == Flavour::Steady;
+    let v = l.value(a, place);
+    if v.is_poison() {
+        return v;
     }
-
-    fn atan2(&mut self, span: Span, y: &Expr, x: &Expr, place: &Place) -> Value {
-        let (a, b) = (self.value(y, place), self.value(x, place));
-        let Some((l, r)) = self.values().common(&a, y.span, &b, x.span, span) else { return self.poison() };
-        let expr = self.exprs.binary(BinaryFn::Atan2, l, r);
-        Value::of(expr, Unit::one())
-    }
-
-    /// `mod(a, b)`: what is left of `a` after whole multiples of `b`, with the sign of `b`.
-    fn modulo(&mut self, span: Span, first: &Expr, second: &Expr, place: &Place) -> Value {
-        let (a, b) = (self.value(first, place), self.value(second, place));
-        let Some((l, r)) = self.values().common(&a, first.span, &b, second.span, span) else { return self.poison() };
-        let ratio = self.exprs.div(l, r);
-        let whole = self.exprs.unary(UnaryFn::Floor, ratio);
-        let multiple = self.exprs.mul(r, whole);
-        let expr = self.exprs.sub(l, multiple);
-        Value { expr, unit: a.unit.beside(&b.unit) }
-    }
-
-    /// `initial(e)`, `previous(e)`, `steady(e)`: `e` with every variable read from another frame.
-    fn flavoured(&mut self, span: Span, name: &str, flavour: Flavour, a: &Expr, place: &Place) -> Value {
-        self.hidden.steady |= flavour == Flavour::Steady;
-        let v = self.value(a, place);
-        if v.is_poison() {
-            return v;
-        }
-        let vars = &self.symbols.vars;
-        let mut misuse = false;
-        let expr = self.exprs.rewrite(v.expr, &mut crate::ir::Rewritten::default(), &mut |exprs, node| match node {
-            Node::Load { var, flavour: Flavour::Value, at } => match vars[var].role {
-                Role::State | Role::Algebraic | Role::Action | Role::Discrete | Role::Disturbance => Some(exprs.load(var, flavour, at)),
-                Role::Quadrature => {
-                    misuse = true;
-                    None
-                }
-                _ => None,
-            },
-            Node::Load { flavour: Flavour::Derivative, .. } => {
+    let vars = &l.symbols.vars;
+    let mut misuse = false;
+    let expr = l.exprs.rewrite(v.expr, &mut crate::ir::Rewritten::default(), &mut |exprs, node| match node {
+        Node::Load { var, flavour: Flavour::Value, at } => match vars[var].role {
+            Role::State | Role::Algebraic | Role::Action | Role::Discrete | Role::Disturbance => Some(exprs.load(var, flavour, at)),
+            Role::Quadrature => {
                 misuse = true;
                 None
             }
             _ => None,
-        });
-        if misuse {
-            return self.fault(Diagnostic::error(
+        },
+        Node::Load { flavour: Flavour::Derivative, .. } => {
+            misuse = true;
+            None
+        }
+        _ => None,
+    });
+    if misuse {
+        return l.fault(Diagnostic::error(
+            codes::MISPLACED_FUNCTION,
+            format!("`{name}` of a derivative or an integral over the step"),
+            span,
+        ));
+    }
+    Value { expr, unit: v.unit }
+}
+
+/// `integral(e)`: over the present step.
+fn quadrature(l: &mut Lowering<'_, '_>, span: Span, a: &Expr, place: &Place) -> Value {
+    if place.site != Site::Instant || place.depth > 0 {
+        return l.fault(
+            Diagnostic::error(
                 codes::MISPLACED_FUNCTION,
-                format!("`{name}` of a derivative or an integral over the step"),
+                "`integral` over the step has a meaning in rewards, conditions and observations only",
                 span,
-            ));
-        }
-        Value { expr, unit: v.unit }
+            )
+            .help("declare a state with `d/dt m = ...` to use an integral in equations"),
+        );
     }
+    let v = l.value(a, place);
+    let unit = match &v.unit {
+        Measure::Poison => return v,
+        Measure::Of(u) => units::times(u, &l.symbols.time_unit),
+        _ => l.symbols.time_unit.clone(),
+    };
+    let at = l.hidden.quadratures.element(v.expr);
+    let expr = l.exprs.load(l.hidden.quadratures.var, Flavour::Value, Affine::constant(at as i64));
+    Value::of(expr, unit)
+}
 
-    /// `integral(e)`: over the present step.
-    fn quadrature(&mut self, span: Span, a: &Expr, place: &Place) -> Value {
-        if place.site != Site::Instant || place.depth > 0 {
-            return self.fault(
-                Diagnostic::error(
-                    codes::MISPLACED_FUNCTION,
-                    "`integral` over the step has a meaning in rewards, conditions and observations only",
-                    span,
-                )
-                .help("declare a state with `d/dt m = ...` to use an integral in equations"),
-            );
-        }
-        let v = self.value(a, place);
-        let unit = match &v.unit {
-            Measure::Poison => return v,
-            Measure::Of(u) => units::times(u, &self.symbols.time_unit),
-            _ => self.symbols.time_unit.clone(),
-        };
-        let at = self.hidden.quadratures.element(v.expr);
-        let expr = self.exprs.load(self.hidden.quadratures.var, Flavour::Value, Affine::constant(at as i64));
-        Value::of(expr, unit)
-    }
-
-    fn kelvin(&mut self, a: &Expr, place: &Place) -> Value {
-        let v = self.value(a, place);
-        let Some(kelvin) = Unit::named("K") else { return self.poison() };
-        match &v.unit {
-            Measure::Poison => v,
-            Measure::Of(u) => match u.conversion_to(&kelvin) {
-                Some(c) => {
-                    let (f, o) = (self.exprs.constant(c.factor), self.exprs.constant(c.offset));
-                    let scaled = self.exprs.mul(v.expr, f);
-                    let expr = self.exprs.add(scaled, o);
-                    Value::of(expr, kelvin)
-                }
-                None => {
-                    let u = u.clone();
-                    self.fault(Diagnostic::error(codes::UNIT_MISMATCH, "`kelvin` takes a temperature", a.span).label(units::describe(&u)))
-                }
-            },
-            _ => self.fault(
-                Diagnostic::error(codes::UNIT_MISMATCH, "`kelvin` takes a temperature, this is a pure number", a.span)
-                    .help("give the number its unit: `25 [degC]`"),
-            ),
-        }
-    }
-
-    /// The point in degC of an absolute temperature, or of a point on another scale.
-    fn celsius(&mut self, a: &Expr, place: &Place) -> Value {
-        let v = self.value(a, place);
-        let Some(celsius) = Unit::named("degC") else { return self.poison() };
-        let found = match &v.unit {
-            Measure::Poison => return v,
-            Measure::Of(u) => u.clone(),
-            _ => {
-                let fault = Diagnostic::error(codes::UNIT_MISMATCH, "`celsius` takes a temperature, this is a pure number", a.span);
-                return self.fault(fault.help("give the number its unit: `298.15 [K]`"));
-            }
-        };
-        let Some(conversion) = found.conversion_to(&celsius) else {
-            let fault = Diagnostic::error(codes::UNIT_MISMATCH, "`celsius` takes a temperature", a.span);
-            return self.fault(fault.label(units::describe(&found)));
-        };
-        let (factor, offset) = (self.exprs.constant(conversion.factor), self.exprs.constant(conversion.offset));
-        let scaled = self.exprs.mul(v.expr, factor);
-        let expr = self.exprs.add(scaled, offset);
-        Value::of(expr, celsius)
-    }
-
-    /// `value(x)`, `value(x, unit)`
-    fn plain_value(&mut self, first: &Expr, unit: Option<&Expr>, place: &Place) -> Value {
-        let v = self.value(first, place);
-        if v.is_poison() {
-            return v;
-        }
-        let Some(second) = unit else { return Value::bare(v.expr) };
-        let Some(unit) = self.unit_argument(second, place) else { return self.poison() };
-        let from = v.unit.unit();
-        // An absolute temperature may be asked for on another scale.
-        match from.conversion_to(&unit).filter(|_| from.commensurable(&unit)) {
+fn kelvin(l: &mut Lowering<'_, '_>, a: &Expr, place: &Place) -> Value {
+    let v = l.value(a, place);
+    let Some(kelvin) = Unit::named("K") else { return l.poison() };
+    match &v.unit {
+        Measure::Poison => v,
+        Measure::Of(u) => match u.conversion_to(&kelvin) {
             Some(c) => {
-                let (f, o) = (self.exprs.constant(c.factor), self.exprs.constant(c.offset));
-                let scaled = self.exprs.mul(v.expr, f);
-                let expr = self.exprs.add(scaled, o);
-                Value::bare(expr)
+                let (f, o) = (l.exprs.constant(c.factor), l.exprs.constant(c.offset));
+                let scaled = l.exprs.mul(v.expr, f);
+                let expr = l.exprs.add(scaled, o);
+                Value::of(expr, kelvin)
             }
-            None => self.fault(units::mismatch(&from, &unit, first.span, "the unit asked for", second.span)),
-        }
-    }
-
-    /// The variable whose element an expression is.
-    pub(in crate::elaborate) fn element(&mut self, v: &Value, span: Span) -> Option<(crate::ir::VarId, Affine)> {
-        if v.is_poison() {
-            return None;
-        }
-        match self.exprs.node(v.expr) {
-            Node::Load { var, at, .. } if self.quantities.contains_key(&var) => Some((var, at)),
-            _ => {
-                self.ledger
-                    .report(Diagnostic::error(codes::WRONG_KIND, "a declared variable is needed here", span).label("not a variable"));
-                None
+            None => {
+                let u = u.clone();
+                l.fault(Diagnostic::error(codes::UNIT_MISMATCH, "`kelvin` takes a temperature", a.span).label(units::describe(&u)))
             }
-        }
+        },
+        _ => l.fault(
+            Diagnostic::error(codes::UNIT_MISMATCH, "`kelvin` takes a temperature, this is a pure number", a.span)
+                .help("give the number its unit: `25 [degC]`"),
+        ),
     }
+}
 
-    /// `low(x)`, `high(x)`, `scale(x)`, `nominal(x)`
-    fn attribute(&mut self, span: Span, name: &str, attribute: Attribute, a: &Expr, place: &Place) -> Value {
-        let v = self.value(a, place);
-        let Some((var, at)) = self.element(&v, a.span) else { return self.poison() };
-        let Some(q) = self.quantities.get(&var) else { return self.poison() };
-        let list = match attribute {
-            Attribute::Low => &q.low,
-            Attribute::High => &q.high,
-            Attribute::Scale => &q.scale,
-            Attribute::Nominal => &q.default,
-        };
-        let uniform = list.windows(2).all(|w| w[0] == w[1]);
-        if !uniform && !at.is_constant() {
-            return self.fault(Diagnostic::error(codes::WRONG_SHAPE, format!("`{name}` differs from element to element here"), span));
+/// The point in degC of an absolute temperature, or of a point on another scale.
+fn celsius(l: &mut Lowering<'_, '_>, a: &Expr, place: &Place) -> Value {
+    let v = l.value(a, place);
+    let Some(celsius) = Unit::named("degC") else { return l.poison() };
+    let found = match &v.unit {
+        Measure::Poison => return v,
+        Measure::Of(u) => u.clone(),
+        _ => {
+            let fault = Diagnostic::error(codes::UNIT_MISMATCH, "`celsius` takes a temperature, this is a pure number", a.span);
+            return l.fault(fault.help("give the number its unit: `298.15 [K]`"));
         }
-        let x = Quantity::pick(list, at.offset.max(0) as usize);
-        let expr = self.exprs.constant(x);
-        let unit = v.unit.unit();
-        Value::of(expr, if attribute == Attribute::Scale { units::difference(&unit) } else { unit })
-    }
+    };
+    let Some(conversion) = found.conversion_to(&celsius) else {
+        let fault = Diagnostic::error(codes::UNIT_MISMATCH, "`celsius` takes a temperature", a.span);
+        return l.fault(fault.label(units::describe(&found)));
+    };
+    let (factor, offset) = (l.exprs.constant(conversion.factor), l.exprs.constant(conversion.offset));
+    let scaled = l.exprs.mul(v.expr, factor);
+    let expr = l.exprs.add(scaled, offset);
+    Value::of(expr, celsius)
+}
 
-    fn cell_size(&mut self, span: Span, name: &str, call: Call, a: &Expr, place: &Place) -> Value {
-        if let ExprKind::Name(index) = &a.kind
-            && let Some(Bound::Cell(domain, cell)) = place.bound(&index.text).cloned()
-        {
-            return if call == Call::Width { self.cell_width(domain, cell) } else { self.cell_volume(domain, cell) };
-        }
-        self.fault(Diagnostic::error(codes::WRONG_KIND, format!("`{name}` takes a cell: an index bound by `for`"), span))
+/// `value(x)`, `value(x, unit)`
+fn plain_value(l: &mut Lowering<'_, '_>, first: &Expr, unit: Option<&Expr>, place: &Place) -> Value {
+    let v = l.value(first, place);
+    if v.is_poison() {
+        return v;
     }
+    let Some(second) = unit else { return Value::bare(v.expr) };
+    let Some(unit) = units::unit_argument(l, second, place) else { return l.poison() };
+    let from = v.unit.unit();
+    // An absolute temperature may be asked for on another scale.
+    match from.conversion_to(&unit).filter(|_| from.commensurable(&unit)) {
+        Some(c) => {
+            let (f, o) = (l.exprs.constant(c.factor), l.exprs.constant(c.offset));
+            let scaled = l.exprs.mul(v.expr, f);
+            let expr = l.exprs.add(scaled, o);
+            Value::bare(expr)
+        }
+        None => l.fault(units::mismatch(&from, &unit, first.span, "the unit asked for", second.span)),
+    }
+}
+
+/// The variable whose element an expression is.
+pub(in crate::elaborate) fn element(l: &mut Lowering<'_, '_>, v: &Value, span: Span) -> Option<(crate::ir::VarId, Affine)> {
+    if v.is_poison() {
+        return None;
+    }
+    match l.exprs.node(v.expr) {
+        Node::Load { var, at, .. } if l.quantities.contains_key(&var) => Some((var, at)),
+        _ => {
+            l.ledger.report(Diagnostic::error(codes::WRONG_KIND, "a declared variable is needed here", span).label("not a variable"));
+            None
+        }
+    }
+}
+
+/// `low(x)`, `high(x)`, `scale(x)`, `nominal(x)`
+fn declared_number(l: &mut Lowering<'_, '_>, span: Span, name: &str, attribute: Attribute, a: &Expr, place: &Place) -> Value {
+    let v = l.value(a, place);
+    let Some((var, at)) = element(l, &v, a.span) else { return l.poison() };
+    let Some(q) = l.quantities.get(&var) else { return l.poison() };
+    let list = match attribute {
+        Attribute::Low => &q.low,
+        Attribute::High => &q.high,
+        Attribute::Scale => &q.scale,
+        Attribute::Nominal => &q.default,
+    };
+    let uniform = list.windows(2).all(|w| w[0] == w[1]);
+    if !uniform && !at.is_constant() {
+        return l.fault(Diagnostic::error(codes::WRONG_SHAPE, format!("`{name}` differs from element to element here"), span));
+    }
+    let x = Quantity::pick(list, at.offset.max(0) as usize);
+    let expr = l.exprs.constant(x);
+    let unit = v.unit.unit();
+    Value::of(expr, if attribute == Attribute::Scale { units::difference(&unit) } else { unit })
+}
+
+fn cell_size(l: &mut Lowering<'_, '_>, span: Span, name: &str, call: Call, a: &Expr, place: &Place) -> Value {
+    if let ExprKind::Name(index) = &a.kind
+        && let Some(Bound::Cell(domain, cell)) = place.bound(&index.text).cloned()
+    {
+        return if call == Call::Width { grid::cell_width(l, domain, cell) } else { grid::cell_volume(l, domain, cell) };
+    }
+    l.fault(Diagnostic::error(codes::WRONG_KIND, format!("`{name}` takes a cell: an index bound by `for`"), span))
 }
 
 impl Values<'_> {

@@ -5,10 +5,11 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{self, BinaryOp, Expr, ExprKind, Form, Ident, UnaryOp};
 
 use crate::elaborate::ledger::Ledger;
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::loops::Cell;
 use crate::elaborate::lower::place::{Bound, Place};
+use crate::elaborate::lower::{Lowering, defaults};
 use crate::elaborate::naming::Naming;
+use crate::elaborate::space::grid;
 use crate::elaborate::symbols::{Axis, DomainId, SetId, SymbolId, SymbolKind, Symbols};
 use crate::ir::Affine;
 
@@ -18,248 +19,253 @@ fn at_face<'e>(e: &'e Expr, place: &Place) -> Option<&'e str> {
     matches!(place.bound(&name.text), Some(Bound::Face(..))).then_some(name.text.as_str())
 }
 
-impl<'a> Lowering<'_, 'a> {
-    /// Reports another number of indices than an array has.
-    fn wrong_indices(&mut self, symbol: SymbolId, axes: &[Axis], index: &[Expr], span: Span) {
-        let path = self.symbols[symbol].path.clone();
-        let declared = self.symbols[symbol].span;
-        let wanted: Vec<&str> = axes.iter().map(|&a| self.symbols.axis_name(a)).collect();
-        let message = match (axes.len(), index.len()) {
-            (0, _) => format!("`{path}` is a scalar, it takes no index"),
-            (n, 0) => format!("`{path}` is an array and needs {n} ind{}", if n == 1 { "ex" } else { "ices" }),
-            (n, m) => format!("`{path}` takes {n} ind{}, not {m}", if n == 1 { "ex" } else { "ices" }),
-        };
-        let mut d = Diagnostic::error(codes::WRONG_SHAPE, message, span).secondary(declared, "declared here");
-        if !wanted.is_empty() {
-            d = d.help(format!("write `{path}[{}]`", wanted.join(", ")));
-        }
-        if index.is_empty() {
-            d = crate::elaborate::built_ins::note(d, &path);
-        }
-        self.ledger.report(d);
+/// Reports another number of indices than an array has.
+fn wrong_indices(l: &mut Lowering<'_, '_>, symbol: SymbolId, axes: &[Axis], index: &[Expr], span: Span) {
+    let path = l.symbols[symbol].path.clone();
+    let declared = l.symbols[symbol].span;
+    let wanted: Vec<&str> = axes.iter().map(|&a| l.symbols.axis_name(a)).collect();
+    let message = match (axes.len(), index.len()) {
+        (0, _) => format!("`{path}` is a scalar, it takes no index"),
+        (n, 0) => format!("`{path}` is an array and needs {n} ind{}", if n == 1 { "ex" } else { "ices" }),
+        (n, m) => format!("`{path}` takes {n} ind{}, not {m}", if n == 1 { "ex" } else { "ices" }),
+    };
+    let mut d = Diagnostic::error(codes::WRONG_SHAPE, message, span).secondary(declared, "declared here");
+    if !wanted.is_empty() {
+        d = d.help(format!("write `{path}[{}]`", wanted.join(", ")));
     }
+    if index.is_empty() {
+        d = crate::elaborate::built_ins::note(d, &path);
+    }
+    l.ledger.report(d);
+}
 
-    /// Address of an element of an array, and what its indices are bound to.
-    pub(in crate::elaborate) fn address(
-        &mut self,
-        symbol: SymbolId,
-        axes: &[Axis],
-        index: &[Expr],
-        span: Span,
-        place: &Place,
-    ) -> Option<(Affine, Vec<Bound>)> {
-        if axes.len() != index.len() {
-            self.wrong_indices(symbol, axes, index, span);
-            return None;
-        }
-        let mut at = Affine::default();
-        let mut bounds = Vec::with_capacity(axes.len());
-        for (&axis, e) in axes.iter().zip(index) {
-            let len = self.symbols.axis_len(axis);
-            let (part, bound) = match axis {
-                Axis::Set(set) => match self.run_index(e, place) {
-                    Some(numbers) => (self.naming().run_members(set, numbers)?.affine(), Bound::Run(numbers)),
-                    None => {
-                        let i = self.member(set, e, place)?;
-                        (Affine::constant(i as i64), Bound::Member(set, i))
-                    }
-                },
-                Axis::Domain(domain) => {
-                    let bound = self.cell(domain, e, place)?;
-                    let Bound::Cell(_, c) = bound else {
-                        bounds.push(bound);
-                        continue;
-                    };
-                    if c.first < 0 || c.last() >= len {
-                        self.naming().out_of_domain(domain, c, e);
+/// Address of an element of an array, and what its indices are bound to.
+pub(in crate::elaborate) fn address(
+    l: &mut Lowering<'_, '_>,
+    symbol: SymbolId,
+    axes: &[Axis],
+    index: &[Expr],
+    span: Span,
+    place: &Place,
+) -> Option<(Affine, Vec<Bound>)> {
+    if axes.len() != index.len() {
+        wrong_indices(l, symbol, axes, index, span);
+        return None;
+    }
+    let mut at = Affine::default();
+    let mut bounds = Vec::with_capacity(axes.len());
+    for (&axis, e) in axes.iter().zip(index) {
+        let len = l.symbols.axis_len(axis);
+        let (part, bound) = match axis {
+            Axis::Set(set) => match l.run_index(e, place) {
+                Some(numbers) => (l.naming().run_members(set, numbers)?.affine(), Bound::Run(numbers)),
+                None => {
+                    let i = member(l, set, e, place)?;
+                    (Affine::constant(i as i64), Bound::Member(set, i))
+                }
+            },
+            Axis::Domain(domain) => {
+                let bound = cell(l, domain, e, place)?;
+                let Bound::Cell(_, c) = bound else {
+                    bounds.push(bound);
+                    continue;
+                };
+                if c.first < 0 || c.last() >= len {
+                    l.naming().out_of_domain(domain, c, e);
+                    return None;
+                }
+                (c.affine(), bound)
+            }
+        };
+        at = at.times(len).plus(part);
+        bounds.push(bound);
+    }
+    Some((at, bounds))
+}
+
+/// Position of a member in its set.
+pub(in crate::elaborate) fn member(l: &mut Lowering<'_, '_>, set: SetId, e: &Expr, place: &Place) -> Option<usize> {
+    if let ExprKind::Name(name) = &e.kind {
+        match place.bound(&name.text) {
+            Some(Bound::Member(other, i)) if *other == set => return Some(*i),
+            Some(Bound::Member(other, i)) => {
+                let label = l.symbols.sets[*other].labels[*i].clone();
+                return l.naming().labelled(set, &label, e.span);
+            }
+            Some(_) => {}
+            None => {
+                if let Some(i) = l.symbols.sets[set].position(&name.text) {
+                    return Some(i);
+                }
+                if l.symbols.sets[set].first.is_none() {
+                    let labels = &l.symbols.sets[set].labels;
+                    let is_member = l.ledger.reports.did_you_mean(&name.text, labels.iter().map(String::as_str)).is_some();
+                    if !is_member {
+                        let over = l.symbols.sets[set].name.clone();
+                        l.naming().not_bound(&name.text, &over, e.span);
                         return None;
                     }
-                    (c.affine(), bound)
-                }
-            };
-            at = at.times(len).plus(part);
-            bounds.push(bound);
-        }
-        Some((at, bounds))
-    }
-
-    /// Position of a member in its set.
-    pub(in crate::elaborate) fn member(&mut self, set: SetId, e: &Expr, place: &Place) -> Option<usize> {
-        if let ExprKind::Name(name) = &e.kind {
-            match place.bound(&name.text) {
-                Some(Bound::Member(other, i)) if *other == set => return Some(*i),
-                Some(Bound::Member(other, i)) => {
-                    let label = self.symbols.sets[*other].labels[*i].clone();
-                    return self.naming().labelled(set, &label, e.span);
-                }
-                Some(_) => {}
-                None => {
-                    if let Some(i) = self.symbols.sets[set].position(&name.text) {
-                        return Some(i);
-                    }
-                    if self.symbols.sets[set].first.is_none() {
-                        let labels = &self.symbols.sets[set].labels;
-                        let is_member = self.ledger.reports.did_you_mean(&name.text, labels.iter().map(String::as_str)).is_some();
-                        if !is_member {
-                            let over = self.symbols.sets[set].name.clone();
-                            self.naming().not_bound(&name.text, &over, e.span);
-                            return None;
-                        }
-                        return self.naming().labelled(set, &name.text, e.span);
-                    }
+                    return l.naming().labelled(set, &name.text, e.span);
                 }
             }
         }
-        let n = self.integer(e, place)?;
-        if let Some(first) = self.symbols.sets[set].first
-            && let Some(i) = n.checked_sub(first).filter(|i| (0..self.symbols.sets[set].labels.len() as i64).contains(i))
-        {
-            return Some(i as usize);
-        }
-        self.naming().labelled(set, &n.to_string(), e.span)
     }
+    let n = integer(l, e, place)?;
+    if let Some(first) = l.symbols.sets[set].first
+        && let Some(i) = n.checked_sub(first).filter(|i| (0..l.symbols.sets[set].labels.len() as i64).contains(i))
+    {
+        return Some(i as usize);
+    }
+    l.naming().labelled(set, &n.to_string(), e.span)
+}
 
-    /// A cell (or the face at which a flux is taken) of a domain.
-    fn cell(&mut self, domain: DomainId, e: &Expr, place: &Place) -> Option<Bound> {
-        if let Some(numbers) = self.run_index(e, place) {
-            if numbers.step < 0 {
-                // What stands in a cell reads its neighbours as if numbers rose.
-                self.ledger.speculation.refuse();
+/// A cell (or the face at which a flux is taken) of a domain.
+fn cell(l: &mut Lowering<'_, '_>, domain: DomainId, e: &Expr, place: &Place) -> Option<Bound> {
+    if let Some(numbers) = l.run_index(e, place) {
+        if numbers.step < 0 {
+            // What stands in a cell reads its neighbours as if numbers rose.
+            l.ledger.speculation.refuse();
+            return None;
+        }
+        return Some(Bound::Cell(domain, numbers.shifted(-1)));
+    }
+    let known = match &e.kind {
+        ExprKind::Member(base, member) if member.text == "number" => cell_number(base, place).map(|c| Some(Bound::Cell(domain, c))),
+        ExprKind::Name(name) => bound_cell(l, domain, name, place),
+        ExprKind::Binary(op @ (BinaryOp::Add | BinaryOp::Sub), a, b) => neighbour(l, domain, *op, (a, b), e.span, place),
+        _ => None,
+    };
+    match known {
+        Some(found) => found,
+        None => Some(Bound::Cell(domain, Cell::single(integer(l, e, place)? - 1))),
+    }
+}
+
+/// What the name of an index stands for: `None` where it stands for no cell, `Some(None)` where that was reported.
+fn bound_cell(l: &mut Lowering<'_, '_>, domain: DomainId, name: &Ident, place: &Place) -> Option<Option<Bound>> {
+    let (z, span) = (&name.text, name.span);
+    match place.bound(z) {
+        Some(Bound::Cell(other, c)) => {
+            if same_cells(l, *other, domain) {
+                return Some(Some(Bound::Cell(domain, *c)));
+            }
+            l.ledger.report(l.symbols.other_domain(*other, domain, span));
+            Some(None)
+        }
+        Some(Bound::Face(other, c)) if *other == domain => Some(Some(Bound::Face(domain, *c))),
+        None if l.symbols.domains[domain].name == *z => {
+            if l.ledger.is_first_unbound(z) {
+                l.ledger.report(
+                    Diagnostic::error(codes::WRONG_SHAPE, format!("`{z}` is not bound here"), span)
+                        .help(format!("add `for {z}` to the statement, or name a cell: `{z}.last`")),
+                );
+            }
+            Some(None)
+        }
+        _ => None,
+    }
+}
+
+/// `z + 1`, `z - 1`, `1 + z`: `None` where no cell is among the operands, `Some(None)` where a fault was reported.
+fn neighbour(
+    l: &mut Lowering<'_, '_>,
+    domain: DomainId,
+    op: BinaryOp,
+    (a, b): (&Expr, &Expr),
+    span: Span,
+    place: &Place,
+) -> Option<Option<Bound>> {
+    if let Some(z) = [a, b].into_iter().find_map(|side| at_face(side, place)) {
+        l.ledger.report(
+            Diagnostic::error(codes::WRONG_KIND, format!("inside of a flux `{z}` is a face, which has no neighbours by number"), span)
+                .label("beside a face")
+                .help(format!("`x[{z}]` is the value at the face by the domain's `scheme`, `grad(x[{z}])` the difference of the cells beside it over their distance")),
+        );
+        return Some(None);
+    }
+    let (from, by) = match op {
+        _ if is_cell(a, place) => (a, b),
+        BinaryOp::Add if is_cell(b, place) => (b, a),
+        _ => return None,
+    };
+    let Some(Bound::Cell(_, c)) = cell(l, domain, from, place) else { return Some(None) };
+    let by = integer(l, by, place).map(|by| if op == BinaryOp::Add { by } else { -by });
+    Some(by.map(|by| Bound::Cell(domain, c.shifted(by))))
+}
+
+/// Whether the cells of two domains are at the same places: equally many between the same ends, whatever the parameters are.
+fn same_cells<'a>(l: &mut Lowering<'_, 'a>, a: DomainId, b: DomainId) -> bool {
+    if a == b || l.symbols.domains[a].cells != l.symbols.domains[b].cells {
+        return a == b;
+    }
+    let ((unit, low, high), (other, first, last)) = (grid::ends(l, a), grid::ends(l, b));
+    if l.values().convert(first, &other, &unit) != Some(low) || l.values().convert(last, &other, &unit) != Some(high) {
+        return false;
+    }
+    let (a, b) = (&l.symbols.domains[a], &l.symbols.domains[b]);
+    let grid = |d: &syntax::Domain| [&d.stretch, &d.faces].map(Option::is_some);
+    let form = |e: &'a Option<Expr>| e.as_ref().map(Form::of);
+    let (p, q) = (a.declaration, b.declaration);
+    let written_alike = a.scope == b.scope && form(&p.stretch) == form(&q.stretch) && form(&p.faces) == form(&q.faces);
+    written_alike || [grid(p), grid(q)] == [[false; 2]; 2]
+}
+
+fn is_cell(e: &Expr, place: &Place) -> bool {
+    match &e.kind {
+        ExprKind::Name(name) => matches!(place.bound(&name.text), Some(Bound::Cell(..))),
+        ExprKind::Member(base, member) => member.text == "number" && cell_number(base, place).is_some(),
+        ExprKind::Binary(BinaryOp::Add | BinaryOp::Sub, a, b) => is_cell(a, place) || is_cell(b, place),
+        _ => false,
+    }
+}
+
+/// A whole number known to the compiler.
+pub(in crate::elaborate) fn integer(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> Option<i64> {
+    match integer_quietly(l, e, place) {
+        Some(n) => Some(n),
+        None => {
+            let v = l.value(e, place);
+            if v.is_poison() {
                 return None;
             }
-            return Some(Bound::Cell(domain, numbers.shifted(-1)));
-        }
-        let known = match &e.kind {
-            ExprKind::Member(base, member) if member.text == "number" => cell_number(base, place).map(|c| Some(Bound::Cell(domain, c))),
-            ExprKind::Name(name) => self.bound_cell(domain, name, place),
-            ExprKind::Binary(op @ (BinaryOp::Add | BinaryOp::Sub), a, b) => self.neighbour(domain, *op, (a, b), e.span, place),
-            _ => None,
-        };
-        match known {
-            Some(found) => found,
-            None => Some(Bound::Cell(domain, Cell::single(self.integer(e, place)? - 1))),
-        }
-    }
-
-    /// What the name of an index stands for: `None` where it stands for no cell, `Some(None)` where that was reported.
-    fn bound_cell(&mut self, domain: DomainId, name: &Ident, place: &Place) -> Option<Option<Bound>> {
-        let (z, span) = (&name.text, name.span);
-        match place.bound(z) {
-            Some(Bound::Cell(other, c)) => {
-                if self.same_cells(*other, domain) {
-                    return Some(Some(Bound::Cell(domain, *c)));
-                }
-                self.ledger.report(self.symbols.other_domain(*other, domain, span));
-                Some(None)
-            }
-            Some(Bound::Face(other, c)) if *other == domain => Some(Some(Bound::Face(domain, *c))),
-            None if self.symbols.domains[domain].name == *z => {
-                if self.ledger.is_first_unbound(z) {
-                    self.ledger.report(
-                        Diagnostic::error(codes::WRONG_SHAPE, format!("`{z}` is not bound here"), span)
-                            .help(format!("add `for {z}` to the statement, or name a cell: `{z}.last`")),
-                    );
-                }
-                Some(None)
-            }
-            _ => None,
+            let d = match defaults::constant_value(l, v.expr) {
+                // The number is that of a sample, which need not be whole.
+                Some(x) if l.instances.samples.taken() && x.abs() < 1e6 => return Some(x.round() as i64),
+                Some(x) if x.abs() >= 1e15 => Diagnostic::error(codes::TOO_LARGE, "a whole number below 1e15 is needed here", e.span),
+                Some(x) => Diagnostic::error(codes::WRONG_KIND, format!("a whole number is needed here, this is {x}"), e.span),
+                None => Diagnostic::error(codes::WRONG_KIND, "a whole number known to the compiler is needed here", e.span)
+                    .label("changes while the model runs")
+                    .help("use numbers and parameters that are computed from numbers"),
+            };
+            l.ledger.report(d);
+            None
         }
     }
+}
 
-    /// `z + 1`, `z - 1`, `1 + z`: `None` where no cell is among the operands, `Some(None)` where a fault was reported.
-    fn neighbour(&mut self, domain: DomainId, op: BinaryOp, (a, b): (&Expr, &Expr), span: Span, place: &Place) -> Option<Option<Bound>> {
-        if let Some(z) = [a, b].into_iter().find_map(|side| at_face(side, place)) {
-            self.ledger.report(
-                Diagnostic::error(codes::WRONG_KIND, format!("inside of a flux `{z}` is a face, which has no neighbours by number"), span)
-                    .label("beside a face")
-                    .help(format!("`x[{z}]` is the value at the face by the domain's `scheme`, `grad(x[{z}])` the difference of the cells beside it over their distance")),
-            );
-            return Some(None);
-        }
-        let (from, by) = match op {
-            _ if self.is_cell(a, place) => (a, b),
-            BinaryOp::Add if self.is_cell(b, place) => (b, a),
-            _ => return None,
-        };
-        let Some(Bound::Cell(_, c)) = self.cell(domain, from, place) else { return Some(None) };
-        let by = self.integer(by, place).map(|by| if op == BinaryOp::Add { by } else { -by });
-        Some(by.map(|by| Bound::Cell(domain, c.shifted(by))))
-    }
-
-    /// Whether the cells of two domains are at the same places: equally many between the same ends, whatever the parameters are.
-    fn same_cells(&mut self, a: DomainId, b: DomainId) -> bool {
-        if a == b || self.symbols.domains[a].cells != self.symbols.domains[b].cells {
-            return a == b;
-        }
-        let ((unit, low, high), (other, first, last)) = (self.ends(a), self.ends(b));
-        if self.values().convert(first, &other, &unit) != Some(low) || self.values().convert(last, &other, &unit) != Some(high) {
-            return false;
-        }
-        let (a, b) = (&self.symbols.domains[a], &self.symbols.domains[b]);
-        let grid = |d: &syntax::Domain| [&d.stretch, &d.faces].map(Option::is_some);
-        let form = |e: &'a Option<Expr>| e.as_ref().map(Form::of);
-        let (p, q) = (a.declaration, b.declaration);
-        let written_alike = a.scope == b.scope && form(&p.stretch) == form(&q.stretch) && form(&p.faces) == form(&q.faces);
-        written_alike || [grid(p), grid(q)] == [[false; 2]; 2]
-    }
-
-    fn is_cell(&self, e: &Expr, place: &Place) -> bool {
-        match &e.kind {
-            ExprKind::Name(name) => matches!(place.bound(&name.text), Some(Bound::Cell(..))),
-            ExprKind::Member(base, member) => member.text == "number" && cell_number(base, place).is_some(),
-            ExprKind::Binary(BinaryOp::Add | BinaryOp::Sub, a, b) => self.is_cell(a, place) || self.is_cell(b, place),
-            _ => false,
-        }
-    }
-
-    /// A whole number known to the compiler.
-    pub(in crate::elaborate) fn integer(&mut self, e: &Expr, place: &Place) -> Option<i64> {
-        match self.integer_quietly(e, place) {
-            Some(n) => Some(n),
-            None => {
-                let v = self.value(e, place);
-                if v.is_poison() {
-                    return None;
-                }
-                let d = match self.constant_value(v.expr) {
-                    // The number is that of a sample, which need not be whole.
-                    Some(x) if self.instances.samples.taken() && x.abs() < 1e6 => return Some(x.round() as i64),
-                    Some(x) if x.abs() >= 1e15 => Diagnostic::error(codes::TOO_LARGE, "a whole number below 1e15 is needed here", e.span),
-                    Some(x) => Diagnostic::error(codes::WRONG_KIND, format!("a whole number is needed here, this is {x}"), e.span),
-                    None => Diagnostic::error(codes::WRONG_KIND, "a whole number known to the compiler is needed here", e.span)
-                        .label("changes while the model runs")
-                        .help("use numbers and parameters that are computed from numbers"),
-                };
-                self.ledger.report(d);
-                None
+pub(in crate::elaborate) fn integer_quietly(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> Option<i64> {
+    match &e.kind {
+        ExprKind::Number { value, unit: None } if value.fract() == 0.0 && value.abs() < 1e15 => Some(*value as i64),
+        ExprKind::Unary(UnaryOp::Neg, a) => Some(-integer_quietly(l, a, place)?),
+        ExprKind::Binary(op, a, b) => {
+            let (a, b) = (integer_quietly(l, a, place)?, integer_quietly(l, b, place)?);
+            match op {
+                BinaryOp::Add => a.checked_add(b),
+                BinaryOp::Sub => a.checked_sub(b),
+                BinaryOp::Mul => a.checked_mul(b),
+                BinaryOp::Div if b != 0 && a % b == 0 => Some(a / b),
+                _ => None,
             }
         }
-    }
-
-    pub(in crate::elaborate) fn integer_quietly(&mut self, e: &Expr, place: &Place) -> Option<i64> {
-        match &e.kind {
-            ExprKind::Number { value, unit: None } if value.fract() == 0.0 && value.abs() < 1e15 => Some(*value as i64),
-            ExprKind::Unary(UnaryOp::Neg, a) => Some(-self.integer_quietly(a, place)?),
-            ExprKind::Binary(op, a, b) => {
-                let (a, b) = (self.integer_quietly(a, place)?, self.integer_quietly(b, place)?);
-                match op {
-                    BinaryOp::Add => a.checked_add(b),
-                    BinaryOp::Sub => a.checked_sub(b),
-                    BinaryOp::Mul => a.checked_mul(b),
-                    BinaryOp::Div if b != 0 && a % b == 0 => Some(a / b),
-                    _ => None,
-                }
+        _ => {
+            let reports = l.ledger.reports.diagnostics.len();
+            let v = l.value(e, place);
+            if v.is_poison() || l.ledger.reports.diagnostics.len() != reports {
+                return None;
             }
-            _ => {
-                let reports = self.ledger.reports.diagnostics.len();
-                let v = self.value(e, place);
-                if v.is_poison() || self.ledger.reports.diagnostics.len() != reports {
-                    return None;
-                }
-                let x = self.constant_value(v.expr)?;
-                self.mark_structural(v.expr);
-                (x.fract() == 0.0 && x.abs() < 1e15).then_some(x as i64)
-            }
+            let x = defaults::constant_value(l, v.expr)?;
+            defaults::mark_structural(l, v.expr);
+            (x.fract() == 0.0 && x.abs() < 1e15).then_some(x as i64)
         }
     }
 }

@@ -2,9 +2,9 @@
 
 use smpl_dsl::syntax::Binder;
 
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::loops::Cell;
 use crate::elaborate::lower::place::{BinderValue, Bound, Place};
+use crate::elaborate::lower::{Lowering, binders};
 use crate::elaborate::symbols::{Axis, Symbols};
 use crate::ir::{Affine, ExprId, LoopVar, VarId};
 
@@ -17,83 +17,87 @@ pub struct Piece<T> {
     pub value: T,
 }
 
-impl Lowering<'_, '_> {
-    /// Elaborates `body` for everything that the binders run over: sets written out, cells as loops.
-    pub(in crate::elaborate) fn nest<T>(
-        &mut self,
-        binders: &[Binder],
-        place: &Place,
-        body: &mut dyn FnMut(&mut Self, &Place) -> T,
-    ) -> Vec<Piece<T>> {
-        self.nest_of(binders, place, false, body)
-    }
+/// Elaborates `body` for everything that the binders run over: sets written out, cells as loops.
+pub(in crate::elaborate) fn nest<'m, 'a, T>(
+    l: &mut Lowering<'m, 'a>,
+    binders: &[Binder],
+    place: &Place,
+    body: &mut dyn FnMut(&mut Lowering<'m, 'a>, &Place) -> T,
+) -> Vec<Piece<T>> {
+    nest_of(l, binders, place, false, body)
+}
 
-    /// As [`Self::nest`], with ranges of numbers as loops where `body` does not [refuse](Self::refuse).
-    pub(in crate::elaborate) fn looped_nest<T>(
-        &mut self,
-        binders: &[Binder],
-        place: &Place,
-        body: &mut dyn FnMut(&mut Self, &Place) -> T,
-    ) -> Vec<Piece<T>> {
-        self.nest_of(binders, place, true, body)
-    }
+/// As [`Self::nest`], with ranges of numbers as loops where `body` does not [refuse](Self::refuse).
+pub(in crate::elaborate) fn looped_nest<'m, 'a, T>(
+    l: &mut Lowering<'m, 'a>,
+    binders: &[Binder],
+    place: &Place,
+    body: &mut dyn FnMut(&mut Lowering<'m, 'a>, &Place) -> T,
+) -> Vec<Piece<T>> {
+    nest_of(l, binders, place, true, body)
+}
 
-    fn nest_of<T>(&mut self, binders: &[Binder], place: &Place, runs: bool, body: &mut dyn FnMut(&mut Self, &Place) -> T) -> Vec<Piece<T>> {
-        let Some((binder, rest)) = binders.split_first() else {
-            return vec![Piece { extents: Vec::new(), value: body(self, place) }];
+fn nest_of<'m, 'a, T>(
+    l: &mut Lowering<'m, 'a>,
+    binders: &[Binder],
+    place: &Place,
+    runs: bool,
+    body: &mut dyn FnMut(&mut Lowering<'m, 'a>, &Place) -> T,
+) -> Vec<Piece<T>> {
+    let Some((binder, rest)) = binders.split_first() else {
+        return vec![Piece { extents: Vec::new(), value: body(l, place) }];
+    };
+    if runs
+        && let Some(range) = l.run_of(binder, place)
+        && let Some(pieces) =
+            l.attempt(|s| looped(s, binder, range, Bound::Run, place, &mut |s, inner| nest_of(s, rest, inner, runs, body)))
+    {
+        return pieces;
+    }
+    let mut out = Vec::new();
+    for value in binders::bindings_of(l, binder, place) {
+        if !l.ledger.may_write_out(binder.span) {
+            break;
+        }
+        let (low, high) = match &value {
+            BinderValue::One(bound) => {
+                let inner = place.bind(&binder.name.text, bound.clone());
+                out.extend(nest_of(l, rest, &inner, runs, body));
+                continue;
+            }
+            BinderValue::Cells(_, low, high) => (*low, *high),
+            BinderValue::Elements(_, len) => (0, len - 1),
         };
-        if runs
-            && let Some(range) = self.run_of(binder, place)
-            && let Some(pieces) =
-                self.attempt(|s| s.looped(binder, range, Bound::Run, place, &mut |s, inner| s.nest_of(rest, inner, runs, body)))
-        {
-            return pieces;
-        }
-        let mut out = Vec::new();
-        for value in self.bindings_of(binder, place) {
-            if !self.ledger.may_write_out(binder.span) {
-                break;
-            }
-            let (low, high) = match &value {
-                BinderValue::One(bound) => {
-                    let inner = place.bind(&binder.name.text, bound.clone());
-                    out.extend(self.nest_of(rest, &inner, runs, body));
-                    continue;
-                }
-                BinderValue::Cells(_, low, high) => (*low, *high),
-                BinderValue::Elements(_, len) => (0, len - 1),
-            };
-            let bound = |cell: Cell| match &value {
-                BinderValue::Elements(symbol, _) => Bound::Element(*symbol, cell.affine()),
-                BinderValue::Cells(domain, ..) => Bound::Cell(*domain, cell),
-                BinderValue::One(bound) => bound.clone(),
-            };
-            out.extend(self.looped(binder, (low, high), bound, place, &mut |s, inner| s.nest_of(rest, inner, runs, body)));
-        }
-        out
+        let bound = |cell: Cell| match &value {
+            BinderValue::Elements(symbol, _) => Bound::Element(*symbol, cell.affine()),
+            BinderValue::Cells(domain, ..) => Bound::Cell(*domain, cell),
+            BinderValue::One(bound) => bound.clone(),
+        };
+        out.extend(looped(l, binder, (low, high), bound, place, &mut |s, inner| nest_of(s, rest, inner, runs, body)));
     }
+    out
+}
 
-    /// The pieces of a loop, with what `body` makes in it.
-    fn looped<T>(
-        &mut self,
-        binder: &Binder,
-        (low, high): (i64, i64),
-        bound: impl Fn(Cell) -> Bound,
-        place: &Place,
-        body: &mut dyn FnMut(&mut Self, &Place) -> Vec<Piece<T>>,
-    ) -> Vec<Piece<T>> {
-        let mut out = Vec::new();
-        let pieces = self.cells(low, high, binder.span, place, &mut |s, cell, inner| body(s, &inner.bind(&binder.name.text, bound(cell))));
-        for (cell, list) in pieces {
-            for piece in list {
-                let mut extents = Vec::with_capacity(piece.extents.len() + 1);
-                extents.extend(cell.along.map(|_| cell.count as u32));
-                extents.extend(piece.extents);
-                out.push(Piece { extents, value: piece.value });
-            }
+/// The pieces of a loop, with what `body` makes in it.
+fn looped<'m, 'a, T>(
+    l: &mut Lowering<'m, 'a>,
+    binder: &Binder,
+    (low, high): (i64, i64),
+    bound: impl Fn(Cell) -> Bound,
+    place: &Place,
+    body: &mut dyn FnMut(&mut Lowering<'m, 'a>, &Place) -> Vec<Piece<T>>,
+) -> Vec<Piece<T>> {
+    let mut out = Vec::new();
+    let pieces = l.cells(low, high, binder.span, place, &mut |s, cell, inner| body(s, &inner.bind(&binder.name.text, bound(cell))));
+    for (cell, list) in pieces {
+        for piece in list {
+            let mut extents = Vec::with_capacity(piece.extents.len() + 1);
+            extents.extend(cell.along.map(|_| cell.count as u32));
+            extents.extend(piece.extents);
+            out.push(Piece { extents, value: piece.value });
         }
-        out
     }
+    out
 }
 
 impl Symbols<'_> {

@@ -29,15 +29,13 @@ pub(in crate::elaborate) struct EpisodeNames {
     pub observed: Vec<(BoxItem, ExprId)>,
 }
 
-impl Lowering<'_, '_> {
-    /// `success`, `failure`, `timeout`, `reward` in an expression.
-    pub(in crate::elaborate) fn outcome_name(&mut self, name: &Ident) -> Option<Value> {
-        let outcome = self.names.outcome?;
-        Some(match name.text.as_str() {
-            "success" => Value::truth(outcome.success),
-            "failure" => Value::truth(outcome.failure),
-            "timeout" => Value::truth(outcome.timeout),
-            _ => Value { expr: outcome.reward?, unit: Measure::Bare },
-        })
-    }
+/// `success`, `failure`, `timeout`, `reward` in an expression.
+pub(in crate::elaborate) fn outcome_name(l: &mut Lowering<'_, '_>, name: &Ident) -> Option<Value> {
+    let outcome = l.names.outcome?;
+    Some(match name.text.as_str() {
+        "success" => Value::truth(outcome.success),
+        "failure" => Value::truth(outcome.failure),
+        "timeout" => Value::truth(outcome.timeout),
+        _ => Value { expr: outcome.reward?, unit: Measure::Bare },
+    })
 }

@@ -3,154 +3,151 @@
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Expr, ExprKind};
 
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::indices::cell_number;
 use crate::elaborate::lower::place::{Bound, Place, Target};
 use crate::elaborate::lower::value::Value;
+use crate::elaborate::lower::{Lowering, indices};
 use crate::elaborate::symbols::{DomainId, ScopeId, SymbolKind, Symbols};
-impl Lowering<'_, '_> {
-    /// `a.b.c`, `a[i].b[j, k]`
-    pub(in crate::elaborate) fn reference(&mut self, e: &Expr, place: &Place) -> Value {
-        let (base, index): (&Expr, &[Expr]) = match &e.kind {
-            ExprKind::Index(base, index) => (base, index),
-            _ => (e, &[]),
-        };
-        match self.resolve(base, place) {
-            Target::Symbol(symbol) => self.symbol_value(symbol, index, e.span, place),
-            Target::Value(v) if index.is_empty() => v,
-            Target::Value(v) if v.is_poison() => v,
-            Target::Value(_) => self
-                .values()
-                .fault(Diagnostic::error(codes::WRONG_SHAPE, "an index after something that has none", e.span).help("multiply with `*`")),
-            Target::Nothing => self.poison(),
-        }
+/// `a.b.c`, `a[i].b[j, k]`
+pub(in crate::elaborate) fn reference(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> Value {
+    let (base, index): (&Expr, &[Expr]) = match &e.kind {
+        ExprKind::Index(base, index) => (base, index),
+        _ => (e, &[]),
+    };
+    match resolve(l, base, place) {
+        Target::Symbol(symbol) => l.symbol_value(symbol, index, e.span, place),
+        Target::Value(v) if index.is_empty() => v,
+        Target::Value(v) if v.is_poison() => v,
+        Target::Value(_) => l
+            .values()
+            .fault(Diagnostic::error(codes::WRONG_SHAPE, "an index after something that has none", e.span).help("multiply with `*`")),
+        Target::Nothing => l.poison(),
     }
+}
 
-    /// The symbol at the end of a path.
-    pub(in crate::elaborate) fn resolve(&mut self, e: &Expr, place: &Place) -> Target {
-        match &e.kind {
-            ExprKind::Name(name) => {
-                match place.bound(&name.text).cloned() {
-                    Some(Bound::Alias(inner, scope, bindings)) => {
-                        let mut there = place.clone();
-                        there.scope = scope;
-                        there.bindings = bindings;
-                        return self.resolve(&inner, &there);
-                    }
-                    Some(_) => return Target::Value(self.name(name, place)),
-                    None => {}
+/// The symbol at the end of a path.
+pub(in crate::elaborate) fn resolve(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> Target {
+    match &e.kind {
+        ExprKind::Name(name) => {
+            match place.bound(&name.text).cloned() {
+                Some(Bound::Alias(inner, scope, bindings)) => {
+                    let mut there = place.clone();
+                    there.scope = scope;
+                    there.bindings = bindings;
+                    return resolve(l, &inner, &there);
                 }
-                match self.symbols.lookup(place.scope, &name.text) {
-                    Some(symbol) => Target::Symbol(symbol),
-                    None => Target::Value(self.name(name, place)),
-                }
+                Some(_) => return Target::Value(l.name(name, place)),
+                None => {}
             }
-            ExprKind::Member(base, member) => {
-                if let Some(v) = self.domain_member(base, &member.text, place) {
-                    return Target::Value(v);
-                }
-                let Some(scope) = self.scope_of(base, place) else { return Target::Nothing };
-                match self.symbols.scopes[scope].names.get(&member.text) {
-                    Some(&symbol) => Target::Symbol(symbol),
-                    None => {
-                        let help =
-                            self.ledger.reports.did_you_mean(&member.text, self.symbols.scopes[scope].names.keys().map(String::as_str));
-                        let prefix = self.symbols.scopes[scope].prefix.trim_end_matches('.').to_owned();
-                        self.ledger.report(
-                            Diagnostic::error(codes::UNKNOWN_NAME, format!("`{prefix}` has no `{}`", member.text), member.span)
-                                .label("not declared there")
-                                .maybe_help(help),
-                        );
-                        Target::Nothing
-                    }
-                }
-            }
-            _ => Target::Value(self.value(e, place)),
-        }
-    }
-
-    /// The scope that a path names: an instance or a port.
-    pub(in crate::elaborate) fn scope_of(&mut self, e: &Expr, place: &Place) -> Option<ScopeId> {
-        let (base, index) = match &e.kind {
-            ExprKind::Index(base, index) => (&**base, index.as_slice()),
-            _ => (e, &[][..]),
-        };
-        let symbol = match self.resolve(base, place) {
-            Target::Symbol(symbol) => symbol,
-            Target::Value(v) if v.is_poison() => return None,
-            Target::Value(_) => {
-                self.ledger.report(
-                    Diagnostic::error(codes::WRONG_KIND, "only components, ports and domains have members", e.span)
-                        .maybe_help(self.symbols.end_of(e, place)),
-                );
-                return None;
-            }
-            Target::Nothing => return None,
-        };
-        match self.symbols[symbol].kind.clone() {
-            SymbolKind::Instance(scope) if index.is_empty() => Some(scope),
-            SymbolKind::Instances(row) if index.len() == 1 => {
-                let label = self.instance_label(&index[0], place)?;
-                let found = row.find(&label);
-                if found.is_none() {
-                    let known = crate::elaborate::symbols::listed(row.list.iter().map(|(l, _)| l.as_str()));
-                    let message = format!("there is no instance `{label}`: {known}");
-                    self.ledger.report(Diagnostic::error(codes::OUT_OF_RANGE, message, index[0].span));
-                }
-                found
-            }
-            SymbolKind::Faulty => None,
-            SymbolKind::Instances(row) => {
-                let path = self.symbols[symbol].path.clone();
-                let first = row.list.first().map_or("1", |(l, _)| l.as_str());
-                self.ledger.report(
-                    Diagnostic::error(codes::WRONG_SHAPE, format!("`{path}` is a row of instances and takes one index"), e.span)
-                        .help(format!("write `{path}[{first}]`")),
-                );
-                None
-            }
-            _ => {
-                let path = self.symbols[symbol].path.clone();
-                let declared = self.symbols[symbol].span;
-                self.ledger.report(
-                    Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is neither a component nor a port: it has no members"), e.span)
-                        .secondary(declared, "declared here"),
-                );
-                None
+            match l.symbols.lookup(place.scope, &name.text) {
+                Some(symbol) => Target::Symbol(symbol),
+                None => Target::Value(l.name(name, place)),
             }
         }
-    }
-
-    fn instance_label(&mut self, e: &Expr, place: &Place) -> Option<String> {
-        if let ExprKind::Name(name) = &e.kind {
-            return Some(match place.bound(&name.text) {
-                Some(Bound::Member(set, i)) => self.symbols.sets[*set].labels[*i].clone(),
-                Some(Bound::Number(e)) => self.exprs.as_const(*e).map_or_else(String::new, |x| x.to_string()),
-                _ => name.text.clone(),
-            });
+        ExprKind::Member(base, member) => {
+            if let Some(v) = domain_member(l, base, &member.text, place) {
+                return Target::Value(v);
+            }
+            let Some(scope) = scope_of(l, base, place) else { return Target::Nothing };
+            match l.symbols.scopes[scope].names.get(&member.text) {
+                Some(&symbol) => Target::Symbol(symbol),
+                None => {
+                    let help = l.ledger.reports.did_you_mean(&member.text, l.symbols.scopes[scope].names.keys().map(String::as_str));
+                    let prefix = l.symbols.scopes[scope].prefix.trim_end_matches('.').to_owned();
+                    l.ledger.report(
+                        Diagnostic::error(codes::UNKNOWN_NAME, format!("`{prefix}` has no `{}`", member.text), member.span)
+                            .label("not declared there")
+                            .maybe_help(help),
+                    );
+                    Target::Nothing
+                }
+            }
         }
-        self.integer(e, place).map(|n| n.to_string())
+        _ => Target::Value(l.value(e, place)),
     }
+}
 
-    /// `z.first`, `z.last`, `z.cells`, `z.number` as numbers.
-    fn domain_member(&mut self, base: &Expr, member: &str, place: &Place) -> Option<Value> {
-        if !matches!(member, "first" | "last" | "cells" | "number") {
+/// The scope that a path names: an instance or a port.
+pub(in crate::elaborate) fn scope_of(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> Option<ScopeId> {
+    let (base, index) = match &e.kind {
+        ExprKind::Index(base, index) => (&**base, index.as_slice()),
+        _ => (e, &[][..]),
+    };
+    let symbol = match resolve(l, base, place) {
+        Target::Symbol(symbol) => symbol,
+        Target::Value(v) if v.is_poison() => return None,
+        Target::Value(_) => {
+            l.ledger.report(
+                Diagnostic::error(codes::WRONG_KIND, "only components, ports and domains have members", e.span)
+                    .maybe_help(l.symbols.end_of(e, place)),
+            );
             return None;
         }
-        let domain = self.symbols.domain_of(base, place)?;
-        if member == "number" {
-            return Some(match cell_number(base, place) {
-                Some(cell) => self.values().run_value(cell.shifted(1)),
-                None => self.fault(
-                    Diagnostic::error(codes::WRONG_SHAPE, "a cell has a number where the index is bound by `for`", base.span)
-                        .label("stands for no cell here"),
-                ),
-            });
+        Target::Nothing => return None,
+    };
+    match l.symbols[symbol].kind.clone() {
+        SymbolKind::Instance(scope) if index.is_empty() => Some(scope),
+        SymbolKind::Instances(row) if index.len() == 1 => {
+            let label = instance_label(l, &index[0], place)?;
+            let found = row.find(&label);
+            if found.is_none() {
+                let known = crate::elaborate::symbols::listed(row.list.iter().map(|(l, _)| l.as_str()));
+                let message = format!("there is no instance `{label}`: {known}");
+                l.ledger.report(Diagnostic::error(codes::OUT_OF_RANGE, message, index[0].span));
+            }
+            found
         }
-        let number = if member == "first" { 1 } else { self.symbols.domains[domain].cells };
-        let expr = self.exprs.constant(number as f64);
-        Some(Value::bare(expr))
+        SymbolKind::Faulty => None,
+        SymbolKind::Instances(row) => {
+            let path = l.symbols[symbol].path.clone();
+            let first = row.list.first().map_or("1", |(l, _)| l.as_str());
+            l.ledger.report(
+                Diagnostic::error(codes::WRONG_SHAPE, format!("`{path}` is a row of instances and takes one index"), e.span)
+                    .help(format!("write `{path}[{first}]`")),
+            );
+            None
+        }
+        _ => {
+            let path = l.symbols[symbol].path.clone();
+            let declared = l.symbols[symbol].span;
+            l.ledger.report(
+                Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is neither a component nor a port: it has no members"), e.span)
+                    .secondary(declared, "declared here"),
+            );
+            None
+        }
     }
+}
+
+fn instance_label(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> Option<String> {
+    if let ExprKind::Name(name) = &e.kind {
+        return Some(match place.bound(&name.text) {
+            Some(Bound::Member(set, i)) => l.symbols.sets[*set].labels[*i].clone(),
+            Some(Bound::Number(e)) => l.exprs.as_const(*e).map_or_else(String::new, |x| x.to_string()),
+            _ => name.text.clone(),
+        });
+    }
+    indices::integer(l, e, place).map(|n| n.to_string())
+}
+
+/// `z.first`, `z.last`, `z.cells`, `z.number` as numbers.
+fn domain_member(l: &mut Lowering<'_, '_>, base: &Expr, member: &str, place: &Place) -> Option<Value> {
+    if !matches!(member, "first" | "last" | "cells" | "number") {
+        return None;
+    }
+    let domain = l.symbols.domain_of(base, place)?;
+    if member == "number" {
+        return Some(match cell_number(base, place) {
+            Some(cell) => l.values().run_value(cell.shifted(1)),
+            None => l.fault(
+                Diagnostic::error(codes::WRONG_SHAPE, "a cell has a number where the index is bound by `for`", base.span)
+                    .label("stands for no cell here"),
+            ),
+        });
+    }
+    let number = if member == "first" { 1 } else { l.symbols.domains[domain].cells };
+    let expr = l.exprs.constant(number as f64);
+    Some(Value::bare(expr))
 }
 
 impl Symbols<'_> {

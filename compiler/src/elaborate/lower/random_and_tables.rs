@@ -4,11 +4,11 @@ use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Expr, TimeTableKind};
 
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::builtins::Distribution;
 use crate::elaborate::lower::place::Place;
 use crate::elaborate::lower::value::Value;
 use crate::elaborate::lower::values::Values;
+use crate::elaborate::lower::{Lowering, operators};
 use crate::elaborate::symbols::{SymbolId, SymbolKind};
 use crate::ir::{Affine, Compare, ExprId, Flavour, LoopVar, Side, UnaryFn};
 use crate::model::{Draw, Instant, Variate};
@@ -20,80 +20,78 @@ const SLACK: f64 = 1e-12;
 /// A table over time of as many points is searched; shorter ones are written out as conditions.
 const LOOKED_UP: usize = 33;
 
-impl Lowering<'_, '_> {
-    /// `uniform(a, b)`, `normal(mean, sd)`, `lognormal(mu, sigma)`: a standard variate in its own slot, scaled.
-    pub(in crate::elaborate) fn random(
-        &mut self,
-        span: Span,
-        name: &str,
-        distribution: Distribution,
-        (first, second): (&Expr, &Expr),
-        place: &Place,
-    ) -> Value {
-        let Some((stream, instant)) = self.hidden.draws.site.clone() else {
-            return self.fault(
-                Diagnostic::error(codes::MISPLACED_FUNCTION, format!("`{name}` has no meaning here"), span)
-                    .help("random numbers are drawn in `param ... ~`, `initial ... ~`, `random ... ~`, `disturbance ... ~` and `noise`"),
-            );
-        };
-        let kind = if distribution == Distribution::Uniform { Variate::Uniform } else { Variate::Normal };
-        let (a, b) = (self.value(first, place), self.value(second, place));
-        let draw = self.draw(&stream, kind, instant, place);
-        let draw = (Value::bare(draw), span);
-        let (a, b) = ((a, first.span), (b, second.span));
-        if distribution == Distribution::Uniform {
-            let width = self.arithmetic(BinaryOp::Sub, b, a.clone(), span);
-            let part = self.arithmetic(BinaryOp::Mul, (width, span), draw, span);
-            return self.arithmetic(BinaryOp::Add, a, (part, span), span);
-        }
-        let part = self.arithmetic(BinaryOp::Mul, b, draw, span);
-        let x = self.arithmetic(BinaryOp::Add, a, (part, span), span);
-        if distribution == Distribution::Normal {
-            return x;
-        }
-        match self.values().dimensionless(&x, span, "lognormal") {
-            Some(e) => {
-                let expr = self.exprs.unary(UnaryFn::Exp, e);
-                Value::bare(expr)
-            }
-            None => self.poison(),
-        }
+/// `uniform(a, b)`, `normal(mean, sd)`, `lognormal(mu, sigma)`: a standard variate in its own slot, scaled.
+pub(in crate::elaborate) fn random(
+    l: &mut Lowering<'_, '_>,
+    span: Span,
+    name: &str,
+    distribution: Distribution,
+    (first, second): (&Expr, &Expr),
+    place: &Place,
+) -> Value {
+    let Some((stream, instant)) = l.hidden.draws.site.clone() else {
+        return l.fault(
+            Diagnostic::error(codes::MISPLACED_FUNCTION, format!("`{name}` has no meaning here"), span)
+                .help("random numbers are drawn in `param ... ~`, `initial ... ~`, `random ... ~`, `disturbance ... ~` and `noise`"),
+        );
+    };
+    let kind = if distribution == Distribution::Uniform { Variate::Uniform } else { Variate::Normal };
+    let (a, b) = (l.value(first, place), l.value(second, place));
+    let draw = draw(l, &stream, kind, instant, place);
+    let draw = (Value::bare(draw), span);
+    let (a, b) = ((a, first.span), (b, second.span));
+    if distribution == Distribution::Uniform {
+        let width = operators::arithmetic(l, BinaryOp::Sub, b, a.clone(), span);
+        let part = operators::arithmetic(l, BinaryOp::Mul, (width, span), draw, span);
+        return operators::arithmetic(l, BinaryOp::Add, a, (part, span), span);
     }
+    let part = operators::arithmetic(l, BinaryOp::Mul, b, draw, span);
+    let x = operators::arithmetic(l, BinaryOp::Add, a, (part, span), span);
+    if distribution == Distribution::Normal {
+        return x;
+    }
+    match l.values().dimensionless(&x, span, "lognormal") {
+        Some(e) => {
+            let expr = l.exprs.unary(UnaryFn::Exp, e);
+            Value::bare(expr)
+        }
+        None => l.poison(),
+    }
+}
 
-    /// New slots for a random number: one for every pass of the loops around.
-    fn draw(&mut self, stream: &str, kind: Variate, instant: Instant, place: &Place) -> ExprId {
-        let passes: i64 = self.loops.frames.iter().take(place.depth as usize).map(|l| l.passes).product();
-        let first = self.hidden.draws.list.len() as i64;
-        for i in 0..passes {
-            let stream = if passes == 1 { stream.to_owned() } else { format!("{stream}#{i}") };
-            self.hidden.draws.list.push(Draw { stream, kind, instant });
-        }
-        let mut at = Affine::constant(0);
-        for d in 0..place.depth {
-            let passes = self.loops.frames.get(d as usize).map_or(1, |l| l.passes);
-            at = at.times(passes).plus(Affine::along(0, LoopVar(d), 1));
-        }
-        at.offset = first;
-        self.exprs.load(self.hidden.draws.var, Flavour::Value, at)
+/// New slots for a random number: one for every pass of the loops around.
+fn draw(l: &mut Lowering<'_, '_>, stream: &str, kind: Variate, instant: Instant, place: &Place) -> ExprId {
+    let passes: i64 = l.loops.frames.iter().take(place.depth as usize).map(|l| l.passes).product();
+    let first = l.hidden.draws.list.len() as i64;
+    for i in 0..passes {
+        let stream = if passes == 1 { stream.to_owned() } else { format!("{stream}#{i}") };
+        l.hidden.draws.list.push(Draw { stream, kind, instant });
     }
+    let mut at = Affine::constant(0);
+    for d in 0..place.depth {
+        let passes = l.loops.frames.get(d as usize).map_or(1, |l| l.passes);
+        at = at.times(passes).plus(Affine::along(0, LoopVar(d), 1));
+    }
+    at.offset = first;
+    l.exprs.load(l.hidden.draws.var, Flavour::Value, at)
+}
 
-    /// A table over time at a given time.
-    pub(in crate::elaborate) fn time_table(&mut self, span: Span, symbol: SymbolId, arguments: &[Expr], place: &Place) -> Value {
-        let path = self.symbols[symbol].path.clone();
-        let [argument] = arguments else {
-            return self.fault(Diagnostic::error(codes::WRONG_ARGUMENTS, format!("`{path}` takes a time"), span));
-        };
-        let SymbolKind::TimeTable { unit, time_unit, kind, points } = self.symbols[symbol].kind.clone() else {
-            return self.poison();
-        };
-        let declared = self.symbols[symbol].span;
-        let t = self.number_in(argument, &time_unit, &format!("the time of `{path}`"), declared, place);
-        let expr = match kind {
-            TimeTableKind::Linear => self.values().linear_table(t, &points),
-            _ => self.values().step_table(t, &points, kind == TimeTableKind::Until),
-        };
-        Value::of(expr, unit)
-    }
+/// A table over time at a given time.
+pub(in crate::elaborate) fn time_table(l: &mut Lowering<'_, '_>, span: Span, symbol: SymbolId, arguments: &[Expr], place: &Place) -> Value {
+    let path = l.symbols[symbol].path.clone();
+    let [argument] = arguments else {
+        return l.fault(Diagnostic::error(codes::WRONG_ARGUMENTS, format!("`{path}` takes a time"), span));
+    };
+    let SymbolKind::TimeTable { unit, time_unit, kind, points } = l.symbols[symbol].kind.clone() else {
+        return l.poison();
+    };
+    let declared = l.symbols[symbol].span;
+    let t = l.number_in(argument, &time_unit, &format!("the time of `{path}`"), declared, place);
+    let expr = match kind {
+        TimeTableKind::Linear => l.values().linear_table(t, &points),
+        _ => l.values().step_table(t, &points, kind == TimeTableKind::Until),
+    };
+    Value::of(expr, unit)
 }
 
 impl Values<'_> {

@@ -7,11 +7,11 @@
 
 use smpl_dsl::syntax::{BinaryOp, Binder, BinderSet, Expr, ExprKind};
 
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::loops::Cell;
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::Value;
 use crate::elaborate::lower::values::Values;
+use crate::elaborate::lower::{Lowering, defaults, indices};
 use crate::elaborate::naming::Naming;
 use crate::elaborate::symbols::{Axis, SetId, SymbolKind, Symbols};
 
@@ -32,7 +32,7 @@ impl Lowering<'_, '_> {
                 if self.loops.counted.iter().any(|(n, _)| n == name) || symbol.is_some_and(|s| self.symbols.is_domain(s)) {
                     return None;
                 }
-                let (low, high) = (self.integer_quietly(low, place)?, self.integer_quietly(high, place)?);
+                let (low, high) = (indices::integer_quietly(self, low, place)?, indices::integer_quietly(self, high, place)?);
                 match self.symbols.numbers_of(name, place) {
                     Some((first, last)) => (low.max(first), high.min(last)),
                     None => (low, high),
@@ -75,11 +75,11 @@ impl Lowering<'_, '_> {
             },
             ExprKind::Binary(op @ (BinaryOp::Add | BinaryOp::Sub), a, b) => {
                 if let Some(numbers) = self.run_index(a, place) {
-                    let by = self.integer_quietly(b, place)?;
+                    let by = indices::integer_quietly(self, b, place)?;
                     return Some(numbers.shifted(if *op == BinaryOp::Add { by } else { -by }));
                 }
                 let numbers = self.run_index(b, place)?;
-                let n = self.integer_quietly(a, place)?;
+                let n = indices::integer_quietly(self, a, place)?;
                 Some(if *op == BinaryOp::Add { numbers.shifted(n) } else { numbers.subtracted_from(n) })
             }
             _ => None,
@@ -91,7 +91,7 @@ impl Lowering<'_, '_> {
         let v = self.value(e, place);
         let settled =
             !v.is_poison() && self.symbols.parameters_in(self.exprs, v.expr).iter().all(|(var, _)| self.constants.is_structural(*var));
-        let x = self.constant_value(v.expr).filter(|x| settled && x.fract() == 0.0 && x.abs() < 1e15)?;
+        let x = defaults::constant_value(self, v.expr).filter(|x| settled && x.fract() == 0.0 && x.abs() < 1e15)?;
         Some(x as i64)
     }
 
@@ -110,7 +110,7 @@ impl Lowering<'_, '_> {
         };
         match &e.kind {
             ExprKind::Binary(op @ (BinaryOp::Add | BinaryOp::Sub), a, b) if number(self, a).is_some() => {
-                let by = self.integer_quietly(b, place)?;
+                let by = indices::integer_quietly(self, b, place)?;
                 number(self, a).map(|n| Cell::single(if *op == BinaryOp::Add { n + by } else { n - by }))
             }
             _ => number(self, e).map(Cell::single),

@@ -10,7 +10,8 @@ use crate::elaborate::lower::loops::Cell;
 use crate::elaborate::lower::place::{BinderValue, Bound, Place};
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::values::Values;
-use crate::elaborate::lower::{Lowering, units};
+use crate::elaborate::lower::{Lowering, binders, functions, operators, units};
+use crate::elaborate::space::grid;
 use crate::elaborate::symbols::DomainId;
 use crate::ir::{BinaryFn, Compare, Expr as Node, ExprId, LoopVar, ReduceFn};
 
@@ -69,7 +70,7 @@ impl Lowering<'_, '_> {
             Some(Over::Integral) => self.space_integral(terms, span),
             Some(Over::Any) => self.values().quantified(terms, true, span),
             Some(Over::All) => self.values().quantified(terms, false, span),
-            None => self.unknown_function(function, place),
+            None => functions::unknown_function(self, function, place),
         }
     }
 
@@ -79,7 +80,7 @@ impl Lowering<'_, '_> {
         if self.looped_run(binder, reduced, place, out) {
             return;
         }
-        for bound in self.bindings_of(binder, place) {
+        for bound in binders::bindings_of(self, binder, place) {
             if self.ledger.budget.is_full() {
                 return;
             }
@@ -153,9 +154,9 @@ impl Lowering<'_, '_> {
             s.terms(reduced, &inner, &mut list);
             if let Some(domain) = domain.filter(|_| reduced.kind == Terms::Weighted) {
                 for term in &mut list {
-                    let volume = s.cell_volume(domain, cell);
+                    let volume = grid::cell_volume(s, domain, cell);
                     term.weight = Some(match term.weight.take() {
-                        Some(w) => s.arithmetic(BinaryOp::Mul, (w, span), (volume, span), span),
+                        Some(w) => operators::arithmetic(s, BinaryOp::Mul, (w, span), (volume, span), span),
                         None => volume,
                     });
                 }
@@ -198,10 +199,10 @@ impl Lowering<'_, '_> {
         let first = total.1;
         for next in list {
             let v = match op {
-                ReduceFn::Sum => self.arithmetic(BinaryOp::Add, total, next, span),
+                ReduceFn::Sum => operators::arithmetic(self, BinaryOp::Add, total, next, span),
                 ReduceFn::Min => self.values().fold_extremum(BinaryFn::Min, vec![total, next], span),
                 ReduceFn::Max => self.values().fold_extremum(BinaryFn::Max, vec![total, next], span),
-                ReduceFn::Product => self.arithmetic(BinaryOp::Mul, total, next, span),
+                ReduceFn::Product => operators::arithmetic(self, BinaryOp::Mul, total, next, span),
             };
             total = (v, first);
         }
@@ -239,14 +240,14 @@ impl Lowering<'_, '_> {
                 .collect();
             let total = self.space_integral(terms, span);
             let measure = self.fold(weights, ReduceFn::Sum, span);
-            return self.arithmetic(BinaryOp::Div, (total, span), (measure, span), span);
+            return operators::arithmetic(self, BinaryOp::Div, (total, span), (measure, span), span);
         }
         // Each term counts where its condition holds.
         let one = Value::bare(self.exprs.constant(1.0));
         let counted = terms.iter().map(|t| Term { value: one.clone(), weight: None, ..t.clone() }).collect();
         let n = self.fold(counted, ReduceFn::Sum, span);
         let total = self.fold(terms, ReduceFn::Sum, span);
-        self.arithmetic(BinaryOp::Div, (total, span), (n, span), span)
+        operators::arithmetic(self, BinaryOp::Div, (total, span), (n, span), span)
     }
 
     fn space_integral(&mut self, terms: Vec<Term>, span: Span) -> Value {
@@ -258,7 +259,7 @@ impl Lowering<'_, '_> {
                         .help("use `sum` over a set"),
                 );
             };
-            let value = self.arithmetic(BinaryOp::Mul, (w, span), (term.value, span), span);
+            let value = operators::arithmetic(self, BinaryOp::Mul, (w, span), (term.value, span), span);
             weighted.push(Term { value, span: term.span, keep: term.keep, loops: term.loops, weight: None });
         }
         self.fold(weighted, ReduceFn::Sum, span)

@@ -157,38 +157,35 @@ fn article(what: &str) -> String {
     format!("{article} {what}")
 }
 
-impl Lowering<'_, '_> {
-    /// The unit that a text means; reports what is wrong with it.
-    pub(in crate::elaborate) fn unit(&mut self, written: &UnitExpr, place: &Place) -> Option<Unit> {
-        let mut inner_fault = false;
-        let result = smpl_dsl::units::resolve(written, &mut |e: &Expr| {
-            let v = self.value(e, place);
-            inner_fault |= v.is_poison();
-            Ok(match v.unit {
-                Measure::Of(unit) => unit.difference(),
-                _ => Unit::one(),
-            })
-        });
-        match result {
-            Ok(_) if inner_fault => None,
-            Ok(unit) => Some(unit),
-            Err(d) => {
-                self.ledger.report(d);
-                None
-            }
+/// The unit that a text means; reports what is wrong with it.
+pub(in crate::elaborate) fn unit(l: &mut Lowering<'_, '_>, written: &UnitExpr, place: &Place) -> Option<Unit> {
+    let mut inner_fault = false;
+    let result = smpl_dsl::units::resolve(written, &mut |e: &Expr| {
+        let v = l.value(e, place);
+        inner_fault |= v.is_poison();
+        Ok(match v.unit {
+            Measure::Of(unit) => unit.difference(),
+            _ => Unit::one(),
+        })
+    });
+    match result {
+        Ok(_) if inner_fault => None,
+        Ok(unit) => Some(unit),
+        Err(d) => {
+            l.ledger.report(d);
+            None
         }
     }
+}
 
-    /// A unit written where an expression stands: `value(x, kmol/m^3)`.
-    pub(in crate::elaborate) fn unit_argument(&mut self, e: &Expr, place: &Place) -> Option<Unit> {
-        let mut factors = Vec::new();
-        if collect(e, 1, &mut factors).is_none() {
-            self.ledger
-                .report(Diagnostic::error(codes::UNKNOWN_UNIT, "a unit is needed here", e.span).help("for example `value(T, degC)`"));
-            return None;
-        }
-        self.unit(&UnitExpr { span: e.span, factors }, place)
+/// A unit written where an expression stands: `value(x, kmol/m^3)`.
+pub(in crate::elaborate) fn unit_argument(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> Option<Unit> {
+    let mut factors = Vec::new();
+    if collect(e, 1, &mut factors).is_none() {
+        l.ledger.report(Diagnostic::error(codes::UNKNOWN_UNIT, "a unit is needed here", e.span).help("for example `value(T, degC)`"));
+        return None;
     }
+    unit(l, &UnitExpr { span: e.span, factors }, place)
 }
 
 fn collect(e: &Expr, sign: i32, out: &mut Vec<UnitFactor>) -> Option<()> {

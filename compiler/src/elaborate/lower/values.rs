@@ -75,6 +75,14 @@ impl Values<'_> {
         }
     }
 
+    /// A literal number is taken in the target's unit, anything else must have it.
+    pub(in crate::elaborate) fn strictly_or_bare(&mut self, v: Value, unit: &Unit, span: Span, what: &str, declared: Span) -> ExprId {
+        if matches!(v.unit, Measure::Bare) {
+            return self.in_unit(v, unit, span, what, declared);
+        }
+        self.strictly_in(v, unit, span, what, declared)
+    }
+
     /// A value as a number in `target`, strictly: a dimensionless number does not pass for a quantity.
     pub(in crate::elaborate) fn strictly_in(&mut self, v: Value, target: &Unit, span: Span, what: &str, declared: Span) -> ExprId {
         match &v.unit {

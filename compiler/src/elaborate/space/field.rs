@@ -9,210 +9,205 @@ use crate::elaborate::lower::loops::{Cell, Face};
 use crate::elaborate::lower::place::{Bound, Place};
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::{Lowering, units};
+use crate::elaborate::space::{grid, marks, transport};
 use crate::elaborate::symbols::{Axis, DomainId, Scheme, SymbolId};
 use crate::ir::{Compare, ExprId};
-impl Lowering<'_, '_> {
-    /// Value of a field at the face of a flux; `None` where the indices do not mean the face.
-    pub(in crate::elaborate) fn face_value(
-        &mut self,
-        symbol: SymbolId,
-        axes: &[Axis],
-        index: &[Expr],
-        span: Span,
-        face: Face,
-        place: &Place,
-    ) -> Option<Value> {
-        self.face_index(axes, index, face.domain, place)?;
-        let n = self.symbols.domains[face.domain].cells;
-        let (at_low, at_high) = (self.is_number(face.at, 0), self.is_number(face.at, n));
-        let (Some(at_low), Some(at_high)) = (at_low, at_high) else { return Some(self.poison()) };
-        let at = |s: &mut Self, by: i64| s.in_cell(symbol, index, span, face.at.shifted(by), face.domain, place);
-        let is_marked = self.fluxes.faces.is_some() && self.symbols.is_directed(face);
-        if self.fluxes.averaging || is_marked {
-            let beside = at(self, if at_low { 0 } else { -1 });
-            let marked =
-                if is_marked { self.marked((symbol, index, span), face, place, &beside, self.fluxes.averaging) } else { beside.clone() };
-            if !self.fluxes.averaging || at_low || at_high {
-                return Some(if self.fluxes.averaging { beside } else { marked });
-            }
-            let above = at(self, 0);
-            let expr = self.interpolate(face, beside.expr, above.expr);
-            return Some(Value { expr, unit: beside.unit });
+/// Value of a field at the face of a flux; `None` where the indices do not mean the face.
+pub(in crate::elaborate) fn face_value<'m, 'a>(
+    l: &mut Lowering<'m, 'a>,
+    symbol: SymbolId,
+    axes: &[Axis],
+    index: &[Expr],
+    span: Span,
+    face: Face,
+    place: &Place,
+) -> Option<Value> {
+    face_index(axes, index, face.domain, place)?;
+    let n = l.symbols.domains[face.domain].cells;
+    let (at_low, at_high) = (l.is_number(face.at, 0), l.is_number(face.at, n));
+    let (Some(at_low), Some(at_high)) = (at_low, at_high) else { return Some(l.poison()) };
+    let at = |s: &mut Lowering<'m, 'a>, by: i64| in_cell(s, symbol, index, span, face.at.shifted(by), face.domain, place);
+    let is_marked = l.fluxes.faces.is_some() && l.symbols.is_directed(face);
+    if l.fluxes.averaging || is_marked {
+        let beside = at(l, if at_low { 0 } else { -1 });
+        let marked =
+            if is_marked { transport::marked(l, (symbol, index, span), face, place, &beside, l.fluxes.averaging) } else { beside.clone() };
+        if !l.fluxes.averaging || at_low || at_high {
+            return Some(if l.fluxes.averaging { beside } else { marked });
         }
-        if at_low {
-            return Some(at(self, 0));
-        }
-        if at_high {
-            return Some(at(self, -1));
-        }
-        Some(match self.symbols.domains[face.domain].scheme {
-            Scheme::Upwind | Scheme::Upwind2 | Scheme::Limited => self.value_from_side(face, true, &mut |s, by| at(s, by)),
-            Scheme::Downwind => at(self, 0),
-            Scheme::Central => {
-                let (l, r) = (at(self, -1), at(self, 0));
-                let expr = self.interpolate(face, l.expr, r.expr);
-                Value { expr, unit: l.unit }
-            }
-        })
+        let above = at(l, 0);
+        let expr = interpolate(l, face, beside.expr, above.expr);
+        return Some(Value { expr, unit: beside.unit });
     }
-
-    /// A value at an inner face by the domain's scheme, from below or from above; `cell` gives it in the cell so many above the face.
-    pub(in crate::elaborate) fn value_from_side(
-        &mut self,
-        face: Face,
-        below: bool,
-        cell: &mut dyn FnMut(&mut Self, i64) -> Value,
-    ) -> Value {
-        // The cell on that side, the one behind it, and the one across the face.
-        let (near, behind, across) = if below { (-1, -2, 0) } else { (0, 1, -1) };
-        let scheme = self.symbols.domains[face.domain].scheme;
-        if !matches!(scheme, Scheme::Upwind2 | Scheme::Limited) {
-            return cell(self, near);
-        }
-        let only = if below { 1 } else { self.symbols.domains[face.domain].cells - 1 };
-        let Some(is_only) = self.is_number(face.at, only) else { return self.poison() };
-        let l = cell(self, near);
-        if is_only {
-            // Only one cell lies on that side: first order here.
-            return l;
-        }
-        let (ll, r) = (cell(self, behind), cell(self, across));
-        let expr = if scheme == Scheme::Upwind2 {
-            self.values().extrapolate(ll.expr, l.expr)
-        } else {
-            self.values().limited(ll.expr, l.expr, r.expr)
-        };
-        Value { expr, unit: l.unit }
+    if at_low {
+        return Some(at(l, 0));
     }
-
-    /// Position of the axis whose index is the face of `domain`.
-    fn face_index(&self, axes: &[Axis], index: &[Expr], domain: DomainId, place: &Place) -> Option<usize> {
-        axes.iter().zip(index).position(|(axis, e)| {
-            *axis == Axis::Domain(domain)
-                && matches!(&e.kind, ExprKind::Name(n) if matches!(place.bound(&n.text), Some(Bound::Face(d, _)) if *d == domain))
-        })
+    if at_high {
+        return Some(at(l, -1));
     }
-
-    /// The field in one cell, with the face's index bound to it.
-    pub(in crate::elaborate) fn in_cell(
-        &mut self,
-        symbol: SymbolId,
-        index: &[Expr],
-        span: Span,
-        cell: Cell,
-        domain: DomainId,
-        place: &Place,
-    ) -> Value {
-        let mut inner = place.clone();
-        inner.face = None;
-        for e in index {
-            if let ExprKind::Name(n) = &e.kind
-                && matches!(place.bound(&n.text), Some(Bound::Face(d, _)) if *d == domain)
-            {
-                inner = inner.bind(&n.text, Bound::Cell(domain, cell));
-            }
+    Some(match l.symbols.domains[face.domain].scheme {
+        Scheme::Upwind | Scheme::Upwind2 | Scheme::Limited => value_from_side(l, face, true, &mut |s, by| at(s, by)),
+        Scheme::Downwind => at(l, 0),
+        Scheme::Central => {
+            let (left, right) = (at(l, -1), at(l, 0));
+            let expr = interpolate(l, face, left.expr, right.expr);
+            Value { expr, unit: left.unit }
         }
-        self.symbol_value(symbol, index, span, &inner)
-    }
+    })
+}
 
-    pub(in crate::elaborate) fn interpolate(&mut self, face: Face, l: ExprId, r: ExprId) -> ExprId {
-        if self.symbols.is_uniform(face.domain) {
-            let half = self.exprs.constant(0.5);
-            let sum = self.exprs.add(l, r);
-            return self.exprs.mul(half, sum);
+/// A value at an inner face by the domain's scheme, from below or from above; `cell` gives it in the cell so many above the face.
+pub(in crate::elaborate) fn value_from_side<'m, 'a>(
+    l: &mut Lowering<'m, 'a>,
+    face: Face,
+    below: bool,
+    cell: &mut dyn FnMut(&mut Lowering<'m, 'a>, i64) -> Value,
+) -> Value {
+    // The cell on that side, the one behind it, and the one across the face.
+    let (near, behind, across) = if below { (-1, -2, 0) } else { (0, 1, -1) };
+    let scheme = l.symbols.domains[face.domain].scheme;
+    if !matches!(scheme, Scheme::Upwind2 | Scheme::Limited) {
+        return cell(l, near);
+    }
+    let only = if below { 1 } else { l.symbols.domains[face.domain].cells - 1 };
+    let Some(is_only) = l.is_number(face.at, only) else { return l.poison() };
+    let left = cell(l, near);
+    if is_only {
+        // Only one cell lies on that side: first order here.
+        return left;
+    }
+    let (before, right) = (cell(l, behind), cell(l, across));
+    let expr = if scheme == Scheme::Upwind2 {
+        l.values().extrapolate(before.expr, left.expr)
+    } else {
+        l.values().limited(before.expr, left.expr, right.expr)
+    };
+    Value { expr, unit: left.unit }
+}
+
+/// Position of the axis whose index is the face of `domain`.
+fn face_index(axes: &[Axis], index: &[Expr], domain: DomainId, place: &Place) -> Option<usize> {
+    axes.iter().zip(index).position(|(axis, e)| {
+        *axis == Axis::Domain(domain)
+            && matches!(&e.kind, ExprKind::Name(n) if matches!(place.bound(&n.text), Some(Bound::Face(d, _)) if *d == domain))
+    })
+}
+
+/// The field in one cell, with the face's index bound to it.
+pub(in crate::elaborate) fn in_cell(
+    l: &mut Lowering<'_, '_>,
+    symbol: SymbolId,
+    index: &[Expr],
+    span: Span,
+    cell: Cell,
+    domain: DomainId,
+    place: &Place,
+) -> Value {
+    let mut inner = place.clone();
+    inner.face = None;
+    for e in index {
+        if let ExprKind::Name(n) = &e.kind
+            && matches!(place.bound(&n.text), Some(Bound::Face(d, _)) if *d == domain)
+        {
+            inner = inner.bind(&n.text, Bound::Cell(domain, cell));
         }
-        let x = self.face_position(face.domain, face.at);
-        let (a, b) = (self.centre(face.domain, face.at.shifted(-1)), self.centre(face.domain, face.at));
-        let (part, whole) = (self.exprs.sub(x, a), self.exprs.sub(b, a));
-        let weight = self.exprs.div(part, whole);
-        let difference = self.exprs.sub(r, l);
-        let step = self.exprs.mul(weight, difference);
-        self.exprs.add(l, step)
     }
+    l.symbol_value(symbol, index, span, &inner)
+}
 
-    /// `grad(c[i, z])` inside a flux.
-    pub(in crate::elaborate) fn gradient(&mut self, span: Span, e: &Expr, place: &Place) -> Value {
-        let Some(face) = place.face else {
-            return self.fault(
-                Diagnostic::error(
-                    codes::MISPLACED_FUNCTION,
-                    "a gradient lives on the faces: `grad` has a meaning inside a `flux` only",
-                    span,
-                )
+pub(in crate::elaborate) fn interpolate(l: &mut Lowering<'_, '_>, face: Face, left: ExprId, right: ExprId) -> ExprId {
+    if l.symbols.is_uniform(face.domain) {
+        let half = l.exprs.constant(0.5);
+        let sum = l.exprs.add(left, right);
+        return l.exprs.mul(half, sum);
+    }
+    let x = grid::face_position(l, face.domain, face.at);
+    let (a, b) = (grid::centre(l, face.domain, face.at.shifted(-1)), grid::centre(l, face.domain, face.at));
+    let (part, whole) = (l.exprs.sub(x, a), l.exprs.sub(b, a));
+    let weight = l.exprs.div(part, whole);
+    let difference = l.exprs.sub(right, left);
+    let step = l.exprs.mul(weight, difference);
+    l.exprs.add(left, step)
+}
+
+/// `grad(c[i, z])` inside a flux.
+pub(in crate::elaborate) fn gradient(l: &mut Lowering<'_, '_>, span: Span, e: &Expr, place: &Place) -> Value {
+    let Some(face) = place.face else {
+        return l.fault(
+            Diagnostic::error(codes::MISPLACED_FUNCTION, "a gradient lives on the faces: `grad` has a meaning inside a `flux` only", span)
                 .help("declare `flux J[z] = -D*grad(c[z])` and use `div(J[z])`"),
-            );
-        };
-        let n = self.symbols.domains[face.domain].cells;
-        let (Some(low), Some(high)) = (self.is_number(face.at, 0), self.is_number(face.at, n)) else {
-            return self.poison();
-        };
-        let unit = self.ends(face.domain).0;
-        let r = self.beside(face, if high { -1 } else { 0 }, e, place);
-        if r.is_poison() {
-            return r;
-        }
-        let gradient_unit = match &r.unit {
-            Measure::Of(u) => units::over(&units::difference(u), &unit),
-            _ => units::over(&Unit::one(), &unit),
-        };
-        if low || high {
-            let expr = self.exprs.constant(0.0);
-            return Value::of(expr, gradient_unit);
-        }
-        let l = self.beside(face, -1, e, place);
-        let difference = self.exprs.sub(r.expr, l.expr);
-        let distance = if self.symbols.is_uniform(face.domain) {
-            self.spacing(face.domain)
-        } else {
-            let (a, b) = (self.centre(face.domain, face.at.shifted(-1)), self.centre(face.domain, face.at));
-            self.exprs.sub(b, a)
-        };
-        let expr = self.values().over_fixed(difference, distance);
-        Value::of(expr, gradient_unit)
+        );
+    };
+    let n = l.symbols.domains[face.domain].cells;
+    let (Some(low), Some(high)) = (l.is_number(face.at, 0), l.is_number(face.at, n)) else {
+        return l.poison();
+    };
+    let unit = grid::ends(l, face.domain).0;
+    let right = beside(l, face, if high { -1 } else { 0 }, e, place);
+    if right.is_poison() {
+        return right;
     }
+    let gradient_unit = match &right.unit {
+        Measure::Of(u) => units::over(&units::difference(u), &unit),
+        _ => units::over(&Unit::one(), &unit),
+    };
+    if low || high {
+        let expr = l.exprs.constant(0.0);
+        return Value::of(expr, gradient_unit);
+    }
+    let left = beside(l, face, -1, e, place);
+    let difference = l.exprs.sub(right.expr, left.expr);
+    let distance = if l.symbols.is_uniform(face.domain) {
+        grid::spacing(l, face.domain)
+    } else {
+        let (a, b) = (grid::centre(l, face.domain, face.at.shifted(-1)), grid::centre(l, face.domain, face.at));
+        l.exprs.sub(b, a)
+    };
+    let expr = l.values().over_fixed(difference, distance);
+    Value::of(expr, gradient_unit)
+}
 
-    /// An expression in a cell beside the face: -1 the one below, 0 the one above.
-    fn beside(&mut self, face: Face, by: i64, e: &Expr, place: &Place) -> Value {
-        let mut inner = place.clone();
-        inner.face = None;
-        for (name, bound) in place.all_bound() {
-            if matches!(bound, Bound::Face(domain, _) if *domain == face.domain) {
-                inner = inner.bind(name, Bound::Cell(face.domain, face.at.shifted(by)));
-            }
+/// An expression in a cell beside the face: -1 the one below, 0 the one above.
+fn beside(l: &mut Lowering<'_, '_>, face: Face, by: i64, e: &Expr, place: &Place) -> Value {
+    let mut inner = place.clone();
+    inner.face = None;
+    for (name, bound) in place.all_bound() {
+        if matches!(bound, Bound::Face(domain, _) if *domain == face.domain) {
+            inner = inner.bind(name, Bound::Cell(face.domain, face.at.shifted(by)));
         }
-        self.value(e, &inner)
     }
+    l.value(e, &inner)
+}
 
-    /// `upwind(v, c[z])`: the field from the side that the flow comes from, by the domain's scheme where that is a directed one.
-    pub(in crate::elaborate) fn upwind(&mut self, span: Span, velocity: &Expr, field: &Expr, place: &Place) -> Value {
-        let Some(face) = place.face else {
-            return self.fault(Diagnostic::error(codes::MISPLACED_FUNCTION, "`upwind` has a meaning inside a `flux` only", span));
-        };
-        let n = self.symbols.domains[face.domain].cells;
-        let (Some(low), Some(high)) = (self.is_number(face.at, 0), self.is_number(face.at, n)) else {
-            return self.poison();
-        };
-        let averaging = std::mem::replace(&mut self.fluxes.averaging, true);
-        let v = self.value(velocity, place);
-        self.fluxes.averaging = averaging;
-        if v.is_poison() {
-            return v;
-        }
-        if low || high {
-            return self.beside(face, if low { 0 } else { -1 }, field, place);
-        }
-        let sign = self.reading().interval(v.expr);
-        let side = |s: &mut Self, below: bool| s.value_from_side(face, below, &mut |s, by| s.beside(face, by, field, place));
-        if sign.has_sign() {
-            return side(self, sign.is_not_negative());
-        }
-        let (l, r) = (side(self, true), side(self, false));
-        if l.is_poison() || r.is_poison() {
-            return self.poison();
-        }
-        let zero = self.exprs.constant(0.0);
-        let forward = self.exprs.compare(Compare::Le, zero, v.expr);
-        let expr = self.exprs.select(forward, l.expr, r.expr);
-        Value { expr, unit: l.unit }
+/// `upwind(v, c[z])`: the field from the side that the flow comes from, by the domain's scheme where that is a directed one.
+pub(in crate::elaborate) fn upwind<'m, 'a>(l: &mut Lowering<'m, 'a>, span: Span, velocity: &Expr, field: &Expr, place: &Place) -> Value {
+    let Some(face) = place.face else {
+        return l.fault(Diagnostic::error(codes::MISPLACED_FUNCTION, "`upwind` has a meaning inside a `flux` only", span));
+    };
+    let n = l.symbols.domains[face.domain].cells;
+    let (Some(low), Some(high)) = (l.is_number(face.at, 0), l.is_number(face.at, n)) else {
+        return l.poison();
+    };
+    let averaging = std::mem::replace(&mut l.fluxes.averaging, true);
+    let v = l.value(velocity, place);
+    l.fluxes.averaging = averaging;
+    if v.is_poison() {
+        return v;
     }
+    if low || high {
+        return beside(l, face, if low { 0 } else { -1 }, field, place);
+    }
+    let sign = marks::reading(l).interval(v.expr);
+    let side = |s: &mut Lowering<'m, 'a>, below: bool| value_from_side(s, face, below, &mut |s, by| beside(s, face, by, field, place));
+    if sign.has_sign() {
+        return side(l, sign.is_not_negative());
+    }
+    let (left, right) = (side(l, true), side(l, false));
+    if left.is_poison() || right.is_poison() {
+        return l.poison();
+    }
+    let zero = l.exprs.constant(0.0);
+    let forward = l.exprs.compare(Compare::Le, zero, v.expr);
+    let expr = l.exprs.select(forward, left.expr, right.expr);
+    Value { expr, unit: left.unit }
 }

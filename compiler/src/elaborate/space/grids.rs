@@ -2,8 +2,9 @@
 
 use smpl_dsl::units::Unit;
 
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::loops::Cell;
+use crate::elaborate::lower::{Lowering, defaults};
+use crate::elaborate::space::grid;
 use crate::elaborate::symbols::DomainId;
 use crate::ir::{Affine, ExprId, FastMap, Flavour, VarId};
 use crate::model::Grid;
@@ -29,50 +30,48 @@ impl Grids {
     }
 }
 
-impl Lowering<'_, '_> {
-    /// Where the cells of every domain lie, as far as parameters tell. A model at fault has none: what is wrong with its grids was said.
-    pub(in crate::elaborate) fn grids(&mut self) -> Vec<Grid> {
-        if self.ledger.reports.has_errors() {
-            return Vec::new();
-        }
-        let domains: Vec<DomainId> = self.symbols.domains.keys().collect();
-        domains.into_iter().map(|domain| self.grid(domain)).collect()
+/// Where the cells of every domain lie, as far as parameters tell. A model at fault has none: what is wrong with its grids was said.
+pub(in crate::elaborate) fn grids(l: &mut Lowering<'_, '_>) -> Vec<Grid> {
+    if l.ledger.reports.has_errors() {
+        return Vec::new();
     }
+    let domains: Vec<DomainId> = l.symbols.domains.keys().collect();
+    domains.into_iter().map(|domain| grid(l, domain)).collect()
+}
 
-    fn grid(&mut self, domain: DomainId) -> Grid {
-        let (unit, low, high) = self.ends(domain);
-        let cells = self.symbols.domains[domain].cells;
-        let places: Vec<ExprId> = match self.symbols.is_uniform(domain) {
-            true => vec![low, high],
-            false => (0..=cells).map(|face| self.face_position(domain, Cell::single(face))).collect(),
-        };
-        let known: Option<Vec<f64>> = places.iter().map(|&place| self.constant_value(place)).collect();
-        let faces = match known.as_deref() {
-            Some(&[low, high]) => (0..=cells).map(|i| low + (high - low) * i as f64 / cells as f64).collect(),
-            Some(faces) => faces.to_vec(),
-            None => Vec::new(),
-        };
-        let increase = faces.windows(2).all(|pair| pair[0] < pair[1]) && faces.iter().all(|x| x.is_finite());
-        let parameters = if increase { self.grid_parameters(&places) } else { None };
-        let (name, unit) = (self.symbols.domains[domain].name.clone(), unit.to_string());
-        match parameters {
-            Some(parameters) => Grid { name, unit, faces, parameters },
-            None => Grid { name, unit, ..Grid::default() },
-        }
+fn grid(l: &mut Lowering<'_, '_>, domain: DomainId) -> Grid {
+    let (unit, low, high) = grid::ends(l, domain);
+    let cells = l.symbols.domains[domain].cells;
+    let places: Vec<ExprId> = match l.symbols.is_uniform(domain) {
+        true => vec![low, high],
+        false => (0..=cells).map(|face| grid::face_position(l, domain, Cell::single(face))).collect(),
+    };
+    let known: Option<Vec<f64>> = places.iter().map(|&place| defaults::constant_value(l, place)).collect();
+    let faces = match known.as_deref() {
+        Some(&[low, high]) => (0..=cells).map(|i| low + (high - low) * i as f64 / cells as f64).collect(),
+        Some(faces) => faces.to_vec(),
+        None => Vec::new(),
+    };
+    let increase = faces.windows(2).all(|pair| pair[0] < pair[1]) && faces.iter().all(|x| x.is_finite());
+    let parameters = if increase { grid_parameters(l, &places) } else { None };
+    let (name, unit) = (l.symbols.domains[domain].name.clone(), unit.to_string());
+    match parameters {
+        Some(parameters) => Grid { name, unit, faces, parameters },
+        None => Grid { name, unit, ..Grid::default() },
     }
+}
 
-    /// The elements of parameters that places depend on, with their values.
-    fn grid_parameters(&mut self, places: &[ExprId]) -> Option<Vec<(VarId, u32, f64)>> {
-        let mut elements: Vec<(VarId, i64)> = Vec::new();
-        for &place in places {
-            elements.extend(self.symbols.parameters_in(self.exprs, place).into_iter().map(|(var, at)| (var, at.offset)));
-        }
-        elements.sort_unstable();
-        elements.dedup();
-        let mut value = |(var, at): (VarId, i64)| {
-            let load = self.exprs.load(var, Flavour::Value, Affine::constant(at));
-            Some((var, at as u32, self.constant_value(load)?))
-        };
-        elements.into_iter().map(&mut value).collect()
+/// The elements of parameters that places depend on, with their values.
+fn grid_parameters(l: &mut Lowering<'_, '_>, places: &[ExprId]) -> Option<Vec<(VarId, u32, f64)>> {
+    let mut elements: Vec<(VarId, i64)> = Vec::new();
+    for &place in places {
+        elements.extend(l.symbols.parameters_in(l.exprs, place).into_iter().map(|(var, at)| (var, at.offset)));
     }
+    elements.sort_unstable();
+    elements.dedup();
+    let mut value = |(var, at): (VarId, i64)| {
+        let load = l.exprs.load(var, Flavour::Value, Affine::constant(at));
+        Some((var, at as u32, defaults::constant_value(l, load)?))
+    };
+    elements.into_iter().map(&mut value).collect()
 }

@@ -48,12 +48,10 @@ pub(in crate::elaborate) struct Reading<'r, 'a> {
     builtins: VarId,
 }
 
-impl<'a> Lowering<'_, 'a> {
-    /// What reads expressions with marks.
-    pub(in crate::elaborate) fn reading(&self) -> Reading<'_, 'a> {
-        let builtins = self.hidden.builtins;
-        Reading { exprs: self.exprs, symbols: self.symbols, quantities: self.quantities, fluxes: self.fluxes, builtins }
-    }
+/// What reads expressions with marks.
+pub(in crate::elaborate) fn reading<'r, 'a>(l: &'r Lowering<'_, 'a>) -> Reading<'r, 'a> {
+    let builtins = l.hidden.builtins;
+    Reading { exprs: l.exprs, symbols: l.symbols, quantities: l.quantities, fluxes: l.fluxes, builtins }
 }
 
 impl Reading<'_, '_> {

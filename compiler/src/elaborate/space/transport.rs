@@ -16,6 +16,7 @@ use crate::elaborate::lower::value::Value;
 use crate::elaborate::space::directions::Direction;
 use crate::elaborate::space::faces::FaceValue;
 use crate::elaborate::space::marks::{MARK, is_odd};
+use crate::elaborate::space::{directions, marks, placed};
 use crate::elaborate::symbols::{Scheme, SymbolId, Symbols};
 use crate::ir::{Affine, Expr as Node, Flavour};
 /// What came of the elaboration with marks.
@@ -26,94 +27,92 @@ enum Outcome {
     Fault(Diagnostic),
 }
 
-impl Lowering<'_, '_> {
-    /// The inner expression of a flux at a face between two cells.
-    pub(in crate::elaborate) fn directed(&mut self, flux: &Flux, place: &Place) -> Value {
-        let outcome = self.with_marks(|s| {
-            let v = s.value(&flux.inner, place);
-            let flow = match s.flow(v.expr, flux.inner.span) {
-                Ok(flow) => flow,
-                Err(fault) => return Outcome::Fault(*fault),
-            };
-            if v.is_poison() || flow.directions.iter().all(|d| *d == Direction::Below) {
-                return Outcome::Plain;
-            }
-            s.placed(v, &flow).map_or(Outcome::Plain, Outcome::Built)
-        });
-        match outcome {
-            Outcome::Plain => self.value(&flux.inner, place),
-            Outcome::Built(v) => v,
-            Outcome::Fault(fault) => self.fault(fault),
+/// The inner expression of a flux at a face between two cells.
+pub(in crate::elaborate) fn directed(l: &mut Lowering<'_, '_>, flux: &Flux, place: &Place) -> Value {
+    let outcome = with_marks(l, |s| {
+        let v = s.value(&flux.inner, place);
+        let flow = match directions::flow(s, v.expr, flux.inner.span) {
+            Ok(flow) => flow,
+            Err(fault) => return Outcome::Fault(*fault),
+        };
+        if v.is_poison() || flow.directions.iter().all(|d| *d == Direction::Below) {
+            return Outcome::Plain;
         }
+        placed::placed(s, v, &flow).map_or(Outcome::Plain, Outcome::Built)
+    });
+    match outcome {
+        Outcome::Plain => l.value(&flux.inner, place),
+        Outcome::Built(v) => v,
+        Outcome::Fault(fault) => l.fault(fault),
     }
+}
 
-    /// The flux given at an end, where the flow may turn: what is carried in holds while the flow enters, else the cell's own value.
-    pub(in crate::elaborate) fn entering(&mut self, given: Value, flux: &Flux, is_low: bool, place: &Place) -> Value {
-        if given.is_poison() {
-            return given;
-        }
-        let outcome = self.with_marks(|s| {
-            let v = s.value(&flux.inner, place);
-            let Ok(flow) = s.flow(v.expr, flux.inner.span) else { return Outcome::Plain };
-            if v.is_poison() {
-                return Outcome::Plain;
-            }
-            s.turning(&given, v, &flow, is_low).map_or(Outcome::Plain, Outcome::Built)
-        });
-        match outcome {
-            Outcome::Built(v) => v,
-            Outcome::Plain | Outcome::Fault(_) => given,
-        }
+/// The flux given at an end, where the flow may turn: what is carried in holds while the flow enters, else the cell's own value.
+pub(in crate::elaborate) fn entering(l: &mut Lowering<'_, '_>, given: Value, flux: &Flux, is_low: bool, place: &Place) -> Value {
+    if given.is_poison() {
+        return given;
     }
+    let outcome = with_marks(l, |s| {
+        let v = s.value(&flux.inner, place);
+        let Ok(flow) = directions::flow(s, v.expr, flux.inner.span) else { return Outcome::Plain };
+        if v.is_poison() {
+            return Outcome::Plain;
+        }
+        placed::turning(s, &given, v, &flow, is_low).map_or(Outcome::Plain, Outcome::Built)
+    });
+    match outcome {
+        Outcome::Built(v) => v,
+        Outcome::Plain | Outcome::Fault(_) => given,
+    }
+}
 
-    /// Elaborates something with marks for face values; leaves no trace unless it is what was wanted.
-    fn with_marks(&mut self, body: impl FnOnce(&mut Self) -> Outcome) -> Outcome {
-        let before = self.ledger.trace();
-        let (nodes, diagnostics) = (self.exprs.len(), self.ledger.reports.diagnostics.len());
-        let drawn = self.hidden.len();
-        let outer = self.fluxes.faces.replace(Vec::new());
-        self.ledger.speculation.enter();
-        let mut outcome = body(self);
-        self.ledger.speculation.end();
-        self.fluxes.faces = outer;
-        if self.ledger.reports.diagnostics.len() > diagnostics {
-            outcome = Outcome::Plain;
-        }
-        if matches!(outcome, Outcome::Built(_)) {
-            self.ledger.speculation.settle(&mut self.ledger.reports);
-        } else {
-            self.ledger.roll_back(before, self.expansions);
-            // What was drawn in there keeps its node.
-            if drawn == self.hidden.len() {
-                self.exprs.truncate(nodes);
-            }
-        }
-        outcome
+/// Elaborates something with marks for face values; leaves no trace unless it is what was wanted.
+fn with_marks<'m, 'a>(l: &mut Lowering<'m, 'a>, body: impl FnOnce(&mut Lowering<'m, 'a>) -> Outcome) -> Outcome {
+    let before = l.ledger.trace();
+    let (nodes, diagnostics) = (l.exprs.len(), l.ledger.reports.diagnostics.len());
+    let drawn = l.hidden.len();
+    let outer = l.fluxes.faces.replace(Vec::new());
+    l.ledger.speculation.enter();
+    let mut outcome = body(l);
+    l.ledger.speculation.end();
+    l.fluxes.faces = outer;
+    if l.ledger.reports.diagnostics.len() > diagnostics {
+        outcome = Outcome::Plain;
     }
+    if matches!(outcome, Outcome::Built(_)) {
+        l.ledger.speculation.settle(&mut l.ledger.reports);
+    } else {
+        l.ledger.roll_back(before, l.expansions);
+        // What was drawn in there keeps its node.
+        if drawn == l.hidden.len() {
+            l.exprs.truncate(nodes);
+        }
+    }
+    outcome
+}
 
-    /// A mark for a field's value at a face; `beside` is the field in the cell below, or beside the end.
-    pub(in crate::elaborate) fn marked(
-        &mut self,
-        (symbol, index, span): (SymbolId, &[Expr], Span),
-        face: Face,
-        place: &Place,
-        beside: &Value,
-        velocity: bool,
-    ) -> Value {
-        let Node::Load { var, flavour, at } = self.exprs.node(beside.expr) else { return beside.clone() };
-        let range = self.reading().declared_range(var, flavour, at);
-        let Some(faces) = &mut self.fluxes.faces else { return beside.clone() };
-        if let Some(known) = faces.iter_mut().find(|f| f.beside == beside.expr) {
-            known.velocity |= velocity;
-            return Value { expr: known.mark, unit: beside.unit.clone() };
-        }
-        let mark = Affine { offset: MARK + faces.len() as i64, ..at };
-        let mark = self.exprs.load(self.hidden.builtins, Flavour::Value, mark);
-        let odd = is_odd(&beside.unit.unit());
-        let index = index.to_vec();
-        faces.push(FaceValue { symbol, index, span, face, place: place.clone(), beside: beside.expr, mark, range, odd, velocity });
-        Value { expr: mark, unit: beside.unit.clone() }
+/// A mark for a field's value at a face; `beside` is the field in the cell below, or beside the end.
+pub(in crate::elaborate) fn marked(
+    l: &mut Lowering<'_, '_>,
+    (symbol, index, span): (SymbolId, &[Expr], Span),
+    face: Face,
+    place: &Place,
+    beside: &Value,
+    velocity: bool,
+) -> Value {
+    let Node::Load { var, flavour, at } = l.exprs.node(beside.expr) else { return beside.clone() };
+    let range = marks::reading(l).declared_range(var, flavour, at);
+    let Some(faces) = &mut l.fluxes.faces else { return beside.clone() };
+    if let Some(known) = faces.iter_mut().find(|f| f.beside == beside.expr) {
+        known.velocity |= velocity;
+        return Value { expr: known.mark, unit: beside.unit.clone() };
     }
+    let mark = Affine { offset: MARK + faces.len() as i64, ..at };
+    let mark = l.exprs.load(l.hidden.builtins, Flavour::Value, mark);
+    let odd = is_odd(&beside.unit.unit());
+    let index = index.to_vec();
+    faces.push(FaceValue { symbol, index, span, face, place: place.clone(), beside: beside.expr, mark, range, odd, velocity });
+    Value { expr: mark, unit: beside.unit.clone() }
 }
 
 impl<'a> Symbols<'a> {

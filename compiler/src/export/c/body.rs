@@ -5,7 +5,7 @@
 
 use std::fmt::Write as _;
 
-use super::index::{Tables, subscript};
+use super::index::{Tables, number, subscript};
 use crate::export::ExportError;
 use crate::export::functions::extents;
 use crate::export::sheet::{Array, Extents, Function, Loops, Nest, Sheet, Store};
@@ -323,18 +323,5 @@ pub(super) fn name(array: Array) -> &'static str {
         Array::C => "c",
         Array::W => "w",
         Array::Factor => "cj",
-    }
-}
-
-/// A number that C reads back to the same bits.
-pub(in crate::export) fn number(x: f64) -> String {
-    if x.is_nan() {
-        "NAN".to_owned()
-    } else if x.is_infinite() {
-        if x > 0.0 { "INFINITY".to_owned() } else { "(-INFINITY)".to_owned() }
-    } else if x < 0.0 {
-        format!("({x:?})")
-    } else {
-        format!("{x:?}")
     }
 }

@@ -2,7 +2,6 @@
 
 use std::fmt::Write as _;
 
-use super::body::number;
 use crate::differentiate::pattern::each;
 use crate::export::sheet::Loops;
 use crate::ir::{Affine, FastMap, MAX_DEPTH};
@@ -140,4 +139,17 @@ fn print(at: Affine) -> String {
         text += &format!("{sign}{factor}i{d}");
     }
     text
+}
+
+/// A number that C reads back to the same bits.
+pub(in crate::export) fn number(x: f64) -> String {
+    if x.is_nan() {
+        "NAN".to_owned()
+    } else if x.is_infinite() {
+        if x > 0.0 { "INFINITY".to_owned() } else { "(-INFINITY)".to_owned() }
+    } else if x < 0.0 {
+        format!("({x:?})")
+    } else {
+        format!("{x:?}")
+    }
 }

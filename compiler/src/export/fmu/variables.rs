@@ -3,7 +3,7 @@
 use crate::export::sheet::Sheet;
 use crate::export::{Element, ExportError};
 use crate::ir::FastSet;
-use crate::model::Quantity;
+use crate::model::{Quantity, Time};
 
 use super::units;
 
@@ -85,7 +85,7 @@ impl Variables {
     }
 
     fn add_time(&mut self, sheet: &Sheet) {
-        let (name, unit) = &sheet.model.interface.time;
+        let Time { name, unit } = &sheet.model.interface.time;
         self.list.push(Variable { kind: Kind::Time, ..scalar(name, "time", unit, Source::Time) });
     }
 
@@ -108,7 +108,7 @@ impl Variables {
             let mut rate = variable(quantity, elements, places, (Source::Yp, Kind::Rate(state)));
             rate.name = format!("der({})", rate.name);
             rate.text = format!("rate of {}", quantity.name);
-            rate.unit = units::rate(&quantity.unit, &i.time.1).unwrap_or_default();
+            rate.unit = units::rate(&quantity.unit, &i.time.unit).unwrap_or_default();
             self.list.push(rate);
         }
     }

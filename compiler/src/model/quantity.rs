@@ -1,0 +1,145 @@
+//! Variables as they are seen from outside: names, shapes, units, bounds.
+
+use serde::{Deserialize, Serialize};
+
+use crate::ir::VarId;
+
+/// A variable as seen from outside: scalar or array.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Quantity {
+    /// The variable; `None` for outputs that are no variable of their own.
+    pub var: Option<VarId>,
+    /// Name without indices, `R1.c`.
+    pub name: String,
+    /// Index sets, outermost first; empty for a scalar.
+    pub axes: Vec<Axis>,
+    /// Flattened-name pattern `n{}` in place of `n[..]`.
+    pub pattern: Option<String>,
+    /// Unit as declared; `1` when dimensionless.
+    pub unit: String,
+    /// Describing text.
+    pub text: String,
+    /// Lower bound of each element, or one for all; -inf where none.
+    pub low: Vec<f64>,
+    /// Upper bound likewise; +inf where none.
+    pub high: Vec<f64>,
+    /// Default, nominal or initial value likewise.
+    pub default: Vec<f64>,
+    /// Magnitude for absolute tolerances likewise: declared, else the range, else 1.
+    pub scale: Vec<f64>,
+    /// The unit is a point on a scale (degC).
+    pub affine_unit: bool,
+    /// Sizes or indices were computed from it (a parameter) when the model was compiled: it has that value.
+    pub structural: bool,
+}
+
+/// One index of an array.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Axis {
+    /// Members of a set.
+    Names(Vec<String>),
+    /// Integers from the first on.
+    Numbers {
+        /// The first number.
+        first: i64,
+        /// How many there are.
+        count: u32,
+    },
+    /// Cells of a domain, numbered from 1.
+    Cells {
+        /// Which of [`super::Interface::grids`].
+        grid: u32,
+        /// How many there are.
+        count: u32,
+    },
+}
+
+/// Where the cells of a domain lie.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Grid {
+    /// Name of the domain.
+    pub name: String,
+    /// Unit of its coordinate.
+    pub unit: String,
+    /// Faces of the cells, one more than there are cells, for parameters as they were when the model was compiled; empty where that does not tell.
+    pub faces: Vec<f64>,
+    /// The elements of parameters that the faces depend on, with the values that they had.
+    pub parameters: Vec<(VarId, u32, f64)>,
+}
+
+impl Quantity {
+    /// Number of elements.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.axes.iter().map(Axis::len).product()
+    }
+
+    /// Whether there is no element.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Flattened name of an element, `R1.c[tropine,3]`.
+    #[must_use]
+    pub fn element_name(&self, element: usize) -> String {
+        let mut labels = Vec::with_capacity(self.axes.len());
+        let mut rest = element;
+        for axis in self.axes.iter().rev() {
+            labels.push(axis.label(rest % axis.len().max(1)));
+            rest /= axis.len().max(1);
+        }
+        labels.reverse();
+        let joined = labels.join(",");
+        match &self.pattern {
+            Some(pattern) => pattern.replace("{}", &joined),
+            None if labels.is_empty() => self.name.clone(),
+            None => format!("{}[{joined}]", self.name),
+        }
+    }
+
+    /// Whether a number is within bounds, but for rounding.
+    #[must_use]
+    pub fn admits(low: f64, high: f64, x: f64) -> bool {
+        let size = |bound: f64| if bound.is_finite() { bound.abs() } else { 0.0 };
+        let slack = 1e-12 * size(low).max(size(high));
+        x >= low - slack && x <= high + slack
+    }
+
+    /// One of `low`, `high`, `default`, `scale` at an element.
+    #[must_use]
+    pub fn pick(values: &[f64], element: usize) -> f64 {
+        match values {
+            [] => f64::NAN,
+            [one] => *one,
+            many => many.get(element).copied().unwrap_or(f64::NAN),
+        }
+    }
+}
+
+impl Axis {
+    /// Number of members.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        match self {
+            Axis::Names(names) => names.len(),
+            Axis::Numbers { count, .. } | Axis::Cells { count, .. } => *count as usize,
+        }
+    }
+
+    /// Whether it has no member.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Label of a member.
+    #[must_use]
+    pub fn label(&self, i: usize) -> String {
+        match self {
+            Axis::Names(names) => names.get(i).cloned().unwrap_or_default(),
+            Axis::Numbers { first, .. } => (first + i as i64).to_string(),
+            Axis::Cells { .. } => (i + 1).to_string(),
+        }
+    }
+}
