@@ -171,7 +171,7 @@ impl<'a> Lowering<'_, 'a> {
                 Setting::Number(x) => set.push((None, *x)),
                 Setting::List(list) => set.extend(self.naming().elements_of_list(symbol, list)),
                 Setting::Text(text) => {
-                    self.ledger.reports.scenario_fault(format!("the parameter `{path}` takes a number, not `{text}`"), None)
+                    self.ledger.reports.scenario_fault(&path, format!("the parameter `{path}` takes a number, not `{text}`"), None)
                 }
             }
         } else if let Some(x) = options.parameters.get(&path) {
@@ -199,7 +199,7 @@ impl Naming<'_, '_> {
         let (path, len) = (&self.symbols[symbol].path, self.symbols.vars[var].len as usize);
         if list.len() != len {
             let elements = if len == 1 { "one element".to_owned() } else { format!("{len} elements") };
-            self.ledger.reports.scenario_fault(format!("the parameter `{path}` has {elements}, not {}", list.len()), None);
+            self.ledger.reports.scenario_fault(path, format!("the parameter `{path}` has {elements}, not {}", list.len()), None);
             return Vec::new();
         }
         list.iter().enumerate().map(|(i, x)| (Some(i as i64), *x)).collect()

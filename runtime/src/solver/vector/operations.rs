@@ -248,8 +248,8 @@ macro_rules! operations {
                 assert!(n <= delta.count && n <= w.count && n <= sum.count);
                 sum.age = 0;
                 // SAFETY: all three have so many blocks; the sum is borrowed exclusively, so that it is none of the others.
-                let (square, sum_square) =
-                    unsafe { kernels::accumulate(n, delta.blocks.as_ptr(), w.blocks.as_ptr(), sum.blocks.as_ptr()) };
+                let squares = unsafe { kernels::accumulate(n, delta.blocks.as_ptr(), w.blocks.as_ptr(), sum.blocks.as_ptr()) };
+                let (square, sum_square) = squares;
                 if n == sum.count && sum.weights().is_some_and(|known| ptr::eq(known.as_ptr(), w)) {
                     sum.keep_norm(sum_square);
                 }
