@@ -17,7 +17,7 @@ pub(super) fn fault(node: Node<'_, '_>, message: impl Into<String>) -> Fault {
     Fault { at: node.range().start, message: message.into() }
 }
 
-/// A model as it is written.
+/// A model as it is written: a field for each list of the standard, under its name.
 #[derive(Default)]
 pub(super) struct Sbml {
     pub(super) level: u32,

@@ -54,7 +54,7 @@ pub(crate) struct Start<'a> {
     pub quadratures: Option<&'a mut Integrals>,
 }
 
-/// Space for the computations above.
+/// Space for the computations above, all of which go through most of it: a list of vectors rather than parts that hold together.
 pub(crate) struct Consistent {
     /// Number of unknowns, and of directions along which their derivatives follow.
     leading: usize,
