@@ -94,9 +94,9 @@ pub enum StepError {
 
 /// One instance of an environment.
 ///
-/// It has more methods than other types, because it is what the command, the Python module and batches see of an episode: nearly half of
-/// them read one thing each. The rest is the order of a step, in one file a part: `reset`, `interval`, `verdict`, `tangent`; what holds
-/// numbers of its own is a type of its own ([`Progress`], [`Finish`], [`Sensors`], [`CompiledSystem`]).
+/// It has more methods than other types, because it is what the command, the Python module and batches see of an episode, of which they
+/// read one thing each. The rest is the order of a step, in one file a part: `reset`, `interval`, `verdict`, `tangent`; what holds numbers of
+/// its own is a type of its own (`Progress`, `Finish`, `Sensors`, `CompiledSystem`).
 pub struct Environment {
     setup: Arc<Setup>,
     system: CompiledSystem,

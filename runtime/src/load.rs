@@ -24,7 +24,7 @@ use self::asked::compile_options;
 use self::faults::{place_scenario_faults, settings_as_text};
 use self::made::{load_artefact, load_json};
 use self::options::finish;
-use crate::files;
+use crate::files::{self, plain};
 use crate::scenario::{self, Scenario, Value, Variant};
 use crate::setup::EnvironmentOptions;
 
@@ -255,16 +255,6 @@ pub(crate) fn files_of(path: &Path) -> Vec<PathBuf> {
     }
     let imports = (1..sources.len()).map(|i| PathBuf::from(sources.name(FileId(i as u16))));
     [path.to_owned()].into_iter().chain(imports).collect()
-}
-
-/// The error without the operating system's number.
-pub(crate) fn plain(error: &std::io::Error) -> String {
-    match error.kind() {
-        std::io::ErrorKind::NotFound => "no such file".into(),
-        std::io::ErrorKind::PermissionDenied => "permission denied".into(),
-        std::io::ErrorKind::IsADirectory => "is a directory".into(),
-        _ => error.to_string(),
-    }
 }
 
 enum ScenarioFault {

@@ -12,9 +12,9 @@ use smpl_dsl::diagnostic::SourceMap;
 use smpl_dsl::span::FileId;
 
 use super::options::finish;
-use super::{LoadError, LoadOptions, Loaded, fingerprint, import, plain};
+use super::{LoadError, LoadOptions, Loaded, fingerprint, import};
 use crate::catalogue::{self, Family};
-use crate::files;
+use crate::files::{self, plain};
 use crate::scenario::{self, Scenario, Value, Variant};
 
 /// Refuses a compiled model whose source or scenario beside it has changed since, or cannot be looked at.
