@@ -70,6 +70,8 @@ pub struct Diagnostic {
     pub help: Option<String>,
     /// Further facts.
     pub notes: Vec<String>,
+    /// The name that is at fault in what was asked for, which has no place in the text of a model: who knows where it stands puts it there.
+    pub asked: Option<String>,
 }
 
 impl Diagnostic {
@@ -94,6 +96,7 @@ impl Diagnostic {
             secondary: Vec::new(),
             help: None,
             notes: Vec::new(),
+            asked: None,
         }
     }
 
@@ -124,6 +127,13 @@ impl Diagnostic {
         if text.is_some() {
             self.help = text;
         }
+        self
+    }
+
+    /// Says which name of what was asked for is at fault.
+    #[must_use]
+    pub fn asked(mut self, name: impl Into<String>) -> Self {
+        self.asked = Some(name.into());
         self
     }
 

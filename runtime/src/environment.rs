@@ -6,8 +6,10 @@
 //! A step allocates nothing, and depends on nothing but the state, the action, the episode's key and, with a one-step
 //! method, the step that fitted last: the integrator carries nothing else over from one step to the next.
 
+mod finish;
 mod interval;
 mod invariants;
+mod progress;
 mod reset;
 mod snapshot;
 mod tangent;
@@ -27,9 +29,11 @@ pub use snapshot::{Snapshot, SnapshotError};
 pub use tangent::{Direction, FollowError, Follower};
 pub use trace::{Followed, Trace};
 
+use self::finish::Finish;
+use self::progress::{Firing, Firings, Phase, Progress, Replay, Verdict};
 use crate::catalogue::Catalogue;
-use crate::failure::{BOX_SLACK, Cause, Chatter, Failure, NotFinite, SolverFailure};
-use crate::observe::{Number, Readings, Sensors};
+use crate::failure::{BOX_SLACK, Cause, Failure};
+use crate::observe::{Number, Sensors};
 use crate::random::EpisodeKey;
 use crate::setup::{Setup, SetupError};
 use crate::solver::{Absent, Carried, Edge, Integrator, Statistics, System};
@@ -88,94 +92,11 @@ pub enum StepError {
     EpisodeOver,
 }
 
-/// Where an instance is in its episode.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-enum Phase {
-    /// Before the first reset.
-    New,
-    Running,
-    Over,
-}
-
-/// All that changes from step to step, apart from the memory of the compiled model: what a snapshot holds.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-struct Progress {
-    key: EpisodeKey,
-    next_key: EpisodeKey,
-    /// Random numbers of the steps are at their means.
-    expected: bool,
-    steps: u32,
-    phase: Phase,
-    y: Vec<f64>,
-    yp: Vec<f64>,
-    readings: Readings,
-    /// Rewards of the last step, failing ones already replaced.
-    rewards: Vec<f64>,
-    /// Violations: the action box, declared failures, constraints.
-    violations: Vec<f64>,
-    /// Which declared failures hold.
-    failing: Vec<bool>,
-    /// Sum of the chosen reward over the episode.
-    sum: f64,
-    last: Option<StepResult>,
-    /// The success condition of the last step, counted from 0; beyond them all the end of a batch of fixed length.
-    met: Option<u32>,
-    solver_failure: Option<SolverFailure>,
-    action_excess: f64,
-    /// Which conditions of events hold.
-    edges: Vec<Edge>,
-    /// What the integrator takes along.
-    carried: Carried,
-    /// Time of the state where the last step ended before its end: at an event, or where it began if nothing was integrated.
-    event_time: Option<f64>,
-    chatter: Option<Chatter>,
-    not_finite: Option<NotFinite>,
-}
-
-/// When an event fired within the step, how long after the time before, and how many times in succession it came sooner.
-#[derive(Clone, Copy)]
-struct Firing {
-    time: f64,
-    gap: f64,
-    sooner: u32,
-}
-
-impl Default for Firing {
-    fn default() -> Self {
-        Self { time: f64::NEG_INFINITY, gap: f64::INFINITY, sooner: 0 }
-    }
-}
-
-/// A recorded disturbance in place of a drawn one.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-struct Replay {
-    /// Place in the region.
-    at: usize,
-    /// Completed steps at its beginning.
-    first: u32,
-    /// One value a step.
-    values: Vec<f64>,
-    /// The last value holds where the record has ended.
-    holds: bool,
-    /// That it holds was asked for by name.
-    meant: bool,
-}
-
-impl Replay {
-    /// Which value belongs to the step after `steps` completed ones.
-    fn row(&self, steps: u32) -> usize {
-        steps.saturating_sub(self.first) as usize
-    }
-}
-
-impl Progress {
-    /// Key of the errors of measurements; none where there are none.
-    fn errors(&self) -> Option<EpisodeKey> {
-        (!self.expected).then_some(self.key)
-    }
-}
-
 /// One instance of an environment.
+///
+/// It has more methods than other types, because it is what the command, the Python module and batches see of an episode, of which they
+/// read one thing each. The rest is the order of a step, in one file a part: `reset`, `interval`, `verdict`, `tangent`; what holds numbers of
+/// its own is a type of its own (`Progress`, `Finish`, `Sensors`, `CompiledSystem`).
 pub struct Environment {
     setup: Arc<Setup>,
     system: CompiledSystem,
@@ -184,8 +105,7 @@ pub struct Environment {
     sensors: Sensors,
     /// Disturbances that replace drawn ones.
     replay: Vec<Replay>,
-    /// Output of the `finish` program.
-    finish: Vec<f64>,
+    finish: Finish,
     scratch: Vec<f64>,
     /// Integrals over the step, its pieces between events added up.
     integrals: Vec<f64>,
@@ -199,8 +119,7 @@ pub struct Environment {
     keep_going: bool,
     /// Time at the start of the step.
     begin: f64,
-    firings: Vec<Firing>,
-    last_fired: Option<usize>,
+    firings: Firings,
 }
 
 impl Environment {
@@ -228,14 +147,7 @@ impl Environment {
             y: vec![0.0; unknowns],
             yp: vec![0.0; unknowns],
             readings: sensors.blank(),
-            rewards: vec![0.0; layout.rewards as usize],
-            violations: vec![0.0; 1 + (layout.failures + layout.constraints) as usize],
-            failing: vec![false; layout.failures as usize],
-            sum: 0.0,
-            last: None,
-            met: None,
-            solver_failure: None,
-            action_excess: 0.0,
+            verdict: Verdict::blank(layout.failures, layout.constraints, layout.rewards),
             edges: vec![Edge::default(); system.root_count()],
             carried: Carried::default(),
             event_time: None,
@@ -245,15 +157,14 @@ impl Environment {
         Self {
             integrals: vec![0.0; system.region(Region::Quadrature).len()],
             integrator: Box::new(Absent),
-            finish: vec![0.0; layout.len()],
+            finish: Finish::new(interface.finish),
             scratch: vec![0.0; unknowns],
             statistics: Statistics::default(),
             drifts: Vec::new(),
             trace: None,
             keep_going: false,
             begin: 0.0,
-            last_fired: None,
-            firings: vec![Firing::default(); system.root_count()],
+            firings: Firings { each: vec![Firing::default(); system.root_count()], last: None },
             replay: Vec::new(),
             progress,
             sensors,
@@ -306,12 +217,12 @@ impl Environment {
     }
 
     fn was_interrupted(&self, outcome: interval::Outcome) -> bool {
-        outcome == interval::Outcome::Solver && self.progress.solver_failure.is_some_and(|f| f.cause == Cause::Interrupted)
+        outcome == interval::Outcome::Solver && self.progress.verdict.solver_failure.is_some_and(|f| f.cause == Cause::Interrupted)
     }
 
     /// Undoes what a step that was interrupted has changed beside the state.
     fn take_back(&mut self) {
-        self.progress.solver_failure = None;
+        self.progress.verdict.solver_failure = None;
         for (part, present) in [(Part::Action, Region::Action), (Part::Disturbance, Region::Disturbance)] {
             self.system.copy(Region::Previous(part), present);
         }
@@ -420,7 +331,7 @@ impl Environment {
     /// What the last step ended in; `None` after a reset.
     #[must_use]
     pub fn last(&self) -> Option<&StepResult> {
-        self.progress.last.as_ref()
+        self.progress.verdict.last.as_ref()
     }
 
     /// Number of the phase in force, from 0, in the order of the interface's phases; `None` without a schedule.
@@ -433,14 +344,14 @@ impl Environment {
     /// All rewards of the last step, as declared; the error reward on a failing step. Zero after a reset.
     #[must_use]
     pub fn rewards(&self) -> &[f64] {
-        &self.progress.rewards
+        &self.progress.verdict.rewards
     }
 
     /// Violations of the last step, in the order of [`constraint_names`](Self::constraint_names): the largest excess over the range, 0
     /// when kept.
     #[must_use]
     pub fn violations(&self) -> &[f64] {
-        &self.progress.violations
+        &self.progress.verdict.violations
     }
 
     /// Names of all limits: `action_box`, the declared failures, the declared constraints.
@@ -490,7 +401,7 @@ impl Environment {
 
     /// Calls `work` with the inputs that belong to the state: those of before the step where the solver gave it up.
     fn at_the_state(&mut self, work: impl FnOnce(&mut CompiledSystem, &Progress)) {
-        let gone_back = self.progress.solver_failure.is_some();
+        let gone_back = self.progress.verdict.solver_failure.is_some();
         if gone_back {
             self.system.exchange_inputs(Region::Previous);
         }

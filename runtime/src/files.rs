@@ -15,7 +15,7 @@ const MAX_LINKS: usize = 40;
 
 /// A file that could not be written.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot write {}: {}", path.display(), crate::load::plain(source))]
+#[error("cannot write {}: {}", path.display(), plain(source))]
 pub struct WriteError {
     /// The file.
     pub path: PathBuf,
@@ -208,4 +208,14 @@ fn hand_on(replaced: &Metadata, file: &File) -> io::Result<()> {
         }
     }
     file.set_permissions(replaced.permissions())
+}
+
+/// The error without the operating system's number.
+pub(crate) fn plain(error: &std::io::Error) -> String {
+    match error.kind() {
+        std::io::ErrorKind::NotFound => "no such file".into(),
+        std::io::ErrorKind::PermissionDenied => "permission denied".into(),
+        std::io::ErrorKind::IsADirectory => "is a directory".into(),
+        _ => error.to_string(),
+    }
 }

@@ -17,6 +17,7 @@ mod start;
 mod trigger;
 mod units;
 mod writer;
+mod xml;
 
 use std::path::Path;
 
@@ -69,7 +70,7 @@ pub fn sbml(xml: &str, file: &str) -> Result<Imported, ImportError> {
 fn convert_sbml(xml: &str, file: &str) -> Result<Imported, ImportError> {
     let document =
         roxmltree::Document::parse(xml).map_err(|error| ImportError::Xml { line: error.pos().row, message: error.to_string() })?;
-    let refused = |fault: document::Fault| ImportError::Refused { line: document.text_pos_at(fault.at).row, message: fault.message };
+    let refused = |fault: xml::Fault| ImportError::Refused { line: document.text_pos_at(fault.at).row, message: fault.message };
     let mut sbml = document::read(&document).map_err(refused)?;
     convert::prepare(&mut sbml).map_err(refused)?;
     let write = |bare: Option<&str>| convert::write(&sbml, &convert::Head { file, bare }).map_err(refused);

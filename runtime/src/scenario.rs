@@ -3,6 +3,7 @@
 //! A scenario `legacy` of `models/reactor.eq` is `models/reactor.legacy.yaml`. Names inside are checked against the model after it is compiled;
 //! keys of the scenario itself are checked here, with their place in the file.
 
+mod places;
 #[cfg(test)]
 mod tests;
 mod values;
@@ -18,6 +19,7 @@ use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes, did_you_mean};
 use smpl_dsl::span::{FileId, Span};
 
 use crate::solver::{LinearSolver, Method};
+use places::{find_name, find_under, second_key};
 use values::Entries;
 pub(crate) use words::{shortened, shortened_names};
 
@@ -308,35 +310,6 @@ impl Scenario {
         let (name, message) = values.iter().find_map(|(name, recorded)| Some((name, recorded.fault()?)))?;
         fault("disturbances", name, format!("the disturbance `{}` {message}", shortened(name)))
     }
-
-    /// Where a name stands in the scenario's file, or the key under which it stands in other characters (`"\u006b"`); `None` if neither does, or if there
-    /// is no file.
-    #[must_use]
-    pub fn place_of(&self, sources: &SourceMap, name: &str) -> Option<Span> {
-        let file = self.file?;
-        let text = sources.file(file)?.text();
-        let span = find_name(text, name, file);
-        if span.end > span.start {
-            return Some(span);
-        }
-        let keys = [("parameters", &self.parameters), ("settings", &self.settings), ("initial", &self.initial)];
-        let key = keys.iter().find(|(_, values)| values.contains_key(name)).map(|(key, _)| *key);
-        let key = key.or_else(|| self.grid.contains_key(name).then_some("grid"))?;
-        Some(find_under(text, key, name, file))
-    }
-
-    /// The beginning of the scenario's file.
-    #[must_use]
-    pub fn start(&self) -> Option<Span> {
-        self.file.map(|file| Span { file, start: 0, end: 0 })
-    }
-
-    /// Where a name stands under a key of the scenario, else where it stands at all.
-    #[must_use]
-    pub(crate) fn place_under(&self, sources: &SourceMap, key: &str, name: &str) -> Span {
-        let Some(file) = self.file else { return Span::default() };
-        find_under(sources.file(file).map_or("", |f| f.text()), key, name, file)
-    }
 }
 
 impl SolverOverrides {
@@ -460,51 +433,4 @@ fn diagnose(error: &serde_yaml::Error, text: &str, file: FileId) -> Diagnostic {
     let end = text[at..].find('\n').map_or(text.len(), |n| at + n).max(at + usize::from(at < text.len()));
     let span = Span { file, start: at as u32, end: end as u32 };
     Diagnostic::error(codes::BAD_SCENARIO, words::sentence(&message), span)
-}
-
-/// Where a name stands under a key of the file, else where it stands at all, else the key.
-fn find_under(text: &str, key: &str, name: &str, file: FileId) -> Span {
-    let Some(from) = section(text, key) else { return find_name(text, name, file) };
-    let inside = find_name(&text[from..], name, file);
-    if inside.end > inside.start {
-        return Span { start: inside.start + from as u32, end: inside.end + from as u32, ..inside };
-    }
-    let anywhere = find_name(text, name, file);
-    if anywhere.end > anywhere.start { anywhere } else { Span { file, start: from as u32, end: (from + key.len()) as u32 } }
-}
-
-/// Where a key of the file begins.
-fn section(text: &str, key: &str) -> Option<usize> {
-    let begins = |line: &str| line.strip_prefix(key).is_some_and(|rest| rest.trim_start().starts_with(':'));
-    text.split_inclusive('\n')
-        .scan(0, |at, line| Some((std::mem::replace(at, *at + line.len()), line)))
-        .find(|(_, line)| begins(line))
-        .map(|(at, _)| at)
-}
-
-/// The second place where a name is a key, from where its mapping begins (or from that place itself).
-fn second_key(text: &str, name: &str, from: usize, file: FileId) -> Span {
-    let is_key = |at: &usize| {
-        let line = text[..*at].rfind('\n').map_or(0, |n| n + 1);
-        let before = text[..*at].chars().next_back();
-        let after = text[at + name.len()..].trim_start_matches(['"', '\'']).trim_start();
-        let is_word = before.is_none_or(|c| !c.is_alphanumeric() && c != '_');
-        is_word && after.starts_with(':') && !text[line..*at].contains('#')
-    };
-    let places: Vec<usize> = text.match_indices(name).map(|(at, _)| at).filter(is_key).collect();
-    let inside: Vec<usize> = places.iter().copied().filter(|at| *at >= from).collect();
-    let at = inside.get(1).or(inside.first()).or(places.last());
-    at.map_or_else(|| find_name(text, name, file), |&at| Span { file, start: at as u32, end: (at + name.len()) as u32 })
-}
-
-/// Where a name stands in the text as a word of its own; the beginning if it does not.
-fn find_name(text: &str, name: &str, file: FileId) -> Span {
-    let is_word = |c: char| c.is_alphanumeric() || c == '_';
-    let at = text.match_indices(name).map(|(at, _)| at).find(|&at| {
-        let line = text[..at].rfind('\n').map_or(0, |n| n + 1);
-        let comment = text[line..at].contains('#');
-        !comment && !text[..at].ends_with(is_word) && !text[at + name.len()..].starts_with(is_word)
-    });
-    let (start, end) = at.map_or((0, 0), |at| (at, at + name.len()));
-    Span { file, start: start as u32, end: end as u32 }
 }

@@ -1,6 +1,6 @@
 //! What all instances of an environment share: the model, names, settings, the nominal steady state.
 
-use std::collections::{BTreeMap, BTreeSet, HashSet};
+use std::collections::{BTreeMap, HashSet};
 use std::num::NonZeroU32;
 use std::sync::{Arc, OnceLock};
 
@@ -11,55 +11,16 @@ use smpl_compiler::layout::{Part, Region};
 use smpl_compiler::model::{Solver, Variate};
 use smpl_dsl::diagnostic::SourceMap;
 
+mod options;
 mod reads;
 
+pub use self::options::EnvironmentOptions;
 use self::reads::{any_expression, discrete_passes, finish_reads_derivatives, reads, start_passes, steady_outputs, step_reads_steady};
 use crate::catalogue::{Catalogue, Element, OutsideBounds, StructuralParameter, UnknownName, check_parameters};
 use crate::random;
 use crate::solver::{Integrator, LinearSolver, Method, PatternError, Quadratures, Settings, SolveError, integrator};
 use crate::steady::{self, SteadyError};
 use crate::system::CompiledSystem;
-
-/// What can be chosen when an environment is made; all else stands in the model.
-#[derive(Clone, Debug, Default)]
-pub struct EnvironmentOptions {
-    /// The reward that `step` returns; the model's default if `None`.
-    pub reward: Option<String>,
-    /// The reward comes at the end of the episode, as the sum over it.
-    pub sparse: bool,
-    /// Time limit in steps in place of the model's.
-    pub max_steps: Option<u32>,
-    /// Parameters in their declared units; they override defaults and draws in every episode.
-    pub parameters: BTreeMap<String, f64>,
-    /// Initial values of states and discrete variables; they override those of the model in every episode.
-    pub initial: BTreeMap<String, f64>,
-    /// Standard deviation of the noise of observations.
-    pub noise: BTreeMap<String, f64>,
-    /// Recorded disturbances in place of drawn ones, one value a step; a single one holds throughout.
-    pub disturbances: BTreeMap<String, Vec<f64>>,
-    /// Those of them whose last value holds from there on.
-    pub held: BTreeSet<String>,
-    /// Relative tolerance.
-    pub rtol: Option<f64>,
-    /// Absolute tolerance of an unknown over rtol times its scale.
-    pub atol_factor: Option<f64>,
-    /// Highest order of the integration.
-    pub max_order: Option<u32>,
-    /// Most internal steps within a step.
-    pub solver_steps: Option<u32>,
-    /// Most instants of events within a step.
-    pub max_events: Option<NonZeroU32>,
-    /// Longest internal step, in the model's unit of time.
-    pub max_step: Option<f64>,
-    /// Whether algebraic variables enter the error test.
-    pub algebraic_error_control: Option<bool>,
-    /// Whether the integrals of rewards enter the error test.
-    pub quadrature_error_control: Option<bool>,
-    /// `auto`, `dense` or `klu`.
-    pub linear_solver: Option<String>,
-    /// `ida`, `rosenbrock`, `explicit` or `auto`.
-    pub method: Option<String>,
-}
 
 /// Why an environment cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -125,6 +86,45 @@ impl Drawn {
     }
 }
 
+/// Which programs a model has, and what they read.
+pub(crate) struct Programs {
+    pub has_start: bool,
+    pub has_end: bool,
+    pub has_disturbances: bool,
+    /// `finish` reads time derivatives, which then must be those of the final state.
+    pub derivatives_at_end: bool,
+    /// Most passes in which initial values that read what is known only at a consistent start get theirs.
+    pub start_passes: usize,
+    /// Most passes in which start values that read discrete variables or disturbances settle; 0 where there are none.
+    pub discrete_passes: usize,
+}
+
+impl Programs {
+    fn of(model: &CompiledModel) -> Self {
+        let programs = &model.model().programs;
+        Self {
+            has_start: !programs.start.nests.is_empty(),
+            has_end: !programs.end.nests.is_empty(),
+            has_disturbances: !programs.disturb.nests.is_empty(),
+            derivatives_at_end: finish_reads_derivatives(model),
+            start_passes: start_passes(model),
+            discrete_passes: discrete_passes(model),
+        }
+    }
+}
+
+/// Who reads the steady state.
+pub(crate) struct Steady {
+    /// Something in the model.
+    pub needed: bool,
+    /// A step, apart from what it is judged by.
+    pub by_step: bool,
+    /// Which outputs of the `finish` program.
+    pub by_outputs: Vec<bool>,
+    /// Why there is no nominal one, where there should be one and nothing needs it.
+    pub missing: Option<SteadyError>,
+}
+
 /// What all instances of an environment share.
 pub struct Setup {
     pub(crate) system: CompiledSystem,
@@ -136,27 +136,12 @@ pub struct Setup {
     pub(crate) reward: usize,
     pub(crate) max_steps: u32,
     pub(crate) max_events: u32,
-    /// `finish` reads time derivatives, which then must be those of the final state.
-    pub(crate) derivatives_at_end: bool,
-    /// Most passes in which initial values that read what is known only at a consistent start get theirs.
-    pub(crate) start_passes: usize,
-    /// Most passes in which start values that read discrete variables or disturbances settle; 0 where there are none.
-    pub(crate) discrete_passes: usize,
-    pub(crate) has_start: bool,
-    pub(crate) has_end: bool,
-    pub(crate) has_disturbances: bool,
+    pub(crate) programs: Programs,
     pub(crate) sources: Option<Arc<SourceMap>>,
     pub(crate) noise: Vec<f64>,
     /// Place of the number of the phase, where there is a schedule.
     pub(crate) phase: Option<usize>,
-    /// Something in the model reads the steady state.
-    pub(crate) needs_steady: bool,
-    /// A step reads it, apart from what it is judged by.
-    pub(crate) reads_steady: bool,
-    /// Which outputs of the `finish` program read it.
-    pub(crate) steady_outputs: Vec<bool>,
-    /// Why there is no nominal steady state, where there should be one and nothing needs it.
-    pub(crate) no_steady: Option<SteadyError>,
+    pub(crate) steady: Steady,
     /// Made when it is first asked for.
     checksum: OnceLock<Result<[u8; 32], String>>,
 }
@@ -213,27 +198,18 @@ impl Setup {
             return Err(SetupError::Value { what: "max_steps".into(), expected: "at least 1", value: "0".into() });
         }
         let has_phases = !interface.phases.is_empty();
-        let programs = &model.model().programs;
         let mut setup = Self {
             settings,
             draws: draws(&model),
             reward,
             max_steps,
             max_events: options.max_events.map_or(interface.solver.max_events, NonZeroU32::get),
-            derivatives_at_end: finish_reads_derivatives(&model),
-            start_passes: start_passes(&model),
-            discrete_passes: discrete_passes(&model),
-            has_start: !programs.start.nests.is_empty(),
-            has_end: !programs.end.nests.is_empty(),
-            has_disturbances: !programs.disturb.nests.is_empty(),
+            programs: Programs::of(&model),
             sources,
             noise,
             phase: catalogue.discretes.find("phase").filter(|_| has_phases).map(|e| e.at),
             checksum: OnceLock::new(),
-            no_steady: None,
-            needs_steady,
-            reads_steady: step_reads_steady(&model),
-            steady_outputs: steady_outputs(&model),
+            steady: Steady { needed: needs_steady, by_step: step_reads_steady(&model), by_outputs: steady_outputs(&model), missing: None },
             catalogue,
             options,
             system: CompiledSystem::new(model)?,
@@ -315,7 +291,7 @@ impl Setup {
     /// Why the model has no steady state with parameters at their means although it declares one.
     #[must_use]
     pub fn no_steady(&self) -> Option<&SteadyError> {
-        self.no_steady.as_ref()
+        self.steady.missing.as_ref()
     }
 
     /// Parameters at their means with the given ones in place, and their steady state.
@@ -334,7 +310,7 @@ impl Setup {
                 }
                 self.system = before;
                 steady::forget(&mut self.system);
-                self.no_steady = Some(error);
+                self.steady.missing = Some(error);
             }
         }
         Ok(())

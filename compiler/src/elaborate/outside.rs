@@ -18,7 +18,7 @@ pub(in crate::elaborate) fn check_settings(l: &mut Lowering<'_, '_>) {
     let unused: Vec<&String> = names.filter(|k| !l.constants.taken.contains(*k) && !is_entry_setting(k)).collect();
     for name in unused {
         if let Some((what, help)) = l.symbols.other_kind(name) {
-            l.ledger.reports.scenario_fault(format!("`{name}` is {what}, not a parameter or setting"), Some(help.to_owned()));
+            l.ledger.reports.scenario_fault(name, format!("`{name}` is {what}, not a parameter or setting"), Some(help.to_owned()));
             continue;
         }
         let parameters = l.symbols.variables([Role::Param]).map(|(_, s)| l.symbols[s].path.as_str());
@@ -30,7 +30,7 @@ pub(in crate::elaborate) fn check_settings(l: &mut Lowering<'_, '_>) {
             let hint = did_you_mean(name, known.iter().copied()).unwrap_or_else(|| listing(&known));
             format!("unknown parameter or setting `{name}`: {hint}")
         };
-        l.ledger.reports.scenario_fault(text, None);
+        l.ledger.reports.scenario_fault(name, text, None);
     }
 }
 
@@ -43,7 +43,7 @@ pub(in crate::elaborate) fn check_initial(l: &mut Lowering<'_, '_>) {
         let Some((_, symbol)) = found else {
             let known: Vec<&str> = l.symbols.variables(roles).map(|(_, s)| l.symbols[s].path.as_str()).collect();
             let hint = did_you_mean(name, known.iter().copied()).unwrap_or_else(|| listing(&known));
-            l.ledger.reports.scenario_fault(format!("unknown state or discrete variable `{name}`: {hint}"), None);
+            l.ledger.reports.scenario_fault(name, format!("unknown state or discrete variable `{name}`: {hint}"), None);
             continue;
         };
         let SymbolKind::Variable { var, .. } = l.symbols[symbol].kind else { continue };
@@ -52,7 +52,7 @@ pub(in crate::elaborate) fn check_initial(l: &mut Lowering<'_, '_>) {
         let elements = element.map_or(0..quantity.len(), |at| at as usize..at as usize + 1);
         let outside = elements.into_iter().find(|&i| !admits(quantity, i, x));
         if let Some(message) = outside.map(|i| outside_bounds(quantity, i, x)) {
-            l.ledger.reports.scenario_fault(message, None);
+            l.ledger.reports.scenario_fault(name, message, None);
         }
     }
 }
@@ -75,11 +75,10 @@ pub(in crate::elaborate) fn check_range(l: &mut Lowering<'_, '_>, symbol: Symbol
         return;
     }
     let (element, given) = (quantity.element_name(i), l.instances.given.get(&(scope, declaration.name.text.clone())));
-    if [&element, &quantity.name]
-        .iter()
-        .any(|name| l.input.options.settings.contains_key(*name) || l.input.options.parameters.contains_key(*name))
-    {
-        l.ledger.reports.scenario_fault(message, None);
+    let options = l.input.options;
+    let is_given = |name: &&&String| options.settings.contains_key(**name) || options.parameters.contains_key(**name);
+    if let Some(name) = [&element, &quantity.name].iter().find(is_given) {
+        l.ledger.reports.scenario_fault(name, message, None);
         return;
     }
     let written = given.map(|(e, _)| e.span).or(declaration.value.as_ref().map(|e| e.span));

@@ -65,9 +65,9 @@ impl Reports {
         }
     }
 
-    /// Reports a fault of what was asked for. Several may share the place (none): they are told apart by their text.
-    pub(in crate::elaborate) fn scenario_fault(&mut self, message: String, help: Option<String>) {
-        self.diagnostics.push(scenario_fault(message, help));
+    /// Reports a fault of a name that was asked for. Several may share the place (none): they are told apart by their text.
+    pub(in crate::elaborate) fn scenario_fault(&mut self, name: &str, message: String, help: Option<String>) {
+        self.diagnostics.push(scenario_fault(name, message, help));
     }
 
     /// Whether an index name that is not bound is met for the first time in the present statement.
@@ -140,7 +140,7 @@ fn reported(diagnostic: &Diagnostic, in_call: bool) -> Reported {
     (diagnostic.code, diagnostic.primary.span, in_call.then(|| diagnostic.message.clone()))
 }
 
-/// A fault of what was asked for, which stands in no text.
-pub(in crate::elaborate) fn scenario_fault(message: String, help: Option<String>) -> Diagnostic {
-    Diagnostic::error(codes::BAD_SCENARIO, message, Span::default()).maybe_help(help)
+/// A fault of a name that was asked for, which stands in no text.
+pub(in crate::elaborate) fn scenario_fault(name: &str, message: String, help: Option<String>) -> Diagnostic {
+    Diagnostic::error(codes::BAD_SCENARIO, message, Span::default()).maybe_help(help).asked(name)
 }

@@ -9,8 +9,8 @@ use smpl_dsl::diagnostic::SourceMap;
 use super::report::Failed;
 use super::{Files, ModelArguments, say};
 use crate::document::{self, Figure, Source};
-use crate::files::{read_text, write_whole};
-use crate::load::{self, Loaded};
+use crate::files::{plain, read_text, write_whole};
+use crate::load::Loaded;
 use crate::picture::{self, NominalError};
 use crate::setup::Setup;
 
@@ -117,7 +117,7 @@ impl Pictures {
     fn draw(&self, arguments: &DocArguments, loaded: Loaded, source: Option<&Source>) -> Result<Vec<Figure>, Failed> {
         let at = |file: &Path| self.from_page.join(file.file_name().unwrap_or_default()).display().to_string().replace('\\', "/");
         let folder = self.run.parent().unwrap_or_else(|| Path::new(""));
-        std::fs::create_dir_all(folder).map_err(|e| Failed::Message(format!("{}: {}", folder.display(), load::plain(&e))))?;
+        std::fs::create_dir_all(folder).map_err(|e| Failed::Message(format!("{}: {}", folder.display(), plain(&e))))?;
         let mut figures = Vec::new();
         let interface = loaded.model.interface();
         let name = interface.name.clone();
@@ -175,5 +175,5 @@ fn parse(file: &Path) -> Result<(smpl_dsl::syntax::File, SourceMap), Failed> {
 }
 
 fn read(file: &Path) -> Result<String, Failed> {
-    read_text(file).map_err(|error| Failed::Message(format!("{}: {}", file.display(), load::plain(&error))))
+    read_text(file).map_err(|error| Failed::Message(format!("{}: {}", file.display(), plain(&error))))
 }

@@ -6,9 +6,8 @@ use clap::Args;
 
 use super::report::{self, Failed};
 use super::{outputs, say};
-use crate::files::{read_text, write_whole};
+use crate::files::{plain, read_text, write_whole};
 use crate::import::sbml;
-use crate::load::plain;
 
 #[derive(Debug, Args)]
 #[command(after_help = "\

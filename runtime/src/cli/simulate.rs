@@ -27,6 +27,7 @@ Examples:
   smpl simulate models/pensim.eq --start nominal --init i.csv --disturbances z.csv --set paa_schedule=hours
   smpl simulate models/reactor.eq --episodes 100 --policy random --summary s.csv
   smpl simulate models/reactor.eq --sweep k_0=1e10..1e11:5 --sweep scenario=default,legacy --out all.csv --plot all.svg")]
+// A field for each option of the command.
 pub(super) struct SimulateArguments {
     /// Model
     #[arg(value_name = "FILE.eq")]

@@ -38,7 +38,7 @@ impl Environment {
     pub(super) fn run_interval(&mut self, action: &[f64]) -> Outcome {
         self.prepare(action);
         // An update may have left nothing to integrate.
-        let broken = self.setup.has_start && self.broken_variable().is_some();
+        let broken = self.setup.programs.has_start && self.broken_variable().is_some();
         let outcome = if broken { Outcome::Broken } else { self.integrate() };
         match outcome {
             Outcome::Solver => {
@@ -48,7 +48,7 @@ impl Environment {
             Outcome::Broken if broken => self.stop_at(self.begin),
             _ => {
                 self.system.region_mut(Region::Quadrature).copy_from_slice(&self.integrals);
-                if self.setup.has_end && outcome == Outcome::Completed {
+                if self.setup.programs.has_end && outcome == Outcome::Completed {
                     self.run_end();
                 }
             }
@@ -69,7 +69,7 @@ impl Environment {
         self.disturb(self.begin);
         let t0 = self.begin;
         let (model, memory) = self.system.parts();
-        if self.setup.has_start {
+        if self.setup.programs.has_start {
             model.start(memory, t0, &mut self.progress.y);
         }
         model.prepare_step(memory);
@@ -88,15 +88,14 @@ impl Environment {
             region[element.at] = if single { rounded() } else { value };
         }
         self.progress.event_time = None;
-        self.firings.fill(Firing::default());
-        self.last_fired = None;
+        self.firings.clear();
         self.set_builtins([(Builtin::Steps, f64::from(steps)), (Builtin::Clock, t0), (Builtin::Failed, 0.0), (Builtin::ActionExcess, 0.0)]);
     }
 
     /// New values of the disturbances: drawn, then replaced by recorded ones.
     fn disturb(&mut self, t0: f64) {
         self.draw_disturbances();
-        if self.setup.has_disturbances {
+        if self.setup.programs.has_disturbances {
             let (model, memory) = self.system.parts();
             model.disturb(memory, t0);
         }
@@ -141,7 +140,7 @@ impl Environment {
                     }
                 }
                 Err(error) => {
-                    self.progress.solver_failure = Some(blame(&error, t));
+                    self.progress.verdict.solver_failure = Some(blame(&error, t));
                     return Outcome::Solver;
                 }
             }
@@ -227,8 +226,8 @@ impl Environment {
     fn chatter(&mut self, t: f64, events: u32) -> Option<Outcome> {
         let soon = ACCUMULATION * self.setup.model().interface().episode.step;
         let mut accumulates = false;
-        for (index, firing) in self.firings.iter_mut().enumerate().filter(|(index, _)| self.integrator.events()[*index] != 0) {
-            self.last_fired = Some(index);
+        for (index, firing) in self.firings.each.iter_mut().enumerate().filter(|(index, _)| self.integrator.events()[*index] != 0) {
+            self.firings.last = Some(index);
             let gap = t - firing.time;
             if gap > 0.0 && gap <= soon && firing.gap.is_finite() && gap <= firing.gap {
                 accumulates = true;
@@ -240,10 +239,10 @@ impl Environment {
             return None;
         }
         // Another one at the same instant tells of two that undo each other.
-        let last = self.last_fired;
-        let accumulates = accumulates || last.is_some_and(|index| self.firings[index].sooner >= EVER_SOONER);
-        let other = |&index: &usize| Some(index) != last && self.firings[index].time == t;
-        let partner = (0..self.firings.len()).find(other);
+        let last = self.firings.last;
+        let accumulates = accumulates || last.is_some_and(|index| self.firings.each[index].sooner >= EVER_SOONER);
+        let other = |&index: &usize| Some(index) != last && self.firings.each[index].time == t;
+        let partner = (0..self.firings.each.len()).find(other);
         self.progress.chatter = Some(Chatter { time: t, event: last.unwrap_or_default(), partner, accumulates });
         Some(Outcome::Chatter)
     }
@@ -255,7 +254,7 @@ impl Environment {
         let (model, memory) = self.system.parts();
         model.end(memory, t, &mut self.progress.y);
         let moved = self.scratch != self.progress.y;
-        if moved && (model.unknowns() > model.states() || self.setup.derivatives_at_end) {
+        if moved && (model.unknowns() > model.states() || self.setup.programs.derivatives_at_end) {
             model.prepare_step(memory);
             // A failure to find consistent algebraic variables will show in the restart of the next step.
             if self.integrator.restart(&mut self.system, t, &self.progress.y, Some(&self.progress.yp)).is_ok() {

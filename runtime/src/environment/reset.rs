@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::{Part, Region};
 
-use super::{Environment, Phase, Replay};
+use super::{Environment, Phase, Replay, finish};
 use crate::catalogue::{OutsideBounds, StructuralParameter, UnknownName, check_parameters};
 use crate::failure::{SolverFailure, describe_solver};
 use crate::observe::variate;
@@ -180,7 +180,7 @@ impl Environment {
             return if start == Start::Steady { Err(error.clone().into()) } else { Ok(()) };
         }
         if has_steady && !nominal {
-            let needed = setup.needs_steady || start == Start::Steady;
+            let needed = setup.steady.needed || start == Start::Steady;
             if options.expected && !needed {
                 steady::forget(&mut self.system);
                 return Ok(());
@@ -209,7 +209,7 @@ impl Environment {
         self.initial_discretes(options)?;
         self.settle_discretes(options)?;
         self.make_consistent()?;
-        for passes_left in (0..self.setup.start_passes).rev() {
+        for passes_left in (0..self.setup.programs.start_passes).rev() {
             let first = self.setup.model().states();
             let solved = self.progress.y[first..].to_vec();
             let states = self.progress.y[..first].to_vec();
@@ -326,7 +326,7 @@ impl Environment {
 
     /// Start values of states that read discrete variables or disturbances, once these have theirs, as often as one such value needs another.
     fn settle_discretes(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
-        for passes_left in (0..self.setup.discrete_passes).rev() {
+        for passes_left in (0..self.setup.programs.discrete_passes).rev() {
             let first = self.setup.model().states();
             let before = (self.progress.y[..first].to_vec(), self.system.region(Region::Discrete).to_vec());
             if options.start != Start::Steady {
@@ -399,7 +399,7 @@ impl Environment {
         let t = self.time();
         let (model, memory) = self.system.parts();
         model.prepare_step(memory);
-        let needed = model.unknowns() > model.states() || self.setup.derivatives_at_end;
+        let needed = model.unknowns() > model.states() || self.setup.programs.derivatives_at_end;
         self.progress.yp.fill(0.0);
         if needed {
             match self.integrator.restart(&mut self.system, t, &self.progress.y, None) {
@@ -441,18 +441,18 @@ impl Environment {
 
     fn first_observation(&mut self) -> Result<(), ResetError> {
         let progress = &mut self.progress;
-        progress.rewards.fill(0.0);
-        progress.violations.fill(0.0);
-        progress.failing.fill(false);
-        progress.sum = 0.0;
-        progress.last = None;
-        progress.solver_failure = None;
-        progress.action_excess = 0.0;
+        progress.verdict.rewards.fill(0.0);
+        progress.verdict.violations.fill(0.0);
+        progress.verdict.failing.fill(false);
+        progress.verdict.sum = 0.0;
+        progress.verdict.last = None;
+        progress.verdict.solver_failure = None;
+        progress.verdict.action_excess = 0.0;
         progress.edges.fill(Edge::default());
         progress.chatter = None;
         progress.not_finite = None;
         self.evaluate_finish(self.time());
-        let values = &self.finish[self.layout().observations()];
+        let values = self.finish.part(finish::Part::Observations);
         if let Some(at) = values.iter().position(|v| !v.is_finite()) {
             let name = &self.setup.model().interface().observations[at].name;
             return Err(ResetError::NotFinite { what: format!("the observation `{name}` at the start") });

@@ -161,8 +161,8 @@ impl Environment {
 impl Progress {
     fn lengths(&self) -> [usize; 9] {
         let Readings { present, missing, pipeline } = &self.readings;
-        let values = [&self.y, &self.yp, present, pipeline, &self.rewards, &self.violations].map(Vec::len);
+        let values = [&self.y, &self.yp, present, pipeline, &self.verdict.rewards, &self.verdict.violations].map(Vec::len);
         let [y, yp, present, pipeline, rewards, violations] = values;
-        [y, yp, present, missing.len(), pipeline, rewards, violations, self.failing.len(), self.edges.len()]
+        [y, yp, present, missing.len(), pipeline, rewards, violations, self.verdict.failing.len(), self.edges.len()]
     }
 }

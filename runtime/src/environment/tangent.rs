@@ -13,7 +13,7 @@ use std::sync::Arc;
 use smpl_compiler::compiled::tangent::Part;
 use smpl_compiler::layout::Region;
 
-use super::{Environment, ResetOptions, StepResult, interval};
+use super::{Environment, ResetOptions, StepResult, finish, interval};
 use crate::failure::describe_solver;
 use crate::sensitivity::augmented::Augmented;
 use crate::sensitivity::tangents::{Point, Tangents};
@@ -202,7 +202,7 @@ impl Environment {
         for (at, row) in follower.integrals.chunks_exact(width).enumerate() {
             row.iter().enumerate().for_each(|(j, &value)| follower.tangents.set_work(quadratures.start + at, j, value));
         }
-        if self.setup.has_end {
+        if self.setup.programs.has_end {
             let time = self.end_time();
             let before = self.progress.y.clone();
             self.run_tangent(follower, Part::End, (time, &[]), 0)?;
@@ -264,7 +264,7 @@ impl Environment {
     /// Derivatives of rewards and observations.
     fn follow_finish(&mut self, follower: &mut Follower) -> Result<(), FollowError> {
         let time = self.end_time();
-        if self.setup.derivatives_at_end {
+        if self.setup.programs.derivatives_at_end {
             self.follow_rates(follower, time, &[])?;
             let (n, states, width) = (self.system.model().unknowns(), self.system.model().states(), follower.width());
             // Rates of algebraic unknowns are those of the integrator's polynomial, as their values are.
@@ -273,35 +273,35 @@ impl Environment {
                 follower.tangents.set_yp(at, j, rate);
             }
         }
-        let outputs = self.finish.len();
+        let outputs = self.finish.all().len();
         self.run_tangent(follower, Part::Finish, (time, &[]), outputs)
     }
 
     /// Derivative of a reward (as declared) along a direction, after a step that was followed. A failing step's reward is that of the error, which nothing moves.
     #[must_use]
     pub fn reward_derivative(&self, follower: &Follower, reward: usize, direction: usize) -> f64 {
-        if self.progress.last.is_none_or(|result| result.failure.is_some()) {
+        if self.progress.verdict.last.is_none_or(|result| result.failure.is_some()) {
             return 0.0;
         }
-        self.finish_derivative(follower, self.layout().rewards().start + reward, direction)
+        self.finish_derivative(follower, self.finish.start(finish::Part::Rewards) + reward, direction)
     }
 
     /// Derivative of an observation along a direction: of what is measured at the end of the step, without noise, delay or clipping.
     #[must_use]
     pub(crate) fn observation_derivative(&self, follower: &Follower, observation: usize, direction: usize) -> f64 {
-        self.finish_derivative(follower, self.layout().observations().start + observation, direction)
+        self.finish_derivative(follower, self.finish.start(finish::Part::Observations) + observation, direction)
     }
 
     /// Derivative of an output of the `finish` program; not a number by a parameter where the output reads the steady state, which has no known derivative.
     fn finish_derivative(&self, follower: &Follower, at: usize, direction: usize) -> f64 {
         let by_parameter = matches!(follower.directions.get(direction), Some(Direction::Parameter(_)));
-        if by_parameter && self.setup.steady_outputs[at] { f64::NAN } else { follower.finished(at, direction) }
+        if by_parameter && self.setup.steady.by_outputs[at] { f64::NAN } else { follower.finished(at, direction) }
     }
 
     /// What is measured at the end of the last step, without noise, delay or clipping.
     #[must_use]
     pub(crate) fn measured(&self) -> &[f64] {
-        &self.finish[self.layout().observations()]
+        self.finish.part(finish::Part::Observations)
     }
 
     fn solver_fault(&self, error: &SolveError, start: f64, width: usize) -> FollowError {

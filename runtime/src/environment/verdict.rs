@@ -1,11 +1,10 @@
 //! What a step ended in: failures, successes, rewards, observations, in numbers and in words.
 
-use std::ops::Range;
 
 use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::Region;
-use smpl_compiler::model::Finish;
 
+use super::finish::Part;
 use super::interval::Outcome;
 use super::{Environment, Phase, StepResult};
 use crate::failure::{ACTION_BOX, BOX_SLACK, EVENTS, Failure, NOT_FINITE, NotFinite, describe_item, describe_solver};
@@ -14,9 +13,9 @@ impl Environment {
     /// Evaluates the end of a step and counts it.
     pub(super) fn judge(&mut self, outcome: Outcome, excess: f64) -> StepResult {
         if !matches!(outcome, Outcome::Solver) {
-            self.progress.solver_failure = None;
+            self.progress.verdict.solver_failure = None;
         }
-        self.progress.action_excess = excess;
+        self.progress.verdict.action_excess = excess;
         let ended_inside = !matches!(outcome, Outcome::Completed | Outcome::NotRun);
         let last_step = self.progress.steps + 1 >= self.setup.max_steps;
         self.set_builtins([
@@ -27,15 +26,14 @@ impl Environment {
         self.evaluate_finish(self.progress.event_time.unwrap_or_else(|| self.end_time()));
 
         self.collect_failures(outcome, excess);
-        let rewards = self.layout().rewards();
-        self.progress.rewards.copy_from_slice(&self.finish[rewards]);
+        self.progress.verdict.rewards.copy_from_slice(self.finish.part(Part::Rewards));
         let mut failure = self.first_failure(outcome, excess);
         self.progress.not_finite = if failure.is_none() { self.not_finite(outcome) } else { None };
         if self.progress.not_finite.is_some() {
             failure = Some(Failure::NotFinite);
         }
         let result = self.conclude(failure, last_step);
-        self.progress.last = Some(result);
+        self.progress.verdict.last = Some(result);
         result
     }
 
@@ -44,25 +42,24 @@ impl Environment {
         if outcome == Outcome::NotRun || self.all_finite() {
             return None;
         }
-        let layout = self.layout();
-        let infinite = |part: Range<usize>| self.finish[part].iter().position(|x| !x.is_finite());
-        let condition = |part: Range<usize>, stride: usize| self.finish[part].iter().step_by(stride).position(|x| x.is_nan());
+        let infinite = |part| self.finish.part(part).iter().position(|x| !x.is_finite());
+        let condition = |part, stride: usize| self.finish.part(part).iter().step_by(stride).position(|x| x.is_nan());
         let chosen = self.setup.reward;
-        let dense = self.progress.rewards.get(chosen).filter(|r| !r.is_finite()).map(|_| chosen);
+        let dense = self.progress.verdict.rewards.get(chosen).filter(|r| !r.is_finite()).map(|_| chosen);
         (self.broken_variable())
             .or_else(|| self.integrator.undefined_event().map(NotFinite::Event))
-            .or_else(|| dense.or_else(|| infinite(layout.rewards())).map(NotFinite::Reward))
-            .or_else(|| condition(layout.failures(), 2).map(NotFinite::Failure))
-            .or_else(|| condition(layout.successes(), 1).map(NotFinite::Success))
-            .or_else(|| infinite(layout.constraints()).map(NotFinite::Constraint))
-            .or_else(|| infinite(layout.observations()).map(NotFinite::Observation))
+            .or_else(|| dense.or_else(|| infinite(Part::Rewards)).map(NotFinite::Reward))
+            .or_else(|| condition(Part::Failures, 2).map(NotFinite::Failure))
+            .or_else(|| condition(Part::Successes, 1).map(NotFinite::Success))
+            .or_else(|| infinite(Part::Constraints).map(NotFinite::Constraint))
+            .or_else(|| infinite(Part::Observations).map(NotFinite::Observation))
     }
 
     /// Whether there is nothing to look for: most steps, by sums of 0 * x, which are zero unless an entry is not finite.
     fn all_finite(&self) -> bool {
         let sum = |values: &[f64]| values.iter().map(|x| x * 0.0).sum::<f64>();
         let undefined = || self.integrator.undefined_event().is_some();
-        sum(&self.finish) + sum(&self.progress.y) + sum(self.discretes()) == 0.0 && !undefined()
+        sum(self.finish.all()) + sum(&self.progress.y) + sum(self.discretes()) == 0.0 && !undefined()
     }
 
     /// A state or an algebraic variable that is not finite, or a discrete variable that is not a number.
@@ -78,31 +75,25 @@ impl Environment {
     /// Runs the `finish` program.
     pub(super) fn evaluate_finish(&mut self, t: f64) {
         let (model, memory) = self.system.parts();
-        model.finish(memory, t, &self.progress.y, &self.progress.yp, &mut self.finish);
-    }
-
-    /// Where the parts of the `finish` output stand.
-    pub(super) fn layout(&self) -> Finish {
-        self.setup.model().interface().finish
+        model.finish(memory, t, &self.progress.y, &self.progress.yp, self.finish.all_mut());
     }
 
     /// Takes failures and violations from the `finish` output.
     fn collect_failures(&mut self, outcome: Outcome, excess: f64) {
-        let (failures, constraints) = (self.layout().failures(), self.layout().constraints());
         let event = match outcome {
             Outcome::Event(index) => Some(index as usize),
             _ => None,
         };
-        self.progress.violations[0] = excess;
-        let pairs = self.finish[failures].chunks_exact(2);
+        self.progress.verdict.violations[0] = excess;
+        let pairs = self.finish.part(Part::Failures).chunks_exact(2);
         let count = pairs.len();
         for (i, pair) in pairs.enumerate() {
             let failing = pair[0] == 1.0 || event == Some(i);
-            self.progress.failing[i] = failing;
+            self.progress.verdict.failing[i] = failing;
             // An event stops at the limit itself, and a condition may fail with equality: a breach is never worth nothing.
-            self.progress.violations[1 + i] = if failing { pair[1].max(BOX_SLACK) } else { known(pair[1]) };
+            self.progress.verdict.violations[1 + i] = if failing { pair[1].max(BOX_SLACK) } else { known(pair[1]) };
         }
-        for (violation, &excess) in self.progress.violations[1 + count..].iter_mut().zip(&self.finish[constraints]) {
+        for (violation, &excess) in self.progress.verdict.violations[1 + count..].iter_mut().zip(self.finish.part(Part::Constraints)) {
             *violation = known(excess);
         }
     }
@@ -117,7 +108,7 @@ impl Environment {
         if outcome == Outcome::Chatter {
             return Some(Failure::Events);
         }
-        self.progress.failing.iter().position(|f| *f).map(|index| Failure::Declared(index as u32))
+        self.progress.verdict.failing.iter().position(|f| *f).map(|index| Failure::Declared(index as u32))
     }
 
     /// Rewards, flags and observation of a step whose failure is known; counts the step.
@@ -125,33 +116,32 @@ impl Environment {
         let episode = &self.setup.model().interface().episode;
         let (error_reward, end_is_success, alone) = (episode.error_reward, episode.end_is_success, episode.failure_pays_alone);
         if failure.is_some() {
-            self.progress.rewards.fill(error_reward);
+            self.progress.verdict.rewards.fill(error_reward);
         }
         // A limit below the model's own cuts the batch short.
         let whole = last_step && self.setup.max_steps >= episode.max_steps && end_is_success;
-        let conditions = self.finish[self.layout().successes()].iter();
+        let conditions = self.finish.part(Part::Successes).iter();
         let met = conditions.clone().position(|x| *x == 1.0).or(whole.then_some(conditions.len()));
         let success = failure.is_none() && met.is_some();
-        self.progress.met = met.filter(|_| success).map(|met| met as u32);
+        self.progress.verdict.met = met.filter(|_| success).map(|met| met as u32);
         let terminated = failure.is_some() || success;
         let truncated = last_step && !terminated;
         self.progress.steps += 1;
-        let dense = self.progress.rewards.get(self.setup.reward).copied().unwrap_or(0.0);
-        self.progress.sum += dense;
+        let dense = self.progress.verdict.rewards.get(self.setup.reward).copied().unwrap_or(0.0);
+        self.progress.verdict.sum += dense;
         let reward = match (self.setup.options.sparse, terminated || truncated) {
             (false, _) => dense,
             (true, true) if alone && failure.is_some() => dense,
-            (true, true) => self.progress.sum,
+            (true, true) => self.progress.verdict.sum,
             (true, false) => 0.0,
         };
         if terminated || truncated {
             self.progress.phase = Phase::Over;
         }
-        let observations = self.layout().observations();
         let progress = &mut self.progress;
         let (errors, steps) = (progress.errors(), progress.steps);
-        self.sensors.read(&mut progress.readings, errors, steps, &self.finish[observations]);
-        let cost = self.progress.violations.iter().sum();
+        self.sensors.read(&mut progress.readings, errors, steps, self.finish.part(Part::Observations));
+        let cost = self.progress.verdict.violations.iter().sum();
         StepResult { reward, terminated, truncated, success, failure, cost, time: self.time() }
     }
 
@@ -159,19 +149,19 @@ impl Environment {
     #[must_use]
     pub fn success_name(&self) -> &str {
         let names = &self.setup.model().interface().successes;
-        self.progress.met.map_or("", |met| names.get(met as usize).map_or("end", String::as_str))
+        self.progress.verdict.met.map_or("", |met| names.get(met as usize).map_or("end", String::as_str))
     }
 
     /// Every failure of the last step in words, the deciding one first, each beginning with its identifier; empty when nothing failed.
     pub fn failure_message(&mut self) -> String {
-        if self.progress.last.is_none_or(|r| r.failure.is_none()) {
+        if self.progress.verdict.last.is_none_or(|r| r.failure.is_none()) {
             return String::new();
         }
         let mut parts = Vec::new();
-        if self.progress.action_excess > 0.0 {
+        if self.progress.verdict.action_excess > 0.0 {
             parts.push(format!("{ACTION_BOX}: {}", self.describe_action()));
         }
-        if let Some(failure) = self.progress.solver_failure {
+        if let Some(failure) = self.progress.verdict.solver_failure {
             let setup = &self.setup;
             let text = describe_solver(&failure, setup.model(), &setup.catalogue, setup.sources());
             parts.push(format!("{}: {text}", crate::failure::SOLVER));
@@ -206,7 +196,7 @@ impl Environment {
         for (index, failure) in interface.failures.iter().enumerate() {
             let (own, others) = rest.split_at(failure.items.len());
             rest = others;
-            if !self.progress.failing[index] {
+            if !self.progress.verdict.failing[index] {
                 continue;
             }
             let outside: Vec<String> = failure.items.iter().zip(own).filter_map(|(item, &value)| describe_item(item, value)).collect();

@@ -2,12 +2,13 @@
 
 use std::fmt::Write as _;
 
-use super::document::{Fault, Kind, Sbml, Symbol, Target};
+use super::document::{Kind, Sbml, Symbol, Target};
 use super::math::Math;
 use super::names::Names;
 use super::roles::{self, Role, Roles};
 use super::units::{self, Product};
 use super::writer::{Writer, shown};
+use super::xml::Fault;
 
 /// Before the text of a unit that stands in place of an id.
 pub(super) const LITERAL: char = '=';

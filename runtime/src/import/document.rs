@@ -5,19 +5,9 @@ use std::collections::{BTreeMap, HashMap};
 use roxmltree::{Document, Node};
 
 use super::math::{self, Functions, Math};
+use super::xml::{Fault, attribute, children, fault, number, tag};
 
-/// Something in the file that cannot be carried over.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Fault {
-    pub(super) at: usize,
-    pub(super) message: String,
-}
-
-pub(super) fn fault(node: Node<'_, '_>, message: impl Into<String>) -> Fault {
-    Fault { at: node.range().start, message: message.into() }
-}
-
-/// A model as it is written.
+/// A model as it is written: a field for each list of the standard, under its name.
 #[derive(Default)]
 pub(super) struct Sbml {
     pub(super) level: u32,
@@ -124,32 +114,6 @@ pub(super) struct Event {
     /// The condition counts as true before the start.
     pub(super) starts_true: bool,
     pub(super) assignments: Vec<(usize, String, Math)>,
-}
-
-/// The elements in an element.
-pub(super) fn children<'a, 'i>(node: Node<'a, 'i>) -> impl Iterator<Item = Node<'a, 'i>> {
-    node.children().filter(Node::is_element)
-}
-
-pub(super) fn tag<'a>(node: Node<'a, '_>) -> &'a str {
-    node.tag_name().name()
-}
-
-pub(super) fn attribute<'a>(node: Node<'a, '_>, name: &str) -> Option<&'a str> {
-    node.attributes().find(|a| a.name() == name).map(|a| a.value())
-}
-
-/// A number as XML Schema writes one.
-pub(super) fn number(node: Node<'_, '_>, text: &str) -> Result<f64, Fault> {
-    match text.trim() {
-        "INF" => Ok(f64::INFINITY),
-        "-INF" => Ok(f64::NEG_INFINITY),
-        "NaN" => Ok(f64::NAN),
-        text if !text.contains(|c: char| c.is_alphabetic() && c != 'e' && c != 'E') => {
-            text.parse().map_err(|_| fault(node, format!("`{text}` is no number")))
-        }
-        text => Err(fault(node, format!("`{text}` is no number"))),
-    }
 }
 
 fn numeric(node: Node<'_, '_>, name: &str) -> Result<Option<f64>, Fault> {

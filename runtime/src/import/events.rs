@@ -1,11 +1,12 @@
 //! Events and constraints.
 
 use super::convert::{Conversion, at, quoted};
-use super::document::{Event, Fault, Kind, Symbol, Target};
+use super::document::{Event, Kind, Symbol, Target};
 use super::math::Math;
 use super::roles::Role;
 use super::trigger::trigger;
 use super::units;
+use super::xml::Fault;
 
 impl Conversion<'_> {
     pub(super) fn events(&mut self) -> Result<(), Fault> {

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use roxmltree::Node;
 
-use super::document::{Fault, attribute, children, fault, number, tag};
+use super::xml::{Fault, attribute, children, fault, number, tag};
 
 /// Elements of MathML inside one another.
 const DEEPEST: usize = 200;

@@ -2,8 +2,9 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::document::{Fault, Kind, Sbml, Symbol, Target};
+use super::document::{Kind, Sbml, Symbol, Target};
 use super::math::Math;
+use super::xml::Fault;
 
 /// What a symbol becomes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

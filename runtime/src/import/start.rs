@@ -1,11 +1,12 @@
 //! Initial values: numbers, amounts for concentrations and the other way round, what follows from what else is known at the start.
 
 use super::convert::{Conversion, LITERAL, at};
-use super::document::{Fault, Kind, Symbol, Target};
+use super::document::{Kind, Symbol, Target};
 use super::math::Math;
 use super::roles::Role;
 use super::units::{self, Product};
 use super::writer::shown;
+use super::xml::Fault;
 
 /// Symbols that follow from one another.
 const DEEPEST: usize = 60;

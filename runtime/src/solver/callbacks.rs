@@ -3,25 +3,24 @@
 //! All of them find their data in one [`Bridge`], whose address IDA holds as user data. No panic leaves a callback (it
 //! would end the process); it is caught, noted and returned as a failure.
 
-use std::ffi::CStr;
-use std::os::raw::{c_char, c_int, c_void};
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::ptr::{self, NonNull};
-use std::rc::Rc;
+mod entry;
+mod message;
 
-use sundials_sys::{
-    _generic_SUNLinearSolver, _generic_SUNLinearSolver_Ops, _generic_SUNMatrix, _generic_SUNMatrix_Ops, IDAGetCurrentTime, IDAGetDky,
-    IDAGetLastStep, N_Vector, SUNContext, SUNLinearSolver, SUNLinearSolver_ID, SUNLinearSolver_ID_SUNLINEARSOLVER_CUSTOM,
-    SUNLinearSolver_Type, SUNLinearSolver_Type_SUNLINEARSOLVER_DIRECT, SUNMatrix, SUNMatrix_ID, SUNMatrix_ID_SUNMATRIX_CUSTOM,
-};
+use std::os::raw::c_int;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::ptr::NonNull;
+use std::rc::Rc;
 
 use super::kernels::Block;
 use super::linear::Factorisation;
 use super::newton::Newton;
-use super::vector::{self, Operations, Shared, Vector, entries, entries_mut};
+use super::sundials::Inquiry;
+use super::vector::{self, Content, Handle, Operations, Shared, Vector};
 use super::watch::Watch;
 use super::{Following, Statistics, System};
 use crate::interrupt::Pace;
+pub(crate) use entry::{error_weights, jacobian, linear_solver, matrix, quadratures, residual};
+pub(crate) use message::{Message, message};
 
 /// Returned to IDA: try again with a smaller step.
 const RECOVERABLE: c_int = 1;
@@ -34,9 +33,6 @@ const MEMORY: u32 = 10;
 
 /// Steps in a row at the roundoff of time after which the integration is given up.
 const TINY_STEPS: u32 = 20;
-
-/// Bytes kept of IDA's last message.
-const MESSAGE: usize = 256;
 
 /// What went wrong in a callback.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,24 +51,58 @@ pub(crate) enum Trouble {
     Interrupted,
 }
 
+/// What is solved, while it is lent.
+#[derive(Default)]
+struct Lender {
+    system: Option<NonNull<dyn System>>,
+    pace: Pace,
+}
+
+/// Tolerances of the error test.
+pub(crate) struct Tolerances {
+    rtol: f64,
+    /// Absolute ones, filled up with infinity.
+    atol: Box<[Block]>,
+    /// Number of unknowns and of their derivatives along directions.
+    length: usize,
+    /// Tolerances of those derivatives in those of the unknowns.
+    looseness: f64,
+}
+
+impl Tolerances {
+    /// Those of unknowns; those of derivatives are `looseness` times as large.
+    pub(crate) fn new(rtol: f64, atol: &[f64], looseness: f64) -> Self {
+        let mut blocks = vector::zeroed_blocks(atol.len());
+        let all = blocks.iter_mut().flat_map(|block| block.0.iter_mut());
+        let filled = atol.iter().copied().chain(std::iter::repeat(f64::INFINITY));
+        all.zip(filled).for_each(|(to, from)| *to = from);
+        Self { rtol, atol: blocks, length: atol.len(), looseness }
+    }
+}
+
+/// The steps that were accepted last.
+#[derive(Default)]
+struct Steps {
+    since_trouble: u32,
+    /// So many in a row were tiny.
+    tiny: u32,
+    /// Length of the last one that was followed by another.
+    last: f64,
+}
+
 /// What the callbacks work with.
 pub(crate) struct Bridge {
-    /// The system, while it is lent.
-    system: Option<NonNull<dyn System>>,
-    pub memory: *mut c_void,
+    lender: Lender,
+    /// IDA's, where there is one.
+    memory: Option<Inquiry>,
     pub operations: Operations,
     /// What IDA's vectors know of each other.
     pub shared: Rc<Shared>,
-    pub rtol: f64,
-    /// Unknowns that derivatives along directions follow, or all; and those together.
+    tolerances: Tolerances,
+    /// Unknowns that derivatives along directions follow, or all.
     pub leading: usize,
-    length: usize,
-    /// Tolerances of the derivatives in those of the unknowns.
-    pub looseness: f64,
     /// For many right-hand sides.
     space: Vec<f64>,
-    /// Absolute tolerances, filled up with infinity.
-    pub atol: Box<[Block]>,
     /// Entries of the Newton matrix.
     pub values: Box<[f64]>,
     pub factorisation: Factorisation,
@@ -82,40 +112,27 @@ pub(crate) struct Bridge {
     pub derivative: Option<Vector>,
     pub counts: Statistics,
     pub trouble: Option<Trouble>,
-    steps_since_trouble: u32,
-    tiny_steps: u32,
-    pace: Pace,
-    /// Length of the last step that was followed by another.
-    pub last_step: f64,
-    message: [u8; MESSAGE],
-    message_length: usize,
+    steps: Steps,
 }
 
 impl Bridge {
+    /// A bridge for a system with so many entries in its Jacobian, none of whose unknowns follow others.
     pub fn new(
         operations: Operations,
-        rtol: f64,
-        atol: &[f64],
+        tolerances: Tolerances,
         entries: usize,
         factorisation: Factorisation,
         newton: Newton,
         watch: Watch,
     ) -> Self {
-        let mut blocks = vector::zeroed_blocks(atol.len());
-        let all = blocks.iter_mut().flat_map(|block| block.0.iter_mut());
-        let filled = atol.iter().copied().chain(std::iter::repeat(f64::INFINITY));
-        all.zip(filled).for_each(|(to, from)| *to = from);
         Self {
-            system: None,
-            memory: ptr::null_mut(),
+            lender: Lender::default(),
+            memory: None,
             operations,
             shared: Rc::default(),
-            rtol,
-            leading: atol.len(),
-            length: atol.len(),
-            looseness: 1.0,
+            leading: tolerances.length,
+            tolerances,
             space: Vec::new(),
-            atol: blocks,
             values: vec![0.0; entries].into_boxed_slice(),
             factorisation,
             newton,
@@ -123,36 +140,38 @@ impl Bridge {
             derivative: None,
             counts: Statistics::default(),
             trouble: None,
-            steps_since_trouble: 0,
-            tiny_steps: 0,
-            pace: Pace::default(),
-            last_step: 0.0,
-            message: [0; MESSAGE],
-            message_length: 0,
+            steps: Steps::default(),
         }
     }
 
+    /// IDA's memory, of which the callbacks ask how far it is.
+    pub(crate) fn set_memory(&mut self, memory: Inquiry) {
+        self.memory = Some(memory);
+    }
+
     /// Lends the system to the callbacks until [`take_back`](Self::take_back).
-    pub(crate) fn lend(&mut self, system: &mut dyn System) {
+    ///
+    /// # Safety
+    /// The system is taken back before the borrow ends.
+    pub(crate) unsafe fn lend(&mut self, system: &mut dyn System) {
         let system: NonNull<dyn System + '_> = NonNull::from(system);
-        // SAFETY: only the lifetime changes; the pointer is taken back before the borrow ends.
-        self.system = Some(unsafe { std::mem::transmute::<NonNull<dyn System + '_>, NonNull<dyn System>>(system) });
+        // SAFETY: only the lifetime changes; by the contract nobody has the pointer when the borrow ends.
+        self.lender.system = Some(unsafe { std::mem::transmute::<NonNull<dyn System + '_>, NonNull<dyn System>>(system) });
     }
 
     pub(crate) fn take_back(&mut self) {
-        self.system = None;
+        self.lender.system = None;
     }
 
     /// Clears what belongs to the time before a call of IDA.
     pub fn begin(&mut self) {
         self.trouble = None;
-        self.tiny_steps = 0;
-        self.message_length = 0;
+        self.steps.tiny = 0;
     }
 
-    /// IDA's last message.
-    pub fn message(&self) -> String {
-        String::from_utf8_lossy(&self.message[..self.message_length]).trim().to_owned()
+    /// Length of the last step that was followed by another.
+    pub(crate) fn last_step(&self) -> f64 {
+        self.steps.last
     }
 
     fn note(&mut self, trouble: Trouble) {
@@ -160,15 +179,15 @@ impl Bridge {
         if self.trouble != Some(Trouble::Interrupted) {
             self.trouble = Some(trouble);
         }
-        self.steps_since_trouble = 0;
+        self.steps.since_trouble = 0;
     }
 
     /// Runs `call` on the system; no panic gets out.
     fn guarded(&mut self, call: impl FnOnce(&mut dyn System)) -> Result<(), c_int> {
-        let Some(mut system) = self.system else {
+        let Some(mut system) = self.lender.system else {
             return Err(FATAL);
         };
-        if self.pace.stops() {
+        if self.lender.pace.stops() {
             self.note(Trouble::Interrupted);
             return Err(FATAL);
         }
@@ -178,47 +197,43 @@ impl Bridge {
     }
 
     /// Evaluates the residual at `y`, `yp` into `out`; whether it is finite is left open.
-    pub fn evaluate(&mut self, time: f64, y: N_Vector, yp: N_Vector, out: N_Vector) -> Result<(), c_int> {
+    pub fn evaluate(&mut self, time: f64, y: &Content, yp: &Content, out: &mut Content) -> Result<(), c_int> {
         self.counts.residuals += 1;
-        self.guarded(|system| unsafe {
-            system.residual(time, entries(y), entries(yp), entries_mut(out));
-        })
+        self.guarded(|system| system.residual(time, y.entries(), yp.entries(), out.entries_mut()))
     }
 
     /// Evaluates the residual of the leading unknowns; what else is in `out` stays.
-    pub fn evaluate_leading(&mut self, time: f64, y: N_Vector, yp: N_Vector, out: N_Vector) -> Result<(), c_int> {
+    pub fn evaluate_leading(&mut self, time: f64, y: &Content, yp: &Content, out: &mut Content) -> Result<(), c_int> {
         let n = self.leading;
-        if n == self.length {
+        if n == self.tolerances.length {
             return self.evaluate(time, y, yp, out);
         }
         self.counts.residuals += 1;
-        self.guarded(|system| unsafe {
-            system.leading(time, &entries(y)[..n], &entries(yp)[..n], &mut entries_mut(out)[..n]);
-        })
+        self.guarded(|system| system.leading(time, &y.entries()[..n], &yp.entries()[..n], &mut out.entries_mut()[..n]))
     }
 
     /// Evaluates the residual of the derivatives along directions, at unknowns for which [`jacobian`](Self::jacobian) was evaluated.
     pub fn follow(
         &mut self,
         (time, cj): (f64, f64),
-        (y, yp): (N_Vector, N_Vector),
-        (predicted, derivative): (N_Vector, N_Vector),
-        out: N_Vector,
+        (y, yp): (&Content, &Content),
+        (predicted, derivative): (&Content, &Content),
+        out: &mut Content,
     ) -> Result<(), c_int> {
         let n = self.leading;
         let values = std::mem::take(&mut self.values);
-        let done = self.guarded(|system| unsafe {
-            let at = Following { t: time, y: &entries(y)[..n], yp: &entries(yp)[..n], cj, jacobian: &values };
-            system.following(at, (&entries(predicted)[n..], &entries(derivative)[n..]), &mut entries_mut(out)[n..]);
+        let done = self.guarded(|system| {
+            let at = Following { t: time, y: &y.entries()[..n], yp: &yp.entries()[..n], cj, jacobian: &values };
+            system.following(at, (&predicted.entries()[n..], &derivative.entries()[n..]), &mut out.entries_mut()[n..]);
         });
         self.values = values;
         done
     }
 
     /// Solves for the corrections of derivatives along directions from their residual, with the factorised matrix in place.
-    pub fn solve_following(&mut self, time: f64, residual: N_Vector, corrections: N_Vector) -> c_int {
+    pub fn solve_following(&mut self, time: f64, residual: &mut Content, corrections: &mut Content) -> c_int {
         let n = self.leading;
-        let (from, to) = unsafe { (&entries(residual)[n..], &mut entries_mut(corrections)[n..]) };
+        let (from, to) = (&residual.entries()[n..], &mut corrections.entries_mut()[n..]);
         to.iter_mut().zip(from).for_each(|(to, from)| *to = -from);
         self.counts.linear_solves += 1;
         let width = to.len() / n;
@@ -227,7 +242,7 @@ impl Bridge {
             Ok(()) if to.iter().map(|x| x * 0.0).sum::<f64>() == 0.0 => 0,
             Ok(()) => {
                 self.is_finite(time, residual);
-                unsafe { entries_mut(residual)[n..].fill(0.0) };
+                residual.entries_mut()[n..].fill(0.0);
                 RECOVERABLE
             }
             Err(_) => self.panicked(),
@@ -235,29 +250,27 @@ impl Bridge {
     }
 
     /// Whether a residual is finite; notes the trouble if it is not.
-    pub fn is_finite(&mut self, time: f64, residual: N_Vector) -> bool {
-        if self.operations.all_finite(unsafe { vector::block_slice(residual) }) {
+    pub fn is_finite(&mut self, time: f64, residual: &Content) -> bool {
+        if self.operations.all_finite(residual.blocks()) {
             return true;
         }
         self.counts.not_finite += 1;
-        let row = unsafe { entries(residual) }.iter().position(|x| !x.is_finite()).unwrap_or(0);
+        let row = residual.entries().iter().position(|x| !x.is_finite()).unwrap_or(0);
         self.note(Trouble::Residual { time, row });
         false
     }
 
     /// Evaluates the residual at `y`, `yp` into `out`; an error if it is not finite.
-    pub fn residual(&mut self, time: f64, y: N_Vector, yp: N_Vector, out: N_Vector) -> Result<(), c_int> {
+    pub fn residual(&mut self, time: f64, y: &Content, yp: &Content, out: &mut Content) -> Result<(), c_int> {
         self.evaluate(time, y, yp, out)?;
         if self.is_finite(time, out) { Ok(()) } else { Err(RECOVERABLE) }
     }
 
     /// Evaluates the Jacobian into `values`.
-    pub fn jacobian(&mut self, time: f64, cj: f64, y: N_Vector, yp: N_Vector) -> Result<(), c_int> {
+    pub fn jacobian(&mut self, time: f64, cj: f64, y: &Content, yp: &Content) -> Result<(), c_int> {
         self.counts.jacobians += 1;
         let mut values = std::mem::take(&mut self.values);
-        let done = self.guarded(|system| unsafe {
-            system.jacobian(time, entries(y), entries(yp), cj, &mut values);
-        });
+        let done = self.guarded(|system| system.jacobian(time, y.entries(), yp.entries(), cj, &mut values));
         self.values = values;
         done?;
         // The sum of 0 * x is zero unless an entry is not finite.
@@ -277,12 +290,12 @@ impl Bridge {
     }
 
     /// Evaluates what time itself moves into `out`.
-    pub fn forcings(&mut self, t: f64, y: &Vector, yp: &Vector, out: &mut [f64]) -> Result<(), c_int> {
+    pub fn forcings(&mut self, t: f64, y: &Content, yp: &Content, out: &mut [f64]) -> Result<(), c_int> {
         self.guarded(|system| system.forcings(t, y.entries(), yp.entries(), out))
     }
 
     /// Evaluates the integrands into `out`.
-    pub(crate) fn integrands(&mut self, t: f64, y: &Vector, yp: &Vector, out: &mut [f64]) -> Result<(), c_int> {
+    pub(crate) fn integrands(&mut self, t: f64, y: &Content, yp: &Content, out: &mut [f64]) -> Result<(), c_int> {
         self.guarded(|system| system.quadratures(t, y.entries(), yp.entries(), out))
     }
 
@@ -313,13 +326,18 @@ impl Bridge {
 
     /// The same within IDA's calls, which keep y' in their history.
     fn has_passed_in_step(&mut self, t: f64, y: &[f64]) -> Result<bool, c_int> {
-        let yp = match &self.derivative {
-            Some(derivative) if unsafe { IDAGetDky(self.memory, t, 1, derivative.raw()) } < 0 => return Err(FATAL),
-            // SAFETY: nobody else touches the vector during the call.
-            Some(derivative) => unsafe { entries(derivative.raw()) },
-            None => y,
+        let Some(mut derivative) = self.derivative.take() else { return self.has_passed(t, y, y) };
+        let passed = match self.interpolate(t, 1, &mut derivative) {
+            Ok(()) => self.has_passed(t, y, derivative.entries()),
+            Err(_) => Err(FATAL),
         };
-        self.has_passed(t, y, yp)
+        self.derivative = Some(derivative);
+        passed
+    }
+
+    /// The unknowns' derivatives of this order at a time within IDA's last step.
+    pub(crate) fn interpolate(&self, t: f64, order: c_int, to: &mut Handle) -> Result<(), c_int> {
+        self.memory.as_ref().map_or(Err(FATAL), |memory| memory.interpolate(t, order, to))
     }
 
     /// Solves with the factorised matrix in place.
@@ -339,22 +357,31 @@ impl Bridge {
     }
 
     /// Error weights at `y`, and a look at the step that led there.
-    unsafe fn weigh(&mut self, y: N_Vector, weights: N_Vector) -> c_int {
+    ///
+    /// # Safety
+    /// The weights are IDA's own, so that they live as long as it works on vectors.
+    unsafe fn weigh(&mut self, y: &Content, weights: &mut Handle) -> c_int {
         let weighed = catch_unwind(AssertUnwindSafe(|| {
-            unsafe { self.operations.error_weights(self.rtol, y, &self.atol, weights) };
-            unsafe { self.emphasise(entries_mut(weights)) };
-            self.shared.renew(weights);
-            code(self.step_accepted(unsafe { entries(y) }))
+            self.error_weights(y, weights);
+            // SAFETY: by the contract; they have the length of all of IDA's vectors.
+            unsafe { self.shared.renew(weights) };
+            code(self.step_accepted(y.entries()))
         }));
         weighed.unwrap_or_else(|_| self.panicked())
     }
 
+    /// Error weights at `y`: reciprocal tolerances.
+    pub(crate) fn error_weights(&self, y: &Content, weights: &mut Content) {
+        self.operations.error_weights(self.tolerances.rtol, y, &self.tolerances.atol, weights);
+        self.emphasise(weights.entries_mut());
+    }
+
     /// The leading unknowns count as much as if they were alone; derivatives along directions have tolerances of their own.
-    pub fn emphasise(&self, weights: &mut [f64]) {
+    fn emphasise(&self, weights: &mut [f64]) {
         if self.leading < weights.len() {
             let factor = (weights.len() as f64 / self.leading as f64).sqrt();
             weights[..self.leading].iter_mut().for_each(|weight| *weight *= factor);
-            let tighter = 1.0 / self.looseness;
+            let tighter = 1.0 / self.tolerances.looseness;
             weights[self.leading..].iter_mut().for_each(|weight| *weight *= tighter);
         }
     }
@@ -372,8 +399,7 @@ impl Bridge {
             Err(_) => self.panicked(),
             Ok(Ok(())) => 0,
             Ok(Err(singular)) => {
-                let mut time = 0.0;
-                unsafe { IDAGetCurrentTime(self.memory, &mut time) };
+                let time = self.memory.as_ref().map_or(0.0, Inquiry::current_time);
                 self.note(Trouble::Singular { time, column: singular.column });
                 RECOVERABLE
             }
@@ -383,24 +409,20 @@ impl Bridge {
     /// Looks at the step that was just accepted; an error when the steps have become too small to get anywhere, or an
     /// event lies in the step.
     fn step_accepted(&mut self, y: &[f64]) -> Result<(), c_int> {
-        let (mut step, mut time) = (0.0, 0.0);
-        unsafe {
-            IDAGetLastStep(self.memory, &mut step);
-            IDAGetCurrentTime(self.memory, &mut time);
-        }
+        let (step, time) = self.memory.as_ref().map_or((0.0, 0.0), |memory| (memory.last_step(), memory.current_time()));
         if step > 0.0 {
-            self.last_step = step;
-            self.steps_since_trouble += 1;
-            if self.steps_since_trouble > MEMORY {
+            self.steps.last = step;
+            self.steps.since_trouble += 1;
+            if self.steps.since_trouble > MEMORY {
                 self.trouble = None;
             }
         }
         let tiny = step > 0.0 && step <= 4.0 * f64::EPSILON * time.abs();
-        self.tiny_steps = if tiny { self.tiny_steps + 1 } else { 0 };
+        self.steps.tiny = if tiny { self.steps.tiny + 1 } else { 0 };
         if step > 0.0 && self.has_passed_in_step(time, y)? {
             return Err(FATAL);
         }
-        if self.tiny_steps < TINY_STEPS {
+        if self.steps.tiny < TINY_STEPS {
             return Ok(());
         }
         // Where equations stopped being finite, that is the cause.
@@ -409,156 +431,13 @@ impl Bridge {
     }
 }
 
-/// The bridge behind IDA's user data.
-///
-/// # Safety
-/// `user_data` is the address given to `IDASetUserData`, and nobody else uses the bridge during the call.
-unsafe fn bridge<'a>(user_data: *mut c_void) -> &'a mut Bridge {
-    unsafe { &mut *user_data.cast() }
-}
-
 fn code(result: Result<(), c_int>) -> c_int {
     result.err().unwrap_or(0)
 }
 
-pub(crate) unsafe extern "C" fn residual(t: f64, y: N_Vector, yp: N_Vector, out: N_Vector, data: *mut c_void) -> c_int {
-    code(unsafe { bridge(data) }.residual(t, y, yp, out))
-}
-
-pub(crate) unsafe extern "C" fn jacobian(
-    t: f64,
-    cj: f64,
-    y: N_Vector,
-    yp: N_Vector,
-    _residual: N_Vector,
-    _matrix: SUNMatrix,
-    data: *mut c_void,
-    _work: N_Vector,
-    _work2: N_Vector,
-    _work3: N_Vector,
-) -> c_int {
-    code(unsafe { bridge(data) }.jacobian(t, cj, y, yp))
-}
-
-pub(crate) unsafe extern "C" fn quadratures(t: f64, y: N_Vector, yp: N_Vector, out: N_Vector, data: *mut c_void) -> c_int {
-    let done = unsafe { bridge(data) }.guarded(|system| unsafe {
-        system.quadratures(t, entries(y), entries(yp), entries_mut(out));
-    });
-    code(done)
-}
-
-/// Error weights; IDA asks for them once a step, which also makes it the place to watch the steps.
-pub(crate) unsafe extern "C" fn error_weights(y: N_Vector, weights: N_Vector, data: *mut c_void) -> c_int {
-    unsafe { bridge(data).weigh(y, weights) }
-}
-
-/// Keeps the last message in place of printing it: SUNDIALS 6.
-#[cfg(not(feature = "vendored"))]
-pub(crate) unsafe extern "C" fn message(
-    _code: c_int,
-    _module: *const c_char,
-    _function: *const c_char,
-    text: *mut c_char,
-    data: *mut c_void,
-) {
-    unsafe { keep_message(text, data) }
-}
-
-/// Keeps the last message in place of printing it: SUNDIALS 7.
-#[cfg(feature = "vendored")]
-pub(crate) unsafe extern "C" fn message(
-    _line: c_int,
-    _function: *const c_char,
-    _file: *const c_char,
-    text: *const c_char,
-    _code: sundials_sys::SUNErrCode,
-    data: *mut c_void,
-    _context: SUNContext,
-) {
-    unsafe { keep_message(text, data) }
-}
-
-unsafe fn keep_message(text: *const c_char, data: *mut c_void) {
-    if text.is_null() {
-        return;
-    }
-    let bridge = unsafe { bridge(data) };
-    let text = unsafe { CStr::from_ptr(text) }.to_bytes();
-    let length = text.len().min(MESSAGE);
-    bridge.message[..length].copy_from_slice(&text[..length]);
-    bridge.message_length = length;
-}
-
-unsafe extern "C" fn solver_type(_: SUNLinearSolver) -> SUNLinearSolver_Type {
-    SUNLinearSolver_Type_SUNLINEARSOLVER_DIRECT
-}
-
-unsafe extern "C" fn solver_id(_: SUNLinearSolver) -> SUNLinearSolver_ID {
-    SUNLinearSolver_ID_SUNLINEARSOLVER_CUSTOM
-}
-
-unsafe extern "C" fn solver_initialize(_: SUNLinearSolver) -> c_int {
-    0
-}
-
-unsafe extern "C" fn solver_setup(solver: SUNLinearSolver, _: SUNMatrix) -> c_int {
-    unsafe { bridge((*solver).content) }.factorise()
-}
-
-unsafe extern "C" fn solver_solve(solver: SUNLinearSolver, _: SUNMatrix, x: N_Vector, b: N_Vector, _: f64) -> c_int {
-    let x = unsafe { entries_mut(x) };
-    x.copy_from_slice(unsafe { entries(b) });
-    unsafe { bridge((*solver).content) }.solve(x)
-}
-
-unsafe extern "C" fn solver_last_flag(_: SUNLinearSolver) -> i64 {
-    0
-}
-
-static SOLVER: _generic_SUNLinearSolver_Ops = _generic_SUNLinearSolver_Ops {
-    gettype: Some(solver_type),
-    getid: Some(solver_id),
-    initialize: Some(solver_initialize),
-    setup: Some(solver_setup),
-    solve: Some(solver_solve),
-    lastflag: Some(solver_last_flag),
-    // SAFETY: every other field is an optional function pointer, for which all zeros mean `None`.
-    ..unsafe { std::mem::zeroed() }
-};
-
-unsafe extern "C" fn matrix_id(_: SUNMatrix) -> SUNMatrix_ID {
-    SUNMatrix_ID_SUNMATRIX_CUSTOM
-}
-
-/// The Jacobian's function writes every entry, so there is nothing to clear.
-unsafe extern "C" fn matrix_zero(_: SUNMatrix) -> c_int {
-    0
-}
-
-static MATRIX: _generic_SUNMatrix_Ops = _generic_SUNMatrix_Ops {
-    getid: Some(matrix_id),
-    zero: Some(matrix_zero),
-    // SAFETY: as above.
-    ..unsafe { std::mem::zeroed() }
-};
-
-/// The linear solver and the matrix as IDA knows them; the numbers are the bridge's.
-pub(crate) struct LinearObjects {
-    pub solver: Box<_generic_SUNLinearSolver>,
-    pub matrix: Box<_generic_SUNMatrix>,
-}
-
-impl LinearObjects {
-    pub fn new(bridge: *mut Bridge, sunctx: SUNContext) -> Self {
-        // SUNDIALS only reads the tables.
-        let solver = _generic_SUNLinearSolver { content: bridge.cast(), ops: ptr::from_ref(&SOLVER).cast_mut(), sunctx };
-        let matrix = _generic_SUNMatrix { content: bridge.cast(), ops: ptr::from_ref(&MATRIX).cast_mut(), sunctx };
-        Self { solver: Box::new(solver), matrix: Box::new(matrix) }
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::sundials::Context;
     use super::super::{LinearSolver, Pattern};
     use super::*;
 
@@ -566,8 +445,8 @@ mod tests {
     fn bridge() -> Bridge {
         let operations = Operations::detect();
         let factorisation = Factorisation::new(&Pattern::full(2), LinearSolver::Dense).expect("a factorisation");
-        let newton = Newton::new(2, operations, ptr::null_mut());
-        Bridge::new(operations, 1e-6, &[1e-6, 1e-6], 0, factorisation, newton, Watch::new(0, &[]))
+        let newton = Newton::new(2, operations, &Context::new().expect("a context"));
+        Bridge::new(operations, Tolerances::new(1e-6, &[1e-6, 1e-6], 1.0), 0, factorisation, newton, Watch::new(0, &[]))
     }
 
     #[test]

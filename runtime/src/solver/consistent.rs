@@ -7,12 +7,11 @@
 //! * y' = f, and z' from g_z z' = −(g_t + g_y y'), so that IDA's first prediction is right to first order in z too;
 //! * y'' = f_t + f_y y' + f_z z', which gives the local error of a first step of order one, h² y''/2, beforehand.
 
-use sundials_sys::{N_VWrmsNorm, SUNContext};
-
 use super::callbacks::Bridge;
 use super::linear::Factorisation;
 use super::quadrature::Integrals;
-use super::vector::{Operations, Vector, entries_mut};
+use super::sundials::Context;
+use super::vector::{Operations, Vector};
 use super::{LinearSolver, Pattern, SolveError, System};
 
 /// Newton iterations at most: exp(z) = x comes down from a large z by one in each.
@@ -55,7 +54,7 @@ pub(crate) struct Start<'a> {
     pub quadratures: Option<&'a mut Integrals>,
 }
 
-/// Space for the computations above.
+/// Space for the computations above, all of which go through most of it: a list of vectors rather than parts that hold together.
 pub(crate) struct Consistent {
     /// Number of unknowns, and of directions along which their derivatives follow.
     leading: usize,
@@ -84,7 +83,7 @@ pub(crate) struct Consistent {
 }
 
 impl Consistent {
-    pub fn new(system: &dyn System, operations: Operations, context: SUNContext) -> Result<Self, SolveError> {
+    pub fn new(system: &dyn System, operations: Operations, context: &Context) -> Result<Self, SolveError> {
         let pattern = system.pattern().clone();
         let (leading, width) = (pattern.dimension(), system.directions());
         let n = system.dimension();
@@ -167,8 +166,8 @@ impl Consistent {
 
     /// Makes the derivatives of the algebraic unknowns along directions consistent, and leaves the residual of everything.
     fn follow(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &Vector) -> Result<(), Inconsistent> {
-        let everything = |this: &Self, bridge: &mut Bridge, y: &Vector| {
-            bridge.residual(t, y.raw(), yp.raw(), this.residual.raw()).map_err(|_| Inconsistent::Callback)
+        let everything = |this: &mut Self, bridge: &mut Bridge, y: &Vector| {
+            bridge.residual(t, y, yp, &mut this.residual).map_err(|_| Inconsistent::Callback)
         };
         everything(self, bridge, y)?;
         if self.algebraic.is_empty() {
@@ -194,8 +193,8 @@ impl Consistent {
     }
 
     fn evaluate(&mut self, bridge: &mut Bridge, t: f64, y: &Vector, yp: &Vector) -> Result<(), Inconsistent> {
-        let done = bridge.evaluate_leading(t, y.raw(), yp.raw(), self.residual.raw());
-        if done.is_ok() && bridge.is_finite(t, self.residual.raw()) { Ok(()) } else { Err(Inconsistent::Callback) }
+        let done = bridge.evaluate_leading(t, y, yp, &mut self.residual);
+        if done.is_ok() && bridge.is_finite(t, &self.residual) { Ok(()) } else { Err(Inconsistent::Callback) }
     }
 
     /// Newton's method on the algebraic rows; leaves the residual of the solution.
@@ -228,7 +227,7 @@ impl Consistent {
     }
 
     fn factorise_block(&mut self, bridge: &mut Bridge, t: f64, y: &Vector, yp: &Vector) -> Result<(), Inconsistent> {
-        bridge.jacobian(t, 0.0, y.raw(), yp.raw()).map_err(|_| Inconsistent::Callback)?;
+        bridge.jacobian(t, 0.0, y, yp).map_err(|_| Inconsistent::Callback)?;
         for (value, &entry) in self.block_values.iter_mut().zip(&self.block_entries) {
             *value = bridge.values[entry];
         }
@@ -248,28 +247,21 @@ impl Consistent {
         }
         let spread = self.spread.entries_mut();
         self.algebraic.iter().zip(&self.correction).for_each(|(&i, &value)| spread[i] = value);
-        self.norm(bridge, y, &self.spread)
+        Self::norm(&mut self.weights, bridge, y, &self.spread)
     }
 
     /// Weighted root mean square of `x` with the error weights at `y`.
-    fn norm(&self, bridge: &Bridge, y: &Vector, x: &Vector) -> f64 {
-        unsafe {
-            bridge.operations.error_weights(bridge.rtol, y.raw(), &bridge.atol, self.weights.raw());
-            bridge.emphasise(entries_mut(self.weights.raw()));
-            N_VWrmsNorm(x.raw(), self.weights.raw())
-        }
+    fn norm(weights: &mut Vector, bridge: &Bridge, y: &Vector, x: &Vector) -> f64 {
+        bridge.error_weights(y, weights);
+        bridge.operations.norm(x, weights)
     }
 
     /// Moves `y` along the correction so far that the next correction, with the same g_z, gets smaller; returns its size in tolerances.
     fn damped_step(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &Vector) -> Option<f64> {
         self.work.entries_mut().copy_from_slice(self.spread.entries());
-        // SAFETY: all vectors have the dimension of the system, here and below.
-        unsafe {
-            bridge.operations.error_weights(bridge.rtol, y.raw(), &bridge.atol, self.reference.raw());
-            bridge.emphasise(entries_mut(self.reference.raw()));
-        }
-        let length = |x: &Vector, reference: &Vector| unsafe { N_VWrmsNorm(x.raw(), reference.raw()) };
-        let size = length(&self.spread, &self.reference);
+        bridge.error_weights(y, &mut self.reference);
+        let operations = bridge.operations;
+        let size = operations.norm(&self.spread, &self.reference);
         for (start, &i) in self.start.iter_mut().zip(&self.algebraic) {
             *start = y.entries()[i];
         }
@@ -281,7 +273,7 @@ impl Consistent {
             if self.evaluate(bridge, t, y, yp).is_ok() {
                 let next = self.correct(bridge, y);
                 // Below the last correction only roundoff is left.
-                if length(&self.spread, &self.reference) <= (1.0 - 0.5 * damping) * size || next <= LAST_CORRECTION {
+                if operations.norm(&self.spread, &self.reference) <= (1.0 - 0.5 * damping) * size || next <= LAST_CORRECTION {
                     return Some(next);
                 }
             }
@@ -303,7 +295,7 @@ impl Consistent {
         std::mem::swap(&mut self.work, &mut self.residual);
         self.accumulate(bridge, yp, |_, row_differential| row_differential);
         self.clear_algebraic();
-        let mut size = self.norm(bridge, y, &self.work);
+        let mut size = Self::norm(&mut self.weights, bridge, y, &self.work);
         if let Some(quadratures) = quadratures {
             self.move_ahead(y, yp, later - t);
             let change = quadratures.change(bridge, later, &self.work, yp).map_err(|_| Inconsistent::Callback)?;
@@ -345,7 +337,7 @@ impl Consistent {
     /// Shortens a first `step`, at most `bound`, over which the rates do not stay what they are at its beginning, although they may be the same
     /// again at its end, where the error test looks. What rests and is not `forced` stays at rest.
     pub fn look_ahead(&mut self, start: &mut Start<'_>, step: f64, bound: f64, forced: bool) -> f64 {
-        if step < LONG * bound || !(forced || self.norm(start.bridge, start.y, start.yp) * step > AT_REST) {
+        if step < LONG * bound || !(forced || Self::norm(&mut self.weights, start.bridge, start.y, start.yp) * step > AT_REST) {
             return step;
         }
         let mut before = 0.0;
@@ -369,13 +361,13 @@ impl Consistent {
         let Start { bridge, time, y, yp, quadratures, .. } = start;
         let t = *time + ahead;
         self.move_ahead(y, yp, ahead);
-        bridge.residual(t, self.work.raw(), yp.raw(), self.residual.raw()).map_err(|_| Inconsistent::Callback)?;
+        bridge.residual(t, &self.work, yp, &mut self.residual).map_err(|_| Inconsistent::Callback)?;
         let of_integrals = match quadratures {
             Some(quadratures) => quadratures.change(bridge, t, &self.work, yp).map_err(|_| Inconsistent::Callback)?,
             None => 0.0,
         };
         self.follow_algebraic(bridge, y);
-        Ok(self.norm(bridge, y, &self.residual).max(of_integrals))
+        Ok(Self::norm(&mut self.weights, bridge, y, &self.residual).max(of_integrals))
     }
 
     /// From the residual, the change of the rates if the algebraic unknowns follow, by the Jacobian at the beginning.
@@ -405,8 +397,8 @@ impl Consistent {
     /// Leaves ∂F/∂t in `work`: zero to the bit in rows where time does not occur.
     fn time_derivative(&mut self, bridge: &mut Bridge, t: f64, later: f64, y: &Vector, yp: &Vector) -> Result<(), Inconsistent> {
         bridge
-            .residual(t, y.raw(), yp.raw(), self.residual.raw())
-            .and_then(|()| bridge.residual(later, y.raw(), yp.raw(), self.work.raw()))
+            .residual(t, y, yp, &mut self.residual)
+            .and_then(|()| bridge.residual(later, y, yp, &mut self.work))
             .map_err(|_| Inconsistent::Callback)?;
         let work = self.work.entries_mut();
         for (work, &now) in work.iter_mut().zip(self.residual.entries()) {

@@ -4,27 +4,20 @@ mod breaks;
 mod events;
 mod setup;
 
-use std::os::raw::{c_int, c_long, c_void};
+use std::os::raw::c_int;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
-use sundials_sys::*;
+use sundials_sys::{IDA_CONV_FAIL, IDA_ERR_FAIL, IDA_REP_RES_ERR, IDA_SUCCESS, IDA_TOO_MUCH_WORK, IDA_TSTOP_RETURN};
 
-use self::setup::check;
-use super::callbacks::{Bridge, LinearObjects, Trouble};
+use super::callbacks::{Bridge, Trouble};
 use super::consistent::{Consistent, Inconsistent, Start, largest};
 use super::forcing::{Course, Forcing};
 use super::linear::Method;
 use super::quadrature::Integrals;
+use super::sundials::{IdaCounts, Memory, Task, check};
 use super::traverse::Traverse;
 use super::vector::{Operations, Vector};
 use super::{Advance, Edge, FirstStep, IdaFlag, Integrator, Settings, SolveError, Statistics, System};
-
-/// Counters that IDA keeps from one restart to the next.
-#[derive(Clone, Copy, Default)]
-struct IdaCounts {
-    steps: c_long,
-    error_test_failures: c_long,
-    nonlinear_failures: c_long,
-}
 
 /// Where an instance stands.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -43,45 +36,51 @@ enum Phase {
 /// Everything is allocated when it is made, except for KLU's factors, which are allocated at the first factorisation, and
 /// again where their pivots no longer serve or are [forgotten](Integrator::forget).
 pub struct Ida {
-    // Freed in the order of `Drop` below; vectors and the bridge outlive `memory`.
-    memory: *mut c_void,
-    bridge: *mut Bridge,
-    linear: LinearObjects,
-    nonlinear: Box<_generic_SUNNonlinearSolver>,
+    memory: Memory,
     y: Vector,
     yp: Vector,
     quadratures: Option<Integrals>,
-    identity: Option<Vector>,
     consistent: Option<Consistent>,
     forcing: Forcing,
-    context: Context,
     operations: Operations,
     settings: Settings,
-    differential: Box<[bool]>,
-    rows_of_entries: (Box<[usize]>, Box<[usize]>),
+    shape: Shape,
     events: Box<[c_int]>,
     /// A state a little later and its derivatives, where there are events.
     later: Option<(Vector, Vector)>,
-    /// The longest interval since the last time that everything was forgotten.
-    scale: f64,
     time: f64,
     phase: Phase,
+    past: Past,
+}
+
+/// What is known of the system without evaluating it.
+struct Shape {
+    differential: Box<[bool]>,
+    /// Row and column of each entry of the Jacobian.
+    rows: Box<[usize]>,
+    columns: Box<[usize]>,
+}
+
+/// What is known of what was integrated before.
+struct Past {
+    /// The longest interval since the last time that everything was forgotten.
+    longest_interval: f64,
+    last_interval: f64,
+    /// What IDA has counted since the last restart.
     counted: IdaCounts,
     /// The last step before the restart, zero if none.
     last_step: f64,
-    last_interval: f64,
 }
 
-/// A SUNDIALS context, freed last.
-struct Context(SUNContext);
-
-impl Drop for Context {
-    fn drop(&mut self) {
-        unsafe { SUNContext_Free(&mut self.0) };
+impl Past {
+    /// Nothing was integrated.
+    fn none() -> Self {
+        Self { longest_interval: 0.0, last_interval: 1.0, counted: IdaCounts::default(), last_step: 0.0 }
     }
 }
 
-// SAFETY: all pointers are to objects that this instance alone owns, and SUNDIALS keeps no state outside of them.
+// SAFETY: all pointers, and all reference counts, are to objects that this instance alone owns and gives nobody, and SUNDIALS keeps no state
+// outside of them. A system is lent during a call only.
 unsafe impl Send for Ida {}
 
 impl Ida {
@@ -95,13 +94,12 @@ impl Ida {
 
     /// As [`new`](Self::new), without the instructions that only some processors have. Same results, for tests.
     pub fn portable(system: &dyn System, settings: Settings) -> Result<Self, SolveError> {
-        Self::with_operations(system, settings, Operations::Portable)
+        Self::with_operations(system, settings, Operations::PORTABLE)
     }
 
     /// The linear solver in use.
     pub fn method(&self) -> Method {
-        // SAFETY: outside of IDA's calls nobody else uses the bridge.
-        unsafe { (*self.bridge).factorisation.method() }
+        self.memory.bridge().factorisation.method()
     }
 
     /// The settings.
@@ -110,45 +108,36 @@ impl Ida {
     }
 
     fn bridge(&mut self) -> &mut Bridge {
-        // SAFETY: outside of IDA's calls nobody else uses the bridge.
-        unsafe { &mut *self.bridge }
+        self.memory.bridge_mut()
     }
 
     /// Runs `call` with the system lent to the callbacks.
     fn lending<R>(&mut self, system: &mut dyn System, call: impl FnOnce(&mut Self) -> R) -> R {
-        self.bridge().lend(system);
-        let result = call(self);
+        // SAFETY: taken back below, also after a panic.
+        unsafe { self.bridge().lend(system) };
+        let result = catch_unwind(AssertUnwindSafe(|| call(self)));
         self.bridge().take_back();
-        result
+        result.unwrap_or_else(|panic| resume_unwind(panic))
     }
 
-    fn flag(&mut self, value: c_int) -> IdaFlag {
-        IdaFlag { value, message: self.bridge().message() }
+    fn flag(&self, value: c_int) -> IdaFlag {
+        IdaFlag { value, message: self.memory.message() }
     }
 
     fn initialise(&mut self) -> Result<(), SolveError> {
-        let bridge = unsafe { &mut *self.bridge };
-        bridge.begin();
+        self.memory.begin();
         match &mut self.consistent {
-            Some(consistent) => {
-                consistent.initialise(bridge, self.time, &mut self.y, &mut self.yp).map_err(|cause| self.inconsistent(cause))
-            }
+            Some(consistent) => consistent
+                .initialise(self.memory.bridge_mut(), self.time, &mut self.y, &mut self.yp)
+                .map_err(|cause| self.inconsistent(cause)),
             None => self.calculate_initial_condition(),
         }
     }
 
     /// IDA's own search for y' and the algebraic unknowns of an implicit system.
     fn calculate_initial_condition(&mut self) -> Result<(), SolveError> {
-        let value = unsafe {
-            let mut value = IDAReInit(self.memory, self.time, self.y.raw(), self.yp.raw());
-            if value == IDA_SUCCESS {
-                value = IDACalcIC(self.memory, IDA_YA_YDP_INIT, self.time + self.last_interval);
-            }
-            if value == IDA_SUCCESS {
-                value = IDAGetConsistentIC(self.memory, self.y.raw(), self.yp.raw());
-            }
-            value
-        };
+        let first = self.time + self.past.last_interval;
+        let value = self.memory.calculate_start(self.time, &mut self.y, &mut self.yp, first);
         if value == IDA_SUCCESS {
             return Ok(());
         }
@@ -180,8 +169,7 @@ impl Ida {
         Some(match self.bridge().trouble? {
             Trouble::Residual { time, row } => SolveError::NotFinite { time, row },
             Trouble::Jacobian { time, entry } => {
-                let (rows, columns) = &self.rows_of_entries;
-                SolveError::JacobianNotFinite { time, row: rows[entry], column: columns[entry] }
+                SolveError::JacobianNotFinite { time, row: self.shape.rows[entry], column: self.shape.columns[entry] }
             }
             Trouble::Singular { time, column } => SolveError::SingularJacobian { time, column },
             Trouble::TinySteps { step } => SolveError::StepTooSmall { time, step, unknown: self.largest_error() },
@@ -193,25 +181,22 @@ impl Ida {
     /// Hands the values at the beginning to IDA, with a first step (zero: by IDA's rule).
     fn start(&mut self, step: f64) -> Result<(), SolveError> {
         self.bridge().newton.restart();
-        unsafe {
-            check("IDASetInitStep", IDASetInitStep(self.memory, step))?;
-            check("IDAReInit", IDAReInit(self.memory, self.time, self.y.raw(), self.yp.raw()))?;
-            if let Some(quadratures) = self.quadratures.as_ref().filter(|q| q.by_steps.is_none()) {
-                check("IDAQuadReInit", IDAQuadReInit(self.memory, quadratures.values.raw()))?;
-                if let Some(rtol) = quadratures.checked() {
-                    check("IDAQuadSVtolerances", IDAQuadSVtolerances(self.memory, rtol, quadratures.tolerances.raw()))?;
-                }
+        self.memory.set_first_step(step)?;
+        check("IDAReInit", self.memory.restart(self.time, &self.y, &self.yp))?;
+        if let Some(quadratures) = self.quadratures.as_ref().filter(|q| q.by_steps.is_none()) {
+            self.memory.restart_integrals(&quadratures.values)?;
+            if let Some(rtol) = quadratures.checked() {
+                self.memory.set_integral_tolerances(rtol, &quadratures.tolerances)?;
             }
         }
-        self.counted = IdaCounts::default();
+        self.past.counted = IdaCounts::default();
         self.phase = Phase::Running;
         Ok(())
     }
 
     /// The first step, or zero for IDA's rule.
     fn first_step(&mut self, interval: f64, course: Course) -> Result<f64, SolveError> {
-        let bridge = unsafe { &mut *self.bridge };
-        let time = self.time;
+        let (bridge, time) = (self.memory.bridge_mut(), self.time);
         if let Some(quadratures) = &mut self.quadratures
             && quadratures.begin(bridge, time, interval, &self.y, &self.yp).is_err()
         {
@@ -219,7 +204,7 @@ impl Ida {
         }
         Ok(match (self.settings.first_step, &mut self.consistent) {
             (FirstStep::Fixed(step), _) => step,
-            (FirstStep::Scaled { factor }, _) => factor * self.last_step,
+            (FirstStep::Scaled { factor }, _) => factor * self.past.last_step,
             (FirstStep::Estimated { safety }, Some(consistent)) => {
                 let mut start = Start { bridge, time, interval, y: &self.y, yp: &mut self.yp, quadratures: self.quadratures.as_mut() };
                 let bound = course.longest_first_step(interval).min(interval);
@@ -233,9 +218,9 @@ impl Ida {
 
     /// Steps to a time before the next break, or to an event.
     fn integrate(&mut self, t_end: f64) -> Result<Advance, SolveError> {
-        self.bridge().begin();
+        self.memory.begin();
         let (interval, fresh) = (t_end - self.time, self.phase == Phase::Restarted);
-        self.scale = self.scale.max(interval);
+        self.past.longest_interval = self.past.longest_interval.max(interval);
         if fresh && self.settle()? {
             return Ok(Advance::Event);
         }
@@ -243,8 +228,8 @@ impl Ida {
             return Ok(Advance::Reached);
         }
         let course = self.look_inside(interval)?;
-        let step = if fresh { self.first_step(interval, course)? } else { self.last_step }.min(interval);
-        self.last_interval = interval;
+        let step = if fresh { self.first_step(interval, course)? } else { self.past.last_step }.min(interval);
+        self.past.last_interval = interval;
         let value = self.attempt(t_end, fresh.then_some(step))?;
         if self.has_passed_event(value)? {
             self.locate()?;
@@ -254,9 +239,8 @@ impl Ida {
             return Err(self.failure(value));
         }
         self.time = t_end;
-        if let Some(quadratures) = self.quadratures.as_ref().filter(|q| q.by_steps.is_none()) {
-            let mut time = self.time;
-            check("IDAGetQuad", unsafe { IDAGetQuad(self.memory, &mut time, quadratures.values.raw()) })?;
+        if let Some(quadratures) = self.quadratures.as_mut().filter(|q| q.by_steps.is_none()) {
+            self.memory.take_integrals(&mut quadratures.values)?;
         }
         Ok(Advance::Reached)
     }
@@ -267,7 +251,7 @@ impl Ida {
         self.start(step)?;
         let value = self.run(t_end)?;
         let stuck = matches!(value, IDA_ERR_FAIL | IDA_CONV_FAIL | IDA_REP_RES_ERR);
-        if !stuck || self.counted.steps > 0 || self.settings.first_step == FirstStep::Ida {
+        if !stuck || self.past.counted.steps > 0 || self.settings.first_step == FirstStep::Ida {
             return Ok(value);
         }
         // Our first step was too long to be mended by IDA's few reductions; its own rule is more careful.
@@ -277,14 +261,13 @@ impl Ida {
 
     /// Lets IDA step on to `t_end` and returns its flag.
     fn run(&mut self, t_end: f64) -> Result<c_int, SolveError> {
-        let (memory, y, yp) = (self.memory, self.y.raw(), self.yp.raw());
-        check("IDASetStopTime", unsafe { IDASetStopTime(memory, t_end) })?;
+        self.memory.set_end(t_end)?;
         // After each Newton iteration IDA sets y and y', which its quadratures alone look at; what it returns is interpolated.
         let by_steps = self.quadratures.as_ref().is_some_and(|q| q.by_steps.is_some());
         self.discard(self.quadratures.is_none() || by_steps);
         let value = match by_steps {
             true => self.run_by_steps(t_end),
-            false => Ok(unsafe { IDASolve(memory, t_end, &mut self.time, y, yp, IDA_NORMAL) }),
+            false => Ok(self.memory.solve(t_end, &mut self.time, &mut self.y, &mut self.yp, Task::Normal)),
         };
         self.discard(false);
         self.count();
@@ -293,10 +276,9 @@ impl Ida {
 
     /// As IDA alone, with a look at each step for the integrals.
     fn run_by_steps(&mut self, t_end: f64) -> Result<c_int, SolveError> {
-        let (memory, y, yp) = (self.memory, self.y.raw(), self.yp.raw());
         for _ in 0..self.settings.max_steps {
             let begin = self.time;
-            let value = unsafe { IDASolve(memory, t_end, &mut self.time, y, yp, IDA_ONE_STEP) };
+            let value = self.memory.solve(t_end, &mut self.time, &mut self.y, &mut self.yp, Task::OneStep);
             if !matches!(value, IDA_SUCCESS | IDA_TSTOP_RETURN) {
                 return Ok(value);
             }
@@ -313,8 +295,8 @@ impl Ida {
 
     /// Takes the integrals up to a time in the last step.
     fn take(&mut self, to: f64) -> Result<(), SolveError> {
-        let bridge = unsafe { &mut *self.bridge };
-        let taken = self.quadratures.as_mut().map_or(Ok(()), |quadratures| quadratures.take(bridge, self.memory, to));
+        let bridge = self.memory.bridge_mut();
+        let taken = self.quadratures.as_mut().map_or(Ok(()), |quadratures| quadratures.take(bridge, to));
         taken.map_err(|_| self.fault())
     }
 
@@ -325,34 +307,15 @@ impl Ida {
 
     /// Adds what IDA counted since the last time, and notes the step.
     fn count(&mut self) {
-        let before = self.counted;
-        let (mut residuals, mut setups, mut last_order, mut order) = (0, 0, 0, 0);
-        let (mut first, mut last, mut next, mut time) = (0.0, 0.0, 0.0, 0.0);
-        let mut now = IdaCounts::default();
-        unsafe {
-            IDAGetIntegratorStats(
-                self.memory,
-                &mut now.steps,
-                &mut residuals,
-                &mut setups,
-                &mut now.error_test_failures,
-                &mut last_order,
-                &mut order,
-                &mut first,
-                &mut last,
-                &mut next,
-                &mut time,
-            );
-            IDAGetNumNonlinSolvConvFails(self.memory, &mut now.nonlinear_failures);
-        }
-        self.counted = now;
+        let (before, now) = (self.past.counted, self.memory.counts());
+        self.past.counted = now;
         let bridge = self.bridge();
         bridge.counts.steps += (now.steps - before.steps) as u64;
         bridge.counts.error_test_failures += (now.error_test_failures - before.error_test_failures) as u64;
         bridge.counts.nonlinear_failures += (now.nonlinear_failures - before.nonlinear_failures) as u64;
         // The very last step may be a short one, cut at the stop time; the one before it was free.
-        let free = if now.steps > 1 { bridge.last_step } else { 0.0 };
-        self.last_step = last.max(free);
+        let free = if now.steps > 1 { bridge.last_step() } else { 0.0 };
+        self.past.last_step = now.last_step.max(free);
     }
 
     fn failure(&mut self, value: c_int) -> SolveError {
@@ -370,39 +333,38 @@ impl Ida {
 
     /// The unknown with the largest local error of the last step that was tried.
     fn largest_error(&self) -> Option<usize> {
-        let n = self.differential.len();
-        let (errors, weights) = (Vector::zeros(n, self.operations, self.context.0), self.weights()?);
-        let value = unsafe { IDAGetEstLocalErrors(self.memory, errors.raw()) };
-        (value == IDA_SUCCESS).then(|| largest(errors.entries(), weights.entries())).flatten()
+        let (mut errors, weights) = (self.unknowns(), self.weights()?);
+        self.memory.local_errors(&mut errors).then(|| largest(errors.entries(), weights.entries())).flatten()
     }
 
     /// The unknown that Newton's method last corrected most.
     fn largest_correction(&self) -> Option<usize> {
-        // SAFETY: outside of IDA's calls nobody else uses the bridge.
-        let corrections = unsafe { (*self.bridge).newton.corrections() };
-        largest(corrections, self.weights()?.entries())
+        largest(self.memory.bridge().newton.corrections(), self.weights()?.entries())
     }
 
     /// The unknown whose equation is furthest from holding at the present y and y'.
     fn largest_residual(&mut self) -> Option<usize> {
-        let out = Vector::zeros(self.differential.len(), self.operations, self.context.0);
-        let (time, y, yp) = (self.time, self.y.raw(), self.yp.raw());
-        self.bridge().evaluate(time, y, yp, out.raw()).ok()?;
-        largest(out.entries(), &vec![1.0; self.differential.len()])
+        let mut out = self.unknowns();
+        self.memory.bridge_mut().evaluate(self.time, &self.y, &self.yp, &mut out).ok()?;
+        largest(out.entries(), &vec![1.0; self.shape.differential.len()])
     }
 
     /// The present error weights: reciprocal tolerances.
     fn weights(&self) -> Option<Vector> {
-        let weights = Vector::zeros(self.differential.len(), self.operations, self.context.0);
-        let value = unsafe { IDAGetErrWeights(self.memory, weights.raw()) };
-        (value == IDA_SUCCESS).then_some(weights)
+        let mut weights = self.unknowns();
+        self.memory.error_weights(&mut weights).then_some(weights)
+    }
+
+    /// A vector with a place for each unknown.
+    fn unknowns(&self) -> Vector {
+        Vector::zeros(self.shape.differential.len(), self.operations, self.memory.context())
     }
 }
 
 impl Integrator for Ida {
     fn restart(&mut self, system: &mut dyn System, t0: f64, y: &[f64], yp: Option<&[f64]>) -> Result<(), SolveError> {
         self.phase = Phase::Idle;
-        let n = self.differential.len();
+        let n = self.shape.differential.len();
         let lengths = [("system", system.dimension()), ("y", y.len()), ("yp", yp.map_or(n, <[f64]>::len))];
         if let Some((name, given)) = lengths.into_iter().find(|&(_, given)| given != n) {
             return Err(SolveError::Length { name, given, expected: n });
@@ -434,7 +396,7 @@ impl Integrator for Ida {
         if !t_end.is_finite() || (t_end != from && t_end - from <= least) {
             return Err(SolveError::Interval { from, to: t_end });
         }
-        let n = self.differential.len();
+        let n = self.shape.differential.len();
         if system.dimension() != n {
             return Err(SolveError::Length { name: "system", given: system.dimension(), expected: n });
         }
@@ -447,9 +409,7 @@ impl Integrator for Ida {
 
     fn forget(&mut self) {
         self.phase = Phase::Idle;
-        self.last_step = 0.0;
-        self.last_interval = 1.0;
-        self.scale = 0.0;
+        self.past = Past { counted: self.past.counted, ..Past::none() };
         if let Some(consistent) = &mut self.consistent {
             consistent.forget();
         }
@@ -482,8 +442,7 @@ impl Integrator for Ida {
     }
 
     fn edges(&self) -> &[Edge] {
-        // SAFETY: outside of IDA's calls nobody else uses the bridge.
-        unsafe { &(*self.bridge).watch.edges }
+        &self.memory.bridge().watch.edges
     }
 
     fn edges_mut(&mut self) -> &mut [Edge] {
@@ -491,24 +450,10 @@ impl Integrator for Ida {
     }
 
     fn undefined_event(&self) -> Option<usize> {
-        // SAFETY: as above.
-        unsafe { (*self.bridge).watch.undefined }
+        self.memory.bridge().watch.undefined
     }
 
     fn statistics(&self) -> Statistics {
-        // SAFETY: outside of IDA's calls nobody else uses the bridge.
-        unsafe { (*self.bridge).counts }
-    }
-}
-
-impl Drop for Ida {
-    fn drop(&mut self) {
-        unsafe {
-            if !self.memory.is_null() {
-                IDAFree(&mut self.memory);
-            }
-            drop(Box::from_raw(self.bridge));
-        }
-        let _ = &self.context; // freed after this, with the vectors
+        self.memory.bridge().counts
     }
 }

@@ -41,6 +41,7 @@ mod onestep;
 pub mod problems;
 mod quadrature;
 mod settings;
+mod sundials;
 mod system;
 mod traverse;
 mod vector;

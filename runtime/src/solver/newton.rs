@@ -14,14 +14,15 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::ptr;
 
 use sundials_sys::{
-    _generic_SUNNonlinearSolver, _generic_SUNNonlinearSolver_Ops, IDAGetNonlinearSystemData, N_Vector, SUN_NLS_CONV_RECVR, SUNContext,
+    _generic_SUNNonlinearSolver, _generic_SUNNonlinearSolver_Ops, IDAGetNonlinearSystemData, N_Vector, SUN_NLS_CONV_RECVR,
     SUNNonlinSolConvTestFn, SUNNonlinSolLSetupFn, SUNNonlinSolLSolveFn, SUNNonlinSolSysFn, SUNNonlinearSolver, SUNNonlinearSolver_Type,
     SUNNonlinearSolver_Type_SUNNONLINEARSOLVER_ROOTFIND,
 };
 
 use super::callbacks::Bridge;
 use super::kernels::LANES;
-use super::vector::{Operations, Vector, entries, entries_mut};
+use super::sundials::{Context, Kept, Lent};
+use super::vector::{Handle, Operations, Vector};
 
 /// Iterations at most.
 const MAX_ITERATIONS: c_int = 4;
@@ -61,7 +62,7 @@ pub(crate) struct Newton {
 }
 
 impl Newton {
-    pub fn new(length: usize, operations: Operations, context: SUNContext) -> Self {
+    pub fn new(length: usize, operations: Operations, context: &Context) -> Self {
         Self {
             correction: Vector::zeros(length, operations, context),
             setup: None,
@@ -97,51 +98,52 @@ impl Newton {
 struct Step {
     time: f64,
     cj: f64,
-    predicted: N_Vector,
-    predicted_derivative: N_Vector,
-    y: N_Vector,
-    yp: N_Vector,
-    residual: N_Vector,
+    predicted: Handle,
+    predicted_derivative: Handle,
+    y: Handle,
+    yp: Handle,
+    residual: Handle,
 }
 
 impl Step {
+    /// The step that IDA is taking.
+    ///
+    /// # Safety
+    /// `memory` is IDA's, in a call of the nonlinear solver. While the step lives, its vectors are used through it alone, but for callbacks
+    /// that IDA makes while no reference to them lives.
     unsafe fn of(memory: *mut c_void) -> Self {
-        let mut step = Self {
-            time: 0.0,
-            cj: 0.0,
-            predicted: ptr::null_mut(),
-            predicted_derivative: ptr::null_mut(),
-            y: ptr::null_mut(),
-            yp: ptr::null_mut(),
-            residual: ptr::null_mut(),
-        };
-        let mut data = ptr::null_mut();
+        let (mut time, mut cj, mut data) = (0.0, 0.0, ptr::null_mut());
+        let [mut predicted, mut predicted_derivative, mut y, mut yp, mut residual] = [ptr::null_mut(); 5];
+        // SAFETY: IDA's memory by the contract; the other pointers are to variables of this function. Within a call of the nonlinear solver
+        // IDA has all five vectors, different ones.
         unsafe {
             IDAGetNonlinearSystemData(
                 memory,
-                &mut step.time,
-                &mut step.predicted,
-                &mut step.predicted_derivative,
-                &mut step.y,
-                &mut step.yp,
-                &mut step.residual,
-                &mut step.cj,
+                &mut time,
+                &mut predicted,
+                &mut predicted_derivative,
+                &mut y,
+                &mut yp,
+                &mut residual,
+                &mut cj,
                 &mut data,
             );
+            let [predicted, predicted_derivative, y, yp, residual] =
+                [predicted, predicted_derivative, y, yp, residual].map(|vector| Handle::new(vector));
+            Self { time, cj, predicted, predicted_derivative, y, yp, residual }
         }
-        step
     }
 }
 
-/// A solve. The bridge is reached through its address, since IDA's setup comes back to it by its own callbacks; no reference
-/// to it lives across that.
+/// A solve. The bridge and the vectors are reached through their addresses, since IDA's setup comes back to them by its own callbacks; no
+/// reference to them lives across that, because [`set_up`](Self::set_up) takes the solve exclusively.
 struct Solve {
-    bridge: *mut Bridge,
+    bridge: Lent<Bridge>,
     memory: *mut c_void,
     step: Step,
     /// The corrections so far, which IDA has set to zero.
-    sum: N_Vector,
-    weights: N_Vector,
+    sum: Handle,
+    weights: Handle,
     tolerance: f64,
     /// Number of unknowns that are iterated for, and of blocks with them.
     leading: usize,
@@ -151,22 +153,22 @@ struct Solve {
 }
 
 impl Solve {
-    unsafe fn new(bridge: *mut Bridge, memory: *mut c_void, sum: N_Vector, weights: N_Vector, tolerance: f64) -> Self {
+    /// The solve that IDA asks for.
+    ///
+    /// # Safety
+    /// `memory` is IDA's, in a call of the nonlinear solver, of which the other arguments are. Nobody uses the bridge and the vectors during
+    /// that but by this, and by callbacks that IDA makes.
+    unsafe fn new(bridge: Lent<Bridge>, memory: *mut c_void, sum: Handle, weights: Handle, tolerance: f64) -> Self {
+        // SAFETY: by the contract.
         let step = unsafe { Step::of(memory) };
-        let (leading, length) = unsafe { ((*bridge).leading, entries(sum).len()) };
+        let (leading, length) = (bridge.leading, sum.entries().len());
         let blocks = leading.div_ceil(LANES);
         Self { bridge, memory, step, sum, weights, tolerance, leading, blocks, followed: leading < length }
     }
 
-    /// The bridge, for the time of one call.
-    #[allow(clippy::mut_from_ref)] // behind a pointer that this struct does not own
-    unsafe fn bridge(&self) -> &mut Bridge {
-        unsafe { &mut *self.bridge }
-    }
-
     /// IDA's result of a solve; `setup` says whether a new Jacobian is due.
-    unsafe fn run(&self, mut setup: bool) -> c_int {
-        let newton = unsafe { &mut self.bridge().newton };
+    fn run(&mut self, mut setup: bool) -> c_int {
+        let newton = &mut self.bridge.newton;
         newton.iterations = 0;
         newton.failures = 0;
         if self.step.cj != newton.cj {
@@ -177,51 +179,49 @@ impl Solve {
         setup &= !(self.followed && (NEAR..1.0 / NEAR).contains(&(self.step.cj / newton.setup_cj)));
         let mut stale = false;
         loop {
-            let (outcome, iterated) = match unsafe { self.begin(setup.then_some(stale)) } {
-                0 => (unsafe { self.iterate() }, true),
+            let (outcome, iterated) = match self.begin(setup.then_some(stale)) {
+                0 => (self.iterate(), true),
                 failure => (failure, false),
             };
             if outcome == 0 {
-                let followed = if self.followed { unsafe { self.follow() } } else { 0 };
-                unsafe { self.bridge().newton.current = false };
+                let followed = if self.followed { self.follow() } else { 0 };
+                self.bridge.newton.current = false;
                 return followed;
             }
-            let newton = unsafe { &mut self.bridge().newton };
+            let newton = &mut self.bridge.newton;
             newton.failures += 1;
             if outcome < 0 || newton.current || !iterated {
                 return outcome;
             }
             // Once more, with a Jacobian of this step.
             (setup, stale) = (true, true);
-            unsafe { entries_mut(self.sum) }.fill(0.0);
+            self.sum.entries_mut().fill(0.0);
         }
     }
 
     /// The residual of the prediction, and a new Jacobian where `setup` says so, and whether the old one failed.
-    unsafe fn begin(&self, setup: Option<bool>) -> c_int {
+    fn begin(&mut self, setup: Option<bool>) -> c_int {
         // Where there is no correction yet, y and y' are the predictions; only a setup looks at IDA's copies.
-        let outcome = unsafe { self.evaluate(self.step.predicted, self.step.predicted_derivative) };
+        let outcome = self.evaluate_prediction();
         let Some(stale) = setup.filter(|_| outcome == 0) else { return outcome };
         // A fault of the residual would be reported as one of the Jacobian.
-        if !unsafe { self.is_finite() } {
+        if !self.is_finite() {
             return RESIDUAL_RECOVERABLE;
         }
-        unsafe {
-            self.move_to_sum();
-            self.set_up(stale)
-        }
+        self.move_to_sum();
+        self.set_up(stale)
     }
 
     /// Iterations to convergence.
-    unsafe fn iterate(&self) -> c_int {
+    fn iterate(&mut self) -> c_int {
         let mut first = 0.0;
         for iteration in 0..MAX_ITERATIONS {
-            let size = unsafe { self.correct() };
+            let size = self.correct();
             if !size.is_finite() {
-                let finite = unsafe { self.is_finite() };
+                let finite = self.is_finite();
                 return if finite { SUN_NLS_CONV_RECVR } else { RESIDUAL_RECOVERABLE };
             }
-            let newton = unsafe { &mut self.bridge().newton };
+            let newton = &mut self.bridge.newton;
             if iteration == 0 {
                 if size <= ROUNDOFF * self.tolerance {
                     return 0;
@@ -238,8 +238,8 @@ impl Solve {
                 return 0;
             }
             if iteration + 1 < MAX_ITERATIONS {
-                unsafe { self.move_to_sum() };
-                let outcome = unsafe { self.evaluate(self.step.y, self.step.yp) };
+                self.move_to_sum();
+                let outcome = self.evaluate();
                 if outcome != 0 {
                     return outcome;
                 }
@@ -248,68 +248,65 @@ impl Solve {
         SUN_NLS_CONV_RECVR
     }
 
-    unsafe fn evaluate(&self, y: N_Vector, yp: N_Vector) -> c_int {
-        unsafe { self.bridge().evaluate_leading(self.step.time, y, yp, self.step.residual).err().unwrap_or(0) }
+    /// The residual of the prediction.
+    fn evaluate_prediction(&mut self) -> c_int {
+        let Step { time, predicted, predicted_derivative, residual, .. } = &mut self.step;
+        self.bridge.evaluate_leading(*time, predicted, predicted_derivative, residual).err().unwrap_or(0)
     }
 
-    unsafe fn is_finite(&self) -> bool {
-        unsafe { self.bridge().is_finite(self.step.time, self.step.residual) }
+    /// The residual at y and y'.
+    fn evaluate(&mut self) -> c_int {
+        let Step { time, y, yp, residual, .. } = &mut self.step;
+        self.bridge.evaluate_leading(*time, y, yp, residual).err().unwrap_or(0)
+    }
+
+    fn is_finite(&mut self) -> bool {
+        self.bridge.is_finite(self.step.time, &self.step.residual)
     }
 
     /// Moves y and y' to the prediction plus the corrections so far.
-    unsafe fn move_to_sum(&self) {
-        let step = &self.step;
-        unsafe {
-            self.bridge().operations.correct(
-                self.blocks,
-                step.cj,
-                self.sum,
-                (step.predicted, step.y),
-                (step.predicted_derivative, step.yp),
-            );
-        }
+    fn move_to_sum(&mut self) {
+        let Step { cj, predicted, predicted_derivative, y, yp, .. } = &mut self.step;
+        self.bridge.operations.correct(self.blocks, *cj, &self.sum, (predicted, y), (predicted_derivative, yp));
     }
 
     /// Adds a correction; its weighted root mean square.
-    unsafe fn correct(&self) -> f64 {
-        let bridge = unsafe { self.bridge() };
-        bridge.newton.iterations += 1;
-        bridge.counts.linear_solves += 1;
+    fn correct(&mut self) -> f64 {
+        let Bridge { newton, counts, factorisation, operations, .. } = &mut *self.bridge;
+        newton.iterations += 1;
+        counts.linear_solves += 1;
         // The factorisation may belong to another leading coefficient.
-        let factor = -2.0 / (1.0 + self.step.cj / bridge.newton.setup_cj);
-        let delta = bridge.newton.correction.raw();
-        unsafe {
-            let (residual, correction) = (entries(self.step.residual), entries_mut(delta));
-            bridge.factorisation.solve_scaled(factor, &residual[..self.leading], &mut correction[..self.leading]);
-            bridge.operations.accumulate(self.blocks, delta, self.weights, self.sum)
-        }
+        let factor = -2.0 / (1.0 + self.step.cj / newton.setup_cj);
+        let residual = &self.step.residual.entries()[..self.leading];
+        factorisation.solve_scaled(factor, residual, &mut newton.correction.entries_mut()[..self.leading]);
+        operations.accumulate(self.blocks, &newton.correction, &self.weights, &mut self.sum)
     }
 
     /// The derivatives along directions at the unknowns that were found.
-    unsafe fn follow(&self) -> c_int {
-        let Step { time, cj, y, yp, residual, predicted, predicted_derivative } = self.step;
-        unsafe {
-            self.move_to_sum();
-            let bridge = self.bridge();
-            if let Err(code) = bridge.jacobian(time, cj, y, yp) {
-                return code;
-            }
-            let code = bridge.factorise();
-            bridge.newton.setup_cj = cj;
-            if code != 0 {
-                return code;
-            }
-            let done = bridge.follow((time, cj), (y, yp), (predicted, predicted_derivative), residual);
-            done.err().unwrap_or_else(|| bridge.solve_following(time, residual, self.sum))
+    fn follow(&mut self) -> c_int {
+        self.move_to_sum();
+        let (bridge, sum) = (&mut *self.bridge, &mut self.sum);
+        let Step { time, cj, y, yp, residual, predicted, predicted_derivative } = &mut self.step;
+        if let Err(code) = bridge.jacobian(*time, *cj, y, yp) {
+            return code;
         }
+        let code = bridge.factorise();
+        bridge.newton.setup_cj = *cj;
+        if code != 0 {
+            return code;
+        }
+        let done = bridge.follow((*time, *cj), (y, yp), (predicted, predicted_derivative), residual);
+        done.err().unwrap_or_else(|| bridge.solve_following(*time, residual, sum))
     }
 
     /// A new Jacobian and its factorisation.
-    unsafe fn set_up(&self, stale: bool) -> c_int {
-        let Some(setup) = (unsafe { self.bridge().newton.setup }) else { return -1 };
+    fn set_up(&mut self, stale: bool) -> c_int {
+        let Some(setup) = self.bridge.newton.setup else { return -1 };
         let mut current = 0;
+        // SAFETY: IDA's own function with IDA's memory, within a call of the nonlinear solver, as IDA's own solvers call it. It comes back to
+        // the bridge and the vectors, to which no reference lives now: the solve is borrowed exclusively.
         let outcome = unsafe { setup(c_int::from(stale), &mut current, self.memory) };
-        let newton = unsafe { &mut self.bridge().newton };
+        let newton = &mut self.bridge.newton;
         newton.current = true;
         newton.setup_cj = self.step.cj;
         newton.rate_factor = AFTER_SETUP;
@@ -318,8 +315,12 @@ impl Solve {
 }
 
 /// The bridge behind the nonlinear solver.
-unsafe fn bridge<'a>(solver: SUNNonlinearSolver) -> &'a mut Bridge {
-    unsafe { &mut *(*solver).content.cast() }
+///
+/// # Safety
+/// `solver` is that of [`object`], in a call of IDA's: nobody else has a reference to the bridge (see `callbacks::entry`).
+unsafe fn bridge(solver: SUNNonlinearSolver) -> Lent<Bridge> {
+    // SAFETY: by the contract.
+    unsafe { Lent::new((*solver).content.cast()) }
 }
 
 unsafe extern "C" fn solver_type(_: SUNNonlinearSolver) -> SUNNonlinearSolver_Type {
@@ -339,11 +340,14 @@ unsafe extern "C" fn solver_solve(
     setup: c_int,
     memory: *mut c_void,
 ) -> c_int {
-    unsafe {
-        bridge(solver).shared.set_corrections(sum);
-        let solve = || Solve::new((*solver).content.cast(), memory, sum, weights, tolerance).run(setup != 0);
-        catch_unwind(AssertUnwindSafe(solve)).unwrap_or_else(|_| bridge(solver).panicked())
-    }
+    // SAFETY: IDA calls with our solver, its own memory and vectors, two different ones.
+    let mut solve = unsafe {
+        let sum = Handle::new(sum);
+        bridge(solver).shared.set_corrections(&sum);
+        Solve::new(bridge(solver), memory, sum, Handle::new(weights), tolerance)
+    };
+    let outcome = catch_unwind(AssertUnwindSafe(|| solve.run(setup != 0)));
+    outcome.unwrap_or_else(|_| solve.bridge.panicked())
 }
 
 /// IDA's functions for residual, linear solve and convergence are not needed: all of them lead back here.
@@ -352,6 +356,7 @@ unsafe extern "C" fn take_system(_: SUNNonlinearSolver, _: SUNNonlinSolSysFn) ->
 }
 
 unsafe extern "C" fn take_setup(solver: SUNNonlinearSolver, setup: SUNNonlinSolLSetupFn) -> c_int {
+    // SAFETY: IDA calls with our solver.
     unsafe { bridge(solver) }.newton.setup = setup;
     0
 }
@@ -369,11 +374,13 @@ unsafe extern "C" fn take_limit(_: SUNNonlinearSolver, _: c_int) -> c_int {
 }
 
 unsafe extern "C" fn iterations(solver: SUNNonlinearSolver, count: *mut c_long) -> c_int {
+    // SAFETY: IDA calls with our solver and a variable of its own.
     unsafe { *count = bridge(solver).newton.iterations };
     0
 }
 
 unsafe extern "C" fn failures(solver: SUNNonlinearSolver, count: *mut c_long) -> c_int {
+    // SAFETY: IDA calls with our solver and a variable of its own.
     unsafe { *count = bridge(solver).newton.failures };
     0
 }
@@ -395,7 +402,8 @@ static OPERATIONS: _generic_SUNNonlinearSolver_Ops = _generic_SUNNonlinearSolver
 };
 
 /// The solver as IDA knows it; its data are the bridge's.
-pub(crate) fn object(bridge: *mut Bridge, sunctx: SUNContext) -> Box<_generic_SUNNonlinearSolver> {
+pub(crate) fn object(bridge: &Kept<Bridge>, context: &Context) -> _generic_SUNNonlinearSolver {
     // SUNDIALS only reads the table.
-    Box::new(_generic_SUNNonlinearSolver { content: bridge.cast(), ops: ptr::from_ref(&OPERATIONS).cast_mut(), sunctx })
+    let ops = ptr::from_ref(&OPERATIONS).cast_mut();
+    _generic_SUNNonlinearSolver { content: bridge.address().cast(), ops, sunctx: context.raw() }
 }

@@ -3,7 +3,8 @@
 //! A multistep code begins every control step at order one and works its way up; a one-step method has its order at once. What surrounds the
 //! steps is that of IDA: tolerances, breaks, the look at what time moves ([`forcing`](super::forcing)), events, integrals, failures.
 //!
-//! * `frame`: what a step begins and ends with; `rosenbrock`, `explicit`: the two methods with their polynomials; `control`: step lengths;
+//! * `frame`: what a step begins and ends with; `rosenbrock`, `explicit`: the two methods with their polynomials; `methods`: which of them
+//!   takes the steps; `control`: step lengths;
 //! * `advance`: from step to step; `algebra`: algebraic unknowns at both ends of an advance.
 
 mod advance;
@@ -13,6 +14,7 @@ mod dop853;
 mod explicit;
 mod frame;
 mod matrix;
+mod methods;
 mod numbers;
 mod rodas5p;
 mod rosenbrock;
@@ -25,11 +27,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use self::advance::Run;
 use self::algebra::Algebra;
-use self::control::{Control, Growth};
-use self::explicit::Explicit;
+use self::control::Control;
 use self::frame::Frame;
+use self::methods::Methods;
 use self::numbers::{Quads, entries, zeros};
-use self::rosenbrock::Rosenbrock;
 use super::forcing::Forcing;
 use super::quadrature::BySteps;
 use super::traverse::Traverse;
@@ -54,23 +55,12 @@ enum Phase {
 pub struct OneStep {
     settings: Settings,
     frame: Frame,
-    rosenbrock: Option<Rosenbrock>,
-    explicit: Option<Explicit>,
-    /// The Rosenbrock method takes the steps.
-    stiff: bool,
-    /// It took the last one.
-    by_rosenbrock: bool,
-    /// Steps that would have been the other method's.
-    misfits: u32,
-    /// Steps in a row that are its own.
-    calm: u32,
+    methods: Methods,
     control: Control,
     algebra: Option<Algebra>,
     forcing: Forcing,
-    watch: Watch,
-    events: Box<[c_int]>,
-    integrals: Option<BySteps>,
-    values: Box<[f64]>,
+    events: Events,
+    integrals: Option<Integrals>,
     /// Derivatives at the present state.
     derivative: Quads,
     /// A state within a step or a little later, and its derivatives.
@@ -80,9 +70,19 @@ pub struct OneStep {
     since_trouble: u32,
     time: f64,
     phase: Phase,
-    /// The polynomial is that of the last step.
-    prepared: bool,
     longest_interval: f64,
+}
+
+/// The conditions of events, and which of them have become true.
+struct Events {
+    watch: Watch,
+    fired: Box<[c_int]>,
+}
+
+/// Integrals over the steps, and what they have come to.
+struct Integrals {
+    rule: BySteps,
+    values: Box<[f64]>,
 }
 
 impl OneStep {
@@ -97,34 +97,25 @@ impl OneStep {
         let algebraic = system.differential().iter().position(|differential| !differential);
         check(system, settings.method, algebraic)?;
         let frame = Frame::new(system, &settings);
-        let stiff = settings.method != Method::Explicit;
-        let explicit = settings.method != Method::Rosenbrock && algebraic.is_none();
         let (roots, quadratures) = (system.root_count(), system.quadrature_count());
         let tolerances = match settings.quadratures {
             Quadratures::Unchecked => (0.0, f64::INFINITY),
             Quadratures::Checked { rtol, atol } => (rtol, atol),
         };
         Ok(Self {
-            rosenbrock: if stiff { Some(Rosenbrock::new(system, settings.linear_solver)?) } else { None },
-            explicit: explicit.then(|| Explicit::new(n)),
-            stiff,
-            by_rosenbrock: stiff,
+            methods: Methods::new(system, &settings, algebraic.is_some())?,
             since_trouble: 0,
-            misfits: 0,
-            calm: 0,
             control: Control::default(),
             algebra: if algebraic.is_some() { Some(Algebra::new(system, &settings)?) } else { None },
             forcing: Forcing::new(system.forcing_count()),
-            watch: Watch::new(roots, system.root_kinds()),
-            events: vec![0; roots].into(),
-            integrals: (quadratures > 0).then(|| BySteps::new(quadratures, tolerances)),
-            values: vec![0.0; quadratures].into(),
+            events: Events { watch: Watch::new(roots, system.root_kinds()), fired: vec![0; roots].into() },
+            integrals: (quadratures > 0)
+                .then(|| Integrals { rule: BySteps::new(quadratures, tolerances), values: vec![0.0; quadratures].into() }),
             derivative: zeros(n),
             inside: [zeros(n), zeros(n)],
             pace: Pace::default(),
             time: 0.0,
             phase: Phase::Idle,
-            prepared: false,
             longest_interval: 0.0,
             frame,
             settings,
@@ -133,11 +124,7 @@ impl OneStep {
 
     /// Which of the two methods takes the steps: [`Method::Rosenbrock`] or [`Method::Explicit`].
     pub fn stepping(&self) -> Method {
-        if self.stiff { Method::Rosenbrock } else { Method::Explicit }
-    }
-
-    fn growth(&self) -> Growth {
-        if self.stiff { Growth::Fifth } else { Growth::Eighth }
+        if self.methods.is_stiff() { Method::Rosenbrock } else { Method::Explicit }
     }
 
     /// Runs `work` with the system; no panic gets out.
@@ -184,9 +171,9 @@ impl Integrator for OneStep {
         }
         self.time = t0;
         self.frame.y_mut().copy_from_slice(y);
-        self.values.fill(0.0);
-        if let Some(integrals) = &mut self.integrals {
-            integrals.restart(t0);
+        if let Some(Integrals { rule, values }) = &mut self.integrals {
+            values.fill(0.0);
+            rule.restart(t0);
         }
         self.guarded(system, |run| run.initialise(t0))?;
         self.frame.functions.counts.restarts += 1;
@@ -210,24 +197,22 @@ impl Integrator for OneStep {
     fn forget(&mut self) {
         self.phase = Phase::Idle;
         self.control = Control::default();
-        self.stiff = self.rosenbrock.is_some();
-        (self.misfits, self.calm) = (0, 0);
+        self.methods.forget();
         self.longest_interval = 0.0;
-        self.rosenbrock.iter_mut().for_each(Rosenbrock::forget);
         self.algebra.iter_mut().for_each(Algebra::forget);
-        self.watch.edges.fill(Edge::default());
-        self.watch.undefined = None;
+        self.events.watch.edges.fill(Edge::default());
+        self.events.watch.undefined = None;
         self.frame.functions.counts = Statistics::default();
     }
 
     fn carried(&self) -> Carried {
-        Carried { step: self.control.proposed, explicit: !self.stiff }
+        Carried { step: self.control.proposed, explicit: !self.methods.is_stiff() }
     }
 
     fn carry(&mut self, carried: Carried) {
         self.control = Control::begin(carried.step);
         if carried.step > 0.0 {
-            self.stiff = if carried.explicit { self.explicit.is_none() } else { self.rosenbrock.is_some() };
+            self.methods.take_up(carried.explicit);
         }
     }
 
@@ -244,23 +229,23 @@ impl Integrator for OneStep {
     }
 
     fn quadratures(&self) -> &[f64] {
-        &self.values
+        self.integrals.as_ref().map_or(&[], |integrals| &integrals.values)
     }
 
     fn events(&self) -> &[i32] {
-        &self.events
+        &self.events.fired
     }
 
     fn edges(&self) -> &[Edge] {
-        &self.watch.edges
+        &self.events.watch.edges
     }
 
     fn edges_mut(&mut self) -> &mut [Edge] {
-        &mut self.watch.edges
+        &mut self.events.watch.edges
     }
 
     fn undefined_event(&self) -> Option<usize> {
-        self.watch.undefined
+        self.events.watch.undefined
     }
 
     fn statistics(&self) -> Statistics {

@@ -5,13 +5,11 @@
 //! pieces as Simpson's rule needs to agree with it. Each point costs an interpolation of all unknowns, which is why large systems,
 //! whose unknowns never all rest, leave their integrals to IDA.
 
-use std::os::raw::c_void;
-
-use sundials_sys::{IDAGetDky, SUNContext};
-
 use super::callbacks::Bridge;
+use super::sundials::Context;
 use super::vector::{Operations, Vector};
 use super::{Quadratures, System};
+
 /// Unknowns up to which integrals are taken on the interpolating polynomials.
 const SMALL: usize = 200;
 
@@ -50,7 +48,7 @@ pub(crate) struct BySteps {
 
 impl Integrals {
     /// Those of a system; `None` if it has none.
-    pub fn new(system: &dyn System, settings: &Quadratures, operations: Operations, context: SUNContext) -> Option<Self> {
+    pub fn new(system: &dyn System, settings: &Quadratures, operations: Operations, context: &Context) -> Option<Self> {
         let count = system.quadrature_count();
         let zeros = || Vector::zeros(count, operations, context);
         let checked = match *settings {
@@ -85,17 +83,12 @@ impl Integrals {
     }
 
     /// Takes the integrals from the beginning of IDA's last step to a time in it.
-    pub fn take(&mut self, bridge: &mut Bridge, memory: *mut c_void, to: f64) -> Result<(), i32> {
+    pub fn take(&mut self, bridge: &mut Bridge, to: f64) -> Result<(), i32> {
         let Some(steps) = &mut self.by_steps else { return Ok(()) };
-        let [y, yp] = &self.inside;
+        let [y, yp] = &mut self.inside;
         steps.take(to, self.values.entries_mut(), |t, rates| {
-            for (order, vector) in [(0, y), (1, yp)] {
-                // SAFETY: IDA's memory is alive, and the vector has its dimension.
-                let flag = unsafe { IDAGetDky(memory, t, order, vector.raw()) };
-                if flag < 0 {
-                    return Err(flag);
-                }
-            }
+            bridge.interpolate(t, 0, y)?;
+            bridge.interpolate(t, 1, yp)?;
             bridge.integrands(t, y, yp, rates)
         })
     }

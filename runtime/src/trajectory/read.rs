@@ -15,7 +15,7 @@ pub(crate) type Sequences = BTreeMap<String, Vec<f64>>;
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
     /// It cannot be opened or read.
-    #[error("{}: {}", path.display(), crate::load::plain(source))]
+    #[error("{}: {}", path.display(), crate::files::plain(source))]
     Read {
         /// The file.
         path: PathBuf,

@@ -135,7 +135,7 @@ impl<'a> Declaring<'_, 'a> {
                     self.declare(scope, name, SymbolKind::Integer(*x as i64));
                     return;
                 }
-                self.work.ledger.reports.scenario_fault(format!("`{key}` takes a whole number, not {x}"), None);
+                self.work.ledger.reports.scenario_fault(&key, format!("`{key}` takes a whole number, not {x}"), None);
             }
         }
         let Some(e) = given.or(default) else {

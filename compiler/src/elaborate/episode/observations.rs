@@ -60,7 +60,11 @@ pub(in crate::elaborate) fn observations<'a>(l: &mut Lowering<'_, 'a>, blocks: &
     }
     if !levels.contains(&wanted) {
         let hint = did_you_mean(&wanted, levels.iter().map(String::as_str)).unwrap_or_default();
-        l.ledger.reports.scenario_fault(format!("unknown observation level `{wanted}`; the model has {} {hint}", levels.join(", ")), None);
+        l.ledger.reports.scenario_fault(
+            &wanted,
+            format!("unknown observation level `{wanted}`; the model has {} {hint}", levels.join(", ")),
+            None,
+        );
     }
     let mut out = Observations::default();
     for (scope, o) in chosen {

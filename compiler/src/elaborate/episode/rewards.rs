@@ -51,7 +51,7 @@ pub(in crate::elaborate) fn rewards<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(Sco
         let names: Vec<&str> = list.iter().map(|r: &Reward| r.name.as_str()).collect();
         match names.iter().position(|n| n == wanted) {
             Some(at) => chosen = Some(at),
-            None => l.ledger.reports.scenario_fault(format!("unknown reward `{wanted}`; the model has {}", names.join(", ")), None),
+            None => l.ledger.reports.scenario_fault(wanted, format!("unknown reward `{wanted}`; the model has {}", names.join(", ")), None),
         }
     }
     Rewards { values, list, default: chosen.unwrap_or(0) as u32 }

@@ -89,7 +89,7 @@ fn entry_of_settings(l: &mut Lowering<'_, '_>, name: &str, value: &Setting, said
             Setting::Text(text) => text.clone(),
             Setting::List(list) => format!("{list:?}"),
         };
-        l.ledger.reports.scenario_fault(format!("`{name}` must be {expected}, not {given}"), None);
+        l.ledger.reports.scenario_fault(name, format!("`{name}` must be {expected}, not {given}"), None);
         return;
     }
     match &entry.takes {

@@ -169,7 +169,7 @@ pub(in crate::elaborate) fn set_from_outside(l: &mut Lowering<'_, '_>, symbol: S
         match value {
             Setting::Number(x) => set.push((None, *x)),
             Setting::List(list) => set.extend(l.naming().elements_of_list(symbol, list)),
-            Setting::Text(text) => l.ledger.reports.scenario_fault(format!("the parameter `{path}` takes a number, not `{text}`"), None),
+            Setting::Text(text) => l.ledger.reports.scenario_fault(&path, format!("the parameter `{path}` takes a number, not `{text}`"), None),
         }
     } else if let Some(x) = options.parameters.get(&path) {
         l.constants.taken.insert(path.clone());
@@ -195,7 +195,7 @@ impl Naming<'_, '_> {
         let (path, len) = (&self.symbols[symbol].path, self.symbols.vars[var].len as usize);
         if list.len() != len {
             let elements = if len == 1 { "one element".to_owned() } else { format!("{len} elements") };
-            self.ledger.reports.scenario_fault(format!("the parameter `{path}` has {elements}, not {}", list.len()), None);
+            self.ledger.reports.scenario_fault(path, format!("the parameter `{path}` has {elements}, not {}", list.len()), None);
             return Vec::new();
         }
         list.iter().enumerate().map(|(i, x)| (Some(i as i64), *x)).collect()

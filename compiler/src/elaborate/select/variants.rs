@@ -130,15 +130,15 @@ impl<'a> Choices<'a> {
                 return Ok(());
             }
             let known: Vec<&str> = options.iter().map(|o| o.text.as_str()).collect();
-            return Err(scenario_fault(format!("`{name}` cannot be `{option}`; it is one of {}", known.join(", ")), None));
+            return Err(scenario_fault(name, format!("`{name}` cannot be `{option}`; it is one of {}", known.join(", ")), None));
         }
         if self.is_switch(name) {
             let message = || format!("the variant `{name}` is a switch: it takes true or false, not `{option}`");
-            return if matches!(option, "true" | "false") { Ok(()) } else { Err(scenario_fault(message(), None)) };
+            return if matches!(option, "true" | "false") { Ok(()) } else { Err(scenario_fault(name, message(), None)) };
         }
         let known: Vec<&str> = self.names().collect();
         let list = if known.is_empty() { "the model has none".to_owned() } else { format!("the model has {}", known.join(", ")) };
-        Err(scenario_fault(format!("unknown variant `{name}`: {list}"), did_you_mean(name, known)))
+        Err(scenario_fault(name, format!("unknown variant `{name}`: {list}"), did_you_mean(name, known)))
     }
 
     fn names(&self) -> impl Iterator<Item = &'a str> + '_ {

@@ -58,7 +58,7 @@ impl Environment {
         }
         let time = self.time();
         let discretes = self.system.memory().layout().range(Region::Discrete);
-        for _ in 0..=setup.start_passes {
+        for _ in 0..=setup.programs.start_passes {
             self.run_tangent(follower, Part::InitialDiscretes, (time, &[]), 0)?;
             let given = options.discrete.keys().chain(setup.options.initial.keys());
             for element in given.filter_map(|name| setup.catalogue.discretes.find(name)) {
@@ -83,7 +83,7 @@ impl Environment {
             let text = format!("the parameter `{}` shapes the model when it is compiled", element.name);
             return Err(FollowError::Refused(text));
         }
-        if self.setup.reads_steady {
+        if self.setup.steady.by_step {
             let text = "the model reads its steady state, whose derivatives by parameters are not computed";
             return Err(FollowError::Refused(text.into()));
         }
@@ -120,7 +120,7 @@ impl Environment {
         follower.seed(&actions, |d| if let Direction::Action(at) = d { Some(at) } else { None });
         self.draw_disturbances();
         let begin = self.begin;
-        if self.setup.has_disturbances {
+        if self.setup.programs.has_disturbances {
             self.run_tangent(follower, Part::Disturb, (begin, &[]), 0)?;
             let (model, memory) = self.system.parts();
             model.disturb(memory, begin);
@@ -130,7 +130,7 @@ impl Environment {
             follower.tangents.hold(disturbances.start + replay.at..disturbances.start + replay.at + 1);
         }
         follower.seed(&disturbances, |d| if let Direction::Disturbance(at) = d { Some(at) } else { None });
-        if self.setup.has_start {
+        if self.setup.programs.has_start {
             self.run_tangent(follower, Part::Start, (begin, &[]), 0)?;
             let (model, memory) = self.system.parts();
             model.start(memory, begin, &mut self.progress.y);

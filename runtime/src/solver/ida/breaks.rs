@@ -1,9 +1,6 @@
 //! What time moves between breaks.
 
-use sundials_sys::IDASetMaxStep;
-
 use super::super::forcing::Course;
-use super::setup::check;
 use super::{Ida, SolveError};
 
 impl Ida {
@@ -12,13 +9,13 @@ impl Ida {
         if self.forcing.is_empty() {
             return Ok(Course::Flat);
         }
-        let (bridge, begin, y, yp) = (unsafe { &mut *self.bridge }, self.time, &self.y, &self.yp);
+        let (bridge, begin, y, yp) = (self.memory.bridge_mut(), self.time, &self.y, &self.yp);
         let look = self.forcing.look(|share, out| bridge.forcings(begin + share * interval, y, yp, out));
         let course = look.map_err(|_| self.fault())?;
         let longest = course.longest_step(interval).min(self.settings.max_step);
         // Zero stands for no bound.
         let longest = if longest.is_finite() { longest } else { 0.0 };
-        check("IDASetMaxStep", unsafe { IDASetMaxStep(self.memory, longest) })?;
+        self.memory.set_longest_step(longest)?;
         Ok(course)
     }
 }

@@ -2,11 +2,10 @@
 
 use std::os::raw::c_int;
 
-use sundials_sys::{IDA_SUCCESS, IDA_TSTOP_RETURN, IDAGetDky, IDAGetQuadDky};
+use sundials_sys::{IDA_SUCCESS, IDA_TSTOP_RETURN};
 
 use super::super::traverse::Traverse;
 use super::super::watch::Watch;
-use super::setup::check;
 use super::{Advance, Ida, Phase, SolveError};
 
 impl Ida {
@@ -26,7 +25,7 @@ impl Traverse for Ida {
     }
 
     fn longest_interval(&self) -> f64 {
-        self.scale
+        self.past.longest_interval
     }
 
     fn max_steps(&self) -> u32 {
@@ -50,18 +49,16 @@ impl Traverse for Ida {
     }
 
     fn watched(&mut self) -> (&mut Watch, &mut [c_int]) {
-        // SAFETY: outside of IDA's calls nobody else uses the bridge.
-        (unsafe { &mut (*self.bridge).watch }, &mut self.events)
+        (&mut self.memory.bridge_mut().watch, &mut self.events)
     }
 
     fn evaluate_roots(&mut self, t: f64) -> Result<(), SolveError> {
-        // SAFETY: as above, here and below.
-        let bridge = unsafe { &mut *self.bridge };
+        let bridge = self.memory.bridge_mut();
         bridge.evaluate_roots(t, self.y.entries(), self.yp.entries()).map_err(|_| self.fault())
     }
 
     fn evaluate_along(&mut self, ahead: f64, consistently: bool) -> Result<(), SolveError> {
-        let bridge = unsafe { &mut *self.bridge };
+        let bridge = self.memory.bridge_mut();
         let Some((later, rate)) = &mut self.later else { return Ok(()) };
         let moved = self.y.entries().iter().zip(self.yp.entries()).map(|(y, yp)| y + ahead * yp);
         later.entries_mut().iter_mut().zip(moved).for_each(|(to, from)| *to = from);
@@ -76,7 +73,7 @@ impl Traverse for Ida {
     }
 
     fn evaluate_moved(&mut self, time: f64, factor: &dyn Fn(usize) -> f64) -> Result<(), SolveError> {
-        let bridge = unsafe { &mut *self.bridge };
+        let bridge = self.memory.bridge_mut();
         let Some((later, _)) = &mut self.later else { return Ok(()) };
         let moved = self.y.entries().iter().enumerate().map(|(i, y)| y * factor(i));
         later.entries_mut().iter_mut().zip(moved).for_each(|(to, from)| *to = from);
@@ -84,12 +81,10 @@ impl Traverse for Ida {
     }
 
     fn interpolate(&mut self, t: f64) -> Result<(), SolveError> {
-        unsafe {
-            check("IDAGetDky", IDAGetDky(self.memory, t, 0, self.y.raw()))?;
-            check("IDAGetDky", IDAGetDky(self.memory, t, 1, self.yp.raw()))?;
-            if let Some(quadratures) = self.quadratures.as_ref().filter(|q| q.by_steps.is_none()) {
-                check("IDAGetQuadDky", IDAGetQuadDky(self.memory, t, 0, quadratures.values.raw()))?;
-            }
+        self.memory.interpolate(t, 0, &mut self.y)?;
+        self.memory.interpolate(t, 1, &mut self.yp)?;
+        if let Some(quadratures) = self.quadratures.as_mut().filter(|q| q.by_steps.is_none()) {
+            self.memory.interpolate_integrals(t, &mut quadratures.values)?;
         }
         Ok(())
     }
@@ -99,7 +94,7 @@ impl Traverse for Ida {
     }
 
     fn derive(&mut self) -> Result<(), SolveError> {
-        let bridge = unsafe { &mut *self.bridge };
+        let bridge = self.memory.bridge_mut();
         let (Some((later, rate)), Some(consistent)) = (&mut self.later, &mut self.consistent) else { return Ok(()) };
         later.entries_mut().copy_from_slice(self.y.entries());
         rate.entries_mut().fill(0.0);

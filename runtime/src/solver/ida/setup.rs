@@ -1,160 +1,112 @@
 //! Making an integrator: everything that is allocated, and everything IDA is told once.
 
-use std::os::raw::{c_int, c_long, c_void};
-use std::ptr;
-
-use sundials_sys::*;
-
-use super::super::callbacks::{self, Bridge, LinearObjects};
+use super::super::callbacks::{Bridge, Tolerances};
 use super::super::consistent::Consistent;
 use super::super::forcing::Forcing;
 use super::super::linear::Factorisation;
-use super::super::newton::{self, Newton};
+use super::super::newton::Newton;
 use super::super::quadrature::Integrals;
+use super::super::sundials::{Context, Memory};
 use super::super::vector::{Operations, Vector};
 use super::super::watch::Watch;
-use super::super::{IdaFlag, Settings, SolveError, System};
-use super::{Context, Ida, IdaCounts, Phase};
+use super::super::{Pattern, Settings, SolveError, System};
+use super::{Ida, Past, Phase, Shape};
 
 impl Ida {
     pub(super) fn with_operations(system: &dyn System, settings: Settings, operations: Operations) -> Result<Self, SolveError> {
         let n = system.dimension();
         settings.validate(n)?;
         check_shape(system)?;
-        let mut raw = ptr::null_mut();
-        check("SUNContext_Create", unsafe { SUNContext_Create(comm_no_mpi(), &mut raw) })?;
-        let context = Context(raw);
-        let factorisation = Factorisation::new(system.pattern(), settings.linear_solver)?;
-        let entries = system.pattern().entries();
-        let newton = Newton::new(n, operations, context.0);
-        let watch = Watch::new(system.root_count(), system.root_kinds());
-        let mut bridge = Bridge::new(operations, settings.rtol, &settings.atol, entries, factorisation, newton, watch);
-        (bridge.leading, bridge.looseness) = (n / (1 + system.directions()), settings.looseness);
-        bridge.shared.set_many(system.directions() > 0);
-        let consistent = match system.is_explicit() {
-            true => Some(Consistent::new(system, operations, context.0)?),
-            false => None,
-        };
-        let vector = |length| Vector::zeros(length, operations, context.0);
-        let quadratures = Integrals::new(system, &settings.quadratures, operations, context.0);
-        let sharing = || Vector::sharing(n, operations, context.0, &bridge.shared);
+        let context = &Context::new()?;
+        let mut bridge = bridge(system, &settings, operations, context)?;
+        let sharing = || Vector::sharing(n, operations, context, &bridge.shared);
         let (y, yp) = (sharing(), sharing());
         let later = (system.root_count() > 0).then(|| (sharing(), sharing()));
-        let masks = !settings.algebraic_error_control && system.differential().contains(&false);
-        let identity = (masks || !system.is_explicit()).then(|| vector(n));
-        let pattern = system.pattern();
-        let columns = (0..pattern.dimension()).flat_map(|column| pattern.column(column).map(move |_| column)).collect();
-        let bridge = Box::into_raw(Box::new(bridge));
+        let derivative = (system.root_count() > 0 && system.roots_use_derivatives()).then(sharing);
+        bridge.derivative = derivative;
+        let consistent = match system.is_explicit() {
+            true => Some(Consistent::new(system, operations, context)?),
+            false => None,
+        };
         let mut ida = Self {
-            memory: unsafe { IDACreate(context.0) },
-            bridge,
-            linear: LinearObjects::new(bridge, context.0),
-            nonlinear: newton::object(bridge, context.0),
+            memory: Memory::new(bridge, &y, &yp, context)?,
             y,
             yp,
-            quadratures,
-            identity,
+            quadratures: Integrals::new(system, &settings.quadratures, operations, context),
             consistent,
             forcing: Forcing::new(system.forcing_count()),
-            context,
             operations,
             settings,
-            differential: system.differential().into(),
-            rows_of_entries: (pattern.rows().into(), columns),
+            shape: Shape::new(system),
             events: vec![0; system.root_count()].into(),
             later,
-            scale: 0.0,
             time: 0.0,
             phase: Phase::Idle,
-            counted: IdaCounts::default(),
-            last_step: 0.0,
-            last_interval: 1.0,
+            past: Past::none(),
         };
-        ida.bridge().memory = ida.memory;
-        if system.root_count() > 0 && system.roots_use_derivatives() {
-            ida.bridge().derivative = Some(Vector::sharing(n, operations, ida.context.0, &unsafe { &*ida.bridge }.shared));
-        }
-        ida.configure()?;
+        ida.configure(system)?;
         Ok(ida)
     }
 
     /// Tells IDA everything that does not change.
-    fn configure(&mut self) -> Result<(), SolveError> {
-        let memory = self.memory;
-        let data: *mut c_void = self.bridge.cast();
-        unsafe {
-            self.take_messages(data)?;
-            check("IDASetUserData", IDASetUserData(memory, data))?;
-            check("IDAInit", IDAInit(memory, Some(callbacks::residual), 0.0, self.y.raw(), self.yp.raw()))?;
-            check("IDAWFtolerances", IDAWFtolerances(memory, Some(callbacks::error_weights)))?;
-            let (solver, matrix) = (&mut *self.linear.solver, &mut *self.linear.matrix);
-            check("IDASetLinearSolver", IDASetLinearSolver(memory, solver, matrix))?;
-            check("IDASetNonlinearSolver", IDASetNonlinearSolver(memory, &mut *self.nonlinear))?;
-            check("IDASetJacFn", IDASetJacFn(memory, Some(callbacks::jacobian)))?;
-            check("IDASetMaxOrd", IDASetMaxOrd(memory, self.settings.max_order as c_int))?;
-            check("IDASetMaxNumSteps", IDASetMaxNumSteps(memory, c_long::from(self.settings.max_steps)))?;
-            if self.settings.max_step.is_finite() {
-                check("IDASetMaxStep", IDASetMaxStep(memory, self.settings.max_step))?;
-            }
-            if self.settings.min_step > 0.0 {
-                check("IDASetMinStep", IDASetMinStep(memory, self.settings.min_step))?;
-            }
+    fn configure(&mut self, system: &dyn System) -> Result<(), SolveError> {
+        let settings = &self.settings;
+        self.memory.set_limits(settings.max_order, settings.max_steps)?;
+        if settings.max_step.is_finite() {
+            self.memory.set_longest_step(settings.max_step)?;
         }
-        self.configure_identity()?;
+        if settings.min_step > 0.0 {
+            self.memory.set_shortest_step(settings.min_step)?;
+        }
+        self.configure_identity(system)?;
         self.configure_quadratures()
     }
 
-    /// Messages go to `data`, the bridge, in place of standard error: SUNDIALS 6.
-    #[cfg(not(feature = "vendored"))]
-    unsafe fn take_messages(&self, data: *mut c_void) -> Result<(), SolveError> {
-        check("IDASetErrHandlerFn", unsafe { IDASetErrHandlerFn(self.memory, Some(callbacks::message), data) })
-    }
-
-    /// Messages go to `data`, the bridge, in place of standard error: SUNDIALS 7, where they belong to the context.
-    #[cfg(feature = "vendored")]
-    unsafe fn take_messages(&self, data: *mut c_void) -> Result<(), SolveError> {
-        let context = self.context.0;
-        // All handlers are called, and one that prints is there from the start.
-        check("SUNContext_ClearErrHandlers", unsafe { SUNContext_ClearErrHandlers(context) })?;
-        check("SUNContext_PushErrHandler", unsafe { SUNContext_PushErrHandler(context, Some(callbacks::message), data) })
-    }
-
     /// Implicit systems, and those whose algebraic unknowns are left out of the error test: which unknowns are differential.
-    fn configure_identity(&mut self) -> Result<(), SolveError> {
-        let Some(identity) = &mut self.identity else {
+    fn configure_identity(&mut self, system: &dyn System) -> Result<(), SolveError> {
+        let masks = !self.settings.algebraic_error_control && self.shape.differential.contains(&false);
+        if !masks && system.is_explicit() {
             return Ok(());
-        };
-        for (entry, &differential) in identity.entries_mut().iter_mut().zip(&self.differential) {
+        }
+        let mut identity = self.unknowns();
+        for (entry, &differential) in identity.entries_mut().iter_mut().zip(&self.shape.differential) {
             *entry = f64::from(u8::from(differential));
         }
-        check("IDASetId", unsafe { IDASetId(self.memory, identity.raw()) })?;
-        if !self.settings.algebraic_error_control {
-            check("IDASetSuppressAlg", unsafe { IDASetSuppressAlg(self.memory, 1) })?;
-        }
-        Ok(())
+        self.memory.set_identity(&identity, !self.settings.algebraic_error_control)
     }
 
     fn configure_quadratures(&mut self) -> Result<(), SolveError> {
         let Some(quadratures) = self.quadratures.as_ref().filter(|q| q.by_steps.is_none()) else {
             return Ok(());
         };
-        let function = Some(callbacks::quadratures as unsafe extern "C" fn(_, _, _, _, _) -> _);
-        check("IDAQuadInit", unsafe { IDAQuadInit(self.memory, function, quadratures.values.raw()) })?;
+        self.memory.set_integrals(&quadratures.values)?;
         if let Some(rtol) = quadratures.checked() {
-            let tolerances = quadratures.tolerances.raw();
-            check("IDAQuadSVtolerances", unsafe { IDAQuadSVtolerances(self.memory, rtol, tolerances) })?;
-            check("IDASetQuadErrCon", unsafe { IDASetQuadErrCon(self.memory, 1) })?;
+            self.memory.set_integral_tolerances(rtol, &quadratures.tolerances)?;
+            self.memory.test_integrals()?;
         }
         Ok(())
     }
 }
 
-/// Turns the return value of a setup function into a result.
-pub(super) fn check(function: &'static str, value: c_int) -> Result<(), SolveError> {
-    if value >= 0 {
-        return Ok(());
+impl Shape {
+    fn new(system: &dyn System) -> Self {
+        let pattern: &Pattern = system.pattern();
+        let columns = (0..pattern.dimension()).flat_map(|column| pattern.column(column).map(move |_| column)).collect();
+        Self { differential: system.differential().into(), rows: pattern.rows().into(), columns }
     }
-    Err(SolveError::Setup { function, flag: IdaFlag { value, message: String::new() } })
+}
+
+/// What IDA's callbacks work with.
+fn bridge(system: &dyn System, settings: &Settings, operations: Operations, context: &Context) -> Result<Bridge, SolveError> {
+    let n = system.dimension();
+    let factorisation = Factorisation::new(system.pattern(), settings.linear_solver)?;
+    let newton = Newton::new(n, operations, context);
+    let watch = Watch::new(system.root_count(), system.root_kinds());
+    let tolerances = Tolerances::new(settings.rtol, &settings.atol, settings.looseness);
+    let mut bridge = Bridge::new(operations, tolerances, system.pattern().entries(), factorisation, newton, watch);
+    bridge.leading = n / (1 + system.directions());
+    bridge.shared.set_many(system.directions() > 0);
+    Ok(bridge)
 }
 
 /// The pattern has the system's dimension, and a diagonal where derivatives are explicit.

@@ -26,7 +26,7 @@ pub(crate) struct Banded {
     right: Box<[f64]>,
 }
 
-// SAFETY: the pointers are into `bands`, which is owned and stays where it is.
+// SAFETY: the pointers are into `bands`, which is owned, and are made anew before each use.
 unsafe impl Send for Banded {}
 
 impl Banded {
@@ -44,8 +44,8 @@ impl Banded {
         }
         let stored = (upper + lower).min(n.saturating_sub(1));
         let height = stored + lower + 1;
-        let mut bands = vec![0.0; n * height].into_boxed_slice();
-        let columns = bands.chunks_exact_mut(height).map(<[f64]>::as_mut_ptr).collect();
+        let bands = vec![0.0; n * height].into_boxed_slice();
+        let columns = vec![std::ptr::null_mut(); n].into();
         let places = entries().map(position).map(|(row, column)| column * height + stored + row - column).collect();
         Self { n, upper, lower, stored, bands, columns, pivots: vec![0; n].into(), places, order: order.into(), right: vec![0.0; n].into() }
     }
@@ -56,13 +56,22 @@ impl Banded {
         self.stored + self.lower + 1
     }
 
+    /// The beginnings of the columns, made anew after the bands were used by themselves.
+    fn point_to_columns(&mut self) {
+        let height = self.stored + self.lower + 1;
+        for (pointer, column) in self.columns.iter_mut().zip(self.bands.chunks_exact_mut(height)) {
+            *pointer = column.as_mut_ptr();
+        }
+    }
+
     pub(crate) fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
         self.bands.fill(0.0);
         for (&place, &value) in self.places.iter().zip(values) {
             self.bands[place] = value;
         }
         let [n, upper, lower, stored] = [self.n, self.upper, self.lower, self.stored].map(|x| x as i64);
-        // SAFETY: `n` columns of `stored + lower + 1` numbers, and as many pivots.
+        self.point_to_columns();
+        // SAFETY: `n` columns of `stored + lower + 1` numbers, to which the pointers were just made, and as many pivots.
         let failed = unsafe { SUNDlsMat_bandGBTRF(self.columns.as_mut_ptr(), n, upper, lower, stored, self.pivots.as_mut_ptr()) };
         // The number of the column whose pivot is zero, from one; zero if there is none.
         match usize::try_from(failed) {
@@ -77,6 +86,7 @@ impl Banded {
             *right = b[unknown];
         }
         let [n, lower, stored] = [self.n, self.lower, self.stored].map(|x| x as i64);
+        self.point_to_columns();
         // SAFETY: as in `factorise`; the right-hand side has `n` numbers.
         unsafe {
             SUNDlsMat_bandGBTRS(self.columns.as_mut_ptr(), n, stored, lower, self.pivots.as_mut_ptr(), self.right.as_mut_ptr());

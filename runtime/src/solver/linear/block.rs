@@ -108,11 +108,12 @@ impl Block {
     /// Sets the factors of the substitution; false where a pivot does not serve.
     #[inline(always)]
     fn eliminate_portable(&mut self, values: &[f64]) -> bool {
+        assert_eq!(values.len(), self.pattern.entries());
         let Structure { steps, small, large, substitution } = &mut self.structure;
         let factors = substitution.factors_mut();
         let mut small = small.cursor();
         for step in &*steps {
-            // SAFETY: entries and places come from a pattern with `values.len()` entries (`factorise` compares) and from
+            // SAFETY: entries and places come from a pattern with `values.len()` entries (just compared) and from
             // the substitution made with it.
             let serves = unsafe {
                 match step {

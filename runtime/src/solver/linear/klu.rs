@@ -133,8 +133,13 @@ impl Klu {
         Ok(())
     }
 
+    /// Solves in place.
+    ///
+    /// # Panics
+    /// Where there are fewer numbers than the matrix has rows.
     pub fn solve(&mut self, b: &mut [f64]) {
-        // SAFETY: callers give as many numbers as the matrix has rows; without factors KLU returns at once.
+        let b = &mut b[..self.n as usize];
+        // SAFETY: as many numbers as the matrix has rows; without factors KLU returns at once.
         unsafe {
             klu_l_solve(self.symbolic, self.numeric, self.n, 1, b.as_mut_ptr(), &mut *self.common);
         }

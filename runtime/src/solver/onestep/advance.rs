@@ -10,7 +10,7 @@ use super::super::{Advance, FirstStep, Method, SolveError, System};
 use super::algebra::Failure;
 use super::control::{Control, first_step};
 use super::numbers::{Quad, entries, entries_mut, set, sum};
-use super::{OneStep, Phase};
+use super::{Events, Integrals, OneStep, Phase};
 
 /// Accepted steps after which a failed evaluation no longer counts as the cause of a later end.
 const MEMORY: u32 = 10;
@@ -18,17 +18,8 @@ const MEMORY: u32 = 10;
 /// Rejections in a row after which there is no step that fits.
 const MOST_REJECTIONS: u32 = 60;
 
-/// A step of the explicit method times the largest eigenvalue from which on stability bounds it (6.1 on the negative axis, where an estimate below is as
-/// frequent as one above), how many of them tell, and how many others in a row say the contrary.
-const STABLE: f64 = 5.0;
-const MISFITS: u32 = 6;
-const CALM: u32 = 6;
-
 /// An error, in tolerances, that where forcings turn often comes of a kink. (Orbits have such errors too where bodies meet, and nothing to mend.)
 const DOUBTFUL: f64 = 10.0;
-
-/// A step of the Rosenbrock method times a bound of the eigenvalues below which the explicit one takes longer ones.
-const LOOSE: f64 = 1.0;
 
 /// An integrator with its system at hand.
 pub struct Run<'a> {
@@ -72,27 +63,17 @@ impl Run<'_> {
     /// Why there is no going on, the step having come down to a length.
     fn failure(&mut self, step: f64) -> SolveError {
         let time = self.one.time;
-        let unknown = self.unknown_to_blame();
+        let unknown = self.one.methods.unknown_to_blame(&mut self.one.frame);
         match self.one.frame.functions.trouble {
             Some(Trouble::Residual { time, row }) => SolveError::NotFinite { time, row },
             Some(Trouble::Jacobian { time, entry }) => {
-                let (row, column) = self.one.rosenbrock.as_ref().map_or((0, 0), |r| r.place_of(entry));
+                let (row, column) = self.one.methods.place_of(entry);
                 SolveError::JacobianNotFinite { time, row, column }
             }
             Some(Trouble::Singular { time, column }) => SolveError::SingularJacobian { time, column },
             Some(Trouble::Panic) => SolveError::Panicked { time },
             Some(Trouble::Interrupted) => SolveError::Interrupted { time },
             Some(Trouble::TinySteps { .. }) | None => SolveError::StepTooSmall { time, step, unknown },
-        }
-    }
-
-    /// The unknown with the largest error in the last step that was tried.
-    fn unknown_to_blame(&mut self) -> Option<usize> {
-        let OneStep { frame, rosenbrock, explicit, stiff, .. } = &mut *self.one;
-        match (rosenbrock, explicit) {
-            (Some(rosenbrock), _) if *stiff => frame.largest(rosenbrock.error()),
-            (_, Some(explicit)) => frame.largest(explicit.error(frame)),
-            _ => None,
         }
     }
 
@@ -123,7 +104,7 @@ impl Run<'_> {
 
     /// A first step from rates here and a little later.
     fn estimate(&mut self, interval: f64) -> f64 {
-        let growth = self.one.growth();
+        let growth = self.one.methods.growth();
         let frame = &mut self.one.frame;
         frame.end.copy_from_slice(&frame.begin);
         let moving = |rates: &[Quad], mass: &[Quad], out: &mut [Quad]| set(out, |i, lane| rates[i][lane] * mass[i][lane]);
@@ -166,7 +147,7 @@ impl Run<'_> {
     /// Tries a step; whether its error is within the tolerance.
     fn attempt(&mut self, step: f64) -> bool {
         self.one.frame.h = step;
-        let growth = self.one.growth();
+        let growth = self.one.methods.growth();
         let mut error = self.compute();
         if error <= 1.0 {
             self.one.frame.evaluate_end(self.system);
@@ -189,12 +170,7 @@ impl Run<'_> {
 
     #[inline]
     fn compute(&mut self) -> f64 {
-        let OneStep { frame, rosenbrock, explicit, stiff, .. } = &mut *self.one;
-        match (rosenbrock, explicit) {
-            (Some(rosenbrock), _) if *stiff => rosenbrock.attempt(frame, self.system),
-            (_, Some(explicit)) => explicit.attempt(frame, self.system),
-            _ => f64::NAN,
-        }
+        self.one.methods.attempt(&mut self.one.frame, self.system)
     }
 
     /// Repeats what was not finite with a look at every evaluation.
@@ -223,7 +199,7 @@ impl Run<'_> {
         if one.settings.method == Method::Auto {
             one.choose();
         }
-        one.prepared = false;
+        one.methods.renew();
         let polishes = one.algebra.is_some() && (last || self.system.roots_use_derivatives());
         if one.integrals.is_some() || polishes {
             self.prepare();
@@ -248,15 +224,7 @@ impl Run<'_> {
 
     /// Makes the polynomial of the step, once.
     fn prepare(&mut self) {
-        let OneStep { frame, rosenbrock, explicit, by_rosenbrock, prepared, .. } = &mut *self.one;
-        if std::mem::replace(prepared, true) {
-            return;
-        }
-        match (rosenbrock, explicit) {
-            (Some(rosenbrock), _) if *by_rosenbrock => rosenbrock.prepare(frame),
-            (_, Some(explicit)) => explicit.prepare(frame, self.system),
-            _ => {}
-        }
+        self.one.methods.prepare(&mut self.one.frame, self.system);
     }
 
     /// Derivatives at the end of the step: those of the equations; of algebraic unknowns, where they are wanted, those of the polynomial.
@@ -264,7 +232,7 @@ impl Run<'_> {
         let one = &mut *self.one;
         if by_polynomial {
             let [y, _] = &mut one.inside;
-            one.rosenbrock.iter().for_each(|r| r.interpolate(to, y, &mut one.derivative));
+            one.methods.interpolate_algebraic(to, y, &mut one.derivative);
         }
         let (rates, mass) = (&one.frame.end_rates, &one.frame.mass);
         for ((derivative, rates), mass) in one.derivative.iter_mut().zip(rates).zip(mass) {
@@ -275,15 +243,15 @@ impl Run<'_> {
 
     /// Takes the integrals over the step up to a time.
     fn integrate(&mut self, to: f64) -> Result<(), SolveError> {
-        if let Some(integrals) = &mut self.one.integrals {
-            integrals.next_step(self.one.frame.t, &self.one.values);
+        if let Some(Integrals { rule, values }) = &mut self.one.integrals {
+            rule.next_step(self.one.frame.t, values);
         }
         self.take_integrals(to)
     }
 
     /// Whether a condition became true in the step that ends here.
     fn looks_passed(&mut self, to: f64) -> Result<bool, SolveError> {
-        let OneStep { frame, watch, derivative, .. } = &mut *self.one;
+        let OneStep { frame, events: Events { watch, .. }, derivative, .. } = &mut *self.one;
         if watch.is_empty() {
             return Ok(false);
         }
@@ -307,19 +275,9 @@ impl Run<'_> {
 }
 
 impl OneStep {
-    /// Whether the other method would have served better.
+    /// Goes on with the other method where that would have served better.
     fn choose(&mut self) {
-        self.by_rosenbrock = self.stiff;
-        let misfit = match (&mut self.rosenbrock, &self.explicit) {
-            (Some(rosenbrock), Some(_)) if self.stiff => self.frame.h * rosenbrock.spectral_bound(&self.frame) < LOOSE,
-            (Some(_), Some(explicit)) => explicit.stiffness(&self.frame) > STABLE,
-            _ => false,
-        };
-        self.calm = if misfit { 0 } else { self.calm + 1 };
-        self.misfits = if self.calm >= CALM { 0 } else { self.misfits + u32::from(misfit) };
-        if self.misfits > if self.stiff { 0 } else { MISFITS } {
-            self.stiff = !self.stiff;
-            (self.misfits, self.calm) = (0, 0);
+        if self.methods.choose(&self.frame) {
             self.control = Control::begin(self.control.proposed);
         }
     }
@@ -371,7 +329,8 @@ impl Traverse for Run<'_> {
                 return Ok(advance);
             }
         }
-        let (time, steps, unknown) = (self.one.time, self.one.settings.max_steps, self.unknown_to_blame());
+        let unknown = self.one.methods.unknown_to_blame(&mut self.one.frame);
+        let (time, steps) = (self.one.time, self.one.settings.max_steps);
         Err(match self.one.frame.functions.trouble {
             Some(_) => self.failure(0.0),
             None => SolveError::TooManySteps { time, steps, unknown },
@@ -379,17 +338,17 @@ impl Traverse for Run<'_> {
     }
 
     fn watched(&mut self) -> (&mut Watch, &mut [c_int]) {
-        (&mut self.one.watch, &mut self.one.events)
+        (&mut self.one.events.watch, &mut self.one.events.fired)
     }
 
     fn evaluate_roots(&mut self, t: f64) -> Result<(), SolveError> {
-        let OneStep { frame, watch, derivative, .. } = &mut *self.one;
+        let OneStep { frame, events: Events { watch, .. }, derivative, .. } = &mut *self.one;
         self.system.roots(t, frame.y(), entries(derivative, frame.n), &mut watch.values);
         Ok(())
     }
 
     fn evaluate_along(&mut self, ahead: f64, consistently: bool) -> Result<(), SolveError> {
-        let OneStep { frame, watch, derivative, inside: [later, rate], algebra, time, .. } = &mut *self.one;
+        let OneStep { frame, events: Events { watch, .. }, derivative, inside: [later, rate], algebra, time, .. } = &mut *self.one;
         set(later, |i, lane| frame.begin[i][lane] + ahead * derivative[i][lane]);
         rate.copy_from_slice(derivative);
         let (n, t) = (frame.n, *time + ahead);
@@ -402,32 +361,23 @@ impl Traverse for Run<'_> {
     }
 
     fn evaluate_moved(&mut self, time: f64, factor: &dyn Fn(usize) -> f64) -> Result<(), SolveError> {
-        let OneStep { frame, watch, derivative, inside: [moved, _], .. } = &mut *self.one;
+        let OneStep { frame, events: Events { watch, .. }, derivative, inside: [moved, _], .. } = &mut *self.one;
         set(moved, |i, lane| frame.begin[i][lane] * factor(4 * i + lane));
         self.system.roots(time, entries(moved, frame.n), entries(derivative, frame.n), &mut watch.ahead);
         Ok(())
     }
 
     fn interpolate(&mut self, t: f64) -> Result<(), SolveError> {
-        let OneStep { frame, rosenbrock, explicit, by_rosenbrock, derivative, .. } = &mut *self.one;
-        match (rosenbrock, explicit) {
-            (Some(rosenbrock), _) if *by_rosenbrock => rosenbrock.interpolate(t, &mut frame.begin, derivative),
-            (_, Some(explicit)) => explicit.interpolate(t, &mut frame.begin, derivative),
-            _ => {}
-        }
+        self.one.methods.interpolate(t, &mut self.one.frame.begin, &mut self.one.derivative);
         Ok(())
     }
 
     fn take_integrals(&mut self, to: f64) -> Result<(), SolveError> {
-        let OneStep { frame, rosenbrock, explicit, by_rosenbrock, integrals, values, inside: [y, yp], .. } = &mut *self.one;
+        let OneStep { frame, methods, integrals, inside: [y, yp], .. } = &mut *self.one;
         let (n, system) = (frame.n, &mut *self.system);
-        let Some(integrals) = integrals else { return Ok(()) };
-        integrals.take(to, values, |t, rates| {
-            match (&*rosenbrock, &*explicit) {
-                (Some(rosenbrock), _) if *by_rosenbrock => rosenbrock.interpolate(t, y, yp),
-                (_, Some(explicit)) => explicit.interpolate(t, y, yp),
-                _ => {}
-            }
+        let Some(Integrals { rule, values }) = integrals else { return Ok(()) };
+        rule.take(to, values, |t, rates| {
+            methods.interpolate(t, y, yp);
             system.quadratures(t, entries(y, n), entries(yp, n), rates);
             Ok(())
         })

@@ -1,38 +1,26 @@
 //! Algebraic unknowns where steps begin and end: by the same Newton's method as for IDA.
 
-use std::ptr;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
-use sundials_sys::{SUNContext, SUNContext_Create, SUNContext_Free, comm_no_mpi};
-
-use super::super::callbacks::{Bridge, Trouble};
+use super::super::callbacks::{Bridge, Tolerances, Trouble};
 use super::super::consistent::{Consistent, Inconsistent};
 use super::super::linear::Factorisation;
 use super::super::newton::Newton;
+use super::super::sundials::Context;
 use super::super::vector::{Operations, Vector};
 use super::super::watch::Watch;
-use super::super::{IdaFlag, LinearSolver, Pattern, Settings, SolveError, Statistics, System};
+use super::super::{LinearSolver, Pattern, Settings, SolveError, Statistics, System};
 
 /// Finds algebraic unknowns.
 pub(crate) struct Algebra {
-    // Freed in this order, the context last.
     consistent: Consistent,
     bridge: Bridge,
     y: Vector,
     yp: Vector,
-    _context: Context,
 }
 
-/// A SUNDIALS context.
-struct Context(SUNContext);
-
-impl Drop for Context {
-    fn drop(&mut self) {
-        // SAFETY: made by `SUNContext_Create`, and freed once.
-        unsafe { SUNContext_Free(&mut self.0) };
-    }
-}
-
-// SAFETY: all pointers are to objects that this instance alone owns, and a system is lent during a call only.
+// SAFETY: all pointers, and all reference counts, are to objects that this instance alone owns and gives nobody; a system is lent during
+// a call only.
 unsafe impl Send for Algebra {}
 
 /// Why there are no consistent values: what was noted, or what Newton's method met.
@@ -47,25 +35,19 @@ impl Algebra {
     /// # Errors
     /// SUNDIALS out of memory, or a pattern that the linear solvers refuse.
     pub fn new(system: &dyn System, settings: &Settings) -> Result<Self, SolveError> {
-        let mut raw = ptr::null_mut();
-        // SAFETY: the pointer is to a variable of this function.
-        let value = unsafe { SUNContext_Create(comm_no_mpi(), &mut raw) };
-        if value != 0 {
-            return Err(SolveError::Setup { function: "SUNContext_Create", flag: IdaFlag { value, message: String::new() } });
-        }
-        let context = Context(raw);
+        let context = &Context::new()?;
         let (n, operations) = (system.dimension(), Operations::detect());
         // IDA's matrix is not used.
         let unused = Factorisation::new(&Pattern::full(1), LinearSolver::Dense)?;
-        let newton = Newton::new(1, operations, context.0);
+        let newton = Newton::new(1, operations, context);
         let entries = system.pattern().entries();
-        let bridge = Bridge::new(operations, settings.rtol, &settings.atol, entries, unused, newton, Watch::default());
+        let tolerances = Tolerances::new(settings.rtol, &settings.atol, 1.0);
+        let bridge = Bridge::new(operations, tolerances, entries, unused, newton, Watch::default());
         Ok(Self {
-            consistent: Consistent::new(system, operations, context.0)?,
+            consistent: Consistent::new(system, operations, context)?,
             bridge,
-            y: Vector::zeros(n, operations, context.0),
-            yp: Vector::zeros(n, operations, context.0),
-            _context: context,
+            y: Vector::zeros(n, operations, context),
+            yp: Vector::zeros(n, operations, context),
         })
     }
 
@@ -73,9 +55,12 @@ impl Algebra {
     pub fn solve(&mut self, system: &mut dyn System, t: f64, y: &mut [f64], yp: &mut [f64]) -> Result<(), Failure> {
         self.y.entries_mut().copy_from_slice(y);
         self.bridge.begin();
-        self.bridge.lend(system);
-        let found = self.consistent.initialise(&mut self.bridge, t, &mut self.y, &mut self.yp);
+        // SAFETY: taken back below, also after a panic.
+        unsafe { self.bridge.lend(system) };
+        let find = || self.consistent.initialise(&mut self.bridge, t, &mut self.y, &mut self.yp);
+        let found = catch_unwind(AssertUnwindSafe(find));
         self.bridge.take_back();
+        let found = found.unwrap_or_else(|panic| resume_unwind(panic));
         found.map_err(|cause| self.failure(t, cause))?;
         y.copy_from_slice(self.y.entries());
         yp.copy_from_slice(self.yp.entries());

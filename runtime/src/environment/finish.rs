@@ -1,0 +1,54 @@
+//! What the `finish` program of a step gives.
+
+use std::ops::Range;
+
+use smpl_compiler::model;
+
+/// Its output, whose parts stand one behind the other.
+pub(super) struct Finish {
+    values: Vec<f64>,
+    parts: [Range<usize>; 5],
+}
+
+/// A part of the output.
+#[derive(Clone, Copy)]
+pub(super) enum Part {
+    /// For each declared failure whether it holds, and its excess.
+    Failures,
+    /// For each success condition whether it holds.
+    Successes,
+    /// The excess of each constraint.
+    Constraints,
+    /// Rewards as declared.
+    Rewards,
+    /// Observations as measured.
+    Observations,
+}
+
+impl Finish {
+    /// Space for it, all zero.
+    pub(super) fn new(layout: model::Finish) -> Self {
+        let parts = [layout.failures(), layout.successes(), layout.constraints(), layout.rewards(), layout.observations()];
+        Self { values: vec![0.0; layout.len()], parts }
+    }
+
+    /// All of it.
+    pub(super) fn all(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// The same, to be written.
+    pub(super) fn all_mut(&mut self) -> &mut [f64] {
+        &mut self.values
+    }
+
+    /// Where a part stands in it.
+    pub(super) fn start(&self, part: Part) -> usize {
+        self.parts[part as usize].start
+    }
+
+    /// A part.
+    pub(super) fn part(&self, part: Part) -> &[f64] {
+        &self.values[self.parts[part as usize].clone()]
+    }
+}

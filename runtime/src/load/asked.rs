@@ -1,0 +1,69 @@
+//! What a scenario and a call ask of the front end.
+
+use smpl_compiler::elaborate::{Options, Setting};
+use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes};
+use smpl_dsl::span::Span;
+use smpl_dsl::syntax::{Statement, StatementKind};
+
+use super::LoadOptions;
+use crate::scenario::{Scenario, Value};
+
+/// What scenario and options ask of the front end; later ones win.
+pub(super) fn compile_options(sources: &mut SourceMap, scenario: &Scenario, options: &LoadOptions) -> Result<Options, Vec<Diagnostic>> {
+    let mut out = Options { observation: options.observation.clone().or_else(|| scenario.observation.clone()), ..Options::default() };
+    out.reward = options.reward.clone().or_else(|| scenario.reward.clone());
+    out.max_steps = scenario.max_steps;
+    for variant in scenario.variants.iter().chain(&options.variants) {
+        out.variants.push((variant.name.clone(), variant.option.clone().unwrap_or_else(|| "true".into())));
+    }
+    for (name, cells) in &scenario.grid {
+        out.settings.insert(name.clone(), Setting::Number(f64::from(*cells)));
+    }
+    for layer in [&scenario.parameters, &scenario.settings, &options.settings] {
+        // A later whole array hides the elements of an earlier layer.
+        let element = |known: &str| known.split_once('[').is_some_and(|(array, _)| layer.contains_key(array));
+        out.settings.retain(|known, _| !element(known));
+        for (name, value) in layer {
+            out.settings.insert(name.clone(), setting(name, value)?);
+        }
+    }
+    for (name, value) in &scenario.initial {
+        match value.number() {
+            Some(number) => {
+                out.initial.insert(name.clone(), number);
+            }
+            None => out.overlay.push(distribution(sources, scenario, name, value).map_err(|d| vec![*d])?),
+        }
+    }
+    out.lints = options.lints;
+    Ok(out)
+}
+
+fn setting(name: &str, value: &Value) -> Result<Setting, Vec<Diagnostic>> {
+    if let Some(number) = value.numbers().iter().find(|x| !x.is_finite()) {
+        let message = format!("`{name}` takes a finite number, not `{number}`");
+        return Err(vec![Diagnostic::error(codes::BAD_SCENARIO, message, Span::default()).asked(name)]);
+    }
+    Ok(match value {
+        Value::Number(number) => Setting::Number(*number),
+        Value::List(list) => Setting::List(list.clone()),
+        Value::Flag(_) | Value::Text(_) => Setting::Text(value.to_string()),
+    })
+}
+
+/// A distribution of a scenario is one expression of the language, which stands in a statement of our own and brings no other.
+fn distribution(sources: &mut SourceMap, scenario: &Scenario, name: &str, value: &Value) -> Result<Statement, Box<Diagnostic>> {
+    let text = format!("initial {name} ~ {value}");
+    let file = sources.add("initial of the scenario", text.clone());
+    let parsed = smpl_dsl::parse(&text, file);
+    let alone = |kind: &StatementKind| matches!(kind, StatementKind::Initial { clip: None, binders, .. } if binders.is_empty());
+    let fault = parsed.diagnostics.shown().into_iter().find(Diagnostic::is_error).map(|d| d.message);
+    match (fault, <[Statement; 1]>::try_from(parsed.file.statements)) {
+        (None, Ok([statement])) if alone(&statement.kind) && !text.contains(['\n', '{', '#']) => Ok(statement),
+        (fault, _) => {
+            let why = fault.map(|fault| format!(": {fault}")).unwrap_or_default();
+            let message = format!("the initial value of `{name}` must be a number or one expression such as `uniform(0.5, 1)`{why}");
+            Err(Box::new(Diagnostic::error(codes::BAD_SCENARIO, message, scenario.place_under(sources, "initial", name))))
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! What of a scenario and of settings is not in the compiled model: the options of its environments.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use smpl_compiler::artefact::Circumstances;
+use smpl_compiler::compiled::CompiledModel;
+use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes};
+
+use super::{LoadError, LoadOptions, Loaded};
+use crate::catalogue;
+use crate::scenario::{Disturbances, Noise, Recorded, Scenario, Value};
+use crate::setup::EnvironmentOptions;
+
+/// Options of the environments: what of scenario and settings is not in the compiled model.
+pub(super) fn finish(
+    model: CompiledModel,
+    sources: SourceMap,
+    scenario: &Scenario,
+    settings: &BTreeMap<String, Value>,
+    options: &LoadOptions,
+) -> Result<Loaded, LoadError> {
+    let faults: Vec<Diagnostic> =
+        names_of_scenario(scenario, &model, &sources).into_iter().chain(grid_faults(scenario, &model, &sources)).collect();
+    if !faults.is_empty() {
+        return Err(LoadError::Diagnostics { sources: Arc::new(sources), diagnostics: faults });
+    }
+    let mut environment = EnvironmentOptions {
+        reward: options.reward.clone().or_else(|| scenario.reward.clone()),
+        max_steps: scenario.max_steps,
+        rtol: scenario.solver.rtol,
+        atol_factor: scenario.solver.atol_factor,
+        max_order: scenario.solver.max_order,
+        max_step: scenario.solver.max_step,
+        algebraic_error_control: scenario.solver.algebraic_error_control,
+        quadrature_error_control: scenario.solver.quadrature_error_control,
+        solver_steps: scenario.solver.max_steps,
+        max_events: scenario.solver.max_events,
+        linear_solver: scenario.solver.linear_solver.clone(),
+        method: scenario.solver.method.clone(),
+        parameters: given_parameters(&model, [&scenario.parameters, &scenario.settings, settings])?,
+        ..EnvironmentOptions::default()
+    };
+    environment.disturbances = recorded(scenario, &model);
+    environment.held = held(scenario);
+    environment.noise = match &scenario.noise {
+        None | Some(Noise::Switch(true)) => BTreeMap::new(),
+        Some(Noise::Switch(false)) => model.interface().observations.iter().map(|o| (o.name.clone(), 0.0)).collect(),
+        Some(Noise::Deviations(deviations)) => deviations.clone(),
+    };
+    Ok(Loaded {
+        model: Arc::new(model),
+        options: environment,
+        sources: Arc::new(sources),
+        warnings: Vec::new(),
+        fingerprint: [0; 32],
+        circumstances: Circumstances::default(),
+    })
+}
+
+/// Values of parameters, element by element; later layers win.
+fn given_parameters(model: &CompiledModel, layers: [&BTreeMap<String, Value>; 3]) -> Result<BTreeMap<String, f64>, LoadError> {
+    let parameters = catalogue::parameters(model);
+    let mut given = BTreeMap::new();
+    for (name, value) in layers.into_iter().flatten() {
+        let elements = catalogue::elements_of(model, &parameters, name);
+        let wrong = |expected: String| LoadError::Setting { message: format!("parameter `{name}` must be {expected}, not `{value}`") };
+        match (elements, value) {
+            ([], _) => {}
+            (elements, Value::Number(x)) => given.extend(elements.iter().map(|e| (e.name.clone(), *x))),
+            (elements, Value::List(list)) if list.len() == elements.len() => {
+                given.extend(elements.iter().zip(list).map(|(e, x)| (e.name.clone(), *x)));
+            }
+            (elements, Value::List(_)) => return Err(wrong(format!("a list of {}", elements.len()))),
+            ([element, ..], _) => return Err(wrong(format!("a number (in {})", element.unit))),
+        }
+    }
+    Ok(given)
+}
+
+/// Names of noise and disturbances that the model does not have, at their places.
+fn names_of_scenario(scenario: &Scenario, model: &CompiledModel, sources: &SourceMap) -> Vec<Diagnostic> {
+    let mut faults = Vec::new();
+    let mut compare = |key: &str, kind, given: Vec<&String>, known: Vec<&str>| {
+        for name in given.into_iter().filter(|name| !known.contains(&name.as_str())) {
+            let message = crate::catalogue::UnknownName::new(kind, name, known.iter().copied()).to_string();
+            faults.push(Diagnostic::error(codes::BAD_SCENARIO, message, scenario.place_under(sources, key, name)));
+        }
+    };
+    if let Some(Noise::Deviations(deviations)) = &scenario.noise {
+        let known = model.interface().observations.iter().map(|o| o.name.as_str()).collect();
+        compare("noise", "observation", deviations.keys().collect(), known);
+    }
+    if let Some(Disturbances::Values(values)) = &scenario.disturbances {
+        let elements = catalogue::disturbances(model);
+        compare("disturbances", "disturbance", values.keys().collect(), elements.names().collect());
+    }
+    faults
+}
+
+/// Parameters under `grid` that are no numbers of cells.
+fn grid_faults(scenario: &Scenario, model: &CompiledModel, sources: &SourceMap) -> Vec<Diagnostic> {
+    let shapes_nothing = |name: &&String| model.interface().parameters.iter().any(|p| p.name == **name && !p.structural);
+    let fault = |name: &String| {
+        let message = format!("`{name}` is no number of cells");
+        Diagnostic::error(codes::BAD_SCENARIO, message, scenario.place_under(sources, "grid", name))
+            .help("values of parameters stand under `parameters`")
+    };
+    scenario.grid.keys().filter(shapes_nothing).map(fault).collect()
+}
+
+/// Recorded disturbances whose last value is to hold.
+fn held(scenario: &Scenario) -> BTreeSet<String> {
+    let Some(Disturbances::Values(values)) = &scenario.disturbances else { return BTreeSet::new() };
+    let holds = |recorded: &Recorded| matches!(recorded, Recorded::Sequence { hold: true, .. } | Recorded::Constant(_));
+    values.iter().filter(|(_, recorded)| holds(recorded)).map(|(name, _)| name.clone()).collect()
+}
+
+fn recorded(scenario: &Scenario, model: &CompiledModel) -> BTreeMap<String, Vec<f64>> {
+    match &scenario.disturbances {
+        None | Some(Disturbances::Switch(true)) => BTreeMap::new(),
+        Some(Disturbances::Switch(false)) => {
+            let elements = catalogue::disturbances(model);
+            elements.elements().iter().map(|e| (e.name.clone(), vec![if e.default.is_finite() { e.default } else { 0.0 }])).collect()
+        }
+        Some(Disturbances::Values(values)) => values
+            .iter()
+            .map(|(name, recorded)| match recorded {
+                Recorded::Constant(x) => (name.clone(), vec![*x]),
+                Recorded::Sequence { values, .. } => (name.clone(), values.clone()),
+            })
+            .collect(),
+    }
+}
