@@ -17,6 +17,7 @@ use sundials_sys::{
 
 use super::kernels::Block;
 use super::linear::Factorisation;
+use super::linear::columns::all_finite;
 use super::newton::Newton;
 use super::vector::{self, Operations, Shared, Vector, entries, entries_mut};
 use super::watch::Watch;
@@ -223,8 +224,7 @@ impl Bridge {
         self.counts.linear_solves += 1;
         let width = to.len() / n;
         match catch_unwind(AssertUnwindSafe(|| self.factorisation.solve_many(width, to, &mut self.space))) {
-            // The sum of 0 * x is zero unless an entry is not finite.
-            Ok(()) if to.iter().map(|x| x * 0.0).sum::<f64>() == 0.0 => 0,
+            Ok(()) if all_finite(to) => 0,
             Ok(()) => {
                 self.is_finite(time, residual);
                 unsafe { entries_mut(residual)[n..].fill(0.0) };
@@ -260,8 +260,7 @@ impl Bridge {
         });
         self.values = values;
         done?;
-        // The sum of 0 * x is zero unless an entry is not finite.
-        if self.values.iter().map(|x| x * 0.0).sum::<f64>() == 0.0 {
+        if all_finite(&self.values) {
             return Ok(());
         }
         let entry = self.values.iter().position(|x| !x.is_finite()).unwrap_or(0);
