@@ -84,6 +84,24 @@ reward r = d*x - u^2
 episode { step = 0.3 [s], max_steps = 10 }
 """
 
+LATENT = """model Latent "a state and an action that come into play at an event, and a state that nothing reads"
+time t : s
+action u = 1 in 0..3
+action late = 0.4 in 0..3
+state x = 1 in 0..10
+state y = 0.7 in 0..10
+state z = 0 in -10..10
+eq d/dt x = -x*0.5[1/s]
+eq d/dt y = u*0.1[1/s]
+eq d/dt z = x*1[1/s]
+event low when x < 0.8
+at low { reset x = x + y*late }
+observe x, late in 0..3
+reward area : s = integral(x)
+reward cost = -late
+episode { step = 1 [s], max_steps = 10 }
+"""
+
 TWINS = """model Twins "two events that move differently"
 time t : s
 action u = 1 in 0..3
@@ -213,6 +231,22 @@ def test_a_bounce_is_crossed_by_its_jump_condition():
     by_h = (1 + e) * g * hit / (2 * h)
     np.testing.assert_allclose(found.dx_dx[1, 0], by_h, rtol=1e-8)
     assert found.dx_dx.shape == (2, 2) and found.dr_dx.shape == (1, 2)
+
+
+@pytest.mark.parametrize("method", ["ida", "explicit"])
+def test_directions_that_move_nothing_come_into_play_at_an_event(method):
+    model = compiled(LATENT)
+    found = check(model, [1.0, 0.7, 0.0], [1.0, 0.4])
+    # The event is at t = 2 ln(x/0.8), where x becomes 0.8 + y late, with y = 0.7 + 0.1 u t.
+    at = 2 * np.log(1 / 0.8)
+    y, decay = 0.7 + 0.1 * at, np.exp(-0.5 * (1 - at))
+    by_x = 2 * decay * (0.04 + 0.5 * (0.8 + 0.4 * y))
+    other = model.linearize_step([1.0, 0.7, 0.0], [1.0, 0.4], method=method)
+    for result in (found, other):
+        np.testing.assert_allclose(result.dx_dx[0], [by_x, 0.4 * decay, 0], rtol=1e-7)
+        np.testing.assert_allclose(result.dx_du[0], [0.04 * at * decay, y * decay], rtol=1e-7)
+        np.testing.assert_allclose(result.dx_dx[1:, 1:], [[1, 0], [0.8 * (1 - decay), 1]], rtol=1e-7, atol=1e-12)
+        np.testing.assert_allclose(result.dr_du[1], [0, -1], atol=1e-12)
 
 
 def test_equations_that_switch_without_an_event():

@@ -9,11 +9,11 @@ use std::sync::{Arc, OnceLock, PoisonError};
 use super::native::Native;
 use super::{BackEndError, CompiledModel};
 use crate::differentiate::pattern::each_place;
-use crate::differentiate::{self, Column};
+use crate::differentiate::{self, Column, Rows};
 use crate::explicit_time;
 use crate::interpret::Tape;
 pub use crate::interpret::tangent::{LANES, STILL, Tangent, TangentView};
-use crate::ir::{Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, MAX_DEPTH, Role, UnaryFn, VarId};
+use crate::ir::{Affine, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, MAX_DEPTH, Role, UnaryFn, VarId};
 use crate::layout::{Base, Memory};
 use crate::model::Model;
 use crate::schedule::{Access, Job};
@@ -58,6 +58,23 @@ pub struct ByInputs {
     places: Vec<(u32, u32)>,
 }
 
+/// What an integrand is differentiated by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// An unknown.
+    Unknown(u32),
+    /// The derivative of an unknown by time.
+    Rate(u32),
+    /// A number in the workspace.
+    Input(u32),
+}
+
+/// Derivatives of the integrands by unknowns, their rates, and inputs.
+pub struct Integrands {
+    native: Native,
+    places: Vec<(u32, Source)>,
+}
+
 /// Comparisons of unknowns at which equations or integrands jump, as root functions that are positive where they hold.
 pub struct Switches {
     native: Option<Native>,
@@ -76,6 +93,8 @@ pub(super) struct Later {
     tapes: [OnceLock<Result<Tape, BackEndError>>; PARTS],
     switches: OnceLock<Result<(Switches, Tape), BackEndError>>,
     by_inputs: std::sync::Mutex<FastMap<Inputs, Arc<ByInputs>>>,
+    integrands: std::sync::Mutex<FastMap<Inputs, Arc<Integrands>>>,
+    read: OnceLock<Result<Vec<bool>, BackEndError>>,
 }
 
 impl CompiledModel {
@@ -185,6 +204,75 @@ impl CompiledModel {
         Ok(ByInputs { native, places })
     }
 
+    /// Derivatives of the integrands by unknowns, rates and these inputs.
+    ///
+    /// # Errors
+    /// If an integrand cannot be differentiated, or there is no code.
+    pub fn integrands(&self, inputs: &[(VarId, Flavour)]) -> Result<Arc<Integrands>, BackEndError> {
+        let mut known = self.later.integrands.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(made) = known.get(inputs) {
+            return Ok(Arc::clone(made));
+        }
+        let made = Arc::new(self.make_integrands(inputs)?);
+        known.insert(inputs.to_vec(), Arc::clone(&made));
+        Ok(made)
+    }
+
+    fn make_integrands(&self, inputs: &[(VarId, Flavour)]) -> Result<Integrands, BackEndError> {
+        let mut model = self.parts.model.clone();
+        let wanted: FastSet<(VarId, Flavour)> = inputs.iter().copied().collect();
+        let n = self.unknowns() as u32;
+        // Columns: unknowns, their rates, the workspace.
+        let column_of = |var: VarId, flavour: Flavour| {
+            let address = self.layout.address(var, flavour)?;
+            let first = match address.base {
+                Base::Y => address.offset,
+                Base::Yp => n + address.offset,
+                Base::Work if wanted.contains(&(var, flavour)) => 2 * n + address.offset,
+                _ => return None,
+            };
+            Some(Column { first, factor: None })
+        };
+        let mut rows = Vec::with_capacity(model.quadratures.len());
+        for (at, &value) in model.quadratures.iter().enumerate() {
+            let value = differentiate::normalise(&mut model.exprs, 0, value, &column_of)?;
+            rows.push(Rows { extents: vec![], row: Affine::constant(at as i64), value });
+        }
+        let entries = differentiate::entries(&mut model.exprs, &rows, &column_of);
+        let source = |column: u32| match column {
+            unknown if unknown < n => Source::Unknown(unknown),
+            rate if rate < 2 * n => Source::Rate(rate - n),
+            input => Source::Input(input - 2 * n),
+        };
+        let mut places = vec![];
+        entries.iter().for_each(|entry| each_place(entry, |row, column| places.push((row as u32, source(column as u32)))));
+        let job = Job::of_lists(entries.iter().map(|entry| (&entry.loops, entry.value)));
+        let native = Native::new(self, &job, &model.exprs, places.len(), "integrands")?;
+        Ok(Integrands { native, places })
+    }
+
+    /// Whether an equation reads each unknown itself, beside its rate.
+    ///
+    /// # Errors
+    /// If an equation cannot be differentiated.
+    pub fn read_unknowns(&self) -> Result<&[bool], &BackEndError> {
+        self.later.read.get_or_init(|| self.find_read_unknowns()).as_ref().map(Vec::as_slice)
+    }
+
+    fn find_read_unknowns(&self) -> Result<Vec<bool>, BackEndError> {
+        let mut model = self.parts.model.clone();
+        let column_of = |var: VarId, flavour: Flavour| {
+            let address = self.layout.address(var, flavour).filter(|address| address.base == Base::Y)?;
+            Some(Column { first: address.offset, factor: None })
+        };
+        let rows = differentiate::rows(&mut model)?;
+        let mut read = vec![false; self.unknowns()];
+        for entry in &differentiate::entries(&mut model.exprs, &rows, &column_of) {
+            each_place(entry, |_, column| read[column] = true);
+        }
+        Ok(read)
+    }
+
     /// Comparisons of unknowns at which equations or integrands jump without an event.
     ///
     /// # Errors
@@ -231,6 +319,30 @@ impl ByInputs {
     }
 
     /// Values at a point; `memory` is one of [`ByInputs::memory`].
+    pub fn evaluate(&self, model: &CompiledModel, memory: &mut Memory, t: f64, y: (&[f64], &[f64]), out: &mut [f64]) {
+        self.native.run(model, memory, t, y, out);
+    }
+}
+
+impl Integrands {
+    /// Integrand and source of each value; a pair may occur several times, its values are to be added.
+    #[must_use]
+    pub fn places(&self) -> &[(u32, Source)] {
+        &self.places
+    }
+
+    /// A workspace for evaluations.
+    #[must_use]
+    pub fn memory(&self) -> Memory {
+        self.native.memory()
+    }
+
+    /// Takes the present inputs.
+    pub fn take(&self, memory: &mut Memory, from: &Memory) {
+        self.native.take(memory, from);
+    }
+
+    /// Values at a point; `memory` is one of [`Integrands::memory`].
     pub fn evaluate(&self, model: &CompiledModel, memory: &mut Memory, t: f64, y: (&[f64], &[f64]), out: &mut [f64]) {
         self.native.run(model, memory, t, y, out);
     }

@@ -19,11 +19,15 @@ use crate::sensitivity::augmented::Augmented;
 use crate::sensitivity::tangents::{Point, Tangents};
 use crate::setup::{Setup, SetupError};
 use crate::solver::linear::Factorisation;
-use crate::solver::{Integrator, Method, Settings, SolveError, System, integrator};
+use crate::solver::{Integrator, Method, Settings, SolveError, Statistics, System, integrator};
+use crate::system::CompiledSystem;
 
 /// Unknowns up to which the explicit method is tried first, and its steps: more of them cost more than those of IDA.
 const SMALL: usize = 200;
 const FEW: u32 = 64;
+
+/// Numbers of directions, beside the present one, for which space is kept.
+const SPARE: usize = 3;
 
 /// Tolerances of derivatives, as a multiple of those of the unknowns: as many as this, but up to this relative tolerance at most.
 const MOST_LOOSE: f64 = 100.0;
@@ -62,13 +66,18 @@ pub enum FollowError {
 pub struct Follower {
     augmented: Augmented,
     integrator: Box<dyn Integrator>,
+    /// Directions that are integrated: the others move nothing in the equations.
+    live: Vec<usize>,
+    /// What serves other numbers of directions, and how it is made.
+    spare: Vec<Engine>,
+    settings: Settings,
     tangents: Tangents,
     /// Derivatives by time.
     along: Tangents,
     /// Directions in force, and what each derivative is multiplied with: a magnitude of what it is taken by.
     directions: Vec<Direction>,
     scales: Vec<f64>,
-    /// Unknowns with derivatives, and rates of both.
+    /// Unknowns with derivatives along the live directions, and rates of both.
     y: Vec<f64>,
     yp: Vec<f64>,
     /// Derivatives of the integrals.
@@ -82,6 +91,22 @@ pub struct Follower {
     entries: [Vec<f64>; 2],
 }
 
+/// What integrates a number of directions.
+struct Engine {
+    augmented: Augmented,
+    integrator: Box<dyn Integrator>,
+    y: Vec<f64>,
+    yp: Vec<f64>,
+}
+
+impl Engine {
+    fn new(system: &CompiledSystem, width: usize, of_model: &Settings) -> Result<Self, SolveError> {
+        let augmented = Augmented::new(system, width);
+        let numbers = || vec![0.0; system.dimension() * (1 + width)];
+        Ok(Self { integrator: integrator(&augmented, settings(of_model, width))?, augmented, y: numbers(), yp: numbers() })
+    }
+}
+
 impl Follower {
     /// Of instances of a setup, along so many directions at once.
     ///
@@ -89,7 +114,7 @@ impl Follower {
     /// What the solver says of the equations.
     pub fn new(setup: &Arc<Setup>, width: usize) -> Result<Self, SetupError> {
         let method = if setup.settings.method == Method::Explicit { Method::Explicit } else { Method::Ida };
-        Self::with_settings(setup, width, Settings { method, ..settings(&setup.settings, width) })
+        Self::with_settings(setup, width, Settings { method, ..setup.settings.clone() })
     }
 
     /// The same by the explicit method, for models that it takes, in few steps: it gives up where equations are stiff. `None` for others, and where it would be
@@ -104,30 +129,53 @@ impl Follower {
             return Ok(None);
         }
         let max_steps = FEW.min(setup.settings.max_steps);
-        Self::with_settings(setup, width, Settings { method: Method::Explicit, max_steps, ..settings(&setup.settings, width) }).map(Some)
+        Self::with_settings(setup, width, Settings { method: Method::Explicit, max_steps, ..setup.settings.clone() }).map(Some)
     }
 
     fn with_settings(setup: &Arc<Setup>, width: usize, settings: Settings) -> Result<Self, SetupError> {
         let system = &setup.system;
-        let augmented = Augmented::new(system, width);
-        let n = system.model().unknowns();
-        let numbers = |length| vec![0.0; length];
+        let Engine { augmented, integrator, y, yp } = Engine::new(system, width, &settings)?;
         let entries = system.pattern().entries();
+        let numbers = |length| vec![0.0; length];
         Ok(Self {
-            integrator: integrator(&augmented, settings)?,
+            augmented,
+            integrator,
+            live: (0..width).collect(),
+            spare: Vec::new(),
+            settings,
             tangents: Tangents::new(system, width),
             along: Tangents::new(system, 1),
             directions: Vec::new(),
             scales: Vec::new(),
-            y: numbers(n * (1 + width)),
-            yp: numbers(n * (1 + width)),
+            y,
+            yp,
             integrals: numbers(system.quadrature_count() * width),
             moving: Vec::new(),
             pending: false,
             rates: Factorisation::new(system.pattern(), setup.settings.linear_solver)?,
             entries: [numbers(entries), numbers(entries)],
-            augmented,
         })
+    }
+
+    /// Integrates these directions from now on, with space for them that is made once.
+    fn integrate(&mut self, live: Vec<usize>) -> Result<(), SolveError> {
+        if live.len() != self.live.len() {
+            let place = self.spare.iter().position(|engine| engine.augmented.directions() == live.len());
+            let mut other = match place {
+                Some(place) => self.spare.remove(place),
+                None => Engine::new(&self.augmented.system, live.len(), &self.settings)?,
+            };
+            other.integrator.forget();
+            other.integrator.edges_mut().copy_from_slice(self.integrator.edges());
+            std::mem::swap(&mut self.augmented, &mut other.augmented);
+            std::mem::swap(&mut self.integrator, &mut other.integrator);
+            std::mem::swap(&mut self.y, &mut other.y);
+            std::mem::swap(&mut self.yp, &mut other.yp);
+            self.spare.truncate(SPARE - 1);
+            self.spare.insert(0, other);
+        }
+        self.live = live;
+        Ok(())
     }
 
     /// Number of directions.
@@ -140,6 +188,12 @@ impl Follower {
     #[must_use]
     pub fn derivative(&self, unknown: usize, direction: usize) -> f64 {
         self.tangents.y(unknown, direction) / self.scales[direction]
+    }
+
+    /// What its integrator did in the last step.
+    #[must_use]
+    pub fn statistics(&self) -> Statistics {
+        self.integrator.statistics()
     }
 
     /// Derivative of an output of the `finish` program along a direction, after a step.
@@ -266,11 +320,13 @@ impl Environment {
         let time = self.end_time();
         if self.setup.programs.derivatives_at_end {
             self.follow_rates(follower, time, &[])?;
-            let (n, states, width) = (self.system.model().unknowns(), self.system.model().states(), follower.width());
+            let (n, states, width) = (self.system.model().unknowns(), self.system.model().states(), follower.live.len());
             // Rates of algebraic unknowns are those of the integrator's polynomial, as their values are.
-            for (at, j) in (states..n).flat_map(|at| (0..width).map(move |j| (at, j))) {
-                let rate = follower.yp[n + at * width + j];
-                follower.tangents.set_yp(at, j, rate);
+            for at in states..n {
+                (0..follower.width()).for_each(|j| follower.tangents.set_yp(at, j, 0.0));
+                for (place, &j) in follower.live.iter().enumerate() {
+                    follower.tangents.set_yp(at, j, follower.yp[n + at * width + place]);
+                }
             }
         }
         let outputs = self.finish.all().len();

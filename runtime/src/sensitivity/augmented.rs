@@ -5,11 +5,12 @@
 
 use std::sync::Arc;
 
-use smpl_compiler::compiled::tangent::{ByInputs, Part};
+use smpl_compiler::compiled::tangent::{ByInputs, Integrands, Source};
+use smpl_compiler::ir::{Flavour, VarId};
 use smpl_compiler::layout::Memory;
 
-use super::tangents::{Point, Tangents};
-use crate::solver::linear::columns::{Columns, each_piece, with_avx2};
+use super::tangents::Tangents;
+use crate::solver::linear::columns::{Columns, each_piece, with_fma};
 use crate::solver::{Following, Pattern, RootKind, System};
 use crate::system::CompiledSystem;
 
@@ -29,10 +30,7 @@ pub struct Augmented {
     inputs: Option<Inputs>,
     kinds: Vec<RootKind>,
     switches: Option<Memory>,
-    /// Derivatives at a point, for integrands.
-    tangents: Tangents,
-    /// What cannot be integrated, in words.
-    pub fault: Option<String>,
+    integrals: Option<Integrals>,
 }
 
 /// What inputs that move add to the equations.
@@ -42,6 +40,69 @@ struct Inputs {
     values: Vec<f64>,
     /// Row, value, direction and derivative of the input.
     terms: Vec<(u32, u32, u32, f64)>,
+}
+
+/// What moves the integrands.
+struct Integrals {
+    compiled: Arc<Integrands>,
+    memory: Memory,
+    values: Vec<f64>,
+    /// Integrand, value and unknown; the same for rates of unknowns.
+    unknowns: Vec<(u32, u32, u32)>,
+    rates: Vec<(u32, u32, u32)>,
+    /// Integrand, value, direction and derivative of the input.
+    terms: Vec<(u32, u32, u32, f64)>,
+}
+
+impl Integrals {
+    fn new(system: &CompiledSystem, moving: &[(VarId, Flavour)], (tangents, live): (&Tangents, &[usize])) -> Result<Self, String> {
+        let compiled = system.model().integrands(moving).map_err(|e| e.to_string())?;
+        let mut memory = compiled.memory();
+        compiled.take(&mut memory, system.memory());
+        let (mut unknowns, mut rates, mut terms) = (Vec::new(), Vec::new(), Vec::new());
+        for (value, &(row, source)) in compiled.places().iter().enumerate() {
+            match source {
+                Source::Unknown(at) => unknowns.push((row, value as u32, at)),
+                Source::Rate(at) => rates.push((row, value as u32, at)),
+                Source::Input(cell) => add_terms(&mut terms, (row, value, cell), tangents, live),
+            }
+        }
+        Ok(Self { values: vec![0.0; compiled.places().len()], compiled, memory, unknowns, rates, terms })
+    }
+
+    /// Derivatives of the integrands, row after row.
+    fn write(
+        &mut self,
+        system: &CompiledSystem,
+        t: f64,
+        (y, yp): (&[f64], &[f64]),
+        (s, sp): (&[f64], &[f64]),
+        width: usize,
+        out: &mut [f64],
+    ) {
+        out.fill(0.0);
+        self.compiled.evaluate(system.model(), &mut self.memory, t, (y, yp), &mut self.values);
+        for (terms, from) in [(&self.unknowns, s), (&self.rates, sp)] {
+            for &(row, value, at) in terms {
+                let (out, from) = (&mut out[row as usize * width..][..width], &from[at as usize * width..][..width]);
+                let value = self.values[value as usize];
+                out.iter_mut().zip(from).for_each(|(out, x)| *out += value * x);
+            }
+        }
+        for &(row, value, direction, factor) in &self.terms {
+            out[row as usize * width + direction as usize] += factor * self.values[value as usize];
+        }
+    }
+}
+
+/// Adds the terms that an input gives along the directions that are integrated.
+fn add_terms(terms: &mut Vec<(u32, u32, u32, f64)>, (row, value, cell): (u32, usize, u32), tangents: &Tangents, live: &[usize]) {
+    for (direction, &of_all) in live.iter().enumerate() {
+        let factor = tangents.work(cell as usize, of_all);
+        if factor != 0.0 {
+            terms.push((row, value as u32, direction as u32, factor));
+        }
+    }
 }
 
 impl Augmented {
@@ -64,9 +125,8 @@ impl Augmented {
             inputs: None,
             kinds: kinds.collect(),
             switches: switches.and_then(|switches| switches.memory()),
-            tangents: Tangents::new(system, width),
+            integrals: None,
             system: system.clone(),
-            fault: None,
         }
     }
 
@@ -75,20 +135,22 @@ impl Augmented {
         self.kinds.len() - self.system.root_count()
     }
 
-    /// Takes the inputs of an instance and their derivatives.
+    /// Takes the inputs of an instance and their derivatives along those directions that are integrated.
     ///
     /// # Errors
     /// In words, if the equations cannot be differentiated by them.
-    pub fn set_inputs(&mut self, system: &CompiledSystem, tangents: &Tangents) -> Result<(), String> {
+    pub fn set_inputs(&mut self, system: &CompiledSystem, tangents: &Tangents, live: &[usize]) -> Result<(), String> {
         self.system.restore(system.memory().all());
         let model = Arc::clone(system.model());
         if let (Ok(switches), Some(memory)) = (model.switches(), &mut self.switches) {
             switches.take(memory, system.memory());
         }
-        self.tangents.copy_work(tangents);
         let moving = model.inputs(|cells| tangents.is_active(cells));
+        (self.inputs, self.integrals) = (None, None);
+        if system.quadrature_count() > 0 {
+            self.integrals = Some(Integrals::new(system, &moving, (tangents, live))?);
+        }
         if moving.is_empty() {
-            self.inputs = None;
             return Ok(());
         }
         let compiled = model.by_inputs(&moving).map_err(|e| e.to_string())?;
@@ -96,15 +158,43 @@ impl Augmented {
         compiled.take(&mut memory, system.memory());
         let mut terms = Vec::new();
         for (value, &(row, cell)) in compiled.places().iter().enumerate() {
-            for direction in 0..self.width {
-                let factor = tangents.work(cell as usize, direction);
-                if factor != 0.0 {
-                    terms.push((row, value as u32, direction as u32, factor));
-                }
-            }
+            add_terms(&mut terms, (row, value, cell), tangents, live);
         }
         self.inputs = Some(Inputs { values: vec![0.0; compiled.places().len()], compiled, memory, terms });
         Ok(())
+    }
+
+    /// Whether the equations move each direction's derivatives, or an integral with them. Where they do not, derivatives of unknowns stay as they are.
+    ///
+    /// # Errors
+    /// In words, if the equations cannot be differentiated.
+    pub fn moved(system: &CompiledSystem, tangents: &Tangents) -> Result<Vec<bool>, String> {
+        let model = system.model();
+        let inputs = model.inputs(|cells| tangents.is_active(cells));
+        let mut read = if system.is_explicit() {
+            model.read_unknowns().map_err(ToString::to_string)?.to_vec()
+        } else {
+            vec![true; system.dimension()]
+        };
+        let mut cells = Vec::new();
+        if !inputs.is_empty() {
+            cells.extend(model.by_inputs(&inputs).map_err(|e| e.to_string())?.places().iter().map(|&(_, cell)| cell));
+        }
+        if system.quadrature_count() > 0 {
+            for &(_, source) in model.integrands(&inputs).map_err(|e| e.to_string())?.places() {
+                match source {
+                    Source::Unknown(at) | Source::Rate(at) => read[at as usize] = true,
+                    Source::Input(cell) => cells.push(cell),
+                }
+            }
+        }
+        cells.sort_unstable();
+        cells.dedup();
+        let moves = |j: usize| {
+            let by_unknown = read.iter().enumerate().any(|(at, &read)| read && tangents.y(at, j) != 0.0);
+            by_unknown || cells.iter().any(|&cell| tangents.work(cell as usize, j) != 0.0)
+        };
+        Ok((0..tangents.width()).map(moves).collect())
     }
 
     /// Adds what inputs that move give.
@@ -152,7 +242,7 @@ enum Beginning<'a> {
     },
 }
 
-with_avx2! {
+with_fma! {
     /// `out = beginning + A X` for a sparse matrix and a matrix of `width` columns.
     fn multiply(rows: &Rows, values: &[f64], width: usize, x: &[f64], beginning: Beginning<'_>, out: &mut [f64]) = multiply_portable
 }
@@ -207,7 +297,7 @@ impl Columns for Product<'_> {
         }
         for &(column, place) in self.entries {
             let (value, from) = (self.values[place as usize], column as usize * self.width + first);
-            sum.iter_mut().zip(&self.x[from..from + B]).for_each(|(sum, x)| *sum += value * x);
+            sum.iter_mut().zip(&self.x[from..from + B]).for_each(|(sum, x)| *sum = value.mul_add(*x, *sum));
         }
         self.out[first..first + B].copy_from_slice(&sum);
     }
@@ -318,14 +408,9 @@ impl System for Augmented {
         let (n, count, width) = (self.system.dimension(), self.system.quadrature_count(), self.width);
         let ((y, s), (yp, sp), (own, derivatives)) = (y.split_at(n), yp.split_at(n), out.split_at_mut(count));
         self.system.quadratures(t, y, yp, own);
-        self.tangents.take_y(s);
-        self.tangents.take_yp(sp);
-        let point = Point { time: t, moving: &[], y, yp };
-        if let Err(fault) = self.tangents.run(&self.system, Part::Quadratures, point, count) {
-            self.fault = Some(fault);
-        }
-        for (at, row) in derivatives.chunks_exact_mut(width).enumerate() {
-            row.iter_mut().enumerate().for_each(|(direction, out)| *out = self.tangents.output(at, direction));
+        match &mut self.integrals {
+            Some(integrals) => integrals.write(&self.system, t, (y, yp), (s, sp), width, derivatives),
+            None => derivatives.fill(0.0),
         }
     }
 }

@@ -87,37 +87,18 @@ impl Tangents {
         self.chunks[direction / LANES].y[at][direction % LANES] = value;
     }
 
-    /// Takes the derivatives of all unknowns from a matrix, row after row.
-    pub fn take_y(&mut self, rows: &[f64]) {
-        self.take(rows, |chunk| &mut chunk.y);
-    }
-
-    /// Takes those of their rates.
-    pub fn take_yp(&mut self, rows: &[f64]) {
-        self.take(rows, |chunk| &mut chunk.yp);
-    }
-
-    fn take(&mut self, rows: &[f64], part: impl Fn(&mut Chunk) -> &mut Vec<Tangent>) {
-        for (number, chunk) in self.chunks.iter_mut().enumerate() {
-            for (tangent, row) in part(chunk).iter_mut().zip(rows.chunks_exact(self.width)) {
-                let row = &row[number * LANES..];
-                tangent.iter_mut().zip(row).for_each(|(to, from)| *to = *from);
-            }
+    /// Takes the derivatives of all unknowns along these directions from a matrix, row after row.
+    pub fn take_y(&mut self, rows: &[f64], directions: &[usize]) {
+        for (at, row) in rows.chunks_exact(directions.len().max(1)).enumerate() {
+            directions.iter().zip(row).for_each(|(&direction, &value)| self.set_y(at, direction, value));
         }
     }
 
-    /// Writes the derivatives of all unknowns to a matrix, row after row.
-    pub fn write_y(&self, rows: &mut [f64]) {
-        for (number, chunk) in self.chunks.iter().enumerate() {
-            for (tangent, row) in chunk.y.iter().zip(rows.chunks_exact_mut(self.width)) {
-                row[number * LANES..].iter_mut().zip(tangent).for_each(|(to, from)| *to = *from);
-            }
+    /// Writes them to a matrix, row after row.
+    pub fn write_y(&self, rows: &mut [f64], directions: &[usize]) {
+        for (at, row) in rows.chunks_exact_mut(directions.len().max(1)).enumerate() {
+            directions.iter().zip(row).for_each(|(&direction, value)| *value = self.y(at, direction));
         }
-    }
-
-    /// Takes the derivatives of the workspace of others.
-    pub fn copy_work(&mut self, from: &Tangents) {
-        self.chunks.iter_mut().zip(&from.chunks).for_each(|(to, from)| to.work.copy_from_slice(&from.work));
     }
 
     /// Derivative of a number of the workspace along a direction.

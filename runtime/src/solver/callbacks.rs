@@ -13,6 +13,7 @@ use std::rc::Rc;
 
 use super::kernels::Block;
 use super::linear::Factorisation;
+use super::linear::columns::all_finite;
 use super::newton::Newton;
 use super::sundials::Inquiry;
 use super::vector::{self, Content, Handle, Operations, Shared, Vector};
@@ -238,8 +239,7 @@ impl Bridge {
         self.counts.linear_solves += 1;
         let width = to.len() / n;
         match catch_unwind(AssertUnwindSafe(|| self.factorisation.solve_many(width, to, &mut self.space))) {
-            // The sum of 0 * x is zero unless an entry is not finite.
-            Ok(()) if to.iter().map(|x| x * 0.0).sum::<f64>() == 0.0 => 0,
+            Ok(()) if all_finite(to) => 0,
             Ok(()) => {
                 self.is_finite(time, residual);
                 residual.entries_mut()[n..].fill(0.0);
@@ -273,8 +273,7 @@ impl Bridge {
         let done = self.guarded(|system| system.jacobian(time, y.entries(), yp.entries(), cj, &mut values));
         self.values = values;
         done?;
-        // The sum of 0 * x is zero unless an entry is not finite.
-        if self.values.iter().map(|x| x * 0.0).sum::<f64>() == 0.0 {
+        if all_finite(&self.values) {
             return Ok(());
         }
         let entry = self.values.iter().position(|x| !x.is_finite()).unwrap_or(0);

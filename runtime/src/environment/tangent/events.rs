@@ -6,6 +6,7 @@ use smpl_compiler::layout::Region;
 use smpl_compiler::model::RootAction;
 
 use super::{Environment, FollowError, Follower};
+use crate::sensitivity::augmented::Augmented;
 use crate::solver::{Advance, Edge, System};
 
 /// Two times this near each other, in parts of the larger one, are one; both sides of a break are so many roundings from it: as in `solver::traverse`.
@@ -36,10 +37,10 @@ impl Environment {
         follower.moving.clear();
         follower.pending = false;
         let (end, mut t, mut pieces) = (self.end_time(), self.begin, 0);
-        let n = self.progress.y.len();
-        follower.tangents.write_y(&mut follower.y[n..]);
         loop {
-            follower.augmented.set_inputs(&self.system, &follower.tangents).map_err(FollowError::Refused)?;
+            self.choose_live(follower, pieces == 0)?;
+            self.write_followed(follower);
+            follower.augmented.set_inputs(&self.system, &follower.tangents, &follower.live).map_err(FollowError::Refused)?;
             if pieces == 0 {
                 self.know_edges(follower, t);
             }
@@ -54,7 +55,7 @@ impl Environment {
             } else {
                 Ok(Advance::Reached)
             };
-            let advance = advance.map_err(|e| self.solver_fault(&e, t, follower.width()))?;
+            let advance = advance.map_err(|e| self.solver_fault(&e, t, follower.live.len()))?;
             self.take_followed(follower);
             if advance == Advance::Event {
                 let found = follower.integrator.time();
@@ -71,6 +72,19 @@ impl Environment {
         let count = self.progress.edges.len();
         self.progress.edges.copy_from_slice(&edges[..count]);
         Ok(())
+    }
+
+    /// Leaves directions out that move nothing in the equations; those that are integrated already stay, but at the beginning of a step.
+    fn choose_live(&mut self, follower: &mut Follower, begins: bool) -> Result<(), FollowError> {
+        let mut moved = Augmented::moved(&self.system, &follower.tangents).map_err(FollowError::Refused)?;
+        if !begins {
+            follower.live.iter().for_each(|&j| moved[j] = true);
+        }
+        // One at least, for which there is something to integrate.
+        let live: Vec<usize> =
+            moved.iter().enumerate().filter(|&(j, &moves)| moves || (j == 0 && !moved.contains(&true))).map(|(j, _)| j).collect();
+        let made = follower.integrate(live);
+        made.map_err(|e| self.solver_fault(&e, self.begin, follower.width()))
     }
 
     /// Which conditions hold at the start.
@@ -110,7 +124,7 @@ impl Environment {
     }
 
     fn restart_following(&mut self, follower: &mut Follower, t: f64) -> Result<(), FollowError> {
-        let (n, width) = (self.progress.y.len(), follower.width());
+        let (n, width) = (self.progress.y.len(), follower.live.len());
         follower.y[..n].copy_from_slice(&self.progress.y);
         follower.yp[..n].copy_from_slice(&self.progress.yp);
         let Follower { integrator, augmented, y, yp, .. } = follower;
@@ -124,10 +138,13 @@ impl Environment {
         follower.yp.copy_from_slice(follower.integrator.derivative());
         self.progress.y.copy_from_slice(&follower.y[..n]);
         self.progress.yp.copy_from_slice(&follower.yp[..n]);
-        follower.tangents.take_y(&follower.y[n..]);
+        follower.tangents.take_y(&follower.y[n..], &follower.live);
         let (own, others) = follower.integrator.quadratures().split_at(count.min(follower.integrator.quadratures().len()));
         self.integrals.iter_mut().zip(own).for_each(|(sum, part)| *sum += part);
-        follower.integrals.iter_mut().zip(others).for_each(|(sum, part)| *sum += part);
+        let width = follower.width();
+        for (sums, parts) in follower.integrals.chunks_exact_mut(width.max(1)).zip(others.chunks_exact(follower.live.len().max(1))) {
+            follower.live.iter().zip(parts).for_each(|(&j, part)| sums[j] += part);
+        }
     }
 
     /// Goes behind a break, whose time may move.
@@ -141,7 +158,6 @@ impl Environment {
         self.shift(follower, &before, 1.0);
         self.shift(follower, &after, -1.0);
         add_moved(follower, &rates, &rates_after);
-        self.write_followed(follower);
         Ok(())
     }
 
@@ -152,7 +168,6 @@ impl Environment {
         if fired.is_empty() {
             // A strict condition at its threshold is decided by the motion after a restart.
             follower.pending = true;
-            self.write_followed(follower);
             return Ok(());
         }
         let action = |k: usize, environment: &Self| (k < roots).then(|| environment.setup.model().roots_info()[k].action);
@@ -187,7 +202,6 @@ impl Environment {
         let rates_after = self.integrands(follower, t, aside);
         self.shift(follower, &after, -1.0);
         add_moved(follower, &rates, &rates_after);
-        self.write_followed(follower);
         Ok(())
     }
 
@@ -231,7 +245,7 @@ impl Environment {
 
     fn write_followed(&self, follower: &mut Follower) {
         let n = self.progress.y.len();
-        follower.tangents.write_y(&mut follower.y[n..]);
+        follower.tangents.write_y(&mut follower.y[n..], &follower.live);
     }
 
     /// Integrands at the present state, or a little before or behind it.

@@ -14,6 +14,10 @@ pub(crate) fn each_piece(width: usize, work: &mut impl Columns) {
         work.piece::<16>(first);
         first += 16;
     }
+    // Two pieces of eight and one that overlaps cost more than one of sixteen that does.
+    if width >= 16 && width - first > 8 {
+        return work.piece::<16>(width - 16);
+    }
     if first + 8 <= width {
         work.piece::<8>(first);
         first += 8;
@@ -32,19 +36,20 @@ pub(crate) fn each_piece(width: usize, work: &mut impl Columns) {
     }
 }
 
-/// Defines a function that runs another one compiled for AVX2, where the processor has that. Products are rounded before they are summed: same results.
-macro_rules! with_avx2 {
-    ($(#[$meta:meta])* $visibility:vis fn $name:ident($($argument:ident: $type:ty),* $(,)?) = $portable:path) => {
+/// Defines a function that runs another one compiled for AVX2 with fused products, where the processor has them. Products that are summed go through
+/// `f64::mul_add`, which rounds once with or without: same results.
+macro_rules! with_fma {
+    ($(#[$meta:meta])* $visibility:vis fn $name:ident($($argument:ident: $type:ty),* $(,)?) $(-> $result:ty)? = $portable:path) => {
         $(#[$meta])*
-        $visibility fn $name($($argument: $type),*) {
+        $visibility fn $name($($argument: $type),*) $(-> $result)? {
             #[cfg(target_arch = "x86_64")]
             {
-                #[target_feature(enable = "avx2")]
-                unsafe fn wide($($argument: $type),*) {
+                #[target_feature(enable = "avx2,fma")]
+                unsafe fn wide($($argument: $type),*) $(-> $result)? {
                     $portable($($argument),*)
                 }
-                if is_x86_feature_detected!("avx2") {
-                    // SAFETY: the processor has the feature.
+                if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+                    // SAFETY: the processor has the features.
                     return unsafe { wide($($argument),*) };
                 }
             }
@@ -52,7 +57,23 @@ macro_rules! with_avx2 {
         }
     };
 }
-pub(crate) use with_avx2;
+pub(crate) use with_fma;
+
+with_fma! {
+    /// Whether all numbers are finite.
+    pub(crate) fn all_finite(x: &[f64]) -> bool = all_finite_portable
+}
+
+#[inline(always)]
+fn all_finite_portable(x: &[f64]) -> bool {
+    // 0 x is zero for a finite x and not a number otherwise.
+    let mut sums = [0.0; 16];
+    let (pieces, rest) = x.as_chunks::<16>();
+    for piece in pieces {
+        sums.iter_mut().zip(piece).for_each(|(sum, x)| *sum += 0.0 * x);
+    }
+    sums.iter().sum::<f64>() + rest.iter().map(|x| 0.0 * x).sum::<f64>() == 0.0
+}
 
 #[cfg(test)]
 mod tests {
@@ -63,6 +84,18 @@ mod tests {
     impl Columns for Marks {
         fn piece<const B: usize>(&mut self, first: usize) {
             self.0[first..first + B].iter_mut().for_each(|mark| *mark = 1);
+        }
+    }
+
+    #[test]
+    fn a_number_that_is_not_finite_is_found_at_any_place() {
+        for length in [1, 15, 16, 17, 40] {
+            assert!(all_finite(&vec![1e300; length]));
+            for (at, bad) in (0..length).zip([f64::NAN, f64::INFINITY, f64::NEG_INFINITY].into_iter().cycle()) {
+                let mut numbers = vec![1.0; length];
+                numbers[at] = bad;
+                assert!(!all_finite(&numbers), "{at} of {length}");
+            }
         }
     }
 

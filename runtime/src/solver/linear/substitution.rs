@@ -7,7 +7,7 @@
 
 mod schedule;
 
-use super::columns::{Columns, each_piece, with_avx2};
+use super::columns::{Columns, each_piece, with_fma};
 use schedule::{Chunk, LANES, Schedule};
 pub(super) use schedule::{Places, Source};
 
@@ -28,7 +28,7 @@ pub(super) struct Substitution {
     terms: Vec<(u32, u32)>,
 }
 
-with_avx2! {
+with_fma! {
     /// The sums for many right-hand sides.
     fn many(substitution: &Substitution, width: usize, b: &mut [f64], space: &mut [f64]) = many_portable
 }
@@ -44,7 +44,20 @@ fn many_portable(substitution: &Substitution, width: usize, b: &mut [f64], space
         each_piece(width, &mut Sum { result: result as usize, terms, factors, width, space });
     }
     for (row, &place) in b.chunks_exact_mut(width).zip(results) {
-        row.copy_from_slice(&space[place as usize * width..(place as usize + 1) * width]);
+        each_piece(width, &mut Copy { from: &space[place as usize * width..(place as usize + 1) * width], to: row });
+    }
+}
+
+/// A copy of a row of a few numbers.
+struct Copy<'a> {
+    from: &'a [f64],
+    to: &'a mut [f64],
+}
+
+impl Columns for Copy<'_> {
+    #[inline(always)]
+    fn piece<const B: usize>(&mut self, first: usize) {
+        self.to[first..first + B].copy_from_slice(&self.from[first..first + B]);
     }
 }
 
@@ -67,7 +80,7 @@ impl Columns for Sum<'_> {
             if factor != 0.0 {
                 let from = place as usize * self.width + first;
                 let row = &self.space[from..from + B];
-                sum.iter_mut().zip(row).for_each(|(sum, x)| *sum += factor * x);
+                sum.iter_mut().zip(row).for_each(|(sum, x)| *sum = factor.mul_add(*x, *sum));
             }
         }
         let to = self.result * self.width + first;
