@@ -1,6 +1,5 @@
 //! What a step ended in: failures, successes, rewards, observations, in numbers and in words.
 
-
 use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::Region;
 

@@ -14,6 +14,9 @@ use crate::solver::linear::columns::{Columns, each_piece, with_fma};
 use crate::solver::{Following, Pattern, RootKind, System};
 use crate::system::CompiledSystem;
 
+/// An input, or a copy of it at another instant.
+pub type Input = (VarId, Flavour);
+
 /// A model and its derivatives: n unknowns, then n rows of as many derivatives as there are directions.
 pub struct Augmented {
     /// The model with its present inputs.
@@ -42,6 +45,21 @@ struct Inputs {
     terms: Vec<(u32, u32, u32, f64)>,
 }
 
+impl Inputs {
+    fn new(compiled: Arc<ByInputs>) -> Self {
+        Self { memory: compiled.memory(), values: vec![0.0; compiled.places().len()], compiled, terms: Vec::new() }
+    }
+
+    /// Takes the inputs of an instance and their derivatives.
+    fn take(&mut self, system: &CompiledSystem, tangents: &Tangents, live: &[usize]) {
+        self.compiled.take(&mut self.memory, system.memory());
+        self.terms.clear();
+        for (value, &(row, cell)) in self.compiled.places().iter().enumerate() {
+            add_terms(&mut self.terms, (row, value, cell), tangents, live);
+        }
+    }
+}
+
 /// What moves the integrands.
 struct Integrals {
     compiled: Arc<Integrands>,
@@ -55,19 +73,25 @@ struct Integrals {
 }
 
 impl Integrals {
-    fn new(system: &CompiledSystem, moving: &[(VarId, Flavour)], (tangents, live): (&Tangents, &[usize])) -> Result<Self, String> {
-        let compiled = system.model().integrands(moving).map_err(|e| e.to_string())?;
-        let mut memory = compiled.memory();
-        compiled.take(&mut memory, system.memory());
-        let (mut unknowns, mut rates, mut terms) = (Vec::new(), Vec::new(), Vec::new());
+    fn new(compiled: Arc<Integrands>) -> Self {
+        let values = vec![0.0; compiled.places().len()];
+        Self { memory: compiled.memory(), compiled, values, unknowns: Vec::new(), rates: Vec::new(), terms: Vec::new() }
+    }
+
+    /// Takes the inputs of an instance and their derivatives.
+    fn take(&mut self, system: &CompiledSystem, tangents: &Tangents, live: &[usize]) {
+        let Self { compiled, memory, unknowns, rates, terms, .. } = self;
+        compiled.take(memory, system.memory());
+        unknowns.clear();
+        rates.clear();
+        terms.clear();
         for (value, &(row, source)) in compiled.places().iter().enumerate() {
             match source {
                 Source::Unknown(at) => unknowns.push((row, value as u32, at)),
                 Source::Rate(at) => rates.push((row, value as u32, at)),
-                Source::Input(cell) => add_terms(&mut terms, (row, value, cell), tangents, live),
+                Source::Input(cell) => add_terms(terms, (row, value, cell), tangents, live),
             }
         }
-        Ok(Self { values: vec![0.0; compiled.places().len()], compiled, memory, unknowns, rates, terms })
     }
 
     /// Derivatives of the integrands, row after row.
@@ -135,32 +159,28 @@ impl Augmented {
         self.kinds.len() - self.system.root_count()
     }
 
-    /// Takes the inputs of an instance and their derivatives along those directions that are integrated.
+    /// Takes the inputs of an instance, of which some move, and their derivatives along those directions that are integrated.
     ///
     /// # Errors
     /// In words, if the equations cannot be differentiated by them.
-    pub fn set_inputs(&mut self, system: &CompiledSystem, tangents: &Tangents, live: &[usize]) -> Result<(), String> {
+    pub fn set_inputs(&mut self, system: &CompiledSystem, tangents: &Tangents, moving: &[Input], live: &[usize]) -> Result<(), String> {
         self.system.restore(system.memory().all());
         let model = Arc::clone(system.model());
         if let (Ok(switches), Some(memory)) = (model.switches(), &mut self.switches) {
             switches.take(memory, system.memory());
         }
-        let moving = model.inputs(|cells| tangents.is_active(cells));
-        (self.inputs, self.integrals) = (None, None);
         if system.quadrature_count() > 0 {
-            self.integrals = Some(Integrals::new(system, &moving, (tangents, live))?);
+            let compiled = model.integrands(moving).map_err(|e| e.to_string())?;
+            let known = self.integrals.take().filter(|integrals| Arc::ptr_eq(&integrals.compiled, &compiled));
+            self.integrals.insert(known.unwrap_or_else(|| Integrals::new(compiled))).take(system, tangents, live);
         }
         if moving.is_empty() {
+            self.inputs = None;
             return Ok(());
         }
-        let compiled = model.by_inputs(&moving).map_err(|e| e.to_string())?;
-        let mut memory = compiled.memory();
-        compiled.take(&mut memory, system.memory());
-        let mut terms = Vec::new();
-        for (value, &(row, cell)) in compiled.places().iter().enumerate() {
-            add_terms(&mut terms, (row, value, cell), tangents, live);
-        }
-        self.inputs = Some(Inputs { values: vec![0.0; compiled.places().len()], compiled, memory, terms });
+        let compiled = model.by_inputs(moving).map_err(|e| e.to_string())?;
+        let known = self.inputs.take().filter(|inputs| Arc::ptr_eq(&inputs.compiled, &compiled));
+        self.inputs.insert(known.unwrap_or_else(|| Inputs::new(compiled))).take(system, tangents, live);
         Ok(())
     }
 
@@ -168,9 +188,8 @@ impl Augmented {
     ///
     /// # Errors
     /// In words, if the equations cannot be differentiated.
-    pub fn moved(system: &CompiledSystem, tangents: &Tangents) -> Result<Vec<bool>, String> {
+    pub fn moved(system: &CompiledSystem, tangents: &Tangents, inputs: &[Input]) -> Result<Vec<bool>, String> {
         let model = system.model();
-        let inputs = model.inputs(|cells| tangents.is_active(cells));
         let mut read = if system.is_explicit() {
             model.read_unknowns().map_err(ToString::to_string)?.to_vec()
         } else {
@@ -178,10 +197,10 @@ impl Augmented {
         };
         let mut cells = Vec::new();
         if !inputs.is_empty() {
-            cells.extend(model.by_inputs(&inputs).map_err(|e| e.to_string())?.places().iter().map(|&(_, cell)| cell));
+            cells.extend(model.by_inputs(inputs).map_err(|e| e.to_string())?.places().iter().map(|&(_, cell)| cell));
         }
         if system.quadrature_count() > 0 {
-            for &(_, source) in model.integrands(&inputs).map_err(|e| e.to_string())?.places() {
+            for &(_, source) in model.integrands(inputs).map_err(|e| e.to_string())?.places() {
                 match source {
                     Source::Unknown(at) | Source::Rate(at) => read[at as usize] = true,
                     Source::Input(cell) => cells.push(cell),

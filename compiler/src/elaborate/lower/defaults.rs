@@ -169,7 +169,9 @@ pub(in crate::elaborate) fn set_from_outside(l: &mut Lowering<'_, '_>, symbol: S
         match value {
             Setting::Number(x) => set.push((None, *x)),
             Setting::List(list) => set.extend(l.naming().elements_of_list(symbol, list)),
-            Setting::Text(text) => l.ledger.reports.scenario_fault(&path, format!("the parameter `{path}` takes a number, not `{text}`"), None),
+            Setting::Text(text) => {
+                l.ledger.reports.scenario_fault(&path, format!("the parameter `{path}` takes a number, not `{text}`"), None)
+            }
         }
     } else if let Some(x) = options.parameters.get(&path) {
         l.constants.taken.insert(path.clone());

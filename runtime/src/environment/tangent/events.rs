@@ -6,7 +6,7 @@ use smpl_compiler::layout::Region;
 use smpl_compiler::model::RootAction;
 
 use super::{Environment, FollowError, Follower};
-use crate::sensitivity::augmented::Augmented;
+use crate::sensitivity::augmented::{Augmented, Input};
 use crate::solver::{Advance, Edge, System};
 
 /// Two times this near each other, in parts of the larger one, are one; both sides of a break are so many roundings from it: as in `solver::traverse`.
@@ -38,9 +38,11 @@ impl Environment {
         follower.pending = false;
         let (end, mut t, mut pieces) = (self.end_time(), self.begin, 0);
         loop {
-            self.choose_live(follower, pieces == 0)?;
+            let moving = self.system.model().inputs(|cells| follower.tangents.is_active(cells));
+            self.choose_live(follower, &moving, pieces == 0)?;
             self.write_followed(follower);
-            follower.augmented.set_inputs(&self.system, &follower.tangents, &follower.live).map_err(FollowError::Refused)?;
+            let Follower { augmented, tangents, live, .. } = &mut *follower;
+            augmented.set_inputs(&self.system, tangents, &moving, live).map_err(FollowError::Refused)?;
             if pieces == 0 {
                 self.know_edges(follower, t);
             }
@@ -75,8 +77,8 @@ impl Environment {
     }
 
     /// Leaves directions out that move nothing in the equations; those that are integrated already stay, but at the beginning of a step.
-    fn choose_live(&mut self, follower: &mut Follower, begins: bool) -> Result<(), FollowError> {
-        let mut moved = Augmented::moved(&self.system, &follower.tangents).map_err(FollowError::Refused)?;
+    fn choose_live(&mut self, follower: &mut Follower, moving: &[Input], begins: bool) -> Result<(), FollowError> {
+        let mut moved = Augmented::moved(&self.system, &follower.tangents, moving).map_err(FollowError::Refused)?;
         if !begins {
             follower.live.iter().for_each(|&j| moved[j] = true);
         }
