@@ -247,7 +247,7 @@ class RandomModel(Writer):
 
 
 class PartedModel(RandomModel):
-    """A random model whose algebraic arrays are mostly defined by a few loops of equal length, and read across these."""
+    """A random model whose algebraic arrays are mostly defined by loops of equal length, and read across these."""
 
     sizes = (32, 34, 36, 48, 51)
     parted = 0.8
