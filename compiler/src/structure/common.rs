@@ -4,46 +4,37 @@ use crate::elaborate::{Equation, EquationForm};
 use crate::ir::{Expr, ExprId, Exprs, Program, Rewritten, VarId};
 use crate::model::{Model, Programs};
 
+/// All programs, named one by one, so that a new one is not forgotten.
+macro_rules! all_programs {
+    ($programs:expr, $iter:ident) => {{
+        let Programs {
+            parameters,
+            initial_states,
+            initial_discretes,
+            steady,
+            disturb,
+            start,
+            end,
+            finish,
+            outputs,
+            invariants,
+            boxes,
+            events,
+            policies,
+        } = $programs;
+        let single = [parameters, initial_states, initial_discretes, steady, disturb, start, end, finish, outputs, invariants, boxes];
+        single.into_iter().chain(events).chain(policies.$iter().map(|(_, program)| program))
+    }};
+}
+
 /// All programs of a model.
 pub(super) fn programs(programs: &Programs) -> impl Iterator<Item = &Program> {
-    let Programs {
-        parameters,
-        initial_states,
-        initial_discretes,
-        steady,
-        disturb,
-        start,
-        end,
-        finish,
-        outputs,
-        invariants,
-        boxes,
-        events,
-        policies,
-    } = programs;
-    let single = [parameters, initial_states, initial_discretes, steady, disturb, start, end, finish, outputs, invariants, boxes];
-    single.into_iter().chain(events).chain(policies.iter().map(|(_, program)| program))
+    all_programs!(programs, iter)
 }
 
 /// All programs of a model, to be changed.
 pub(super) fn programs_mut(programs: &mut Programs) -> impl Iterator<Item = &mut Program> {
-    let Programs {
-        parameters,
-        initial_states,
-        initial_discretes,
-        steady,
-        disturb,
-        start,
-        end,
-        finish,
-        outputs,
-        invariants,
-        boxes,
-        events,
-        policies,
-    } = programs;
-    let single = [parameters, initial_states, initial_discretes, steady, disturb, start, end, finish, outputs, invariants, boxes];
-    single.into_iter().chain(events).chain(policies.iter_mut().map(|(_, program)| program))
+    all_programs!(programs, iter_mut)
 }
 
 /// Number of passes of a nest.
