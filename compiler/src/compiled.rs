@@ -190,10 +190,10 @@ impl CompiledModel {
         let interface = self.interface();
         memory.region_mut(Region::Builtin)[Builtin::StepLength as usize] = interface.episode.step;
         for (region, quantities) in [
-            (Region::Param, &interface.parameters),
-            (Region::Action, &interface.actions),
-            (Region::Discrete, &interface.discretes),
-            (Region::Disturbance, &interface.disturbances),
+            (Region::Param, &interface.quantities.parameters),
+            (Region::Action, &interface.quantities.actions),
+            (Region::Discrete, &interface.quantities.discretes),
+            (Region::Disturbance, &interface.quantities.disturbances),
         ] {
             let numbers = memory.region_mut(region);
             for quantity in quantities {

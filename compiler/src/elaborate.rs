@@ -44,13 +44,13 @@ use std::collections::HashMap;
 use smpl_dsl::diagnostic::{Diagnostic, Faults, codes};
 use smpl_dsl::syntax::{self, Statement};
 
-use crate::model::{Interface, Model, Time};
+use crate::model::{Alternatives, Interface, Model, Time};
 use declare::declaring::{About, Declaring};
 use episode::Control;
 use ledger::Ledger;
 use lower::Lowering;
 use select::Input;
-use select::variants::{Choices, Shown};
+use select::variants::Choices;
 
 pub use built_ins::is_built_in;
 pub(crate) use check::lints::unused_parameters;
@@ -124,7 +124,7 @@ impl Pass {
 }
 
 /// Lowers what is declared; the result, and the work that it took.
-fn lowered(input: &Input<'_>, declaring: Declaring<'_, '_>, shown: Shown) -> (Result<Elaborated, Faults>, u32) {
+fn lowered(input: &Input<'_>, declaring: Declaring<'_, '_>, shown: Alternatives) -> (Result<Elaborated, Faults>, u32) {
     let Declaring { mut symbols, instances, about, mut work, .. } = declaring;
     // What a missing file declares would be missed everywhere.
     let mut passed = None;
@@ -183,8 +183,9 @@ fn sample_faults(input: &Input<'_>, unused: &[&Statement]) -> Vec<Diagnostic> {
 }
 
 /// A model with what the control problem says; its expressions and variables are still missing.
-fn model_of(control: Control, about: About, shown: Shown) -> Model {
+fn model_of(control: Control, about: About, shown: Alternatives) -> Model {
     let Control { programs, roots, unknowns, interface } = control;
-    let interface = Interface { name: about.name, text: about.text, variants: shown.variants, choices: shown.choices, ..interface };
+    let alternatives = Alternatives { levels: interface.alternatives.levels, ..shown };
+    let interface = Interface { name: about.name, text: about.text, alternatives, ..interface };
     Model { programs, roots, unknowns, interface, ..Model::default() }
 }

@@ -97,7 +97,7 @@ impl Function {
             Function::Quadratures => (true, true, model.quadratures.len()),
             Function::Start | Function::End => (true, false, 0),
             Function::Finish => (true, true, finish_len(model)),
-            Function::Outputs => (true, true, elements(&model.interface.algebraics)),
+            Function::Outputs => (true, true, elements(&model.interface.quantities.algebraics)),
         };
         Access { name: self.name(), y, yp, out }
     }
@@ -129,10 +129,10 @@ pub(crate) fn elements(quantities: &[Quantity]) -> usize {
 
 /// Length of the output of `steady` after the actions.
 pub(crate) fn steady_len(model: &Model) -> usize {
-    model.interface.steady_fixed.len() + model.interface.steady_conditions as usize
+    model.interface.steady.as_ref().map_or(0, |steady| steady.fixed.len() + steady.conditions as usize)
 }
 
 /// Length of the output of `finish`.
 pub(crate) fn finish_len(model: &Model) -> usize {
-    model.interface.finish.len()
+    model.interface.finish.layout().total()
 }

@@ -2,7 +2,7 @@
 //!
 //! Values are in the units that the model declares; every conversion is a constant factor inside an expression. The *unknowns* are
 //! the states and those algebraic variables that are solved for, arrays laid out one after another (internal order); each
-//! has exactly one [`Row`]. What a user sees has the order of [`Interface::states`], node after node.
+//! has exactly one [`Row`]. What a user sees has the order of [`Quantities::states`], node after node.
 
 use serde::{Deserialize, Serialize};
 use smpl_dsl::span::Span;
@@ -14,7 +14,10 @@ mod interface;
 mod quantity;
 mod settings;
 
-pub use interface::{BoxItem, Draw, Failure, Finish, Instant, Interface, Observed, Reward, Time, Variate};
+pub use interface::{
+    AlgebraicCounts, Alternatives, BoxItem, Choice, Draw, Failure, Finish, FinishLayout, Instant, Interface, Invariant, Observed,
+    Quantities, Reward, Steady, Time, Variant, Variate,
+};
 pub use quantity::{Axis, Grid, Quantity};
 pub use settings::{Episode, LinearSolver, Method, Solver};
 
@@ -102,7 +105,7 @@ pub struct Root {
 /// What an event does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum RootAction {
-    /// Ends the episode with the failure of that index in [`Interface::failures`].
+    /// Ends the episode with the failure of that index in [`Finish::failures`].
     Fail(u32),
     /// Runs the event program of that index in place, then integration goes on.
     Run(u32),
@@ -119,7 +122,7 @@ pub struct Programs {
     pub initial_states: Program,
     /// Initial values of discrete variables and disturbances (in place), after the states are known.
     pub initial_discretes: Program,
-    /// The steady problem: out = one value an action element, then one a state of [`Interface::steady_fixed`].
+    /// The steady problem: out = one value an action element, then one a state of [`Steady::fixed`].
     pub steady: Program,
     /// Next values of the disturbances (in place).
     pub disturb: Program,
@@ -129,7 +132,7 @@ pub struct Programs {
     pub end: Program,
     /// Failures, successes, constraints, rewards, observations: see [`Finish`].
     pub finish: Program,
-    /// Algebraic outputs, in the order of [`Interface::algebraics`] (all elements).
+    /// Algebraic outputs, in the order of [`Quantities::algebraics`] (all elements).
     pub outputs: Program,
     /// Event programs (in place).
     pub events: Vec<Program>,

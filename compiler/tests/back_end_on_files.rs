@@ -124,7 +124,7 @@ fn check_programs(model: &CompiledModel, name: &str) {
         let access = Access { name: "program", y: true, yp: true, out };
         Tape::new(&Job::of_program(program, &model.model().slots), &model.model().exprs, model.layout(), access).expect("a tape")
     };
-    let outputs = model.interface().algebraics.iter().map(smpl_compiler::model::Quantity::len).sum();
+    let outputs = model.interface().quantities.algebraics.iter().map(smpl_compiler::model::Quantity::len).sum();
     let mut random = Random(5);
     for _ in 0..3 {
         let (m, y, yp) = point(model, &mut random);

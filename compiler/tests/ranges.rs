@@ -269,7 +269,7 @@ fn comparisons_with_parameters() {
         r.give("k", 4.0);
         let (rates, x) = (r.rates(), r.y.clone());
         (0..n).for_each(|i| assert_close(rates[i], rate(4)(&x, i)));
-        let structural: Vec<bool> = r.model.interface().parameters.iter().map(|q| q.structural).collect();
+        let structural: Vec<bool> = r.model.interface().quantities.parameters.iter().map(|q| q.structural).collect();
         assert_eq!(structural, [true, false]);
     }
 }

@@ -3,6 +3,7 @@
 mod running;
 
 use running::{Running, assert_close, flat};
+use smpl_compiler::model::AlgebraicCounts;
 
 #[test]
 fn an_equation_gets_the_factor_of_its_units() {
@@ -80,7 +81,7 @@ fn explicit_variables_vanish_in_any_order() {
          eq a = 3 * x
          eq b = a^2",
     );
-    assert_eq!(model.interface.algebraic_counts, [3, 0, 3]);
+    assert_eq!(model.interface.quantities.algebraic_counts, AlgebraicCounts { declared: 3, solved: 0, substituted: 3 });
     let mut r = Running::of(model);
     assert_close(r.rate("x"), -42.0);
     assert_close(r.output("b"), 36.0);
@@ -96,7 +97,7 @@ fn a_loop_of_definitions_keeps_one_unknown() {
          eq a = x - b / 2
          eq b = x - a / 3",
     );
-    assert_eq!(model.interface.algebraic_counts, [2, 1, 1]);
+    assert_eq!(model.interface.quantities.algebraic_counts, AlgebraicCounts { declared: 2, solved: 1, substituted: 1 });
     let mut r = Running::of(model);
     let solved = r.names()[1].clone();
     // a = x - b/2, b = x - a/3: a = 6/5, b = 8/5 at x = 2.
@@ -237,11 +238,11 @@ fn states_of_one_domain_lie_cell_by_cell_outside() {
          eq d/dt r = -r / 1 [s]
          observe states",
     );
-    let names: Vec<&str> = model.interface.observations.iter().map(|o| o.name.as_str()).collect();
+    let names: Vec<&str> = model.interface.finish.observations.iter().map(|o| o.name.as_str()).collect();
     let expected = ["p", "c[a,1]", "c[b,1]", "q[1]", "c[a,2]", "c[b,2]", "q[2]", "c[a,3]", "c[b,3]", "q[3]", "r"];
     assert_eq!(names, expected);
     // Inside arrays stay whole: p, c[a,..], c[b,..], q, r.
-    assert_eq!(model.interface.state_order, Some(vec![0, 1, 4, 7, 2, 5, 8, 3, 6, 9, 10]));
+    assert_eq!(model.interface.quantities.state_order, Some(vec![0, 1, 4, 7, 2, 5, 8, 3, 6, 9, 10]));
 }
 
 #[test]
@@ -280,7 +281,7 @@ fn what_the_trajectory_shows_counts_as_a_declared_algebraic_variable() {
          eq s^2 = x",
     );
     let interface = r.model.interface();
-    assert_eq!(interface.algebraics.iter().map(|q| q.name.as_str()).collect::<Vec<_>>(), ["a", "s", "b"]);
+    assert_eq!(interface.quantities.algebraics.iter().map(|q| q.name.as_str()).collect::<Vec<_>>(), ["a", "s", "b"]);
     // Declared, solved, substituted.
-    assert_eq!(interface.algebraic_counts, [3, 1, 2]);
+    assert_eq!(interface.quantities.algebraic_counts, AlgebraicCounts { declared: 3, solved: 1, substituted: 2 });
 }

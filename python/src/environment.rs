@@ -183,7 +183,7 @@ impl Env {
             check_steady(environment)?;
             let setup = environment.setup();
             let states = &setup.catalogue.states;
-            let steady = setup.model().interface().has_steady.then(|| environment.steady_state());
+            let steady = setup.model().interface().steady.is_some().then(|| environment.steady_state());
             Ok(steady.map(|steady| Fresh::vector(py, states.len()).filled(|out| gather(states, steady, out))))
         })
     }
@@ -196,7 +196,7 @@ impl Env {
                 return Err(SimulationError::new_err(format!("steady state: {error}")));
             }
             let actions = &setup.catalogue.actions;
-            let steady = setup.model().interface().has_steady.then(|| setup.steady_action());
+            let steady = setup.model().interface().steady.is_some().then(|| setup.steady_action());
             Ok(steady.map(|steady| Fresh::vector(py, actions.len()).filled(|out| gather(actions, steady, out))))
         })
     }

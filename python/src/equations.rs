@@ -69,7 +69,7 @@ impl Equations {
             *at = if draw.kind == Variate::Uniform { 0.5 } else { 0.0 };
         }
         set_parameters(&mut nominal, parameters.iter().copied());
-        if model.interface().has_steady {
+        if model.interface().steady.is_some() {
             let guess = steady::guess(&nominal, &catalogue);
             if steady::solve_declared(&mut nominal, &catalogue, &guess).is_err() {
                 steady::forget(&mut nominal);
@@ -177,7 +177,7 @@ impl Equations {
     /// The model's steady state where it has one, else its declared values.
     fn first_guess(&self) -> Vec<f64> {
         let steady = self.nominal.region(Region::Steady(Part::Y));
-        if self.nominal.model().interface().has_steady && steady.iter().all(|x| x.is_finite()) {
+        if self.nominal.model().interface().steady.is_some() && steady.iter().all(|x| x.is_finite()) {
             steady.to_vec()
         } else {
             steady::guess(&self.nominal, &self.catalogue)

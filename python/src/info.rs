@@ -23,7 +23,7 @@ impl Keys {
         let text = |name: &str| PyString::intern(py, name).unbind();
         let interface = env.setup().model().interface();
         let constraints: Vec<Py<PyString>> = env.constraint_names().map(text).collect();
-        let rewards: Vec<Py<PyString>> = interface.rewards.iter().map(|r| text(&r.name)).collect();
+        let rewards: Vec<Py<PyString>> = interface.finish.rewards.iter().map(|r| text(&r.name)).collect();
         let first = ["time", "failure", "success", "success_name", "constraints", "cost", "rewards"].map(text);
         let blank = [blank(py, &first)?, blank(py, &constraints)?, blank(py, &rewards)?];
         Ok(Self { constraints, rewards, phases: interface.phases.iter().map(|name| text(name)).collect(), with_state, blank })

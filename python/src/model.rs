@@ -135,13 +135,13 @@ impl Model {
     #[getter]
     fn reward(&self) -> String {
         let interface = self.loaded.model.interface();
-        let default = interface.rewards.get(interface.default_reward as usize).map(|r| r.name.clone());
+        let default = interface.finish.rewards.get(interface.finish.default_reward as usize).map(|r| r.name.clone());
         self.loaded.options.reward.clone().or(default).unwrap_or_default()
     }
 
     #[getter]
     fn levels(&self) -> Vec<String> {
-        self.loaded.model.interface().levels.clone()
+        self.loaded.model.interface().alternatives.levels.clone()
     }
 
     /// Names of the phases of the schedule, in their order.
@@ -170,8 +170,8 @@ impl Model {
     fn names(&self, role: &str) -> PyResult<Vec<String>> {
         let interface = self.loaded.model.interface();
         match role {
-            "observation" => Ok(interface.observations.iter().map(|o| o.name.clone()).collect()),
-            "reward" => Ok(interface.rewards.iter().map(|r| r.name.clone()).collect()),
+            "observation" => Ok(interface.finish.observations.iter().map(|o| o.name.clone()).collect()),
+            "reward" => Ok(interface.finish.rewards.iter().map(|r| r.name.clone()).collect()),
             _ => Ok(self.elements(role)?.iter().map(|e| e.name.clone()).collect()),
         }
     }
@@ -186,8 +186,8 @@ impl Model {
     fn units(&self, role: &str) -> PyResult<Vec<String>> {
         let interface = self.loaded.model.interface();
         match role {
-            "observation" => Ok(interface.observations.iter().map(|o| o.unit.clone()).collect()),
-            "reward" => Ok(interface.rewards.iter().map(|r| r.unit.clone()).collect()),
+            "observation" => Ok(interface.finish.observations.iter().map(|o| o.unit.clone()).collect()),
+            "reward" => Ok(interface.finish.rewards.iter().map(|r| r.unit.clone()).collect()),
             _ => Ok(self.elements(role)?.iter().map(|e| e.unit.clone()).collect()),
         }
     }
@@ -209,7 +209,7 @@ impl Model {
     /// Lower and upper bounds of a role.
     fn bounds<'py>(&self, py: Python<'py>, role: &str) -> PyResult<(Vector<'py>, Vector<'py>)> {
         let (low, high): (Vec<f64>, Vec<f64>) = if role == "observation" {
-            self.loaded.model.interface().observations.iter().map(|o| (o.low, o.high)).unzip()
+            self.loaded.model.interface().finish.observations.iter().map(|o| (o.low, o.high)).unzip()
         } else {
             self.elements(role)?.iter().map(|e| (e.low, e.high)).unzip()
         };
@@ -333,7 +333,7 @@ impl Model {
     /// For each failure that the model declares, its name and whether an event finds it within a step.
     #[getter]
     fn failures(&self) -> Vec<(String, bool)> {
-        self.loaded.model.interface().failures.iter().map(|failure| (failure.name.clone(), failure.event)).collect()
+        self.loaded.model.interface().finish.failures.iter().map(|failure| (failure.name.clone(), failure.event)).collect()
     }
 
     /// Names of all limits, in the order of violations.

@@ -72,7 +72,8 @@ impl Request {
     /// Computes without the interpreter lock, into new arrays.
     pub fn run<'py>(&self, py: Python<'py>, setup: &Setup, sensitivities: &mut Sensitivities) -> PyResult<Results<'py>> {
         let interface = setup.model().interface();
-        let (n, rewards, observations) = (setup.catalogue.states.len(), interface.rewards.len(), interface.observations.len());
+        let (n, rewards, observations) =
+            (setup.catalogue.states.len(), interface.finish.rewards.len(), interface.finish.observations.len());
         let (count, directions) = (self.count, sensitivities.directions().len());
         let mut values = [n, rewards, observations].map(|width| Fresh::matrix(py, count, width));
         let mut derivatives = [n, rewards, observations].map(|width| Fresh::cube(py, [count, width, directions]));

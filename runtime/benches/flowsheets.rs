@@ -163,7 +163,7 @@ fn run(case: &Case) {
     times.sort_by(f64::total_cmp);
     let (median, slowest, mean) = (times[times.len() / 2], times[times.len() - 1], times.iter().sum::<f64>() / times.len() as f64);
     let (absolute, relative) = errors(&found.states, &exact.states, environment.catalogue().states.len());
-    let observations = &environment.setup().model().interface().observations;
+    let observations = &environment.setup().model().interface().finish.observations;
     for (i, element) in observations.iter().enumerate().filter(|(_, e)| case.watched.contains(&e.name.as_str())) {
         let pairs = found.observations.iter().zip(&exact.observations).skip(i).step_by(environment.observation_len());
         let worst = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);

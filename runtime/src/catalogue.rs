@@ -220,10 +220,10 @@ impl Catalogue {
         let interface = model.interface();
         Self {
             states: states(interface),
-            solved: family(&interface.solved, |_, _, running| model.states() + running),
-            algebraics: family(&interface.algebraics, |_, _, running| running),
-            discretes: region(model, &interface.discretes),
-            actions: region(model, &interface.actions),
+            solved: family(&interface.quantities.solved, |_, _, running| model.states() + running),
+            algebraics: family(&interface.quantities.algebraics, |_, _, running| running),
+            discretes: region(model, &interface.quantities.discretes),
+            actions: region(model, &interface.quantities.actions),
             disturbances: disturbances(model),
             parameters: parameters(model),
         }
@@ -233,7 +233,7 @@ impl Catalogue {
 /// The parameters alone, places in their region.
 #[must_use]
 pub fn parameters(model: &CompiledModel) -> Family {
-    region(model, &model.interface().parameters)
+    region(model, &model.interface().quantities.parameters)
 }
 
 /// The elements of a parameter: of a whole array by its name, or one of them; none where there is no such parameter.
@@ -245,7 +245,7 @@ pub fn elements_of<'f>(model: &CompiledModel, parameters: &'f Family, name: &str
         return &parameters.elements()[at..=at];
     }
     let mut first = 0;
-    for quantity in &model.interface().parameters {
+    for quantity in &model.interface().quantities.parameters {
         if quantity.name == *name {
             return &parameters.elements()[first..first + quantity.len()];
         }
@@ -257,7 +257,7 @@ pub fn elements_of<'f>(model: &CompiledModel, parameters: &'f Family, name: &str
 /// The disturbances alone, places in their region.
 #[must_use]
 pub fn disturbances(model: &CompiledModel) -> Family {
-    region(model, &model.interface().disturbances)
+    region(model, &model.interface().quantities.disturbances)
 }
 
 fn region(model: &CompiledModel, quantities: &[Quantity]) -> Family {
@@ -269,8 +269,8 @@ fn region(model: &CompiledModel, quantities: &[Quantity]) -> Family {
 
 /// The states in the order of the outside; the quantities list them in the order of `y`.
 fn states(interface: &Interface) -> Family {
-    let inside = family(&interface.states, |_, _, running| running);
-    let Some(order) = &interface.state_order else {
+    let inside = family(&interface.quantities.states, |_, _, running| running);
+    let Some(order) = &interface.quantities.state_order else {
         return inside;
     };
     let elements = order.iter().filter_map(|&at| inside.elements.get(at as usize));

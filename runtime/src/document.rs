@@ -78,8 +78,8 @@ pub fn markdown(model: &CompiledModel, source: Option<&Source>, figures: &[Figur
 fn facts(interface: &Interface) -> String {
     let count = |list: &[smpl_compiler::model::Quantity]| list.iter().map(smpl_compiler::model::Quantity::len).sum::<usize>();
     let plural = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
-    let mut parts = vec![plural(count(&interface.states), "state"), plural(count(&interface.actions), "action")];
-    parts.push(plural(interface.observations.len(), "observation"));
+    let mut parts = vec![plural(count(&interface.quantities.states), "state"), plural(count(&interface.quantities.actions), "action")];
+    parts.push(plural(interface.finish.observations.len(), "observation"));
     let phases = if interface.phases.is_empty() { String::new() } else { format!(", {} phases", interface.phases.len()) };
     let (episode, unit) = (&interface.episode, markdown::unit(&interface.time.unit));
     let (step, end) = (crate::failure::Short(episode.step), if episode.end_is_success { "a batch" } else { "an episode at most" });

@@ -135,9 +135,8 @@ impl Environment {
     /// An instance that is lent an integrator whenever it is reset or stepped, see [`with_integrator`](Self::with_integrator).
     pub(crate) fn without_integrator(setup: Arc<Setup>) -> Self {
         let system = setup.system.clone();
-        let interface = setup.model().interface();
-        let (unknowns, layout) = (setup.model().unknowns(), interface.finish);
-        let sensors = Sensors::new(&interface.observations, &setup.noise);
+        let (unknowns, ends) = (setup.model().unknowns(), &setup.model().interface().finish);
+        let sensors = Sensors::new(&ends.observations, &setup.noise);
         let progress = Progress {
             key: EpisodeKey::default(),
             next_key: EpisodeKey::default(),
@@ -147,7 +146,7 @@ impl Environment {
             y: vec![0.0; unknowns],
             yp: vec![0.0; unknowns],
             readings: sensors.blank(),
-            verdict: Verdict::blank(layout.failures, layout.constraints, layout.rewards),
+            verdict: Verdict::blank(ends.failures.len(), ends.constraints.len(), ends.rewards.len()),
             edges: vec![Edge::default(); system.root_count()],
             carried: Carried::default(),
             event_time: None,
@@ -157,7 +156,7 @@ impl Environment {
         Self {
             integrals: vec![0.0; system.region(Region::Quadrature).len()],
             integrator: Box::new(Absent),
-            finish: Finish::new(interface.finish),
+            finish: Finish::new(ends.layout()),
             scratch: vec![0.0; unknowns],
             statistics: Statistics::default(),
             drifts: Vec::new(),
@@ -473,6 +472,6 @@ impl Environment {
 
 /// Names of all limits of a model, see [`Environment::constraint_names`].
 pub fn constraint_names(interface: &Interface) -> impl Iterator<Item = &str> {
-    let failures = interface.failures.iter().map(|f| f.name.as_str());
-    std::iter::once(crate::failure::ACTION_BOX).chain(failures).chain(interface.constraints.iter().map(String::as_str))
+    let failures = interface.finish.failures.iter().map(|f| f.name.as_str());
+    std::iter::once(crate::failure::ACTION_BOX).chain(failures).chain(interface.finish.constraints.iter().map(String::as_str))
 }

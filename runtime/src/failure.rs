@@ -44,7 +44,7 @@ impl Failure {
             Failure::Solver => SOLVER,
             Failure::NotFinite => NOT_FINITE,
             Failure::Events => EVENTS,
-            Failure::Declared(index) => interface.failures.get(index as usize).map_or("", |f| &f.name),
+            Failure::Declared(index) => interface.finish.failures.get(index as usize).map_or("", |f| &f.name),
         }
     }
 }
@@ -152,12 +152,14 @@ impl NotFinite {
             Self::Unknown(at) if at < model.states() => ("the state", element(&catalogue.states, at)),
             Self::Unknown(at) => ("the variable", element(&catalogue.solved, at)),
             Self::Discrete(at) => ("the discrete variable", element(&catalogue.discretes, at)),
-            Self::Failure(i) => ("the condition of the failure", interface.failures.get(i).map(|f| f.name.clone()).unwrap_or_default()),
-            Self::Success(i) => ("the condition of the success", interface.successes.get(i).cloned().unwrap_or_default()),
-            Self::Constraint(i) => ("the constraint", interface.constraints.get(i).cloned().unwrap_or_default()),
+            Self::Failure(i) => {
+                ("the condition of the failure", interface.finish.failures.get(i).map(|f| f.name.clone()).unwrap_or_default())
+            }
+            Self::Success(i) => ("the condition of the success", interface.finish.successes.get(i).cloned().unwrap_or_default()),
+            Self::Constraint(i) => ("the constraint", interface.finish.constraints.get(i).cloned().unwrap_or_default()),
             Self::Event(i) => ("the condition of the event", model.roots_info().get(i).map(|r| r.name.clone()).unwrap_or_default()),
-            Self::Reward(i) => ("the reward", interface.rewards.get(i).map(|r| r.name.clone()).unwrap_or_default()),
-            Self::Observation(i) => ("the observation", interface.observations.get(i).map(|o| o.name.clone()).unwrap_or_default()),
+            Self::Reward(i) => ("the reward", interface.finish.rewards.get(i).map(|r| r.name.clone()).unwrap_or_default()),
+            Self::Observation(i) => ("the observation", interface.finish.observations.get(i).map(|o| o.name.clone()).unwrap_or_default()),
         };
         format!("{what} `{name}`")
     }

@@ -139,7 +139,7 @@ fn numbers(model: &CompiledModel) -> Vec<f64> {
         model.residual(&mut memory, t, &y, &yp, &mut residual);
         let mut roots = vec![0.0; model.roots_info().len()];
         model.roots(&mut memory, t, &y, &yp, &mut roots);
-        let mut outputs = vec![0.0; model.interface().algebraics.iter().map(smpl_compiler::model::Quantity::len).sum()];
+        let mut outputs = vec![0.0; model.interface().quantities.algebraics.iter().map(smpl_compiler::model::Quantity::len).sum()];
         model.outputs(&mut memory, t, &y, &yp, &mut outputs);
         all.extend(residual.into_iter().chain(roots).chain(outputs));
         for event in 0..model.model().programs.events.len() {

@@ -53,7 +53,7 @@ pub fn linearize(system: &mut CompiledSystem, catalogue: &Catalogue, t: f64, y: 
     let mass = &by_y - jacobian(system, t, y, 1.0);
     let (model, memory) = system.parts();
     let actions = catalogue.actions.len();
-    let observations = model.interface().observations.len();
+    let observations = model.interface().finish.observations.len();
     let mut derivative = |of, with, rows, columns| {
         let triplets = model.derivative(of, with, memory, t, (y, &yp));
         let triplets = triplets.map_err(|e| LinearizeError::Derivative { message: e.to_string() })?;

@@ -184,12 +184,13 @@ impl Setup {
         let settings = solver_settings(&model, &catalogue, &options)?;
         check_method(&model, &catalogue, settings.method)?;
         let reward = match &options.reward {
-            None => interface.default_reward as usize,
+            None => interface.finish.default_reward as usize,
             Some(name) => interface
+                .finish
                 .rewards
                 .iter()
                 .position(|r| r.name == *name)
-                .ok_or_else(|| UnknownName::new("reward", name, interface.rewards.iter().map(|r| r.name.as_str())))?,
+                .ok_or_else(|| UnknownName::new("reward", name, interface.finish.rewards.iter().map(|r| r.name.as_str())))?,
         };
         let noise = noise(&model, &options)?;
         check_names(&catalogue, &options)?;
@@ -301,7 +302,7 @@ impl Setup {
         fill_means(&mut self.system, &draws);
         set_parameters(&mut self.system, &given);
         check_parameters(&self.catalogue.parameters, self.system.region(Region::Param))?;
-        if self.model().interface().has_steady {
+        if self.model().interface().steady.is_some() {
             let guess = steady::guess(&self.system, &self.catalogue);
             let before = self.system.clone();
             if let Err(error) = steady::solve_declared(&mut self.system, &self.catalogue, &guess) {
@@ -417,7 +418,7 @@ fn linear_solver(name: &str) -> Result<LinearSolver, SetupError> {
 }
 
 fn noise(model: &CompiledModel, options: &EnvironmentOptions) -> Result<Vec<f64>, SetupError> {
-    let observations = &model.interface().observations;
+    let observations = &model.interface().finish.observations;
     let mut noise: Vec<f64> = observations.iter().map(|o| o.noise).collect();
     for (name, &deviation) in &options.noise {
         let at = observations

@@ -102,14 +102,14 @@ pub fn declared(system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut [f64
     let (model, memory) = system.parts();
     let interface = model.interface();
     let actions = catalogue.actions.elements();
-    if !interface.has_steady {
+    let Some(problem) = &interface.steady else {
         return (actions.iter().map(|a| a.default).collect(), Held::default());
-    }
-    let conditions = interface.steady_conditions as usize;
-    let mut out = vec![0.0; actions.len() + interface.steady_fixed.len() + conditions];
+    };
+    let conditions = problem.conditions as usize;
+    let mut out = vec![0.0; actions.len() + problem.fixed.len() + conditions];
     model.steady(memory, y, &mut out);
     let states = out.split_off(actions.len());
-    let states = interface.steady_fixed.iter().map(|&at| at as usize).zip(states).collect();
+    let states = problem.fixed.iter().map(|&at| at as usize).zip(states).collect();
     (out, Held { states, conditions: (0..conditions).collect() })
 }
 

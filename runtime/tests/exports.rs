@@ -278,11 +278,11 @@ fn expected(name: &str, model: &CompiledModel, k: &Catalogue, tables: &[Vec<(Str
     let order: Vec<usize> = k.states.elements().iter().chain(k.solved.elements()).map(|e| e.at).collect();
     let mut out = vec![0.0; model.unknowns()];
     let mut finish = vec![0.0; model.finish_len()];
-    let f = interface.finish;
-    let ends: Vec<usize> = [2 * f.failures, f.successes, f.constraints, f.rewards, f.observations]
+    let f = &interface.finish;
+    let ends: Vec<usize> = [2 * f.failures.len(), f.successes.len(), f.constraints.len(), f.rewards.len(), f.observations.len()]
         .iter()
         .scan(0, |sum, n| {
-            *sum += *n as usize;
+            *sum += *n;
             Some(*sum)
         })
         .collect();
@@ -300,7 +300,7 @@ fn expected(name: &str, model: &CompiledModel, k: &Catalogue, tables: &[Vec<(Str
                 "events" => model.roots_info().len(),
                 "integrals" => model.quadratures(),
                 "invariants" => 2 * interface.invariants.len(),
-                _ => interface.failures.iter().map(|f| f.items.len()).sum(),
+                _ => interface.finish.failures.iter().map(|f| f.items.len()).sum(),
             };
             let mut out = vec![0.0; n];
             match name {
@@ -432,10 +432,10 @@ fn all_of(name: &str, scenarios: &[&str], count: usize) {
     }
     let loaded = load(&path, &scenario(None)).expect("a model");
     let interface = loaded.model.interface();
-    let switches = interface.variants.iter().map(|(name, _)| name.clone());
-    let options = interface.choices.iter().flat_map(|(name, options, chosen)| {
-        let others = options.iter().enumerate().filter(move |(i, _)| *i != *chosen as usize);
-        others.map(move |(_, option)| format!("{name}={option}"))
+    let switches = interface.alternatives.variants.iter().map(|variant| variant.name.clone());
+    let options = interface.alternatives.choices.iter().flat_map(|choice| {
+        let others = choice.options.iter().filter(|option| choice.chosen() != Some(option));
+        others.map(|option| format!("{}={option}", choice.name))
     });
     for variant in switches.chain(options) {
         let options = LoadOptions { variants: vec![Variant::parse(&variant)], ..LoadOptions::default() };

@@ -136,9 +136,9 @@ impl CompiledModel {
         self.evaluate(Function::Finish, m, (t, 0.0), (y, yp), out);
     }
 
-    /// Algebraic outputs, all elements in the order of [`crate::model::Interface::algebraics`].
+    /// Algebraic outputs, all elements in the order of [`crate::model::Quantities::algebraics`].
     pub fn outputs(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
-        let expected = self.interface().algebraics.iter().map(crate::model::Quantity::len).sum::<usize>();
+        let expected = self.interface().quantities.algebraics.iter().map(crate::model::Quantity::len).sum::<usize>();
         assert_eq!(out.len(), expected, "number of algebraic outputs");
         self.evaluate(Function::Outputs, m, (t, 0.0), (y, yp), out);
     }
@@ -183,7 +183,7 @@ impl CompiledModel {
         self.interpret(&self.tapes.initial_discretes, m, 0.0, y, &[], &mut []);
     }
 
-    /// What the steady problem fixes: one number an action element, then one a state of `steady_fixed`, then by how much each condition
+    /// What the steady problem fixes: one number an action element, then one a state of [`crate::model::Steady::fixed`], then by how much each condition
     /// is missed at `y`.
     pub fn steady(&self, m: &mut Memory, y: &mut [f64], out: &mut [f64]) {
         self.check(m, y, y);
@@ -215,12 +215,12 @@ impl CompiledModel {
     /// The value of each item of each failure that is a box.
     pub fn boxes(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
         self.check(m, y, yp);
-        let expected = self.interface().failures.iter().map(|f| f.items.len()).sum::<usize>();
+        let expected = self.interface().finish.failures.iter().map(|f| f.items.len()).sum::<usize>();
         assert_eq!(out.len(), expected, "number of box items");
         self.interpret(&self.tapes.boxes, m, t, &mut y.to_vec(), yp, out);
     }
 
     fn actions_len(&self) -> usize {
-        self.interface().actions.iter().map(crate::model::Quantity::len).sum()
+        self.interface().quantities.actions.iter().map(crate::model::Quantity::len).sum()
     }
 }

@@ -80,12 +80,15 @@ impl CompiledModel {
         let mut rows = match of {
             Derived::Rows => differentiate::rows(&mut model)?,
             Derived::Observations => {
-                let first = model.interface.finish.observations().start as i64;
+                let first = model.interface.finish.layout().observations.start as i64;
                 output_rows(&model.programs.finish, first)
             }
             Derived::SteadyConditions => {
                 let first = model.programs.steady.nests.iter().map(|n| n.stores.len()).sum::<usize>() as i64;
-                output_rows(&model.programs.steady, first - i64::from(model.interface.steady_conditions))
+                output_rows(
+                    &model.programs.steady,
+                    first - i64::from(model.interface.steady.as_ref().map_or(0, |steady| steady.conditions)),
+                )
             }
         };
         for row in &mut rows {

@@ -139,7 +139,9 @@ impl CompiledModel {
             Part::Start => program("start", &programs.start, false, 0),
             Part::End => program("end", &programs.end, false, 0),
             Part::Finish => program("finish", &programs.finish, true, self.finish_len()),
-            Part::Outputs => program("outputs", &programs.outputs, true, crate::functions::elements(&model.interface.algebraics)),
+            Part::Outputs => {
+                program("outputs", &programs.outputs, true, crate::functions::elements(&model.interface.quantities.algebraics))
+            }
             Part::Roots => numbers("roots", model.roots.iter().map(|r| r.value).collect()),
             Part::Quadratures => numbers("quadratures", model.quadratures.clone()),
             _ => self.make_equations(part),

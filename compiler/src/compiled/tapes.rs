@@ -29,8 +29,8 @@ impl Tapes {
             Tape::new(job, &model.exprs, layout, Access { name, y, yp, out })
         };
         let program = |name, program: &Program, y, yp, out| tape(name, &Job::of_program(program, &model.slots), y, yp, out);
-        let actions = elements(&model.interface.actions);
-        let boxed = model.interface.failures.iter().map(|f| f.items.len()).sum();
+        let actions = elements(&model.interface.quantities.actions);
+        let boxed = model.interface.finish.failures.iter().map(|f| f.items.len()).sum();
         let steady = actions + steady_len(model);
         Ok(Tapes {
             prepare_parameters: tape("prepare_parameters", &parts.prepare_parameters, false, false, 0)?,

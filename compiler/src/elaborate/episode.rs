@@ -27,8 +27,9 @@ pub(in crate::elaborate) use observations::check_level;
 pub(crate) use order::ordered_initial;
 
 use crate::elaborate::lower::Lowering;
+use crate::elaborate::space::grids;
 use crate::ir::{Role, VarId};
-use crate::model::{Interface, Programs, Root};
+use crate::model::{Alternatives, Interface, Programs, Quantities, Root};
 
 /// The control problem of a model.
 #[derive(Default)]
@@ -57,7 +58,6 @@ pub(in crate::elaborate) fn elaborate_control(l: &mut Lowering<'_, '_>) -> Contr
     let ending = finish::ending(l, blocks, episode.end_is_success);
     let (outputs, algebraics) = outputs::output_program(l);
     let (invariant_program, invariants) = policies::invariants(l, blocks);
-    let lists = outputs::interface(l);
 
     let programs = Programs {
         parameters,
@@ -77,22 +77,15 @@ pub(in crate::elaborate) fn elaborate_control(l: &mut Lowering<'_, '_>) -> Contr
     let interface = Interface {
         episode,
         solver,
-        algebraics,
+        quantities: Quantities { algebraics, ..outputs::quantities(l) },
+        grids: grids::grids(l),
+        phases: phases::schedule_phases(l),
+        finish: ending.finish,
         invariants,
-        observations: ending.observations,
-        levels: ending.levels,
-        rewards: ending.rewards,
-        default_reward: ending.default_reward,
-        failures: ending.failures,
-        successes: ending.successes,
-        constraints: ending.constraints,
-        finish: ending.counts,
-        steady_fixed: steady.fixed,
-        steady_conditions: steady.conditions,
-        steady_given: steady.given,
-        has_steady: steady.said || l.hidden.steady,
+        steady: (steady.said || l.hidden.steady).then_some(steady.problem),
         start_resets: instants.start_resets,
-        ..lists
+        alternatives: Alternatives { levels: ending.levels, ..Alternatives::default() },
+        ..Interface::default()
     };
     let roots = instants.roots.into_iter().chain(ending.roots).collect();
     Control { programs, roots, unknowns: l.variables_of(Role::State), interface }

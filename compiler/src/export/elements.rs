@@ -78,7 +78,7 @@ impl Families {
     pub fn new(model: &Model, nominal: &Nominal<'_>) -> Families {
         let interface = &model.interface;
         let family = |quantities: &[Quantity]| flatten(quantities, nominal);
-        let mut states = family(&interface.states);
+        let mut states = family(&interface.quantities.states);
         // The quantities list states in the order of `y`.
         let mut start = 0;
         let mut places = vec![];
@@ -89,24 +89,24 @@ impl Families {
             element.place = element.place.or_else(|| places.get(start).copied());
             start += 1;
         }
-        let mut solved = family(&interface.solved);
+        let mut solved = family(&interface.quantities.solved);
         for (element, place) in solved.iter_mut().zip(places.iter().skip(start)) {
             element.place = Some(*place);
             element.nominal = nominal.value(place.0, Flavour::Value, place.1);
         }
-        if let Some(order) = &interface.state_order {
+        if let Some(order) = &interface.quantities.state_order {
             states = order.iter().filter_map(|&at| states.get(at as usize).cloned()).collect();
         }
-        let mut outputs = family(&interface.algebraics);
+        let mut outputs = family(&interface.quantities.algebraics);
         outputs.iter_mut().zip(nominal.outputs).for_each(|(element, value)| element.nominal = *value);
         Families {
             states,
             solved,
             outputs,
-            discretes: family(&interface.discretes),
-            actions: family(&interface.actions),
-            disturbances: family(&interface.disturbances),
-            parameters: family(&interface.parameters),
+            discretes: family(&interface.quantities.discretes),
+            actions: family(&interface.quantities.actions),
+            disturbances: family(&interface.quantities.disturbances),
+            parameters: family(&interface.quantities.parameters),
         }
     }
 }

@@ -94,10 +94,10 @@ fn values(sheet: &mut Sheet) -> Result<Vec<Function>, ExportError> {
     };
     let roots = model.roots.iter().map(|r| plain(r.name.clone())).collect();
     let integrals = (1..=model.quadratures.len()).map(|k| plain(format!("integral({k})"))).collect();
-    let invariants = i.invariants.iter().flat_map(|(name, _)| [plain(name.clone()), plain(format!("{name}'"))]).collect();
-    let boxed = i.failures.iter().flat_map(|f| &f.items).map(|item| Label { name: item.name.clone(), unit: item.unit.clone() });
+    let invariants = i.invariants.iter().flat_map(|x| [plain(x.name.clone()), plain(format!("{}'", x.name))]).collect();
+    let boxed = i.finish.failures.iter().flat_map(|f| &f.items).map(|item| Label { name: item.name.clone(), unit: item.unit.clone() });
     let mut list = vec![
-        function("outputs", "algebraic outputs", nests(sheet, &p.outputs)?, labels(&i.algebraics)),
+        function("outputs", "algebraic outputs", nests(sheet, &p.outputs)?, labels(&i.quantities.algebraics)),
         function(
             "events",
             "root functions of events, positive where the condition holds",
@@ -110,7 +110,7 @@ fn values(sheet: &mut Sheet) -> Result<Vec<Function>, ExportError> {
     ];
     for (name, program) in &p.policies {
         let text = format!("actions of the policy {name}");
-        list.push(function(&format!("policy_{name}"), &text, nests(sheet, program)?, labels(&i.actions)));
+        list.push(function(&format!("policy_{name}"), &text, nests(sheet, program)?, labels(&i.quantities.actions)));
     }
     Ok(list)
 }
@@ -121,13 +121,13 @@ fn finish(sheet: &mut Sheet) -> Result<Vec<Function>, ExportError> {
     let all = nests(sheet, &program)?;
     let i = &sheet.model.interface;
     let plain = |name: &String| Label { name: name.clone(), unit: "1".into() };
-    let failures = i.failures.iter().flat_map(|f| [plain(&f.name), plain(&format!("{} excess", f.name))]).collect();
-    let rewards = i.rewards.iter().map(|r| Label { name: r.name.clone(), unit: r.unit.clone() }).collect();
-    let observations = i.observations.iter().map(|o| Label { name: o.name.clone(), unit: o.unit.clone() }).collect();
+    let failures = i.finish.failures.iter().flat_map(|f| [plain(&f.name), plain(&format!("{} excess", f.name))]).collect();
+    let rewards = i.finish.rewards.iter().map(|r| Label { name: r.name.clone(), unit: r.unit.clone() }).collect();
+    let observations = i.finish.observations.iter().map(|o| Label { name: o.name.clone(), unit: o.unit.clone() }).collect();
     let parts: [(&str, &str, Vec<Label>); 5] = [
         ("failures", "for each failure, 1 where it holds (NaN where that is unknown), and its violation", failures),
-        ("successes", "1 where a success holds", i.successes.iter().map(plain).collect()),
-        ("constraints", "violation of each constraint, 0 when kept", i.constraints.iter().map(plain).collect()),
+        ("successes", "1 where a success holds", i.finish.successes.iter().map(plain).collect()),
+        ("constraints", "violation of each constraint, 0 when kept", i.finish.constraints.iter().map(plain).collect()),
         ("rewards", "rewards, before the error reward of failures", rewards),
         ("observations", "observations, physical units, without noise, delay and clipping", observations),
     ];

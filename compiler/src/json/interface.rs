@@ -5,8 +5,12 @@ use cranelift_entity::{EntityRef, PrimaryMap};
 use super::cursor::{At, ReadError};
 use super::nodes::variable;
 
+use super::write::families;
 use crate::ir::{Role, VarId};
-use crate::model::{Axis, BoxItem, Draw, Episode, Failure, Finish, Grid, Interface, Observed, Quantity, Reward, Solver, Time, Variable};
+use crate::model::{
+    AlgebraicCounts, Axis, BoxItem, Choice, Draw, Episode, Failure, Finish, Grid, Interface, Invariant, Observed, Quantities, Quantity,
+    Reward, Solver, Steady, Time, Variable, Variant,
+};
 
 type Vars = PrimaryMap<VarId, Variable>;
 
@@ -16,33 +20,33 @@ pub(super) fn read(root: &At<'_>, vars: &Vars) -> Result<Interface, ReadError> {
     let time = root.field("time")?;
     time.only(&["name", "unit"])?;
     i.time = Time { name: time.field("name")?.string()?, unit: time.field("unit")?.string()? };
-    quantities(&mut i, &root.field("quantities")?, vars)?;
+    i.quantities = quantities(&root.field("quantities")?, vars)?;
     let grids = root.field("grids")?;
     i.grids = grids.list(|at| grid(at, vars))?;
     check_cells(&grids, &i)?;
-    i.state_order = state_order(&root.field("state_order")?, count(&i.states))?;
+    i.quantities.state_order = state_order(&root.field("state_order")?, count(&i.quantities.states))?;
     let algebraic = root.field("algebraic")?;
     algebraic.only(&["declared", "solved", "substituted"])?;
-    for (slot, name) in i.algebraic_counts.iter_mut().zip(["declared", "solved", "substituted"]) {
-        *slot = algebraic.field(name)?.count(u32::MAX)?;
-    }
+    let number = |name: &str| algebraic.field(name)?.count(u32::MAX);
+    i.quantities.algebraic_counts =
+        AlgebraicCounts { declared: number("declared")?, solved: number("solved")?, substituted: number("substituted")? };
     i.draws = root.field("draws")?.list(draw)?;
     i.phases = texts(&root.field("phases")?)?;
-    i.levels = texts(&root.field("levels")?)?;
+    i.alternatives.levels = texts(&root.field("levels")?)?;
     i.invariants = root.field("invariants")?.list(|at| {
         at.only(&["name", "text"])?;
-        Ok((at.field("name")?.string()?, at.field("text")?.string()?))
+        Ok(Invariant { name: at.field("name")?.string()?, text: at.field("text")?.string()? })
     })?;
     i.start_resets = root.field("start_resets")?.flag()?;
-    finish(&mut i, &root.field("finish")?)?;
-    steady(&mut i, &root.field("steady")?)?;
+    i.finish = finish(&root.field("finish")?)?;
+    i.steady = steady(&root.field("steady")?, &i.quantities.states)?;
     i.episode = episode(&root.field("episode")?)?;
     i.solver = solver(&root.field("solver")?)?;
-    i.variants = root.field("variants")?.list(|at| {
+    i.alternatives.variants = root.field("variants")?.list(|at| {
         at.only(&["name", "on"])?;
-        Ok((at.field("name")?.string()?, at.field("on")?.flag()?))
+        Ok(Variant { name: at.field("name")?.string()?, on: at.field("on")?.flag()? })
     })?;
-    i.choices = root.field("choices")?.list(choice)?;
+    i.alternatives.choices = root.field("choices")?.list(choice)?;
     Ok(i)
 }
 
@@ -55,7 +59,7 @@ pub(super) fn texts(at: &At<'_>) -> Result<Vec<String>, ReadError> {
     at.list(|item| item.string())
 }
 
-fn quantities(i: &mut Interface, at: &At<'_>, vars: &Vars) -> Result<(), ReadError> {
+fn quantities(at: &At<'_>, vars: &Vars) -> Result<Quantities, ReadError> {
     at.only(&["states", "solved", "outputs", "discretes", "actions", "disturbances", "parameters"])?;
     let mut taken = vec![false; vars.len()];
     let mut family = |name: &str, role: Role, needs: bool| -> Result<Vec<Quantity>, ReadError> {
@@ -78,14 +82,16 @@ fn quantities(i: &mut Interface, at: &At<'_>, vars: &Vars) -> Result<(), ReadErr
         }
         Ok(all)
     };
-    i.states = family("states", Role::State, false)?;
-    i.solved = family("solved", Role::Algebraic, false)?;
-    i.discretes = family("discretes", Role::Discrete, true)?;
-    i.actions = family("actions", Role::Action, true)?;
-    i.disturbances = family("disturbances", Role::Disturbance, true)?;
-    i.parameters = family("parameters", Role::Param, true)?;
-    i.algebraics = family("outputs", Role::Algebraic, false)?;
-    Ok(())
+    Ok(Quantities {
+        states: family("states", Role::State, false)?,
+        solved: family("solved", Role::Algebraic, false)?,
+        discretes: family("discretes", Role::Discrete, true)?,
+        actions: family("actions", Role::Action, true)?,
+        disturbances: family("disturbances", Role::Disturbance, true)?,
+        parameters: family("parameters", Role::Param, true)?,
+        algebraics: family("outputs", Role::Algebraic, false)?,
+        ..Quantities::default()
+    })
 }
 
 fn quantity(at: &At<'_>, vars: &Vars) -> Result<Quantity, ReadError> {
@@ -137,8 +143,7 @@ fn grid(at: &At<'_>, vars: &Vars) -> Result<Grid, ReadError> {
 
 /// Every row of cells has its grid, with one face more than there are cells where any are known.
 fn check_cells(grids: &At<'_>, i: &Interface) -> Result<(), ReadError> {
-    let families = [&i.states, &i.solved, &i.algebraics, &i.discretes, &i.actions, &i.disturbances, &i.parameters];
-    for quantity in families.into_iter().flatten() {
+    for quantity in families(&i.quantities).into_iter().flat_map(|(_, family)| family) {
         for axis in &quantity.axes {
             let &Axis::Cells { grid, count } = axis else { continue };
             let faces = i.grids.get(grid as usize).map(|grid| grid.faces.len());
@@ -184,9 +189,9 @@ fn draw(at: &At<'_>) -> Result<Draw, ReadError> {
     Ok(Draw { stream: at.field("stream")?.string()?, kind: at.field("kind")?.word()?, instant: at.field("at")?.word()? })
 }
 
-fn finish(i: &mut Interface, at: &At<'_>) -> Result<(), ReadError> {
+fn finish(at: &At<'_>) -> Result<Finish, ReadError> {
     at.only(&["failures", "successes", "constraints", "rewards", "default_reward", "observations"])?;
-    i.failures = at.field("failures")?.list(|f| {
+    let failures = at.field("failures")?.list(|f| {
         f.only(&["name", "text", "event", "on_reward", "box"])?;
         Ok(Failure {
             name: f.field("name")?.string()?,
@@ -196,27 +201,28 @@ fn finish(i: &mut Interface, at: &At<'_>) -> Result<(), ReadError> {
             on_reward: f.field("on_reward")?.flag()?,
         })
     })?;
-    i.successes = texts(&at.field("successes")?)?;
-    i.constraints = texts(&at.field("constraints")?)?;
-    i.rewards = at.field("rewards")?.list(|r| {
+    let rewards = at.field("rewards")?.list(|r| {
         r.only(&["name", "unit", "text"])?;
         Ok(Reward { name: r.field("name")?.string()?, unit: r.field("unit")?.string()?, text: r.field("text")?.string()? })
     })?;
-    i.observations = at.field("observations")?.list(observed)?;
-    let default = at.field("default_reward")?;
-    if !(default.is_null() && i.rewards.is_empty()) {
-        let name = default.text()?;
-        let at = i.rewards.iter().position(|r| r.name == name);
-        i.default_reward = at.ok_or_else(|| default.fault(format!("there is no reward `{name}`")))? as u32;
+    Ok(Finish {
+        failures,
+        successes: texts(&at.field("successes")?)?,
+        constraints: texts(&at.field("constraints")?)?,
+        default_reward: default_reward(&at.field("default_reward")?, &rewards)?,
+        rewards,
+        observations: at.field("observations")?.list(observed)?,
+    })
+}
+
+/// The index of the reward that is named; no reward needs to be named where there is none.
+fn default_reward(at: &At<'_>, rewards: &[Reward]) -> Result<u32, ReadError> {
+    if at.is_null() && rewards.is_empty() {
+        return Ok(0);
     }
-    i.finish = Finish {
-        failures: i.failures.len() as u32,
-        successes: i.successes.len() as u32,
-        constraints: i.constraints.len() as u32,
-        rewards: i.rewards.len() as u32,
-        observations: i.observations.len() as u32,
-    };
-    Ok(())
+    let name = at.text()?;
+    let found = rewards.iter().position(|r| r.name == name);
+    Ok(found.ok_or_else(|| at.fault(format!("there is no reward `{name}`")))? as u32)
 }
 
 fn box_item(at: &At<'_>) -> Result<BoxItem, ReadError> {
@@ -243,21 +249,19 @@ fn observed(at: &At<'_>) -> Result<Observed, ReadError> {
     })
 }
 
-fn steady(i: &mut Interface, at: &At<'_>) -> Result<(), ReadError> {
+fn steady(at: &At<'_>, states: &[Quantity]) -> Result<Option<Steady>, ReadError> {
     if at.is_null() {
-        return Ok(());
+        return Ok(None);
     }
     at.only(&["fixed", "conditions", "given"])?;
-    i.has_steady = true;
-    i.steady_given = at.field("given")?.flag()?;
-    i.steady_conditions = at.field("conditions")?.count(super::read::MAX_ELEMENTS as u32)?;
-    let names = i.states.iter().flat_map(|q| (0..q.len()).map(|e| q.element_name(e)));
+    let names = states.iter().flat_map(|q| (0..q.len()).map(|e| q.element_name(e)));
     let places: std::collections::HashMap<String, u32> = names.zip(0..).collect();
-    i.steady_fixed = at.field("fixed")?.list(|name| {
+    let fixed = at.field("fixed")?.list(|name| {
         let text = name.text()?;
         places.get(text).copied().ok_or_else(|| name.fault(format!("there is no state `{text}`")))
     })?;
-    Ok(())
+    let conditions = at.field("conditions")?.count(super::read::MAX_ELEMENTS as u32)?;
+    Ok(Some(Steady { fixed, conditions, given: at.field("given")?.flag()? }))
 }
 
 fn positive(at: &At<'_>, name: &str) -> Result<f64, ReadError> {
@@ -316,11 +320,11 @@ fn solver(at: &At<'_>) -> Result<Solver, ReadError> {
     })
 }
 
-fn choice(at: &At<'_>) -> Result<(String, Vec<String>, u32), ReadError> {
+fn choice(at: &At<'_>) -> Result<Choice, ReadError> {
     at.only(&["name", "options", "chosen"])?;
     let (options, chosen) = (texts(&at.field("options")?)?, at.field("chosen")?);
     let name = chosen.text()?;
     let found = options.iter().position(|option| option == name);
     let found = found.ok_or_else(|| chosen.fault(format!("there is no option `{name}`")))?;
-    Ok((at.field("name")?.string()?, options, found as u32))
+    Ok(Choice { name: at.field("name")?.string()?, options, at: found as u32 })
 }

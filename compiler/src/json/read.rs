@@ -161,7 +161,8 @@ fn check_families(root: &At<'_>, model: &Model) -> Result<(), ReadError> {
     let at = root.field("quantities")?;
     let length =
         |role: Role| model.unknowns.iter().map(|v| &model.vars[*v]).filter(|v| v.role == role).map(|v| v.len as usize).sum::<usize>();
-    for (name, quantities, role) in [("states", &model.interface.states, Role::State), ("solved", &model.interface.solved, Role::Algebraic)]
+    for (name, quantities, role) in
+        [("states", &model.interface.quantities.states, Role::State), ("solved", &model.interface.quantities.solved, Role::Algebraic)]
     {
         let (found, expected) = (count(quantities), length(role));
         if found != expected {
@@ -194,7 +195,7 @@ fn roots(at: &At<'_>, nodes: &Nodes, model: &Model) -> Result<Vec<Root>, ReadErr
             Value::String(word) if word == "restart" => RootAction::Restart,
             Value::Object(_) if does.maybe("fail")?.is_some() => {
                 does.only(&["fail"])?;
-                RootAction::Fail(does.field("fail")?.index(model.interface.failures.len(), "failure")? as u32)
+                RootAction::Fail(does.field("fail")?.index(model.interface.finish.failures.len(), "failure")? as u32)
             }
             Value::Object(_) => {
                 does.only(&["run"])?;
@@ -331,7 +332,7 @@ fn check_elements(at: &At<'_>, model: &Model) -> Result<(), ReadError> {
     let layout = Layout::new(model, 0);
     let nominal = Nominal { layout: &layout, y: &[], work: &[], outputs: &[] };
     let expected = write::elements(&Families::new(model, &nominal));
-    let families = write::families(&model.interface).map(|(name, _)| name);
+    let families = write::families(&model.interface.quantities).map(|(name, _)| name);
     at.only(&families)?;
     for family in families {
         let list = at.field(family)?;

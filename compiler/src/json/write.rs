@@ -8,7 +8,7 @@ use super::{FORMAT, VERSION};
 use crate::artefact::Circumstances;
 use crate::export::{Element, ExportError, Families, Nominal, Origin};
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, FastSet, List, MAX_DEPTH, Place, Program, Role, VarId};
-use crate::model::{Axis, Grid, Interface, Model, Programs, Quantity, RootAction};
+use crate::model::{AlgebraicCounts, Axis, Finish, Grid, Interface, Model, Programs, Quantities, Quantity, RootAction, Steady};
 
 /// The text of a model.
 ///
@@ -29,10 +29,10 @@ pub(crate) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
             "name": v.name, "role": v.role.word(), "length": v.len,
         })).collect::<Vec<_>>(),
         "unknowns": model.unknowns.iter().map(|v| v.index()).collect::<Vec<_>>(),
-        "quantities": quantities(i),
+        "quantities": quantities(&i.quantities),
         "grids": i.grids.iter().map(grid).collect::<Vec<_>>(),
-        "state_order": i.state_order,
-        "algebraic": {"declared": i.algebraic_counts[0], "solved": i.algebraic_counts[1], "substituted": i.algebraic_counts[2]},
+        "state_order": i.quantities.state_order,
+        "algebraic": counts(i.quantities.algebraic_counts),
         "elements": elements(&families),
         "expressions": nodes.list(model),
         "equations": model.rows.iter().map(|row| json!({
@@ -46,23 +46,21 @@ pub(crate) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
         "integrals": model.quadratures.iter().map(|q| nodes.number(*q)).collect::<Vec<_>>(),
         "programs": programs(&model.programs).into_iter().map(|(name, p)| (name, program(p, &nodes))).collect::<Map<_, _>>(),
         "policies": model.programs.policies.iter().map(|(name, _)| name).collect::<Vec<_>>(),
-        "finish": finish(i),
+        "finish": finish(&i.finish),
         "draws": i.draws.iter().map(|d| json!({
             "stream": d.stream,
             "kind": d.kind.word(),
             "at": d.instant.word(),
         })).collect::<Vec<_>>(),
-        "levels": i.levels,
+        "levels": i.alternatives.levels,
         "phases": i.phases,
-        "invariants": i.invariants.iter().map(|(name, text)| json!({"name": name, "text": text})).collect::<Vec<_>>(),
+        "invariants": i.invariants.iter().map(|x| json!({"name": x.name, "text": x.text})).collect::<Vec<_>>(),
         "steady": steady(i, &families),
         "start_resets": i.start_resets,
         "episode": i.episode,
         "solver": solver(i),
-        "variants": i.variants.iter().map(|(name, on)| json!({"name": name, "on": on})).collect::<Vec<_>>(),
-        "choices": i.choices.iter().map(|(name, options, chosen)| json!({
-            "name": name, "options": options, "chosen": options.get(*chosen as usize),
-        })).collect::<Vec<_>>(),
+        "variants": i.alternatives.variants.iter().map(|v| json!({"name": v.name, "on": v.on})).collect::<Vec<_>>(),
+        "choices": i.alternatives.choices.iter().map(|c| json!({"name": c.name, "options": c.options, "chosen": c.chosen()})).collect::<Vec<_>>(),
     });
     Ok(serde_json::to_string_pretty(&value)? + "\n")
 }
@@ -77,8 +75,13 @@ fn made_for(circumstances: &Circumstances) -> Value {
     })
 }
 
+fn counts(counts: AlgebraicCounts) -> Value {
+    let AlgebraicCounts { declared, solved, substituted } = counts;
+    json!({"declared": declared, "solved": solved, "substituted": substituted})
+}
+
 /// The families of quantities with their names.
-pub(super) fn families(i: &Interface) -> [(&'static str, &[Quantity]); 7] {
+pub(super) fn families(i: &Quantities) -> [(&'static str, &[Quantity]); 7] {
     [
         ("states", &i.states),
         ("solved", &i.solved),
@@ -90,7 +93,7 @@ pub(super) fn families(i: &Interface) -> [(&'static str, &[Quantity]); 7] {
     ]
 }
 
-fn quantities(i: &Interface) -> Value {
+fn quantities(i: &Quantities) -> Value {
     let list = |family: &[Quantity]| Value::Array(family.iter().map(quantity).collect());
     Value::Object(families(i).into_iter().map(|(name, family)| (name.to_owned(), list(family))).collect())
 }
@@ -150,7 +153,7 @@ fn solver(i: &Interface) -> Value {
 }
 
 /// What the outputs of the program `finish` are, one after another; a failure has two numbers.
-fn finish(i: &Interface) -> Value {
+fn finish(finish: &Finish) -> Value {
     let observation = |o: &crate::model::Observed| {
         json!({
             "name": o.name, "unit": o.unit, "low": number(o.low), "high": number(o.high), "every": o.every, "delay": o.delay, "noise": number(o.noise),
@@ -163,27 +166,25 @@ fn finish(i: &Interface) -> Value {
         })
     };
     json!({
-        "failures": i.failures.iter().map(failure).collect::<Vec<_>>(),
-        "successes": i.successes,
-        "constraints": i.constraints,
-        "rewards": i.rewards.iter().map(|r| json!({"name": r.name, "unit": r.unit, "text": r.text})).collect::<Vec<_>>(),
-        "default_reward": i.rewards.get(i.default_reward as usize).map(|r| &r.name),
-        "observations": i.observations.iter().map(observation).collect::<Vec<_>>(),
+        "failures": finish.failures.iter().map(failure).collect::<Vec<_>>(),
+        "successes": finish.successes,
+        "constraints": finish.constraints,
+        "rewards": finish.rewards.iter().map(|r| json!({"name": r.name, "unit": r.unit, "text": r.text})).collect::<Vec<_>>(),
+        "default_reward": finish.rewards.get(finish.default_reward as usize).map(|r| &r.name),
+        "observations": finish.observations.iter().map(observation).collect::<Vec<_>>(),
     })
 }
 
 fn steady(i: &Interface, families: &Families) -> Value {
-    if !i.has_steady {
-        return Value::Null;
-    }
+    let Some(Steady { fixed, conditions, given }) = &i.steady else { return Value::Null };
     let mut inside: Vec<&Element> = families.states.iter().collect();
-    if let Some(order) = &i.state_order {
+    if let Some(order) = &i.quantities.state_order {
         let mut sorted = inside.clone();
         order.iter().zip(&inside).for_each(|(&at, element)| sorted[at as usize] = element);
         inside = sorted;
     }
-    let fixed: Vec<&str> = i.steady_fixed.iter().filter_map(|&at| Some(inside.get(at as usize)?.name.as_str())).collect();
-    json!({"fixed": fixed, "conditions": i.steady_conditions, "given": i.steady_given})
+    let fixed: Vec<&str> = fixed.iter().filter_map(|&at| Some(inside.get(at as usize)?.name.as_str())).collect();
+    json!({"fixed": fixed, "conditions": conditions, "given": given})
 }
 
 fn action(action: RootAction) -> Value {

@@ -6,70 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Episode, Grid, Quantity, Solver};
 
-/// Layout of the output of [`super::Programs::finish`]: the parts one after another.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Finish {
-    /// For each failure two numbers: 1 if it holds, NaN if that is unknown, and the violation (largest excess over the range, 0 when kept).
-    pub failures: u32,
-    /// For each success condition one number, 1 if it holds, NaN if that is unknown.
-    pub successes: u32,
-    /// For each constraint one number, the violation, NaN if it is unknown.
-    pub constraints: u32,
-    /// One number a reward, before the error reward of failures.
-    pub rewards: u32,
-    /// One number an observation, physical units, unclipped.
-    pub observations: u32,
-}
-
-impl Finish {
-    /// How many numbers there are.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.observations().end
-    }
-
-    /// Whether there are none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// Where the failures stand: condition and violation of each.
-    #[must_use]
-    pub fn failures(&self) -> Range<usize> {
-        behind(0, 2 * self.failures)
-    }
-
-    /// Where the conditions of success stand.
-    #[must_use]
-    pub fn successes(&self) -> Range<usize> {
-        behind(self.failures().end, self.successes)
-    }
-
-    /// Where the violations of constraints stand.
-    #[must_use]
-    pub fn constraints(&self) -> Range<usize> {
-        behind(self.successes().end, self.constraints)
-    }
-
-    /// Where the rewards stand.
-    #[must_use]
-    pub fn rewards(&self) -> Range<usize> {
-        behind(self.constraints().end, self.rewards)
-    }
-
-    /// Where the observations stand.
-    #[must_use]
-    pub fn observations(&self) -> Range<usize> {
-        behind(self.rewards().end, self.observations)
-    }
-}
-
-fn behind(start: usize, count: u32) -> Range<usize> {
-    start..start + count as usize
-}
-
-/// All that is seen from outside. It has many fields: one for each kind of thing that a model declares.
+/// All that is seen from outside.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Interface {
     /// Name of the model.
@@ -78,67 +15,198 @@ pub struct Interface {
     pub text: String,
     /// The independent variable.
     pub time: Time,
+    /// Everything that has a name, a unit and bounds.
+    pub quantities: Quantities,
+    /// Domains in space.
+    pub grids: Vec<Grid>,
+    /// Names of the phases in their order, whose number (from 1) the discrete variable `phase` holds; empty without a schedule.
+    pub phases: Vec<String>,
+    /// Random numbers: element i of the variable of role `Draw`.
+    pub draws: Vec<Draw>,
+    /// What a step ends in.
+    pub finish: Finish,
+    /// Invariants.
+    pub invariants: Vec<Invariant>,
+    /// The steady problem, where a `steady` block exists or `steady()` is used.
+    pub steady: Option<Steady>,
+    /// Some `at start` program resets states.
+    pub start_resets: bool,
+    /// Episode settings.
+    pub episode: Episode,
+    /// Solver settings.
+    pub solver: Solver,
+    /// What can be chosen of it.
+    pub alternatives: Alternatives,
+}
+
+/// The quantities of a model by their kind, each kind in declaration order.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Quantities {
     /// Differential states.
     pub states: Vec<Quantity>,
-    /// Positions in `y` of the state elements in the order of the outside; `None` where it is the identity.
+    /// Positions in `y` of the state elements in declaration order; `None` where it is the identity.
     pub state_order: Option<Vec<u32>>,
     /// Algebraic outputs: declared algebraic variables and `let`s with a unit.
     pub algebraics: Vec<Quantity>,
     /// Solved algebraic unknowns (the part of `y` after the states).
     pub solved: Vec<Quantity>,
-    /// Elements of algebraic variables: declared (those of [`Interface::algebraics`]), solved for (members of ports too), and of the
-    /// declared ones substituted.
-    pub algebraic_counts: [u32; 3],
+    /// What became of the algebraic variables.
+    pub algebraic_counts: AlgebraicCounts,
     /// Discrete variables.
     pub discretes: Vec<Quantity>,
-    /// Domains in space.
-    pub grids: Vec<Grid>,
-    /// Names of the phases in their order, whose number (from 1) the discrete variable `phase` holds; empty without a schedule.
-    pub phases: Vec<String>,
     /// Actions.
     pub actions: Vec<Quantity>,
     /// Disturbances.
     pub disturbances: Vec<Quantity>,
     /// Parameters.
     pub parameters: Vec<Quantity>,
-    /// Random numbers: element i of the variable of role `Draw`.
-    pub draws: Vec<Draw>,
-    /// Observations of the chosen level.
-    pub observations: Vec<Observed>,
-    /// Names of the observation levels (`default` first, `full` last).
-    pub levels: Vec<String>,
-    /// Rewards.
-    pub rewards: Vec<Reward>,
-    /// Index of the default reward.
-    pub default_reward: u32,
+}
+
+/// Numbers of elements of algebraic variables.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct AlgebraicCounts {
+    /// Declared: those of [`Quantities::algebraics`].
+    pub declared: u32,
+    /// Solved for, members of ports too.
+    pub solved: u32,
+    /// Of the declared ones, substituted.
+    pub substituted: u32,
+}
+
+/// What a step ends in, in the order of the output of [`super::Programs::finish`].
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Finish {
     /// Failures that the model declares.
     pub failures: Vec<Failure>,
     /// Names of the success conditions.
     pub successes: Vec<String>,
     /// Names of the constraints that end nothing.
     pub constraints: Vec<String>,
-    /// Layout of the `finish` program.
-    pub finish: Finish,
-    /// Invariants: name and text.
-    pub invariants: Vec<(String, String)>,
-    /// State elements (positions in `y`) whose values the steady problem fixes; the program `steady` gives them.
-    pub steady_fixed: Vec<u32>,
+    /// Rewards.
+    pub rewards: Vec<Reward>,
+    /// Index of the default reward.
+    pub default_reward: u32,
+    /// Observations of the chosen level.
+    pub observations: Vec<Observed>,
+}
+
+impl Finish {
+    /// Where each part stands in the output of the program.
+    #[must_use]
+    pub fn layout(&self) -> FinishLayout {
+        let mut end = 0;
+        let mut behind = |count: usize| {
+            let start = end;
+            end += count;
+            start..end
+        };
+        FinishLayout {
+            failures: behind(2 * self.failures.len()),
+            successes: behind(self.successes.len()),
+            constraints: behind(self.constraints.len()),
+            rewards: behind(self.rewards.len()),
+            observations: behind(self.observations.len()),
+        }
+    }
+}
+
+/// Layout of the output of [`super::Programs::finish`]: the parts one after another.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct FinishLayout {
+    /// For each failure two numbers: 1 if it holds, NaN if that is unknown, and the violation (largest excess over the range, 0 when kept).
+    pub failures: Range<usize>,
+    /// For each success condition one number, 1 if it holds, NaN if that is unknown.
+    pub successes: Range<usize>,
+    /// For each constraint one number, the violation, NaN if it is unknown.
+    pub constraints: Range<usize>,
+    /// One number a reward, before the error reward of failures.
+    pub rewards: Range<usize>,
+    /// One number an observation, physical units, unclipped.
+    pub observations: Range<usize>,
+}
+
+impl FinishLayout {
+    /// How many numbers there are.
+    #[must_use]
+    pub fn total(&self) -> usize {
+        self.observations.end
+    }
+}
+
+/// A quantity that the equations keep, or whose rate is known.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Invariant {
+    /// Name.
+    pub name: String,
+    /// Describing text.
+    pub text: String,
+}
+
+/// The steady problem.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Steady {
+    /// State elements (positions in `y`) whose values the problem fixes; the program `steady` gives them.
+    pub fixed: Vec<u32>,
     /// Number of conditions on the steady state, `A + B = 1`; the program `steady` gives their differences, left less right, last.
-    pub steady_conditions: u32,
+    pub conditions: u32,
     /// The steady state is given in full, nothing is solved.
-    pub steady_given: bool,
-    /// A `steady` block exists, or `steady()` is used.
-    pub has_steady: bool,
-    /// Episode settings.
-    pub episode: Episode,
-    /// Solver settings.
-    pub solver: Solver,
-    /// Names of variants (switches) with whether they are on.
-    pub variants: Vec<(String, bool)>,
-    /// Choices: name, options, index of the chosen one.
-    pub choices: Vec<(String, Vec<String>, u32)>,
-    /// Some `at start` program resets states.
-    pub start_resets: bool,
+    pub given: bool,
+}
+
+/// What can be chosen of a model, and what was.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Alternatives {
+    /// Names of the observation levels (`default` first, `full` last).
+    pub levels: Vec<String>,
+    /// Variants.
+    pub variants: Vec<Variant>,
+    /// Choices.
+    pub choices: Vec<Choice>,
+}
+
+/// A switch.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Variant {
+    /// Name.
+    pub name: String,
+    /// Whether it is on.
+    pub on: bool,
+}
+
+/// A choice between options.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Choice {
+    /// Name.
+    pub name: String,
+    /// Names of the options.
+    pub options: Vec<String>,
+    /// Index of the chosen one.
+    pub at: u32,
+}
+
+impl Choice {
+    /// The chosen option.
+    #[must_use]
+    pub fn chosen(&self) -> Option<&str> {
+        self.options.get(self.at as usize).map(String::as_str)
+    }
+}
+
+impl Alternatives {
+    /// Whether a choice has an option, or a variant is on (`true`) or off (`false`).
+    #[must_use]
+    pub fn has_chosen(&self, name: &str, option: &str) -> bool {
+        match self.choices.iter().find(|choice| choice.name == name).and_then(Choice::chosen) {
+            Some(chosen) => chosen == option,
+            None => self.variants.iter().any(|variant| variant.name == name && option.parse() == Ok(variant.on)),
+        }
+    }
+
+    /// Whether a variant or a choice has the name.
+    #[must_use]
+    pub fn names(&self, name: &str) -> bool {
+        self.choices.iter().any(|choice| choice.name == name) || self.variants.iter().any(|variant| variant.name == name)
+    }
 }
 
 /// One random number.
@@ -235,16 +303,4 @@ pub struct Time {
     pub name: String,
     /// Its unit.
     pub unit: String,
-}
-
-impl Interface {
-    /// Whether a choice has an option, or a variant is on (`true`) or off (`false`).
-    #[must_use]
-    pub fn has_chosen(&self, name: &str, option: &str) -> bool {
-        let choice = self.choices.iter().find(|(choice, ..)| choice == name);
-        match choice.and_then(|(_, options, at)| options.get(*at as usize)) {
-            Some(chosen) => chosen == option,
-            None => self.variants.iter().any(|(variant, on)| variant == name && option.parse() == Ok(*on)),
-        }
-    }
 }

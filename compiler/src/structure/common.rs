@@ -45,7 +45,7 @@ pub(super) fn passes(extents: &[u32]) -> i64 {
 /// Name of an element, as the outside knows it.
 pub(super) fn element_name(model: &Model, var: VarId, element: i64) -> String {
     let i = &model.interface;
-    let lists = [&i.states, &i.algebraics, &i.solved];
+    let lists = [&i.quantities.states, &i.quantities.algebraics, &i.quantities.solved];
     match lists.into_iter().flatten().find(|q| q.var == Some(var)) {
         Some(q) => q.element_name(element.max(0) as usize),
         None if model.vars[var].len == 1 => model.vars[var].name.clone(),

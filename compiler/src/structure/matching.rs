@@ -11,7 +11,7 @@ use super::common::{element_name, passes, replace_everywhere};
 use super::rates::Rates;
 use crate::elaborate::{Equation, EquationForm, for_each_element};
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, Flavour, LoopVar, Rewritten, Role, VarId};
-use crate::model::{Model, Quantity, Row, Variable};
+use crate::model::{AlgebraicCounts, Model, Quantity, Row, Variable};
 
 /// Largest number of passes of an implicit equation that is written out for matching.
 const WRITTEN_OUT: i64 = 20_000;
@@ -323,7 +323,7 @@ fn without_equation(model: &Model, (var, i): Element, count: usize) -> Diagnosti
     let what = if is_state { format!("`d/dt {name}`") } else { format!("`{name}`") };
     let more = if count > 1 { format!(" (and {} more of its elements)", count - 1) } else { String::new() };
     let whole = count > 1 && count == v.len as usize;
-    let own = match model.interface.states.iter().chain(&model.interface.algebraics).find(|q| q.var == Some(var)) {
+    let own = match model.interface.quantities.states.iter().chain(&model.interface.quantities.algebraics).find(|q| q.var == Some(var)) {
         Some(q) if whole && !q.axes.is_empty() => format!("{}[{}]", q.name, vec!["..."; q.axes.len()].join(", ")),
         _ => name.clone(),
     };
@@ -356,24 +356,25 @@ fn complete(model: &mut Model, mut rows: Vec<Row>) -> Vec<Row> {
         *count += passes(&row.extents);
         offsets.push(row.at.offset);
     }
-    let quantities: FastMap<VarId, usize> = model.interface.algebraics.iter().enumerate().filter_map(|(i, q)| Some((q.var?, i))).collect();
+    let quantities: FastMap<VarId, usize> =
+        model.interface.quantities.algebraics.iter().enumerate().filter_map(|(i, q)| Some((q.var?, i))).collect();
     let mut renamed: FastMap<Element, VarId> = FastMap::default();
-    let declared: u32 = model.interface.algebraics.iter().map(|q| q.len() as u32).sum();
+    let declared: u32 = model.interface.quantities.algebraics.iter().map(|q| q.len() as u32).sum();
     let (mut solved, mut hidden) = (0, 0);
     for (var, (count, mut offsets)) in parts {
         solved += count as u32;
-        let quantity = quantities.get(&var).map(|&i| model.interface.algebraics[i].clone());
+        let quantity = quantities.get(&var).map(|&i| model.interface.quantities.algebraics[i].clone());
         // Members of ports are shown nowhere, but may be solved for.
         hidden += if quantity.is_none() { count as u32 } else { 0 };
         if count == i64::from(model.vars[var].len) {
             model.unknowns.push(var);
-            model.interface.solved.push(quantity.unwrap_or_else(|| plain(model, var, None)));
+            model.interface.quantities.solved.push(quantity.unwrap_or_else(|| plain(model, var, None)));
             continue;
         }
         offsets.sort_unstable();
         renamed.extend(offsets.into_iter().map(|i| ((var, i), element_as_unknown(model, var, i, quantity.as_ref()))));
     }
-    model.interface.algebraic_counts = [declared, solved, declared - (solved - hidden)];
+    model.interface.quantities.algebraic_counts = AlgebraicCounts { declared, solved, substituted: declared - (solved - hidden) };
     if !renamed.is_empty() {
         rename_elements(model, &mut rows, &renamed);
     }
@@ -393,7 +394,7 @@ fn element_as_unknown(model: &mut Model, var: VarId, i: i64, quantity: Option<&Q
     let new = model.vars.push(Variable { name, role: Role::Algebraic, len: 1, span });
     model.unknowns.push(new);
     let q = plain(model, new, quantity.map(|q| (q, i)));
-    model.interface.solved.push(q);
+    model.interface.quantities.solved.push(q);
     new
 }
 

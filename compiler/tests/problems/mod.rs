@@ -45,9 +45,9 @@ impl Maker {
             structural: false,
         };
         if role == Role::Action {
-            self.model.interface.actions.push(quantity);
+            self.model.interface.quantities.actions.push(quantity);
         } else {
-            self.model.interface.parameters.push(quantity);
+            self.model.interface.quantities.parameters.push(quantity);
         }
         self.load(var, Affine::default())
     }

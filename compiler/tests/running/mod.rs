@@ -59,7 +59,7 @@ impl Running {
     /// Unknown elements by name.
     pub fn names(&self) -> Vec<String> {
         let i = self.model.interface();
-        i.states.iter().chain(&i.solved).flat_map(|q| (0..q.len()).map(|e| q.element_name(e))).collect()
+        i.quantities.states.iter().chain(&i.quantities.solved).flat_map(|q| (0..q.len()).map(|e| q.element_name(e))).collect()
     }
 
     fn position(&self, name: &str) -> usize {
@@ -94,7 +94,8 @@ impl Running {
 
     /// An algebraic output by name.
     pub fn output(&mut self, name: &str) -> f64 {
-        let names: Vec<String> = self.model.interface().algebraics.iter().flat_map(|q| (0..q.len()).map(|e| q.element_name(e))).collect();
+        let names: Vec<String> =
+            self.model.interface().quantities.algebraics.iter().flat_map(|q| (0..q.len()).map(|e| q.element_name(e))).collect();
         let Running { model, memory, y, yp, t } = self;
         let mut out = vec![f64::NAN; names.len()];
         model.prepare_step(memory);
@@ -114,16 +115,16 @@ impl Running {
 
     /// A reward by its number.
     pub fn reward(&mut self, index: usize) -> f64 {
-        let f = self.model.interface().finish;
-        self.finish()[(2 * f.failures + f.successes + f.constraints) as usize + index]
+        let at = self.model.interface().finish.layout().rewards.start;
+        self.finish()[at + index]
     }
 
     /// An observation by its name.
     pub fn observation(&mut self, name: &str) -> f64 {
         let i = self.model.interface();
-        let f = i.finish;
-        let at = i.observations.iter().position(|o| o.name == name).expect("an observation");
-        self.finish()[(2 * f.failures + f.successes + f.constraints + f.rewards) as usize + at]
+        let at = i.finish.observations.iter().position(|o| o.name == name).expect("an observation");
+        let first = i.finish.layout().observations.start;
+        self.finish()[first + at]
     }
 
     fn slot(&self, list: &[Quantity], name: &str) -> usize {
@@ -135,28 +136,28 @@ impl Running {
     }
 
     pub fn parameter(&self, name: &str) -> f64 {
-        self.memory.region(Region::Param)[self.slot(&self.model.interface().parameters, name)]
+        self.memory.region(Region::Param)[self.slot(&self.model.interface().quantities.parameters, name)]
     }
 
     /// Gives a parameter a value from outside.
     pub fn give(&mut self, name: &str, value: f64) {
-        let at = self.slot(&self.model.interface().parameters, name);
+        let at = self.slot(&self.model.interface().quantities.parameters, name);
         self.memory.region_mut(Region::Param)[at] = value;
         self.memory.region_mut(Region::ParamGiven)[at] = 1.0;
         self.restart();
     }
 
     pub fn discrete(&self, name: &str) -> f64 {
-        self.memory.region(Region::Discrete)[self.slot(&self.model.interface().discretes, name)]
+        self.memory.region(Region::Discrete)[self.slot(&self.model.interface().quantities.discretes, name)]
     }
 
     pub fn set_discrete(&mut self, name: &str, value: f64) {
-        let at = self.slot(&self.model.interface().discretes, name);
+        let at = self.slot(&self.model.interface().quantities.discretes, name);
         self.memory.region_mut(Region::Discrete)[at] = value;
     }
 
     pub fn set_action(&mut self, name: &str, value: f64) {
-        let at = self.slot(&self.model.interface().actions, name);
+        let at = self.slot(&self.model.interface().quantities.actions, name);
         self.memory.region_mut(Region::Action)[at] = value;
     }
 

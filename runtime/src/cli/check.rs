@@ -106,8 +106,8 @@ fn without_place(file: &PathBuf, error: &LoadError) -> Json {
 
 /// Largest drift of each invariant over a nominal episode: the change of its value less the integral of its rate.
 fn invariants(loaded: Loaded) -> Result<String, Failed> {
-    let names = loaded.model.interface().invariants.clone();
-    if names.is_empty() {
+    let invariants = loaded.model.interface().invariants.clone();
+    if invariants.is_empty() {
         return Ok("no invariants declared\n".into());
     }
     let setup = Setup::new(loaded.model, loaded.options, Some(Arc::clone(&loaded.sources)))?;
@@ -122,13 +122,13 @@ fn invariants(loaded: Loaded) -> Result<String, Failed> {
         environment.step(&action)?;
     }
     let drifts = environment.invariant_drifts();
-    let lines = names.iter().zip(drifts).map(|((name, _), drift)| {
+    let lines = invariants.iter().zip(drifts).map(|(invariant, drift)| {
         // A balance is nothing but rounding; its parts are what the drift is to be compared with, and only the model knows them.
         let relative = match drift.largest / drift.magnitude.max(f64::MIN_POSITIVE) {
             relative if relative < 0.1 => format!(" ({relative:.1e} of its magnitude)"),
             _ => String::new(),
         };
-        format!("invariant {name}: drift {:.3e} over {} steps{relative}\n", drift.largest, environment.steps())
+        format!("invariant {}: drift {:.3e} over {} steps{relative}\n", invariant.name, drift.largest, environment.steps())
     });
     let mut text: String = lines.collect();
     if let Some(end) = super::simulate::early_end(&mut environment) {

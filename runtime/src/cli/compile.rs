@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 use smpl_compiler::compiled::CompiledModel;
-use smpl_compiler::model::Quantity;
+use smpl_compiler::model::{AlgebraicCounts, Quantity};
 
 use super::report::Failed;
 use super::{ModelArguments, outputs, say};
@@ -104,16 +104,16 @@ fn summary(model: &std::sync::Arc<CompiledModel>, loading: Duration, out: &Path)
     let interface = model.interface();
     let statistics = model.statistics();
     let count = |quantities: &[Quantity]| quantities.iter().map(Quantity::len).sum::<usize>();
-    let [declared, solved, substituted] = interface.algebraic_counts;
+    let AlgebraicCounts { declared, solved, substituted } = interface.quantities.algebraic_counts;
     let mut text = String::new();
     // Writing into a string cannot fail.
     let _ = writeln!(text, "model {}: {}", interface.name, interface.text);
     let _ = writeln!(text, "  differential states   {}", model.states());
     let _ = writeln!(text, "  algebraic variables   {declared} declared, {solved} solved, {substituted} substituted");
-    let _ = writeln!(text, "  discrete variables    {}", count(&interface.discretes));
-    let _ = writeln!(text, "  actions               {}", count(&interface.actions));
-    let _ = writeln!(text, "  observations          {}", interface.observations.len());
-    let _ = writeln!(text, "  parameters            {}", count(&interface.parameters));
+    let _ = writeln!(text, "  discrete variables    {}", count(&interface.quantities.discretes));
+    let _ = writeln!(text, "  actions               {}", count(&interface.quantities.actions));
+    let _ = writeln!(text, "  observations          {}", interface.finish.observations.len());
+    let _ = writeln!(text, "  parameters            {}", count(&interface.quantities.parameters));
     let _ = writeln!(text, "  Jacobian              {} nonzeros, {}", model.pattern().row_indices.len(), method(model)?);
     let back_end = statistics.differentiate + statistics.hoist + statistics.generate;
     let phases = [
@@ -142,12 +142,12 @@ fn method(model: &std::sync::Arc<CompiledModel>) -> Result<String, Failed> {
 fn places(model: &CompiledModel) -> HashMap<String, (String, usize)> {
     let interface = model.interface();
     let lists = [
-        &interface.states,
-        &interface.algebraics,
-        &interface.discretes,
-        &interface.actions,
-        &interface.disturbances,
-        &interface.parameters,
+        &interface.quantities.states,
+        &interface.quantities.algebraics,
+        &interface.quantities.discretes,
+        &interface.quantities.actions,
+        &interface.quantities.disturbances,
+        &interface.quantities.parameters,
     ];
     let mut places = HashMap::new();
     for list in lists {
@@ -179,14 +179,15 @@ fn interface_json(model: &CompiledModel) -> Result<String, Failed> {
         family.elements().iter().map(described).collect()
     };
     let observations: Vec<_> = interface
+        .finish
         .observations
         .iter()
         .map(
             |o| json!({"name": o.name, "unit": o.unit, "low": o.low, "high": o.high, "every": o.every, "delay": o.delay, "noise": o.noise}),
         )
         .collect();
-    let rewards: Vec<_> = interface.rewards.iter().map(|r| json!({"name": r.name, "unit": r.unit, "text": r.text})).collect();
-    let failures: Vec<_> = interface.failures.iter().map(|f| json!({"name": f.name, "text": f.text})).collect();
+    let rewards: Vec<_> = interface.finish.rewards.iter().map(|r| json!({"name": r.name, "unit": r.unit, "text": r.text})).collect();
+    let failures: Vec<_> = interface.finish.failures.iter().map(|f| json!({"name": f.name, "text": f.text})).collect();
     let value = json!({
         "model": interface.name,
         "text": interface.text,
@@ -200,11 +201,11 @@ fn interface_json(model: &CompiledModel) -> Result<String, Failed> {
         "observations": observations,
         "rewards": rewards,
         "failures": failures,
-        "successes": interface.successes,
-        "constraints": interface.constraints,
-        "levels": interface.levels,
-        "variants": interface.variants,
-        "choices": interface.choices,
+        "successes": interface.finish.successes,
+        "constraints": interface.finish.constraints,
+        "levels": interface.alternatives.levels,
+        "variants": interface.alternatives.variants.iter().map(|v| (&v.name, v.on)).collect::<Vec<_>>(),
+        "choices": interface.alternatives.choices.iter().map(|c| (&c.name, &c.options, c.at)).collect::<Vec<_>>(),
         "episode": {"step": interface.episode.step, "max_steps": interface.episode.max_steps, "error_reward": interface.episode.error_reward},
     });
     serde_json::to_string_pretty(&value).map_err(|e| Failed::Message(e.to_string()))

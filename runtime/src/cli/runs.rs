@@ -162,7 +162,7 @@ fn points(arguments: &SimulateArguments) -> Result<Vec<Point>, Failed> {
 
 fn target(name: &str, setup: &Setup) -> Target {
     let (interface, catalogue) = (setup.model().interface(), &setup.catalogue);
-    let is_variant = interface.variants.iter().any(|(n, _)| n == name) || interface.choices.iter().any(|(n, ..)| n == name);
+    let is_variant = interface.alternatives.names(name);
     match name {
         "scenario" => Target::Scenario,
         "policy" => Target::Policy,
@@ -262,7 +262,7 @@ fn episode_of(
     seed: u64,
     keeps: bool,
 ) -> Outcome {
-    let rewards = point.setup.model().interface().rewards.len();
+    let rewards = point.setup.model().interface().finish.rewards.len();
     let mut outcome =
         Outcome { steps: 0, time: 0.0, sums: vec![0.0; 1 + rewards], end: End::NotEnded, drawn: Vec::new(), table: None, moved: false };
     environment.set_keep_going(arguments.keep_going);
@@ -315,7 +315,7 @@ fn add(outcome: &mut Outcome, environment: &mut Environment, result: &StepResult
 fn said(keys: &table::Keys<'_>, outcomes: &[Outcome], spent: f64) -> String {
     let steps: u64 = outcomes.iter().map(|o| u64::from(o.steps)).sum();
     let interface = keys.points[0].setup.model().interface();
-    let reward = interface.rewards.get(keys.points[0].setup.reward).map_or("reward", |r| r.name.as_str());
+    let reward = interface.finish.rewards.get(keys.points[0].setup.reward).map_or("reward", |r| r.name.as_str());
     let rate = Short((steps as f64 / spent.max(1e-9)).round());
     let mut text = format!("{}: {} runs, {steps} steps in {spent:.1} s ({rate} steps/s)\n", interface.name, outcomes.len());
     text.push_str(&format!("sum of {reward}: {}\nends: {}\n", statistics(outcomes), ends(outcomes)));

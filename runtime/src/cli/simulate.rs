@@ -358,7 +358,7 @@ pub(super) fn early_end(environment: &mut Environment) -> Option<String> {
 fn summary(environment: &mut Environment, total: f64) -> String {
     let setup = Arc::clone(environment.setup());
     let interface = setup.model().interface();
-    let reward = interface.rewards.get(setup.reward).map_or(String::new(), |r| format!("sum of {} = {}, ", r.name, Short(total)));
+    let reward = interface.finish.rewards.get(setup.reward).map_or(String::new(), |r| format!("sum of {} = {}, ", r.name, Short(total)));
     let truncated = environment.last().is_some_and(|r| r.truncated);
     let end = early_end(environment).unwrap_or_else(|| if truncated { "time limit".into() } else { "not ended".into() });
     format!("{}: {} steps, t = {} {}, {reward}{end}\n", interface.name, environment.steps(), Short(environment.time()), interface.time.unit,)

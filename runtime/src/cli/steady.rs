@@ -62,7 +62,7 @@ pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
     let setup = Setup::without_steady(loaded.model, loaded.options, Some(loaded.sources))?;
     let catalogue = &setup.catalogue;
     let mut system = setup.system.clone();
-    let found = setup.model().interface().has_steady && setup.no_steady().is_none();
+    let found = setup.model().interface().steady.is_some() && setup.no_steady().is_none();
     let mut y = if found { setup.steady_state().to_vec() } else { steady::guess(&system, catalogue) };
     take_guesses(arguments, catalogue, &mut y)?;
     let (mut actions, mut held) = steady::declared(&mut system, catalogue, &mut y);

@@ -96,7 +96,8 @@ impl<'s> Writer<'s> {
         let count = |value: &Option<Expr>| value.as_ref().map(|e| self.inline(e));
         // Unit and range of what is observed by its own name are those of its declaration.
         let own = o.name.as_ref().map_or(written.as_str(), |name| name.text.as_str());
-        let mut alike = self.interface.observations.iter().filter(|known| without_indices(&known.name) == without_indices(own)).peekable();
+        let mut alike =
+            self.interface.finish.observations.iter().filter(|known| without_indices(&known.name) == without_indices(own)).peekable();
         let known = alike.peek().copied();
         let same = alike.all(|one| known.is_some_and(|known| (one.low, one.high) == (known.low, known.high)));
         let unit = o.unit.as_ref().map_or_else(|| known.map(|k| markdown::unit(&k.unit)), |unit| Some(self.unit(Some(unit))));

@@ -48,10 +48,10 @@ fn collect<'s>(source: &'s Source, interface: &Interface, list: &'s [Statement],
                     in_force(source, interface, file, seen, out);
                 }
             }
-            StatementKind::When { choice, option, body } if interface.has_chosen(&choice.text, &option.text) => {
+            StatementKind::When { choice, option, body } if interface.alternatives.has_chosen(&choice.text, &option.text) => {
                 collect(source, interface, body, seen, out);
             }
-            StatementKind::Variant { name, body, .. } if interface.has_chosen(&name.text, "true") => {
+            StatementKind::Variant { name, body, .. } if interface.alternatives.has_chosen(&name.text, "true") => {
                 collect(source, interface, body, seen, out);
             }
             StatementKind::When { .. } | StatementKind::Variant { .. } => {}

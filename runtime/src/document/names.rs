@@ -1,45 +1,48 @@
 //! Every name of a model as it is seen from outside, kind by kind.
 
-use smpl_compiler::model::{Axis, Interface, Quantity};
+use smpl_compiler::model::{Axis, Choice, Interface, Quantity, Variant};
 
 use super::markdown::{code, table};
 
 /// The last chapter of the page; `policies` are those that the model declares.
 pub(super) fn page(interface: &Interface, policies: &[&str]) -> String {
     let quantities = [
-        ("states", &interface.states),
-        ("actions", &interface.actions),
-        ("disturbances", &interface.disturbances),
-        ("discrete variables", &interface.discretes),
-        ("algebraic variables", &interface.algebraics),
-        ("parameters", &interface.parameters),
+        ("states", &interface.quantities.states),
+        ("actions", &interface.quantities.actions),
+        ("disturbances", &interface.quantities.disturbances),
+        ("discrete variables", &interface.quantities.discretes),
+        ("algebraic variables", &interface.quantities.algebraics),
+        ("parameters", &interface.quantities.parameters),
     ];
     let mut rows: Vec<Vec<String>> = Vec::new();
     for (kind, list) in quantities {
         let count = list.iter().map(Quantity::len).sum();
         rows.extend(row(kind, count, list.iter().map(indexed).collect()));
     }
-    rows.extend(row("observations", interface.observations.len(), observed(interface)));
-    let levels = interface.levels.iter().map(|name| code(name)).collect();
-    rows.extend(row("levels of observation", interface.levels.len(), levels));
+    rows.extend(row("observations", interface.finish.observations.len(), observed(interface)));
+    let levels = interface.alternatives.levels.iter().map(|name| code(name)).collect();
+    rows.extend(row("levels of observation", interface.alternatives.levels.len(), levels));
     rows.extend(row("phases", interface.phases.len(), interface.phases.iter().map(|name| code(name)).collect()));
-    rows.extend(row("rewards", interface.rewards.len(), rewards(interface)));
-    let failures = ["action_box", "solver", "events", "not_finite"].into_iter().chain(interface.failures.iter().map(|f| f.name.as_str()));
+    rows.extend(row("rewards", interface.finish.rewards.len(), rewards(interface)));
+    let failures =
+        ["action_box", "solver", "events", "not_finite"].into_iter().chain(interface.finish.failures.iter().map(|f| f.name.as_str()));
     let failures: Vec<String> = failures.map(code).collect();
     rows.extend(row("failures", failures.len(), failures));
-    for (kind, list) in [("successes", &interface.successes), ("constraints", &interface.constraints)] {
+    for (kind, list) in [("successes", &interface.finish.successes), ("constraints", &interface.finish.constraints)] {
         rows.extend(row(kind, list.len(), list.iter().map(|name| code(name)).collect()));
     }
-    rows.extend(row("invariants", interface.invariants.len(), interface.invariants.iter().map(|(name, _)| code(name)).collect()));
+    rows.extend(row(
+        "invariants",
+        interface.invariants.len(),
+        interface.invariants.iter().map(|invariant| code(&invariant.name)).collect(),
+    ));
     let policies = policies.iter().copied().chain((!policies.contains(&"nominal")).then_some("nominal"));
     let policies: Vec<String> = policies.map(code).collect();
     rows.extend(row("policies", policies.len(), policies));
-    let switch = |(name, on): &(String, bool)| if *on { format!("{} (on)", code(name)) } else { code(name) };
-    rows.extend(row("variants", interface.variants.len(), interface.variants.iter().map(switch).collect()));
-    let choice = |(name, options, at): &(String, Vec<String>, u32)| {
-        format!("{} ({})", code(name), options.get(*at as usize).cloned().unwrap_or_default())
-    };
-    rows.extend(row("choices", interface.choices.len(), interface.choices.iter().map(choice).collect()));
+    let switch = |variant: &Variant| if variant.on { format!("{} (on)", code(&variant.name)) } else { code(&variant.name) };
+    rows.extend(row("variants", interface.alternatives.variants.len(), interface.alternatives.variants.iter().map(switch).collect()));
+    let choice = |choice: &Choice| format!("{} ({})", code(&choice.name), choice.chosen().unwrap_or_default());
+    rows.extend(row("choices", interface.alternatives.choices.len(), interface.alternatives.choices.iter().map(choice).collect()));
     let note = "As they are called from the command line and from Python. Four failures are there in every model: \
                 `action_box`, an action outside of its box (the step is still integrated); `solver`, the integrator gives up (the state \
                 is as before the step); `events`, events without end; `not_finite`, a number of the step is none. \
@@ -75,7 +78,7 @@ fn indexed(quantity: &Quantity) -> String {
 /// Observations, elements of one array together.
 fn observed(interface: &Interface) -> Vec<String> {
     let array = |name: &str| name.split('[').next().unwrap_or_default().to_owned();
-    let groups = interface.observations.chunk_by(|a, b| array(&a.name) == array(&b.name));
+    let groups = interface.finish.observations.chunk_by(|a, b| array(&a.name) == array(&b.name));
     let shown = |group: &[smpl_compiler::model::Observed]| match group {
         [] => String::new(),
         [one] => code(&one.name),
@@ -86,7 +89,7 @@ fn observed(interface: &Interface) -> Vec<String> {
 
 fn rewards(interface: &Interface) -> Vec<String> {
     let shown = |(i, reward): (usize, &smpl_compiler::model::Reward)| {
-        if i as u32 == interface.default_reward { format!("{} (default)", code(&reward.name)) } else { code(&reward.name) }
+        if i as u32 == interface.finish.default_reward { format!("{} (default)", code(&reward.name)) } else { code(&reward.name) }
     };
-    interface.rewards.iter().enumerate().map(shown).collect()
+    interface.finish.rewards.iter().enumerate().map(shown).collect()
 }

@@ -195,7 +195,7 @@ impl<'s> Writer<'s> {
             StatementKind::Import { path, .. } => self.import(path),
             StatementKind::When { choice, option, body } => self.when(statement, choice, option, body),
             StatementKind::Variant { name, text, body } => {
-                let on = self.interface.has_chosen(&name.text, "true");
+                let on = self.interface.alternatives.has_chosen(&name.text, "true");
                 let title = format!("Variant {}{}{}", code(&name.text), self.place(), if on { " (on)" } else { "" });
                 self.alternatives.push(Alternative { title, text: text.clone().unwrap_or_default(), body });
             }
@@ -243,7 +243,7 @@ impl<'s> Writer<'s> {
 
     /// An option that is in force is part of the model; others come behind it.
     fn when(&mut self, statement: &'s Statement, choice: &Ident, option: &Ident, body: &'s [Statement]) {
-        if self.interface.has_chosen(&choice.text, &option.text) {
+        if self.interface.alternatives.has_chosen(&choice.text, &option.text) {
             self.statements(body, statement.span.start);
             return;
         }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use smpl_compiler::model;
+use smpl_compiler::model::FinishLayout;
 
 /// Its output, whose parts stand one behind the other.
 pub(super) struct Finish {
@@ -27,9 +27,10 @@ pub(super) enum Part {
 
 impl Finish {
     /// Space for it, all zero.
-    pub(super) fn new(layout: model::Finish) -> Self {
-        let parts = [layout.failures(), layout.successes(), layout.constraints(), layout.rewards(), layout.observations()];
-        Self { values: vec![0.0; layout.len()], parts }
+    pub(super) fn new(layout: FinishLayout) -> Self {
+        let values = vec![0.0; layout.total()];
+        let FinishLayout { failures, successes, constraints, rewards, observations } = layout;
+        Self { values, parts: [failures, successes, constraints, rewards, observations] }
     }
 
     /// All of it.

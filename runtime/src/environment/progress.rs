@@ -60,11 +60,11 @@ pub(super) struct Verdict {
 
 impl Verdict {
     /// That of an episode which has just begun, with so many failures, constraints and rewards.
-    pub(super) fn blank(failures: u32, constraints: u32, rewards: u32) -> Self {
+    pub(super) fn blank(failures: usize, constraints: usize, rewards: usize) -> Self {
         Self {
-            rewards: vec![0.0; rewards as usize],
-            violations: vec![0.0; 1 + (failures + constraints) as usize],
-            failing: vec![false; failures as usize],
+            rewards: vec![0.0; rewards],
+            violations: vec![0.0; 1 + failures + constraints],
+            failing: vec![false; failures],
             sum: 0.0,
             last: None,
             met: None,

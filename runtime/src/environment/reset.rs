@@ -173,7 +173,7 @@ impl Environment {
     fn find_steady_state(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
         let start = options.start;
         let setup = &self.setup;
-        let has_steady = setup.model().interface().has_steady;
+        let has_steady = setup.model().interface().steady.is_some();
         let nominal = self.system.region(Region::Param) == setup.system.region(Region::Param);
         if let Some(error) = setup.no_steady() {
             // Nothing reads it: other parameters are not searched for one either.
@@ -253,7 +253,7 @@ impl Environment {
             self.progress.y[element.at] = if element.default.is_finite() { element.default } else { 0.0 };
         }
         let rest = self.system.region(Region::Steady(Part::Y));
-        if (setup.model().interface().has_steady || options.start == Start::Steady) && rest.iter().all(|x| x.is_finite()) {
+        if (setup.model().interface().steady.is_some() || options.start == Start::Steady) && rest.iter().all(|x| x.is_finite()) {
             // The algebraic part of the steady state is the best guess there is.
             let first = setup.model().states();
             let steady = self.system.region(Region::Steady(Part::Y));
@@ -454,7 +454,7 @@ impl Environment {
         self.evaluate_finish(self.time());
         let values = self.finish.part(finish::Part::Observations);
         if let Some(at) = values.iter().position(|v| !v.is_finite()) {
-            let name = &self.setup.model().interface().observations[at].name;
+            let name = &self.setup.model().interface().finish.observations[at].name;
             return Err(ResetError::NotFinite { what: format!("the observation `{name}` at the start") });
         }
         let errors = self.progress.errors();

@@ -147,7 +147,7 @@ impl Environment {
     /// Name of the success condition that ended the last step; `end` for the end of a batch of fixed length, empty where there was none.
     #[must_use]
     pub fn success_name(&self) -> &str {
-        let names = &self.setup.model().interface().successes;
+        let names = &self.setup.model().interface().finish.successes;
         self.progress.verdict.met.map_or("", |met| names.get(met as usize).map_or("end", String::as_str))
     }
 
@@ -185,14 +185,14 @@ impl Environment {
     fn describe_declared(&mut self) -> Vec<String> {
         let setup = std::sync::Arc::clone(&self.setup);
         let interface = setup.model().interface();
-        let items: usize = interface.failures.iter().map(|f| f.items.len()).sum();
+        let items: usize = interface.finish.failures.iter().map(|f| f.items.len()).sum();
         let mut values = vec![0.0; items];
         let t = self.time();
         let (model, memory) = self.system.parts();
         model.boxes(memory, t, &self.progress.y, &self.progress.yp, &mut values);
         let mut rest = values.as_slice();
         let mut texts = Vec::new();
-        for (index, failure) in interface.failures.iter().enumerate() {
+        for (index, failure) in interface.finish.failures.iter().enumerate() {
             let (own, others) = rest.split_at(failure.items.len());
             rest = others;
             if !self.progress.verdict.failing[index] {

@@ -125,8 +125,7 @@ fn same_circumstances(made_for: &Circumstances, options: &LoadOptions) -> Result
 /// A compiled model takes parameters alone: all else is decided.
 fn unknown_setting(model: &CompiledModel, parameters: &Family, name: &str) -> String {
     let interface = model.interface();
-    let decided =
-        is_entry_setting(name) || interface.choices.iter().any(|(n, ..)| n == name) || interface.variants.iter().any(|(n, _)| n == name);
+    let decided = is_entry_setting(name) || interface.alternatives.names(name);
     if decided {
         return format!("a compiled model takes parameters: `{name}` is set where it is compiled");
     }

@@ -45,7 +45,7 @@ pub(super) fn finish(
     environment.held = held(scenario);
     environment.noise = match &scenario.noise {
         None | Some(Noise::Switch(true)) => BTreeMap::new(),
-        Some(Noise::Switch(false)) => model.interface().observations.iter().map(|o| (o.name.clone(), 0.0)).collect(),
+        Some(Noise::Switch(false)) => model.interface().finish.observations.iter().map(|o| (o.name.clone(), 0.0)).collect(),
         Some(Noise::Deviations(deviations)) => deviations.clone(),
     };
     Ok(Loaded {
@@ -88,7 +88,7 @@ fn names_of_scenario(scenario: &Scenario, model: &CompiledModel, sources: &Sourc
         }
     };
     if let Some(Noise::Deviations(deviations)) = &scenario.noise {
-        let known = model.interface().observations.iter().map(|o| o.name.as_str()).collect();
+        let known = model.interface().finish.observations.iter().map(|o| o.name.as_str()).collect();
         compare("noise", "observation", deviations.keys().collect(), known);
     }
     if let Some(Disturbances::Values(values)) = &scenario.disturbances {
@@ -100,7 +100,7 @@ fn names_of_scenario(scenario: &Scenario, model: &CompiledModel, sources: &Sourc
 
 /// Parameters under `grid` that are no numbers of cells.
 fn grid_faults(scenario: &Scenario, model: &CompiledModel, sources: &SourceMap) -> Vec<Diagnostic> {
-    let shapes_nothing = |name: &&String| model.interface().parameters.iter().any(|p| p.name == **name && !p.structural);
+    let shapes_nothing = |name: &&String| model.interface().quantities.parameters.iter().any(|p| p.name == **name && !p.structural);
     let fault = |name: &String| {
         let message = format!("`{name}` is no number of cells");
         Diagnostic::error(codes::BAD_SCENARIO, message, scenario.place_under(sources, "grid", name))

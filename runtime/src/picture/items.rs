@@ -124,9 +124,9 @@ pub fn of_model(setup: &Setup) -> Vec<Item> {
     let interface = setup.model().interface();
     let catalogue = &setup.catalogue;
     let targets = setup.steady_state();
-    let has_target = interface.has_steady && setup.no_steady().is_none();
+    let has_target = interface.steady.is_some() && setup.no_steady().is_none();
     let target = |at: usize| targets.get(at).copied().filter(|x| has_target && x.is_finite());
-    let observed = |name: &str| interface.observations.iter().any(|o| base(&o.name) == name);
+    let observed = |name: &str| interface.finish.observations.iter().any(|o| base(&o.name) == name);
     let spaces = spaces(&interface.grids);
     let mut items = Vec::new();
     let mut family = |role: Role, quantities: &[Quantity], family: &Family, source: fn(usize) -> Option<Followed>| {
@@ -136,11 +136,11 @@ pub fn of_model(setup: &Setup) -> Vec<Item> {
             Item { members, observed: observed(&quantity.name), ..blank(quantity, role, &spaces) }
         }));
     };
-    family(Role::State, &interface.states, &catalogue.states, |at| Some(Followed::Unknown(at)));
-    family(Role::Output, &interface.algebraics, &catalogue.algebraics, |at| Some(Followed::Output(at)));
-    family(Role::Discrete, &interface.discretes, &catalogue.discretes, |at| Some(Followed::Discrete(at)));
-    family(Role::Disturbance, &interface.disturbances, &catalogue.disturbances, |_| None);
-    family(Role::Action, &interface.actions, &catalogue.actions, |_| None);
+    family(Role::State, &interface.quantities.states, &catalogue.states, |at| Some(Followed::Unknown(at)));
+    family(Role::Output, &interface.quantities.algebraics, &catalogue.algebraics, |at| Some(Followed::Output(at)));
+    family(Role::Discrete, &interface.quantities.discretes, &catalogue.discretes, |at| Some(Followed::Discrete(at)));
+    family(Role::Disturbance, &interface.quantities.disturbances, &catalogue.disturbances, |_| None);
+    family(Role::Action, &interface.quantities.actions, &catalogue.actions, |_| None);
     // An array that is observed as a whole has the indices of what is observed.
     let alike = |seen: &Item| items.iter().find(|item: &&Item| item.name == seen.name && item.members.len() == seen.members.len());
     let indexed = |seen: Item| Item { indices: alike(&seen).map_or(seen.indices.clone(), |item| item.indices.clone()), ..seen };
@@ -222,7 +222,7 @@ fn label(axes: &[Axis], element: usize) -> String {
 
 /// Observations, those of one array together.
 fn observations(setup: &Setup) -> Vec<Item> {
-    let observations = &setup.model().interface().observations;
+    let observations = &setup.model().interface().finish.observations;
     let columns = observations.iter().map(|o| (format!("obs.{}", o.name), o.low, o.high));
     let mut items = grouped(columns, Role::Observation);
     let units: HashMap<&str, &str> = observations.iter().map(|o| (base(&o.name), o.unit.as_str())).collect();
@@ -235,9 +235,9 @@ fn observations(setup: &Setup) -> Vec<Item> {
 
 fn rewards(setup: &Setup) -> impl Iterator<Item = Item> {
     let interface = setup.model().interface();
-    let chosen = interface.rewards.get(setup.reward);
+    let chosen = interface.finish.rewards.get(setup.reward);
     let own = chosen.map(|r| ("reward".to_owned(), r.unit.clone(), format!("{}: {}", r.name, r.text).trim_end_matches(": ").to_owned()));
-    let each = interface.rewards.iter().map(|r| (format!("reward.{}", r.name), r.unit.clone(), r.text.clone()));
+    let each = interface.finish.rewards.iter().map(|r| (format!("reward.{}", r.name), r.unit.clone(), r.text.clone()));
     own.into_iter().chain(each).map(|(column, unit, text)| {
         let mut items = grouped(std::iter::once((column, f64::NEG_INFINITY, f64::INFINITY)), Role::Reward);
         let item = items.pop();

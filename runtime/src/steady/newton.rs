@@ -366,9 +366,9 @@ fn empty_column(pattern: &Pattern, free: &[usize], catalogue: &Catalogue) -> Opt
 /// By how much each condition on the steady state is missed.
 pub(super) fn missed_conditions(system: &mut CompiledSystem, y: &[f64]) -> Vec<f64> {
     let (model, memory) = system.parts();
-    let interface = model.interface();
-    let conditions = interface.steady_conditions as usize;
-    let mut out = vec![0.0; memory.region(smpl_compiler::layout::Region::Action).len() + interface.steady_fixed.len() + conditions];
+    let (conditions, fixed) =
+        model.interface().steady.as_ref().map_or((0, 0), |problem| (problem.conditions as usize, problem.fixed.len()));
+    let mut out = vec![0.0; memory.region(smpl_compiler::layout::Region::Action).len() + fixed + conditions];
     model.steady(memory, &mut y.to_vec(), &mut out);
     out.split_off(out.len() - conditions)
 }

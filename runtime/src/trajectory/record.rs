@@ -24,16 +24,16 @@ impl Recorder {
         let families = [&catalogue.states, &catalogue.algebraics, &catalogue.discretes, &catalogue.disturbances, &catalogue.actions];
         let names = families.iter().flat_map(|family| family.names());
         columns.extend(names.map(|name| (name.to_owned(), Kind::Number)));
-        columns.extend(interface.observations.iter().map(|o| (format!("obs.{}", o.name), Kind::Number)));
+        columns.extend(interface.finish.observations.iter().map(|o| (format!("obs.{}", o.name), Kind::Number)));
         columns.push(("reward".to_owned(), Kind::Number));
-        columns.extend(interface.rewards.iter().map(|r| (format!("reward.{}", r.name), Kind::Number)));
+        columns.extend(interface.finish.rewards.iter().map(|r| (format!("reward.{}", r.name), Kind::Number)));
         columns.extend(["terminated", "truncated"].map(|name| (name.to_owned(), Kind::Flag)));
         let drawn = environment.setup().drawn_parameters();
         columns.extend(drawn.iter().map(|e| (format!("param.{}", e.name), Kind::Number)));
         Self {
             states: vec![0.0; catalogue.states.len()],
             algebraics: vec![0.0; catalogue.algebraics.len()],
-            observations: vec![0.0; interface.observations.len()],
+            observations: vec![0.0; interface.finish.observations.len()],
             drawn: drawn.iter().map(|e| e.at).collect(),
             table: Table::new(columns),
         }

@@ -70,31 +70,31 @@ impl Maker {
 
     pub fn param(&mut self, name: &str, unit: &str, value: f64) -> ExprId {
         let (var, quantity) = self.scalar(name, Role::Param, unit, value, OPEN);
-        self.model.interface.parameters.push(quantity);
+        self.model.interface.quantities.parameters.push(quantity);
         self.value(var)
     }
 
     pub fn action(&mut self, name: &str, unit: &str, nominal: f64, bounds: (f64, f64)) -> ExprId {
         let (var, quantity) = self.scalar(name, Role::Action, unit, nominal, bounds);
-        self.model.interface.actions.push(quantity);
+        self.model.interface.quantities.actions.push(quantity);
         self.value(var)
     }
 
     pub fn discrete(&mut self, name: &str, unit: &str, bounds: (f64, f64)) -> (VarId, ExprId) {
         let (var, quantity) = self.scalar(name, Role::Discrete, unit, 0.0, bounds);
-        self.model.interface.discretes.push(quantity);
+        self.model.interface.quantities.discretes.push(quantity);
         (var, self.value(var))
     }
 
     pub fn disturbance(&mut self, name: &str, unit: &str) -> (VarId, ExprId) {
         let (var, quantity) = self.scalar(name, Role::Disturbance, unit, 0.0, OPEN);
-        self.model.interface.disturbances.push(quantity);
+        self.model.interface.quantities.disturbances.push(quantity);
         (var, self.value(var))
     }
 
     pub fn state(&mut self, name: &str, unit: &str, initial: f64, bounds: (f64, f64)) -> (VarId, ExprId) {
         let (var, quantity) = self.scalar(name, Role::State, unit, initial, bounds);
-        self.model.interface.states.push(quantity);
+        self.model.interface.quantities.states.push(quantity);
         self.model.unknowns.push(var);
         (var, self.value(var))
     }
@@ -102,14 +102,14 @@ impl Maker {
     /// A solved algebraic variable; to be declared after all states.
     pub fn algebraic(&mut self, name: &str, unit: &str, guess: f64, bounds: (f64, f64)) -> (VarId, ExprId) {
         let (var, quantity) = self.scalar(name, Role::Algebraic, unit, guess, bounds);
-        self.model.interface.solved.push(quantity);
+        self.model.interface.quantities.solved.push(quantity);
         self.model.unknowns.push(var);
         (var, self.value(var))
     }
 
     /// An output that is an expression.
     pub fn output(&mut self, name: &str, unit: &str, value: ExprId) {
-        let at = self.model.interface.algebraics.len() as i64;
+        let at = self.model.interface.quantities.algebraics.len() as i64;
         let quantity = Quantity {
             var: None,
             name: name.into(),
@@ -124,7 +124,7 @@ impl Maker {
             affine_unit: false,
             structural: false,
         };
-        self.model.interface.algebraics.push(quantity);
+        self.model.interface.quantities.algebraics.push(quantity);
         self.model.programs.outputs.nests.push(out(&[value], at));
     }
 
@@ -206,30 +206,36 @@ impl Maker {
         self.finish.failures.push((fails, violation));
         self.boxes.extend(items.iter().map(|i| i.2));
         let items = items.iter().map(|&(name, unit, _, (low, high))| BoxItem { name: name.into(), unit: unit.into(), low, high }).collect();
-        self.model.interface.failures.push(Failure { name: name.into(), text: String::new(), event: false, items, on_reward: false });
+        self.model.interface.finish.failures.push(Failure {
+            name: name.into(),
+            text: String::new(),
+            event: false,
+            items,
+            on_reward: false,
+        });
     }
 
     /// A failure by condition; `event` for one that a root function finds.
     pub fn fail(&mut self, name: &str, text: &str, event: bool, condition: ExprId) {
         let zero = self.number(0.0);
         self.finish.failures.push((condition, zero));
-        self.model.interface.failures.push(Failure { name: name.into(), text: text.into(), event, items: vec![], on_reward: false });
+        self.model.interface.finish.failures.push(Failure { name: name.into(), text: text.into(), event, items: vec![], on_reward: false });
     }
 
     pub fn reward(&mut self, name: &str, value: ExprId) {
         self.finish.rewards.push(value);
-        self.model.interface.rewards.push(Reward { name: name.into(), unit: "1".into(), text: String::new() });
+        self.model.interface.finish.rewards.push(Reward { name: name.into(), unit: "1".into(), text: String::new() });
     }
 
     pub fn observe(&mut self, name: &str, unit: &str, value: ExprId, (low, high): (f64, f64)) {
         self.finish.observations.push(value);
         let observed = Observed { name: name.into(), unit: unit.into(), low, high, every: 1, delay: 0, noise: 0.0 };
-        self.model.interface.observations.push(observed);
+        self.model.interface.finish.observations.push(observed);
     }
 
     pub fn success(&mut self, name: &str, condition: ExprId) {
         self.finish.successes.push(condition);
-        self.model.interface.successes.push(name.into());
+        self.model.interface.finish.successes.push(name.into());
     }
 
     /// The model with its `finish` program.
@@ -238,12 +244,6 @@ impl Maker {
         let failures = f.failures.iter().flat_map(|(fails, violation)| [*fails, *violation]);
         let parts = [&f.successes, &f.constraints, &f.rewards, &f.observations];
         let all: Vec<ExprId> = failures.chain(parts.into_iter().flatten().copied()).collect();
-        let layout = &mut self.model.interface.finish;
-        layout.failures = f.failures.len() as u32;
-        layout.successes = f.successes.len() as u32;
-        layout.constraints = f.constraints.len() as u32;
-        layout.rewards = f.rewards.len() as u32;
-        layout.observations = f.observations.len() as u32;
         self.model.programs.finish = Program { nests: vec![out(&all, 0)], in_place: false };
         self.model.programs.boxes = Program { nests: vec![out(&self.boxes, 0)], in_place: false };
         self.model

@@ -1,7 +1,7 @@
 //! The reactor of `models/reactor.eq`.
 
 use smpl_compiler::ir::{ExprId, Flavour, VarId};
-use smpl_compiler::model::{Instant, Model, Root, RootAction, Variate};
+use smpl_compiler::model::{AlgebraicCounts, Instant, Model, Root, RootAction, Steady, Variate};
 
 use super::{Maker, assign, in_place, out};
 
@@ -78,7 +78,7 @@ pub fn build(alternatives: Alternatives) -> Model {
     m.output("V", "m^3", v);
     m.output("k", "1/min", k);
     m.output("rate", "kmol/(m^3 min)", rate);
-    m.model.interface.algebraic_counts = [3, 0, 3];
+    m.model.interface.quantities.algebraic_counts = AlgebraicCounts { declared: 3, solved: 0, substituted: 3 };
 
     let states = [(c_a_var, c_a), (t_var, t), (h_var, h)];
     steady(&mut m, alternatives, h_var);
@@ -122,10 +122,8 @@ fn steady(m: &mut Maker, alternatives: Alternatives, h: VarId) {
     let all: Vec<ExprId> = actions.into_iter().chain(fixed).collect();
     m.model.programs.steady.nests.push(out(&all, 0));
     let _ = h;
-    let interface = &mut m.model.interface;
-    interface.has_steady = true;
-    interface.steady_given = alternatives.legacy;
-    interface.steady_fixed = if alternatives.legacy { vec![0, 1, 2] } else { vec![2] };
+    let fixed = if alternatives.legacy { vec![0, 1, 2] } else { vec![2] };
+    m.model.interface.steady = Some(Steady { fixed, conditions: 0, given: alternatives.legacy });
 }
 
 /// `x ~ steady(x) * uniform(1 - spread, 1 + spread) clip bounds`

@@ -35,7 +35,7 @@ impl Replay {
         let mut environment = Environment::new(setup).expect("the solver takes the system");
         environment.set_keep_going(true);
         let catalogue = environment.catalogue();
-        let rewards = environment.setup().model().interface().rewards.iter().map(|r| format!("reward.{}", r.name));
+        let rewards = environment.setup().model().interface().finish.rewards.iter().map(|r| format!("reward.{}", r.name));
         let names: Vec<String> = catalogue.states.names().chain(catalogue.algebraics.names()).map(str::to_owned).collect();
         let discretes = catalogue.discretes.names().map(str::to_owned);
         let places = names.into_iter().chain(discretes).chain(rewards).enumerate().map(|(i, n)| (n, i)).collect();

@@ -135,7 +135,7 @@ pub(crate) fn unused_parameters(model: &Model, sources: &SourceMap, main: FileId
         }
     }
     let mut declared: FastMap<&str, FastSet<Span>> = FastMap::default();
-    for quantity in &model.interface.parameters {
+    for quantity in &model.interface.quantities.parameters {
         let Some(var) = quantity.var else { continue };
         let name = quantity.name.rsplit('.').next().unwrap_or_default();
         declared.entry(name).or_default().insert(model.vars[var].span);

@@ -16,7 +16,7 @@ use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::ScopeId;
 use crate::ir::{Builtin, ExprId, Program};
-use crate::model::{Failure, Finish, Observed, Reward, Root, RootAction};
+use crate::model::{Failure, Finish, Root, RootAction};
 
 /// Failures that every model has.
 const RESERVED: [&str; 4] = ["action_box", "solver", "events", "not_finite"];
@@ -34,31 +34,19 @@ struct Ends<'a> {
     roots: Vec<Root>,
 }
 
-/// What the end of a step is made of, for [`crate::model::Interface`].
+/// What the end of a step is made of.
 #[derive(Default)]
 pub(in crate::elaborate) struct Ending {
-    /// In the layout of [`Finish`].
+    /// In the layout of [`Finish::layout`].
     pub program: Program,
     /// The members of the boxes of failures.
     pub boxes: Program,
-    /// How many there are of each.
-    pub counts: Finish,
+    /// What the program gives.
+    pub finish: Finish,
     /// Of failures that are events.
     pub roots: Vec<Root>,
-    /// Observations.
-    pub observations: Vec<Observed>,
     /// Observation levels.
     pub levels: Vec<String>,
-    /// Rewards.
-    pub rewards: Vec<Reward>,
-    /// The one that is returned.
-    pub default_reward: u32,
-    /// Failures.
-    pub failures: Vec<Failure>,
-    /// Names of successes.
-    pub successes: Vec<String>,
-    /// Names of constraints.
-    pub constraints: Vec<String>,
 }
 
 /// Failures, successes, constraints, rewards and observations.
@@ -77,30 +65,19 @@ pub(in crate::elaborate) fn ending<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(Scop
     ends.failures.sort_by_key(|f| f.0);
     let constraints = constraints(l, blocks);
     let numbers = numbers_of_ends(l, &ends, &constraints, &rewards.values);
-    let counts = Finish {
-        failures: ends.failures.len() as u32,
-        successes: ends.successes.len() as u32,
-        constraints: constraints.len() as u32,
-        rewards: rewards.values.len() as u32,
-        observations: observed.names.len() as u32,
-    };
     let base = numbers.len() as i64;
     let mut program = Assembly::of_numbers(numbers);
     program.append(observed.nests, base);
     let (boxes, failures) = boxes(ends.failures);
-    Ending {
-        program: program.program(),
-        boxes,
-        counts,
-        roots: ends.roots,
-        observations: observed.names,
-        levels: observed.levels,
-        rewards: rewards.list,
-        default_reward: rewards.default,
+    let finish = Finish {
         failures,
         successes: ends.successes.into_iter().map(|s| s.0).collect(),
         constraints: constraints.into_iter().map(|c| c.0).collect(),
-    }
+        rewards: rewards.list,
+        default_reward: rewards.default,
+        observations: observed.names,
+    };
+    Ending { program: program.program(), boxes, finish, roots: ends.roots, levels: observed.levels }
 }
 
 /// The ends that the statements declare.

@@ -16,7 +16,7 @@ use crate::elaborate::outside::initial_elements;
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{ScopeId, SymbolKind, Symbols};
 use crate::ir::{Affine, ExprId, Exprs, FastMap, FastSet, Flavour, Nest, Place as Memory, Program, Role, VarId};
-use crate::model::{Instant, Quantity};
+use crate::model::{Instant, Quantity, Steady};
 
 /// The start values of an episode.
 #[derive(Default)]
@@ -33,23 +33,18 @@ impl Starts {
     }
 }
 
-/// The steady problem.
-#[derive(Default)]
-pub(in crate::elaborate) struct Steady {
+/// The steady problem as it is stated.
+pub(in crate::elaborate) struct SteadyProgram {
     /// The given actions, states and conditions.
     pub program: Program,
-    /// States that are given, by position.
-    pub fixed: Vec<u32>,
-    /// Number of conditions.
-    pub conditions: u32,
-    /// All states are given.
-    pub given: bool,
+    /// What is given.
+    pub problem: Steady,
     /// Something is said of it.
     pub said: bool,
 }
 
 /// What `steady` blocks say.
-pub(in crate::elaborate) fn steady_program<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> Steady {
+pub(in crate::elaborate) fn steady_program<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> SteadyProgram {
     let SteadyText { said, given, conditions } = steady_text(l, blocks);
     let mut values = steady_actions(l, &given);
     let mut base = 0_u32;
@@ -67,7 +62,8 @@ pub(in crate::elaborate) fn steady_program<'a>(l: &mut Lowering<'_, 'a>, blocks:
     values.extend(conditions);
     let stores = values.into_iter().enumerate().map(|(i, value)| store(Memory::Out, Affine::constant(i as i64), value)).collect();
     let program = Program { nests: vec![Nest { extents: Vec::new(), stores }], in_place: false };
-    Steady { program, given: base > 0 && fixed.len() == base as usize, fixed, conditions: count, said }
+    let problem = Steady { given: base > 0 && fixed.len() == base as usize, fixed, conditions: count };
+    SteadyProgram { program, problem, said }
 }
 
 /// The entries of `steady` blocks.

@@ -6,15 +6,14 @@ use smpl_dsl::units::Unit;
 
 use crate::elaborate::episode::assembly::Assembly;
 use crate::elaborate::episode::common::store;
-use crate::elaborate::episode::phases::{schedule_phases, schedule_quantities};
+use crate::elaborate::episode::phases::schedule_quantities;
 use crate::elaborate::episode::positions::state_positions;
 use crate::elaborate::lower::nests::Piece;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::{Lowering, nests};
-use crate::elaborate::space::grids;
 use crate::elaborate::symbols::{Axis, SymbolId, SymbolKind};
 use crate::ir::{Affine, LoopVar, Place as Memory, Program, Role, VarId};
-use crate::model::{Interface, Quantity};
+use crate::model::{Quantities, Quantity};
 
 /// Declared algebraic variables and `let`s with a unit.
 pub(in crate::elaborate) fn output_program(l: &mut Lowering<'_, '_>) -> (Program, Vec<Quantity>) {
@@ -106,8 +105,8 @@ fn state_order(l: &Lowering<'_, '_>) -> Option<Vec<u32>> {
     (!is_own).then_some(order)
 }
 
-/// Lists of quantities.
-pub(in crate::elaborate) fn interface(l: &mut Lowering<'_, '_>) -> Interface {
+/// The quantities but for algebraic ones.
+pub(in crate::elaborate) fn quantities(l: &mut Lowering<'_, '_>) -> Quantities {
     let quantity = |s: &Lowering<'_, '_>, v: VarId| s.quantities.get(&v).cloned();
     let in_order: Vec<VarId> = l
         .in_text_order()
@@ -136,15 +135,5 @@ pub(in crate::elaborate) fn interface(l: &mut Lowering<'_, '_>) -> Interface {
                      stepped with `state idle = 0` and `eq d/dt idle = 0`",
         ));
     }
-    Interface {
-        states,
-        state_order: state_order(l),
-        discretes,
-        actions,
-        disturbances,
-        parameters,
-        grids: grids::grids(l),
-        phases: schedule_phases(l),
-        ..Interface::default()
-    }
+    Quantities { states, state_order: state_order(l), discretes, actions, disturbances, parameters, ..Quantities::default() }
 }

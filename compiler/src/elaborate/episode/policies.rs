@@ -8,7 +8,7 @@ use crate::elaborate::lower::{Lowering, boxes, units};
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{ScopeId, SymbolKind};
 use crate::ir::{Affine, ExprId, Nest, Place as Memory, Program, Role, VarId};
-use crate::model::Quantity;
+use crate::model::{Invariant, Quantity};
 
 /// Policies by name, the nominal one first.
 pub(in crate::elaborate) fn policies<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> Vec<(String, Program)> {
@@ -53,11 +53,8 @@ pub(in crate::elaborate) fn policies<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(Sc
     list
 }
 
-/// Each invariant and its rate; their names and texts.
-pub(in crate::elaborate) fn invariants<'a>(
-    l: &mut Lowering<'_, 'a>,
-    blocks: &[(ScopeId, Vec<Item<'a>>)],
-) -> (Program, Vec<(String, String)>) {
+/// Each invariant and its rate; what is seen of them.
+pub(in crate::elaborate) fn invariants<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> (Program, Vec<Invariant>) {
     let mut stores = Vec::new();
     let mut names = Vec::new();
     for (scope, item) in each(blocks) {
@@ -77,7 +74,7 @@ pub(in crate::elaborate) fn invariants<'a>(
             stores.push(store(Memory::Out, Affine::constant(stores.len() as i64), e));
         }
         let name = l.symbols.path_of(scope, name);
-        names.push((name, text.clone().unwrap_or_default()));
+        names.push(Invariant { name, text: text.clone().unwrap_or_default() });
     }
     (Program { nests: vec![Nest { extents: Vec::new(), stores }], in_place: false }, names)
 }

@@ -6,6 +6,7 @@ use smpl_dsl::syntax::{File, Ident, Statement, StatementKind};
 use crate::elaborate::options::{Options, Setting};
 use crate::elaborate::reports::scenario_fault;
 use crate::elaborate::select::items::Selection;
+use crate::model::{Alternatives, Choice, Variant};
 
 /// What a model lets choose.
 #[derive(Debug, Default)]
@@ -25,15 +26,6 @@ pub(in crate::elaborate) struct Chosen {
     pub settings: Vec<String>,
     /// What cannot be chosen.
     pub faults: Faults,
-}
-
-/// Variants and choices as an outsider sees them.
-#[derive(Debug, Default)]
-pub(in crate::elaborate) struct Shown {
-    /// Variants: name, and whether they are on.
-    pub variants: Vec<(String, bool)>,
-    /// Choices: name, options, number of the chosen one.
-    pub choices: Vec<(String, Vec<String>, u32)>,
 }
 
 impl<'a> Choices<'a> {
@@ -70,29 +62,28 @@ impl<'a> Choices<'a> {
         self.choices.iter().find(|(name, _)| *name == choice).map(|(_, options)| *options)
     }
 
-    /// What the options ask for, with what is shown of it; unknown names are faults.
-    pub(in crate::elaborate) fn select(&self, files: &[File], options: &Options) -> (Chosen, Shown) {
+    /// What the options ask for, with what is seen of it from outside (the levels of observation are not known here); unknown names are faults.
+    pub(in crate::elaborate) fn select(&self, files: &[File], options: &Options) -> (Chosen, Alternatives) {
         let mut faults = Faults::default();
         files.iter().for_each(|file| self.check_whens(&file.statements, &mut faults));
         let mut chosen = self.choose(options);
         faults.append(std::mem::take(&mut chosen.faults));
         chosen.faults = faults;
-        let shown = Shown { variants: self.shown_variants(&chosen.selection), choices: self.shown_choices(&chosen.selection) };
+        let (variants, choices) = (self.shown_variants(&chosen.selection), self.shown_choices(&chosen.selection));
+        let shown = Alternatives { variants, choices, ..Alternatives::default() };
         (chosen, shown)
     }
 
-    /// Variants as an outsider sees them: name, and whether they are on.
-    fn shown_variants(&self, selection: &Selection) -> Vec<(String, bool)> {
+    fn shown_variants(&self, selection: &Selection) -> Vec<Variant> {
         let is_on = |name: &str| selection.chosen.get(name).is_some_and(|v| v == "true");
-        self.switches.iter().map(|name| ((*name).to_owned(), is_on(name))).collect()
+        self.switches.iter().map(|name| Variant { name: (*name).to_owned(), on: is_on(name) }).collect()
     }
 
-    /// Choices, likewise: name, options, number of the chosen one.
-    fn shown_choices(&self, selection: &Selection) -> Vec<(String, Vec<String>, u32)> {
+    fn shown_choices(&self, selection: &Selection) -> Vec<Choice> {
         let shown = |(name, options): &(&str, &[Ident])| {
             let labels: Vec<String> = options.iter().map(|o| o.text.clone()).collect();
             let at = selection.chosen.get(*name).and_then(|c| labels.iter().position(|l| l == c)).unwrap_or(0);
-            ((*name).to_owned(), labels, at as u32)
+            Choice { name: (*name).to_owned(), options: labels, at: at as u32 }
         };
         self.choices.iter().map(shown).collect()
     }

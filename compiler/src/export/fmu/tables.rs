@@ -139,7 +139,7 @@ impl Tables<'_> {
             entries.push(format!("{{\"{}\", {kind}, {program}, {}}}", quoted(&root.name), u8::from(root.strict)));
         }
         text.table(("smpl_root", "smpl_root_table", "SMPL_ROOTS"), &entries);
-        let failures: Vec<String> = sheet.model.interface.failures.iter().map(|f| format!("\"{}\"", quoted(&f.name))).collect();
+        let failures: Vec<String> = sheet.model.interface.finish.failures.iter().map(|f| format!("\"{}\"", quoted(&f.name))).collect();
         text.table(("char *const", "smpl_failure_names", "SMPL_FAILURES"), &failures);
         text.text += "void smpl_run_event(int program, double t, double *y, const double *u, double *p, const double *c)\n{\n";
         text.text += "    (void)t, (void)y, (void)u, (void)p, (void)c;\n    switch (program) {\n";

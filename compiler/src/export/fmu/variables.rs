@@ -71,12 +71,12 @@ impl Variables {
         let (i, f) = (&sheet.model.interface, &sheet.families);
         let (parameters, discretes) = (f.parameters.len() as u32, f.discretes.len() as u32);
         let parameter = |q: &Quantity| if q.structural || reads_steady { Kind::Shaped } else { Kind::Parameter };
-        variables.add(&i.actions, &f.actions, (Source::U, 0), |_| Kind::Input);
-        variables.add(&i.disturbances, &f.disturbances, (Source::P, parameters + discretes), |_| Kind::Input);
-        variables.add(&i.algebraics, &f.outputs, (Source::Out, 0), |_| Kind::Output);
-        variables.add(&i.solved, &f.solved, (Source::Z, f.states.len() as u32), |_| Kind::Local);
-        variables.add(&i.discretes, &f.discretes, (Source::P, parameters), |_| Kind::Discrete);
-        variables.add(&i.parameters, &f.parameters, (Source::P, 0), parameter);
+        variables.add(&i.quantities.actions, &f.actions, (Source::U, 0), |_| Kind::Input);
+        variables.add(&i.quantities.disturbances, &f.disturbances, (Source::P, parameters + discretes), |_| Kind::Input);
+        variables.add(&i.quantities.algebraics, &f.outputs, (Source::Out, 0), |_| Kind::Output);
+        variables.add(&i.quantities.solved, &f.solved, (Source::Z, f.states.len() as u32), |_| Kind::Local);
+        variables.add(&i.quantities.discretes, &f.discretes, (Source::P, parameters), |_| Kind::Discrete);
+        variables.add(&i.quantities.parameters, &f.parameters, (Source::P, 0), parameter);
         variables.add_observations(sheet);
         variables.add_events(sheet);
         variables.make_unique();
@@ -94,11 +94,11 @@ impl Variables {
         let (i, f) = (&sheet.model.interface, &sheet.families);
         // Where the states of `y` in the order of the quantities are outside.
         let mut outside: Vec<u32> = (0..f.states.len() as u32).collect();
-        if let Some(order) = &i.state_order {
+        if let Some(order) = &i.quantities.state_order {
             (0..).zip(order).for_each(|(public, &own)| outside[own as usize] = public);
         }
         let mut first = 0;
-        for quantity in &i.states {
+        for quantity in &i.quantities.states {
             let places = outside[first..first + quantity.len()].to_vec();
             first += quantity.len();
             let elements: Vec<Element> = places.iter().map(|&at| f.states[at as usize].clone()).collect();
@@ -124,7 +124,7 @@ impl Variables {
     }
 
     fn add_observations(&mut self, sheet: &Sheet) {
-        let observed = &sheet.model.interface.observations;
+        let observed = &sheet.model.interface.finish.observations;
         let element = |o: &crate::model::Observed| Element {
             name: o.name.clone(),
             unit: o.unit.clone(),
@@ -157,7 +157,7 @@ impl Variables {
             let one = scalar(&format!("event_indicator[{}]", at + 1), &text, "", Source::Event);
             self.list.push(Variable { places: vec![at], ..one });
         }
-        if !roots.is_empty() || !sheet.model.interface.failures.is_empty() {
+        if !roots.is_empty() || !sheet.model.interface.finish.failures.is_empty() {
             let text = "whether a failure of the model ends the simulation";
             self.list.push(Variable { kind: Kind::Switch, ..scalar("stop_at_failure", text, "", Source::Switch) });
         }

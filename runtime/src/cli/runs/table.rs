@@ -88,7 +88,7 @@ pub(super) fn rows(keys: &Keys<'_>, outcomes: &[Outcome]) -> Table {
 
 /// One row a run: keys, steps, time, sums of rewards, how it ended, and the parameters that were drawn.
 pub(super) fn summary(keys: &Keys<'_>, outcomes: &[Outcome]) -> Table {
-    let rewards = &keys.points[0].setup.model().interface().rewards;
+    let rewards = &keys.points[0].setup.model().interface().finish.rewards;
     let mut drawn: Vec<String> = Vec::new();
     for (name, _) in outcomes.iter().flat_map(|o| &o.drawn) {
         if !drawn.contains(name) {
