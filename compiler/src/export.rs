@@ -8,24 +8,25 @@ mod arrays;
 mod c;
 mod casadi;
 mod elements;
+mod error;
 mod fmu;
 mod functions;
 mod jacobian;
 mod jax;
 mod module;
+mod origin;
 mod python;
 mod sheet;
 
 use std::str::FromStr;
 
-use thiserror::Error;
-
-use crate::artefact::Circumstances;
 use crate::compiled::CompiledModel;
 use crate::json;
 
 pub use elements::{Element, Families, Nominal};
+pub use error::ExportError;
 pub use fmu::{Package, Settings};
+pub use origin::Origin;
 
 /// What a model is exported to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,68 +78,12 @@ impl FromStr for Target {
     }
 }
 
-/// Why a model cannot be exported.
-#[derive(Debug, Error)]
-pub enum ExportError {
-    /// There is no such target.
-    #[error("unknown target `{name}`; known: {known}")]
-    UnknownTarget {
-        /// What was asked for.
-        name: String,
-        /// What there is.
-        known: String,
-    },
-    /// A function of the model reads or writes what no vector of the target holds.
-    #[error("`{variable}` is read or written where the target has no place for it; please report it with the model")]
-    Unavailable {
-        /// The variable.
-        variable: String,
-    },
-    /// A function reads the time derivative of an algebraic variable, which only the solver knows.
-    #[error("`{function}` reads the time derivative of an algebraic variable, which a function of x, z, u and p does not have")]
-    AlgebraicDerivative {
-        /// The function.
-        function: String,
-    },
-    /// A function of an FMU reads an integral over the step, which it does not keep.
-    #[error("`{function}` reads an integral over the step, which an FMU does not have")]
-    Integral {
-        /// The function.
-        function: String,
-    },
-    /// A variable of an FMU has no start value.
-    #[error("`{name}` has no value at the nominal point, and an FMU needs a start value")]
-    NoStart {
-        /// The variable.
-        name: String,
-    },
-    /// An FMU is no text.
-    #[error("an FMU is an archive: `smpl export FILE --to fmu -o NAME.fmu` or `smpl.export.fmu(model, path)` writes it")]
-    Archive,
-    /// An equation cannot be differentiated.
-    #[error(transparent)]
-    Differentiate(#[from] crate::differentiate::DifferentiateError),
-    /// Text could not be made of a value.
-    #[error(transparent)]
-    Json(#[from] serde_json::Error),
-}
-
 /// A file of an export: what follows the name of the main one, and its text.
 pub struct File {
     /// Ending without the dot.
     pub ending: &'static str,
     /// Content.
     pub text: String,
-}
-
-/// What is said of an export beside its model.
-pub struct Origin<'a> {
-    /// Scenario, variants and settings in words; empty for the model as it stands.
-    pub made_for: &'a str,
-    /// The same for programs: JSON holds it.
-    pub circumstances: &'a Circumstances,
-    /// Name of the main file without its ending, where there is one: C takes it for the prefix of its names.
-    pub stem: Option<&'a str>,
 }
 
 /// The files of a model in the form of a target; the first is the main one.

@@ -8,6 +8,7 @@ mod expression;
 mod message;
 mod parts;
 mod problem;
+mod rules;
 mod statement;
 mod table;
 mod unit;

@@ -9,10 +9,11 @@ use smpl_runtime::batch::{self, Autoreset, BatchError, BatchOptions, Info, StepA
 use smpl_runtime::environment::{Environment, ResetOptions};
 
 use crate::arrays::Fresh;
-use crate::environment::{Snapshot, gather};
-use crate::errors::{SimulationError, guarded, reset_error, setup_error, step_error};
+use crate::environment::gather;
+use crate::errors::{SimulationError, guarded, reset_error, role_error, setup_error, step_error};
 use crate::interrupt::released;
-use crate::model::{Model, role_error};
+use crate::model::Model;
+use crate::snapshot::Snapshot;
 use crate::start::Start;
 
 type Vector<'py> = Bound<'py, PyArray1<f64>>;

@@ -5,16 +5,17 @@ use std::sync::{Mutex, PoisonError};
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict, PyType};
+use pyo3::types::PyDict;
 use smpl_runtime::catalogue::{Element, Family};
 use smpl_runtime::environment::{self, Environment};
 use smpl_runtime::observe::denormalise;
 
 use crate::arrays::Fresh;
-use crate::errors::{SimulationError, guarded, reset_error, step_error};
+use crate::errors::{SimulationError, guarded, reset_error, role_error, step_error};
 use crate::info::Keys;
 use crate::interrupt::released;
-use crate::model::{Model, role_error};
+use crate::model::Model;
+use crate::snapshot::Snapshot;
 use crate::start::Start;
 
 type Observation<'py> = Bound<'py, PyArray1<f32>>;
@@ -28,54 +29,6 @@ pub struct Env {
     keys: Keys,
     normalise: bool,
     action: Vec<f64>,
-}
-
-/// All that an environment would go on from.
-#[pyclass(frozen, module = "smpl._native")]
-pub struct Snapshot {
-    snapshot: environment::Snapshot,
-}
-
-impl From<environment::Snapshot> for Snapshot {
-    fn from(snapshot: environment::Snapshot) -> Self {
-        Self { snapshot }
-    }
-}
-
-impl Snapshot {
-    /// The snapshot of the runtime.
-    pub fn inner(&self) -> &environment::Snapshot {
-        &self.snapshot
-    }
-}
-
-#[pymethods]
-impl Snapshot {
-    /// A snapshot from its bytes.
-    #[new]
-    fn new(bytes: &[u8]) -> PyResult<Self> {
-        let snapshot = environment::Snapshot::from_bytes(bytes).map_err(|e| PyValueError::new_err(e.to_string()))?;
-        Ok(Self { snapshot })
-    }
-
-    /// The snapshot as bytes, for another process.
-    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let bytes = self.snapshot.to_bytes().map_err(|e| PyValueError::new_err(e.to_string()))?;
-        Ok(PyBytes::new(py, &bytes))
-    }
-
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyType>, (Bound<'py, PyBytes>,))> {
-        Ok((py.get_type::<Self>(), (self.to_bytes(py)?,)))
-    }
-
-    // It never changes, so that a copy may be the same object.
-    fn __copy__(slf: Py<Self>) -> Py<Self> {
-        slf
-    }
-
-    fn __deepcopy__(slf: Py<Self>, _memo: Bound<'_, PyAny>) -> Py<Self> {
-        slf
-    }
 }
 
 #[pymethods]
@@ -217,7 +170,7 @@ impl Env {
 
     fn restore(&mut self, snapshot: &Snapshot) -> PyResult<()> {
         let environment = self.environment.get_mut().unwrap_or_else(PoisonError::into_inner);
-        guarded(|| environment.restore(&snapshot.snapshot))?.map_err(|e| PyValueError::new_err(e.to_string()))
+        guarded(|| environment.restore(snapshot.inner()))?.map_err(|e| PyValueError::new_err(e.to_string()))
     }
 }
 

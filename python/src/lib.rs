@@ -16,6 +16,7 @@ mod model;
 mod picture;
 mod rollout;
 mod sensitivity;
+mod snapshot;
 mod start;
 
 use pyo3::prelude::*;
@@ -39,7 +40,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<model::Model>()?;
     module.add_class::<start::Start>()?;
     module.add_class::<environment::Env>()?;
-    module.add_class::<environment::Snapshot>()?;
+    module.add_class::<snapshot::Snapshot>()?;
     module.add_class::<batch::Batch>()?;
     module.add_class::<picture::Picture>()?;
     module.add_class::<picture::Recording>()?;

@@ -19,7 +19,7 @@ use smpl_runtime::setup::{EnvironmentOptions, Setup};
 
 use crate::arrays::Fresh;
 use crate::equations::{Equations, Given};
-use crate::errors::{guarded, setup_error};
+use crate::errors::{guarded, role_error, setup_error};
 use crate::interrupt::released;
 use crate::load::{self, Loaded};
 use crate::rollout::{Request, Results, Start, rollout_error};
@@ -427,11 +427,6 @@ impl Model {
         };
         Ok(family.elements())
     }
-}
-
-/// The exception of a role that there is not.
-pub fn role_error(role: &str) -> PyErr {
-    PyValueError::new_err(format!("unknown role `{role}`"))
 }
 
 /// The exception of a model that is not exported.

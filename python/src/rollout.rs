@@ -6,9 +6,9 @@ use pyo3::prelude::*;
 use smpl_runtime::rollout::{Arrays, Given, Origin, Plan, RolloutError, Rollouts};
 
 use crate::arrays::Fresh;
-use crate::environment::Snapshot;
 use crate::errors::{SimulationError, reset_error, setup_error, step_error};
 use crate::interrupt::released;
+use crate::snapshot::Snapshot;
 
 type Numbers<'py> = PyReadonlyArrayDyn<'py, f64>;
 type Cube<'py> = Bound<'py, PyArray3<f64>>;

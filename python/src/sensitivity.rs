@@ -11,7 +11,7 @@ use smpl_runtime::sensitivity::{Arrays, Plan, Sensitivities, SensitivityError};
 use smpl_runtime::setup::Setup;
 
 use crate::arrays::Fresh;
-use crate::errors::{SimulationError, guarded, reset_error, setup_error};
+use crate::errors::{SimulationError, guarded, reset_error, role_error, setup_error};
 use crate::interrupt::released;
 
 type Matrix<'py> = Bound<'py, PyArray2<f64>>;
@@ -41,7 +41,7 @@ fn direction(catalogue: &Catalogue, role: &str, index: usize) -> PyResult<Direct
         "parameter" => (&catalogue.parameters, Direction::Parameter),
         "discrete" => (&catalogue.discretes, Direction::Discrete),
         "disturbance" => (&catalogue.disturbances, Direction::Disturbance),
-        _ => return Err(crate::model::role_error(role)),
+        _ => return Err(role_error(role)),
     };
     let element = family.elements().get(index).ok_or_else(|| PyValueError::new_err(format!("there is no {role} {index}")))?;
     Ok(make(element.at))

@@ -166,6 +166,7 @@ fn dispatch(command: Command) -> Result<(), Failed> {
         Command::New(arguments) => new::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Compile(arguments) => compile::run(&arguments),
+        Command::Simulate(arguments) if arguments.is_many() => runs::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Plot(arguments) => plot::run(&arguments),
         Command::Steady(arguments) => steady::run(&arguments),

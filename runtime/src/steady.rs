@@ -11,6 +11,7 @@ mod error;
 mod freedom;
 mod kinks;
 mod newton;
+mod problem;
 
 use smpl_compiler::compiled::CompiledModel;
 use smpl_compiler::layout::{Part, Region};
@@ -64,7 +65,7 @@ impl Held {
         self.states.retain(|(place, _)| *place != at);
         self.states.push((at, value));
         if !self.conditions.is_empty() {
-            let concerned = newton::gradient(system, y)?;
+            let concerned = problem::gradient(system, y)?;
             self.conditions.retain(|&c| !concerned.iter().any(|t| t.0 == c && t.1 == at));
         }
         Ok(())
@@ -216,7 +217,7 @@ fn settle(
         };
         iterations += search.run(system, catalogue, y)?;
     }
-    let replaced = search.iter().flat_map(Search::replaced).collect();
+    let replaced = search.iter().flat_map(|search| search.problem.replaced()).collect();
     Ok((iterations, replaced))
 }
 

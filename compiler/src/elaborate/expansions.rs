@@ -2,7 +2,7 @@
 
 use super::lower::place::{IndexKey, Site};
 use super::lower::value::Value;
-use super::symbols::SymbolId;
+use super::symbols::{SymbolId, Symbols};
 use crate::ir::{FastMap, FastSet};
 
 /// A `let` at what its indices are bound to, in a kind of text.
@@ -34,8 +34,19 @@ impl Expansions {
         self.open.pop();
     }
 
+    /// The way from a definition back to itself in words, where it has stations.
+    pub(in crate::elaborate) fn cycle(&self, symbol: SymbolId, symbols: &Symbols<'_>) -> String {
+        let ring = self.ring(symbol);
+        if ring.len() < 2 {
+            return String::new();
+        }
+        let path = |s: &SymbolId| format!("`{}`", symbols[*s].path);
+        let stations: Vec<String> = ring.iter().chain([&symbol]).map(path).collect();
+        format!(": {}", stations.join(" needs "))
+    }
+
     /// The way from a definition back to itself: the definitions in between, itself first.
-    pub(in crate::elaborate) fn ring(&self, symbol: SymbolId) -> &[SymbolId] {
+    fn ring(&self, symbol: SymbolId) -> &[SymbolId] {
         let start = self.open.iter().position(|&s| s == symbol).unwrap_or(0);
         &self.open[start..]
     }

@@ -4,8 +4,10 @@
 //! cell takes the fluxes of its two faces, weighted with their areas, over the cell's measure, so that sums over cells telescope.
 
 mod directions;
+pub(in crate::elaborate) mod ends;
 pub(in crate::elaborate) mod faces;
 pub(in crate::elaborate) mod field;
+mod flow;
 pub(in crate::elaborate) mod flux;
 pub(in crate::elaborate) mod grid;
 pub(in crate::elaborate) mod grids;

@@ -12,13 +12,13 @@ pub(super) use index::number;
 pub(super) use index::wrapped;
 
 use super::jacobian::{Pattern, jacobian};
-use super::sheet::{Function, Label, Nest, Sheet};
+use super::sheet::{Function, Label, Nest, Sheet, is_dynamic};
 use super::{Element, ExportError, Nominal, Origin, functions};
 use crate::model::Model;
 
 /// Header and source, the source first.
 pub(super) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -> Result<Vec<String>, ExportError> {
-    let mut sheet = Sheet::new(model, nominal)?;
+    let mut sheet = functions::sheet(model, nominal)?;
     let own = identifier(&sheet.model.interface.name);
     let stem = origin.stem.unwrap_or(&own);
     let text = write(&mut sheet, origin, stem)?;
@@ -195,7 +195,7 @@ impl File<'_> {
 fn arguments(function: &Function) -> &'static [&'static str] {
     match function.name.as_str() {
         "jacobian" => &["t", "y", "yp", "cj", "u", "p", "w", "out"],
-        name if functions::is_dynamic(name) => &["t", "y", "yp", "u", "p", "w", "out"],
+        name if is_dynamic(name) => &["t", "y", "yp", "u", "p", "w", "out"],
         _ if function.update => &["t", "y", "u", "p", "c"],
         _ => &["t", "y", "yp", "u", "p", "c", "out"],
     }

@@ -12,7 +12,7 @@ mod variables;
 
 use super::c;
 use super::sheet::{Function, Nest, Sheet, Store};
-use super::{ExportError, Nominal, Origin};
+use super::{ExportError, Nominal, Origin, functions};
 use crate::explicit_time;
 use crate::ir::{Flavour, Role};
 use crate::model::Model;
@@ -74,7 +74,7 @@ struct Parts<'a> {
 }
 
 pub(super) fn package(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>, settings: &Settings) -> Result<Package, ExportError> {
-    let mut sheet = Sheet::new(model, nominal)?;
+    let mut sheet = functions::sheet(model, nominal)?;
     refuse(&sheet)?;
     let steady = readers_of_steady(&sheet);
     let identifier = c::identifier(&sheet.model.interface.name);

@@ -1,18 +1,24 @@
 //! The functions of a model: residual, rates, outputs, what is looked at after a step, updates.
 
-use super::ExportError;
 use super::sheet::{Array, Function, Label, Loops, Nest, Sheet, Store};
+use super::{ExportError, Nominal};
 use crate::differentiate::pattern::each;
 use crate::ir::{Affine, Expr, ExprId, Exprs, Flavour, LoopVar, MAX_DEPTH, Place, Program, Rewritten};
-use crate::model::{Quantity, RootAction};
+use crate::model::{Model, Quantity, RootAction};
 
-/// Functions that an integrator calls: what they need beside states, actions and parameters becomes a part of `p`.
-pub(super) fn is_dynamic(name: &str) -> bool {
-    matches!(name, "residual" | "rates" | "algebraic" | "outputs" | "events" | "integrals" | "jacobian")
+/// The sheet of a model with its functions.
+///
+/// # Errors
+/// If a program of the model has a form that exports do not know.
+pub(super) fn sheet(model: &Model, nominal: &Nominal<'_>) -> Result<Sheet, ExportError> {
+    let mut sheet = Sheet::new(model, nominal);
+    sheet.functions = all(&mut sheet)?;
+    sheet.find_extra(nominal);
+    Ok(sheet)
 }
 
 /// All functions of a model but those that are empty.
-pub(super) fn all(sheet: &mut Sheet) -> Result<Vec<Function>, ExportError> {
+fn all(sheet: &mut Sheet) -> Result<Vec<Function>, ExportError> {
     let mut functions = equations(sheet)?;
     functions.extend(values(sheet)?);
     functions.extend(finish(sheet)?);

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::arrays::{Arrays, Op};
 use super::python::{Body, Library, Lists};
-use super::sheet::{Array, Function, Label, Sheet};
+use super::sheet::{Array, Function, Label, Sheet, is_dynamic};
 use super::{Element, ExportError, Nominal, Origin, functions};
 use crate::model::Model;
 
@@ -36,7 +36,7 @@ pub(super) struct Made {
 impl Module {
     /// The functions of a model in Python.
     pub(super) fn new(model: &Model, nominal: &Nominal<'_>, library: Library) -> Result<Module, ExportError> {
-        let mut sheet = Sheet::new(model, nominal)?;
+        let mut sheet = functions::sheet(model, nominal)?;
         let mut list = sheet.functions.clone();
         if library == Library::Casadi {
             list.extend(single_rewards(&mut sheet));
@@ -69,7 +69,7 @@ impl Module {
     fn arguments(&self, function: &Function) -> Vec<&'static str> {
         let explicit = self.sheet.model.explicit;
         let rates = function.name == "residual" || !explicit && self.sheet.uses(function, Array::Yp);
-        let context = !functions::is_dynamic(&function.name) && self.sheet.uses(function, Array::C);
+        let context = !is_dynamic(&function.name) && self.sheet.uses(function, Array::C);
         let mut list = if self.library == Library::Jax { vec!["t"] } else { vec![] };
         list.extend(rates.then_some("dx"));
         list.extend(["x", "z", "u", "p"]);

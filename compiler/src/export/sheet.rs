@@ -4,7 +4,6 @@
 //! variables) with `y'`, actions `u`, parameters `p`, context `c`. Addresses stay affine in loop counters inside of the model; what they
 //! are in public order is said element by element ([`Sheet::read`]), and each printer finds the shortest way to write that.
 
-use super::functions;
 use super::{Element, ExportError, Families, Nominal};
 use crate::differentiate::pattern::each;
 use crate::ir::{Affine, Builtin, Expr, ExprId, FastMap, FastSet, Flavour, MAX_DEPTH, Role, VarId};
@@ -73,6 +72,11 @@ pub(super) struct Function {
     pub outputs: Vec<Label>,
 }
 
+/// Functions that an integrator calls: what they need beside states, actions and parameters becomes a part of `p`.
+pub(super) fn is_dynamic(name: &str) -> bool {
+    matches!(name, "residual" | "rates" | "algebraic" | "outputs" | "events" | "integrals" | "jacobian")
+}
+
 /// What a load reads.
 pub(super) struct Read {
     pub array: Array,
@@ -107,11 +111,8 @@ pub(super) struct Sheet {
 }
 
 impl Sheet {
-    /// The sheet of a model.
-    ///
-    /// # Errors
-    /// If a program of the model has a form that exports do not know.
-    pub(super) fn new(model: &Model, nominal: &Nominal<'_>) -> Result<Sheet, ExportError> {
+    /// The vectors of a model, without functions.
+    pub(super) fn new(model: &Model, nominal: &Nominal<'_>) -> Sheet {
         let mut sheet = Sheet {
             model: model.clone(),
             families: Families::new(model, nominal),
@@ -122,9 +123,7 @@ impl Sheet {
             extra: FastMap::default(),
         };
         sheet.place(nominal);
-        sheet.functions = functions::all(&mut sheet)?;
-        sheet.find_extra(nominal);
-        Ok(sheet)
+        sheet
     }
 
     /// Number of unknowns.
@@ -231,10 +230,10 @@ impl Sheet {
 
     /// What functions read beside states, actions and parameters: in `p` where an equation or an output needs it, else in `c`; the copy
     /// of a variable is not torn apart.
-    fn find_extra(&mut self, nominal: &Nominal<'_>) {
+    pub(super) fn find_extra(&mut self, nominal: &Nominal<'_>) {
         let mut found: [Vec<(VarId, Flavour, u32)>; 2] = [vec![], vec![]];
         for function in &self.functions {
-            let list = &mut found[usize::from(!functions::is_dynamic(&function.name))];
+            let list = &mut found[usize::from(!is_dynamic(&function.name))];
             self.each_node(function, &mut |node| self.collect_extra(node, list));
         }
         let [mut dynamic, others] = found;

@@ -7,6 +7,9 @@ use thiserror::Error;
 
 use super::words::{Word, meaning};
 
+/// Most elements of all variables together.
+pub(super) const MAX_ELEMENTS: usize = 50_000_000;
+
 /// Why a text is no model.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum ReadError {

@@ -2,7 +2,7 @@
 
 use cranelift_entity::{EntityRef, PrimaryMap};
 
-use super::cursor::{At, ReadError};
+use super::cursor::{At, MAX_ELEMENTS, ReadError};
 use super::nodes::variable;
 
 use super::write::families;
@@ -97,7 +97,7 @@ fn quantities(at: &At<'_>, vars: &Vars) -> Result<Quantities, ReadError> {
 fn quantity(at: &At<'_>, vars: &Vars) -> Result<Quantity, ReadError> {
     at.only(&["name", "pattern", "axes", "unit", "affine_unit", "text", "variable", "low", "high", "default", "scale", "structural"])?;
     let axes = at.field("axes")?.list(axis)?;
-    let len = axes.iter().map(Axis::len).try_fold(1_usize, usize::checked_mul).filter(|&n| n <= super::read::MAX_ELEMENTS);
+    let len = axes.iter().map(Axis::len).try_fold(1_usize, usize::checked_mul).filter(|&n| n <= MAX_ELEMENTS);
     let len = len.ok_or_else(|| at.fault("too many elements"))?;
     let held = at.field("variable")?;
     let var = if held.is_null() { None } else { Some(variable(&held, vars)?) };
@@ -160,7 +160,7 @@ fn check_cells(grids: &At<'_>, i: &Interface) -> Result<(), ReadError> {
 fn axis(at: &At<'_>) -> Result<Axis, ReadError> {
     if let Some(grid) = at.maybe("grid")? {
         at.only(&["grid", "count"])?;
-        return Ok(Axis::Cells { grid: grid.count(u32::MAX)?, count: at.field("count")?.count(super::read::MAX_ELEMENTS as u32)? });
+        return Ok(Axis::Cells { grid: grid.count(u32::MAX)?, count: at.field("count")?.count(MAX_ELEMENTS as u32)? });
     }
     if let Some(names) = at.maybe("names")? {
         at.only(&["names"])?;
@@ -168,7 +168,7 @@ fn axis(at: &At<'_>) -> Result<Axis, ReadError> {
     }
     at.only(&["first", "count"])?;
     let first = at.field("first")?.integer(1 << 40)?;
-    Ok(Axis::Numbers { first, count: at.field("count")?.count(super::read::MAX_ELEMENTS as u32)? })
+    Ok(Axis::Numbers { first, count: at.field("count")?.count(MAX_ELEMENTS as u32)? })
 }
 
 fn state_order(at: &At<'_>, states: usize) -> Result<Option<Vec<u32>>, ReadError> {
@@ -260,7 +260,7 @@ fn steady(at: &At<'_>, states: &[Quantity]) -> Result<Option<Steady>, ReadError>
         let text = name.text()?;
         places.get(text).copied().ok_or_else(|| name.fault(format!("there is no state `{text}`")))
     })?;
-    let conditions = at.field("conditions")?.count(super::read::MAX_ELEMENTS as u32)?;
+    let conditions = at.field("conditions")?.count(MAX_ELEMENTS as u32)?;
     Ok(Some(Steady { fixed, conditions, given: at.field("given")?.flag()? }))
 }
 

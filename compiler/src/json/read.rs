@@ -5,7 +5,7 @@ use serde_json::Value;
 use smpl_dsl::span::Span;
 
 use super::bounds::{Bounds, within};
-use super::cursor::{At, ReadError};
+use super::cursor::{At, MAX_ELEMENTS, ReadError};
 use super::interface::{self, count, texts};
 use super::nodes::{Nodes, address, extents, variable};
 
@@ -16,9 +16,6 @@ use crate::ir::{BUILTIN_COUNT, ExprId, MAX_DEPTH, Place, Program, Role, VarId, l
 use crate::layout::Layout;
 use crate::model::{Model, Programs, Root, RootAction, Row, Variable};
 use crate::structure::is_explicit;
-
-/// Most elements of all variables together.
-pub(super) const MAX_ELEMENTS: usize = 50_000_000;
 
 /// What a text holds.
 pub struct Read {

@@ -2,7 +2,7 @@
 
 use pest::iterators::{Pair, Pairs};
 
-use super::{Fallible, Rule, message};
+use super::{Fallible, Rule, rules};
 use crate::diagnostic::{Diagnostic, codes};
 use crate::span::{FileId, Span, span};
 use crate::syntax::Ident;
@@ -86,7 +86,7 @@ impl<'t> Children<'t> {
 
     fn mismatch(&self, context: &Context<'_>, rule: Rule) -> Box<Diagnostic> {
         let place = self.whole.as_ref().map_or_else(|| span(context.file, context.offset, context.offset), |pair| context.span(pair));
-        let message = format!("expected {} in `{}`", message::describe(rule), context.keyword);
+        let message = format!("expected {} in `{}`", rules::describe(rule), context.keyword);
         Box::new(Diagnostic::error(codes::SYNTAX, message, place))
     }
 

@@ -183,11 +183,15 @@ impl Policy {
     }
 }
 
-/// Runs one episode, or many.
-pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
-    if arguments.episodes.is_some() || !arguments.sweep.is_empty() || arguments.summary.is_some() {
-        return super::runs::run(arguments);
+impl SimulateArguments {
+    /// Whether many episodes are asked for.
+    pub(super) fn is_many(&self) -> bool {
+        self.episodes.is_some() || !self.sweep.is_empty() || self.summary.is_some()
     }
+}
+
+/// Runs one episode.
+pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
     let loaded = arguments.model.load(&arguments.file)?;
     let written = [arguments.out.as_deref(), arguments.plot.as_deref()];
     outputs::check(&written, outputs::names(&loaded.sources).chain(data_files(arguments)))?;

@@ -2,11 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::onestep::OneStep;
-use super::{Edge, Ida, Method, Settings, SolveError, System};
-
-/// Unknowns up to which [`Method::Auto`] takes a one-step method: beyond, a stiff control step takes IDA less time (`examples/methods.rs`).
-const SMALL: usize = 200;
+use super::{Edge, SolveError, System};
 
 /// How an [`advance`](Integrator::advance) ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,19 +43,6 @@ pub struct Carried {
     pub step: f64,
     /// The explicit one of two methods takes it.
     pub explicit: bool,
-}
-
-/// An integrator for systems of this one's dimension, pattern and counts, by the method of the settings.
-///
-/// # Errors
-/// A setting out of range, a pattern that does not fit, a system that the method does not take, or SUNDIALS out of memory.
-pub fn integrator(system: &dyn System, settings: Settings) -> Result<Box<dyn Integrator>, SolveError> {
-    let one_step = match settings.method {
-        Method::Ida => false,
-        Method::Rosenbrock | Method::Explicit => true,
-        Method::Auto => system.is_explicit() && system.dimension() <= SMALL,
-    };
-    Ok(if one_step { Box::new(OneStep::new(system, settings)?) } else { Box::new(Ida::new(system, settings)?) })
 }
 
 /// A method that steps a [`System`] through time.

@@ -29,6 +29,7 @@
 //! instance computed before.
 
 mod callbacks;
+mod choose;
 mod consistent;
 mod error;
 mod forcing;
@@ -47,10 +48,11 @@ mod traverse;
 mod vector;
 mod watch;
 
+pub use choose::integrator;
 pub use error::{IdaFlag, SolveError};
 pub use ida::Ida;
 pub(crate) use integrator::Absent;
-pub use integrator::{Advance, Carried, Integrator, Statistics, integrator};
+pub use integrator::{Advance, Carried, Integrator, Statistics};
 pub use linear::Method as LinearMethod;
 pub use onestep::OneStep;
 pub use settings::{FirstStep, LinearSolver, Method, Quadratures, Settings};

@@ -7,7 +7,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::error::{ConservedSum, Freedom};
-use super::newton::Search;
+use super::problem::Problem;
 use crate::catalogue::{Catalogue, Element};
 use crate::system::CompiledSystem;
 
@@ -35,11 +35,11 @@ struct Null {
 }
 
 /// What is free near `y`; `None` where everything is determined or there are too many unknowns to tell.
-pub(super) fn freedom(search: &mut Search, system: &mut CompiledSystem, catalogue: &Catalogue, y: &[f64]) -> Option<Freedom> {
-    if search.free.is_empty() || search.free.len() > LARGE {
+pub(super) fn freedom(problem: &mut Problem, system: &mut CompiledSystem, catalogue: &Catalogue, y: &[f64]) -> Option<Freedom> {
+    if problem.free.is_empty() || problem.free.len() > LARGE {
         return None;
     }
-    let samples: Vec<Sample> = DISTANCES.iter().filter_map(|&d| sample(search, system, y, d)).collect();
+    let samples: Vec<Sample> = DISTANCES.iter().filter_map(|&d| sample(problem, system, y, d)).collect();
     // Where the guess is a singular point of its own, the points around are not.
     let (at, null) = samples
         .iter()
@@ -52,20 +52,20 @@ pub(super) fn freedom(search: &mut Search, system: &mut CompiledSystem, catalogu
         return None;
     }
     let states = system.model().states();
-    let chosen = determining(&null, &search.free, states);
-    let element = |i: usize| all(catalogue).find(|e| e.at == search.free[i]);
+    let chosen = determining(&null, &problem.free, states);
+    let element = |i: usize| all(catalogue).find(|e| e.at == problem.free[i]);
     let name = |i: &usize| element(*i).map(|e| e.name.clone());
     if chosen.len() < null.left.ncols() {
-        let largest = |i: &usize| null.right.row(*i).amax() > SMALL && search.free[*i] >= states;
-        let algebraics = (0..search.free.len()).filter(largest).filter_map(|i| name(&i)).take(6).collect();
+        let largest = |i: &usize| null.right.row(*i).amax() > SMALL && problem.free[*i] >= states;
+        let algebraics = (0..problem.free.len()).filter(largest).filter_map(|i| name(&i)).take(6).collect();
         return Some(Freedom { algebraics, ..Freedom::default() });
     }
     let mut chosen = chosen;
     chosen.sort_unstable();
     let explicit = system.model().explicit();
-    let sums = if explicit { conserved(&null, &samples, at, &search.free, states) } else { Vec::new() };
+    let sums = if explicit { conserved(&null, &samples, at, &problem.free, states) } else { Vec::new() };
     // A state that nothing changes on its own is one that integrates.
-    let sums = sums.iter().map(|sum| described(sum, y, &search.free, catalogue)).filter(|sum| sum.terms.len() > 1).collect();
+    let sums = sums.iter().map(|sum| described(sum, y, &problem.free, catalogue)).filter(|sum| sum.terms.len() > 1).collect();
     Some(Freedom { states: chosen.iter().filter_map(name).collect(), sums, algebraics: Vec::new() })
 }
 
@@ -74,14 +74,14 @@ fn all(catalogue: &Catalogue) -> impl Iterator<Item = &Element> {
 }
 
 /// The equations at a point near `y`.
-fn sample(search: &mut Search, system: &mut CompiledSystem, y: &[f64], distance: f64) -> Option<Sample> {
+fn sample(problem: &mut Problem, system: &mut CompiledSystem, y: &[f64], distance: f64) -> Option<Sample> {
     let mut point = y.to_vec();
-    for (i, &at) in search.free.iter().enumerate() {
+    for (i, &at) in problem.free.iter().enumerate() {
         // Numbers without a pattern, upwards: rates of what is used up vanish at zero.
         let spread = 0.5 + ((i as f64 + 1.0) * 0.618_033_988_749_895).fract();
-        point[at] += distance * spread * (search.scales[at] + y[at].abs());
+        point[at] += distance * spread * (problem.scales[at] + y[at].abs());
     }
-    let (mut jacobian, mut rates) = search.dense(system, &point)?;
+    let (mut jacobian, mut rates) = problem.dense(system, &point)?;
     let mut sizes = Vec::with_capacity(rates.len());
     for (i, mut row) in jacobian.row_iter_mut().enumerate() {
         let size = row.amax();

@@ -322,7 +322,7 @@ fn expand_let(
 fn needs_itself(l: &mut Lowering<'_, '_>, symbol: SymbolId) -> Value {
     let path = l.symbols[symbol].path.clone();
     let at = l.symbols[symbol].span;
-    let chain = cycle(l, symbol);
+    let chain = l.expansions.cycle(symbol, l.symbols);
     l.fault(
         Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the definition of `{path}` needs itself{chain}"), at)
             .help("make it a `var` with an equation of its own: then it is solved for"),
@@ -341,17 +341,6 @@ fn value_of_let<'m, 'a>(l: &mut Lowering<'m, 'a>, symbol: SymbolId, definition: 
         }
     };
     l.declared_value(definition, place, taken, unit)
-}
-
-/// The way from a definition back to itself, where it has stations.
-pub(in crate::elaborate) fn cycle(l: &Lowering<'_, '_>, symbol: SymbolId) -> String {
-    let ring = l.expansions.ring(symbol);
-    if ring.len() < 2 {
-        return String::new();
-    }
-    let path = |s: &SymbolId| format!("`{}`", l.symbols[*s].path);
-    let stations: Vec<String> = ring.iter().chain([&symbol]).map(path).collect();
-    format!(": {}", stations.join(" needs "))
 }
 
 fn builtin_name<'m, 'a>(l: &mut Lowering<'m, 'a>, name: &Ident) -> Option<Value> {

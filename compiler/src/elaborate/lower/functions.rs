@@ -10,7 +10,7 @@ use crate::elaborate::lower::builtins::{self, Attribute, Builtin, Call};
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::values::Values;
-use crate::elaborate::lower::{Lowering, boxes, expression, operators, random_and_tables, units};
+use crate::elaborate::lower::{Lowering, boxes, operators, random_and_tables, units};
 use crate::elaborate::space::{field, flux, grid};
 use crate::elaborate::symbols::{SymbolId, SymbolKind};
 use crate::ir::{Affine, BinaryFn, Expr as Node, Flavour, Role, UnaryFn};
@@ -120,7 +120,7 @@ fn expand_def(
     }
     if l.expansions.is_open(symbol) {
         let declared = l.symbols[symbol].span;
-        let chain = expression::cycle(l, symbol);
+        let chain = l.expansions.cycle(symbol, l.symbols);
         return l.fault(
             Diagnostic::error(codes::CYCLIC_DEFINITION, format!("`{path}` calls itself{chain}"), declared)
                 .help("functions are expanded where they are called, so none can call itself"),

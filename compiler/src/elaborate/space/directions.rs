@@ -5,28 +5,11 @@ use smpl_dsl::span::Span;
 
 use crate::elaborate::lower::{Lowering, units};
 use crate::elaborate::space::faces::FaceValue;
+use crate::elaborate::space::flow::{Direction, Flow};
 use crate::elaborate::space::interval::Interval;
 use crate::elaborate::space::marks::{Marks, Term};
 use crate::elaborate::space::{marks, placed, terms};
 use crate::ir::{Compare, Expr as Node, ExprId, UnaryFn};
-/// Where a face value comes from.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(in crate::elaborate::space) enum Direction {
-    Below,
-    Above,
-    /// From below where this holds.
-    When(ExprId),
-    /// A velocity: the mean of both cells.
-    Mean,
-    /// By the mean slope of what depends on this face value alone.
-    Slope,
-}
-
-/// Terms of a flux and the directions of its marks.
-pub(in crate::elaborate::space) struct Flow {
-    pub terms: Vec<Term>,
-    pub directions: Vec<Direction>,
-}
 
 /// From below where a number is not negative.
 fn forward(l: &mut Lowering<'_, '_>, sign: ExprId) -> Direction {

@@ -9,9 +9,12 @@ use crate::elaborate::lower::loops::{Cell, Face};
 use crate::elaborate::lower::place::{Bound, Place};
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::{Lowering, units};
-use crate::elaborate::space::{grid, marks, transport};
+use crate::elaborate::space::faces::FaceValue;
+use crate::elaborate::space::marks::{MARK, is_odd};
+use crate::elaborate::space::{grid, marks};
 use crate::elaborate::symbols::{Axis, DomainId, Scheme, SymbolId};
-use crate::ir::{Compare, ExprId};
+use crate::ir::{Affine, Compare, Expr as Node, ExprId, Flavour};
+
 /// Value of a field at the face of a flux; `None` where the indices do not mean the face.
 pub(in crate::elaborate) fn face_value<'m, 'a>(
     l: &mut Lowering<'m, 'a>,
@@ -30,8 +33,7 @@ pub(in crate::elaborate) fn face_value<'m, 'a>(
     let is_marked = l.fluxes.faces.is_some() && l.symbols.is_directed(face);
     if l.fluxes.averaging || is_marked {
         let beside = at(l, if at_low { 0 } else { -1 });
-        let marked =
-            if is_marked { transport::marked(l, (symbol, index, span), face, place, &beside, l.fluxes.averaging) } else { beside.clone() };
+        let marked = if is_marked { marked(l, (symbol, index, span), face, place, &beside, l.fluxes.averaging) } else { beside.clone() };
         if !l.fluxes.averaging || at_low || at_high {
             return Some(if l.fluxes.averaging { beside } else { marked });
         }
@@ -210,4 +212,28 @@ pub(in crate::elaborate) fn upwind<'m, 'a>(l: &mut Lowering<'m, 'a>, span: Span,
     let forward = l.exprs.compare(Compare::Le, zero, v.expr);
     let expr = l.exprs.select(forward, left.expr, right.expr);
     Value { expr, unit: left.unit }
+}
+
+/// A mark for a field's value at a face; `beside` is the field in the cell below, or beside the end.
+fn marked(
+    l: &mut Lowering<'_, '_>,
+    (symbol, index, span): (SymbolId, &[Expr], Span),
+    face: Face,
+    place: &Place,
+    beside: &Value,
+    velocity: bool,
+) -> Value {
+    let Node::Load { var, flavour, at } = l.exprs.node(beside.expr) else { return beside.clone() };
+    let range = marks::reading(l).declared_range(var, flavour, at);
+    let Some(faces) = &mut l.fluxes.faces else { return beside.clone() };
+    if let Some(known) = faces.iter_mut().find(|f| f.beside == beside.expr) {
+        known.velocity |= velocity;
+        return Value { expr: known.mark, unit: beside.unit.clone() };
+    }
+    let mark = Affine { offset: MARK + faces.len() as i64, ..at };
+    let mark = l.exprs.load(l.hidden.builtins, Flavour::Value, mark);
+    let odd = is_odd(&beside.unit.unit());
+    let index = index.to_vec();
+    faces.push(FaceValue { symbol, index, span, face, place: place.clone(), beside: beside.expr, mark, range, odd, velocity });
+    Value { expr: mark, unit: beside.unit.clone() }
 }

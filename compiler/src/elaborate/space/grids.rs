@@ -1,34 +1,11 @@
-//! Ends of domains, once they were worked out.
-
-use smpl_dsl::units::Unit;
+//! Where the cells of domains lie, for who looks at a model from outside.
 
 use crate::elaborate::lower::loops::Cell;
 use crate::elaborate::lower::{Lowering, defaults};
 use crate::elaborate::space::grid;
 use crate::elaborate::symbols::DomainId;
-use crate::ir::{Affine, ExprId, FastMap, Flavour, VarId};
+use crate::ir::{Affine, ExprId, Flavour, VarId};
 use crate::model::Grid;
-
-/// Unit and values of both ends.
-pub(in crate::elaborate) type Ends = (Unit, ExprId, ExprId);
-
-/// Of each domain that something asked for.
-#[derive(Debug, Default)]
-pub(in crate::elaborate) struct Grids {
-    ends: FastMap<DomainId, Ends>,
-}
-
-impl Grids {
-    /// The ends of a domain.
-    pub fn ends(&self, domain: DomainId) -> Option<&Ends> {
-        self.ends.get(&domain)
-    }
-
-    /// Notes them.
-    pub fn set(&mut self, domain: DomainId, ends: Ends) {
-        self.ends.insert(domain, ends);
-    }
-}
 
 /// Where the cells of every domain lie, as far as parameters tell. A model at fault has none: what is wrong with its grids was said.
 pub(in crate::elaborate) fn grids(l: &mut Lowering<'_, '_>) -> Vec<Grid> {

@@ -2,8 +2,8 @@
 
 use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::value::{Measure, Value};
-use crate::elaborate::space::directions::{Direction, Flow};
 use crate::elaborate::space::faces::FaceValue;
+use crate::elaborate::space::flow::{Direction, Flow};
 use crate::elaborate::space::marks::{Marks, Term};
 use crate::elaborate::space::{field, marks, terms};
 use crate::ir::{BinaryFn, Compare, Expr as Node, ExprId, FastMap, FastSet, Rewritten, UnaryFn};

@@ -6,19 +6,16 @@
 //! flux is elaborated with those cells at once; else the marks are replaced by the values of one side, or by a choice.
 
 use smpl_dsl::diagnostic::Diagnostic;
-use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Expr, Flux};
+use smpl_dsl::syntax::Flux;
 
 use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::loops::Face;
 use crate::elaborate::lower::place::Place;
 use crate::elaborate::lower::value::Value;
-use crate::elaborate::space::directions::Direction;
-use crate::elaborate::space::faces::FaceValue;
-use crate::elaborate::space::marks::{MARK, is_odd};
-use crate::elaborate::space::{directions, marks, placed};
-use crate::elaborate::symbols::{Scheme, SymbolId, Symbols};
-use crate::ir::{Affine, Expr as Node, Flavour};
+use crate::elaborate::space::flow::Direction;
+use crate::elaborate::space::{directions, placed};
+use crate::elaborate::symbols::{Scheme, Symbols};
+
 /// What came of the elaboration with marks.
 enum Outcome {
     /// As if all came from below; also where there are faults, which the usual way reports.
@@ -89,30 +86,6 @@ fn with_marks<'m, 'a>(l: &mut Lowering<'m, 'a>, body: impl FnOnce(&mut Lowering<
         }
     }
     outcome
-}
-
-/// A mark for a field's value at a face; `beside` is the field in the cell below, or beside the end.
-pub(in crate::elaborate) fn marked(
-    l: &mut Lowering<'_, '_>,
-    (symbol, index, span): (SymbolId, &[Expr], Span),
-    face: Face,
-    place: &Place,
-    beside: &Value,
-    velocity: bool,
-) -> Value {
-    let Node::Load { var, flavour, at } = l.exprs.node(beside.expr) else { return beside.clone() };
-    let range = marks::reading(l).declared_range(var, flavour, at);
-    let Some(faces) = &mut l.fluxes.faces else { return beside.clone() };
-    if let Some(known) = faces.iter_mut().find(|f| f.beside == beside.expr) {
-        known.velocity |= velocity;
-        return Value { expr: known.mark, unit: beside.unit.clone() };
-    }
-    let mark = Affine { offset: MARK + faces.len() as i64, ..at };
-    let mark = l.exprs.load(l.hidden.builtins, Flavour::Value, mark);
-    let odd = is_odd(&beside.unit.unit());
-    let index = index.to_vec();
-    faces.push(FaceValue { symbol, index, span, face, place: place.clone(), beside: beside.expr, mark, range, odd, velocity });
-    Value { expr: mark, unit: beside.unit.clone() }
 }
 
 impl<'a> Symbols<'a> {

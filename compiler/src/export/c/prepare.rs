@@ -1,8 +1,8 @@
 //! What does not change within a step, computed ahead.
 
 use crate::export::ExportError;
-use crate::export::functions::{extents, is_dynamic, spread};
-use crate::export::sheet::{Nest, Sheet, Store};
+use crate::export::functions::{extents, spread};
+use crate::export::sheet::{Nest, Sheet, Store, is_dynamic};
 use crate::hoist::{Hoister, Stage};
 use crate::ir::{Affine, Flavour, Role, VarId};
 use crate::schedule::{Job, Sink, Task};

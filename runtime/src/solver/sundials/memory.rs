@@ -6,24 +6,14 @@ use std::ptr::{self, NonNull};
 use sundials_sys::*;
 
 use super::super::callbacks::{self, Bridge, Message};
-use super::super::newton;
+use super::super::newton::object;
 use super::super::vector::{Handle, Vector};
 use super::super::{IdaFlag, SolveError};
-use super::{Context, Kept};
-
-/// Turns the return value of a function of SUNDIALS into a result.
-pub(crate) fn check(function: &'static str, value: c_int) -> Result<(), SolveError> {
-    if value >= 0 {
-        return Ok(());
-    }
-    Err(SolveError::Setup { function, flag: IdaFlag { value, message: String::new() } })
-}
+use super::check::check;
+use super::{Context, Inquiry, Kept};
 
 /// IDA's flag where there is no memory.
 const NO_MEMORY: c_int = -20;
-
-/// IDA's flag where there is no vector for a derivative.
-const BAD_DERIVATIVE: c_int = -26;
 
 /// Counters that IDA keeps from one restart to the next, and its last step.
 #[derive(Clone, Copy, Default)]
@@ -41,48 +31,6 @@ pub(crate) enum Task {
     Normal,
     /// One internal step.
     OneStep,
-}
-
-/// What IDA's memory may be asked while IDA is at work, that is by its callbacks: nothing here calls them.
-///
-/// There are two of them: that of [`Memory`], and that of its [`Bridge`], which is freed after IDA's memory.
-pub(crate) struct Inquiry {
-    ida: NonNull<c_void>,
-    /// Unknowns.
-    dimension: usize,
-}
-
-impl Inquiry {
-    /// The time that IDA has reached within.
-    pub(crate) fn current_time(&self) -> f64 {
-        let mut time = 0.0;
-        // SAFETY: the memory lives (`Memory::new`), and the other pointer is to a variable of this function; so below.
-        unsafe { IDAGetCurrentTime(self.ida.as_ptr(), &mut time) };
-        time
-    }
-
-    /// The last step that was accepted.
-    pub(crate) fn last_step(&self) -> f64 {
-        let mut step = 0.0;
-        // SAFETY: as above.
-        unsafe { IDAGetLastStep(self.ida.as_ptr(), &mut step) };
-        step
-    }
-
-    /// The unknowns' derivatives of this order at a time within the last step.
-    ///
-    /// # Errors
-    /// IDA's flag where the time is none of those, or the vector has another length.
-    pub(crate) fn interpolate(&self, time: f64, order: c_int, to: &mut Handle) -> Result<(), c_int> {
-        if to.entries().len() != self.dimension {
-            return Err(BAD_DERIVATIVE);
-        }
-        // SAFETY: the memory lives, and the vector is ours alone and of IDA's length.
-        match unsafe { IDAGetDky(self.ida.as_ptr(), time, order, to.raw()) } {
-            flag if flag < 0 => Err(flag),
-            _ => Ok(()),
-        }
-    }
 }
 
 /// IDA's memory with all that it holds the address of.
@@ -112,18 +60,19 @@ impl Memory {
             return Err(SolveError::Setup { function: "IDACreate", flag: IdaFlag { value: NO_MEMORY, message: String::new() } });
         };
         let (bridge, dimension) = (Kept::new(bridge), y.entries().len());
+        // SAFETY: the memory is freed when all this is dropped, the bridge after it (`Memory`), which asks it nothing then.
+        let [inquiry, of_bridge] = unsafe { [Inquiry::new(ida, dimension), Inquiry::new(ida, dimension)] };
         let mut memory = Self {
-            inquiry: Inquiry { ida, dimension },
+            inquiry,
             messages: Kept::new(Message::default()),
             solver: Kept::new(callbacks::linear_solver(&bridge, context)),
             matrix: Kept::new(callbacks::matrix(context)),
-            nonlinear: Kept::new(newton::object(&bridge, context)),
+            nonlinear: Kept::new(object::object(&bridge, context)),
             bridge,
             integrals: 0,
             context: context.clone(),
         };
-        // The bridge is freed after IDA's memory, and so asks it nothing afterwards.
-        memory.bridge_mut().set_memory(Inquiry { ida, dimension });
+        memory.bridge_mut().set_memory(of_bridge);
         memory.introduce(y, yp)?;
         Ok(memory)
     }

@@ -19,22 +19,16 @@ const MAX_CHANGE: f64 = 0.3;
 const TO_THE_BOUND: f64 = 0.9;
 
 impl Search {
-    /// Largest entry relative to the scales.
-    pub(super) fn norm(&self, correction: &[f64]) -> f64 {
-        let relative = correction.iter().zip(&self.free).map(|(d, &at)| (d / self.scales[at]).abs());
-        relative.fold(0.0, |norm, x| if x.is_nan() || x > norm { x } else { norm })
-    }
-
     /// Newton's method, damped; kept inside of the bounds where that is wanted.
     pub(super) fn newton(&mut self, system: &mut CompiledSystem, y: &mut [f64], inside: bool) -> Result<Try, Option<usize>> {
-        let (mut step, mut trial_step) = (vec![0.0; self.free.len()], vec![0.0; self.free.len()]);
+        let (mut step, mut trial_step) = (vec![0.0; self.problem.free.len()], vec![0.0; self.problem.free.len()]);
         let mut trial = y.to_vec();
         let mut last = f64::INFINITY;
         for iteration in 1..=MAX_NEWTON {
-            self.evaluate(system, y);
+            self.problem.evaluate(system, y);
             self.factorise(system, y, 0.0)?;
-            self.correction(&mut step);
-            let norm = self.norm(&step);
+            self.problem.correction(&mut step);
+            let norm = self.problem.norm(&step);
             if !norm.is_finite() {
                 return Ok(Try::Failed(iteration));
             }
@@ -47,13 +41,13 @@ impl Search {
                 continue;
             }
             last = norm;
-            let mut damping = if inside { self.bounds.reach(&self.free, y, &step, TO_THE_BOUND) } else { 1.0 };
+            let mut damping = if inside { self.bounds.reach(&self.problem.free, y, &step, TO_THE_BOUND) } else { 1.0 };
             loop {
                 trial.copy_from_slice(y);
                 self.apply(&mut trial, &step, damping);
-                self.evaluate(system, &trial);
-                self.correction(&mut trial_step);
-                if self.norm(&trial_step) <= (1.0 - damping / 4.0) * norm {
+                self.problem.evaluate(system, &trial);
+                self.problem.correction(&mut trial_step);
+                if self.problem.norm(&trial_step) <= (1.0 - damping / 4.0) * norm {
                     break;
                 }
                 damping *= 0.5;
@@ -67,22 +61,22 @@ impl Search {
     }
 
     fn apply(&self, y: &mut [f64], step: &[f64], damping: f64) {
-        for (d, &at) in step.iter().zip(&self.free) {
+        for (d, &at) in step.iter().zip(&self.problem.free) {
             y[at] += damping * d;
         }
     }
 
     /// Follows the process with growing steps of the linearised implicit Euler method until it hardly moves.
     pub(super) fn follow(&mut self, system: &mut CompiledSystem, y: &mut [f64]) -> u32 {
-        let mut step = vec![0.0; self.free.len()];
+        let mut step = vec![0.0; self.problem.free.len()];
         let mut trial = y.to_vec();
         let mut length = self.first_step;
         let confined = self.is_inside(y);
         for count in 0..MAX_PSEUDO {
-            self.evaluate(system, y);
+            self.problem.evaluate(system, y);
             let change = match self.factorise(system, y, 1.0 / length) {
                 Ok(()) => {
-                    self.correction(&mut step);
+                    self.problem.correction(&mut step);
                     self.relative_change(&step, y)
                 }
                 Err(_) if self.interrupted => return count,
@@ -90,8 +84,8 @@ impl Search {
             };
             trial.copy_from_slice(y);
             self.apply(&mut trial, &step, 1.0);
-            self.evaluate(system, &trial);
-            let finite = self.free.iter().all(|&row| self.rows[row].is_finite());
+            self.problem.evaluate(system, &trial);
+            let finite = self.problem.free.iter().all(|&row| self.problem.rows[row].is_finite());
             let left = confined && !self.is_inside(&trial);
             if !(change <= MAX_CHANGE && finite) || left {
                 length *= 0.25;
@@ -110,7 +104,7 @@ impl Search {
     }
 
     fn relative_change(&self, step: &[f64], y: &[f64]) -> f64 {
-        let relative = step.iter().zip(&self.free).map(|(d, &at)| d.abs() / (self.scales[at] + y[at].abs()));
+        let relative = step.iter().zip(&self.problem.free).map(|(d, &at)| d.abs() / (self.problem.scales[at] + y[at].abs()));
         relative.fold(0.0, |norm, x| if x.is_nan() || x > norm { x } else { norm })
     }
 }

@@ -1,0 +1,49 @@
+//! Why a model cannot be exported.
+
+use thiserror::Error;
+
+/// Why a model cannot be exported.
+#[derive(Debug, Error)]
+pub enum ExportError {
+    /// There is no such target.
+    #[error("unknown target `{name}`; known: {known}")]
+    UnknownTarget {
+        /// What was asked for.
+        name: String,
+        /// What there is.
+        known: String,
+    },
+    /// A function of the model reads or writes what no vector of the target holds.
+    #[error("`{variable}` is read or written where the target has no place for it; please report it with the model")]
+    Unavailable {
+        /// The variable.
+        variable: String,
+    },
+    /// A function reads the time derivative of an algebraic variable, which only the solver knows.
+    #[error("`{function}` reads the time derivative of an algebraic variable, which a function of x, z, u and p does not have")]
+    AlgebraicDerivative {
+        /// The function.
+        function: String,
+    },
+    /// A function of an FMU reads an integral over the step, which it does not keep.
+    #[error("`{function}` reads an integral over the step, which an FMU does not have")]
+    Integral {
+        /// The function.
+        function: String,
+    },
+    /// A variable of an FMU has no start value.
+    #[error("`{name}` has no value at the nominal point, and an FMU needs a start value")]
+    NoStart {
+        /// The variable.
+        name: String,
+    },
+    /// An FMU is no text.
+    #[error("an FMU is an archive: `smpl export FILE --to fmu -o NAME.fmu` or `smpl.export.fmu(model, path)` writes it")]
+    Archive,
+    /// An equation cannot be differentiated.
+    #[error(transparent)]
+    Differentiate(#[from] crate::differentiate::DifferentiateError),
+    /// Text could not be made of a value.
+    #[error(transparent)]
+    Json(#[from] serde_json::Error),
+}

@@ -1,0 +1,259 @@
+//! The problem without its fixed states: rows and unknowns that are free, and their Jacobian.
+
+use nalgebra::{DMatrix, DVector};
+use smpl_compiler::compiled::{Derived, WithRespectTo};
+
+use super::error::SteadyError;
+use crate::catalogue::Catalogue;
+use crate::solver::linear::Factorisation;
+use crate::solver::{LinearSolver, Pattern, SolveError, System};
+use crate::system::CompiledSystem;
+
+/// A solution that is larger than its right-hand side by this is that of a matrix that may be singular.
+const SUSPICIOUS: f64 = 1e10;
+
+/// The problem without its fixed states, and working memory.
+pub(super) struct Problem {
+    /// Places in `y` of the free unknowns.
+    pub free: Vec<usize>,
+    /// Conditions, by number, and the row that each takes the place of.
+    conditions: Vec<(usize, usize)>,
+    /// Place of each number of the conditions' derivatives among the numbers behind the Jacobian's.
+    gradient: Vec<Option<usize>>,
+    /// Places of the reduced Jacobian's entries among all entries.
+    kept: Vec<usize>,
+    pattern: Pattern,
+    /// `None` where the reduced Jacobian has no pivots whatever its numbers are.
+    factorisation: Option<Factorisation>,
+    /// Size of each unknown of the whole problem.
+    pub scales: Vec<f64>,
+    zero: Vec<f64>,
+    /// Rows of the whole problem at the last point.
+    pub rows: Vec<f64>,
+    entries: Vec<f64>,
+    reduced: Vec<f64>,
+}
+
+impl Problem {
+    /// `conditions` are the numbers of those that hold.
+    ///
+    /// # Errors
+    /// A condition that determines no state.
+    pub fn new(
+        system: &mut CompiledSystem,
+        catalogue: &Catalogue,
+        fixed: &[bool],
+        conditions: &[usize],
+        y: &[f64],
+    ) -> Result<Self, SteadyError> {
+        let n = fixed.len();
+        let scales = scales(catalogue, n);
+        let triplets = if conditions.is_empty() { Vec::new() } else { gradient(system, y)? };
+        let conditions = replaced(&triplets, conditions, fixed, system.model().states(), &scales)?;
+        let pattern = system.pattern();
+        let free: Vec<usize> = (0..n).filter(|&i| !fixed[i]).collect();
+        let mut number = vec![usize::MAX; n];
+        for (position, &at) in free.iter().enumerate() {
+            number[at] = position;
+        }
+        let is_replaced = |row: usize| conditions.iter().any(|&(_, replaced)| replaced == row);
+        let (mut starts, mut rows, mut kept) = (vec![0], Vec::new(), Vec::new());
+        let mut gradient = vec![None; triplets.len()];
+        let mut behind = pattern.entries();
+        for &column in &free {
+            let own =
+                pattern.column(column).map(|entry| (pattern.rows()[entry], entry)).filter(|&(row, _)| !fixed[row] && !is_replaced(row));
+            let mut entries: Vec<(usize, usize)> = own.map(|(row, entry)| (number[row], entry)).collect();
+            for &(condition, replaced) in &conditions {
+                let parts = (0..triplets.len()).filter(|&k| triplets[k].0 == condition && triplets[k].1 == column);
+                let mut place = None;
+                for k in parts {
+                    gradient[k] = Some(*place.get_or_insert(behind));
+                }
+                if let Some(place) = place {
+                    entries.push((number[replaced], place));
+                    behind += 1;
+                }
+            }
+            entries.sort_unstable();
+            rows.extend(entries.iter().map(|e| e.0));
+            kept.extend(entries.iter().map(|e| e.1));
+            starts.push(rows.len());
+        }
+        let pattern = Pattern::new(starts, rows).map_err(SolveError::from)?;
+        Ok(Self {
+            reduced: vec![0.0; kept.len()],
+            factorisation: Factorisation::new(&pattern, LinearSolver::Auto).ok(),
+            pattern,
+            free,
+            conditions,
+            gradient,
+            kept,
+            scales,
+            zero: vec![0.0; n],
+            rows: vec![0.0; n],
+            entries: vec![0.0; behind],
+        })
+    }
+
+    /// Rows that conditions take the place of.
+    pub fn replaced(&self) -> impl Iterator<Item = usize> + '_ {
+        self.conditions.iter().map(|c| c.1)
+    }
+
+    /// Whether a right-hand side gives a solution so large that the matrix of the last factorisation may be singular.
+    pub fn looks_singular(&mut self, system: &mut CompiledSystem, y: &[f64]) -> bool {
+        if self.factorise(system, y, 0.0).is_err() {
+            return true;
+        }
+        let mut sizes = vec![0.0_f64; self.free.len()];
+        for (row, _, size) in self.places() {
+            sizes[row] = sizes[row].max(size.abs());
+        }
+        let sign = |i: usize| 1.0 - 2.0 * ((i as f64 + 1.0) * 0.618_033_988_749_895).fract();
+        let mut solution: Vec<f64> = sizes.iter().enumerate().map(|(i, size)| sign(i) * size).collect();
+        self.solve(&mut solution);
+        // A number that is none counts as large.
+        let size = self.norm(&solution);
+        size.is_nan() || size > SUSPICIOUS
+    }
+
+    /// Rows, columns and values of the reduced Jacobian, columns scaled.
+    fn places(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
+        let pattern = self.pattern.column_starts().windows(2).enumerate();
+        let entries = pattern.flat_map(|(column, ends)| (ends[0]..ends[1]).map(move |entry| (column, entry)));
+        entries.map(|(column, entry)| (self.pattern.rows()[entry], column, self.reduced[entry] * self.scales[self.free[column]]))
+    }
+
+    /// The Jacobian with scaled columns and the rates at a point, in full; `None` where they are not finite.
+    pub fn dense(&mut self, system: &mut CompiledSystem, y: &[f64]) -> Option<(DMatrix<f64>, DVector<f64>)> {
+        self.evaluate(system, y);
+        self.take_jacobian(system, y, 0.0);
+        let n = self.free.len();
+        let mut jacobian = DMatrix::zeros(n, n);
+        for (row, column, value) in self.places() {
+            jacobian[(row, column)] = value;
+        }
+        let rates = DVector::from_iterator(n, self.free.iter().map(|&at| self.rows[at]));
+        (jacobian.iter().chain(rates.iter()).all(|x| x.is_finite())).then_some((jacobian, rates))
+    }
+
+    /// Rows at rest.
+    pub fn evaluate(&mut self, system: &mut CompiledSystem, y: &[f64]) {
+        system.residual(0.0, y, &self.zero, &mut self.rows);
+        if !self.conditions.is_empty() {
+            let missed = missed_conditions(system, y);
+            self.conditions.iter().for_each(|&(condition, row)| self.rows[row] = missed[condition]);
+        }
+    }
+
+    /// The reduced Jacobian with the weight `cj` of the derivatives.
+    fn take_jacobian(&mut self, system: &mut CompiledSystem, y: &[f64], cj: f64) {
+        let (jacobian, behind) = self.entries.split_at_mut(system.pattern().entries());
+        system.jacobian(0.0, y, &self.zero, cj, jacobian);
+        if !self.conditions.is_empty() {
+            behind.fill(0.0);
+            let first = jacobian.len();
+            // Differentiable when the search began, so now.
+            for (place, (_, _, value)) in self.gradient.iter().zip(gradient(system, y).unwrap_or_default()) {
+                place.iter().for_each(|at| behind[at - first] += value);
+            }
+        }
+        for (value, &entry) in self.reduced.iter_mut().zip(&self.kept) {
+            *value = self.entries[entry];
+        }
+    }
+
+    /// Factorises the Jacobian with the weight `cj` of the derivatives. The column without a pivot is the error.
+    pub fn factorise(&mut self, system: &mut CompiledSystem, y: &[f64], cj: f64) -> Result<(), Option<usize>> {
+        self.take_jacobian(system, y, cj);
+        if self.reduced.iter().any(|v| !v.is_finite()) {
+            return Err(None);
+        }
+        let factorisation = self.factorisation.as_mut().ok_or(None)?;
+        factorisation.factorise(&self.reduced).map_err(|singular| singular.column)
+    }
+
+    /// Writes the correction that the last factorisation gives for the present rows.
+    pub fn correction(&mut self, out: &mut [f64]) {
+        for (value, &at) in out.iter_mut().zip(&self.free) {
+            *value = -self.rows[at];
+        }
+        self.solve(out);
+    }
+
+    fn solve(&mut self, x: &mut [f64]) {
+        if let Some(factorisation) = &mut self.factorisation {
+            factorisation.solve(x);
+        }
+    }
+
+    /// Whether the reduced Jacobian has no pivots whatever its numbers are.
+    pub fn is_singular(&self) -> bool {
+        self.factorisation.is_none()
+    }
+
+    /// The place in `y` of an unknown that no free equation mentions.
+    pub fn empty_column(&self) -> Option<usize> {
+        let column = (0..self.pattern.dimension()).find(|&c| self.pattern.column(c).is_empty())?;
+        Some(self.free[column])
+    }
+
+    /// Largest entry of a correction relative to the scales; NaN where an entry is.
+    pub fn norm(&self, correction: &[f64]) -> f64 {
+        let relative = correction.iter().zip(&self.free).map(|(d, &at)| (d / self.scales[at]).abs());
+        relative.fold(0.0, |norm, x| if x.is_nan() || x > norm { x } else { norm })
+    }
+}
+
+/// The scale of each unknown, 1 where it has none.
+fn scales(catalogue: &Catalogue, unknowns: usize) -> Vec<f64> {
+    let mut scales = vec![1.0; unknowns];
+    for element in catalogue.states.elements().iter().chain(catalogue.solved.elements()) {
+        if element.scale.is_finite() && element.scale > 0.0 {
+            scales[element.at] = element.scale;
+        }
+    }
+    scales
+}
+
+/// By how much each condition on the steady state is missed.
+fn missed_conditions(system: &mut CompiledSystem, y: &[f64]) -> Vec<f64> {
+    let (model, memory) = system.parts();
+    let (conditions, fixed) =
+        model.interface().steady.as_ref().map_or((0, 0), |problem| (problem.conditions as usize, problem.fixed.len()));
+    let mut out = vec![0.0; memory.region(smpl_compiler::layout::Region::Action).len() + fixed + conditions];
+    model.steady(memory, &mut y.to_vec(), &mut out);
+    out.split_off(out.len() - conditions)
+}
+
+/// Derivatives of the conditions: condition, unknown, value.
+pub(super) fn gradient(system: &mut CompiledSystem, y: &[f64]) -> Result<Vec<(usize, usize, f64)>, SteadyError> {
+    let zero = vec![0.0; y.len()];
+    let (model, memory) = system.parts();
+    let found = model.derivative(Derived::SteadyConditions, WithRespectTo::Unknowns, memory, 0.0, (y, &zero));
+    found.map_err(|e| SteadyError::Condition { message: e.to_string() })
+}
+
+/// For each condition a row that it takes the place of: that of the state that it depends on most.
+fn replaced(
+    triplets: &[(usize, usize, f64)],
+    conditions: &[usize],
+    fixed: &[bool],
+    states: usize,
+    scales: &[f64],
+) -> Result<Vec<(usize, usize)>, SteadyError> {
+    let mut out: Vec<(usize, usize)> = Vec::new();
+    for &condition in conditions {
+        let own = triplets.iter().filter(|t| t.0 == condition && t.1 < states && !fixed[t.1] && !out.iter().any(|o| o.1 == t.1));
+        let size = |t: &(usize, usize, f64)| (t.2 * scales[t.1]).abs();
+        match own.max_by(|a, b| size(a).total_cmp(&size(b))) {
+            Some(largest) => out.push((condition, largest.1)),
+            None => {
+                let message = format!("no state is left that condition {} of the `steady` block could determine", condition + 1);
+                return Err(SteadyError::Condition { message });
+            }
+        }
+    }
+    Ok(out)
+}
