@@ -117,7 +117,7 @@ fn main() {
         report("tanks 1700", problem, settings, (1, 1.5, 0.0), 5);
     }
     for cells in [1, 2, 3, 5, 8, 12, 100] {
-        for linear_solver in [LinearSolver::Dense, LinearSolver::Banded, LinearSolver::Block, LinearSolver::Klu] {
+        for linear_solver in [LinearSolver::Dense, LinearSolver::Block, LinearSolver::Klu] {
             let name = format!("reactor {} {linear_solver:?}", 4 * cells);
             if wanted(&name) && (cells < 100 || linear_solver != LinearSolver::Dense) {
                 let problem = problems::tubular_reactor(cells);

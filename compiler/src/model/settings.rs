@@ -103,8 +103,6 @@ pub enum LinearSolver {
     Auto,
     /// LU with partial pivoting of the full matrix.
     Dense,
-    /// LU with partial pivoting of the bands around the diagonal, unknowns renumbered so that they are narrow.
-    Banded,
     /// Sparse LU of the diagonal blocks of the block triangular form, pivots on the diagonal; KLU where these do not serve.
     Block,
     /// SuiteSparse's KLU.
@@ -113,10 +111,10 @@ pub enum LinearSolver {
 
 impl LinearSolver {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::Auto, Self::Dense, Self::Banded, Self::Block, Self::Klu];
+    pub const ALL: [Self; 4] = [Self::Auto, Self::Dense, Self::Block, Self::Klu];
 
     /// Their names, for messages.
-    pub const TEXT: &str = "auto, dense, banded, block or klu";
+    pub const TEXT: &str = "auto, dense, block or klu";
 
     /// As it is written in models and scenarios.
     #[must_use]
@@ -124,7 +122,6 @@ impl LinearSolver {
         match self {
             Self::Auto => "auto",
             Self::Dense => "dense",
-            Self::Banded => "banded",
             Self::Block => "block",
             Self::Klu => "klu",
         }

@@ -619,26 +619,6 @@ const _: () = {
     ["Offset of field: _generic_SUNLinearSolver::ops"][::std::mem::offset_of!(_generic_SUNLinearSolver, ops) - 8usize];
     ["Offset of field: _generic_SUNLinearSolver::sunctx"][::std::mem::offset_of!(_generic_SUNLinearSolver, sunctx) - 16usize];
 };
-unsafe extern "C" {
-    pub fn SUNDlsMat_bandGBTRF(
-        a: *mut *mut realtype,
-        n: sunindextype,
-        mu: sunindextype,
-        ml: sunindextype,
-        smu: sunindextype,
-        p: *mut sunindextype,
-    ) -> sunindextype;
-}
-unsafe extern "C" {
-    pub fn SUNDlsMat_bandGBTRS(
-        a: *mut *mut realtype,
-        n: sunindextype,
-        smu: sunindextype,
-        ml: sunindextype,
-        p: *mut sunindextype,
-        b: *mut realtype,
-    );
-}
 pub type SUNNonlinearSolver_Ops = *mut _generic_SUNNonlinearSolver_Ops;
 pub type SUNNonlinearSolver = *mut _generic_SUNNonlinearSolver;
 pub type SUNNonlinSolSysFn =

@@ -462,26 +462,6 @@ unsafe extern "C" {
 unsafe extern "C" {
     pub fn N_VNew_Serial(vec_length: sunindextype, sunctx: SUNContext) -> N_Vector;
 }
-unsafe extern "C" {
-    pub fn SUNDlsMat_bandGBTRF(
-        a: *mut *mut sunrealtype,
-        n: sunindextype,
-        mu: sunindextype,
-        ml: sunindextype,
-        smu: sunindextype,
-        p: *mut sunindextype,
-    ) -> sunindextype;
-}
-unsafe extern "C" {
-    pub fn SUNDlsMat_bandGBTRS(
-        a: *mut *mut sunrealtype,
-        n: sunindextype,
-        smu: sunindextype,
-        ml: sunindextype,
-        p: *mut sunindextype,
-        b: *mut sunrealtype,
-    );
-}
 pub type SUNATimesFn =
     ::std::option::Option<unsafe extern "C" fn(A_data: *mut ::std::os::raw::c_void, v: N_Vector, z: N_Vector) -> ::std::os::raw::c_int>;
 pub type SUNPSetupFn = ::std::option::Option<unsafe extern "C" fn(P_data: *mut ::std::os::raw::c_void) -> ::std::os::raw::c_int>;

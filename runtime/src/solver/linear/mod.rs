@@ -1,13 +1,11 @@
 //! Linear systems of the Newton iteration.
 
-mod banded;
 mod block;
 pub(crate) mod columns;
 mod dense;
 mod klu;
 mod substitution;
 
-pub(crate) use banded::Banded;
 pub(crate) use block::Block;
 pub(crate) use dense::Dense;
 pub(crate) use klu::Klu;
@@ -27,8 +25,6 @@ const MEDIUM: usize = 48;
 pub enum Method {
     /// LU with partial pivoting of the full matrix.
     Dense,
-    /// LU with partial pivoting of the bands around the diagonal.
-    Banded,
     /// Sparse LU of the diagonal blocks of the block triangular form, its pivots on the diagonal where they serve.
     Block,
     /// SuiteSparse's KLU, with partial pivoting.
@@ -39,7 +35,6 @@ impl Display for Method {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Dense => "dense LU",
-            Self::Banded => "banded LU",
             Self::Block => "sparse LU of diagonal blocks",
             Self::Klu => "KLU",
         })
@@ -57,8 +52,6 @@ pub(crate) struct Singular {
 pub(crate) enum Factorisation {
     /// Dense.
     Dense(Dense),
-    /// Banded.
-    Banded(Box<Banded>),
     /// Sparse, pivots on the diagonal.
     Block(Box<Block>),
     /// Sparse, partial pivoting.
@@ -76,12 +69,10 @@ impl Factorisation {
             LinearSolver::Auto if full && Block::largest(pattern)? * 2 > n => Method::Dense,
             LinearSolver::Auto | LinearSolver::Block => Method::Block,
             LinearSolver::Dense => Method::Dense,
-            LinearSolver::Banded => Method::Banded,
             LinearSolver::Klu => Method::Klu,
         };
         Ok(match method {
             Method::Dense => Self::Dense(Dense::new(pattern)),
-            Method::Banded => Self::Banded(Box::new(Banded::new(pattern))),
             Method::Block => Self::Block(Box::new(Block::new(pattern)?)),
             Method::Klu => Self::Klu(Box::new(Klu::new(pattern)?)),
         })
@@ -91,7 +82,6 @@ impl Factorisation {
     pub fn method(&self) -> Method {
         match self {
             Self::Dense(_) => Method::Dense,
-            Self::Banded(_) => Method::Banded,
             Self::Block(_) => Method::Block,
             Self::Klu(_) => Method::Klu,
         }
@@ -101,7 +91,6 @@ impl Factorisation {
     pub(crate) fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {
         match self {
             Self::Dense(dense) => dense.factorise(values),
-            Self::Banded(banded) => banded.factorise(values),
             Self::Block(block) => block.factorise(values),
             Self::Klu(klu) => klu.factorise(values),
         }
@@ -122,7 +111,6 @@ impl Factorisation {
     pub fn solve(&mut self, b: &mut [f64]) {
         match self {
             Self::Dense(dense) => dense.solve(b),
-            Self::Banded(banded) => banded.solve(b),
             Self::Block(block) => block.solve(b),
             Self::Klu(klu) => klu.solve(b),
         }
@@ -153,7 +141,7 @@ impl Factorisation {
     /// Forgets the pivots of earlier factorisations.
     pub fn forget(&mut self) {
         match self {
-            Self::Dense(_) | Self::Banded(_) => {}
+            Self::Dense(_) => {}
             Self::Block(block) => block.forget(),
             Self::Klu(klu) => klu.forget(),
         }
@@ -197,7 +185,7 @@ mod tests {
 
     fn many(n: usize, width: usize) {
         let (pattern, values) = system(n, 4.0);
-        for choice in [LinearSolver::Block, LinearSolver::Dense, LinearSolver::Banded, LinearSolver::Klu] {
+        for choice in [LinearSolver::Block, LinearSolver::Dense, LinearSolver::Klu] {
             let mut factors = Factorisation::new(&pattern, choice).expect("a solver");
             factors.factorise(&values).expect("not singular");
             let b: Vec<f64> = (0..n * width).map(|i| (1.0 + i as f64).sin()).collect();
@@ -229,7 +217,7 @@ mod tests {
     fn factors_solve_rows_of_very_different_size() {
         let n = 40;
         let pattern = system(n, 0.0).0;
-        for choice in [LinearSolver::Klu, LinearSolver::Block, LinearSolver::Banded, LinearSolver::Dense] {
+        for choice in [LinearSolver::Klu, LinearSolver::Block, LinearSolver::Dense] {
             let mut sparse = Factorisation::new(&pattern, choice).expect("a solver");
             // Pivots chosen anew, then kept.
             for shift in [0.0, 0.5, 4.0] {
