@@ -382,8 +382,8 @@ impl Model {
         }
         let base = self.loaded.options.clone();
         let max = max_steps.or(base.max_steps);
-        let method = key.2.clone().or(base.method.clone());
-        let options = EnvironmentOptions { sparse: !dense_reward, max_steps: max, method, ..base };
+        let mut options = EnvironmentOptions { sparse: !dense_reward, max_steps: max, ..base };
+        options.solver.method = key.2.clone().or(options.solver.method);
         let (model, sources) = (self.loaded.model.clone(), Some(self.loaded.sources.clone()));
         let setup = released(py, || Setup::new(model, options, sources))?.map_err(|e| setup_error(&e))?;
         setups.insert(key, setup.clone());

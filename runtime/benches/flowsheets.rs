@@ -89,9 +89,9 @@ fn processor_time() -> f64 {
 fn prepared(case: &Case, path: &Path, asked: &LoadOptions, rtol: Option<f64>) -> (Environment, ResetOptions) {
     let loaded = load(path, asked).unwrap_or_else(|e| panic!("{e}"));
     let mut options = loaded.options;
-    options.rtol = rtol.or(case.rtol).or(options.rtol);
-    options.atol_factor = case.atol_factor.or(options.atol_factor);
-    options.linear_solver = case.linear_solver.map(str::to_owned).or(options.linear_solver);
+    options.solver.rtol = rtol.or(case.rtol).or(options.solver.rtol);
+    options.solver.atol_factor = case.atol_factor.or(options.solver.atol_factor);
+    options.solver.linear_solver = case.linear_solver.map(str::to_owned).or(options.solver.linear_solver);
     let setup = Setup::new(loaded.model, options, Some(loaded.sources)).unwrap_or_else(|e| panic!("{e}"));
     let mut environment = Environment::new(setup).unwrap_or_else(|e| panic!("{e}"));
     environment.set_keep_going(true);

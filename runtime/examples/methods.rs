@@ -10,7 +10,7 @@ use std::path::Path;
 use rustix::time::{ClockId, clock_gettime};
 use smpl_runtime::environment::{Environment, ResetOptions, Start};
 use smpl_runtime::load::{LoadOptions, load};
-use smpl_runtime::setup::{EnvironmentOptions, Setup};
+use smpl_runtime::setup::Setup;
 use smpl_runtime::solver::problems::{self, Problem};
 use smpl_runtime::solver::{Advance, Method, Settings, System, integrator};
 use smpl_runtime::system::CompiledSystem;
@@ -133,7 +133,9 @@ fn episode(file: &str, method: Method, rtol: f64, steps: u32) -> Run {
     }
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../models/{file}.eq"));
     let loaded = load(&path, &LoadOptions::default()).ok()?;
-    let options = EnvironmentOptions { method: Some(method.name().into()), rtol: Some(rtol), ..loaded.options };
+    let mut options = loaded.options;
+    options.solver.method = Some(method.name().into());
+    options.solver.rtol = Some(rtol);
     let mut environment = Environment::new(Setup::new(loaded.model, options, None).ok()?).ok()?;
     environment.reset(Some(1), &ResetOptions { start: Start::Nominal, ..ResetOptions::default() }).ok()?;
     environment.set_keep_going(true);

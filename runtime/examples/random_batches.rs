@@ -27,7 +27,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (episodes, hold) = (number(1, 1000.0)? as u64, number(2, 1.0)? as u32);
     let loaded = load(Path::new(path), &LoadOptions::default())?;
     let mut options = loaded.options;
-    options.rtol = Some(number(3, 1e-6)?);
+    options.solver.rtol = Some(number(3, 1e-6)?);
     let setup = Setup::new(loaded.model, options, Some(loaded.sources))?;
     let threads = std::thread::available_parallelism()?.get();
     let batch_options = BatchOptions { autoreset: Autoreset::Disabled, threads, ..BatchOptions::default() };

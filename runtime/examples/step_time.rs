@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use smpl_runtime::batch::{Autoreset, Batch, BatchOptions, StepArrays};
 use smpl_runtime::environment::{Environment, ResetOptions, Start};
-use smpl_runtime::setup::EnvironmentOptions;
+use smpl_runtime::setup::{EnvironmentOptions, SolverOverrides};
 use smpl_runtime::solver::{Ida, Integrator, Settings};
 use smpl_runtime::system::CompiledSystem;
 use support::{beer, environment, reactor, setup};
@@ -15,7 +15,11 @@ use support::{beer, environment, reactor, setup};
 fn main() {
     let reactor = environment(reactor::model(), EnvironmentOptions { max_steps: Some(u32::MAX), ..EnvironmentOptions::default() });
     println!("reactor step, rtol 1e-9: {:.2} us", step_time(reactor, |i| vec![26.0 + f64::from(i % 3), 0.1]));
-    let options = EnvironmentOptions { max_steps: Some(u32::MAX), rtol: Some(1e-6), ..EnvironmentOptions::default() };
+    let options = EnvironmentOptions {
+        max_steps: Some(u32::MAX),
+        solver: SolverOverrides { rtol: Some(1e-6), ..SolverOverrides::default() },
+        ..EnvironmentOptions::default()
+    };
     println!(
         "reactor step, rtol 1e-6: {:.2} us",
         step_time(environment(reactor::model(), options), |i| vec![26.0 + f64::from(i % 3), 0.1])

@@ -86,9 +86,9 @@ fn at_nominal<T>(
 fn settings(setup: &Setup) -> Settings {
     let (options, declared) = (&setup.options, &setup.model().interface().solver);
     Settings {
-        tolerance: options.rtol.unwrap_or(declared.rtol),
+        tolerance: options.solver.rtol.unwrap_or(declared.rtol),
         rtol: setup.settings.rtol,
-        atol_factor: options.atol_factor.unwrap_or(declared.atol_factor),
+        atol_factor: options.solver.atol_factor.unwrap_or(declared.atol_factor),
         max_step: setup.settings.max_step,
         max_steps: setup.settings.max_steps,
         max_events: setup.max_events,

@@ -10,15 +10,13 @@ mod values;
 mod words;
 
 use std::collections::BTreeMap;
-use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
-use smpl_compiler::model::Solver;
 use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes, did_you_mean};
 use smpl_dsl::span::{FileId, Span};
 
-use crate::solver::{LinearSolver, Method};
+use crate::setup::SolverOverrides;
 use places::{find_name, find_under, second_key};
 use values::Entries;
 pub(crate) use words::{shortened, shortened_names};
@@ -153,32 +151,6 @@ pub enum Noise {
     Deviations(BTreeMap<String, f64>),
 }
 
-/// Solver settings that a scenario may change.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SolverOverrides {
-    /// Relative tolerance.
-    pub rtol: Option<f64>,
-    /// Absolute tolerance over rtol times the scale.
-    pub atol_factor: Option<f64>,
-    /// Highest order.
-    pub max_order: Option<u32>,
-    /// Most internal steps within a step.
-    pub max_steps: Option<u32>,
-    /// Most instants of events within a step.
-    pub max_events: Option<NonZeroU32>,
-    /// Longest internal step, in the model's unit of time.
-    pub max_step: Option<f64>,
-    /// Whether algebraic variables enter the error test.
-    pub algebraic_error_control: Option<bool>,
-    /// Whether the integrals of rewards enter the error test.
-    pub quadrature_error_control: Option<bool>,
-    /// `auto`, `dense`, `banded`, `block` or `klu`.
-    pub linear_solver: Option<String>,
-    /// `ida`, `rosenbrock`, `explicit` or `auto`.
-    pub method: Option<String>,
-}
-
 /// The file as it is written.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -309,25 +281,6 @@ impl Scenario {
         let Some(Disturbances::Values(values)) = &self.disturbances else { return None };
         let (name, message) = values.iter().find_map(|(name, recorded)| Some((name, recorded.fault()?)))?;
         fault("disturbances", name, format!("the disturbance `{}` {message}", shortened(name)))
-    }
-}
-
-impl SolverOverrides {
-    /// The first entry that the solver cannot take: its name, what it must be, and what it is.
-    fn bad_value(&self) -> Option<(&'static str, &'static str, String)> {
-        let positive = |x: &f64| x.is_finite() && *x > 0.0;
-        let number = |name, expected, given: Option<f64>, holds: &dyn Fn(&f64) -> bool| {
-            given.filter(|x| !holds(x)).map(|x| (name, expected, x.to_string()))
-        };
-        let method = self.method.as_ref().filter(|name| Method::from_name(name).is_none());
-        let linear = self.linear_solver.as_ref().filter(|name| LinearSolver::from_name(name).is_none());
-        number("rtol", Solver::RTOL_TEXT, self.rtol, &|x| Solver::RTOL.contains(x))
-            .or_else(|| number("atol_factor", "a positive number", self.atol_factor, &positive))
-            .or_else(|| number("max_order", "from 1 to 5", self.max_order.map(f64::from), &|x| (1.0..=5.0).contains(x)))
-            .or_else(|| number("max_steps", "at least 1", self.max_steps.map(f64::from), &|x| *x >= 1.0))
-            .or_else(|| number("max_step", "a positive number", self.max_step, &|x| *x > 0.0))
-            .or_else(|| linear.map(|name| ("linear_solver", LinearSolver::TEXT, format!("`{name}`"))))
-            .or_else(|| method.map(|name| ("method", Method::TEXT, format!("`{name}`"))))
     }
 }
 

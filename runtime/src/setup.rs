@@ -14,7 +14,7 @@ use smpl_dsl::diagnostic::SourceMap;
 mod options;
 mod reads;
 
-pub use self::options::EnvironmentOptions;
+pub use self::options::{EnvironmentOptions, SolverOverrides};
 use self::reads::{any_expression, discrete_passes, finish_reads_derivatives, reads, start_passes, steady_outputs, step_reads_steady};
 use crate::catalogue::{Catalogue, Element, OutsideBounds, StructuralParameter, UnknownName, check_parameters};
 use crate::random;
@@ -204,7 +204,7 @@ impl Setup {
             draws: draws(&model),
             reward,
             max_steps,
-            max_events: options.max_events.map_or(interface.solver.max_events, NonZeroU32::get),
+            max_events: options.solver.max_events.map_or(interface.solver.max_events, NonZeroU32::get),
             programs: Programs::of(&model),
             sources,
             noise,
@@ -353,8 +353,8 @@ pub(crate) fn set_parameters(system: &mut CompiledSystem, given: &[(usize, f64)]
 
 fn solver_settings(model: &CompiledModel, catalogue: &Catalogue, options: &EnvironmentOptions) -> Result<Settings, SetupError> {
     let declared = &model.interface().solver;
-    let rtol = options.rtol.unwrap_or(declared.rtol);
-    let factor = options.atol_factor.unwrap_or(declared.atol_factor);
+    let rtol = options.solver.rtol.unwrap_or(declared.rtol);
+    let factor = options.solver.atol_factor.unwrap_or(declared.atol_factor);
     let positive = |what: &str, value: f64| {
         if value.is_finite() && value > 0.0 {
             return Ok(());
@@ -373,16 +373,16 @@ fn solver_settings(model: &CompiledModel, catalogue: &Catalogue, options: &Envir
         }
     }
     let mut settings = Settings::new(rtol, atol);
-    settings.max_order = options.max_order.unwrap_or(declared.max_order);
-    settings.max_steps = options.solver_steps.unwrap_or(declared.max_steps);
-    settings.linear_solver = options.linear_solver.as_deref().map_or(Ok(declared.linear_solver), linear_solver)?;
-    settings.method = options.method.as_deref().map_or(Ok(declared.method), method)?;
-    settings.max_step = options.max_step.unwrap_or(declared.max_step);
+    settings.max_order = options.solver.max_order.unwrap_or(declared.max_order);
+    settings.max_steps = options.solver.max_steps.unwrap_or(declared.max_steps);
+    settings.linear_solver = options.solver.linear_solver.as_deref().map_or(Ok(declared.linear_solver), linear_solver)?;
+    settings.method = options.solver.method.as_deref().map_or(Ok(declared.method), method)?;
+    settings.max_step = options.solver.max_step.unwrap_or(declared.max_step);
     if settings.max_step.is_nan() || settings.max_step <= 0.0 {
         positive("max_step", settings.max_step)?;
     }
-    settings.algebraic_error_control = options.algebraic_error_control.unwrap_or(declared.algebraic_error_control);
-    if options.quadrature_error_control.unwrap_or(declared.quadrature_error_control) {
+    settings.algebraic_error_control = options.solver.algebraic_error_control.unwrap_or(declared.algebraic_error_control);
+    if options.solver.quadrature_error_control.unwrap_or(declared.quadrature_error_control) {
         settings.quadratures = Quadratures::Checked { rtol, atol: factor * rtol };
     }
     Ok(settings)

@@ -5,7 +5,7 @@ mod support;
 use smpl_runtime::batch::{Autoreset, Batch, BatchError, BatchOptions, StepArrays};
 use smpl_runtime::environment::{Environment, ResetOptions};
 use smpl_runtime::observe::denormalise;
-use smpl_runtime::setup::EnvironmentOptions;
+use smpl_runtime::setup::{EnvironmentOptions, SolverOverrides};
 use support::{reactor, setup};
 
 /// Buffers of a caller.
@@ -142,7 +142,11 @@ fn a_nan_or_a_wrong_length_steps_nothing() {
 #[test]
 fn instances_that_share_an_integrator_go_their_own_ways_and_count_their_own_work() {
     for method in ["ida", "rosenbrock", "explicit", "auto"] {
-        let options = EnvironmentOptions { method: Some(method.into()), max_steps: Some(1000), ..EnvironmentOptions::default() };
+        let options = EnvironmentOptions {
+            max_steps: Some(1000),
+            solver: SolverOverrides { method: Some(method.into()), ..SolverOverrides::default() },
+            ..EnvironmentOptions::default()
+        };
         let setup = setup(reactor::model(), options);
         let mut batch = Batch::new(&setup, 3, BatchOptions::default()).expect("a batch");
         let mut arrays = Arrays::new(3);

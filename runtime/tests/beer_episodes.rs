@@ -3,7 +3,7 @@
 mod support;
 
 use smpl_runtime::environment::{Environment, ResetOptions, Start, StateInput};
-use smpl_runtime::setup::EnvironmentOptions;
+use smpl_runtime::setup::{EnvironmentOptions, SolverOverrides};
 use support::{beer, environment, reference};
 
 const STATES: [&str; 7] = ["X_A", "X_L", "X_D", "S", "EtOH", "DY", "EA"];
@@ -21,7 +21,10 @@ fn replay(file: &str, suffix: &str, method: &str, rtol: Option<f64>) -> Option<(
     let (integrate, limit) = if suffix == "tight" { (0.99, 201) } else { (1.0, 200) };
     let mut env = environment(
         beer::model(integrate, limit),
-        EnvironmentOptions { rtol, method: Some(method.into()), ..EnvironmentOptions::default() },
+        EnvironmentOptions {
+            solver: SolverOverrides { rtol, method: Some(method.into()), ..SolverOverrides::default() },
+            ..EnvironmentOptions::default()
+        },
     );
     let columns: Vec<String> = STATES.iter().map(|s| format!("{s}.{suffix}")).collect();
     let columns: Vec<&str> = columns.iter().map(String::as_str).collect();

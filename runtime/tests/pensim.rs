@@ -194,7 +194,7 @@ fn closed_loop(episode: usize, scenario: &str, method: &str, rtol: f64, suffix: 
     let table = reference::table(&format!("pensim_{episode}_{scenario}.csv"))?;
     let schedule = ["paa_schedule=hours", "paa_schedule=minutes"][episode - 1];
     let mut loaded = pensim(&options(scenario, &[schedule]));
-    loaded.options.method = Some(method.into());
+    loaded.options.solver.method = Some(method.into());
     let mut env = environment(loaded, Some(rtol));
     env.reset(Some(0), &replay(episode, &parameters, &table, suffix)).expect("a start");
     let mut worst = Worst::default();

@@ -4,7 +4,7 @@ mod support;
 
 use smpl_runtime::environment::{Environment, ResetOptions, Snapshot, SnapshotError, Start, StateInput, StepError};
 use smpl_runtime::failure::Failure;
-use smpl_runtime::setup::EnvironmentOptions;
+use smpl_runtime::setup::{EnvironmentOptions, SolverOverrides};
 use support::reactor::{self, Alternatives};
 use support::{environment, reference};
 
@@ -29,9 +29,13 @@ fn state(environment: &Environment) -> Vec<f64> {
 /// Replays a reference file open loop; the largest deviation as a fraction of the ranges, but for a failing last row.
 fn deviation(file: &str, method: &str, tight: bool) -> Option<f64> {
     let table = reference::table(file)?;
-    let mut options = EnvironmentOptions { max_steps: Some(1000), method: Some(method.into()), ..EnvironmentOptions::default() };
+    let mut options = EnvironmentOptions {
+        max_steps: Some(1000),
+        solver: SolverOverrides { method: Some(method.into()), ..SolverOverrides::default() },
+        ..EnvironmentOptions::default()
+    };
     if tight {
-        (options.rtol, options.atol_factor) = (Some(1e-11), Some(0.01));
+        (options.solver.rtol, options.solver.atol_factor) = (Some(1e-11), Some(0.01));
     }
     let mut env = with(options);
     env.reset(Some(0), &at(&table.row(0, &STATES))).expect("the start is consistent");
@@ -84,7 +88,8 @@ fn legacy_rewards_are_those_of_the_reference() {
     let Some(table) = reference::table("reactor_2.csv") else {
         return;
     };
-    let options = EnvironmentOptions { rtol: Some(1e-11), ..EnvironmentOptions::default() };
+    let options =
+        EnvironmentOptions { solver: SolverOverrides { rtol: Some(1e-11), ..SolverOverrides::default() }, ..EnvironmentOptions::default() };
     let mut env = environment(reactor::build(Alternatives { legacy: true }), options);
     env.reset(Some(0), &at(&table.row(0, &STATES))).expect("the start is consistent");
     for row in 1..table.len() {
@@ -298,7 +303,10 @@ fn a_snapshot_as_bytes_continues_bit_for_bit_in_another_compilation_of_the_same_
     same.step(&[20.0, 0.1]).expect("steps");
     assert_eq!(state(&same), state(&env));
 
-    let mut tighter = with(EnvironmentOptions { rtol: Some(1e-10), ..EnvironmentOptions::default() });
+    let mut tighter = with(EnvironmentOptions {
+        solver: SolverOverrides { rtol: Some(1e-10), ..SolverOverrides::default() },
+        ..EnvironmentOptions::default()
+    });
     assert!(matches!(tighter.restore(&snapshot), Err(SnapshotError::Foreign { .. })));
     assert!(matches!(Snapshot::from_bytes(&bytes[1..]), Err(SnapshotError::Damaged(_))));
     assert!(matches!(Snapshot::from_bytes(&bytes[..bytes.len() - 1]), Err(SnapshotError::Damaged(_))));

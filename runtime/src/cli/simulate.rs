@@ -292,10 +292,10 @@ impl SimulateArguments {
 
     fn setup_of(&self, loaded: Loaded) -> Result<Arc<Setup>, Failed> {
         let mut options = loaded.options;
-        options.rtol = self.rtol.or(options.rtol);
-        options.method = self.method.clone().or(options.method);
-        options.max_step = self.max_step.or(options.max_step);
-        options.atol_factor = self.atol_factor.or(options.atol_factor);
+        options.solver.rtol = self.rtol.or(options.solver.rtol);
+        options.solver.method = self.method.clone().or(options.solver.method);
+        options.solver.max_step = self.max_step.or(options.solver.max_step);
+        options.solver.atol_factor = self.atol_factor.or(options.solver.atol_factor);
         options.max_steps = self.steps.or(options.max_steps);
         Ok(Setup::new(loaded.model, options, Some(loaded.sources))?)
     }

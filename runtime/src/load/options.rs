@@ -28,16 +28,7 @@ pub(super) fn finish(
     let mut environment = EnvironmentOptions {
         reward: options.reward.clone().or_else(|| scenario.reward.clone()),
         max_steps: scenario.max_steps,
-        rtol: scenario.solver.rtol,
-        atol_factor: scenario.solver.atol_factor,
-        max_order: scenario.solver.max_order,
-        max_step: scenario.solver.max_step,
-        algebraic_error_control: scenario.solver.algebraic_error_control,
-        quadrature_error_control: scenario.solver.quadrature_error_control,
-        solver_steps: scenario.solver.max_steps,
-        max_events: scenario.solver.max_events,
-        linear_solver: scenario.solver.linear_solver.clone(),
-        method: scenario.solver.method.clone(),
+        solver: scenario.solver.clone(),
         parameters: given_parameters(&model, [&scenario.parameters, &scenario.settings, settings])?,
         ..EnvironmentOptions::default()
     };

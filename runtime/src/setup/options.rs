@@ -3,8 +3,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroU32;
 
-/// What can be chosen when an environment is made; all else stands in the model. (Flat, since each field is an option of the command and a keyword in
-/// Python under the same name.)
+use serde::Deserialize;
+use smpl_compiler::model::{LinearSolver, Method, Solver};
+
+/// What can be chosen when an environment is made; all else stands in the model.
 #[derive(Clone, Debug, Default)]
 pub struct EnvironmentOptions {
     /// The reward that `step` returns; the model's default if `None`.
@@ -23,14 +25,22 @@ pub struct EnvironmentOptions {
     pub disturbances: BTreeMap<String, Vec<f64>>,
     /// Those of them whose last value holds from there on.
     pub held: BTreeSet<String>,
+    /// Settings of the solver in place of the model's.
+    pub solver: SolverOverrides,
+}
+
+/// Settings of the solver that are not as the model has them: the block `solver` of a scenario.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SolverOverrides {
     /// Relative tolerance.
     pub rtol: Option<f64>,
-    /// Absolute tolerance of an unknown over rtol times its scale.
+    /// Absolute tolerance over rtol times the scale.
     pub atol_factor: Option<f64>,
-    /// Highest order of the integration.
+    /// Highest order.
     pub max_order: Option<u32>,
     /// Most internal steps within a step.
-    pub solver_steps: Option<u32>,
+    pub max_steps: Option<u32>,
     /// Most instants of events within a step.
     pub max_events: Option<NonZeroU32>,
     /// Longest internal step, in the model's unit of time.
@@ -39,8 +49,27 @@ pub struct EnvironmentOptions {
     pub algebraic_error_control: Option<bool>,
     /// Whether the integrals of rewards enter the error test.
     pub quadrature_error_control: Option<bool>,
-    /// `auto`, `dense` or `klu`.
+    /// `auto`, `dense`, `block` or `klu`.
     pub linear_solver: Option<String>,
     /// `ida`, `rosenbrock`, `explicit` or `auto`.
     pub method: Option<String>,
+}
+
+impl SolverOverrides {
+    /// The first entry that the solver cannot take: its name, what it must be, and what it is.
+    pub(crate) fn bad_value(&self) -> Option<(&'static str, &'static str, String)> {
+        let positive = |x: &f64| x.is_finite() && *x > 0.0;
+        let number = |name, expected, given: Option<f64>, holds: &dyn Fn(&f64) -> bool| {
+            given.filter(|x| !holds(x)).map(|x| (name, expected, x.to_string()))
+        };
+        let method = self.method.as_ref().filter(|name| Method::from_name(name).is_none());
+        let linear = self.linear_solver.as_ref().filter(|name| LinearSolver::from_name(name).is_none());
+        number("rtol", Solver::RTOL_TEXT, self.rtol, &|x| Solver::RTOL.contains(x))
+            .or_else(|| number("atol_factor", "a positive number", self.atol_factor, &positive))
+            .or_else(|| number("max_order", "from 1 to 5", self.max_order.map(f64::from), &|x| (1.0..=5.0).contains(x)))
+            .or_else(|| number("max_steps", "at least 1", self.max_steps.map(f64::from), &|x| *x >= 1.0))
+            .or_else(|| number("max_step", "a positive number", self.max_step, &|x| *x > 0.0))
+            .or_else(|| linear.map(|name| ("linear_solver", LinearSolver::TEXT, format!("`{name}`"))))
+            .or_else(|| method.map(|name| ("method", Method::TEXT, format!("`{name}`"))))
+    }
 }

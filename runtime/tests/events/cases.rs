@@ -5,7 +5,7 @@ use std::path::Path;
 
 use smpl_runtime::environment::{Environment, ResetError, ResetOptions, StateInput, StepResult};
 use smpl_runtime::load::{LoadOptions, load_text};
-use smpl_runtime::setup::{EnvironmentOptions, Setup};
+use smpl_runtime::setup::Setup;
 
 /// What takes the steps: this module's name.
 fn method() -> Option<String> {
@@ -18,7 +18,8 @@ struct Running(Environment);
 impl Running {
     fn unstarted(text: &str) -> Environment {
         let loaded = load_text(Path::new("m.eq"), format!("model M\n{text}\n"), &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
-        let options = EnvironmentOptions { method: method(), ..loaded.options };
+        let mut options = loaded.options;
+        options.solver.method = method();
         let setup = Setup::new(loaded.model, options, Some(loaded.sources)).expect("a setup");
         Environment::new(setup).expect("the solver takes it")
     }

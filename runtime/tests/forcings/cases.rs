@@ -11,7 +11,7 @@ use proptest::prelude::*;
 use smpl_compiler::compiled::CompiledModel;
 use smpl_runtime::environment::{Environment, ResetOptions};
 use smpl_runtime::load::{LoadOptions, load_text};
-use smpl_runtime::setup::{EnvironmentOptions, Setup};
+use smpl_runtime::setup::{EnvironmentOptions, Setup, SolverOverrides};
 use smpl_runtime::solver::{Advance, FirstStep, Method, Pattern, Settings, System, integrator};
 use smpl_runtime::system::CompiledSystem;
 
@@ -336,7 +336,8 @@ fn quadrature_of_pieces(table: &Table, end: f64, f: impl Fn(f64) -> f64) -> f64 
 
 /// A model's environment.
 fn environment(text: &str, options: EnvironmentOptions) -> Environment {
-    let options = EnvironmentOptions { method: method(), ..options };
+    let mut options = options;
+    options.solver.method = method();
     let mut environment = Environment::new(Setup::new(compiled(text), options, None).expect("a setup")).expect("the solver takes it");
     environment.reset(Some(0), &ResetOptions::default()).expect("a start");
     environment
@@ -447,13 +448,19 @@ fn the_longest_step_is_set_by_the_model_or_in_its_place() {
         )
     };
     let steps = |text: &str, max_step| {
-        let mut model = environment(text, EnvironmentOptions { max_step, ..EnvironmentOptions::default() });
+        let mut model = environment(
+            text,
+            EnvironmentOptions { solver: SolverOverrides { max_step, ..SolverOverrides::default() }, ..EnvironmentOptions::default() },
+        );
         model.step(&[]).expect("steps");
         model.statistics().steps
     };
     assert!(steps(&text(""), None) < 10);
     assert!((100..120).contains(&steps(&text("solver { max_step = 0.6 [s] }"), None)));
     assert!((50..70).contains(&steps(&text("solver { max_step = 0.6 [s] }"), Some(0.02))));
-    let wrong = EnvironmentOptions { max_step: Some(-1.0), ..EnvironmentOptions::default() };
+    let wrong = EnvironmentOptions {
+        solver: SolverOverrides { max_step: Some(-1.0), ..SolverOverrides::default() },
+        ..EnvironmentOptions::default()
+    };
     assert!(Setup::new(compiled(&text("")), wrong, None).is_err());
 }

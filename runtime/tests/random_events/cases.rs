@@ -10,7 +10,7 @@ use std::path::Path;
 use proptest::prelude::*;
 use smpl_runtime::environment::{Environment, ResetOptions};
 use smpl_runtime::load::{LoadOptions, load_text};
-use smpl_runtime::setup::{EnvironmentOptions, Setup};
+use smpl_runtime::setup::Setup;
 
 const LIMIT: u32 = 400;
 const STEPS: u32 = 4;
@@ -214,7 +214,8 @@ fn check(case: &Case) -> Result<(), TestCaseError> {
     let text = case.text();
     let loaded = load_text(Path::new("random.eq"), text.clone(), &LoadOptions::default())
         .map_err(|e| TestCaseError::fail(format!("{e}\n{text}")))?;
-    let options = EnvironmentOptions { method: method(), ..loaded.options };
+    let mut options = loaded.options;
+    options.solver.method = method();
     let setup = Setup::new(loaded.model, options, Some(loaded.sources)).expect("a setup");
     let mut environment = Environment::new(setup).expect("the solver takes it");
     environment.reset(Some(0), &ResetOptions::default()).expect("a start");
@@ -300,7 +301,8 @@ fn room() -> impl Strategy<Value = Room> {
 
 fn check_room(room: &Room) -> Result<(), TestCaseError> {
     let loaded = load_text(Path::new("room.eq"), room.text(), &LoadOptions::default()).map_err(|e| TestCaseError::fail(format!("{e}")))?;
-    let options = EnvironmentOptions { method: method(), ..loaded.options };
+    let mut options = loaded.options;
+    options.solver.method = method();
     let setup = Setup::new(loaded.model, options, Some(loaded.sources)).expect("a setup");
     let mut environment = Environment::new(setup).expect("the solver takes it");
     environment.reset(Some(0), &ResetOptions::default()).expect("a start");
@@ -370,7 +372,8 @@ fn check_coincidence(case: &Coincidence) -> Result<(), TestCaseError> {
     let text = case.text();
     let loaded = load_text(Path::new("random.eq"), text.clone(), &LoadOptions::default())
         .map_err(|e| TestCaseError::fail(format!("{e}\n{text}")))?;
-    let options = EnvironmentOptions { method: method(), ..loaded.options };
+    let mut options = loaded.options;
+    options.solver.method = method();
     let setup = Setup::new(loaded.model, options, Some(loaded.sources)).expect("a setup");
     let mut environment = Environment::new(setup).expect("the solver takes it");
     environment.reset(Some(0), &ResetOptions::default()).expect("a start");

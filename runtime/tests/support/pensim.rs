@@ -37,7 +37,7 @@ pub fn options(scenario: &str, settings: &[&str]) -> LoadOptions {
 
 pub fn environment(loaded: Loaded, rtol: Option<f64>) -> Environment {
     let mut options = loaded.options;
-    options.rtol = rtol.or(options.rtol);
+    options.solver.rtol = rtol.or(options.solver.rtol);
     let setup = Setup::new(loaded.model, options, Some(loaded.sources)).expect("the setup");
     Environment::new(setup).expect("the solver takes the system")
 }

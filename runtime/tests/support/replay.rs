@@ -27,9 +27,9 @@ impl Replay {
         let loaded = load(&path, asked).unwrap_or_else(|e| panic!("{model}: {e}"));
         let mut options = loaded.options;
         // The same trajectories by another method: `SMPL_METHOD=rosenbrock`.
-        options.method = std::env::var("SMPL_METHOD").ok().or(options.method);
+        options.solver.method = std::env::var("SMPL_METHOD").ok().or(options.solver.method);
         if let Some((rtol, factor)) = tolerance {
-            (options.rtol, options.atol_factor) = (Some(rtol), Some(factor));
+            (options.solver.rtol, options.solver.atol_factor) = (Some(rtol), Some(factor));
         }
         let setup = Setup::new(loaded.model, options, Some(loaded.sources)).unwrap_or_else(|e| panic!("{model}: {e}"));
         let mut environment = Environment::new(setup).expect("the solver takes the system");
