@@ -360,29 +360,14 @@ fn number(x: f64) -> String {
 }
 
 fn unary(library: Library, f: UnaryFn, a: &str) -> String {
-    let module = if library == Library::Casadi { "ca" } else { "jnp" };
-    let plain = |name: &str| format!("{module}.{name}({a})");
+    let (module, name) = match library {
+        Library::Casadi => ("ca", f.spelling().casadi),
+        Library::Jax => ("jnp", f.spelling().jax),
+    };
     match f {
         UnaryFn::Neg => format!("-{a}"),
-        UnaryFn::Abs => format!("_abs({a})"),
-        UnaryFn::Sign => format!("_sign({a})"),
-        UnaryFn::Round => format!("_round({a})"),
-        UnaryFn::Single => format!("_single({a})"),
-        UnaryFn::Sqrt => plain("sqrt"),
-        UnaryFn::Exp => plain("exp"),
-        UnaryFn::Ln => plain("log"),
-        UnaryFn::Log10 => plain("log10"),
-        UnaryFn::Sin => plain("sin"),
-        UnaryFn::Cos => plain("cos"),
-        UnaryFn::Tan => plain("tan"),
-        UnaryFn::Asin => plain(if library == Library::Casadi { "asin" } else { "arcsin" }),
-        UnaryFn::Acos => plain(if library == Library::Casadi { "acos" } else { "arccos" }),
-        UnaryFn::Atan => plain(if library == Library::Casadi { "atan" } else { "arctan" }),
-        UnaryFn::Sinh => plain("sinh"),
-        UnaryFn::Cosh => plain("cosh"),
-        UnaryFn::Tanh => plain("tanh"),
-        UnaryFn::Floor => plain("floor"),
-        UnaryFn::Ceil => plain("ceil"),
+        _ if name.starts_with('_') => format!("{name}({a})"),
+        _ => format!("{module}.{name}({a})"),
     }
 }
 

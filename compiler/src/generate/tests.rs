@@ -58,28 +58,7 @@ impl World {
             3 if depth > 0 => e.counter(LoopVar((usize::from(i) % depth) as u8)),
             4 => e.time(),
             5 | 6 => {
-                let all = [
-                    UnaryFn::Neg,
-                    UnaryFn::Abs,
-                    UnaryFn::Sign,
-                    UnaryFn::Sqrt,
-                    UnaryFn::Exp,
-                    UnaryFn::Ln,
-                    UnaryFn::Log10,
-                    UnaryFn::Sin,
-                    UnaryFn::Cos,
-                    UnaryFn::Tan,
-                    UnaryFn::Asin,
-                    UnaryFn::Acos,
-                    UnaryFn::Atan,
-                    UnaryFn::Sinh,
-                    UnaryFn::Cosh,
-                    UnaryFn::Tanh,
-                    UnaryFn::Floor,
-                    UnaryFn::Ceil,
-                    UnaryFn::Round,
-                    UnaryFn::Single,
-                ];
+                let all = UnaryFn::ALL;
                 e.unary(all[usize::from(k) % all.len()], a)
             }
             7..=9 => {

@@ -244,7 +244,8 @@ mod tests {
     #[test]
     fn functions_of_one_number_have_the_slope_of_their_differences() {
         use UnaryFn::*;
-        for f in [Neg, Abs, Sign, Sqrt, Exp, Ln, Log10, Sin, Cos, Tan, Asin, Acos, Atan, Sinh, Cosh, Tanh, Floor, Ceil, Round] {
+        // Rounding to single precision has no differences of this size.
+        for &f in UnaryFn::ALL.iter().filter(|&&f| f != Single) {
             let x = 0.37;
             let difference = (f.apply(x + SMALL) - f.apply(x - SMALL)) / (2.0 * SMALL);
             let (value, tangent) = unary(f, (x, one(2.0)));

@@ -67,7 +67,83 @@ pub enum ReduceFn {
     Max,
 }
 
+/// What a function of one number is called in a form of a model and in the languages of exports. A name that begins with `_` is that of a
+/// function that the export defines itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Spelling {
+    /// In the form of a model as JSON.
+    pub word: &'static str,
+    /// In C99.
+    pub c: &'static str,
+    /// In CasADi.
+    pub casadi: &'static str,
+    /// In `jax.numpy`.
+    pub jax: &'static str,
+}
+
+impl Spelling {
+    /// The same name everywhere.
+    const fn plain(name: &'static str) -> Self {
+        Self { word: name, c: name, casadi: name, jax: name }
+    }
+
+    /// The name, and that of functions which the exports define themselves.
+    const fn own(word: &'static str, own: &'static str) -> Self {
+        Self { word, c: own, casadi: own, jax: own }
+    }
+}
+
 impl UnaryFn {
+    /// All of them.
+    pub(crate) const ALL: &[UnaryFn] = &[
+        UnaryFn::Neg,
+        UnaryFn::Abs,
+        UnaryFn::Sign,
+        UnaryFn::Sqrt,
+        UnaryFn::Exp,
+        UnaryFn::Ln,
+        UnaryFn::Log10,
+        UnaryFn::Sin,
+        UnaryFn::Cos,
+        UnaryFn::Tan,
+        UnaryFn::Asin,
+        UnaryFn::Acos,
+        UnaryFn::Atan,
+        UnaryFn::Sinh,
+        UnaryFn::Cosh,
+        UnaryFn::Tanh,
+        UnaryFn::Floor,
+        UnaryFn::Ceil,
+        UnaryFn::Round,
+        UnaryFn::Single,
+    ];
+
+    /// What it is called.
+    pub(crate) fn spelling(self) -> Spelling {
+        match self {
+            UnaryFn::Neg => Spelling::own("negate", "_negate"),
+            UnaryFn::Abs => Spelling { c: "fabs", ..Spelling::own("abs", "_abs") },
+            UnaryFn::Sign => Spelling::own("sign", "_sign"),
+            UnaryFn::Sqrt => Spelling::plain("sqrt"),
+            UnaryFn::Exp => Spelling::plain("exp"),
+            UnaryFn::Ln => Spelling { word: "ln", ..Spelling::plain("log") },
+            UnaryFn::Log10 => Spelling::plain("log10"),
+            UnaryFn::Sin => Spelling::plain("sin"),
+            UnaryFn::Cos => Spelling::plain("cos"),
+            UnaryFn::Tan => Spelling::plain("tan"),
+            UnaryFn::Asin => Spelling { jax: "arcsin", ..Spelling::plain("asin") },
+            UnaryFn::Acos => Spelling { jax: "arccos", ..Spelling::plain("acos") },
+            UnaryFn::Atan => Spelling { jax: "arctan", ..Spelling::plain("atan") },
+            UnaryFn::Sinh => Spelling::plain("sinh"),
+            UnaryFn::Cosh => Spelling::plain("cosh"),
+            UnaryFn::Tanh => Spelling::plain("tanh"),
+            UnaryFn::Floor => Spelling::plain("floor"),
+            UnaryFn::Ceil => Spelling::plain("ceil"),
+            UnaryFn::Round => Spelling { c: "rint", ..Spelling::own("round", "_round") },
+            UnaryFn::Single => Spelling::own("single", "_single"),
+        }
+    }
+
     /// The kernel that works it out; `None` for those that are single machine instructions.
     #[must_use]
     pub fn kernel(self) -> Option<Kernel> {

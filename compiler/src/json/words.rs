@@ -76,52 +76,10 @@ impl Word for Side {
 }
 
 impl Word for UnaryFn {
-    const ALL: &'static [UnaryFn] = &[
-        UnaryFn::Neg,
-        UnaryFn::Abs,
-        UnaryFn::Sign,
-        UnaryFn::Sqrt,
-        UnaryFn::Exp,
-        UnaryFn::Ln,
-        UnaryFn::Log10,
-        UnaryFn::Sin,
-        UnaryFn::Cos,
-        UnaryFn::Tan,
-        UnaryFn::Asin,
-        UnaryFn::Acos,
-        UnaryFn::Atan,
-        UnaryFn::Sinh,
-        UnaryFn::Cosh,
-        UnaryFn::Tanh,
-        UnaryFn::Floor,
-        UnaryFn::Ceil,
-        UnaryFn::Round,
-        UnaryFn::Single,
-    ];
+    const ALL: &'static [UnaryFn] = UnaryFn::ALL;
 
     fn word(self) -> &'static str {
-        match self {
-            UnaryFn::Neg => "negate",
-            UnaryFn::Abs => "abs",
-            UnaryFn::Sign => "sign",
-            UnaryFn::Sqrt => "sqrt",
-            UnaryFn::Exp => "exp",
-            UnaryFn::Ln => "ln",
-            UnaryFn::Log10 => "log10",
-            UnaryFn::Sin => "sin",
-            UnaryFn::Cos => "cos",
-            UnaryFn::Tan => "tan",
-            UnaryFn::Asin => "asin",
-            UnaryFn::Acos => "acos",
-            UnaryFn::Atan => "atan",
-            UnaryFn::Sinh => "sinh",
-            UnaryFn::Cosh => "cosh",
-            UnaryFn::Tanh => "tanh",
-            UnaryFn::Floor => "floor",
-            UnaryFn::Ceil => "ceil",
-            UnaryFn::Round => "round",
-            UnaryFn::Single => "single",
-        }
+        self.spelling().word
     }
 }
 

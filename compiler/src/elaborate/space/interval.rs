@@ -192,7 +192,8 @@ fn unary(f: UnaryFn, a: Known) -> Known {
             let value = if a.value.is_not_negative() { Interval::POSITIVE } else { Interval::ALL };
             Known { value, slope: Interval::ZERO }
         }
-        UnaryFn::Tan | UnaryFn::Asin | UnaryFn::Acos => Known { value: Interval::ALL, slope: anything(a.slope) },
+        // Of others nothing is known, which serves any.
+        _ => Known { value: Interval::ALL, slope: anything(a.slope) },
     }
 }
 

@@ -288,29 +288,14 @@ impl<'s> Body<'s> {
 }
 
 fn unary(f: UnaryFn, a: &str, prefix: &str) -> String {
-    let function = match f {
-        UnaryFn::Neg => return format!("-{a}"),
-        UnaryFn::Single => return format!("(double)(float){a}"),
-        UnaryFn::Sign => return format!("{prefix}_sign({a})"),
-        UnaryFn::Abs => "fabs",
-        UnaryFn::Sqrt => "sqrt",
-        UnaryFn::Exp => "exp",
-        UnaryFn::Ln => "log",
-        UnaryFn::Log10 => "log10",
-        UnaryFn::Sin => "sin",
-        UnaryFn::Cos => "cos",
-        UnaryFn::Tan => "tan",
-        UnaryFn::Asin => "asin",
-        UnaryFn::Acos => "acos",
-        UnaryFn::Atan => "atan",
-        UnaryFn::Sinh => "sinh",
-        UnaryFn::Cosh => "cosh",
-        UnaryFn::Tanh => "tanh",
-        UnaryFn::Floor => "floor",
-        UnaryFn::Ceil => "ceil",
-        UnaryFn::Round => "rint",
-    };
-    format!("{function}({a})")
+    match f {
+        UnaryFn::Neg => format!("-{a}"),
+        UnaryFn::Single => format!("(double)(float){a}"),
+        _ => match f.spelling().c {
+            own if own.starts_with('_') => format!("{prefix}{own}({a})"),
+            name => format!("{name}({a})"),
+        },
+    }
 }
 
 /// The vector of an array.
