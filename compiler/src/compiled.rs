@@ -42,9 +42,11 @@ pub struct CompiledModel {
     executable: Executable,
 }
 
-// SAFETY: the pointers go to `parts.tables`, to the lists of `parts.model` and into `executable`, both owned by this value and never changed after construction.
+// SAFETY: the pointers in `functions`, `pieces` and `surroundings` go to the mapping and to the heap memory that `executable` and `parts` own; nothing
+// changes either while this value lives, and no thread has a claim on them.
 unsafe impl Send for CompiledModel {}
-// SAFETY: as above; compiled functions write only to what the caller passes.
+// SAFETY: through a shared reference that memory is only read; compiled functions write to the workspace, `y` and output that their callers have
+// exclusively, and what is made late stands in `OnceLock`s.
 unsafe impl Sync for CompiledModel {}
 
 impl CompiledModel {
@@ -59,7 +61,7 @@ impl CompiledModel {
             let first = parts.codes.iter().take(f as usize).map(Vec::len).sum::<usize>();
             let count = parts.codes.get(f as usize).map_or(0, Vec::len);
             let addresses = (first..first + count).filter_map(|piece| executable.address(piece));
-            // SAFETY: the pieces were generated with this signature.
+            // SAFETY: at the address begins code that was generated with this signature; it is mapped as long as `executable` lives beside it.
             addresses.map(|address| unsafe { std::mem::transmute::<*const u8, CompiledFn>(address) }).collect()
         });
         let functions = Function::ALL.map(|f| match *pieces[f as usize] {

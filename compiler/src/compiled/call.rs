@@ -37,8 +37,9 @@ impl CompiledModel {
             return self.call_pieces(function, Call { t, factor, y, yp, memory, out });
         };
         let work = memory.all_mut().as_mut_ptr();
-        // SAFETY: the code was generated for these lengths, which the callers have checked; it writes to `out` and the workspace, and
-        // to `y` only in functions that take it mutably; every address in it was checked against its variable's extent.
+        // SAFETY: the code stays within the lengths of `y`, `y'`, output and workspace that it was generated for (`schedule::blocks` checks every
+        // address against its variable's extent), and the public functions assert those lengths; null stands for what it was generated not to
+        // touch. It writes to output and workspace, which are borrowed exclusively, and to `y` only in functions that take it mutably.
         unsafe { code(t, factor, y, yp, work, out, &raw const self.surroundings) }
     }
 
@@ -48,7 +49,7 @@ impl CompiledModel {
     fn call_pieces(&self, function: Function, call: Call<'_>) {
         let work = call.memory.all_mut().as_mut_ptr();
         for code in &self.pieces[function as usize] {
-            // SAFETY: as above.
+            // SAFETY: as in `call`: the pieces together are the one function.
             unsafe { code(call.t, call.factor, call.y, call.yp, work, call.out, &raw const self.surroundings) }
         }
     }

@@ -17,9 +17,9 @@ pub struct Memory {
     layout: Arc<Layout>,
 }
 
-// SAFETY: the buffer belongs to this value alone.
+// SAFETY: the buffer is allocated by this value, reached through it alone, and freed by it on whatever thread it is then.
 unsafe impl Send for Memory {}
-// SAFETY: shared access only reads.
+// SAFETY: a shared reference gives shared slices only, so that nobody writes while it lives.
 unsafe impl Sync for Memory {}
 
 impl Memory {
