@@ -38,7 +38,8 @@ pub fn ir(model: &Model) -> String {
     };
     single("roots", model.roots.iter().map(|r| (r.name.clone(), r.value)).collect());
     single("quadratures", model.quadratures.iter().enumerate().map(|(i, q)| (format!("rate {i}"), *q)).collect());
-    for (name, program) in programs(model) {
+    for (name, program) in model.programs.named() {
+        let name = name.strip_prefix("initial_").map_or(name.clone(), |rest| format!("initial {rest}"));
         print_program(&mut text, model, &name, program);
     }
     text
@@ -49,26 +50,6 @@ fn equations(text: &mut String, model: &Model) {
         let printed = |p: &mut Printer<'_>| format!("0 = {}  # row of {}", p.value(row.residual), element(model, row.var, row.at));
         nest(text, model, &row.extents, printed);
     }
-}
-
-fn programs(model: &Model) -> Vec<(String, &Program)> {
-    let p = &model.programs;
-    let fixed = [
-        ("parameters", &p.parameters),
-        ("initial states", &p.initial_states),
-        ("initial discretes", &p.initial_discretes),
-        ("steady", &p.steady),
-        ("disturb", &p.disturb),
-        ("start", &p.start),
-        ("end", &p.end),
-        ("finish", &p.finish),
-        ("outputs", &p.outputs),
-        ("invariants", &p.invariants),
-        ("boxes", &p.boxes),
-    ];
-    let events = p.events.iter().enumerate().map(|(i, e)| (format!("event {i}"), e));
-    let policies = p.policies.iter().map(|(name, program)| (format!("policy {name}"), program));
-    fixed.into_iter().map(|(name, p)| (name.to_owned(), p)).chain(events).chain(policies).collect()
 }
 
 fn print_program(text: &mut String, model: &Model, name: &str, program: &Program) {

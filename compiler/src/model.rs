@@ -143,3 +143,25 @@ pub struct Programs {
     /// Items of each failure that is a box: out = the value of each item, all failures one after another.
     pub boxes: Program,
 }
+
+impl Programs {
+    /// All of them with their names: `event 0`, `policy nominal`, the others as the fields are called.
+    pub(crate) fn named(&self) -> Vec<(String, &Program)> {
+        let fixed = [
+            ("parameters", &self.parameters),
+            ("initial_states", &self.initial_states),
+            ("initial_discretes", &self.initial_discretes),
+            ("steady", &self.steady),
+            ("disturb", &self.disturb),
+            ("start", &self.start),
+            ("end", &self.end),
+            ("finish", &self.finish),
+            ("outputs", &self.outputs),
+            ("invariants", &self.invariants),
+            ("boxes", &self.boxes),
+        ];
+        let events = self.events.iter().enumerate().map(|(i, e)| (format!("event {i}"), e));
+        let policies = self.policies.iter().map(|(name, program)| (format!("policy {name}"), program));
+        fixed.into_iter().map(|(name, p)| (name.to_owned(), p)).chain(events).chain(policies).collect()
+    }
+}

@@ -236,7 +236,7 @@ fn programs(root: &At<'_>, nodes: &Nodes, model: &Model) -> Result<Programs, Rea
         invariants: one("invariants")?,
         boxes: one("boxes")?,
     };
-    let known = write::programs(&programs);
+    let known = programs.named();
     if let Some((name, _)) = at.fields()?.find(|(name, _)| !known.iter().any(|(known, _)| known == name)) {
         return Err(at.fault(format!("unknown program `{name}`: policies are listed in `policies`, events counted from 0")));
     }
@@ -266,7 +266,7 @@ fn check_bounds(root: &At<'_>, model: &Model) -> Result<(), ReadError> {
     values("events", model.roots.iter().map(|r| r.value).collect(), &mut bounds)?;
     values("integrals", model.quadratures.clone(), &mut bounds)?;
     let programs = root.field("programs")?;
-    for (name, program) in write::programs(&model.programs) {
+    for (name, program) in model.programs.named() {
         check_program(&programs.field(&name)?, program, model, &mut bounds)?;
     }
     Ok(())

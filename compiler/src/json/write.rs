@@ -8,7 +8,7 @@ use super::{FORMAT, VERSION};
 use crate::artefact::Circumstances;
 use crate::export::{Element, ExportError, Families, Nominal, Origin};
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, FastSet, List, MAX_DEPTH, Place, Program, Role, VarId};
-use crate::model::{AlgebraicCounts, Axis, Finish, Grid, Interface, Model, Programs, Quantities, Quantity, RootAction, Steady};
+use crate::model::{AlgebraicCounts, Axis, Finish, Grid, Interface, Model, Quantities, Quantity, RootAction, Steady};
 
 /// The text of a model.
 ///
@@ -44,7 +44,7 @@ pub(crate) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
             "name": root.name, "value": nodes.number(root.value), "strict": root.strict, "does": action(root.action),
         })).collect::<Vec<_>>(),
         "integrals": model.quadratures.iter().map(|q| nodes.number(*q)).collect::<Vec<_>>(),
-        "programs": programs(&model.programs).into_iter().map(|(name, p)| (name, program(p, &nodes))).collect::<Map<_, _>>(),
+        "programs": model.programs.named().into_iter().map(|(name, p)| (name, program(p, &nodes))).collect::<Map<_, _>>(),
         "policies": model.programs.policies.iter().map(|(name, _)| name).collect::<Vec<_>>(),
         "finish": finish(&i.finish),
         "draws": i.draws.iter().map(|d| json!({
@@ -195,26 +195,6 @@ fn action(action: RootAction) -> Value {
     }
 }
 
-/// The programs with their names.
-pub(super) fn programs(p: &Programs) -> Vec<(String, &Program)> {
-    let fixed = [
-        ("parameters", &p.parameters),
-        ("initial_states", &p.initial_states),
-        ("initial_discretes", &p.initial_discretes),
-        ("steady", &p.steady),
-        ("disturb", &p.disturb),
-        ("start", &p.start),
-        ("end", &p.end),
-        ("finish", &p.finish),
-        ("outputs", &p.outputs),
-        ("invariants", &p.invariants),
-        ("boxes", &p.boxes),
-    ];
-    let events = p.events.iter().enumerate().map(|(i, e)| (format!("event {i}"), e));
-    let policies = p.policies.iter().map(|(name, program)| (format!("policy {name}"), program));
-    fixed.into_iter().map(|(name, p)| (name.to_owned(), p)).chain(events).chain(policies).collect()
-}
-
 fn program(program: &Program, nodes: &Nodes) -> Value {
     let nests: Vec<_> = program
         .nests
@@ -257,7 +237,7 @@ impl Nodes {
         let rows = model.rows.iter().map(|r| r.residual);
         let roots = model.roots.iter().map(|r| r.value).chain(model.quadratures.iter().copied());
         let mut stack: Vec<ExprId> = rows.chain(roots).collect();
-        for (_, program) in programs(&model.programs) {
+        for (_, program) in model.programs.named() {
             stack.extend(program.nests.iter().flat_map(|n| &n.stores).map(|s| s.value));
         }
         let mut seen = FastSet::default();
