@@ -38,7 +38,7 @@ pub enum Kernel {
 }
 
 /// Number of functions in [`KernelTable::unary`].
-pub const UNARY_COUNT: usize = Kernel::Single as usize + 1;
+pub(crate) const UNARY_COUNT: usize = Kernel::Single as usize + 1;
 
 /// A function of one number, the same bits as in compiled code.
 #[must_use]

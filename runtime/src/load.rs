@@ -35,11 +35,11 @@ pub const UNREADABLE: &str = codes::UNREADABLE.id();
 pub(crate) const ARTEFACT_EXTENSION: &str = "smplc";
 
 /// Ending of files that hold a checked model in the form that `smpl export --to json` writes.
-pub const JSON_EXTENSION: &str = "json";
+pub(crate) const JSON_EXTENSION: &str = "json";
 
 /// Whether a file holds a model that was made for a scenario, variants and settings already.
 #[must_use]
-pub fn is_made(path: &Path) -> bool {
+pub(crate) fn is_made(path: &Path) -> bool {
     path.extension().is_some_and(|e| e == ARTEFACT_EXTENSION || e == JSON_EXTENSION)
 }
 

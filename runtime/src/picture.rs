@@ -140,7 +140,7 @@ impl Picture {
 
 /// A drawing as the text of an SVG file.
 #[must_use]
-pub fn svg_text(drawing: &Drawing) -> String {
+pub(crate) fn svg_text(drawing: &Drawing) -> String {
     svg::text(drawing)
 }
 

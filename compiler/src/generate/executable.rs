@@ -54,12 +54,6 @@ impl Executable {
     pub fn len(&self) -> usize {
         self.code.as_ref().map_or(0, |code| code.len())
     }
-
-    /// Whether nothing is mapped.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.code.is_none()
-    }
 }
 
 /// Makes the new instructions visible to the instruction fetch (x86-64 does so by itself).

@@ -249,7 +249,7 @@ impl Exprs {
     }
 
     /// The lists that nodes look up, to be added to.
-    pub fn lists_mut(&mut self) -> &mut Lists {
+    pub(crate) fn lists_mut(&mut self) -> &mut Lists {
         &mut self.lists
     }
 }

@@ -42,7 +42,7 @@ pub struct Lists {
 impl Lists {
     /// Lists that were written by [`Lists::all`].
     #[must_use]
-    pub fn from_all(numbers: Vec<f64>) -> Lists {
+    pub(crate) fn from_all(numbers: Vec<f64>) -> Lists {
         Lists { numbers, known: FastMap::default() }
     }
 
@@ -76,7 +76,7 @@ impl Lists {
     }
 
     /// A list of ascending limits. Negative infinity stands before it and infinity behind it, for [`before`] and [`behind`].
-    pub fn add_limits(&mut self, limits: &[f64]) -> List {
+    pub(crate) fn add_limits(&mut self, limits: &[f64]) -> List {
         let mut between = Vec::with_capacity(limits.len() + 2);
         between.push(f64::NEG_INFINITY);
         between.extend(limits);

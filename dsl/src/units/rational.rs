@@ -13,7 +13,7 @@ impl Rational {
     /// 0
     pub const ZERO: Self = Self { numerator: 0, denominator: 1 };
     /// 1
-    pub const ONE: Self = Self { numerator: 1, denominator: 1 };
+    pub(crate) const ONE: Self = Self { numerator: 1, denominator: 1 };
 
     /// `numerator / denominator`; `None` for a denominator of zero or beyond the range.
     #[must_use]
@@ -31,7 +31,7 @@ impl Rational {
 
     /// A finite decimal, exactly as its shortest text says (`0.1` is 1/10); `None` where it does not fit.
     #[must_use]
-    pub fn from_decimal(value: f64) -> Option<Self> {
+    pub(crate) fn from_decimal(value: f64) -> Option<Self> {
         let text = format!("{value:e}");
         let (mantissa, exponent) = text.split_once('e')?;
         let (whole, fraction) = mantissa.split_once('.').unwrap_or((mantissa, ""));

@@ -11,7 +11,7 @@ pub struct Scale {
 
 impl Scale {
     /// 1
-    pub const ONE: Self = Self { exact: Some(Rational::ONE), value: 1.0 };
+    pub(crate) const ONE: Self = Self { exact: Some(Rational::ONE), value: 1.0 };
 
     /// An exact factor.
     #[must_use]
@@ -21,13 +21,13 @@ impl Scale {
 
     /// A factor known to double precision.
     #[must_use]
-    pub fn inexact(value: f64) -> Self {
+    pub(crate) fn inexact(value: f64) -> Self {
         Self { exact: None, value }
     }
 
     /// A factor as a decimal number says it.
     #[must_use]
-    pub fn from_decimal(value: f64) -> Self {
+    pub(crate) fn from_decimal(value: f64) -> Self {
         Rational::from_decimal(value).map_or(Self::inexact(value), Self::exact)
     }
 
@@ -69,7 +69,7 @@ impl Scale {
 
     /// Whether the factor is finite and positive.
     #[must_use]
-    pub fn is_valid(self) -> bool {
+    pub(crate) fn is_valid(self) -> bool {
         self.value.is_finite() && self.value > 0.0
     }
 }

@@ -191,7 +191,7 @@ impl Drawing {
     }
 
     /// A rectangle's edge.
-    pub fn outline(&mut self, frame: Frame, stroke: Stroke) {
+    pub(crate) fn outline(&mut self, frame: Frame, stroke: Stroke) {
         let (l, t, r, b) = (frame.x, frame.y, frame.right(), frame.bottom());
         self.marks.push(Mark::Lines(vec![vec![(l, t), (r, t), (r, b), (l, b), (l, t)]], stroke));
     }

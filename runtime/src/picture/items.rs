@@ -33,7 +33,7 @@ pub enum Role {
 
 impl Role {
     /// Names by which all quantities of a role are chosen.
-    pub const CHOICES: [(&'static str, Role); 7] = [
+    pub(crate) const CHOICES: [(&'static str, Role); 7] = [
         ("observations", Role::Observation),
         ("states", Role::State),
         ("outputs", Role::Output),
@@ -94,7 +94,7 @@ const LEAST_CELLS: usize = 8;
 impl Index {
     /// Whether it counts the cells of a domain.
     #[must_use]
-    pub fn is_space(&self) -> bool {
+    pub(crate) fn is_space(&self) -> bool {
         self.numbers && self.labels.len() >= LEAST_CELLS
     }
 }

@@ -103,7 +103,7 @@ impl Run {
 
     /// Whether a column is empty in the first row and has numbers after it, as those of actions are.
     #[must_use]
-    pub fn is_action(&self, name: &str) -> bool {
+    pub(crate) fn is_action(&self, name: &str) -> bool {
         let empty_first = |column: &[f64]| column.len() > 1 && column[0].is_nan() && column[1..].iter().any(|x| x.is_finite());
         self.column(name).is_some_and(empty_first)
     }

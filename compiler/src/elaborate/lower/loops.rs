@@ -46,7 +46,7 @@ impl Cell {
     }
 
     /// `n` minus each number.
-    pub fn subtracted_from(self, n: i64) -> Self {
+    pub(crate) fn subtracted_from(self, n: i64) -> Self {
         Cell { first: n - self.first, step: if self.along.is_some() { -self.step } else { 1 }, ..self }
     }
 
