@@ -78,8 +78,9 @@ fn the_quick_way_and_the_sure_one_agree() {
         found.push([0, 1].map(|unknown| [0, 1].map(|direction| follower.derivative(unknown, direction))));
         assert!((environment.reward_derivative(&follower, 0, 0) - 0.7 * (-0.5_f64).exp()).abs() < 1e-8);
     }
+    // To the tolerance of derivatives.
     for (sure, quick) in found[0].iter().flatten().zip(found[1].iter().flatten()) {
-        assert!((sure - quick).abs() < 1e-8, "{sure} {quick}");
+        assert!((sure - quick).abs() < 1e-6, "{sure} {quick}");
     }
 }
 

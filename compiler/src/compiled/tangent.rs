@@ -4,12 +4,12 @@
 //! compiled when it is first asked for: the derivatives of the equations by inputs ([`CompiledModel::by_inputs`]) and the comparisons that make
 //! them jump ([`CompiledModel::switches`]).
 
-use std::sync::{Arc, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::native::Native;
 use super::{BackEndError, CompiledModel};
 use crate::differentiate::pattern::each_place;
-use crate::differentiate::{self, Column, Rows};
+use crate::differentiate::{self, Column, ColumnOf, Rows};
 use crate::explicit_time;
 use crate::interpret::Tape;
 pub use crate::interpret::tangent::{LANES, STILL, Tangent, TangentView};
@@ -52,14 +52,18 @@ pub enum Part {
 /// Number of parts that have a place among the tapes.
 pub(super) const PARTS: usize = 9;
 
-/// Derivatives of the equations by inputs: actions, parameters, discrete variables, disturbances, and copies of any at other instants.
-pub struct ByInputs {
+/// Entries of a sparse matrix of derivatives in machine code: the row of each, and what it is a derivative by.
+pub struct Entries<By> {
     native: Native,
-    places: Vec<(u32, u32)>,
+    places: Vec<(u32, By)>,
+    sources: Vec<By>,
 }
 
+/// Derivatives of the equations by inputs, numbers in the workspace: actions, parameters, discrete variables, disturbances, and copies of any at other instants.
+pub type ByInputs = Entries<u32>;
+
 /// What an integrand is differentiated by.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Source {
     /// An unknown.
     Unknown(u32),
@@ -70,10 +74,7 @@ pub enum Source {
 }
 
 /// Derivatives of the integrands by unknowns, their rates, and inputs.
-pub struct Integrands {
-    native: Native,
-    places: Vec<(u32, Source)>,
-}
+pub type Integrands = Entries<Source>;
 
 /// Comparisons of unknowns at which equations or integrands jump, as root functions that are positive where they hold.
 pub struct Switches {
@@ -87,15 +88,22 @@ pub struct Switches {
 /// Variables, or copies of them at other instants.
 type Inputs = Vec<(VarId, Flavour)>;
 
+/// Entries by inputs, made once for each list of them.
+type Known<By> = Mutex<FastMap<Inputs, Arc<Entries<By>>>>;
+
 /// What is made when it is first asked for.
 #[derive(Default)]
 pub(super) struct Later {
     tapes: [OnceLock<Result<Tape, BackEndError>>; PARTS],
     switches: OnceLock<Result<(Switches, Tape), BackEndError>>,
-    by_inputs: std::sync::Mutex<FastMap<Inputs, Arc<ByInputs>>>,
-    integrands: std::sync::Mutex<FastMap<Inputs, Arc<Integrands>>>,
+    by_inputs: Known<u32>,
+    integrands: Known<Source>,
     read: OnceLock<Result<Vec<bool>, BackEndError>>,
+    held: OnceLock<Vec<Held>>,
 }
+
+/// A variable, or a copy of it at another instant, and the numbers in the workspace that hold it.
+type Held = ((VarId, Flavour), std::ops::Range<usize>);
 
 impl CompiledModel {
     /// Runs a part on values with derivatives.
@@ -160,17 +168,25 @@ impl CompiledModel {
         Ok(Tape::new(&job, &model.exprs, &self.layout, Access { name: "rows", y: true, yp: true, out })?)
     }
 
-    /// The inputs of which some number in the workspace is `active`.
-    pub fn inputs(&self, active: impl Fn(std::ops::Range<usize>) -> bool) -> Vec<(VarId, Flavour)> {
+    /// Writes the inputs of which some number in the workspace is `active` to `found`.
+    pub fn find_inputs(&self, active: impl Fn(std::ops::Range<usize>) -> bool, found: &mut Vec<(VarId, Flavour)>) {
+        found.clear();
+        let held = self.later.held.get_or_init(|| self.held());
+        found.extend(held.iter().filter(|(_, cells)| active(cells.clone())).map(|&(input, _)| input));
+    }
+
+    /// What the workspace holds of variables, without caches.
+    fn held(&self) -> Vec<Held> {
         let model = &self.parts.model;
         let flavours = [Flavour::Value, Flavour::Initial, Flavour::Previous, Flavour::Steady];
         let all = model.vars.keys().flat_map(|var| flavours.map(|flavour| (var, flavour)));
-        let is_active = |&(var, flavour): &(VarId, Flavour)| {
+        let place = |(var, flavour): (VarId, Flavour)| {
             let held = !matches!(model.vars[var].role, Role::Cache | Role::Scratch | Role::Builtin);
-            let address = self.layout.address(var, flavour).filter(|a| held && a.base == Base::Work);
-            address.is_some_and(|a| active(a.offset as usize..(a.offset + model.vars[var].len) as usize))
+            let address = self.layout.address(var, flavour).filter(|a| held && a.base == Base::Work)?;
+            let first = address.offset as usize;
+            Some(((var, flavour), first..first + model.vars[var].len as usize))
         };
-        all.filter(is_active).collect()
+        all.filter_map(place).collect()
     }
 
     /// Derivatives of the equations by these inputs.
@@ -178,13 +194,7 @@ impl CompiledModel {
     /// # Errors
     /// If an equation cannot be differentiated, or there is no code.
     pub fn by_inputs(&self, inputs: &[(VarId, Flavour)]) -> Result<Arc<ByInputs>, BackEndError> {
-        let mut known = self.later.by_inputs.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(made) = known.get(inputs) {
-            return Ok(Arc::clone(made));
-        }
-        let made = Arc::new(self.make_by_inputs(inputs)?);
-        known.insert(inputs.to_vec(), Arc::clone(&made));
-        Ok(made)
+        known(&self.later.by_inputs, inputs, || self.make_by_inputs(inputs))
     }
 
     fn make_by_inputs(&self, inputs: &[(VarId, Flavour)]) -> Result<ByInputs, BackEndError> {
@@ -194,16 +204,8 @@ impl CompiledModel {
             let address = self.layout.address(var, flavour).filter(|_| wanted.contains(&(var, flavour)))?;
             Some(Column { first: address.offset, factor: None })
         };
-        let mut rows = differentiate::rows(&mut model)?;
-        for row in &mut rows {
-            row.value = differentiate::normalise(&mut model.exprs, row.extents.len(), row.value, &column_of)?;
-        }
-        let entries = differentiate::entries(&mut model.exprs, &rows, &column_of);
-        let mut places = vec![];
-        entries.iter().for_each(|entry| each_place(entry, |row, column| places.push((row as u32, column as u32))));
-        let job = Job::of_lists(entries.iter().map(|entry| (&entry.loops, entry.value)));
-        let native = Native::new(self, &job, &model.exprs, places.len(), "by_inputs")?;
-        Ok(ByInputs { native, places })
+        let rows = differentiate::rows(&mut model)?;
+        self.make_entries("by_inputs", model, rows, &column_of, |column| column)
     }
 
     /// Derivatives of the integrands by unknowns, rates and these inputs.
@@ -211,17 +213,11 @@ impl CompiledModel {
     /// # Errors
     /// If an integrand cannot be differentiated, or there is no code.
     pub fn integrands(&self, inputs: &[(VarId, Flavour)]) -> Result<Arc<Integrands>, BackEndError> {
-        let mut known = self.later.integrands.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(made) = known.get(inputs) {
-            return Ok(Arc::clone(made));
-        }
-        let made = Arc::new(self.make_integrands(inputs)?);
-        known.insert(inputs.to_vec(), Arc::clone(&made));
-        Ok(made)
+        known(&self.later.integrands, inputs, || self.make_integrands(inputs))
     }
 
     fn make_integrands(&self, inputs: &[(VarId, Flavour)]) -> Result<Integrands, BackEndError> {
-        let mut model = self.parts.model.clone();
+        let model = self.parts.model.clone();
         let wanted: FastSet<(VarId, Flavour)> = inputs.iter().copied().collect();
         let n = self.unknowns() as u32;
         // Columns: unknowns, their rates, the workspace.
@@ -235,22 +231,36 @@ impl CompiledModel {
             };
             Some(Column { first, factor: None })
         };
-        let mut rows = Vec::with_capacity(model.quadratures.len());
-        for (at, &value) in model.quadratures.iter().enumerate() {
-            let value = differentiate::normalise(&mut model.exprs, 0, value, &column_of)?;
-            rows.push(Rows { extents: vec![], row: Affine::constant(at as i64), value });
-        }
-        let entries = differentiate::entries(&mut model.exprs, &rows, &column_of);
-        let source = |column: u32| match column {
+        let each = model.quadratures.iter().enumerate();
+        let rows = each.map(|(at, &value)| Rows { extents: vec![], row: Affine::constant(at as i64), value }).collect();
+        self.make_entries("integrands", model, rows, &column_of, |column| match column {
             unknown if unknown < n => Source::Unknown(unknown),
             rate if rate < 2 * n => Source::Rate(rate - n),
             input => Source::Input(input - 2 * n),
-        };
+        })
+    }
+
+    /// Compiles derivatives of rows by columns; `by` says what a column is.
+    fn make_entries<By: Copy + Ord>(
+        &self,
+        name: &'static str,
+        mut model: Model,
+        mut rows: Vec<Rows>,
+        column_of: &ColumnOf<'_>,
+        by: impl Fn(u32) -> By,
+    ) -> Result<Entries<By>, BackEndError> {
+        for row in &mut rows {
+            row.value = differentiate::normalise(&mut model.exprs, row.extents.len(), row.value, column_of)?;
+        }
+        let entries = differentiate::entries(&mut model.exprs, &rows, column_of);
         let mut places = vec![];
-        entries.iter().for_each(|entry| each_place(entry, |row, column| places.push((row as u32, source(column as u32)))));
+        entries.iter().for_each(|entry| each_place(entry, |row, column| places.push((row as u32, by(column as u32)))));
         let job = Job::of_lists(entries.iter().map(|entry| (&entry.loops, entry.value)));
-        let native = Native::new(self, &job, &model.exprs, places.len(), "integrands")?;
-        Ok(Integrands { native, places })
+        let native = Native::new(self, &job, &model.exprs, places.len(), name)?;
+        let mut sources: Vec<By> = places.iter().map(|&(_, source)| source).collect();
+        sources.sort_unstable();
+        sources.dedup();
+        Ok(Entries { native, places, sources })
     }
 
     /// Whether an equation reads each unknown itself, beside its rate.
@@ -302,11 +312,17 @@ impl CompiledModel {
     }
 }
 
-impl ByInputs {
-    /// Row and number in the workspace of each value; a place may occur several times, its values are to be added.
+impl<By> Entries<By> {
+    /// Row of each value, and what it is a derivative by; a pair may occur several times, its values are to be added.
     #[must_use]
-    pub fn places(&self) -> &[(u32, u32)] {
+    pub fn places(&self) -> &[(u32, By)] {
         &self.places
+    }
+
+    /// All that values are derivatives by, each once.
+    #[must_use]
+    pub fn sources(&self) -> &[By] {
+        &self.sources
     }
 
     /// A workspace for evaluations.
@@ -320,31 +336,7 @@ impl ByInputs {
         self.native.take(memory, from);
     }
 
-    /// Values at a point; `memory` is one of [`ByInputs::memory`].
-    pub fn evaluate(&self, model: &CompiledModel, memory: &mut Memory, t: f64, y: (&[f64], &[f64]), out: &mut [f64]) {
-        self.native.run(model, memory, t, y, out);
-    }
-}
-
-impl Integrands {
-    /// Integrand and source of each value; a pair may occur several times, its values are to be added.
-    #[must_use]
-    pub fn places(&self) -> &[(u32, Source)] {
-        &self.places
-    }
-
-    /// A workspace for evaluations.
-    #[must_use]
-    pub fn memory(&self) -> Memory {
-        self.native.memory()
-    }
-
-    /// Takes the present inputs.
-    pub fn take(&self, memory: &mut Memory, from: &Memory) {
-        self.native.take(memory, from);
-    }
-
-    /// Values at a point; `memory` is one of [`Integrands::memory`].
+    /// Values at a point; `memory` is one of [`Entries::memory`].
     pub fn evaluate(&self, model: &CompiledModel, memory: &mut Memory, t: f64, y: (&[f64], &[f64]), out: &mut [f64]) {
         self.native.run(model, memory, t, y, out);
     }
@@ -366,6 +358,21 @@ impl Switches {
     pub fn evaluate(&self, model: &CompiledModel, memory: &mut Memory, t: f64, y: (&[f64], &[f64]), out: &mut [f64]) {
         self.native.iter().for_each(|native| native.run(model, memory, t, y, out));
     }
+}
+
+/// Entries that were made before, or are now.
+fn known<By>(
+    all: &Known<By>,
+    inputs: &[(VarId, Flavour)],
+    make: impl FnOnce() -> Result<Entries<By>, BackEndError>,
+) -> Result<Arc<Entries<By>>, BackEndError> {
+    let mut all = all.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(made) = all.get(inputs) {
+        return Ok(Arc::clone(made));
+    }
+    let made = Arc::new(make()?);
+    all.insert(inputs.to_vec(), Arc::clone(&made));
+    Ok(made)
 }
 
 /// Place of a tape.

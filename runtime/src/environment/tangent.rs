@@ -15,15 +15,15 @@ use smpl_compiler::layout::Region;
 
 use super::{Environment, ResetOptions, StepResult, finish, interval};
 use crate::failure::describe_solver;
-use crate::sensitivity::augmented::Augmented;
+use crate::sensitivity::augmented::{Augmented, Input};
 use crate::sensitivity::tangents::{Point, Tangents};
 use crate::setup::{Setup, SetupError};
 use crate::solver::linear::Factorisation;
-use crate::solver::{Integrator, Method, Settings, SolveError, Statistics, System, integrator};
+use crate::solver::{Integrator, Method, OneStep, Settings, SolveError, Staggered, Statistics, System};
 use crate::system::CompiledSystem;
 
-/// Unknowns up to which the explicit method is tried first, and its steps: more of them cost more than those of IDA.
-const SMALL: usize = 200;
+/// Unknowns up to which the explicit method is tried first, and its steps: more of them cost more than those of IDA (PenSim's 33 unknowns take it a quarter more).
+const SMALL: usize = 16;
 const FEW: u32 = 64;
 
 /// Numbers of directions, beside the present one, for which space is kept.
@@ -68,6 +68,9 @@ pub struct Follower {
     integrator: Box<dyn Integrator>,
     /// Directions that are integrated: the others move nothing in the equations.
     live: Vec<usize>,
+    /// Inputs that move, and which directions something moves in the equations.
+    moving_inputs: Vec<Input>,
+    moved: Vec<bool>,
     /// What serves other numbers of directions, and how it is made.
     spare: Vec<Engine>,
     settings: Settings,
@@ -101,9 +104,14 @@ struct Engine {
 
 impl Engine {
     fn new(system: &CompiledSystem, width: usize, of_model: &Settings) -> Result<Self, SolveError> {
-        let augmented = Augmented::new(system, width);
+        let mut augmented = Augmented::new(system, width);
+        let settings = settings(of_model, width);
+        let integrator: Box<dyn Integrator> = match settings.method {
+            Method::Ida => Box::new(Staggered::new(&mut augmented, settings)?),
+            _ => Box::new(OneStep::new(&augmented, settings)?),
+        };
         let numbers = || vec![0.0; system.dimension() * (1 + width)];
-        Ok(Self { integrator: integrator(&augmented, settings(of_model, width))?, augmented, y: numbers(), yp: numbers() })
+        Ok(Self { integrator, augmented, y: numbers(), yp: numbers() })
     }
 }
 
@@ -141,6 +149,8 @@ impl Follower {
             augmented,
             integrator,
             live: (0..width).collect(),
+            moving_inputs: Vec::new(),
+            moved: vec![false; width],
             spare: Vec::new(),
             settings,
             tangents: Tangents::new(system, width),
@@ -157,13 +167,16 @@ impl Follower {
         })
     }
 
-    /// Integrates these directions from now on, with space for them that is made once.
-    fn integrate(&mut self, live: Vec<usize>) -> Result<(), SolveError> {
-        if live.len() != self.live.len() {
-            let place = self.spare.iter().position(|engine| engine.augmented.directions() == live.len());
+    /// Integrates the directions that are moved from now on, with space for them that is made once.
+    fn integrate_moved(&mut self) -> Result<(), SolveError> {
+        self.live.clear();
+        self.live.extend(self.moved.iter().enumerate().filter(|&(_, &moved)| moved).map(|(j, _)| j));
+        let count = self.live.len();
+        if count != self.augmented.directions() {
+            let place = self.spare.iter().position(|engine| engine.augmented.directions() == count);
             let mut other = match place {
                 Some(place) => self.spare.remove(place),
-                None => Engine::new(&self.augmented.system, live.len(), &self.settings)?,
+                None => Engine::new(&self.augmented.system, count, &self.settings)?,
             };
             other.integrator.forget();
             other.integrator.edges_mut().copy_from_slice(self.integrator.edges());
@@ -174,7 +187,6 @@ impl Follower {
             self.spare.truncate(SPARE - 1);
             self.spare.insert(0, other);
         }
-        self.live = live;
         Ok(())
     }
 

@@ -28,7 +28,7 @@ pub struct Augmented {
     jacobian: Vec<f64>,
     without: Vec<f64>,
     mass: Vec<f64>,
-    /// F_y S, there.
+    /// F_y S, there, or rates.
     part: Vec<f64>,
     inputs: Option<Inputs>,
     kinds: Vec<RootKind>,
@@ -184,44 +184,53 @@ impl Augmented {
         Ok(())
     }
 
-    /// Whether the equations move each direction's derivatives, or an integral with them. Where they do not, derivatives of unknowns stay as they are.
+    /// Writes whether the equations move each direction's derivatives, or an integral with them. Where they do not, derivatives of unknowns stay as they are.
     ///
     /// # Errors
     /// In words, if the equations cannot be differentiated.
-    pub fn moved(system: &CompiledSystem, tangents: &Tangents, inputs: &[Input]) -> Result<Vec<bool>, String> {
+    pub fn find_moved(system: &CompiledSystem, tangents: &Tangents, inputs: &[Input], moved: &mut Vec<bool>) -> Result<(), String> {
         let model = system.model();
-        let mut read = if system.is_explicit() {
-            model.read_unknowns().map_err(ToString::to_string)?.to_vec()
+        moved.clear();
+        moved.resize(tangents.width(), false);
+        let mut add = |moves: &dyn Fn(usize) -> bool| moved.iter_mut().enumerate().for_each(|(j, moved)| *moved |= moves(j));
+        let by_unknown = |at: usize, j: usize| tangents.y(at, j) != 0.0;
+        let by_input = |cell: u32, j: usize| tangents.work(cell as usize, j) != 0.0;
+        if system.is_explicit() {
+            let read = model.read_unknowns().map_err(ToString::to_string)?;
+            add(&|j| read.iter().enumerate().any(|(at, &read)| read && by_unknown(at, j)));
         } else {
-            vec![true; system.dimension()]
-        };
-        let mut cells = Vec::new();
+            add(&|j| (0..system.dimension()).any(|at| by_unknown(at, j)));
+        }
         if !inputs.is_empty() {
-            cells.extend(model.by_inputs(inputs).map_err(|e| e.to_string())?.places().iter().map(|&(_, cell)| cell));
+            let compiled = model.by_inputs(inputs).map_err(|e| e.to_string())?;
+            add(&|j| compiled.sources().iter().any(|&cell| by_input(cell, j)));
         }
         if system.quadrature_count() > 0 {
-            for &(_, source) in model.integrands(inputs).map_err(|e| e.to_string())?.places() {
-                match source {
-                    Source::Unknown(at) | Source::Rate(at) => read[at as usize] = true,
-                    Source::Input(cell) => cells.push(cell),
-                }
-            }
+            let compiled = model.integrands(inputs).map_err(|e| e.to_string())?;
+            let by = |source: &Source, j: usize| match *source {
+                Source::Unknown(at) | Source::Rate(at) => by_unknown(at as usize, j),
+                Source::Input(cell) => by_input(cell, j),
+            };
+            add(&|j| compiled.sources().iter().any(|source| by(source, j)));
         }
-        cells.sort_unstable();
-        cells.dedup();
-        let moves = |j: usize| {
-            let by_unknown = read.iter().enumerate().any(|(at, &read)| read && tangents.y(at, j) != 0.0);
-            by_unknown || cells.iter().any(|&cell| tangents.work(cell as usize, j) != 0.0)
-        };
-        Ok((0..tangents.width()).map(moves).collect())
+        Ok(())
     }
 
-    /// Adds what inputs that move give.
-    fn add_inputs(&mut self, t: f64, (y, yp): (&[f64], &[f64]), out: &mut [f64]) {
+    /// Finds F_y and F_y'.
+    fn find_mass(&mut self, t: f64, (y, yp): (&[f64], &[f64])) {
+        // The Jacobian is affine in the weight of the derivatives by rates.
+        let (without, mass) = (&mut self.without, &mut self.mass);
+        self.system.jacobian(t, y, yp, 0.0, without);
+        self.system.jacobian(t, y, yp, 1.0, mass);
+        mass.iter_mut().zip(&*without).for_each(|(mass, without)| *mass -= without);
+    }
+
+    /// Adds `sign` times what inputs that move give.
+    fn add_inputs(&mut self, t: f64, (y, yp): (&[f64], &[f64]), sign: f64, out: &mut [f64]) {
         let Some(Inputs { compiled, memory, values, terms }) = &mut self.inputs else { return };
         compiled.evaluate(self.system.model(), memory, t, (y, yp), values);
         for &(row, value, direction, factor) in &*terms {
-            out[row as usize * self.width + direction as usize] += factor * values[value as usize];
+            out[row as usize * self.width + direction as usize] += sign * factor * values[value as usize];
         }
     }
 }
@@ -361,15 +370,25 @@ impl System for Augmented {
             let beginning = Beginning::Rates { differential: self.system.differential(), cj, rates: sp };
             multiply(&self.rows, jacobian, width, s, beginning, out);
         } else {
-            // The Jacobian is affine in the weight of the derivatives by rates.
-            let (without, mass) = (&mut self.without, &mut self.mass);
-            self.system.jacobian(t, y, yp, 0.0, without);
-            self.system.jacobian(t, y, yp, 1.0, mass);
-            mass.iter_mut().zip(&*without).for_each(|(mass, without)| *mass -= without);
-            multiply(&self.rows, without, width, s, Beginning::Zero, &mut self.part);
-            multiply(&self.rows, mass, width, sp, Beginning::Given(&self.part), out);
+            self.find_mass(t, (y, yp));
+            multiply(&self.rows, &self.without, width, s, Beginning::Zero, &mut self.part);
+            multiply(&self.rows, &self.mass, width, sp, Beginning::Given(&self.part), out);
         }
-        self.add_inputs(t, (y, yp), out);
+        self.add_inputs(t, (y, yp), 1.0, out);
+    }
+
+    fn moving(&mut self, Following { t, y, yp, .. }: Following<'_>, rates: &mut [f64]) {
+        let width = self.width;
+        if self.mass.is_empty() {
+            // ∂F/∂y' is minus the identity on the rows of states.
+            let rows = rates.chunks_exact_mut(width).zip(self.system.differential());
+            rows.filter(|(_, differential)| !**differential).for_each(|(row, _)| row.fill(0.0));
+        } else {
+            self.find_mass(t, (y, yp));
+            multiply(&self.rows, &self.mass, width, rates, Beginning::Zero, &mut self.part);
+            rates.iter_mut().zip(&self.part).for_each(|(to, from)| *to = -from);
+        }
+        self.add_inputs(t, (y, yp), -1.0, rates);
     }
 
     fn jacobian(&mut self, t: f64, y: &[f64], yp: &[f64], cj: f64, values: &mut [f64]) {
@@ -423,13 +442,25 @@ impl System for Augmented {
         self.system.quadrature_count() * (1 + self.width)
     }
 
+    fn integrands_read_rates(&self) -> bool {
+        self.integrals.as_ref().is_some_and(|integrals| !integrals.rates.is_empty())
+    }
+
     fn quadratures(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
-        let (n, count, width) = (self.system.dimension(), self.system.quadrature_count(), self.width);
+        let (n, count) = (self.system.dimension(), self.system.quadrature_count());
         let ((y, s), (yp, sp), (own, derivatives)) = (y.split_at(n), yp.split_at(n), out.split_at_mut(count));
-        self.system.quadratures(t, y, yp, own);
+        self.leading_integrands(t, y, yp, own);
+        self.following_integrands(t, (y, yp), (s, sp), derivatives);
+    }
+
+    fn leading_integrands(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        self.system.quadratures(t, y, yp, out);
+    }
+
+    fn following_integrands(&mut self, t: f64, y: (&[f64], &[f64]), s: (&[f64], &[f64]), out: &mut [f64]) {
         match &mut self.integrals {
-            Some(integrals) => integrals.write(&self.system, t, (y, yp), (s, sp), width, derivatives),
-            None => derivatives.fill(0.0),
+            Some(integrals) => integrals.write(&self.system, t, y, s, self.width, out),
+            None => out.fill(0.0),
         }
     }
 }

@@ -64,20 +64,16 @@ pub(crate) struct Tolerances {
     rtol: f64,
     /// Absolute ones, filled up with infinity.
     atol: Box<[Block]>,
-    /// Number of unknowns and of their derivatives along directions.
-    length: usize,
-    /// Tolerances of those derivatives in those of the unknowns.
-    looseness: f64,
 }
 
 impl Tolerances {
-    /// Those of unknowns; those of derivatives are `looseness` times as large.
-    pub(crate) fn new(rtol: f64, atol: &[f64], looseness: f64) -> Self {
+    /// Those of unknowns.
+    pub(crate) fn new(rtol: f64, atol: &[f64]) -> Self {
         let mut blocks = vector::zeroed_blocks(atol.len());
         let all = blocks.iter_mut().flat_map(|block| block.0.iter_mut());
         let filled = atol.iter().copied().chain(std::iter::repeat(f64::INFINITY));
         all.zip(filled).for_each(|(to, from)| *to = from);
-        Self { rtol, atol: blocks, length: atol.len(), looseness }
+        Self { rtol, atol: blocks }
     }
 }
 
@@ -100,10 +96,6 @@ pub(crate) struct Bridge {
     /// What IDA's vectors know of each other.
     pub shared: Rc<Shared>,
     tolerances: Tolerances,
-    /// Unknowns that derivatives along directions follow, or all.
-    pub leading: usize,
-    /// For many right-hand sides.
-    space: Vec<f64>,
     /// Entries of the Newton matrix.
     pub values: Box<[f64]>,
     pub factorisation: Factorisation,
@@ -117,7 +109,7 @@ pub(crate) struct Bridge {
 }
 
 impl Bridge {
-    /// A bridge for a system with so many entries in its Jacobian, none of whose unknowns follow others.
+    /// A bridge for a system with so many entries in its Jacobian.
     pub fn new(
         operations: Operations,
         tolerances: Tolerances,
@@ -131,9 +123,7 @@ impl Bridge {
             memory: None,
             operations,
             shared: Rc::default(),
-            leading: tolerances.length,
             tolerances,
-            space: Vec::new(),
             values: vec![0.0; entries].into_boxed_slice(),
             factorisation,
             newton,
@@ -203,50 +193,38 @@ impl Bridge {
         self.guarded(|system| system.residual(time, y.entries(), yp.entries(), out.entries_mut()))
     }
 
-    /// Evaluates the residual of the leading unknowns; what else is in `out` stays.
-    pub fn evaluate_leading(&mut self, time: f64, y: &Content, yp: &Content, out: &mut Content) -> Result<(), c_int> {
-        let n = self.leading;
-        if n == self.tolerances.length {
-            return self.evaluate(time, y, yp, out);
-        }
-        self.counts.residuals += 1;
-        self.guarded(|system| system.leading(time, &y.entries()[..n], &yp.entries()[..n], &mut out.entries_mut()[..n]))
+    /// Evaluates the Jacobian at a state into `values`; whether it is finite is left open.
+    pub fn jacobian_at(&mut self, time: f64, cj: f64, (y, yp): (&Content, &Content), values: &mut [f64]) -> Result<(), c_int> {
+        self.counts.jacobians += 1;
+        self.guarded(|system| system.jacobian(time, y.entries(), yp.entries(), cj, values))
     }
 
-    /// Evaluates the residual of the derivatives along directions, at unknowns for which [`jacobian`](Self::jacobian) was evaluated.
-    pub fn follow(
+    /// The residual of derivatives along directions, see [`System::following`].
+    pub fn following(&mut self, at: Following<'_>, s: (&[f64], &[f64]), out: &mut [f64]) -> Result<(), c_int> {
+        self.guarded(|system| system.following(at, s, out))
+    }
+
+    /// What moves them, see [`System::moving`].
+    pub fn moving(&mut self, at: Following<'_>, rates: &mut [f64]) -> Result<(), c_int> {
+        self.guarded(|system| system.moving(at, rates))
+    }
+
+    /// Whether an integrand reads derivatives of the unknowns.
+    pub fn integrands_read_rates(&mut self) -> Result<bool, c_int> {
+        let mut reads = false;
+        self.guarded(|system| reads = system.integrands_read_rates())?;
+        Ok(reads)
+    }
+
+    /// Derivatives of the integrands along directions.
+    pub fn following_integrands(
         &mut self,
-        (time, cj): (f64, f64),
+        t: f64,
         (y, yp): (&Content, &Content),
-        (predicted, derivative): (&Content, &Content),
-        out: &mut Content,
+        s: (&[f64], &[f64]),
+        out: &mut [f64],
     ) -> Result<(), c_int> {
-        let n = self.leading;
-        let values = std::mem::take(&mut self.values);
-        let done = self.guarded(|system| {
-            let at = Following { t: time, y: &y.entries()[..n], yp: &yp.entries()[..n], cj, jacobian: &values };
-            system.following(at, (&predicted.entries()[n..], &derivative.entries()[n..]), &mut out.entries_mut()[n..]);
-        });
-        self.values = values;
-        done
-    }
-
-    /// Solves for the corrections of derivatives along directions from their residual, with the factorised matrix in place.
-    pub fn solve_following(&mut self, time: f64, residual: &mut Content, corrections: &mut Content) -> c_int {
-        let n = self.leading;
-        let (from, to) = (&residual.entries()[n..], &mut corrections.entries_mut()[n..]);
-        to.iter_mut().zip(from).for_each(|(to, from)| *to = -from);
-        self.counts.linear_solves += 1;
-        let width = to.len() / n;
-        match catch_unwind(AssertUnwindSafe(|| self.factorisation.solve_many(width, to, &mut self.space))) {
-            Ok(()) if all_finite(to) => 0,
-            Ok(()) => {
-                self.is_finite(time, residual);
-                residual.entries_mut()[n..].fill(0.0);
-                RECOVERABLE
-            }
-            Err(_) => self.panicked(),
-        }
+        self.guarded(|system| system.following_integrands(t, (y.entries(), yp.entries()), s, out))
     }
 
     /// Whether a residual is finite; notes the trouble if it is not.
@@ -342,14 +320,7 @@ impl Bridge {
     /// Solves with the factorised matrix in place.
     fn solve(&mut self, x: &mut [f64]) -> c_int {
         self.counts.linear_solves += 1;
-        let solve = || {
-            let (own, following) = x.split_at_mut(self.leading);
-            self.factorisation.solve(own);
-            if !following.is_empty() {
-                self.factorisation.solve_many(following.len() / own.len(), following, &mut self.space);
-            }
-        };
-        match catch_unwind(AssertUnwindSafe(solve)) {
+        match catch_unwind(AssertUnwindSafe(|| self.factorisation.solve(x))) {
             Ok(()) => 0,
             Err(_) => self.panicked(),
         }
@@ -372,17 +343,6 @@ impl Bridge {
     /// Error weights at `y`: reciprocal tolerances.
     pub(crate) fn error_weights(&self, y: &Content, weights: &mut Content) {
         self.operations.error_weights(self.tolerances.rtol, y, &self.tolerances.atol, weights);
-        self.emphasise(weights.entries_mut());
-    }
-
-    /// The leading unknowns count as much as if they were alone; derivatives along directions have tolerances of their own.
-    fn emphasise(&self, weights: &mut [f64]) {
-        if self.leading < weights.len() {
-            let factor = (weights.len() as f64 / self.leading as f64).sqrt();
-            weights[..self.leading].iter_mut().for_each(|weight| *weight *= factor);
-            let tighter = 1.0 / self.tolerances.looseness;
-            weights[self.leading..].iter_mut().for_each(|weight| *weight *= tighter);
-        }
     }
 
     /// Notes a panic, which is not to leave a callback.
@@ -445,7 +405,7 @@ mod tests {
         let operations = Operations::detect();
         let factorisation = Factorisation::new(&Pattern::full(2), LinearSolver::Dense).expect("a factorisation");
         let newton = Newton::new(2, operations, &Context::new().expect("a context"));
-        Bridge::new(operations, Tolerances::new(1e-6, &[1e-6, 1e-6], 1.0), 0, factorisation, newton, Watch::new(0, &[]))
+        Bridge::new(operations, Tolerances::new(1e-6, &[1e-6, 1e-6]), 0, factorisation, newton, Watch::new(0, &[]))
     }
 
     #[test]

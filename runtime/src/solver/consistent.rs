@@ -56,9 +56,6 @@ pub(crate) struct Start<'a> {
 
 /// Space for the computations above, all of which go through most of it: a list of vectors rather than parts that hold together.
 pub(crate) struct Consistent {
-    /// Number of unknowns, and of directions along which their derivatives follow.
-    leading: usize,
-    width: usize,
     /// The algebraic unknowns.
     algebraic: Box<[usize]>,
     differential: Box<[bool]>,
@@ -68,9 +65,6 @@ pub(crate) struct Consistent {
     block_values: Box<[f64]>,
     block: Option<Factorisation>,
     correction: Box<[f64]>,
-    /// The same for derivatives along directions, row after row.
-    following: Vec<f64>,
-    space: Vec<f64>,
     /// A trial state; then ∂F/∂t, then y''.
     work: Vector,
     residual: Vector,
@@ -85,11 +79,10 @@ pub(crate) struct Consistent {
 impl Consistent {
     pub fn new(system: &dyn System, operations: Operations, context: &Context) -> Result<Self, SolveError> {
         let pattern = system.pattern().clone();
-        let (leading, width) = (pattern.dimension(), system.directions());
         let n = system.dimension();
-        let differential: Box<[bool]> = system.differential()[..leading].into();
-        let algebraic: Box<[usize]> = (0..leading).filter(|&i| !differential[i]).collect();
-        let mut number = vec![usize::MAX; leading];
+        let differential: Box<[bool]> = system.differential().into();
+        let algebraic: Box<[usize]> = (0..n).filter(|&i| !differential[i]).collect();
+        let mut number = vec![usize::MAX; n];
         algebraic.iter().enumerate().for_each(|(k, &i)| number[i] = k);
         let (mut starts, mut rows, mut block_entries) = (vec![0], vec![], vec![]);
         for &column in &algebraic {
@@ -109,11 +102,7 @@ impl Consistent {
         };
         let zeros = || Vector::zeros(n, operations, context);
         Ok(Self {
-            leading,
-            width,
             correction: vec![0.0; algebraic.len()].into(),
-            following: vec![0.0; algebraic.len() * width],
-            space: Vec::new(),
             start: vec![0.0; algebraic.len()].into(),
             algebraic,
             differential,
@@ -143,57 +132,17 @@ impl Consistent {
     /// Makes the algebraic unknowns of `y` consistent and sets the differential entries of `yp`, the others to zero.
     pub fn initialise(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &mut Vector) -> Result<(), Inconsistent> {
         yp.entries_mut().fill(0.0);
-        // What an earlier attempt left there may not be finite.
-        self.residual.entries_mut()[self.leading..].fill(0.0);
         self.evaluate(bridge, t, y, yp)?;
         if !self.algebraic.is_empty() {
             self.solve_algebraic(bridge, t, y, yp)?;
         }
-        if self.width > 0 {
-            self.follow(bridge, t, y, yp)?;
-        }
-        let (leading, width) = (self.leading, self.width);
-        let (own, following) = yp.entries_mut().split_at_mut(leading);
-        let (residual, of_following) = self.residual.entries().split_at(leading);
-        for (i, &differential) in self.differential.iter().enumerate() {
-            own[i] = if differential { residual[i] } else { 0.0 };
-            if differential {
-                following[i * width..(i + 1) * width].copy_from_slice(&of_following[i * width..(i + 1) * width]);
-            }
-        }
+        let rows = yp.entries_mut().iter_mut().zip(self.residual.entries()).zip(&self.differential);
+        rows.for_each(|((rate, residual), &differential)| *rate = if differential { *residual } else { 0.0 });
         Ok(())
     }
 
-    /// Makes the derivatives of the algebraic unknowns along directions consistent, and leaves the residual of everything.
-    fn follow(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &Vector) -> Result<(), Inconsistent> {
-        let everything = |this: &mut Self, bridge: &mut Bridge, y: &Vector| {
-            bridge.residual(t, y, yp, &mut this.residual).map_err(|_| Inconsistent::Callback)
-        };
-        everything(self, bridge, y)?;
-        if self.algebraic.is_empty() {
-            return Ok(());
-        }
-        self.factorise_block(bridge, t, y, yp)?;
-        self.correct_following();
-        let (width, following) = (self.width, &mut y.entries_mut()[self.leading..]);
-        for (&i, correction) in self.algebraic.iter().zip(self.following.chunks_exact(width)) {
-            following[i * width..(i + 1) * width].iter_mut().zip(correction).for_each(|(x, correction)| *x += correction);
-        }
-        everything(self, bridge, y)
-    }
-
-    /// Sets the corrections of the algebraic unknowns' derivatives along directions from the residual.
-    fn correct_following(&mut self) {
-        let Some(block) = self.block.as_mut().filter(|_| self.width > 0) else { return };
-        let (width, residual) = (self.width, &self.residual.entries()[self.leading..]);
-        for (&i, correction) in self.algebraic.iter().zip(self.following.chunks_exact_mut(width)) {
-            correction.iter_mut().zip(&residual[i * width..(i + 1) * width]).for_each(|(to, from)| *to = -from);
-        }
-        block.solve_many(width, &mut self.following, &mut self.space);
-    }
-
     fn evaluate(&mut self, bridge: &mut Bridge, t: f64, y: &Vector, yp: &Vector) -> Result<(), Inconsistent> {
-        let done = bridge.evaluate_leading(t, y, yp, &mut self.residual);
+        let done = bridge.evaluate(t, y, yp, &mut self.residual);
         if done.is_ok() && bridge.is_finite(t, &self.residual) { Ok(()) } else { Err(Inconsistent::Callback) }
     }
 
@@ -311,21 +260,14 @@ impl Consistent {
             *correction = -self.residual.entries()[i];
         }
         block.solve(&mut self.correction);
-        self.correct_following();
-        let (width, (own, following)) = (self.width, yp.entries_mut().split_at_mut(self.leading));
-        for (k, (&i, &value)) in self.algebraic.iter().zip(&self.correction).enumerate() {
-            own[i] = value;
-            following[i * width..(i + 1) * width].copy_from_slice(&self.following[k * width..(k + 1) * width]);
-        }
+        let rates = yp.entries_mut();
+        self.algebraic.iter().zip(&self.correction).for_each(|(&i, &value)| rates[i] = value);
     }
 
     /// Zeros in `work` where unknowns are algebraic.
     fn clear_algebraic(&mut self) {
-        let (width, (own, following)) = (self.width, self.work.entries_mut().split_at_mut(self.leading));
-        for &i in &self.algebraic {
-            own[i] = 0.0;
-            following[i * width..(i + 1) * width].fill(0.0);
-        }
+        let work = self.work.entries_mut();
+        self.algebraic.iter().for_each(|&i| work[i] = 0.0);
     }
 
     /// Leaves the state that is `ahead` on the straight line from `y` in `work`.
@@ -376,19 +318,13 @@ impl Consistent {
             return;
         }
         self.correct(bridge, y);
-        self.correct_following();
-        let (width, (change, of_following)) = (self.width, self.residual.entries_mut().split_at_mut(self.leading));
-        for (k, (&column, &correction)) in self.algebraic.iter().zip(&self.correction).enumerate() {
+        let change = self.residual.entries_mut();
+        for (&column, &correction) in self.algebraic.iter().zip(&self.correction) {
             change[column] = 0.0;
-            of_following[column * width..(column + 1) * width].fill(0.0);
             for entry in self.pattern.column(column) {
                 let row = self.pattern.rows()[entry];
                 if self.differential[row] {
-                    let value = bridge.values[entry];
-                    change[row] = value.mul_add(correction, change[row]);
-                    let corrections = &self.following[k * width..(k + 1) * width];
-                    let to = &mut of_following[row * width..(row + 1) * width];
-                    to.iter_mut().zip(corrections).for_each(|(to, correction)| *to += value * correction);
+                    change[row] = bridge.values[entry].mul_add(correction, change[row]);
                 }
             }
         }
@@ -409,18 +345,12 @@ impl Consistent {
 
     /// Adds ∂F/∂y `yp` to `work`, over the entries where `takes(column is differential, row is differential)`.
     fn accumulate(&mut self, bridge: &Bridge, yp: &Vector, takes: impl Fn(bool, bool) -> bool) {
-        let (leading, width) = (self.leading, self.width);
-        let (work, of_following) = self.work.entries_mut().split_at_mut(leading);
-        let (slopes, following) = yp.entries().split_at(leading);
-        for (column, &slope) in slopes.iter().enumerate() {
+        let work = self.work.entries_mut();
+        for (column, &slope) in yp.entries().iter().enumerate() {
             for entry in self.pattern.column(column) {
                 let row = self.pattern.rows()[entry];
                 if takes(self.differential[column], self.differential[row]) {
-                    let value = bridge.values[entry];
-                    work[row] = value.mul_add(slope, work[row]);
-                    let slopes = &following[column * width..(column + 1) * width];
-                    let to = &mut of_following[row * width..(row + 1) * width];
-                    to.iter_mut().zip(slopes).for_each(|(to, slope)| *to += value * slope);
+                    work[row] = bridge.values[entry].mul_add(slope, work[row]);
                 }
             }
         }

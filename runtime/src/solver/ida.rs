@@ -16,6 +16,7 @@ use super::linear::Method;
 use super::quadrature::Integrals;
 use super::sundials::{IdaCounts, Memory, Task, check};
 use super::traverse::Traverse;
+use super::variational::{Stuck, Variational};
 use super::vector::{Operations, Vector};
 use super::{Advance, Edge, FirstStep, IdaFlag, Integrator, Settings, SolveError, Statistics, System};
 
@@ -41,6 +42,8 @@ pub struct Ida {
     yp: Vector,
     quadratures: Option<Integrals>,
     consistent: Option<Consistent>,
+    /// Derivatives along directions, which have steps of their own.
+    following: Option<Box<Variational>>,
     forcing: Forcing,
     operations: Operations,
     settings: Settings,
@@ -263,8 +266,9 @@ impl Ida {
     fn run(&mut self, t_end: f64) -> Result<c_int, SolveError> {
         self.memory.set_end(t_end)?;
         // After each Newton iteration IDA sets y and y', which its quadratures alone look at; what it returns is interpolated.
-        let by_steps = self.quadratures.as_ref().is_some_and(|q| q.by_steps.is_some());
-        self.discard(self.quadratures.is_none() || by_steps);
+        let integrates = self.quadratures.as_ref().is_some_and(|q| q.by_steps.is_none());
+        let by_steps = self.following.is_some() || (self.quadratures.is_some() && !integrates);
+        self.discard(!integrates);
         let value = match by_steps {
             true => self.run_by_steps(t_end),
             false => Ok(self.memory.solve(t_end, &mut self.time, &mut self.y, &mut self.yp, Task::Normal)),
@@ -286,6 +290,11 @@ impl Ida {
                 quadratures.next_step(begin);
             }
             self.take(self.time)?;
+            // Derivatives do not go beyond an event, which IDA's next step would notice.
+            if self.following.is_some() && self.has_passed(self.time)? {
+                return Ok(value);
+            }
+            self.follow(self.time, t_end)?;
             if value == IDA_TSTOP_RETURN || self.time >= t_end {
                 return Ok(value);
             }
@@ -298,6 +307,40 @@ impl Ida {
         let bridge = self.memory.bridge_mut();
         let taken = self.quadratures.as_mut().map_or(Ok(()), |quadratures| quadratures.take(bridge, to));
         taken.map_err(|_| self.fault())
+    }
+
+    /// Lets the derivatives along directions follow the unknowns, as far as their steps fit before `end`.
+    fn follow(&mut self, to: f64, end: f64) -> Result<(), SolveError> {
+        let bridge = self.memory.bridge_mut();
+        let followed = self.following.as_mut().map_or(Ok(()), |following| following.catch_up(bridge, to, end));
+        followed.map_err(|stuck| self.stuck(stuck))
+    }
+
+    /// Takes derivatives along directions in, for a system with such, of which this one's is the leading part.
+    pub(super) fn add_following(&mut self, whole: &dyn System, settings: &Settings) -> Result<(), SolveError> {
+        self.following = Some(Box::new(Variational::new(whole, settings, self.operations, self.memory.context())?));
+        Ok(())
+    }
+
+    /// The derivatives along directions.
+    pub(super) fn following(&self) -> Option<&Variational> {
+        self.following.as_deref()
+    }
+
+    /// Begins them at the present state, which is consistent.
+    pub(super) fn begin_following(&mut self, system: &mut dyn System, s: &[f64]) -> Result<(), SolveError> {
+        self.lending(system, |ida| {
+            let (bridge, time) = (ida.memory.bridge_mut(), ida.time);
+            let begun = ida.following.as_mut().map_or(Ok(()), |following| following.begin(bridge, time, (&ida.y, &ida.yp), s));
+            begun.map_err(|stuck| ida.stuck(stuck))
+        })
+    }
+
+    fn stuck(&mut self, stuck: Stuck) -> SolveError {
+        match stuck {
+            Stuck::Callback => self.fault(),
+            Stuck::Error(error) => error,
+        }
     }
 
     fn discard(&mut self, discards: bool) {
@@ -413,6 +456,7 @@ impl Integrator for Ida {
         if let Some(consistent) = &mut self.consistent {
             consistent.forget();
         }
+        self.following.iter_mut().for_each(|following| following.forget());
         let bridge = self.bridge();
         bridge.factorisation.forget();
         bridge.newton.forget();

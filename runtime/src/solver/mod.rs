@@ -6,6 +6,7 @@
 //! * vectors of our own (`vector`, `kernels`), the same bits on every processor;
 //! * linear solvers of our own (`linear`): dense LU for small systems, sparse LU of diagonal blocks for large ones;
 //! * Newton's method in few passes over memory (`newton`);
+//! * derivatives along directions that follow the unknowns in steps of their own (`staggered`, `variational`);
 //! * consistent initial conditions and a first step computed from the model's exact Jacobian (`consistent`);
 //! * stops at the times where the equations change their form, and a look at what time moves inside of an interval (`forcing`).
 //!
@@ -42,9 +43,11 @@ mod onestep;
 pub mod problems;
 mod quadrature;
 mod settings;
+mod staggered;
 mod sundials;
 mod system;
 mod traverse;
+mod variational;
 mod vector;
 mod watch;
 
@@ -56,5 +59,6 @@ pub use integrator::{Advance, Carried, Integrator, Statistics};
 pub use linear::Method as LinearMethod;
 pub use onestep::OneStep;
 pub use settings::{FirstStep, LinearSolver, Method, Quadratures, Settings};
+pub(crate) use staggered::Staggered;
 pub use system::{Following, Pattern, PatternError, RootKind, System};
 pub use watch::Edge;

@@ -42,7 +42,7 @@ impl Newton {
         }
     }
 
-    /// The last correction of the last solve; zero for derivatives along directions.
+    /// The last correction of the last solve.
     pub fn corrections(&self) -> &[f64] {
         self.correction.entries()
     }

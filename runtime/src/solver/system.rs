@@ -28,6 +28,11 @@ pub trait System {
         0
     }
 
+    /// Whether an integrand reads derivatives of the unknowns.
+    fn integrands_read_rates(&self) -> bool {
+        true
+    }
+
     /// Writes the residual of the leading unknowns, which are all if there are no directions.
     fn leading(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
         self.residual(t, y, yp, out);
@@ -37,6 +42,22 @@ pub trait System {
     /// y with rates y', where `jacobian` holds ∂F/∂y + `cj` ∂F/∂y'.
     fn following(&mut self, at: Following<'_>, (s, sp): (&[f64], &[f64]), out: &mut [f64]) {
         let _ = (at, s, sp, out);
+    }
+
+    /// Replaces the part R of the derivatives' rates sp = `cj` s + R that is known by −(∂F/∂y') R and minus what moves beside: the right-hand side for s with
+    /// that Jacobian.
+    fn moving(&mut self, at: Following<'_>, rates: &mut [f64]) {
+        let _ = (at, rates);
+    }
+
+    /// Writes the integrands of the leading unknowns alone.
+    fn leading_integrands(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        self.quadratures(t, y, yp, out);
+    }
+
+    /// Writes the derivatives of the integrands along the directions, row after row.
+    fn following_integrands(&mut self, t: f64, y: (&[f64], &[f64]), s: (&[f64], &[f64]), out: &mut [f64]) {
+        let _ = (t, y, s, out);
     }
 
     /// Writes F(t, y, y') to `out` (length n).

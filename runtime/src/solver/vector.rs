@@ -51,8 +51,6 @@ pub(crate) struct Shared {
     age: Cell<u64>,
     /// The corrections of Newton's method; only compared with.
     corrections: Cell<Option<NonNull<Content>>>,
-    /// Derivatives along directions follow the unknowns.
-    many: Cell<bool>,
 }
 
 impl Shared {
@@ -63,11 +61,6 @@ impl Shared {
     pub(crate) unsafe fn renew(&self, weights: &Handle) {
         self.weights.set(Some(weights.content));
         self.age.set(self.age.get() + 1);
-    }
-
-    /// Derivatives along directions follow the unknowns.
-    pub(crate) fn set_many(&self, many: bool) {
-        self.many.set(many);
     }
 
     /// Newton's method sums its corrections up here.

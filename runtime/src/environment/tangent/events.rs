@@ -6,7 +6,7 @@ use smpl_compiler::layout::Region;
 use smpl_compiler::model::RootAction;
 
 use super::{Environment, FollowError, Follower};
-use crate::sensitivity::augmented::{Augmented, Input};
+use crate::sensitivity::augmented::Augmented;
 use crate::solver::{Advance, Edge, System};
 
 /// Two times this near each other, in parts of the larger one, are one; both sides of a break are so many roundings from it: as in `solver::traverse`.
@@ -38,11 +38,10 @@ impl Environment {
         follower.pending = false;
         let (end, mut t, mut pieces) = (self.end_time(), self.begin, 0);
         loop {
-            let moving = self.system.model().inputs(|cells| follower.tangents.is_active(cells));
-            self.choose_live(follower, &moving, pieces == 0)?;
+            self.choose_live(follower, pieces == 0)?;
             self.write_followed(follower);
-            let Follower { augmented, tangents, live, .. } = &mut *follower;
-            augmented.set_inputs(&self.system, tangents, &moving, live).map_err(FollowError::Refused)?;
+            let Follower { augmented, tangents, live, moving_inputs, .. } = &mut *follower;
+            augmented.set_inputs(&self.system, tangents, moving_inputs, live).map_err(FollowError::Refused)?;
             if pieces == 0 {
                 self.know_edges(follower, t);
             }
@@ -77,15 +76,18 @@ impl Environment {
     }
 
     /// Leaves directions out that move nothing in the equations; those that are integrated already stay, but at the beginning of a step.
-    fn choose_live(&mut self, follower: &mut Follower, moving: &[Input], begins: bool) -> Result<(), FollowError> {
-        let mut moved = Augmented::moved(&self.system, &follower.tangents, moving).map_err(FollowError::Refused)?;
+    fn choose_live(&mut self, follower: &mut Follower, begins: bool) -> Result<(), FollowError> {
+        let Follower { tangents, moving_inputs, moved, live, .. } = &mut *follower;
+        self.system.model().find_inputs(|cells| tangents.is_active(cells), moving_inputs);
+        Augmented::find_moved(&self.system, tangents, moving_inputs, moved).map_err(FollowError::Refused)?;
         if !begins {
-            follower.live.iter().for_each(|&j| moved[j] = true);
+            live.iter().for_each(|&j| moved[j] = true);
         }
-        // One at least, for which there is something to integrate.
-        let live: Vec<usize> =
-            moved.iter().enumerate().filter(|&(j, &moves)| moves || (j == 0 && !moved.contains(&true))).map(|(j, _)| j).collect();
-        let made = follower.integrate(live);
+        if !moved.contains(&true) {
+            // One at least, for which there is something to integrate.
+            moved.iter_mut().take(1).for_each(|first| *first = true);
+        }
+        let made = follower.integrate_moved();
         made.map_err(|e| self.solver_fault(&e, self.begin, follower.width()))
     }
 

@@ -90,7 +90,8 @@ impl Traverse for Ida {
     }
 
     fn take_integrals(&mut self, to: f64) -> Result<(), SolveError> {
-        self.take(to)
+        self.take(to)?;
+        self.follow(to, to)
     }
 
     fn derive(&mut self) -> Result<(), SolveError> {

@@ -34,6 +34,7 @@ impl Ida {
             yp,
             quadratures: Integrals::new(system, &settings.quadratures, operations, context),
             consistent,
+            following: None,
             forcing: Forcing::new(system.forcing_count()),
             operations,
             settings,
@@ -102,20 +103,16 @@ fn bridge(system: &dyn System, settings: &Settings, operations: Operations, cont
     let factorisation = Factorisation::new(system.pattern(), settings.linear_solver)?;
     let newton = Newton::new(n, operations, context);
     let watch = Watch::new(system.root_count(), system.root_kinds());
-    let tolerances = Tolerances::new(settings.rtol, &settings.atol, settings.looseness);
-    let mut bridge = Bridge::new(operations, tolerances, system.pattern().entries(), factorisation, newton, watch);
-    bridge.leading = n / (1 + system.directions());
-    bridge.shared.set_many(system.directions() > 0);
-    Ok(bridge)
+    let tolerances = Tolerances::new(settings.rtol, &settings.atol);
+    Ok(Bridge::new(operations, tolerances, system.pattern().entries(), factorisation, newton, watch))
 }
 
 /// The pattern has the system's dimension, and a diagonal where derivatives are explicit.
 fn check_shape(system: &dyn System) -> Result<(), SolveError> {
     let pattern = system.pattern();
     let n = pattern.dimension();
-    let (given, expected) = (n * (1 + system.directions()), system.dimension());
-    if given != expected {
-        return Err(SolveError::Length { name: "pattern", given, expected });
+    if n != system.dimension() {
+        return Err(SolveError::Length { name: "pattern", given: n, expected: system.dimension() });
     }
     let lacks_diagonal = |&i: &usize| system.differential()[i] && !pattern.rows()[pattern.column(i)].contains(&i);
     match (0..n).find(lacks_diagonal) {

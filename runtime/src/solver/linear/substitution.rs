@@ -70,19 +70,31 @@ struct Sum<'a> {
     space: &'a mut [f64],
 }
 
+impl Sum<'_> {
+    /// Adds a term in some columns.
+    #[inline(always)]
+    fn add<const B: usize>(&self, first: usize, (place, factor): (u32, u32), sum: &mut [f64; B]) {
+        let (factor, from) = (self.factors[factor as usize], place as usize * self.width + first);
+        // A factor of zero fills a turn up.
+        if factor != 0.0 {
+            let row = &self.space[from..from + B];
+            sum.iter_mut().zip(row).for_each(|(sum, x)| *sum = factor.mul_add(*x, *sum));
+        }
+    }
+}
+
 impl Columns for Sum<'_> {
     #[inline(always)]
     fn piece<const B: usize>(&mut self, first: usize) {
-        let mut sum = [0.0; B];
-        for &(place, factor) in self.terms {
-            // A factor of zero fills a turn up.
-            let factor = self.factors[factor as usize];
-            if factor != 0.0 {
-                let from = place as usize * self.width + first;
-                let row = &self.space[from..from + B];
-                sum.iter_mut().zip(row).for_each(|(sum, x)| *sum = factor.mul_add(*x, *sum));
-            }
+        // Two sums, whose terms do not wait for each other.
+        let (mut sum, mut other) = ([0.0; B], [0.0; B]);
+        let (pairs, rest) = self.terms.as_chunks::<2>();
+        for &[one, two] in pairs {
+            self.add(first, one, &mut sum);
+            self.add(first, two, &mut other);
         }
+        rest.iter().for_each(|&term| self.add(first, term, &mut sum));
+        sum.iter_mut().zip(other).for_each(|(sum, other)| *sum += other);
         let to = self.result * self.width + first;
         self.space[to..to + B].copy_from_slice(&sum);
     }

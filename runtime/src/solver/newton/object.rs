@@ -4,10 +4,6 @@
 //! memory, and the systems of a control problem are so small, or memory so near, that these are a third of the time. Here an
 //! iteration is residual, solve, and one pass that corrects and measures. The convergence test is that of IDA
 //! (Hindmarsh et al., *SUNDIALS*, ACM TOMS 31, 2005, section 2.3): steps and orders are the same.
-//!
-//! Derivatives along directions follow when the unknowns have converged (the staggered corrector of W. F. Feehery, J. E. Tolsma and P. I. Barton,
-//! *Appl. Numer. Math.* 25 (1997) 41). Their equations are linear: with the Jacobian there, factorised once for all directions, one solution is the exact one. It
-//! serves the next step's iterations too. (A few iterations with an older matrix take longer where directions are many: each of them is a product and a solution for all.)
 
 use std::os::raw::{c_int, c_long, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -21,7 +17,6 @@ use sundials_sys::{
 
 use super::AFTER_SETUP;
 use crate::solver::callbacks::Bridge;
-use crate::solver::kernels::LANES;
 use crate::solver::sundials::{Context, Kept, Lent};
 use crate::solver::vector::Handle;
 
@@ -39,9 +34,6 @@ const AFTER_CHANGE: f64 = 100.0;
 
 /// IDA's code for a residual that asks for a smaller step.
 const RESIDUAL_RECOVERABLE: c_int = 1;
-
-/// Leading coefficients of this ratio need no new matrix: IDA's bound.
-const NEAR: f64 = 0.6;
 
 /// The present step, as IDA keeps it.
 struct Step {
@@ -94,11 +86,6 @@ struct Solve {
     sum: Handle,
     weights: Handle,
     tolerance: f64,
-    /// Number of unknowns that are iterated for, and of blocks with them.
-    leading: usize,
-    blocks: usize,
-    /// Others follow.
-    followed: bool,
 }
 
 impl Solve {
@@ -110,9 +97,7 @@ impl Solve {
     unsafe fn new(bridge: Lent<Bridge>, memory: *mut c_void, sum: Handle, weights: Handle, tolerance: f64) -> Self {
         // SAFETY: by the contract.
         let step = unsafe { Step::of(memory) };
-        let (leading, length) = (bridge.leading, sum.entries().len());
-        let blocks = leading.div_ceil(LANES);
-        Self { bridge, memory, step, sum, weights, tolerance, leading, blocks, followed: leading < length }
+        Self { bridge, memory, step, sum, weights, tolerance }
     }
 
     /// IDA's result of a solve; `setup` says whether a new Jacobian is due.
@@ -124,8 +109,6 @@ impl Solve {
             newton.rate_factor = AFTER_CHANGE;
             newton.cj = self.step.cj;
         }
-        // The matrix of the last step serves where its leading coefficient is near.
-        setup &= !(self.followed && (NEAR..1.0 / NEAR).contains(&(self.step.cj / newton.setup_cj)));
         let mut stale = false;
         loop {
             let (outcome, iterated) = match self.begin(setup.then_some(stale)) {
@@ -133,9 +116,8 @@ impl Solve {
                 failure => (failure, false),
             };
             if outcome == 0 {
-                let followed = if self.followed { self.follow() } else { 0 };
                 self.bridge.newton.current = false;
-                return followed;
+                return 0;
             }
             let newton = &mut self.bridge.newton;
             newton.failures += 1;
@@ -200,13 +182,13 @@ impl Solve {
     /// The residual of the prediction.
     fn evaluate_prediction(&mut self) -> c_int {
         let Step { time, predicted, predicted_derivative, residual, .. } = &mut self.step;
-        self.bridge.evaluate_leading(*time, predicted, predicted_derivative, residual).err().unwrap_or(0)
+        self.bridge.evaluate(*time, predicted, predicted_derivative, residual).err().unwrap_or(0)
     }
 
     /// The residual at y and y'.
     fn evaluate(&mut self) -> c_int {
         let Step { time, y, yp, residual, .. } = &mut self.step;
-        self.bridge.evaluate_leading(*time, y, yp, residual).err().unwrap_or(0)
+        self.bridge.evaluate(*time, y, yp, residual).err().unwrap_or(0)
     }
 
     fn is_finite(&mut self) -> bool {
@@ -216,7 +198,7 @@ impl Solve {
     /// Moves y and y' to the prediction plus the corrections so far.
     fn move_to_sum(&mut self) {
         let Step { cj, predicted, predicted_derivative, y, yp, .. } = &mut self.step;
-        self.bridge.operations.correct(self.blocks, *cj, &self.sum, (predicted, y), (predicted_derivative, yp));
+        self.bridge.operations.correct(*cj, &self.sum, (predicted, y), (predicted_derivative, yp));
     }
 
     /// Adds a correction; its weighted root mean square.
@@ -226,26 +208,8 @@ impl Solve {
         counts.linear_solves += 1;
         // The factorisation may belong to another leading coefficient.
         let factor = -2.0 / (1.0 + self.step.cj / newton.setup_cj);
-        let residual = &self.step.residual.entries()[..self.leading];
-        factorisation.solve_scaled(factor, residual, &mut newton.correction.entries_mut()[..self.leading]);
-        operations.accumulate(self.blocks, &newton.correction, &self.weights, &mut self.sum)
-    }
-
-    /// The derivatives along directions at the unknowns that were found.
-    fn follow(&mut self) -> c_int {
-        self.move_to_sum();
-        let (bridge, sum) = (&mut *self.bridge, &mut self.sum);
-        let Step { time, cj, y, yp, residual, predicted, predicted_derivative } = &mut self.step;
-        if let Err(code) = bridge.jacobian(*time, *cj, y, yp) {
-            return code;
-        }
-        let code = bridge.factorise();
-        bridge.newton.setup_cj = *cj;
-        if code != 0 {
-            return code;
-        }
-        let done = bridge.follow((*time, *cj), (y, yp), (predicted, predicted_derivative), residual);
-        done.err().unwrap_or_else(|| bridge.solve_following(*time, residual, sum))
+        factorisation.solve_scaled(factor, self.step.residual.entries(), newton.correction.entries_mut());
+        operations.accumulate(&newton.correction, &self.weights, &mut self.sum)
     }
 
     /// A new Jacobian and its factorisation.

@@ -41,7 +41,7 @@ impl Algebra {
         let unused = Factorisation::new(&Pattern::full(1), LinearSolver::Dense)?;
         let newton = Newton::new(1, operations, context);
         let entries = system.pattern().entries();
-        let tolerances = Tolerances::new(settings.rtol, &settings.atol, 1.0);
+        let tolerances = Tolerances::new(settings.rtol, &settings.atol);
         let bridge = Bridge::new(operations, tolerances, entries, unused, newton, Watch::default());
         Ok(Self {
             consistent: Consistent::new(system, operations, context)?,

@@ -244,23 +244,23 @@ macro_rules! operations {
             }
 
             $(#[$feature])?
-            pub(super) fn accumulate(n: usize, delta: &Content, w: &Content, sum: &mut Content) -> f64 {
-                assert!(n <= delta.count && n <= w.count && n <= sum.count);
+            pub(super) fn accumulate(delta: &Content, w: &Content, sum: &mut Content) -> f64 {
+                let n = sum.count;
+                assert!(delta.count == n && w.count == n);
                 sum.age = 0;
                 // SAFETY: all three have so many blocks; the sum is borrowed exclusively, so that it is none of the others.
                 let squares = unsafe { kernels::accumulate(n, delta.blocks.as_ptr(), w.blocks.as_ptr(), sum.blocks.as_ptr()) };
                 let (square, sum_square) = squares;
-                if n == sum.count && sum.weights().is_some_and(|known| ptr::eq(known.as_ptr(), w)) {
+                if sum.weights().is_some_and(|known| ptr::eq(known.as_ptr(), w)) {
                     sum.keep_norm(sum_square);
                 }
                 (square / delta.length as f64).sqrt()
             }
 
             $(#[$feature])?
-            pub(super) fn correct(
-                n: usize, c: f64, x: &Content, (y0, y): (&Content, &mut Content), (z0, z): (&Content, &mut Content),
-            ) {
-                assert!([x.count, y0.count, y.count, z0.count, z.count].iter().all(|&count| n <= count));
+            pub(super) fn correct(c: f64, x: &Content, (y0, y): (&Content, &mut Content), (z0, z): (&Content, &mut Content)) {
+                let n = x.count;
+                assert!([y0.count, y.count, z0.count, z.count].iter().all(|&count| n == count));
                 (y.age, z.age) = (0, 0);
                 // SAFETY: all have so many blocks; what is written is borrowed exclusively, so that it is none of the others.
                 unsafe {
@@ -359,31 +359,31 @@ impl Operations {
         }
     }
 
-    /// `sum += delta` in so many leading blocks; returns the weighted root mean square of `delta`, of which the other entries are taken as zero.
+    /// `sum += delta`; returns the weighted root mean square of `delta`.
     ///
     /// # Panics
-    /// Where one has fewer blocks.
+    /// Where one has another number of blocks than another.
     #[inline]
-    pub(crate) fn accumulate(self, blocks: usize, delta: &Content, w: &Content, sum: &mut Content) -> f64 {
+    pub(crate) fn accumulate(self, delta: &Content, w: &Content, sum: &mut Content) -> f64 {
         match self.0 {
-            Compilation::Portable => portable::accumulate(blocks, delta, w, sum),
+            Compilation::Portable => portable::accumulate(delta, w, sum),
             #[cfg(target_arch = "x86_64")]
             // SAFETY: this variant is made only where the processor has both features.
-            Compilation::Avx2 => unsafe { avx2::accumulate(blocks, delta, w, sum) },
+            Compilation::Avx2 => unsafe { avx2::accumulate(delta, w, sum) },
         }
     }
 
-    /// `y.1 = y.0 + x` and `z.1 = z.0 + c x` in so many leading blocks.
+    /// `y.1 = y.0 + x` and `z.1 = z.0 + c x`.
     ///
     /// # Panics
-    /// Where one has fewer blocks.
+    /// Where one has another number of blocks than another.
     #[inline]
-    pub(crate) fn correct(self, blocks: usize, c: f64, x: &Content, y: (&Content, &mut Content), z: (&Content, &mut Content)) {
+    pub(crate) fn correct(self, c: f64, x: &Content, y: (&Content, &mut Content), z: (&Content, &mut Content)) {
         match self.0 {
-            Compilation::Portable => portable::correct(blocks, c, x, y, z),
+            Compilation::Portable => portable::correct(c, x, y, z),
             #[cfg(target_arch = "x86_64")]
             // SAFETY: this variant is made only where the processor has both features.
-            Compilation::Avx2 => unsafe { avx2::correct(blocks, c, x, y, z) },
+            Compilation::Avx2 => unsafe { avx2::correct(c, x, y, z) },
         }
     }
 

@@ -30,10 +30,6 @@ impl Setting {
     }
 }
 
-fn blocks_of(length: usize) -> usize {
-    length.div_ceil(LANES)
-}
-
 fn assert_near(got: &[f64], expected: impl Iterator<Item = f64>) {
     for (got, expected) in got.iter().zip(expected) {
         assert!((got - expected).abs() <= 1e-14 * (1.0 + expected.abs()), "{got} {expected}");
@@ -153,10 +149,10 @@ fn fused_passes_of_newtons_method_are_those_of_plain_loops() {
     for_all(|setting, n| {
         let [delta, mut w, mut sum, y0, mut y, z0, mut z]: [Vector; 7] = std::array::from_fn(|k| setting.vector(n, k as f64));
         let before = sum.entries().to_vec();
-        let norm = setting.operations.accumulate(blocks_of(n), &delta, &w, &mut sum);
+        let norm = setting.operations.accumulate(&delta, &w, &mut sum);
         assert_near(&[norm], [wrms(delta.entries(), w.entries())].into_iter());
         assert_near(sum.entries(), before.iter().zip(delta.entries()).map(|(x, d)| x + d));
-        setting.operations.correct(blocks_of(n), 0.7, &sum, (&y0, &mut y), (&z0, &mut z));
+        setting.operations.correct(0.7, &sum, (&y0, &mut y), (&z0, &mut z));
         assert_near(y.entries(), y0.entries().iter().zip(sum.entries()).map(|(y, x)| y + x));
         assert_near(z.entries(), z0.entries().iter().zip(sum.entries()).map(|(z, x)| z + 0.7 * x));
         let atol = zeroed_blocks(n).iter().map(|_| Block([0.25; LANES])).collect::<Vec<_>>();
@@ -189,7 +185,7 @@ fn a_norm_that_is_kept_is_that_of_the_present_numbers_and_weights() {
         // SAFETY: vectors of one family.
         unsafe { N_VLinearSum(1.0, x.raw(), 1.0, z.raw(), z.raw()) };
         check(&z, &w);
-        setting.operations.accumulate(blocks_of(n), &delta, &w, &mut z);
+        setting.operations.accumulate(&delta, &w, &mut z);
         assert!(z.known_norm(w.address()).is_some());
         check(&z, &w);
         z.entries_mut()[0] += 1.0;

@@ -9,7 +9,7 @@ use sundials_sys::{_generic_N_Vector_Ops, N_Vector, N_Vector_ID, N_Vector_ID_SUN
 
 use super::super::{Content, allocate, free};
 use super::{block_count, blocks, content, entry_count, written};
-use crate::solver::kernels::{Block, LANES};
+use crate::solver::kernels::LANES;
 
 unsafe extern "C" fn vector_id(_: N_Vector) -> N_Vector_ID {
     N_Vector_ID_SUNDIALS_NVEC_CUSTOM
@@ -80,25 +80,9 @@ unsafe extern "C" fn minimum(x: N_Vector) -> f64 {
 unsafe extern "C" fn masked_norm(x: N_Vector, w: N_Vector, mask: N_Vector) -> f64 {
     // SAFETY: vectors of ours, which nobody writes during the call.
     let (x, w, mask) = unsafe { (&*content(x), &*content(w), &*content(mask)) };
-    if x.shared.as_deref().is_some_and(|shared| shared.many.get()) {
-        return masked_norm_of_many(x.blocks(), w.blocks(), mask.blocks());
-    }
     let terms = x.entries().iter().zip(w.entries()).zip(mask.entries()).filter(|&(_, &counts)| counts > 0.0);
     let (sum, count) = terms.fold((0.0, 0.0_f64), |(sum, count), ((x, w), _)| (sum + (x * w) * (x * w), count + 1.0));
     (sum / count.max(1.0)).sqrt()
-}
-
-/// The same by eight sums side by side: for derivatives along directions, which are many.
-fn masked_norm_of_many(x: &[Block], w: &[Block], mask: &[Block]) -> f64 {
-    let (mut sums, mut counts) = ([0.0; LANES], [0.0; LANES]);
-    for ((x, w), mask) in x.iter().zip(w).zip(mask) {
-        for lane in 0..LANES {
-            let (product, takes) = (x.0[lane] * w.0[lane], mask.0[lane] > 0.0);
-            sums[lane] += if takes { product * product } else { 0.0 };
-            counts[lane] += if takes { 1.0 } else { 0.0 };
-        }
-    }
-    (sums.iter().sum::<f64>() / counts.iter().sum::<f64>().max(1.0)).sqrt()
 }
 
 unsafe extern "C" fn maximum_norm(x: N_Vector) -> f64 {

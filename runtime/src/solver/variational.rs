@@ -1,0 +1,520 @@
+//! Derivatives of the unknowns along directions, integrated behind them with steps of their own.
+//!
+//! With F(t, y, y') = 0 a matrix S of derivatives obeys F_y S + F_y' S' + B = 0, which is linear: with the derivative of a backward differentiation formula,
+//! S' = c S + R, one factorisation of F_y + c F_y' gives all columns (the staggered direct method of M. Caracotsios and W. E. Stewart, *Comput. Chem. Eng.* 9 (1985) 359).
+//! What IDA knows of y between two of its steps gives F_y anywhere, so that S has its own steps and order: fewer steps than y where its tolerance
+//! is looser, more where y rests and S does not. Nothing is kept but the last values of S: each step is one pass over them, a solution, and one pass for the error.
+
+mod formula;
+
+use std::os::raw::c_int;
+
+use self::formula::{Formula, MAX_ORDER, POINTS, Points, combine, distance};
+use super::callbacks::Bridge;
+use super::linear::{Factorisation, columns::all_finite};
+use super::sundials::Context;
+use super::vector::{Operations, Vector};
+use super::{Following, Pattern, Quadratures, Settings, SolveError, System};
+
+/// Steps of the unknowns that one of the derivatives may pass over.
+const PASSED: usize = 8;
+
+/// The first step of the derivatives in those of the unknowns, whose tolerance is tighter.
+const FIRST: f64 = 10.0;
+
+/// Local errors of many steps add up: each is held to the tolerance over this.
+const MARGIN: f64 = 2.0;
+
+/// Part of the step that the error would allow: of the present order, of the one below and of the one above.
+const SAFETY: [f64; 3] = [1.1, 1.2, 1.3];
+
+/// Bounds of the change from step to step: less is not worth it, more is not stable.
+const WORTH: f64 = 1.1;
+const MOST: f64 = 2.0;
+const MOST_OF_FIRST: f64 = 10.0;
+
+/// Rejections in a row after which there is no step that fits.
+const MOST_REJECTIONS: u32 = 40;
+
+/// Why there is no going on.
+pub enum Stuck {
+    /// A callback gave up, and has noted why.
+    Callback,
+    /// There is no step that fits.
+    Error(SolveError),
+}
+
+impl From<c_int> for Stuck {
+    fn from(_: c_int) -> Self {
+        Self::Callback
+    }
+}
+
+/// A state of the unknowns.
+struct State {
+    time: f64,
+    y: Vector,
+    yp: Vector,
+}
+
+/// Derivatives along directions, row after row, with those of the integrals behind them.
+pub struct Variational {
+    width: usize,
+    /// Numbers of derivatives of unknowns, and all with those of integrals.
+    own: usize,
+    all: usize,
+    pattern: Pattern,
+    differential: Box<[bool]>,
+    explicit: bool,
+    integrands_read_rates: bool,
+    max_order: usize,
+    max_steps: u32,
+    /// Relative tolerances of both, absolute ones of each number; infinite for what is not tested.
+    rtol: [f64; 2],
+    atol: Box<[f64]>,
+    /// Numbers that are tested.
+    tested: f64,
+    factorisation: Factorisation,
+    /// Entries of the Jacobian.
+    values: Vec<f64>,
+    others: Vec<f64>,
+    space: Vec<f64>,
+    /// The last values and their times, latest first, and room for the next.
+    points: Vec<Vec<f64>>,
+    times: [f64; POINTS],
+    /// So many of them are of the solution.
+    known: usize,
+    next: Vec<f64>,
+    predicted: Vec<f64>,
+    integrands: Vec<f64>,
+    /// S' at the latest point.
+    rates: Vec<f64>,
+    formula: Formula,
+    order: usize,
+    /// Length of the next step; zero where none is known.
+    length: f64,
+    /// Steps since order or length changed.
+    steady: usize,
+    steps: u32,
+    /// States of the unknowns from the latest point of the derivatives on.
+    passed: Vec<State>,
+    count: usize,
+    /// One between them.
+    inside: State,
+}
+
+impl Variational {
+    /// For a system with directions.
+    ///
+    /// # Errors
+    /// What the linear solvers say of the pattern.
+    pub fn new(system: &dyn System, settings: &Settings, operations: Operations, context: &Context) -> Result<Self, SolveError> {
+        let (pattern, width) = (system.pattern(), system.directions());
+        let n = pattern.dimension();
+        let integrals = system.quadrature_count() / (1 + width);
+        let (own, all) = (n * width, (n + integrals) * width);
+        let (atol, rtol) = tolerances(system, settings, integrals);
+        let state = || State { time: 0.0, y: Vector::zeros(n, operations, context), yp: Vector::zeros(n, operations, context) };
+        let numbers = |length| vec![0.0; length];
+        Ok(Self {
+            width,
+            own,
+            all,
+            pattern: pattern.clone(),
+            differential: system.differential()[..n].into(),
+            explicit: system.is_explicit(),
+            integrands_read_rates: false,
+            max_order: (settings.max_order as usize).min(MAX_ORDER),
+            max_steps: settings.max_steps,
+            rtol,
+            tested: atol.iter().filter(|atol| atol.is_finite()).count().max(1) as f64,
+            atol,
+            factorisation: Factorisation::new(pattern, settings.linear_solver)?,
+            values: numbers(pattern.entries()),
+            others: numbers(pattern.entries()),
+            space: Vec::new(),
+            points: (0..POINTS).map(|_| numbers(all)).collect(),
+            times: [0.0; POINTS],
+            known: 0,
+            next: numbers(all),
+            predicted: numbers(all),
+            integrands: numbers(all - own),
+            rates: numbers(all),
+            formula: Formula::default(),
+            order: 1,
+            length: 0.0,
+            steady: 0,
+            steps: 0,
+            passed: (0..PASSED + 1).map(|_| state()).collect(),
+            count: 0,
+            inside: state(),
+        })
+    }
+
+    /// Forgets the pivots of earlier factorisations.
+    pub fn forget(&mut self) {
+        self.factorisation.forget();
+    }
+
+    /// The derivatives of the unknowns.
+    pub fn derivatives(&self) -> &[f64] {
+        &self.points[0][..self.own]
+    }
+
+    /// Their rates.
+    pub fn rates(&self) -> &[f64] {
+        &self.rates[..self.own]
+    }
+
+    /// The derivatives of the integrals.
+    pub fn integrals(&self) -> &[f64] {
+        &self.points[0][self.own..]
+    }
+
+    /// Begins with derivatives of the differential unknowns at a consistent state: those of the algebraic ones, and rates, follow.
+    pub fn begin(&mut self, bridge: &mut Bridge, time: f64, (y, yp): (&Vector, &Vector), s: &[f64]) -> Result<(), Stuck> {
+        (self.known, self.order, self.length, self.steady, self.steps) = (1, 1, 0.0, 0, 0);
+        self.times[0] = time;
+        let first = &mut self.points[0];
+        first[..self.own].copy_from_slice(s);
+        first[self.own..].fill(0.0);
+        self.passed[0].set(time, y, yp);
+        self.count = 1;
+        self.rates.fill(0.0);
+        self.integrands_read_rates = bridge.integrands_read_rates()?;
+        self.find_rates(bridge, time, (y, yp))?;
+        if self.all > self.own {
+            let (rates, integrals) = self.rates.split_at_mut(self.own);
+            bridge.following_integrands(time, (y, yp), (&self.points[0][..self.own], rates), integrals)?;
+        }
+        Ok(())
+    }
+
+    /// Rates of differential unknowns' derivatives, and derivatives of the algebraic ones.
+    fn find_rates(&mut self, bridge: &mut Bridge, time: f64, (y, yp): (&Vector, &Vector)) -> Result<(), Stuck> {
+        let width = self.width;
+        for (row, _) in
+            self.points[0][..self.own].chunks_exact_mut(width).zip(&self.differential).filter(|(_, differential)| !**differential)
+        {
+            row.fill(0.0);
+        }
+        bridge.jacobian_at(time, 0.0, (y, yp), &mut self.values)?;
+        let at = Following { t: time, y: y.entries(), yp: yp.entries(), cj: 0.0, jacobian: &self.values };
+        bridge.following(at, (&self.points[0][..self.own], &self.rates[..self.own]), &mut self.next[..self.own])?;
+        let explicit = self.explicit && !self.differential.contains(&false);
+        if !explicit {
+            bridge.jacobian_at(time, 1.0, (y, yp), &mut self.others)?;
+            self.take_rates();
+            self.next.iter_mut().for_each(|x| *x = -*x);
+            self.solve(bridge, time)?;
+        }
+        for (i, &differential) in self.differential.iter().enumerate() {
+            let row = i * width..(i + 1) * width;
+            let to = if differential { &mut self.rates } else { &mut self.points[0] };
+            to[row.clone()].copy_from_slice(&self.next[row]);
+        }
+        Ok(())
+    }
+
+    /// Puts the derivatives by rates into the columns of differential unknowns.
+    fn take_rates(&mut self) {
+        for column in (0..self.differential.len()).filter(|&column| self.differential[column]) {
+            for entry in self.pattern.column(column) {
+                self.values[entry] = self.others[entry] - self.values[entry];
+            }
+        }
+    }
+
+    /// Factorises the matrix and replaces the right-hand sides by the solutions.
+    fn solve(&mut self, bridge: &mut Bridge, time: f64) -> Result<(), Stuck> {
+        bridge.counts.factorisations += 1;
+        self.factorisation.factorise(&self.values).map_err(|s| Stuck::Error(SolveError::SingularJacobian { time, column: s.column }))?;
+        self.factorisation.solve_many(self.width, &mut self.next[..self.own], &mut self.space);
+        Ok(())
+    }
+
+    /// Goes on as far as steps fit into what the unknowns have come to, `to`; exactly to it if that is the `end`.
+    pub fn catch_up(&mut self, bridge: &mut Bridge, to: f64, end: f64) -> Result<(), Stuck> {
+        let Self { passed, count, .. } = &mut *self;
+        if to > passed[*count - 1].time {
+            let state = &mut passed[*count];
+            state.time = to;
+            bridge.interpolate(to, 0, &mut state.y)?;
+            bridge.interpolate(to, 1, &mut state.yp)?;
+            *count += 1;
+        }
+        let mut rejections = 0;
+        while let Some(time) = self.target(to, end) {
+            self.place(bridge, time)?;
+            if self.step(bridge)? {
+                rejections = 0;
+                self.steps += 1;
+            } else {
+                rejections += 1;
+            }
+            let (now, least) = (self.times[0], 4.0 * f64::EPSILON * self.times[0].abs());
+            if rejections > MOST_REJECTIONS || self.length <= least {
+                return Err(Stuck::Error(SolveError::StepTooSmall { time: now, step: self.length, unknown: None }));
+            }
+            if self.steps > self.max_steps {
+                return Err(Stuck::Error(SolveError::TooManySteps { time: now, steps: self.max_steps, unknown: None }));
+            }
+        }
+        if self.steps > 0 && self.times[0] == end {
+            let (new, behind) = self.points.split_at(1);
+            differentiate(&self.formula, behind, &new[0], &mut self.rates);
+        }
+        self.leave_behind();
+        Ok(())
+    }
+
+    /// Where the next step ends; `None` if it has to wait for the unknowns.
+    fn target(&mut self, to: f64, end: f64) -> Option<f64> {
+        let now = self.times[0];
+        if now >= to {
+            return None;
+        }
+        if self.length == 0.0 {
+            self.length = FIRST * (to - now);
+        }
+        let left = end - now;
+        let pieces = (left / self.length - 1e-9).ceil();
+        let step = if pieces <= 4.0 { left / pieces.max(1.0) } else { self.length };
+        let time = if pieces <= 1.0 { end } else { now + step };
+        let waits = time > to && to < end && self.count <= PASSED;
+        (!waits).then_some(time.min(to))
+    }
+
+    /// Forgets the states before the latest point of the derivatives, but for one.
+    fn leave_behind(&mut self) {
+        let behind = self.passed[1..self.count].iter().filter(|state| state.time <= self.times[0]).count();
+        self.passed[..self.count].rotate_left(behind);
+        self.count -= behind;
+    }
+
+    /// Finds the state of the unknowns at a time: on IDA's polynomial in its last step, by Hermite's interpolation in those before.
+    fn place(&mut self, bridge: &mut Bridge, time: f64) -> Result<(), Stuck> {
+        self.inside.time = time;
+        if self.count < 2 || time >= self.passed[self.count - 2].time {
+            bridge.interpolate(time, 0, &mut self.inside.y)?;
+            // What is explicit in its rates has derivatives that do not depend on them.
+            if !self.explicit || self.integrands_read_rates {
+                bridge.interpolate(time, 1, &mut self.inside.yp)?;
+            }
+            return Ok(());
+        }
+        let after = self.passed[..self.count].iter().position(|state| state.time > time).unwrap_or(self.count - 1).max(1);
+        let [before, after] = [&self.passed[after - 1], &self.passed[after]];
+        self.inside.interpolate(before, after);
+        Ok(())
+    }
+
+    /// Tries a step to the state that was placed; whether its error is within the tolerance.
+    fn step(&mut self, bridge: &mut Bridge) -> Result<bool, Stuck> {
+        let time = self.inside.time;
+        if self.known == 1 {
+            self.continue_backwards(time);
+        }
+        self.formula = Formula::new(self.order, time, &self.times);
+        combine(&points(&self.points), &self.formula, &mut self.next, &mut self.predicted);
+        if !self.find_next(bridge)? || !all_finite(&self.next) {
+            bridge.counts.not_finite += 1;
+            return Ok(self.reject(f64::INFINITY));
+        }
+        let error = self.formula.error * self.distance();
+        if error > 1.0 || error.is_nan() {
+            bridge.counts.error_test_failures += 1;
+            return Ok(self.reject(error));
+        }
+        self.choose(error);
+        self.accept();
+        Ok(true)
+    }
+
+    /// Before the first step: a value behind it on the straight line, for a prediction.
+    fn continue_backwards(&mut self, time: f64) {
+        let behind = time - self.times[0];
+        self.times[1] = self.times[0] - behind;
+        let [first, second, ..] = &mut self.points[..] else { return };
+        second.iter_mut().zip(&*first).zip(&self.rates).for_each(|((to, s), rate)| *to = s - behind * rate);
+    }
+
+    /// Solves for the next values; whether the matrix allows it.
+    fn find_next(&mut self, bridge: &mut Bridge) -> Result<bool, Stuck> {
+        let State { time, y, yp } = &self.inside;
+        let cj = self.formula.weight;
+        bridge.jacobian_at(*time, cj, (y, yp), &mut self.values)?;
+        if !all_finite(&self.values) {
+            return Ok(false);
+        }
+        let at = Following { t: *time, y: y.entries(), yp: yp.entries(), cj, jacobian: &self.values };
+        bridge.moving(at, &mut self.next[..self.own])?;
+        if self.solve(bridge, self.inside.time).is_err() {
+            return Ok(false);
+        }
+        if self.all > self.own {
+            self.integrate(bridge)?;
+        }
+        Ok(true)
+    }
+
+    /// The integrals at the next values.
+    fn integrate(&mut self, bridge: &mut Bridge) -> Result<(), Stuck> {
+        if self.integrands_read_rates {
+            differentiate(&self.formula, &self.points, &self.next, &mut self.rates[..self.own]);
+        }
+        let (s, integrals) = self.next.split_at_mut(self.own);
+        let State { time, y, yp } = &self.inside;
+        bridge.following_integrands(*time, (y, yp), (s, &self.rates[..self.own]), &mut self.integrands)?;
+        integrals.iter_mut().zip(&self.integrands).for_each(|(x, rate)| *x = (rate - *x) / self.formula.weight);
+        Ok(())
+    }
+
+    /// Root mean square of the difference of the next values to their prediction, in tolerances of a step.
+    fn distance(&self) -> f64 {
+        let own = self.own;
+        let part = |range: std::ops::Range<usize>, rtol: f64| {
+            let [new, old, predicted] = [&self.next, &self.points[0], &self.predicted].map(|x| &x[range.clone()]);
+            distance(new, old, predicted, rtol, &self.atol[range.clone()])
+        };
+        MARGIN * ((part(0..own, self.rtol[0]) + part(own..self.all, self.rtol[1])) / self.tested).sqrt()
+    }
+
+    /// Shortens the next attempt; false.
+    fn reject(&mut self, error: f64) -> bool {
+        let taken = self.inside.time - self.times[0];
+        let least = if self.known == 1 { 1e-3 } else { 0.1 };
+        let factor = if error.is_finite() { 0.9 / error.powf(1.0 / (self.order + 1) as f64) } else { 0.25 };
+        self.length = taken * factor.clamp(least, 0.9);
+        // Where the last step was rejected too, what lies behind is no guide.
+        if self.steady == 0 && self.order > 1 {
+            self.order -= 1;
+        }
+        self.steady = 0;
+        false
+    }
+
+    /// Length and order of what follows a step with this error; looked at anew when order and length have been the same for a while.
+    fn choose(&mut self, error: f64) {
+        self.steady += 1;
+        // Behind the beginning, where every step allows a longer one, each is looked at.
+        if self.steady < self.order && self.known == POINTS {
+            return;
+        }
+        let taken = self.inside.time - self.times[0];
+        let growth = |error: f64, order: usize, safety: f64| 1.0 / (safety * error.powf(1.0 / (order + 1) as f64) + 1e-6);
+        let (mut order, mut factor) = (self.order, growth(error, self.order, SAFETY[0]));
+        // A lower order is asked for where this one allows no longer step.
+        let lower = if factor < WORTH { self.order - 1 } else { 0 };
+        for (other, safety) in [(lower, SAFETY[1]), (self.order + 1, SAFETY[2])] {
+            if other >= 1 && other <= self.max_order && other < self.known {
+                let other_factor = growth(self.error_of(other), other, safety);
+                if other_factor > factor {
+                    (order, factor) = (other, other_factor);
+                }
+            }
+        }
+        let most = if self.known <= 2 { MOST_OF_FIRST } else { MOST };
+        if factor >= WORTH || order < self.order || taken < self.length {
+            let next = taken * factor.clamp(0.5, most);
+            self.length = if factor >= 1.0 { next.max(self.length) } else { next };
+            self.order = order;
+            self.steady = 0;
+        }
+    }
+
+    /// The error that another order would have had.
+    fn error_of(&mut self, order: usize) -> f64 {
+        let time = self.inside.time;
+        let formula = Formula::new(order, time, &self.times);
+        combine(&points(&self.points), &formula, &mut self.rates, &mut self.predicted);
+        formula.error_of_other(time, &self.times) * self.distance()
+    }
+
+    /// The next values become the latest.
+    fn accept(&mut self) {
+        self.points.rotate_right(1);
+        std::mem::swap(&mut self.points[0], &mut self.next);
+        self.times.rotate_right(1);
+        self.times[0] = self.inside.time;
+        self.known = (self.known + 1).min(POINTS);
+    }
+}
+
+impl State {
+    fn set(&mut self, time: f64, y: &Vector, yp: &Vector) {
+        self.time = time;
+        self.y.entries_mut().copy_from_slice(y.entries());
+        self.yp.entries_mut().copy_from_slice(yp.entries());
+    }
+
+    /// On the cubic between two others.
+    fn interpolate(&mut self, before: &Self, after: &Self) {
+        let length = after.time - before.time;
+        let x = (self.time - before.time) / length;
+        let rest = 1.0 - x;
+        let (ends, slopes) = ([before.y.entries(), after.y.entries()], [before.yp.entries(), after.yp.entries()]);
+        let (y, yp) = (self.y.entries_mut(), self.yp.entries_mut());
+        for i in 0..y.len() {
+            let change = ends[1][i] - ends[0][i];
+            let (first, last) = (length * slopes[0][i] - change, change - length * slopes[1][i]);
+            y[i] = ends[0][i] + x * (change + rest * (rest * first + x * last));
+            yp[i] = (change + (rest - x) * (rest * first + x * last) + x * rest * (last - first)) / length;
+        }
+    }
+}
+
+/// The derivative of a formula's polynomial at its new point.
+fn differentiate(formula: &Formula, behind: &[Vec<f64>], new: &[f64], rates: &mut [f64]) {
+    rates.iter_mut().zip(new).for_each(|(rate, new)| *rate = formula.weight * new);
+    for (point, weight) in behind.iter().zip(&formula.rates[..formula.order]) {
+        rates.iter_mut().zip(point).for_each(|(rate, x)| *rate += weight * x);
+    }
+}
+
+/// All points, as slices.
+fn points(all: &[Vec<f64>]) -> Points<'_> {
+    std::array::from_fn(|i| &all[i][..])
+}
+
+/// Absolute tolerances of each derivative, infinite for what is not tested, and relative ones of those of unknowns and of integrals.
+fn tolerances(system: &dyn System, settings: &Settings, integrals: usize) -> (Box<[f64]>, [f64; 2]) {
+    let (width, loose) = (system.directions(), settings.looseness);
+    let tested = |(&atol, &differential): (&f64, &bool)| {
+        if differential || settings.algebraic_error_control { loose * atol } else { f64::INFINITY }
+    };
+    let own = settings.atol.iter().zip(system.differential()).take(system.pattern().dimension()).map(tested);
+    let (rtol, atol) = match settings.quadratures {
+        Quadratures::Unchecked => (0.0, f64::INFINITY),
+        Quadratures::Checked { rtol, atol } => (loose * rtol, loose * atol),
+    };
+    let rows = own.chain(std::iter::repeat_n(atol, integrals));
+    (rows.flat_map(|atol| std::iter::repeat_n(atol, width)).collect(), [loose * settings.rtol, rtol])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Between two states on a cubic lies the cubic.
+    #[test]
+    fn states_between_two_others_are_on_a_cubic() {
+        let context = Context::new().expect("a context");
+        let state = |t: f64| {
+            let vector = || Vector::zeros(1, Operations::detect(), &context);
+            let mut state = State { time: t, y: vector(), yp: vector() };
+            state.y.entries_mut()[0] = t * t * t - 2.0 * t * t + 5.0;
+            state.yp.entries_mut()[0] = 3.0 * t * t - 4.0 * t;
+            state
+        };
+        let (before, after) = (state(-1.0), state(2.0));
+        for t in [-1.0, -0.3, 0.5, 1.9, 2.0] {
+            let (mut between, expected) = (state(t), state(t));
+            between.y.entries_mut()[0] = f64::NAN;
+            between.yp.entries_mut()[0] = f64::NAN;
+            between.interpolate(&before, &after);
+            assert!((between.y.entries()[0] - expected.y.entries()[0]).abs() < 1e-13, "{t}");
+            assert!((between.yp.entries()[0] - expected.yp.entries()[0]).abs() < 1e-13, "{t}");
+        }
+    }
+}
