@@ -202,6 +202,15 @@ def test_the_table_of_the_command_and_its_fit(tmp_path):
         capture_output=True, text=True,
     )  # fmt: skip
     assert result.returncode == 1 and "unknown 'kk'; there are: k, a, b, idle" in result.stderr
+    bare = tmp_path / "bare.csv"
+    rows = "\n".join(f"{t},0,{3 * np.exp(-0.7 * t)}" for t in TIMES)
+    bare.write_text(f"time,u,obs.x\n{rows}\n")
+    result = subprocess.run(
+        [sys.executable, "-m", "smpl.fit", str(model), "--data", str(bare), "--parameters", "k"],
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert result.returncode == 0 and result.stdout.startswith("k = 0.7 ")
+    assert result.stderr.startswith("warning: ") and "bare.csv does not say where x started" in result.stderr
 
 
 def test_the_profile_of_a_rate_is_the_sum_of_squares_of_the_closed_form(readings):
