@@ -7,6 +7,7 @@ import pytest
 
 import smpl
 from smpl.controllers import NMPC
+from smpl.evaluation import run_episode
 
 casadi = pytest.importorskip("casadi", reason="CasADi is not installed")
 # A step is about one period, so that the ends of steps tell nothing of what is between.
@@ -114,6 +115,17 @@ def test_no_plan_of_an_evolution_is_better():
     assert reached[None] > 0.995 * best
     # From the state at rest alone the solver ends at another, worse optimum.
     assert reached[0] < 0.8 * best
+
+
+@pytest.mark.filterwarnings("ignore:the first plan is predicted")
+def test_the_horizon_of_a_batch_ends_with_it():
+    slower = FED_BATCH.replace("mu_max : 1/h = 1", "mu_max : 1/h = 0.4").replace("step = 2.5", "step = 1")
+    env = begun(slower)
+    promised = env.rollout(planned(env, 20, "amount").plan[None]).returns[0]
+    batch = run_episode(env, NMPC(env, 20, "amount", shrinking=True), 0)
+    assert batch.steps == 20 and batch.total == pytest.approx(promised, rel=1e-3)
+    # What is sown for later is not reaped.
+    assert run_episode(env, NMPC(env, 20, "amount"), 0).total < 0.8 * promised
 
 
 @pytest.mark.filterwarnings("ignore:the first plan is predicted")

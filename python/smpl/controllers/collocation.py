@@ -19,6 +19,10 @@ from smpl.model import FloatArray
 NODES = ("radau", "gauss")
 # Above so many operations in all stages together, stages are calls of one function in place of one large graph.
 _MOST_OPERATIONS = 600_000
+# What an interval behind the end of the episode counts for, of its cost and of its broken bounds: not 0, so that the
+# programme has one solution there too.
+_AFTER = (1e-6, 1e-3)
+_WITHIN = "within:episode"
 
 
 def nodes(kind: str, degree: int) -> FloatArray:
@@ -78,7 +82,8 @@ class Task:
         actions: names of those that are chosen.
         stage, last: cost of an interval, and of the last one.
         integrate: costs are means over the interval in place of the value at its end.
-        given: keys of what the expressions are given; `varying` those of which each interval has its own.
+        given: keys of what the expressions are given; `varying` those of which each interval has its own. With
+            `within:episode`, 0 behind the end of the episode and 1 before, nothing happens there, nor counts.
         free: whether the actions of an interval are chosen anew; otherwise they stay.
         rates: largest change of each action between two intervals, infinite if any.
         convex: the cost is a sum of weighted squares.
@@ -174,6 +179,8 @@ class Transcription:
         begin, equations, places = s, [], []
         action, last, zero = u * self.scale, v * self.scale, ca.SX(e.integral.numel(), 1)
         offset = self._offsets(q)
+        # Behind the end of the episode everything rests: what would happen there could not be told from an optimum.
+        inside = q[task.given.index(_WITHIN)] if _WITHIN in task.given else 1.0
         for k in range(task.elements):
             cells = [w[(k * size + j) * per : (k * size + j + 1) * per] for j in range(size)]
             values = [begin, *(cell[: self.n] for cell in cells)]
@@ -184,7 +191,7 @@ class Transcription:
                 rates = slope * sx / length - offset
                 found = self._equations(x, z, action, s * sx, last, zero, rates, moment, q)
                 if e.explicit:
-                    equations += [(slope - length * (found[: self.n] + offset) / sx), found[self.n :]]
+                    equations += [slope - inside * length * (found[: self.n] + offset) / sx, found[self.n :]]
                 else:
                     equations.append(found)
                 places.append((x, z, moment))
@@ -228,6 +235,9 @@ class Transcription:
                 j += 1
             rows += inside
         changes = one["u"] - one["v"] if np.isfinite(task.rates).any() else ca.SX(0, 1)
+        if _WITHIN in task.given:
+            inside = one["q"][task.given.index(_WITHIN)]
+            value, price = (part * (low + (1 - low) * inside) for part, low in zip((value, price), _AFTER, strict=True))
         value = task.factor * value + price
         inputs = [one["s"], one["v"], one["u"], one["w"], slack, one["q"], one["t"]]
         outputs = [one["end"], one["equations"], ca.vertcat(ca.SX(0, 1), *rows), changes, value]

@@ -55,6 +55,7 @@ class NMPC:
         soft_weight: price of a broken bound over the size of its quantity; large against the scaled cost, which is of
             the order of 10.
         rate_limit: largest change of an action from one step to the next, by names.
+        shrinking: the horizon ends with the episode, as that of a batch does (its rewards count, none behind them).
         hold: move blocking: actions change every so many intervals; or the lengths of the moves, the last one going on.
         part: states, components or arrays that are predicted; the others stay at what the plant shows.
         actions: names of those that are chosen; those that the predicted equations read if None.
@@ -114,6 +115,7 @@ class NMPC:
         margin: float = 1e-4,
         soft_weight: float = 1e3,
         rate_limit: Mapping[str, float] | None = None,
+        shrinking: bool = False,
         hold: int | Iterable[int] = 1,
         part: Iterable[str] | None = None,
         actions: Iterable[str] | None = None,
@@ -146,7 +148,7 @@ class NMPC:
         limits = self._limits(bounds, tuple(hard), declared, margin, as_number("soft_weight", soft_weight))
         self._given = Given(self._expressions, self.horizon, p, forecast, set_point, objective.targets)
         self._offset_free, self._filter = bool(offset_free), as_number("filter", filter)
-        task = self._task(objective, limits, hold, rate_limit, rate_weight)
+        task = self._task(objective, limits, hold, rate_limit, rate_weight, bool(shrinking))
         task.integrate, task.kind, task.degree = bool(integrate), nodes, as_count("degree", degree)
         task.elements, task.path = as_count("elements", elements), bool(path)
         if budget is not None and not as_number("budget", budget) > 0:
@@ -265,7 +267,9 @@ class NMPC:
             raise ValueError(f"hard: no bound of {', '.join(map(repr, unknown))}; there are bounds of: {known}")
         return found
 
-    def _task(self, objective: _Objective, limits: list[Limit], hold: Any, rate_limit: Any, rate_weight: Any) -> Task:
+    def _task(
+        self, objective: _Objective, limits: list[Limit], hold: Any, rate_limit: Any, rate_weight: Any, shrinking: bool
+    ) -> Task:
         e = self._expressions
         import casadi as ca
 
@@ -275,7 +279,7 @@ class NMPC:
         if e.integral.numel():
             everything = ca.vertcat(everything, e.call(e.export.integrals))
         offsets = [f"offset:{name}" for name in e.state_names] if self._offset_free else []
-        keys = (*e.given(everything, self.action_names), *offsets)
+        keys = (*e.given(everything, self.action_names), *offsets, *(["within:episode"] if shrinking else []))
         self._given.prepare(keys)
         reads_before = any(symbol.name().startswith("before:") for symbol in ca.symvar(everything))
         at = [self.model.action_names.index(name) for name in self.action_names]
