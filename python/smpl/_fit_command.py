@@ -47,8 +47,8 @@ def main(arguments: list[str] | None = None) -> int:
         names = [one.split("=")[0].strip() for one in given.parameters.split(",")]
         begin = {n: guesses.get(n, model.native.defaults("parameter")[model.parameter_names.index(n)])
                  if n in model.parameter_names else 0.0 for n in names}  # fmt: skip
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the result says it too
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
             found = fit(
                 model, given.data, begin, outputs=_names(given.outputs), initial=_names(given.initial) or (),
                 noise={name: float(value) for name, value in map(_pair, given.noise)}, derivatives=given.derivatives,
@@ -58,6 +58,9 @@ def main(arguments: list[str] | None = None) -> int:
     except (CompileError, ScenarioError, SimulationError, ImportError, ValueError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
+    for one in told:
+        if not str(one.message).startswith("the runs determine only a combination"):  # the result says it too
+            print(f"warning: {one.message}", file=sys.stderr)
     print(found)
     if given.out is not None:
         given.out.write_text(found.scenario(), encoding="utf-8")

@@ -23,6 +23,8 @@ from smpl.model import FloatArray, Model, as_count, as_mapping, as_number, check
 _ROUNDS = 20
 # Ratio of singular values below which a direction is not determined.
 _RANK = 1e-6
+# Residuals, over their deviations, from which on they are no noise.
+_MISFIT = 1.5
 # Exact derivatives by all states cost more than differences by the fitted numbers above so many states for each.
 _STATES = 8
 DERIVATIVES = ("auto", "exact", "differences")
@@ -425,6 +427,8 @@ class _Problem:
         if indistinct:
             groups = "; ".join(", ".join(group) for group in indistinct)
             warnings.warn(f"the runs determine only a combination of {groups}: fix one, or add runs", stacklevel=4)
+        if success:
+            self._warn_of_misfit(z)
         states = values[count:].reshape(len(self.runs), len(self.initial))
         return Fit(
             parameters=dict(zip(self.parameters, values[:count].tolist(), strict=True)),
@@ -443,6 +447,21 @@ class _Problem:
             success=success,
             derivatives=self._said(),
         )
+
+    def _warn_of_misfit(self, z: FloatArray) -> None:
+        """Residuals that a known deviation does not bear: the model is another one than that of the runs."""
+        from scipy.stats import chi2
+
+        residual = np.concatenate([one / self.noise for one in self._unweighted(z)])
+        for name, column, known in zip(self.outputs, residual.T, self._known, strict=True):
+            read = column[np.isfinite(column)]
+            square = float(np.mean(read**2)) if read.size else 0.0
+            if known and square > max(_MISFIT**2, chi2.ppf(1 - 1e-6, max(read.size, 1)) / max(read.size, 1)):
+                text = (
+                    f"the residuals of {name} are {square**0.5:.3g} times the given noise: the model does not follow "
+                    "the runs, and the intervals are too narrow. Actions stand in the row in which their step ends"
+                )
+                warnings.warn(text, stacklevel=5)
 
     def _said(self) -> str:
         """Which derivatives were taken."""

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -49,6 +50,20 @@ def table(readings, **more):
 @pytest.fixture(scope="module")
 def readings():
     return 3 * np.exp(-0.7 * TIMES) + np.random.default_rng(4).normal(0, 0.05, 41)
+
+
+def test_a_model_that_does_not_follow_the_runs_is_told(readings):
+    model = decay("noisy")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        smpl.fit(model, table(readings), ["k"])
+    # Readings of a process of second order, 0.3 of the start off at most.
+    other = readings + 0.3 * np.sin(TIMES)
+    found = optimize.curve_fit(lambda t, k: 3 * np.exp(-k * t), TIMES[1:], other[1:], 0.3)[0]
+    times = np.sqrt(np.mean((other[1:] - 3 * np.exp(-found * TIMES[1:])) ** 2)) / 0.05
+    with pytest.warns(UserWarning, match=r"the residuals of x are [\d.]+ times the given noise") as told:
+        smpl.fit(model, table(other), ["k"])
+    assert float(str(told[0].message).split()[5]) == pytest.approx(times, rel=0.02)
 
 
 def test_a_rate_and_its_interval_are_those_of_the_closed_form(readings):
@@ -187,6 +202,15 @@ def test_the_table_of_the_command_and_its_fit(tmp_path):
         capture_output=True, text=True,
     )  # fmt: skip
     assert result.returncode == 1 and "unknown 'kk'; there are: k, a, b, idle" in result.stderr
+    bare = tmp_path / "bare.csv"
+    rows = "\n".join(f"{t},0,{3 * np.exp(-0.7 * t)}" for t in TIMES)
+    bare.write_text(f"time,u,obs.x\n{rows}\n")
+    result = subprocess.run(
+        [sys.executable, "-m", "smpl.fit", str(model), "--data", str(bare), "--parameters", "k"],
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert result.returncode == 0 and result.stdout.startswith("k = 0.7 ")
+    assert result.stderr.startswith("warning: ") and "bare.csv does not say where x started" in result.stderr
 
 
 def test_the_profile_of_a_rate_is_the_sum_of_squares_of_the_closed_form(readings):

@@ -277,6 +277,8 @@ MISFITS = [
     ({"hold": []}, "hold is empty"),
     ({"budget": 0}, "budget is 0, expected seconds above 0"),
     ({"budget": 0.1, "solver": "fatrop"}, "budget is kept by IPOPT alone: give solver='ipopt', or iterations="),
+    ({"budget": 0.1, "starts": 2}, "a budget has no time for further starts"),
+    ({"starts": -1}, "starts is -1"),
     ({"horizon": 0}, "horizon is 0"),
 ]
 

@@ -19,6 +19,10 @@ from smpl.model import FloatArray
 NODES = ("radau", "gauss")
 # Above so many operations in all stages together, stages are calls of one function in place of one large graph.
 _MOST_OPERATIONS = 600_000
+# What an interval behind the end of the episode counts for, of its cost and of its broken bounds: not 0, so that the
+# programme has one solution there too.
+_AFTER = (1e-6, 1e-3)
+_WITHIN = "within:episode"
 
 
 def nodes(kind: str, degree: int) -> FloatArray:
@@ -50,7 +54,7 @@ def _lagrange(points: FloatArray) -> list[Any]:
 
 @dataclass(frozen=True)
 class Limit:
-    """A quantity that stays between bounds at the end of each interval.
+    """A quantity that stays between bounds at the end of each interval, and at its inner nodes if it has a value there.
 
     Attributes:
         weight: of a broken bound, over the size of the quantity, in the objective; infinite for one that must hold.
@@ -78,10 +82,12 @@ class Task:
         actions: names of those that are chosen.
         stage, last: cost of an interval, and of the last one.
         integrate: costs are means over the interval in place of the value at its end.
-        given: keys of what the expressions are given; `varying` those of which each interval has its own.
+        given: keys of what the expressions are given; `varying` those of which each interval has its own. With
+            `within:episode`, 0 behind the end of the episode and 1 before, nothing happens there, nor counts.
         free: whether the actions of an interval are chosen anew; otherwise they stay.
         rates: largest change of each action between two intervals, infinite if any.
         convex: the cost is a sum of weighted squares.
+        path: limits hold at inner nodes too.
         offset: rates have a constant term for each state, key `offset:NAME`.
     """
 
@@ -101,6 +107,7 @@ class Task:
     kind: str = "radau"
     degree: int = 3
     elements: int = 1
+    path: bool = True
     offset: bool = False
     convex: bool = False
     remembers: bool = False
@@ -116,7 +123,7 @@ class Programme:
         lower, upper, g_lower, g_upper: bounds.
         states, actions, inner, slack: places of scaled variables by interval; `actions` of a held interval are those of
             the last free one.
-        rows: places in g of the limits, (interval, 2 x limit), low and high side.
+        softened: (place in g, place in x) of rows that a slack keeps from being negative, and of the slack.
         structure: what fatrop is told.
     """
 
@@ -130,8 +137,8 @@ class Programme:
     actions: Any
     inner: Any
     slack: Any
-    rows: Any
     previous: Any
+    softened: Any
     structure: dict[str, Any]
 
 
@@ -148,6 +155,9 @@ class Transcription:
         self.scale = self.e.action_scale[self.at]
         self.width = len(self.points) * (self.n + self.nz) * task.elements
         self.soft = [limit for limit in task.limits if limit.soft]
+        # Where the values of q stand among those that are common to all intervals and, behind them, those of one.
+        keys = [*(key for key in task.given if key not in task.varying), *task.varying]
+        self.order = [keys.index(key) for key in task.given]
         self._equations = self._point_function("equations", self.e.equations)
 
     def _point_function(self, name: str, value: Any) -> Any:
@@ -169,6 +179,8 @@ class Transcription:
         begin, equations, places = s, [], []
         action, last, zero = u * self.scale, v * self.scale, ca.SX(e.integral.numel(), 1)
         offset = self._offsets(q)
+        # Behind the end of the episode everything rests: what would happen there could not be told from an optimum.
+        inside = q[task.given.index(_WITHIN)] if _WITHIN in task.given else 1.0
         for k in range(task.elements):
             cells = [w[(k * size + j) * per : (k * size + j + 1) * per] for j in range(size)]
             values = [begin, *(cell[: self.n] for cell in cells)]
@@ -179,7 +191,7 @@ class Transcription:
                 rates = slope * sx / length - offset
                 found = self._equations(x, z, action, s * sx, last, zero, rates, moment, q)
                 if e.explicit:
-                    equations += [(slope - length * (found[: self.n] + offset) / sx), found[self.n :]]
+                    equations += [slope - inside * length * (found[: self.n] + offset) / sx, found[self.n :]]
                 else:
                     equations.append(found)
                 places.append((x, z, moment))
@@ -193,8 +205,11 @@ class Transcription:
         places = [self.task.given.index(f"offset:{name}") for name in self.e.state_names]
         return q[places] / self.e.export.step
 
-    def _stage(self, cost: Any) -> Any:
-        """Function of (s, v, u, w, slacks, q, t): end, equations, limits, rates of actions, cost."""
+    def _stage(self, cost: Any, *, first: bool = False) -> tuple[Any, list[int]]:
+        """Function of (s, v, u, w, slacks, q, t): end, equations, limits, rates of actions, cost.
+
+        Beside it the slack of each row of the limits, -1 for one without.
+        """
         ca, task, e = self._ca, self.task, self.e
         one = self._interval()
         slack = ca.SX.sym("slack", len(self.soft))
@@ -210,21 +225,40 @@ class Transcription:
             value = sum(b * at(function, place) for b, place in zip(weights, one["places"], strict=True))
         else:
             value = at(function, one["places"][-1])
-        values = [
-            at(self._point_function("limit", limit.expression), one["places"][-1]) / limit.size for limit in task.limits
-        ]
-        rows, price, j = [], 0.0, 0
-        for limit, found in zip(task.limits, values, strict=True):
-            room = 0.0
+        rows, price, owners, j = [], 0.0, list[int](), 0
+        for limit in task.limits:
+            inside = self._rows(limit, one, at, first)
+            owners += [j if limit.soft else -1] * len(inside)
             if limit.soft:
-                room, j = slack[j], j + 1
-                price += limit.weight * (room + room**2)
-            rows += [found + room, found - room]
+                # One for the interval: it pays for the node that breaks the bound most.
+                inside, price = [row + slack[j] for row in inside], price + limit.weight * (slack[j] + slack[j] ** 2)
+                j += 1
+            rows += inside
         changes = one["u"] - one["v"] if np.isfinite(task.rates).any() else ca.SX(0, 1)
+        if _WITHIN in task.given:
+            inside = one["q"][task.given.index(_WITHIN)]
+            value, price = (part * (low + (1 - low) * inside) for part, low in zip((value, price), _AFTER, strict=True))
         value = task.factor * value + price
         inputs = [one["s"], one["v"], one["u"], one["w"], slack, one["q"], one["t"]]
-        outputs = [one["end"], one["equations"], ca.vertcat(*rows) if rows else ca.SX(0, 1), changes, value]
-        return ca.Function("stage", inputs, outputs)
+        outputs = [one["end"], one["equations"], ca.vertcat(ca.SX(0, 1), *rows), changes, value]
+        return ca.Function("stage", inputs, outputs), owners
+
+    def _rows(self, limit: Limit, one: dict[str, Any], at: Any, first: bool) -> list[Any]:
+        """What must not be negative for a limit to hold at the end of the interval and at its inner nodes."""
+        ca, e = self._ca, self.e
+        function = self._point_function("limit", limit.expression)
+        *inner, end = [at(function, place) / limit.size for place in one["places"]]
+        low, high = limit.low / limit.size, limit.high / limit.size
+        below = above = 0.0
+        if not self.task.path or not e.within(limit.expression, algebraic=not first):
+            inner = []
+        elif first:
+            # A start that is out of bounds takes its time to come back: no node may be further out.
+            begin = at(function, (one["s"] * e.state_scale, one["places"][0][1], one["t"])) / limit.size
+            below, above = ca.fmax(low - begin, 0.0), ca.fmax(begin - high, 0.0)
+        rows = [end - low, *(value - low + below for value in inner)] if np.isfinite(low) else []
+        rows += [high - end, *(high - value + above for value in inner)] if np.isfinite(high) else []
+        return rows
 
     def _integral(self, one: dict[str, Any]) -> Any:
         ca, e = self._ca, self.e
@@ -237,7 +271,10 @@ class Transcription:
         return sum(b * function(x, z, *begin, t, one["q"]) for b, (x, z, t) in zip(weights, one["places"], strict=True))
 
     def step_function(self) -> Any:
-        """(x, u, q, t) -> x at the end of an interval, physical units, by Newton's method on the same equations."""
+        """(x, u, q, t) -> x at the end of an interval, and its inner variables, by Newton's method on the equations.
+
+        States and actions have physical units, inner variables are scaled.
+        """
         ca, e = self._ca, self.e
         one = self._interval()
         parameters = ca.vertcat(one["s"], one["v"], one["u"], one["q"], one["t"])
@@ -254,20 +291,26 @@ class Transcription:
         guess = ca.repmat(cell, len(self.points) * self.task.elements, 1)
         w = found(guess, ca.vertcat(s, v, v, q, t))
         end = w[self.width - self.n - self.nz : self.width - self.nz] * e.state_scale
-        return ca.Function("step", [x, u, q, t], [end])
+        return ca.Function("step", [x, u, q, t], [end, w])
+
+    def given_of(self, constant: FloatArray, varying: FloatArray, k: int) -> FloatArray:
+        """Numbers of q in an interval: of what all intervals have in common, and of what each has its own."""
+        values = np.concatenate([constant, varying.reshape(self.task.horizon, -1)[k]])
+        return np.asarray(values[self.order])
 
     def programme(self) -> Programme:
         """The whole."""
         task, N = self.task, self.task.horizon
-        stage, last = self._stage(task.stage), self._stage(task.last)
-        large = stage.n_instructions() * N > _MOST_OPERATIONS
+        first = self._stage(task.stage if N > 1 else task.last, first=True)
+        stage, last = (self._stage(cost) if N > 1 else first for cost in (task.stage, task.last))
+        large = first[0].n_instructions() * N > _MOST_OPERATIONS
         symbol = self._ca.MX.sym if large else self._ca.SX.sym
         constant = len(task.given) - len(task.varying)
         inputs = [symbol("state", self.n), symbol("previous", self.m), symbol("constant", constant)]
         inputs += [symbol("varying", len(task.varying) * N), symbol("begin")]
         parts = _Parts(self, symbol, inputs)
         for k in range(N):
-            parts.add(k, last if k == N - 1 else stage)
+            parts.add(k, *(first if k == 0 else last if k == N - 1 else stage))
         return parts.finish()
 
 
@@ -285,7 +328,8 @@ class _Parts:
         self.g_low: list[FloatArray] = []
         self.g_high: list[FloatArray] = []
         self.count = self.g_count = 0
-        self.places: dict[str, list[Any]] = {key: [] for key in ("states", "actions", "inner", "slack", "rows", "held")}
+        self.places: dict[str, list[Any]] = {key: [] for key in ("states", "actions", "inner", "slack", "held")}
+        self.softened: list[tuple[int, int]] = []
         self.nx: list[int] = []
         self.nu: list[int] = []
         self.ng: list[int] = []
@@ -293,7 +337,6 @@ class _Parts:
         self.held = of.m if task.remembers else 0
         self.state = self._variables("states", of.n)
         self.previous = self._variables("held", self.held) if self.held else inputs[1]
-        self.order = [*(key for key in task.given if key not in task.varying), *task.varying]
 
     def _variables(self, kind: str, size: int, low: Any = -np.inf, high: Any = np.inf) -> Any:
         found = self.symbol(f"{kind}{len(self.x)}", size)
@@ -312,7 +355,7 @@ class _Parts:
         self.g_count += size
         return size
 
-    def add(self, k: int, stage: Any) -> None:
+    def add(self, k: int, stage: Any, owners: list[int]) -> None:
         """The variables and constraints of an interval."""
         of, task = self.of, self.task
         before = self.count
@@ -341,26 +384,19 @@ class _Parts:
             count += self._constraints(start_state - self.inputs[0])
             count += self._constraints(start_previous - self.inputs[1]) if self.held else 0
         count += self._constraints(equations)
-        self.places["rows"].append(np.arange(self.g_count, self.g_count + rows.numel()))
-        count += self._constraints(rows, *self._sides())
+        self.softened += [(self.g_count + i, self.places["slack"][-1][j]) for i, j in enumerate(owners) if j >= 0]
+        count += self._constraints(rows, 0.0, np.inf)
         if task.free[k] and changes.numel():
             limited = np.isfinite(task.rates)
             width = (task.rates / of.scale)[limited]
             count += self._constraints(changes[[int(i) for i in np.flatnonzero(limited)]], -width, width)
         self.ng.append(count)
 
-    def _sides(self) -> tuple[FloatArray, FloatArray]:
-        low, high = [], []
-        for limit in self.task.limits:
-            low += [limit.low / limit.size, -np.inf]
-            high += [np.inf, limit.high / limit.size]
-        return np.array(low), np.array(high)
-
     def _given(self, k: int) -> Any:
         """The vector q of an interval, in the order of the keys."""
         size = len(self.task.varying)
         both = self.of._ca.vertcat(self.inputs[2], self.inputs[3][k * size : (k + 1) * size])
-        return both[[self.order.index(key) for key in self.task.given]] if self.order else both
+        return both[self.of.order] if self.of.order else both
 
     def finish(self) -> Programme:
         ca, N = self.of._ca, self.task.horizon
@@ -372,6 +408,7 @@ class _Parts:
         g_bounds = np.concatenate(self.g_low), np.concatenate(self.g_high)
         return Programme(
             self.task, functions, np.concatenate(self.low), np.concatenate(self.high), *g_bounds,
-            places["states"], places["actions"], places["inner"], places["slack"], places["rows"], places["held"],
+            places["states"], places["actions"], places["inner"], places["slack"], places["held"],
+            np.array(self.softened, dtype=int).reshape(-1, 2),
             {"structure_detection": "manual", "N": N, "nx": self.nx, "nu": self.nu, "ng": self.ng},
         )  # fmt: skip

@@ -47,7 +47,9 @@ class CultureMPC:
         part = (*STATES, "h") if (kind == "empc" if tank is None else tank) else STATES
         self._options: dict[str, Any] = {"integrate": True, "part": part, "actions": ACTIONS, "tolerance": 1e-4}
         # A start that is too hot is cooled by what the other tanks bear, so that broken bounds are priced low.
-        self._options |= {"rest": Policy("nominal"), "p": "episode", "soft_weight": 100.0} | options
+        self._options |= {"rest": Policy("nominal"), "p": "episode", "soft_weight": 100.0, "starts": 0} | options
+        # Nothing of the culture turns within an hour.
+        self._options.setdefault("path", False)
         self.controller: NMPC | None = None
 
     def reset(self, env: Env) -> None:

@@ -19,11 +19,16 @@ from smpl.controllers.names import listing, operating_action
 from smpl.controllers.nmpc_given import Given
 from smpl.controllers.nmpc_model import Expressions
 from smpl.controllers.nmpc_solver import SOLVERS, Solution, Solver
+from smpl.controllers.nmpc_starts import Finer
 from smpl.envs import Env
 from smpl.model import FloatArray, Model, as_count, as_mapping, as_number
 
 Cost = str | Mapping[str, float] | Callable[[Mapping[str, Any]], Any] | None
 Bounds = Mapping[str, tuple[float | None, float | None]]
+# Further first guesses for an economic cost.
+_STARTS = 3
+# A prediction is right if no state is further off, over the range that it passes through.
+_RIGHT = 0.05
 
 
 class NMPC:
@@ -41,13 +46,16 @@ class NMPC:
         terminal: weights at the end of the horizon; those of `cost` if None.
         rate_weight: by names of actions, of squared changes from one interval to the next.
         integrate: the cost is the mean over each interval in place of the value at its end.
-        bounds: (low, high) by names, None where there is none, at the end of each interval; in place of declared ones.
+        bounds: (low, high) by names, None where there is none; in place of declared ones.
+        path: bounds hold at the nodes inside of each interval too, if what is bounded has a value there (it has none if
+            it reads integrals or earlier values); a start out of bounds may come back in time. Else at the ends alone.
         hard: names of those that must hold; all others may be broken at the price of `soft_weight`.
         declared: bounds of states, failures and constraints that the model declares are bounds too (soft).
         margin: by how much declared bounds are tightened, relative to the range (to the bound, where one is infinite).
         soft_weight: price of a broken bound over the size of its quantity; large against the scaled cost, which is of
             the order of 10.
         rate_limit: largest change of an action from one step to the next, by names.
+        shrinking: the horizon ends with the episode, as that of a batch does (its rewards count, none behind them).
         hold: move blocking: actions change every so many intervals; or the lengths of the moves, the last one going on.
         part: states, components or arrays that are predicted; the others stay at what the plant shows.
         actions: names of those that are chosen; those that the predicted equations read if None.
@@ -65,6 +73,8 @@ class NMPC:
         iterations: limit of the solver; its own if None.
         budget: seconds that a decision may take, with IPOPT; then what is reached is used if it meets the equations,
             else the last plan goes on.
+        starts: further first guesses where there is no last plan, of sixty simulated ones; the cheapest of what they
+            lead to counts. If None, 3, or 0 with a budget or where the cost is a sum of squares.
         nodes, degree, elements: collocation by Radau's nodes or Gauss' with the end, so many on an element, so many
             elements on an interval.
         smooth: as for `smpl.export.casadi`.
@@ -74,10 +84,14 @@ class NMPC:
     Attributes:
         decisions, fallbacks, retries: how many decisions there were; those in which nothing was found, so that the last
             plan (or the least broken bounds) counted; those in which IPOPT found what the solver had not.
+        unfinished: decisions in which no solver came to its end, and the best plan of theirs counted, which is better
+            than to go on and keeps what must hold: kinks of the model do that.
         times: seconds of each decision.
         plan, predicted: the actions (H, actions chosen) and states (H + 1, states) of the last solution.
         conflicts: bounds that could not be held in the last decision.
         disturbance: estimated change of each state in a step.
+        error: of the prediction of the episode's first plan: how far the states are at most off what four times as many
+            elements say, over the range that each passes through.
 
     Raises:
         ImportError: CasADi is missing.
@@ -95,11 +109,13 @@ class NMPC:
         rate_weight: Mapping[str, float] | None = None,
         integrate: bool = False,
         bounds: Bounds | None = None,
+        path: bool = True,
         hard: Iterable[str] = (),
         declared: bool = True,
         margin: float = 1e-4,
         soft_weight: float = 1e3,
         rate_limit: Mapping[str, float] | None = None,
+        shrinking: bool = False,
         hold: int | Iterable[int] = 1,
         part: Iterable[str] | None = None,
         actions: Iterable[str] | None = None,
@@ -112,6 +128,7 @@ class NMPC:
         solver: str = "auto",
         iterations: int | None = None,
         budget: float | None = None,
+        starts: int | None = None,
         nodes: str = "radau",
         degree: int = 3,
         elements: int = 1,
@@ -131,20 +148,29 @@ class NMPC:
         limits = self._limits(bounds, tuple(hard), declared, margin, as_number("soft_weight", soft_weight))
         self._given = Given(self._expressions, self.horizon, p, forecast, set_point, objective.targets)
         self._offset_free, self._filter = bool(offset_free), as_number("filter", filter)
-        task = self._task(objective, limits, hold, rate_limit, rate_weight)
+        task = self._task(objective, limits, hold, rate_limit, rate_weight, bool(shrinking))
         task.integrate, task.kind, task.degree = bool(integrate), nodes, as_count("degree", degree)
-        task.elements = as_count("elements", elements)
+        task.elements, task.path = as_count("elements", elements), bool(path)
         if budget is not None and not as_number("budget", budget) > 0:
             raise ValueError(f"budget is {budget}, expected seconds above 0")
         if budget is not None and solver not in ("auto", "ipopt"):
             raise ValueError(f"budget is kept by IPOPT alone: give solver='ipopt', or iterations= to limit {solver}")
+        if budget is not None and starts:
+            raise ValueError("a budget has no time for further starts: give one of budget= and starts=")
         solver = "ipopt" if budget is not None else solver
-        self._solver = Solver(Transcription(task), solver, tolerance, iterations, budget)
+        if starts is None:
+            starts = 0 if objective.convex or budget is not None else _STARTS
+        starts = as_count("starts", starts, 0, "a number of first guesses, 0 or more")
+        self._solver = Solver(Transcription(task), solver, tolerance, iterations, budget, starts)
+        self._finer: Finer | None = None
+        # What was stopped early is no solution of the equations yet.
+        self._comparing = budget is None and iterations is None
         self._rest, self._estimator, self._keep = rest, estimator, bool(keep_warm_start)
         self.sees = getattr(estimator, "sees", "state")
-        self.decisions = self.fallbacks = self.retries = 0
+        self.decisions = self.fallbacks = self.retries = self.unfinished = 0
         self.times: list[float] = []
         self.conflicts: list[str] = []
+        self.error = 0.0
         self.disturbance = np.zeros(len(self._expressions.state_names))
         self.plan, self.predicted = np.zeros((0, len(self.action_names))), np.zeros((0, 0))
         self._ahead: Solution | None = None
@@ -198,7 +224,8 @@ class NMPC:
         ms = 1e3 * np.array(self.times)
         return (
             f"{self.decisions} decisions, median {np.median(ms):.3g} ms, 99th percentile {np.percentile(ms, 99):.3g}"
-            f" ms, longest {ms.max():.3g} ms; {self.fallbacks} fallbacks, {self.retries} retries"
+            f" ms, longest {ms.max():.3g} ms; {self.fallbacks} fallbacks, {self.retries} retries,"
+            f" {self.unfinished} unfinished"
         )
 
     # Construction.
@@ -240,7 +267,9 @@ class NMPC:
             raise ValueError(f"hard: no bound of {', '.join(map(repr, unknown))}; there are bounds of: {known}")
         return found
 
-    def _task(self, objective: _Objective, limits: list[Limit], hold: Any, rate_limit: Any, rate_weight: Any) -> Task:
+    def _task(
+        self, objective: _Objective, limits: list[Limit], hold: Any, rate_limit: Any, rate_weight: Any, shrinking: bool
+    ) -> Task:
         e = self._expressions
         import casadi as ca
 
@@ -250,7 +279,7 @@ class NMPC:
         if e.integral.numel():
             everything = ca.vertcat(everything, e.call(e.export.integrals))
         offsets = [f"offset:{name}" for name in e.state_names] if self._offset_free else []
-        keys = (*e.given(everything, self.action_names), *offsets)
+        keys = (*e.given(everything, self.action_names), *offsets, *(["within:episode"] if shrinking else []))
         self._given.prepare(keys)
         reads_before = any(symbol.name().startswith("before:") for symbol in ca.symvar(everything))
         at = [self.model.action_names.index(name) for name in self.action_names]
@@ -318,14 +347,39 @@ class NMPC:
         rest = self._operating[self._places]
         old = None if self._ahead is None else self._ahead.shifted()
         solution = self._solver.solve(given, old, self._given.guess, rest)
+        if solution is not None and old is None and self._comparing:
+            self._compare(given, solution)
         self.conflicts = []
         self.retries += solution is not None and solution.retried
+        self.unfinished += solution is not None and solution.unfinished
         if solution is None:
             self.fallbacks += 1
             solution = self._fall_back(given, old, rest)
         if solution is not None:
             self.plan, self.predicted = solution.actions, solution.states
         return solution
+
+    def _mistake(self, given: tuple[Any, ...], solution: Solution) -> tuple[float, str]:
+        """The error of a prediction, and in which state it is; as far as the finer equations could be solved."""
+        if self._finer is None:
+            self._finer = Finer(Transcription(solution.programme.task))
+        right = self._finer.states(given, solution.actions)
+        known = np.isfinite(right).all(axis=1)
+        off = np.abs(solution.states - right)[known].max(axis=0)
+        both = np.concatenate([solution.states, right[known]])
+        range_of = np.maximum(np.ptp(both, axis=0), 1e-3 * self._expressions.state_scale)
+        worst = int(np.argmax(off / range_of))
+        return float((off / range_of)[worst]), self._expressions.state_names[worst]
+
+    def _compare(self, given: tuple[Any, ...], solution: Solution) -> None:
+        """Tell of a prediction that more elements contradict."""
+        self.error, state = self._mistake(given, solution)
+        if self.error > _RIGHT:
+            message = (
+                f"the first plan is predicted with an error of {self.error:.2g} of the range of {state}: give more "
+                "nodes by elements= or degree="
+            )
+            warnings.warn(message, RuntimeWarning, stacklevel=5)
 
     def _fall_back(self, given: tuple[Any, ...], old: Solution | None, rest: FloatArray) -> Solution | None:
         elastic = self._solver.elastic(given, old, self._given.guess, rest)

@@ -14,7 +14,7 @@ from smpl.envs import Env
 from smpl.model import FloatArray, as_mapping, as_number, check_names
 
 # What each interval of a horizon has its own value of, whatever is forecast.
-_COUNTERS = ("p:clock", "c:steps", "c:last_step")
+_COUNTERS = ("p:clock", "c:steps", "c:last_step", "within:episode")
 
 
 class Given:
@@ -84,6 +84,8 @@ class Given:
         e, (kind, _, name) = self._e.export, key.partition(":")
         if kind == "p":
             return float(self._parameters[e.parameter_names.index(name)])
+        if kind == "within":
+            return 1.0
         if kind == "c":
             return float(e.context_nominal[e.context_names.index(name)])
         if kind in ("u", "before"):
@@ -161,6 +163,8 @@ class Given:
             return starts
         if key == "c:last_step":
             return (starts + 1 >= self._limit).astype(float)
+        if key == "within:episode":
+            return (starts < self._limit).astype(float)
         return values_of(f"forecast[{name!r}]", self._forecast[key], starts, times)
 
     def _at_rest(self) -> FloatArray | None:

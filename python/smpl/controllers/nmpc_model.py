@@ -188,6 +188,18 @@ class Expressions(Mapping[str, Any]):
         i = self.state_names.index(state)
         return bool(np.isfinite(self.state_low[i]) or np.isfinite(self.state_high[i]))
 
+    def within(self, expression: Any, *, algebraic: bool = True) -> bool:
+        """Whether it has a value at every point of a step: it reads states there, and nothing of the step as a whole.
+
+        Args:
+            algebraic: it may read algebraic variables too.
+        """
+        keys = self._keys(expression)
+        step = (
+            ("start:", "before:", "integral:", "dx:") if algebraic else ("start:", "before:", "integral:", "dx:", "z:")
+        )
+        return any(f"x:{name}" in keys for name in self.state_names) and not any(key.startswith(step) for key in keys)
+
     def _keys(self, expression: Any) -> set[str]:
         return {symbol.name() for symbol in self._ca.symvar(expression)}
 

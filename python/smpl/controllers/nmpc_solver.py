@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from smpl.controllers.collocation import Programme, Transcription
+from smpl.controllers.nmpc_starts import Simulation
 from smpl.model import FloatArray, as_count, as_number
 
 SOLVERS = ("auto", "fatrop", "ipopt", "sqp")
@@ -21,6 +22,8 @@ _CHANGES = 30
 _WARM = 6
 # A point that breaks no equation by more (in scaled variables) can be followed, whatever else it lacks.
 _FEASIBLE = 1e-5
+# Interior points that need more iterations go to and fro at a kink.
+_ENDLESS = 500
 # IPOPT's own limit of a decision where no budget is given, s of the processor: a busy machine decides the same.
 _LONGEST = 60.0
 
@@ -31,7 +34,9 @@ class Solution:
 
     Attributes:
         actions, states: physical units, (H, actions) and (H + 1, states).
+        cost: scaled, with the price of broken bounds.
         retried: IPOPT found it after the chosen solver had not.
+        unfinished: what a solver had when it stopped, followed by the equations.
     """
 
     programme: Programme
@@ -40,7 +45,9 @@ class Solution:
     lam_g: FloatArray
     actions: FloatArray
     states: FloatArray
+    cost: float = np.inf
     retried: bool = False
+    unfinished: bool = False
 
     def shifted(self) -> Solution:
         """What is left an interval later; the last interval again at its end."""
@@ -92,10 +99,17 @@ class Solver:
         tolerance: of the solver.
         iterations: its limit; its own if None.
         budget: seconds a decision, or None.
+        starts: further first guesses where there is no last plan.
     """
 
     def __init__(
-        self, transcription: Transcription, name: str, tolerance: float, iterations: int | None, budget: float | None
+        self,
+        transcription: Transcription,
+        name: str,
+        tolerance: float,
+        iterations: int | None,
+        budget: float | None,
+        starts: int = 0,
     ) -> None:
         self._transcription, self._name = transcription, name
         self._tolerance = as_number("tolerance", tolerance)
@@ -104,21 +118,31 @@ class Solver:
         self._programme = transcription.programme()
         self._made: dict[str, Any] = {}
         self._elastic: Solver | None = None
-        self._step: Any = None
+        self._simulation: Simulation | None = None
+        self._starts = starts
 
     def prepare(self) -> None:
         """Make the solvers, so that the first decision does not."""
         for name in (*self._order(warm=True), *self._order(warm=False)):
             self._solver(name)
+        if self._starts:
+            self._simulated()
 
     def step(self, state: FloatArray, action: FloatArray, given: FloatArray, at: float) -> FloatArray:
         """The state an interval later by the equations of the programme."""
-        if self._step is None:
-            self._step = self._transcription.step_function()
-        return np.asarray(self._step(state, action, given, at)).ravel()
+        return self._simulated().step(state, action, given, at)
+
+    def _simulated(self) -> Simulation:
+        if self._simulation is None:
+            self._simulation = Simulation(self._transcription, self._programme)
+        return self._simulation
 
     def solve(
-        self, given: tuple[Any, ...], old: Solution | None, rest: tuple[FloatArray, FloatArray], action: FloatArray
+        self,
+        given: tuple[Any, ...],
+        old: Solution | None,
+        rest: tuple[FloatArray, FloatArray],
+        action: FloatArray,
     ) -> Solution | None:
         """The best plan; None where none was found.
 
@@ -130,15 +154,44 @@ class Solver:
         """
         if not all(np.isfinite(part).all() for part in given):
             return None
-        first = self._guess(rest, action) if old is None else old
-        for name in self._order(warm=old is not None):
-            found = self._run(name, given, first)
-            if found is not None:
-                return found
-        if "ipopt" in self._order(warm=False) or self._budget is not None:
+        first = self._guess(rest, action)
+        found = self._attempts(given, first if old is None else old, self._guess((given[0], rest[1]), action))
+        if old is None and self._starts:
+            name = self._order(warm=False)[0]
+            others = self._simulated().best(given, action, self._parameters(given), self._starts)
+            found += [one for x in others if (one := self._run(name, given, replace(first, x=x))) is not None]
+        best = min(found, key=lambda one: one.cost, default=None)
+        if best is not None and best.unfinished:
+            # It has to be worth more than to go on.
+            plan = np.tile(action, (len(best.actions), 1)) if old is None else old.actions
+            going_on = self._followed(given, plan)
+            return best if going_on is None or best.cost < going_on.cost else None
+        return best
+
+    def _attempts(self, given: tuple[Any, ...], first: Solution, again: Solution) -> list[Solution]:
+        """What one solver after another finds from a guess, until one is finished; IPOPT from another guess too."""
+        found: list[Solution] = []
+        retry = "ipopt" not in self._order(warm=False) and self._budget is None
+        attempts = [(name, first, False) for name in self._order(warm=first.actions.size > 0)]
+        attempts += [("ipopt", first, True), ("ipopt", again, True)] if retry else []
+        for name, guess, retried in attempts:
+            one = self._run(name, given, guess)
+            if one is not None:
+                found.append(replace(one, retried=retried))
+                if not one.unfinished:
+                    break
+        return found
+
+    def _followed(self, given: tuple[Any, ...], actions: FloatArray) -> Solution | None:
+        """A plan and what it leads to; None if that is not known or breaks what must hold."""
+        programme, t = self._programme, self._transcription
+        x = self._simulated().follow(given, actions)
+        cost, broken = self._simulated().complete(x, self._parameters(given))
+        if broken > _FEASIBLE:
             return None
-        found = self._run("ipopt", given, first) or self._run("ipopt", given, self._guess((given[0], rest[1]), action))
-        return None if found is None else replace(found, retried=True)
+        states = x[programme.states] * t.e.state_scale
+        zeros = np.zeros(len(programme.g_lower))
+        return Solution(programme, x, np.zeros(len(x)), zeros, actions, states, cost, unfinished=True)
 
     def _order(self, *, warm: bool) -> list[str]:
         """Solvers that are tried; an active set is warm only after a solution."""
@@ -181,24 +234,30 @@ class Solver:
     def _run(self, name: str, given: tuple[Any, ...], first: Solution) -> Solution | None:
         programme, t = self._programme, self._transcription
         solver = self._solver(name)
-        state, before, constant, varying, at = given
-        p = np.concatenate([state / t.e.state_scale, before / t.scale, constant, varying, [at]])
         try:
             found = solver(
-                x0=first.x, lam_x0=first.lam_x, lam_g0=first.lam_g, p=p,
+                x0=first.x, lam_x0=first.lam_x, lam_g0=first.lam_g, p=self._parameters(given),
                 lbx=programme.lower, ubx=programme.upper, lbg=programme.g_lower, ubg=programme.g_upper,
             )  # fmt: skip
         except RuntimeError:
             return None
         x, g = np.asarray(found["x"]).ravel(), np.asarray(found["g"]).ravel()
         stats = solver.stats()
-        if not np.isfinite(x).all() or not (stats["success"] or self._usable(name, x, g)):
+        if not np.isfinite(x).all():
             return None
         actions = np.clip(x[programme.actions] * t.scale, t.task.low, t.task.high)
+        if not (stats["success"] or self._usable(name, x, g)):
+            limited = self._budget is not None or self._iterations is not None or name == "sqp"
+            return None if limited else self._followed(given, actions)
         states = x[programme.states] * t.e.state_scale
         lam_x = self._active(np.asarray(found["lam_x"]).ravel(), x, programme.lower, programme.upper)
         lam_g = self._active(np.asarray(found["lam_g"]).ravel(), g, programme.g_lower, programme.g_upper)
-        return Solution(programme, x, lam_x, lam_g, actions, states)
+        return Solution(programme, x, lam_x, lam_g, actions, states, float(found["f"]))
+
+    def _parameters(self, given: tuple[Any, ...]) -> FloatArray:
+        state, before, constant, varying, at = given
+        t = self._transcription
+        return np.concatenate([state / t.e.state_scale, before / t.scale, constant, varying, [at]])
 
     @staticmethod
     def _active(multipliers: FloatArray, values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
@@ -233,12 +292,11 @@ class Solver:
 
     def _fatrop(self) -> dict[str, Any]:
         options: dict[str, Any] = {"print_level": 0, "tolerance": self._tolerance}
-        if self._iterations is not None:
-            options["max_iter"] = self._iterations
+        options["max_iter"] = self._iterations or _ENDLESS
         return {"fatrop": options, **self._programme.structure}
 
     def _ipopt(self) -> dict[str, Any]:
-        options: dict[str, Any] = {"print_level": 0, "sb": "yes", "tol": self._tolerance}
+        options: dict[str, Any] = {"print_level": 0, "sb": "yes", "tol": self._tolerance, "max_iter": _ENDLESS}
         if max(self._programme.structure["nu"]) > _WIDE:
             options["mumps_pivot_order"] = 0  # minimum degree orders a long band better than what MUMPS chooses
         if self._budget is None:

@@ -78,6 +78,8 @@ _CULTURE: dict[str, Any] = {
     "p": "episode",
     "degree": 2,
     "tolerance": 1e-6,
+    "starts": 0,
+    "path": False,
 }
 
 
