@@ -96,16 +96,20 @@ def test_a_record_of_other_settings_is_run_again_and_marked_until_then(tmp_path)
     assert {row["controller"]: row["changed"] for row in third["rows"]} == {"profile": [], "nominal": ["model"]}
 
 
-def test_regret_is_the_oracles_lead_on_the_same_episodes(tmp_path):
+def test_regret_and_gain_are_leads_on_the_same_episodes():
     def result(controller, returns):
         run = Run("control", "short", "Beer", controller, 0, 0, len(returns), {})
         counts = {"failures": 0, "successes": 0, "seconds": 1.0}
         return Result(run, {"returns": returns, "steps": 10, "mean": 0.0, "std": 0.0, **counts}, [], {})
 
-    found = [result("oracle", [5.0, 7.0]), result("profile", [2.0, 3.0, -100.0])]
+    returns = {"oracle": [5.0, 7.0], "profile": [2.0, 3.0, -100.0], "nominal": [1.0, 4.0, -10.0]}
+    found = [result(*one) for one in returns.items()]
     every = [one.run for one in found]
     rows = table(every, {one.run.name: one for one in found}, {}, {})["rows"]
-    assert [row["regret"] for row in rows] == [0.0, 3.5]
+    assert [row["regret"] for row in rows] == [0.0, 3.5, 3.5]
+    assert [row["gain"] for row in rows] == [3.5, -30.0, 0.0]
+    rows = table(every[:2], {one.run.name: one for one in found[:2]}, {}, {})["rows"]
+    assert [row["gain"] for row in rows] == [None, None]
 
 
 def test_a_learned_run_is_shown_from_its_record_alone(tmp_path):

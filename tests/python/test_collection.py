@@ -181,6 +181,9 @@ def test_another_data_set_in_the_folder_is_refused(tmp_path):
             collect("reactor", "pid", 2, tmp_path, **{"max_steps": 5, **arguments})
     with pytest.raises(DatasetError, match=r"_gains.*50"):
         collect("reactor", Proportional(50.0), 2, tmp_path, max_steps=5)
+    collect("reactor", "pid", 2, tmp_path / "thinned", max_steps=5, states=["T", "h"])
+    with pytest.raises(DatasetError, match=r"states: \['T', 'h'\] there, \['c_A', 'T'\] here"):
+        collect("reactor", "pid", 4, tmp_path / "thinned", max_steps=5, states=["c_A", "T"])
 
 
 def test_another_policy_under_the_same_file_name_is_refused(tmp_path, monkeypatch):

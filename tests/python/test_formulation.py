@@ -33,15 +33,47 @@ def test_actions_span_from_the_centre_to_the_limits():
         np.testing.assert_allclose(form.reverse(rows(env), np.array([expected])), [action], rtol=1e-12, atol=1e-12)
 
 
-def test_what_is_left_is_done_by_the_rules_that_the_model_declares():
-    env = smpl.Env("mab")
+@pytest.mark.parametrize(("model", "learned", "steps"), [("mab", 7, 2), ("mab_plant", 12, 21)])
+def test_what_is_left_is_done_by_the_rules_that_the_model_declares(model, learned, steps):
+    env = smpl.Env(model)
     env.reset(seed=3)
     form = Form(Formulation(centre="rules", left=("F_out", "switch")), env)
-    assert form.action_space().shape == (7,)
-    for _ in range(2):
-        given = form.physical(rows(env), np.zeros((1, 7)))[0]
+    assert form.action_space().shape == (learned,)
+    for _ in range(steps):
+        given = form.physical(rows(env), np.zeros((1, learned)))[0]
         np.testing.assert_array_equal(given, env.policy("nominal"))
         env.step(env.from_physical(given))
+
+
+def test_a_recipe_is_followed_step_by_step_in_a_batch():
+    batch = FormulatedVectorEnv("pensim", 2, formulation={"centre": "recipe", "reach": 0.1}, max_steps=70)
+    env = smpl.Env("pensim", max_steps=70)
+    batch.reset(seed=4)
+    env.reset(seed=4)
+    for _ in range(70):  # the feeds change at 3, 4, 8 and 12 h
+        expected = env.step(env.from_physical(env.policy("nominal")).astype(np.float32))
+        observations, rewards, *_ = batch.step(np.zeros((2, 6), dtype=np.float32))
+        np.testing.assert_array_equal(observations[0], expected[0])
+        assert rewards[0] == expected[1]
+
+
+@pytest.mark.parametrize("normalize", [True, False])
+def test_a_window_is_what_the_learner_sees_as_minus_one_and_one(normalize):
+    formulation = {"windows": {"T": (45.0, 58.0), "c_A": (0.8, 0.95)}, "history": 2}
+    env = Formulated(smpl.Env("reactor", normalize=normalize), formulation)
+    plain = smpl.Env("reactor", normalize=False)
+    batch = FormulatedVectorEnv("reactor", 1, formulation=formulation, normalize=normalize)
+    names, seen = plain.observation_names, []
+    assert env.observation_space.low[names.index("T")] == -1 and env.observation_space.high[names.index("T")] == 1
+    for seed in range(20):
+        observation, physical = env.reset(seed=seed)[0], plain.reset(seed=seed)[0]
+        np.testing.assert_array_equal(batch.reset(seed=[seed])[0][0], observation)
+        for name, (low, high) in formulation["windows"].items():
+            expected = np.interp(physical[names.index(name)], [low, high], [-1, 1])
+            seen.append(observation[names.index(name)])
+            assert seen[-1] == pytest.approx(expected, abs=2e-4)  # single precision, one part in 1e7 of the bounds
+        assert observation in env.observation_space
+    assert min(seen) == -1 and max(seen) == 1 and np.ptp(np.abs(seen)) > 0.3
 
 
 def test_zero_is_what_the_inner_controller_does():
@@ -147,12 +179,20 @@ def test_a_curriculum_moves_the_parameters_of_episodes():
         ({"reward_range": (1, 0)}, "reward_range is"),
         ({"left": ["T_c", "q_out"]}, "nothing is left to learn"),
         ({"left": ["T_d"]}, "left.*'T_d'"),
+        ({"windows": {"T_x": (0, 1)}}, "windows.*'T_x'"),
+        ({"windows": {"T": (1, 0)}}, r"windows\['T'\] is \(1, 0\)"),
         ({"limits": {"T_c": (10, 20)}}, r"limits\['T_c'\] is \(10.0, 20.0\), expected a part of 15.0..35.0"),
     ],
 )
 def test_a_formulation_that_cannot_be_meant_is_told(formulation, says):
     with pytest.raises(ValueError, match=says):
         Formulated(smpl.Env("reactor"), formulation)
+
+
+def test_a_policy_that_looks_at_the_state_is_no_recipe():
+    env = smpl.Env("reactor", extra="policy nominal { T_c = value(T) - 25\n q_out = 0.1 }")
+    with pytest.raises(ValueError, match="the policy 'nominal' of Reactor depends on more than the step"):
+        Formulated(env, {"centre": "recipe"})
 
 
 def test_a_schedule_of_set_points_is_part_of_the_task(tmp_path):

@@ -52,7 +52,7 @@ class Counting:
 def test_a_run_that_was_cut_off_ends_as_one_that_was_not(tmp_path):
     def validate(policy):
         value = json.loads(Path(policy.removeprefix("PPO:")).read_text())
-        return float(value % 97), 0.0, 0
+        return -float(value % 97), float(value % 97), 0  # the best return has the worst mean of steps
 
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     whole.mkdir()
@@ -65,8 +65,8 @@ def test_a_run_that_was_cut_off_ends_as_one_that_was_not(tmp_path):
     again = Counting()
     learn(again, parts, 103, 5, 3, validate)
     assert again.began == 0
-    scores = [row["mean"] for row in curve(whole)]
-    assert scores == [row["mean"] for row in curve(parts)] and [row["steps"] for row in curve(parts)][-1] == 103
+    scores = [row["return_mean"] for row in curve(whole)]
+    assert scores == [row["return_mean"] for row in curve(parts)] and [row["steps"] for row in curve(parts)][-1] == 103
     assert (whole / "policy.zip").read_text() == (parts / "policy.zip").read_text()
     assert float(json.loads((whole / "policy.zip").read_text()) % 97) == max(scores)
     assert (parts / "checkpoint-5").is_dir() and not (parts / "checkpoint-4").exists()
@@ -182,6 +182,7 @@ def test_a_suite_without_its_package_is_skipped_by_name(tmp_path, monkeypatch, c
         ("processes: {Reactor: {algorithms: {online: {PPO: {n_stepz: 3}}}}}", "PPO has no hyperparameter n_stepz"),
         ("budgets: {smoke: {segments: 0}}", "segments is 0"),
         ("processes: {Reactor: {sizes: {short: {steps: 3}}}}", "processes.Reactor.sizes.short.*'steps'"),
+        ("processes: {Reactor: {scaler: {action: min_max}}}", "processes.Reactor.*'scaler'"),
         ("- 1", "expected a mapping"),
         ("a: [", "configuration"),
     ],
@@ -223,3 +224,33 @@ def test_the_policy_of_a_run_is_evaluated_with_its_formulation(tmp_path):
     shutil.copy(folder / "policy.zip", bare)
     other = score(Plan.of(task, f"PPO:{bare / 'policy.zip'}", 8, seed=0), 1)
     assert other.returns.tolist() != scores["returns"]
+
+
+def test_scalers_are_fitted_to_the_data_and_saved_with_the_policy(tmp_path):
+    for package in ("d3rlpy", "pyarrow"):
+        pytest.importorskip(package)
+    import d3rlpy
+
+    from smpl.datasets import collect
+    from smpl.learning.formulation import Formulation
+    from smpl.learning.offline import D3rlpyTrainer
+
+    data = collect("atropine", "nominal", 3, tmp_path / "data", noise=0.01, max_steps=8)
+    seen = np.concatenate([episode.observations[:-1] for episode in data])
+    policies = []
+    for scalers in ({}, {"observation": "standard", "action": "min_max"}):
+        trainer = D3rlpyTrainer("BC", data, Formulation(), {"batch_size": 8}, scalers)
+        trainer.begin(0)
+        trainer.train(3, 1, 0.0)
+        trainer.export(tmp_path)
+        policies.append(d3rlpy.load_learnable(str(tmp_path / "policy.d3")))
+    plain, scaled = policies
+    assert plain.config.observation_scaler is None
+    np.testing.assert_allclose(scaled.config.observation_scaler.mean, seen.mean(axis=0), rtol=1e-4, atol=1e-6)
+    actions = np.concatenate([episode.actions for episode in data])
+    # Its actions lie within those of the data, whose noise takes a part of the box; the plain one knows no such box.
+    far = np.random.default_rng(0).uniform(-1, 1, (50, seen.shape[1])).astype(np.float32)
+    assert np.all(np.abs(scaled.predict(far)) <= np.maximum(1e-3, np.abs(actions).max(axis=0)) + 1e-6)
+    for wrong, says in (({"actions": "min_max"}, "scalers.*'actions'"), ({"action": "standard"}, "there are: min_max")):
+        with pytest.raises(ValueError, match=says):
+            D3rlpyTrainer("BC", data, Formulation(), {}, wrong)

@@ -169,16 +169,21 @@ def _manifest(plan: Plan, folder: Path, states: tuple[str, ...], part: int | Non
         manifest = Manifest(identity, names, _about(plan, env), size, plan.episodes)
     else:
         manifest = replace(Manifest.read(folder), episodes=plan.episodes)
-        differing = [key for key in identity if manifest.identity.get(key) != identity[key]]
+        there = {**manifest.identity, "states": list(manifest.names["states"])}
+        here = {**identity, "states": list(states)}
+        differing = [key for key in here if there.get(key) != here[key]]
         if differing:
-            told = "; ".join(
-                f"{key}: {manifest.identity.get(key)!r} there, {identity[key]!r} here" for key in differing
-            )
+            told = "; ".join(f"{key}: {_brief(there.get(key))} there, {_brief(here[key])} here" for key in differing)
             raise DatasetError(f"{folder} has another data set ({told}): give another folder, or remove it")
     for left in folder.glob(".*.tmp"):
         left.unlink(missing_ok=True)
     manifest.write(folder)
     return manifest
+
+
+def _brief(value: Any) -> str:
+    """A value as an error shows it: of many names the count."""
+    return f"{len(value)} names" if isinstance(value, list) and len(value) > 8 else repr(value)
 
 
 def _identity(plan: Plan, states: tuple[str, ...]) -> dict[str, Any]:

@@ -261,7 +261,7 @@ def _policy_file(spec: str) -> Any:
     if file.endswith(".zip"):
         return _stable_baselines(algorithm, file)
     if file.endswith(".d3"):
-        return _needs("d3rlpy", "d3rlpy").load_learnable(file)
+        return _needs("d3rlpy", "smpl[d3rlpy]").load_learnable(file)
     module = _needs("torch", "torch").jit.load(file).eval()
     return _TorchPolicy(module)
 

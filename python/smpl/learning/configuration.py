@@ -20,6 +20,7 @@ _PROCESS = (
     "train",
     "formulation",
     "data",
+    "scalers",
     "curriculum",
     "steps",
     "segments",
@@ -90,6 +91,8 @@ def settings(configuration: Mapping[str, Any], suite: str, env: str, algorithm: 
         "num_envs": as_count("num_envs", sizes["num_envs"] if budget == "smoke" else process.get("num_envs", 32)),
         "data": {"controller": "nominal", "noise": 0.1, "episodes": whole["data"], **process.get("data", {})},
     }
+    if suite == "offline" and process.get("scalers"):
+        chosen["scalers"] = process["scalers"]
     Formulation.of(chosen["formulation"])
     return chosen
 

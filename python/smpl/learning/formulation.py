@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +17,14 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box
 
-from smpl.envs import Interface
+from smpl.envs import Env, Interface
 from smpl.learning.agents import Agent, Rows, agent
-from smpl.model import FloatArray, as_count, as_number, check_names
+from smpl.model import FloatArray, Model, as_count, as_number, check_names
 
 Array = npt.NDArray[Any]
 FILE = "formulation.json"
 # Centres that are no controllers.
-_CENTRES = ("box", "nominal", "rules")
+_CENTRES = ("box", "nominal", "rules", "recipe")
 
 
 @dataclass(frozen=True)
@@ -35,11 +36,14 @@ class Formulation:
 
     Attributes:
         centre: `box` (middle of the limits), `nominal` (declared defaults), `rules` (the two rules of the antibody
-            process for the level of its tank and the switch, nominal for the rest), or the name of a controller that
-            acts on batches (`pid`, `profile`, `constant:...`): the learner corrects it.
+            process, or of its plant, for the level of a tank and the switch, nominal for the rest), `recipe` (the
+            model's policy `nominal`, which must be a function of the step alone), or the name of a controller that acts
+            on batches (`pid`, `profile`, `constant:...`): the learner corrects it.
         reach: share of the way from the centre to a limit that the learner may go.
         left: names of actions that are left to the centre; the learner does not have them.
         limits: name of an action to (low, high) in physical units: a box inside the declared one.
+        windows: name of an observation to (low, high) in physical units: what the learner sees as -1 and 1, clipped
+            there, in place of the observation. A process that is held near a point moves little within its bounds.
         history: observations that a policy sees, the newest last; 1 for the present one only.
         reward_scale: factor of rewards.
         reward_range: (low, high) that scaled rewards are clipped to.
@@ -53,6 +57,7 @@ class Formulation:
     reach: float = 1.0
     left: tuple[str, ...] = ()
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    windows: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     history: int = 1
     reward_scale: float = 1.0
     reward_range: tuple[float, float] | None = None
@@ -66,7 +71,9 @@ class Formulation:
         if not (np.isfinite(scale) and scale > 0):
             raise ValueError(f"reward_scale is {self.reward_scale!r}, expected a positive number")
         object.__setattr__(self, "left", tuple(self.left))
-        object.__setattr__(self, "limits", {name: _ends(f"limits[{name!r}]", b) for name, b in self.limits.items()})
+        for what in ("limits", "windows"):
+            given = getattr(self, what)
+            object.__setattr__(self, what, {name: _ends(f"{what}[{name!r}]", b) for name, b in given.items()})
         if self.failure_reward is not None:
             as_number("failure_reward", self.failure_reward)
         if self.reward_range is not None:
@@ -110,7 +117,8 @@ class Form:
         interface: the environment, single or a batch.
 
     Raises:
-        ValueError: an unknown action or centre, limits outside of the action's bounds, or no action is left to learn.
+        ValueError: an unknown action, observation or centre, limits outside of the action's bounds, or no action is
+            left to learn.
     """
 
     def __init__(self, formulation: Formulation, interface: Interface) -> None:
@@ -130,6 +138,9 @@ class Form:
                 )
             self.low[i], self.high[i] = low, high
         self._centre = _centre(formulation.centre, interface, self.low, self.high)
+        check_names("windows", formulation.windows, interface.observation_names)
+        self._windowed = np.array([interface.observation_names.index(n) for n in formulation.windows], dtype=np.intp)
+        self._window = np.array(list(formulation.windows.values())).reshape(-1, 2).T
 
     def action_space(self) -> Box:
         """The learned actions in [-1, 1]."""
@@ -137,8 +148,9 @@ class Form:
 
     def observation_space(self, single: Any) -> Box:
         """The observations of `history` instants, one after the other."""
-        count = self.formulation.history
-        return Box(np.tile(single.low, count), np.tile(single.high, count), dtype=np.float32)
+        count, low, high = self.formulation.history, single.low.copy(), single.high.copy()
+        low[self._windowed], high[self._windowed] = -1.0, 1.0
+        return Box(np.tile(low, count), np.tile(high, count), dtype=np.float32)
 
     def physical(self, rows: Rows, actions: Array) -> FloatArray:
         """Actions of the learner, shape (environments, learned actions), as all actions in physical units."""
@@ -158,13 +170,25 @@ class Form:
 
     def observe(self, memory: Sequence[dict[str, Any]], observations: Array) -> Array:
         """Observations with those before them; an empty memory begins an episode with copies of the first one."""
-        count = self.formulation.history
+        count, observations = self.formulation.history, self._through_windows(observations)
         if count == 1:
             return observations
         for one, observation in zip(memory, observations, strict=True):
             seen = one.get("seen")
             one["seen"] = [observation.copy()] * count if seen is None else [*seen[1:], observation.copy()]
         return np.stack([np.concatenate(one["seen"]) for one in memory])
+
+    def _through_windows(self, observations: Array) -> Array:
+        """A batch of observations with those that have windows as the learner sees them."""
+        if not len(self._windowed):
+            return observations
+        seen, values = observations.copy(), observations[:, self._windowed].astype(np.float64)
+        if self.interface.normalize:
+            least, most = (b[self._windowed] for b in (self.interface.observation_low, self.interface.observation_high))
+            values = least + (values + 1) / 2 * (most - least)
+        low, high = self._window
+        seen[:, self._windowed] = np.clip((2 * values - (high + low)) / (high - low), -1.0, 1.0)
+        return seen
 
 
 class FormulatedPolicy:
@@ -208,6 +232,9 @@ def _centre(name: str, interface: Interface, low: FloatArray, high: FloatArray) 
         return lambda rows: np.tile(nominal, (len(rows.states), 1))
     if name == "rules":
         return _rules(interface)
+    if name == "recipe":
+        table = _recipe(interface.model)
+        return lambda rows: table[np.minimum(rows.steps, len(table) - 1)]
     try:
         chosen = agent(name, interface.model)
     except ValueError as error:
@@ -221,24 +248,54 @@ def _centre(name: str, interface: Interface, low: FloatArray, high: FloatArray) 
 
 # Policy `nominal` of the antibody process: its level rule, and the outlet concentration, mg/L, at which it switches.
 _LEVEL, _FLOW, _GAIN, _BREAKTHROUGH = 15.0, 21.689197033088462, 50 / 180, 0.4957757365045033
+_SWAP = 20
+
+
+@lru_cache(maxsize=8)
+def _recipe(model: Model) -> FloatArray:
+    """Actions of the policy `nominal` by step, read off two episodes; shape (steps, actions)."""
+    first, second = (_followed(Env(model), seed) for seed in (0, 1))
+    common = min(len(first), len(second))
+    if not np.array_equal(first[:common], second[:common]):
+        raise ValueError(f"centre is 'recipe', but the policy 'nominal' of {model.name} depends on more than the step")
+    return max(first, second, key=len)
+
+
+def _followed(env: Env, seed: int) -> FloatArray:
+    """Actions of an episode of the policy `nominal`."""
+    env.reset(seed=seed)
+    actions, ended = [], False
+    while not ended:
+        actions.append(env.policy("nominal"))
+        _, _, terminated, truncated, _ = env.step(env.from_physical(actions[-1]))
+        ended = terminated or truncated
+    return np.array(actions)
 
 
 def _rules(interface: Interface) -> Callable[[Rows], FloatArray]:
     model = interface.model
     try:
-        level, cells = model.state_names.index("h"), [n for n in model.state_names if n.startswith("col.c[")]
-        outlet = model.state_names.index(cells[-1])
+        level = model.state_names.index("h")
         flow, switch = model.action_names.index("F_out"), model.action_names.index("switch")
+        due = _swap_is_due(model.state_names)
     except (ValueError, IndexError) as error:
         raise ValueError(
-            f"centre is 'rules', which {model.name} does not have; only the antibody process has"
+            f"centre is 'rules', which {model.name} does not have; only the antibody process and its plant have"
         ) from error
     nominal = model.native.defaults("action")
 
     def centre(rows: Rows) -> FloatArray:
         actions = np.tile(nominal, (len(rows.states), 1))
         actions[:, flow] = _FLOW + _GAIN * (rows.states[:, level] - _LEVEL)
-        actions[:, switch] = rows.states[:, outlet] >= _BREAKTHROUGH
+        actions[:, switch] = due(rows)
         return actions
 
     return centre
+
+
+def _swap_is_due(states: Sequence[str]) -> Callable[[Rows], Array]:
+    """When columns are swapped: in the plant, which has two, every 20 steps, else at the breakthrough."""
+    if "col[1].c[1]" in states:
+        return lambda rows: rows.steps % _SWAP == _SWAP - 1
+    outlet = states.index([name for name in states if name.startswith("col.c[")][-1])
+    return lambda rows: rows.states[:, outlet] >= _BREAKTHROUGH

@@ -124,7 +124,9 @@ def trainer_of(
         from smpl.learning.offline import D3rlpyTrainer, needs
 
         needs("d3rlpy", "d3rlpy")
-        return D3rlpyTrainer(algorithm, _data_set(learned, arguments, settings, data, workers), formulation, hyper)
+        scalers = settings.get("scalers", {})
+        data_set = _data_set(learned, arguments, settings, data, workers)
+        return D3rlpyTrainer(algorithm, data_set, formulation, hyper, scalers)
     if algorithm.startswith("RLlib-"):
         from smpl.learning.rllib import RLlibTrainer
 

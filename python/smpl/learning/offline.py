@@ -17,6 +17,14 @@ from smpl.datasets import Dataset
 from smpl.datasets.exports import d3rlpy_arrays
 from smpl.evaluation import Episode
 from smpl.learning.formulation import Formulation
+from smpl.model import check_names
+
+# Classes of d3rlpy that scale what a network sees, by the statistics of a data set.
+_SCALERS = {
+    "observation": {"standard": "StandardObservationScaler", "min_max": "MinMaxObservationScaler"},
+    "action": {"min_max": "MinMaxActionScaler"},
+    "reward": {"standard": "StandardRewardScaler", "min_max": "MinMaxRewardScaler"},
+}
 
 
 class D3rlpyTrainer:
@@ -27,14 +35,20 @@ class D3rlpyTrainer:
         data: the data set, of the environment's own actions.
         formulation: its rewards are used; actions and observations must be the environment's own.
         hyperparameters: of the configuration class (`CQLConfig`).
+        scalers: `observation`, `action`, `reward` to what scales them by the data set, `standard` or `min_max`.
 
     Raises:
         ImportError: d3rlpy is missing.
-        ValueError: an unknown algorithm or hyperparameter.
+        ValueError: an unknown algorithm, hyperparameter or scaler.
     """
 
     def __init__(
-        self, algorithm: str, data: Dataset, formulation: Formulation, hyperparameters: Mapping[str, Any]
+        self,
+        algorithm: str,
+        data: Dataset,
+        formulation: Formulation,
+        hyperparameters: Mapping[str, Any],
+        scalers: Mapping[str, str] | None = None,
     ) -> None:
         self._d3rlpy = needs("d3rlpy", "d3rlpy")
         structlog = importlib.import_module("structlog")
@@ -46,15 +60,25 @@ class D3rlpyTrainer:
         unknown = [name for name in hyperparameters if name not in known]
         if unknown:
             raise ValueError(f"{algorithm} has no hyperparameter {', '.join(unknown)}; there are: {', '.join(known)}")
-        self._config, self._hyper = config, dict(hyperparameters)
+        self._config, self._hyper, self._scalers = config, dict(hyperparameters), dict(scalers or {})
+        self._made_scalers()  # told now, not after hours
         self._data = self._d3rlpy.dataset.MDPDataset(**formulated_arrays(data, formulation))
         self._algo: Any = None
 
     def begin(self, seed: int) -> None:
         """Make a new learner."""
         self._d3rlpy.seed(seed)
-        self._algo = self._config(**self._hyper).create(device="cpu:0")
+        self._algo = self._config(**self._hyper, **self._made_scalers()).create(device="cpu:0")
         self._algo.build_with_dataset(self._data)
+
+    def _made_scalers(self) -> dict[str, Any]:
+        """Scalers of d3rlpy by their names in its configurations; it fits them to the data set."""
+        check_names("scalers", self._scalers, _SCALERS)
+        for what, kind in self._scalers.items():
+            if kind not in _SCALERS[what]:
+                raise ValueError(f"scalers[{what!r}] is {kind!r}; there are: {', '.join(_SCALERS[what])}")
+        package = self._d3rlpy.preprocessing
+        return {f"{w}_scaler": getattr(package, _SCALERS[w][kind])() for w, kind in self._scalers.items()}
 
     def load(self, folder: Path) -> None:
         """Make the learner of a checkpoint."""

@@ -54,8 +54,8 @@ SUBJECTS = {
         _QUICK,
         {"oracle": 10},
     ),
-    "PenSim": Subject({}, {"recipe": None, "oracle": None, "nominal": None, "random": None}, _LONG),
-    "Atropine": Subject({}, {"mpc": None, "zero": None, "oracle": None, "nominal": None}, _LONG),
+    "PenSim": Subject({}, {"recipe": None, "oracle": None, "nominal": None, "random": None}, _LONG, {"oracle": 2}),
+    "Atropine": Subject({}, {"mpc": None, "zero": None, "oracle": None, "nominal": None}, _LONG, {"oracle": 2}),
     "MAb": Subject(
         {}, {"mpc": None, "empc": None, "oracle": None, "nominal": None}, _LONG, {"mpc": 1, "empc": 1, "oracle": 1}
     ),

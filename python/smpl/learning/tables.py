@@ -37,8 +37,11 @@ def table(
             rows.append({**row, "skipped": skipped[f"{suite} {env} {controller}"]})
             continue
         changed = sorted({what for one in mine for what in stale.get(one.run.name, ())})
-        oracle = {one.run.number: one for one in _of((env, "control", "oracle"), every, results)}
-        rows.append({**row, **_row(mine, oracle), "changed": changed})
+        row |= _row(mine)
+        for key, other, sign in (("regret", "oracle", -1.0), ("gain", "nominal", 1.0)):
+            lead = _lead(mine, _of((env, "control", other), every, results))
+            row[key] = None if lead is None else sign * lead + 0.0  # no negative zero
+        rows.append({**row, "changed": changed})
     rows.sort(key=lambda row: list(SUBJECTS).index(row["env"]))
     suites = list(dict.fromkeys(one.suite for one in every))
     return {"suite": ", ".join(suites), "budget": every[0].budget, "smpl": __version__, "rows": rows}
@@ -50,7 +53,7 @@ def _of(which: tuple[str, str, str], every: Sequence[Run], results: Mapping[str,
     return [results[one.name] for one in mine if one.name in results]
 
 
-def _row(mine: Sequence[Result], oracle: Mapping[int, Result]) -> dict[str, Any]:
+def _row(mine: Sequence[Result]) -> dict[str, Any]:
     scores = [one.scores for one in mine]
     returns = np.concatenate([one["returns"] for one in scores])
     steps = np.array([one["steps"] for one in scores], dtype=np.float64)
@@ -68,22 +71,21 @@ def _row(mine: Sequence[Result], oracle: Mapping[int, Result]) -> dict[str, Any]
         "return_mean": float(returns.mean()),
         "return_interval": list(bootstrap(returns)),
         "return_iqm": float(interquartile_mean(returns)),
-        "regret": _regret(mine, oracle),
         "failures": sum(one["failures"] for one in scores),
         "successes": sum(one["successes"] for one in scores),
         "seconds": sum(one["seconds"] for one in scores),
     }
 
 
-def _regret(mine: Sequence[Result], oracle: Mapping[int, Result]) -> float | None:
-    """By how much the oracle's return is higher, mean over the episodes that both have run; none without any."""
-    lost: list[float] = []
+def _lead(mine: Sequence[Result], others: Sequence[Result]) -> float | None:
+    """By how much the return is higher than another's, mean over the episodes that both have run; none without any."""
+    other = {one.run.number: one for one in others}
+    lead: list[float] = []
     for one in mine:
-        best = oracle.get(one.run.number)
-        if best is not None:
-            pairs = zip(best.scores["returns"], one.scores["returns"], strict=False)
-            lost += [float(high) - float(low) for high, low in pairs]
-    return float(np.mean(lost)) if lost else None
+        if one.run.number in other:
+            pairs = zip(one.scores["returns"], other[one.run.number].scores["returns"], strict=False)
+            lead += [float(here) - float(there) for here, there in pairs]
+    return float(np.mean(lead)) if lead else None
 
 
 def _published(one: Run) -> tuple[float, float] | None:
@@ -97,7 +99,7 @@ def _published(one: Run) -> tuple[float, float] | None:
 
 
 _HEADINGS = (
-    *("environment", "suite", "controller", "per step", "published", "return", "regret"),
+    *("environment", "suite", "controller", "per step", "published", "return", "over nominal", "regret"),
     *("failures", "successes", "episodes", "seeds", "s"),
 )
 
@@ -107,17 +109,18 @@ def lines(table: Mapping[str, Any]) -> list[list[str]]:
     found = [list(_HEADINGS)]
     for row in table["rows"]:
         if "skipped" in row:
-            found.append([row["env"], row["suite"], row["controller"], f"skipped: {row['skipped']}", *[""] * 8])
+            found.append([row["env"], row["suite"], row["controller"], f"skipped: {row['skipped']}", *[""] * 9])
             continue
         low, high = row["return_interval"]
         published = "" if row["published"] is None else "{:.5g} ± {:.5g}".format(*row["published"])
         steps = f"{row['mean']:.5g} ± {row['std']:.5g}"
         returns = f"{row['return_mean']:.5g} ({low:.5g} to {high:.5g})"
+        gain = "" if row["gain"] is None else f"{row['gain']:+.4g}"
         regret = "" if row["regret"] is None else f"{row['regret']:.4g}"
         counts = [str(row[key]) for key in ("failures", "successes", "episodes", "seeds")]
         name = row["controller"] + "*" * bool(row["changed"])
         found.append(
-            [row["env"], row["suite"], name, steps, published, returns, regret, *counts, f"{row['seconds']:.0f}"]
+            [row["env"], row["suite"], name, steps, published, returns, gain, regret, *counts, f"{row['seconds']:.0f}"]
         )
     return found
 

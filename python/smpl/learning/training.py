@@ -49,7 +49,7 @@ def learn(trainer: Trainer, folder: Path, steps: int, segments: int, seed: int, 
         validate: scores a policy.
 
     Returns:
-        The `--policy` of the best policy by its mean over the validation's steps, the earliest of equals.
+        The `--policy` of the best policy by its mean return in the validation, the earliest of equals.
     """
     state = _state(folder)
     for number in range(state["segments"], segments):
@@ -107,11 +107,12 @@ def _follow(
     spec = trainer.export(fresh)
     prefix, _, name = spec.rpartition(":")
     mean, returns, failures = validate(f"{prefix}:{fresh / name}" if prefix else str(fresh / name))
-    if state["best"] is None or mean > state["best"]:
+    # By the return: a failure that comes early leaves the mean of the steps before it.
+    if state["best"] is None or returns > state["best"]:
         for file in fresh.iterdir():
             (folder / f".{file.name}.tmp").write_bytes(file.read_bytes())
             (folder / f".{file.name}.tmp").replace(folder / file.name)
-        state |= {"best": mean, "policy": spec}
+        state |= {"best": returns, "policy": spec}
     state |= {"segments": number + 1, "steps": state["steps"] + share}
     row = (number + 1, state["steps"], mean, returns, failures, state["best"], time.perf_counter() - began)
     state["rows"].append(dict(zip(COLUMNS, row, strict=True)))
