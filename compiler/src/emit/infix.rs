@@ -1,7 +1,7 @@
 //! Expressions in infix notation.
 
 use super::COUNTERS;
-use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, FastMap, Flavour, MAX_DEPTH, Side, VarId};
+use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, FastMap, Flavour, MAX_DEPTH, Side, VarId};
 use crate::model::Model;
 
 /// Longer parts get a name of their own.
