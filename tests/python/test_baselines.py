@@ -134,3 +134,22 @@ def test_the_command_of_the_oracles_goes_on_where_it_stopped(tmp_path, capsys, m
     assert not ran
     oracles.main([*arguments[1:], "--seeds", "2"])
     assert ran == [("beer", "nominal", 2001, 6), ("beer", "oracle", 2001, 6)]
+
+
+def test_the_table_of_pensim_by_sampling_goes_on(tmp_path, capsys):
+    from smpl.examples import pensim_mpc
+    from smpl.examples.oracles import read, write
+
+    given = ["--out", str(tmp_path), "--seeds", "1", "--steps", "30"]
+    pensim_mpc.main(given)
+    file = tmp_path / "pensim_mpc.csv"
+    rows = read(file)
+    assert [row["controller"] for row in rows] == ["recipe", "sampling"]
+    env = smpl.Env("pensim", normalize=False, max_steps=30)
+    assert float(rows[0]["return"]) == pytest.approx(run_episode(env, baseline("pensim", "recipe"), 2000).total)
+    first = capsys.readouterr().out
+    for row, kg in zip(rows, (100, 120), strict=True):
+        row["return"] = str(kg)
+    write(file, rows)
+    pensim_mpc.main(given)
+    assert "2000 | 100 | 120 | 20.0%" in capsys.readouterr().out and "2000 |" in first

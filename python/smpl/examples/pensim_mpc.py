@@ -67,11 +67,15 @@ def table(rows: Sequence[Row]) -> str:
             continue
         old, new = (float(one["return"]) for one in pair if one is not None)
         yields.append((old, new))
-        lines.append(f"| {seed} | {old:.0f} | {new:.0f} | {new / old - 1:.1%} | {float(pair[1]['seconds']):.0f} s |")
+        lines.append(f"| {seed} | {old:.0f} | {new:.0f} | {_gain(old, new)} | {float(pair[1]['seconds']):.0f} s |")
     if yields:
         old, new = np.mean(yields, axis=0)
-        lines.append(f"| mean | {old:.0f} | {new:.0f} | {new / old - 1:.1%} | |")
+        lines.append(f"| mean | {old:.0f} | {new:.0f} | {_gain(old, new)} | |")
     return "\n".join(lines)
+
+
+def _gain(old: float, new: float) -> str:
+    return f"{new / old - 1:.1%}" if old else "none"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
