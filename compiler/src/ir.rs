@@ -16,6 +16,7 @@ mod loads;
 mod numbers;
 mod program;
 mod var;
+mod walk;
 
 pub use affine::{Affine, LoopVar, Loops, MAX_DEPTH, loops_of};
 pub(crate) use build::Rewritten;

@@ -1,7 +1,7 @@
 //! Rows before they are differentiated: each reduction with a counter of its own, short ones written out.
 
 use super::{ColumnOf, DifferentiateError};
-use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, FastSet, LoopVar, MAX_DEPTH, ReduceFn};
+use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, LoopVar, MAX_DEPTH, ReduceFn};
 
 /// Reductions that are no sums are written out up to this many passes to be differentiated; longer ones stay loops.
 const LONGEST_UNROLLED: u32 = 64;
@@ -95,15 +95,12 @@ fn renumber_reduce(
 
 /// Number of nodes, and whether any is a load of a column.
 fn survey(exprs: &Exprs, root: ExprId, column_of: &ColumnOf<'_>) -> (usize, bool) {
-    let mut seen = FastSet::default();
-    let (mut stack, mut depends) = (vec![root], false);
-    while let Some(e) = stack.pop() {
-        if seen.insert(e) {
-            if let Expr::Load { var, flavour, .. } = exprs.node(e) {
-                depends |= column_of(var, flavour).is_some();
-            }
-            stack.extend(exprs.operands(e));
+    let (mut count, mut depends) = (0, false);
+    for e in exprs.below([root]) {
+        count += 1;
+        if let Expr::Load { var, flavour, .. } = exprs.node(e) {
+            depends |= column_of(var, flavour).is_some();
         }
     }
-    (seen.len(), depends)
+    (count, depends)
 }

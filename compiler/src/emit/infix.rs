@@ -1,7 +1,7 @@
 //! Expressions in infix notation.
 
 use super::COUNTERS;
-use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, MAX_DEPTH, Side, VarId};
+use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, FastMap, Flavour, MAX_DEPTH, Side, VarId};
 use crate::model::Model;
 
 /// Longer parts get a name of their own.
@@ -37,7 +37,7 @@ impl<'m> Printer<'m> {
 
     /// The text of an expression.
     pub(super) fn value(&mut self, root: ExprId) -> String {
-        let order = reachable(&self.model.exprs, root);
+        let order = self.model.exprs.below_in_order([root]);
         let mut uses: FastMap<ExprId, u32> = FastMap::default();
         for &expr in &order {
             for operand in self.model.exprs.operands(expr) {
@@ -170,18 +170,4 @@ pub(super) fn affine(at: Affine) -> String {
         (false, offset) if offset < 0 => format!("{text} - {}", -offset),
         (false, offset) => format!("{text} + {offset}"),
     }
-}
-
-/// The nodes below a root, operands before users.
-fn reachable(exprs: &Exprs, root: ExprId) -> Vec<ExprId> {
-    let mut seen = FastSet::default();
-    let mut stack = vec![root];
-    while let Some(expr) = stack.pop() {
-        if seen.insert(expr) {
-            stack.extend(exprs.operands(expr));
-        }
-    }
-    let mut order: Vec<ExprId> = seen.into_iter().collect();
-    order.sort_unstable();
-    order
 }

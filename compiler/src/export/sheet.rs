@@ -186,14 +186,8 @@ impl Sheet {
     }
 
     fn each_node(&self, function: &Function, visit: &mut dyn FnMut(Expr)) {
-        let mut stack: Vec<ExprId> = function.nests.iter().flat_map(|n| &n.stores).map(|s| s.value).collect();
-        let mut seen = FastSet::default();
-        while let Some(expr) = stack.pop() {
-            if seen.insert(expr) {
-                visit(self.model.exprs.node(expr));
-                stack.extend(self.model.exprs.operands(expr));
-            }
-        }
+        let values = function.nests.iter().flat_map(|n| &n.stores).map(|s| s.value);
+        self.model.exprs.below(values).for_each(|e| visit(self.model.exprs.node(e)));
     }
 
     /// Gives every element of a variable its place in public order.

@@ -1,6 +1,6 @@
 //! Constructors of nodes, which simplify while they build, and copies with parts replaced.
 
-use rustc_hash::{FxHashMap as FastMap, FxHashSet as FastSet};
+use rustc_hash::FxHashMap as FastMap;
 
 use super::affine::{Affine, LoopVar};
 use super::expr::{Expr, ExprId, Exprs, Flavour};
@@ -289,16 +289,10 @@ impl Exprs {
 
     /// Visits the counter and the body of each reduction below a node, and of itself.
     pub(crate) fn each_reduction(&self, e: ExprId, visit: &mut dyn FnMut(LoopVar, ExprId)) {
-        let mut seen = FastSet::default();
-        let mut stack = vec![e];
-        while let Some(e) = stack.pop() {
-            if !seen.insert(e) {
-                continue;
-            }
+        for e in self.below([e]) {
             if let Expr::Reduce { depth, body, .. } = self.node(e) {
                 visit(depth, body);
             }
-            stack.extend(self.operands(e));
         }
     }
 

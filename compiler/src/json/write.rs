@@ -7,7 +7,7 @@ use super::words::Word;
 use super::{FORMAT, VERSION};
 use crate::artefact::Circumstances;
 use crate::export::{Element, ExportError, Families, Nominal, Origin};
-use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, FastSet, List, MAX_DEPTH, Place, Program, Role, VarId};
+use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, List, MAX_DEPTH, Place, Program, Role, VarId};
 use crate::model::{AlgebraicCounts, Axis, Finish, Grid, Interface, Model, Quantities, Quantity, RootAction, Steady};
 
 /// The text of a model.
@@ -236,18 +236,11 @@ impl Nodes {
     fn new(model: &Model) -> Nodes {
         let rows = model.rows.iter().map(|r| r.residual);
         let roots = model.roots.iter().map(|r| r.value).chain(model.quadratures.iter().copied());
-        let mut stack: Vec<ExprId> = rows.chain(roots).collect();
+        let mut all: Vec<ExprId> = rows.chain(roots).collect();
         for (_, program) in model.programs.named() {
-            stack.extend(program.nests.iter().flat_map(|n| &n.stores).map(|s| s.value));
+            all.extend(program.nests.iter().flat_map(|n| &n.stores).map(|s| s.value));
         }
-        let mut seen = FastSet::default();
-        while let Some(expr) = stack.pop() {
-            if seen.insert(expr) {
-                stack.extend(model.exprs.operands(expr));
-            }
-        }
-        let mut order: Vec<ExprId> = seen.into_iter().collect();
-        order.sort_unstable();
+        let order = model.exprs.below_in_order(all);
         let numbers = order.iter().enumerate().map(|(i, e)| (*e, i)).collect();
         Nodes { order, numbers }
     }

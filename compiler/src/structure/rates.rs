@@ -6,7 +6,7 @@ use smpl_dsl::span::Span;
 
 use super::common::{element_name, replace_everywhere};
 use crate::elaborate::{Equation, EquationForm};
-use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, LoopVar, MAX_DEPTH, Rewritten, Role, UnaryFn, VarId};
+use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, FastMap, Flavour, LoopVar, MAX_DEPTH, Rewritten, Role, UnaryFn, VarId};
 use crate::model::{Model, Variable};
 
 /// Which states have an explicit rate.
@@ -86,17 +86,7 @@ fn linear(exprs: &mut Exprs, e: ExprId, x: ExprId) -> Option<(ExprId, ExprId)> {
 }
 
 fn depends(exprs: &Exprs, e: ExprId, x: ExprId) -> bool {
-    let mut seen = FastSet::default();
-    let mut stack = vec![e];
-    while let Some(e) = stack.pop() {
-        if e == x {
-            return true;
-        }
-        if seen.insert(e) {
-            stack.extend(exprs.operands(e));
-        }
-    }
-    false
+    exprs.below([e]).any(|e| e == x)
 }
 
 /// Checks that no state has two rates, and tells which have one.

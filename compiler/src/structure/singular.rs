@@ -11,7 +11,7 @@ use smpl_dsl::diagnostic::{Diagnostic, codes};
 
 use super::common::element_name;
 use crate::graph::connected;
-use crate::ir::{BinaryFn, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, Role, UnaryFn, VarId};
+use crate::ir::{BinaryFn, Expr, ExprId, Exprs, FastMap, Flavour, Role, UnaryFn, VarId};
 use crate::model::{Model, Row};
 
 /// Unknowns of a part beyond which it is not looked at.
@@ -80,24 +80,10 @@ fn is_singular(exprs: &Exprs, part: &[usize], rows: &[&Row], unknowns: &[Unknown
         return false;
     }
     let residuals: Vec<ExprId> = part.iter().map(|&i| rows[i].residual).collect();
-    let nodes = reachable(exprs, &residuals);
+    let nodes = exprs.below_in_order(residuals.iter().copied());
     let columns: FastMap<Unknown, usize> = part.iter().map(|&i| unknowns[i]).zip(0..).collect();
     nodes.len() * part.len() <= LARGE_WORK
         && (0..POINTS).all(|point| is_singular_matrix(Point { exprs, point, columns: &columns }.derivatives(&nodes, &residuals)))
-}
-
-/// All nodes below some, operands before their users.
-fn reachable(exprs: &Exprs, roots: &[ExprId]) -> Vec<ExprId> {
-    let mut seen: FastSet<ExprId> = FastSet::default();
-    let mut stack = roots.to_vec();
-    while let Some(e) = stack.pop() {
-        if seen.insert(e) {
-            stack.extend(exprs.operands(e));
-        }
-    }
-    let mut nodes: Vec<ExprId> = seen.into_iter().collect();
-    nodes.sort_unstable();
-    nodes
 }
 
 /// A random point.

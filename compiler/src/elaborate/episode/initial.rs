@@ -15,7 +15,7 @@ use crate::elaborate::lower::{Lowering, boxes, defaults, nests};
 use crate::elaborate::outside::initial_elements;
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{ScopeId, SymbolKind, Symbols};
-use crate::ir::{Affine, ExprId, Exprs, FastMap, FastSet, Flavour, Nest, Place as Memory, Program, Role, VarId};
+use crate::ir::{Affine, Expr as Node, ExprId, Exprs, FastMap, Flavour, Nest, Place as Memory, Program, Role, VarId};
 use crate::model::{Instant, Quantity, Steady};
 
 /// The start values of an episode.
@@ -334,37 +334,20 @@ fn initial(
 
 impl Symbols<'_> {
     fn reads_unknown(&self, exprs: &Exprs, e: ExprId) -> bool {
-        let mut seen = FastSet::default();
-        let mut stack = vec![e];
-        while let Some(e) = stack.pop() {
-            if let crate::ir::Expr::Load { var, flavour: Flavour::Value, .. } = exprs.node(e)
-                && matches!(self.vars[var].role, Role::State | Role::Algebraic)
-            {
-                return true;
-            }
-            if seen.insert(e) {
-                stack.extend(exprs.operands(e));
-            }
-        }
-        false
+        exprs.below([e]).any(|e| match exprs.node(e) {
+            Node::Load { var, flavour: Flavour::Value, .. } => matches!(self.vars[var].role, Role::State | Role::Algebraic),
+            _ => false,
+        })
     }
 }
 
 /// Elements of a variable whose values an expression reads.
 fn reads(exprs: &Exprs, e: ExprId, var: VarId) -> Vec<Affine> {
-    let mut seen = FastSet::default();
-    let mut stack = vec![e];
-    let mut out = Vec::new();
-    while let Some(e) = stack.pop() {
-        if !seen.insert(e) {
-            continue;
-        }
-        match exprs.node(e) {
-            crate::ir::Expr::Load { var: v, flavour: Flavour::Value, at } if v == var => out.push(at),
-            _ => stack.extend(exprs.operands(e)),
-        }
-    }
-    out
+    let read = |e: ExprId| match exprs.node(e) {
+        Node::Load { var: v, flavour: Flavour::Value, at } if v == var => Some(at),
+        _ => None,
+    };
+    exprs.below([e]).filter_map(read).collect()
 }
 
 /// Whether the element `read` is the element `set`, or one that a later pass of the loops around sets.

@@ -7,7 +7,7 @@ use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 
 use crate::graph::{Order, after_needs};
-use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, Nest, Place, Role, Store, VarId};
+use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, Flavour, Nest, Place, Role, Store, VarId};
 use crate::model::Variable;
 
 /// An element of a variable, or all of those that a loop passes.
@@ -138,21 +138,11 @@ pub(crate) fn ordered_initial(nests: Vec<Nest>, exprs: &Exprs, vars: &PrimaryMap
 
 /// States that an initial value reads.
 fn states_read(exprs: &Exprs, vars: &PrimaryMap<VarId, Variable>, e: ExprId) -> Vec<Element> {
-    let mut seen = FastSet::default();
-    let mut stack = vec![e];
-    let mut out = Vec::new();
-    while let Some(e) = stack.pop() {
-        if !seen.insert(e) {
-            continue;
-        }
-        if let Expr::Load { var, flavour: Flavour::Value, at } = exprs.node(e)
-            && vars[var].role == Role::State
-        {
-            out.push((var, at));
-        }
-        stack.extend(exprs.operands(e));
-    }
-    out
+    let read = |e: ExprId| match exprs.node(e) {
+        Expr::Load { var, flavour: Flavour::Value, at } if vars[var].role == Role::State => Some((var, at)),
+        _ => None,
+    };
+    exprs.below([e]).filter_map(read).collect()
 }
 
 #[cfg(test)]

@@ -157,22 +157,12 @@ fn transition<'a>(l: &mut Lowering<'_, 'a>, schedule: &Schedule<'a>, place: &Pla
 impl Symbols<'_> {
     /// Whether a value changes within a step.
     fn is_dynamic(&self, exprs: &Exprs, e: ExprId) -> bool {
-        let mut stack = vec![e];
-        let mut seen = std::collections::HashSet::new();
-        while let Some(e) = stack.pop() {
-            if !seen.insert(e) {
-                continue;
+        exprs.below([e]).any(|e| match exprs.node(e) {
+            crate::ir::Expr::Time => true,
+            crate::ir::Expr::Load { var, flavour: Flavour::Value | Flavour::Derivative, .. } => {
+                matches!(self.vars[var].role, Role::State | Role::Algebraic)
             }
-            match exprs.node(e) {
-                crate::ir::Expr::Time => return true,
-                crate::ir::Expr::Load { var, flavour: Flavour::Value | Flavour::Derivative, .. }
-                    if matches!(self.vars[var].role, Role::State | Role::Algebraic) =>
-                {
-                    return true;
-                }
-                _ => stack.extend(exprs.operands(e)),
-            }
-        }
-        false
+            _ => false,
+        })
     }
 }

@@ -100,19 +100,14 @@ fn limits(l: &Lowering<'_, '_>, a: ExprId, b: ExprId) -> bool {
 
 /// Whether an expression reads present values of what changes, and values of the step before.
 fn instants(l: &Lowering<'_, '_>, e: ExprId) -> (bool, bool) {
-    let (mut todo, mut seen) = (vec![e], std::collections::HashSet::new());
     let mut found = (false, false);
-    while let Some(e) = todo.pop() {
-        if !seen.insert(e) {
-            continue;
-        }
+    for e in l.exprs.below([e]) {
         match l.exprs.node(e) {
             Expr::Load { flavour: Flavour::Previous, .. } => found.1 = true,
             Expr::Load { flavour: Flavour::Value | Flavour::Derivative, var, .. } => found.0 |= l.symbols.vars[var].role != Role::Param,
             Expr::Time => found.0 = true,
             _ => {}
         }
-        todo.extend(l.exprs.operands(e));
     }
     found
 }

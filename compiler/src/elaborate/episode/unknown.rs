@@ -5,7 +5,7 @@
 
 use crate::elaborate::lower::Lowering;
 use crate::elaborate::symbols::Symbols;
-use crate::ir::{BinaryFn, Compare, Expr as Node, ExprId, Exprs, FastMap, FastSet, Flavour, ReduceFn, Role, UnaryFn};
+use crate::ir::{BinaryFn, Compare, Expr as Node, ExprId, Exprs, FastMap, Flavour, ReduceFn, Role, UnaryFn};
 
 /// What is known of a node.
 #[derive(Clone, Copy)]
@@ -32,16 +32,7 @@ pub(in crate::elaborate) fn doubting<'d, 'a>(l: &'d mut Lowering<'_, 'a>) -> Dou
 impl Doubting<'_, '_> {
     /// Where a condition is unknown; the constant `false` for almost all.
     pub(in crate::elaborate) fn unknown(&mut self, condition: ExprId) -> ExprId {
-        let mut seen = FastSet::default();
-        let mut stack = vec![condition];
-        while let Some(e) = stack.pop() {
-            if seen.insert(e) {
-                stack.extend(self.exprs.operands(e));
-            }
-        }
-        // Operands are older than what is made of them.
-        let mut nodes: Vec<ExprId> = seen.into_iter().collect();
-        nodes.sort_unstable();
+        let nodes = self.exprs.below_in_order([condition]);
         let mut doubts = Doubts::default();
         for e in nodes {
             let doubt = self.doubt(e, &doubts);

@@ -110,19 +110,11 @@ impl Reading<'_, '_> {
 
     /// Each mark in an expression.
     pub(in crate::elaborate::space) fn marks_in(&self, e: ExprId) -> Vec<usize> {
-        let mut seen = FastSet::default();
-        let (mut stack, mut out) = (vec![e], Vec::new());
-        while let Some(e) = stack.pop() {
-            if !seen.insert(e) {
-                continue;
-            }
-            if let Node::Load { var, at, .. } = self.exprs.node(e)
-                && let Some(mark) = self.mark_of(var, at)
-            {
-                out.push(mark);
-            }
-            stack.extend(self.exprs.operands(e));
-        }
+        let mark = |e: ExprId| match self.exprs.node(e) {
+            Node::Load { var, at, .. } => self.mark_of(var, at),
+            _ => None,
+        };
+        let mut out: Vec<usize> = self.exprs.below([e]).filter_map(mark).collect();
         out.sort_unstable();
         out
     }
@@ -212,17 +204,7 @@ impl Reading<'_, '_> {
 
     /// Whether `what` is said of any node of an expression.
     pub(in crate::elaborate::space) fn reaches(&self, e: ExprId, what: &mut dyn FnMut(&Self, ExprId) -> bool) -> bool {
-        let mut seen = FastSet::default();
-        let mut stack = vec![e];
-        while let Some(e) = stack.pop() {
-            if seen.insert(e) {
-                if what(self, e) {
-                    return true;
-                }
-                stack.extend(self.exprs.operands(e));
-            }
-        }
-        false
+        self.exprs.below([e]).any(|e| what(self, e))
     }
 
     pub(in crate::elaborate::space) fn both_ways(&self, a: &FaceValue, b: &FaceValue, span: Span) -> Box<Diagnostic> {

@@ -4,57 +4,39 @@ use smpl_dsl::syntax::StatementKind;
 
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{Axis, ScopeId, SymbolId, SymbolKind, Symbols};
-use crate::ir::{Affine, Expr as Node, ExprId, Exprs, FastMap, FastSet, Role, VarId};
+use crate::ir::{Affine, Expr as Node, ExprId, Exprs, FastMap, Role, VarId};
 use crate::model;
 
 impl<'a> Symbols<'a> {
     /// What an expression depends on that is no parameter, for messages.
     pub(in crate::elaborate) fn varying(&self, exprs: &Exprs, e: ExprId) -> Option<String> {
-        let mut seen = std::collections::HashSet::new();
-        let mut stack = vec![e];
-        while let Some(e) = stack.pop() {
-            if !seen.insert(e) {
-                continue;
+        exprs.below([e]).find_map(|e| match exprs.node(e) {
+            Node::Time => Some(format!("the time `{}`", self.time_name)),
+            Node::Load { var, .. } => {
+                let name = &self.vars[var].name;
+                let what = match self.vars[var].role {
+                    Role::State => "the state",
+                    Role::Algebraic => "the algebraic variable",
+                    Role::Action => "the action",
+                    Role::Discrete => "the discrete variable",
+                    Role::Disturbance => "the disturbance",
+                    Role::Builtin => return Some("the clock".to_owned()),
+                    Role::Quadrature => return Some("an integral over the step".to_owned()),
+                    _ => return None,
+                };
+                Some(format!("{what} `{name}`"))
             }
-            match exprs.node(e) {
-                Node::Time => return Some(format!("the time `{}`", self.time_name)),
-                Node::Load { var, .. } => {
-                    let name = &self.vars[var].name;
-                    let what = match self.vars[var].role {
-                        Role::State => "the state",
-                        Role::Algebraic => "the algebraic variable",
-                        Role::Action => "the action",
-                        Role::Discrete => "the discrete variable",
-                        Role::Disturbance => "the disturbance",
-                        Role::Builtin => return Some("the clock".to_owned()),
-                        Role::Quadrature => return Some("an integral over the step".to_owned()),
-                        _ => continue,
-                    };
-                    return Some(format!("{what} `{name}`"));
-                }
-                _ => stack.extend(exprs.operands(e)),
-            }
-        }
-        None
+            _ => None,
+        })
     }
 
     /// Elements of parameters that an expression loads.
     pub(in crate::elaborate) fn parameters_in(&self, exprs: &Exprs, e: ExprId) -> Vec<(VarId, Affine)> {
-        let mut seen = FastSet::default();
-        let mut stack = vec![e];
-        let mut out = Vec::new();
-        while let Some(e) = stack.pop() {
-            if !seen.insert(e) {
-                continue;
-            }
-            if let Node::Load { var, at, .. } = exprs.node(e)
-                && self.vars[var].role == Role::Param
-            {
-                out.push((var, at));
-            }
-            stack.extend(exprs.operands(e));
-        }
-        out
+        let read = |e: ExprId| match exprs.node(e) {
+            Node::Load { var, at, .. } if self.vars[var].role == Role::Param => Some((var, at)),
+            _ => None,
+        };
+        exprs.below([e]).filter_map(read).collect()
     }
 
     pub(in crate::elaborate) fn model_axes(&self, axes: &[Axis]) -> Vec<model::Axis> {
