@@ -254,10 +254,14 @@ impl Variational {
             }
             let (now, least) = (self.times[0], 4.0 * f64::EPSILON * self.times[0].abs());
             if rejections > MOST_REJECTIONS || self.length <= least {
-                return Err(Stuck::Error(SolveError::StepTooSmall { time: now, step: self.length, unknown: None }));
+                return Err(Stuck::Error(SolveError::StepTooSmall { time: now, step: self.length, unknown: self.largest(&self.next) }));
             }
             if self.steps > self.max_steps {
-                return Err(Stuck::Error(SolveError::TooManySteps { time: now, steps: self.max_steps, unknown: None }));
+                return Err(Stuck::Error(SolveError::TooManySteps {
+                    time: now,
+                    steps: self.max_steps,
+                    unknown: self.largest(&self.points[0]),
+                }));
             }
         }
         if self.steps > 0 && self.times[0] == end {
@@ -378,6 +382,16 @@ impl Variational {
             distance(new, old, predicted, rtol, &self.atol[range.clone()])
         };
         MARGIN * ((part(0..own, self.rtol[0]) + part(own..self.all, self.rtol[1])) / self.tested).sqrt()
+    }
+
+    /// The derivative of an unknown that is furthest from its prediction, in tolerances, counted behind the unknowns; one that is no number is further than all.
+    fn largest(&self, new: &[f64]) -> Option<usize> {
+        let size = |at: usize| {
+            let size = (new[at] - self.predicted[at]).abs() / (self.atol[at] + self.rtol[0] * new[at].abs());
+            if size.is_nan() { f64::INFINITY } else { size }
+        };
+        let furthest = (0..self.own).max_by(|&a, &b| size(a).total_cmp(&size(b)))?;
+        Some(self.differential.len() + furthest)
     }
 
     /// Shortens the next attempt; false.
