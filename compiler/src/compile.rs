@@ -134,6 +134,8 @@ struct Planned {
     tables: Vec<u32>,
     /// Where time occurs explicitly.
     time: ExplicitTime,
+    /// There are derivatives of the equations by time.
+    has_slopes: bool,
     /// When the derivatives were there.
     differentiated: Instant,
 }
@@ -149,16 +151,18 @@ fn planned(model: &mut Model) -> Result<Planned, BackEndError> {
     let differentiated = Instant::now();
 
     let time = explicit_time::collect(model, &rows);
-    let jobs = functions::jobs(model, &rows, jacobian, &time);
+    let slopes = if time.in_equations { differentiate::by_time(&mut model.exprs, &rows) } else { None };
+    let by_time = slopes.as_deref().map_or_else(Job::default, Job::of_rows);
+    let jobs = functions::jobs(model, &rows, (jacobian, by_time), &time);
     let jobs = rerolled(jobs, &mut model.exprs);
     let (jobs, prepare_parameters) = hoisted(jobs, model);
-    Ok(Planned { jobs, prepare_parameters, pattern, tables, time, differentiated })
+    Ok(Planned { jobs, prepare_parameters, pattern, tables, time, has_slopes: slopes.is_some(), differentiated })
 }
 
 /// A flat model to machine code.
 fn back_end(mut model: Model, settings: &BackEndSettings) -> Result<Parts, BackEndError> {
     let started = Instant::now();
-    let Planned { jobs, prepare_parameters, pattern, tables, time, differentiated } = planned(&mut model)?;
+    let Planned { jobs, prepare_parameters, pattern, tables, time, has_slopes, differentiated } = planned(&mut model)?;
     let layout = Layout::new(&model, 0);
     let hoisted = Instant::now();
 
@@ -179,7 +183,7 @@ fn back_end(mut model: Model, settings: &BackEndSettings) -> Result<Parts, BackE
     };
     let codes = generated.into_iter().map(|g| g.codes).collect();
     let (has_breaks, timed) = (time.next_break.is_some(), time.in_equations);
-    Ok(Parts { model, pattern, tables, codes, prepare_parameters, has_breaks, forcings, timed, statistics })
+    Ok(Parts { model, pattern, tables, codes, prepare_parameters, has_breaks, forcings, timed, has_slopes, statistics })
 }
 
 fn check_square(model: &Model) -> Result<usize, BackEndError> {

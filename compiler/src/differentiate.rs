@@ -9,7 +9,7 @@
 
 use thiserror::Error;
 
-use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, Flavour, MAX_DEPTH, ReduceFn, VarId};
+use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, MAX_DEPTH, ReduceFn, VarId};
 use terms::{Differentiator, Leaf, Term, Terms};
 
 mod normalise;
@@ -69,7 +69,7 @@ pub type ColumnOf<'a> = dyn Fn(VarId, Flavour) -> Option<Column> + 'a;
 /// The matrix of derivatives of normalised rows.
 pub fn entries(exprs: &mut Exprs, rows: &[Rows], column_of: &ColumnOf<'_>) -> Vec<Entry> {
     let uses = uses(exprs, rows);
-    let mut pass = Differentiator { exprs, column_of, known: FastMap::default(), uses, nothing: Terms::new([]) };
+    let mut pass = Differentiator { exprs, column_of, by_time: false, known: FastMap::default(), uses, nothing: Terms::new([]) };
     let mut entries = vec![];
     for row in rows {
         let terms = pass.terms(row.value);
@@ -81,6 +81,41 @@ pub fn entries(exprs: &mut Exprs, rows: &[Rows], column_of: &ColumnOf<'_>) -> Ve
         }
     }
     entries
+}
+
+/// The derivatives of normalised rows by time as it occurs in them, unknowns and their rates held; none where an extremum or a product over a loop moves
+/// with it.
+pub fn by_time(exprs: &mut Exprs, rows: &[Rows]) -> Option<Vec<Rows>> {
+    if reduces_time(exprs, rows) {
+        return None;
+    }
+    let uses = uses(exprs, rows);
+    let zero = exprs.constant(0.0);
+    let mut pass =
+        Differentiator { exprs, column_of: &|_, _| None, by_time: true, known: FastMap::default(), uses, nothing: Terms::new([]) };
+    let mut slope = |row: &Rows| {
+        let terms = pass.terms(row.value);
+        pass.used(row.value);
+        let value = pass.expanded(&terms).first().map_or(zero, |term| term.value);
+        Rows { value, ..row.clone() }
+    };
+    Some(rows.iter().map(&mut slope).collect())
+}
+
+/// Whether time occurs in a reduction that is no sum: its derivative needs counters that [`normalise`] keeps free for the columns of a matrix only.
+fn reduces_time(exprs: &Exprs, rows: &[Rows]) -> bool {
+    let (mut seen, mut stack) = (FastSet::default(), vec![]);
+    stack.extend(rows.iter().map(|row| (row.value, false)));
+    while let Some((expr, reduced)) = stack.pop() {
+        if reduced && exprs.node(expr) == Expr::Time {
+            return true;
+        }
+        if seen.insert((expr, reduced)) {
+            let reduced = reduced || matches!(exprs.node(expr), Expr::Reduce { op, .. } if op != ReduceFn::Sum);
+            stack.extend(exprs.operands(expr).map(|o| (o, reduced)));
+        }
+    }
+    false
 }
 
 /// How often each node is an operand below rows, or a row.
@@ -121,6 +156,10 @@ impl Differentiator<'_, '_> {
     fn derive(&mut self, expr: ExprId) -> Terms {
         match self.exprs.node(expr) {
             Expr::Load { var, flavour, at } => self.load(var, flavour, at),
+            Expr::Time if self.by_time => {
+                let leaf = Leaf { column: Affine::constant(0), bound: [0; MAX_DEPTH] };
+                Terms::new([Term { leaf, value: self.exprs.constant(1.0) }])
+            }
             Expr::Unary(f, a) => self.unary(expr, f, a),
             Expr::Binary(f, a, b) => self.binary(expr, f, a, b),
             Expr::PowInt(a, n) => {

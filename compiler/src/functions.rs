@@ -22,10 +22,11 @@ pub(crate) enum Function {
     Disturb,
     NextBreak,
     Forcings,
+    ByTime,
 }
 
 impl Function {
-    pub(crate) const ALL: [Function; 12] = [
+    pub(crate) const ALL: [Function; 13] = [
         Function::PrepareStep,
         Function::Residual,
         Function::Jacobian,
@@ -38,6 +39,7 @@ impl Function {
         Function::Disturb,
         Function::NextBreak,
         Function::Forcings,
+        Function::ByTime,
     ];
 
     pub(crate) fn name(self) -> &'static str {
@@ -54,6 +56,7 @@ impl Function {
             Function::Disturb => "disturb",
             Function::NextBreak => "next_break",
             Function::Forcings => "forcings",
+            Function::ByTime => "by_time",
         }
     }
 
@@ -61,7 +64,7 @@ impl Function {
     pub(crate) fn limit(self) -> Stage {
         match self {
             Function::Residual | Function::Jacobian | Function::Roots | Function::Quadratures => Stage::Step,
-            Function::NextBreak | Function::Forcings => Stage::Step,
+            Function::NextBreak | Function::Forcings | Function::ByTime => Stage::Step,
             _ => Stage::Parameter,
         }
     }
@@ -91,7 +94,7 @@ impl Function {
             Function::PrepareStep | Function::Disturb => (false, false, 0),
             Function::NextBreak => (false, false, 1),
             Function::Forcings => (true, true, forcings),
-            Function::Residual => (true, true, model.unknowns.iter().map(|v| model.vars[*v].len as usize).sum()),
+            Function::Residual | Function::ByTime => (true, true, model.unknowns.iter().map(|v| model.vars[*v].len as usize).sum()),
             Function::Jacobian => (true, true, nonzeros),
             Function::Roots => (true, true, model.roots.len()),
             Function::Quadratures => (true, true, model.quadratures.len()),
@@ -104,7 +107,7 @@ impl Function {
 }
 
 /// What the functions compute, but for the one that fills caches, in the order of [`Function::ALL`].
-pub(crate) fn jobs(model: &Model, rows: &[Rows], jacobian: Job, time: &ExplicitTime) -> Vec<(Function, Job)> {
+pub(crate) fn jobs(model: &Model, rows: &[Rows], (jacobian, by_time): (Job, Job), time: &ExplicitTime) -> Vec<(Function, Job)> {
     let programs = &model.programs;
     let program = |program: &Program| Job::of_program(program, &model.slots);
     vec![
@@ -119,6 +122,7 @@ pub(crate) fn jobs(model: &Model, rows: &[Rows], jacobian: Job, time: &ExplicitT
         (Function::Disturb, program(&programs.disturb)),
         (Function::NextBreak, time.next_break.map_or_else(Job::default, |value| Job::of_numbers([value]))),
         (Function::Forcings, Job::of_lists(time.forcings.iter().cloned())),
+        (Function::ByTime, by_time),
     ]
 }
 

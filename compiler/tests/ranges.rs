@@ -160,9 +160,11 @@ fn algebraic_variables_with_two_indices_are_substituted_by_parts() {
 #[test]
 fn equations_that_a_loop_cannot_say_are_written_out() {
     let n = 20;
-    let rows: String = (1..=n).map(|i| format!("{i}: {}\n", i * i)).collect();
-    let table = model(n, &format!("table k[s] = {{\n{rows}}}\neq d/dt x[i] = -k[i]*x[i] / 1 [s] for i in s"));
-    check(n, &table, |x, i| -((i + 1) as f64).powi(2) * x[i]);
+    // A zero is no term: neither work nor an entry of the Jacobian.
+    let rows: String = (1..=n).map(|i| format!("{i}: {}\n", i % 2)).collect();
+    let table = model(n, &format!("table k[s] = {{\n{rows}}}\neq d/dt x[i] = -k[i]*(x[i] + x[{n} + 1 - i]) / 1 [s] for i in s"));
+    check(n, &table, |x, i| if i % 2 == 0 { -(x[i] + x[n - 1 - i]) } else { 0.0 });
+    assert_eq!(Running::new(&table).model.pattern().nonzeros(), n + n / 2, "the diagonal, and one more for each odd number");
     let power = model(n, "eq d/dt x[i] = (-x[i])^i / 1 [s] for i in s");
     check(n, &power, |x, i| (-x[i]).powi(i as i32 + 1));
     let product = model(n, "eq d/dt x[i] = product(x[j] for j in s) / 1 [s] for i in s");
@@ -307,6 +309,36 @@ fn a_long_table_over_time_takes_no_code_of_its_length() {
     };
     let (small, large) = (model(100), model(5000));
     assert!(large.model.code_len() < small.model.code_len() + 64, "{} and {} bytes", small.model.code_len(), large.model.code_len());
+}
+
+/// A table over `s`, another over pairs, and a model of both; read at the index, beside it, from the end and in sums.
+fn tables(n: usize) -> String {
+    let rows = |entry: &dyn Fn(usize) -> String| (1..=n).map(|i| format!("{i}: {}\n", entry(i))).collect::<String>();
+    let pairs: String = (1..=n).map(|i| format!("{i}: a = {}, b = {}\n", 1 + i % 5, 2 + i % 3)).collect();
+    let tables = format!(
+        "set parts = {{ a, b }}\ntable k[s] = {{\n{}}}\ntable w[s, parts] {{\n{pairs}}}\n",
+        rows(&|i| format!("{}", 1 + i * i % 7))
+    );
+    let equations = format!(
+        "eq d/dt x[i] = (sum(w[i, p] for p in parts)*x[i] - k[{n} + 1 - i] + sum(k[j]*x[j] for j in s)/k[i+1]) / 1 [s] for i in 1..{n}-1\n\
+         eq d/dt x[{n}] = (-k[{n}]*x[{n}]) / 1 [s]"
+    );
+    model(n, &(tables + &equations))
+}
+
+#[test]
+fn entries_of_tables_are_looked_up_where_a_loop_counts() {
+    let k = |i: usize| (1 + i * i % 7) as f64;
+    for n in LENGTHS {
+        check(n, &tables(n), |x, at| {
+            let (i, sum) = (at + 1, x.iter().enumerate().map(|(j, x)| k(j + 1) * x).sum::<f64>());
+            let w = (1 + i % 5 + 2 + i % 3) as f64;
+            if i == n { -k(n) * x[at] } else { w * x[at] - k(n + 1 - i) + sum / k(i + 1) }
+        });
+    }
+    let (small, large) = (Running::new(&tables(20)), Running::new(&tables(200)));
+    // The lengths of its loops decide how a sum is compiled; written out, each number would take some dozens of bytes.
+    assert!(large.model.code_len() < small.model.code_len() + 256, "{} and {} bytes", small.model.code_len(), large.model.code_len());
 }
 
 #[test]

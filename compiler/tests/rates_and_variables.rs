@@ -285,3 +285,37 @@ fn what_the_trajectory_shows_counts_as_a_declared_algebraic_variable() {
     // Declared, solved, substituted.
     assert_eq!(interface.quantities.algebraic_counts, AlgebraicCounts { declared: 3, solved: 1, substituted: 2 });
 }
+
+/// A model over `1..20` whose rates read time, and what `by_time` gives at t = 0.7 s; `None` where it is not known.
+fn by_time(rate: &str) -> Option<Vec<f64>> {
+    let mut r = Running::new(&format!(
+        "time t : s
+         set s = 1..20
+         table feed : 1 over time : s linear {{ 0: 1, 0.5: 2, 1: 5 }}
+         state x[i in s] = 0.1*i
+         eq d/dt x[i] = ({rate}) / 1 [s] for i in s"
+    ));
+    let mut out = vec![f64::NAN; 20];
+    r.model.by_time(&mut r.memory, 0.7, &r.y, &r.yp, &mut out).then_some(out)
+}
+
+#[test]
+fn derivatives_by_time_are_those_of_what_time_moves() {
+    let numbered = |slope: &dyn Fn(f64) -> f64| (1..=20).map(|i| slope(f64::from(i))).collect::<Vec<_>>();
+    let angle = "2*t/1 [s]";
+    for (rate, slope) in [
+        (format!("i*sin({angle})*x[i]"), numbered(&|i| i * 2.0 * 1.4_f64.cos() * 0.1 * i)),
+        (
+            "sum(cos(j*t/1 [s])*x[j] for j in s)".to_owned(),
+            numbered(&|_| (1..=20).map(|j| -0.1 * f64::from(j * j) * (0.7 * f64::from(j)).sin()).sum()),
+        ),
+        ("feed(t) + x[i]".to_owned(), numbered(&|_| 6.0)),
+        (format!("if t < 0.5 [s] then 0 else exp(-{angle})"), numbered(&|_| -2.0 * (-1.4_f64).exp())),
+        ("min(j*t/1 [s] for j in s) - x[i]".to_owned(), numbered(&|_| 1.0)),
+        (format!("x[i]^2/({angle})"), numbered(&|i| -2.0 * (0.1 * i).powi(2) / 1.4_f64.powi(2))),
+    ] {
+        let found = by_time(&rate).unwrap_or_else(|| panic!("{rate}"));
+        found.iter().zip(&slope).for_each(|(found, slope)| assert_close(*found, *slope));
+    }
+    assert_eq!(by_time("-x[i]"), None, "time does not occur");
+}

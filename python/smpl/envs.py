@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from smpl.rollout import Rollout
 
 Observation = npt.NDArray[np.float32]
-DOUBLE = np.dtype(np.float64)
 SEEDS = 2**64
 METHODS = ("ida", "rosenbrock", "explicit", "auto")
 
@@ -123,7 +122,6 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         flags = as_flag("dense_reward", dense_reward), as_flag("info_state", info_state)
         self._options = (self.normalize, *flags, check_limit(max_steps), check_method(method))
         self._native = _native.Env(compiled.native, *self._options)
-        self._action_shape = (len(self.action_low),)
         self.constraint_names = tuple(self._native.constraint_names)
         self.max_steps = self._native.max_steps
         self._seeded = False
@@ -169,11 +167,10 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         Raises:
             ValueError: the action has a wrong shape or is NaN; nothing is stepped then.
         """
-        if type(action) is np.ndarray and action.dtype is DOUBLE and action.shape == self._action_shape:
-            values = action
-        else:
-            values = as_vector("action", action, len(self.action_low))
-        result = self._native.step(values)
+        try:
+            result = self._native.step(action)
+        except TypeError:  # no plain vector of doubles: nothing was stepped
+            result = self._native.step(as_vector("action", action, len(self.action_low)))
         self._returned = result[0]
         if self._history is not None:
             self._history.add(result)

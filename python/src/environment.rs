@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use numpy::{PyArray1, PyReadonlyArray1};
+use numpy::{PyArray1, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -68,17 +68,17 @@ impl Env {
         Ok((observation(py, environment, self.normalise), self.keys.info(py, environment)?))
     }
 
-    /// Takes a step.
-    fn step<'py>(&mut self, py: Python<'py>, action: PyReadonlyArray1<'py, f64>) -> PyResult<Step<'py>> {
+    /// Takes a step; a `TypeError`, and nothing is stepped, if the action is no plain vector of doubles.
+    fn step<'py>(&mut self, py: Python<'py>, action: &Bound<'py, PyAny>) -> PyResult<Step<'py>> {
+        let action = action.cast_exact::<PyArray1<f64>>()?;
         let environment = self.environment.get_mut().unwrap_or_else(PoisonError::into_inner);
-        let given = action.as_array();
-        if given.len() != self.action.len() {
-            let message = format!("action has shape ({},), expected ({},)", given.len(), self.action.len());
+        if action.len() != self.action.len() {
+            let message = format!("action has shape ({},), expected ({},)", action.len(), self.action.len());
             return Err(PyValueError::new_err(message));
         }
         let actions = environment.catalogue().actions.elements();
-        for ((out, &value), element) in self.action.iter_mut().zip(given).zip(actions) {
-            *out = physical(value, element, self.normalise);
+        for (i, (out, element)) in self.action.iter_mut().zip(actions).enumerate() {
+            *out = physical(action.get_owned(i).unwrap_or(f64::NAN), element, self.normalise);
         }
         let action = &self.action;
         let result = released(py, || environment.step(action))?.map_err(|e| step_error(&e))?;

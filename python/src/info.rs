@@ -13,7 +13,7 @@ pub struct Keys {
     rewards: Vec<Py<PyString>>,
     phases: Vec<Py<PyString>>,
     with_state: bool,
-    /// Dictionaries of all keys: a copy of one has its places already.
+    /// Dictionaries of all keys with what most steps say, nothing failed, no limit was violated: a copy of one has its places already.
     blank: [Py<PyDict>; 3],
 }
 
@@ -24,8 +24,7 @@ impl Keys {
         let interface = env.setup().model().interface();
         let constraints: Vec<Py<PyString>> = env.constraint_names().map(text).collect();
         let rewards: Vec<Py<PyString>> = interface.finish.rewards.iter().map(|r| text(&r.name)).collect();
-        let first = ["time", "failure", "success", "success_name", "constraints", "cost", "rewards"].map(text);
-        let blank = [blank(py, &first)?, blank(py, &constraints)?, blank(py, &rewards)?];
+        let blank = [usual(py)?, zeros(py, &constraints)?, zeros(py, &rewards)?];
         Ok(Self { constraints, rewards, phases: interface.phases.iter().map(|name| text(name)).collect(), with_state, blank })
     }
 
@@ -34,13 +33,18 @@ impl Keys {
         let [info, constraints, rewards] = &self.blank;
         let info = info.bind(py).copy()?;
         let failed = env.last().is_some_and(|last| last.failure.is_some());
-        let failure = if failed { env.failure_message() } else { String::new() };
         info.set_item(intern!(py, "time"), env.time())?;
-        info.set_item(intern!(py, "failure"), failure)?;
-        info.set_item(intern!(py, "success"), env.last().is_some_and(|last| last.success))?;
-        info.set_item(intern!(py, "success_name"), env.success_name())?;
+        if failed {
+            info.set_item(intern!(py, "failure"), env.failure_message())?;
+        }
+        if env.last().is_some_and(|last| last.success) {
+            info.set_item(intern!(py, "success"), true)?;
+            info.set_item(intern!(py, "success_name"), env.success_name())?;
+        }
         info.set_item(intern!(py, "constraints"), filled(constraints.bind(py), &self.constraints, env.violations())?)?;
-        info.set_item(intern!(py, "cost"), env.last().map_or(0.0, |last| last.cost))?;
+        if let Some(last) = env.last().filter(|last| last.cost != 0.0) {
+            info.set_item(intern!(py, "cost"), last.cost)?;
+        }
         info.set_item(intern!(py, "rewards"), filled(rewards.bind(py), &self.rewards, env.rewards())?)?;
         if let Some(phase) = env.phase().and_then(|phase| self.phases.get(phase)) {
             info.set_item(intern!(py, "phase"), phase)?;
@@ -53,19 +57,32 @@ impl Keys {
     }
 }
 
-/// A dictionary of these keys.
-fn blank(py: Python<'_>, keys: &[Py<PyString>]) -> PyResult<Py<PyDict>> {
+/// The `info` of a step in which nothing happened; `time` and the mappings are still to be set.
+fn usual(py: Python<'_>) -> PyResult<Py<PyDict>> {
+    let mapping = PyDict::new(py);
+    mapping.set_item(intern!(py, "time"), py.None())?;
+    mapping.set_item(intern!(py, "failure"), "")?;
+    mapping.set_item(intern!(py, "success"), false)?;
+    mapping.set_item(intern!(py, "success_name"), "")?;
+    mapping.set_item(intern!(py, "constraints"), py.None())?;
+    mapping.set_item(intern!(py, "cost"), 0.0)?;
+    mapping.set_item(intern!(py, "rewards"), py.None())?;
+    Ok(mapping.unbind())
+}
+
+/// A dictionary of these keys with zeros.
+fn zeros(py: Python<'_>, keys: &[Py<PyString>]) -> PyResult<Py<PyDict>> {
     let mapping = PyDict::new(py);
     for key in keys {
-        mapping.set_item(key, py.None())?;
+        mapping.set_item(key, 0.0)?;
     }
     Ok(mapping.unbind())
 }
 
-/// A copy with values.
+/// A copy of zeros with values.
 fn filled<'py>(blank: &Bound<'py, PyDict>, keys: &[Py<PyString>], values: &[f64]) -> PyResult<Bound<'py, PyDict>> {
     let mapping = blank.copy()?;
-    for (key, value) in keys.iter().zip(values) {
+    for (key, value) in keys.iter().zip(values).filter(|(_, value)| value.to_bits() != 0) {
         mapping.set_item(key, value)?;
     }
     Ok(mapping)

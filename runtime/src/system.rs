@@ -151,6 +151,10 @@ impl System for CompiledSystem {
         self.model.depends_on_time()
     }
 
+    fn by_time(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) -> bool {
+        self.model.by_time(&mut self.memory, t, y, yp, out)
+    }
+
     fn forcing_count(&self) -> usize {
         self.model.forcings_len()
     }

@@ -131,6 +131,16 @@ impl CompiledModel {
         self.evaluate(Function::Forcings, m, (t, 0.0), (y, yp), out);
     }
 
+    /// `out = ∂F/∂t`, unknowns and their rates held; whether it is known, which it is wherever time occurs in the equations but for extrema and products over
+    /// loops that move with it.
+    pub fn by_time(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) -> bool {
+        assert_eq!(out.len(), self.unknowns(), "length of the derivative by time");
+        if self.parts.has_slopes {
+            self.evaluate(Function::ByTime, m, (t, 0.0), (y, yp), out);
+        }
+        self.parts.has_slopes
+    }
+
     /// Failures, successes, constraints, rewards, observations, as [`crate::model::Finish`] lays them out.
     pub fn finish(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
         assert_eq!(out.len(), self.finish_len(), "length of the finishing values");

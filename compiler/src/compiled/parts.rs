@@ -84,5 +84,7 @@ pub(crate) struct Parts {
     pub(crate) forcings: u32,
     /// Time occurs in the equations.
     pub(crate) timed: bool,
+    /// There are derivatives of the equations by time.
+    pub(crate) has_slopes: bool,
     pub(crate) statistics: CompileStatistics,
 }

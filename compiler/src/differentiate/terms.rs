@@ -44,6 +44,8 @@ impl Terms {
 pub(super) struct Differentiator<'a, 'c> {
     pub(super) exprs: &'a mut Exprs,
     pub(super) column_of: &'a ColumnOf<'c>,
+    /// For time itself too, in column 0.
+    pub(super) by_time: bool,
     /// Derivatives that are still needed.
     pub(super) known: FastMap<ExprId, Terms>,
     /// By how many nodes and rows those of each node are still needed.

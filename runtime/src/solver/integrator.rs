@@ -39,10 +39,12 @@ pub struct Statistics {
 /// What an integrator takes along from one control step to the next, beside the state; nothing by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Carried {
-    /// The step that fits; zero where none is known.
+    /// The step that fitted at its beginning; zero where none is known.
     pub step: f64,
     /// The explicit one of two methods takes it.
     pub explicit: bool,
+    /// The longest step known to suit the explicit pair of lower order; zero where none is, negative where a longer one did not.
+    pub reach: f64,
 }
 
 /// A method that steps a [`System`] through time.

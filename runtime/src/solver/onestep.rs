@@ -1,9 +1,9 @@
-//! One-step methods behind the [`Integrator`] trait: Rodas5P for what is stiff, DOP853 for what is not, or whichever serves.
+//! One-step methods behind the [`Integrator`] trait: Rodas5P for what is stiff, DOP853 for what is not (Tsit5 where one step of it will do), or whichever serves.
 //!
 //! A multistep code begins every control step at order one and works its way up; a one-step method has its order at once. What surrounds the
 //! steps is that of IDA: tolerances, breaks, the look at what time moves ([`forcing`](super::forcing)), events, integrals, failures.
 //!
-//! * `frame`: what a step begins and ends with; `rosenbrock`, `explicit`: the two methods with their polynomials; `methods`: which of them
+//! * `frame`: what a step begins and ends with; `rosenbrock`, `explicit`, `short`: the methods with their polynomials; `methods`: which of them
 //!   takes the steps; `control`: step lengths;
 //! * `advance`: from step to step; `algebra`: algebraic unknowns at both ends of an advance.
 
@@ -18,6 +18,8 @@ mod methods;
 mod numbers;
 mod rodas5p;
 mod rosenbrock;
+mod short;
+mod tsit5;
 
 #[cfg(test)]
 mod tests;
@@ -66,6 +68,9 @@ pub struct OneStep {
     /// A state within a step or a little later, and its derivatives.
     inside: [Quads; 2],
     pace: Pace,
+    /// The step that fitted where the control step began, infinite if any would have; zero before it. What an action moves dies away: the last step is too
+    /// long for the next beginning.
+    first: f64,
     /// Steps since something went wrong.
     since_trouble: u32,
     time: f64,
@@ -104,6 +109,7 @@ impl OneStep {
         };
         Ok(Self {
             methods: Methods::new(system, &settings, algebraic.is_some())?,
+            first: 0.0,
             since_trouble: 0,
             control: Control::default(),
             algebra: if algebraic.is_some() { Some(Algebra::new(system, &settings)?) } else { None },
@@ -169,6 +175,10 @@ impl Integrator for OneStep {
         if !t0.is_finite() {
             return Err(SolveError::Interval { from: t0, to: t0 });
         }
+        if self.first > 0.0 {
+            // An event: how the control step began says little of what comes.
+            self.first = f64::INFINITY;
+        }
         self.time = t0;
         self.frame.y_mut().copy_from_slice(y);
         if let Some(Integrals { rule, values }) = &mut self.integrals {
@@ -197,6 +207,7 @@ impl Integrator for OneStep {
     fn forget(&mut self) {
         self.phase = Phase::Idle;
         self.control = Control::default();
+        self.first = 0.0;
         self.methods.forget();
         self.longest_interval = 0.0;
         self.algebra.iter_mut().for_each(Algebra::forget);
@@ -206,13 +217,14 @@ impl Integrator for OneStep {
     }
 
     fn carried(&self) -> Carried {
-        Carried { step: self.control.proposed, explicit: !self.methods.is_stiff() }
+        let step = if self.first > 0.0 { self.first.min(self.control.proposed) } else { self.control.proposed };
+        Carried { step, explicit: !self.methods.is_stiff(), reach: self.methods.reach() }
     }
 
     fn carry(&mut self, carried: Carried) {
         self.control = Control::begin(carried.step);
         if carried.step > 0.0 {
-            self.methods.take_up(carried.explicit);
+            self.methods.take_up(carried.explicit, carried.reach);
         }
     }
 

@@ -78,6 +78,12 @@ pub trait System {
         true
     }
 
+    /// Writes ∂F/∂t at given unknowns and rates to `out` (length n), as it is from `t` on; whether it is known. If not, it is taken by differences.
+    fn by_time(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) -> bool {
+        let _ = (t, y, yp, out);
+        false
+    }
+
     /// Number of [`forcings`](Self::forcings): 0 for a system in which time does not occur.
     fn forcing_count(&self) -> usize {
         self.dimension()

@@ -173,10 +173,13 @@ impl<'a> Lowering<'_, 'a> {
                     let expr = self.exprs.constant(values.get(at.offset as usize).copied().unwrap_or(f64::NAN));
                     Value::of(expr, unit)
                 }
-                _ => {
-                    self.ledger.speculation.refuse();
-                    self.poison()
-                }
+                address => match address.and_then(|(at, _)| self.table_entry(at, &values)) {
+                    Some(expr) => Value::of(expr, unit),
+                    None => {
+                        self.ledger.speculation.refuse();
+                        self.poison()
+                    }
+                },
             },
             SymbolKind::Integer(n) => {
                 let expr = self.exprs.constant(n as f64);

@@ -14,6 +14,7 @@ use crate::elaborate::lower::values::Values;
 use crate::elaborate::lower::{Lowering, defaults, indices};
 use crate::elaborate::naming::Naming;
 use crate::elaborate::symbols::{Axis, SetId, SymbolKind, Symbols};
+use crate::ir::{Affine, ExprId, LoopVar};
 
 /// Shorter ranges are written out: their numbers become constants.
 pub(in crate::elaborate) const SHORTEST: i64 = 16;
@@ -84,6 +85,26 @@ impl Lowering<'_, '_> {
             }
             _ => None,
         }
+    }
+
+    /// The entry of a table at an index that counts; none where one of those that it goes over is zero, since terms with it are none at all, or missing.
+    pub(in crate::elaborate) fn table_entry(&mut self, at: Affine, values: &[f64]) -> Option<ExprId> {
+        let passes = std::array::from_fn(|d| self.loops.frames.get(d).map(|frame| frame.passes as u32));
+        let (low, high) = at.reach(&passes);
+        let mut strides = at.strides.into_iter().filter(|&stride| stride != 0);
+        let step = strides.next().filter(|_| strides.next().is_none()).map_or(1, i64::unsigned_abs) as usize;
+        let entries = values.get(usize::try_from(low).ok()?..=usize::try_from(high).ok()?)?;
+        if entries.iter().step_by(step).any(|x| *x == 0.0 || x.is_nan()) {
+            return None;
+        }
+        let mut index = self.exprs.constant(at.offset as f64);
+        for (d, &stride) in at.strides.iter().enumerate().filter(|(_, stride)| **stride != 0) {
+            let (counter, stride) = (self.exprs.counter(LoopVar(d as u8)), self.exprs.constant(stride as f64));
+            let along = self.exprs.mul(stride, counter);
+            index = self.exprs.add(index, along);
+        }
+        let list = self.exprs.lists_mut().add(values);
+        Some(self.exprs.entry(list, index))
     }
 
     /// A whole number that cannot change: of numbers, and of parameters that give sizes and indices.

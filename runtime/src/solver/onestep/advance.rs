@@ -129,6 +129,9 @@ impl Run<'_> {
                 return Err(self.failure(0.0));
             }
             let (t, left) = (self.one.frame.t, t_end - self.one.frame.t);
+            if rejections == 0 && left <= longest && self.leap(left) {
+                break (left, true);
+            }
             let step = self.one.control.fit(left, longest);
             let least = self.one.settings.min_step.max(4.0 * f64::EPSILON * t.abs());
             let fits = step > least || (step >= left && rejections == 0);
@@ -140,8 +143,24 @@ impl Run<'_> {
             }
             rejections += 1;
         };
+        if self.one.first == 0.0 {
+            self.one.first = if rejections > 0 { self.one.control.proposed } else { self.one.control.limit(step) };
+        }
         let to = if last { t_end } else { self.one.frame.t + step };
         self.arrive(to, last)
+    }
+
+    /// Tries to come to the end by one step of the short pair, if that suits it; whether its error is within the tolerance.
+    fn leap(&mut self, left: f64) -> bool {
+        let frame = &mut self.one.frame;
+        if !self.one.methods.leaps(left, frame) {
+            return false;
+        }
+        frame.h = left;
+        let error = self.one.methods.leap(frame, self.system);
+        let fits = error <= 1.0 && is_finite(&frame.end_rates);
+        frame.functions.counts.error_test_failures += u64::from(!fits);
+        fits
     }
 
     /// Tries a step; whether its error is within the tolerance.
@@ -199,7 +218,7 @@ impl Run<'_> {
         if one.settings.method == Method::Auto {
             one.choose();
         }
-        one.methods.renew();
+        one.methods.renew(&one.frame);
         let polishes = one.algebra.is_some() && (last || self.system.roots_use_derivatives());
         if one.integrals.is_some() || polishes {
             self.prepare();

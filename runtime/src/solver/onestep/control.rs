@@ -100,6 +100,11 @@ impl Control {
         self.rejected = false;
     }
 
+    /// The step that the error of the one just accepted asks for; infinite where it was so small that growth alone is bounded.
+    pub(crate) fn limit(&self, step: f64) -> f64 {
+        if self.proposed < MOST * step { self.proposed } else { f64::INFINITY }
+    }
+
     /// Notes the error of a step that was rejected; infinite where there is none.
     pub(crate) fn reject(&mut self, step: f64, error: f64, growth: Growth) {
         let root = root32(error);

@@ -12,6 +12,9 @@ const DOUBT: f64 = 10.0;
 /// Factor of the error of order 3 where a kink may be in any step: as large as that of order 5 there, and seldom small with it.
 const CHANCE: f64 = 0.03;
 
+/// Mean of the errors of orders 5 and 3, in tolerances, below which that of order 4 is within them.
+const SMALL: f64 = 0.5;
+
 /// Unknowns from which on wider instructions gain more than it costs to ask for them. Products are rounded before they are summed: same results.
 const LONG: usize = 8;
 
@@ -22,8 +25,10 @@ pub struct Explicit {
     extra: [Quads; 3],
     /// Unknowns at a stage: at the end, those of stage 12.
     place: Quads,
-    /// The estimates of the error, of orders 5 and 3.
-    errors: [Quads; 2],
+    /// The estimate of the error of order 5, unknown by unknown.
+    error: Quads,
+    /// Sums of squares of the estimates of orders 5 and 3, in tolerances a unit of time.
+    squares: [f64; 2],
     /// The polynomial: the value at the beginning and seven more terms.
     first: Quads,
     terms: [Quads; 7],
@@ -39,7 +44,8 @@ impl Explicit {
             k: std::array::from_fn(|_| space()),
             extra: std::array::from_fn(|_| space()),
             place: space(),
-            errors: [space(), space()],
+            error: space(),
+            squares: [0.0; 2],
             first: space(),
             terms: std::array::from_fn(|_| space()),
             begin: 0.0,
@@ -98,6 +104,7 @@ impl Explicit {
         let [_, _, _, _, k6, k7, k8, k9, k10, k11, k12] = &self.k;
         let terms = [&frame.begin_rates[..], k6, k7, k8, k9, k10, k11, k12];
         let [fifth, third] = frame.squares(|i| weighted(i, &E5, &terms), |i| weighted(i, &E3, &terms));
+        self.squares = [fifth, third];
         if fifth == 0.0 {
             return 0.0;
         }
@@ -114,11 +121,16 @@ impl Explicit {
     pub fn error(&mut self, frame: &Frame) -> &[Quad] {
         let [_, _, _, _, k6, k7, k8, k9, k10, k11, k12] = &self.k;
         let terms = [&frame.begin_rates[..], k6, k7, k8, k9, k10, k11, k12];
-        let [out, _] = &mut self.errors;
-        for (i, out) in out.iter_mut().enumerate() {
+        for (i, out) in self.error.iter_mut().enumerate() {
             *out = weighted(i, &E5, &terms);
         }
-        out
+        &self.error
+    }
+
+    /// Whether the error of a method of order 4 would have been small in the last step: that between its estimates of orders 5 and 3.
+    pub(crate) fn suits_less(&self, frame: &Frame) -> bool {
+        let [fifth, third] = self.squares.map(|square| frame.h * frame.h * square / frame.n as f64);
+        fifth * third < SMALL * SMALL * SMALL * SMALL
     }
 
     /// The largest eigenvalue that the last step met times its length, about: rates and states of the last two stages (Hairer and Wanner,

@@ -2,7 +2,7 @@
 
 use super::super::callbacks::Trouble;
 use super::super::{Settings, Statistics, System};
-use super::numbers::{Quad, Quads, entries, entries_mut, filled, from, sum, zeros};
+use super::numbers::{Quad, Quads, entries, entries_mut, filled, from, zeros};
 
 /// What a step begins and ends with.
 pub struct Frame {
@@ -103,11 +103,19 @@ impl Frame {
     /// Root mean square over all unknowns of what is tested, in tolerances.
     #[inline(always)]
     pub(crate) fn norm(&self, x: &[Quad]) -> f64 {
-        let squares = sum(self.begin.len(), |i, lane| {
-            let x = x[i][lane] * self.weight(i, lane);
-            x * x
-        });
-        (squares / self.n as f64).sqrt()
+        self.norm_of(|i| x[i])
+    }
+
+    /// The same of a vector that is made on the way.
+    #[inline(always)]
+    pub(crate) fn norm_of(&self, mut x: impl FnMut(usize) -> Quad) -> f64 {
+        let mut squares = [0.0; 4];
+        for i in 0..self.begin.len() {
+            let x = x(i);
+            let scaled: Quad = std::array::from_fn(|lane| x[lane] * self.weight(i, lane));
+            squares = std::array::from_fn(|lane| squares[lane] + scaled[lane] * scaled[lane]);
+        }
+        (((squares[0] + squares[2]) + (squares[1] + squares[3])) / self.n as f64).sqrt()
     }
 
     /// The unknown that is largest, in tolerances; one that is no number is larger than all.
@@ -149,6 +157,12 @@ impl Functions {
         if self.checks {
             self.check(t, out);
         }
+    }
+
+    /// ∂F/∂t with y' = 0; whether the system gives it.
+    pub(crate) fn by_time(&self, system: &mut dyn System, t: f64, y: &[Quad], out: &mut [Quad]) -> bool {
+        let out = entries_mut(out, self.n);
+        system.by_time(t, entries(y, self.n), entries(&self.zeros, self.n), out) && out.iter().all(|x| x.is_finite())
     }
 
     /// Notes what is not finite, the first time.

@@ -1,4 +1,4 @@
-//! The two methods, and which of them takes the steps.
+//! The methods, and which of them takes the steps.
 
 use super::super::{Method, Settings, SolveError, System};
 use super::control::Growth;
@@ -6,6 +6,7 @@ use super::explicit::Explicit;
 use super::frame::Frame;
 use super::numbers::Quad;
 use super::rosenbrock::Rosenbrock;
+use super::short::Short;
 
 /// A step of the explicit method times the largest eigenvalue from which on stability bounds it (6.1 on the negative axis, where an estimate below is as
 /// frequent as one above), how many of them tell, and how many others in a row say the contrary.
@@ -16,14 +17,33 @@ const CALM: u32 = 6;
 /// A step of the Rosenbrock method times a bound of the eigenvalues below which the explicit one takes longer ones.
 const LOOSE: f64 = 1.0;
 
+/// What the reach of the short pair falls by where its error was too large, and grows by with each step that would have suited it.
+const WITHDRAWAL: f64 = 0.5;
+const ADVANCE: f64 = 1.1;
+
+/// Lengths that differ by rounding of time are equal.
+const ROUNDED: f64 = 1.0 + 1e-6;
+
+/// What takes a step.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum By {
+    Rosenbrock,
+    Explicit,
+    Short,
+}
+
 /// The methods that the settings allow.
 pub struct Methods {
     rosenbrock: Option<Rosenbrock>,
     explicit: Option<Explicit>,
+    /// The explicit pair of lower order, which takes a step where it covers all that is left.
+    short: Option<Short>,
+    /// The longest step known to suit it; zero where none is, negative where a longer one did not.
+    reach: f64,
     /// The Rosenbrock method takes the steps.
     stiff: bool,
-    /// It took the last one.
-    by_rosenbrock: bool,
+    /// What took the last one.
+    by: By,
     /// Steps that would have been the other method's.
     misfits: u32,
     /// Steps in a row that are its own.
@@ -43,18 +63,27 @@ impl Methods {
         Ok(Self {
             rosenbrock: if stiff { Some(Rosenbrock::new(system, settings.linear_solver)?) } else { None },
             explicit: explicit.then(|| Explicit::new(system.dimension())),
+            // Derivatives grow where states do, whatever absolute tolerances say: what DOP853 has beyond the tolerance is kept for them.
+            short: (explicit && system.directions() == 0).then(|| Short::new(system.dimension())),
+            reach: 0.0,
             stiff,
-            by_rosenbrock: stiff,
+            by: if stiff { By::Rosenbrock } else { By::Explicit },
             misfits: 0,
             calm: 0,
             prepared: false,
         })
     }
 
+    /// Leaves all explicit steps to the method of order eight.
+    #[cfg(test)]
+    pub(crate) fn forgo_short(&mut self) {
+        self.short = None;
+    }
+
     /// As before the first step.
     pub(crate) fn forget(&mut self) {
         self.stiff = self.rosenbrock.is_some();
-        (self.misfits, self.calm) = (0, 0);
+        (self.misfits, self.calm, self.reach) = (0, 0, 0.0);
         self.rosenbrock.iter_mut().for_each(Rosenbrock::forget);
     }
 
@@ -63,8 +92,14 @@ impl Methods {
         self.stiff
     }
 
-    /// Goes on with the explicit method, or with the other, where it is there.
-    pub(crate) fn take_up(&mut self, explicit: bool) {
+    /// The longest step known to suit the short pair, as in [`Carried`](super::super::Carried).
+    pub(crate) fn reach(&self) -> f64 {
+        self.reach
+    }
+
+    /// Goes on with the explicit method, or with the other, where it is there, and with what is known of the short pair.
+    pub(crate) fn take_up(&mut self, explicit: bool, reach: f64) {
+        self.reach = reach;
         self.stiff = if explicit { self.explicit.is_none() } else { self.rosenbrock.is_some() };
     }
 
@@ -78,9 +113,24 @@ impl Methods {
         self.rosenbrock.as_ref().map_or((0, 0), |r| r.place_of(entry))
     }
 
+    /// Whether a step of this length, all that is left, suits the short pair. Where forcings turn often, its estimate alone is too little to go by.
+    #[inline]
+    pub(crate) fn leaps(&self, left: f64, frame: &Frame) -> bool {
+        left <= ROUNDED * self.reach.abs() && !self.stiff && !frame.careful && self.short.is_some()
+    }
+
+    /// Computes a step by the short pair; its error in tolerances.
+    pub(crate) fn leap(&mut self, frame: &mut Frame, system: &mut dyn System) -> f64 {
+        let error = self.short.as_mut().map_or(f64::NAN, |short| short.attempt(frame, system));
+        self.by = By::Short;
+        self.reach = if error <= 1.0 { self.reach.abs().max(frame.h) } else { -WITHDRAWAL * frame.h };
+        error
+    }
+
     /// Computes a step; its error in tolerances.
     #[inline]
     pub(crate) fn attempt(&mut self, frame: &mut Frame, system: &mut dyn System) -> f64 {
+        self.by = if self.stiff { By::Rosenbrock } else { By::Explicit };
         match (&mut self.rosenbrock, &mut self.explicit) {
             (Some(rosenbrock), _) if self.stiff => rosenbrock.attempt(frame, system),
             (_, Some(explicit)) => explicit.attempt(frame, system),
@@ -99,10 +149,9 @@ impl Methods {
 
     /// Whether from the step that was accepted on the other method takes the steps, because it would have served better.
     pub(crate) fn choose(&mut self, frame: &Frame) -> bool {
-        self.by_rosenbrock = self.stiff;
         let misfit = match (&mut self.rosenbrock, &self.explicit) {
-            (Some(rosenbrock), Some(_)) if self.stiff => frame.h * rosenbrock.spectral_bound(frame) < LOOSE,
-            (Some(_), Some(explicit)) => explicit.stiffness(frame) > STABLE,
+            (Some(rosenbrock), Some(_)) if self.by == By::Rosenbrock => frame.h * rosenbrock.spectral_bound(frame) < LOOSE,
+            (Some(_), Some(explicit)) if self.by == By::Explicit => explicit.stiffness(frame) > STABLE,
             _ => false,
         };
         self.calm = if misfit { 0 } else { self.calm + 1 };
@@ -115,9 +164,13 @@ impl Methods {
         changes
     }
 
-    /// Another step was accepted, whose polynomial is not made yet.
-    pub(crate) fn renew(&mut self) {
+    /// Another step was accepted, whose polynomial is not made yet; it says how far the short pair would have come.
+    pub(crate) fn renew(&mut self, frame: &Frame) {
         self.prepared = false;
+        if self.by == By::Explicit && self.explicit.as_ref().is_some_and(|explicit| explicit.suits_less(frame)) {
+            let withdrawn = self.reach < 0.0;
+            self.reach = if withdrawn { self.reach.min(-frame.h.min(-ADVANCE * self.reach)) } else { self.reach.max(frame.h) };
+        }
     }
 
     /// Makes the polynomial of the step, once.
@@ -125,19 +178,19 @@ impl Methods {
         if std::mem::replace(&mut self.prepared, true) {
             return;
         }
-        match (&mut self.rosenbrock, &mut self.explicit) {
-            (Some(rosenbrock), _) if self.by_rosenbrock => rosenbrock.prepare(frame),
-            (_, Some(explicit)) => explicit.prepare(frame, system),
-            _ => {}
+        match self.by {
+            By::Rosenbrock => self.rosenbrock.iter_mut().for_each(|r| r.prepare(frame)),
+            By::Explicit => self.explicit.iter_mut().for_each(|e| e.prepare(frame, system)),
+            By::Short => self.short.iter_mut().for_each(|s| s.prepare(frame)),
         }
     }
 
     /// Unknowns and derivatives on the polynomial.
     pub(crate) fn interpolate(&self, t: f64, y: &mut [Quad], yp: &mut [Quad]) {
-        match (&self.rosenbrock, &self.explicit) {
-            (Some(rosenbrock), _) if self.by_rosenbrock => rosenbrock.interpolate(t, y, yp),
-            (_, Some(explicit)) => explicit.interpolate(t, y, yp),
-            _ => {}
+        match self.by {
+            By::Rosenbrock => self.rosenbrock.iter().for_each(|r| r.interpolate(t, y, yp)),
+            By::Explicit => self.explicit.iter().for_each(|e| e.interpolate(t, y, yp)),
+            By::Short => self.short.iter().for_each(|s| s.interpolate(t, y, yp)),
         }
     }
 

@@ -1,8 +1,8 @@
 //! The coefficients against the order conditions of their methods, tree by tree, and the methods on small problems with closed solutions.
 
 use super::super::problems::Problem;
-use super::super::{Advance, Integrator, Method, Pattern, Quadratures, Settings, System};
-use super::{OneStep, dop853, rodas5p};
+use super::super::{Advance, Carried, Integrator, Method, Pattern, Quadratures, Settings, System};
+use super::{OneStep, dop853, rodas5p, tsit5};
 
 /// A rooted tree: the branches at its root.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -197,6 +197,42 @@ fn dop853_has_order_eight_and_estimates_of_orders_five_and_three() {
     }
 }
 
+/// Tsit5's seven stages with the zeros filled in.
+fn tsitouras() -> Vec<Vec<f64>> {
+    use tsit5::*;
+    let rows: [&[f64]; 7] = [&[], &A2, &A3, &A4, &A5, &A6, &B];
+    rows.into_iter().map(|row| row.iter().copied().chain(std::iter::repeat(0.0)).take(7).collect()).collect()
+}
+
+#[test]
+fn tsit5_has_order_five_its_estimate_and_its_polynomial_order_four() {
+    let a = tsitouras();
+    let weights = &a[6];
+    for (stage, row) in a.iter().enumerate() {
+        assert!((row.iter().sum::<f64>() - tsit5::C[stage]).abs() < 1e-14, "node {stage}");
+    }
+    for order in 1..=5 {
+        assert!(violation(order, weights, &a, &a, 1.0) < 1e-13, "order {order}");
+    }
+    assert!(violation(6, weights, &a, &a, 1.0) > 1e-6);
+    let embedded: Vec<f64> = weights.iter().zip(&tsit5::E).map(|(weight, error)| weight - error).collect();
+    let inside = |share: f64| {
+        let power = |stage: usize| (0..4).rev().fold(0.0, |sum, power| share * (tsit5::D[power][stage] + sum));
+        (0..7).map(power).collect::<Vec<f64>>()
+    };
+    let shares = [0.1, 0.35, 0.5, 0.8, 1.0].map(|share| (inside(share), share));
+    for (weights, share) in shares.iter().map(|(weights, share)| (weights, *share)).chain([(&embedded, 1.0)]) {
+        for order in 1..=4 {
+            assert!(violation(order, weights, &a, &a, share) < 1e-13, "order {order} at {share}");
+        }
+    }
+    assert!(violation(5, &embedded, &a, &a, 1.0) > 1e-6);
+    // At its end the polynomial is the step.
+    for (inner, weight) in inside(1.0).iter().zip(weights) {
+        assert!((inner - weight).abs() < 1e-14);
+    }
+}
+
 /// y' = f(t) + k (y - F(t)) for F = sin(3 t), of which y = F is the solution whatever k.
 fn forced(stiffness: f64) -> Problem {
     Problem::ode(
@@ -214,6 +250,7 @@ fn errors(method: Method, mut problem: Problem, step: f64, exact: fn(f64) -> f64
     settings.method = method;
     settings.max_step = step;
     let mut one = OneStep::new(&problem, settings).expect("valid");
+    one.methods.forgo_short();
     let start = problem.start.clone();
     one.restart(&mut problem, 0.0, &start, None).expect("consistent");
     assert_eq!(one.advance(&mut problem, 1.0), Ok(Advance::Reached));
@@ -227,6 +264,100 @@ fn errors_fall_with_the_power_of_the_step_that_the_order_says() {
         let observed = (error(step) / error(step / 2.0)).log2();
         assert!((observed - order).abs() < 0.7, "{method}: order {observed}");
     }
+}
+
+/// Control steps of a length along y' = cos t - y / 2 + sin t / 2, whose solution from 0 is sin t: evaluations of the last one, and the largest error of all.
+fn control_steps(length: f64, rtol: f64, count: u32) -> (u64, f64) {
+    let mut problem = Problem::ode(
+        vec![0.0],
+        vec![],
+        Pattern::full(1),
+        |t, y, yp, _, out| out[0] = t.cos() - 0.5 * (y[0] - t.sin()) - yp[0],
+        |_, _, cj, _, j| j[0] = -0.5 - cj,
+    );
+    let mut settings = Settings::new(rtol, vec![rtol]);
+    settings.method = Method::Explicit;
+    let mut one = OneStep::new(&problem, settings).expect("valid");
+    let (mut state, mut carried, mut evaluations, mut worst) = (vec![0.0], Carried::default(), 0, 0.0_f64);
+    for k in 0..count {
+        one.forget();
+        one.carry(carried);
+        let [from, to] = [k, k + 1].map(|k| f64::from(k) * length);
+        one.restart(&mut problem, from, &state, None).expect("consistent");
+        assert_eq!(one.advance(&mut problem, to), Ok(Advance::Reached));
+        (state, carried, evaluations) = (one.state().to_vec(), one.carried(), one.statistics().residuals);
+        worst = worst.max((state[0] - to.sin()).abs());
+    }
+    (evaluations, worst)
+}
+
+#[test]
+fn the_pair_of_order_five_takes_a_control_step_that_one_step_of_it_covers() {
+    // Seven evaluations, one of them at the end, in place of thirteen; and forcings are looked at by evaluations that are not counted.
+    let (few, error) = control_steps(0.1, 1e-6, 50);
+    assert_eq!(few, 7);
+    assert!(error < 1e-6, "{error}");
+    // Where it would need two, DOP853 needs one.
+    let (more, error) = control_steps(1.0, 1e-6, 50);
+    assert_eq!(more, 13);
+    assert!(error < 1e-5, "{error}");
+}
+
+#[test]
+fn a_state_inside_of_a_step_of_the_pair_is_on_its_polynomial() {
+    // An event in the last of the control steps, which ends at 1.2: sin t = 0.9 at 1.1197695149986342.
+    struct Until(Problem);
+    impl System for Until {
+        fn differential(&self) -> &[bool] {
+            self.0.differential()
+        }
+        fn is_explicit(&self) -> bool {
+            true
+        }
+        fn depends_on_time(&self) -> bool {
+            false
+        }
+        fn forcing_count(&self) -> usize {
+            0
+        }
+        fn pattern(&self) -> &Pattern {
+            self.0.pattern()
+        }
+        fn residual(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+            self.0.residual(t, y, yp, out);
+        }
+        fn jacobian(&mut self, t: f64, y: &[f64], yp: &[f64], cj: f64, values: &mut [f64]) {
+            self.0.jacobian(t, y, yp, cj, values);
+        }
+        fn root_count(&self) -> usize {
+            1
+        }
+        fn roots(&mut self, _: f64, y: &[f64], _: &[f64], out: &mut [f64]) {
+            out[0] = y[0] - 0.9;
+        }
+    }
+    let mut swing = Until(Problem::ode(
+        vec![0.0, 1.0],
+        vec![],
+        Pattern::full(2),
+        |_, y, yp, _, out| out.copy_from_slice(&[y[1] - yp[0], -y[0] - yp[1]]),
+        |_, _, cj, _, j| j.copy_from_slice(&[-cj, -1.0, 1.0, -cj]),
+    ));
+    let mut settings = Settings::new(1e-6, vec![1e-6; 2]);
+    settings.method = Method::Explicit;
+    let mut one = OneStep::new(&swing, settings).expect("valid");
+    let (mut state, mut carried) = (vec![0.0, 1.0], Carried::default());
+    for k in 0..4 {
+        one.forget();
+        one.carry(carried);
+        one.restart(&mut swing, 0.3 * f64::from(k), &state, None).expect("consistent");
+        let advance = one.advance(&mut swing, 0.3 * f64::from(k + 1));
+        assert_eq!(advance, Ok(if k == 3 { Advance::Event } else { Advance::Reached }));
+        (state, carried) = (one.state().to_vec(), one.carried());
+    }
+    assert_eq!(one.statistics().residuals, 7 + 1, "by the pair, and the rates where it happens");
+    assert!((one.time() - 0.9_f64.asin()).abs() < 1e-6, "{}", one.time());
+    assert!((state[1] - 0.19_f64.sqrt()).abs() < 1e-6, "{state:?}");
 }
 
 #[test]

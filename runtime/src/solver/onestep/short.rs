@@ -1,0 +1,84 @@
+//! Steps by the explicit Runge–Kutta pair Tsit5, of order 5: half the evaluations of DOP853 where one step reaches the end.
+
+use super::super::System;
+use super::frame::Frame;
+use super::numbers::{Quad, Quads, combine, weighted, zeros};
+use super::tsit5::*;
+
+/// Space for a step, and its polynomial.
+pub struct Short {
+    /// Rates at stages 2 to 6.
+    k: [Quads; 5],
+    /// Unknowns at a stage.
+    place: Quads,
+    /// The polynomial: the value at the beginning and four powers.
+    first: Quads,
+    terms: [Quads; 4],
+    begin: f64,
+    length: f64,
+}
+
+impl Short {
+    /// Space for so many unknowns.
+    pub fn new(n: usize) -> Self {
+        let space = || zeros(n);
+        Self {
+            k: std::array::from_fn(|_| space()),
+            place: space(),
+            first: space(),
+            terms: std::array::from_fn(|_| space()),
+            begin: 0.0,
+            length: 0.0,
+        }
+    }
+
+    /// Takes a step from the frame's beginning to its end, rates there included; the error in tolerances, not a number where something is not finite.
+    pub fn attempt(&mut self, frame: &mut Frame, system: &mut dyn System) -> f64 {
+        let (t, h) = (frame.t, frame.h);
+        let Frame { begin, begin_rates: k1, end, end_rates: k7, functions, .. } = frame;
+        let (k1, place) = (&*k1, &mut self.place);
+        let [k2, k3, k4, k5, k6] = &mut self.k;
+        macro_rules! stage {
+            ($out:ident, $number:literal, $row:ident, $($from:expr),+) => {{
+                combine(place, begin, h, &$row, [$(&*$from),+]);
+                functions.rates(system, t + C[$number] * h, place, $out);
+            }};
+        }
+        stage!(k2, 1, A2, k1);
+        stage!(k3, 2, A3, k1, k2);
+        stage!(k4, 3, A4, k1, k2, k3);
+        stage!(k5, 4, A5, k1, k2, k3, k4);
+        stage!(k6, 5, A6, k1, k2, k3, k4, k5);
+        combine(end, begin, h, &B, [k1, k2, k3, k4, k5, k6]);
+        functions.rates(system, t + h, end, k7);
+        let terms = [&frame.begin_rates[..], k2, k3, k4, k5, k6, &frame.end_rates];
+        frame.h * frame.norm_of(|i| weighted(i, &E, &terms))
+    }
+
+    /// Makes the polynomial of the last step.
+    pub fn prepare(&mut self, frame: &Frame) {
+        let [k2, k3, k4, k5, k6] = &self.k;
+        let stages = [&frame.begin_rates[..], k2, k3, k4, k5, k6, &frame.end_rates];
+        self.first.copy_from_slice(&frame.begin);
+        for (term, factors) in self.terms.iter_mut().zip(&D) {
+            for (i, term) in term.iter_mut().enumerate() {
+                *term = weighted(i, factors, &stages).map(|x| frame.h * x);
+            }
+        }
+        (self.begin, self.length) = (frame.t, frame.h);
+    }
+
+    /// Unknowns and derivatives at a time within the last step.
+    pub fn interpolate(&self, t: f64, y: &mut [Quad], yp: &mut [Quad]) {
+        let x = ((t - self.begin) / self.length).clamp(0.0, 1.0);
+        let per_length = 1.0 / self.length;
+        let [a, b, c, d] = &self.terms;
+        for (i, (y, yp)) in y.iter_mut().zip(yp).enumerate() {
+            for (lane, (y, yp)) in y.iter_mut().zip(yp).enumerate() {
+                let (a, b, c, d) = (a[i][lane], b[i][lane], c[i][lane], d[i][lane]);
+                *y = self.first[i][lane] + x * (a + x * (b + x * (c + x * d)));
+                *yp = per_length * (a + x * (2.0 * b + x * (3.0 * c + x * (4.0 * d))));
+            }
+        }
+    }
+}
