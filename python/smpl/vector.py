@@ -60,7 +60,7 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         method, extra: as for `smpl.Env`.
         num_envs: number of sub-environments.
         autoreset_mode: an AutoresetMode, or its name or value in any case, underscores ignored.
-        num_threads: threads that step; all processors if none.
+        num_threads: threads that step, fewer where one is faster; all processors if none.
         render_mode: must be none; a batch has no picture.
         max_episode_steps: the same as `max_steps`, under the name that `gymnasium.make_vec` uses.
     """

@@ -2,18 +2,20 @@
 //!
 //! Instance i of a batch with seed s is, bit for bit, the single environment with seed s + i, on any number of threads: instances share
 //! nothing that changes but for the space in which an integrator works, whose content is forgotten from step to step. Threads are used only where a step
-//! of the batch is worth waking them.
+//! of the batch is faster with them.
 
 mod member;
+mod pace;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use rayon::prelude::*;
 
 pub use self::member::Info;
 use self::member::{Crew, Fault, Member};
+use self::pace::Pace;
 use crate::environment::{Environment, ResetError, ResetOptions, Snapshot, SnapshotError, StepError};
 use crate::observe::Number;
 use crate::pool::Pool;
@@ -120,15 +122,11 @@ pub struct Batch {
     pool: Option<Pool>,
     /// Instances are not stepped any more.
     stop: Arc<AtomicBool>,
-    /// What a step of all instances took of late on one thread.
-    serial_cost: Duration,
+    pace: Pace,
 }
 
 /// Crews a thread: enough that none waits long for another's last one.
 const CREWS: usize = 8;
-
-/// Work that is worth waking other threads.
-const WORTH_THREADS: Duration = Duration::from_micros(80);
 
 impl Batch {
     /// `count` instances; they want a [`reset`](Self::reset) first.
@@ -145,7 +143,7 @@ impl Batch {
             Ok(Crew { integrator: setup.integrator().map_err(SetupError::from)?, members })
         };
         let crews: Result<Vec<Crew>, SetupError> = (0..count).step_by(size).map(crew).collect();
-        Ok(Self { crews: crews?, size, count, options, pool, stop, serial_cost: Duration::ZERO })
+        Ok(Self { crews: crews?, size, count, options, pool, stop, pace: Pace::default() })
     }
 
     fn member(&self, index: usize) -> Option<&Member> {
@@ -282,7 +280,7 @@ impl Batch {
                 member.environment.observe(options.normalised, out);
             }
         };
-        let parallel = self.pool.as_ref().filter(|_| self.serial_cost > WORTH_THREADS);
+        let parallel = self.pool.as_ref().filter(|_| self.pace.chooses_threads());
         let begin = Instant::now();
         match parallel {
             Some(pool) => pool.run(stop, || {
@@ -302,8 +300,7 @@ impl Batch {
                 .zip(terminated.chunks_mut(size).zip(truncated.chunks_mut(size)))
                 .for_each(task),
         }
-        let threads = parallel.map_or(1, |pool| pool.threads()) as u32;
-        self.serial_cost = (self.serial_cost * 7 + begin.elapsed() * threads) / 8;
+        self.pace.note(parallel.is_some(), begin.elapsed());
         self.finish()
     }
 
