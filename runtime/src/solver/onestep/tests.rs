@@ -303,46 +303,66 @@ fn the_pair_of_order_five_takes_a_control_step_that_one_step_of_it_covers() {
     assert!(error < 1e-5, "{error}");
 }
 
+/// x'' = -x; if it is `watched`, with an event at x = 0.9, if `integrated`, with the integral of x².
+struct Swing {
+    problem: Problem,
+    watched: bool,
+    integrated: bool,
+}
+
+impl Swing {
+    fn new() -> Self {
+        let problem = Problem::ode(
+            vec![0.0, 1.0],
+            vec![],
+            Pattern::full(2),
+            |_, y, yp, _, out| out.copy_from_slice(&[y[1] - yp[0], -y[0] - yp[1]]),
+            |_, _, cj, _, j| j.copy_from_slice(&[-cj, -1.0, 1.0, -cj]),
+        );
+        Self { problem, watched: false, integrated: false }
+    }
+}
+
+impl System for Swing {
+    fn differential(&self) -> &[bool] {
+        self.problem.differential()
+    }
+    fn is_explicit(&self) -> bool {
+        true
+    }
+    fn depends_on_time(&self) -> bool {
+        false
+    }
+    fn forcing_count(&self) -> usize {
+        0
+    }
+    fn pattern(&self) -> &Pattern {
+        self.problem.pattern()
+    }
+    fn residual(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        self.problem.residual(t, y, yp, out);
+    }
+    fn jacobian(&mut self, t: f64, y: &[f64], yp: &[f64], cj: f64, values: &mut [f64]) {
+        self.problem.jacobian(t, y, yp, cj, values);
+    }
+    fn root_count(&self) -> usize {
+        usize::from(self.watched)
+    }
+    fn roots(&mut self, _: f64, y: &[f64], _: &[f64], out: &mut [f64]) {
+        out[0] = y[0] - 0.9;
+    }
+    fn quadrature_count(&self) -> usize {
+        usize::from(self.integrated)
+    }
+    fn quadratures(&mut self, _: f64, y: &[f64], _: &[f64], out: &mut [f64]) {
+        out[0] = y[0] * y[0];
+    }
+}
+
 #[test]
 fn a_state_inside_of_a_step_of_the_pair_is_on_its_polynomial() {
     // An event in the last of the control steps, which ends at 1.2: sin t = 0.9 at 1.1197695149986342.
-    struct Until(Problem);
-    impl System for Until {
-        fn differential(&self) -> &[bool] {
-            self.0.differential()
-        }
-        fn is_explicit(&self) -> bool {
-            true
-        }
-        fn depends_on_time(&self) -> bool {
-            false
-        }
-        fn forcing_count(&self) -> usize {
-            0
-        }
-        fn pattern(&self) -> &Pattern {
-            self.0.pattern()
-        }
-        fn residual(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
-            self.0.residual(t, y, yp, out);
-        }
-        fn jacobian(&mut self, t: f64, y: &[f64], yp: &[f64], cj: f64, values: &mut [f64]) {
-            self.0.jacobian(t, y, yp, cj, values);
-        }
-        fn root_count(&self) -> usize {
-            1
-        }
-        fn roots(&mut self, _: f64, y: &[f64], _: &[f64], out: &mut [f64]) {
-            out[0] = y[0] - 0.9;
-        }
-    }
-    let mut swing = Until(Problem::ode(
-        vec![0.0, 1.0],
-        vec![],
-        Pattern::full(2),
-        |_, y, yp, _, out| out.copy_from_slice(&[y[1] - yp[0], -y[0] - yp[1]]),
-        |_, _, cj, _, j| j.copy_from_slice(&[-cj, -1.0, 1.0, -cj]),
-    ));
+    let mut swing = Swing { watched: true, ..Swing::new() };
     let mut settings = Settings::new(1e-6, vec![1e-6; 2]);
     settings.method = Method::Explicit;
     let mut one = OneStep::new(&swing, settings).expect("valid");
@@ -368,46 +388,8 @@ fn a_stiff_equation_costs_a_rosenbrock_method_no_accuracy_worth_a_name() {
 
 #[test]
 fn an_integral_along_the_polynomial_is_right_to_the_tolerance() {
-    /// x'' = -x with the integral of x².
-    struct Swing(Problem);
-    impl System for Swing {
-        fn differential(&self) -> &[bool] {
-            self.0.differential()
-        }
-        fn is_explicit(&self) -> bool {
-            true
-        }
-        fn depends_on_time(&self) -> bool {
-            false
-        }
-        fn forcing_count(&self) -> usize {
-            0
-        }
-        fn pattern(&self) -> &Pattern {
-            self.0.pattern()
-        }
-        fn residual(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
-            self.0.residual(t, y, yp, out);
-        }
-        fn jacobian(&mut self, t: f64, y: &[f64], yp: &[f64], cj: f64, values: &mut [f64]) {
-            self.0.jacobian(t, y, yp, cj, values);
-        }
-        fn quadrature_count(&self) -> usize {
-            1
-        }
-        fn quadratures(&mut self, _: f64, y: &[f64], _: &[f64], out: &mut [f64]) {
-            out[0] = y[0] * y[0];
-        }
-    }
-    let problem = Problem::ode(
-        vec![0.0, 1.0],
-        vec![],
-        Pattern::full(2),
-        |_, y, yp, _, out| out.copy_from_slice(&[y[1] - yp[0], -y[0] - yp[1]]),
-        |_, _, cj, _, j| j.copy_from_slice(&[-cj, -1.0, 1.0, -cj]),
-    );
     for method in [Method::Rosenbrock, Method::Explicit, Method::Auto] {
-        let mut swing = Swing(problem.clone());
+        let mut swing = Swing { integrated: true, ..Swing::new() };
         let mut settings = Settings::new(1e-8, vec![1e-10; 2]);
         settings.method = method;
         settings.quadratures = Quadratures::Checked { rtol: 1e-8, atol: 1e-10 };
