@@ -12,7 +12,7 @@ import smpl
 from smpl.learning import Plan, Task
 from smpl.learning.agents import Agent, Rows
 from smpl.learning.environments import Curriculum, Formulated, FormulatedVectorEnv
-from smpl.learning.formulation import Form, FormulatedPolicy, Formulation
+from smpl.learning.formulation import Exploration, Form, FormulatedPolicy, Formulation, formulated
 from smpl.learning.running import Settings, run
 
 BOTH = {"centre": "pid", "reach": 0.5, "history": 3, "reward_scale": 0.1, "failure_reward": -7.0}
@@ -227,3 +227,51 @@ def test_curricula_that_cannot_be_meant_are_told():
         FormulatedVectorEnv("reactor", 2, curriculum={"spread": [(0, 0.1, 0.1)]})
     with pytest.raises(ValueError, match=r"curriculum.*'spred'"):
         FormulatedVectorEnv("reactor", 2, curriculum={"spred": [(0, 0.1, 0.1)]}, autoreset_mode="same_step")
+
+
+def explored(model, formulation, tmp_path, episodes=3, **arguments):
+    """Episodes of a centre with noise, and the formulation in their environment."""
+    from smpl.datasets import collect
+
+    task = Task.of(model, **arguments)
+    agent = Agent("centre", Exploration(Formulation.of(formulation), 0.6))
+    return collect(task.name, agent, episodes, tmp_path / "data", states=True, **arguments), Form(
+        Formulation.of(formulation), task.env()
+    )
+
+
+@pytest.mark.parametrize(
+    ("model", "formulation", "limit"),
+    [
+        ("reactor", {**BOTH, "windows": {"T": [40, 60]}, "limits": {"T_c": [20, 30]}}, 12),
+        ("pensim", {"centre": "recipe", "reach": 0.1, "left": ["discharge", "Fw"]}, 20),
+        ("mab_plant", {"centre": "rules", "left": ["F_out", "switch"], "reach": 0.02}, 3),
+    ],
+)
+def test_recorded_episodes_are_what_a_learner_of_the_formulation_would_have_had(model, formulation, limit, tmp_path):
+    pytest.importorskip("pyarrow")
+    data, form = explored(model, formulation, tmp_path, max_steps=limit)
+    env = Formulated(smpl.Env(model, max_steps=limit), formulation)
+    for kept in data:
+        seen = formulated(kept, form)
+        assert np.abs(seen.actions).max() > 0.9 and np.ptp(seen.actions) > 1
+        observation, _ = env.reset(seed=kept.seed)
+        np.testing.assert_array_equal(seen.observations[0], observation)
+        for k in range(kept.steps):
+            observation, reward, *_ = env.step(seen.actions[k])
+            np.testing.assert_allclose(seen.observations[k + 1], observation, rtol=0, atol=1e-4)
+            assert seen.rewards[k] == pytest.approx(reward, rel=1e-4, abs=1e-4)
+
+
+def test_episodes_that_are_none_of_a_formulation_are_refused(tmp_path):
+    from smpl.datasets import collect
+
+    pytest.importorskip("pyarrow")
+    form = Form(Formulation(centre="nominal", limits={"T_c": (25, 28)}), smpl.Env("reactor", max_steps=5))
+    with pytest.raises(ValueError, match="without states, which its formulation needs"):
+        formulated(collect("reactor", "nominal", 1, tmp_path / "bare", max_steps=5)[0], form)
+    wide = collect("reactor", "random", 1, tmp_path / "wide", states=True, max_steps=5)[0]
+    with pytest.raises(ValueError, match=r"has T_c = .*, which is none of its formulation's actions"):
+        formulated(wide, form)
+    with pytest.raises(ValueError, match=r"has q_out = .*, which is none of its formulation's actions"):
+        formulated(wide, Form(Formulation(left=("q_out",)), smpl.Env("reactor", max_steps=5)))

@@ -90,11 +90,11 @@ def test_slow_processes_have_smaller_budgets_and_rollouts_that_fit_them():
             rollout = one.settings["hyperparameters"]["n_steps"] * one.settings["num_envs"]
             # A segment is whole rollouts: with a longer one it would run over its share of the steps.
             assert rollout <= one.settings["steps"] / one.settings["segments"], (env, one.controller)
-    (plant,) = runs("online", "short", "MAbPlant", 1, ["PPO"])
-    (reactor,) = runs("online", "short", "Reactor", 1, ["PPO"])
+    (plant,) = runs("offline", "short", "MAbPlant", 1, ["BC"])
+    (reactor,) = runs("offline", "short", "Reactor", 1, ["BC"])
     assert (plant.settings["validation"], plant.settings["data"]["episodes"]) == (1, 5)
     assert (reactor.settings["validation"], reactor.settings["data"]["episodes"]) == (50, 200)
-    (smoke,) = runs("online", "smoke", "MAbPlant", 1, ["PPO"])
+    (smoke,) = runs("offline", "smoke", "MAbPlant", 1, ["BC"])
     assert (smoke.settings["validation"], smoke.settings["data"]["episodes"]) == (2, 4)
 
 
@@ -111,6 +111,21 @@ def test_each_offline_algorithm_trains_on_every_kind_of_process(algorithm, tmp_p
     assert {one.name for one in folder.iterdir()} >= {"configuration.json", "curve.csv", "scores.json"}
     assert [one.name for one in folder.glob("policy.*")]
     assert len(curve(folder)) == 2
+
+
+def test_offline_algorithms_learn_inside_of_a_formulation(tmp_path):
+    for package in ("yaml", "d3rlpy", "pyarrow"):
+        pytest.importorskip(package)
+    from smpl.datasets import load
+
+    (row,) = benchmark(tmp_path, "offline", env="PenSim", algorithms=["BC"], workers=1)["rows"]
+    assert np.isfinite(row["mean"])
+    folder = tmp_path / "offline" / "PenSim" / "BC" / "seed-0"
+    assert json.loads((folder / "formulation.json").read_text())["centre"] == "recipe"
+    (data,) = (tmp_path / "data").iterdir()
+    discharge = np.concatenate([one.details.physical[:, 0] for one in load(data)])
+    feed = np.concatenate([one.details.physical[:, 1] for one in load(data)])
+    assert np.ptp(discharge) == 0 and len(np.unique(feed)) > 50  # what is left to the recipe, and what is learned
 
 
 @pytest.mark.parametrize("algorithm", NAMES["online"])

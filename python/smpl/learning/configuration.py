@@ -89,10 +89,12 @@ def settings(configuration: Mapping[str, Any], suite: str, env: str, algorithm: 
         "segments": as_count("segments", process.get("segments", {}).get(budget, sizes["segments"])),
         "validation": as_count("validation", whole["validation"]),
         "num_envs": as_count("num_envs", sizes["num_envs"] if budget == "smoke" else process.get("num_envs", 32)),
-        "data": {"controller": "nominal", "noise": 0.1, "episodes": whole["data"], **process.get("data", {})},
     }
-    if suite == "offline" and process.get("scalers"):
-        chosen["scalers"] = process["scalers"]
+    if suite == "offline":
+        collected = {"controller": "nominal", "noise": 0.1, "episodes": whole["data"]}
+        chosen["data"] = {**collected, **process.get("data", {})}
+        if process.get("scalers"):
+            chosen["scalers"] = process["scalers"]
     Formulation.of(chosen["formulation"])
     return chosen
 

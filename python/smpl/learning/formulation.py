@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,8 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box
 
-from smpl.envs import Env, Interface
+from smpl.envs import Env, Interface, native_seed
+from smpl.evaluation import Episode
 from smpl.learning.agents import Agent, Rows, agent
 from smpl.model import FloatArray, Model, as_count, as_number, check_names
 
@@ -211,6 +212,69 @@ class FormulatedPolicy:
         observations = form.observe(rows.memory, rows.observations)
         actions = self._inner.predict(observations, rows.memory, len(form.learned))
         return rows.interface.from_physical(form.physical(rows, actions))
+
+
+class Exploration:
+    """The centre of a formulation, with noise on the actions that a learner has: what its data sets are made by.
+
+    Args:
+        formulation: as the learner will see the environment.
+        noise: standard deviation of normal noise on actions in [-1, 1], clipped there.
+    """
+
+    def __init__(self, formulation: Formulation, noise: float) -> None:
+        self._formulation, self._noise = formulation, noise
+
+    def act(self, rows: Rows) -> FloatArray:
+        """Actions for a batch, in the action space of the environment; those of an episode follow from its seed."""
+        form = Form(self._formulation, rows.interface)
+        actions = np.stack([self._drawn(one, len(form.learned)) for one in rows.memory])
+        return rows.interface.from_physical(form.physical(rows, actions))
+
+    def _drawn(self, memory: dict[str, Any], count: int) -> FloatArray:
+        if "explored" not in memory:
+            memory["explored"] = np.random.default_rng([native_seed(memory["seed"]), 5])
+        drawn: FloatArray = memory["explored"].normal(0.0, self._noise, count)
+        return drawn
+
+
+def formulated(episode: Episode, form: Form) -> Episode:
+    """An episode of the environment as a learner of the formulation would have had it.
+
+    Args:
+        episode: with all of its states, which the centre may read.
+        form: the formulation, of that environment.
+
+    Returns:
+        The episode with the observations, actions and rewards of the learner.
+
+    Raises:
+        ValueError: the states were not kept, or an action is none that the formulation has.
+    """
+    interface = form.interface
+    if episode.states.shape[1] != len(interface.model.state_names):
+        raise ValueError("the data set was collected without states, which its formulation needs: states=True")
+    steps = np.arange(episode.steps)
+    rows = Rows(interface, episode.observations[:-1], episode.states[:-1], steps, [{} for _ in steps])
+    given = interface.to_physical(episode.actions)
+    actions = form.reverse(rows, given)
+    # Actions are kept in single precision, scaled to the declared box.
+    off = np.abs(form.physical(rows, actions) - given) > 1e-6 * (interface.action_high - interface.action_low)
+    if off.any():
+        step, which = np.argwhere(off)[0]
+        raise ValueError(
+            f"step {step} of the episode of seed {episode.seed} has {interface.action_names[which]} = "
+            f"{given[step, which]:.6g}, which is none of its formulation's actions"
+        )
+    memory: list[dict[str, Any]] = [{}]
+    seen = np.concatenate([form.observe(memory, row[None]) for row in episode.observations])
+    return replace(rewarded(episode, form.formulation), observations=seen, actions=actions.astype(np.float32))
+
+
+def rewarded(episode: Episode, formulation: Formulation) -> Episode:
+    """The episode with the rewards of the formulation."""
+    failed = episode.terminations & bool(episode.failure)
+    return replace(episode, rewards=formulation.reward(episode.rewards, failed))
 
 
 def _ends(what: str, bounds: Any) -> tuple[float, float]:

@@ -8,10 +8,12 @@ import json
 import platform
 import time
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from smpl.learning.formulation import Formulation
+from smpl.learning.agents import Agent
+from smpl.learning.formulation import Exploration, Form, Formulation
 from smpl.learning.historical import trainer as historical
 from smpl.learning.plan import Plan, Task
 from smpl.learning.scores import score
@@ -117,7 +119,7 @@ def trainer_of(
     if algorithm in historical.OFFLINE:
         historical.python("offline")
         data_set = _data_set(learned, arguments, settings, data, workers)
-        return historical.offline_trainer(algorithm, data_set, formulation, hyper)
+        return historical.offline_trainer(algorithm, data_set, formulation, hyper, _form(learned, settings))
     if algorithm in historical.ONLINE:
         return historical.online_trainer(algorithm, learned, formulation, hyper)
     if suite == "offline":
@@ -126,7 +128,7 @@ def trainer_of(
         needs("d3rlpy", "d3rlpy")
         scalers = settings.get("scalers", {})
         data_set = _data_set(learned, arguments, settings, data, workers)
-        return D3rlpyTrainer(algorithm, data_set, formulation, hyper, scalers)
+        return D3rlpyTrainer(algorithm, data_set, formulation, hyper, scalers, _form(learned, settings))
     if algorithm.startswith("RLlib-"):
         from smpl.learning.rllib import RLlibTrainer
 
@@ -150,18 +152,31 @@ def as_observed(task: Task, train: Mapping[str, Any]) -> Task:
     return Task.of(task.name, **{**_arguments(task), "observation": train["observation"]})
 
 
+def _form(task: Task, settings: Mapping[str, Any]) -> Form | None:
+    """What the data set and its policy are formulated in, none where they have the environment's own actions."""
+    inside = settings["data"]["controller"] == "centre"
+    return Form(Formulation.of(settings["formulation"]), task.env()) if inside else None
+
+
 def _data_set(
     task: Task, arguments: Mapping[str, Any], settings: Mapping[str, Any], data: Path, workers: int | None
 ) -> Any:
+    """The data set of the offline suite; the controller `centre` is that of the formulation, with noise inside."""
     from smpl.datasets import collect
 
     chosen = {key: settings["data"][key] for key in ("controller", "noise", "episodes")}
-    text = json.dumps([chosen, task.checksum], sort_keys=True, default=str)
+    controller, noise, known = chosen["controller"], chosen["noise"], [chosen, task.checksum]
+    inside = controller == "centre"
+    if inside:
+        formulation = Formulation.of(settings["formulation"])
+        controller, noise = Agent("centre", Exploration(formulation, noise)), 0.0
+        known.append(asdict(formulation))
+    text = json.dumps(known, sort_keys=True, default=str)
     folder = data / f"{task.model.name}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
     folder.parent.mkdir(parents=True, exist_ok=True)
     return collect(
-        task.name, chosen["controller"], chosen["episodes"], folder, seed=_DATA, noise=chosen["noise"],
-        workers=workers, **arguments,
+        task.name, controller, chosen["episodes"], folder, seed=_DATA, noise=noise, states=inside, workers=workers,
+        **arguments,
     )  # fmt: skip
 
 

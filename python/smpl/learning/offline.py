@@ -9,14 +9,13 @@ import io
 import json
 import logging
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from smpl.datasets import Dataset
 from smpl.datasets.exports import d3rlpy_arrays
 from smpl.evaluation import Episode
-from smpl.learning.formulation import Formulation
+from smpl.learning.formulation import Form, Formulation, formulated, rewarded
 from smpl.model import check_names
 
 # Classes of d3rlpy that scale what a network sees, by the statistics of a data set.
@@ -33,13 +32,15 @@ class D3rlpyTrainer:
     Args:
         algorithm: name of its class (`CQL`).
         data: the data set, of the environment's own actions.
-        formulation: its rewards are used; actions and observations must be the environment's own.
+        formulation: its rewards are used.
         hyperparameters: of the configuration class (`CQLConfig`).
         scalers: `observation`, `action`, `reward` to what scales them by the data set, `standard` or `min_max`.
+        form: the formulation in the environment of the data, whose observations and actions the policy then has too;
+            none to learn the environment's own.
 
     Raises:
         ImportError: d3rlpy is missing.
-        ValueError: an unknown algorithm, hyperparameter or scaler.
+        ValueError: an unknown algorithm, hyperparameter or scaler, or data that are none of the formulation.
     """
 
     def __init__(
@@ -49,6 +50,7 @@ class D3rlpyTrainer:
         formulation: Formulation,
         hyperparameters: Mapping[str, Any],
         scalers: Mapping[str, str] | None = None,
+        form: Form | None = None,
     ) -> None:
         self._d3rlpy = needs("d3rlpy", "d3rlpy")
         structlog = importlib.import_module("structlog")
@@ -62,7 +64,8 @@ class D3rlpyTrainer:
             raise ValueError(f"{algorithm} has no hyperparameter {', '.join(unknown)}; there are: {', '.join(known)}")
         self._config, self._hyper, self._scalers = config, dict(hyperparameters), dict(scalers or {})
         self._made_scalers()  # told now, not after hours
-        self._data = self._d3rlpy.dataset.MDPDataset(**formulated_arrays(data, formulation))
+        self._data = self._d3rlpy.dataset.MDPDataset(**formulated_arrays(data, formulation, form))
+        self._form = form
         self._algo: Any = None
 
     def begin(self, seed: int) -> None:
@@ -101,20 +104,16 @@ class D3rlpyTrainer:
         (folder / "step.json").write_text(json.dumps(self._algo.grad_step), encoding="utf-8")
 
     def export(self, folder: Path) -> str:
-        """Write the policy."""
+        """Write the policy, and its formulation if it has one."""
         self._algo.save(str(folder / "policy.d3"))
+        if self._form is not None:
+            self._form.formulation.write(folder)
         return "policy.d3"
 
 
-def formulated_arrays(data: Iterable[Episode], formulation: Formulation) -> dict[str, Any]:
-    """The episodes in the layout of d3rlpy, with the rewards of the formulation."""
-    return dict(d3rlpy_arrays(_formulated(one, formulation) for one in data))
-
-
-def _formulated(episode: Episode, formulation: Formulation) -> Episode:
-    """The episode with the rewards of the formulation."""
-    failed = episode.terminations & bool(episode.failure)
-    return replace(episode, rewards=formulation.reward(episode.rewards, failed))
+def formulated_arrays(data: Iterable[Episode], formulation: Formulation, form: Form | None = None) -> dict[str, Any]:
+    """The episodes in the layout of d3rlpy: rewards of the formulation; with `form`, its observations and actions."""
+    return dict(d3rlpy_arrays(rewarded(one, formulation) if form is None else formulated(one, form) for one in data))
 
 
 def needs(module: str, extra: str) -> Any:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from smpl.learning.formulation import Formulation
+from smpl.learning.formulation import Form, Formulation
 from smpl.learning.offline import formulated_arrays
 from smpl.learning.plan import Task
 
@@ -84,7 +84,11 @@ class HistoricalTrainer:
 
 
 def offline_trainer(
-    algorithm: str, data: Any, formulation: Formulation, hyperparameters: Mapping[str, Any]
+    algorithm: str,
+    data: Any,
+    formulation: Formulation,
+    hyperparameters: Mapping[str, Any],
+    form: Form | None = None,
 ) -> HistoricalTrainer:
     """MOPO or COMBO of d3rlpy 1.1.1.
 
@@ -94,6 +98,7 @@ def offline_trainer(
         formulation: its rewards are used.
         hyperparameters: of the algorithm's class; `dynamics` has those of its model of the process, `dynamics_steps`
             the gradient steps of that.
+        form: the formulation in the environment of the data, if the policy is to have its observations and actions.
     """
     own = dict(hyperparameters)
     request = {
@@ -102,9 +107,9 @@ def offline_trainer(
         "dynamics_steps": own.pop("dynamics_steps", 0),
         "hyperparameters": own,
     }
-    made = HistoricalTrainer("offline", request)
+    made = HistoricalTrainer("offline", request, None if form is None else formulation)
     made._request["data"] = str(Path(made._place.name) / "data.npz")
-    np.savez(made._request["data"], **formulated_arrays(data, formulation))
+    np.savez(made._request["data"], **formulated_arrays(data, formulation, form))
     return made
 
 
