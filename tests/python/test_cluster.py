@@ -33,6 +33,7 @@ def cluster():
     made = Cluster(initialize_head=True, head_node_args={**NODE, "num_cpus": 0, "include_dashboard": False})
     for _ in range(2):
         made.add_node(**NODE)
+    ray.shutdown()  # what other tests have started in this process
     ray.init(address=made.address, log_to_driver=False)
     yield made
     ray.shutdown()
