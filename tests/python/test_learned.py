@@ -92,7 +92,7 @@ def test_slow_processes_have_smaller_budgets_and_rollouts_that_fit_them():
             assert rollout <= one.settings["steps"] / one.settings["segments"], (env, one.controller)
     (plant,) = runs("offline", "short", "MAbPlant", 1, ["BC"])
     (reactor,) = runs("offline", "short", "Reactor", 1, ["BC"])
-    assert (plant.settings["validation"], plant.settings["data"]["episodes"]) == (1, 5)
+    assert (plant.settings["validation"], plant.settings["data"]["episodes"]) == (1, 20)
     assert (reactor.settings["validation"], reactor.settings["data"]["episodes"]) == (50, 200)
     (smoke,) = runs("offline", "smoke", "MAbPlant", 1, ["BC"])
     assert (smoke.settings["validation"], smoke.settings["data"]["episodes"]) == (2, 4)
