@@ -5,7 +5,7 @@
 //! in the compiler.
 
 use super::{Destination, Operand, Step, Tape};
-use crate::ir::{Affine, BinaryFn, Expr, MAX_DEPTH, ReduceFn, UnaryFn};
+use crate::ir::{Affine, Arithmetic, BinaryFn, Expr, MAX_DEPTH, ReduceFn, Slope, UnaryFn, slope};
 use crate::kernels;
 use crate::layout::Base;
 
@@ -157,38 +157,41 @@ fn sum(f: f64, a: Tangent, g: f64, b: Tangent) -> Tangent {
     std::array::from_fn(|lane| a[lane] + b[lane])
 }
 
+/// Rules of differentiation in numbers.
+struct Numbers;
+
+impl Arithmetic for Numbers {
+    type Number = f64;
+
+    fn constant(&mut self, x: f64) -> f64 {
+        x
+    }
+
+    fn unary(&mut self, f: UnaryFn, a: f64) -> f64 {
+        f.apply(a)
+    }
+
+    fn binary(&mut self, f: BinaryFn, a: f64, b: f64) -> f64 {
+        f.apply(a, b)
+    }
+
+    fn powi(&mut self, a: f64, n: i32) -> f64 {
+        kernels::powi(a, n)
+    }
+
+    fn where_equal(&mut self, (a, b): (f64, f64), then: f64, otherwise: f64) -> f64 {
+        if a == b { then } else { otherwise }
+    }
+}
+
 fn unary(f: UnaryFn, (x, dx): Dual) -> Dual {
     let value = f.apply(x);
-    let slope = match f {
-        UnaryFn::Neg => -1.0,
-        UnaryFn::Abs => {
-            if x < 0.0 {
-                -1.0
-            } else {
-                1.0
-            }
-        }
-        UnaryFn::Sign | UnaryFn::Floor | UnaryFn::Ceil | UnaryFn::Round => 0.0,
-        UnaryFn::Sqrt => {
-            if value == 0.0 {
-                0.0
-            } else {
-                0.5 / value
-            }
-        }
-        UnaryFn::Single => 1.0,
-        UnaryFn::Exp => value,
-        UnaryFn::Ln => 1.0 / x,
-        UnaryFn::Log10 => std::f64::consts::LOG10_E / x,
-        UnaryFn::Sin => UnaryFn::Cos.apply(x),
-        UnaryFn::Cos => -UnaryFn::Sin.apply(x),
-        UnaryFn::Tan => 1.0 + value * value,
-        UnaryFn::Asin => 1.0 / (1.0 - x * x).sqrt(),
-        UnaryFn::Acos => -1.0 / (1.0 - x * x).sqrt(),
-        UnaryFn::Atan => 1.0 / (1.0 + x * x),
-        UnaryFn::Sinh => UnaryFn::Cosh.apply(x),
-        UnaryFn::Cosh => UnaryFn::Sinh.apply(x),
-        UnaryFn::Tanh => (1.0 - value) * (1.0 + value),
+    let slope = match slope(&mut Numbers, f, x, value) {
+        Slope::Zero => 0.0,
+        Slope::MinusOne => -1.0,
+        Slope::Sign if x < 0.0 => -1.0,
+        Slope::Sign => 1.0,
+        Slope::Factor(slope) => slope,
     };
     (value, scaled(slope, dx))
 }
