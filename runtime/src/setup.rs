@@ -18,7 +18,7 @@ pub use self::options::{EnvironmentOptions, SolverOverrides};
 use self::reads::{any_expression, discrete_passes, finish_reads_derivatives, reads, start_passes, steady_outputs, step_reads_steady};
 use crate::catalogue::{Catalogue, Element, OutsideBounds, StructuralParameter, UnknownName, check_parameters};
 use crate::random;
-use crate::solver::{Integrator, LinearSolver, Method, PatternError, Quadratures, Settings, SolveError, integrator};
+use crate::solver::{Integrator, Method, PatternError, Quadratures, Settings, SolveError, integrator};
 use crate::steady::{self, SteadyError};
 use crate::system::CompiledSystem;
 
@@ -375,8 +375,8 @@ fn solver_settings(model: &CompiledModel, catalogue: &Catalogue, options: &Envir
     let mut settings = Settings::new(rtol, atol);
     settings.max_order = options.solver.max_order.unwrap_or(declared.max_order);
     settings.max_steps = options.solver.max_steps.unwrap_or(declared.max_steps);
-    settings.linear_solver = options.solver.linear_solver.as_deref().map_or(Ok(declared.linear_solver), linear_solver)?;
-    settings.method = options.solver.method.as_deref().map_or(Ok(declared.method), method)?;
+    settings.linear_solver = options.solver.linear_solver.unwrap_or(declared.linear_solver);
+    settings.method = options.solver.method.unwrap_or(declared.method);
     settings.max_step = options.solver.max_step.unwrap_or(declared.max_step);
     if settings.max_step.is_nan() || settings.max_step <= 0.0 {
         positive("max_step", settings.max_step)?;
@@ -405,16 +405,13 @@ fn check_method(model: &CompiledModel, catalogue: &Catalogue, method: Method) ->
     Err(SetupError::Method { message })
 }
 
-/// What takes the steps, by its name.
-pub(crate) fn method(name: &str) -> Result<Method, SetupError> {
+/// What takes the steps, by the name that is given on the command line or in Python.
+///
+/// # Errors
+/// If there is none of that name.
+pub fn method(name: &str) -> Result<Method, SetupError> {
     let unknown = || SetupError::Value { what: "method".into(), expected: Method::TEXT, value: format!("`{name}`") };
     Method::from_name(name).ok_or_else(unknown)
-}
-
-/// What solves linear systems, by its name.
-fn linear_solver(name: &str) -> Result<LinearSolver, SetupError> {
-    let unknown = || SetupError::Value { what: "linear_solver".into(), expected: LinearSolver::TEXT, value: format!("`{name}`") };
-    LinearSolver::from_name(name).ok_or_else(unknown)
 }
 
 fn noise(model: &CompiledModel, options: &EnvironmentOptions) -> Result<Vec<f64>, SetupError> {

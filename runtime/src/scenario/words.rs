@@ -35,6 +35,9 @@ pub(super) fn sentence(message: &str) -> String {
         _ => ("a scenario".to_owned(), message),
     };
     let kind = rest.strip_prefix("invalid type: ").or_else(|| rest.strip_prefix("invalid value: "));
+    if let Some((found, known)) = rest.strip_prefix("unknown variant ").and_then(|rest| rest.split_once(", expected one of ")) {
+        return format!("{key} is {}, not {}", one_of(known), self::found(found));
+    }
     match kind.and_then(|rest| rest.rsplit_once(", expected ")) {
         Some((found, wanted)) => format!("{key} is {}, not {}", expected(wanted), self::found(found)),
         None => message.replace(VARIANT, "a variant is a name, NAME=CHOICE or a mapping with a choice"),
@@ -43,6 +46,12 @@ pub(super) fn sentence(message: &str) -> String {
 
 fn expected(text: &str) -> &str {
     EXPECTED.iter().find(|(theirs, _)| text == *theirs).map_or(text, |(_, ours)| ours)
+}
+
+/// `a`, `b`, `c` as "a, b or c".
+fn one_of(names: &str) -> String {
+    let names = names.replace('`', "");
+    names.rsplit_once(", ").map_or(names.clone(), |(others, last)| format!("{others} or {last}"))
 }
 
 fn found(text: &str) -> String {
