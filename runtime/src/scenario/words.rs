@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 /// What the reader expects, and how it is called here.
-const EXPECTED: [(&str, &str); 9] = [
+const EXPECTED: [(&str, &str); 10] = [
     ("struct File", "a mapping of keys with values"),
     ("struct SolverOverrides", "a mapping from solver settings to values"),
     ("a nonzero u32", "a whole number from 1 on"),
@@ -11,6 +11,8 @@ const EXPECTED: [(&str, &str); 9] = [
     ("f64", "a number"),
     ("a boolean", "true or false"),
     ("a string", "a text"),
+    // What it expects of one of several names.
+    ("a YAML tag starting with '!'", "a text"),
     ("a sequence", "a list"),
     ("a map", "a mapping"),
 ];

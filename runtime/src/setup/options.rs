@@ -56,6 +56,23 @@ pub struct SolverOverrides {
 }
 
 impl SolverOverrides {
+    /// The settings of a model with these in place of its own.
+    pub(crate) fn over(&self, declared: &Solver) -> Solver {
+        Solver {
+            rtol: self.rtol.unwrap_or(declared.rtol),
+            atol_factor: self.atol_factor.unwrap_or(declared.atol_factor),
+            safety: declared.safety,
+            max_order: self.max_order.unwrap_or(declared.max_order),
+            max_steps: self.max_steps.unwrap_or(declared.max_steps),
+            max_events: self.max_events.map_or(declared.max_events, NonZeroU32::get),
+            max_step: self.max_step.unwrap_or(declared.max_step),
+            algebraic_error_control: self.algebraic_error_control.unwrap_or(declared.algebraic_error_control),
+            quadrature_error_control: self.quadrature_error_control.unwrap_or(declared.quadrature_error_control),
+            linear_solver: self.linear_solver.unwrap_or(declared.linear_solver),
+            method: self.method.unwrap_or(declared.method),
+        }
+    }
+
     /// The first entry that the solver cannot take: its name, what it must be, and what it is.
     pub(crate) fn bad_value(&self) -> Option<(&'static str, &'static str, String)> {
         let positive = |x: &f64| x.is_finite() && *x > 0.0;
