@@ -19,7 +19,8 @@ mod program;
 mod var;
 mod walk;
 
-pub use affine::{Affine, LoopVar, Loops, MAX_DEPTH, loops_of};
+pub(crate) use affine::loops_of;
+pub use affine::{Affine, LoopVar, Loops, MAX_DEPTH};
 pub(crate) use build::Rewritten;
 pub use elementary::UnaryFn;
 pub(crate) use elementary::{Arithmetic, Defined, Slope, slope};

@@ -4,7 +4,7 @@
 //! ([`crate::environment::Follower`]), so many directions at once that their numbers stay in the cache. Points and groups of directions are spread over the threads;
 //! a result depends on nothing but its own point and group.
 
-pub mod augmented;
+pub(crate) mod augmented;
 pub mod tangents;
 
 use std::sync::atomic::{AtomicBool, Ordering};
