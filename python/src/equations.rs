@@ -29,7 +29,7 @@ pub struct Equations {
     /// Parameters at their means, nominal actions, the steady state of the model where there is one.
     nominal: CompiledSystem,
     work: CompiledSystem,
-    /// Place in `y` of each unknown in the order of the outside.
+    /// Place in `y` of each unknown in declaration order.
     order: Vec<usize>,
     jacobian: Columns,
     y: Vec<f64>,
@@ -50,7 +50,7 @@ fn least_time(mut call: impl FnMut()) -> f64 {
     (0..51).map(|_| batch(count)).fold(f64::INFINITY, f64::min)
 }
 
-/// Compressed columns in the order of the outside, and where each entry stands in the compiled Jacobian.
+/// Compressed columns in declaration order, and where each entry stands in the compiled Jacobian.
 struct Columns {
     pointers: Vec<i32>,
     rows: Vec<i32>,

@@ -22,7 +22,7 @@ type Named<'py> = Vec<(String, PyReadonlyArrayDyn<'py, f64>)>;
 /// States, rewards, observations; their derivatives, rows by directions.
 pub type Results<'py> = (Matrix<'py>, Matrix<'py>, Matrix<'py>, Cube<'py>, Cube<'py>, Cube<'py>);
 
-/// What makes computations different: directions by role and number in the order of the outside, threads, time limit, method.
+/// What makes computations different: directions by role and number in declaration order, threads, time limit, method.
 #[derive(Clone, PartialEq, Eq, Hash, FromPyObject)]
 pub struct Key(pub Vec<(Role, usize)>, pub usize, pub Option<u32>, pub Option<String>);
 

@@ -28,7 +28,7 @@ const FEWEST: usize = 8;
 pub struct Plan<'a> {
     /// Number of points.
     pub count: usize,
-    /// States in the order of the outside, a row a point.
+    /// States in declaration order, a row a point.
     pub states: &'a [f64],
     /// Actions, a row a point.
     pub actions: &'a [f64],
