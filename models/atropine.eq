@@ -225,11 +225,16 @@ fail observation_box when outside bounds(observations)
 episode { step = 10 [min], max_steps = 60, error_reward = -100000 }
 solver  { rtol = 1e-8, algebraic_error_control = true }
 
+def steered1(nominal) = nominal - 0.0006933485803061856*xe1 - 0.0003452202636051542*xe2
+def steered2(nominal) = nominal - 0.032119998598558845*xe1 - 0.049179882780950236*xe2
+def steered3(nominal) = nominal - 0.006633014571480142*xe1 - 0.010010232591643865*xe2
+def steered4(nominal) = nominal + 0.007345773441016798*xe1 + 0.010820764956380933*xe2
+
 policy mpc "horizon 30 on the linear model, a constant gain since no bound is ever active" {
-  dq1 = -0.0006933485803061856*xe1 - 0.0003452202636051542*xe2
-  dq2 = -0.032119998598558845*xe1 - 0.049179882780950236*xe2
-  dq3 = -0.006633014571480142*xe1 - 0.010010232591643865*xe2
-  dq4 = 0.007345773441016798*xe1 + 0.010820764956380933*xe2
+  dq1 = steered1(0)
+  dq2 = steered2(0)
+  dq3 = steered3(0)
+  dq4 = steered4(0)
 }
 
 variant relaxed "wider box of the deviations" {
@@ -248,10 +253,10 @@ variant absolute "the actions are the flows themselves" {
   let dq3 = q3 - q3_ss
   let dq4 = q4 - q4_ss
   policy mpc {
-    q1 = 0.4078 - 0.0006933485803061856*xe1 - 0.0003452202636051542*xe2
-    q2 = 0.1089 - 0.032119998598558845*xe1 - 0.049179882780950236*xe2
-    q3 = 0.3888 - 0.006633014571480142*xe1 - 0.010010232591643865*xe2
-    q4 = 0.2126 + 0.007345773441016798*xe1 + 0.010820764956380933*xe2
+    q1 = steered1(0.4078)
+    q2 = steered2(0.1089)
+    q3 = steered3(0.3888)
+    q4 = steered4(0.2126)
   }
 }
 variant absolute_relaxed "the actions are the flows themselves, in a wider box" {
@@ -264,10 +269,10 @@ variant absolute_relaxed "the actions are the flows themselves, in a wider box" 
   let dq3 = q3 - q3_ss
   let dq4 = q4 - q4_ss
   policy mpc {
-    q1 = 0.4078 - 0.0006933485803061856*xe1 - 0.0003452202636051542*xe2
-    q2 = 0.1089 - 0.032119998598558845*xe1 - 0.049179882780950236*xe2
-    q3 = 0.3888 - 0.006633014571480142*xe1 - 0.010010232591643865*xe2
-    q4 = 0.2126 + 0.007345773441016798*xe1 + 0.010820764956380933*xe2
+    q1 = steered1(0.4078)
+    q2 = steered2(0.1089)
+    q3 = steered3(0.3888)
+    q4 = steered4(0.2126)
   }
 }
 variant reward_floor "a reward at the error reward ends the episode" {

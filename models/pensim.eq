@@ -405,7 +405,7 @@ let cooling      = pid(Fc, T_error, T_a - T, T_bend, -300 [L/(h K)], 1.6 [h], 0.
 let heating      = pid(heating_from, T_error, T_a - T, T_bend, 50 [L/(h K)], 0.05 [h], 1 [h], 1500 [L/h])
 
 let PAA_fed       = pid(Fpaa, 1200 [mg/L] - PAA, PAA_1 - PAA, 0 [mg/L], 0.1 [L^2/(mg h)], 0.5 [h], 0 [h], 150 [L/h])
-let PAA_scheduled = if n < 25 then Fpaa_start else 0 [L/h]
+let PAA_scheduled = if n < 25 then Fpaa_start else 0
 
 table Fpaa_minutes : L/h over time : min from { 0: 5, 40: 0, 200: 10, 230: 4 }
 when paa_schedule = minutes { let PAA_scheduled = Fpaa_minutes((n + 1)*step) }

@@ -44,7 +44,7 @@ pub struct Rows {
 /// Entries of a matrix over a nest of loops; entries of several nests at one place are added.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
-    /// Counter and passes of each loop.
+    /// Counter and iterations of each loop.
     pub loops: Vec<(u8, u32)>,
     /// The row.
     pub row: Affine,

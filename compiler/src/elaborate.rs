@@ -10,7 +10,7 @@
 //! | [`check`] | what nothing asked for or nobody chose | warnings and faults |
 //!
 //! All but the first take expressions to nodes by [`lower`] (with [`space`] for what stands over the cells of a domain): names are looked up,
-//! shapes and units checked on what was written, functions and `let`s expanded, indices over enumerated sets written out, and equations over
+//! shapes and units checked on what was written, functions and `let`s expanded, indices over enumerated sets unrolled, and equations over
 //! cells become loops. Where a stencil meets the end of a domain, the loop is split on demand: [`lower::cells`] elaborates a body
 //! over a range of cells and starts again with a cut where the body asked for one, so that the first, the inner and the
 //! last cells each get their own equation, however large the grid is.

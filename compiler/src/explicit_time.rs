@@ -19,7 +19,7 @@ use crate::model::Model;
 /// Passes of the loops around, by counter; 0 where there is none.
 type Extents = [u32; MAX_DEPTH];
 
-/// An expression over loops, by counter and number of passes, outermost first.
+/// An expression over loops, by counter and number of iterations, outermost first.
 pub type Looped = (Vec<(u8, u32)>, ExprId);
 
 /// What the integrator asks for.

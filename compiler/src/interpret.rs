@@ -186,33 +186,92 @@ struct Machine<'a, 'v> {
 }
 
 impl Machine<'_, '_> {
+    fn load(&self, base: Base, at: Affine) -> f64 {
+        let i = at.at(&self.counters) as usize;
+        match base {
+            Base::Y => self.view.y[i],
+            Base::Yp => self.view.yp[i],
+            Base::Work => self.view.work[i],
+            Base::Out => self.view.out[i],
+            Base::Factor => self.view.factor,
+        }
+    }
+}
+
+/// What runs the steps of a tape: with numbers, or with numbers that carry derivatives.
+trait Run {
+    /// A number.
+    type Number: Copy;
+
+    /// The counters of the loops.
+    fn counters(&mut self) -> &mut [i64; MAX_DEPTH];
+
+    /// An operand's value.
+    fn get(&self, operand: Operand) -> Self::Number;
+
+    /// Keeps a value in a register.
+    fn set(&mut self, register: u32, value: Self::Number);
+
+    /// The value of a node.
+    fn eval(&self, node: Expr, operands: &[Operand; 3], source: Option<(Base, Affine)>) -> Self::Number;
+
+    /// Writes a value.
+    fn store(&mut self, to: Destination, value: Operand);
+
+    /// The reduction of nothing.
+    fn nothing(op: ReduceFn) -> Self::Number;
+
+    /// A reduction with one more term, which is the `first` one or not.
+    fn reduced(op: ReduceFn, first: bool, sum: Self::Number, term: Self::Number) -> Self::Number;
+
+    /// Runs steps one after another.
     fn run(&mut self, steps: &[Step]) {
         for step in steps {
             match step {
                 Step::Eval { to, node, operands, source } => {
                     let value = self.eval(*node, operands, *source);
-                    self.registers[*to as usize] = value;
+                    self.set(*to, value);
                 }
                 Step::Reduce { to, op, counter, extent, body, value } => {
-                    let mut sum = op.identity();
-                    let outer = self.counters[*counter as usize];
+                    let outer = self.counters()[*counter as usize];
+                    let mut sum = Self::nothing(*op);
                     for i in 0..*extent {
-                        self.counters[*counter as usize] = i64::from(i);
+                        self.counters()[*counter as usize] = i64::from(i);
                         self.run(body);
-                        sum = op.binary().apply(sum, self.get(*value));
+                        sum = Self::reduced(*op, i == 0, sum, self.get(*value));
                     }
-                    self.counters[*counter as usize] = outer;
-                    self.registers[*to as usize] = sum;
+                    self.counters()[*counter as usize] = outer;
+                    self.set(*to, sum);
                 }
                 Step::Loop { counter, extent, body } => {
                     for i in 0..*extent {
-                        self.counters[*counter as usize] = i64::from(i);
+                        self.counters()[*counter as usize] = i64::from(i);
                         self.run(body);
                     }
                 }
                 Step::Store { to, value } => self.store(*to, *value),
             }
         }
+    }
+}
+
+impl Run for Machine<'_, '_> {
+    type Number = f64;
+
+    fn counters(&mut self) -> &mut [i64; MAX_DEPTH] {
+        &mut self.counters
+    }
+
+    fn set(&mut self, register: u32, value: f64) {
+        self.registers[register as usize] = value;
+    }
+
+    fn nothing(op: ReduceFn) -> f64 {
+        op.identity()
+    }
+
+    fn reduced(op: ReduceFn, _: bool, sum: f64, term: f64) -> f64 {
+        op.binary().apply(sum, term)
     }
 
     fn get(&self, operand: Operand) -> f64 {
@@ -228,17 +287,6 @@ impl Machine<'_, '_> {
             Expr::Counter(v) => self.counters[v.0 as usize] as f64,
             Expr::Load { .. } => source.map_or(f64::NAN, |(base, at)| self.load(base, at)),
             _ => apply(node, operands.map(|o| self.get(o)), self.numbers),
-        }
-    }
-
-    fn load(&self, base: Base, at: Affine) -> f64 {
-        let i = at.at(&self.counters) as usize;
-        match base {
-            Base::Y => self.view.y[i],
-            Base::Yp => self.view.yp[i],
-            Base::Work => self.view.work[i],
-            Base::Out => self.view.out[i],
-            Base::Factor => self.view.factor,
         }
     }
 

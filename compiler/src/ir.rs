@@ -10,6 +10,7 @@
 
 mod affine;
 mod build;
+mod elementary;
 mod expr;
 mod function;
 mod loads;
@@ -18,10 +19,13 @@ mod program;
 mod var;
 mod walk;
 
-pub use affine::{Affine, LoopVar, Loops, MAX_DEPTH, loops_of};
+pub(crate) use affine::loops_of;
+pub use affine::{Affine, LoopVar, Loops, MAX_DEPTH};
 pub(crate) use build::Rewritten;
+pub use elementary::UnaryFn;
+pub(crate) use elementary::{Arithmetic, Defined, Slope, slope};
 pub use expr::{Expr, ExprId, Exprs, Flavour};
-pub use function::{BinaryFn, Compare, ReduceFn, UnaryFn};
+pub use function::{BinaryFn, Compare, ReduceFn};
 pub use numbers::{List, Lists, Side, before, behind};
 pub use program::{Nest, Place, Program, Store, Target};
 pub use rustc_hash::{FxHashMap as FastMap, FxHashSet as FastSet};

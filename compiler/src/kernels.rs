@@ -10,35 +10,8 @@ mod math;
 mod table;
 
 pub use lists::{entry, passed};
-pub use table::{ArrayKernel, BinaryArrayKernel, BinaryKernel, KernelTable, ListKernel, ScalarKernel, table};
-
-/// Functions of one number, in the order of [`KernelTable::unary`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[allow(missing_docs, reason = "the names say it")]
-pub enum Kernel {
-    Exp,
-    Ln,
-    Log10,
-    Tanh,
-    Sin,
-    Cos,
-    Tan,
-    Asin,
-    Acos,
-    Atan,
-    Sinh,
-    Cosh,
-    Floor,
-    Ceil,
-    /// To the nearest integer, ties to even.
-    Round,
-    Sign,
-    /// To the nearest number of single precision.
-    Single,
-}
-
-/// Number of functions in [`KernelTable::unary`].
-pub(crate) const UNARY_COUNT: usize = Kernel::Single as usize + 1;
+pub(crate) use table::UNARY_COUNT;
+pub use table::{ArrayKernel, BinaryArrayKernel, BinaryKernel, Kernel, KernelTable, ListKernel, ScalarKernel, table};
 
 /// A function of one number, the same bits as in compiled code.
 #[must_use]

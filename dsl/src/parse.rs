@@ -24,7 +24,7 @@ use crate::layout::{RawStatement, has_block, layout};
 use crate::span::{FileId, span};
 use crate::stack::SIZES;
 use crate::syntax::{File, Statement, StatementKind};
-use crate::words::KEYWORDS;
+use crate::words::keywords;
 
 /// Shorter texts are read sooner than a thread has started.
 const WORTH_A_THREAD: usize = 8 * 1024;
@@ -121,7 +121,7 @@ impl<'t> StatementParser<'t> {
     fn kinds(&self, raw: &RawStatement, body: Option<Vec<Statement>>) -> Fallible<Vec<StatementKind>> {
         let text = &self.text[raw.start..raw.end];
         let keyword = leading_word(text);
-        let known = KEYWORDS.iter().find(|known| **known == keyword);
+        let known = keywords().find(|known| *known == keyword);
         let Some(keyword) = known else { return Err(Box::new(self.unknown_statement(raw, keyword))) };
         check_block(keyword, raw, self.file)?;
         let rest = text[keyword.len()..].trim_start();
@@ -139,7 +139,7 @@ impl<'t> StatementParser<'t> {
             if word.is_empty() { "a statement begins with a keyword".to_owned() } else { format!("`{word}` begins no statement") };
         Diagnostic::error(codes::UNKNOWN_STATEMENT, message, place)
             .label("expected a keyword such as `param`, `state`, `let` or `eq`")
-            .maybe_help(message::statement_hint(word, text, self.around).or_else(|| did_you_mean(word, KEYWORDS.iter().copied())))
+            .maybe_help(message::statement_hint(word, text, self.around).or_else(|| did_you_mean(word, keywords())))
     }
 }
 

@@ -1,50 +1,60 @@
 //! The words of the language: one list for the layout, the formatter, the parser and for those who write texts.
 
-/// First words of statements.
-pub(crate) const KEYWORDS: &[&str] = &[
-    "model",
-    "use",
-    "time",
-    "set",
-    "table",
-    "def",
-    "param",
-    "action",
-    "state",
-    "var",
-    "let",
-    "discrete",
-    "disturbance",
-    "random",
-    "eq",
-    "domain",
-    "flux",
-    "connector",
-    "component",
-    "port",
-    "connect",
-    "initial",
-    "steady",
-    "observe",
-    "level",
-    "reward",
-    "fail",
-    "success",
-    "constraint",
-    "invariant",
-    "episode",
-    "solver",
-    "policy",
-    "at",
-    "next",
-    "reset",
-    "clamp",
-    "event",
-    "phase",
-    "variant",
-    "choice",
-    "when",
+/// First words of statements, and how each is formed, by an example for messages.
+const STATEMENTS: &[(&str, Option<&str>)] = &[
+    ("model", Some("model Name \"text\"")),
+    ("use", Some("use Component as name(parameter = value)")),
+    ("time", Some("time t : min")),
+    ("set", Some("set species = { a, b }")),
+    ("table", None),
+    ("def", Some("def f(a, b) = expression")),
+    ("param", Some("param p : unit = value in low..high \"text\"")),
+    ("action", Some("action u : unit = nominal in low..high \"text\"")),
+    ("state", Some("state x : unit = initial in low..high \"text\"")),
+    ("var", None),
+    ("let", None),
+    ("discrete", None),
+    ("disturbance", None),
+    ("random", None),
+    ("eq", Some("eq left = right for i in species")),
+    ("domain", Some("domain z in 0..L cells n scheme upwind")),
+    ("flux", Some("flux J[z] = inner, low = value, high = value")),
+    ("connector", None),
+    ("component", None),
+    ("port", Some("port inlet, outlet : Stream")),
+    ("connect", Some("connect M1.outlet -> R1.inlet")),
+    ("initial", Some("initial x ~ uniform(0, 1) clip bounds")),
+    ("steady", Some("name = value, between `{` and `}`")),
+    ("observe", None),
+    ("level", Some("level name { observe x }")),
+    ("reward", Some("reward name default = expression \"text\"")),
+    ("fail", Some("fail name when condition")),
+    ("success", Some("success name when condition")),
+    ("constraint", Some("constraint name when condition")),
+    ("invariant", Some("invariant name = expression rate expression")),
+    ("episode", Some("name = value, between `{` and `}`")),
+    ("solver", Some("name = value, between `{` and `}`")),
+    ("policy", Some("policy name { action = expression }")),
+    ("at", Some("at start { statements }")),
+    ("next", Some("next x = expression")),
+    ("reset", Some("reset x = expression")),
+    ("clamp", Some("clamp x at value when condition")),
+    ("event", Some("event name when condition")),
+    ("phase", Some("phase name for 60 [min] then other")),
+    ("variant", Some("variant name \"text\" { statements }")),
+    ("choice", Some("choice name = first | second")),
+    ("when", Some("when choice = option { statements }")),
 ];
+
+/// First words of statements.
+pub(crate) fn keywords() -> impl Iterator<Item = &'static str> {
+    STATEMENTS.iter().map(|(word, _)| *word)
+}
+
+/// How a statement is formed, by an example.
+pub(crate) fn form(keyword: &str) -> Option<&'static str> {
+    STATEMENTS.iter().find(|(word, _)| *word == keyword)?.1
+}
 
 /// Words that cannot be names.
 const RESERVED: &[&str] = &["if", "then", "else", "and", "or", "not", "for", "in", "as", "true", "false"];
@@ -67,5 +77,5 @@ const INSIDE: &[&str] = &["from", "linear", "bounds", "unit", "dt"];
 /// texts does better without. What is built in is not among them.
 #[must_use]
 pub fn is_word(name: &str) -> bool {
-    [KEYWORDS, RESERVED, CLAUSES, INSIDE].iter().any(|list| list.contains(&name))
+    keywords().any(|word| word == name) || [RESERVED, CLAUSES, INSIDE].iter().any(|list| list.contains(&name))
 }

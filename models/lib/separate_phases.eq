@@ -98,14 +98,14 @@ component CationExchanger {
 }
 use CationExchanger as CEX
 
-eq PA.Q      = if phase == elute then flow else 0 [L/min]
-eq VI.Q      = if phase == elute or phase == load_cex then flow else 0 [L/min]
-eq VI.c_in   = if phase == elute then PA.c[n_z] else 0 [mg/L]
-eq CEX.Q     = if phase == load_cex or phase == elute_cex then flow else 0 [L/min]
-eq CEX.c_in  = if phase == load_cex then VI.c[n_z] else 0 [mg/L]
-eq LOOP.Q    = if phase == elute_cex or phase == flow_through then flow else 0 [L/min]
-eq LOOP.c_in = if phase == elute_cex then CEX.c[n_z] else 0 [mg/L]
-eq AEX.Q     = if phase == flow_through then flow else 0 [L/min]
+eq PA.Q      = if phase == elute then flow else 0
+eq VI.Q      = if phase == elute or phase == load_cex then flow else 0
+eq VI.c_in   = if phase == elute then PA.c[n_z] else 0
+eq CEX.Q     = if phase == load_cex or phase == elute_cex then flow else 0
+eq CEX.c_in  = if phase == load_cex then VI.c[n_z] else 0
+eq LOOP.Q    = if phase == elute_cex or phase == flow_through then flow else 0
+eq LOOP.c_in = if phase == elute_cex then CEX.c[n_z] else 0
+eq AEX.Q     = if phase == flow_through then flow else 0
 eq AEX.c_in  = LOOP.c[n_z]
 
 state m_eluted   : mg = 0  in 0..inf  scale 1e3    "antibody that leaves Protein A"
@@ -115,10 +115,10 @@ state m_passed   : mg = 0  in 0..inf  scale 1e3    "antibody that runs through t
 state m_released : mg = 0  in 0..inf  scale 1e3    "antibody that leaves the cation exchanger in its elution"
 state m_out      : mg = 0  in 0..inf  scale 1e3    "antibody that leaves the anion exchanger"
 eq d/dt m_eluted   = PA.Q*PA.c[n_z]
-eq d/dt m_missed   = if phase == elute then VI.Q*VI.c[n_z] else 0 [mg/min]
+eq d/dt m_missed   = if phase == elute then VI.Q*VI.c[n_z] else 0
 eq d/dt m_loaded   = CEX.Q*CEX.c_in
-eq d/dt m_passed   = if phase == load_cex then CEX.Q*CEX.c[n_z] else 0 [mg/min]
-eq d/dt m_released = if phase == elute_cex then CEX.Q*CEX.c[n_z] else 0 [mg/min]
+eq d/dt m_passed   = if phase == load_cex then CEX.Q*CEX.c[n_z] else 0
+eq d/dt m_released = if phase == elute_cex then CEX.Q*CEX.c[n_z] else 0
 eq d/dt m_out      = AEX.Q*AEX.c[n_z]
 
 action idle_action = 0 in 0..1    "nothing can be done"

@@ -6,13 +6,15 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use smpl_runtime::batch::{self, Autoreset, BatchError, BatchOptions, Info, StepArrays};
-use smpl_runtime::environment::{Environment, ResetOptions};
+use smpl_runtime::catalogue::Family;
+use smpl_runtime::environment::ResetOptions;
 
 use crate::arrays::Fresh;
 use crate::environment::gather;
-use crate::errors::{SimulationError, guarded, reset_error, role_error, setup_error, step_error};
+use crate::errors::{SimulationError, guarded, reset_error, setup_error, step_error};
 use crate::interrupt::released;
 use crate::model::Model;
+use crate::role::{Role, role_error};
 use crate::snapshot::Snapshot;
 use crate::start::Start;
 
@@ -164,16 +166,15 @@ impl Batch {
     }
 
     /// Values by role, a row an environment: `state`, `discrete`, `disturbance`, `action`, `parameter`.
-    fn values<'py>(&mut self, py: Python<'py>, role: &str) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    fn values<'py>(&mut self, py: Python<'py>, role: Role) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let batch = self.batch.get_mut().unwrap_or_else(PoisonError::into_inner);
-        let width = match batch.environment(0) {
-            Some(first) => width(first, role).ok_or_else(|| role_error(role))?,
-            None => 0,
-        };
+        let family = batch.environment(0).map(|first| role.family(first.catalogue()));
+        let width = family.map_or(0, Family::len);
         let mut values = Fresh::matrix(py, batch.len(), width);
         for (index, out) in values.elements().chunks_exact_mut(width.max(1)).enumerate() {
             if let Some(environment) = batch.environment(index) {
-                write(environment, role, out);
+                let values = role.region(environment).ok_or_else(|| role_error(role.name()))?;
+                gather(role.family(environment.catalogue()), values, out);
             }
         }
         Ok(values.done())
@@ -285,29 +286,6 @@ fn fill_infos<'py>(py: Python<'py>, infos: &[Option<&Info>], sizes: Sizes, const
         phases,
         texts(|info| &info.success_name),
     )
-}
-
-fn width(environment: &Environment, role: &str) -> Option<usize> {
-    let catalogue = environment.catalogue();
-    match role {
-        "state" => Some(catalogue.states.len()),
-        "discrete" => Some(catalogue.discretes.len()),
-        "disturbance" => Some(catalogue.disturbances.len()),
-        "action" => Some(catalogue.actions.len()),
-        "parameter" => Some(catalogue.parameters.len()),
-        _ => None,
-    }
-}
-
-fn write(environment: &Environment, role: &str, out: &mut [f64]) {
-    let catalogue = environment.catalogue();
-    match role {
-        "state" => environment.state(out),
-        "discrete" => gather(&catalogue.discretes, environment.discretes(), out),
-        "disturbance" => gather(&catalogue.disturbances, environment.disturbances(), out),
-        "action" => gather(&catalogue.actions, environment.actions(), out),
-        _ => gather(&catalogue.parameters, environment.parameters(), out),
-    }
 }
 
 fn batch_error(error: &BatchError) -> PyErr {

@@ -11,10 +11,11 @@ use smpl_runtime::environment::{self, Environment};
 use smpl_runtime::observe::denormalise;
 
 use crate::arrays::Fresh;
-use crate::errors::{SimulationError, guarded, reset_error, role_error, step_error};
+use crate::errors::{SimulationError, guarded, reset_error, step_error};
 use crate::info::Keys;
 use crate::interrupt::released;
 use crate::model::Model;
+use crate::role::Role;
 use crate::snapshot::Snapshot;
 use crate::start::Start;
 
@@ -92,7 +93,7 @@ impl Env {
     }
 
     /// Values by role: `state`, `algebraic`, `discrete`, `disturbance`, `action`, `parameter`.
-    fn values<'py>(&mut self, py: Python<'py>, role: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    fn values<'py>(&mut self, py: Python<'py>, role: Role) -> Bound<'py, PyArray1<f64>> {
         let environment = self.environment.get_mut().unwrap_or_else(PoisonError::into_inner);
         values(py, environment, role)
     }
@@ -194,20 +195,13 @@ fn observation<'py>(py: Python<'py>, environment: &Environment, normalise: bool)
     Fresh::vector(py, environment.observation_len()).filled(|out| environment.observe(normalise, out))
 }
 
-/// Values of a role in the order of the outside.
-fn values<'py>(py: Python<'py>, environment: &mut Environment, role: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
+/// Values of a role in declaration order.
+fn values<'py>(py: Python<'py>, environment: &mut Environment, role: Role) -> Bound<'py, PyArray1<f64>> {
     let setup = environment.setup().clone();
-    let catalogue = &setup.catalogue;
-    let region = |family: &Family, values: &[f64]| Fresh::vector(py, family.len()).filled(|out| gather(family, values, out));
-    Ok(match role {
-        "state" => Fresh::vector(py, catalogue.states.len()).filled(|out| environment.state(out)),
-        "solved" => region(&catalogue.solved, environment.unknowns()),
-        "algebraic" => Fresh::vector(py, catalogue.algebraics.len()).filled(|out| environment.algebraics(out)),
-        "discrete" => region(&catalogue.discretes, environment.discretes()),
-        "disturbance" => region(&catalogue.disturbances, environment.disturbances()),
-        "action" => region(&catalogue.actions, environment.actions()),
-        "parameter" => region(&catalogue.parameters, environment.parameters()),
-        _ => return Err(role_error(role)),
+    let family = role.family(&setup.catalogue);
+    Fresh::vector(py, family.len()).filled(|out| match role.region(environment) {
+        Some(values) => gather(family, values, out),
+        None => environment.algebraics(out),
     })
 }
 

@@ -1,4 +1,4 @@
-//! Equations, derivatives and points of rest of a model, with unknowns in the order of the outside: states, then solved
+//! Equations, derivatives and steady states of a model, with unknowns in declaration order: states, then solved
 //! algebraic variables.
 
 use std::hint::black_box;
@@ -11,16 +11,17 @@ use smpl_compiler::compiled::CompiledModel;
 use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::{Part, Region};
 use smpl_compiler::model::Variate;
-use smpl_runtime::catalogue::{Catalogue, Family, check_parameters};
+use smpl_runtime::catalogue::{Catalogue, check_parameters};
 use smpl_runtime::linearize::{self, Linearization};
 use smpl_runtime::solver::System;
 use smpl_runtime::steady::{self, Held, SteadyError};
 use smpl_runtime::system::CompiledSystem;
 
 use crate::errors::SimulationError;
+use crate::role::Role;
 
 /// Values in place of defaults: role, element, value.
-pub type Given = Vec<(String, usize, f64)>;
+pub type Given = Vec<(Role, usize, f64)>;
 
 /// An instance of a model to evaluate, and the order of its unknowns.
 pub struct Equations {
@@ -28,7 +29,7 @@ pub struct Equations {
     /// Parameters at their means, nominal actions, the steady state of the model where there is one.
     nominal: CompiledSystem,
     work: CompiledSystem,
-    /// Place in `y` of each unknown in the order of the outside.
+    /// Place in `y` of each unknown in declaration order.
     order: Vec<usize>,
     jacobian: Columns,
     y: Vec<f64>,
@@ -49,7 +50,7 @@ fn least_time(mut call: impl FnMut()) -> f64 {
     (0..51).map(|_| batch(count)).fold(f64::INFINITY, f64::min)
 }
 
-/// Compressed columns in the order of the outside, and where each entry stands in the compiled Jacobian.
+/// Compressed columns in declaration order, and where each entry stands in the compiled Jacobian.
 struct Columns {
     pointers: Vec<i32>,
     rows: Vec<i32>,
@@ -159,10 +160,8 @@ impl Equations {
             some => Held { states: some.iter().map(|&(i, value)| (self.order[i], value)).collect(), conditions: Vec::new() },
         };
         let mut held = Vec::new();
-        for (role, family, region) in
-            [("discrete", &self.catalogue.discretes, Region::Discrete), ("disturbance", &self.catalogue.disturbances, Region::Disturbance)]
-        {
-            held.extend(self.places(role, family, given)?.into_iter().map(|(at, value)| (region, at, value)));
+        for (role, region) in [(Role::Discrete, Region::Discrete), (Role::Disturbance, Region::Disturbance)] {
+            held.extend(self.places(role, given)?.into_iter().map(|(at, value)| (region, at, value)));
         }
         steady::solve_held(&mut self.work, &self.catalogue, u, &held_states, &held, &mut y).map_err(|e| steady_error(&e))?;
         Ok(self.order.iter().map(|&at| y[at]).collect())
@@ -207,7 +206,7 @@ impl Equations {
 
     /// Sets parameters, discrete variables and disturbances; those that are not given have their initial values.
     fn set_given(&mut self, given: &Given) -> PyResult<()> {
-        let parameters = self.places("parameter", &self.catalogue.parameters, given)?;
+        let parameters = self.places(Role::Parameter, given)?;
         if !parameters.is_empty() {
             set_parameters(&mut self.work, parameters.into_iter());
             let checked = check_parameters(&self.catalogue.parameters, self.work.region(Region::Param));
@@ -217,8 +216,8 @@ impl Equations {
         if discretes.is_empty() && disturbances.is_empty() {
             return Ok(());
         }
-        let discrete_values = self.places("discrete", discretes, given)?;
-        let disturbance_values = self.places("disturbance", disturbances, given)?;
+        let discrete_values = self.places(Role::Discrete, given)?;
+        let disturbance_values = self.places(Role::Disturbance, given)?;
         let mut y = self.y.clone();
         let (model, memory) = self.work.parts();
         model.initial_discretes(memory, &mut y);
@@ -231,17 +230,17 @@ impl Equations {
     }
 
     /// Places and values of what is given for a role.
-    fn places(&self, role: &str, family: &Family, given: &Given) -> PyResult<Vec<(usize, f64)>> {
-        let mine = given.iter().filter(|(of, _, _)| of == role);
-        mine.map(|&(_, element, value)| match family.elements().get(element) {
+    fn places(&self, role: Role, given: &Given) -> PyResult<Vec<(usize, f64)>> {
+        let mine = given.iter().filter(|(of, _, _)| *of == role);
+        mine.map(|&(_, element, value)| match role.family(&self.catalogue).elements().get(element) {
             Some(found) => {
                 found.check(value).map_err(|e| PyValueError::new_err(e.to_string()))?;
-                if role == "parameter" {
+                if role == Role::Parameter {
                     found.check_bounds(value).map_err(|e| PyValueError::new_err(e.to_string()))?;
                 }
                 Ok((found.at, value))
             }
-            None => Err(PyValueError::new_err(format!("there is no {role} number {element}"))),
+            None => Err(PyValueError::new_err(format!("there is no {} number {element}", role.name()))),
         })
         .collect()
     }

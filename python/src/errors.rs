@@ -112,8 +112,3 @@ fn internal(cause: &(dyn Any + Send)) -> PyErr {
     let text = text.or_else(|| cause.downcast_ref::<&str>().copied()).unwrap_or("unknown cause");
     SimulationError::new_err(format!("internal error of smpl, please report it: {text}"))
 }
-
-/// The exception of a role that there is not.
-pub fn role_error(role: &str) -> PyErr {
-    PyValueError::new_err(format!("unknown role `{role}`"))
-}

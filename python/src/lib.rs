@@ -14,6 +14,7 @@ mod interrupt;
 mod load;
 mod model;
 mod picture;
+mod role;
 mod rollout;
 mod sensitivity;
 mod snapshot;

@@ -11,17 +11,19 @@ use pyo3::sync::MutexExt;
 use pyo3::types::PyBytes;
 use smpl_compiler::export::{ExportError, Target};
 use smpl_dsl::span::FileId;
-use smpl_runtime::catalogue::{self, Catalogue, Element, Family};
+use smpl_runtime::catalogue::{self, Catalogue, Element};
 use smpl_runtime::export::{ExportFault, export, export_fmu};
 use smpl_runtime::rollout::Rollouts;
 use smpl_runtime::sensitivity::Sensitivities;
-use smpl_runtime::setup::{EnvironmentOptions, Setup};
+use smpl_runtime::setup::{self, EnvironmentOptions, Setup};
+use smpl_runtime::solver::Method;
 
 use crate::arrays::Fresh;
 use crate::equations::{Equations, Given};
-use crate::errors::{guarded, role_error, setup_error};
+use crate::errors::{guarded, setup_error};
 use crate::interrupt::released;
 use crate::load::{self, Loaded};
+use crate::role::Role;
 use crate::rollout::{Request, Results, Start, rollout_error};
 use crate::sensitivity;
 
@@ -31,7 +33,7 @@ type Indices<'py> = Bound<'py, PyArray1<i32>>;
 type Input<'py> = PyReadonlyArray1<'py, f64>;
 
 /// By dense reward, time limit and method.
-type Setups = HashMap<(bool, Option<u32>, Option<String>), Arc<Setup>>;
+type Setups = HashMap<(bool, Option<u32>, Option<Method>), Arc<Setup>>;
 
 /// How trajectories are run: threads, time limit, method.
 type Run = (usize, Option<u32>, Option<String>);
@@ -172,7 +174,7 @@ impl Model {
         match role {
             "observation" => Ok(interface.finish.observations.iter().map(|o| o.name.clone()).collect()),
             "reward" => Ok(interface.finish.rewards.iter().map(|r| r.name.clone()).collect()),
-            _ => Ok(self.elements(role)?.iter().map(|e| e.name.clone()).collect()),
+            _ => Ok(self.elements(Role::of(role)?).iter().map(|e| e.name.clone()).collect()),
         }
     }
 
@@ -188,7 +190,7 @@ impl Model {
         match role {
             "observation" => Ok(interface.finish.observations.iter().map(|o| o.unit.clone()).collect()),
             "reward" => Ok(interface.finish.rewards.iter().map(|r| r.unit.clone()).collect()),
-            _ => Ok(self.elements(role)?.iter().map(|e| e.unit.clone()).collect()),
+            _ => Ok(self.elements(Role::of(role)?).iter().map(|e| e.unit.clone()).collect()),
         }
     }
 
@@ -211,14 +213,14 @@ impl Model {
         let (low, high): (Vec<f64>, Vec<f64>) = if role == "observation" {
             self.loaded.model.interface().finish.observations.iter().map(|o| (o.low, o.high)).unzip()
         } else {
-            self.elements(role)?.iter().map(|e| (e.low, e.high)).unzip()
+            self.elements(Role::of(role)?).iter().map(|e| (e.low, e.high)).unzip()
         };
         Ok((PyArray1::from_vec(py, low), PyArray1::from_vec(py, high)))
     }
 
     /// Default, nominal or initial values of a role.
-    fn defaults<'py>(&self, py: Python<'py>, role: &str) -> PyResult<Vector<'py>> {
-        Ok(PyArray1::from_iter(py, self.elements(role)?.iter().map(|e| e.default)))
+    fn defaults<'py>(&self, py: Python<'py>, role: Role) -> Vector<'py> {
+        PyArray1::from_iter(py, self.elements(role).iter().map(|e| e.default))
     }
 
     /// Residual at a point.
@@ -375,7 +377,8 @@ impl Model {
     /// # Errors
     /// Settings out of range, a method that does not take the model, or no steady state where the model starts from one.
     pub fn setup(&self, py: Python<'_>, dense_reward: bool, max_steps: Option<u32>, method: Option<&str>) -> PyResult<Arc<Setup>> {
-        let key = (dense_reward, max_steps, method.map(str::to_owned));
+        let method = method.map(setup::method).transpose().map_err(|e| setup_error(&e))?;
+        let key = (dense_reward, max_steps, method);
         let mut setups = self.setups.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner);
         if let Some(setup) = setups.get(&key) {
             return Ok(setup.clone());
@@ -383,7 +386,7 @@ impl Model {
         let base = self.loaded.options.clone();
         let max = max_steps.or(base.max_steps);
         let mut options = EnvironmentOptions { sparse: !dense_reward, max_steps: max, ..base };
-        options.solver.method = key.2.clone().or(options.solver.method);
+        options.solver.method = method.or(options.solver.method);
         let (model, sources) = (self.loaded.model.clone(), Some(self.loaded.sources.clone()));
         let setup = released(py, || Setup::new(model, options, sources))?.map_err(|e| setup_error(&e))?;
         setups.insert(key, setup.clone());
@@ -413,19 +416,8 @@ impl Model {
         parameters.iter().filter_map(|(name, &v)| Some((self.catalogue().parameters.find(name)?.at, v))).collect()
     }
 
-    fn elements(&self, role: &str) -> PyResult<&[Element]> {
-        let catalogue = self.catalogue();
-        let family: &Family = match role {
-            "state" => &catalogue.states,
-            "solved" => &catalogue.solved,
-            "algebraic" => &catalogue.algebraics,
-            "discrete" => &catalogue.discretes,
-            "disturbance" => &catalogue.disturbances,
-            "action" => &catalogue.actions,
-            "parameter" => &catalogue.parameters,
-            _ => return Err(role_error(role)),
-        };
-        Ok(family.elements())
+    fn elements(&self, role: Role) -> &[Element] {
+        role.family(self.catalogue()).elements()
     }
 }
 

@@ -11,8 +11,9 @@ use smpl_runtime::sensitivity::{Arrays, Plan, Sensitivities, SensitivityError};
 use smpl_runtime::setup::Setup;
 
 use crate::arrays::Fresh;
-use crate::errors::{SimulationError, guarded, reset_error, role_error, setup_error};
+use crate::errors::{SimulationError, guarded, reset_error, setup_error};
 use crate::interrupt::released;
+use crate::role::{Role, role_error};
 
 type Matrix<'py> = Bound<'py, PyArray2<f64>>;
 type Cube<'py> = Bound<'py, PyArray3<f64>>;
@@ -21,30 +22,30 @@ type Named<'py> = Vec<(String, PyReadonlyArrayDyn<'py, f64>)>;
 /// States, rewards, observations; their derivatives, rows by directions.
 pub type Results<'py> = (Matrix<'py>, Matrix<'py>, Matrix<'py>, Cube<'py>, Cube<'py>, Cube<'py>);
 
-/// What makes computations different: directions by role and number in the order of the outside, threads, time limit, method.
+/// What makes computations different: directions by role and number in declaration order, threads, time limit, method.
 #[derive(Clone, PartialEq, Eq, Hash, FromPyObject)]
-pub struct Key(pub Vec<(String, usize)>, pub usize, pub Option<u32>, pub Option<String>);
+pub struct Key(pub Vec<(Role, usize)>, pub usize, pub Option<u32>, pub Option<String>);
 
 /// Makes what computes.
 ///
 /// # Errors
 /// A role that there is not, or what the solver says of the equations.
 pub fn make(key: &Key, setup: &Arc<Setup>) -> PyResult<Sensitivities> {
-    let directions = key.0.iter().map(|(role, index)| direction(&setup.catalogue, role, *index)).collect::<PyResult<_>>()?;
+    let directions = key.0.iter().map(|(role, index)| direction(&setup.catalogue, *role, *index)).collect::<PyResult<_>>()?;
     guarded(|| Sensitivities::new(setup, directions, key.1))?.map_err(|e| error(&e))
 }
 
-fn direction(catalogue: &Catalogue, role: &str, index: usize) -> PyResult<Direction> {
-    let (family, make): (_, fn(usize) -> Direction) = match role {
-        "state" => (&catalogue.states, Direction::State),
-        "action" => (&catalogue.actions, Direction::Action),
-        "parameter" => (&catalogue.parameters, Direction::Parameter),
-        "discrete" => (&catalogue.discretes, Direction::Discrete),
-        "disturbance" => (&catalogue.disturbances, Direction::Disturbance),
-        _ => return Err(role_error(role)),
+fn direction(catalogue: &Catalogue, role: Role, index: usize) -> PyResult<Direction> {
+    let make = match role {
+        Role::State => Direction::State,
+        Role::Action => Direction::Action,
+        Role::Parameter => Direction::Parameter,
+        Role::Discrete => Direction::Discrete,
+        Role::Disturbance => Direction::Disturbance,
+        Role::Solved | Role::Algebraic => return Err(role_error(role.name())),
     };
-    let element = family.elements().get(index).ok_or_else(|| PyValueError::new_err(format!("there is no {role} {index}")))?;
-    Ok(make(element.at))
+    let missing = || PyValueError::new_err(format!("there is no {} {index}", role.name()));
+    Ok(make(role.family(catalogue).elements().get(index).ok_or_else(missing)?.at))
 }
 
 /// What Python asks for. The caller's arrays may be written by other threads meanwhile: these are copies.

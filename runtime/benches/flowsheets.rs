@@ -6,13 +6,14 @@ use std::time::Instant;
 use smpl_runtime::environment::{Environment, ResetOptions, Start};
 use smpl_runtime::load::{LoadOptions, load};
 use smpl_runtime::setup::Setup;
+use smpl_runtime::solver::LinearSolver;
 
 struct Case {
     model: &'static str,
     scenario: &'static str,
     rtol: Option<f64>,
     atol_factor: Option<f64>,
-    linear_solver: Option<&'static str>,
+    linear_solver: Option<LinearSolver>,
     steps: u32,
     /// Observations whose errors are printed.
     watched: &'static [&'static str],
@@ -49,11 +50,11 @@ const CASES: [Case; 10] = [
     // The model's tolerance, the tolerances of the original implementation, and what gives its accuracy (concentrations within 1e-4 mol/L).
     ATROPINE,
     Case { rtol: Some(1e-6), atol_factor: Some(1e-4), ..ATROPINE },
-    Case { rtol: Some(1e-6), atol_factor: Some(1e-4), linear_solver: Some("klu"), ..ATROPINE },
+    Case { rtol: Some(1e-6), atol_factor: Some(1e-4), linear_solver: Some(LinearSolver::Klu), ..ATROPINE },
     Case { rtol: Some(1e-5), ..ATROPINE },
     // The model's tolerance is that of the original, whose states are within 2e-6 of their ranges.
     ANTIBODIES,
-    Case { linear_solver: Some("klu"), ..ANTIBODIES },
+    Case { linear_solver: Some(LinearSolver::Klu), ..ANTIBODIES },
     Case { rtol: Some(3e-8), ..ANTIBODIES },
     Case { scenario: "legacy", ..ANTIBODIES },
 ];
@@ -91,7 +92,7 @@ fn prepared(case: &Case, path: &Path, asked: &LoadOptions, rtol: Option<f64>) ->
     let mut options = loaded.options;
     options.solver.rtol = rtol.or(case.rtol).or(options.solver.rtol);
     options.solver.atol_factor = case.atol_factor.or(options.solver.atol_factor);
-    options.solver.linear_solver = case.linear_solver.map(str::to_owned).or(options.solver.linear_solver);
+    options.solver.linear_solver = case.linear_solver.or(options.solver.linear_solver);
     let setup = Setup::new(loaded.model, options, Some(loaded.sources)).unwrap_or_else(|e| panic!("{e}"));
     let mut environment = Environment::new(setup).unwrap_or_else(|e| panic!("{e}"));
     environment.set_keep_going(true);
@@ -177,7 +178,7 @@ fn run(case: &Case) {
         "{} {}, rtol {rtol}, linear solver {}: compile {compile:.1} ms",
         case.model,
         case.scenario,
-        case.linear_solver.unwrap_or("auto")
+        case.linear_solver.unwrap_or_default().name()
     );
     println!("    step: median {median:.3} ms (goal {}), mean {mean:.3}, slowest {slowest:.3}", case.goal);
     println!("    error of the states: {absolute:.1e}, and {relative:.1e} of their largest values");

@@ -134,7 +134,7 @@ fn episode(file: &str, method: Method, rtol: f64, steps: u32) -> Run {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../models/{file}.eq"));
     let loaded = load(&path, &LoadOptions::default()).ok()?;
     let mut options = loaded.options;
-    options.solver.method = Some(method.name().into());
+    options.solver.method = Some(method);
     options.solver.rtol = Some(rtol);
     let mut environment = Environment::new(Setup::new(loaded.model, options, None).ok()?).ok()?;
     environment.reset(Some(1), &ResetOptions { start: Start::Nominal, ..ResetOptions::default() }).ok()?;

@@ -41,7 +41,7 @@ impl Element {
     }
 }
 
-/// The elements of one role, in the order of the outside.
+/// The elements of one role, in declaration order.
 #[derive(Clone, Debug, Default)]
 pub struct Family {
     elements: Vec<Element>,
@@ -72,7 +72,7 @@ impl Family {
         self.elements.is_empty()
     }
 
-    /// Position of a flattened name in the order of the outside.
+    /// Position of a flattened name in declaration order.
     #[must_use]
     pub fn position(&self, name: &str) -> Option<usize> {
         let index = || self.elements.iter().enumerate().map(|(i, e)| (e.name.clone(), i)).collect::<HashMap<_, _>>();
@@ -267,7 +267,7 @@ fn region(model: &CompiledModel, quantities: &[Quantity]) -> Family {
     })
 }
 
-/// The states in the order of the outside; the quantities list them in the order of `y`.
+/// The states in declaration order; the quantities list them in the order of `y`.
 fn states(interface: &Interface) -> Family {
     let inside = family(&interface.quantities.states, |_, _, running| running);
     let Some(order) = &interface.quantities.state_order else {

@@ -381,7 +381,7 @@ impl Environment {
         &self.progress.y
     }
 
-    /// Writes the states in the order of the outside, physical units.
+    /// Writes the states in declaration order, physical units.
     pub fn state(&self, out: &mut [f64]) {
         for (element, out) in self.setup.catalogue.states.elements().iter().zip(out) {
             *out = self.progress.y[element.at];

@@ -11,7 +11,7 @@ use crate::inverse::Inverse;
 use crate::solver::System;
 use crate::system::CompiledSystem;
 
-/// The matrices of a linearisation; states and actions in the order of the outside, units as declared.
+/// The matrices of a linearisation; states and actions in declaration order, units as declared.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Linearization {
     /// States by states, per unit of time.
@@ -106,7 +106,7 @@ fn jacobian(system: &mut CompiledSystem, t: f64, y: &[f64], cj: f64) -> DMatrix<
     matrix
 }
 
-/// From internal order to the order of the outside.
+/// From internal order to declaration order.
 fn outside(catalogue: &Catalogue, a: &DMatrix<f64>, b: &DMatrix<f64>, c: &DMatrix<f64>, d: &DMatrix<f64>) -> Linearization {
     let x: Vec<usize> = catalogue.states.elements().iter().map(|e| e.at).collect();
     let u: Vec<usize> = catalogue.actions.elements().iter().map(|e| e.at).collect();

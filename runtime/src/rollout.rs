@@ -18,7 +18,7 @@ use crate::steady::SteadyError;
 /// Where trajectories begin.
 #[derive(Clone, Copy)]
 pub enum Origin<'a> {
-    /// At states in physical units and the order of the outside, a row a trajectory, or one for all.
+    /// At states in physical units and in declaration order, a row a trajectory, or one for all.
     States(&'a [f64]),
     /// Where an episode is.
     Snapshot(&'a Snapshot),
@@ -52,7 +52,7 @@ pub struct Plan<'a> {
 /// Where results go: a row a trajectory and, but for those of the ends, a row a step within it. After its end a trajectory keeps its last states,
 /// observations and outputs; its rewards, costs and violations are 0.
 pub struct Arrays<'a> {
-    /// States in the order of the outside: count × (horizon + 1) × states.
+    /// States in declaration order: count × (horizon + 1) × states.
     pub states: &'a mut [f64],
     /// Observations, physical units: count × (horizon + 1) × observations.
     pub observations: &'a mut [f64],

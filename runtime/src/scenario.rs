@@ -174,22 +174,8 @@ struct File {
     max_steps: Option<u32>,
 }
 
-const KEYS: [&str; 11] =
-    ["parameters", "settings", "variants", "grid", "initial", "disturbances", "reward", "observation", "noise", "solver", "max_steps"];
 /// What is said of a key that a mapping has more than once.
 const TWICE: &str = "is given twice";
-const SOLVER_KEYS: [&str; 10] = [
-    "rtol",
-    "atol_factor",
-    "max_order",
-    "max_steps",
-    "max_step",
-    "max_events",
-    "algebraic_error_control",
-    "quadrature_error_control",
-    "linear_solver",
-    "method",
-];
 
 /// Under which circumstances a model is run.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -367,10 +353,12 @@ fn diagnose(error: &serde_yaml::Error, text: &str, file: FileId) -> Diagnostic {
     let full = error.to_string();
     let message = full.split(" at line ").next().unwrap_or(&full).to_owned();
     if let Some(key) = message.split('`').nth(1).filter(|_| message.contains("unknown field")) {
-        let (known, place): (&[&str], _) = match &message {
-            said if said.contains("atol_factor") => (&SOLVER_KEYS, " in `solver`"),
-            said if said.contains("`values` or `hold`") => (&["values", "hold"], " in a disturbance"),
-            _ => (&KEYS, ""),
+        // The reader lists what it knows in back-ticks, behind the key.
+        let known: Vec<&str> = message.split('`').skip(3).step_by(2).collect();
+        let place = match message.split(['.', ':']).next() {
+            Some("solver") => " in `solver`",
+            Some("disturbances") => " in a disturbance",
+            _ => "",
         };
         let span = find_name(text, key, file);
         return Diagnostic::error(codes::BAD_SCENARIO, format!("unknown key `{}`{place}", shortened(key)), span)

@@ -4,7 +4,7 @@
 //! ([`crate::environment::Follower`]), so many directions at once that their numbers stay in the cache. Points and groups of directions are spread over the threads;
 //! a result depends on nothing but its own point and group.
 
-pub mod augmented;
+pub(crate) mod augmented;
 pub mod tangents;
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -28,7 +28,7 @@ const FEWEST: usize = 8;
 pub struct Plan<'a> {
     /// Number of points.
     pub count: usize,
-    /// States in the order of the outside, a row a point.
+    /// States in declaration order, a row a point.
     pub states: &'a [f64],
     /// Actions, a row a point.
     pub actions: &'a [f64],

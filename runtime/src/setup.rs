@@ -1,7 +1,6 @@
 //! What all instances of an environment share: the model, names, settings, the nominal steady state.
 
 use std::collections::{BTreeMap, HashSet};
-use std::num::NonZeroU32;
 use std::sync::{Arc, OnceLock};
 
 use smpl_compiler::artefact;
@@ -18,7 +17,7 @@ pub use self::options::{EnvironmentOptions, SolverOverrides};
 use self::reads::{any_expression, discrete_passes, finish_reads_derivatives, reads, start_passes, steady_outputs, step_reads_steady};
 use crate::catalogue::{Catalogue, Element, OutsideBounds, StructuralParameter, UnknownName, check_parameters};
 use crate::random;
-use crate::solver::{Integrator, LinearSolver, Method, PatternError, Quadratures, Settings, SolveError, integrator};
+use crate::solver::{Integrator, Method, PatternError, Quadratures, Settings, SolveError, integrator};
 use crate::steady::{self, SteadyError};
 use crate::system::CompiledSystem;
 
@@ -181,7 +180,8 @@ impl Setup {
     ) -> Result<Arc<Self>, SetupError> {
         let catalogue = Catalogue::new(&model);
         let interface = model.interface();
-        let settings = solver_settings(&model, &catalogue, &options)?;
+        let asked = options.solver.over(&interface.solver);
+        let settings = solver_settings(model.unknowns(), &catalogue, &asked)?;
         check_method(&model, &catalogue, settings.method)?;
         let reward = match &options.reward {
             None => interface.finish.default_reward as usize,
@@ -204,7 +204,7 @@ impl Setup {
             draws: draws(&model),
             reward,
             max_steps,
-            max_events: options.solver.max_events.map_or(interface.solver.max_events, NonZeroU32::get),
+            max_events: asked.max_events,
             programs: Programs::of(&model),
             sources,
             noise,
@@ -351,38 +351,34 @@ pub(crate) fn set_parameters(system: &mut CompiledSystem, given: &[(usize, f64)]
     model.prepare_parameters(memory);
 }
 
-fn solver_settings(model: &CompiledModel, catalogue: &Catalogue, options: &EnvironmentOptions) -> Result<Settings, SetupError> {
-    let declared = &model.interface().solver;
-    let rtol = options.solver.rtol.unwrap_or(declared.rtol);
-    let factor = options.solver.atol_factor.unwrap_or(declared.atol_factor);
-    let positive = |what: &str, value: f64| {
-        if value.is_finite() && value > 0.0 {
+fn solver_settings(unknowns: usize, catalogue: &Catalogue, asked: &Solver) -> Result<Settings, SetupError> {
+    let positive = |what: &str, value: f64, holds: bool| {
+        if holds {
             return Ok(());
         }
         Err(SetupError::Value { what: what.into(), expected: "a positive number", value: value.to_string() })
     };
-    if !Solver::RTOL.contains(&rtol) {
-        return Err(SetupError::Value { what: "rtol".into(), expected: Solver::RTOL_TEXT, value: rtol.to_string() });
+    if !Solver::RTOL.contains(&asked.rtol) {
+        return Err(SetupError::Value { what: "rtol".into(), expected: Solver::RTOL_TEXT, value: asked.rtol.to_string() });
     }
-    positive("atol_factor", factor)?;
-    let rtol = declared.safety * rtol;
-    let mut atol = vec![factor * rtol; model.unknowns()];
+    positive("atol_factor", asked.atol_factor, asked.atol_factor.is_finite() && asked.atol_factor > 0.0)?;
+    // An infinite one bounds nothing.
+    positive("max_step", asked.max_step, asked.max_step > 0.0)?;
+    let (rtol, factor) = (asked.safety * asked.rtol, asked.atol_factor);
+    let mut atol = vec![factor * rtol; unknowns];
     for element in catalogue.states.elements().iter().chain(catalogue.solved.elements()) {
         if element.scale.is_finite() && element.scale > 0.0 {
             atol[element.at] = factor * rtol * element.scale;
         }
     }
     let mut settings = Settings::new(rtol, atol);
-    settings.max_order = options.solver.max_order.unwrap_or(declared.max_order);
-    settings.max_steps = options.solver.max_steps.unwrap_or(declared.max_steps);
-    settings.linear_solver = options.solver.linear_solver.as_deref().map_or(Ok(declared.linear_solver), linear_solver)?;
-    settings.method = options.solver.method.as_deref().map_or(Ok(declared.method), method)?;
-    settings.max_step = options.solver.max_step.unwrap_or(declared.max_step);
-    if settings.max_step.is_nan() || settings.max_step <= 0.0 {
-        positive("max_step", settings.max_step)?;
-    }
-    settings.algebraic_error_control = options.solver.algebraic_error_control.unwrap_or(declared.algebraic_error_control);
-    if options.solver.quadrature_error_control.unwrap_or(declared.quadrature_error_control) {
+    settings.max_order = asked.max_order;
+    settings.max_steps = asked.max_steps;
+    settings.linear_solver = asked.linear_solver;
+    settings.method = asked.method;
+    settings.max_step = asked.max_step;
+    settings.algebraic_error_control = asked.algebraic_error_control;
+    if asked.quadrature_error_control {
         settings.quadratures = Quadratures::Checked { rtol, atol: factor * rtol };
     }
     Ok(settings)
@@ -405,16 +401,13 @@ fn check_method(model: &CompiledModel, catalogue: &Catalogue, method: Method) ->
     Err(SetupError::Method { message })
 }
 
-/// What takes the steps, by its name.
-pub(crate) fn method(name: &str) -> Result<Method, SetupError> {
+/// What takes the steps, by the name that is given on the command line or in Python.
+///
+/// # Errors
+/// If there is none of that name.
+pub fn method(name: &str) -> Result<Method, SetupError> {
     let unknown = || SetupError::Value { what: "method".into(), expected: Method::TEXT, value: format!("`{name}`") };
     Method::from_name(name).ok_or_else(unknown)
-}
-
-/// What solves linear systems, by its name.
-fn linear_solver(name: &str) -> Result<LinearSolver, SetupError> {
-    let unknown = || SetupError::Value { what: "linear_solver".into(), expected: LinearSolver::TEXT, value: format!("`{name}`") };
-    LinearSolver::from_name(name).ok_or_else(unknown)
 }
 
 fn noise(model: &CompiledModel, options: &EnvironmentOptions) -> Result<Vec<f64>, SetupError> {

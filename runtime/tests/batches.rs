@@ -6,6 +6,7 @@ use smpl_runtime::batch::{Autoreset, Batch, BatchError, BatchOptions, StepArrays
 use smpl_runtime::environment::{Environment, ResetOptions};
 use smpl_runtime::observe::denormalise;
 use smpl_runtime::setup::{EnvironmentOptions, SolverOverrides};
+use smpl_runtime::solver::Method;
 use support::{reactor, setup};
 
 /// Buffers of a caller.
@@ -141,10 +142,10 @@ fn a_nan_or_a_wrong_length_steps_nothing() {
 
 #[test]
 fn instances_that_share_an_integrator_go_their_own_ways_and_count_their_own_work() {
-    for method in ["ida", "rosenbrock", "explicit", "auto"] {
+    for method in Method::ALL {
         let options = EnvironmentOptions {
             max_steps: Some(1000),
-            solver: SolverOverrides { method: Some(method.into()), ..SolverOverrides::default() },
+            solver: SolverOverrides { method: Some(method), ..SolverOverrides::default() },
             ..EnvironmentOptions::default()
         };
         let setup = setup(reactor::model(), options);

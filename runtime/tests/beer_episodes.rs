@@ -4,6 +4,7 @@ mod support;
 
 use smpl_runtime::environment::{Environment, ResetOptions, Start, StateInput};
 use smpl_runtime::setup::{EnvironmentOptions, SolverOverrides};
+use smpl_runtime::solver::Method;
 use support::{beer, environment, reference};
 
 const STATES: [&str; 7] = ["X_A", "X_L", "X_D", "S", "EtOH", "DY", "EA"];
@@ -22,7 +23,7 @@ fn replay(file: &str, suffix: &str, method: &str, rtol: Option<f64>) -> Option<(
     let mut env = environment(
         beer::model(integrate, limit),
         EnvironmentOptions {
-            solver: SolverOverrides { rtol, method: Some(method.into()), ..SolverOverrides::default() },
+            solver: SolverOverrides { rtol, method: Some(Method::from_name(method).expect("a method")), ..SolverOverrides::default() },
             ..EnvironmentOptions::default()
         },
     );

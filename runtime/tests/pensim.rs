@@ -9,7 +9,7 @@ use smpl_compiler::layout::Region;
 use smpl_runtime::environment::{Environment, ResetOptions, Start, StepResult};
 use smpl_runtime::load::LoadOptions;
 use smpl_runtime::scenario::Variant;
-use smpl_runtime::solver::{Ida, Integrator, Settings};
+use smpl_runtime::solver::{Ida, Integrator, Method, Settings};
 use smpl_runtime::system::CompiledSystem;
 use support::pensim::{ACTIONS, Bare, DRAWN, FLOWS, STEPS, environment, options, pensim, replay};
 use support::reference::{self, Table};
@@ -194,7 +194,7 @@ fn closed_loop(episode: usize, scenario: &str, method: &str, rtol: f64, suffix: 
     let table = reference::table(&format!("pensim_{episode}_{scenario}.csv"))?;
     let schedule = ["paa_schedule=hours", "paa_schedule=minutes"][episode - 1];
     let mut loaded = pensim(&options(scenario, &[schedule]));
-    loaded.options.solver.method = Some(method.into());
+    loaded.options.solver.method = Some(Method::from_name(method).expect("a method"));
     let mut env = environment(loaded, Some(rtol));
     env.reset(Some(0), &replay(episode, &parameters, &table, suffix)).expect("a start");
     let mut worst = Worst::default();

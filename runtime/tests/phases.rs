@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use smpl_runtime::environment::{Environment, ResetOptions};
 use smpl_runtime::load::{LoadOptions, load};
 use smpl_runtime::setup::Setup;
+use smpl_runtime::solver::Method;
 
 const METHODS: [&str; 3] = ["ida", "rosenbrock", "explicit"];
 
@@ -23,7 +24,7 @@ fn run(method: &str, step: f64, second: f64) -> (f64, f64, f64) {
     std::fs::write(&path, text).expect("writes");
     let loaded = load(&path, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
     let mut options = loaded.options;
-    options.solver.method = Some(method.into());
+    options.solver.method = Some(Method::from_name(method).expect("a method"));
     let setup = Setup::new(loaded.model, options, Some(loaded.sources)).expect("a setup");
     let mut environment = Environment::new(setup).expect("the solver takes it");
     environment.reset(Some(0), &ResetOptions::default()).expect("a start");

@@ -5,6 +5,7 @@ mod support;
 use smpl_runtime::environment::{Environment, ResetOptions, Snapshot, SnapshotError, Start, StateInput, StepError};
 use smpl_runtime::failure::Failure;
 use smpl_runtime::setup::{EnvironmentOptions, SolverOverrides};
+use smpl_runtime::solver::Method;
 use support::reactor::{self, Alternatives};
 use support::{environment, reference};
 
@@ -31,7 +32,7 @@ fn deviation(file: &str, method: &str, tight: bool) -> Option<f64> {
     let table = reference::table(file)?;
     let mut options = EnvironmentOptions {
         max_steps: Some(1000),
-        solver: SolverOverrides { method: Some(method.into()), ..SolverOverrides::default() },
+        solver: SolverOverrides { method: Some(Method::from_name(method).expect("a method")), ..SolverOverrides::default() },
         ..EnvironmentOptions::default()
     };
     if tight {

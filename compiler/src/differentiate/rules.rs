@@ -1,7 +1,7 @@
-//! Derivatives of the elementary functions.
+//! The chain rule. Slopes of functions of one number stand with these, in [`crate::ir::slope`].
 
 use super::terms::{Differentiator, Terms};
-use crate::ir::{BinaryFn, Compare, ExprId, UnaryFn};
+use crate::ir::{BinaryFn, Compare, ExprId, Slope, UnaryFn, slope};
 
 impl Differentiator<'_, '_> {
     /// Chain rule: the derivative of `f` at `a` times the terms of `a`; `value` is the node `f(a)` itself.
@@ -10,7 +10,7 @@ impl Differentiator<'_, '_> {
         if terms.is_empty() {
             return terms;
         }
-        match self.slope(value, f, a) {
+        match slope(self.exprs, f, a, value) {
             Slope::Zero => self.nothing.clone(),
             Slope::MinusOne => self.negated(&terms),
             Slope::Factor(factor) => self.scaled(&terms, factor),
@@ -20,57 +20,6 @@ impl Differentiator<'_, '_> {
                 self.select(negative, &minus, &terms)
             }
         }
-    }
-
-    fn slope(&mut self, value: ExprId, f: UnaryFn, a: ExprId) -> Slope {
-        let x = &mut *self.exprs;
-        let one = x.constant(1.0);
-        Slope::Factor(match f {
-            UnaryFn::Neg => return Slope::MinusOne,
-            UnaryFn::Abs => return Slope::Sign,
-            UnaryFn::Sign | UnaryFn::Floor | UnaryFn::Ceil | UnaryFn::Round => return Slope::Zero,
-            UnaryFn::Sqrt => {
-                let (half, zero) = (x.constant(0.5), x.constant(0.0));
-                let (slope, at_zero) = (x.div(half, value), x.compare(Compare::Eq, value, zero));
-                x.select(at_zero, zero, slope)
-            }
-            // Rounding moves a value by less than its last digit: the slope is that of the value itself.
-            UnaryFn::Single => one,
-            UnaryFn::Exp => value,
-            UnaryFn::Ln => x.div(one, a),
-            UnaryFn::Log10 => {
-                let factor = x.constant(std::f64::consts::LOG10_E);
-                x.div(factor, a)
-            }
-            UnaryFn::Sin => x.unary(UnaryFn::Cos, a),
-            UnaryFn::Cos => {
-                let sine = x.unary(UnaryFn::Sin, a);
-                x.neg(sine)
-            }
-            UnaryFn::Tan => {
-                let square = x.powi(value, 2);
-                x.add(one, square)
-            }
-            UnaryFn::Asin | UnaryFn::Acos => {
-                let square = x.powi(a, 2);
-                let rest = x.sub(one, square);
-                let root = x.unary(UnaryFn::Sqrt, rest);
-                let sign = x.constant(if f == UnaryFn::Asin { 1.0 } else { -1.0 });
-                x.div(sign, root)
-            }
-            UnaryFn::Atan => {
-                let square = x.powi(a, 2);
-                let sum = x.add(one, square);
-                x.div(one, sum)
-            }
-            UnaryFn::Sinh => x.unary(UnaryFn::Cosh, a),
-            UnaryFn::Cosh => x.unary(UnaryFn::Sinh, a),
-            UnaryFn::Tanh => {
-                // (1 - t)(1 + t) loses no digits where t is near 1.
-                let (down, up) = (x.sub(one, value), x.add(one, value));
-                x.mul(down, up)
-            }
-        })
     }
 
     /// Sums, products, quotients, powers, choices; `value` is the node itself.
@@ -145,13 +94,4 @@ impl Differentiator<'_, '_> {
         };
         self.added(&left, &right)
     }
-}
-
-/// The derivative of a function of one number.
-enum Slope {
-    Zero,
-    MinusOne,
-    /// -1 below zero, 1 above.
-    Sign,
-    Factor(ExprId),
 }

@@ -3,7 +3,7 @@
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 
-/// Most terms, elements and calls that are written out in one model.
+/// Most terms, elements and calls that are unrolled in one model.
 const MAX_WRITTEN_OUT: u32 = 1_000_000;
 
 /// Most expressions that are elaborated in one model, those of attempts that fail included.
@@ -28,7 +28,7 @@ pub(in crate::elaborate) struct Budget {
     nesting: u32,
     /// Members of sets of numbers so far.
     members: i64,
-    /// Terms, elements and calls written out so far.
+    /// Terms, elements and calls unrolled so far.
     written_out: u32,
     /// Expressions elaborated so far.
     work: u32,
@@ -36,7 +36,7 @@ pub(in crate::elaborate) struct Budget {
     exhausted: Option<Span>,
 }
 
-/// Whether something may be written out.
+/// Whether something may be unrolled.
 pub(in crate::elaborate) enum Verdict {
     /// It may.
     Granted,
@@ -52,7 +52,7 @@ pub(in crate::elaborate) fn is_spent(work: u32) -> bool {
 }
 
 impl Budget {
-    /// Counts something that is written out: a term, an element, a call. Refused where the model is beyond reason, once; in an `attempt` to
+    /// Counts something that is unrolled: a term, an element, a call. Refused where the model is beyond reason, once; in an `attempt` to
     /// keep a loop the model is given up, since what is too much in one pass of a loop is too much without the loop as well.
     pub(in crate::elaborate) fn write_out(&mut self, span: Span, attempt: bool) -> Verdict {
         if self.exhausted.is_some() {
@@ -122,17 +122,17 @@ impl Budget {
         self.members <= MAX_MEMBERS
     }
 
-    /// Whether nothing more may be written out.
+    /// Whether nothing more may be unrolled.
     pub(in crate::elaborate) fn is_full(&self) -> bool {
         self.written_out > MAX_WRITTEN_OUT || self.exhausted.is_some()
     }
 
-    /// What was written out so far.
+    /// What was unrolled so far.
     pub(in crate::elaborate) fn written_out(&self) -> u32 {
         self.written_out
     }
 
-    /// Takes back what an attempt has written out.
+    /// Takes back what an attempt has unrolled.
     pub(in crate::elaborate) fn roll_back(&mut self, written_out: u32) {
         self.written_out = written_out;
     }

@@ -20,7 +20,7 @@ use crate::ir::{Affine, Expr as Node, ExprId, Flavour, LoopVar, Role, VarId};
 pub struct Equation {
     /// Extents of its loops.
     pub extents: Vec<u32>,
-    /// Which of its loops count numbers, by bit: they may be written out.
+    /// Which of its loops count numbers, by bit: they may be unrolled.
     pub runs: u8,
     /// The element of an algebraic variable that another equation defines as well.
     pub repeats: Option<(VarId, i64)>,

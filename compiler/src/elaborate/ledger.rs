@@ -27,7 +27,7 @@ impl Ledger {
         }
     }
 
-    /// Counts something that is written out: a term, an element, a call. `false` where the model is beyond reason, which is reported once.
+    /// Counts something that is unrolled: a term, an element, a call. `false` where the model is beyond reason, which is reported once.
     pub(in crate::elaborate) fn may_write_out(&mut self, span: Span) -> bool {
         match self.budget.write_out(span, self.speculation.is_active()) {
             Verdict::Granted => true,

@@ -47,7 +47,7 @@ impl Speculation {
         self.passes <= MOST_PASSES
     }
 
-    /// Notes that the range of the present attempt has to be written out.
+    /// Notes that the range of the present attempt has to be unrolled.
     pub(in crate::elaborate) fn refuse(&mut self) {
         self.refused = true;
     }

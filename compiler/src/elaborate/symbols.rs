@@ -115,7 +115,7 @@ impl Row {
 /// One index of a declared array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
-    /// Members of a set: written out.
+    /// Members of a set: unrolled.
     Set(SetId),
     /// Cells of a domain: loops.
     Domain(DomainId),

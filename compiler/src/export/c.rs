@@ -14,6 +14,7 @@ pub(super) use index::wrapped;
 use super::jacobian::{Pattern, jacobian};
 use super::sheet::{Function, Label, Nest, Sheet, is_dynamic};
 use super::{Element, ExportError, Nominal, Origin, functions};
+use crate::ir::UnaryFn;
 use crate::model::Model;
 
 /// Header and source, the source first.
@@ -148,7 +149,8 @@ impl File<'_> {
             bodies += &definition(&self.head(function), arguments(function), &text);
         }
         let mut text = format!("/* See {stem}.h. */\n#include \"{stem}.h\"\n\n#include <math.h>\n#include <stddef.h>\n\n");
-        for (name, helper) in HELPERS {
+        let elementary = UnaryFn::ALL.iter().map(|f| f.spelling()).map(|own| (own.word, own.defined.c));
+        for (name, helper) in elementary.chain(HELPERS) {
             let called = format!("{prefix}_{name}(");
             if bodies.contains(&called) {
                 text += &helper.replace("NAME", prefix);
@@ -234,10 +236,9 @@ fn comment(text: &str) -> String {
 }
 
 /// What a body may call.
-const HELPERS: [(&str, &str); 6] = [
+const HELPERS: [(&str, &str); 5] = [
     ("min", "static double NAME_min(double x, double y)\n{\n    return isnan(x) || x < y ? x : y;\n}\n\n"),
     ("max", "static double NAME_max(double x, double y)\n{\n    return isnan(x) || x > y ? x : y;\n}\n\n"),
-    ("sign", "static double NAME_sign(double x)\n{\n    return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : x;\n}\n\n"),
     ("passed_below", PASSED_BELOW),
     ("passed_up_to", PASSED_UP_TO),
     ("entry", ENTRY),

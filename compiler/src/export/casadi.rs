@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::module::{Module, string};
-use super::python::Library;
+use super::python::{Library, defined};
 use super::{ExportError, Nominal, Origin};
 use crate::model::Model;
 
@@ -18,6 +18,8 @@ pub(super) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
     let _ = writeln!(text, "# What the functions are made of, unless `build` is told otherwise.\nKIND = \"{kind}\"\n");
     text += &module.lists.print(str::to_owned);
     text += HELPERS;
+    text += &defined(|own| own.casadi);
+    text += "\n";
     text += &module.text;
     text += "\n# Name of each function: what builds it, its arguments, what it gives.\n_FUNCTIONS = {\n";
     for made in &module.made {
@@ -114,20 +116,6 @@ def _entry(numbers, index):
     rows, columns = ca.DM(range(len(numbers))), ca.repmat(index.T, len(numbers), 1)
     near = ca.fmax(0.0, 1.0 - ca.fabs(ca.repmat(rows, 1, index.numel()) - columns))
     return ca.mtimes(near.T, ca.DM(numbers))
-
-
-def _round(a):
-    """To the nearest integer, ties to even."""
-    low = ca.floor(a)
-    up = ca.logic_or(a - low > 0.5, ca.logic_and(a - low == 0.5, low / 2.0 != ca.floor(low / 2.0)))
-    return low + up
-
-
-def _single(a):
-    """To the nearest number of single precision, by Veltkamp's splitting."""
-    big = 536870913.0 * a
-    return big - (big - a)
-
 "#;
 
 const BUILD: &str = r#"

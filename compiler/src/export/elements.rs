@@ -1,4 +1,4 @@
-//! Names, units, bounds and places of the single numbers of a model, in the order of the outside.
+//! Names, units, bounds and places of the single numbers of a model, in declaration order.
 
 use crate::ir::{Flavour, VarId};
 use crate::layout::{Base, Layout};

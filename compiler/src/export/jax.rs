@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::module::{Module, string};
-use super::python::Library;
+use super::python::{Library, defined};
 use super::{ExportError, Nominal, Origin};
 use crate::model::Model;
 
@@ -14,6 +14,8 @@ pub(super) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
     text += "\n";
     text += &module.lists.print(|list| format!("np.array({list})"));
     text += HELPERS;
+    text += &defined(|own| own.jax);
+    text += ALIASES;
     text += &module.text;
     text += "\n# Functions by name.\nFUNCTIONS = {\n";
     for made in &module.made {
@@ -49,11 +51,9 @@ def _passed(limits, a, up_to):
 
 def _entry(numbers, index):
     return jnp.asarray(numbers, dtype=jnp.result_type(index))[jnp.asarray(index).astype(int)]
+"#;
 
-
-def _single(a):
-    return jnp.asarray(a, dtype=jnp.float32).astype(jnp.asarray(a).dtype)
-
+const ALIASES: &str = r#"
 
 _and, _or, _not, _where = jnp.logical_and, jnp.logical_or, jnp.logical_not, jnp.where
 _abs, _sign, _round, _min, _max = jnp.abs, jnp.sign, jnp.round, jnp.minimum, jnp.maximum

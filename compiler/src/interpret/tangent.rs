@@ -4,8 +4,8 @@
 //! derivative, as on either side of what they compare; where a derivative is infinite (`sqrt(x)` at 0) it is zero, as everywhere
 //! in the compiler.
 
-use super::{Destination, Operand, Step, Tape};
-use crate::ir::{Affine, BinaryFn, Expr, MAX_DEPTH, ReduceFn, UnaryFn};
+use super::{Destination, Operand, Run, Tape};
+use crate::ir::{Affine, Arithmetic, BinaryFn, Expr, MAX_DEPTH, ReduceFn, Slope, UnaryFn, slope};
 use crate::kernels;
 use crate::layout::Base;
 
@@ -54,32 +54,36 @@ struct Machine<'a, 'v> {
 }
 
 impl Machine<'_, '_> {
-    fn run(&mut self, steps: &[Step]) {
-        for step in steps {
-            match step {
-                Step::Eval { to, node, operands, source } => self.registers[*to as usize] = self.eval(*node, operands, *source),
-                Step::Reduce { to, op, counter, extent, body, value } => {
-                    let outer = self.counters[*counter as usize];
-                    let mut sum = (op.identity(), STILL);
-                    for i in 0..*extent {
-                        self.counters[*counter as usize] = i64::from(i);
-                        self.run(body);
-                        let term = self.get(*value);
-                        // The identity of an extremum is infinite: there is nothing to weigh yet.
-                        sum = if i == 0 && *op != ReduceFn::Sum { term } else { binary(op.binary(), sum, term) };
-                    }
-                    self.counters[*counter as usize] = outer;
-                    self.registers[*to as usize] = sum;
-                }
-                Step::Loop { counter, extent, body } => {
-                    for i in 0..*extent {
-                        self.counters[*counter as usize] = i64::from(i);
-                        self.run(body);
-                    }
-                }
-                Step::Store { to, value } => self.store(*to, *value),
-            }
+    fn load(&self, base: Base, at: Affine) -> Dual {
+        let i = at.at(&self.counters) as usize;
+        match base {
+            Base::Y => (self.view.y.0[i], self.view.y.1[i]),
+            Base::Yp => (self.view.yp.0[i], self.view.yp.1[i]),
+            Base::Work => (self.view.work.0[i], self.view.work.1[i]),
+            Base::Out => (self.view.out.0[i], self.view.out.1[i]),
+            Base::Factor => (1.0, STILL),
         }
+    }
+}
+
+impl Run for Machine<'_, '_> {
+    type Number = Dual;
+
+    fn counters(&mut self) -> &mut [i64; MAX_DEPTH] {
+        &mut self.counters
+    }
+
+    fn set(&mut self, register: u32, value: Dual) {
+        self.registers[register as usize] = value;
+    }
+
+    fn nothing(op: ReduceFn) -> Dual {
+        (op.identity(), STILL)
+    }
+
+    fn reduced(op: ReduceFn, first: bool, sum: Dual, term: Dual) -> Dual {
+        // The identity of an extremum is infinite: there is nothing to weigh yet.
+        if first && op != ReduceFn::Sum { term } else { binary(op.binary(), sum, term) }
     }
 
     fn get(&self, operand: Operand) -> Dual {
@@ -109,17 +113,6 @@ impl Machine<'_, '_> {
                 }
             }
             _ => (super::apply(node, [a.0, b.0, c.0], self.numbers), STILL),
-        }
-    }
-
-    fn load(&self, base: Base, at: Affine) -> Dual {
-        let i = at.at(&self.counters) as usize;
-        match base {
-            Base::Y => (self.view.y.0[i], self.view.y.1[i]),
-            Base::Yp => (self.view.yp.0[i], self.view.yp.1[i]),
-            Base::Work => (self.view.work.0[i], self.view.work.1[i]),
-            Base::Out => (self.view.out.0[i], self.view.out.1[i]),
-            Base::Factor => (1.0, STILL),
         }
     }
 
@@ -157,38 +150,41 @@ fn sum(f: f64, a: Tangent, g: f64, b: Tangent) -> Tangent {
     std::array::from_fn(|lane| a[lane] + b[lane])
 }
 
+/// Rules of differentiation in numbers.
+struct Numbers;
+
+impl Arithmetic for Numbers {
+    type Number = f64;
+
+    fn constant(&mut self, x: f64) -> f64 {
+        x
+    }
+
+    fn unary(&mut self, f: UnaryFn, a: f64) -> f64 {
+        f.apply(a)
+    }
+
+    fn binary(&mut self, f: BinaryFn, a: f64, b: f64) -> f64 {
+        f.apply(a, b)
+    }
+
+    fn powi(&mut self, a: f64, n: i32) -> f64 {
+        kernels::powi(a, n)
+    }
+
+    fn where_equal(&mut self, (a, b): (f64, f64), then: f64, otherwise: f64) -> f64 {
+        if a == b { then } else { otherwise }
+    }
+}
+
 fn unary(f: UnaryFn, (x, dx): Dual) -> Dual {
     let value = f.apply(x);
-    let slope = match f {
-        UnaryFn::Neg => -1.0,
-        UnaryFn::Abs => {
-            if x < 0.0 {
-                -1.0
-            } else {
-                1.0
-            }
-        }
-        UnaryFn::Sign | UnaryFn::Floor | UnaryFn::Ceil | UnaryFn::Round => 0.0,
-        UnaryFn::Sqrt => {
-            if value == 0.0 {
-                0.0
-            } else {
-                0.5 / value
-            }
-        }
-        UnaryFn::Single => 1.0,
-        UnaryFn::Exp => value,
-        UnaryFn::Ln => 1.0 / x,
-        UnaryFn::Log10 => std::f64::consts::LOG10_E / x,
-        UnaryFn::Sin => UnaryFn::Cos.apply(x),
-        UnaryFn::Cos => -UnaryFn::Sin.apply(x),
-        UnaryFn::Tan => 1.0 + value * value,
-        UnaryFn::Asin => 1.0 / (1.0 - x * x).sqrt(),
-        UnaryFn::Acos => -1.0 / (1.0 - x * x).sqrt(),
-        UnaryFn::Atan => 1.0 / (1.0 + x * x),
-        UnaryFn::Sinh => UnaryFn::Cosh.apply(x),
-        UnaryFn::Cosh => UnaryFn::Sinh.apply(x),
-        UnaryFn::Tanh => (1.0 - value) * (1.0 + value),
+    let slope = match slope(&mut Numbers, f, x, value) {
+        Slope::Zero => 0.0,
+        Slope::MinusOne => -1.0,
+        Slope::Sign if x < 0.0 => -1.0,
+        Slope::Sign => 1.0,
+        Slope::Factor(slope) => slope,
     };
     (value, scaled(slope, dx))
 }

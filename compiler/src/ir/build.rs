@@ -3,8 +3,9 @@
 use rustc_hash::FxHashMap as FastMap;
 
 use super::affine::{Affine, LoopVar};
+use super::elementary::{Arithmetic, UnaryFn};
 use super::expr::{Expr, ExprId, Exprs, Flavour};
-use super::function::{BinaryFn, Compare, ReduceFn, UnaryFn};
+use super::function::{BinaryFn, Compare, ReduceFn};
 use super::numbers::{List, Side};
 use super::var::VarId;
 use crate::kernels;
@@ -351,5 +352,30 @@ impl Exprs {
             Expr::Select(c, a, b) => self.select(operand(c), operand(a), operand(b)),
             Expr::Reduce { op, depth, extent, body } => self.reduce(op, depth, extent, operand(body)),
         }
+    }
+}
+
+impl Arithmetic for Exprs {
+    type Number = ExprId;
+
+    fn constant(&mut self, x: f64) -> ExprId {
+        self.constant(x)
+    }
+
+    fn unary(&mut self, f: UnaryFn, a: ExprId) -> ExprId {
+        self.unary(f, a)
+    }
+
+    fn binary(&mut self, f: BinaryFn, a: ExprId, b: ExprId) -> ExprId {
+        self.binary(f, a, b)
+    }
+
+    fn powi(&mut self, a: ExprId, n: i32) -> ExprId {
+        self.powi(a, n)
+    }
+
+    fn where_equal(&mut self, (a, b): (ExprId, ExprId), then: ExprId, otherwise: ExprId) -> ExprId {
+        let equal = self.compare(Compare::Eq, a, b);
+        self.select(equal, then, otherwise)
     }
 }

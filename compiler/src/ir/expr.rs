@@ -9,7 +9,8 @@ use rustc_hash::FxBuildHasher;
 use serde::{Deserialize, Serialize};
 
 use super::affine::{Affine, LoopVar, MAX_DEPTH};
-use super::function::{BinaryFn, Compare, ReduceFn, UnaryFn};
+use super::elementary::UnaryFn;
+use super::function::{BinaryFn, Compare, ReduceFn};
 use super::numbers::{List, Lists, Side};
 use super::var::VarId;
 

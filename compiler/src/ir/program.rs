@@ -19,7 +19,7 @@ pub struct Program {
 /// are evaluated before the first of them is stored.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Nest {
-    /// Number of passes of each loop, the outermost first.
+    /// Number of iterations of each loop, the outermost first.
     pub extents: Vec<u32>,
     /// What is stored.
     pub stores: Vec<Store>,

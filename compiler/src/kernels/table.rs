@@ -1,6 +1,6 @@
 //! Tables of function pointers, one for each kind of processor.
 
-use super::{UNARY_COUNT, math};
+use super::math;
 
 unsafe extern "C" fn passed_below(x: f64, limits: *const f64, n: usize) -> f64 {
     // SAFETY: valid for n numbers, by the contract of `ListKernel`.
@@ -33,7 +33,7 @@ pub type ListKernel = unsafe extern "C" fn(f64, *const f64, usize) -> f64;
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct KernelTable {
-    /// Functions of one number, by [`super::Kernel`].
+    /// Functions of one number, by [`Kernel`].
     pub unary: [ScalarKernel; UNARY_COUNT],
     /// The same over arrays.
     pub unary_array: [ArrayKernel; UNARY_COUNT],
@@ -199,31 +199,43 @@ macro_rules! kernels {
     };
 }
 
-/// One table; the functions stand in the order of [`super::Kernel`], after `exp`.
-macro_rules! table {
-    ($module:ident, $feature:meta) => {
-        kernels! {
-            $module, $feature,
-            ln ln_array = math::ln;
-            log10 log10_array = math::log10;
-            tanh tanh_array = math::tanh;
-            sin sin_array = f64::sin;
-            cos cos_array = f64::cos;
-            tan tan_array = f64::tan;
-            asin asin_array = f64::asin;
-            acos acos_array = f64::acos;
-            atan atan_array = f64::atan;
-            sinh sinh_array = f64::sinh;
-            cosh cosh_array = f64::cosh;
-            floor floor_array = f64::floor;
-            ceil ceil_array = f64::ceil;
-            round round_array = f64::round_ties_even;
-            sign sign_array = math::sign;
-            single single_array = math::single;
+/// The functions, and a table of them for each kind of processor. `exp` is the first, whose array has a function of its own.
+macro_rules! tables {
+    ($($(#[$about:meta])* $kernel:ident: $scalar:ident $array:ident = $of:expr;)*) => {
+        /// Functions of one number, in the order of [`KernelTable::unary`].
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[allow(missing_docs, reason = "the names say it")]
+        pub enum Kernel {
+            Exp,
+            $($(#[$about])* $kernel,)*
         }
+
+        /// Number of functions in [`KernelTable::unary`].
+        pub(crate) const UNARY_COUNT: usize = 1 + [$(Kernel::$kernel),*].len();
+
+        kernels! { portable, inline, $($scalar $array = $of;)* }
+        #[cfg(target_arch = "x86_64")]
+        kernels! { wide, target_feature(enable = "avx2,fma"), $($scalar $array = $of;)* }
     };
 }
 
-table!(portable, inline);
-#[cfg(target_arch = "x86_64")]
-table!(wide, target_feature(enable = "avx2,fma"));
+tables! {
+    Ln: ln ln_array = math::ln;
+    Log10: log10 log10_array = math::log10;
+    Tanh: tanh tanh_array = math::tanh;
+    Sin: sin sin_array = f64::sin;
+    Cos: cos cos_array = f64::cos;
+    Tan: tan tan_array = f64::tan;
+    Asin: asin asin_array = f64::asin;
+    Acos: acos acos_array = f64::acos;
+    Atan: atan atan_array = f64::atan;
+    Sinh: sinh sinh_array = f64::sinh;
+    Cosh: cosh cosh_array = f64::cosh;
+    Floor: floor floor_array = f64::floor;
+    Ceil: ceil ceil_array = f64::ceil;
+    /// To the nearest integer, ties to even.
+    Round: round round_array = f64::round_ties_even;
+    Sign: sign sign_array = math::sign;
+    /// To the nearest number of single precision.
+    Single: single single_array = math::single;
+}

@@ -49,7 +49,7 @@ pub struct Solver {
 }
 
 /// What takes the steps.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Method {
     /// SUNDIALS' variable-order BDF code IDA: any system of index 1, of any size.

@@ -11,7 +11,7 @@ use crate::ir::{Affine, ExprId, Nest, Place, Program, VarId};
 /// Stores inside a nest of loops.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Task {
-    /// Counter and number of passes of each loop, outermost first.
+    /// Counter and number of iterations of each loop, outermost first.
     pub loops: Vec<(u8, u32)>,
     /// What is stored where.
     pub stores: Vec<(Sink, ExprId)>,
@@ -116,7 +116,7 @@ impl Job {
     }
 }
 
-/// Number of a pass as a function of the counters.
+/// Number of an iteration as a function of the counters.
 #[must_use]
 pub(crate) fn row_major(loops: &[(u8, u32)]) -> Affine {
     let mut at = Affine::default();

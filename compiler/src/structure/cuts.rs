@@ -10,7 +10,7 @@ use crate::elaborate::{Equation, EquationForm};
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, LoopVar, Rewritten, VarId};
 use crate::model::Model;
 
-/// Rounds of cutting: each may cut definitions into parts that others go across. What is left is written out or stays unknown.
+/// Rounds of cutting: each may cut definitions into parts that others go across. What is left is unrolled or stays unknown.
 const ROUNDS: usize = 16;
 
 /// Cuts loops of equations and of sums.

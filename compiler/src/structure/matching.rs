@@ -13,7 +13,7 @@ use crate::elaborate::{Equation, EquationForm, for_each_element};
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, Flavour, LoopVar, Rewritten, Role, VarId};
 use crate::model::{AlgebraicCounts, Model, Quantity, Row, Variable};
 
-/// Largest number of passes of an implicit equation that is written out for matching.
+/// Largest number of iterations of an implicit equation that is unrolled for matching.
 const WRITTEN_OUT: i64 = 20_000;
 
 /// Rows for all unknowns; solved algebraic variables are appended to the unknowns.
@@ -90,7 +90,7 @@ fn unknown_elements(model: &Model, plan: &Plan, rates: &Rates) -> BTreeSet<Eleme
     out
 }
 
-/// Bipartite matching of implicit equations, written out, to unknowns.
+/// Bipartite matching of implicit equations, unrolled, to unknowns.
 #[derive(Default)]
 struct Matching {
     residuals: Vec<ExprId>,

@@ -1,4 +1,4 @@
-//! Ranges of numbers that are written out after all.
+//! Ranges of numbers that are unrolled after all.
 //!
 //! An algebraic variable that is defined as a whole by one loop is substituted as a whole. Where its elements are defined one by one,
 //! need each other, or are sums that a loop would work out again in every pass, they are substituted one by one, and so every equation

@@ -1,6 +1,6 @@
 //! What the layout of a text depends on of its words.
 
-use crate::words::{CLAUSES, KEYWORDS, is_reserved};
+use crate::words::{CLAUSES, is_reserved, keywords};
 
 /// Whether statements that begin with this word hold statements in braces.
 pub(crate) fn has_block(keyword: &str) -> bool {
@@ -24,7 +24,7 @@ pub(super) fn continues_statement(line: &str) -> bool {
 /// Whether a line begins as only a statement does: a keyword, then another word, a block or a path.
 pub(super) fn begins_statement(line: &str) -> bool {
     let keyword = leading_word(line);
-    if !KEYWORDS.contains(&keyword) {
+    if keywords().all(|word| word != keyword) {
         return false;
     }
     let rest = line[keyword.len()..].trim_start_matches([' ', '\t']);

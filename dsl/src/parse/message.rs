@@ -6,6 +6,7 @@ use super::rules::{BRACKETS, END, EXPRESSION, OPERATOR, describe};
 use super::{Context, Rule};
 use crate::diagnostic::{Diagnostic, codes};
 use crate::span::span;
+use crate::words::form;
 
 /// The diagnostic of a statement that the grammar refused.
 pub(super) fn syntax_error(error: &Error<Rule>, text: &str, context: &Context<'_>, start: usize) -> Diagnostic {
@@ -166,42 +167,4 @@ pub(super) fn statement_hint(word: &str, text: &str, around: &str) -> Option<Str
         _ => return None,
     };
     Some(hint.to_owned())
-}
-
-/// How a statement is formed, by an example.
-fn form(keyword: &str) -> Option<&'static str> {
-    Some(match keyword {
-        "model" => "model Name \"text\"",
-        "time" => "time t : min",
-        "set" => "set species = { a, b }",
-        "def" => "def f(a, b) = expression",
-        "param" => "param p : unit = value in low..high \"text\"",
-        "action" => "action u : unit = nominal in low..high \"text\"",
-        "state" => "state x : unit = initial in low..high \"text\"",
-        "eq" => "eq left = right for i in species",
-        "domain" => "domain z in 0..L cells n scheme upwind",
-        "flux" => "flux J[z] = inner, low = value, high = value",
-        "port" => "port inlet, outlet : Stream",
-        "connect" => "connect M1.outlet -> R1.inlet",
-        "use" => "use Component as name(parameter = value)",
-        "initial" => "initial x ~ uniform(0, 1) clip bounds",
-        "steady" | "episode" | "solver" => "name = value, between `{` and `}`",
-        "policy" => "policy name { action = expression }",
-        "reward" => "reward name default = expression \"text\"",
-        "fail" => "fail name when condition",
-        "success" => "success name when condition",
-        "constraint" => "constraint name when condition",
-        "event" => "event name when condition",
-        "invariant" => "invariant name = expression rate expression",
-        "next" => "next x = expression",
-        "reset" => "reset x = expression",
-        "clamp" => "clamp x at value when condition",
-        "phase" => "phase name for 60 [min] then other",
-        "choice" => "choice name = first | second",
-        "when" => "when choice = option { statements }",
-        "variant" => "variant name \"text\" { statements }",
-        "at" => "at start { statements }",
-        "level" => "level name { observe x }",
-        _ => return None,
-    })
 }

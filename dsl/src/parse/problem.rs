@@ -6,6 +6,27 @@ use super::declaration::{arguments, fill};
 use super::{Children, Context, Fallible, Rule, declaration, expression, unit};
 use crate::syntax::{Binder, BinderSet, Expr, ExprKind, Observation, Phase, Statement, StatementKind};
 
+/// The rule of a statement of the control problem.
+pub(super) fn rule(keyword: &str) -> Option<Rule> {
+    Some(match keyword {
+        "initial" => Rule::initial,
+        "steady" => Rule::steady,
+        "observe" => Rule::observe,
+        "level" => Rule::level,
+        "reward" => Rule::reward,
+        "fail" => Rule::fail,
+        "success" | "constraint" | "event" => Rule::conditional,
+        "invariant" => Rule::invariant,
+        "episode" | "solver" => Rule::settings,
+        "policy" => Rule::policy,
+        "at" => Rule::at,
+        "next" | "reset" => Rule::next,
+        "clamp" => Rule::clamp,
+        "phase" => Rule::phase,
+        _ => return None,
+    })
+}
+
 /// The statement that `context.keyword` introduces.
 pub(super) fn lower(context: &Context<'_>, mut children: Children<'_>, body: Vec<Statement>) -> Fallible<StatementKind> {
     match context.keyword {

@@ -29,7 +29,7 @@ pub struct Info {
     pub violations: Vec<f64>,
     /// All rewards.
     pub rewards: Vec<f64>,
-    /// The state in the order of the outside.
+    /// The state in declaration order.
     pub state: Vec<f64>,
 }
 

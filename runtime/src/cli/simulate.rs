@@ -15,7 +15,7 @@ use crate::environment::{Environment, ResetOptions, Start, StateInput};
 use crate::failure::Short;
 use crate::load::{LoadOptions, Loaded};
 use crate::random::Stream;
-use crate::setup::Setup;
+use crate::setup::{Setup, method};
 use crate::sweep::Sweep;
 use crate::trajectory::{Recorder, read_actions, read_disturbances, read_initial};
 
@@ -293,7 +293,9 @@ impl SimulateArguments {
     fn setup_of(&self, loaded: Loaded) -> Result<Arc<Setup>, Failed> {
         let mut options = loaded.options;
         options.solver.rtol = self.rtol.or(options.solver.rtol);
-        options.solver.method = self.method.clone().or(options.solver.method);
+        if let Some(name) = &self.method {
+            options.solver.method = Some(method(name)?);
+        }
         options.solver.max_step = self.max_step.or(options.solver.max_step);
         options.solver.atol_factor = self.atol_factor.or(options.solver.atol_factor);
         options.max_steps = self.steps.or(options.max_steps);

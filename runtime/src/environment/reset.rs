@@ -34,7 +34,7 @@ pub enum StateInput {
     Start,
     /// Some states by flattened name; the others as the start says.
     Named(BTreeMap<String, f64>),
-    /// All states in the order of the outside.
+    /// All states in declaration order.
     Array(Vec<f64>),
 }
 

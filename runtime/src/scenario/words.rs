@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 /// What the reader expects, and how it is called here.
-const EXPECTED: [(&str, &str); 9] = [
+const EXPECTED: [(&str, &str); 10] = [
     ("struct File", "a mapping of keys with values"),
     ("struct SolverOverrides", "a mapping from solver settings to values"),
     ("a nonzero u32", "a whole number from 1 on"),
@@ -11,6 +11,8 @@ const EXPECTED: [(&str, &str); 9] = [
     ("f64", "a number"),
     ("a boolean", "true or false"),
     ("a string", "a text"),
+    // What it expects of one of several names.
+    ("a YAML tag starting with '!'", "a text"),
     ("a sequence", "a list"),
     ("a map", "a mapping"),
 ];
@@ -35,6 +37,9 @@ pub(super) fn sentence(message: &str) -> String {
         _ => ("a scenario".to_owned(), message),
     };
     let kind = rest.strip_prefix("invalid type: ").or_else(|| rest.strip_prefix("invalid value: "));
+    if let Some((found, known)) = rest.strip_prefix("unknown variant ").and_then(|rest| rest.split_once(", expected one of ")) {
+        return format!("{key} is {}, not {}", one_of(known), self::found(found));
+    }
     match kind.and_then(|rest| rest.rsplit_once(", expected ")) {
         Some((found, wanted)) => format!("{key} is {}, not {}", expected(wanted), self::found(found)),
         None => message.replace(VARIANT, "a variant is a name, NAME=CHOICE or a mapping with a choice"),
@@ -43,6 +48,12 @@ pub(super) fn sentence(message: &str) -> String {
 
 fn expected(text: &str) -> &str {
     EXPECTED.iter().find(|(theirs, _)| text == *theirs).map_or(text, |(_, ours)| ours)
+}
+
+/// `a`, `b`, `c` as "a, b or c".
+fn one_of(names: &str) -> String {
+    let names = names.replace('`', "");
+    names.rsplit_once(", ").map_or(names.clone(), |(others, last)| format!("{others} or {last}"))
 }
 
 fn found(text: &str) -> String {

@@ -49,27 +49,40 @@ pub struct SolverOverrides {
     pub algebraic_error_control: Option<bool>,
     /// Whether the integrals of rewards enter the error test.
     pub quadrature_error_control: Option<bool>,
-    /// `auto`, `dense`, `block` or `klu`.
-    pub linear_solver: Option<String>,
-    /// `ida`, `rosenbrock`, `explicit` or `auto`.
-    pub method: Option<String>,
+    /// What solves the linear systems of Newton's method.
+    pub linear_solver: Option<LinearSolver>,
+    /// What takes the steps.
+    pub method: Option<Method>,
 }
 
 impl SolverOverrides {
+    /// The settings of a model with these in place of its own.
+    pub(crate) fn over(&self, declared: &Solver) -> Solver {
+        Solver {
+            rtol: self.rtol.unwrap_or(declared.rtol),
+            atol_factor: self.atol_factor.unwrap_or(declared.atol_factor),
+            safety: declared.safety,
+            max_order: self.max_order.unwrap_or(declared.max_order),
+            max_steps: self.max_steps.unwrap_or(declared.max_steps),
+            max_events: self.max_events.map_or(declared.max_events, NonZeroU32::get),
+            max_step: self.max_step.unwrap_or(declared.max_step),
+            algebraic_error_control: self.algebraic_error_control.unwrap_or(declared.algebraic_error_control),
+            quadrature_error_control: self.quadrature_error_control.unwrap_or(declared.quadrature_error_control),
+            linear_solver: self.linear_solver.unwrap_or(declared.linear_solver),
+            method: self.method.unwrap_or(declared.method),
+        }
+    }
+
     /// The first entry that the solver cannot take: its name, what it must be, and what it is.
     pub(crate) fn bad_value(&self) -> Option<(&'static str, &'static str, String)> {
         let positive = |x: &f64| x.is_finite() && *x > 0.0;
         let number = |name, expected, given: Option<f64>, holds: &dyn Fn(&f64) -> bool| {
             given.filter(|x| !holds(x)).map(|x| (name, expected, x.to_string()))
         };
-        let method = self.method.as_ref().filter(|name| Method::from_name(name).is_none());
-        let linear = self.linear_solver.as_ref().filter(|name| LinearSolver::from_name(name).is_none());
         number("rtol", Solver::RTOL_TEXT, self.rtol, &|x| Solver::RTOL.contains(x))
             .or_else(|| number("atol_factor", "a positive number", self.atol_factor, &positive))
             .or_else(|| number("max_order", "from 1 to 5", self.max_order.map(f64::from), &|x| (1.0..=5.0).contains(x)))
             .or_else(|| number("max_steps", "at least 1", self.max_steps.map(f64::from), &|x| *x >= 1.0))
             .or_else(|| number("max_step", "a positive number", self.max_step, &|x| *x > 0.0))
-            .or_else(|| linear.map(|name| ("linear_solver", LinearSolver::TEXT, format!("`{name}`"))))
-            .or_else(|| method.map(|name| ("method", Method::TEXT, format!("`{name}`"))))
     }
 }

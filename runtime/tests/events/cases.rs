@@ -6,10 +6,11 @@ use std::path::Path;
 use smpl_runtime::environment::{Environment, ResetError, ResetOptions, StateInput, StepResult};
 use smpl_runtime::load::{LoadOptions, load_text};
 use smpl_runtime::setup::Setup;
+use smpl_runtime::solver::Method;
 
 /// What takes the steps: this module's name.
-fn method() -> Option<String> {
-    module_path!().rsplit("::").next().map(str::to_owned)
+fn method() -> Method {
+    module_path!().rsplit("::").next().and_then(Method::from_name).expect("the name of a method")
 }
 
 /// An environment of a model's text, at its start.
@@ -19,7 +20,7 @@ impl Running {
     fn unstarted(text: &str) -> Environment {
         let loaded = load_text(Path::new("m.eq"), format!("model M\n{text}\n"), &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
         let mut options = loaded.options;
-        options.solver.method = method();
+        options.solver.method = Some(method());
         let setup = Setup::new(loaded.model, options, Some(loaded.sources)).expect("a setup");
         Environment::new(setup).expect("the solver takes it")
     }

@@ -21,8 +21,8 @@ fn cases() -> ProptestConfig {
 }
 
 /// What takes the steps: this module's name.
-fn method() -> Option<String> {
-    module_path!().rsplit("::").next().map(str::to_owned)
+fn method() -> Method {
+    module_path!().rsplit("::").next().and_then(Method::from_name).expect("the name of a method")
 }
 
 fn compiled(text: &str) -> Arc<CompiledModel> {
@@ -71,7 +71,7 @@ fn attempt(
     let mut settings = Settings::new(rtol, vec![0.01 * rtol; start.len()]);
     settings.first_step = first_step;
     settings.max_steps = 200_000;
-    settings.method = method().and_then(|name| Method::from_name(&name)).expect("a method");
+    settings.method = method();
     let mut ida = integrator(system, settings).expect("valid settings");
     let mut y = start.to_vec();
     for step in 0..steps {
@@ -337,7 +337,7 @@ fn quadrature_of_pieces(table: &Table, end: f64, f: impl Fn(f64) -> f64) -> f64 
 /// A model's environment.
 fn environment(text: &str, options: EnvironmentOptions) -> Environment {
     let mut options = options;
-    options.solver.method = method();
+    options.solver.method = Some(method());
     let mut environment = Environment::new(Setup::new(compiled(text), options, None).expect("a setup")).expect("the solver takes it");
     environment.reset(Some(0), &ResetOptions::default()).expect("a start");
     environment

@@ -11,6 +11,7 @@ use proptest::prelude::*;
 use smpl_runtime::environment::{Environment, ResetOptions};
 use smpl_runtime::load::{LoadOptions, load_text};
 use smpl_runtime::setup::Setup;
+use smpl_runtime::solver::Method;
 
 const LIMIT: u32 = 400;
 const STEPS: u32 = 4;
@@ -206,8 +207,8 @@ fn case() -> impl Strategy<Value = Case> {
 }
 
 /// What takes the steps: this module's name.
-fn method() -> Option<String> {
-    module_path!().rsplit("::").next().map(str::to_owned)
+fn method() -> Method {
+    module_path!().rsplit("::").next().and_then(Method::from_name).expect("the name of a method")
 }
 
 fn check(case: &Case) -> Result<(), TestCaseError> {
@@ -215,7 +216,7 @@ fn check(case: &Case) -> Result<(), TestCaseError> {
     let loaded = load_text(Path::new("random.eq"), text.clone(), &LoadOptions::default())
         .map_err(|e| TestCaseError::fail(format!("{e}\n{text}")))?;
     let mut options = loaded.options;
-    options.solver.method = method();
+    options.solver.method = Some(method());
     let setup = Setup::new(loaded.model, options, Some(loaded.sources)).expect("a setup");
     let mut environment = Environment::new(setup).expect("the solver takes it");
     environment.reset(Some(0), &ResetOptions::default()).expect("a start");
@@ -302,7 +303,7 @@ fn room() -> impl Strategy<Value = Room> {
 fn check_room(room: &Room) -> Result<(), TestCaseError> {
     let loaded = load_text(Path::new("room.eq"), room.text(), &LoadOptions::default()).map_err(|e| TestCaseError::fail(format!("{e}")))?;
     let mut options = loaded.options;
-    options.solver.method = method();
+    options.solver.method = Some(method());
     let setup = Setup::new(loaded.model, options, Some(loaded.sources)).expect("a setup");
     let mut environment = Environment::new(setup).expect("the solver takes it");
     environment.reset(Some(0), &ResetOptions::default()).expect("a start");
@@ -373,7 +374,7 @@ fn check_coincidence(case: &Coincidence) -> Result<(), TestCaseError> {
     let loaded = load_text(Path::new("random.eq"), text.clone(), &LoadOptions::default())
         .map_err(|e| TestCaseError::fail(format!("{e}\n{text}")))?;
     let mut options = loaded.options;
-    options.solver.method = method();
+    options.solver.method = Some(method());
     let setup = Setup::new(loaded.model, options, Some(loaded.sources)).expect("a setup");
     let mut environment = Environment::new(setup).expect("the solver takes it");
     environment.reset(Some(0), &ResetOptions::default()).expect("a start");

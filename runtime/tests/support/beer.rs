@@ -90,15 +90,8 @@ pub fn model(integrate: f64, max_steps: u32) -> Model {
     initial(&mut m, &vars);
     finish(&mut m, &x, elapsed, biomass, before);
     policy(&mut m);
-    m.model.interface.episode = smpl_compiler::model::Episode {
-        step: 1.0,
-        integrate,
-        max_steps,
-        error_reward: -200.0,
-        end_is_success: false,
-        failure_pays_alone: false,
-        single_precision: false,
-    };
+    m.model.interface.episode =
+        smpl_compiler::model::Episode { step: 1.0, integrate, max_steps, error_reward: -200.0, ..smpl_compiler::model::Episode::default() };
     m.done()
 }
 

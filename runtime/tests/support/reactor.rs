@@ -100,9 +100,7 @@ pub fn build(alternatives: Alternatives) -> Model {
         integrate: 0.1,
         max_steps: if alternatives.legacy { 101 } else { 100 },
         error_reward: -1000.0,
-        end_is_success: false,
-        failure_pays_alone: false,
-        single_precision: false,
+        ..smpl_compiler::model::Episode::default()
     };
     // At 1e-8 the error before the ignition of reactor_1 is 6e-6 of the range.
     m.model.interface.solver.rtol = 1e-9;

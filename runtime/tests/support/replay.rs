@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use smpl_runtime::environment::{Environment, ResetOptions, Start, StateInput, StepResult};
 use smpl_runtime::load::{LoadOptions, load};
 use smpl_runtime::setup::Setup;
+use smpl_runtime::solver::Method;
 
 use super::reference::Table;
 
@@ -27,7 +28,8 @@ impl Replay {
         let loaded = load(&path, asked).unwrap_or_else(|e| panic!("{model}: {e}"));
         let mut options = loaded.options;
         // The same trajectories by another method: `SMPL_METHOD=rosenbrock`.
-        options.solver.method = std::env::var("SMPL_METHOD").ok().or(options.solver.method);
+        options.solver.method =
+            std::env::var("SMPL_METHOD").ok().map(|name| Method::from_name(&name).expect("a method")).or(options.solver.method);
         if let Some((rtol, factor)) = tolerance {
             (options.solver.rtol, options.solver.atol_factor) = (Some(rtol), Some(factor));
         }

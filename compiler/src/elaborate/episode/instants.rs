@@ -138,7 +138,7 @@ pub(in crate::elaborate) fn instant_statement(
         return l.ledger.report(Diagnostic::error(codes::MISPLACED_BLOCK, message, statement.span));
     };
     let is_next = matches!(statement.kind, StatementKind::Next { .. });
-    // `next`s assign together; other statements one element after another, written out or in a loop.
+    // `next`s assign together; other statements one element after another, unrolled or in a loop.
     if !is_next {
         let parts: Vec<&Expr> = [assigned.target, assigned.value].into_iter().chain(assigned.condition).collect();
         l.loops.counted = l.symbols.counted_cells(assigned.binders, &parts, &place);

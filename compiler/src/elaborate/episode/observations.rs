@@ -382,7 +382,7 @@ fn observe_elements(l: &mut Lowering<'_, '_>, var: VarId, q: &Quantity, a: &Attr
     }
 }
 
-/// Every state, in the order of the outside.
+/// Every state, in declaration order.
 fn observe_states(l: &mut Lowering<'_, '_>, out: &mut Observations) {
     let base = out.names.len();
     let order = state_positions(l);

@@ -37,7 +37,7 @@ impl<'a> Symbols<'a> {
                         _ => self.only_cells(i, name, place, domain),
                     })
             }
-            // These bind names of their own or read neighbours: written out.
+            // These bind names of their own or read neighbours: unrolled.
             ExprKind::Call { .. } | ExprKind::Reduce { .. } | ExprKind::Derivative(_) | ExprKind::Tuple(_) => false,
             _ => e.children().into_iter().all(|e| self.only_cells(e, name, place, domain)),
         }

@@ -17,7 +17,7 @@ pub struct Piece<T> {
     pub value: T,
 }
 
-/// Elaborates `body` for everything that the binders run over: sets written out, cells as loops.
+/// Elaborates `body` for everything that the binders run over: sets unrolled, cells as loops.
 pub(in crate::elaborate) fn nest<'m, 'a, T>(
     l: &mut Lowering<'m, 'a>,
     binders: &[Binder],

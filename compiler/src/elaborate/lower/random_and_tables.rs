@@ -17,7 +17,7 @@ use crate::model::{Draw, Instant, Variate};
 /// happens in between is below every tolerance.
 const SLACK: f64 = 1e-12;
 
-/// A table over time of as many points is searched; shorter ones are written out as conditions.
+/// A table over time of as many points is searched; shorter ones become conditions.
 const LOOKED_UP: usize = 33;
 
 /// `uniform(a, b)`, `normal(mean, sd)`, `lognormal(mu, sigma)`: a standard variate in its own slot, scaled.

@@ -1,9 +1,9 @@
 //! Ranges of whole numbers as loops.
 //!
-//! A set of names is written out: what is said of water need not be said of salt. A range of numbers mostly counts: trays, cells of a
+//! A set of names is unrolled: what is said of water need not be said of salt. A range of numbers mostly counts: trays, cells of a
 //! battery, stages. It is elaborated as one loop first, with its index as a symbol. Where the body asks for more than a loop can
 //! give (a single number, an entry of a table, a neighbour beyond the range), every trace of the attempt is removed and the range is
-//! written out, with the same meaning and with the faults of its single members.
+//! unrolled, with the same meaning and with the faults of its single members.
 
 use smpl_dsl::syntax::{BinaryOp, Binder, BinderSet, Expr, ExprKind};
 
@@ -16,7 +16,7 @@ use crate::elaborate::naming::Naming;
 use crate::elaborate::symbols::{Axis, SetId, SymbolKind, Symbols};
 use crate::ir::{Affine, ExprId, LoopVar};
 
-/// Shorter ranges are written out: their numbers become constants.
+/// Shorter ranges are unrolled: their numbers become constants.
 pub(in crate::elaborate) const SHORTEST: i64 = 16;
 impl Lowering<'_, '_> {
     /// The first and the last number that a binder counts, if they may stay a loop here.
@@ -163,7 +163,7 @@ impl Lowering<'_, '_> {
 }
 
 impl<'a> Naming<'_, 'a> {
-    /// The members of a set that numbers of a range are; those of other sets, and numbers beyond it, are written out and reported.
+    /// The members of a set that numbers of a range are; those of other sets, and numbers beyond it, are unrolled and reported.
     pub(in crate::elaborate) fn run_members(&mut self, set: SetId, numbers: Cell) -> Option<Cell> {
         let len = self.symbols.sets[set].labels.len() as i64;
         let members = self.symbols.sets[set].first.map(|first| numbers.shifted(-first)).filter(|m| m.ends().0 >= 0 && m.ends().1 < len);

@@ -174,7 +174,7 @@ impl Lowering<'_, '_> {
     }
 
     /// Whether a term has sums that depend on its loops and not on what is around them: as a loop it would work them out again for each
-    /// pass around it; written out, they are shared.
+    /// pass around it; unrolled, they are shared.
     fn repeats_sums(&self, term: &Term) -> bool {
         let own = term.loops.iter().fold(0, |bits, (v, _)| bits | 1 << v.0);
         let around = self.exprs.free(term.value.expr) & !own;
