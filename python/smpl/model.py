@@ -42,10 +42,10 @@ class Port:
     Attributes:
         name: its path, `R1.inlet`.
         connector: name of the connector that it is made of.
-        members: for each member of the connector the names of its numbers among `algebraic_names`, where their units and
-            values are too.
-        equals: for each member the name of the state, action, disturbance, parameter or discrete variable that it always
-            is; a member that is computed has none.
+        members: for each member of the connector the names of its numbers among `algebraic_names`; `algebraic_units`
+            and `env.algebraic` have their units and values.
+        equals: for each member the name of the state, action, disturbance, parameter or discrete variable that it
+            always is; a member that is computed has none.
     """
 
     name: str

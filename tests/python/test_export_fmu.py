@@ -21,6 +21,7 @@ from exports.points import MODELS, Points, assert_equal, label, variants  # noqa
 from exports.tree import Tree  # noqa: E402
 
 LARGE = {"atropine", "mab", "mab_plant"}
+PROBLEMS = sorted((Path(__file__).resolve().parents[1] / "problems").glob("*.eq"))
 
 
 @pytest.fixture(scope="module")
@@ -119,6 +120,11 @@ def test_an_fmu_of_every_model_and_scenario_gives_the_rates_of_the_machine_code(
     made = make(folder, name, arguments)
     assert validate_fmu(str(made[1])) == []
     compare(made, 100 if name in LARGE else 1000)
+
+
+@pytest.mark.parametrize("path", PROBLEMS, ids=lambda path: path.stem)
+def test_an_fmu_of_every_test_problem_gives_the_rates_of_the_machine_code(folder, path):
+    compare(make(folder, path), 20)
 
 
 @pytest.mark.parametrize("name", ["reactor", "beer", "pensim"])
@@ -231,6 +237,47 @@ def test_model_exchange_as_fmpy_does_it_is_the_environment(folder, name):
     assert difference(found[np.argsort(order)], expected, tree) <= 10.0
 
 
+TITRATION = """
+model Titration "a weak acid beyond its equivalence: pH jumps by six within a minute's thousandth of base"
+time t : min
+state n : mmol = 2 in 0..100 "base"
+var pH : 1 = 4
+action dose : mmol/min = 4 in 0..9
+let H : mmol/L = 1e3*10^(-pH) * 1 [mmol/L]
+let K : mmol/L = 1e3*10^(-4.76) * 1 [mmol/L]
+eq n/1.5[L] + H = 12[mmol]/1.5[L]*K/(K + H) + 1e-8 [mmol^2/L^2]/H
+eq d/dt n = dose
+observe pH in 0..14
+reward r = pH
+episode { step = 1 [min], max_steps = 10 }
+"""
+
+
+def test_co_simulation_passes_an_equivalence_point(folder):
+    """Nothing but the algebraic equation says how short steps have to be there; its solution is known by bisection."""
+    optimize = pytest.importorskip("scipy.optimize", reason="SciPy is not installed")
+    path = folder / "titration.eq"
+    path.write_text(TITRATION)
+    made = make(folder, path)
+    instance = Instance(made[2], made[3], "co-simulation")
+    instance.fmu.enterInitializationMode()
+    instance.fmu.exitInitializationMode()
+    K = 10.0 ** (3.0 - 4.76)
+
+    def excess(pH, n):
+        H = 10.0 ** (3.0 - pH)
+        return n / 1.5 + H - 8.0 * K / (K + H) - 1e-8 / H
+
+    found, expected = [], []
+    for k in range(4):
+        instance.fmu.doStep(float(k), 1.0)
+        found += instance.get("pH").tolist()
+        expected.append(optimize.brentq(excess, 0.0, 14.0, args=(2.0 + 4.0 * (k + 1),), xtol=1e-13))
+    instance.close()
+    assert expected[1] < 6.0 < 11.0 < expected[2]
+    np.testing.assert_allclose(found, expected, rtol=1e-7)
+
+
 PORTS = """
 model Line "a feed, a tube and a tank"
 time t : min
@@ -275,7 +322,7 @@ episode { step = 0.5 [min], max_steps = 20 }
 
 
 def test_ports_are_terminals(folder):
-    """The file keeps to the standard's schema, its members are inputs and outputs of the FMU, and these have the values of the ports."""
+    """The file keeps to the standard's schema, and its members are inputs and outputs with the values of the ports."""
     etree = pytest.importorskip("lxml.etree", reason="lxml is not installed")
     path = folder / "line.eq"
     path.write_text(PORTS)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import smpl
+from exports.cases import CASES
 from exports.points import MODELS, Points, assert_equal, label, variants
 from exports.tree import Tree
 
@@ -54,6 +55,11 @@ def test_the_tree_of_every_variant_gives_the_residual_of_the_machine_code(name):
 @pytest.mark.parametrize("path", sorted((ROOT / "tests" / "problems").glob("*.eq")), ids=lambda path: path.stem)
 def test_the_tree_of_every_test_problem_gives_the_residual_of_the_machine_code(path):
     compare(smpl.compile(path))
+
+
+@pytest.mark.parametrize(("title", "model"), CASES, ids=[title for title, _ in CASES])
+def test_the_tree_of_every_case_of_the_language_gives_the_residual_of_the_machine_code(title, model):
+    compare(model, 10)
 
 
 def test_the_text_follows_the_schema():
