@@ -119,6 +119,7 @@ fn determine(elaborated: Elaborated) -> Result<(Model, Faults), Faults> {
     structure::refuse_singular_loops(&model)?;
     model.explicit = structure::is_explicit(&model);
     structure::order_initial(&mut model)?;
+    structure::identify_ports(&mut model);
     Ok((model, warnings))
 }
 

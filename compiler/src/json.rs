@@ -1,4 +1,4 @@
-//! The checked model as JSON, both ways, in the form that `docs/schema/model-2.schema.json` fixes.
+//! The checked model as JSON, both ways, in the form that `docs/schema/model-3.schema.json` fixes.
 //!
 //! Expressions are one list of nodes, operands before users: trees whose repeated parts are written once. Loops stay loops. What is written
 //! holds all that the back end needs: [`read`] gives the flat model that [`print`] was given, so that it compiles to the same functions and is
@@ -18,7 +18,7 @@ pub use read::{Read, read};
 pub(crate) use write::print;
 
 /// Version of the form; what changes the meaning of a file counts it up.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 
 /// What the field `format` says.
 const FORMAT: &str = "smpl-model";

@@ -15,8 +15,8 @@ mod quantity;
 mod settings;
 
 pub use interface::{
-    AlgebraicCounts, Alternatives, BoxItem, Choice, Draw, Failure, Finish, FinishLayout, Instant, Interface, Invariant, Observed,
-    Quantities, Reward, Steady, Time, Variant, Variate,
+    AlgebraicCounts, Alternatives, BoxItem, Choice, Draw, Failure, Finish, FinishLayout, Instant, Interface, Invariant, Observed, Port,
+    PortMember, Quantities, Reward, Steady, Time, Variant, Variate,
 };
 pub use quantity::{Axis, Grid, Quantity};
 pub use settings::{Episode, LinearSolver, Method, Solver};

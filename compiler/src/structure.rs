@@ -15,6 +15,7 @@ mod common;
 mod cuts;
 mod initial;
 mod matching;
+mod ports;
 mod rates;
 mod reads;
 mod runs;
@@ -25,6 +26,7 @@ pub(crate) use algebraic::{plan as plan_algebraic, substitute as substitute_alge
 pub(crate) use cuts::cut_at_parts;
 pub(crate) use initial::order as order_initial;
 pub(crate) use matching::rows as match_rows;
+pub(crate) use ports::identify as identify_ports;
 pub(crate) use rates::{cover_states, is_explicit, solve_for_derivatives, substitute_derivatives};
 pub(crate) use runs::write_out as write_out_ranges;
 pub(crate) use singular::refuse_singular_loops;

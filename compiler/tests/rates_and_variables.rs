@@ -208,6 +208,54 @@ fn connections_convert_and_chain() {
     assert_close(r.rate("T[3].c"), 6.0 / 3600.0 / 3.0 * 0.5);
 }
 
+/// A port's members are outputs; one that is nothing but an action, a parameter or a state, number by number, says so.
+#[test]
+fn ports_show_their_members() {
+    let model = flat(
+        "set species = {A, B}
+         connector Stream { Q : L/min, c[species] : mol/L, T : K }
+         connector Profile { T[z] : K }
+         component Feed { param feed[species] : mol/L = 2 ; port outlet : Stream
+           eq outlet.Q = pumped ; eq outlet.c[i] = feed[i] for i in species ; eq outlet.T = 300 [K] }
+         component Tank { port inlet, outlet : Stream ; domain z in 0..1 [m] cells 5 ; port wall : Profile ; state n[species] : mol/L = 1
+           state T[z] : K = 300
+           eq d/dt n[i] = inlet.Q / 1 [L] * (inlet.c[i] - n[i]) for i in species
+           eq d/dt T[z] = (inlet.T - T[z]) / 1 [min] for z
+           eq outlet.Q = 2*inlet.Q ; eq outlet.c[i] = n[i] for i in species ; eq outlet.T = T[z.last] ; eq wall.T[z] = T[z] for z }
+         action pumped : L/min = 1 in 0..2
+         use Feed as F
+         use Tank as R
+         connect F.outlet -> R.inlet",
+    );
+    let interface = &model.interface;
+    let ports: Vec<_> = interface.ports.iter().map(|port| (port.name.as_str(), port.connector.as_str())).collect();
+    assert_eq!(ports, [("F.outlet", "Stream"), ("R.inlet", "Stream"), ("R.outlet", "Stream"), ("R.wall", "Profile")]);
+    let members = interface.ports.iter().flat_map(|port| &port.members);
+    let members: Vec<_> = members.map(|m| (m.output.as_str(), m.name.as_str(), m.equals.as_deref())).collect();
+    let expected = [
+        ("F.outlet.Q", "Q", Some("pumped")),
+        ("F.outlet.c", "c", Some("F.feed")),
+        ("F.outlet.T", "T", None),
+        ("R.inlet.Q", "Q", Some("pumped")),
+        ("R.inlet.c", "c", Some("F.feed")),
+        ("R.inlet.T", "T", None),
+        ("R.outlet.Q", "Q", None),
+        ("R.outlet.c", "c", Some("R.n")),
+        ("R.outlet.T", "T", None),
+        ("R.wall.T", "T", Some("R.T")),
+    ];
+    assert_eq!(members, expected);
+    let units: Vec<_> = interface.quantities.algebraics.iter().map(|q| (q.name.as_str(), q.unit.as_str(), q.len())).collect();
+    assert_eq!(units[..3], [("F.outlet.Q", "L/min", 1), ("F.outlet.c", "mol/L", 2), ("F.outlet.T", "K", 1)]);
+    assert_eq!(units.last(), Some(&("R.wall.T", "K", 5)));
+    let mut r = Running::of(model);
+    r.set("R.n[B]", 0.25).set("R.T[5]", 310.0);
+    assert_close(r.output("R.outlet.c[B]"), 0.25);
+    assert_close(r.output("R.outlet.T"), 310.0);
+    assert_close(r.output("R.wall.T[5]"), 310.0);
+    assert_close(r.output("R.outlet.Q"), 2.0);
+}
+
 #[test]
 fn instances_have_their_own_variables() {
     let mut r = Running::new(

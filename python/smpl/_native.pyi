@@ -66,6 +66,7 @@ class Model:
     levels: list[str]
     policies: list[str]
     phases: list[str]
+    ports: list[tuple[str, str, list[tuple[str, list[str], str | None]]]]
     step: float
     max_steps: int
     nonzeros: int

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,6 +35,31 @@ _REPLACEABLE = ("parameter", "discrete", "disturbance")
 _NUMBERS = "fiub"
 
 
+@dataclass(frozen=True)
+class Port:
+    """A port of a component.
+
+    Attributes:
+        name: its path, `R1.inlet`.
+        connector: name of the connector that it is made of.
+        members: for each member of the connector the names of its numbers among `algebraic_names`; `algebraic_units`
+            and `env.algebraic` have their units and values.
+        equals: for each member the name of the state, action, disturbance, parameter or discrete variable that it
+            always is; a member that is computed has none.
+    """
+
+    name: str
+    connector: str
+    members: dict[str, tuple[str, ...]]
+    equals: dict[str, str]
+
+    @classmethod
+    def of(cls, name: str, connector: str, members: list[tuple[str, list[str], str | None]]) -> Port:
+        """The port that the native model describes."""
+        equals = {member: equal for member, _, equal in members if equal is not None}
+        return cls(name, connector, {member: tuple(numbers) for member, numbers, _ in members}, equals)
+
+
 class Model(Named):
     """A compiled model; made by `smpl.compile`.
 
@@ -49,6 +75,7 @@ class Model(Named):
         max_steps: time limit in steps.
         reward: the chosen reward; `levels`: observation levels.
         phases: names of the phases of the model's schedule, empty without one.
+        ports: the ports of its components by their paths, see `Port`.
         policies: names of the policies that the model declares, see `smpl.Env.policy`.
     """
 
@@ -64,6 +91,7 @@ class Model(Named):
         self.step.model = self
         self.reward, self.levels = native.reward, tuple(native.levels)
         self.phases = tuple(native.phases)
+        self.ports = {name: Port.of(name, connector, members) for name, connector, members in native.ports}
         self.policies = tuple(native.policies)
         self._times = _times(native.sources)
 

@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
 use pyo3::types::PyBytes;
 use smpl_compiler::export::{ExportError, Target};
+use smpl_compiler::model::{Port, PortMember};
 use smpl_dsl::span::FileId;
 use smpl_runtime::catalogue::{self, Catalogue, Element};
 use smpl_runtime::export::{ExportFault, export, export_fmu};
@@ -37,6 +38,9 @@ type Setups = HashMap<(bool, Option<u32>, Option<Method>), Arc<Setup>>;
 
 /// How trajectories are run: threads, time limit, method.
 type Run = (usize, Option<u32>, Option<String>);
+
+/// A member of a port: its name, the names of its numbers, the quantity that it equals.
+type Member = (String, Vec<String>, Option<String>);
 
 /// A compiled model.
 #[pyclass(frozen, module = "smpl._native")]
@@ -150,6 +154,20 @@ impl Model {
     #[getter]
     fn phases(&self) -> Vec<String> {
         self.loaded.model.interface().phases.clone()
+    }
+
+    /// Ports of components: path, connector, and of each member its name, the names of its numbers among the algebraic outputs and the quantity
+    /// that it equals.
+    #[getter]
+    fn ports(&self) -> Vec<(String, String, Vec<Member>)> {
+        let interface = self.loaded.model.interface();
+        let elements = |output: &str| {
+            let quantity = interface.quantities.algebraics.iter().find(|q| q.name == output);
+            quantity.map_or_else(Vec::new, |q| (0..q.len()).map(|element| q.element_name(element)).collect())
+        };
+        let member = |m: &PortMember| (m.name.clone(), elements(&m.output), m.equals.clone());
+        let port = |port: &Port| (port.name.clone(), port.connector.clone(), port.members.iter().map(member).collect());
+        interface.ports.iter().map(port).collect()
     }
 
     /// Names of the open-loop policies.

@@ -86,7 +86,6 @@ fn at_nominal<T>(
 fn settings(setup: &Setup) -> Settings {
     let (options, declared) = (&setup.options, &setup.model().interface().solver);
     Settings {
-        tolerance: options.solver.rtol.unwrap_or(declared.rtol),
         rtol: setup.settings.rtol,
         atol_factor: options.solver.atol_factor.unwrap_or(declared.atol_factor),
         max_step: setup.settings.max_step,

@@ -152,8 +152,13 @@ fn errors_name_the_place() {
         change(&mut changed);
         read(&changed.to_string()).err().map(|error| error.to_string()).unwrap_or_default()
     };
-    assert!(said(&|v| v["version"] = 1.into()).starts_with("version 1 of the form; this program reads version 2"));
+    assert!(said(&|v| v["version"] = 1.into()).starts_with("version 1 of the form; this program reads version 3"));
     assert_eq!(said(&|v| v["episode"]["step"] = (-1.0).into()), "episode.step: expected a number that is positive and finite, found -1");
+    let port = |output: &str, equals: &str| {
+        let member = serde_json::json!({"name": "Q", "output": output, "equals": equals});
+        Value::Array(vec![serde_json::json!({"name": "R.inlet", "connector": "Stream", "members": [member]})])
+    };
+    assert_eq!(said(&|v| v["ports"] = port("nothing", "nothing")), "ports[0].members[0].output: there is no such output");
     assert!(said(&|v| v["surplus"] = 1.into()).starts_with("the whole: unknown field `surplus`; known: format, "));
     assert!(said(&|v| v["expressions"][0] = Value::Array(vec!["cosine".into(), 0.into()])).contains("expressions[0][0]: unknown kind"));
     let after = |at: usize| Value::Array(vec!["sqrt".into(), at.into()]);

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import smpl
+from exports.cases import CASES
 from exports.library import Library
 from exports.points import MODELS, Points, assert_equal, label, variants
 
@@ -33,8 +34,8 @@ def parameters(functions, model, points):
     for name, value in values.items():
         if name in names:
             p[names.index(name)] = value
-    # What an episode would have begun with is zero where there is none.
-    p[[name.startswith("initial(") for name in names]] = 0.0
+    # What an episode would have begun with, and its last instant, are zero where there is none.
+    p[[name.startswith(("initial(", "previous(")) for name in names]] = 0.0
     return p
 
 
@@ -77,6 +78,11 @@ def test_every_variant_has_the_residual_of_the_machine_code(name):
 @pytest.mark.parametrize("path", sorted((ROOT / "tests" / "problems").glob("*.eq")), ids=lambda path: path.stem)
 def test_every_test_problem_has_the_residual_of_the_machine_code(path):
     compare(smpl.compile(path), 100)
+
+
+@pytest.mark.parametrize(("title", "model"), CASES, ids=[title for title, _ in CASES])
+def test_every_case_of_the_language_has_the_residual_of_the_machine_code(title, model):
+    compare(model, 10)
 
 
 @pytest.mark.parametrize("name", ["reactor", "pensim", "mab"])

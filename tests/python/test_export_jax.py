@@ -2,16 +2,20 @@
 
 import shutil
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import smpl
+from exports.cases import CASES
 from exports.library import Library
 from exports.points import MODELS, Points, assert_equal, label
 
 jax = pytest.importorskip("jax", reason="jax is not installed")
 jax.config.update("jax_enable_x64", True)
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def parameters(functions, model, points):
@@ -21,7 +25,7 @@ def parameters(functions, model, points):
     for name, value in (values | {"clock": points.t}).items():
         if name in names:
             p[names.index(name)] = value
-    p[[name.startswith("initial(") for name in names]] = 0.0
+    p[[name.startswith(("initial(", "previous(")) for name in names]] = 0.0
     return p
 
 
@@ -29,16 +33,29 @@ def columns(function, *vectors):
     return np.array(jax.jit(jax.vmap(function))(*(v.T for v in vectors))).T
 
 
-@pytest.mark.parametrize(("name", "arguments"), MODELS, ids=label)
-def test_every_model_and_scenario_has_the_residual_of_the_machine_code(name, arguments):
-    model = smpl.compile(name, **arguments)
+def compare(model, count):
     functions = smpl.export.jax(model)
-    points = Points(model, smpl.export.json(model), 100 if "mab" in name or name == "atropine" else 1000)
+    points = Points(model, smpl.export.json(model), count)
     states = len(model.state_names)
     p = parameters(functions, model, points)
     found = columns(functions.residual, points.t, points.yp[:states], points.x, points.z, points.u, p)
     assert_equal(found, points.machine_code(model))
     assert functions.state_names == model.state_names
+
+
+@pytest.mark.parametrize(("name", "arguments"), MODELS, ids=label)
+def test_every_model_and_scenario_has_the_residual_of_the_machine_code(name, arguments):
+    compare(smpl.compile(name, **arguments), 100 if "mab" in name or name == "atropine" else 1000)
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "tests" / "problems").glob("*.eq")), ids=lambda path: path.stem)
+def test_every_test_problem_has_the_residual_of_the_machine_code(path):
+    compare(smpl.compile(path), 100)
+
+
+@pytest.mark.parametrize(("title", "model"), CASES, ids=[title for title, _ in CASES])
+def test_every_case_of_the_language_has_the_residual_of_the_machine_code(title, model):
+    compare(model, 3)
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")

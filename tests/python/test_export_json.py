@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import smpl
+from exports.cases import CASES
 from exports.points import MODELS, Points, assert_equal, label, variants
 from exports.tree import Tree
 
@@ -56,9 +57,14 @@ def test_the_tree_of_every_test_problem_gives_the_residual_of_the_machine_code(p
     compare(smpl.compile(path))
 
 
+@pytest.mark.parametrize(("title", "model"), CASES, ids=[title for title, _ in CASES])
+def test_the_tree_of_every_case_of_the_language_gives_the_residual_of_the_machine_code(title, model):
+    compare(model, 10)
+
+
 def test_the_text_follows_the_schema():
     jsonschema = pytest.importorskip("jsonschema", reason="jsonschema is not installed")
-    schema = json.loads((ROOT / "docs" / "schema" / "model-2.schema.json").read_text())
+    schema = json.loads((ROOT / "docs" / "schema" / "model-3.schema.json").read_text())
     validator = jsonschema.Draft202012Validator(schema)
     for name in ("reactor", "beer", "pensim"):
         validator.validate(smpl.export.json(smpl.compile(name)))
@@ -130,7 +136,7 @@ def test_a_model_in_json_takes_parameters_and_no_other_scenario(tmp_path):
     assert nominal(smpl.compile(path, settings={"k_0": 6.9e10}), "k_0") == 6.9e10
     with pytest.raises(smpl.SimulationError, match="neither scenario nor variants but its own"):
         smpl.compile(path, scenario="legacy")
-    path.write_text(path.read_text(encoding="utf-8").replace('"version": 2', '"version": 1'), encoding="utf-8")
+    path.write_text(path.read_text(encoding="utf-8").replace('"version": 3', '"version": 1'), encoding="utf-8")
     with pytest.raises(smpl.SimulationError, match="version 1 of the form; this program reads version 2"):
         smpl.compile(path)
 

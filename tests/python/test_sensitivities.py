@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -409,6 +410,15 @@ def test_the_gradient_through_an_episode():
         assert slope.reshape(-1)[0] == pytest.approx(expected, rel=1e-5, abs=1e-8)
     costs = example.main(["--episodes", "4", "--steps", "5", "--iterations", "12"])
     assert costs[-1] < 0.9 * costs[0]
+
+
+def test_the_code_of_the_page_runs_in_its_order():
+    page = (Path(__file__).resolve().parents[2] / "docs" / "sensitivities.md").read_text(encoding="utf-8")
+    names = {}
+    for block in re.findall(r"^```python\n(.*?)^```$", page, re.S | re.M):
+        exec(compile(block, "docs/sensitivities.md", "exec"), names)
+    found = names["found"]
+    assert [np.shape(v) for v in (found.value, found.by_action, found.by_state)] == [(), (3, 2), (3,)]
 
 
 def test_the_cost_is_printed(capsys):

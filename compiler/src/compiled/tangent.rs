@@ -12,7 +12,7 @@ use crate::differentiate::pattern::each_place;
 use crate::differentiate::{self, Column, ColumnOf, Rows};
 use crate::explicit_time;
 use crate::interpret::Tape;
-pub use crate::interpret::tangent::{LANES, STILL, Tangent, TangentView};
+pub use crate::interpret::tangent::{Dual, LANES, STILL, Tangent, TangentView};
 use crate::ir::{Affine, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, MAX_DEPTH, Role, UnaryFn, VarId};
 use crate::layout::{Base, Memory};
 use crate::model::Model;
@@ -126,6 +126,7 @@ impl CompiledModel {
             work: (view.work.0, view.work.1),
             out: (view.out.0, view.out.1),
             tables: &self.parts.tables,
+            registers: view.registers,
         };
         tape.run_tangent(&mut view);
         Ok(())

@@ -78,6 +78,7 @@ pub(in crate::elaborate) fn elaborate_control(l: &mut Lowering<'_, '_>) -> Contr
         episode,
         solver,
         quantities: Quantities { algebraics, ..outputs::quantities(l) },
+        ports: outputs::ports(l),
         grids: grids::grids(l),
         phases: phases::schedule_phases(l),
         finish: ending.finish,

@@ -9,7 +9,7 @@ use smpl_dsl::syntax::{Binder, Expr, StatementKind};
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::ranges::SHORTEST;
 use crate::elaborate::lower::value::Measure;
-use crate::elaborate::lower::{Lowering, nests, paths, units};
+use crate::elaborate::lower::{Lowering, indices, nests, paths, units};
 use crate::elaborate::select::items::Item;
 use crate::elaborate::space::flux;
 use crate::elaborate::symbols::{Axis, ScopeId, SymbolId, SymbolKind};
@@ -196,6 +196,18 @@ fn join(l: &mut Lowering<'_, '_>, source: SymbolId, target: SymbolId, span: Span
     };
     if l.symbols.vars[from].len != l.symbols.vars[to].len || source_axes.len() != axes.len() {
         l.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, "two ports of different sizes are connected", span));
+        return;
+    }
+    let elsewhere = source_axes.iter().zip(axes.iter()).any(|pair| match pair {
+        (Axis::Domain(a), Axis::Domain(b)) => !indices::same_cells(l, *a, *b),
+        (a, b) => matches!(a, Axis::Domain(_)) || matches!(b, Axis::Domain(_)),
+    });
+    if elsewhere {
+        let (a, b) = (&l.symbols[source].path, &l.symbols[target].path);
+        let message = format!("the cells of `{a}` and `{b}` lie elsewhere");
+        let help =
+            "declare both domains with as many cells between the same ends, written with the same numbers and parameters of the file";
+        l.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, message, span).help(help));
         return;
     }
     let len = i64::from(l.symbols.vars[to].len);

@@ -82,7 +82,7 @@ struct Declared<'d> {
 
 /// Defaults, where a declaration gives any that an episode begins with.
 fn default(l: &mut Lowering<'_, '_>, declared: &Declared<'_>, role: Role) -> Vec<f64> {
-    if l.symbols.ports.contains(&declared.var) || role == Role::Discrete {
+    if role == Role::Discrete {
         return vec![f64::NAN];
     }
     let pieces = defaults::default_pieces(l, declared.symbol, Site::Reset);

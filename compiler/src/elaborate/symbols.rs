@@ -9,7 +9,7 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Declaration, Expr, Flux, Ident, Phase, TimeTableKind};
 use smpl_dsl::units::Unit;
 
-use crate::ir::{FastMap, FastSet, VarId};
+use crate::ir::{FastMap, VarId};
 use crate::model::Variable;
 
 /// A scope: the file, an instance of a component, or a port of one.
@@ -221,6 +221,17 @@ pub(in crate::elaborate) struct Schedule<'a> {
     pub phases: Vec<&'a Phase>,
 }
 
+/// A port of an instance.
+#[derive(Clone, Debug)]
+pub(in crate::elaborate) struct Port {
+    /// Its path: `R1.inlet`.
+    pub path: String,
+    /// Name of its connector.
+    pub connector: String,
+    /// Its members as the connector declares them.
+    pub members: Vec<SymbolId>,
+}
+
 /// All scopes, symbols, sets and domains, and the variables that they stand for.
 #[derive(Debug)]
 pub struct Symbols<'a> {
@@ -238,8 +249,8 @@ pub struct Symbols<'a> {
     pub of_var: FastMap<VarId, SymbolId>,
     /// The phases.
     pub schedule: Option<Schedule<'a>>,
-    /// Members of ports: connections, not outputs.
-    pub ports: FastSet<VarId>,
+    /// Ports of all instances.
+    pub ports: Vec<Port>,
     /// Name of the independent variable.
     pub time_name: String,
     /// Its unit.
@@ -256,7 +267,7 @@ impl Default for Symbols<'_> {
             vars: PrimaryMap::new(),
             schedule: None,
             of_var: FastMap::default(),
-            ports: FastSet::default(),
+            ports: Vec::new(),
             time_name: "t".to_owned(),
             time_unit: Unit::one(),
         }

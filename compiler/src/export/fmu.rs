@@ -7,6 +7,7 @@ mod description;
 mod order;
 mod partials;
 mod tables;
+mod terminals;
 mod units;
 mod variables;
 
@@ -20,9 +21,7 @@ use crate::model::Model;
 /// How the model is simulated, as the environment does it.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// Relative tolerance that is asked for.
-    pub tolerance: f64,
-    /// The one that the integrator is given.
+    /// Relative tolerance of the integrator.
     pub rtol: f64,
     /// Absolute tolerance over the relative one times the scale.
     pub atol_factor: f64,
@@ -104,6 +103,7 @@ pub(super) fn package(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>,
     sources.iter_mut().filter(|(name, _)| name == "tables.h").for_each(|(_, text)| *text = text.replace(TOKEN, &token));
     let mut files = vec![("modelDescription.xml".to_owned(), description::model(&parts, origin, &token))];
     files.push(("resources/elements.csv".into(), description::elements(&parts)));
+    files.extend(terminals::describe(&parts).map(|text| ("terminalsAndIcons/terminalsAndIcons.xml".to_owned(), text)));
     files.push(("sources/buildDescription.xml".into(), description::build(&parts, &sources)));
     files.extend(sources.into_iter().map(|(name, text)| (format!("sources/{name}"), text)));
     Ok(Package { identifier, files })

@@ -33,21 +33,24 @@ pub struct TangentView<'a> {
     pub out: (&'a mut [f64], &'a mut [Tangent]),
     /// Position tables.
     pub tables: &'a [u32],
+    /// Space for what is worked out on the way.
+    pub registers: &'a mut Vec<Dual>,
 }
 
-/// A number with its derivatives.
-type Dual = (f64, Tangent);
+/// A number with its derivatives along the directions.
+pub type Dual = (f64, Tangent);
 
 impl Tape {
     /// Runs the function on values and derivatives.
     pub fn run_tangent(&self, view: &mut TangentView<'_>) {
-        let mut machine = Machine { registers: vec![(0.0, STILL); self.registers], counters: [0; MAX_DEPTH], numbers: &self.numbers, view };
+        view.registers.clear();
+        view.registers.resize(self.registers, (0.0, STILL));
+        let mut machine = Machine { counters: [0; MAX_DEPTH], numbers: &self.numbers, view };
         machine.run(&self.steps);
     }
 }
 
 struct Machine<'a, 'v> {
-    registers: Vec<Dual>,
     counters: [i64; MAX_DEPTH],
     numbers: &'a [f64],
     view: &'a mut TangentView<'v>,
@@ -74,7 +77,7 @@ impl Run for Machine<'_, '_> {
     }
 
     fn set(&mut self, register: u32, value: Dual) {
-        self.registers[register as usize] = value;
+        self.view.registers[register as usize] = value;
     }
 
     fn nothing(op: ReduceFn) -> Dual {
@@ -89,7 +92,7 @@ impl Run for Machine<'_, '_> {
     fn get(&self, operand: Operand) -> Dual {
         match operand {
             Operand::Const(x) => (x, STILL),
-            Operand::Register(r) => self.registers[r as usize],
+            Operand::Register(r) => self.view.registers[r as usize],
         }
     }
 
@@ -291,6 +294,7 @@ mod tests {
             work: (&mut work, &mut dwork),
             out: (&mut out, &mut dout),
             tables: &[],
+            registers: &mut Vec::new(),
         });
         assert_eq!(out, [8.0 - 1.0 + 0.125, -1.0, -1.0, 8.0]);
         // d(x^3) = 3 x^2 dx: 12, 0 and -1.5.

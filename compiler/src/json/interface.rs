@@ -8,8 +8,8 @@ use super::nodes::variable;
 use super::write::families;
 use crate::ir::{Role, VarId};
 use crate::model::{
-    AlgebraicCounts, Axis, BoxItem, Choice, Draw, Episode, Failure, Finish, Grid, Interface, Invariant, Observed, Quantities, Quantity,
-    Reward, Solver, Steady, Time, Variable, Variant,
+    AlgebraicCounts, Axis, BoxItem, Choice, Draw, Episode, Failure, Finish, Grid, Interface, Invariant, Observed, Port, PortMember,
+    Quantities, Quantity, Reward, Solver, Steady, Time, Variable, Variant,
 };
 
 type Vars = PrimaryMap<VarId, Variable>;
@@ -21,6 +21,7 @@ pub(super) fn read(root: &At<'_>, vars: &Vars) -> Result<Interface, ReadError> {
     time.only(&["name", "unit"])?;
     i.time = Time { name: time.field("name")?.string()?, unit: time.field("unit")?.string()? };
     i.quantities = quantities(&root.field("quantities")?, vars)?;
+    i.ports = root.field("ports")?.list(|at| port(at, &i.quantities))?;
     let grids = root.field("grids")?;
     i.grids = grids.list(|at| grid(at, vars))?;
     check_cells(&grids, &i)?;
@@ -124,6 +125,24 @@ fn quantity(at: &At<'_>, vars: &Vars) -> Result<Quantity, ReadError> {
         affine_unit: at.field("affine_unit")?.flag()?,
         structural: at.field("structural")?.flag()?,
     })
+}
+
+/// A port, whose members are outputs, and equal to what is there with as many elements.
+fn port(at: &At<'_>, known: &Quantities) -> Result<Port, ReadError> {
+    at.only(&["name", "connector", "members"])?;
+    let others = [&known.states, &known.actions, &known.disturbances, &known.parameters, &known.discretes];
+    let members = at.field("members")?.list(|member| {
+        member.only(&["name", "output", "equals"])?;
+        let (output, equals) = (member.field("output")?, member.field("equals")?);
+        let (text, none) = (output.text()?, || output.fault("there is no such output"));
+        let length = known.algebraics.iter().find(|q| q.name == text).ok_or_else(none)?.len();
+        let name = if equals.is_null() { None } else { Some(equals.string()?) };
+        if name.as_ref().is_some_and(|name| !others.into_iter().flatten().any(|q| q.name == *name && q.len() == length)) {
+            return Err(equals.fault(format!("there is no such quantity of {length} elements")));
+        }
+        Ok(PortMember { name: member.field("name")?.string()?, output: output.string()?, equals: name })
+    })?;
+    Ok(Port { name: at.field("name")?.string()?, connector: at.field("connector")?.string()?, members })
 }
 
 fn grid(at: &At<'_>, vars: &Vars) -> Result<Grid, ReadError> {

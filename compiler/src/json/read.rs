@@ -26,8 +26,8 @@ pub struct Read {
 }
 
 #[rustfmt::skip]
-const FIELDS: [&str; 31] = [
-    "format", "version", "name", "text", "made_for", "time", "explicit", "variables", "unknowns", "quantities", "grids", "state_order",
+const FIELDS: [&str; 32] = [
+    "format", "version", "name", "text", "made_for", "time", "explicit", "variables", "unknowns", "quantities", "ports", "grids", "state_order",
     "algebraic", "elements", "expressions", "equations", "events", "integrals", "programs", "policies", "finish", "draws", "levels", "phases", "invariants",
     "steady", "start_resets", "episode", "solver", "variants", "choices",
 ];

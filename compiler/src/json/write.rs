@@ -8,7 +8,7 @@ use super::{FORMAT, VERSION};
 use crate::artefact::Circumstances;
 use crate::export::{Element, ExportError, Families, Nominal, Origin};
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, List, MAX_DEPTH, Place, Program, Role, VarId};
-use crate::model::{AlgebraicCounts, Axis, Finish, Grid, Interface, Model, Quantities, Quantity, RootAction, Steady};
+use crate::model::{AlgebraicCounts, Axis, Finish, Grid, Interface, Model, Port, PortMember, Quantities, Quantity, RootAction, Steady};
 
 /// The text of a model.
 ///
@@ -30,6 +30,7 @@ pub(crate) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
         })).collect::<Vec<_>>(),
         "unknowns": model.unknowns.iter().map(|v| v.index()).collect::<Vec<_>>(),
         "quantities": quantities(&i.quantities),
+        "ports": i.ports.iter().map(port).collect::<Vec<_>>(),
         "grids": i.grids.iter().map(grid).collect::<Vec<_>>(),
         "state_order": i.quantities.state_order,
         "algebraic": counts(i.quantities.algebraic_counts),
@@ -96,6 +97,11 @@ pub(super) fn families(i: &Quantities) -> [(&'static str, &[Quantity]); 7] {
 fn quantities(i: &Quantities) -> Value {
     let list = |family: &[Quantity]| Value::Array(family.iter().map(quantity).collect());
     Value::Object(families(i).into_iter().map(|(name, family)| (name.to_owned(), list(family))).collect())
+}
+
+fn port(port: &Port) -> Value {
+    let member = |m: &PortMember| json!({"name": m.name, "output": m.output, "equals": m.equals});
+    json!({"name": port.name, "connector": port.connector, "members": port.members.iter().map(member).collect::<Vec<_>>()})
 }
 
 fn grid(grid: &Grid) -> Value {

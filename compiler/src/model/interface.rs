@@ -17,6 +17,8 @@ pub struct Interface {
     pub time: Time,
     /// Everything that has a name, a unit and bounds.
     pub quantities: Quantities,
+    /// Ports of components.
+    pub ports: Vec<Port>,
     /// Domains in space.
     pub grids: Vec<Grid>,
     /// Names of the phases in their order, whose number (from 1) the discrete variable `phase` holds; empty without a schedule.
@@ -46,7 +48,7 @@ pub struct Quantities {
     pub states: Vec<Quantity>,
     /// Positions in `y` of the state elements in declaration order; `None` where it is the identity.
     pub state_order: Option<Vec<u32>>,
-    /// Algebraic outputs: declared algebraic variables and `let`s with a unit.
+    /// Algebraic outputs: declared algebraic variables and `let`s with a unit, then the members of ports.
     pub algebraics: Vec<Quantity>,
     /// Solved algebraic unknowns (the part of `y` after the states).
     pub solved: Vec<Quantity>,
@@ -67,10 +69,32 @@ pub struct Quantities {
 pub struct AlgebraicCounts {
     /// Declared: those of [`Quantities::algebraics`].
     pub declared: u32,
-    /// Solved for, members of ports too.
+    /// Solved for.
     pub solved: u32,
     /// Of the declared ones, substituted.
     pub substituted: u32,
+}
+
+/// A port of a component: what can be connected.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Port {
+    /// Name with its path, `R1.inlet`.
+    pub name: String,
+    /// Name of its connector.
+    pub connector: String,
+    /// What the connector is made of.
+    pub members: Vec<PortMember>,
+}
+
+/// A member of a port.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PortMember {
+    /// Its name in the connector.
+    pub name: String,
+    /// Name of the output that is its value, among [`Quantities::algebraics`].
+    pub output: String,
+    /// Name of the state, action, disturbance, parameter or discrete variable that it always is, number by number; `None` where it is computed.
+    pub equals: Option<String>,
 }
 
 /// What a step ends in, in the order of the output of [`super::Programs::finish`].

@@ -360,21 +360,19 @@ fn complete(model: &mut Model, mut rows: Vec<Row>) -> Vec<Row> {
         model.interface.quantities.algebraics.iter().enumerate().filter_map(|(i, q)| Some((q.var?, i))).collect();
     let mut renamed: FastMap<Element, VarId> = FastMap::default();
     let declared: u32 = model.interface.quantities.algebraics.iter().map(|q| q.len() as u32).sum();
-    let (mut solved, mut hidden) = (0, 0);
+    let mut solved = 0;
     for (var, (count, mut offsets)) in parts {
         solved += count as u32;
-        let quantity = quantities.get(&var).map(|&i| model.interface.quantities.algebraics[i].clone());
-        // Members of ports are shown nowhere, but may be solved for.
-        hidden += if quantity.is_none() { count as u32 } else { 0 };
+        let Some(quantity) = quantities.get(&var).map(|&i| model.interface.quantities.algebraics[i].clone()) else { continue };
         if count == i64::from(model.vars[var].len) {
             model.unknowns.push(var);
-            model.interface.quantities.solved.push(quantity.unwrap_or_else(|| plain(model, var, None)));
+            model.interface.quantities.solved.push(quantity);
             continue;
         }
         offsets.sort_unstable();
-        renamed.extend(offsets.into_iter().map(|i| ((var, i), element_as_unknown(model, var, i, quantity.as_ref()))));
+        renamed.extend(offsets.into_iter().map(|i| ((var, i), element_as_unknown(model, var, i, &quantity))));
     }
-    model.interface.quantities.algebraic_counts = AlgebraicCounts { declared, solved, substituted: declared - (solved - hidden) };
+    model.interface.quantities.algebraic_counts = AlgebraicCounts { declared, solved, substituted: declared - solved };
     if !renamed.is_empty() {
         rename_elements(model, &mut rows, &renamed);
     }
@@ -385,16 +383,16 @@ fn complete(model: &mut Model, mut rows: Vec<Row>) -> Vec<Row> {
 }
 
 /// A new unknown for one element of an algebraic array.
-fn element_as_unknown(model: &mut Model, var: VarId, i: i64, quantity: Option<&Quantity>) -> VarId {
-    let name = match quantity {
-        Some(q) => q.element_name(i.max(0) as usize),
-        None => element_name(model, var, i),
-    };
+fn element_as_unknown(model: &mut Model, var: VarId, i: i64, of: &Quantity) -> VarId {
+    let at = i.max(0) as usize;
+    let name = of.element_name(at);
     let span = model.vars[var].span;
-    let new = model.vars.push(Variable { name, role: Role::Algebraic, len: 1, span });
+    let new = model.vars.push(Variable { name: name.clone(), role: Role::Algebraic, len: 1, span });
     model.unknowns.push(new);
-    let q = plain(model, new, quantity.map(|q| (q, i)));
-    model.interface.quantities.solved.push(q);
+    let pick = |list: &[f64]| vec![Quantity::pick(list, at)];
+    let (low, high, default, scale) = (pick(&of.low), pick(&of.high), pick(&of.default), pick(&of.scale));
+    let one = Quantity { var: Some(new), name, axes: Vec::new(), pattern: None, low, high, default, scale, ..of.clone() };
+    model.interface.quantities.solved.push(one);
     new
 }
 
@@ -414,38 +412,5 @@ fn rename_elements(model: &mut Model, rows: &mut [Row], renamed: &FastMap<Elemen
             row.var = new;
             row.at = Affine::default();
         }
-    }
-}
-
-/// A quantity of an unknown that the interface does not list.
-fn plain(model: &Model, var: VarId, of: Option<(&Quantity, i64)>) -> Quantity {
-    let at = |list: &[f64]| vec![of.map_or(f64::NAN, |(_, i)| Quantity::pick(list, i.max(0) as usize))];
-    let v = &model.vars[var];
-    match of {
-        Some((q, _)) => Quantity {
-            var: Some(var),
-            name: v.name.clone(),
-            axes: Vec::new(),
-            pattern: None,
-            low: at(&q.low),
-            high: at(&q.high),
-            default: at(&q.default),
-            scale: at(&q.scale),
-            ..q.clone()
-        },
-        None => Quantity {
-            var: Some(var),
-            name: v.name.clone(),
-            axes: if v.len == 1 { Vec::new() } else { vec![crate::model::Axis::Numbers { first: 1, count: v.len }] },
-            pattern: None,
-            unit: String::new(),
-            text: String::new(),
-            low: vec![f64::NEG_INFINITY],
-            high: vec![f64::INFINITY],
-            default: vec![0.0],
-            scale: vec![1.0],
-            affine_unit: false,
-            structural: false,
-        },
     }
 }

@@ -25,7 +25,7 @@ def text(model: Model, target: str) -> dict[str, str]:
 
 
 def json(model: Model) -> dict[str, Any]:
-    """The checked model as a tree, in the form of `docs/schema/model-2.schema.json`."""
+    """The checked model as a tree, in the form of `docs/schema/model-3.schema.json`."""
     return _json.loads(text(model, "json")["json"])
 
 

@@ -188,6 +188,16 @@ fn interface_json(model: &CompiledModel) -> Result<String, Failed> {
         .collect();
     let rewards: Vec<_> = interface.finish.rewards.iter().map(|r| json!({"name": r.name, "unit": r.unit, "text": r.text})).collect();
     let failures: Vec<_> = interface.finish.failures.iter().map(|f| json!({"name": f.name, "text": f.text})).collect();
+    let ports: Vec<_> = interface
+        .ports
+        .iter()
+        .map(|port| {
+            json!({
+                "name": port.name, "connector": port.connector,
+                "members": port.members.iter().map(|m| json!({"name": m.name, "output": m.output, "equals": m.equals})).collect::<Vec<_>>(),
+            })
+        })
+        .collect();
     let value = json!({
         "model": interface.name,
         "text": interface.text,
@@ -198,6 +208,7 @@ fn interface_json(model: &CompiledModel) -> Result<String, Failed> {
         "actions": family(&catalogue.actions),
         "disturbances": family(&catalogue.disturbances),
         "parameters": family(&catalogue.parameters),
+        "ports": ports,
         "observations": observations,
         "rewards": rewards,
         "failures": failures,

@@ -1,6 +1,8 @@
 //! Every name of a model as it is seen from outside, kind by kind.
 
-use smpl_compiler::model::{Axis, Choice, Interface, Quantity, Variant};
+use std::collections::HashSet;
+
+use smpl_compiler::model::{Axis, Choice, Interface, Port, PortMember, Quantity, Variant};
 
 use super::markdown::{code, table};
 
@@ -14,11 +16,14 @@ pub(super) fn page(interface: &Interface, policies: &[&str]) -> String {
         ("algebraic variables", &interface.quantities.algebraics),
         ("parameters", &interface.quantities.parameters),
     ];
+    let members: HashSet<&str> = interface.ports.iter().flat_map(|port| &port.members).map(|member| member.output.as_str()).collect();
     let mut rows: Vec<Vec<String>> = Vec::new();
     for (kind, list) in quantities {
-        let count = list.iter().map(Quantity::len).sum();
-        rows.extend(row(kind, count, list.iter().map(indexed).collect()));
+        let list: Vec<&Quantity> = list.iter().filter(|q| !members.contains(q.name.as_str())).collect();
+        let count = list.iter().map(|q| q.len()).sum();
+        rows.extend(row(kind, count, list.into_iter().map(indexed).collect()));
     }
+    rows.extend(row("ports", interface.ports.len(), interface.ports.iter().map(|port| ported(interface, port)).collect()));
     rows.extend(row("observations", interface.finish.observations.len(), observed(interface)));
     let levels = interface.alternatives.levels.iter().map(|name| code(name)).collect();
     rows.extend(row("levels of observation", interface.alternatives.levels.len(), levels));
@@ -52,6 +57,13 @@ pub(super) fn page(interface: &Interface, policies: &[&str]) -> String {
 
 fn row(kind: &str, count: usize, names: Vec<String>) -> Option<Vec<String>> {
     (!names.is_empty()).then(|| vec![kind.to_owned(), count.to_string(), names.join(", ")])
+}
+
+/// A port with the members of its connector: `R1.inlet` (`Q`, `c[tropine .. toluene]`).
+fn ported(interface: &Interface, port: &Port) -> String {
+    let quantity = |member: &PortMember| interface.quantities.algebraics.iter().find(|q| q.name == member.output).cloned();
+    let members = port.members.iter().filter_map(|member| Some(indexed(&Quantity { name: member.name.clone(), ..quantity(member)? })));
+    format!("{} ({})", code(&port.name), members.collect::<Vec<_>>().join(", "))
 }
 
 /// Name with its indices: `c[tropine .. toluene, 1..40]`.

@@ -6,6 +6,7 @@
 //! (M. A. Aizerman and F. R. Gantmacher, *Q. J. Mech. Appl. Math.* 11 (1958) 243).
 
 mod events;
+mod space;
 mod start;
 
 use std::sync::Arc;
@@ -21,6 +22,7 @@ use crate::setup::{Setup, SetupError};
 use crate::solver::linear::Factorisation;
 use crate::solver::{Integrator, Method, OneStep, Settings, SolveError, Staggered, Statistics, System};
 use crate::system::CompiledSystem;
+use space::Space;
 
 /// Unknowns up to which the explicit method is tried first, and its steps: more of them cost more than those of IDA (PenSim's 33 unknowns take it a quarter more).
 const SMALL: usize = 16;
@@ -92,6 +94,7 @@ pub struct Follower {
     /// For rates and algebraic unknowns.
     rates: Factorisation,
     entries: [Vec<f64>; 2],
+    space: Space,
 }
 
 /// What integrates a number of directions.
@@ -164,6 +167,7 @@ impl Follower {
             pending: false,
             rates: Factorisation::new(system.pattern(), setup.settings.linear_solver)?,
             entries: [numbers(entries), numbers(entries)],
+            space: Space::default(),
         })
     }
 
@@ -270,10 +274,10 @@ impl Environment {
         }
         if self.setup.programs.has_end {
             let time = self.end_time();
-            let before = self.progress.y.clone();
+            follower.space.before.clone_from(&self.progress.y);
             self.run_tangent(follower, Part::End, (time, &[]), 0)?;
             self.run_end();
-            if before != self.progress.y && self.system.model().unknowns() > self.system.model().states() {
+            if follower.space.before != self.progress.y && self.system.model().unknowns() > self.system.model().states() {
                 self.follow_algebraic(follower, time, &[])?;
             }
         }
@@ -317,12 +321,13 @@ impl Environment {
         }
         let refused = |_| FollowError::Refused("the algebraic equations are singular".into());
         follower.rates.factorise(values).map_err(refused)?;
-        let mut column = vec![0.0; n];
+        let Follower { rates, tangents, space: Space { column, .. }, .. } = follower;
         for j in 0..width {
-            column.iter_mut().enumerate().for_each(|(at, x)| *x = -follower.tangents.output(at, j));
-            follower.rates.solve(&mut column);
-            (states..n).for_each(|at| follower.tangents.set_y(at, j, column[at]));
-            (0..states).for_each(|at| follower.tangents.set_yp(at, j, column[at]));
+            column.clear();
+            column.extend((0..n).map(|at| -tangents.output(at, j)));
+            rates.solve(column);
+            (states..n).for_each(|at| tangents.set_y(at, j, column[at]));
+            (0..states).for_each(|at| tangents.set_yp(at, j, column[at]));
         }
         Ok(())
     }

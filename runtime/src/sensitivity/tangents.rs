@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use smpl_compiler::compiled::tangent::{LANES, Part, STILL, Tangent, TangentView};
+use smpl_compiler::compiled::tangent::{Dual, LANES, Part, STILL, Tangent, TangentView};
 use smpl_compiler::layout::{Part as FramePart, Region};
 
 use crate::system::CompiledSystem;
@@ -16,6 +16,7 @@ pub struct Tangents {
     yp: Vec<f64>,
     memory: Vec<f64>,
     out: Vec<f64>,
+    registers: Vec<Dual>,
 }
 
 struct Chunk {
@@ -50,12 +51,13 @@ impl Tangents {
             yp: vec![0.0; n],
             memory: vec![0.0; cells],
             out: Vec::new(),
+            registers: Vec::new(),
         }
     }
 
     /// Of nothing.
     pub fn none() -> Self {
-        Self { width: 0, chunks: Vec::new(), y: Vec::new(), yp: Vec::new(), memory: Vec::new(), out: Vec::new() }
+        Self { width: 0, chunks: vec![], y: vec![], yp: vec![], memory: vec![], out: vec![], registers: vec![] }
     }
 
     /// Rates do not move.
@@ -140,7 +142,7 @@ impl Tangents {
     /// # Errors
     /// In words, if the part cannot be made.
     pub fn run(&mut self, system: &CompiledSystem, part: Part, point: Point<'_>, outputs: usize) -> Result<(), String> {
-        let Self { chunks, y, yp, memory, out, .. } = self;
+        let Self { chunks, y, yp, memory, out, registers, .. } = self;
         out.resize(outputs, 0.0);
         for (number, chunk) in chunks.iter_mut().enumerate() {
             y.copy_from_slice(point.y);
@@ -156,6 +158,7 @@ impl Tangents {
                 work: (memory, &mut chunk.work),
                 out: (out, &mut chunk.out),
                 tables: &[],
+                registers,
             };
             system.model().tangent(part, &mut view).map_err(ToString::to_string)?;
         }

@@ -58,7 +58,7 @@ class Tree:
     """
 
     def __init__(self, tree, points):
-        assert (tree["format"], tree["version"]) == ("smpl-model", 2)
+        assert (tree["format"], tree["version"]) == ("smpl-model", 3)
         self.tree = tree
         self.points = points
         self.time = np.zeros(points)

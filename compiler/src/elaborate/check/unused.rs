@@ -5,7 +5,7 @@
 
 use smpl_dsl::diagnostic::{Code, Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Binder, Expr, ExprKind, Statement, StatementKind};
+use smpl_dsl::syntax::{Binder, BinderSet, Expr, ExprKind, Ident, Statement, StatementKind};
 
 use crate::elaborate::episode::check_level;
 use crate::elaborate::ledger::Ledger;
@@ -99,16 +99,16 @@ fn check_unused_levels(l: &mut Lowering<'_, '_>) {
     l.ledger.reports.diagnostics.retain_after(before, |d| d.is_error());
 }
 
-/// Units and sets of connectors.
+/// Units and sets of connectors; a domain, or a set that a component is given, is found where the component has the port.
 fn check_connectors(l: &mut Lowering<'_, '_>) {
     let place = Place::new(ScopeId::from_u32(0), Site::Dynamics);
     let mut connectors: Vec<&Statement> = l.instances.connectors.values().copied().collect();
     connectors.sort_by_key(|s| (s.span.file, s.span.start));
     for statement in connectors {
-        let StatementKind::Connector { members, .. } = &statement.kind else { continue };
+        let StatementKind::Connector { name, members } = &statement.kind else { continue };
         for member in members {
             for binder in &member.indices {
-                if binders::index_over(l, binder, &place).is_none() {
+                if !is_of_component(l, name, binder) && binders::index_over(l, binder, &place).is_none() {
                     break;
                 }
             }
@@ -117,6 +117,33 @@ fn check_connectors(l: &mut Lowering<'_, '_>) {
             });
         }
     }
+}
+
+/// Whether a component with a port of the connector declares what an index of it runs over.
+fn is_of_component(l: &Lowering<'_, '_>, connector: &Ident, binder: &Binder) -> bool {
+    let over = match &binder.over {
+        BinderSet::Itself => &binder.name,
+        BinderSet::Set(set) => set,
+        BinderSet::Range(..) | BinderSet::Tuple(_) => return false,
+    };
+    l.instances.components.values().any(|component| {
+        let StatementKind::Component { parameters, body, .. } = &component.kind else { return false };
+        let declares = |s: &Statement| match &s.kind {
+            StatementKind::Domain(domain) => domain.name.text == over.text,
+            StatementKind::Set { name, .. } => name.text == over.text,
+            _ => false,
+        };
+        let has_port = |s: &Statement| matches!(&s.kind, StatementKind::Port { connector: of, .. } if of.text == connector.text);
+        anywhere(body, &has_port) && (parameters.iter().any(|(p, _)| p.text == over.text) || anywhere(body, &declares))
+    })
+}
+
+/// Whether a statement of a component is so, in whatever choice.
+fn anywhere(body: &[Statement], is_so: &dyn Fn(&Statement) -> bool) -> bool {
+    body.iter().any(|s| match &s.kind {
+        StatementKind::When { body, .. } | StatementKind::Variant { body, .. } => anywhere(body, is_so),
+        _ => is_so(s),
+    })
 }
 
 /// Components of which there is no instance, in the order of the text; a sample has none.

@@ -11,7 +11,7 @@ use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::{indices, units};
 use crate::elaborate::options::Setting;
 use crate::elaborate::select::items::Item;
-use crate::elaborate::symbols::{Scope, ScopeId, SymbolKind, Symbols};
+use crate::elaborate::symbols::{Port, Scope, ScopeId, SymbolKind, Symbols};
 use crate::ir::Role;
 
 /// Deepest nest of components.
@@ -29,8 +29,8 @@ impl<'a> Declaring<'_, 'a> {
             );
             return self.faulty(scope, name);
         };
-        let prefix = format!("{}{}.", self.symbols.scopes[scope].prefix, name.text);
-        let port = self.symbols.scopes.push(Scope { prefix, parent: Some(scope), names: Default::default() });
+        let path = format!("{}{}", self.symbols.scopes[scope].prefix, name.text);
+        let port = self.symbols.scopes.push(Scope { prefix: format!("{path}."), parent: Some(scope), names: Default::default() });
         self.declare(scope, name, SymbolKind::Instance(port));
         for member in members {
             let place = Place::new(scope, Site::Dynamics);
@@ -40,10 +40,11 @@ impl<'a> Declaring<'_, 'a> {
                 None => Some(Unit::one()),
             };
             let Some(unit) = unit else { continue };
-            if let Some(var) = self.new_variable(port, &member.name, Role::Algebraic, axes, unit, member) {
-                self.symbols.ports.insert(var);
-            }
+            self.new_variable(port, &member.name, Role::Algebraic, axes, unit, member);
         }
+        let names = &self.symbols.scopes[port].names;
+        let members = members.iter().filter_map(|member| names.get(&member.name.text).copied()).collect();
+        self.symbols.ports.push(Port { path, connector: connector.text.clone(), members });
     }
 
     /// The component that an instance is made of, where one may be made here; reports why not.

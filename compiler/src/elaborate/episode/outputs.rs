@@ -11,18 +11,20 @@ use crate::elaborate::episode::positions::state_positions;
 use crate::elaborate::lower::nests::Piece;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::{Lowering, nests};
-use crate::elaborate::symbols::{Axis, SymbolId, SymbolKind};
-use crate::ir::{Affine, LoopVar, Place as Memory, Program, Role, VarId};
-use crate::model::{Quantities, Quantity};
+use crate::elaborate::symbols::{self, Axis, SymbolId, SymbolKind};
+use crate::ir::{Affine, FastSet, LoopVar, Place as Memory, Program, Role, VarId};
+use crate::model::{Port, PortMember, Quantities, Quantity};
 
-/// Declared algebraic variables and `let`s with a unit.
+/// Declared algebraic variables and `let`s with a unit, and behind them the members of ports.
 pub(in crate::elaborate) fn output_program(l: &mut Lowering<'_, '_>) -> (Program, Vec<Quantity>) {
     let mut program = Assembly::default();
     let mut at = 0_i64;
     let mut list = Vec::new();
-    for symbol in l.in_text_order() {
+    let members: Vec<SymbolId> = l.symbols.ports.iter().flat_map(|port| &port.members).copied().collect();
+    let known: FastSet<SymbolId> = members.iter().copied().collect();
+    for symbol in l.in_text_order().into_iter().filter(|symbol| !known.contains(symbol)).chain(members) {
         match l.symbols[symbol].kind.clone() {
-            SymbolKind::Variable { var, axes, .. } if l.symbols.vars[var].role == Role::Algebraic && !l.symbols.ports.contains(&var) => {
+            SymbolKind::Variable { var, axes, .. } if l.symbols.vars[var].role == Role::Algebraic => {
                 let Some(q) = l.quantities.get(&var).cloned() else { continue };
                 variable_output(l, var, &axes, at, &mut program);
                 at += i64::from(l.symbols.vars[var].len);
@@ -103,6 +105,20 @@ fn state_order(l: &Lowering<'_, '_>) -> Option<Vec<u32>> {
     let order: Vec<u32> = order.into_iter().map(|(_, own)| own).collect();
     let is_own = order.iter().zip(0..).all(|(&own, i)| own == i);
     (!is_own).then_some(order)
+}
+
+/// The ports; what their members are equal to is known once the equations are solved.
+pub(in crate::elaborate) fn ports(l: &Lowering<'_, '_>) -> Vec<Port> {
+    let member = |&symbol: &SymbolId| {
+        let SymbolKind::Variable { declaration, .. } = &l.symbols[symbol].kind else { return None };
+        Some(PortMember { name: declaration.name.text.clone(), output: l.symbols[symbol].path.clone(), equals: None })
+    };
+    let port = |port: &symbols::Port| Port {
+        name: port.path.clone(),
+        connector: port.connector.clone(),
+        members: port.members.iter().filter_map(member).collect(),
+    };
+    l.symbols.ports.iter().map(port).collect()
 }
 
 /// The quantities but for algebraic ones.

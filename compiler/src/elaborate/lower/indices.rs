@@ -194,7 +194,7 @@ fn neighbour(
 }
 
 /// Whether the cells of two domains are at the same places: equally many between the same ends, whatever the parameters are.
-fn same_cells<'a>(l: &mut Lowering<'_, 'a>, a: DomainId, b: DomainId) -> bool {
+pub(in crate::elaborate) fn same_cells<'a>(l: &mut Lowering<'_, 'a>, a: DomainId, b: DomainId) -> bool {
     if a == b || l.symbols.domains[a].cells != l.symbols.domains[b].cells {
         return a == b;
     }

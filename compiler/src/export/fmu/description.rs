@@ -9,7 +9,7 @@ use super::variables::{Kind, Variable};
 use crate::export::Origin;
 
 /// Text in XML.
-fn escaped(text: &str) -> String {
+pub(super) fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {
@@ -45,11 +45,11 @@ pub(super) fn model(parts: &Parts<'_>, origin: &Origin<'_>, token: &str) -> Stri
     xml += &unit_definitions(parts);
     xml += "  <LogCategories>\n    <Category name=\"logEvents\" description=\"events and failures of the model\"/>\n    <Category name=\"logStatusError\" description=\"what went wrong\"/>\n  </LogCategories>\n";
     let (step, stop) = (i.episode.step, i.episode.step * f64::from(parts.settings.episode));
-    let tolerance = parts.settings.tolerance;
+    let tolerance = parts.settings.rtol;
     let _ = writeln!(xml, "  <DefaultExperiment startTime=\"0\" stopTime=\"{stop}\" tolerance=\"{tolerance}\" stepSize=\"{step}\"/>");
     xml += "  <ModelVariables>\n";
     for (reference, variable) in parts.variables.list.iter().enumerate() {
-        xml += &describe(reference, variable);
+        xml += &describe(reference, variable, parts.settings.atol_factor);
     }
     xml += "  </ModelVariables>\n";
     xml += &structure(&parts.variables.list);
@@ -94,7 +94,8 @@ fn bound(variable: &Variable, of: impl Fn(&crate::export::Element) -> f64, wides
     (all.is_finite() && inside).then_some(all)
 }
 
-fn describe(reference: usize, variable: &Variable) -> String {
+/// The nominal value of a state times the tolerance is what an importer's integrator takes as absolute tolerance: it is the model's.
+fn describe(reference: usize, variable: &Variable, atol_factor: f64) -> String {
     let tag = if variable.kind == Kind::Switch { "Boolean" } else { "Float64" };
     let mut xml = format!("    <{tag} name=\"{}\" valueReference=\"{reference}\"", escaped(&variable.name));
     if !variable.text.is_empty() {
@@ -123,7 +124,8 @@ fn describe(reference: usize, variable: &Variable) -> String {
         if let Some(high) = bound(variable, |e| e.high, f64::max) {
             let _ = write!(xml, " max=\"{high:?}\"");
         }
-        let scale = variable.elements.iter().map(|e| e.scale).fold(0.0, f64::max);
+        let factor = if variable.kind == Kind::State { atol_factor } else { 1.0 };
+        let scale = factor * variable.elements.iter().map(|e| e.scale).fold(0.0, f64::max);
         if scale.is_finite() && scale > 0.0 {
             let _ = write!(xml, " nominal=\"{scale:?}\"");
         }

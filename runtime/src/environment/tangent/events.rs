@@ -5,6 +5,7 @@ use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::Region;
 use smpl_compiler::model::RootAction;
 
+use super::space::{BEFORE, BEHIND, Space};
 use super::{Environment, FollowError, Follower};
 use crate::sensitivity::augmented::Augmented;
 use crate::solver::{Advance, Edge, System};
@@ -22,8 +23,8 @@ const TOGETHER: f64 = 1e-6;
 /// Where a piece of the integration goes.
 struct Stop {
     time: f64,
-    /// Behind a break at its end, and how that moves.
-    break_: Option<(f64, Vec<f64>)>,
+    /// Behind a break at its end, which moves as the space of the follower says.
+    break_: Option<f64>,
 }
 
 impl Environment {
@@ -65,8 +66,8 @@ impl Environment {
                 t = found;
                 continue;
             }
-            let Some((behind, moving)) = stop.break_ else { break };
-            self.pass_break(follower, behind, moving)?;
+            let Some(behind) = stop.break_ else { break };
+            self.pass_break(follower, behind)?;
             t = behind;
         }
         let edges = follower.integrator.edges();
@@ -98,11 +99,12 @@ impl Environment {
             follower.integrator.edges_mut().copy_from_slice(&self.progress.edges);
             return;
         }
-        follower.y[..n].copy_from_slice(&self.progress.y);
-        follower.yp[..n].copy_from_slice(&self.progress.yp);
-        let mut values = vec![0.0; follower.augmented.root_count()];
-        follower.augmented.roots(t, &follower.y, &follower.yp, &mut values);
-        let edges = follower.integrator.edges_mut();
+        let Follower { augmented, integrator, y, yp, space: Space { conditions: values, .. }, .. } = follower;
+        y[..n].copy_from_slice(&self.progress.y);
+        yp[..n].copy_from_slice(&self.progress.yp);
+        values.resize(augmented.root_count(), 0.0);
+        augmented.roots(t, y, yp, values);
+        let edges = integrator.edges_mut();
         edges[..own].copy_from_slice(&self.progress.edges);
         edges[own..].iter_mut().zip(&values[own..]).for_each(|(edge, &value)| *edge = Edge::known(value > 0.0));
     }
@@ -120,11 +122,13 @@ impl Environment {
             return Ok(Stop { time: end, break_: None });
         }
         self.run_tangent(follower, Part::NextBreak, (t, &[]), 1)?;
-        let moving = (0..follower.width()).map(|j| follower.tangents.output(0, j)).collect();
+        let Follower { tangents, space, .. } = follower;
+        space.next_break.clear();
+        space.next_break.extend((0..tangents.width()).map(|j| tangents.output(0, j)));
         // A break that is not left behind by roundings is by a few more of them.
         let width = if left_behind { width * f64::from(1 + pieces.min(1000)) } else { width };
         let behind = (at.max(t) + width).min(end);
-        Ok(Stop { time: if left_behind { t } else { (at - width).min(end) }, break_: Some((behind, moving)) })
+        Ok(Stop { time: if left_behind { t } else { (at - width).min(end) }, break_: Some(behind) })
     }
 
     fn restart_following(&mut self, follower: &mut Follower, t: f64) -> Result<(), FollowError> {
@@ -152,49 +156,58 @@ impl Environment {
     }
 
     /// Goes behind a break, whose time may move.
-    fn pass_break(&mut self, follower: &mut Follower, behind: f64, moving: Vec<f64>) -> Result<(), FollowError> {
-        let before = self.progress.yp.clone();
-        let rates = self.integrands(follower, behind, 0.0);
+    fn pass_break(&mut self, follower: &mut Follower, behind: f64) -> Result<(), FollowError> {
+        self.take_rates(follower, BEFORE);
+        self.take_integrands(follower, BEFORE, behind, 0.0);
         self.restart_plain(behind, follower.width())?;
-        follower.moving = moving;
-        let after = self.progress.yp.clone();
-        let rates_after = self.integrands(follower, behind, 0.0);
-        self.shift(follower, &before, 1.0);
-        self.shift(follower, &after, -1.0);
-        add_moved(follower, &rates, &rates_after);
+        follower.moving.clone_from(&follower.space.next_break);
+        self.take_rates(follower, BEHIND);
+        self.take_integrands(follower, BEHIND, behind, 0.0);
+        self.shift(follower, BEFORE, 1.0);
+        self.shift(follower, BEHIND, -1.0);
+        add_moved(follower);
         Ok(())
     }
 
     /// What happens at an event between the beginning of the piece and the end of the interval.
-    fn pass_event(&mut self, follower: &mut Follower, (begin, t, end): (f64, f64, f64)) -> Result<(), FollowError> {
-        let roots = self.progress.edges.len();
-        let fired: Vec<usize> = (0..follower.integrator.events().len()).filter(|&k| follower.integrator.events()[k] != 0).collect();
-        if fired.is_empty() {
+    fn pass_event(&mut self, follower: &mut Follower, times: (f64, f64, f64)) -> Result<(), FollowError> {
+        let mut fired = std::mem::take(&mut follower.space.fired);
+        fired.clear();
+        fired.extend(follower.integrator.events().iter().enumerate().filter(|(_, sign)| **sign != 0).map(|(k, _)| k));
+        let passed = if fired.is_empty() {
             // A strict condition at its threshold is decided by the motion after a restart.
             follower.pending = true;
-            return Ok(());
-        }
+            Ok(())
+        } else {
+            self.pass_fired(follower, &fired, times)
+        };
+        follower.space.fired = fired;
+        passed
+    }
+
+    fn pass_fired(&mut self, follower: &mut Follower, fired: &[usize], (begin, t, end): (f64, f64, f64)) -> Result<(), FollowError> {
+        let roots = self.progress.edges.len();
         let action = |k: usize, environment: &Self| (k < roots).then(|| environment.setup.model().roots_info()[k].action);
         if let Some(&k) = fired.iter().find(|&&k| matches!(action(k, self), Some(RootAction::Fail(_)))) {
             let text = format!("the step ends at the event `{}`, t = {t}", self.event_name(k));
             return Err(FollowError::Failed(text));
         }
         let runs = fired.iter().any(|&k| matches!(action(k, self), Some(RootAction::Run(_))));
-        let before = if runs { self.progress.yp.clone() } else { self.rates_aside(t, -1.0) };
+        let aside = if runs { 0.0 } else { 1.0 };
+        self.take_rates_aside(follower, BEFORE, t, -aside);
         // What becomes true where the piece begins moves as its beginning does.
         if std::mem::take(&mut follower.pending) || t > begin {
-            follower.moving = self.motion(follower, &fired, (t, &before))?;
+            self.move_with(follower, fired, t)?;
         }
         let moves = follower.moving.iter().any(|&tau| tau != 0.0);
         if moves && t >= end {
             let text = format!("{} happens at the very end of the step", self.describe_event(fired[0]));
             return Err(FollowError::Refused(text));
         }
-        let aside = if runs { 0.0 } else { 1.0 };
-        let rates = self.integrands(follower, t, -aside);
-        self.shift(follower, &before, 1.0);
+        self.take_integrands(follower, BEFORE, t, -aside);
+        self.shift(follower, BEFORE, 1.0);
         if runs {
-            self.run_event_programs(follower, &fired, t)?;
+            self.run_event_programs(follower, fired, t)?;
         }
         let (model, memory) = self.system.parts();
         model.prepare_step(memory);
@@ -202,23 +215,29 @@ impl Environment {
             return Err(FollowError::Failed(format!("{} makes something that is not finite", self.describe_event(fired[0]))));
         }
         self.restart_plain(t, follower.width())?;
-        let after = if runs { self.progress.yp.clone() } else { self.rates_aside(t, 1.0) };
-        let rates_after = self.integrands(follower, t, aside);
-        self.shift(follower, &after, -1.0);
-        add_moved(follower, &rates, &rates_after);
+        self.take_rates_aside(follower, BEHIND, t, aside);
+        self.take_integrands(follower, BEHIND, t, aside);
+        self.shift(follower, BEHIND, -1.0);
+        add_moved(follower);
         Ok(())
     }
 
     fn run_event_programs(&mut self, follower: &mut Follower, fired: &[usize], t: f64) -> Result<(), FollowError> {
-        let moving = follower.moving.clone();
-        self.follow_algebraic(follower, t, &moving)?;
+        let moving = std::mem::take(&mut follower.moving);
+        let done = self.run_moving(follower, &moving, fired, t);
+        follower.moving = moving;
+        done
+    }
+
+    fn run_moving(&mut self, follower: &mut Follower, moving: &[f64], fired: &[usize], t: f64) -> Result<(), FollowError> {
+        self.follow_algebraic(follower, t, moving)?;
         let clock = self.system.memory().layout().range(Region::Builtin).start + Builtin::Clock as usize;
         moving.iter().enumerate().for_each(|(j, &tau)| follower.tangents.set_work(clock, j, tau));
         self.set_builtin(Builtin::Clock, t);
         let roots = self.progress.edges.len();
         for &k in fired.iter().filter(|&&k| k < roots) {
             if let (1, RootAction::Run(program)) = (follower.integrator.events()[k], self.setup.model().roots_info()[k].action) {
-                self.run_tangent(follower, Part::Event(program), (t, &moving), 0)?;
+                self.run_tangent(follower, Part::Event(program), (t, moving), 0)?;
                 let (model, memory) = self.system.parts();
                 model.event(program as usize, memory, t, &mut self.progress.y);
             }
@@ -238,11 +257,12 @@ impl Environment {
     }
 
     /// Adds `factor` times rates to the derivatives of the states, as far as the present time moves.
-    fn shift(&mut self, follower: &mut Follower, rates: &[f64], factor: f64) {
-        for (j, &tau) in follower.moving.iter().enumerate().filter(|(_, tau)| **tau != 0.0) {
-            for (at, rate) in rates.iter().enumerate().take(self.system.model().states()) {
-                let value = follower.tangents.y(at, j) + factor * rate * tau;
-                follower.tangents.set_y(at, j, value);
+    fn shift(&self, follower: &mut Follower, side: usize, factor: f64) {
+        let Follower { moving, tangents, space, .. } = follower;
+        for (j, &tau) in moving.iter().enumerate().filter(|(_, tau)| **tau != 0.0) {
+            for (at, rate) in space.rates[side].iter().enumerate().take(self.system.model().states()) {
+                let value = tangents.y(at, j) + factor * rate * tau;
+                tangents.set_y(at, j, value);
             }
         }
     }
@@ -253,83 +273,94 @@ impl Environment {
     }
 
     /// Integrands at the present state, or a little before or behind it.
-    fn integrands(&mut self, follower: &Follower, t: f64, side: f64) -> Vec<f64> {
-        let mut rates = vec![0.0; self.integrals.len()];
+    fn take_integrands(&mut self, follower: &mut Follower, place: usize, t: f64, side: f64) {
+        let t = self.go_aside(follower, t, side);
+        let Space { integrands, before: y, .. } = &mut follower.space;
+        let rates = &mut integrands[place];
+        rates.clear();
+        rates.resize(self.integrals.len(), 0.0);
         if !rates.is_empty() && !follower.integrals.is_empty() {
-            let (t, y) = self.aside(t, side);
-            self.system.quadratures(t, &y, &self.progress.yp, &mut rates);
+            self.system.quadratures(t, y, &self.progress.yp, rates);
         }
-        rates
+    }
+
+    /// The present rates.
+    fn take_rates(&self, follower: &mut Follower, place: usize) {
+        follower.space.rates[place].clone_from(&self.progress.yp);
     }
 
     /// Rates of the states a little before or behind a switch of the equations.
-    fn rates_aside(&mut self, t: f64, side: f64) -> Vec<f64> {
-        if !self.system.is_explicit() {
-            return self.progress.yp.clone();
+    fn take_rates_aside(&mut self, follower: &mut Follower, place: usize, t: f64, side: f64) {
+        self.take_rates(follower, place);
+        if side == 0.0 || !self.system.is_explicit() {
+            return;
         }
-        let (t, y) = self.aside(t, side);
-        let mut rates = vec![0.0; y.len()];
-        self.system.residual(t, &y, &vec![0.0; y.len()], &mut rates);
-        rates
+        let t = self.go_aside(follower, t, side);
+        let Space { rates, before: y, still, .. } = &mut follower.space;
+        still.resize(y.len(), 0.0);
+        self.system.residual(t, y, still, &mut rates[place]);
     }
 
-    /// Time and unknowns a little before or behind the present ones.
-    fn aside(&self, t: f64, side: f64) -> (f64, Vec<f64>) {
+    /// Makes the unknowns before or behind the present ones by a little; gives the time.
+    fn go_aside(&self, follower: &mut Follower, t: f64, side: f64) -> f64 {
         let ahead = side * ASIDE * self.setup.model().interface().episode.integrate;
-        (t + ahead, self.progress.y.iter().zip(&self.progress.yp).map(|(y, yp)| y + ahead * yp).collect())
+        let y = &mut follower.space.before;
+        y.clear();
+        y.extend(self.progress.y.iter().zip(&self.progress.yp).map(|(y, yp)| y + ahead * yp));
+        t + ahead
     }
 
-    /// How the time of what fired moves along each direction.
-    fn motion(&mut self, follower: &mut Follower, fired: &[usize], (t, before): (f64, &[f64])) -> Result<Vec<f64>, FollowError> {
-        let mut motion: Option<(usize, Vec<f64>)> = None;
+    /// Notes how the time of what fired moves along each direction.
+    fn move_with(&mut self, follower: &mut Follower, fired: &[usize], t: f64) -> Result<(), FollowError> {
+        follower.moving.clear();
         for &k in fired {
-            let own = self.motion_of(follower, k, (t, before))?;
-            if let Some((other, known)) = &motion {
-                let differ = |(a, b): (&f64, &f64)| (a - b).abs() > TOGETHER * a.abs().max(b.abs());
-                if own.iter().zip(known).any(differ) {
-                    let text = format!("{} and {} happen at the same time, t = {t}", self.describe_event(*other), self.describe_event(k));
-                    return Err(FollowError::Refused(text));
-                }
+            self.find_motion(follower, k, t)?;
+            let Follower { moving, space, .. } = &mut *follower;
+            if moving.is_empty() {
+                moving.clone_from(&space.motion);
+                continue;
             }
-            motion.get_or_insert((k, own));
+            let differ = |(a, b): (&f64, &f64)| (a - b).abs() > TOGETHER * a.abs().max(b.abs());
+            if space.motion.iter().zip(moving).any(|(a, b)| differ((a, b))) {
+                let text = format!("{} and {} happen at the same time, t = {t}", self.describe_event(fired[0]), self.describe_event(k));
+                return Err(FollowError::Refused(text));
+            }
         }
-        Ok(motion.map_or_else(Vec::new, |(_, motion)| motion))
+        Ok(())
     }
 
-    fn motion_of(&mut self, follower: &mut Follower, k: usize, (t, before): (f64, &[f64])) -> Result<Vec<f64>, FollowError> {
+    /// How the time of one condition moves along each direction.
+    fn find_motion(&mut self, follower: &mut Follower, k: usize, t: f64) -> Result<(), FollowError> {
         let roots = self.progress.edges.len();
         let (part, at, outputs) = match k.checked_sub(roots) {
             None => (Part::Roots, k, roots),
             Some(at) => (Part::Switches, at, follower.augmented.switches()),
         };
         self.run_tangent(follower, part, (t, &[]), outputs)?;
-        let along: Vec<f64> = (0..follower.width()).map(|j| follower.tangents.output(at, j)).collect();
-        if along.iter().all(|&d| d == 0.0) {
-            return Ok(along);
+        let Follower { tangents, space: Space { motion, .. }, .. } = &mut *follower;
+        motion.clear();
+        motion.extend((0..tangents.width()).map(|j| tangents.output(at, j)));
+        if motion.iter().all(|&along| along == 0.0) {
+            return Ok(());
         }
         let model = self.setup.model().model();
         if k < roots && model.exprs.has_derivative(model.roots[k].value) {
             return Err(FollowError::Refused(format!("the condition of {} reads rates", self.describe_event(k))));
         }
-        let rate = self.rate_of(follower, part, (at, outputs), (t, before))?;
-        let motion: Vec<f64> = along.iter().map(|d| -d / rate).collect();
+        let rate = self.rate_of(follower, part, (at, outputs), t)?;
+        let motion = &mut follower.space.motion;
+        motion.iter_mut().for_each(|along| *along = -*along / rate);
         if rate == 0.0 || motion.iter().any(|tau| !tau.is_finite()) {
             return Err(FollowError::Refused(format!("{} touches its threshold without crossing it, t = {t}", self.describe_event(k))));
         }
-        Ok(motion)
+        Ok(())
     }
 
-    /// Derivative by time of an output along the solution, which has these rates.
-    fn rate_of(
-        &mut self,
-        follower: &mut Follower,
-        part: Part,
-        (at, outputs): (usize, usize),
-        (t, rates): (f64, &[f64]),
-    ) -> Result<f64, FollowError> {
+    /// Derivative by time of an output along the solution before the present time.
+    fn rate_of(&mut self, follower: &mut Follower, part: Part, (at, outputs): (usize, usize), t: f64) -> Result<f64, FollowError> {
         let mut along = std::mem::replace(&mut follower.along, super::Tangents::none());
         along.clear();
-        for (unknown, &rate) in rates.iter().enumerate().take(self.system.model().states()) {
+        for (unknown, &rate) in follower.space.rates[BEFORE].iter().enumerate().take(self.system.model().states()) {
             along.set_y(unknown, 0, rate);
         }
         std::mem::swap(&mut along, &mut follower.tangents);
@@ -350,9 +381,10 @@ impl Environment {
 }
 
 /// Integrals up to a time that moves.
-fn add_moved(follower: &mut Follower, before: &[f64], after: &[f64]) {
+fn add_moved(follower: &mut Follower) {
     let width = follower.width();
-    for ((row, before), after) in follower.integrals.chunks_exact_mut(width).zip(before).zip(after) {
-        row.iter_mut().zip(&follower.moving).for_each(|(sum, tau)| *sum += (before - after) * tau);
+    let Follower { integrals, moving, space: Space { integrands: [before, behind], .. }, .. } = follower;
+    for ((row, before), after) in integrals.chunks_exact_mut(width).zip(before.iter()).zip(behind.iter()) {
+        row.iter_mut().zip(&*moving).for_each(|(sum, tau)| *sum += (before - after) * tau);
     }
 }

@@ -25,20 +25,23 @@ impl Follower {
             Direction::Discrete(at) => element(&catalogue.discretes, at, |e| e.scale),
             Direction::Disturbance(at) => element(&catalogue.disturbances, at, |e| e.scale),
         };
-        self.directions = directions.iter().copied().take(self.width()).collect();
-        self.scales = self.directions.iter().map(scale).collect();
-        self.scales.resize(self.width(), 1.0);
+        let width = self.width();
+        self.directions.clear();
+        self.directions.extend(directions.iter().take(width));
+        self.scales.clear();
+        self.scales.extend(self.directions.iter().map(scale));
+        self.scales.resize(width, 1.0);
     }
 
-    /// Place, number and magnitude of each direction of a kind.
-    fn of(&self, place: impl Fn(Direction) -> Option<usize>) -> Vec<(usize, usize, f64)> {
-        let all = self.directions.iter().zip(&self.scales).enumerate();
-        all.filter_map(|(number, (&direction, &scale))| Some((place(direction)?, number, scale))).collect()
+    /// Place and magnitude of a direction, if it is of a kind.
+    fn of(&self, number: usize, place: impl Fn(Direction) -> Option<usize>) -> Option<(usize, f64)> {
+        Some((place(self.directions[number])?, self.scales[number]))
     }
 
     /// What the directions of a kind are taken by moves by its magnitude; what else is in the region stays as it is.
     fn seed(&mut self, region: &Range<usize>, place: impl Fn(Direction) -> Option<usize>) {
-        for (at, direction, scale) in self.of(place) {
+        for direction in 0..self.directions.len() {
+            let Some((at, scale)) = self.of(direction, &place) else { continue };
             for j in 0..self.width() {
                 self.tangents.set_work(region.start + at, j, if j == direction { scale } else { 0.0 });
             }
@@ -53,8 +56,10 @@ impl Environment {
         follower.tangents.clear();
         follower.moving.clear();
         self.follow_parameters(follower)?;
-        for (at, direction, scale) in follower.of(|d| if let Direction::State(at) = d { Some(at) } else { None }) {
-            follower.tangents.set_y(at, direction, scale);
+        for direction in 0..follower.directions.len() {
+            if let Some((at, scale)) = follower.of(direction, |d| if let Direction::State(at) = d { Some(at) } else { None }) {
+                follower.tangents.set_y(at, direction, scale);
+            }
         }
         let time = self.time();
         let discretes = self.system.memory().layout().range(Region::Discrete);
@@ -74,12 +79,12 @@ impl Environment {
 
     /// Parameters, and those that are computed from them.
     fn follow_parameters(&mut self, follower: &mut Follower) -> Result<(), FollowError> {
-        let parameters = follower.of(|d| if let Direction::Parameter(at) = d { Some(at) } else { None });
-        if parameters.is_empty() {
+        let parameter = |d| if let Direction::Parameter(at) = d { Some(at) } else { None };
+        if !follower.directions.iter().any(|&d| parameter(d).is_some()) {
             return Ok(());
         }
         let elements = self.setup.catalogue.parameters.elements();
-        if let Some(element) = elements.iter().find(|e| e.structural && parameters.iter().any(|(at, ..)| *at == e.at)) {
+        if let Some(element) = elements.iter().find(|e| e.structural && follower.directions.contains(&Direction::Parameter(e.at))) {
             let text = format!("the parameter `{}` shapes the model when it is compiled", element.name);
             return Err(FollowError::Refused(text));
         }
@@ -88,11 +93,13 @@ impl Environment {
             return Err(FollowError::Refused(text.into()));
         }
         let range = self.system.memory().layout().range(Region::Param);
-        follower.seed(&range, |d| if let Direction::Parameter(at) = d { Some(at) } else { None });
+        follower.seed(&range, parameter);
         self.run_tangent(follower, Part::Parameters, (0.0, &[]), 0)?;
         // By a parameter that is computed from others derivatives are taken as if it were given, but only by that one.
-        let mut columns = Vec::new();
-        for (at, direction, scale) in parameters {
+        // Each run writes all columns: what is found is put in when the last has run.
+        follower.space.columns.clear();
+        for direction in 0..follower.directions.len() {
+            let Some((at, scale)) = follower.of(direction, parameter) else { continue };
             if follower.tangents.work(range.start + at, direction) == scale {
                 continue;
             }
@@ -102,11 +109,11 @@ impl Environment {
             let ran = self.run_tangent(follower, Part::Parameters, (0.0, &[]), 0);
             self.system.region_mut(Region::ParamGiven)[at] = given;
             ran?;
-            columns.push((direction, range.clone().map(|cell| follower.tangents.work(cell, direction)).collect::<Vec<_>>()));
+            let Follower { tangents, space, .. } = &mut *follower;
+            space.columns.extend(range.clone().map(|cell| (cell, direction, tangents.work(cell, direction))));
         }
-        for (direction, column) in columns {
-            range.clone().zip(column).for_each(|(cell, value)| follower.tangents.set_work(cell, direction, value));
-        }
+        let Follower { tangents, space, .. } = follower;
+        space.columns.iter().for_each(|&(cell, direction, value)| tangents.set_work(cell, direction, value));
         Ok(())
     }
 

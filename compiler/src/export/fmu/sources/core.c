@@ -22,70 +22,69 @@ fmi3Status smpl_say(smpl_instance *s, fmi3Status status, const char *format, ...
     return status;
 }
 
-/* Takes a part of a block. */
-static double *take(double **block, size_t length)
+/* A part of a block behind what is used of it; nowhere while the block is only measured. */
+static double *take(double *block, size_t *used, size_t length)
 {
-    double *part = *block;
-    *block += length;
+    double *part = block ? block + *used : NULL;
+    *used += length;
     return part;
 }
 
 static size_t divide(smpl_instance *s, double *block)
 {
-    double *at = block;
-    s->u_used = take(&at, MODEL_ACTIONS);
-    s->w = take(&at, MODEL_WORK);
-    s->outputs = take(&at, MODEL_OUTPUTS);
-    s->observations = take(&at, SMPL_OBSERVATIONS);
-    s->roots = take(&at, SMPL_ROOTS);
-    s->ahead = take(&at, SMPL_ROOTS);
-    s->failures = take(&at, 2 * SMPL_FAILURES);
-    s->partials = take(&at, SMPL_PARTIALS);
-    s->f = take(&at, N);
-    s->delta = take(&at, N);
-    s->trial = take(&at, N);
-    s->trial_p = take(&at, N);
-    s->zero = take(&at, N);
-    s->j0 = take(&at, MODEL_NONZEROS);
-    s->j1 = take(&at, MODEL_NONZEROS);
-    s->matrix = take(&at, MODEL_NONZEROS);
-    s->seed = take(&at, SMPL_PARTIAL_COLUMNS + SMPL_PARTIAL_ROWS);
-    s->p2 = take(&at, MODEL_PARAMETERS);
-    s->y2 = take(&at, N);
-    s->yp2 = take(&at, N);
-    s->stages = take(&at, 16 * (size_t)N);
-    s->place = take(&at, N);
-    s->place_p = take(&at, N);
-    s->end = take(&at, N);
-    s->end_p = take(&at, N);
-    s->right = take(&at, N);
-    s->slope = take(&at, N);
-    s->terms = take(&at, 5 * (size_t)N);
-    return (size_t)(at - block);
+    size_t used = 0;
+    s->u_used = take(block, &used, MODEL_ACTIONS);
+    s->w = take(block, &used, MODEL_WORK);
+    s->outputs = take(block, &used, MODEL_OUTPUTS);
+    s->observations = take(block, &used, SMPL_OBSERVATIONS);
+    s->roots = take(block, &used, SMPL_ROOTS);
+    s->ahead = take(block, &used, SMPL_ROOTS);
+    s->failures = take(block, &used, 2 * SMPL_FAILURES);
+    s->partials = take(block, &used, SMPL_PARTIALS);
+    s->f = take(block, &used, N);
+    s->delta = take(block, &used, N);
+    s->trial = take(block, &used, N);
+    s->trial_p = take(block, &used, N);
+    s->zero = take(block, &used, N);
+    s->j0 = take(block, &used, MODEL_NONZEROS);
+    s->j1 = take(block, &used, MODEL_NONZEROS);
+    s->matrix = take(block, &used, MODEL_NONZEROS);
+    s->seed = take(block, &used, SMPL_PARTIAL_COLUMNS + SMPL_PARTIAL_ROWS);
+    s->p2 = take(block, &used, MODEL_PARAMETERS);
+    s->y2 = take(block, &used, N);
+    s->yp2 = take(block, &used, N);
+    s->stages = take(block, &used, 16 * (size_t)N);
+    s->place = take(block, &used, N);
+    s->place_p = take(block, &used, N);
+    s->end = take(block, &used, N);
+    s->end_p = take(block, &used, N);
+    s->right = take(block, &used, N);
+    s->slope = take(block, &used, N);
+    s->terms = take(block, &used, 5 * (size_t)N);
+    return used;
 }
 
 smpl_instance *smpl_create(void)
 {
     smpl_instance *s = calloc(1, sizeof *s);
-    static double nothing[1];
+    size_t used = 0;
     if (!s) return NULL;
     s->kept = calloc(SMPL_KEPT, sizeof(double));
-    s->scratch = calloc(divide(s, nothing) + 1, sizeof(double));
+    s->scratch = calloc(divide(s, NULL) + 1, sizeof(double));
     if (!s->kept || !s->scratch || !smpl_lu_create(&s->lu, N, model_jacobian_columns, model_jacobian_rows, smpl_order)) {
         smpl_destroy(s);
         return NULL;
     }
     divide(s, s->scratch);
-    double *at = s->kept;
-    s->y = take(&at, N);
-    s->yp = take(&at, N);
-    s->u = take(&at, MODEL_ACTIONS);
-    s->u_before = take(&at, MODEL_ACTIONS);
-    s->p = take(&at, MODEL_PARAMETERS);
-    s->p_set = take(&at, MODEL_PARAMETERS);
-    s->c = take(&at, MODEL_CONTEXT);
-    s->holds = take(&at, SMPL_ROOTS);
-    s->passed = take(&at, SMPL_ROOTS);
+    s->y = take(s->kept, &used, N);
+    s->yp = take(s->kept, &used, N);
+    s->u = take(s->kept, &used, MODEL_ACTIONS);
+    s->u_before = take(s->kept, &used, MODEL_ACTIONS);
+    s->p = take(s->kept, &used, MODEL_PARAMETERS);
+    s->p_set = take(s->kept, &used, MODEL_PARAMETERS);
+    s->c = take(s->kept, &used, MODEL_CONTEXT);
+    s->holds = take(s->kept, &used, SMPL_ROOTS);
+    s->passed = take(s->kept, &used, SMPL_ROOTS);
     smpl_reset(s);
     return s;
 }
@@ -305,7 +304,7 @@ int smpl_sample_start(smpl_instance *s)
 /* Failures that are looked for at sampling instants. */
 static void find_failures(smpl_instance *s, double clock)
 {
-    (void)clock;
+    (void)s, (void)clock;
 #if SMPL_HAS_failures
     model_failures(clock, s->y, s->yp, s->u_used, s->p, s->c, s->failures);
     for (int i = 0; i < SMPL_FAILURES; ++i) {

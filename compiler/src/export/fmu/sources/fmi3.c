@@ -258,7 +258,7 @@ fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 *indicators
 fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 *nominals, size_t length)
 {
     if (!fits(S, length, MODEL_STATES)) return fmi3Error;
-    for (size_t i = 0; i < length; ++i) nominals[i] = smpl_scale[smpl_states[i]];
+    for (size_t i = 0; i < length; ++i) nominals[i] = SMPL_ATOL_FACTOR * smpl_scale[smpl_states[i]];
     return fmi3OK;
 }
 
