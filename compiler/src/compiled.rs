@@ -137,6 +137,13 @@ impl CompiledModel {
         model.roots.iter().any(|root| model.exprs.has_derivative(root.value))
     }
 
+    /// Whether a quadrature looks at derivatives of the unknowns.
+    #[must_use]
+    pub fn quadratures_use_derivatives(&self) -> bool {
+        let model = &self.parts.model;
+        model.quadratures.iter().any(|&integrand| model.exprs.has_derivative(integrand))
+    }
+
     /// Number of quadratures.
     #[must_use]
     pub fn quadratures(&self) -> usize {

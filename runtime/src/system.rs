@@ -16,6 +16,7 @@ struct Shape {
     roots: Vec<RootKind>,
     roots_use_derivatives: bool,
     quadratures: usize,
+    quadratures_use_derivatives: bool,
 }
 
 /// A compiled model and everything that one instance of it holds but its unknowns. A clone is a snapshot.
@@ -41,6 +42,7 @@ impl CompiledSystem {
             roots: model.roots_info().iter().map(root_kind).collect(),
             roots_use_derivatives: model.roots_use_derivatives(),
             quadratures: model.quadratures(),
+            quadratures_use_derivatives: model.quadratures_use_derivatives(),
         };
         let memory = model.memory();
         Ok(Self { model, shape: Arc::new(shape), memory, invariants: Vec::new() })
@@ -181,6 +183,10 @@ impl System for CompiledSystem {
 
     fn quadrature_count(&self) -> usize {
         self.shape.quadratures + self.invariants.len() / 2
+    }
+
+    fn integrands_read_rates(&self) -> bool {
+        self.shape.quadratures_use_derivatives || !self.invariants.is_empty()
     }
 
     fn quadratures(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from smpl.model import FloatArray
 
 MODEL = Path(__file__).parent / "advection_reaction.eq"
 CELLS = 425
+TRANSIT = 0.9
 JACKETS = 330 + 15 * np.sin(np.arange(30) * 0.9)
 
 
@@ -42,6 +44,7 @@ def main(repeats: int) -> None:
     against_c(model, y, u, residual, jacobian)
     own, exact = solve("solve to t = 3 at 1e-6", 3.0, np.array([330.0]), 12, repeats)
     diffsl(own, exact, repeats)
+    in_transit(repeats)
     solve("30 control steps of 0.1 with a new jacket temperature each", 0.1, JACKETS, 35, repeats)
 
 
@@ -98,16 +101,35 @@ def solve(
     exact = tube(sampling, rtol=1e-10)
     episode(exact, jackets)
     times = {}
-    for method in ("ida", "explicit"):
-        env = tube(sampling, method=method)
-        times[method] = seconds(lambda env=env: episode(env, jackets), repeats)  # type: ignore[misc]
+    for method, rtol in (("ida", None), ("auto", None), ("auto", 1e-5), ("explicit", None)):
+        env = tube(sampling, rtol=rtol, method=method)
+        name = method if rtol is None else f"{method} at {rtol:g}"
+        times[name] = seconds(lambda env=env: episode(env, jackets), repeats)  # type: ignore[misc]
         end = env.state
-        goal(f"{what}, {method}", times[method] * 1e3, target, "ms")
+        goal(f"{what}, {name}", times[name] * 1e3, target, "ms")
         print(f"  largest error at the end {largest(end, exact.state, np.ones_like(end)):.1e}")
-        where_time_goes(env, times[method], 1, end, jackets[-1:])
+        where_time_goes(env, times[name], 1, end, jackets[-1:])
     if c.compiler():
         ida_in_c(sampling, jackets, times["ida"], exact.state)
     return times, exact.state
+
+
+def in_transit(repeats: int) -> None:
+    """Time and error half way: at t = 3 all has come to rest, whatever was wrong before."""
+    exact = tube(TRANSIT, rtol=1e-10)
+    jackets = np.array([330.0])
+    episode(exact, jackets)
+    for method, rtol in (("ida", 1e-6), ("auto", 1e-6), ("auto", 1e-5)):
+        env = tube(TRANSIT, rtol=rtol, method=method)
+        each = seconds(lambda env=env: episode(env, jackets), repeats)  # type: ignore[misc]
+        error = largest(env.state, exact.state, np.ones_like(env.state))
+        print(f"  to t = {TRANSIT:g} at {rtol:g}, {method}: {each * 1e3:.1f} ms, error {error:.1e}")
+    if not installed("DiffSL", "pydiffsol"):
+        return
+    problem = diffsl_problem()
+    each = seconds(lambda: problem.solve(jackets, TRANSIT), repeats)
+    error = largest(problem.solve(jackets, TRANSIT).ys[:, -1], by_species(exact.state), np.ones_like(exact.state))
+    print(f"  to t = {TRANSIT:g} at 1e-6, DiffSL: {each * 1e3:.1f} ms, error {error:.1e}")
 
 
 def against_c(model: smpl.Model, y: FloatArray, u: FloatArray, residual: float, jacobian: float) -> None:
@@ -159,14 +181,8 @@ def diffsl(own: dict[str, float], exact: FloatArray, repeats: int) -> None:
     import pydiffsol
 
     begin = time.thread_time()
-    problem = pydiffsol.Ode(
-        diffsl_text(CELLS),
-        matrix_type=pydiffsol.faer_sparse,
-        ode_solver=pydiffsol.bdf,
-        linear_solver=pydiffsol.lu,
-    )
+    problem = diffsl_problem()
     compiled = time.thread_time() - begin
-    problem.rtol = problem.atol = 1e-6
     each = seconds(lambda: problem.solve(np.array([330.0]), 3.0), repeats)
     error = largest(problem.solve(np.array([330.0]), 3.0).ys[:, -1], by_species(exact), np.ones_like(exact))
     print(
@@ -175,6 +191,20 @@ def diffsl(own: dict[str, float], exact: FloatArray, repeats: int) -> None:
     )
     for method, seconds_of in own.items():
         at_least(f"DiffSL over {method}", each / seconds_of, 4)
+
+
+def diffsl_problem() -> Any:
+    """The tube by pydiffsol."""
+    import pydiffsol
+
+    problem = pydiffsol.Ode(
+        diffsl_text(CELLS),
+        matrix_type=pydiffsol.faer_sparse,
+        ode_solver=pydiffsol.bdf,
+        linear_solver=pydiffsol.lu,
+    )
+    problem.rtol = problem.atol = 1e-6
+    return problem
 
 
 def diffsl_text(n: int) -> str:

@@ -2,7 +2,8 @@
 
 use super::{Ida, Integrator, Method, OneStep, Settings, SolveError, System};
 
-/// Unknowns up to which [`Method::Auto`] takes a one-step method: beyond, a stiff control step takes IDA less time (`examples/methods.rs`).
+/// Unknowns up to which [`Method::Auto`] takes a one-step method whatever the factorisation: beyond, where that is a large part of a step, IDA takes less time
+/// for the same error (`examples/methods.rs`).
 const SMALL: usize = 200;
 
 /// An integrator for systems of this one's dimension, pattern and counts, by the method of the settings.
@@ -10,10 +11,58 @@ const SMALL: usize = 200;
 /// # Errors
 /// A setting out of range, a pattern that does not fit, a system that the method does not take, or SUNDIALS out of memory.
 pub fn integrator(system: &dyn System, settings: Settings) -> Result<Box<dyn Integrator>, SolveError> {
-    let one_step = match settings.method {
-        Method::Ida => false,
-        Method::Rosenbrock | Method::Explicit => true,
-        Method::Auto => system.is_explicit() && system.dimension() <= SMALL,
-    };
-    Ok(if one_step { Box::new(OneStep::new(system, settings)?) } else { Box::new(Ida::new(system, settings)?) })
+    Ok(match settings.method {
+        Method::Ida => Box::new(Ida::new(system, settings)?),
+        Method::Rosenbrock | Method::Explicit => Box::new(OneStep::new(system, settings)?),
+        Method::Auto => suitable(system, settings)?,
+    })
+}
+
+fn suitable(system: &dyn System, settings: Settings) -> Result<Box<dyn Integrator>, SolveError> {
+    if system.is_explicit() {
+        let one_step = OneStep::new(system, settings.clone())?;
+        if system.dimension() <= SMALL || one_step.is_cheap() {
+            return Ok(Box::new(one_step));
+        }
+    }
+    Ok(Box::new(Ida::new(system, settings)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::problems::{Problem, tubular_reactor};
+    use super::super::{Advance, Pattern, Statistics};
+    use super::*;
+
+    const DENSE: usize = SMALL + 10;
+
+    /// Unknowns that all depend on each other: y' = -y - the mean of y.
+    fn mixed() -> Problem {
+        let pattern = Pattern::full(DENSE);
+        let rates = |_: f64, y: &[f64], yp: &[f64], _: &[f64], out: &mut [f64]| {
+            let mean = y.iter().sum::<f64>() / y.len() as f64;
+            out.iter_mut().zip(y.iter().zip(yp)).for_each(|(out, (y, yp))| *out = -y - mean - yp);
+        };
+        let jacobian = |_: f64, y: &[f64], cj: f64, _: &[f64], values: &mut [f64]| {
+            let n = y.len();
+            values.iter_mut().enumerate().for_each(|(at, value)| *value = -1.0 / n as f64 - if at % (n + 1) == 0 { 1.0 + cj } else { 0.0 });
+        };
+        Problem::ode((0..DENSE).map(|i| i as f64).collect(), vec![], pattern, rates, jacobian)
+    }
+
+    fn counts(mut problem: Problem, method: Method) -> Statistics {
+        let settings = Settings { method, ..Settings::new(1e-6, vec![1e-8; problem.dimension()]) };
+        let mut integrator = integrator(&problem, settings).expect("an integrator");
+        let start = problem.start.clone();
+        integrator.restart(&mut problem, 0.0, &start, None).expect("starts");
+        assert_eq!(integrator.advance(&mut problem, 0.1), Ok(Advance::Reached));
+        integrator.statistics()
+    }
+
+    #[test]
+    fn large_systems_get_rosenbrock_steps_where_a_factorisation_is_cheap_and_ida_elsewhere() {
+        assert_eq!(counts(tubular_reactor(100), Method::Auto), counts(tubular_reactor(100), Method::Rosenbrock));
+        assert_eq!(counts(mixed(), Method::Auto), counts(mixed(), Method::Ida));
+        assert_ne!(counts(mixed(), Method::Ida), counts(mixed(), Method::Rosenbrock));
+    }
 }

@@ -133,6 +133,11 @@ impl OneStep {
         if self.methods.is_stiff() { Method::Rosenbrock } else { Method::Explicit }
     }
 
+    /// Whether factorisations are a small part of the steps.
+    pub(crate) fn is_cheap(&self) -> bool {
+        self.methods.is_cheap()
+    }
+
     /// Runs `work` with the system; no panic gets out.
     fn guarded<R>(&mut self, system: &mut dyn System, work: impl FnOnce(&mut Run<'_>) -> Result<R, SolveError>) -> Result<R, SolveError> {
         let time = self.time;

@@ -20,6 +20,9 @@ const SMALL: usize = 3;
 /// Dimension up to which it is the faster one for patterns at least half full.
 const MEDIUM: usize = 48;
 
+/// Products of a factorisation for each of a substitution up to which it is called cheap: their operands stand anywhere, and eight substitutions take as long.
+const CHEAP: usize = 2;
+
 /// The linear solver that a system got.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
@@ -85,6 +88,13 @@ impl Factorisation {
             Self::Block(_) => Method::Block,
             Self::Klu(_) => Method::Klu,
         }
+    }
+
+    /// Whether a factorisation takes as little time as some substitutions.
+    pub fn is_cheap(&self) -> bool {
+        let Self::Block(block) = self else { return false };
+        let (factorisation, substitution) = block.products();
+        factorisation <= CHEAP * substitution
     }
 
     /// Factorises the matrix with these entries, in the pattern's order.

@@ -122,7 +122,6 @@ impl Substitution {
     }
 
     /// Number of terms, those that fill chunks up included.
-    #[cfg(test)]
     pub fn terms(&self) -> usize {
         self.factors.len()
     }

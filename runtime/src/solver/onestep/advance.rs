@@ -387,7 +387,7 @@ impl Traverse for Run<'_> {
     }
 
     fn interpolate(&mut self, t: f64) -> Result<(), SolveError> {
-        self.one.methods.interpolate(t, &mut self.one.frame.begin, &mut self.one.derivative);
+        self.one.methods.interpolate(t, &mut self.one.frame.begin, Some(&mut self.one.derivative));
         Ok(())
     }
 
@@ -395,8 +395,9 @@ impl Traverse for Run<'_> {
         let OneStep { frame, methods, integrals, inside: [y, yp], .. } = &mut *self.one;
         let (n, system) = (frame.n, &mut *self.system);
         let Some(Integrals { rule, values }) = integrals else { return Ok(()) };
+        let derivatives = system.integrands_read_rates();
         rule.take(to, values, |t, rates| {
-            methods.interpolate(t, y, yp);
+            methods.interpolate(t, y, derivatives.then_some(&mut **yp));
             system.quadratures(t, entries(y, n), entries(yp, n), rates);
             Ok(())
         })

@@ -3,7 +3,7 @@
 use super::super::System;
 use super::dop853::*;
 use super::frame::Frame;
-use super::numbers::{Quad, Quads, combine, set, sum, weighted, zeros};
+use super::numbers::{Quad, Quads, combine, set, sum, weighted, widened, zeros};
 
 /// Factor of the error of order 5 where a step is doubtful: with it, 400 random chains of kinks (half waves, 1 to 24 in an interval, tolerances
 /// 1e-4 to 1e-8) were within half of their bound, without it one in 400 was beyond, for 3 % fewer evaluations.
@@ -14,9 +14,6 @@ const CHANCE: f64 = 0.03;
 
 /// Mean of the errors of orders 5 and 3, in tolerances, below which that of order 4 is within them.
 const SMALL: f64 = 0.5;
-
-/// Unknowns from which on wider instructions gain more than it costs to ask for them. Products are rounded before they are summed: same results.
-const LONG: usize = 8;
 
 /// Space for a step, and its polynomial.
 pub struct Explicit {
@@ -55,22 +52,11 @@ impl Explicit {
 
     /// Takes a step from the frame's beginning to its end; the error in tolerances, not a number where something is not finite.
     pub fn attempt(&mut self, frame: &mut Frame, system: &mut dyn System) -> f64 {
-        #[cfg(target_arch = "x86_64")]
-        {
-            #[target_feature(enable = "avx2")]
-            unsafe fn wide(explicit: &mut Explicit, frame: &mut Frame, system: &mut dyn System) -> f64 {
-                explicit.attempt_portable(frame, system)
-            }
-            if frame.n >= LONG && is_x86_feature_detected!("avx2") {
-                // SAFETY: the processor has the feature.
-                return unsafe { wide(self, frame, system) };
-            }
-        }
-        self.attempt_portable(frame, system)
+        take_stages(frame.n, self, frame, system)
     }
 
     #[inline(always)]
-    fn attempt_portable(&mut self, frame: &mut Frame, system: &mut dyn System) -> f64 {
+    fn stages(&mut self, frame: &mut Frame, system: &mut dyn System) -> f64 {
         let (t, h) = (frame.t, frame.h);
         let Frame { begin, begin_rates: k1, end, functions, .. } = frame;
         let (k1, place) = (&*k1, &mut self.place);
@@ -174,10 +160,15 @@ impl Explicit {
         (self.begin, self.length) = (t, h);
     }
 
-    /// Unknowns and derivatives at a time within the last step.
-    pub fn interpolate(&self, t: f64, y: &mut [Quad], yp: &mut [Quad]) {
+    /// Unknowns, and derivatives where they are asked for, at a time within the last step.
+    pub fn interpolate(&self, t: f64, y: &mut [Quad], yp: Option<&mut [Quad]>) {
         let x = ((t - self.begin) / self.length).clamp(0.0, 1.0);
         let (rest, per_length) = (1.0 - x, 1.0 / self.length);
+        let Some(yp) = yp else {
+            let terms = || self.terms.iter().enumerate().rev();
+            let sum = |i: usize, lane: usize| terms().fold(0.0, |sum, (k, term)| (sum + term[i][lane]) * if k % 2 == 0 { x } else { rest });
+            return set(y, |i, lane| self.first[i][lane] + sum(i, lane));
+        };
         for (i, (y, yp)) in y.iter_mut().zip(yp).enumerate() {
             let (mut values, mut slopes): (Quad, Quad) = ([0.0; 4], [0.0; 4]);
             for (k, term) in self.terms.iter().enumerate().rev() {
@@ -192,4 +183,8 @@ impl Explicit {
             *yp = slopes.map(|x| x * per_length);
         }
     }
+}
+
+widened! {
+    fn take_stages(explicit: &mut Explicit, frame: &mut Frame, system: &mut dyn System) -> f64 = Explicit::stages
 }

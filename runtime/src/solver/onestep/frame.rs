@@ -1,6 +1,7 @@
 //! What a step begins and ends with, whatever the method; and the functions of the system, counted.
 
 use super::super::callbacks::Trouble;
+use super::super::linear::columns::all_finite;
 use super::super::{Settings, Statistics, System};
 use super::numbers::{Quad, Quads, entries, entries_mut, filled, from, zeros};
 
@@ -74,11 +75,15 @@ impl Frame {
         }
     }
 
-    /// Reciprocal tolerance of an unknown over the step.
+    /// Reciprocal tolerances of four unknowns over the step.
     #[inline(always)]
-    fn weight(&self, i: usize, lane: usize) -> f64 {
-        let size = self.begin[i][lane].abs().max(self.end[i][lane].abs());
-        self.tested[i][lane] / (self.atol[i][lane] + self.rtol * size)
+    fn weights(&self, i: usize) -> Quad {
+        let (begin, end, atol) = (&self.begin[i], &self.end[i], &self.atol[i]);
+        let mut weights = self.tested[i];
+        for lane in 0..weights.len() {
+            weights[lane] /= atol[lane] + self.rtol * begin[lane].abs().max(end[lane].abs());
+        }
+        weights
     }
 
     /// Sums of squares over the unknowns, in tolerances, of two vectors.
@@ -86,10 +91,9 @@ impl Frame {
     pub fn squares(&self, mut first: impl FnMut(usize) -> Quad, mut second: impl FnMut(usize) -> Quad) -> [f64; 2] {
         let (mut a, mut b) = ([0.0; 4], [0.0; 4]);
         for i in 0..self.begin.len() {
-            let weight: Quad = std::array::from_fn(|lane| self.weight(i, lane));
-            let (x, y) = (first(i), second(i));
-            a = std::array::from_fn(|lane| a[lane] + (x[lane] * weight[lane]) * (x[lane] * weight[lane]));
-            b = std::array::from_fn(|lane| b[lane] + (y[lane] * weight[lane]) * (y[lane] * weight[lane]));
+            let weights = self.weights(i);
+            add_squares(&mut a, first(i), weights);
+            add_squares(&mut b, second(i), weights);
         }
         [a, b].map(|s| (s[0] + s[2]) + (s[1] + s[3]))
     }
@@ -111,16 +115,14 @@ impl Frame {
     pub(crate) fn norm_of(&self, mut x: impl FnMut(usize) -> Quad) -> f64 {
         let mut squares = [0.0; 4];
         for i in 0..self.begin.len() {
-            let x = x(i);
-            let scaled: Quad = std::array::from_fn(|lane| x[lane] * self.weight(i, lane));
-            squares = std::array::from_fn(|lane| squares[lane] + scaled[lane] * scaled[lane]);
+            add_squares(&mut squares, x(i), self.weights(i));
         }
         (((squares[0] + squares[2]) + (squares[1] + squares[3])) / self.n as f64).sqrt()
     }
 
     /// The unknown that is largest, in tolerances; one that is no number is larger than all.
     pub fn largest(&self, x: &[Quad]) -> Option<usize> {
-        let sizes = (0..self.n).map(|at| (at, (x[at / 4][at % 4] * self.weight(at / 4, at % 4)).abs()));
+        let sizes = (0..self.n).map(|at| (at, (x[at / 4][at % 4] * self.weights(at / 4)[at % 4]).abs()));
         let order = |x: f64| if x.is_nan() { f64::INFINITY } else { x };
         sizes.map(|(at, size)| (at, order(size))).filter(|&(_, size)| size > 0.0).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(at, _)| at)
     }
@@ -145,6 +147,15 @@ impl Frame {
 
     pub(crate) fn y_mut(&mut self) -> &mut [f64] {
         entries_mut(&mut self.begin, self.n)
+    }
+}
+
+/// Adds the squares of four weighted numbers to sums.
+#[inline(always)]
+fn add_squares(sums: &mut Quad, x: Quad, weights: Quad) {
+    for lane in 0..sums.len() {
+        let scaled = x[lane] * weights[lane];
+        sums[lane] += scaled * scaled;
     }
 }
 
@@ -179,8 +190,7 @@ impl Functions {
     pub fn jacobian(&mut self, system: &mut dyn System, t: f64, cj: f64, y: &[Quad], values: &mut [f64]) -> bool {
         self.counts.jacobians += 1;
         system.jacobian(t, entries(y, self.n), entries(&self.zeros, self.n), cj, values);
-        // The sum of 0 * x is zero unless an entry is not finite.
-        let finite = values.iter().map(|x| x * 0.0).sum::<f64>() == 0.0;
+        let finite = all_finite(values);
         if !finite {
             let entry = values.iter().position(|x| !x.is_finite()).unwrap_or(0);
             self.trouble = Some(Trouble::Jacobian { time: t, entry });

@@ -40,6 +40,14 @@ impl Matrix {
         }
     }
 
+    /// Whether a factorisation takes no longer than what else there is to a step.
+    pub(crate) fn is_cheap(&self) -> bool {
+        match self {
+            Self::Small(_) => true,
+            Self::General(factorisation, _) => factorisation.is_cheap(),
+        }
+    }
+
     /// Factorises the matrix with these entries, in the pattern's order.
     #[inline]
     pub(crate) fn factorise(&mut self, values: &[f64]) -> Result<(), Singular> {

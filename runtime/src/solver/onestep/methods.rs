@@ -80,6 +80,11 @@ impl Methods {
         self.short = None;
     }
 
+    /// Whether factorisations are a small part of the steps.
+    pub(crate) fn is_cheap(&self) -> bool {
+        self.rosenbrock.as_ref().is_none_or(Rosenbrock::is_cheap)
+    }
+
     /// As before the first step.
     pub(crate) fn forget(&mut self) {
         self.stiff = self.rosenbrock.is_some();
@@ -150,7 +155,7 @@ impl Methods {
     /// Whether from the step that was accepted on the other method takes the steps, because it would have served better.
     pub(crate) fn choose(&mut self, frame: &Frame) -> bool {
         let misfit = match (&mut self.rosenbrock, &self.explicit) {
-            (Some(rosenbrock), Some(_)) if self.by == By::Rosenbrock => frame.h * rosenbrock.spectral_bound(frame) < LOOSE,
+            (Some(rosenbrock), Some(_)) if self.by == By::Rosenbrock => rosenbrock.is_slow(frame, LOOSE / frame.h),
             (Some(_), Some(explicit)) if self.by == By::Explicit => explicit.stiffness(frame) > STABLE,
             _ => false,
         };
@@ -185,17 +190,18 @@ impl Methods {
         }
     }
 
-    /// Unknowns and derivatives on the polynomial.
-    pub(crate) fn interpolate(&self, t: f64, y: &mut [Quad], yp: &mut [Quad]) {
-        match self.by {
-            By::Rosenbrock => self.rosenbrock.iter().for_each(|r| r.interpolate(t, y, yp)),
-            By::Explicit => self.explicit.iter().for_each(|e| e.interpolate(t, y, yp)),
-            By::Short => self.short.iter().for_each(|s| s.interpolate(t, y, yp)),
+    /// Unknowns, and derivatives where they are asked for, on the polynomial.
+    pub(crate) fn interpolate(&self, t: f64, y: &mut [Quad], yp: Option<&mut [Quad]>) {
+        match (self.by, &self.rosenbrock, &self.explicit, &self.short) {
+            (By::Rosenbrock, Some(method), ..) => method.interpolate(t, y, yp),
+            (By::Explicit, _, Some(method), _) => method.interpolate(t, y, yp),
+            (By::Short, .., Some(method)) => method.interpolate(t, y, yp),
+            _ => {}
         }
     }
 
     /// The same of the Rosenbrock method alone, which has algebraic unknowns.
     pub(crate) fn interpolate_algebraic(&self, t: f64, y: &mut [Quad], yp: &mut [Quad]) {
-        self.rosenbrock.iter().for_each(|r| r.interpolate(t, y, yp));
+        self.rosenbrock.iter().for_each(|r| r.interpolate(t, y, Some(&mut *yp)));
     }
 }

@@ -11,6 +11,31 @@ pub type Quad = [f64; LANES];
 /// A vector, its last four filled up with zeros.
 pub type Quads = Box<[Quad]>;
 
+/// Unknowns from which on wider instructions gain more than it costs to ask for them.
+pub(crate) const LONG: usize = 8;
+
+/// Defines a function of a number of unknowns and some arguments that runs another one of these arguments, compiled for AVX2 where the unknowns are many
+/// and the processor has it. Products are rounded before they are summed: same results.
+macro_rules! widened {
+    (fn $name:ident($($argument:ident: $type:ty),*) $(-> $result:ty)? = $portable:path) => {
+        fn $name(unknowns: usize, $($argument: $type),*) $(-> $result)? {
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx2")]
+                unsafe fn wide($($argument: $type),*) $(-> $result)? {
+                    $portable($($argument),*)
+                }
+                if unknowns >= super::numbers::LONG && is_x86_feature_detected!("avx2") {
+                    // SAFETY: the processor has the feature.
+                    return unsafe { wide($($argument),*) };
+                }
+            }
+            $portable($($argument),*)
+        }
+    };
+}
+pub(crate) use widened;
+
 /// Zeros for so many entries.
 pub fn zeros(length: usize) -> Quads {
     filled(length, 0.0)

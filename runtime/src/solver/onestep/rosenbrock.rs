@@ -4,7 +4,7 @@ use super::super::callbacks::Trouble;
 use super::super::{LinearSolver, SolveError, System};
 use super::frame::Frame;
 use super::matrix::Matrix;
-use super::numbers::{Quad, Quads, combine, entries_mut, set, weighted, zeros};
+use super::numbers::{Quad, Quads, entries_mut, set, weighted, widened, zeros};
 use super::rodas5p::*;
 
 /// Distance of the points at which ∂f/∂t is taken, in parts of the step.
@@ -16,6 +16,8 @@ pub struct Rosenbrock {
     values: Box<[f64]>,
     columns: Box<[u32]>,
     rows: Box<[u32]>,
+    /// Entries on the diagonal.
+    diagonal: Box<[u32]>,
     /// The stages.
     u: [Quads; 8],
     /// Unknowns and rates at a stage, then the right-hand side.
@@ -38,10 +40,12 @@ impl Rosenbrock {
     pub fn new(system: &dyn System, choice: LinearSolver) -> Result<Self, SolveError> {
         let (n, pattern) = (system.dimension(), system.pattern());
         let space = || zeros(n);
+        let on_diagonal = |column: usize| pattern.column(column).find(move |&entry| pattern.rows()[entry] == column);
         Ok(Self {
             matrix: Matrix::new(pattern, choice)?,
             values: vec![0.0; pattern.entries()].into(),
             columns: (0..n).flat_map(|column| pattern.column(column).map(move |_| column as u32)).collect(),
+            diagonal: (0..n).filter_map(on_diagonal).map(|entry| entry as u32).collect(),
             rows: pattern.rows().iter().map(|&row| row as u32).collect(),
             u: std::array::from_fn(|_| space()),
             place: space(),
@@ -52,6 +56,11 @@ impl Rosenbrock {
             begin: 0.0,
             length: 0.0,
         })
+    }
+
+    /// Whether the factorisation is a small part of a step.
+    pub(crate) fn is_cheap(&self) -> bool {
+        self.matrix.is_cheap()
     }
 
     /// Forgets the pivots of earlier factorisations.
@@ -79,43 +88,43 @@ impl Rosenbrock {
         if frame.timed {
             self.differentiate_by_time(frame, system);
         }
-        self.stages(frame, system);
-        let [.., last] = &self.u;
-        set(&mut frame.end, |i, lane| self.place[i][lane] + last[i][lane]);
-        frame.norm(last)
+        take_stages(frame.n, self, frame, system)
     }
 
-    fn stages(&mut self, frame: &mut Frame, system: &mut dyn System) {
+    /// The stages, the end of the step and its error.
+    #[inline(always)]
+    fn stages(&mut self, frame: &mut Frame, system: &mut dyn System) -> f64 {
         let (t, h, timed) = (frame.t, frame.h, frame.timed);
-        let Frame { begin, begin_rates, mass, functions, .. } = frame;
+        let Frame { begin, begin_rates, end, mass, functions, .. } = &mut *frame;
         let Self { matrix, u, place, rates, right, slope, .. } = self;
         functions.counts.linear_solves += 8;
         let [u1, u2, u3, u4, u5, u6, u7, u8] = u;
-        let slope = |stage: usize| (h * SLOPES[stage], &**slope);
-        first(right, begin_rates, timed.then(|| slope(0)));
+        let slope = |stage: usize| (timed && stage < 5).then(|| (h * SLOPES[stage], &**slope));
+        add(right, begin_rates, None, slope(0));
         matrix.solve_negative(right, u1);
         macro_rules! stage {
-            ($number:literal, $out:ident, $c:ident, $($from:ident),+) => {{
+            ($number:literal, $out:ident) => {{
                 functions.rates(system, t + NODES[$number] * h, place, rates);
-                let slope = (timed && $number < 5).then(|| slope($number.min(4)));
-                add(right, rates, mass, 1.0 / h, &$c, [$(&*$from),+], slope);
+                add(right, rates, Some(&*$out), slope($number));
                 matrix.solve_negative(right, $out);
             }};
         }
-        combine(place, begin, 1.0, &A2, [&*u1]);
-        stage!(1, u2, C2, u1);
-        combine(place, begin, 1.0, &A3, [&*u1, &*u2]);
-        stage!(2, u3, C3, u1, u2);
-        combine(place, begin, 1.0, &A4, [&*u1, &*u2, &*u3]);
-        stage!(3, u4, C4, u1, u2, u3);
-        combine(place, begin, 1.0, &A5, [&*u1, &*u2, &*u3, &*u4]);
-        stage!(4, u5, C5, u1, u2, u3, u4);
-        combine(place, begin, 1.0, &A6, [&*u1, &*u2, &*u3, &*u4, &*u5]);
-        stage!(5, u6, C6, u1, u2, u3, u4, u5);
-        increase(place, u6);
-        stage!(6, u7, C7, u1, u2, u3, u4, u5, u6);
-        increase(place, u7);
-        stage!(7, u8, C8, u1, u2, u3, u4, u5, u6, u7);
+        combine(place, u2, (begin, mass, 1.0 / h), (&A2, &C2), [&*u1]);
+        stage!(1, u2);
+        combine(place, u3, (begin, mass, 1.0 / h), (&A3, &C3), [&*u1, &*u2]);
+        stage!(2, u3);
+        combine(place, u4, (begin, mass, 1.0 / h), (&A4, &C4), [&*u1, &*u2, &*u3]);
+        stage!(3, u4);
+        combine(place, u5, (begin, mass, 1.0 / h), (&A5, &C5), [&*u1, &*u2, &*u3, &*u4]);
+        stage!(4, u5);
+        combine(place, u6, (begin, mass, 1.0 / h), (&A6, &C6), [&*u1, &*u2, &*u3, &*u4, &*u5]);
+        stage!(5, u6);
+        increase(place, u7, (mass, 1.0 / h), &C7, [&*u1, &*u2, &*u3, &*u4, &*u5, &*u6]);
+        stage!(6, u7);
+        increase(place, u8, (mass, 1.0 / h), &C8, [&*u1, &*u2, &*u3, &*u4, &*u5, &*u6, &*u7]);
+        stage!(7, u8);
+        set(end, |i, lane| place[i][lane] + u8[i][lane]);
+        frame.norm(u8)
     }
 
     /// ∂f/∂t as the system gives it, or by a difference of order two, inside of the step: the equations may be of another form before it.
@@ -138,21 +147,31 @@ impl Rosenbrock {
         set(&mut self.slope, |i, lane| first * (rates[i][lane] - now[i][lane]) + second * (right[i][lane] - now[i][lane]));
     }
 
-    /// The largest row sum of |∂f/∂y| in tolerances, which bounds its spectral radius, at the beginning of the last step.
-    pub(crate) fn spectral_bound(&mut self, frame: &Frame) -> f64 {
+    /// Whether the largest row sum of |∂f/∂y| in tolerances at the beginning of the last step, which bounds the spectral radius there, is below `bound`.
+    pub(crate) fn is_slow(&mut self, frame: &Frame, bound: f64) -> bool {
+        let diagonal = 1.0 / (frame.h * GAMMA);
+        // A row sum is no less than its entry on the diagonal, of which one is large as a rule.
+        if self.diagonal.iter().any(|&entry| (self.values[entry as usize] + diagonal).abs() >= bound) {
+            return false;
+        }
         let (weights, sums) = (entries_mut(&mut self.right, frame.n), entries_mut(&mut self.rates, frame.n));
         weights.iter_mut().enumerate().for_each(|(at, weight)| *weight = frame.reciprocal_tolerance(at));
         sums.fill(0.0);
-        let diagonal = 1.0 / (frame.h * GAMMA);
         for ((&value, &row), &column) in self.values.iter().zip(&self.rows).zip(&self.columns) {
             let value = if row == column { value + diagonal } else { value };
             sums[row as usize] += value.abs() / weights[column as usize];
         }
-        sums.iter().zip(&*weights).map(|(sum, weight)| sum * weight).fold(0.0, f64::max)
+        sums.iter().zip(&*weights).map(|(sum, weight)| sum * weight).fold(0.0, f64::max) < bound
     }
 
     /// Makes the polynomial of the last step.
     pub fn prepare(&mut self, frame: &Frame) {
+        make_terms(frame.n, self, frame);
+        (self.begin, self.length) = (frame.t, frame.h);
+    }
+
+    #[inline(always)]
+    fn terms(&mut self, frame: &Frame) {
         let [u1, u2, u3, u4, u5, u6, u7, u8] = &self.u;
         let [first, last, higher @ ..] = &mut self.terms;
         first.copy_from_slice(&frame.begin);
@@ -162,11 +181,33 @@ impl Rosenbrock {
                 *term = weighted(i, factors, &[&u1[..], &u2[..], &u3[..], &u4[..], &u5[..], &u6[..], &u7[..], &u8[..]]);
             }
         }
-        (self.begin, self.length) = (frame.t, frame.h);
     }
 
-    /// Unknowns and derivatives at a time within the last step.
-    pub fn interpolate(&self, t: f64, y: &mut [Quad], yp: &mut [Quad]) {
+    /// Unknowns, and derivatives where they are asked for, at a time within the last step.
+    pub fn interpolate(&self, t: f64, y: &mut [Quad], yp: Option<&mut [Quad]>) {
+        match yp {
+            Some(yp) => evaluate(4 * y.len(), self, t, y, yp),
+            None => evaluate_values(4 * y.len(), self, t, y),
+        }
+    }
+
+    #[inline(always)]
+    fn values(&self, t: f64, y: &mut [Quad]) {
+        let x = ((t - self.begin) / self.length).clamp(0.0, 1.0);
+        let rest = 1.0 - x;
+        let [first, last, a, b, c] = &self.terms;
+        match x {
+            0.0 => y.copy_from_slice(first),
+            1.0 => y.copy_from_slice(last),
+            _ => set(y, |i, lane| {
+                let inner = a[i][lane] + x * (b[i][lane] + x * c[i][lane]);
+                rest * first[i][lane] + x * (last[i][lane] + rest * inner)
+            }),
+        }
+    }
+
+    #[inline(always)]
+    fn polynomial(&self, t: f64, y: &mut [Quad], yp: &mut [Quad]) {
         let x = ((t - self.begin) / self.length).clamp(0.0, 1.0);
         let (rest, per_length) = (1.0 - x, 1.0 / self.length);
         let [first, last, a, b, c] = &self.terms;
@@ -187,42 +228,64 @@ impl Rosenbrock {
     }
 }
 
-/// The right-hand side of the first stage.
+widened! {
+    fn take_stages(rosenbrock: &mut Rosenbrock, frame: &mut Frame, system: &mut dyn System) -> f64 = Rosenbrock::stages
+}
+
+widened! {
+    fn make_terms(rosenbrock: &mut Rosenbrock, frame: &Frame) = Rosenbrock::terms
+}
+
+widened! {
+    fn evaluate(rosenbrock: &Rosenbrock, t: f64, y: &mut [Quad], yp: &mut [Quad]) = Rosenbrock::polynomial
+}
+
+widened! {
+    fn evaluate_values(rosenbrock: &Rosenbrock, t: f64, y: &mut [Quad]) = Rosenbrock::values
+}
+
+/// The unknowns of a stage, `begin + sum over j of a[j] terms[j]`, and what earlier stages are to its right-hand side,
+/// `mass * factor * sum over j of c[j] terms[j]`.
 #[inline(always)]
-fn first(right: &mut [Quad], rates: &[Quad], slope: Option<(f64, &[Quad])>) {
-    match slope {
-        Some((factor, slope)) => set(right, |i, lane| rates[i][lane] + factor * slope[i][lane]),
-        None => right.copy_from_slice(rates),
+fn combine<const N: usize>(
+    place: &mut [Quad],
+    right: &mut [Quad],
+    (begin, mass, factor): (&[Quad], &[Quad], f64),
+    (a, c): (&[f64; N], &[f64; N]),
+    terms: [&Quads; N],
+) {
+    let n = place.len();
+    let (right, begin, terms) = (&mut right[..n], &begin[..n], terms.map(|term| &term[..n]));
+    for (i, (((place, right), begin), mass)) in place.iter_mut().zip(right).zip(begin).zip(mass).enumerate() {
+        let (sum, others) = (weighted(i, a, &terms), weighted(i, c, &terms));
+        *place = std::array::from_fn(|lane| begin[lane] + sum[lane]);
+        *right = std::array::from_fn(|lane| mass[lane] * (factor * others[lane]));
     }
 }
 
-/// That of another: `rates + mass * factor * sum over j of factors[j] terms[j]`.
+/// The same where the unknowns are those of the stage before and its result, the last of the terms.
 #[inline(always)]
-fn add<const N: usize>(
-    right: &mut [Quad],
-    rates: &[Quad],
-    mass: &[Quad],
-    factor: f64,
-    factors: &[f64; N],
-    terms: [&Quads; N],
-    slope: Option<(f64, &[Quad])>,
-) {
-    let n = right.len();
-    let terms = terms.map(|term| &term[..n]);
-    for (i, ((right, rates), mass)) in right.iter_mut().zip(rates).zip(mass).enumerate() {
-        let sum = weighted(i, factors, &terms);
-        *right = std::array::from_fn(|lane| rates[lane] + mass[lane] * (factor * sum[lane]));
+fn increase<const N: usize>(place: &mut [Quad], right: &mut [Quad], (mass, factor): (&[Quad], f64), c: &[f64; N], terms: [&Quads; N]) {
+    let n = place.len();
+    let (right, terms) = (&mut right[..n], terms.map(|term| &term[..n]));
+    for (i, ((place, right), mass)) in place.iter_mut().zip(right).zip(mass).enumerate() {
+        let others = weighted(i, c, &terms);
+        let last = terms[N - 1][i];
+        *place = std::array::from_fn(|lane| place[lane] + last[lane]);
+        *right = std::array::from_fn(|lane| mass[lane] * (factor * others[lane]));
+    }
+}
+
+/// The right-hand side: rates, what earlier stages are to it, and what moves with time.
+#[inline(always)]
+fn add(right: &mut [Quad], rates: &[Quad], others: Option<&[Quad]>, slope: Option<(f64, &[Quad])>) {
+    match others {
+        Some(others) => set(right, |i, lane| rates[i][lane] + others[i][lane]),
+        None => right.copy_from_slice(rates),
     }
     if let Some((factor, slope)) = slope {
         for (right, slope) in right.iter_mut().zip(slope) {
             *right = std::array::from_fn(|lane| right[lane] + factor * slope[lane]);
         }
-    }
-}
-
-#[inline(always)]
-fn increase(sum: &mut [Quad], by: &[Quad]) {
-    for (sum, by) in sum.iter_mut().zip(by) {
-        *sum = std::array::from_fn(|lane| sum[lane] + by[lane]);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::super::System;
 use super::frame::Frame;
-use super::numbers::{Quad, Quads, combine, weighted, zeros};
+use super::numbers::{Quad, Quads, combine, set, weighted, widened, zeros};
 use super::tsit5::*;
 
 /// Space for a step, and its polynomial.
@@ -34,6 +34,11 @@ impl Short {
 
     /// Takes a step from the frame's beginning to its end, rates there included; the error in tolerances, not a number where something is not finite.
     pub fn attempt(&mut self, frame: &mut Frame, system: &mut dyn System) -> f64 {
+        take_stages(frame.n, self, frame, system)
+    }
+
+    #[inline(always)]
+    fn stages(&mut self, frame: &mut Frame, system: &mut dyn System) -> f64 {
         let (t, h) = (frame.t, frame.h);
         let Frame { begin, begin_rates: k1, end, end_rates: k7, functions, .. } = frame;
         let (k1, place) = (&*k1, &mut self.place);
@@ -68,11 +73,15 @@ impl Short {
         (self.begin, self.length) = (frame.t, frame.h);
     }
 
-    /// Unknowns and derivatives at a time within the last step.
-    pub fn interpolate(&self, t: f64, y: &mut [Quad], yp: &mut [Quad]) {
+    /// Unknowns, and derivatives where they are asked for, at a time within the last step.
+    pub fn interpolate(&self, t: f64, y: &mut [Quad], yp: Option<&mut [Quad]>) {
         let x = ((t - self.begin) / self.length).clamp(0.0, 1.0);
         let per_length = 1.0 / self.length;
         let [a, b, c, d] = &self.terms;
+        let Some(yp) = yp else {
+            let power = |i: usize, lane: usize| a[i][lane] + x * (b[i][lane] + x * (c[i][lane] + x * d[i][lane]));
+            return set(y, |i, lane| self.first[i][lane] + x * power(i, lane));
+        };
         for (i, (y, yp)) in y.iter_mut().zip(yp).enumerate() {
             for (lane, (y, yp)) in y.iter_mut().zip(yp).enumerate() {
                 let (a, b, c, d) = (a[i][lane], b[i][lane], c[i][lane], d[i][lane]);
@@ -81,4 +90,8 @@ impl Short {
             }
         }
     }
+}
+
+widened! {
+    fn take_stages(short: &mut Short, frame: &mut Frame, system: &mut dyn System) -> f64 = Short::stages
 }

@@ -1,13 +1,19 @@
 //! The order of elimination.
 
+use std::ops::Range;
 use std::os::raw::c_long;
 
 use sundials_sys::{klu_l_analyze, klu_l_common, klu_l_defaults, klu_l_free_symbolic};
 
+use super::rounds;
 use crate::solver::{IdaFlag, Pattern, SolveError};
 
 /// KLU's number for the ordering by approximate minimum degree of A + Aᵀ.
 const AMD: c_long = 0;
+
+/// Rows from which on a block is ordered in rounds, and how many times as many entries its factor may have for that.
+const LONG: usize = 32;
+const MOST_FILL: f64 = 1.25;
 
 /// Rows and columns in the order of elimination: diagonal blocks one after the other, each after those that it depends on,
 /// with a full diagonal.
@@ -18,6 +24,8 @@ pub(super) struct Order {
     pub columns: Vec<u32>,
     /// End of each block.
     pub ends: Vec<u32>,
+    /// Entries of the factor L of each block, without its diagonal.
+    fill: Vec<f64>,
 }
 
 impl Order {
@@ -33,7 +41,7 @@ impl Order {
                 rows[range].swap(0, at);
             }
         }
-        let mut order = Self { rows: Vec::with_capacity(n), columns: Vec::with_capacity(n), ends: Vec::new() };
+        let mut order = Self { rows: Vec::with_capacity(n), columns: Vec::with_capacity(n), ends: Vec::new(), fill: Vec::new() };
         // SAFETY: `klu_l_defaults` sets every field of `common`; the arrays are those of a pattern, and the analysis that is
         // read has `n` rows and columns and `nblocks` blocks.
         unsafe {
@@ -56,14 +64,46 @@ impl Order {
                     order.columns.push(*(*symbolic).Q.offset(place) as u32);
                 }
                 order.ends.push(order.rows.len() as u32);
+                order.fill.push(*(*symbolic).Lnz.offset(block) - (to - from) as f64);
             }
             klu_l_free_symbolic(&mut symbolic, &mut common);
         }
         Ok(order)
     }
 
+    /// Orders large blocks anew, so that fewer of their rows wait for each other.
+    pub fn spread(&mut self, pattern: &Pattern) {
+        let row_places = places(&self.rows);
+        for (block, fill) in self.blocks().zip(self.fill.clone()).collect::<Vec<_>>() {
+            if block.len() < LONG {
+                continue;
+            }
+            let graph = self.graph(pattern, &row_places, &block);
+            if let Some((order, _)) = rounds::order(graph).filter(|&(_, entries)| entries as f64 <= MOST_FILL * fill) {
+                let from = block.start as usize..block.end as usize;
+                for places in [&mut self.rows[from.clone()], &mut self.columns[from]] {
+                    let before = places.to_vec();
+                    places.iter_mut().zip(&order).for_each(|(to, &place)| *to = before[place as usize]);
+                }
+            }
+        }
+    }
+
+    /// Neighbours of each row of a block in A + Aᵀ.
+    fn graph(&self, pattern: &Pattern, row_places: &[u32], block: &Range<u32>) -> Vec<Vec<u32>> {
+        let mut graph = vec![Vec::new(); block.len()];
+        for place in block.clone() {
+            let rows = pattern.column(self.columns[place as usize] as usize).map(|entry| row_places[pattern.rows()[entry]]);
+            for other in rows.filter(|other| *other != place && block.contains(other)) {
+                graph[(place - block.start) as usize].push(other - block.start);
+                graph[(other - block.start) as usize].push(place - block.start);
+            }
+        }
+        graph
+    }
+
     /// The blocks, as ranges of places.
-    pub fn blocks(&self) -> impl Iterator<Item = std::ops::Range<u32>> + '_ {
+    pub fn blocks(&self) -> impl Iterator<Item = Range<u32>> + '_ {
         let starts = std::iter::once(0).chain(self.ends.iter().copied());
         starts.zip(&self.ends).map(|(start, &end)| start..end)
     }

@@ -5,7 +5,9 @@ use std::collections::{BTreeMap, BinaryHeap};
 use std::ops::Range;
 
 use super::super::substitution::{Places, Source, Substitution};
+use super::elimination::{Elimination, Rows};
 use super::order::{Order, places};
+use super::rowwise::RowWise;
 use super::{SMALL, reciprocal};
 use crate::solver::{Pattern, SolveError};
 
@@ -13,15 +15,15 @@ use crate::solver::{Pattern, SolveError};
 pub(super) enum Step {
     /// To be inverted, of this dimension.
     Small(u8),
-    /// To be factorised, these rows of the order of elimination.
-    Large(Range<usize>),
+    /// To be factorised.
+    Large(Box<Large>),
 }
 
 /// An entry of the matrix and where it goes.
 #[derive(Clone, Copy)]
-struct Move {
-    entry: u32,
-    to: u32,
+pub(super) struct Move {
+    pub entry: u32,
+    pub to: u32,
 }
 
 /// Small blocks, in the order of their steps. With D the block and B what stands before it, x = D⁻¹ b − D⁻¹ B x_before.
@@ -125,98 +127,47 @@ fn invert<const N: usize>(a: &mut [[f64; N]; N]) -> bool {
     true
 }
 
-/// Rows of a triangular factor without its diagonal, and where their numbers go.
-#[derive(Default)]
-struct Rows {
-    starts: Vec<u32>,
-    columns: Vec<u32>,
-    places: Vec<u32>,
+/// Products for each entry of the factors up to which they are listed.
+const LISTED: usize = 16;
+
+/// How a large block is factorised.
+enum Factorisation {
+    Levels(Elimination),
+    Rows(RowWise),
 }
 
-impl Rows {
-    fn push(&mut self, columns: &[u32], places: &[u32]) {
-        self.starts.push(self.columns.len() as u32);
-        self.columns.extend_from_slice(columns);
-        self.places.extend_from_slice(places);
-    }
-
-    /// # Safety
-    /// There is such a row.
-    #[inline(always)]
-    unsafe fn range(&self, row: usize) -> Range<usize> {
-        // SAFETY: rows have a start, and the next one's where they end.
-        unsafe { *self.starts.get_unchecked(row) as usize..*self.starts.get_unchecked(row + 1) as usize }
-    }
-}
-
-/// Large blocks: L U = D with a diagonal of ones in L, by rows. With B what stands before a block, w = b − B x_before − L w and
-/// x = U⁻¹ w. Rows are counted over all blocks of this kind.
-#[derive(Default)]
+/// A large block: L U = D. With B what stands before it, w = b − B x_before − L w and x = U⁻¹ w.
 pub(super) struct Large {
-    lower: Rows,
-    upper: Rows,
-    /// Numbers of U; those of L are only needed at their places.
-    upper_values: Vec<f64>,
-    inverse_diagonal: Vec<f64>,
-    inverse_places: Vec<u32>,
-    /// Entries of B, to places, and of D, to columns, row by row.
-    outside: Vec<Move>,
-    outside_starts: Vec<u32>,
-    inside: Vec<Move>,
-    inside_starts: Vec<u32>,
+    /// Entries of B, to places.
+    outside: Box<[Move]>,
+    factorisation: Factorisation,
+    products: usize,
     /// Places of the factors that stay one.
-    ones: Vec<u32>,
-    /// A row under elimination; zero in between.
-    work: Vec<f64>,
+    ones: Box<[u32]>,
 }
 
 impl Large {
-    /// Factorises the block of these rows and sets its factors; false where a pivot does not serve.
+    /// Products of a factorisation.
+    pub fn products(&self) -> usize {
+        self.products
+    }
+
+    /// Factorises the block and sets its factors; false where a pivot does not serve.
     ///
     /// # Safety
     /// `values` and `factors` have the lengths for which the structure was made.
     #[inline(always)]
-    pub(crate) unsafe fn eliminate(&mut self, rows: Range<usize>, values: &[f64], factors: &mut [f64]) -> bool {
-        let Self { lower, upper, upper_values, inverse_diagonal, work, .. } = self;
-        // SAFETY: rows, columns and places are those of the structure, whose lengths `values` and `factors` have by the contract.
+    pub(crate) unsafe fn eliminate(&mut self, values: &[f64], factors: &mut [f64]) -> bool {
+        // SAFETY: entries and places are those of the structure, whose lengths `values` and `factors` have by the contract.
         unsafe {
-            for row in rows {
-                let range = *self.outside_starts.get_unchecked(row) as usize..*self.outside_starts.get_unchecked(row + 1) as usize;
-                for item in self.outside.get_unchecked(range) {
-                    *factors.get_unchecked_mut(item.to as usize) = -*values.get_unchecked(item.entry as usize);
-                }
-                let range = *self.inside_starts.get_unchecked(row) as usize..*self.inside_starts.get_unchecked(row + 1) as usize;
-                for item in self.inside.get_unchecked(range) {
-                    *work.get_unchecked_mut(item.to as usize) = *values.get_unchecked(item.entry as usize);
-                }
-                let diagonal = *work.get_unchecked(row);
-                for entry in lower.range(row) {
-                    let column = *lower.columns.get_unchecked(entry) as usize;
-                    let factor = -*work.get_unchecked(column) * *inverse_diagonal.get_unchecked(column);
-                    *work.get_unchecked_mut(column) = 0.0;
-                    *factors.get_unchecked_mut(*lower.places.get_unchecked(entry) as usize) = factor;
-                    let range = upper.range(column);
-                    let columns = upper.columns.get_unchecked(range.clone());
-                    for (&column, &value) in columns.iter().zip(upper_values.get_unchecked(range)) {
-                        let entry = work.get_unchecked_mut(column as usize);
-                        *entry = factor.mul_add(value, *entry);
-                    }
-                }
-                let Some(inverse) = reciprocal(*work.get_unchecked(row), diagonal) else {
-                    work.fill(0.0);
-                    return false;
-                };
-                *work.get_unchecked_mut(row) = 0.0;
-                *inverse_diagonal.get_unchecked_mut(row) = inverse;
-                *factors.get_unchecked_mut(*self.inverse_places.get_unchecked(row) as usize) = inverse;
-                for entry in upper.range(row) {
-                    let value = std::mem::take(work.get_unchecked_mut(*upper.columns.get_unchecked(entry) as usize));
-                    *upper_values.get_unchecked_mut(entry) = value;
-                    *factors.get_unchecked_mut(*upper.places.get_unchecked(entry) as usize) = -inverse * value;
-                }
+            for item in &self.outside {
+                *factors.get_unchecked_mut(item.to as usize) = -*values.get_unchecked(item.entry as usize);
+            }
+            match &mut self.factorisation {
+                Factorisation::Levels(elimination) => elimination.run(values, factors),
+                Factorisation::Rows(rows) => rows.run(values, factors),
             }
         }
-        true
     }
 }
 
@@ -229,7 +180,8 @@ struct Entries {
 
 impl Entries {
     fn new(pattern: &Pattern) -> Result<Self, SolveError> {
-        let order = Order::new(pattern)?;
+        let mut order = Order::new(pattern)?;
+        order.spread(pattern);
         let (row_places, column_places) = (places(&order.rows), places(&order.columns));
         let mut rows = vec![Vec::new(); pattern.dimension()];
         for (column, &place) in column_places.iter().enumerate() {
@@ -271,7 +223,6 @@ pub(super) struct Structure {
     /// The blocks, one after the other.
     pub steps: Box<[Step]>,
     pub small: Small,
-    pub large: Large,
     pub substitution: Substitution,
 }
 
@@ -292,13 +243,14 @@ pub(super) fn analyse(pattern: &Pattern) -> Result<Structure, SolveError> {
     let mut by_column = vec![0; unknowns.len()];
     entries.order.columns.iter().zip(&unknowns).for_each(|(&column, &sum)| by_column[column as usize] = sum);
     let (mut substitution, places) = Substitution::new(&sums, &by_column);
-    let (mut small, mut large) = (Small::default(), Large::default());
-    let steps = drafts.iter().map(|draft| draft.place(&entries, &places, &mut small, &mut large)).collect();
-    large.finish();
-    for &place in &large.ones {
-        substitution.factors_mut()[place as usize] = 1.0;
+    let mut small = Small::default();
+    let steps: Box<[Step]> = drafts.iter().map(|draft| draft.place(&entries, &places, &mut small)).collect();
+    for step in &steps {
+        if let Step::Large(large) = step {
+            large.ones.iter().for_each(|&place| substitution.factors_mut()[place as usize] = 1.0);
+        }
     }
-    Ok(Structure { steps, small, large, substitution })
+    Ok(Structure { steps, small, substitution })
 }
 
 fn draft_small(entries: &Entries, block: Range<u32>, sums: &mut Vec<Vec<Source>>, unknowns: &mut [u32]) -> Draft {
@@ -367,7 +319,7 @@ fn filled(row: u32, entries: impl Iterator<Item = u32>, upper: &[Vec<u32>], seen
 }
 
 impl Draft {
-    fn place(&self, entries: &Entries, places: &Places, small: &mut Small, large: &mut Large) -> Step {
+    fn place(&self, entries: &Entries, places: &Places, small: &mut Small) -> Step {
         match self {
             Self::Small { block, columns, sums } => {
                 let size = block.len() as u32;
@@ -385,40 +337,40 @@ impl Draft {
                 }
                 Step::Small(size as u8)
             }
-            Self::Large { block, lower, upper, sums } => {
-                let start = large.inverse_diagonal.len();
-                for row in block.clone() {
-                    let local = (row - block.start) as usize;
-                    let (before, inside) = entries.split(row, block.start);
-                    let shifted = |columns: &[u32]| columns.iter().map(|&c| c + start as u32).collect::<Vec<_>>();
-                    let [one, rest @ ..] = places.of(sums.start + local as u32) else { continue };
-                    let (outside, left) = rest.split_at(before.len());
-                    let [inverse, right @ ..] = places.of(sums.end - 1 - local as u32) else { continue };
-                    large.ones.push(*one);
-                    large.outside_starts.push(large.outside.len() as u32);
-                    large.outside.extend(before.iter().zip(outside).map(|(m, &to)| Move { entry: m.entry, to }));
-                    large.inside_starts.push(large.inside.len() as u32);
-                    large.inside.extend(inside.iter().map(|m| Move { entry: m.entry, to: m.to - block.start + start as u32 }));
-                    large.lower.push(&shifted(&lower[local]), left);
-                    large.upper.push(&shifted(&upper[local]), right);
-                    large.inverse_places.push(*inverse);
-                    large.inverse_diagonal.push(0.0);
-                }
-                Step::Large(start..start + block.len())
-            }
+            Self::Large { block, lower, upper, sums } => Step::Large(Box::new(place_large(entries, places, block, (lower, upper), sums))),
         }
     }
 }
 
-impl Large {
-    /// Closes what is kept by beginnings, and makes space for numbers.
-    fn finish(&mut self) {
-        self.outside_starts.push(self.outside.len() as u32);
-        self.inside_starts.push(self.inside.len() as u32);
-        for rows in [&mut self.lower, &mut self.upper] {
-            rows.starts.push(rows.columns.len() as u32);
-        }
-        self.upper_values = vec![0.0; self.upper.columns.len()];
-        self.work = vec![0.0; self.inverse_diagonal.len()];
+fn place_large(
+    entries: &Entries,
+    places: &Places,
+    block: &Range<u32>,
+    (lower, upper): (&[Vec<u32>], &[Vec<u32>]),
+    sums: &Range<u32>,
+) -> Large {
+    let (mut outside, mut ones) = (Vec::new(), Vec::new());
+    let mut rows = Rows { entries: vec![], lower, upper, lower_places: vec![], upper_places: vec![], inverse_places: vec![] };
+    for row in block.clone() {
+        let local = row - block.start;
+        let (before, inside) = entries.split(row, block.start);
+        let (one, rest) = first(places.of(sums.start + local));
+        let (inverse, right) = first(places.of(sums.end - 1 - local));
+        let (left_of, left) = rest.split_at(before.len());
+        ones.push(one);
+        outside.extend(before.iter().zip(left_of).map(|(m, &to)| Move { entry: m.entry, to }));
+        rows.entries.push(inside.iter().map(|m| Move { entry: m.entry, to: m.to - block.start }).collect());
+        rows.lower_places.push(left.to_vec());
+        rows.upper_places.push(right.to_vec());
+        rows.inverse_places.push(inverse);
     }
+    let products = rows.products();
+    let few = products <= LISTED * rows.entries();
+    let factorisation = if few { Factorisation::Levels(Elimination::new(&rows)) } else { Factorisation::Rows(RowWise::new(&rows)) };
+    Large { outside: outside.into(), factorisation, products, ones: ones.into() }
+}
+
+/// The place of a sum's first term, which there always is, and those of the others.
+fn first(places: &[u32]) -> (u32, &[u32]) {
+    places.split_first().map_or((0, &[]), |(first, rest)| (*first, rest))
 }
