@@ -149,7 +149,7 @@ static int determine(smpl_instance *s, double t)
             sum += part * part;
             s->end[i] -= s->right[i];
         }
-        size = sqrt(sum / (N - MODEL_STATES));
+        size = sqrt(sum / (N > MODEL_STATES ? N - MODEL_STATES : 1));
         if (size <= 0.1 || (size < 1.0 && size * size < 0.1 * before)) return 1;
         if (!(size < 0.5 * before)) return 0;
         before = size;
