@@ -137,7 +137,7 @@ def test_a_model_in_json_takes_parameters_and_no_other_scenario(tmp_path):
     with pytest.raises(smpl.SimulationError, match="neither scenario nor variants but its own"):
         smpl.compile(path, scenario="legacy")
     path.write_text(path.read_text(encoding="utf-8").replace('"version": 3', '"version": 1'), encoding="utf-8")
-    with pytest.raises(smpl.SimulationError, match="version 1 of the form; this program reads version 2"):
+    with pytest.raises(smpl.SimulationError, match="version 1 of the form; this program reads version 3"):
         smpl.compile(path)
 
 

@@ -71,9 +71,12 @@ def test_every_name_of_the_compiled_model_stands_on_the_page(model):
         *names.state_names,
         *names.action_names,
         *names.discrete_names,
-        *names.algebraic_names,
         *names.parameter_names,
     ]
+    # Members stand with their ports.
+    members = {number for port in names.ports.values() for numbers in port.members.values() for number in numbers}
+    known += [name for name in names.algebraic_names if name not in members]
+    known += [*names.ports]
     known += [*env.reward_names, *env.constraint_names, *names.policies]
     plain = {re.sub(r"\[[^\]]*\]$", "", name) for name in known}
     classes = {f"n{i}" for i in range(2, 9)} if model == "pensim" else set()  # `n1` .. `n9`

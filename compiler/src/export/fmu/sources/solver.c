@@ -134,8 +134,8 @@ static double attempt(smpl_instance *s, double t, double h)
     return norm(s, u + 7 * (size_t)N, s->y, s->end);
 }
 
-/* Whether the algebraic variables at the end of the step solve their equations; Newton's method with the matrix of the step brings them there, since a
-   step finds them by equations that are linear, and their errors are not tested. The derivatives by them do not change much where it converges. */
+/* Whether the algebraic variables at the end of the step solve their equations. A step finds them by equations that are linear, and their
+   errors need not be tested: Newton's method with the matrix of the step brings them there, and converges where the step is short enough. */
 static int determine(smpl_instance *s, double t)
 {
     double before = INFINITY;
@@ -149,7 +149,7 @@ static int determine(smpl_instance *s, double t)
             sum += part * part;
             s->end[i] -= s->right[i];
         }
-        size = sqrt(sum / (N - MODEL_STATES));
+        size = sqrt(sum / (N > MODEL_STATES ? N - MODEL_STATES : 1));
         if (size <= 0.1 || (size < 1.0 && size * size < 0.1 * before)) return 1;
         if (!(size < 0.5 * before)) return 0;
         before = size;
