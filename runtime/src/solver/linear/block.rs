@@ -17,7 +17,7 @@ mod structure;
 
 use super::super::{Pattern, SolveError};
 use super::{Klu, Singular};
-use structure::{Move, Step, Structure};
+use structure::{Step, Structure};
 
 /// A pivot may differ from its diagonal entry by this factor, up or down: beyond it, half of the digits are roundoff.
 const GROWTH: f64 = 1e8;

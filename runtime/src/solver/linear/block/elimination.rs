@@ -4,10 +4,17 @@
 //! waits for the entries of its own sum only, a_ij − Σ l_ik u_kj (Crout's form of Gaussian elimination). Entries that do not wait for each other form a level;
 //! those of a level with as many terms are done side by side.
 
-use super::{Move, reciprocal};
+use super::reciprocal;
 
 /// Entries done side by side.
 const LANES: usize = 4;
+
+/// An entry of the matrix and where it goes.
+#[derive(Clone, Copy)]
+pub(super) struct Move {
+    pub entry: u32,
+    pub to: u32,
+}
 
 /// The rows of a block before places are known, columns counted from its beginning.
 pub(super) struct Rows<'a> {

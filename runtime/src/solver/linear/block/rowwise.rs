@@ -1,7 +1,7 @@
 //! The factorisation of a large block row by row, for factors with so much fill that a list of all products would be long.
 
-use super::elimination::Rows;
-use super::{Move, reciprocal};
+use super::elimination::{Move, Rows};
+use super::reciprocal;
 
 /// Rows of a triangular factor without its diagonal, and where their numbers go.
 struct Triangle {

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BinaryHeap};
 use std::ops::Range;
 
 use super::super::substitution::{Places, Source, Substitution};
-use super::elimination::{Elimination, Rows};
+use super::elimination::{Elimination, Move, Rows};
 use super::order::{Order, places};
 use super::rowwise::RowWise;
 use super::{SMALL, reciprocal};
@@ -17,13 +17,6 @@ pub(super) enum Step {
     Small(u8),
     /// To be factorised.
     Large(Box<Large>),
-}
-
-/// An entry of the matrix and where it goes.
-#[derive(Clone, Copy)]
-pub(super) struct Move {
-    pub entry: u32,
-    pub to: u32,
 }
 
 /// Small blocks, in the order of their steps. With D the block and B what stands before it, x = D⁻¹ b − D⁻¹ B x_before.
