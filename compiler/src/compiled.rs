@@ -144,6 +144,15 @@ impl CompiledModel {
         model.quadratures.iter().any(|&integrand| model.exprs.has_derivative(integrand))
     }
 
+    /// Whether a quadrature or a root function looks at algebraic unknowns, which have to be right within steps then.
+    #[must_use]
+    pub fn algebraic_are_watched(&self) -> bool {
+        let model = &self.parts.model;
+        let solved: Vec<VarId> = model.interface.quantities.solved.iter().filter_map(|quantity| quantity.var).collect();
+        let mut watching = model.quadratures.iter().copied().chain(model.roots.iter().map(|root| root.value));
+        !solved.is_empty() && watching.any(|e| !model.exprs.loads(e, |var, _| solved.contains(&var)).is_empty())
+    }
+
     /// Number of quadratures.
     #[must_use]
     pub fn quadratures(&self) -> usize {

@@ -181,7 +181,8 @@ impl Setup {
         let catalogue = Catalogue::new(&model);
         let interface = model.interface();
         let asked = options.solver.over(&interface.solver);
-        let settings = solver_settings(model.unknowns(), &catalogue, &asked)?;
+        let mut settings = solver_settings(model.unknowns(), &catalogue, &asked)?;
+        settings.algebraic_error_control |= model.algebraic_are_watched();
         check_method(&model, &catalogue, settings.method)?;
         let reward = match &options.reward {
             None => interface.finish.default_reward as usize,

@@ -3,6 +3,7 @@
 import gymnasium
 import numpy as np
 import pytest
+from scipy import integrate, optimize
 
 import smpl
 
@@ -134,3 +135,67 @@ def test_rollouts_are_the_steps_of_an_environment_of_that_method(method):
         np.testing.assert_array_equal(given.states[0, step + 1], other.unwrapped.state)
     with pytest.raises(ValueError, match="there are: ida"):
         env.unwrapped.model.rollout(state, actions, method="euler")
+
+
+TITRATION = """
+model Titration "a weak acid to which a base flows; nothing but the pH says how short steps have to be"
+time t : min
+state n : mmol = 2 in 0..100 "base"
+var pH : 1 = 4.5
+action dose : mmol/min = 4 in 0..9
+let H : mmol/L = 1e3*10^(-pH) * 1 [mmol/L]
+let K : mmol/L = 1e3*10^(-4.76) * 1 [mmol/L]
+eq n/1.5[L] + H = 12[mmol]/1.5[L]*K/(K + H) + 1e-8 [mmol^2/L^2]/H
+eq d/dt n = dose
+observe pH in 0..14
+reward mean = integral(pH) / 1 [min]
+episode { step = 1 [min], max_steps = 4 }
+"""
+
+JUMP = """
+model Jump "an algebraic variable that jumps where a state passes a limit"
+time t : s
+state x : 1 = 0 in -10..10
+var z : 1 = 0.2
+action u : 1 = 1 in 0..2
+eq d/dt x = (u - 0.1*z) / 1 [s]
+eq z + 0.1*z^3 = if x > 0.5 then 3 else 0.2
+observe x, z in -10..10
+reward area = integral(z) / 1 [s]
+episode { step = 2 [s], max_steps = 3 }
+"""
+
+
+@pytest.mark.parametrize("method", ["rosenbrock", "auto"])
+@pytest.mark.parametrize("rtol", [1e-5, 1e-8])
+def test_algebraic_variables_that_are_steep_or_jump_are_followed_within_steps_too(method, rtol):
+    """Rates of the states say nothing of them; their integrals are known from the equations alone."""
+    K = 10.0 ** (3.0 - 4.76)
+
+    def pH(t):
+        def excess(value):
+            H = 10.0 ** (3.0 - value)
+            return (2.0 + 4.0 * t) / 1.5 + H - 8.0 * K / (K + H) - 1e-8 / H
+
+        return optimize.brentq(excess, 0.0, 14.0, xtol=1e-14)
+
+    expected = sum(integrate.quad(pH, a, b, epsabs=1e-12, limit=500)[0] for a, b in ((0, 2.5), (2.5, 2.6), (2.6, 4)))
+    run = nominal_rewards(TITRATION, method, rtol)
+    assert abs(sum(run) / expected - 1) < 10 * rtol
+    before, after = (optimize.brentq(lambda z, to=to: z + 0.1 * z**3 - to, -5, 5, xtol=1e-15) for to in (0.2, 3.0))
+    jump = 0.5 / (1 - 0.1 * before)
+    run = nominal_rewards(JUMP, method, rtol)
+    assert abs(sum(run) / (jump * before + (6 - jump) * after) - 1) < 10 * rtol
+
+
+def nominal_rewards(source, method, rtol):
+    """Rewards of an episode at the nominal action."""
+    env = smpl.Env(smpl.compile(source=f"{source}\nsolver {{ rtol = {rtol} }}"), method=method)
+    env.reset(seed=0)
+    action, rewards, ended = env.from_physical(env.model.native.defaults("action")), [], False
+    while not ended:
+        _, reward, terminated, truncated, info = env.step(action)
+        assert not info["failure"]
+        rewards.append(reward)
+        ended = terminated or truncated
+    return rewards

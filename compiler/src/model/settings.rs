@@ -38,7 +38,7 @@ pub struct Solver {
     pub max_events: u32,
     /// Longest internal step, in units of time; infinite where nothing bounds it.
     pub max_step: f64,
-    /// Algebraic variables enter the error test.
+    /// Algebraic variables enter the error test, whether integrals and events look at them or not.
     pub algebraic_error_control: bool,
     /// Quadratures enter the error test.
     pub quadrature_error_control: bool,

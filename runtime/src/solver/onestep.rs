@@ -5,7 +5,7 @@
 //!
 //! * `frame`: what a step begins and ends with; `rosenbrock`, `explicit`, `short`: the methods with their polynomials; `methods`: which of them
 //!   takes the steps; `control`: step lengths;
-//! * `advance`: from step to step; `algebra`: algebraic unknowns at both ends of an advance.
+//! * `advance`: from step to step; `algebra`: algebraic unknowns at both ends of a step.
 
 mod advance;
 mod algebra;

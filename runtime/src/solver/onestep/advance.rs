@@ -21,6 +21,11 @@ const MOST_REJECTIONS: u32 = 60;
 /// An error, in tolerances, that where forcings turn often comes of a kink. (Orbits have such errors too where bodies meet, and nothing to mend.)
 const DOUBTFUL: f64 = 10.0;
 
+/// Tolerances by which algebraic unknowns may be off before they are brought to their equations; and the part of a control step below which steps are not
+/// repeated for that alone: what is still off then jumps.
+const STRAY: f64 = 10.0;
+const SHORT: f64 = 1e-8;
+
 /// An integrator with its system at hand.
 pub struct Run<'a> {
     pub one: &'a mut OneStep,
@@ -170,12 +175,13 @@ impl Run<'_> {
         let mut error = self.compute();
         if error <= 1.0 {
             self.one.frame.evaluate_end(self.system);
-            if is_finite(&self.one.frame.end_rates) {
+            let closed = if is_finite(&self.one.frame.end_rates) { self.close() } else { f64::NAN };
+            if closed <= 1.0 {
                 self.one.frame.doubtful = false;
-                self.one.control.accept(step, error, growth);
+                self.one.control.accept(step, error.max(closed), growth);
                 return true;
             }
-            error = f64::NAN;
+            error = closed;
         }
         if error.is_finite() {
             self.one.frame.functions.counts.error_test_failures += 1;
@@ -185,6 +191,29 @@ impl Run<'_> {
         self.one.frame.doubtful |= self.one.frame.careful && error > DOUBTFUL;
         self.one.control.reject(step, if error.is_finite() { error } else { f64::INFINITY }, growth);
         false
+    }
+
+    /// Brings the algebraic unknowns at the end of a step to their equations, which a linearly implicit step meets by their slopes at its beginning alone,
+    /// and the error test leaves out. Returns what that changes, in tolerances: the step times the change of the rates, or the unknowns themselves, of which
+    /// the polynomial is then as far off; not a number where there is no solution.
+    fn close(&mut self) -> f64 {
+        let OneStep { frame, algebra, inside: [before, rates], longest_interval, .. } = &mut *self.one;
+        let Some(algebra) = algebra else { return 0.0 };
+        let (n, to) = (frame.n, frame.t + frame.h);
+        before.copy_from_slice(&frame.end);
+        if let Err(failure) = algebra.solve(self.system, to, entries_mut(&mut frame.end, n), entries_mut(rates, n)) {
+            if let Failure::Noted(trouble) = failure {
+                frame.functions.trouble = Some(trouble);
+            }
+            return f64::NAN;
+        }
+        let change = frame.h * frame.norm_of(|i| std::array::from_fn(|lane| frame.mass[i][lane] * (rates[i][lane] - frame.end_rates[i][lane])));
+        let strayed = frame.largest_change(before) / STRAY;
+        if change <= 1.0 && strayed > 1.0 && frame.h > SHORT * *longest_interval {
+            return strayed;
+        }
+        frame.end_rates.copy_from_slice(rates);
+        change
     }
 
     #[inline]
@@ -219,11 +248,11 @@ impl Run<'_> {
             one.choose();
         }
         one.methods.renew(&one.frame);
-        let polishes = one.algebra.is_some() && (last || self.system.roots_use_derivatives());
-        if one.integrals.is_some() || polishes {
+        let differentiates = one.algebra.is_some() && (last || self.system.roots_use_derivatives());
+        if one.integrals.is_some() || differentiates {
             self.prepare();
         }
-        self.derive_end(to, polishes);
+        self.derive_end(to, differentiates);
         self.integrate(to)?;
         let passed = self.looks_passed(to)?;
         if passed {
@@ -234,9 +263,6 @@ impl Run<'_> {
         if passed {
             self.locate()?;
             return Ok(Some(Advance::Event));
-        }
-        if last && self.one.algebra.is_some() {
-            self.polish(to)?;
         }
         Ok(last.then_some(Advance::Reached))
     }
@@ -276,20 +302,6 @@ impl Run<'_> {
         }
         self.system.roots(to, entries(&frame.end, frame.n), entries(derivative, frame.n), &mut watch.values);
         Ok(watch.accept(to))
-    }
-
-    /// Algebraic unknowns at the end of an advance, which a step leaves right to its tolerance only.
-    fn polish(&mut self, t: f64) -> Result<(), SolveError> {
-        let [_, kept] = &mut self.one.inside;
-        kept.copy_from_slice(&self.one.derivative);
-        self.make_consistent(t)?;
-        let one = &mut *self.one;
-        let ([_, kept], mass) = (&one.inside, &one.frame.mass);
-        for ((derivative, kept), mass) in one.derivative.iter_mut().zip(kept).zip(mass) {
-            *derivative = std::array::from_fn(|lane| if mass[lane] == 1.0 { derivative[lane] } else { kept[lane] });
-        }
-        one.frame.functions.rates(self.system, t, &one.frame.begin, &mut one.frame.begin_rates);
-        Ok(())
     }
 }
 

@@ -104,6 +104,13 @@ impl Frame {
         1.0 / (self.atol[i][lane] + self.rtol * self.begin[i][lane].abs().max(self.end[i][lane].abs()))
     }
 
+    /// The largest change of an unknown at the end of the step since `before`, in tolerances.
+    pub(crate) fn largest_change(&self, before: &[Quad]) -> f64 {
+        let (end, before) = (entries(&self.end, self.n), entries(before, self.n));
+        let changes = end.iter().zip(before).enumerate().filter(|(_, (end, before))| end != before);
+        changes.map(|(at, (end, before))| (end - before).abs() * self.reciprocal_tolerance(at)).fold(0.0, f64::max)
+    }
+
     /// Root mean square over all unknowns of what is tested, in tolerances.
     #[inline(always)]
     pub(crate) fn norm(&self, x: &[Quad]) -> f64 {
