@@ -182,7 +182,7 @@ impl Setup {
         let interface = model.interface();
         let asked = options.solver.over(&interface.solver);
         let mut settings = solver_settings(model.unknowns(), &catalogue, &asked)?;
-        settings.algebraic_error_control |= model.algebraic_are_watched();
+        settings.algebraic_are_watched = model.algebraic_are_watched();
         check_method(&model, &catalogue, settings.method)?;
         let reward = match &options.reward {
             None => interface.finish.default_reward as usize,

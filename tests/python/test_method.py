@@ -166,7 +166,7 @@ episode { step = 2 [s], max_steps = 3 }
 """
 
 
-@pytest.mark.parametrize("method", ["rosenbrock", "auto"])
+@pytest.mark.parametrize("method", ["ida", "rosenbrock", "auto"])
 @pytest.mark.parametrize("rtol", [1e-5, 1e-8])
 def test_algebraic_variables_that_are_steep_or_jump_are_followed_within_steps_too(method, rtol):
     """Rates of the states say nothing of them; their integrals are known from the equations alone."""
@@ -181,11 +181,13 @@ def test_algebraic_variables_that_are_steep_or_jump_are_followed_within_steps_to
 
     expected = sum(integrate.quad(pH, a, b, epsabs=1e-12, limit=500)[0] for a, b in ((0, 2.5), (2.5, 2.6), (2.6, 4)))
     run = nominal_rewards(TITRATION, method, rtol)
-    assert abs(sum(run) / expected - 1) < 10 * rtol
+    assert abs(sum(run) / expected - 1) < rtol
+    if method == "ida":
+        return  # it stops where one jumps, unless an event says so
     before, after = (optimize.brentq(lambda z, to=to: z + 0.1 * z**3 - to, -5, 5, xtol=1e-15) for to in (0.2, 3.0))
     jump = 0.5 / (1 - 0.1 * before)
     run = nominal_rewards(JUMP, method, rtol)
-    assert abs(sum(run) / (jump * before + (6 - jump) * after) - 1) < 10 * rtol
+    assert abs(sum(run) / (jump * before + (6 - jump) * after) - 1) < rtol
 
 
 def nominal_rewards(source, method, rtol):

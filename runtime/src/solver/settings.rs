@@ -24,6 +24,9 @@ pub struct Settings {
     /// Whether the error of algebraic unknowns is part of the error test. Default false: they are solved for at every step, and as
     /// right as the differential ones that they follow from.
     pub algebraic_error_control: bool,
+    /// Whether an integral or an event looks at algebraic unknowns within steps. They are part of the error test of multistep methods then; one-step methods
+    /// bring them to their equations at the end of each step.
+    pub algebraic_are_watched: bool,
     /// What takes the steps. Default [`Method::Ida`].
     pub method: Method,
     /// Linear solver. Default [`LinearSolver::Auto`].
@@ -78,6 +81,11 @@ pub enum Quadratures {
 }
 
 impl Settings {
+    /// Whether algebraic unknowns are part of a multistep method's error test.
+    pub(crate) fn tests_algebraic(&self) -> bool {
+        self.algebraic_error_control || self.algebraic_are_watched
+    }
+
     /// The defaults with these tolerances (`atol` has one entry an unknown).
     pub fn new(rtol: f64, atol: Vec<f64>) -> Self {
         Self {
@@ -89,6 +97,7 @@ impl Settings {
             min_step: 0.0,
             max_step: f64::INFINITY,
             algebraic_error_control: false,
+            algebraic_are_watched: false,
             method: Method::default(),
             linear_solver: LinearSolver::default(),
             quadratures: Quadratures::default(),

@@ -495,7 +495,7 @@ fn points(all: &[Vec<f64>]) -> Points<'_> {
 fn tolerances(system: &dyn System, settings: &Settings, integrals: usize) -> (Box<[f64]>, [f64; 2]) {
     let (width, loose) = (system.directions(), settings.looseness);
     let tested = |(&atol, &differential): (&f64, &bool)| {
-        if differential || settings.algebraic_error_control { loose * atol } else { f64::INFINITY }
+        if differential || settings.tests_algebraic() { loose * atol } else { f64::INFINITY }
     };
     let own = settings.atol.iter().zip(system.differential()).take(system.pattern().dimension()).map(tested);
     let (rtol, atol) = match settings.quadratures {

@@ -65,7 +65,7 @@ impl Ida {
 
     /// Implicit systems, and those whose algebraic unknowns are left out of the error test: which unknowns are differential.
     fn configure_identity(&mut self, system: &dyn System) -> Result<(), SolveError> {
-        let masks = !self.settings.algebraic_error_control && self.shape.differential.contains(&false);
+        let masks = !self.settings.tests_algebraic() && self.shape.differential.contains(&false);
         if !masks && system.is_explicit() {
             return Ok(());
         }
@@ -73,7 +73,7 @@ impl Ida {
         for (entry, &differential) in identity.entries_mut().iter_mut().zip(&self.shape.differential) {
             *entry = f64::from(u8::from(differential));
         }
-        self.memory.set_identity(&identity, !self.settings.algebraic_error_control)
+        self.memory.set_identity(&identity, !self.settings.tests_algebraic())
     }
 
     fn configure_quadratures(&mut self) -> Result<(), SolveError> {
