@@ -1,6 +1,7 @@
 //! Programs: nests of loops that evaluate expressions and store them.
 //!
-//! A [`Program`] is what the text of a model asks for, a [`Staged`](crate::schedule::Staged) program what the back end makes of it; both are made of the same nests.
+//! A [`Program`] is what the text of a model asks for, a [`Staged`](crate::schedule::Staged) program what the back end makes of it; both
+//! are made of the same nests.
 
 use serde::{Deserialize, Serialize};
 
