@@ -24,7 +24,7 @@ use crate::ir::{Exprs, Role};
 use crate::layout::Layout;
 use crate::model::Model;
 use crate::read::{Loader, independent, read};
-use crate::schedule::{Job, reroll};
+use crate::schedule::{Staged, reroll};
 use crate::{differentiate, explicit_time, schedule, structure};
 
 #[cfg(test)]
@@ -126,9 +126,9 @@ fn determine(elaborated: Elaborated) -> Result<(Model, Faults), Faults> {
 /// What the functions of a model compute.
 struct Planned {
     /// In the order of [`Function::ALL`].
-    jobs: Vec<(Function, Job)>,
+    functions: Vec<(Function, Staged)>,
     /// Fills the caches once parameters are set.
-    prepare_parameters: Job,
+    prepare_parameters: Staged,
     /// Where the Jacobian has entries.
     pattern: Pattern,
     /// Positions in outputs.
@@ -144,7 +144,7 @@ struct Planned {
 /// Derivatives, and what is computed in which loop and ahead of it.
 fn planned(model: &mut Model) -> Result<Planned, BackEndError> {
     let unknowns = check_square(model)?;
-    let mut tables: Vec<u32> = model.slots.concat();
+    let mut tables = vec![];
     let rows = differentiate::rows(model)?;
     let entries = differentiate::jacobian(model, &rows);
     let pattern = Pattern::new(&entries, unknowns);
@@ -153,25 +153,25 @@ fn planned(model: &mut Model) -> Result<Planned, BackEndError> {
 
     let time = explicit_time::collect(model, &rows);
     let slopes = if time.in_equations { differentiate::by_time(&mut model.exprs, &rows) } else { None };
-    let by_time = slopes.as_deref().map_or_else(Job::default, Job::of_rows);
-    let jobs = functions::jobs(model, &rows, (jacobian, by_time), &time);
-    let jobs = rerolled(jobs, &mut model.exprs);
-    let (jobs, prepare_parameters) = hoisted(jobs, model);
-    Ok(Planned { jobs, prepare_parameters, pattern, tables, time, has_slopes: slopes.is_some(), differentiated })
+    let by_time = slopes.as_deref().map_or_else(Staged::default, Staged::of_rows);
+    let functions = functions::staged(model, &rows, (jacobian, by_time), &time);
+    let functions = rerolled(functions, &mut model.exprs);
+    let (functions, prepare_parameters) = hoisted(functions, model);
+    Ok(Planned { functions, prepare_parameters, pattern, tables, time, has_slopes: slopes.is_some(), differentiated })
 }
 
 /// A flat model to machine code.
 fn back_end(mut model: Model, settings: &BackEndSettings) -> Result<Parts, BackEndError> {
     let started = Instant::now();
-    let Planned { jobs, prepare_parameters, pattern, tables, time, has_slopes, differentiated } = planned(&mut model)?;
+    let Planned { functions, prepare_parameters, pattern, tables, time, has_slopes, differentiated } = planned(&mut model)?;
     let layout = Layout::new(&model, 0);
     let hoisted = Instant::now();
 
     let (nonzeros, forcings) = (pattern.nonzeros(), time.forcing_count());
-    let request = |(function, job)| request(function, job, &model, (nonzeros, forcings as usize), settings.quick);
-    let requests: Vec<Request<'_>> = jobs.iter().map(|(function, job)| request((*function, job))).collect();
+    let request = |(function, staged)| request(function, staged, &model, (nonzeros, forcings as usize), settings.quick);
+    let requests: Vec<Request<'_>> = functions.iter().map(|(function, staged)| request((*function, staged))).collect();
     let generated = generate(&requests, &model.exprs, &layout, settings.texts)?;
-    let named = jobs.iter().map(|(function, _)| function.name().to_owned());
+    let named = functions.iter().map(|(function, _)| function.name().to_owned());
     let statistics = CompileStatistics {
         differentiate: differentiated - started,
         hoist: hoisted - differentiated,
@@ -193,23 +193,23 @@ fn check_square(model: &Model) -> Result<usize, BackEndError> {
     if unknowns == rows { Ok(unknowns) } else { Err(BackEndError::NotSquare { unknowns, rows }) }
 }
 
-/// The jobs of programs with runs of stores as loops.
-fn rerolled(jobs: Vec<(Function, Job)>, exprs: &mut Exprs) -> Vec<(Function, Job)> {
-    let mut pass = |(function, job): (Function, Job)| (function, if function.is_program() { reroll(job, exprs) } else { job });
-    jobs.into_iter().map(&mut pass).collect()
+/// The functions; of those that are programs, runs of stores as loops.
+fn rerolled(functions: Vec<(Function, Staged)>, exprs: &mut Exprs) -> Vec<(Function, Staged)> {
+    let mut pass = |(function, staged): (Function, Staged)| (function, if function.is_program() { reroll(staged, exprs) } else { staged });
+    functions.into_iter().map(&mut pass).collect()
 }
 
-/// The jobs in the order of [`Function::ALL`] with what is known before they run in caches, and the job that fills the caches once
+/// The functions in the order of [`Function::ALL`] with what is known before they run in caches, and what fills the caches once
 /// parameters are set.
-fn hoisted(jobs: Vec<(Function, Job)>, model: &mut Model) -> (Vec<(Function, Job)>, Job) {
+fn hoisted(functions: Vec<(Function, Staged)>, model: &mut Model) -> (Vec<(Function, Staged)>, Staged) {
     let mut hoister = Hoister::new(model);
-    let dynamic: Vec<_> = jobs.iter().map(|(function, job)| (*function, hoister.job(job, function.limit()))).collect();
+    let dynamic: Vec<_> = functions.iter().map(|(function, staged)| (*function, hoister.staged(staged, function.limit()))).collect();
     let (prepare_parameters, prepare_step) = hoister.finish();
-    let jobs = [(Function::PrepareStep, prepare_step)].into_iter().chain(dynamic).collect();
-    (jobs, prepare_parameters)
+    let functions = [(Function::PrepareStep, prepare_step)].into_iter().chain(dynamic).collect();
+    (functions, prepare_parameters)
 }
 
-fn request<'j>(function: Function, job: &'j Job, model: &Model, (nonzeros, forcings): (usize, usize), quick: bool) -> Request<'j> {
+fn request<'j>(function: Function, staged: &'j Staged, model: &Model, (nonzeros, forcings): (usize, usize), quick: bool) -> Request<'j> {
     let effort = if function.is_hot() && !quick { Effort::Hot } else { Effort::Lukewarm };
-    Request { job, access: function.access(model, nonzeros, forcings), effort, rank: function.rank() }
+    Request { staged, access: function.access(model, nonzeros, forcings), effort, rank: function.rank() }
 }

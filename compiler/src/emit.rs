@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use crate::compiled::CompiledModel;
 use crate::functions::Function;
-use crate::ir::{Affine, ExprId, Place, Program, Store, VarId};
+use crate::ir::{Affine, ExprId, Place, Program, Target, VarId};
 use crate::model::Model;
 
 mod infix;
@@ -58,18 +58,21 @@ fn print_program(text: &mut String, model: &Model, name: &str, program: &Program
     }
     line(text, 0, &format!("\n{name}{}", if program.in_place { " (in place)" } else { "" }));
     for n in &program.nests {
-        nest(text, model, &n.extents, |p| {
-            let stores = n.stores.iter().map(|s| format!("{} := {}", destination(model, s), p.value(s.value)));
+        nest(text, model, &n.extents(), |p| {
+            let stores = n.stores.iter().map(|s| format!("{} {}", destination(model, s.target), p.value(s.value)));
             stores.collect::<Vec<_>>().join("\n")
         });
     }
 }
 
-fn destination(model: &Model, store: &Store) -> String {
-    match store.target.place {
-        Place::Out => format!("out[{}]", infix::affine(store.target.at)),
-        Place::OutSlots(table) => format!("out[slots{table}[{}]]", infix::affine(store.target.at)),
-        Place::Var(var) => element(model, var, store.target.at),
+/// Where a value goes, and how.
+fn destination(model: &Model, Target { place, at }: Target) -> String {
+    match place {
+        Place::Out => format!("out[{}] :=", infix::affine(at)),
+        Place::Table { table, plus, add } => {
+            format!("out[table{table}[{}] + {}] {}", infix::affine(at), infix::affine(plus), if add { "+=" } else { ":=" })
+        }
+        Place::Var(var) => format!("{} :=", element(model, var, at)),
     }
 }
 

@@ -3,9 +3,8 @@
 use crate::differentiate::Rows;
 use crate::explicit_time::ExplicitTime;
 use crate::hoist::Stage;
-use crate::ir::Program;
 use crate::model::{Model, Quantity};
-use crate::schedule::{Access, Job};
+use crate::schedule::{Access, Staged};
 
 /// Functions that are compiled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,21 +106,21 @@ impl Function {
 }
 
 /// What the functions compute, but for the one that fills caches, in the order of [`Function::ALL`].
-pub(crate) fn jobs(model: &Model, rows: &[Rows], (jacobian, by_time): (Job, Job), time: &ExplicitTime) -> Vec<(Function, Job)> {
+pub(crate) fn staged(model: &Model, rows: &[Rows], (jacobian, by_time): (Staged, Staged), time: &ExplicitTime) -> Vec<(Function, Staged)> {
     let programs = &model.programs;
-    let program = |program: &Program| Job::of_program(program, &model.slots);
+    let program = Staged::of_program;
     vec![
-        (Function::Residual, Job::of_rows(rows)),
+        (Function::Residual, Staged::of_rows(rows)),
         (Function::Jacobian, jacobian),
-        (Function::Roots, Job::of_numbers(model.roots.iter().map(|r| r.value))),
-        (Function::Quadratures, Job::of_numbers(model.quadratures.iter().copied())),
+        (Function::Roots, Staged::of_numbers(model.roots.iter().map(|r| r.value))),
+        (Function::Quadratures, Staged::of_numbers(model.quadratures.iter().copied())),
         (Function::Start, program(&programs.start)),
         (Function::End, program(&programs.end)),
         (Function::Finish, program(&programs.finish)),
         (Function::Outputs, program(&programs.outputs)),
         (Function::Disturb, program(&programs.disturb)),
-        (Function::NextBreak, time.next_break.map_or_else(Job::default, |value| Job::of_numbers([value]))),
-        (Function::Forcings, Job::of_lists(time.forcings.iter().cloned())),
+        (Function::NextBreak, time.next_break.map_or_else(Staged::default, |value| Staged::of_numbers([value]))),
+        (Function::Forcings, Staged::of_lists(time.forcings.iter().cloned())),
         (Function::ByTime, by_time),
     ]
 }

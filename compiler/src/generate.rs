@@ -1,4 +1,4 @@
-//! Machine code by Cranelift: one function a job, position-independent, without relocations.
+//! Machine code by Cranelift: one function a staged program, position-independent, without relocations.
 //!
 //! [`schedule`](crate::schedule) decides what is computed in which loop; `body` walks the schedule and emits scalar code and loops; `wide` emits innermost
 //! loops two lanes at a time, with elementary functions taken out into array kernels over columns of working memory.
@@ -34,7 +34,7 @@ pub use workers::{Generated, Request, generate};
 use crate::ir::Exprs;
 use crate::kernels::KernelTable;
 use crate::layout::Layout;
-use crate::schedule::{Access, Job, ScheduleError, schedules};
+use crate::schedule::{Access, ScheduleError, Staged, schedules};
 
 /// What compiled code calls and reads beside its arguments.
 #[derive(Clone, Copy)]
@@ -103,13 +103,13 @@ pub struct Code {
     pub assembly: String,
 }
 
-/// Cuts a job into pieces; an empty one has none.
+/// Cuts a staged program into pieces; an empty one has none.
 ///
 /// # Errors
-/// If the job addresses what it cannot have.
-pub fn plan(job: &Job, exprs: &Exprs, layout: &Layout, access: Access) -> Result<Plan, GenerateError> {
-    let schedules = if job.is_empty() { vec![] } else { schedules(job, exprs, layout, access)? };
-    Ok(Plan::new(schedules, exprs, job.in_place))
+/// If the staged program addresses what it cannot have.
+pub fn plan(staged: &Staged, exprs: &Exprs, layout: &Layout, access: Access) -> Result<Plan, GenerateError> {
+    let schedules = if staged.is_empty() { vec![] } else { schedules(staged, exprs, layout, access)? };
+    Ok(Plan::new(schedules, exprs, staged.in_place))
 }
 
 /// Generates functions; keeps Cranelift's buffers between them.
@@ -130,7 +130,7 @@ impl Generator {
         Generator { context, builder: FunctionBuilderContext::new(), control: ControlPlane::default(), texts }
     }
 
-    /// Compiles a piece of a job.
+    /// Compiles a piece of a staged program.
     ///
     /// # Errors
     /// If Cranelift refuses.

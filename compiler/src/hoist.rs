@@ -5,9 +5,9 @@
 
 use std::collections::hash_map::Entry;
 
-use crate::ir::{Affine, Builtin, Expr, ExprId, FastMap, Flavour, MAX_DEPTH, Rewritten, Role, UnaryFn, VarId};
+use crate::ir::{Affine, Builtin, Expr, ExprId, FastMap, Flavour, MAX_DEPTH, Nest, Rewritten, Role, Store, Target, UnaryFn, VarId};
 use crate::model::{Instant, Model, Variable};
-use crate::schedule::{Job, Sink, Task};
+use crate::schedule::Staged;
 use smpl_dsl::span::Span;
 
 /// Largest cache for one sub-expression.
@@ -26,7 +26,7 @@ pub enum Stage {
     Dynamic,
 }
 
-/// The pass: rewrites jobs and collects what the preparing functions compute.
+/// The pass: rewrites staged programs and collects what the preparing functions compute.
 pub(crate) struct Hoister<'a> {
     model: &'a mut Model,
     stages: Vec<Stage>,
@@ -34,9 +34,9 @@ pub(crate) struct Hoister<'a> {
     /// Copies by the loops around and by what they may load.
     rewritten: FastMap<(Extents, Stage), Rewritten>,
     /// Fills the caches that depend on parameters.
-    pub parameter: Vec<Task>,
+    pub parameter: Vec<Nest>,
     /// Fills the caches that depend on a step's inputs.
-    pub step: Vec<Task>,
+    pub step: Vec<Nest>,
 }
 
 /// Passes of the loops around, by counter; 0 where there is none.
@@ -49,25 +49,25 @@ impl<'a> Hoister<'a> {
         Hoister { model, stages: vec![], caches: FastMap::default(), rewritten: FastMap::default(), parameter: vec![], step: vec![] }
     }
 
-    /// The job with what is known at `limit` loaded from caches.
+    /// The staged program with what is known at `limit` loaded from caches.
     #[must_use]
-    pub fn job(&mut self, job: &Job, limit: Stage) -> Job {
-        let mut job = job.clone();
-        for task in job.stages.iter_mut().flatten() {
+    pub fn staged(&mut self, staged: &Staged, limit: Stage) -> Staged {
+        let mut staged = staged.clone();
+        for nest in staged.stages.iter_mut().flatten() {
             let mut extents = [0; MAX_DEPTH];
-            task.loops.iter().for_each(|&(counter, extent)| extents[counter as usize] = extent);
-            for (_, value) in &mut task.stores {
+            nest.loops.iter().for_each(|&(counter, extent)| extents[counter as usize] = extent);
+            for Store { value, .. } in &mut nest.stores {
                 *value = self.rewrite(*value, extents, limit);
             }
         }
-        job
+        staged
     }
 
-    /// The filling jobs, parameters first.
+    /// The filling staged programs, parameters first.
     #[must_use]
-    pub fn finish(self) -> (Job, Job) {
-        let job = |tasks: Vec<Task>| Job { stages: vec![tasks], in_place: false };
-        (job(self.parameter), job(self.step))
+    pub fn finish(self) -> (Staged, Staged) {
+        let staged = |nests: Vec<Nest>| Staged { stages: vec![nests], in_place: false };
+        (staged(self.parameter), staged(self.step))
     }
 
     /// Copies an expression with caches in it; only reductions and what fills caches recurse.
@@ -134,11 +134,11 @@ impl<'a> Hoister<'a> {
         self.caches.insert((expr, shape), cache);
         let value = if stage == Stage::Step { self.rewrite(expr, shape, Stage::Parameter) } else { expr };
         let loops = (0..).zip(shape).filter(|&(_, extent)| extent > 0).collect();
-        let task = Task { loops, stores: vec![(Sink::Var(cache, at), value)] };
+        let nest = Nest { loops, stores: vec![Store { target: Target::var(cache, at), value }] };
         if stage == Stage::Step {
-            self.step.push(task)
+            self.step.push(nest)
         } else {
-            self.parameter.push(task)
+            self.parameter.push(nest)
         }
         cache
     }

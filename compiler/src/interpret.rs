@@ -2,10 +2,10 @@
 //!
 //! A [`Tape`] is a schedule with a register for each value; it visits nodes in the order of the compiled code.
 
-use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, Flavour, List, MAX_DEPTH, ReduceFn, Side, VarId};
+use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, Flavour, List, MAX_DEPTH, Place, ReduceFn, Side, Target, VarId};
 use crate::kernels;
 use crate::layout::{Base, Layout};
-use crate::schedule::{Access, BlockId, Item, Job, Schedule, ScheduleError, Sink, schedules};
+use crate::schedule::{Access, BlockId, Item, Schedule, ScheduleError, Staged, schedules};
 
 pub mod tangent;
 
@@ -62,9 +62,9 @@ impl Tape {
     ///
     /// # Errors
     /// If it addresses what it cannot have.
-    pub fn new(job: &Job, exprs: &Exprs, layout: &Layout, access: Access) -> Result<Tape, ScheduleError> {
+    pub fn new(staged: &Staged, exprs: &Exprs, layout: &Layout, access: Access) -> Result<Tape, ScheduleError> {
         let mut tape = Tape::default();
-        for schedule in schedules(job, exprs, layout, access)? {
+        for schedule in schedules(staged, exprs, layout, access)? {
             let mut recorder = Recorder { exprs, layout, schedule: &schedule, registers: FastMap::default(), next: 0, looks_up: false };
             let steps = recorder.block(0);
             tape.registers = tape.registers.max(recorder.next as usize);
@@ -134,7 +134,7 @@ impl Recorder<'_> {
                 let to = self.register(block, expr);
                 Step::Reduce { to, op, counter: here.counter.unwrap_or(0), extent: here.extent, body: steps, value }
             }
-            Item::Store(sink, value) => Step::Store { to: self.destination(sink), value: self.operand(block, value) },
+            Item::Store(store) => Step::Store { to: self.destination(store.target), value: self.operand(block, store.value) },
         }
     }
 
@@ -146,15 +146,15 @@ impl Recorder<'_> {
         Some((address.base, at.plus(Affine::constant(i64::from(address.offset)))))
     }
 
-    fn destination(&self, sink: Sink) -> Destination {
-        match sink {
-            Sink::Out(at) => Destination::Place(Base::Out, at),
-            Sink::Var(var, at) => match self.source(var, Flavour::Value, at) {
+    fn destination(&self, Target { place, at }: Target) -> Destination {
+        match place {
+            Place::Out => Destination::Place(Base::Out, at),
+            Place::Var(var) => match self.source(var, Flavour::Value, at) {
                 Some((base, at)) => Destination::Place(base, at),
                 // The schedule has refused variables without memory.
                 None => Destination::Place(Base::Out, at),
             },
-            Sink::Table { table, index, plus, add } => Destination::Table { table, index, plus, add },
+            Place::Table { table, plus, add } => Destination::Table { table, index: at, plus, add },
         }
     }
 

@@ -41,8 +41,6 @@ pub struct Model {
     pub quadratures: Vec<ExprId>,
     /// What runs at the instants of an episode.
     pub programs: Programs,
-    /// Position tables of `Place::OutSlots` stores.
-    pub slots: Vec<Vec<u32>>,
     /// Names, units, bounds, settings: all that is seen from outside.
     pub interface: Interface,
 }

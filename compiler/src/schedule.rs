@@ -1,17 +1,17 @@
 //! From what a model does to the order in which it is computed.
 //!
-//! The passes before write expressions over loops; here they become the functions of the back end. A [`Job`] is what one function does, made of
+//! The passes before write expressions over loops; here they become the functions of the back end. A [`Staged`] is what one function does, made of
 //! programs, rows and entries of the Jacobian. Of its stores those that differ only in their addresses are [`rerolled`](reroll) into loops; then
 //! each node is placed in a loop: the [`Schedule`], which the interpreter and the code generator walk alike.
 
 mod blocks;
 mod jacobian;
-mod job;
 mod reroll;
+mod staged;
 
 pub use blocks::{Access, Block, BlockId, Item, Schedule, ScheduleError};
 pub(crate) use blocks::{is_immediate, schedules};
 pub(crate) use jacobian::of_entries;
-pub(crate) use job::row_major;
-pub use job::{Job, Sink, Task};
 pub(crate) use reroll::reroll;
+pub use staged::Staged;
+pub(crate) use staged::row_major;

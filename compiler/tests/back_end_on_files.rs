@@ -7,9 +7,9 @@ use smpl_compiler::compile::flatten;
 use smpl_compiler::compiled::{BackEndSettings, CompiledModel};
 use smpl_compiler::elaborate::Options;
 use smpl_compiler::interpret::{Tape, View};
-use smpl_compiler::ir::{Affine, Program};
+use smpl_compiler::ir::{Affine, Nest, Program, Store, Target};
 use smpl_compiler::layout::Memory;
-use smpl_compiler::schedule::{Access, Job, Sink, Task};
+use smpl_compiler::schedule::{Access, Staged};
 use smpl_dsl::diagnostic::SourceMap;
 
 fn compile(name: &str) -> CompiledModel {
@@ -49,14 +49,14 @@ fn point(model: &CompiledModel, random: &mut Random) -> (Memory, Vec<f64>, Vec<f
 /// The equations as they were given, interpreted.
 fn interpreted(model: &CompiledModel, m: &mut Memory, t: f64, y: &[f64], yp: &[f64]) -> Vec<f64> {
     let flat = model.model();
-    let tasks = flat.rows.iter().map(|row| {
+    let nests = flat.rows.iter().map(|row| {
         let first = model.offset(row.var).expect("an unknown") as i64;
-        let sink = Sink::Out(row.at.plus(Affine::constant(first)));
-        Task { loops: (0..).zip(row.extents.iter().copied()).collect(), stores: vec![(sink, row.residual)] }
+        let target = Target::out(row.at.plus(Affine::constant(first)));
+        Nest::over(row.extents.iter().copied(), vec![Store { target, value: row.residual }])
     });
-    let job = Job { stages: vec![tasks.collect()], in_place: false };
+    let staged = Staged { stages: vec![nests.collect()], in_place: false };
     let access = Access { name: "rows", y: true, yp: true, out: y.len() };
-    let tape = Tape::new(&job, &flat.exprs, model.layout(), access).expect("a tape");
+    let tape = Tape::new(&staged, &flat.exprs, model.layout(), access).expect("a tape");
     let mut out = vec![f64::NAN; y.len()];
     let work = m.all_mut();
     tape.run(&mut View { time: t, factor: 0.0, y: &mut y.to_vec(), yp, work, out: &mut out, tables: &[] });
@@ -122,7 +122,7 @@ fn check_programs(model: &CompiledModel, name: &str) {
     let programs = &model.model().programs;
     let tape = |program: &Program, out| {
         let access = Access { name: "program", y: true, yp: true, out };
-        Tape::new(&Job::of_program(program, &model.model().slots), &model.model().exprs, model.layout(), access).expect("a tape")
+        Tape::new(&Staged::of_program(program), &model.model().exprs, model.layout(), access).expect("a tape")
     };
     let outputs = model.interface().quantities.algebraics.iter().map(smpl_compiler::model::Quantity::len).sum();
     let mut random = Random(5);

@@ -28,9 +28,9 @@ fn made(source: &str, pass: &str) -> String {
         "schedule" => {
             let planned = planned(&mut model).expect("a plan");
             let shown = [Function::PrepareStep, Function::Residual, Function::Jacobian];
-            let jobs = planned.jobs.iter().filter(|(function, _)| shown.contains(function));
-            let first = passes::job(&model, "prepare_parameters", &planned.prepare_parameters);
-            jobs.fold(first, |text, (function, job)| text + &passes::job(&model, function.name(), job))
+            let functions = planned.functions.iter().filter(|(function, _)| shown.contains(function));
+            let first = passes::staged(&model, "prepare_parameters", &planned.prepare_parameters);
+            functions.fold(first, |text, (function, staged)| text + &passes::staged(&model, function.name(), staged))
         }
         other => panic!("no pass is called {other}"),
     }

@@ -6,7 +6,7 @@ use crate::differentiate::{self, Column, Entry, Rows};
 use crate::interpret::{Tape, View};
 use crate::ir::{Affine, Flavour, Place, Program, Role, VarId};
 use crate::layout::Memory;
-use crate::schedule::{Access, Job};
+use crate::schedule::{Access, Staged};
 
 /// What is differentiated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,9 +95,9 @@ impl CompiledModel {
             row.value = differentiate::normalise(&mut model.exprs, row.extents.len(), row.value, &column_of)?;
         }
         let entries = differentiate::entries(&mut model.exprs, &rows, &column_of);
-        let (job, places) = list(&entries);
+        let (staged, places) = list(&entries);
         let access = Access { name: "derivative", y: true, yp: true, out: places.len() };
-        Ok(Derivative { tape: Tape::new(&job, &model.exprs, layout, access)?, places })
+        Ok(Derivative { tape: Tape::new(&staged, &model.exprs, layout, access)?, places })
     }
 }
 
@@ -106,18 +106,14 @@ fn output_rows(program: &Program, first: i64) -> Vec<Rows> {
     let mut rows = vec![];
     for nest in &program.nests {
         let wanted = nest.stores.iter().filter(|s| s.target.place == Place::Out && s.target.at.offset >= first);
-        rows.extend(wanted.map(|s| Rows {
-            extents: nest.extents.clone(),
-            row: s.target.at.plus(Affine::constant(-first)),
-            value: s.value,
-        }));
+        rows.extend(wanted.map(|s| Rows { extents: nest.extents(), row: s.target.at.plus(Affine::constant(-first)), value: s.value }));
     }
     rows
 }
 
-/// A job that writes the values of entries one after another, and their places.
-fn list(entries: &[Entry]) -> (Job, Vec<(usize, usize)>) {
+/// A staged program that writes the values of entries one after another, and their places.
+fn list(entries: &[Entry]) -> (Staged, Vec<(usize, usize)>) {
     let mut places = vec![];
     entries.iter().for_each(|entry| each_place(entry, |row, column| places.push((row, column))));
-    (Job::of_lists(entries.iter().map(|entry| (&entry.loops, entry.value))), places)
+    (Staged::of_lists(entries.iter().map(|entry| (&entry.loops, entry.value))), places)
 }

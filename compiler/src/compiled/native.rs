@@ -6,7 +6,7 @@ use super::{BackEndError, CompiledModel};
 use crate::generate::{CompiledFn, Effort, Executable, Request, Surroundings, generate};
 use crate::ir::Exprs;
 use crate::layout::{Layout, Memory};
-use crate::schedule::{Access, Job};
+use crate::schedule::{Access, Staged};
 
 /// A function of the unknowns, their derivatives and the workspace, in machine code.
 pub(super) struct Native {
@@ -24,10 +24,16 @@ unsafe impl Send for Native {}
 unsafe impl Sync for Native {}
 
 impl Native {
-    /// Compiles a job of `len` outputs.
-    pub(super) fn new(model: &CompiledModel, job: &Job, exprs: &Exprs, len: usize, name: &'static str) -> Result<Native, BackEndError> {
+    /// Compiles a staged program of `len` outputs.
+    pub(super) fn new(
+        model: &CompiledModel,
+        staged: &Staged,
+        exprs: &Exprs,
+        len: usize,
+        name: &'static str,
+    ) -> Result<Native, BackEndError> {
         let access = Access { name, y: true, yp: true, out: len };
-        let request = Request { job, access, effort: Effort::Hot, rank: 0 };
+        let request = Request { staged, access, effort: Effort::Hot, rank: 0 };
         let codes = generate(&[request], exprs, &model.layout, false)?.into_iter().flat_map(|g| g.codes).collect::<Vec<_>>();
         let columns = codes.iter().map(|c| c.columns).max().unwrap_or(0);
         let bytes: Vec<&[u8]> = codes.iter().map(|c| c.bytes.as_slice()).collect();
@@ -61,7 +67,7 @@ impl Native {
         let work = memory.all_mut().as_mut_ptr();
         for code in &self.pieces {
             // SAFETY: the code stays within the lengths that it was generated for, which are asserted above; it writes to the output and the
-            // workspace, which are borrowed exclusively, and to `y` never: no task of such a job stores there.
+            // workspace, which are borrowed exclusively, and to `y` never: no nest of such a staged program stores there.
             unsafe { code(t, 1.0, y.as_ptr().cast_mut(), yp.as_ptr(), work, out.as_mut_ptr(), surroundings) }
         }
     }

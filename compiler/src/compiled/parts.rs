@@ -10,7 +10,7 @@ use crate::differentiate::DifferentiateError;
 use crate::differentiate::pattern::Pattern;
 use crate::generate::{Code, GenerateError};
 use crate::model::Model;
-use crate::schedule::{Job, ScheduleError};
+use crate::schedule::{ScheduleError, Staged};
 
 /// Choices of the back end.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -77,7 +77,7 @@ pub(crate) struct Parts {
     /// Pieces of the code of each function of [`Function::ALL`](crate::functions::Function::ALL), to be called one after another.
     pub(crate) codes: Vec<Vec<Code>>,
     /// Fills the caches that depend on parameters; interpreted.
-    pub(crate) prepare_parameters: Job,
+    pub(crate) prepare_parameters: Staged,
     /// An equation changes its form at times known beforehand.
     pub(crate) has_breaks: bool,
     /// Number of expressions that time moves other than along straight lines.

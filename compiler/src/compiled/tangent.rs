@@ -16,7 +16,7 @@ pub use crate::interpret::tangent::{Dual, LANES, STILL, Tangent, TangentView};
 use crate::ir::{Affine, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, MAX_DEPTH, Role, UnaryFn, VarId};
 use crate::layout::{Base, Memory};
 use crate::model::Model;
-use crate::schedule::{Access, Job};
+use crate::schedule::{Access, Staged};
 
 /// What runs on values with derivatives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -136,12 +136,12 @@ impl CompiledModel {
         let model = &self.parts.model;
         let programs = &model.programs;
         let program = |name, program, yp, out| {
-            let job = Job::of_program(program, &model.slots);
-            Ok(Tape::new(&job, &model.exprs, &self.layout, Access { name, y: true, yp, out })?)
+            let staged = Staged::of_program(program);
+            Ok(Tape::new(&staged, &model.exprs, &self.layout, Access { name, y: true, yp, out })?)
         };
         let numbers = |name, values: Vec<ExprId>| {
             let out = values.len();
-            Ok(Tape::new(&Job::of_numbers(values), &model.exprs, &self.layout, Access { name, y: true, yp: true, out })?)
+            Ok(Tape::new(&Staged::of_numbers(values), &model.exprs, &self.layout, Access { name, y: true, yp: true, out })?)
         };
         match part {
             Part::Disturb => program("disturb", &programs.disturb, false, 0),
@@ -161,12 +161,12 @@ impl CompiledModel {
     fn make_equations(&self, part: Part) -> Result<Tape, BackEndError> {
         let mut model = self.parts.model.clone();
         let rows = differentiate::rows(&mut model)?;
-        let (job, out) = if part == Part::Rows {
-            (Job::of_rows(&rows), self.unknowns())
+        let (staged, out) = if part == Part::Rows {
+            (Staged::of_rows(&rows), self.unknowns())
         } else {
-            (explicit_time::collect(&mut model, &rows).next_break.map_or_else(Job::default, |value| Job::of_numbers([value])), 1)
+            (explicit_time::collect(&mut model, &rows).next_break.map_or_else(Staged::default, |value| Staged::of_numbers([value])), 1)
         };
-        Ok(Tape::new(&job, &model.exprs, &self.layout, Access { name: "rows", y: true, yp: true, out })?)
+        Ok(Tape::new(&staged, &model.exprs, &self.layout, Access { name: "rows", y: true, yp: true, out })?)
     }
 
     /// Writes the inputs of which some number in the workspace is `active` to `found`.
@@ -256,8 +256,8 @@ impl CompiledModel {
         let entries = differentiate::entries(&mut model.exprs, &rows, column_of);
         let mut places = vec![];
         entries.iter().for_each(|entry| each_place(entry, |row, column| places.push((row as u32, by(column as u32)))));
-        let job = Job::of_lists(entries.iter().map(|entry| (&entry.loops, entry.value)));
-        let native = Native::new(self, &job, &model.exprs, places.len(), name)?;
+        let staged = Staged::of_lists(entries.iter().map(|entry| (&entry.loops, entry.value)));
+        let native = Native::new(self, &staged, &model.exprs, places.len(), name)?;
         let mut sources: Vec<By> = places.iter().map(|&(_, source)| source).collect();
         sources.sort_unstable();
         sources.dedup();
@@ -305,10 +305,10 @@ impl CompiledModel {
         }
         model.quadratures.iter().for_each(|&value| found.walk(&model.exprs, value, [0; MAX_DEPTH]));
         let (lists, strict, rounds) = found.lists(&mut model.exprs);
-        let job = Job::of_lists(lists);
+        let staged = Staged::of_lists(lists);
         let access = Access { name: "switches", y: true, yp: true, out: strict.len() };
-        let tape = Tape::new(&job, &model.exprs, &self.layout, access)?;
-        let native = if strict.is_empty() { None } else { Some(Native::new(self, &job, &model.exprs, strict.len(), "switches")?) };
+        let tape = Tape::new(&staged, &model.exprs, &self.layout, access)?;
+        let native = if strict.is_empty() { None } else { Some(Native::new(self, &staged, &model.exprs, strict.len(), "switches")?) };
         Ok((Switches { native, strict, rounds }, tape))
     }
 }

@@ -5,7 +5,7 @@ use crate::functions::{elements, steady_len};
 use crate::interpret::Tape;
 use crate::ir::Program;
 use crate::layout::Layout;
-use crate::schedule::{Access, Job};
+use crate::schedule::{Access, Staged};
 
 /// Functions that are interpreted.
 #[derive(Clone, Debug, Default)]
@@ -25,10 +25,10 @@ impl Tapes {
     /// Prepares what is interpreted.
     pub(super) fn new(parts: &Parts, layout: &Layout) -> Result<Tapes, BackEndError> {
         let (model, programs) = (&parts.model, &parts.model.programs);
-        let tape = |name: &'static str, job: &Job, y: bool, yp: bool, out: usize| {
-            Tape::new(job, &model.exprs, layout, Access { name, y, yp, out })
+        let tape = |name: &'static str, staged: &Staged, y: bool, yp: bool, out: usize| {
+            Tape::new(staged, &model.exprs, layout, Access { name, y, yp, out })
         };
-        let program = |name, program: &Program, y, yp, out| tape(name, &Job::of_program(program, &model.slots), y, yp, out);
+        let program = |name, program: &Program, y, yp, out| tape(name, &Staged::of_program(program), y, yp, out);
         let actions = elements(&model.interface.quantities.actions);
         let boxed = model.interface.finish.failures.iter().map(|f| f.items.len()).sum();
         let steady = actions + steady_len(model);

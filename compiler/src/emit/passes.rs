@@ -1,10 +1,10 @@
 //! Texts of what passes make, for tests.
 
 use super::infix::{Printer, affine};
-use super::{COUNTERS, element, equations, line};
+use super::{COUNTERS, destination, equations, line};
 use crate::differentiate::Entry;
 use crate::model::Model;
-use crate::schedule::{Job, Sink};
+use crate::schedule::Staged;
 
 /// The unknowns, each with its first column, and the equations.
 pub(crate) fn structure(model: &Model) -> String {
@@ -30,29 +30,19 @@ pub(crate) fn entries(model: &Model, entries: &[Entry]) -> String {
     text
 }
 
-/// The stages of a job; nothing where it does nothing.
-pub(crate) fn job(model: &Model, name: &str, job: &Job) -> String {
+/// The stages of a staged program; nothing where it does nothing.
+pub(crate) fn staged(model: &Model, name: &str, staged: &Staged) -> String {
     let mut text = String::new();
-    for (i, stage) in job.stages.iter().enumerate().filter(|(_, stage)| !stage.is_empty()) {
+    for (i, stage) in staged.stages.iter().enumerate().filter(|(_, stage)| !stage.is_empty()) {
         line(&mut text, 0, &format!("{name}, stage {i}"));
-        for task in stage {
-            looped(&mut text, model, &task.loops, 1, |p| {
-                let stores = task.stores.iter().map(|(sink, value)| format!("{} {}", destination(model, sink), p.value(*value)));
+        for nest in stage {
+            looped(&mut text, model, &nest.loops, 1, |p| {
+                let stores = nest.stores.iter().map(|s| format!("{} {}", destination(model, s.target), p.value(s.value)));
                 stores.collect::<Vec<_>>().join("\n")
             });
         }
     }
     text
-}
-
-fn destination(model: &Model, sink: &Sink) -> String {
-    match *sink {
-        Sink::Out(at) => format!("out[{}] :=", affine(at)),
-        Sink::Table { table, index, plus, add } => {
-            format!("out[table{table}[{}] + {}] {}", affine(index), affine(plus), if add { "+=" } else { ":=" })
-        }
-        Sink::Var(var, at) => format!("{} :=", element(model, var, at)),
-    }
 }
 
 /// Loop headers, named common parts, then the lines of `content`.

@@ -206,16 +206,14 @@ fn updates(sheet: &mut Sheet) -> Result<Vec<Function>, ExportError> {
 fn nests(sheet: &Sheet, program: &Program) -> Result<Vec<Nest>, ExportError> {
     let mut out = Vec::with_capacity(program.nests.len());
     for nest in &program.nests {
-        let loops: Loops = (0..).zip(nest.extents.iter().copied()).collect();
+        let loops: Loops = nest.loops.clone();
         let mut stores = Vec::with_capacity(nest.stores.len());
         for store in &nest.stores {
             let (at, value) = (store.target.at, store.value);
             let (array, positions) = match store.target.place {
                 Place::Out => (None, places(&loops, |counters| at.at(counters) as u32)),
-                Place::OutSlots(table) => {
-                    let slots = sheet.model.slots.get(table as usize).map_or(&[][..], Vec::as_slice);
-                    (None, places(&loops, |counters| slots.get(at.at(counters) as usize).copied().unwrap_or(0)))
-                }
+                // Only the back end's functions store by tables.
+                Place::Table { table, .. } => return Err(ExportError::Unavailable { variable: format!("table {table}") }),
                 Place::Var(var) => {
                     let read = sheet.read(var, Flavour::Value, at, &extents(&loops))?;
                     (Some(read.array), spread(&loops, &read.loops, &read.positions))

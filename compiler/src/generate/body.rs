@@ -7,7 +7,7 @@ use super::arithmetic::{list_entry, passed_entry};
 use super::emitter::{Emitter, Lanes};
 use super::segments::is_load;
 use super::{arithmetic, memory};
-use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Flavour, ReduceFn, Side, VarId};
+use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Flavour, ReduceFn, Side, Store, VarId};
 use crate::schedule::{BlockId, Item, is_immediate};
 
 impl Emitter<'_> {
@@ -47,9 +47,9 @@ impl Emitter<'_> {
                 let value = self.reduce(op, body, inner);
                 self.define(block, expr, value);
             }
-            Item::Store(sink, value) => {
+            Item::Store(Store { target, value }) => {
                 let number = self.as_number(block, value);
-                memory::store(self, block, sink, number);
+                memory::store(self, block, target, number);
             }
         }
     }

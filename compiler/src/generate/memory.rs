@@ -3,10 +3,10 @@
 use cranelift_codegen::ir::{Endianness, InstBuilder, MemFlagsData, Value, types};
 
 use super::emitter::{Emitter, Lanes, Start, WORD};
-use crate::ir::{Affine, Expr, ExprId, FastSet, Flavour, MAX_DEPTH};
+use crate::ir::{Affine, Expr, ExprId, FastSet, Flavour, MAX_DEPTH, Place, Store, Target};
 use crate::kernels::KernelTable;
 use crate::layout::Base;
-use crate::schedule::{BlockId, Item, Sink};
+use crate::schedule::{BlockId, Item};
 
 /// Pointer and offset of a place ahead of the columns or after them.
 pub(super) fn slot_pointer(emitter: &mut Emitter<'_>, slot: u32) -> (Value, i32) {
@@ -143,12 +143,12 @@ pub(super) fn prepare_pointers(emitter: &mut Emitter<'_>, child: BlockId) {
                     want(Start::Memory(a.base), at);
                 }
             }
-            Item::Store(Sink::Out(at), _) => want(Start::Memory(Base::Out), at),
-            Item::Store(Sink::Table { index, plus, .. }, _) => {
+            Item::Store(Store { target: Target { place: Place::Out, at }, .. }) => want(Start::Memory(Base::Out), at),
+            Item::Store(Store { target: Target { place: Place::Table { plus, .. }, at: index }, .. }) => {
                 want(Start::Tables, index);
                 want(Start::Memory(Base::Out), plus);
             }
-            Item::Store(Sink::Var(..), _) | Item::Reduce { .. } => {}
+            Item::Store(Store { target: Target { place: Place::Var(_), .. }, .. }) | Item::Reduce { .. } => {}
         }
     }
     let mut wanted: Vec<_> = wanted.into_iter().collect();
@@ -159,16 +159,16 @@ pub(super) fn prepare_pointers(emitter: &mut Emitter<'_>, child: BlockId) {
 }
 
 /// Stores a number.
-pub(super) fn store(emitter: &mut Emitter<'_>, block: BlockId, sink: Sink, value: Value) {
-    match sink {
-        Sink::Out(at) => store_at(emitter, block, Base::Out, at, value),
-        Sink::Var(var, at) => {
+pub(super) fn store(emitter: &mut Emitter<'_>, block: BlockId, Target { place, at }: Target, value: Value) {
+    match place {
+        Place::Out => store_at(emitter, block, Base::Out, at, value),
+        Place::Var(var) => {
             if let Some(a) = emitter.input.layout.address(var, Flavour::Value) {
                 store_at(emitter, block, a.base, at.plus(Affine::constant(i64::from(a.offset))), value);
             }
         }
-        Sink::Table { table, index, plus, add } => {
-            let index = index.plus(Affine::constant(i64::from(table)));
+        Place::Table { table, plus, add } => {
+            let index = at.plus(Affine::constant(i64::from(table)));
             if !emitter.is_two(block) {
                 store_slot(emitter, block, index, plus, add, value);
                 return;

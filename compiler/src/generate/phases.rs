@@ -96,7 +96,7 @@ impl Phases {
     pub(super) fn phase_of(&self, input: &Input<'_>, item: Item) -> usize {
         match item {
             Item::Eval(expr) | Item::Reduce { expr, .. } => self.of.get(&expr).copied().unwrap_or(0),
-            Item::Store(_, value) => self.ready(input, value),
+            Item::Store(store) => self.ready(input, store.value),
         }
     }
 }

@@ -7,11 +7,11 @@ use smpl_dsl::span::Span;
 
 use super::{Code, CompiledFn, Effort, Executable, Generator, Surroundings, plan};
 use crate::interpret::{Tape, View};
-use crate::ir::{Affine, BinaryFn, Compare, ExprId, Flavour, LoopVar, MAX_DEPTH, ReduceFn, Role, UnaryFn, VarId};
+use crate::ir::{Affine, BinaryFn, Compare, ExprId, Flavour, LoopVar, MAX_DEPTH, Nest, ReduceFn, Role, Store, Target, UnaryFn, VarId};
 use crate::kernels;
 use crate::layout::{Layout, Memory};
 use crate::model::{Model, Variable};
-use crate::schedule::{Access, Job, Sink, Task};
+use crate::schedule::{Access, Staged};
 
 /// Elements of each array: enough for every address that is made below.
 const LEN: u32 = 64;
@@ -117,18 +117,18 @@ fn address(depth: usize, j: u16, k: u16) -> Affine {
     at
 }
 
-/// Runs a job compiled and interpreted on the same numbers: (y, workspace, out) of both.
-fn run_both(world: &World, job: &Job, effort: Effort, out: usize, numbers: &[f64]) -> [Vec<Vec<f64>>; 2] {
+/// Runs a staged program compiled and interpreted on the same numbers: (y, workspace, out) of both.
+fn run_both(world: &World, staged: &Staged, effort: Effort, out: usize, numbers: &[f64]) -> [Vec<Vec<f64>>; 2] {
     let access = Access { name: "test", y: true, yp: true, out };
     let exprs = &world.model.exprs;
     let layout = Layout::new(&world.model, 0);
-    let plan = plan(job, exprs, &layout, access).unwrap_or_else(|e| panic!("{e} for {job:?} of {exprs:?}"));
+    let plan = plan(staged, exprs, &layout, access).unwrap_or_else(|e| panic!("{e} for {staged:?} of {exprs:?}"));
     let mut generator = Generator::new(false);
     let codes = plan.pieces().iter().map(|piece| generator.compile(&plan, piece, exprs, &layout, "test", effort));
-    let codes: Vec<Code> = codes.collect::<Result<_, _>>().unwrap_or_else(|e| panic!("{e} for {job:?} of {exprs:?}"));
+    let codes: Vec<Code> = codes.collect::<Result<_, _>>().unwrap_or_else(|e| panic!("{e} for {staged:?} of {exprs:?}"));
     let columns = codes.iter().map(|c| c.columns).max().unwrap_or(0);
     let layout = Arc::new(Layout::new(&world.model, columns));
-    let tape = Tape::new(job, exprs, &layout, access).expect("tape");
+    let tape = Tape::new(staged, exprs, &layout, access).expect("tape");
     let executable = Executable::new(&codes.iter().map(|c| c.bytes.as_slice()).collect::<Vec<_>>()).expect("memory");
     let surroundings = Surroundings { kernels: *kernels::table(), tables: std::ptr::null(), lists: exprs.lists().all().as_ptr() };
     [true, false].map(|compiled| {
@@ -181,13 +181,13 @@ proptest! {
         let place = |i: usize| {
             let mut at = crate::schedule::row_major(&loops);
             at.offset = (i * size as usize) as i64;
-            Sink::Out(at)
+            Target::out(at)
         };
         let values: Vec<ExprId> = world.numbers.iter().chain(&world.truths).copied().rev().take(6).collect();
-        let stores = values.iter().enumerate().map(|(i, v)| (place(i), *v)).collect();
-        let job = Job { stages: vec![vec![Task { loops: loops.clone(), stores }]], in_place: false };
+        let stores = values.iter().enumerate().map(|(i, v)| Store { target: place(i), value: *v }).collect();
+        let staged = Staged { stages: vec![vec![Nest { loops: loops.clone(), stores }]], in_place: false };
         let effort = if hot { Effort::Hot } else { Effort::Lukewarm };
-        let [compiled, interpreted] = run_both(&world, &job, effort, values.len() * size as usize, &numbers);
+        let [compiled, interpreted] = run_both(&world, &staged, effort, values.len() * size as usize, &numbers);
         for (a, b) in compiled.iter().flatten().zip(interpreted.iter().flatten()) {
             prop_assert!(same(*a, *b), "{a:e} compiled, {b:e} interpreted: {:?}", world.model.exprs);
         }
@@ -199,21 +199,21 @@ proptest! {
     ) {
         let mut world = World::new();
         recipes.into_iter().flatten().for_each(|r| world.add(r, 1));
-        let (mut scalar, mut looped) = (Task::default(), Task { loops: vec![(0, extent)], stores: vec![] });
+        let (mut scalar, mut looped) = (Nest::default(), Nest { loops: vec![(0, extent)], stores: vec![] });
         let values: Vec<ExprId> = world.numbers.iter().chain(&world.truths).copied().step_by(7).collect();
         let mut next = 0;
         for value in values {
             if world.model.exprs.free(value) == 0 {
-                scalar.stores.push((Sink::Out(Affine::constant(next)), value));
+                scalar.stores.push(Store { target: Target::out(Affine::constant(next)), value });
                 next += 1;
             } else {
-                looped.stores.push((Sink::Out(Affine::along(next, LoopVar(0), 1)), value));
+                looped.stores.push(Store { target: Target::out(Affine::along(next, LoopVar(0), 1)), value });
                 next += i64::from(extent);
             }
         }
-        let job = Job { stages: vec![vec![scalar, looped]], in_place: false };
+        let staged = Staged { stages: vec![vec![scalar, looped]], in_place: false };
         let effort = if hot { Effort::Hot } else { Effort::Lukewarm };
-        let [compiled, interpreted] = run_both(&world, &job, effort, next as usize, &numbers);
+        let [compiled, interpreted] = run_both(&world, &staged, effort, next as usize, &numbers);
         for (a, b) in compiled.iter().flatten().zip(interpreted.iter().flatten()) {
             prop_assert!(same(*a, *b), "{a:e} compiled, {b:e} interpreted");
         }
@@ -229,12 +229,12 @@ proptest! {
         let values: Vec<ExprId> = world.numbers.iter().copied().rev().take(4).collect();
         let stages = values.chunks(2).map(|pair| {
             let stores = pair.iter().zip([world.state, world.discrete]).enumerate();
-            let stores = stores.map(|(i, (v, var))| (Sink::Var(var, address(loops.len(), 11 * i as u16, 3)), *v));
-            vec![Task { loops: loops.clone(), stores: stores.collect() }]
+            let stores = stores.map(|(i, (v, var))| Store { target: Target::var(var, address(loops.len(), 11 * i as u16, 3)), value: *v });
+            vec![Nest { loops: loops.clone(), stores: stores.collect() }]
         });
-        let job = Job { stages: stages.collect(), in_place: true };
+        let staged = Staged { stages: stages.collect(), in_place: true };
         let effort = if hot { Effort::Hot } else { Effort::Lukewarm };
-        let [compiled, interpreted] = run_both(&world, &job, effort, 0, &numbers);
+        let [compiled, interpreted] = run_both(&world, &staged, effort, 0, &numbers);
         for (a, b) in compiled.iter().flatten().zip(interpreted.iter().flatten()) {
             prop_assert!(same(*a, *b), "{a:e} compiled, {b:e} interpreted");
         }
@@ -256,13 +256,13 @@ fn a_counter_of_lanes_that_a_reduction_binds_again_is_its_own() {
     let here = e.load(world.state, Flavour::Value, address(24, [1, 1]));
     let term = e.add(sum, here);
     let product = e.reduce(ReduceFn::Product, LoopVar(0), 2, term);
-    let task = Task { loops: vec![(0, 1), (1, 4)], stores: vec![(Sink::Out(address(0, [0, 1])), product)] };
-    let job = Job { stages: vec![vec![task]], in_place: false };
+    let nest = Nest { loops: vec![(0, 1), (1, 4)], stores: vec![Store { target: Target::out(address(0, [0, 1])), value: product }] };
+    let staged = Staged { stages: vec![vec![nest]], in_place: false };
     let x: Vec<f64> = (0..LEN).map(f64::from).collect();
     let sum = |i: usize| (0..4).map(|j| x[28 + i - j]).sum::<f64>();
     let expected: Vec<f64> = (0..4).map(|j| (x[24 + j] + sum(0)) * (x[25 + j] + sum(1))).collect();
     for effort in [Effort::Hot, Effort::Lukewarm] {
-        let [compiled, interpreted] = run_both(&world, &job, effort, 4, &x);
+        let [compiled, interpreted] = run_both(&world, &staged, effort, 4, &x);
         assert_eq!((&compiled[2], &interpreted[2]), (&expected, &expected));
     }
 }
@@ -277,9 +277,12 @@ fn an_expression_of_a_hundred_thousand_nodes_in_a_chain_is_compiled_and_interpre
         let product = e.mul(value, term);
         value = e.add(product, term);
     }
-    let job = Job { stages: vec![vec![Task { loops: vec![], stores: vec![(Sink::Out(Affine::default()), value)] }]], in_place: false };
+    let staged = Staged {
+        stages: vec![vec![Nest { loops: vec![], stores: vec![Store { target: Target::out(Affine::default()), value }] }]],
+        in_place: false,
+    };
     let numbers = vec![0.3; LEN as usize];
-    let [compiled, interpreted] = run_both(&world, &job, Effort::Lukewarm, 1, &numbers);
+    let [compiled, interpreted] = run_both(&world, &staged, Effort::Lukewarm, 1, &numbers);
     assert_eq!(compiled[2], interpreted[2]);
 }
 
@@ -287,9 +290,9 @@ fn an_expression_of_a_hundred_thousand_nodes_in_a_chain_is_compiled_and_interpre
 fn an_address_outside_of_its_variable_is_refused() {
     let mut world = World::new();
     let value = world.model.exprs.load(world.state, Flavour::Value, Affine::along(60, LoopVar(0), 1));
-    let task = Task { loops: vec![(0, 5)], stores: vec![(Sink::Out(Affine::along(0, LoopVar(0), 1)), value)] };
-    let job = Job { stages: vec![vec![task]], in_place: false };
+    let nest = Nest { loops: vec![(0, 5)], stores: vec![Store { target: Target::out(Affine::along(0, LoopVar(0), 1)), value }] };
+    let staged = Staged { stages: vec![vec![nest]], in_place: false };
     let layout = Layout::new(&world.model, 0);
     let access = Access { name: "test", y: true, yp: true, out: 5 };
-    assert!(plan(&job, &world.model.exprs, &layout, access).is_err());
+    assert!(plan(&staged, &world.model.exprs, &layout, access).is_err());
 }

@@ -13,10 +13,10 @@ use super::phases::{Phases, column_length, is_function, is_repeated, needs};
 use super::plan::is_wide;
 use super::residence::{Course, Residence, WideResidence};
 use super::{arithmetic, memory};
-use crate::ir::{Affine, BinaryFn, Expr, ExprId, FastMap};
+use crate::ir::{Affine, BinaryFn, Expr, ExprId, FastMap, Place, Store, Target};
 use crate::kernels::UNARY_COUNT;
 use crate::layout::Base;
-use crate::schedule::{BlockId, Item, Sink, is_immediate};
+use crate::schedule::{BlockId, Item, is_immediate};
 
 /// Whether a loop is written in lanes.
 pub(super) fn is_in_lanes(emitter: &Emitter<'_>, block: BlockId) -> bool {
@@ -27,7 +27,10 @@ pub(super) fn is_in_lanes(emitter: &Emitter<'_>, block: BlockId) -> bool {
 pub(super) fn wide_loop(emitter: &mut Emitter<'_>, block: BlockId) {
     let extent = emitter.input.schedule.blocks[block].extent;
     let phases = Phases::of_loop(&emitter.input, emitter.reserved(), block);
-    let adds = emitter.input.schedule.blocks[block].items.iter().any(|i| matches!(i, Item::Store(Sink::Table { add: true, .. }, _)));
+    let adds = emitter.input.schedule.blocks[block]
+        .items
+        .iter()
+        .any(|i| matches!(i, Item::Store(Store { target: Target { place: Place::Table { add: true, .. }, .. }, .. })));
     emitter.columns = emitter.columns.max(emitter.reserved() + (phases.column.len() + phases.first.len()) as u32 * column_length(extent));
     memory::prepare_pointers(emitter, block);
     if emitter.input.lean {

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use super::{Code, Effort, GenerateError, Generator, Plan, plan};
 use crate::ir::Exprs;
 use crate::layout::Layout;
-use crate::schedule::{Access, Job};
+use crate::schedule::{Access, Staged};
 
 /// Models with fewer nodes are compiled sooner than a thread has started.
 const WORTH_A_THREAD: usize = 1000;
@@ -17,7 +17,7 @@ const WORTH_A_THREAD: usize = 1000;
 /// A function to be generated.
 pub struct Request<'a> {
     /// What it does.
-    pub job: &'a Job,
+    pub staged: &'a Staged,
     /// What it may touch.
     pub access: Access,
     /// How well.
@@ -47,7 +47,7 @@ impl Generated {
 /// first. With `texts` intermediate text and assembly are kept.
 ///
 /// # Errors
-/// If a job addresses what it cannot have, or Cranelift refuses.
+/// If a staged program addresses what it cannot have, or Cranelift refuses.
 pub fn generate(requests: &[Request<'_>], exprs: &Exprs, layout: &Layout, texts: bool) -> Result<Vec<Generated>, GenerateError> {
     let helped = exprs.len() >= WORTH_A_THREAD;
     let plans = plans(requests, exprs, layout, helped)?;
@@ -80,7 +80,7 @@ fn plans(requests: &[Request<'_>], exprs: &Exprs, layout: &Layout, helped: bool)
     let found = side_by_side(requests.len(), helped, || {
         |n: usize| {
             let (request, started) = (&requests[order[n]], Instant::now());
-            plan(request.job, exprs, layout, request.access).map(|plan| (plan, started.elapsed()))
+            plan(request.staged, exprs, layout, request.access).map(|plan| (plan, started.elapsed()))
         }
     });
     let mut plans = order.iter().zip(found).map(|(&i, plan)| Ok((i, plan?))).collect::<Result<Vec<_>, GenerateError>>()?;

@@ -226,7 +226,7 @@ mod tests {
     use crate::ir::{Affine, Flavour, LoopVar, Role};
     use crate::layout::Layout;
     use crate::model::{Model, Variable};
-    use crate::schedule::{Access, Job};
+    use crate::schedule::{Access, Staged};
 
     const SMALL: f64 = 1e-6;
 
@@ -282,7 +282,7 @@ mod tests {
         let values: Vec<_> = reductions.map(|op| model.exprs.reduce(op, LoopVar(0), 3, cubed)).into();
         let layout = Layout::new(&model, 0);
         let access = Access { name: "test", y: true, yp: false, out: 4 };
-        let tape = Tape::new(&Job::of_numbers(values), &model.exprs, &layout, access).expect("a tape");
+        let tape = Tape::new(&Staged::of_numbers(values), &model.exprs, &layout, access).expect("a tape");
         let mut y = [2.0, -1.0, 0.5];
         let mut dy = [one(1.0), one(0.0), one(-2.0)];
         let (mut work, mut dwork) = (vec![0.0; layout.len()], vec![STILL; layout.len()]);

@@ -141,7 +141,7 @@ impl Nodes {
         let nest = |nest: &At<'_>| {
             nest.only(&["extents", "stores"])?;
             let stores = nest.field("stores")?.list(|store| self.store(store, vars))?;
-            Ok(Nest { extents: extents(&nest.field("extents")?)?, stores })
+            Ok(Nest::over(extents(&nest.field("extents")?)?, stores))
         };
         Ok(Program { nests: at.field("nests")?.list(nest)?, in_place: at.field("in_place")?.flag()? })
     }

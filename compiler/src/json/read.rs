@@ -276,13 +276,13 @@ fn check_program(at: &At<'_>, program: &Program, model: &Model, bounds: &mut Bou
     let nests = at.field("nests")?;
     for (at, nest) in nests.items()?.zip(&program.nests) {
         for (at, store) in at.field("stores")?.items()?.zip(&nest.stores) {
-            bounds.value(&at, store.value, &nest.extents)?;
+            bounds.value(&at, store.value, &nest.extents())?;
             let (what, len) = match store.target.place {
                 Place::Var(var) => (model.vars[var].name.as_str(), model.vars[var].len),
                 // How long the output is depends on the program: the back end compares.
-                Place::Out | Place::OutSlots(_) => ("the output", u32::MAX),
+                Place::Out | Place::Table { .. } => ("the output", u32::MAX),
             };
-            within(store.target.at, &loops_of(&nest.extents), len).map_err(|why| at.fault(format!("`{what}`: {why}")))?;
+            within(store.target.at, &loops_of(&nest.extents()), len).map_err(|why| at.fault(format!("`{what}`: {why}")))?;
         }
     }
     Ok(())

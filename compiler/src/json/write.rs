@@ -215,12 +215,12 @@ fn program(program: &Program, nodes: &Nodes) -> Value {
                     match store.target.place {
                         Place::Out => json!({"out": at, "value": value}),
                         // Positions from tables are made behind the flat model only.
-                        Place::OutSlots(table) => json!({"out": at, "table": table, "value": value}),
+                        Place::Table { table, .. } => json!({"out": at, "table": table, "value": value}),
                         Place::Var(var) => json!({"variable": var.index(), "at": at, "value": value}),
                     }
                 })
                 .collect();
-            json!({"extents": nest.extents, "stores": stores})
+            json!({"extents": nest.extents(), "stores": stores})
         })
         .collect();
     json!({"in_place": program.in_place, "nests": nests})

@@ -1,12 +1,12 @@
 //! Order of evaluation: which node is computed in which loop.
 //!
-//! Each node is placed in the innermost loop whose counter it uses, once; tasks over equal loops share them. The interpreter and the code
+//! Each node is placed in the innermost loop whose counter it uses, once; nests over equal loops share them. The interpreter and the code
 //! generator walk the same [`Schedule`], so both evaluate in the same order.
 
 use thiserror::Error;
 
-use super::job::{Job, Sink, Task};
-use crate::ir::{Affine, Expr, ExprId, Exprs, FastSet, Flavour, MAX_DEPTH, ReduceFn};
+use super::staged::Staged;
+use crate::ir::{Affine, Expr, ExprId, Exprs, FastSet, Flavour, MAX_DEPTH, Nest, Place, ReduceFn, Store, Target};
 use crate::layout::{Address, Base, Layout};
 
 /// What a function may touch.
@@ -73,7 +73,7 @@ pub struct Block {
     pub items: Vec<Item>,
     /// Loops inside, after all items (reductions are items).
     pub children: Vec<BlockId>,
-    /// The loop of stores (no loops of other tasks inside).
+    /// The loop of stores (no loops of other nests inside).
     pub leaf: bool,
 }
 
@@ -94,7 +94,7 @@ pub enum Item {
         block: BlockId,
     },
     /// Store a value.
-    Store(Sink, ExprId),
+    Store(Store),
 }
 
 /// Blocks of one function.
@@ -106,12 +106,12 @@ pub struct Schedule {
     floor: BlockId,
 }
 
-/// The schedules of a job, to be run one after another.
+/// The schedules of a staged program, to be run one after another.
 ///
 /// # Errors
-/// If the job addresses what it cannot have.
-pub(crate) fn schedules(job: &Job, exprs: &Exprs, layout: &Layout, access: Access) -> Result<Vec<Schedule>, ScheduleError> {
-    job.stages.iter().map(|tasks| Builder::new(exprs, layout, access).build(tasks, job.in_place)).collect()
+/// If the staged program addresses what it cannot have.
+pub(crate) fn schedules(staged: &Staged, exprs: &Exprs, layout: &Layout, access: Access) -> Result<Vec<Schedule>, ScheduleError> {
+    staged.stages.iter().map(|nests| Builder::new(exprs, layout, access).build(nests, staged.in_place)).collect()
 }
 
 impl Schedule {
@@ -135,7 +135,7 @@ impl Schedule {
     pub(crate) fn each_use(&self, exprs: &Exprs, block: BlockId, item: Item, visit: &mut dyn FnMut(BlockId, ExprId)) {
         match item {
             Item::Eval(expr) => exprs.operands(expr).for_each(|o| visit(block, o)),
-            Item::Store(_, value) => visit(block, value),
+            Item::Store(store) => visit(block, store.value),
             Item::Reduce { body, block: inner, .. } => {
                 visit(inner, body);
                 for item in &self.blocks[inner].items {
@@ -201,25 +201,25 @@ impl<'a> Builder<'a> {
         Builder { exprs, layout, access, schedule, placed: FastSet::default(), bodies: vec![] }
     }
 
-    fn build(mut self, tasks: &[Task], in_place: bool) -> Result<Schedule, ScheduleError> {
-        for task in tasks.iter().filter(|t| t.loops.iter().all(|&(_, extent)| extent > 0)) {
-            let block = self.nest(&task.loops);
+    fn build(mut self, nests: &[Nest], in_place: bool) -> Result<Schedule, ScheduleError> {
+        for nest in nests.iter().filter(|t| t.loops.iter().all(|&(_, extent)| extent > 0)) {
+            let block = self.nest(&nest.loops);
             if in_place {
                 self.schedule.floor = block;
-                for (_, value) in &task.stores {
-                    self.place(block, *value)?;
+                for store in &nest.stores {
+                    self.place(block, store.value)?;
                 }
             }
-            for &(sink, value) in &task.stores {
-                self.place(block, value)?;
-                self.check_sink(block, sink)?;
-                self.schedule.blocks[block].items.push(Item::Store(sink, value));
+            for &store in &nest.stores {
+                self.place(block, store.value)?;
+                self.check_target(block, store.target)?;
+                self.schedule.blocks[block].items.push(Item::Store(store));
             }
         }
         Ok(self.schedule)
     }
 
-    /// The block of a nest of loops, shared by the tasks over the same.
+    /// The block of a nest of loops, shared by the nests over the same.
     fn nest(&mut self, loops: &[(u8, u32)]) -> BlockId {
         let mut at = 0;
         for (i, &(counter, extent)) in loops.iter().enumerate() {
@@ -308,13 +308,13 @@ impl<'a> Builder<'a> {
         self.check_range(block, at, i64::from(self.layout.elements(var)), || var.to_string())
     }
 
-    fn check_sink(&self, block: BlockId, sink: Sink) -> Result<(), ScheduleError> {
+    fn check_target(&self, block: BlockId, Target { place, at }: Target) -> Result<(), ScheduleError> {
         let function = self.access.name;
-        match sink {
-            Sink::Out(at) => self.check_range(block, at, self.access.out as i64, || "the output".into()),
-            // Tables are made together with the tasks that use them, from the same loops.
-            Sink::Table { .. } => Ok(()),
-            Sink::Var(var, at) => {
+        match place {
+            Place::Out => self.check_range(block, at, self.access.out as i64, || "the output".into()),
+            // Tables are made together with the nests that use them, from the same loops.
+            Place::Table { .. } => Ok(()),
+            Place::Var(var) => {
                 let variable = var.to_string();
                 match self.layout.address(var, Flavour::Value) {
                     Some(Address { base: Base::Y, .. }) if !self.access.y => Err(ScheduleError::Unavailable { function, variable }),

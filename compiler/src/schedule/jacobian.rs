@@ -1,13 +1,13 @@
-//! The job of the Jacobian: entries over loops, stored at their positions in the compressed columns.
+//! The staged program of the Jacobian: entries over loops, stored at their positions in the compressed columns.
 
-use super::job::{Job, Sink, Task, row_major};
+use super::staged::{Staged, row_major};
 use crate::differentiate::Entry;
 use crate::differentiate::pattern::{Pattern, each, each_place};
-use crate::ir::{Affine, Exprs, MAX_DEPTH};
+use crate::ir::{Affine, Exprs, MAX_DEPTH, Nest, Place, Store, Target};
 
-/// The job that writes the values of all entries in the order of the pattern; position tables are appended to `tables`.
+/// The staged program that writes the values of all entries in the order of the pattern; position tables are appended to `tables`.
 #[must_use]
-pub(crate) fn of_entries(entries: &[Entry], pattern: &Pattern, exprs: &mut Exprs, tables: &mut Vec<u32>) -> Job {
+pub(crate) fn of_entries(entries: &[Entry], pattern: &Pattern, exprs: &mut Exprs, tables: &mut Vec<u32>) -> Staged {
     let zero = exprs.constant(0.0);
     let mut taken = vec![false; pattern.nonzeros()];
     let (mut cleared, mut stored, mut added) = (vec![], vec![], vec![]);
@@ -25,23 +25,23 @@ pub(crate) fn of_entries(entries: &[Entry], pattern: &Pattern, exprs: &mut Exprs
         for &slot in &slots {
             shared |= std::mem::replace(&mut taken[slot as usize], true);
         }
-        let task = |sink, value| Task { loops: entry.loops.clone(), stores: vec![(sink, value)] };
+        let nest = |target, value| Nest { loops: entry.loops.clone(), stores: vec![Store { target, value }] };
         if shared {
             // Another entry writes to one of these places: all is added to zeros.
             let (table, index) = (tables.len() as u32, row_major(&entry.loops));
             tables.extend(&slots);
-            let placed = |add| Sink::Table { table, index, plus: Affine::default(), add };
-            cleared.push(task(placed(false), zero));
-            added.push(task(placed(true), entry.value));
+            let placed = |add| Target { place: Place::Table { table, plus: Affine::default(), add }, at: index };
+            cleared.push(nest(placed(false), zero));
+            added.push(nest(placed(true), entry.value));
         } else {
-            stored.push(task(sink(&entry.loops, &slots, tables), entry.value));
+            stored.push(nest(target(&entry.loops, &slots, tables), entry.value));
         }
     }
-    Job { stages: [cleared, stored, added].into_iter().filter(|s| !s.is_empty()).collect(), in_place: false }
+    Staged { stages: [cleared, stored, added].into_iter().filter(|s| !s.is_empty()).collect(), in_place: false }
 }
 
-/// The cheapest sink that hits the slots: affine in all counters, affine in the innermost one, or a table.
-fn sink(loops: &[(u8, u32)], slots: &[u32], tables: &mut Vec<u32>) -> Sink {
+/// The cheapest target that hits the slots: affine in all counters, affine in the innermost one, or a table.
+fn target(loops: &[(u8, u32)], slots: &[u32], tables: &mut Vec<u32>) -> Target {
     let order = row_major(loops);
     let slot = |i: i64| slots.get(i as usize).map_or(0, |&s| i64::from(s));
     let mut affine = Affine::constant(slot(0));
@@ -49,7 +49,7 @@ fn sink(loops: &[(u8, u32)], slots: &[u32], tables: &mut Vec<u32>) -> Sink {
         affine.strides[counter as usize] = slot(order.strides[counter as usize]) - slot(0);
     }
     if matches(loops, slots, |counters| affine.at(counters)) {
-        return Sink::Out(affine);
+        return Target::out(affine);
     }
     let table = tables.len() as u32;
     if let Some((&(inner, extent), outer)) = loops.split_last() {
@@ -60,11 +60,11 @@ fn sink(loops: &[(u8, u32)], slots: &[u32], tables: &mut Vec<u32>) -> Sink {
         let start = |counters: &[i64; MAX_DEPTH]| i64::from(starts[index.at(counters) as usize]);
         if !outer.is_empty() && matches(loops, slots, |counters| start(counters) + plus.at(counters)) {
             tables.extend(starts);
-            return Sink::Table { table, index, plus, add: false };
+            return Target { place: Place::Table { table, plus, add: false }, at: index };
         }
     }
     tables.extend(slots);
-    Sink::Table { table, index: order, plus: Affine::default(), add: false }
+    Target { place: Place::Table { table, plus: Affine::default(), add: false }, at: order }
 }
 
 fn matches(loops: &[(u8, u32)], slots: &[u32], at: impl Fn(&[i64; MAX_DEPTH]) -> i64) -> bool {

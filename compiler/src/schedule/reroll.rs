@@ -3,8 +3,8 @@
 //! Resets, bounds and observations are often written element by element: `c[0] := f(c[0])`, `c[1] := f(c[1])`, … Each run of at
 //! least [`SHORTEST`] such stores with addresses in arithmetic sequence becomes one loop; in place, the order of passes is that of the stores.
 
-use super::job::{Job, Sink, Task};
-use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, MAX_DEPTH, Rewritten, VarId};
+use super::staged::Staged;
+use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, MAX_DEPTH, Nest, Place, Rewritten, Store, Target};
 
 /// Fewer stores stay as they are.
 const SHORTEST: usize = 4;
@@ -17,7 +17,7 @@ struct Shape {
     tokens: Vec<Token>,
     /// Where the loads are in `tokens`.
     loads: Vec<ExprId>,
-    /// Constant part of the address of each load, then of the sink.
+    /// Constant part of the address of each load, then of the target.
     offsets: Vec<i64>,
     /// Counters that occur, one bit each.
     counters: u8,
@@ -30,22 +30,22 @@ enum Token {
     /// A place in the walk.
     Operand(u32),
     /// Where the value goes.
-    Sink(Option<VarId>, [i64; MAX_DEPTH]),
+    Target(Place, [i64; MAX_DEPTH]),
 }
 
-/// The job with runs of stores as loops.
+/// The staged program with runs of stores as loops.
 #[must_use]
-pub(crate) fn reroll(job: Job, exprs: &mut Exprs) -> Job {
-    if job.in_place { in_place(job, exprs) } else { shared(job, exprs) }
+pub(crate) fn reroll(staged: Staged, exprs: &mut Exprs) -> Staged {
+    if staged.in_place { in_place(staged, exprs) } else { shared(staged, exprs) }
 }
 
 /// Stages of one scalar store each are candidates; their order stays.
-fn in_place(job: Job, exprs: &mut Exprs) -> Job {
+fn in_place(staged: Staged, exprs: &mut Exprs) -> Staged {
     let mut stages = vec![];
     let mut run = vec![];
-    for stage in job.stages {
+    for stage in staged.stages {
         match stage.as_slice() {
-            [task] if task.loops.is_empty() && task.stores.len() == 1 => run.push(task.stores[0]),
+            [nest] if nest.loops.is_empty() && nest.stores.len() == 1 => run.push(nest.stores[0]),
             _ => {
                 stages.extend(loops(&std::mem::take(&mut run), exprs).into_iter().map(|t| vec![t]));
                 stages.push(stage);
@@ -53,44 +53,44 @@ fn in_place(job: Job, exprs: &mut Exprs) -> Job {
         }
     }
     stages.extend(loops(&run, exprs).into_iter().map(|t| vec![t]));
-    Job { stages, in_place: true }
+    Staged { stages, in_place: true }
 }
 
 /// All scalar stores of a stage are candidates.
-fn shared(mut job: Job, exprs: &mut Exprs) -> Job {
-    for stage in &mut job.stages {
-        let (scalar, mut rest): (Vec<Task>, Vec<Task>) = std::mem::take(stage).into_iter().partition(|t| t.loops.is_empty());
-        let stores: Vec<(Sink, ExprId)> = scalar.into_iter().flat_map(|t| t.stores).collect();
+fn shared(mut staged: Staged, exprs: &mut Exprs) -> Staged {
+    for stage in &mut staged.stages {
+        let (scalar, mut rest): (Vec<Nest>, Vec<Nest>) = std::mem::take(stage).into_iter().partition(|t| t.loops.is_empty());
+        let stores: Vec<Store> = scalar.into_iter().flat_map(|t| t.stores).collect();
         rest.extend(loops(&stores, exprs));
         *stage = rest;
     }
-    job
+    staged
 }
 
 /// The stores as loops where they are runs, one by one elsewhere.
-fn loops(stores: &[(Sink, ExprId)], exprs: &mut Exprs) -> Vec<Task> {
-    let kinds: Vec<[Kind; 3]> = stores.iter().map(|(_, value)| kinds(exprs, *value)).collect();
+fn loops(stores: &[Store], exprs: &mut Exprs) -> Vec<Nest> {
+    let kinds: Vec<[Kind; 3]> = stores.iter().map(|store| kinds(exprs, store.value)).collect();
     let alike = |i: usize| i + 1 < kinds.len() && kinds[i] == kinds[i + 1];
     // What differs from both of its neighbours at first sight is in no run.
-    let shape = |i: usize| (alike(i) || i > 0 && alike(i - 1)).then(|| shape(exprs, stores[i].0, stores[i].1)).flatten();
+    let shape = |i: usize| (alike(i) || i > 0 && alike(i - 1)).then(|| shape(exprs, stores[i])).flatten();
     let shapes: Vec<Option<Shape>> = (0..stores.len()).map(shape).collect();
-    let mut tasks = vec![];
+    let mut nests = vec![];
     let mut start = 0;
     while start < stores.len() {
         let length = run_length(&shapes[start..]);
         let looped = (length >= SHORTEST).then(|| looped(exprs, stores[start], &shapes[start..], length)).flatten();
         match looped {
-            Some(task) => {
-                tasks.push(task);
+            Some(nest) => {
+                nests.push(nest);
                 start += length;
             }
             None => {
-                tasks.push(Task { loops: vec![], stores: vec![stores[start]] });
+                nests.push(Nest { loops: vec![], stores: vec![stores[start]] });
                 start += 1;
             }
         }
     }
-    tasks
+    nests
 }
 
 /// Which operation a node is.
@@ -119,7 +119,7 @@ fn run_length(shapes: &[Option<Shape>]) -> usize {
 }
 
 /// The first store of a run over all its passes.
-fn looped(exprs: &mut Exprs, (sink, value): (Sink, ExprId), shapes: &[Option<Shape>], length: usize) -> Option<Task> {
+fn looped(exprs: &mut Exprs, Store { target, value }: Store, shapes: &[Option<Shape>], length: usize) -> Option<Nest> {
     let [Some(first), Some(second), ..] = shapes else { return None };
     let counter = (0..MAX_DEPTH as u8).find(|c| first.counters & (1 << c) == 0)?;
     let steps: Vec<i64> = first.offsets.iter().zip(&second.offsets).map(|(a, b)| b - a).collect();
@@ -136,15 +136,14 @@ fn looped(exprs: &mut Exprs, (sink, value): (Sink, ExprId), shapes: &[Option<Sha
         _ => None,
     });
     let step = *steps.last()?;
-    let sink = match sink {
-        Sink::Out(at) => Sink::Out(along(at, step)),
-        Sink::Var(var, at) => Sink::Var(var, along(at, step)),
-        Sink::Table { .. } => return None,
-    };
-    Some(Task { loops: vec![(counter, length as u32)], stores: vec![(sink, value)] })
+    let target = Target { at: along(target.at, step), ..target };
+    Some(Nest { loops: vec![(counter, length as u32)], stores: vec![Store { target, value }] })
 }
 
-fn shape(exprs: &Exprs, sink: Sink, value: ExprId) -> Option<Shape> {
+fn shape(exprs: &Exprs, Store { target: Target { place, at }, value }: Store) -> Option<Shape> {
+    if let Place::Table { .. } = place {
+        return None;
+    }
     let mut shape = Shape { tokens: vec![], loads: vec![], offsets: vec![], counters: 0 };
     let mut places: FastMap<ExprId, u32> = FastMap::default();
     let mut stack = vec![(value, false)];
@@ -170,12 +169,7 @@ fn shape(exprs: &Exprs, sink: Sink, value: ExprId) -> Option<Shape> {
         shape.tokens.extend(exprs.operands(expr).filter_map(|o| places.get(&o)).map(|&p| Token::Operand(p)));
         places.insert(expr, places.len() as u32);
     }
-    let (var, at) = match sink {
-        Sink::Out(at) => (None, at),
-        Sink::Var(var, at) => (Some(var), at),
-        Sink::Table { .. } => return None,
-    };
-    shape.tokens.push(Token::Sink(var, at.strides));
+    shape.tokens.push(Token::Target(place, at.strides));
     shape.offsets.push(at.offset);
     Some(shape)
 }

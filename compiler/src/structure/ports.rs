@@ -31,9 +31,9 @@ fn plain_loads(model: &Model) -> FastMap<i64, (VarId, i64)> {
         for store in nest.stores.iter().filter(|store| store.target.place == Place::Out) {
             let Expr::Load { var, flavour: Flavour::Value, at } = model.exprs.node(store.value) else { continue };
             let mut elements = Vec::new();
-            for_each_element(&nest.extents, at, &mut |element| elements.push(element));
+            for_each_element(&nest.extents(), at, &mut |element| elements.push(element));
             let mut elements = elements.into_iter();
-            for_each_element(&nest.extents, store.target.at, &mut |out| {
+            for_each_element(&nest.extents(), store.target.at, &mut |out| {
                 loaded.extend(elements.next().map(|element| (out, (var, element))))
             });
         }

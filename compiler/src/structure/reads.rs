@@ -27,7 +27,7 @@ pub(super) fn looped_reads(model: &Model, equations: &[Equation]) -> Vec<Read> {
     }
     for program in programs(&model.programs) {
         for nest in &program.nests {
-            nest.stores.iter().for_each(|store| walk.value(store.value, loops_of(&nest.extents), 0));
+            nest.stores.iter().for_each(|store| walk.value(store.value, loops_of(&nest.extents()), 0));
         }
     }
     walk.out

@@ -178,7 +178,7 @@ pub(crate) fn take_apart(model: &mut Model, arrays: &FastMap<VarId, Whole>, defi
                 program.nests.push(nest);
                 continue;
             };
-            let all = nest.extents == [vars[var].len] && at == Affine::along(0, LoopVar(0), 1);
+            let all = nest.extents() == [vars[var].len] && at == Affine::along(0, LoopVar(0), 1);
             let pieces = arrays.get(&var).filter(|_| all).and_then(|whole| in_parts(exprs, &nest, whole));
             let pieces = pieces.unwrap_or_else(|| one_by_one(exprs, &nest));
             waiting.extend(pieces.into_iter().rev());
@@ -189,10 +189,10 @@ pub(crate) fn take_apart(model: &mut Model, arrays: &FastMap<VarId, Whole>, defi
 /// A load in a nest that goes across parts of an array, or through elements that are defined one by one.
 fn across(exprs: &Exprs, nest: &Nest, arrays: &FastMap<VarId, Whole>, defined: &FastSet<VarId>) -> Option<(VarId, Affine)> {
     let concerned = |v: VarId| arrays.contains_key(&v) || defined.contains(&v);
-    let looped = |at: &Affine| (0..nest.extents.len()).any(|d| at.strides[d] != 0);
+    let looped = |at: &Affine| (0..nest.loops.len()).any(|d| at.strides[d] != 0);
     let goes_across = |var: VarId, at: Affine| {
         let Some(whole) = arrays.get(&var) else { return true };
-        !whole.holds(at, &loops_of(&nest.extents))
+        !whole.holds(at, &loops_of(&nest.extents()))
     };
     let found = nest.stores.iter().flat_map(|s| exprs.loads(s.value, |v, _| concerned(v)));
     let mut found = found.filter(|(_, _, at)| looped(at));
@@ -210,7 +210,7 @@ fn in_parts(exprs: &mut Exprs, nest: &Nest, whole: &Whole) -> Option<Vec<Nest>> 
             let at = Affine::constant(store.target.at.offset).plus(element.times(store.target.at.strides[0]));
             stores.push(Store { target: Target { at, ..store.target }, value });
         }
-        out.push(Nest { extents, stores });
+        out.push(Nest::over(extents, stores));
     }
     Some(out)
 }
@@ -218,7 +218,7 @@ fn in_parts(exprs: &mut Exprs, nest: &Nest, whole: &Whole) -> Option<Vec<Nest>> 
 /// Every pass of a nest by itself.
 fn one_by_one(exprs: &mut Exprs, nest: &Nest) -> Vec<Nest> {
     let mut passes = vec![nest.stores.clone()];
-    for (d, &extent) in nest.extents.iter().enumerate() {
+    for (d, &extent) in nest.extents().iter().enumerate() {
         let mut next = Vec::with_capacity(passes.len() * extent as usize);
         for stores in &passes {
             for pass in 0..i64::from(extent) {
@@ -231,7 +231,7 @@ fn one_by_one(exprs: &mut Exprs, nest: &Nest) -> Vec<Nest> {
         }
         passes = next;
     }
-    passes.into_iter().map(|stores| Nest { extents: Vec::new(), stores }).collect()
+    passes.into_iter().map(|stores| Nest { loops: Vec::new(), stores }).collect()
 }
 
 /// A definition with the counters of its loops in the place of `indices`; its sums count with counters that these do not use.

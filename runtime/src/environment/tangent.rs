@@ -66,8 +66,7 @@ pub enum FollowError {
 
 /// What follows an instance with derivatives along a fixed number of directions.
 pub struct Follower {
-    augmented: Augmented,
-    integrator: Box<dyn Integrator>,
+    engine: Engine,
     /// Directions that are integrated: the others move nothing in the equations.
     live: Vec<usize>,
     /// Inputs that move, and which directions something moves in the equations.
@@ -82,9 +81,6 @@ pub struct Follower {
     /// Directions in force, and what each derivative is multiplied with: a magnitude of what it is taken by.
     directions: Vec<Direction>,
     scales: Vec<f64>,
-    /// Unknowns with derivatives along the live directions, and rates of both.
-    y: Vec<f64>,
-    yp: Vec<f64>,
     /// Derivatives of the integrals.
     integrals: Vec<f64>,
     /// How the present beginning of the integration moves; empty if it does not.
@@ -101,6 +97,7 @@ pub struct Follower {
 struct Engine {
     augmented: Augmented,
     integrator: Box<dyn Integrator>,
+    /// Unknowns with derivatives along the directions, and rates of both.
     y: Vec<f64>,
     yp: Vec<f64>,
 }
@@ -145,12 +142,10 @@ impl Follower {
 
     fn with_settings(setup: &Arc<Setup>, width: usize, settings: Settings) -> Result<Self, SetupError> {
         let system = &setup.system;
-        let Engine { augmented, integrator, y, yp } = Engine::new(system, width, &settings)?;
         let entries = system.pattern().entries();
         let numbers = |length| vec![0.0; length];
         Ok(Self {
-            augmented,
-            integrator,
+            engine: Engine::new(system, width, &settings)?,
             live: (0..width).collect(),
             moving_inputs: Vec::new(),
             moved: vec![false; width],
@@ -160,8 +155,6 @@ impl Follower {
             along: Tangents::new(system, 1),
             directions: Vec::new(),
             scales: Vec::new(),
-            y,
-            yp,
             integrals: numbers(system.quadrature_count() * width),
             moving: Vec::new(),
             pending: false,
@@ -176,18 +169,15 @@ impl Follower {
         self.live.clear();
         self.live.extend(self.moved.iter().enumerate().filter(|&(_, &moved)| moved).map(|(j, _)| j));
         let count = self.live.len();
-        if count != self.augmented.directions() {
+        if count != self.engine.augmented.directions() {
             let place = self.spare.iter().position(|engine| engine.augmented.directions() == count);
             let mut other = match place {
                 Some(place) => self.spare.remove(place),
-                None => Engine::new(&self.augmented.system, count, &self.settings)?,
+                None => Engine::new(&self.engine.augmented.system, count, &self.settings)?,
             };
             other.integrator.forget();
-            other.integrator.edges_mut().copy_from_slice(self.integrator.edges());
-            std::mem::swap(&mut self.augmented, &mut other.augmented);
-            std::mem::swap(&mut self.integrator, &mut other.integrator);
-            std::mem::swap(&mut self.y, &mut other.y);
-            std::mem::swap(&mut self.yp, &mut other.yp);
+            other.integrator.edges_mut().copy_from_slice(self.engine.integrator.edges());
+            std::mem::swap(&mut self.engine, &mut other);
             self.spare.truncate(SPARE - 1);
             self.spare.insert(0, other);
         }
@@ -209,7 +199,7 @@ impl Follower {
     /// What its integrator did in the last step.
     #[must_use]
     pub fn statistics(&self) -> Statistics {
-        self.integrator.statistics()
+        self.engine.integrator.statistics()
     }
 
     /// Derivative of an output of the `finish` program along a direction, after a step.
@@ -342,7 +332,7 @@ impl Environment {
             for at in states..n {
                 (0..follower.width()).for_each(|j| follower.tangents.set_yp(at, j, 0.0));
                 for (place, &j) in follower.live.iter().enumerate() {
-                    follower.tangents.set_yp(at, j, follower.yp[n + at * width + place]);
+                    follower.tangents.set_yp(at, j, follower.engine.yp[n + at * width + place]);
                 }
             }
         }

@@ -30,7 +30,7 @@ pub(super) fn steady_outputs(model: &CompiledModel) -> Vec<bool> {
     let mut outputs = vec![false; model.finish_len()];
     for nest in &model.model().programs.finish.nests {
         for store in nest.stores.iter().filter(|store| reads_in(model.model(), vec![store.value], Flavour::Steady)) {
-            match outputs.get_mut(store.target.at.offset as usize).filter(|_| nest.extents.is_empty()) {
+            match outputs.get_mut(store.target.at.offset as usize).filter(|_| nest.loops.is_empty()) {
                 Some(output) => *output = true,
                 None => outputs.fill(true),
             }
@@ -111,7 +111,7 @@ pub(super) fn discrete_passes(model: &CompiledModel) -> usize {
 fn passes(model: &Model, programs: &[&Program], settles: impl Fn(&Expr) -> bool + Copy) -> usize {
     const MOST: usize = 50;
     let of_nest = |nest: &Nest| {
-        let passes: usize = nest.extents.iter().map(|&n| n as usize).product();
+        let passes: usize = nest.extents().iter().map(|&n| n as usize).product();
         passes.saturating_mul(nest.stores.iter().filter(|s| any_expression(&model.exprs, vec![s.value], settles)).count())
     };
     match programs.iter().flat_map(|p| &p.nests).map(of_nest).fold(0, usize::saturating_add) {

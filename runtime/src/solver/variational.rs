@@ -57,50 +57,82 @@ struct State {
     yp: Vector,
 }
 
-/// Derivatives along directions, row after row, with those of the integrals behind them.
-pub struct Variational {
+/// Numbers of directions, of derivatives of unknowns, and of all with those of integrals.
+struct Size {
     width: usize,
-    /// Numbers of derivatives of unknowns, and all with those of integrals.
     own: usize,
     all: usize,
+}
+
+/// What is known of the equations.
+struct Equations {
     pattern: Pattern,
     differential: Box<[bool]>,
     explicit: bool,
     integrands_read_rates: bool,
-    max_order: usize,
-    max_steps: u32,
-    /// Relative tolerances of both, absolute ones of each number; infinite for what is not tested.
+}
+
+/// Relative tolerances of both, absolute ones of each number; infinite for what is not tested.
+struct Tolerances {
     rtol: [f64; 2],
     atol: Box<[f64]>,
     /// Numbers that are tested.
     tested: f64,
+}
+
+/// The matrix of the equations for derivatives.
+struct Matrix {
     factorisation: Factorisation,
     /// Entries of the Jacobian.
     values: Vec<f64>,
     others: Vec<f64>,
     space: Vec<f64>,
-    /// The last values and their times, latest first, and room for the next.
+}
+
+/// The last values and their times, latest first, and room for the next.
+struct History {
     points: Vec<Vec<f64>>,
     times: [f64; POINTS],
     /// So many of them are of the solution.
     known: usize,
-    next: Vec<f64>,
-    predicted: Vec<f64>,
-    integrands: Vec<f64>,
-    /// S' at the latest point.
-    rates: Vec<f64>,
-    formula: Formula,
+}
+
+/// Order and length of steps.
+struct Pace {
     order: usize,
     /// Length of the next step; zero where none is known.
     length: f64,
     /// Steps since order or length changed.
     steady: usize,
     steps: u32,
-    /// States of the unknowns from the latest point of the derivatives on.
+}
+
+/// States of the unknowns.
+struct Path {
+    /// From the latest point of the derivatives on.
     passed: Vec<State>,
     count: usize,
     /// One between them.
     inside: State,
+}
+
+/// Derivatives along directions, row after row, with those of the integrals behind them.
+pub struct Variational {
+    size: Size,
+    equations: Equations,
+    max_order: usize,
+    max_steps: u32,
+    tolerances: Tolerances,
+    matrix: Matrix,
+    history: History,
+    next: Vec<f64>,
+    predicted: Vec<f64>,
+    integrands: Vec<f64>,
+    /// S' at the latest point.
+    rates: Vec<f64>,
+    formula: Formula,
+    pace: Pace,
+    path: Path,
 }
 
 impl Variational {
@@ -117,100 +149,95 @@ impl Variational {
         let state = || State { time: 0.0, y: Vector::zeros(n, operations, context), yp: Vector::zeros(n, operations, context) };
         let numbers = |length| vec![0.0; length];
         Ok(Self {
-            width,
-            own,
-            all,
-            pattern: pattern.clone(),
-            differential: system.differential()[..n].into(),
-            explicit: system.is_explicit(),
-            integrands_read_rates: false,
+            size: Size { width, own, all },
+            equations: Equations {
+                pattern: pattern.clone(),
+                differential: system.differential()[..n].into(),
+                explicit: system.is_explicit(),
+                integrands_read_rates: false,
+            },
             max_order: (settings.max_order as usize).min(MAX_ORDER),
             max_steps: settings.max_steps,
-            rtol,
-            tested: atol.iter().filter(|atol| atol.is_finite()).count().max(1) as f64,
-            atol,
-            factorisation: Factorisation::new(pattern, settings.linear_solver)?,
-            values: numbers(pattern.entries()),
-            others: numbers(pattern.entries()),
-            space: Vec::new(),
-            points: (0..POINTS).map(|_| numbers(all)).collect(),
-            times: [0.0; POINTS],
-            known: 0,
+            tolerances: Tolerances { rtol, tested: atol.iter().filter(|atol| atol.is_finite()).count().max(1) as f64, atol },
+            matrix: Matrix {
+                factorisation: Factorisation::new(pattern, settings.linear_solver)?,
+                values: numbers(pattern.entries()),
+                others: numbers(pattern.entries()),
+                space: Vec::new(),
+            },
+            history: History { points: (0..POINTS).map(|_| numbers(all)).collect(), times: [0.0; POINTS], known: 0 },
             next: numbers(all),
             predicted: numbers(all),
             integrands: numbers(all - own),
             rates: numbers(all),
             formula: Formula::default(),
-            order: 1,
-            length: 0.0,
-            steady: 0,
-            steps: 0,
-            passed: (0..PASSED + 1).map(|_| state()).collect(),
-            count: 0,
-            inside: state(),
+            pace: Pace { order: 1, length: 0.0, steady: 0, steps: 0 },
+            path: Path { passed: (0..PASSED + 1).map(|_| state()).collect(), count: 0, inside: state() },
         })
     }
 
     /// Forgets the pivots of earlier factorisations.
     pub fn forget(&mut self) {
-        self.factorisation.forget();
+        self.matrix.factorisation.forget();
     }
 
     /// The derivatives of the unknowns.
     pub fn derivatives(&self) -> &[f64] {
-        &self.points[0][..self.own]
+        &self.history.points[0][..self.size.own]
     }
 
     /// Their rates.
     pub fn rates(&self) -> &[f64] {
-        &self.rates[..self.own]
+        &self.rates[..self.size.own]
     }
 
     /// The derivatives of the integrals.
     pub fn integrals(&self) -> &[f64] {
-        &self.points[0][self.own..]
+        &self.history.points[0][self.size.own..]
     }
 
     /// Begins with derivatives of the differential unknowns at a consistent state: those of the algebraic ones, and rates, follow.
     pub fn begin(&mut self, bridge: &mut Bridge, time: f64, (y, yp): (&Vector, &Vector), s: &[f64]) -> Result<(), Stuck> {
-        (self.known, self.order, self.length, self.steady, self.steps) = (1, 1, 0.0, 0, 0);
-        self.times[0] = time;
-        let first = &mut self.points[0];
-        first[..self.own].copy_from_slice(s);
-        first[self.own..].fill(0.0);
-        self.passed[0].set(time, y, yp);
-        self.count = 1;
+        (self.history.known, self.pace.order, self.pace.length, self.pace.steady, self.pace.steps) = (1, 1, 0.0, 0, 0);
+        self.history.times[0] = time;
+        let first = &mut self.history.points[0];
+        first[..self.size.own].copy_from_slice(s);
+        first[self.size.own..].fill(0.0);
+        self.path.passed[0].set(time, y, yp);
+        self.path.count = 1;
         self.rates.fill(0.0);
-        self.integrands_read_rates = bridge.integrands_read_rates()?;
+        self.equations.integrands_read_rates = bridge.integrands_read_rates()?;
         self.find_rates(bridge, time, (y, yp))?;
-        if self.all > self.own {
-            let (rates, integrals) = self.rates.split_at_mut(self.own);
-            bridge.following_integrands(time, (y, yp), (&self.points[0][..self.own], rates), integrals)?;
+        if self.size.all > self.size.own {
+            let (rates, integrals) = self.rates.split_at_mut(self.size.own);
+            bridge.following_integrands(time, (y, yp), (&self.history.points[0][..self.size.own], rates), integrals)?;
         }
         Ok(())
     }
 
     /// Rates of differential unknowns' derivatives, and derivatives of the algebraic ones.
     fn find_rates(&mut self, bridge: &mut Bridge, time: f64, (y, yp): (&Vector, &Vector)) -> Result<(), Stuck> {
-        let width = self.width;
-        for (row, _) in
-            self.points[0][..self.own].chunks_exact_mut(width).zip(&self.differential).filter(|(_, differential)| !**differential)
+        let width = self.size.width;
+        for (row, _) in self.history.points[0][..self.size.own]
+            .chunks_exact_mut(width)
+            .zip(&self.equations.differential)
+            .filter(|(_, differential)| !**differential)
         {
             row.fill(0.0);
         }
-        bridge.jacobian_at(time, 0.0, (y, yp), &mut self.values)?;
-        let at = Following { t: time, y: y.entries(), yp: yp.entries(), cj: 0.0, jacobian: &self.values };
-        bridge.following(at, (&self.points[0][..self.own], &self.rates[..self.own]), &mut self.next[..self.own])?;
-        let explicit = self.explicit && !self.differential.contains(&false);
+        bridge.jacobian_at(time, 0.0, (y, yp), &mut self.matrix.values)?;
+        let at = Following { t: time, y: y.entries(), yp: yp.entries(), cj: 0.0, jacobian: &self.matrix.values };
+        bridge.following(at, (&self.history.points[0][..self.size.own], &self.rates[..self.size.own]), &mut self.next[..self.size.own])?;
+        let explicit = self.equations.explicit && !self.equations.differential.contains(&false);
         if !explicit {
-            bridge.jacobian_at(time, 1.0, (y, yp), &mut self.others)?;
+            bridge.jacobian_at(time, 1.0, (y, yp), &mut self.matrix.others)?;
             self.take_rates();
             self.next.iter_mut().for_each(|x| *x = -*x);
             self.solve(bridge, time)?;
         }
-        for (i, &differential) in self.differential.iter().enumerate() {
+        for (i, &differential) in self.equations.differential.iter().enumerate() {
             let row = i * width..(i + 1) * width;
-            let to = if differential { &mut self.rates } else { &mut self.points[0] };
+            let to = if differential { &mut self.rates } else { &mut self.history.points[0] };
             to[row.clone()].copy_from_slice(&self.next[row]);
         }
         Ok(())
@@ -218,9 +245,9 @@ impl Variational {
 
     /// Puts the derivatives by rates into the columns of differential unknowns.
     fn take_rates(&mut self) {
-        for column in (0..self.differential.len()).filter(|&column| self.differential[column]) {
-            for entry in self.pattern.column(column) {
-                self.values[entry] = self.others[entry] - self.values[entry];
+        for column in (0..self.equations.differential.len()).filter(|&column| self.equations.differential[column]) {
+            for entry in self.equations.pattern.column(column) {
+                self.matrix.values[entry] = self.matrix.others[entry] - self.matrix.values[entry];
             }
         }
     }
@@ -228,14 +255,17 @@ impl Variational {
     /// Factorises the matrix and replaces the right-hand sides by the solutions.
     fn solve(&mut self, bridge: &mut Bridge, time: f64) -> Result<(), Stuck> {
         bridge.counts.factorisations += 1;
-        self.factorisation.factorise(&self.values).map_err(|s| Stuck::Error(SolveError::SingularJacobian { time, column: s.column }))?;
-        self.factorisation.solve_many(self.width, &mut self.next[..self.own], &mut self.space);
+        self.matrix
+            .factorisation
+            .factorise(&self.matrix.values)
+            .map_err(|s| Stuck::Error(SolveError::SingularJacobian { time, column: s.column }))?;
+        self.matrix.factorisation.solve_many(self.size.width, &mut self.next[..self.size.own], &mut self.matrix.space);
         Ok(())
     }
 
     /// Goes on as far as steps fit into what the unknowns have come to, `to`; exactly to it if that is the `end`.
     pub fn catch_up(&mut self, bridge: &mut Bridge, to: f64, end: f64) -> Result<(), Stuck> {
-        let Self { passed, count, .. } = &mut *self;
+        let Path { passed, count, .. } = &mut self.path;
         if to > passed[*count - 1].time {
             let state = &mut passed[*count];
             state.time = to;
@@ -248,24 +278,28 @@ impl Variational {
             self.place(bridge, time)?;
             if self.step(bridge)? {
                 rejections = 0;
-                self.steps += 1;
+                self.pace.steps += 1;
             } else {
                 rejections += 1;
             }
-            let (now, least) = (self.times[0], 4.0 * f64::EPSILON * self.times[0].abs());
-            if rejections > MOST_REJECTIONS || self.length <= least {
-                return Err(Stuck::Error(SolveError::StepTooSmall { time: now, step: self.length, unknown: self.largest(&self.next) }));
+            let (now, least) = (self.history.times[0], 4.0 * f64::EPSILON * self.history.times[0].abs());
+            if rejections > MOST_REJECTIONS || self.pace.length <= least {
+                return Err(Stuck::Error(SolveError::StepTooSmall {
+                    time: now,
+                    step: self.pace.length,
+                    unknown: self.largest(&self.next),
+                }));
             }
-            if self.steps > self.max_steps {
+            if self.pace.steps > self.max_steps {
                 return Err(Stuck::Error(SolveError::TooManySteps {
                     time: now,
                     steps: self.max_steps,
-                    unknown: self.largest(&self.points[0]),
+                    unknown: self.largest(&self.history.points[0]),
                 }));
             }
         }
-        if self.steps > 0 && self.times[0] == end {
-            let (new, behind) = self.points.split_at(1);
+        if self.pace.steps > 0 && self.history.times[0] == end {
+            let (new, behind) = self.history.points.split_at(1);
             differentiate(&self.formula, behind, &new[0], &mut self.rates);
         }
         self.leave_behind();
@@ -274,53 +308,53 @@ impl Variational {
 
     /// Where the next step ends; `None` if it has to wait for the unknowns.
     fn target(&mut self, to: f64, end: f64) -> Option<f64> {
-        let now = self.times[0];
+        let now = self.history.times[0];
         if now >= to {
             return None;
         }
-        if self.length == 0.0 {
-            self.length = FIRST * (to - now);
+        if self.pace.length == 0.0 {
+            self.pace.length = FIRST * (to - now);
         }
         let left = end - now;
-        let pieces = (left / self.length - 1e-9).ceil();
-        let step = if pieces <= 4.0 { left / pieces.max(1.0) } else { self.length };
+        let pieces = (left / self.pace.length - 1e-9).ceil();
+        let step = if pieces <= 4.0 { left / pieces.max(1.0) } else { self.pace.length };
         let time = if pieces <= 1.0 { end } else { now + step };
-        let waits = time > to && to < end && self.count <= PASSED;
+        let waits = time > to && to < end && self.path.count <= PASSED;
         (!waits).then_some(time.min(to))
     }
 
     /// Forgets the states before the latest point of the derivatives, but for one.
     fn leave_behind(&mut self) {
-        let behind = self.passed[1..self.count].iter().filter(|state| state.time <= self.times[0]).count();
-        self.passed[..self.count].rotate_left(behind);
-        self.count -= behind;
+        let behind = self.path.passed[1..self.path.count].iter().filter(|state| state.time <= self.history.times[0]).count();
+        self.path.passed[..self.path.count].rotate_left(behind);
+        self.path.count -= behind;
     }
 
     /// Finds the state of the unknowns at a time: on IDA's polynomial in its last step, by Hermite's interpolation in those before.
     fn place(&mut self, bridge: &mut Bridge, time: f64) -> Result<(), Stuck> {
-        self.inside.time = time;
-        if self.count < 2 || time >= self.passed[self.count - 2].time {
-            bridge.interpolate(time, 0, &mut self.inside.y)?;
+        self.path.inside.time = time;
+        if self.path.count < 2 || time >= self.path.passed[self.path.count - 2].time {
+            bridge.interpolate(time, 0, &mut self.path.inside.y)?;
             // What is explicit in its rates has derivatives that do not depend on them.
-            if !self.explicit || self.integrands_read_rates {
-                bridge.interpolate(time, 1, &mut self.inside.yp)?;
+            if !self.equations.explicit || self.equations.integrands_read_rates {
+                bridge.interpolate(time, 1, &mut self.path.inside.yp)?;
             }
             return Ok(());
         }
-        let after = self.passed[..self.count].iter().position(|state| state.time > time).unwrap_or(self.count - 1).max(1);
-        let [before, after] = [&self.passed[after - 1], &self.passed[after]];
-        self.inside.interpolate(before, after);
+        let after = self.path.passed[..self.path.count].iter().position(|state| state.time > time).unwrap_or(self.path.count - 1).max(1);
+        let [before, after] = [&self.path.passed[after - 1], &self.path.passed[after]];
+        self.path.inside.interpolate(before, after);
         Ok(())
     }
 
     /// Tries a step to the state that was placed; whether its error is within the tolerance.
     fn step(&mut self, bridge: &mut Bridge) -> Result<bool, Stuck> {
-        let time = self.inside.time;
-        if self.known == 1 {
+        let time = self.path.inside.time;
+        if self.history.known == 1 {
             self.continue_backwards(time);
         }
-        self.formula = Formula::new(self.order, time, &self.times);
-        combine(&points(&self.points), &self.formula, &mut self.next, &mut self.predicted);
+        self.formula = Formula::new(self.pace.order, time, &self.history.times);
+        combine(&points(&self.history.points), &self.formula, &mut self.next, &mut self.predicted);
         if !self.find_next(bridge)? || !all_finite(&self.next) {
             bridge.counts.not_finite += 1;
             return Ok(self.reject(f64::INFINITY));
@@ -337,26 +371,26 @@ impl Variational {
 
     /// Before the first step: a value behind it on the straight line, for a prediction.
     fn continue_backwards(&mut self, time: f64) {
-        let behind = time - self.times[0];
-        self.times[1] = self.times[0] - behind;
-        let [first, second, ..] = &mut self.points[..] else { return };
+        let behind = time - self.history.times[0];
+        self.history.times[1] = self.history.times[0] - behind;
+        let [first, second, ..] = &mut self.history.points[..] else { return };
         second.iter_mut().zip(&*first).zip(&self.rates).for_each(|((to, s), rate)| *to = s - behind * rate);
     }
 
     /// Solves for the next values; whether the matrix allows it.
     fn find_next(&mut self, bridge: &mut Bridge) -> Result<bool, Stuck> {
-        let State { time, y, yp } = &self.inside;
+        let State { time, y, yp } = &self.path.inside;
         let cj = self.formula.weight;
-        bridge.jacobian_at(*time, cj, (y, yp), &mut self.values)?;
-        if !all_finite(&self.values) {
+        bridge.jacobian_at(*time, cj, (y, yp), &mut self.matrix.values)?;
+        if !all_finite(&self.matrix.values) {
             return Ok(false);
         }
-        let at = Following { t: *time, y: y.entries(), yp: yp.entries(), cj, jacobian: &self.values };
-        bridge.moving(at, &mut self.next[..self.own])?;
-        if self.solve(bridge, self.inside.time).is_err() {
+        let at = Following { t: *time, y: y.entries(), yp: yp.entries(), cj, jacobian: &self.matrix.values };
+        bridge.moving(at, &mut self.next[..self.size.own])?;
+        if self.solve(bridge, self.path.inside.time).is_err() {
             return Ok(false);
         }
-        if self.all > self.own {
+        if self.size.all > self.size.own {
             self.integrate(bridge)?;
         }
         Ok(true)
@@ -364,94 +398,95 @@ impl Variational {
 
     /// The integrals at the next values.
     fn integrate(&mut self, bridge: &mut Bridge) -> Result<(), Stuck> {
-        if self.integrands_read_rates {
-            differentiate(&self.formula, &self.points, &self.next, &mut self.rates[..self.own]);
+        if self.equations.integrands_read_rates {
+            differentiate(&self.formula, &self.history.points, &self.next, &mut self.rates[..self.size.own]);
         }
-        let (s, integrals) = self.next.split_at_mut(self.own);
-        let State { time, y, yp } = &self.inside;
-        bridge.following_integrands(*time, (y, yp), (s, &self.rates[..self.own]), &mut self.integrands)?;
+        let (s, integrals) = self.next.split_at_mut(self.size.own);
+        let State { time, y, yp } = &self.path.inside;
+        bridge.following_integrands(*time, (y, yp), (s, &self.rates[..self.size.own]), &mut self.integrands)?;
         integrals.iter_mut().zip(&self.integrands).for_each(|(x, rate)| *x = (rate - *x) / self.formula.weight);
         Ok(())
     }
 
     /// Root mean square of the difference of the next values to their prediction, in tolerances of a step.
     fn distance(&self) -> f64 {
-        let own = self.own;
+        let own = self.size.own;
         let part = |range: std::ops::Range<usize>, rtol: f64| {
-            let [new, old, predicted] = [&self.next, &self.points[0], &self.predicted].map(|x| &x[range.clone()]);
-            distance(new, old, predicted, rtol, &self.atol[range.clone()])
+            let [new, old, predicted] = [&self.next, &self.history.points[0], &self.predicted].map(|x| &x[range.clone()]);
+            distance(new, old, predicted, rtol, &self.tolerances.atol[range.clone()])
         };
-        MARGIN * ((part(0..own, self.rtol[0]) + part(own..self.all, self.rtol[1])) / self.tested).sqrt()
+        MARGIN
+            * ((part(0..own, self.tolerances.rtol[0]) + part(own..self.size.all, self.tolerances.rtol[1])) / self.tolerances.tested).sqrt()
     }
 
     /// The derivative of an unknown that is furthest from its prediction, in tolerances, counted behind the unknowns; one that is no number is further than all.
     fn largest(&self, new: &[f64]) -> Option<usize> {
         let size = |at: usize| {
-            let size = (new[at] - self.predicted[at]).abs() / (self.atol[at] + self.rtol[0] * new[at].abs());
+            let size = (new[at] - self.predicted[at]).abs() / (self.tolerances.atol[at] + self.tolerances.rtol[0] * new[at].abs());
             if size.is_nan() { f64::INFINITY } else { size }
         };
-        let furthest = (0..self.own).max_by(|&a, &b| size(a).total_cmp(&size(b)))?;
-        Some(self.differential.len() + furthest)
+        let furthest = (0..self.size.own).max_by(|&a, &b| size(a).total_cmp(&size(b)))?;
+        Some(self.equations.differential.len() + furthest)
     }
 
     /// Shortens the next attempt; false.
     fn reject(&mut self, error: f64) -> bool {
-        let taken = self.inside.time - self.times[0];
-        let least = if self.known == 1 { 1e-3 } else { 0.1 };
-        let factor = if error.is_finite() { 0.9 / error.powf(1.0 / (self.order + 1) as f64) } else { 0.25 };
-        self.length = taken * factor.clamp(least, 0.9);
+        let taken = self.path.inside.time - self.history.times[0];
+        let least = if self.history.known == 1 { 1e-3 } else { 0.1 };
+        let factor = if error.is_finite() { 0.9 / error.powf(1.0 / (self.pace.order + 1) as f64) } else { 0.25 };
+        self.pace.length = taken * factor.clamp(least, 0.9);
         // Where the last step was rejected too, what lies behind is no guide.
-        if self.steady == 0 && self.order > 1 {
-            self.order -= 1;
+        if self.pace.steady == 0 && self.pace.order > 1 {
+            self.pace.order -= 1;
         }
-        self.steady = 0;
+        self.pace.steady = 0;
         false
     }
 
     /// Length and order of what follows a step with this error; looked at anew when order and length have been the same for a while.
     fn choose(&mut self, error: f64) {
-        self.steady += 1;
+        self.pace.steady += 1;
         // Behind the beginning, where every step allows a longer one, each is looked at.
-        if self.steady < self.order && self.known == POINTS {
+        if self.pace.steady < self.pace.order && self.history.known == POINTS {
             return;
         }
-        let taken = self.inside.time - self.times[0];
+        let taken = self.path.inside.time - self.history.times[0];
         let growth = |error: f64, order: usize, safety: f64| 1.0 / (safety * error.powf(1.0 / (order + 1) as f64) + 1e-6);
-        let (mut order, mut factor) = (self.order, growth(error, self.order, SAFETY[0]));
+        let (mut order, mut factor) = (self.pace.order, growth(error, self.pace.order, SAFETY[0]));
         // A lower order is asked for where this one allows no longer step.
-        let lower = if factor < WORTH { self.order - 1 } else { 0 };
-        for (other, safety) in [(lower, SAFETY[1]), (self.order + 1, SAFETY[2])] {
-            if other >= 1 && other <= self.max_order && other < self.known {
+        let lower = if factor < WORTH { self.pace.order - 1 } else { 0 };
+        for (other, safety) in [(lower, SAFETY[1]), (self.pace.order + 1, SAFETY[2])] {
+            if other >= 1 && other <= self.max_order && other < self.history.known {
                 let other_factor = growth(self.error_of(other), other, safety);
                 if other_factor > factor {
                     (order, factor) = (other, other_factor);
                 }
             }
         }
-        let most = if self.known <= 2 { MOST_OF_FIRST } else { MOST };
-        if factor >= WORTH || order < self.order || taken < self.length {
+        let most = if self.history.known <= 2 { MOST_OF_FIRST } else { MOST };
+        if factor >= WORTH || order < self.pace.order || taken < self.pace.length {
             let next = taken * factor.clamp(0.5, most);
-            self.length = if factor >= 1.0 { next.max(self.length) } else { next };
-            self.order = order;
-            self.steady = 0;
+            self.pace.length = if factor >= 1.0 { next.max(self.pace.length) } else { next };
+            self.pace.order = order;
+            self.pace.steady = 0;
         }
     }
 
     /// The error that another order would have had.
     fn error_of(&mut self, order: usize) -> f64 {
-        let time = self.inside.time;
-        let formula = Formula::new(order, time, &self.times);
-        combine(&points(&self.points), &formula, &mut self.rates, &mut self.predicted);
-        formula.error_of_other(time, &self.times) * self.distance()
+        let time = self.path.inside.time;
+        let formula = Formula::new(order, time, &self.history.times);
+        combine(&points(&self.history.points), &formula, &mut self.rates, &mut self.predicted);
+        formula.error_of_other(time, &self.history.times) * self.distance()
     }
 
     /// The next values become the latest.
     fn accept(&mut self) {
-        self.points.rotate_right(1);
-        std::mem::swap(&mut self.points[0], &mut self.next);
-        self.times.rotate_right(1);
-        self.times[0] = self.inside.time;
-        self.known = (self.known + 1).min(POINTS);
+        self.history.points.rotate_right(1);
+        std::mem::swap(&mut self.history.points[0], &mut self.next);
+        self.history.times.rotate_right(1);
+        self.history.times[0] = self.path.inside.time;
+        self.history.known = (self.history.known + 1).min(POINTS);
     }
 }
 

@@ -256,13 +256,13 @@ pub const OPEN: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
 pub fn out(values: &[ExprId], first: i64) -> Nest {
     let store =
         |(i, &value): (usize, &ExprId)| Store { target: Target { place: Place::Out, at: Affine::constant(first + i as i64) }, value };
-    Nest { extents: vec![], stores: values.iter().enumerate().map(store).collect() }
+    Nest { loops: vec![], stores: values.iter().enumerate().map(store).collect() }
 }
 
 /// Stores values into variables, all at once.
 pub fn assign(values: &[(VarId, ExprId)]) -> Nest {
     let store = |&(var, value): &(VarId, ExprId)| Store { target: Target { place: Place::Var(var), at: Affine::constant(0) }, value };
-    Nest { extents: vec![], stores: values.iter().map(store).collect() }
+    Nest { loops: vec![], stores: values.iter().map(store).collect() }
 }
 
 pub fn in_place(nests: Vec<Nest>) -> Program {

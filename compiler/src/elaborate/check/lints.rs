@@ -27,7 +27,7 @@ fn lint_starts(l: &mut Lowering<'_, '_>, nests: &[Nest]) {
         for store in &nest.stores {
             let Memory::Var(var) = store.target.place else { continue };
             let x = defaults::constant_value(l, store.value).unwrap_or(f64::NAN);
-            for_each_element(&nest.extents, store.target.at, &mut |i| {
+            for_each_element(&nest.extents(), store.target.at, &mut |i| {
                 starts.insert((var, i), x);
             });
         }

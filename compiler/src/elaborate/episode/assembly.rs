@@ -18,7 +18,7 @@ impl Assembly {
         if extents.is_empty() {
             self.single.push(store);
         } else {
-            self.nests.push(Nest { extents, stores: vec![store] });
+            self.nests.push(Nest::over(extents, vec![store]));
         }
     }
 
@@ -30,22 +30,22 @@ impl Assembly {
 
     /// Adds nests of the output that begin after what is there.
     pub(in crate::elaborate) fn append(&mut self, nests: Vec<Nest>, base: i64) {
-        for Nest { extents, stores } in nests {
+        for Nest { loops, stores } in nests {
             let moved = stores.into_iter().map(|mut s| {
                 s.target.at.offset += base;
                 s
             });
-            if extents.is_empty() {
+            if loops.is_empty() {
                 self.single.extend(moved);
             } else {
-                self.nests.push(Nest { extents, stores: moved.collect() });
+                self.nests.push(Nest { loops, stores: moved.collect() });
             }
         }
     }
 
     /// The single stores as one nest, ahead of the others.
     pub(in crate::elaborate) fn gathered(self) -> Vec<Nest> {
-        let mut nests = vec![Nest { extents: Vec::new(), stores: self.single }];
+        let mut nests = vec![Nest { loops: Vec::new(), stores: self.single }];
         nests.extend(self.nests);
         nests
     }

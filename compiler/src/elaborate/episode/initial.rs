@@ -61,7 +61,7 @@ pub(in crate::elaborate) fn steady_program<'a>(l: &mut Lowering<'_, 'a>, blocks:
     let count = conditions.len() as u32;
     values.extend(conditions);
     let stores = values.into_iter().enumerate().map(|(i, value)| store(Memory::Out, Affine::constant(i as i64), value)).collect();
-    let program = Program { nests: vec![Nest { extents: Vec::new(), stores }], in_place: false };
+    let program = Program { nests: vec![Nest { loops: Vec::new(), stores }], in_place: false };
     let problem = Steady { given: base > 0 && fixed.len() == base as usize, fixed, conditions: count };
     SteadyProgram { program, problem, said }
 }
@@ -223,7 +223,7 @@ fn stated_starts<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>
                 let mut extents = piece.extents.clone();
                 extents.extend(p.extents);
                 let stores = vec![store(Memory::Var(var), at, value)];
-                starts.of(l.symbols.vars[var].role).nests.push(Nest { extents, stores });
+                starts.of(l.symbols.vars[var].role).nests.push(Nest::over(extents, stores));
             }
         }
     }
@@ -240,7 +240,7 @@ fn asked_starts(l: &mut Lowering<'_, '_>, starts: &mut Starts) {
         for (at, x) in initial_elements(l, symbol) {
             let value = l.exprs.constant(x);
             let stores = vec![store(Memory::Var(var), Affine::constant(at), value)];
-            starts.of(role).nests.push(Nest { extents: Vec::new(), stores });
+            starts.of(role).nests.push(Nest { loops: Vec::new(), stores });
         }
     }
 }

@@ -157,7 +157,7 @@ pub(in crate::elaborate) fn instant_statement(
         if is_next && extents.is_empty() {
             assignments.together(program, instant, s);
         } else {
-            program.nests.push(Nest { extents, stores: vec![s] });
+            program.nests.push(Nest::over(extents, vec![s]));
         }
     }
 }
@@ -167,7 +167,7 @@ impl Assignments {
     /// all `next`s come together, before the resets.
     fn together(&mut self, program: &mut Program, instant: &str, s: Store) {
         let open = self.groups.iter().find(|(name, _)| name == instant).map(|(_, at)| *at);
-        let own = Nest { extents: Vec::new(), stores: vec![s] };
+        let own = Nest { loops: Vec::new(), stores: vec![s] };
         if instant == "start" {
             match program.nests.first_mut().filter(|_| open.is_some()) {
                 Some(first) => first.stores.extend(own.stores),

@@ -214,9 +214,9 @@ fn push_observation(
     }
     let at = Affine::constant(out.names.len() as i64);
     let s = store(Memory::Out, at, expr);
-    match out.nests.first_mut().filter(|n| n.extents.is_empty()) {
+    match out.nests.first_mut().filter(|n| n.loops.is_empty()) {
         Some(first) => first.stores.push(s),
-        None => out.nests.insert(0, Nest { extents: Vec::new(), stores: vec![s] }),
+        None => out.nests.insert(0, Nest { loops: Vec::new(), stores: vec![s] }),
     }
     l.names.observed.push((BoxItem { name: name.clone(), unit: unit.to_owned(), low, high }, expr));
     out.names.push(Observed { name, unit: unit.to_owned(), low, high, every: a.every, delay: a.delay, noise: a.noise });
@@ -376,7 +376,7 @@ fn observe_elements(l: &mut Lowering<'_, '_>, var: VarId, q: &Quantity, a: &Attr
     let (extents, offset) = if len == 1 { (Vec::new(), Affine::default()) } else { (vec![len], Affine::along(0, LoopVar(0), 1)) };
     let value = l.exprs.load(var, crate::ir::Flavour::Value, offset);
     let s = store(Memory::Out, Affine::constant(base).plus(offset), value);
-    out.nests.push(Nest { extents, stores: vec![s] });
+    out.nests.push(Nest::over(extents, vec![s]));
     for i in 0..len as usize {
         out.names.push(observed(q, i, a));
     }
@@ -402,15 +402,15 @@ fn observe_states(l: &mut Lowering<'_, '_>, out: &mut Observations) {
         let regular = slots.windows(2).all(|w| i64::from(w[1]) - i64::from(w[0]) == step);
         let offset = if len == 1 { Affine::constant(i64::from(slots[0])) } else { Affine::along(i64::from(slots[0]), LoopVar(0), step) };
         if regular {
-            out.nests.push(Nest { extents, stores: vec![store(Memory::Out, offset, value)] });
+            out.nests.push(Nest::over(extents, vec![store(Memory::Out, offset, value)]));
         } else {
             // Two sets inside one cell: one loop a row keeps the positions affine.
             for (i, &slot) in slots.iter().enumerate() {
                 let value = l.exprs.load(var, crate::ir::Flavour::Value, Affine::constant(i as i64));
                 let s = store(Memory::Out, Affine::constant(i64::from(slot)), value);
-                match out.nests.first_mut().filter(|n| n.extents.is_empty()) {
+                match out.nests.first_mut().filter(|n| n.loops.is_empty()) {
                     Some(first) => first.stores.push(s),
-                    None => out.nests.insert(0, Nest { extents: Vec::new(), stores: vec![s] }),
+                    None => out.nests.insert(0, Nest { loops: Vec::new(), stores: vec![s] }),
                 }
             }
         }

@@ -108,12 +108,12 @@ pub(crate) fn ordered_initial(nests: Vec<Nest>, exprs: &Exprs, vars: &PrimaryMap
     let states_read = |e: ExprId| states_read(exprs, vars, e);
     let mut list = Vec::with_capacity(nests.len());
     for mut nest in nests {
-        if nest.extents.is_empty() && nest.stores.len() > 1 {
+        if nest.loops.is_empty() && nest.stores.len() > 1 {
             let (dependent, free): (Vec<Store>, Vec<Store>) =
                 std::mem::take(&mut nest.stores).into_iter().partition(|s| !states_read(s.value).is_empty());
             nest.stores = free;
             list.push(nest);
-            list.extend(dependent.into_iter().map(|s| Nest { extents: Vec::new(), stores: vec![s] }));
+            list.extend(dependent.into_iter().map(|s| Nest { loops: Vec::new(), stores: vec![s] }));
         } else {
             list.push(nest);
         }
@@ -164,7 +164,7 @@ mod tests {
     fn nest(written: &[Element]) -> Nest {
         let value = ExprId::from_u32(0);
         let store = |&(var, at): &Element| Store { target: Target { place: Place::Var(var), at }, value };
-        Nest { extents: Vec::new(), stores: written.iter().map(store).collect() }
+        Nest { loops: Vec::new(), stores: written.iter().map(store).collect() }
     }
 
     proptest! {

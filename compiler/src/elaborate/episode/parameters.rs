@@ -59,7 +59,7 @@ pub(in crate::elaborate) fn parameter_program(l: &mut Lowering<'_, '_>) -> Progr
         let keep = l.exprs.compare(Compare::Lt, zero, given);
         let present = l.exprs.load(*var, Flavour::Value, at);
         let value = l.exprs.select(keep, present, value);
-        program.nests.push(Nest { extents: piece.extents.clone(), stores: vec![store(Memory::Var(*var), at, value)] });
+        program.nests.push(Nest::over(piece.extents.clone(), vec![store(Memory::Var(*var), at, value)]));
     }
     program
 }
@@ -168,12 +168,12 @@ pub(in crate::elaborate) fn disturbance_program(l: &mut Lowering<'_, '_>) -> Pro
             if piece.extents.is_empty() {
                 scalars.push(s);
             } else {
-                program.nests.push(Nest { extents: piece.extents, stores: vec![s] });
+                program.nests.push(Nest::over(piece.extents, vec![s]));
             }
         }
     }
     if !scalars.is_empty() {
-        program.nests.insert(0, Nest { extents: Vec::new(), stores: scalars });
+        program.nests.insert(0, Nest { loops: Vec::new(), stores: scalars });
     }
     program
 }

@@ -95,7 +95,7 @@ pub(in crate::elaborate) fn schedule_programs(l: &mut Lowering<'_, '_>, out: &mu
     if l.exprs.as_const(leaving).is_none() {
         let start = &mut out.start;
         let stores = vec![store(Memory::Var(schedule.leaving), Affine::default(), leaving)];
-        start.nests.push(Nest { extents: Vec::new(), stores });
+        start.nests.push(Nest { loops: Vec::new(), stores });
         start.nests.extend(transition.nests.iter().cloned());
         start.in_place = true;
         out.start_resets = true;
@@ -116,7 +116,7 @@ fn phase_root<'a>(
     let value = l.exprs.select(here, value, away);
     let number = l.exprs.constant(i as f64 + 1.0);
     let stores = vec![store(Memory::Var(schedule.leaving), Affine::default(), number)];
-    let mut program = Program { nests: vec![Nest { extents: Vec::new(), stores }], in_place: true };
+    let mut program = Program { nests: vec![Nest { loops: Vec::new(), stores }], in_place: true };
     program.nests.extend(transition.nests.iter().cloned());
     let action = out.push_event(program);
     let name = schedule.phases[i].name.text.clone();
@@ -150,7 +150,7 @@ fn transition<'a>(l: &mut Lowering<'_, 'a>, schedule: &Schedule<'a>, place: &Pla
     let zero = l.exprs.constant(0.0);
     let stores = [(schedule.current, next), (schedule.since, since_value), (schedule.leaving, zero)]
         .map(|(var, value)| store(Memory::Var(var), Affine::default(), value));
-    program.nests.push(Nest { extents: Vec::new(), stores: stores.to_vec() });
+    program.nests.push(Nest { loops: Vec::new(), stores: stores.to_vec() });
     program
 }
 

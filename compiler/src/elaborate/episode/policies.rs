@@ -23,7 +23,7 @@ pub(in crate::elaborate) fn policies<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(Sc
         .collect();
     let program = |values: &[ExprId]| Program {
         nests: vec![Nest {
-            extents: Vec::new(),
+            loops: Vec::new(),
             stores: values.iter().enumerate().map(|(i, &e)| store(Memory::Out, Affine::constant(i as i64), e)).collect(),
         }],
         in_place: false,
@@ -76,5 +76,5 @@ pub(in crate::elaborate) fn invariants<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(
         let name = l.symbols.path_of(scope, name);
         names.push(Invariant { name, text: text.clone().unwrap_or_default() });
     }
-    (Program { nests: vec![Nest { extents: Vec::new(), stores }], in_place: false }, names)
+    (Program { nests: vec![Nest { loops: Vec::new(), stores }], in_place: false }, names)
 }

@@ -6,7 +6,7 @@ use smpl_compiler::layout::Region;
 use smpl_compiler::model::RootAction;
 
 use super::space::{BEFORE, BEHIND, Space};
-use super::{Environment, FollowError, Follower};
+use super::{Engine, Environment, FollowError, Follower};
 use crate::sensitivity::augmented::Augmented;
 use crate::solver::{Advance, Edge, System};
 
@@ -32,7 +32,7 @@ impl Environment {
     pub(super) fn follow_integration(&mut self, follower: &mut Follower) -> Result<(), FollowError> {
         self.collect_statistics();
         self.integrator.forget();
-        follower.integrator.forget();
+        follower.engine.integrator.forget();
         self.integrals.fill(0.0);
         follower.integrals.fill(0.0);
         follower.moving.clear();
@@ -41,7 +41,7 @@ impl Environment {
         loop {
             self.choose_live(follower, pieces == 0)?;
             self.write_followed(follower);
-            let Follower { augmented, tangents, live, moving_inputs, .. } = &mut *follower;
+            let Follower { engine: Engine { augmented, .. }, tangents, live, moving_inputs, .. } = &mut *follower;
             augmented.set_inputs(&self.system, tangents, moving_inputs, live).map_err(FollowError::Refused)?;
             if pieces == 0 {
                 self.know_edges(follower, t);
@@ -53,14 +53,14 @@ impl Environment {
             let stop = self.next_stop(follower, t, end, pieces)?;
             self.restart_following(follower, t)?;
             let advance = if stop.time > t || stop.break_.is_none() {
-                follower.integrator.advance(&mut follower.augmented, stop.time)
+                follower.engine.integrator.advance(&mut follower.engine.augmented, stop.time)
             } else {
                 Ok(Advance::Reached)
             };
             let advance = advance.map_err(|e| self.solver_fault(&e, t, follower.live.len()))?;
             self.take_followed(follower);
             if advance == Advance::Event {
-                let found = follower.integrator.time();
+                let found = follower.engine.integrator.time();
                 let found = if end - found <= 8.0 * f64::EPSILON * (found.abs() + end.abs()) { end } else { found };
                 self.pass_event(follower, (t, found, end))?;
                 t = found;
@@ -70,7 +70,7 @@ impl Environment {
             self.pass_break(follower, behind)?;
             t = behind;
         }
-        let edges = follower.integrator.edges();
+        let edges = follower.engine.integrator.edges();
         let count = self.progress.edges.len();
         self.progress.edges.copy_from_slice(&edges[..count]);
         Ok(())
@@ -95,11 +95,11 @@ impl Environment {
     /// Which conditions hold at the start.
     fn know_edges(&mut self, follower: &mut Follower, t: f64) {
         let (n, own) = (self.progress.y.len(), self.progress.edges.len());
-        if follower.augmented.switches() == 0 {
-            follower.integrator.edges_mut().copy_from_slice(&self.progress.edges);
+        if follower.engine.augmented.switches() == 0 {
+            follower.engine.integrator.edges_mut().copy_from_slice(&self.progress.edges);
             return;
         }
-        let Follower { augmented, integrator, y, yp, space: Space { conditions: values, .. }, .. } = follower;
+        let Follower { engine: Engine { augmented, integrator, y, yp }, space: Space { conditions: values, .. }, .. } = follower;
         y[..n].copy_from_slice(&self.progress.y);
         yp[..n].copy_from_slice(&self.progress.yp);
         values.resize(augmented.root_count(), 0.0);
@@ -133,21 +133,21 @@ impl Environment {
 
     fn restart_following(&mut self, follower: &mut Follower, t: f64) -> Result<(), FollowError> {
         let (n, width) = (self.progress.y.len(), follower.live.len());
-        follower.y[..n].copy_from_slice(&self.progress.y);
-        follower.yp[..n].copy_from_slice(&self.progress.yp);
-        let Follower { integrator, augmented, y, yp, .. } = follower;
+        follower.engine.y[..n].copy_from_slice(&self.progress.y);
+        follower.engine.yp[..n].copy_from_slice(&self.progress.yp);
+        let Engine { integrator, augmented, y, yp } = &mut follower.engine;
         integrator.restart(augmented, t, y, Some(yp)).map_err(|e| self.solver_fault(&e, t, width))
     }
 
     /// Takes state, derivatives and integrals from the integrator.
     fn take_followed(&mut self, follower: &mut Follower) {
         let (n, count) = (self.progress.y.len(), self.integrals.len());
-        follower.y.copy_from_slice(follower.integrator.state());
-        follower.yp.copy_from_slice(follower.integrator.derivative());
-        self.progress.y.copy_from_slice(&follower.y[..n]);
-        self.progress.yp.copy_from_slice(&follower.yp[..n]);
-        follower.tangents.take_y(&follower.y[n..], &follower.live);
-        let (own, others) = follower.integrator.quadratures().split_at(count.min(follower.integrator.quadratures().len()));
+        follower.engine.y.copy_from_slice(follower.engine.integrator.state());
+        follower.engine.yp.copy_from_slice(follower.engine.integrator.derivative());
+        self.progress.y.copy_from_slice(&follower.engine.y[..n]);
+        self.progress.yp.copy_from_slice(&follower.engine.yp[..n]);
+        follower.tangents.take_y(&follower.engine.y[n..], &follower.live);
+        let (own, others) = follower.engine.integrator.quadratures().split_at(count.min(follower.engine.integrator.quadratures().len()));
         self.integrals.iter_mut().zip(own).for_each(|(sum, part)| *sum += part);
         let width = follower.width();
         for (sums, parts) in follower.integrals.chunks_exact_mut(width.max(1)).zip(others.chunks_exact(follower.live.len().max(1))) {
@@ -173,7 +173,7 @@ impl Environment {
     fn pass_event(&mut self, follower: &mut Follower, times: (f64, f64, f64)) -> Result<(), FollowError> {
         let mut fired = std::mem::take(&mut follower.space.fired);
         fired.clear();
-        fired.extend(follower.integrator.events().iter().enumerate().filter(|(_, sign)| **sign != 0).map(|(k, _)| k));
+        fired.extend(follower.engine.integrator.events().iter().enumerate().filter(|(_, sign)| **sign != 0).map(|(k, _)| k));
         let passed = if fired.is_empty() {
             // A strict condition at its threshold is decided by the motion after a restart.
             follower.pending = true;
@@ -236,7 +236,7 @@ impl Environment {
         self.set_builtin(Builtin::Clock, t);
         let roots = self.progress.edges.len();
         for &k in fired.iter().filter(|&&k| k < roots) {
-            if let (1, RootAction::Run(program)) = (follower.integrator.events()[k], self.setup.model().roots_info()[k].action) {
+            if let (1, RootAction::Run(program)) = (follower.engine.integrator.events()[k], self.setup.model().roots_info()[k].action) {
                 self.run_tangent(follower, Part::Event(program), (t, moving), 0)?;
                 let (model, memory) = self.system.parts();
                 model.event(program as usize, memory, t, &mut self.progress.y);
@@ -269,7 +269,7 @@ impl Environment {
 
     fn write_followed(&self, follower: &mut Follower) {
         let n = self.progress.y.len();
-        follower.tangents.write_y(&mut follower.y[n..], &follower.live);
+        follower.tangents.write_y(&mut follower.engine.y[n..], &follower.live);
     }
 
     /// Integrands at the present state, or a little before or behind it.
@@ -334,7 +334,7 @@ impl Environment {
         let roots = self.progress.edges.len();
         let (part, at, outputs) = match k.checked_sub(roots) {
             None => (Part::Roots, k, roots),
-            Some(at) => (Part::Switches, at, follower.augmented.switches()),
+            Some(at) => (Part::Switches, at, follower.engine.augmented.switches()),
         };
         self.run_tangent(follower, part, (t, &[]), outputs)?;
         let Follower { tangents, space: Space { motion, .. }, .. } = &mut *follower;
