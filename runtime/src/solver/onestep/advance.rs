@@ -207,7 +207,8 @@ impl Run<'_> {
             }
             return f64::NAN;
         }
-        let change = frame.h * frame.norm_of(|i| std::array::from_fn(|lane| frame.mass[i][lane] * (rates[i][lane] - frame.end_rates[i][lane])));
+        let change =
+            frame.h * frame.norm_of(|i| std::array::from_fn(|lane| frame.mass[i][lane] * (rates[i][lane] - frame.end_rates[i][lane])));
         let strayed = frame.largest_change(before) / STRAY;
         if change <= 1.0 && strayed > 1.0 && frame.h > SHORT * *longest_interval {
             return strayed;
