@@ -21,6 +21,9 @@ const MAX_NESTING: u32 = 500;
 /// Most members of all sets of numbers together: each has a label.
 const MAX_MEMBERS: i64 = 2_000_000;
 
+/// Most numbers that are observed or stand in boxes: each has a name.
+const MAX_NAMED: usize = 1_000_000;
+
 /// What has been used up.
 #[derive(Debug, Default)]
 pub(in crate::elaborate) struct Budget {
@@ -28,6 +31,8 @@ pub(in crate::elaborate) struct Budget {
     nesting: u32,
     /// Members of sets of numbers so far.
     members: i64,
+    /// Numbers that are observed or stand in boxes so far.
+    named: usize,
     /// Terms, elements and calls unrolled so far.
     written_out: u32,
     /// Expressions elaborated so far.
@@ -120,6 +125,12 @@ impl Budget {
     pub(in crate::elaborate) fn may_hold(&mut self, members: i64) -> bool {
         self.members = self.members.saturating_add(members.max(0));
         self.members <= MAX_MEMBERS
+    }
+
+    /// Counts numbers that get a name each; `false` where they are beyond reason.
+    pub(in crate::elaborate) fn may_name(&mut self, numbers: usize) -> bool {
+        self.named = self.named.saturating_add(numbers);
+        self.named <= MAX_NAMED
     }
 
     /// Whether nothing more may be unrolled.

@@ -39,6 +39,16 @@ impl Ledger {
         }
     }
 
+    /// Counts numbers that get a name each, for observations and messages; `false` where they are beyond reason, which is reported.
+    pub(in crate::elaborate) fn may_name(&mut self, numbers: usize, span: Span) -> bool {
+        let may = self.budget.may_name(numbers);
+        if !may {
+            let fault = Diagnostic::error(codes::TOO_LARGE, "more than a million numbers would be observed or stand in boxes", span);
+            self.report(fault.label("each of them has a name").help("name single cells, or what is computed from them"));
+        }
+        may
+    }
+
     pub(in crate::elaborate) fn missing_value(&mut self, what: &str, span: Span) {
         self.report(
             Diagnostic::error(codes::MISSING_DEFAULT, format!("{what} must be known when the model is compiled"), span)

@@ -95,7 +95,7 @@ fn bounds(l: &mut Lowering<'_, '_>, declared: &Declared<'_>, unit: &Unit, path: 
     let low = declared_number(l, declared, unit, bounds.map(|b| &b.0), f64::NEG_INFINITY);
     let high = declared_number(l, declared, unit, bounds.map(|b| &b.1), f64::INFINITY);
     if let Some((a, b)) = bounds
-        && low.iter().zip(&high).any(|(l, h)| l > h)
+        && (0..low.len().max(high.len())).any(|i| Quantity::pick(&low, i) > Quantity::pick(&high, i))
     {
         let message = format!("the bounds of `{path}` are the wrong way round");
         l.ledger.report(Diagnostic::error(codes::BAD_SETTING, message, a.span.to(b.span)));

@@ -192,6 +192,29 @@ impl Exprs {
         }
     }
 
+    /// The number of a list at an address; a list of one number has it everywhere.
+    pub fn entry_at(&mut self, values: &[f64], at: Affine) -> ExprId {
+        match values.first() {
+            Some(&first) if values.iter().all(|x| x.to_bits() == first.to_bits()) => self.constant(first),
+            _ => {
+                let index = self.address(at);
+                let list = self.lists_mut().add(values);
+                self.entry(list, index)
+            }
+        }
+    }
+
+    /// An address as a number.
+    fn address(&mut self, at: Affine) -> ExprId {
+        let mut index = self.constant(at.offset as f64);
+        for (d, &stride) in at.strides.iter().enumerate().filter(|(_, stride)| **stride != 0) {
+            let (counter, stride) = (self.counter(LoopVar(d as u8)), self.constant(stride as f64));
+            let along = self.mul(stride, counter);
+            index = self.add(index, along);
+        }
+        index
+    }
+
     /// A comparison.
     pub fn compare(&mut self, op: Compare, a: ExprId, b: ExprId) -> ExprId {
         match (self.as_const(a), self.as_const(b)) {

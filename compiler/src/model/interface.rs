@@ -281,6 +281,14 @@ pub struct Observed {
     pub noise: f64,
 }
 
+impl Observed {
+    /// Its name, unit and bounds.
+    #[must_use]
+    pub(crate) fn item(&self) -> BoxItem {
+        BoxItem { name: self.name.clone(), unit: self.unit.clone(), low: self.low, high: self.high }
+    }
+}
+
 /// One reward.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Reward {

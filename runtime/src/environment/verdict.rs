@@ -8,6 +8,9 @@ use super::interval::Outcome;
 use super::{Environment, Phase, StepResult};
 use crate::failure::{ACTION_BOX, BOX_SLACK, EVENTS, Failure, NOT_FINITE, NotFinite, describe_item, describe_solver};
 
+/// Most members of a box that a message names.
+const MOST_NAMED: usize = 8;
+
 impl Environment {
     /// Evaluates the end of a step and counts it.
     pub(super) fn judge(&mut self, outcome: Outcome, excess: f64) -> StepResult {
@@ -198,8 +201,11 @@ impl Environment {
             if !self.progress.verdict.failing[index] {
                 continue;
             }
-            let outside: Vec<String> = failure.items.iter().zip(own).filter_map(|(item, &value)| describe_item(item, value)).collect();
-            let text = if outside.is_empty() { failure.text.clone() } else { outside.join(", ") };
+            let mut outside = failure.items.iter().zip(own).filter_map(|(item, &value)| describe_item(item, value));
+            let mut named: Vec<String> = outside.by_ref().take(MOST_NAMED).collect();
+            let others = outside.count();
+            named.extend((others > 0).then(|| format!("and {others} more")));
+            let text = if named.is_empty() { failure.text.clone() } else { named.join(", ") };
             let separator = if text.is_empty() { "" } else { ": " };
             texts.push(format!("{}{separator}{text}", failure.name));
         }

@@ -46,9 +46,8 @@ fn amount(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> Option<ExprId> {
         BinaryOp::Lt | BinaryOp::Le | BinaryOp::Gt | BinaryOp::Ge => {
             let (x, y) = (l.value(a, place), l.value(b, place));
             let (left, right) = l.values().common(&x, a.span, &y, b.span, e.span)?;
-            let range =
-                range_of(l, left).or_else(|| defaults::constant_value(l, right).map(f64::abs)).filter(|r| *r > 0.0 && r.is_finite());
-            let range = l.exprs.constant(range.unwrap_or(1.0));
+            let other = defaults::constant_value(l, right).map(f64::abs).filter(|r| *r > 0.0 && r.is_finite());
+            let range = range_of(l, left, other.unwrap_or(1.0));
             let difference = if matches!(op, BinaryOp::Lt | BinaryOp::Le) { l.exprs.sub(right, left) } else { l.exprs.sub(left, right) };
             Some(l.exprs.div(difference, range))
         }
@@ -56,10 +55,15 @@ fn amount(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> Option<ExprId> {
     }
 }
 
-fn range_of(l: &Lowering<'_, '_>, e: ExprId) -> Option<f64> {
-    let crate::ir::Expr::Load { var, at, .. } = l.exprs.node(e) else { return None };
-    let q = l.quantities.get(&var)?;
-    let i = at.offset.max(0) as usize;
-    let range = Quantity::pick(&q.high, i) - Quantity::pick(&q.low, i);
-    (range.is_finite() && range > 0.0).then_some(range)
+/// Width of the declared bounds of a variable that stands alone; where there is none, the other number.
+fn range_of(l: &mut Lowering<'_, '_>, e: ExprId, other: f64) -> ExprId {
+    if let crate::ir::Expr::Load { var, at, .. } = l.exprs.node(e)
+        && let Some(q) = l.quantities.get(&var)
+    {
+        let width = |i| Quantity::pick(&q.high, i) - Quantity::pick(&q.low, i);
+        let or_other = |range: f64| if range.is_finite() && range > 0.0 { range } else { other };
+        let ranges: Vec<f64> = (0..q.low.len().max(q.high.len())).map(|i| or_other(width(i))).collect();
+        return l.exprs.entry_at(&ranges, at);
+    }
+    l.exprs.constant(other)
 }

@@ -3,11 +3,11 @@
 use smpl_dsl::syntax::Ident;
 
 use crate::elaborate::lower::Lowering;
+use crate::elaborate::lower::boxes::Bounded;
 use crate::elaborate::lower::values::Values;
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{ScopeId, Symbols};
 use crate::ir::{Affine, Builtin, Compare, ExprId, Flavour, Place as Memory, Store, Target};
-use crate::model::BoxItem;
 
 /// A condition that ends or costs something.
 pub(in crate::elaborate) struct Condition {
@@ -18,7 +18,7 @@ pub(in crate::elaborate) struct Condition {
     /// By how much, relative to a range.
     pub excess: ExprId,
     /// Members of its box.
-    pub items: Vec<(BoxItem, ExprId)>,
+    pub items: Vec<Bounded>,
 }
 
 pub(in crate::elaborate) fn flag(l: &mut Lowering<'_, '_>, b: Builtin) -> ExprId {

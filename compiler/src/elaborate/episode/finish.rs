@@ -5,17 +5,19 @@ use smpl_dsl::syntax::{Expr, Ident, Statement, StatementKind};
 
 use crate::elaborate::episode::assembly::Assembly;
 use crate::elaborate::episode::boxes::failing;
-use crate::elaborate::episode::common::{Condition, each, flag};
+use crate::elaborate::episode::common::{Condition, each, flag, store};
 use crate::elaborate::episode::instants::root_of;
 use crate::elaborate::episode::observations::observations;
 use crate::elaborate::episode::rewards::rewards;
 use crate::elaborate::episode::unknown::doubting;
 use crate::elaborate::lower::Lowering;
+use crate::elaborate::lower::boxes::Bounded;
+use crate::elaborate::lower::nests::Piece;
 use crate::elaborate::lower::outcome::Outcome;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::ScopeId;
-use crate::ir::{Builtin, ExprId, Program};
+use crate::ir::{Affine, Builtin, ExprId, Place as Memory, Program};
 use crate::model::{Failure, Finish, Root, RootAction};
 
 /// Failures that every model has.
@@ -172,15 +174,19 @@ fn numbers_of_ends(l: &mut Lowering<'_, '_>, ends: &Ends<'_>, constraints: &[(St
 
 /// The values of the members of all boxes, in the order of the failures; the failures with them.
 fn boxes(list: Vec<(usize, Condition, Failure)>) -> (Program, Vec<Failure>) {
-    let (mut values, mut failures) = (Vec::new(), Vec::new());
+    let (mut program, mut failures) = (Assembly::default(), Vec::new());
+    let mut base = 0;
     for (_, condition, mut failure) in list {
-        for (item, value) in condition.items {
-            failure.items.push(item);
-            values.push(value);
+        for Bounded { items, pieces } in condition.items {
+            for Piece { extents, value: (at, value) } in pieces {
+                program.push(extents, store(Memory::Out, Affine::constant(base).plus(at), value));
+            }
+            base += items.len() as i64;
+            failure.items.extend(items);
         }
         failures.push(failure);
     }
-    (Assembly::of_numbers(values).program(), failures)
+    (program.program(), failures)
 }
 
 /// By how much each constraint is violated.

@@ -7,15 +7,17 @@ use smpl_dsl::syntax::{Binder, BinderSet, Expr, ExprKind, Ident, Observation, St
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::episode::common::{each, store};
-use crate::elaborate::episode::positions::state_positions;
+use crate::elaborate::episode::observed_arrays::{observe_array, observe_states, whole_array};
+use crate::elaborate::lower::boxes::Bounded;
 use crate::elaborate::lower::nests::Piece;
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::Measure;
 use crate::elaborate::lower::{Lowering, defaults, indices, nests, paths, units};
 use crate::elaborate::select::items::{Item, items};
-use crate::elaborate::symbols::{Axis, ScopeId, SymbolId, SymbolKind};
-use crate::ir::{Affine, ExprId, LoopVar, Nest, Place as Memory, VarId};
-use crate::model::{BoxItem, Observed, Quantity};
+use crate::elaborate::symbols::{ScopeId, SymbolId, SymbolKind};
+use crate::ir::{Affine, ExprId, Nest, Place as Memory};
+use crate::model::{Observed, Quantity};
+
 /// The observations of a level with the nests that compute them.
 #[derive(Default)]
 pub(in crate::elaborate) struct Observations {
@@ -23,16 +25,41 @@ pub(in crate::elaborate) struct Observations {
     pub names: Vec<Observed>,
     /// Stores into the output vector, counted from the first observation.
     pub nests: Vec<Nest>,
+    /// The same with their bounds, for boxes.
+    pub bounded: Vec<Bounded>,
     /// The levels, where the wanted one is among them.
     pub levels: Vec<String>,
 }
 
+impl Observations {
+    /// Stores numbers, in loops if there are any.
+    pub(super) fn store(&mut self, extents: Vec<u32>, at: Affine, value: ExprId) {
+        let store = store(Memory::Out, at, value);
+        match self.nests.first_mut().filter(|n| n.loops.is_empty()) {
+            _ if !extents.is_empty() => self.nests.push(Nest::over(extents, vec![store])),
+            Some(first) => first.stores.push(store),
+            None => self.nests.insert(0, Nest { loops: Vec::new(), stores: vec![store] }),
+        }
+    }
+}
+
 /// What an observation says beside its value.
-struct Attributes {
-    bounds: Option<(f64, f64)>,
-    every: u32,
-    delay: u32,
-    noise: f64,
+pub(super) struct Attributes {
+    pub bounds: Option<(f64, f64)>,
+    pub every: u32,
+    pub delay: u32,
+    pub noise: f64,
+}
+
+impl Attributes {
+    /// Of an observation that says nothing else.
+    pub(super) const NONE: Attributes = Attributes { bounds: None, every: 1, delay: 0, noise: 0.0 };
+
+    /// An observed number, with bounds of its own where the observation says none.
+    pub(super) fn observed(&self, name: String, unit: String, own: (f64, f64)) -> Observed {
+        let (low, high) = self.bounds.unwrap_or(own);
+        Observed { name, unit, low, high, every: self.every, delay: self.delay, noise: self.noise }
+    }
 }
 
 pub(in crate::elaborate) fn observations<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> Observations {
@@ -71,8 +98,9 @@ pub(in crate::elaborate) fn observations<'a>(l: &mut Lowering<'_, 'a>, blocks: &
         let place = Place::new(scope, Site::Instant);
         observation(l, o, &place, &mut out);
     }
+    l.names.observed = std::mem::take(&mut out.bounded);
     if wanted == "full" && levels.last().is_some_and(|l| l == "full") {
-        observe_states(l, &mut out);
+        observe_states(l, None, &mut out);
     }
     if levels.contains(&wanted) {
         out.levels = levels;
@@ -91,7 +119,7 @@ pub(in crate::elaborate) fn check_level<'a>(l: &mut Lowering<'_, 'a>, scope: Sco
     }
 }
 
-fn attributes(l: &mut Lowering<'_, '_>, o: &Observation, unit: &Unit, place: &Place) -> Attributes {
+pub(super) fn attributes(l: &mut Lowering<'_, '_>, o: &Observation, unit: &Unit, place: &Place) -> Attributes {
     let bounds = o.bounds.as_ref().map(|(a, b)| {
         let mut number = |e: &Expr| {
             let expr = l.number_in(e, unit, "the bound", e.span, place);
@@ -144,12 +172,12 @@ fn noise(l: &mut Lowering<'_, '_>, e: &Expr, unit: &Unit, place: &Place) -> f64 
 
 fn observation(l: &mut Lowering<'_, '_>, o: &Observation, place: &Place, out: &mut Observations) {
     if are_all_states(o) && l.symbols.lookup(place.scope, "states").is_none() {
-        return observe_states(l, out);
+        return observe_states(l, Some(o.span), out);
     }
     if o.binders.is_empty()
-        && let Some((symbol, axes)) = whole_array(l, &o.value, place)
+        && let Some(symbol) = whole_array(l, &o.value, place)
     {
-        return observe_array(l, o, symbol, &axes, place, out);
+        return observe_array(l, o, symbol, place, out);
     }
     let pieces = nests::nest(l, &o.binders, place, &mut |s, inner| observed_element(s, o, inner));
     for Piece { extents, value } in pieces {
@@ -205,21 +233,20 @@ fn push_observation(
     o: &Observation,
     out: &mut Observations,
 ) {
-    let (low, high) = a.bounds.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+    let observed = a.observed(name, unit.to_owned(), (f64::NEG_INFINITY, f64::INFINITY));
     if a.bounds.is_none() {
-        l.ledger.report(
-            Diagnostic::warning(codes::MISSING_CLAUSE, format!("the observation `{name}` has no bounds"), o.span)
-                .help("write `in low..high`: learners need a finite box"),
-        );
+        warn_of_missing_bounds(l, &observed.name, o);
     }
-    let at = Affine::constant(out.names.len() as i64);
-    let s = store(Memory::Out, at, expr);
-    match out.nests.first_mut().filter(|n| n.loops.is_empty()) {
-        Some(first) => first.stores.push(s),
-        None => out.nests.insert(0, Nest { loops: Vec::new(), stores: vec![s] }),
-    }
-    l.names.observed.push((BoxItem { name: name.clone(), unit: unit.to_owned(), low, high }, expr));
-    out.names.push(Observed { name, unit: unit.to_owned(), low, high, every: a.every, delay: a.delay, noise: a.noise });
+    out.store(Vec::new(), Affine::constant(out.names.len() as i64), expr);
+    out.bounded.push(Bounded::one(observed.item(), expr));
+    out.names.push(observed);
+}
+
+pub(super) fn warn_of_missing_bounds(l: &mut Lowering<'_, '_>, name: &str, o: &Observation) {
+    l.ledger.report(
+        Diagnostic::warning(codes::MISSING_CLAUSE, format!("the observation `{name}` has no bounds"), o.span)
+            .help("write `in low..high`: learners need a finite box"),
+    );
 }
 
 fn bounds_of_element(l: &Lowering<'_, '_>, e: ExprId) -> Option<(f64, f64)> {
@@ -312,115 +339,6 @@ fn element_name(l: &mut Lowering<'_, '_>, symbol: SymbolId, index: &[Expr], plac
         Some(pattern) => pattern.replace("{}", &joined),
         None => format!("{path}[{joined}]"),
     })
-}
-
-/// The array that a bare name means.
-fn whole_array(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> Option<(SymbolId, Rc<[Axis]>)> {
-    if !matches!(e.kind, ExprKind::Name(_) | ExprKind::Member(..)) {
-        return None;
-    }
-    if let ExprKind::Name(n) = &e.kind
-        && (place.bound(&n.text).is_some() || l.symbols.lookup(place.scope, &n.text).is_none())
-    {
-        return None;
-    }
-    let crate::elaborate::lower::place::Target::Symbol(symbol) = paths::resolve(l, e, place) else { return None };
-    match &l.symbols[symbol].kind {
-        SymbolKind::Variable { axes, .. } | SymbolKind::Let { axes, .. } if !axes.is_empty() => Some((symbol, axes.clone())),
-        _ => None,
-    }
-}
-
-fn observe_array(l: &mut Lowering<'_, '_>, o: &Observation, symbol: SymbolId, axes: &[Axis], place: &Place, out: &mut Observations) {
-    let var = match &l.symbols[symbol].kind {
-        SymbolKind::Variable { var, .. } => Some(*var),
-        _ => None,
-    };
-    if let Some(var) = var
-        && let Some(q) = l.quantities.get(&var).cloned()
-    {
-        let SymbolKind::Variable { unit, .. } = &l.symbols[symbol].kind else { return };
-        let unit = unit.clone();
-        let a = attributes(l, o, &unit, place);
-        observe_elements(l, var, &q, &a, out);
-        return;
-    }
-    // An indexed `let`: one observation a member.
-    let mut binders = Vec::new();
-    let mut index = Vec::new();
-    for &axis in axes {
-        let name = Ident { text: l.symbols.axis_name(axis).to_owned(), span: o.value.span };
-        index.push(Expr { span: o.value.span, kind: ExprKind::Name(name.clone()) });
-        binders.push(Binder { name, over: BinderSet::Itself, span: o.value.span });
-    }
-    let value = Expr { span: o.value.span, kind: ExprKind::Index(Box::new(o.value.clone()), index) };
-    let each = Observation { value, binders: Vec::new(), name: None, ..o.clone() };
-    let pieces = nests::nest(l, &binders, place, &mut |s, inner| {
-        let v = s.value(&each.value, inner);
-        let unit = v.unit.unit();
-        let name = observation_name(s, &each, inner);
-        let a = attributes(s, &each, &unit, inner);
-        (name, unit, v.expr, a)
-    });
-    for Piece { extents, value: (name, unit, expr, a) } in pieces {
-        if extents.is_empty() {
-            push_observation(l, name, &unit.to_string(), expr, &a, o, out);
-        }
-    }
-}
-
-/// All elements of a variable in storage order, as one loop.
-fn observe_elements(l: &mut Lowering<'_, '_>, var: VarId, q: &Quantity, a: &Attributes, out: &mut Observations) {
-    let base = out.names.len() as i64;
-    let len = l.symbols.vars[var].len;
-    let (extents, offset) = if len == 1 { (Vec::new(), Affine::default()) } else { (vec![len], Affine::along(0, LoopVar(0), 1)) };
-    let value = l.exprs.load(var, crate::ir::Flavour::Value, offset);
-    let s = store(Memory::Out, Affine::constant(base).plus(offset), value);
-    out.nests.push(Nest::over(extents, vec![s]));
-    for i in 0..len as usize {
-        out.names.push(observed(q, i, a));
-    }
-}
-
-/// Every state, in declaration order.
-fn observe_states(l: &mut Lowering<'_, '_>, out: &mut Observations) {
-    let base = out.names.len();
-    let order = state_positions(l);
-    let total: usize = order.iter().map(|(_, list)| list.len()).sum();
-    let none = Attributes { bounds: None, every: 1, delay: 0, noise: 0.0 };
-    let mut names: Vec<Option<Observed>> = vec![None; total];
-    for (var, positions) in order {
-        let Some(q) = l.quantities.get(&var).cloned() else { continue };
-        let slots: Vec<u32> = positions.iter().map(|&p| (base + p as usize) as u32).collect();
-        for (i, &p) in positions.iter().enumerate() {
-            names[p as usize] = Some(observed(&q, i, &none));
-        }
-        let len = slots.len() as u32;
-        let (extents, at) = if len == 1 { (Vec::new(), Affine::default()) } else { (vec![len], Affine::along(0, LoopVar(0), 1)) };
-        let value = l.exprs.load(var, crate::ir::Flavour::Value, at);
-        let step = slots.get(1).map_or(0, |s| i64::from(*s) - i64::from(slots[0]));
-        let regular = slots.windows(2).all(|w| i64::from(w[1]) - i64::from(w[0]) == step);
-        let offset = if len == 1 { Affine::constant(i64::from(slots[0])) } else { Affine::along(i64::from(slots[0]), LoopVar(0), step) };
-        if regular {
-            out.nests.push(Nest::over(extents, vec![store(Memory::Out, offset, value)]));
-        } else {
-            // Two sets inside one cell: one loop a row keeps the positions affine.
-            for (i, &slot) in slots.iter().enumerate() {
-                let value = l.exprs.load(var, crate::ir::Flavour::Value, Affine::constant(i as i64));
-                let s = store(Memory::Out, Affine::constant(i64::from(slot)), value);
-                match out.nests.first_mut().filter(|n| n.loops.is_empty()) {
-                    Some(first) => first.stores.push(s),
-                    None => out.nests.insert(0, Nest { loops: Vec::new(), stores: vec![s] }),
-                }
-            }
-        }
-    }
-    out.names.extend(names.into_iter().flatten());
-}
-
-fn observed(q: &Quantity, i: usize, a: &Attributes) -> Observed {
-    let (low, high) = a.bounds.unwrap_or((Quantity::pick(&q.low, i), Quantity::pick(&q.high, i)));
-    Observed { name: q.element_name(i), unit: q.unit.clone(), low, high, every: a.every, delay: a.delay, noise: a.noise }
 }
 
 /// What a binder stands for in a name.

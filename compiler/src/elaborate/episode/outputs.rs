@@ -10,6 +10,7 @@ use crate::elaborate::episode::phases::schedule_quantities;
 use crate::elaborate::episode::positions::state_positions;
 use crate::elaborate::lower::nests::Piece;
 use crate::elaborate::lower::place::{Place, Site};
+use crate::elaborate::lower::value::Value;
 use crate::elaborate::lower::{Lowering, nests};
 use crate::elaborate::symbols::{self, Axis, SymbolId, SymbolKind};
 use crate::ir::{Affine, FastSet, LoopVar, Place as Memory, Program, Role, VarId};
@@ -63,24 +64,34 @@ fn variable_output(l: &mut Lowering<'_, '_>, var: VarId, axes: &[Axis], at: i64,
 
 /// The elements of a `let` from a place of the output on.
 fn let_output(l: &mut Lowering<'_, '_>, symbol: SymbolId, axes: &[Axis], declaration: &Declaration, at: i64, program: &mut Assembly) {
-    let place = Place::new(l.symbols[symbol].scope, Site::Instant);
-    let binders = &declaration.indices;
-    let name = |b: &Binder| Expr { span: b.span, kind: ExprKind::Name(Ident { text: b.name.text.clone(), span: b.span }) };
-    let index: Vec<Expr> = binders.iter().map(name).collect();
-    let pieces = nests::looped_nest(l, binders, &place, &mut |s, inner| {
-        let value = s.symbol_value(symbol, &index, declaration.span, inner);
-        if value.is_poison() {
-            s.ledger.speculation.refuse();
-        }
-        (s.symbols.bound_address(axes, binders, inner), value.expr)
-    });
-    for Piece { extents, value: (element, value) } in pieces {
-        let value = l.exprs.number(value);
+    for Piece { extents, value: (element, value) } in let_pieces(l, symbol, axes, declaration) {
+        let value = l.exprs.number(value.expr);
         program.push(extents, store(Memory::Out, Affine::constant(at).plus(element), value));
     }
 }
 
-fn let_quantity(l: &Lowering<'_, '_>, symbol: SymbolId, axes: &[Axis], unit: &Unit, declaration: &Declaration) -> Quantity {
+/// The elements of a `let` and their values, in loops.
+pub(super) fn let_pieces(
+    l: &mut Lowering<'_, '_>,
+    symbol: SymbolId,
+    axes: &[Axis],
+    declaration: &Declaration,
+) -> Vec<Piece<(Affine, Value)>> {
+    let place = Place::new(l.symbols[symbol].scope, Site::Instant);
+    let binders = &declaration.indices;
+    let name = |b: &Binder| Expr { span: b.span, kind: ExprKind::Name(Ident { text: b.name.text.clone(), span: b.span }) };
+    let index: Vec<Expr> = binders.iter().map(name).collect();
+    nests::looped_nest(l, binders, &place, &mut |s, inner| {
+        let value = s.symbol_value(symbol, &index, declaration.span, inner);
+        if value.is_poison() {
+            s.ledger.speculation.refuse();
+        }
+        (s.symbols.bound_address(axes, binders, inner), value)
+    })
+}
+
+/// A `let` as a quantity: its name, indices and unit.
+pub(super) fn let_quantity(l: &Lowering<'_, '_>, symbol: SymbolId, axes: &[Axis], unit: &Unit, declaration: &Declaration) -> Quantity {
     Quantity {
         var: None,
         name: l.symbols[symbol].path.clone(),

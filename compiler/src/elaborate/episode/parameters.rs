@@ -118,16 +118,9 @@ pub(in crate::elaborate) fn clipped(
         Some(Clip::Range(a, b)) => (l.number_in(a, unit, "the limit", a.span, place), l.number_in(b, unit, "the limit", b.span, place)),
         Some(Clip::Bounds(span)) => {
             let Some(q) = l.quantities.get(&var) else { return v };
-            let i = at.offset.max(0) as usize;
-            let uniform = |list: &[f64]| list.windows(2).all(|w| w[0] == w[1]);
-            let has_one_box = uniform(&q.low) && uniform(&q.high);
-            if !at.is_constant() && !has_one_box {
-                let span = *span;
-                l.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, "the bounds differ from element to element", span));
-                return v;
-            }
-            let (low, high) = (Quantity::pick(&q.low, i), Quantity::pick(&q.high, i));
-            if !low.is_finite() && !high.is_finite() {
+            let first = at.offset.max(0) as usize;
+            let mut elements = if at.is_constant() { first..first + 1 } else { 0..q.low.len().max(q.high.len()) };
+            if elements.all(|i| !Quantity::pick(&q.low, i).is_finite() && !Quantity::pick(&q.high, i).is_finite()) {
                 let (name, declared) = (q.name.clone(), l.symbols.vars[var].span);
                 l.ledger.report(
                     Diagnostic::error(codes::MISSING_CLAUSE, format!("`{name}` has no bounds to clip to"), *span)
@@ -136,7 +129,7 @@ pub(in crate::elaborate) fn clipped(
                 );
                 return v;
             }
-            (l.exprs.constant(low), l.exprs.constant(high))
+            (l.exprs.entry_at(&q.low, at), l.exprs.entry_at(&q.high, at))
         }
     };
     let v = l.exprs.binary(BinaryFn::Max, v, low);

@@ -1,15 +1,19 @@
 //! Boxes of declared bounds, and the variables that statements name.
 
+use std::ops::Range;
+
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Expr, ExprKind};
 
+use crate::elaborate::lower::loops::Cell;
+use crate::elaborate::lower::nests::Piece;
 use crate::elaborate::lower::place::{Bound, Place};
 use crate::elaborate::lower::value::Value;
 use crate::elaborate::lower::values::Values;
 use crate::elaborate::lower::{Lowering, indices, paths};
 use crate::elaborate::symbols::{SymbolId, SymbolKind};
-use crate::ir::{Affine, BinaryFn, Compare, ExprId, Role, VarId};
+use crate::ir::{Affine, BinaryFn, Compare, ExprId, Exprs, LoopVar, ReduceFn, Role, VarId};
 use crate::model::{BoxItem, Quantity};
 
 /// `outside bounds(...)`, `inside bounds(...)` as a condition.
@@ -20,47 +24,84 @@ pub(in crate::elaborate) fn box_condition(l: &mut Lowering<'_, '_>, inside: bool
     Value::truth(expr)
 }
 
+/// What stands in a box: one number, or the elements of an array.
+#[derive(Clone, Debug)]
+pub(in crate::elaborate) struct Bounded {
+    /// Name, unit and bounds of each element.
+    pub items: Vec<BoxItem>,
+    /// Which elements, and their values, in loops.
+    pub pieces: Vec<Piece<(Affine, ExprId)>>,
+}
+
+impl Bounded {
+    /// One number.
+    pub(in crate::elaborate) fn one(item: BoxItem, value: ExprId) -> Bounded {
+        Bounded { items: vec![item], pieces: vec![Piece { extents: Vec::new(), value: (Affine::default(), value) }] }
+    }
+
+    fn has_loops(&self) -> bool {
+        self.pieces.iter().any(|piece| !piece.extents.is_empty())
+    }
+}
+
 /// Largest excess over a box, relative to each range, and its members.
-pub(in crate::elaborate) fn box_excess(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> (ExprId, Vec<(BoxItem, ExprId)>) {
-    let zero = l.exprs.constant(0.0);
+pub(in crate::elaborate) fn box_excess(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> (ExprId, Vec<Bounded>) {
     let arguments = match &e.kind {
         ExprKind::Call { function, arguments } if function.text == "bounds" => arguments,
         _ => {
             l.ledger.report(Diagnostic::error(codes::WRONG_ARGUMENTS, "a box is needed here", e.span).help("`outside bounds(x, y)`"));
-            return (zero, Vec::new());
+            return (l.exprs.constant(0.0), Vec::new());
         }
     };
     let mut members = Vec::new();
     for argument in arguments {
         box_members(l, argument, place, &mut members);
     }
-    let mut excess: Option<ExprId> = None;
-    for (item, value) in &members {
-        let range = item.high - item.low;
-        let range = l.exprs.constant(if range.is_finite() && range > 0.0 { range } else { 1.0 });
-        for (bound, sign) in [(item.low, 1), (item.high, -1)] {
-            if !bound.is_finite() {
-                continue;
-            }
-            let bound = l.exprs.constant(bound);
-            let d = if sign > 0 { l.exprs.sub(bound, *value) } else { l.exprs.sub(*value, bound) };
-            let d = l.exprs.div(d, range);
-            excess = Some(match excess {
-                Some(e) => l.exprs.binary(BinaryFn::Max, e, d),
-                None => d,
-            });
-        }
+    let mut excess = None;
+    for member in &members {
+        excess = largest_excess(l.exprs, member, place.depth, excess);
     }
-    (excess.unwrap_or(zero), members)
+    (excess.unwrap_or_else(|| l.exprs.constant(0.0)), members)
 }
 
-fn box_members(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place, out: &mut Vec<(BoxItem, ExprId)>) {
+/// The larger one of what there is and the excesses of a member, whose loops count from a depth on.
+fn largest_excess(exprs: &mut Exprs, member: &Bounded, depth: u8, mut excess: Option<ExprId>) -> Option<ExprId> {
+    let width = |item: &BoxItem| item.high - item.low;
+    let range = |item: &BoxItem| if width(item).is_finite() && width(item) > 0.0 { width(item) } else { 1.0 };
+    let ranges: Vec<f64> = member.items.iter().map(range).collect();
+    let lows: Vec<f64> = member.items.iter().map(|item| item.low).collect();
+    let highs: Vec<f64> = member.items.iter().map(|item| item.high).collect();
+    for Piece { extents, value: (at, value) } in &member.pieces {
+        let mut own = excess.take_if(|_| extents.is_empty());
+        for (bounds, is_low) in [(&lows, true), (&highs, false)] {
+            if !bounds.iter().any(|bound| bound.is_finite()) {
+                continue;
+            }
+            let (bound, range) = (exprs.entry_at(bounds, *at), exprs.entry_at(&ranges, *at));
+            let beyond = if is_low { exprs.sub(bound, *value) } else { exprs.sub(*value, bound) };
+            let beyond = exprs.div(beyond, range);
+            own = larger(exprs, own, beyond);
+        }
+        let Some(mut own) = own else { continue };
+        for (inner, &extent) in extents.iter().enumerate().rev() {
+            own = exprs.reduce(ReduceFn::Max, LoopVar(depth + inner as u8), extent, own);
+        }
+        excess = larger(exprs, excess, own);
+    }
+    excess
+}
+
+/// The larger one of what there is and a number.
+fn larger(exprs: &mut Exprs, a: Option<ExprId>, b: ExprId) -> Option<ExprId> {
+    Some(a.map_or(b, |a| exprs.binary(BinaryFn::Max, a, b)))
+}
+
+fn box_members(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place, out: &mut Vec<Bounded>) {
     if let ExprKind::Name(name) = &e.kind
         && name.text == "observations"
         && l.symbols.lookup(place.scope, "observations").is_none()
     {
-        out.extend(l.names.observed.clone());
-        return;
+        return observed_members(l, e.span, place, out);
     }
     let symbols: Vec<SymbolId> = match &e.kind {
         ExprKind::Name(n) if n.text == "states" && l.symbols.lookup(place.scope, "states").is_none() => {
@@ -68,7 +109,7 @@ fn box_members(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place, out: &mut Vec<
         }
         _ => match target(l, e, place, &[Role::State, Role::Algebraic, Role::Discrete, Role::Action, Role::Disturbance]) {
             Some((symbol, Some(at))) => {
-                box_element(l, symbol, at, e.span, out);
+                out.extend(bounded_element(l, symbol, at, e.span));
                 return;
             }
             Some((symbol, None)) => vec![symbol],
@@ -76,29 +117,59 @@ fn box_members(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place, out: &mut Vec<
         },
     };
     for symbol in symbols {
-        let SymbolKind::Variable { var, .. } = l.symbols[symbol].kind else { continue };
-        for i in 0..i64::from(l.symbols.vars[var].len) {
-            box_element(l, symbol, Affine::constant(i), e.span, out);
-        }
+        out.extend(bounded_array(l, symbol, e.span, place));
     }
 }
 
-fn box_element(l: &mut Lowering<'_, '_>, symbol: SymbolId, at: Affine, span: Span, out: &mut Vec<(BoxItem, ExprId)>) {
-    let SymbolKind::Variable { var, .. } = l.symbols[symbol].kind else { return };
-    let Some(q) = l.quantities.get(&var) else { return };
-    let i = at.offset.max(0) as usize;
-    let item = BoxItem { name: q.element_name(i), unit: q.unit.clone(), low: Quantity::pick(&q.low, i), high: Quantity::pick(&q.high, i) };
-    if !item.low.is_finite() && !item.high.is_finite() {
-        let (name, declared) = (item.name.clone(), l.symbols[symbol].span);
-        l.ledger.report(
-            Diagnostic::error(codes::MISSING_CLAUSE, format!("`{name}` has no bounds"), span)
-                .secondary(declared, "declared here")
-                .help("write `in low..high` in its declaration"),
-        );
+/// What is observed; its loops are not inside of others.
+fn observed_members(l: &mut Lowering<'_, '_>, span: Span, place: &Place, out: &mut Vec<Bounded>) {
+    if place.depth > 0 && l.names.observed.iter().any(Bounded::has_loops) {
+        let fault = Diagnostic::error(codes::WRONG_SHAPE, "the box of observed arrays inside of a loop", span);
+        l.ledger.report(fault.help("it does not depend on the index: let the condition stand outside"));
         return;
     }
-    let value = l.load(symbol, at);
-    out.push((item, value.expr));
+    out.extend(l.names.observed.clone());
+}
+
+/// An element of a variable, which may depend on loops around.
+fn bounded_element(l: &mut Lowering<'_, '_>, symbol: SymbolId, at: Affine, span: Span) -> Option<Bounded> {
+    let elements = if at.is_constant() { at.offset..at.offset + 1 } else { 0..i64::from(l.symbols.vars[variable(l, symbol)?].len) };
+    let items = box_items(l, symbol, elements, span)?;
+    let value = l.load(symbol, at).expr;
+    let at = if at.is_constant() { Affine::default() } else { at };
+    Some(Bounded { items, pieces: vec![Piece { extents: Vec::new(), value: (at, value) }] })
+}
+
+/// All elements of a variable, in a loop.
+fn bounded_array(l: &mut Lowering<'_, '_>, symbol: SymbolId, span: Span, place: &Place) -> Option<Bounded> {
+    let len = i64::from(l.symbols.vars[variable(l, symbol)?].len);
+    let items = box_items(l, symbol, 0..len, span)?;
+    let cells = l.cells(0, len - 1, span, place, &mut |s, cell, _| (cell.affine(), s.load(symbol, cell.affine()).expr));
+    let piece = |(cell, value): (Cell, _)| Piece { extents: cell.along.map(|_| cell.count as u32).into_iter().collect(), value };
+    Some(Bounded { items, pieces: cells.into_iter().map(piece).collect() })
+}
+
+fn variable(l: &Lowering<'_, '_>, symbol: SymbolId) -> Option<VarId> {
+    if let SymbolKind::Variable { var, .. } = l.symbols[symbol].kind { Some(var) } else { None }
+}
+
+/// Names and bounds of elements of a variable; one without bounds is reported.
+fn box_items(l: &mut Lowering<'_, '_>, symbol: SymbolId, elements: Range<i64>, span: Span) -> Option<Vec<BoxItem>> {
+    if !l.ledger.may_name((elements.end - elements.start) as usize, span) {
+        return None;
+    }
+    let q = l.quantities.get(&variable(l, symbol)?)?;
+    let item =
+        |i| BoxItem { name: q.element_name(i), unit: q.unit.clone(), low: Quantity::pick(&q.low, i), high: Quantity::pick(&q.high, i) };
+    let items: Vec<BoxItem> = elements.map(|i| item(i.max(0) as usize)).collect();
+    let Some(open) = items.iter().find(|item| !item.low.is_finite() && !item.high.is_finite()) else { return Some(items) };
+    let declared = l.symbols[symbol].span;
+    l.ledger.report(
+        Diagnostic::error(codes::MISSING_CLAUSE, format!("`{}` has no bounds", open.name), span)
+            .secondary(declared, "declared here")
+            .help("write `in low..high` in its declaration"),
+    );
+    None
 }
 
 /// Reports a variable of a role that a statement does not assign.

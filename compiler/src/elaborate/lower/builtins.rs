@@ -132,7 +132,7 @@ const FRAME: &str =
     "value of `e` at the start of the episode, at the end of the step before (at the start, in the first step), at the steady state";
 const TEMPERATURE: &str = "absolute temperature, point in degC, see Units";
 const DECLARED: &str = "declared bounds, scale, default of a variable";
-const BOX: &str = "whether a variable is outside of its declared bounds, all are inside; with the slack of 1e-6 of each range";
+const BOX: &str = "whether a variable, or an element of an array, is outside of its declared bounds, all are inside; with the slack of 1e-6 of each range. `bounds(states)` are all states, `bounds(observations)` what the model observes at the chosen level, with the bounds given there";
 const RANDOM: &str = "random numbers, in `~` only; `noise` takes `normal(0, sd)`";
 const CELL: &str = "length and measure of the cell `z`, an index bound by `for`";
 const QUANTIFIED: &str = "whether a condition holds for any, for all";

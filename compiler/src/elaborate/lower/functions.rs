@@ -14,7 +14,6 @@ use crate::elaborate::lower::{Lowering, boxes, operators, random_and_tables, uni
 use crate::elaborate::space::{field, flux, grid};
 use crate::elaborate::symbols::{SymbolId, SymbolKind};
 use crate::ir::{Affine, BinaryFn, Expr as Node, Flavour, Role, UnaryFn};
-use crate::model::Quantity;
 
 /// `f(a, b)`
 pub(in crate::elaborate) fn call(l: &mut Lowering<'_, '_>, span: Span, function: &Ident, arguments: &[Expr], place: &Place) -> Value {
@@ -56,7 +55,7 @@ fn built_in(l: &mut Lowering<'_, '_>, span: Span, (name, call): (&str, Call), ar
         (Call::Celsius, [a]) => celsius(l, a, place),
         (Call::Value, [a]) => plain_value(l, a, None, place),
         (Call::Value, [a, unit]) => plain_value(l, a, Some(unit), place),
-        (Call::Attribute(attribute), [a]) => declared_number(l, span, name, attribute, a, place),
+        (Call::Attribute(attribute), [a]) => declared_number(l, attribute, a, place),
         (Call::Box(inside), [a]) => boxes::box_condition(l, inside, a, place),
         (Call::Random(distribution), [a, b]) => random_and_tables::random(l, span, name, distribution, (a, b), place),
         (Call::Divergence, [a]) => flux::divergence(l, span, a, place),
@@ -345,7 +344,7 @@ pub(in crate::elaborate) fn element(l: &mut Lowering<'_, '_>, v: &Value, span: S
 }
 
 /// `low(x)`, `high(x)`, `scale(x)`, `nominal(x)`
-fn declared_number(l: &mut Lowering<'_, '_>, span: Span, name: &str, attribute: Attribute, a: &Expr, place: &Place) -> Value {
+fn declared_number(l: &mut Lowering<'_, '_>, attribute: Attribute, a: &Expr, place: &Place) -> Value {
     let v = l.value(a, place);
     let Some((var, at)) = element(l, &v, a.span) else { return l.poison() };
     let Some(q) = l.quantities.get(&var) else { return l.poison() };
@@ -355,12 +354,7 @@ fn declared_number(l: &mut Lowering<'_, '_>, span: Span, name: &str, attribute: 
         Attribute::Scale => &q.scale,
         Attribute::Nominal => &q.default,
     };
-    let uniform = list.windows(2).all(|w| w[0] == w[1]);
-    if !uniform && !at.is_constant() {
-        return l.fault(Diagnostic::error(codes::WRONG_SHAPE, format!("`{name}` differs from element to element here"), span));
-    }
-    let x = Quantity::pick(list, at.offset.max(0) as usize);
-    let expr = l.exprs.constant(x);
+    let expr = l.exprs.entry_at(list, at);
     let unit = v.unit.unit();
     Value::of(expr, if attribute == Attribute::Scale { units::difference(&unit) } else { unit })
 }

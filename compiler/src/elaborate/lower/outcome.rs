@@ -3,9 +3,9 @@
 use smpl_dsl::syntax::Ident;
 
 use crate::elaborate::lower::Lowering;
+use crate::elaborate::lower::boxes::Bounded;
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::ir::ExprId;
-use crate::model::BoxItem;
 
 /// What the names `success`, `failure`, `timeout` and `reward` stand for.
 #[derive(Clone, Copy, Debug)]
@@ -25,8 +25,8 @@ pub(in crate::elaborate) struct Outcome {
 pub(in crate::elaborate) struct EpisodeNames {
     /// Of the outcome.
     pub outcome: Option<Outcome>,
-    /// Observed numbers with their boxes, for failures on the observation box.
-    pub observed: Vec<(BoxItem, ExprId)>,
+    /// What is observed with its bounds, for failures on the box of the observations.
+    pub observed: Vec<Bounded>,
 }
 
 /// `success`, `failure`, `timeout`, `reward` in an expression.

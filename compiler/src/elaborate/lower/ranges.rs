@@ -14,7 +14,7 @@ use crate::elaborate::lower::values::Values;
 use crate::elaborate::lower::{Lowering, defaults, indices};
 use crate::elaborate::naming::Naming;
 use crate::elaborate::symbols::{Axis, SetId, SymbolKind, Symbols};
-use crate::ir::{Affine, ExprId, LoopVar};
+use crate::ir::{Affine, ExprId};
 
 /// Shorter ranges are unrolled: their numbers become constants.
 pub(in crate::elaborate) const SHORTEST: i64 = 16;
@@ -97,14 +97,7 @@ impl Lowering<'_, '_> {
         if entries.iter().step_by(step).any(|x| *x == 0.0 || x.is_nan()) {
             return None;
         }
-        let mut index = self.exprs.constant(at.offset as f64);
-        for (d, &stride) in at.strides.iter().enumerate().filter(|(_, stride)| **stride != 0) {
-            let (counter, stride) = (self.exprs.counter(LoopVar(d as u8)), self.exprs.constant(stride as f64));
-            let along = self.exprs.mul(stride, counter);
-            index = self.exprs.add(index, along);
-        }
-        let list = self.exprs.lists_mut().add(values);
-        Some(self.exprs.entry(list, index))
+        Some(self.exprs.entry_at(values, at))
     }
 
     /// A whole number that cannot change: of numbers, and of parameters that give sizes and indices.
