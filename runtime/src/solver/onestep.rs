@@ -53,7 +53,9 @@ enum Phase {
 
 /// A one-step method.
 ///
-/// Everything is allocated when it is made, except for KLU's factors where a large matrix has no pivots on its diagonal.
+/// Everything is allocated when it is made, except for KLU's factors where a large matrix has no pivots on its diagonal. Its fields are what a step goes
+/// through, from the equations' side (`frame`, `algebra`, `forcing`) to what is looked at on the way (`events`, `integrals`): each is a type of its own, and
+/// a step needs them all at once.
 pub struct OneStep {
     settings: Settings,
     frame: Frame,

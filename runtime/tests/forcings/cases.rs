@@ -203,8 +203,9 @@ proptest! {
         let exact = expected(&*f.value, f64::from(steps) * length);
         let mut system = prepared(&compiled(&text));
         let (found, taken) = integrate(&mut system, &start, rtol, (steps, length));
-        // The integration of many pieces, each within the tolerance.
-        let bound = (taken as f64).max(30.0) * rtol * exact.abs().max(1.0);
+        // The integration of many pieces, each within the tolerance. In few long steps the estimate of DOP853, a mean of those of two lower orders, may be a
+        // tenth of the error: 32 tolerances in 19 steps have been seen (kind 2, form 1, 0.1 long, 7.45 digits), 0.1 in SciPy's 27.
+        let bound = (taken as f64).max(60.0) * rtol * exact.abs().max(1.0);
         prop_assert!((found[0] - exact).abs() < bound, "{} is not {exact} (rtol {rtol:e}, {taken} steps)\n{text}", found[0]);
         // IDA with its own first step may be far off, or stuck; it is never the only one that is right.
         if let Some((alone, _)) = attempt(&mut Plain(system), &start, rtol, FirstStep::Ida, (steps, length)) {
