@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 import smpl
 
 TEXT = """
@@ -16,7 +17,12 @@ episode {{ step = 1 [s], max_steps = 50, error_reward = -1 }}
 
 #: Over a set, over a range of integers that stays a loop, over the cells of a domain (whose centres are 1 m, 2 m, ...).
 ARRAYS = {
-    "set": ("set s = {a, b, c, d}\ntable number[s] = { a: 1, b: 2, c: 3, d: 4 }", "number[k] * 1 [Pa/s]", "k in s", list("abcd")),
+    "set": (
+        "set s = {a, b, c, d}\ntable number[s] = { a: 1, b: 2, c: 3, d: 4 }",
+        "number[k] * 1 [Pa/s]",
+        "k in s",
+        list("abcd"),
+    ),
     "range": ("", "k * 1 [Pa/s]", "k in 1..30", [str(k) for k in range(1, 31)]),
     "cells": ("domain k in 0.5 [m]..12.5 [m] cells 12", "k * 1 [Pa/m/s]", "k", [str(k) for k in range(1, 13)]),
 }
@@ -27,7 +33,11 @@ def model(tmp_path, kind, statements, bounds="0..1000"):
     declarations, rate, binder, labels = ARRAYS[kind]
     declarations += f"\nstate x[{binder}] : Pa = 0 in {bounds}"
     path = tmp_path / "model.eq"
-    path.write_text(TEXT.format(declarations=declarations, rate=rate, binder=binder, statements=statements.replace("BINDER", binder)))
+    path.write_text(
+        TEXT.format(
+            declarations=declarations, rate=rate, binder=binder, statements=statements.replace("BINDER", binder)
+        )
+    )
     return path, labels
 
 
@@ -47,8 +57,12 @@ def steps_until_failure(env):
 
 
 @pytest.mark.parametrize("kind", ARRAYS)
-@pytest.mark.parametrize(("statement", "scale"), [("observe p : kPa = x in 0..3", 1e-3), ("observe p = x in 0..3000", 1)])
-def test_a_whole_array_is_observed_under_the_name_in_the_unit_and_with_the_bounds_that_are_said(tmp_path, kind, statement, scale):
+@pytest.mark.parametrize(
+    ("statement", "scale"), [("observe p : kPa = x in 0..3", 1e-3), ("observe p = x in 0..3000", 1)]
+)
+def test_a_whole_array_is_observed_under_the_name_in_the_unit_and_with_the_bounds_that_are_said(
+    tmp_path, kind, statement, scale
+):
     path, labels = model(tmp_path, kind, statement)
     env = smpl.Env(path, normalize=False)
     observed = first_observation(env)
@@ -69,7 +83,13 @@ def test_a_named_expression_over_an_index_is_observed(tmp_path, kind):
 @pytest.mark.parametrize("kind", ARRAYS)
 @pytest.mark.parametrize(
     "observed",
-    ["observe x", "observe x in 0..61", "observe p : kPa = x in 0..0.061", "let w[BINDER] = 2*x[k]\nobserve w in 0..122", "observe states"],
+    [
+        "observe x",
+        "observe x in 0..61",
+        "observe p : kPa = x in 0..0.061",
+        "let w[BINDER] = 2*x[k]\nobserve w in 0..122",
+        "observe states",
+    ],
 )
 def test_the_box_of_the_observations_has_the_elements_of_arrays(tmp_path, kind, observed):
     path, labels = model(tmp_path, kind, observed + "\nfail out when outside bounds(observations)", "0..61")
@@ -97,7 +117,9 @@ def test_any_element_of_an_array_leaves_the_box(tmp_path, kind, condition):
     assert step == 61 // len(labels) + 1
 
 
-@pytest.mark.parametrize("condition", ["outside bounds(x)", "any(outside bounds(x[k]) for BINDER)", "any(x[k] > high(x[k]) for BINDER)"])
+@pytest.mark.parametrize(
+    "condition", ["outside bounds(x)", "any(outside bounds(x[k]) for BINDER)", "any(x[k] > high(x[k]) for BINDER)"]
+)
 def test_bounds_that_differ_from_element_to_element(tmp_path, condition):
     # Element k leaves 0..7 k (31 - k) after 7 (31 - k): the last one first, after 7.
     path, _ = model(tmp_path, "range", f"observe x\nfail out when {condition}", "0..7*k*(31 - k)")

@@ -16,6 +16,7 @@ fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed")
 
 from fmpy.validation import validate_fmu  # noqa: E402
 
+import titration  # noqa: E402
 from exports.mockup import Instance, make  # noqa: E402
 from exports.points import MODELS, Points, assert_equal, label, variants  # noqa: E402
 from exports.tree import Tree  # noqa: E402
@@ -237,42 +238,19 @@ def test_model_exchange_as_fmpy_does_it_is_the_environment(folder, name):
     assert difference(found[np.argsort(order)], expected, tree) <= 10.0
 
 
-TITRATION = """
-model Titration "a weak acid beyond its equivalence: pH jumps by six within a minute's thousandth of base"
-time t : min
-state n : mmol = 2 in 0..100 "base"
-var pH : 1 = 4
-action dose : mmol/min = 4 in 0..9
-let H : mmol/L = 1e3*10^(-pH) * 1 [mmol/L]
-let K : mmol/L = 1e3*10^(-4.76) * 1 [mmol/L]
-eq n/1.5[L] + H = 12[mmol]/1.5[L]*K/(K + H) + 1e-8 [mmol^2/L^2]/H
-eq d/dt n = dose
-observe pH in 0..14
-reward r = pH
-episode { step = 1 [min], max_steps = 10 }
-"""
-
-
 def test_co_simulation_passes_an_equivalence_point(folder):
     """Nothing but the algebraic equation says how short steps have to be there; its solution is known by bisection."""
-    optimize = pytest.importorskip("scipy.optimize", reason="SciPy is not installed")
     path = folder / "titration.eq"
-    path.write_text(TITRATION)
+    path.write_text(titration.TEXT)
     made = make(folder, path)
     instance = Instance(made[2], made[3], "co-simulation")
     instance.fmu.enterInitializationMode()
     instance.fmu.exitInitializationMode()
-    K = 10.0 ** (3.0 - 4.76)
-
-    def excess(pH, n):
-        H = 10.0 ** (3.0 - pH)
-        return n / 1.5 + H - 8.0 * K / (K + H) - 1e-8 / H
-
     found, expected = [], []
     for k in range(4):
         instance.fmu.doStep(float(k), 1.0)
         found += instance.get("pH").tolist()
-        expected.append(optimize.brentq(excess, 0.0, 14.0, args=(2.0 + 4.0 * (k + 1),), xtol=1e-13))
+        expected.append(titration.pH(2.0 + 4.0 * (k + 1)))
     instance.close()
     assert expected[1] < 6.0 < 11.0 < expected[2]
     np.testing.assert_allclose(found, expected, rtol=1e-7)

@@ -6,6 +6,7 @@ import pytest
 from scipy import integrate, optimize
 
 import smpl
+import titration
 
 METHODS = ("ida", "rosenbrock", "explicit", "auto")
 
@@ -137,21 +138,6 @@ def test_rollouts_are_the_steps_of_an_environment_of_that_method(method):
         env.unwrapped.model.rollout(state, actions, method="euler")
 
 
-TITRATION = """
-model Titration "a weak acid to which a base flows; nothing but the pH says how short steps have to be"
-time t : min
-state n : mmol = 2 in 0..100 "base"
-var pH : 1 = 4.5
-action dose : mmol/min = 4 in 0..9
-let H : mmol/L = 1e3*10^(-pH) * 1 [mmol/L]
-let K : mmol/L = 1e3*10^(-4.76) * 1 [mmol/L]
-eq n/1.5[L] + H = 12[mmol]/1.5[L]*K/(K + H) + 1e-8 [mmol^2/L^2]/H
-eq d/dt n = dose
-observe pH in 0..14
-reward mean = integral(pH) / 1 [min]
-episode { step = 1 [min], max_steps = 4 }
-"""
-
 JUMP = """
 model Jump "an algebraic variable that jumps where a state passes a limit"
 time t : s
@@ -170,17 +156,11 @@ episode { step = 2 [s], max_steps = 3 }
 @pytest.mark.parametrize("rtol", [1e-5, 1e-8])
 def test_algebraic_variables_that_are_steep_or_jump_are_followed_within_steps_too(method, rtol):
     """Rates of the states say nothing of them; their integrals are known from the equations alone."""
-    K = 10.0 ** (3.0 - 4.76)
-
-    def pH(t):
-        def excess(value):
-            H = 10.0 ** (3.0 - value)
-            return (2.0 + 4.0 * t) / 1.5 + H - 8.0 * K / (K + H) - 1e-8 / H
-
-        return optimize.brentq(excess, 0.0, 14.0, xtol=1e-14)
-
-    expected = sum(integrate.quad(pH, a, b, epsabs=1e-12, limit=500)[0] for a, b in ((0, 2.5), (2.5, 2.6), (2.6, 4)))
-    run = nominal_rewards(TITRATION, method, rtol)
+    expected = sum(
+        integrate.quad(lambda t: titration.pH(2.0 + 4.0 * t), a, b, epsabs=1e-12, limit=500)[0]
+        for a, b in ((0, 2.5), (2.5, 2.6), (2.6, 4))
+    )
+    run = nominal_rewards(titration.TEXT, method, rtol)
     assert abs(sum(run) / expected - 1) < rtol
     if method == "ida":
         return  # it stops where one jumps, unless an event says so
