@@ -45,6 +45,13 @@ pub struct Model {
     pub interface: Interface,
 }
 
+impl Model {
+    /// The variable of the numbers that every model has, where there is one.
+    pub(crate) fn builtins(&self) -> Option<VarId> {
+        self.vars.iter().find(|(_, variable)| variable.role == Role::Builtin).map(|(id, _)| id)
+    }
+}
+
 /// Writes the map of variables as a list.
 mod vars_as_list {
     use super::{PrimaryMap, VarId, Variable};

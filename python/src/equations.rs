@@ -198,7 +198,9 @@ impl Equations {
             self.work.region_mut(Region::Action)[element.at] = value;
         }
         self.set_given(given)?;
-        self.work.region_mut(Region::Builtin)[Builtin::Clock as usize] = t;
+        for builtin in [Builtin::Clock, Builtin::Begin] {
+            self.work.region_mut(Region::Builtin)[builtin as usize] = t;
+        }
         let (model, memory) = self.work.parts();
         model.prepare_step(memory);
         Ok(())

@@ -256,6 +256,39 @@ def test_co_simulation_passes_an_equivalence_point(folder):
     np.testing.assert_allclose(found, expected, rtol=1e-7)
 
 
+INSTANTS = """
+model Instants "what was at the end of the sample before, in events and behind them"
+time t : s
+action u = 0 in 0..1
+table feed : 1 over time : s linear { 0: 1, 4: 5, 10: 17 }
+state x = 0 in 0..1000
+discrete before = -1 in -10..1000
+discrete after = -1 in -10..1000
+eq d/dt x = 1 / 1 [s]
+event passed when x >= 3.5 + previous(t) / 1 [s] - 2
+at passed { next before = previous(t) / 1 [s] }
+at end { next after = previous(feed(t)) }
+observe x
+reward one default = 0
+episode { step = 2 [s], max_steps = 5 }
+"""
+
+
+def test_co_simulation_knows_the_time_of_the_sample_before(folder):
+    """x is the time; of the event in each sample, 1.5 s after its beginning, the beginning is kept."""
+    path = folder / "instants.eq"
+    path.write_text(INSTANTS)
+    made = make(folder, path)
+    instance = Instance(made[2], made[3], "co-simulation")
+    instance.fmu.enterInitializationMode()
+    instance.fmu.exitInitializationMode()
+    for k in range(4):
+        instance.fmu.doStep(2.0 * k, 2.0)
+        assert instance.get("before").tolist() == [2.0 * k]
+        np.testing.assert_allclose(instance.get("after"), np.interp(2.0 * k, [0, 4, 10], [1, 5, 17]), rtol=1e-9)
+    instance.close()
+
+
 PORTS = """
 model Line "a feed, a tube and a tank"
 time t : min

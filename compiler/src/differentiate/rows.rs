@@ -81,7 +81,7 @@ pub fn jacobian(model: &mut Model, rows: &[Rows]) -> Vec<Entry> {
 }
 
 fn builtin_variable(model: &mut Model) -> VarId {
-    let known = model.vars.iter().find(|(_, v)| v.role == Role::Builtin).map(|(id, _)| id);
+    let known = model.builtins();
     known.unwrap_or_else(|| {
         let name = "builtin".into();
         model.vars.push(Variable { name, role: Role::Builtin, len: BUILTIN_COUNT, span: Span::default() })

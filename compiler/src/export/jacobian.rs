@@ -4,7 +4,7 @@ use super::ExportError;
 use super::sheet::{Function, Loops, Nest, Sheet, Store};
 use crate::differentiate::pattern::each;
 use crate::differentiate::{self, Column, Entry, Rows};
-use crate::ir::{Affine, Builtin, FastMap, Flavour, Role, VarId};
+use crate::ir::{Affine, Builtin, FastMap, Flavour, VarId};
 
 /// Positions of the non-zeros, column after column.
 pub(super) struct Pattern {
@@ -79,7 +79,7 @@ fn entries(sheet: &mut Sheet) -> Result<Vec<Entry>, ExportError> {
         first.insert(var, next);
         next += model.vars[var].len;
     }
-    let builtin = model.vars.iter().find(|(_, v)| v.role == Role::Builtin).map(|(id, _)| id);
+    let builtin = model.builtins();
     let builtin = builtin.ok_or_else(|| ExportError::Unavailable { variable: "builtin".into() })?;
     let factor = model.exprs.load(builtin, Flavour::Value, Affine::constant(Builtin::DerivativeFactor as i64));
     let column_of = |var: VarId, flavour: Flavour| {

@@ -349,7 +349,7 @@ impl Sheet {
 }
 
 /// Names of the elements of the builtin variable.
-const BUILTINS: [&str; 8] = ["steps", "clock", "step_length", "last_step", "failed", "action_excess", "reserved", "derivative_factor"];
+const BUILTINS: [&str; 8] = ["steps", "clock", "step_length", "last_step", "failed", "action_excess", "begin", "derivative_factor"];
 
 fn numbered(name: &str, element: u32, len: u32) -> String {
     if len == 1 { name.to_owned() } else { format!("{name}[{}]", element + 1) }

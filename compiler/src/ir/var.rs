@@ -53,8 +53,8 @@ pub enum Builtin {
     Failed = 4,
     /// Largest excess of an action over its box, relative to its range.
     ActionExcess = 5,
-    /// Random episode time: reserved, always 0.
-    Reserved = 6,
+    /// Time at the end of the step before; where the episode starts, that. It stands still at events too, where the clock does not.
+    Begin = 6,
     /// Factor of the derivatives in the Jacobian (an argument of that function, not memory).
     DerivativeFactor = 7,
 }

@@ -269,7 +269,7 @@ impl Inputs {
 pub(crate) fn substitute(model: &mut Model, equations: &mut Vec<Equation>, plan: &Plan) {
     let roles: Vec<Role> = model.vars.values().map(|v| v.role).collect();
     let role = |var: VarId| roles[var.as_u32() as usize];
-    let mut expander = Expander { arrays: Some(&plan.arrays), ..Expander::default() };
+    let mut expander = Expander::new(&plan.arrays, model.builtins());
     let algebraic = with_algebraic(&model.exprs, &role);
     // Nodes that are made on the way are not in the table.
     let concerned = |_: &Exprs, e: ExprId| algebraic.get(e.as_u32() as usize).copied().unwrap_or(true);
@@ -314,22 +314,27 @@ fn definition(equations: &[Equation], i: usize) -> Option<ExprId> {
 }
 
 /// Final values of substituted elements and parts of arrays.
-#[derive(Default)]
 struct Expander<'p> {
-    arrays: Option<&'p FastMap<VarId, Whole>>,
+    arrays: &'p FastMap<VarId, Whole>,
     values: FastMap<Element, ExprId>,
     moved: FastMap<(VarId, Affine), ExprId>,
     flavoured: FastMap<Flavour, Rewritten>,
+    builtins: Option<VarId>,
 }
 
-impl Expander<'_> {
+impl<'p> Expander<'p> {
+    fn new(arrays: &'p FastMap<VarId, Whole>, builtins: Option<VarId>) -> Self {
+        let (values, moved, flavoured) = <(FastMap<_, _>, FastMap<_, _>, FastMap<_, _>)>::default();
+        Self { arrays, values, moved, flavoured, builtins }
+    }
+
     fn element(&mut self, exprs: &mut Exprs, role: &dyn Fn(VarId) -> Role, var: VarId, flavour: Flavour, at: Affine) -> Option<ExprId> {
         let value = match self.values.get(&(var, at.offset)).filter(|_| at.is_constant()) {
             Some(&value) => value,
             None => match self.moved.get(&(var, at)) {
                 Some(&value) => value,
                 None => {
-                    let (part, indices) = self.arrays?.get(&var)?.locate(at)?;
+                    let (part, indices) = self.arrays.get(&var)?.locate(at)?;
                     let value = placed(exprs, *self.values.get(&(var, -1 - part as i64))?, &indices)?;
                     self.moved.insert((var, at), value);
                     value
@@ -341,12 +346,8 @@ impl Expander<'_> {
 
     fn in_flavour(&mut self, exprs: &mut Exprs, role: &dyn Fn(VarId) -> Role, e: ExprId, flavour: Flavour) -> ExprId {
         let done = self.flavoured.entry(flavour).or_default();
-        exprs.rewrite(e, done, &mut |exprs, node| match node {
-            Expr::Load { var, flavour: Flavour::Value, at } => {
-                let has_frames = matches!(role(var), Role::State | Role::Algebraic | Role::Action | Role::Discrete | Role::Disturbance);
-                has_frames.then(|| exprs.load(var, flavour, at))
-            }
-            _ => None,
-        })
+        // What has no value at another instant was refused where the text says so.
+        let at_frame = self.builtins.and_then(|builtins| exprs.in_frame(e, flavour, role, builtins, done).ok());
+        at_frame.unwrap_or(e)
     }
 }

@@ -5,7 +5,7 @@ use smpl_dsl::diagnostic::{Diagnostic, Faults, codes};
 use smpl_dsl::span::Span;
 
 use super::common::{element_name, replace_everywhere};
-use crate::elaborate::{Equation, EquationForm};
+use crate::elaborate::{Equation, EquationForm, for_each_element};
 use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, FastMap, Flavour, LoopVar, MAX_DEPTH, Rewritten, Role, UnaryFn, VarId};
 use crate::model::{Model, Variable};
 
@@ -15,39 +15,63 @@ pub struct Rates {
     pub covered: FastMap<VarId, Vec<bool>>,
 }
 
-/// `a·x' + b = 0` becomes `x' = -b/a` where one derivative occurs, linearly.
+/// `a·x' + b = 0` becomes `x' = -b/a` where one derivative occurs, linearly, that no other equation gives: `w = der(x)` is one for `w` where
+/// `d/dt x = ...` stands elsewhere.
 pub(crate) fn solve_for_derivatives(exprs: &mut Exprs, vars: &PrimaryMap<VarId, Variable>, equations: &mut [Equation]) {
+    let mut given = Given { covered: FastMap::default(), vars };
+    for equation in equations.iter() {
+        if let EquationForm::Rate { var, at, .. } = equation.form {
+            given.add(var, at, &equation.extents);
+        }
+    }
     for equation in equations {
-        let residual = match equation.form {
-            EquationForm::Implicit { residual } => residual,
+        let (residual, says_so) = match equation.form {
+            EquationForm::Implicit { residual } => (residual, false),
             EquationForm::Rate { var, at, value } => {
                 // A rate that mentions itself is an equation for it.
                 let own = exprs.load(var, Flavour::Derivative, at);
                 if !exprs.derivatives(value, |v| v == var).contains(&(var, Flavour::Derivative, at)) {
                     continue;
                 }
-                exprs.sub(own, value)
+                (exprs.sub(own, value), true)
             }
             EquationForm::Definition { .. } => continue,
         };
-        let derivatives = exprs.derivatives(residual, |v| vars[v].role == Role::State);
         equation.form = EquationForm::Implicit { residual };
-        // With several derivatives, the first with a factor free of derivatives is taken; the others stay on the right side.
-        for &(var, _, at) in &derivatives {
-            if derivatives.len() > 1 && derivatives.iter().filter(|d| d.0 == var).count() > 1 {
-                continue;
-            }
-            let own = exprs.load(var, Flavour::Derivative, at);
-            if let Some((a, b)) = linear(exprs, residual, own)
-                && !exprs.has_derivative(a)
-                && derivatives.len() == 1
-            {
-                let minus_b = exprs.neg(b);
-                let value = exprs.div(minus_b, a);
-                equation.form = EquationForm::Rate { var, at, value };
-                break;
-            }
+        let derivatives = exprs.derivatives(residual, |v| vars[v].role == Role::State);
+        let &[(var, _, at)] = derivatives.as_slice() else { continue };
+        if !says_so && given.has(var, at, &equation.extents) {
+            continue;
         }
+        let own = exprs.load(var, Flavour::Derivative, at);
+        if let Some((a, b)) = linear(exprs, residual, own).filter(|(a, _)| !exprs.has_derivative(*a)) {
+            let minus_b = exprs.neg(b);
+            let value = exprs.div(minus_b, a);
+            equation.form = EquationForm::Rate { var, at, value };
+            given.add(var, at, &equation.extents);
+        }
+    }
+}
+
+/// Elements of states whose rates equations give.
+struct Given<'m> {
+    covered: FastMap<VarId, Vec<bool>>,
+    vars: &'m PrimaryMap<VarId, Variable>,
+}
+
+impl Given<'_> {
+    fn add(&mut self, var: VarId, at: Affine, extents: &[u32]) {
+        let covered = self.covered.entry(var).or_insert_with(|| vec![false; self.vars[var].len as usize]);
+        for_each_element(extents, at, &mut |i| covered.get_mut(i as usize).into_iter().for_each(|slot| *slot = true));
+    }
+
+    /// Whether one of the elements is among them.
+    fn has(&self, var: VarId, at: Affine, extents: &[u32]) -> bool {
+        let mut has = false;
+        if let Some(covered) = self.covered.get(&var) {
+            for_each_element(extents, at, &mut |i| has |= covered.get(i as usize) == Some(&true));
+        }
+        has
     }
 }
 
@@ -104,7 +128,7 @@ pub(crate) fn cover_states(model: &Model, equations: &[Equation]) -> Result<Rate
         let EquationForm::Rate { var, at, .. } = equation.form else { continue };
         let Some(list) = covered.get_mut(&var) else { continue };
         let mut twice = None;
-        crate::elaborate::for_each_element(&equation.extents, at, &mut |i| match list.get_mut(i as usize) {
+        for_each_element(&equation.extents, at, &mut |i| match list.get_mut(i as usize) {
             Some(slot) if *slot => twice = Some(i),
             Some(slot) => *slot = true,
             None => {}

@@ -89,7 +89,13 @@ impl Environment {
         }
         self.progress.event_time = None;
         self.firings.clear();
-        self.set_builtins([(Builtin::Steps, f64::from(steps)), (Builtin::Clock, t0), (Builtin::Failed, 0.0), (Builtin::ActionExcess, 0.0)]);
+        self.set_builtins([
+            (Builtin::Steps, f64::from(steps)),
+            (Builtin::Clock, t0),
+            (Builtin::Begin, t0),
+            (Builtin::Failed, 0.0),
+            (Builtin::ActionExcess, 0.0),
+        ]);
     }
 
     /// New values of the disturbances: drawn, then replaced by recorded ones.

@@ -322,6 +322,7 @@ impl Environment {
         let clock = self.time();
         self.set_builtin(Builtin::Steps, f64::from(options.first_step));
         self.set_builtin(Builtin::Clock, clock);
+        self.set_builtin(Builtin::Begin, clock);
     }
 
     /// Start values of states that read discrete variables or disturbances, once these have theirs, as often as one such value needs another.

@@ -13,7 +13,7 @@ use crate::elaborate::lower::values::Values;
 use crate::elaborate::lower::{Lowering, boxes, operators, random_and_tables, units};
 use crate::elaborate::space::{field, flux, grid};
 use crate::elaborate::symbols::{SymbolId, SymbolKind};
-use crate::ir::{Affine, BinaryFn, Expr as Node, Flavour, Role, UnaryFn};
+use crate::ir::{Affine, BinaryFn, Expr as Node, Flavour, UnaryFn, Unframed};
 
 /// `f(a, b)`
 pub(in crate::elaborate) fn call(l: &mut Lowering<'_, '_>, span: Span, function: &Ident, arguments: &[Expr], place: &Place) -> Value {
@@ -212,31 +212,18 @@ fn flavoured(l: &mut Lowering<'_, '_>, span: Span, name: &str, flavour: Flavour,
     if v.is_poison() {
         return v;
     }
-    let vars = &l.symbols.vars;
-    let mut misuse = false;
-    let expr = l.exprs.rewrite(v.expr, &mut crate::ir::Rewritten::default(), &mut |exprs, node| match node {
-        Node::Load { var, flavour: Flavour::Value, at } => match vars[var].role {
-            Role::State | Role::Algebraic | Role::Action | Role::Discrete | Role::Disturbance => Some(exprs.load(var, flavour, at)),
-            Role::Quadrature => {
-                misuse = true;
-                None
-            }
-            _ => None,
-        },
-        Node::Load { flavour: Flavour::Derivative, .. } => {
-            misuse = true;
-            None
+    let (vars, builtins) = (&l.symbols.vars, l.hidden.builtins);
+    let at_frame = l.exprs.in_frame(v.expr, flavour, &|var| vars[var].role, builtins, &mut crate::ir::Rewritten::default());
+    let (message, help) = match at_frame {
+        Ok(expr) => return Value { expr, unit: v.unit },
+        Err(Unframed::OverTime) => (format!("`{name}` of a derivative or an integral over the step"), None),
+        Err(Unframed::Frame) => {
+            (format!("`{name}` of `previous`"), Some("a discrete variable keeps what was two steps ago: `at end { next last = x }`"))
         }
-        _ => None,
-    });
-    if misuse {
-        return l.fault(Diagnostic::error(
-            codes::MISPLACED_FUNCTION,
-            format!("`{name}` of a derivative or an integral over the step"),
-            span,
-        ));
-    }
-    Value { expr, unit: v.unit }
+        Err(Unframed::Outcome) => (format!("`{name}` of how the step ends"), None),
+    };
+    let fault = Diagnostic::error(codes::MISPLACED_FUNCTION, message, span);
+    l.fault(fault.maybe_help(help.map(str::to_owned)))
 }
 
 /// `integral(e)`: over the present step.
@@ -252,6 +239,10 @@ fn quadrature(l: &mut Lowering<'_, '_>, span: Span, a: &Expr, place: &Place) -> 
         );
     }
     let v = l.value(a, place);
+    let quadratures = l.hidden.quadratures.var;
+    if !l.exprs.loads(v.expr, |var, _| var == quadratures).is_empty() {
+        return l.fault(Diagnostic::error(codes::MISPLACED_FUNCTION, "`integral` over the step of an integral over the step", span));
+    }
     let unit = match &v.unit {
         Measure::Poison => return v,
         Measure::Of(u) => units::times(u, &l.symbols.time_unit),

@@ -97,6 +97,7 @@ impl Tables<'_> {
             match (role, flavour) {
                 (Role::Builtin, _) if element == Builtin::Steps as u32 => builtins.push(format!("{{0, {in_p}, {at}}}")),
                 (Role::Builtin, _) if element == Builtin::Clock as u32 => builtins.push(format!("{{1, {in_p}, {at}}}")),
+                (Role::Builtin, _) if element == Builtin::Begin as u32 => builtins.push(format!("{{2, {in_p}, {at}}}")),
                 (Role::ParamGiven, _) => {
                     let parameter = self.parameter_at(element);
                     givens.extend(parameter.map(|parameter| format!("{{{parameter}, {in_p}, {at}}}")));

@@ -263,6 +263,7 @@ int smpl_initialise(smpl_instance *s)
     s->u = s->u_before;
     set_builtin(s, 0, floor(now->first / SMPL_STEP + 0.5));
     set_builtin(s, 1, now->first);
+    set_builtin(s, 2, now->first);
     smpl_stale(s);
     smpl_prepare(s);
     if (now->parameters_set) smpl_parameters(s);
@@ -285,6 +286,7 @@ int smpl_sample_start(smpl_instance *s)
     now->open = 1;
     set_builtin(s, 0, floor(now->first / SMPL_STEP + 0.5) + (double)now->steps);
     set_builtin(s, 1, clock);
+    set_builtin(s, 2, clock);
     now->prepared = 0;
     smpl_prepare(s);
 #if SMPL_HAS_disturb

@@ -1,0 +1,86 @@
+//! Expressions at other instants: at the start of the episode, at the end of the step before, at the steady state.
+
+use super::affine::Affine;
+use super::build::Rewritten;
+use super::expr::{Expr, ExprId, Exprs, Flavour};
+use super::function::BinaryFn;
+use super::var::{Builtin, Role, VarId};
+
+/// What has no value at another instant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Unframed {
+    /// A derivative, or an integral over the step.
+    OverTime,
+    /// What is read at another instant itself.
+    Frame,
+    /// How the step ended.
+    Outcome,
+}
+
+impl Exprs {
+    /// An expression at another instant: what changes is read from there. The episode starts at the time 0, where the steady state is sought too.
+    pub(crate) fn in_frame(
+        &mut self,
+        e: ExprId,
+        frame: Flavour,
+        role: &dyn Fn(VarId) -> Role,
+        builtins: VarId,
+        done: &mut Rewritten,
+    ) -> Result<ExprId, Unframed> {
+        let mut fault = None;
+        let at_frame = self.rewrite(e, done, &mut |exprs, node| match node {
+            Expr::Time => Some(exprs.time_of(frame, builtins)),
+            Expr::Load { var, flavour: Flavour::Value, at } => match role(var) {
+                Role::State | Role::Algebraic | Role::Action | Role::Discrete | Role::Disturbance => Some(exprs.load(var, frame, at)),
+                Role::Quadrature => {
+                    fault = Some(Unframed::OverTime);
+                    None
+                }
+                Role::Builtin => exprs.builtin_of(at, frame, builtins).map_err(|unframed| fault = Some(unframed)).ok().flatten(),
+                _ => None,
+            },
+            Expr::Load { flavour: Flavour::Derivative, .. } => {
+                fault = Some(Unframed::OverTime);
+                None
+            }
+            Expr::Load { flavour: Flavour::Previous, .. } => {
+                fault = Some(Unframed::Frame);
+                None
+            }
+            _ => None,
+        });
+        fault.map_or(Ok(at_frame), Err)
+    }
+
+    /// The time of a frame.
+    fn time_of(&mut self, frame: Flavour, builtins: VarId) -> ExprId {
+        if frame == Flavour::Previous { self.builtin(Builtin::Begin, builtins) } else { self.constant(0.0) }
+    }
+
+    /// A built-in number at another instant; `None` where it is the same there.
+    fn builtin_of(&mut self, at: Affine, frame: Flavour, builtins: VarId) -> Result<Option<ExprId>, Unframed> {
+        let is = |builtin: Builtin| at == Affine::constant(builtin as i64);
+        let (now, back) = if is(Builtin::Steps) {
+            (self.builtin(Builtin::Steps, builtins), self.constant(1.0))
+        } else if is(Builtin::Clock) {
+            (self.builtin(Builtin::Begin, builtins), self.builtin(Builtin::StepLength, builtins))
+        } else if is(Builtin::Begin) {
+            return Err(Unframed::Frame);
+        } else if is(Builtin::LastStep) || is(Builtin::Failed) || is(Builtin::ActionExcess) {
+            return Err(Unframed::Outcome);
+        } else {
+            return Ok(None);
+        };
+        let zero = self.constant(0.0);
+        if frame != Flavour::Previous {
+            return Ok(Some(zero));
+        }
+        // The first step has none before it.
+        let before = self.sub(now, back);
+        Ok(Some(self.binary(BinaryFn::Max, before, zero)))
+    }
+
+    fn builtin(&mut self, builtin: Builtin, builtins: VarId) -> ExprId {
+        self.load(builtins, Flavour::Value, Affine::constant(builtin as i64))
+    }
+}
