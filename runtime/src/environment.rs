@@ -458,7 +458,6 @@ impl Environment {
         let (steps, t) = (f64::from(self.progress.steps), self.time());
         self.set_builtin(Builtin::Steps, steps);
         self.set_builtin(Builtin::Clock, t);
-        self.set_builtin(Builtin::Begin, t);
         let (model, memory) = self.system.parts();
         model.policy(index, memory, t, &self.progress.y, out);
     }

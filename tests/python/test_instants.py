@@ -81,6 +81,28 @@ episode { step = 2 [s], max_steps = 5 }
     np.testing.assert_allclose(rewards(text), [124, 327, 527, 727, 927], atol=1e-5)
 
 
+def test_policies_look_back_to_the_sample_before():
+    """A policy acts at the end of a step; the instant before it is that step's beginning, for states and for the time."""
+    text = """
+time t : s
+action u = 0 in 0..1000
+action v = 0 in 0..1000
+state x = 0 in 0..1000
+eq d/dt x = 1 / 1 [s]
+policy back { u = previous(x + t / 1 [s] + 100*n), v = previous(clock) / 1 [s] }
+observe x
+reward one default = u
+episode { step = 2 [s], max_steps = 5 }
+"""
+    env = smpl.Env(smpl.compile(source=text), normalize=False)
+    env.reset(seed=0)
+    for step in range(5):
+        action = env.policy("back")
+        before = max(step - 1, 0)
+        np.testing.assert_allclose(action, [4 * before + 100 * before, 2 * before], atol=1e-6)
+        env.step(action)
+
+
 @pytest.mark.parametrize(
     ("expression", "message"),
     [

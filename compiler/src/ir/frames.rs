@@ -60,24 +60,28 @@ impl Exprs {
     /// A built-in number at another instant; `None` where it is the same there.
     fn builtin_of(&mut self, at: Affine, frame: Flavour, builtins: VarId) -> Result<Option<ExprId>, Unframed> {
         let is = |builtin: Builtin| at == Affine::constant(builtin as i64);
-        let (now, back) = if is(Builtin::Steps) {
-            (self.builtin(Builtin::Steps, builtins), self.constant(1.0))
-        } else if is(Builtin::Clock) {
-            (self.builtin(Builtin::Begin, builtins), self.builtin(Builtin::StepLength, builtins))
-        } else if is(Builtin::Begin) {
+        if is(Builtin::Begin) {
             return Err(Unframed::Frame);
-        } else if is(Builtin::LastStep) || is(Builtin::Failed) || is(Builtin::ActionExcess) {
+        }
+        if is(Builtin::LastStep) || is(Builtin::Failed) || is(Builtin::ActionExcess) {
             return Err(Unframed::Outcome);
-        } else {
+        }
+        if !is(Builtin::Steps) && !is(Builtin::Clock) {
             return Ok(None);
-        };
+        }
         let zero = self.constant(0.0);
         if frame != Flavour::Previous {
             return Ok(Some(zero));
         }
         // The first step has none before it.
-        let before = self.sub(now, back);
-        Ok(Some(self.binary(BinaryFn::Max, before, zero)))
+        let (steps, one) = (self.builtin(Builtin::Steps, builtins), self.constant(1.0));
+        let before = self.sub(steps, one);
+        let before = self.binary(BinaryFn::Max, before, zero);
+        if is(Builtin::Steps) {
+            return Ok(Some(before));
+        }
+        let step = self.builtin(Builtin::StepLength, builtins);
+        Ok(Some(self.mul(before, step)))
     }
 
     fn builtin(&mut self, builtin: Builtin, builtins: VarId) -> ExprId {
