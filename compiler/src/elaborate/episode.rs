@@ -10,6 +10,7 @@ mod finish;
 mod initial;
 mod instants;
 mod observations;
+mod observed;
 mod observed_arrays;
 mod order;
 mod outputs;

@@ -4,6 +4,7 @@
 //! nothing else is inside of that recursion. The symbols are frozen: nothing is declared here.
 
 pub(in crate::elaborate) mod binders;
+pub(in crate::elaborate) mod bounded;
 pub(in crate::elaborate) mod boxes;
 pub(in crate::elaborate) mod builtins;
 pub(in crate::elaborate) mod cells;

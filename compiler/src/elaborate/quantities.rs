@@ -6,7 +6,8 @@ use smpl_dsl::units::Unit;
 
 use crate::elaborate::ledger::Ledger;
 use crate::elaborate::lower::defaults::mentions;
-use crate::elaborate::lower::nests::{Piece, for_each_element};
+use crate::elaborate::lower::loops::Piece;
+use crate::elaborate::lower::nests::for_each_element;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::{Lowering, defaults, nests, units};
 use crate::elaborate::outside::{check_initial, check_range, check_settings};

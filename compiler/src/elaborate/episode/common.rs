@@ -3,7 +3,7 @@
 use smpl_dsl::syntax::Ident;
 
 use crate::elaborate::lower::Lowering;
-use crate::elaborate::lower::boxes::Bounded;
+use crate::elaborate::lower::bounded::Bounded;
 use crate::elaborate::lower::values::Values;
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{ScopeId, Symbols};

@@ -9,7 +9,7 @@ use crate::elaborate::episode::common::{each, store, stream_name};
 use crate::elaborate::episode::order::ordered_initial;
 use crate::elaborate::episode::parameters::clipped;
 use crate::elaborate::episode::phases::schedule_initial;
-use crate::elaborate::lower::nests::Piece;
+use crate::elaborate::lower::loops::Piece;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::{Lowering, boxes, defaults, nests};
 use crate::elaborate::outside::initial_elements;

@@ -4,11 +4,11 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Expr, ExprKind, Observation};
 use smpl_dsl::units::Unit;
 
-use crate::elaborate::episode::observations::{Attributes, Observations, attributes, warn_of_missing_bounds};
+use crate::elaborate::episode::observed::{Attributes, Observations, attributes, warn_of_missing_bounds};
 use crate::elaborate::episode::outputs::{let_pieces, let_quantity};
 use crate::elaborate::episode::positions::state_positions;
-use crate::elaborate::lower::boxes::Bounded;
-use crate::elaborate::lower::nests::Piece;
+use crate::elaborate::lower::bounded::Bounded;
+use crate::elaborate::lower::loops::Piece;
 use crate::elaborate::lower::place::{Place, Target};
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::{Lowering, paths, units};

@@ -8,7 +8,7 @@ use crate::elaborate::episode::assembly::Assembly;
 use crate::elaborate::episode::common::store;
 use crate::elaborate::episode::phases::schedule_quantities;
 use crate::elaborate::episode::positions::state_positions;
-use crate::elaborate::lower::nests::Piece;
+use crate::elaborate::lower::loops::Piece;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::value::Value;
 use crate::elaborate::lower::{Lowering, nests};

@@ -5,7 +5,7 @@ use smpl_dsl::syntax::{Clip, Expr};
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::episode::common::{store, stream_name};
-use crate::elaborate::lower::nests::Piece;
+use crate::elaborate::lower::loops::Piece;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::{Lowering, defaults, nests};
 use crate::elaborate::symbols::{SymbolId, SymbolKind, Symbols};

@@ -6,8 +6,8 @@ use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Expr, ExprKind};
 
-use crate::elaborate::lower::loops::Cell;
-use crate::elaborate::lower::nests::Piece;
+use crate::elaborate::lower::bounded::Bounded;
+use crate::elaborate::lower::loops::{Cell, Piece};
 use crate::elaborate::lower::place::{Bound, Place};
 use crate::elaborate::lower::value::Value;
 use crate::elaborate::lower::values::Values;
@@ -22,26 +22,6 @@ pub(in crate::elaborate) fn box_condition(l: &mut Lowering<'_, '_>, inside: bool
     let outside = l.values().beyond(excess);
     let expr = if inside { l.exprs.not(outside) } else { outside };
     Value::truth(expr)
-}
-
-/// What stands in a box: one number, or the elements of an array.
-#[derive(Clone, Debug)]
-pub(in crate::elaborate) struct Bounded {
-    /// Name, unit and bounds of each element.
-    pub items: Vec<BoxItem>,
-    /// Which elements, and their values, in loops.
-    pub pieces: Vec<Piece<(Affine, ExprId)>>,
-}
-
-impl Bounded {
-    /// One number.
-    pub(in crate::elaborate) fn one(item: BoxItem, value: ExprId) -> Bounded {
-        Bounded { items: vec![item], pieces: vec![Piece { extents: Vec::new(), value: (Affine::default(), value) }] }
-    }
-
-    fn has_loops(&self) -> bool {
-        self.pieces.iter().any(|piece| !piece.extents.is_empty())
-    }
 }
 
 /// Largest excess over a box, relative to each range, and its members.

@@ -5,7 +5,7 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Binder, Expr};
 
 use crate::elaborate::instances::SAMPLE;
-use crate::elaborate::lower::nests::Piece;
+use crate::elaborate::lower::loops::Piece;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::{Lowering, nests};
 use crate::elaborate::naming::Naming;

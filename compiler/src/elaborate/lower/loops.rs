@@ -73,6 +73,15 @@ pub struct Face {
     pub at: Cell,
 }
 
+/// Something elaborated inside a nest of loops.
+#[derive(Clone, Debug)]
+pub struct Piece<T> {
+    /// Extents of the loops, the outermost first.
+    pub extents: Vec<u32>,
+    /// What was made.
+    pub value: T,
+}
+
 /// A loop that is being elaborated.
 #[derive(Debug)]
 pub struct Loop {

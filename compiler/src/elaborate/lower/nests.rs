@@ -2,20 +2,11 @@
 
 use smpl_dsl::syntax::Binder;
 
-use crate::elaborate::lower::loops::Cell;
+use crate::elaborate::lower::loops::{Cell, Piece};
 use crate::elaborate::lower::place::{BinderValue, Bound, Place};
 use crate::elaborate::lower::{Lowering, binders};
 use crate::elaborate::symbols::{Axis, Symbols};
 use crate::ir::{Affine, ExprId, LoopVar, VarId};
-
-/// Something elaborated inside a nest of loops.
-#[derive(Clone, Debug)]
-pub struct Piece<T> {
-    /// Extents of the loops, the outermost first.
-    pub extents: Vec<u32>,
-    /// What was made.
-    pub value: T,
-}
 
 /// Elaborates `body` for everything that the binders run over: sets unrolled, cells as loops.
 pub(in crate::elaborate) fn nest<'m, 'a, T>(

@@ -1,0 +1,116 @@
+//! Observations as they are put together, and what is said of each.
+
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::syntax::{Expr, ExprKind, Observation};
+use smpl_dsl::units::Unit;
+
+use crate::elaborate::episode::common::store;
+use crate::elaborate::lower::bounded::Bounded;
+use crate::elaborate::lower::place::Place;
+use crate::elaborate::lower::{Lowering, defaults, indices};
+use crate::ir::{Affine, ExprId, Nest, Place as Memory};
+use crate::model::Observed;
+
+/// The observations of a level with the nests that compute them.
+#[derive(Default)]
+pub(in crate::elaborate) struct Observations {
+    /// One entry a number.
+    pub names: Vec<Observed>,
+    /// Stores into the output vector, counted from the first observation.
+    pub nests: Vec<Nest>,
+    /// The same with their bounds, for boxes.
+    pub bounded: Vec<Bounded>,
+    /// The levels, where the wanted one is among them.
+    pub levels: Vec<String>,
+}
+
+impl Observations {
+    /// Stores numbers, in loops if there are any.
+    pub(super) fn store(&mut self, extents: Vec<u32>, at: Affine, value: ExprId) {
+        let store = store(Memory::Out, at, value);
+        match self.nests.first_mut().filter(|n| n.loops.is_empty()) {
+            _ if !extents.is_empty() => self.nests.push(Nest::over(extents, vec![store])),
+            Some(first) => first.stores.push(store),
+            None => self.nests.insert(0, Nest { loops: Vec::new(), stores: vec![store] }),
+        }
+    }
+}
+
+/// What an observation says beside its value.
+pub(super) struct Attributes {
+    pub bounds: Option<(f64, f64)>,
+    pub every: u32,
+    pub delay: u32,
+    pub noise: f64,
+}
+
+impl Attributes {
+    /// Of an observation that says nothing else.
+    pub(super) const NONE: Attributes = Attributes { bounds: None, every: 1, delay: 0, noise: 0.0 };
+
+    /// An observed number, with bounds of its own where the observation says none.
+    pub(super) fn observed(&self, name: String, unit: String, own: (f64, f64)) -> Observed {
+        let (low, high) = self.bounds.unwrap_or(own);
+        Observed { name, unit, low, high, every: self.every, delay: self.delay, noise: self.noise }
+    }
+}
+
+/// Bounds, sampling, delay and noise of an observation in a unit.
+pub(super) fn attributes(l: &mut Lowering<'_, '_>, o: &Observation, unit: &Unit, place: &Place) -> Attributes {
+    let bounds = o.bounds.as_ref().map(|(a, b)| {
+        let mut number = |e: &Expr| {
+            let expr = l.number_in(e, unit, "the bound", e.span, place);
+            match defaults::constant_value(l, expr) {
+                Some(x) => x,
+                None => {
+                    l.ledger.missing_value("a bound", e.span);
+                    f64::NAN
+                }
+            }
+        };
+        (number(a), number(b))
+    });
+    let count = |s: &mut Lowering<'_, '_>, e: &Option<Expr>, least: i64| match e {
+        Some(e) => match indices::integer(s, e, place) {
+            Some(n) if n >= least && n < 1_000_000 => n as u32,
+            Some(n) => {
+                s.ledger.report(Diagnostic::error(
+                    codes::BAD_SETTING,
+                    format!("a number of steps from {least} on is needed, not {n}"),
+                    e.span,
+                ));
+                least as u32
+            }
+            None => least as u32,
+        },
+        None => least as u32,
+    };
+    let (every, delay) = (count(l, &o.every, 1), count(l, &o.delay, 0));
+    let noise = o.noise.as_ref().map_or(0.0, |e| noise(l, e, unit, place));
+    Attributes { bounds, every, delay, noise }
+}
+
+/// Standard deviation of `normal(0, sd)`.
+fn noise(l: &mut Lowering<'_, '_>, e: &Expr, unit: &Unit, place: &Place) -> f64 {
+    if let ExprKind::Call { function, arguments } = &e.kind
+        && function.text == "normal"
+        && let [_, sd] = arguments.as_slice()
+    {
+        let expr = l.number_in(sd, unit, "the noise", e.span, place);
+        if let Some(x) = defaults::constant_value(l, expr).filter(|x| *x >= 0.0) {
+            return x;
+        }
+    }
+    l.ledger.report(Diagnostic::error(codes::WRONG_ARGUMENTS, "noise is given as `normal(0, standard deviation)`", e.span).help(
+        "noise is added to what is observed, with mean zero; what is drawn otherwise can be a `disturbance` in the observed expression",
+    ));
+    0.0
+}
+
+/// Warns of an observation that any number may be.
+pub(super) fn warn_of_missing_bounds(l: &mut Lowering<'_, '_>, name: &str, o: &Observation) {
+    l.ledger.report(
+        Diagnostic::warning(codes::MISSING_CLAUSE, format!("the observation `{name}` has no bounds"), o.span)
+            .help("write `in low..high`: learners need a finite box"),
+    );
+}
