@@ -424,3 +424,29 @@ episode { step = 1 [s], max_steps = 3 }"""
     names = ["tank[1].h", "tank[2].h", "twice[1]", "twice[2]", "double[tank[1].h]", "double[x]", "tank[2].h", "x"]
     assert list(env.observation_names) == names
     assert not [name for name in smpl.Env("mab_plant").observation_names if "[]" in name]
+
+
+def test_a_constraint_costs_by_how_much_its_comparison_holds():
+    source = """
+state a = 4 in 0..10
+state b = 1 in -10..10
+discrete open = 1
+eq d/dt a = 0 [1/s]
+eq d/dt b = 0 [1/s]
+let far = a > 2.5
+constraint one when a > 2.5
+constraint both when a > 2.5 and b < 1.5
+constraint either when a > 2.5 or b < 1.5
+constraint flagged when a > 2.5 and open == 1
+constraint shut when a > 2.5 and open == 0
+constraint negated when not (a < 2.5)
+constraint number when a + b > 4
+constraint named when far
+episode { step = 1 [s], max_steps = 2 }
+"""
+    env = smpl.Env(smpl.compile(source=source))
+    env.reset(seed=0)
+    costs = env.step([])[4]["constraints"]
+    expected = {"one": 1.5 / 10, "both": 0.5 / 20, "either": 1.5 / 10, "flagged": 1.5 / 10, "shut": 0}
+    expected |= {"negated": 1.5 / 10, "number": 1 / 4, "named": 1, "action_box": 0}
+    assert costs == pytest.approx(expected)

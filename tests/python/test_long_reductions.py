@@ -83,3 +83,30 @@ def test_the_largest_of_cells_in_each_row_of_an_array():
         expected[70 * i : 70 * (i + 1), 70 * i + k] += 2 * c[i, k]
     found = model.jacobian(0.0, y, np.zeros(1400), np.zeros(0), 0.0).toarray()[np.ix_(order, order)]
     np.testing.assert_allclose(found, expected, atol=1e-13)
+
+
+COAGULATION = """
+model Coagulation "Smoluchowski's equations with a constant kernel"
+time t : s
+param K : cm^3/s = 1e-9 in 0..1
+set size = 1..{sizes}
+state c[k in size] : 1/m^3 = 0 in 0..1e13 scale 1e11
+state N : 1/cm^3 = 1e6 in 0..inf scale 1e6
+initial c[k] = if k == 1 then 1e6 [1/cm^3] else 0 [1/cm^3] for k in size
+eq d/dt c[k] = 0.5*K*sum(c[j]*c[k-j] for j in 1..k-1) - K*c[k]*N for k in size
+eq d/dt N = -0.5*K*sq(N)
+episode {{ step = 300 [s], max_steps = 10 }}
+solver {{ rtol = 1e-8, method = rosenbrock }}
+"""
+
+
+@pytest.mark.parametrize("sizes", [5, 40])
+def test_sums_of_nothing_have_the_unit_that_their_place_needs(sizes):
+    env = smpl.Env(smpl.compile(source=COAGULATION.format(sizes=sizes)), normalize=False)
+    env.reset(seed=0)
+    number = np.arange(1, sizes + 1)
+    for step in range(1, 11):
+        env.step([])
+        tau = 0.5 * 1e-9 * 1e6 * 300 * step
+        expected = 1e12 * tau ** (number - 1) / (1 + tau) ** (number + 1)
+        np.testing.assert_allclose(env.state[:-1], expected, rtol=1e-8, atol=1.0)

@@ -181,3 +181,108 @@ def nominal_rewards(source, method, rtol):
         rewards.append(reward)
         ended = terminated or truncated
     return rewards
+
+
+TURN = """
+model Turn "a rise that its equations turn round where the event is"
+time t : s
+state x = 0
+discrete falls = 0
+eq d/dt x = {rate}
+event top when x {than} 1
+at top {{ next falls = falls + 1 ; reset x = 0 }}
+episode {{ step = 0.3 [s], max_steps = 9 }}
+solver {{ rtol = 1e-8 }}
+"""
+
+
+@pytest.mark.parametrize("rate", ["if x < 1 then 1 [1/s] else -2 [1/s]", "sign(1 - x) * 1 [1/s]"])
+@pytest.mark.parametrize("than", [">", ">="])
+@pytest.mark.parametrize("method", METHODS)
+def test_an_event_where_the_equations_turn_round_happens(method, than, rate):
+    if method == "ida" and "-2" in rate:
+        pytest.skip("an implicit step ends on neither side")
+    env = smpl.Env(smpl.compile(source=TURN.format(than=than, rate=rate)), normalize=False, method=method)
+    env.reset(seed=0)
+    for step in range(1, 10):
+        info = env.step([])[4]
+        assert not info["failure"]
+        falls = int(0.3 * step)
+        assert env.discrete[0] == falls
+        assert env.state[0] == pytest.approx(0.3 * step - falls, abs=1e-6)
+
+
+PEAK = """
+model Peak "an oscillation beside its limit"
+time t : s
+param limit = 0.8
+state x = 0 in -2..2
+state v = 1 in -2..2
+eq d/dt x = v * 1 [1/s]
+eq d/dt v = -x * 1 [1/s]
+reward above = integral(if x > limit then 1 else 0) / 1 [s]
+reward excess = integral(max(x - limit, 0)) / 1 [s]
+reward below default = integral(if x > limit then 0 else 1) / 1 [s]
+episode { step = 1.7 [s], max_steps = 10 }
+solver { rtol = 1e-9 }
+"""
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_integrals_of_what_jumps_or_bends_inside_of_a_step_keep_to_the_tolerance(method):
+    env = smpl.Env(smpl.compile(source=PEAK), normalize=False, method=method)
+    env.reset(seed=0)
+    rises = np.arcsin(0.8) + 2 * np.pi * np.arange(3)
+    falls = np.pi - np.arcsin(0.8) + 2 * np.pi * np.arange(3)
+    for step in range(10):
+        begin, end = 1.7 * step, 1.7 * (step + 1)
+        low, high = np.clip(rises, begin, end), np.clip(falls, begin, end)
+        above, area = np.sum(high - low), np.sum(np.cos(low) - np.cos(high))
+        rewards = env.step([])[4]["rewards"]
+        tolerance = 1e-6 if method == "ida" else 1e-8
+        assert rewards["above"] == pytest.approx(above, abs=tolerance)
+        assert rewards["below"] == pytest.approx(1.7 - above, abs=tolerance)
+        assert rewards["excess"] == pytest.approx(area - 0.8 * above, abs=tolerance)
+
+
+PHASES = """
+model Phases "a line, up to the end of a phase"
+time t : s
+param request = 0
+state x = 0 in -10..10
+state y = 0 in -10..10
+discrete since : s = 0
+phase rise until {until} then rest {{ next since = t }}
+phase rest
+eq d/dt x = if phase == rise then 1 [1/s] else 0 [1/s]
+eq d/dt y = if phase == rise then -0.5 [1/s] else 0 [1/s]
+let far = x > 0.7 or x > 5
+episode {{ step = 1 [s], max_steps = 5 }}
+"""
+
+
+@pytest.mark.parametrize(
+    ("until", "end"),
+    [
+        ("x > 1.3", 1.3),
+        ("x > 1.3 or y < -0.6", 1.2),
+        ("x > 1.3 and y < -0.75", 1.5),
+        ("not (x < 1.3 and y > -2)", 1.3),
+        ("x > 0.4 and (y < -0.9 or x > 1.7) or request == 1", 1.7),
+        ("x > 1.3 and request == 1", 5.0),
+        ("any(c > 1.25 for c in (x, y))", 1.25),
+        ("all(c*c > 0.16 for c in (x, y))", 0.8),
+        ("y < -0.35 and sqrt(x - 0.9) > 0.5", 1.15),
+        ("t > 2.6 [s] or clock > 2.3 [s]", 2.3),
+        ("far", 0.7),
+    ],
+)
+@pytest.mark.parametrize("method", METHODS)
+def test_a_phase_ends_inside_of_a_step_whatever_its_condition_is_made_of(method, until, end):
+    env = smpl.Env(smpl.compile(source=PHASES.format(until=until)), normalize=False, method=method)
+    env.reset(seed=0)
+    for _ in range(5):
+        assert not env.step([])[4]["failure"]
+    np.testing.assert_allclose(env.state, [end, -0.5 * end], rtol=1e-6)
+    if end < 5:
+        assert env.discrete[list(env.discrete_names).index("since")] == pytest.approx(end, rel=1e-6)

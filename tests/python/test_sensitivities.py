@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import integrate, optimize
 
 import smpl
 
@@ -232,6 +233,56 @@ def test_a_bounce_is_crossed_by_its_jump_condition():
     by_h = (1 + e) * g * hit / (2 * h)
     np.testing.assert_allclose(found.dx_dx[1, 0], by_h, rtol=1e-8)
     assert found.dx_dx.shape == (2, 2) and found.dr_dx.shape == (1, 2)
+
+
+SAWTOOTH = """model Sawtooth "a saw of two teeth beside {cells} cells that it does not move"
+time t : s
+param top = 0.63 in 0..2
+state x = 0.1 in 0..10
+state w[i in 1..{cells}] = 0.1*i in -10..10
+{others}
+eq d/dt x = 1 [1/s]
+event tooth when x > top
+at tooth {{ reset x = x/2 ; reset w[i] = (if i < 3 then 0.2 else 0.7)*w[i] for i in 1..{cells} }}
+episode {{ step = 1 [s], max_steps = 5 }}
+solver {{ rtol = 1e-10 }}
+"""
+CHAIN = "eq d/dt w[i] = ((if i == 1 then 0 else w[i-1]) - w[i]) / 0.3 [s] for i in 1..20"
+LOOP = "var z = 1\neq z^3 + z = 2 + w[1]\neq d/dt w[1] = -z*w[1] / 2 [s]"
+
+
+@pytest.mark.parametrize(("cells", "others"), [(20, CHAIN), (1, LOOP)])
+def test_several_events_inside_of_a_step_of_a_large_or_algebraic_model(cells, others):
+    """The flow from event to event is SciPy's, the instants of the events are those of straight lines."""
+    model = smpl.compile(source=SAWTOOTH.format(cells=cells, others=others))
+    factor = np.where(np.arange(cells) < 2, 0.2, 0.7)
+
+    def rates(t, w):
+        if cells > 1:
+            return (np.concatenate([[0], w[:-1]]) - w) / 0.3
+        return -0.5 * optimize.brentq(lambda z: z**3 + z - 2 - w[0], 0, 5, xtol=1e-14) * w
+
+    def step(x, w, top):
+        now = 0.0
+        while now < 1:
+            end = min(1.0, now + top - x)
+            w = integrate.solve_ivp(rates, (now, end), w, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+            x, now = x + end - now, end
+            if end < 1:
+                x, w = x / 2, factor * w
+        return np.concatenate([[x], w])
+
+    start = np.concatenate([[0.1], 0.1 * np.arange(1, cells + 1)])
+    found = model.linearize_step(start, [], parameters=("top",))
+    np.testing.assert_allclose(found.states, step(start[0], start[1:], 0.63), rtol=1e-7, atol=1e-9)
+
+    def along(move):
+        return (step(*move(1e-4)) - step(*move(-1e-4))) / 2e-4
+
+    by_start = along(lambda d: (start[0] + d, start[1:], 0.63))
+    by_top = along(lambda d: (start[0], start[1:], 0.63 + d))
+    np.testing.assert_allclose(found.dx_dx[:, 0], by_start, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(found.dx_dp[:, 0], by_top, rtol=1e-5, atol=1e-6)
 
 
 @pytest.mark.parametrize("method", ["ida", "explicit"])

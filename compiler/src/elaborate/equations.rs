@@ -103,7 +103,7 @@ fn equation(l: &mut Lowering<'_, '_>, scope: ScopeId, (lhs, rhs, binders): (&Exp
                 );
                 return None;
             }
-            (Measure::Zero, _) | (_, Measure::Zero) => (left.expr, right.expr),
+            (m, n) if m.is_zero() || n.is_zero() => (left.expr, right.expr),
             (m, n) => {
                 let (ul, ur) = (m.unit(), n.unit());
                 s.values().warn_of_scale((&left, lhs.span), (&right, rhs.span));

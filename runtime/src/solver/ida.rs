@@ -265,10 +265,11 @@ impl Ida {
     /// Lets IDA step on to `t_end` and returns its flag.
     fn run(&mut self, t_end: f64) -> Result<c_int, SolveError> {
         self.memory.set_end(t_end)?;
-        // After each Newton iteration IDA sets y and y', which its quadratures alone look at; what it returns is interpolated.
+        // After each Newton iteration IDA sets y and y', which its quadratures look at, and events where derivatives follow: a single step
+        // ends with those of its last iteration. What else IDA returns is interpolated.
         let integrates = self.quadratures.as_ref().is_some_and(|q| q.by_steps.is_none());
         let by_steps = self.following.is_some() || (self.quadratures.is_some() && !integrates);
-        self.discard(!integrates);
+        self.discard(!integrates && self.following.is_none());
         let value = match by_steps {
             true => self.run_by_steps(t_end),
             false => Ok(self.memory.solve(t_end, &mut self.time, &mut self.y, &mut self.yp, Task::Normal)),

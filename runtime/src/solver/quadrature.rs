@@ -1,9 +1,11 @@
 //! Integrals beside the unknowns: their values, their tolerances, and what a first step has to know of them.
 //!
 //! IDA integrates along with its steps. Its order follows the unknowns: where these rest or run along straight lines it stays at one, whatever the
-//! integrands do. So the integrals of a small system are taken step by step on the interpolating polynomial instead, by Boole's rule on as many
-//! pieces as Simpson's rule needs to agree with it. Each point costs an interpolation of all unknowns, which is why large systems,
-//! whose unknowns never all rest, leave their integrals to IDA.
+//! integrands do. So the integrals of a small system are taken step by step on the interpolating polynomial instead, by Boole's rule on pieces that
+//! are halved where Simpson's rule does not agree with it: one jump, as of `if c > limit then 1 else 0`, costs some hundred points. Each point costs an
+//! interpolation of all unknowns, which is why large systems, whose unknowns never all rest, leave their integrals to IDA.
+
+use std::array;
 
 use super::callbacks::Bridge;
 use super::sundials::Context;
@@ -13,8 +15,15 @@ use super::{Quadratures, System};
 /// Unknowns up to which integrals are taken on the interpolating polynomials.
 const SMALL: usize = 200;
 
-/// Most pieces of a step: beyond, an integrand jumps.
-const MOST_PIECES: u32 = 64;
+/// Most halvings of a piece of a step: in one that is so short nothing counts, whatever jumps there.
+const MOST_HALVINGS: u32 = 40;
+
+/// Pieces of a step, and halvings of what is left of it where there are so many of them.
+const MOST_PIECES: u32 = 1024;
+const EVENLY: u32 = 6;
+
+/// The least part of the tolerance that a piece has: pieces in which an integrand jumps are few.
+const LEAST_SHARE: f64 = 1.0 / 64.0;
 
 /// The integrals of an integrator.
 pub(crate) struct Integrals {
@@ -37,10 +46,12 @@ pub(crate) struct Integrals {
 pub(crate) struct BySteps {
     rtol: f64,
     atol: f64,
-    /// Boole's and Simpson's sums.
+    /// Boole's and Simpson's sums over a piece.
     sums: [Box<[f64]>; 2],
-    /// Integrands at a point of the step.
-    rates: Box<[f64]>,
+    /// Integrands at the ends of a piece, in its middle and half way.
+    points: [Box<[f64]>; 5],
+    /// What the whole step looks like in one piece.
+    expected: Box<[f64]>,
     /// Values before the last step, and where it began.
     before: Box<[f64]>,
     begin: f64,
@@ -125,7 +136,15 @@ impl BySteps {
     /// For so many integrals, with a relative and an absolute tolerance.
     pub fn new(count: usize, (rtol, atol): (f64, f64)) -> Self {
         let numbers = || vec![0.0; count].into_boxed_slice();
-        Self { rtol, atol, sums: [numbers(), numbers()], rates: numbers(), before: numbers(), begin: 0.0 }
+        Self {
+            rtol,
+            atol,
+            sums: array::from_fn(|_| numbers()),
+            points: array::from_fn(|_| numbers()),
+            expected: numbers(),
+            before: numbers(),
+            begin: 0.0,
+        }
     }
 
     /// Everything begins at zero.
@@ -142,40 +161,137 @@ impl BySteps {
 
     /// Takes the integrals to a time within the step; `integrands` writes their rates at a time.
     pub fn take<E>(&mut self, to: f64, values: &mut [f64], mut integrands: impl FnMut(f64, &mut [f64]) -> Result<(), E>) -> Result<(), E> {
-        let mut pieces = 1;
-        while !self.agree(to, pieces, &mut integrands)? && pieces < MOST_PIECES {
-            pieces *= 2;
+        values.copy_from_slice(&self.before);
+        let (mut piece, mut pieces, mut fresh) = (Piece::default(), 0, &[0, 1, 2, 3, 4][..]);
+        loop {
+            for &point in fresh {
+                integrands(piece.time(self.begin, to, point), &mut self.points[point])?;
+            }
+            self.sum_up((to - self.begin) * piece.share());
+            if piece.halvings == 0 {
+                self.expected.copy_from_slice(&self.sums[0]);
+            }
+            let most = if pieces < MOST_PIECES { MOST_HALVINGS } else { EVENLY };
+            if piece.halvings < most && !self.agree(values, piece.share()) {
+                piece = piece.first_half();
+                // The first three points of the whole are the outer ones and the middle of its first half.
+                self.points.swap(2, 4);
+                self.points.swap(1, 2);
+                fresh = &[1, 3];
+                continue;
+            }
+            values.iter_mut().zip(&self.sums[0]).for_each(|(value, sum)| *value += sum);
+            pieces += 1;
+            let Some(next) = piece.next() else { return Ok(()) };
+            piece = next;
+            self.points.swap(0, 4);
+            fresh = &[1, 2, 3, 4];
         }
-        let sums = self.before.iter().zip(&self.sums[0]);
-        values.iter_mut().zip(sums).for_each(|(value, (before, sum))| *value = before + sum);
-        Ok(())
     }
 
-    /// Boole's and Simpson's rule over so many pieces of the step up to a time; whether they agree to the tolerance.
-    fn agree<E>(&mut self, to: f64, pieces: u32, integrands: &mut impl FnMut(f64, &mut [f64]) -> Result<(), E>) -> Result<bool, E> {
+    /// Boole's and Simpson's rule over a piece of this width.
+    fn sum_up(&mut self, width: f64) {
         let [boole, simpson] = &mut self.sums;
         boole.fill(0.0);
         simpson.fill(0.0);
-        let points = 4 * pieces;
-        let width = (to - self.begin) / f64::from(pieces);
-        for point in 0..=points {
-            let t = if point == points { to } else { self.begin + width * f64::from(point) / 4.0 };
-            integrands(t, &mut self.rates)?;
-            let end = point == 0 || point == points;
-            let (in_boole, in_simpson) = match point % 4 {
-                0 if end => (7.0, 1.0),
-                0 => (14.0, 2.0),
-                2 => (12.0, 4.0),
-                _ => (32.0, 0.0),
-            };
-            for ((boole, simpson), rate) in boole.iter_mut().zip(simpson.iter_mut()).zip(&self.rates) {
+        for (rates, (in_boole, in_simpson)) in self.points.iter().zip([(7.0, 1.0), (32.0, 0.0), (12.0, 4.0), (32.0, 0.0), (7.0, 1.0)]) {
+            for ((boole, simpson), rate) in boole.iter_mut().zip(simpson.iter_mut()).zip(rates) {
                 *boole += width * in_boole / 90.0 * rate;
                 *simpson += width * in_simpson / 6.0 * rate;
             }
         }
-        let sums = boole.iter().zip(simpson.iter()).zip(&self.before);
-        let (rtol, atol) = (self.rtol, self.atol);
+    }
+
+    /// Whether both rules agree over a piece that is this share of the step: to its share of the tolerance, or to the least one.
+    fn agree(&self, values: &[f64], share: f64) -> bool {
+        let (rtol, atol, share) = (self.rtol, self.atol, share.max(LEAST_SHARE));
+        let [boole, simpson] = &self.sums;
+        let sizes = self.before.iter().zip(&self.expected).zip(values.iter().zip(boole));
+        let sizes = sizes.map(|((before, expected), (value, boole))| (before + expected).abs().max((value + boole).abs()));
         // What is no number is told elsewhere.
-        Ok(sums.map(|((boole, simpson), before)| (boole - simpson).abs() > rtol * (before + boole).abs() + atol).all(|far| !far))
+        boole
+            .iter()
+            .zip(simpson)
+            .zip(sizes)
+            .map(|((boole, simpson), size)| (boole - simpson).abs() > share * (rtol * size + atol))
+            .all(|far| !far)
+    }
+}
+
+/// A piece of a step, which was halved so often: that of this number.
+#[derive(Clone, Copy, Default)]
+struct Piece {
+    halvings: u32,
+    number: u64,
+}
+
+impl Piece {
+    /// Its part of the step.
+    fn share(self) -> f64 {
+        1.0 / (1_u64 << self.halvings) as f64
+    }
+
+    /// The time of one of its five points in a step from `begin` to `end`.
+    fn time(self, begin: f64, end: f64, point: usize) -> f64 {
+        let quarters = 4 * self.number + point as u64;
+        if quarters == 4 << self.halvings { end } else { begin + (end - begin) * self.share() / 4.0 * quarters as f64 }
+    }
+
+    fn first_half(self) -> Self {
+        Self { halvings: self.halvings + 1, number: 2 * self.number }
+    }
+
+    /// The largest piece that begins where this one ends; `None` at the end of the step.
+    fn next(self) -> Option<Self> {
+        let behind = self.number + 1;
+        let whole = behind.trailing_zeros().min(self.halvings);
+        (whole < self.halvings).then(|| Self { halvings: self.halvings - whole, number: behind >> whole })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::BySteps;
+
+    /// Integrals from 0 to `end`, and how often the integrands were asked for.
+    fn integrals(end: f64, integrands: impl Fn(f64) -> [f64; 2]) -> ([f64; 2], u32) {
+        let (mut steps, mut values, mut asked) = (BySteps::new(2, (1e-10, 1e-12)), [0.0; 2], 0);
+        steps.restart(0.0);
+        let taken: Result<(), ()> = steps.take(end, &mut values, |t, rates| {
+            asked += 1;
+            rates.copy_from_slice(&integrands(t));
+            Ok(())
+        });
+        assert_eq!(taken, Ok(()));
+        (values, asked)
+    }
+
+    fn assert_near(found: f64, expected: f64, tolerance: f64) {
+        assert!((found - expected).abs() <= tolerance, "{found} is not {expected}");
+    }
+
+    #[test]
+    fn jumps_and_kinks_are_found_to_the_tolerance() {
+        let begin = 2.0_f64.sqrt();
+        let ([time, area], asked) = integrals(3.0, |t| [f64::from(t > begin), (t - begin).max(0.0)]);
+        assert_near(time, 3.0 - begin, 2e-10);
+        assert_near(area, (3.0 - begin).powi(2) / 2.0, 2e-10);
+        assert!(asked < 300, "{asked} evaluations");
+    }
+
+    #[test]
+    fn many_jumps_are_found_one_by_one() {
+        let ([odd, _], _) = integrals(10.0, |t| [(0.3 * t).fract().mul_add(2.0, -1.0).signum(), 0.0]);
+        assert_near(odd, 0.0, 2e-9);
+    }
+
+    #[test]
+    fn smooth_integrands_take_five_points_and_more_where_they_turn() {
+        let ([square, _], asked) = integrals(2.0, |t| [t * t, 1.0]);
+        assert_near(square, 8.0 / 3.0, 1e-15);
+        assert_eq!(asked, 5);
+        let ([sine, cosine], _) = integrals(30.0, |t| [t.sin(), t.cos()]);
+        assert_near(sine, 1.0 - 30.0_f64.cos(), 1e-10);
+        assert_near(cosine, 30.0_f64.sin(), 1e-10);
     }
 }

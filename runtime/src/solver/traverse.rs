@@ -206,7 +206,8 @@ pub(crate) trait Traverse {
     /// Goes to the first instant at which a condition became true, to the rounding of time.
     fn locate(&mut self) -> Result<(), SolveError> {
         let watch = self.watched().0;
-        let (mut low, mut high) = (watch.since, watch.until);
+        let (begin, mut high) = (watch.since, watch.until);
+        let mut low = begin;
         let fine = f64::EPSILON * (high.abs() + (high - low));
         while high - low > fine {
             let middle = low + (high - low) / 2.0;
@@ -225,9 +226,23 @@ pub(crate) trait Traverse {
         self.measure_noise(high * (1.0 + ROUNDING))?;
         self.derive()?;
         self.evaluate_along(ahead, true)?;
+        if self.watched().0.is_led_back() {
+            self.look_behind((high - ahead).max(begin), ahead)?;
+            self.watched().0.note_before();
+            self.look_behind(high, ahead)?;
+        }
         let reach = self.span(AT_ONCE) / ahead;
         let (watch, events) = self.watched();
         watch.arrive(reach, events);
         Ok(())
+    }
+
+    /// Goes to a time within the last step once more, and looks at the root functions there and ahead of it.
+    fn look_behind(&mut self, at: f64, ahead: f64) -> Result<(), SolveError> {
+        self.interpolate(at)?;
+        self.stop_at(at);
+        self.evaluate_roots(at)?;
+        self.derive()?;
+        self.evaluate_along(ahead, true)
     }
 }

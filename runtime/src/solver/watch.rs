@@ -56,6 +56,8 @@ pub(crate) struct Watch {
     noise: Box<[f64]>,
     /// By how much they differ at states nearby.
     moved: Box<[f64]>,
+    /// How they moved just before the integration stopped, where that was looked at.
+    before: Box<[f64]>,
     /// Time of the last accepted state in which nothing happened, and of the first one after something did.
     pub since: f64,
     pub until: f64,
@@ -77,6 +79,7 @@ impl Watch {
             motion: zeros(),
             noise: zeros(),
             moved: zeros(),
+            before: zeros(),
             ..Self::default()
         }
     }
@@ -199,9 +202,21 @@ impl Watch {
         }
     }
 
+    /// Whether the integration has stopped at a threshold from which the equations lead back.
+    pub(crate) fn is_led_back(&self) -> bool {
+        (0..self.edges.len()).any(|i| !self.edges[i].holds && self.stops(i) && self.ahead[i] < self.values[i])
+    }
+
+    /// Takes the motion at a state just before the one at which the integration stopped.
+    pub(crate) fn note_before(&mut self) {
+        for ((before, ahead), value) in self.before.iter_mut().zip(&self.ahead).zip(&self.values) {
+            *before = ahead - value;
+        }
+    }
+
     /// Conditions where the integration has stopped. What moves over its threshold to within rounding or `reach` times the motion to the values ahead
-    /// has passed it; what the equations move the other way has not, whatever the polynomial says. A strict condition waits for the motion after what
-    /// happens here.
+    /// has passed it; what the equations move the other way has not, whatever the polynomial says, unless they turn round at the threshold, where they have
+    /// moved it by more than rounding. A strict condition waits for the motion after what happens here, but for that.
     pub(crate) fn arrive(&mut self, reach: f64, fired: &mut [c_int]) {
         self.note_undefined();
         for (i, fired) in fired.iter_mut().enumerate() {
@@ -209,8 +224,11 @@ impl Watch {
             let motion = self.ahead[i] - value;
             let near = (motion.abs() * reach).max(self.noise[i]);
             let stops = self.stops(i);
+            let brought = !edge.holds && stops && motion < 0.0 && self.before[i] * reach > self.noise[i];
             self.edges[i] = if value.is_nan() {
                 edge
+            } else if brought {
+                Edge { holds: true, band: near.max(value.abs()) }
             // What stood at its threshold stops just outside of its band.
             } else if value.abs() <= near.max(2.0 * edge.band) {
                 let holds = match edge.holds {
@@ -223,6 +241,7 @@ impl Watch {
             };
             *fired = change(edge, self.edges[i], kind);
         }
+        self.before.fill(0.0);
     }
 }
 

@@ -1,6 +1,6 @@
 //! Conditions that end or cost something, and boxes.
 
-use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind};
+use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, UnaryOp};
 
 use crate::elaborate::episode::common::Condition;
 use crate::elaborate::episode::unknown::doubting;
@@ -36,12 +36,20 @@ pub(in crate::elaborate) fn failing(l: &mut Lowering<'_, '_>, e: &Expr, place: &
 
 /// By how much a comparison holds, relative to the range of its left side.
 fn amount(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> Option<ExprId> {
-    let ExprKind::Binary(op, a, b) = &e.kind else { return None };
+    let (op, a, b) = match &e.kind {
+        ExprKind::Binary(op, a, b) => (op, a, b),
+        ExprKind::Unary(UnaryOp::Not, a) => return amount(l, a, place).map(|x| l.exprs.neg(x)),
+        _ => return None,
+    };
     match op {
-        BinaryOp::And | BinaryOp::Or => {
+        // What has no amount, `phase == heat`, takes none away.
+        BinaryOp::And => match (amount(l, a, place), amount(l, b, place)) {
+            (Some(x), Some(y)) => Some(l.exprs.binary(BinaryFn::Min, x, y)),
+            (x, y) => x.or(y),
+        },
+        BinaryOp::Or => {
             let (x, y) = (amount(l, a, place)?, amount(l, b, place)?);
-            let f = if *op == BinaryOp::And { BinaryFn::Min } else { BinaryFn::Max };
-            Some(l.exprs.binary(f, x, y))
+            Some(l.exprs.binary(BinaryFn::Max, x, y))
         }
         BinaryOp::Lt | BinaryOp::Le | BinaryOp::Gt | BinaryOp::Ge => {
             let (x, y) = (l.value(a, place), l.value(b, place));

@@ -343,7 +343,7 @@ pub(in crate::elaborate) fn root_of(l: &mut Lowering<'_, '_>, condition: &Expr, 
 }
 
 /// The clock of a condition that is watched throughout the step runs; elsewhere it stands at the instant of the program.
-fn moving_clock(l: &mut Lowering<'_, '_>, e: ExprId) -> ExprId {
+pub(in crate::elaborate) fn moving_clock(l: &mut Lowering<'_, '_>, e: ExprId) -> ExprId {
     let (builtins, at) = (l.hidden.builtins, Affine::constant(Builtin::Clock as i64));
     l.exprs.rewrite(e, &mut Rewritten::default(), &mut |exprs, node| match node {
         Node::Load { var, at: element, .. } if var == builtins && element == at => Some(exprs.time()),

@@ -6,17 +6,15 @@
 //!
 //! A schedule becomes three discrete variables (the phase, the time of its beginning, and the phase being left while a
 //! transition runs), one root function a phase, and one program that all transitions share: first what the phase says for its end, then the
-//! next phase. A duration is a root linear in time, so that the integration stops exactly there. A condition that holds when a step starts
-//! (a request) ends the phase before the integration.
-
-use smpl_dsl::syntax::{BinaryOp, ExprKind};
+//! next phase. A duration is a root linear in time, so that the integration stops exactly there. A condition is a root for each of its
+//! alternatives that moves during a step, and one that holds when a step starts (a request) ends the phase before the integration.
 
 use crate::elaborate::episode::common::store;
-use crate::elaborate::episode::instants::{Assignments, Instants, instant_statement, root_of};
+use crate::elaborate::episode::instants::{Assignments, Instants, instant_statement, moving_clock};
 use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::symbols::{Schedule, Symbols};
-use crate::ir::{Affine, Compare, ExprId, Exprs, Flavour, Nest, Place as Memory, Program, Role};
+use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, Exprs, Flavour, Nest, Place as Memory, Program, Role};
 use crate::model::{Quantity, Root};
 
 /// Discrete variables of the schedule with their initial values.
@@ -84,12 +82,13 @@ pub(in crate::elaborate) fn schedule_programs(l: &mut Lowering<'_, '_>, out: &mu
         let holds = l.condition(until, &place);
         let now = l.exprs.and(here, holds);
         leaving = l.exprs.select(now, own, leaving);
-        // A comparison of what moves during a step is a root as well; a request made at its start is not.
-        if let ExprKind::Binary(BinaryOp::Lt | BinaryOp::Le | BinaryOp::Gt | BinaryOp::Ge, ..) = until.kind
-            && let Some((value, strict)) = root_of(l, until, &place)
-            && l.symbols.is_dynamic(l.exprs, value)
-        {
-            phase_root(l, schedule, i, here, (value, strict), &transition, out);
+        // What moves during a step is watched as well; a request made at its start is not.
+        let watched = moving_clock(l, holds);
+        for way in alternatives(l.exprs, watched) {
+            if l.symbols.is_dynamic(l.exprs, way) {
+                let root = root(l.exprs, l.symbols, way);
+                phase_root(l, schedule, i, here, root, &transition, out);
+            }
         }
     }
     if l.exprs.as_const(leaving).is_none() {
@@ -100,6 +99,52 @@ pub(in crate::elaborate) fn schedule_programs(l: &mut Lowering<'_, '_>, out: &mu
         start.in_place = true;
         out.start_resets = true;
     }
+}
+
+/// What a condition has between its `or`s.
+fn alternatives(exprs: &Exprs, condition: ExprId) -> Vec<ExprId> {
+    match exprs.node(condition) {
+        Expr::Or(a, b) => [a, b].into_iter().flat_map(|side| alternatives(exprs, side)).collect(),
+        _ => vec![condition],
+    }
+}
+
+/// Root function of a condition, positive where it holds, and whether it does not hold at zero. What cannot be compared, or stands still during
+/// a step, is a number that jumps.
+fn root(exprs: &mut Exprs, symbols: &Symbols<'_>, condition: ExprId) -> (ExprId, bool) {
+    match exprs.node(condition) {
+        _ if !symbols.is_dynamic(exprs, condition) => (sign_of(exprs, condition), false),
+        Expr::Compare(op @ (Compare::Lt | Compare::Le), low, high) => (exprs.sub(high, low), op == Compare::Lt),
+        Expr::And(a, b) | Expr::Or(a, b) => {
+            let is_and = matches!(exprs.node(condition), Expr::And(..));
+            let ((a, first), (b, second)) = (root(exprs, symbols, a), root(exprs, symbols, b));
+            let (left, right) = (decided(exprs, a, b, is_and), decided(exprs, b, a, is_and));
+            let value = exprs.binary(if is_and { BinaryFn::Min } else { BinaryFn::Max }, left, right);
+            (value, if is_and { first || second } else { first && second })
+        }
+        Expr::Not(a) => {
+            let (value, strict) = root(exprs, symbols, a);
+            (exprs.neg(value), !strict)
+        }
+        _ => (sign_of(exprs, condition), false),
+    }
+}
+
+/// A root function, or where it is no number the other one of an `and` or `or` if that decides.
+fn decided(exprs: &mut Exprs, value: ExprId, other: ExprId, is_and: bool) -> ExprId {
+    let zero = exprs.constant(0.0);
+    let (below, above) = (exprs.compare(Compare::Lt, value, zero), exprs.compare(Compare::Le, zero, value));
+    let decides = if is_and { exprs.compare(Compare::Lt, other, zero) } else { exprs.compare(Compare::Lt, zero, other) };
+    let is_number = exprs.or(below, above);
+    let not_decided = exprs.not(decides);
+    let own = exprs.or(is_number, not_decided);
+    exprs.select(own, value, other)
+}
+
+/// 1 where a condition holds, else -1.
+fn sign_of(exprs: &mut Exprs, condition: ExprId) -> ExprId {
+    let (holds, not) = (exprs.constant(1.0), exprs.constant(-1.0));
+    exprs.select(condition, holds, not)
 }
 
 fn phase_root<'a>(
@@ -158,8 +203,8 @@ impl Symbols<'_> {
     /// Whether a value changes within a step.
     fn is_dynamic(&self, exprs: &Exprs, e: ExprId) -> bool {
         exprs.below([e]).any(|e| match exprs.node(e) {
-            crate::ir::Expr::Time => true,
-            crate::ir::Expr::Load { var, flavour: Flavour::Value | Flavour::Derivative, .. } => {
+            Expr::Time => true,
+            Expr::Load { var, flavour: Flavour::Value | Flavour::Derivative, .. } => {
                 matches!(self.vars[var].role, Role::State | Role::Algebraic)
             }
             _ => false,

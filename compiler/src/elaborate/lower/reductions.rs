@@ -184,7 +184,7 @@ impl Lowering<'_, '_> {
     fn fold(&mut self, terms: Vec<Term>, op: ReduceFn, span: Span) -> Value {
         if terms.is_empty() {
             return match op {
-                ReduceFn::Sum => Value { expr: self.exprs.constant(0.0), unit: Measure::Zero },
+                ReduceFn::Sum => Value { expr: self.exprs.constant(0.0), unit: Measure::Nothing },
                 ReduceFn::Product => Value::bare(self.exprs.constant(1.0)),
                 _ => self.fault(Diagnostic::error(codes::EMPTY_SET, "the least or greatest of nothing", span)),
             };

@@ -22,6 +22,8 @@ pub enum Measure {
     Truth,
     /// The number 0 without a unit: fits every unit.
     Zero,
+    /// The sum of nothing, a 0 whose terms would have had a unit: whatever it is multiplied with fits every unit too.
+    Nothing,
     /// A pure number in which no declared quantity occurs: a place that declares a unit may take it as a number of that unit.
     Bare,
     /// A quantity; the number counts this unit.
@@ -63,7 +65,7 @@ impl Measure {
     /// dimensionless quantity and no longer a number for whatever unit is declared.
     pub fn beside(&self, other: &Measure) -> Measure {
         match (self, other) {
-            (Measure::Zero, m) => m.clone(),
+            (Measure::Zero | Measure::Nothing, m) => m.clone(),
             (Measure::Bare, Measure::Of(_)) => Measure::Of(Unit::one()),
             (m, _) => m.clone(),
         }
@@ -71,6 +73,11 @@ impl Measure {
 
     /// Whether the value is a pure number or fits everywhere.
     pub fn is_plain(&self) -> bool {
-        matches!(self, Measure::Poison | Measure::Zero | Measure::Bare)
+        matches!(self, Measure::Poison | Measure::Zero | Measure::Nothing | Measure::Bare)
+    }
+
+    /// Whether the value fits every unit.
+    pub fn is_zero(&self) -> bool {
+        matches!(self, Measure::Zero | Measure::Nothing)
     }
 }

@@ -50,7 +50,7 @@ impl Values<'_> {
     /// A value as a number in `target`; a pure number is taken in it.
     pub(in crate::elaborate) fn in_unit(&mut self, v: Value, target: &Unit, span: Span, what: &str, declared: Span) -> ExprId {
         match &v.unit {
-            Measure::Poison | Measure::Zero | Measure::Bare => v.expr,
+            Measure::Poison | Measure::Zero | Measure::Nothing | Measure::Bare => v.expr,
             Measure::Truth => {
                 self.ledger.report(
                     Diagnostic::error(codes::WRONG_KIND, "a number is needed here, this is a condition", span)
@@ -107,7 +107,7 @@ impl Values<'_> {
     pub(in crate::elaborate) fn put_unit(&mut self, v: Value, target: Unit, span: Span) -> Value {
         match &v.unit {
             Measure::Poison => v,
-            Measure::Zero | Measure::Bare => Value::of(v.expr, target),
+            Measure::Zero | Measure::Nothing | Measure::Bare => Value::of(v.expr, target),
             Measure::Truth => {
                 self.fault(Diagnostic::error(codes::WRONG_KIND, "a condition has no unit", span).label("this is a condition"))
             }
@@ -158,7 +158,7 @@ impl Values<'_> {
                 let expr = self.exprs.binary(f, a.expr, b.expr);
                 return Value::bare(expr);
             }
-            (Measure::Zero, m) | (m, Measure::Zero) => {
+            (Measure::Nothing, m) | (m, Measure::Nothing) | (Measure::Zero, m) | (m, Measure::Zero) => {
                 let unit = m.clone();
                 let expr = self.exprs.binary(f, a.expr, b.expr);
                 return Value { expr, unit };
@@ -227,6 +227,9 @@ impl Values<'_> {
         }
         let f = if op == BinaryOp::Mul { BinaryFn::Mul } else { BinaryFn::Div };
         let expr = self.exprs.binary(f, a.expr, b.expr);
+        if matches!(a.unit, Measure::Nothing) || (op == BinaryOp::Mul && matches!(b.unit, Measure::Nothing)) {
+            return Value { expr, unit: Measure::Nothing };
+        }
         if a.unit.is_plain() && b.unit.is_plain() {
             return Value::bare(expr);
         }
@@ -264,7 +267,7 @@ impl Values<'_> {
                 self.ledger.report(Diagnostic::error(codes::WRONG_KIND, "a condition meets a number", span));
                 None
             }
-            (Measure::Zero, _) | (_, Measure::Zero) => Some((a.expr, b.expr)),
+            (m, n) if m.is_zero() || n.is_zero() => Some((a.expr, b.expr)),
             (m, n) => {
                 let (ua, ub) = (m.unit(), n.unit());
                 self.warn_of_scale((a, sa), (b, sb));
@@ -300,7 +303,7 @@ impl Values<'_> {
     pub(in crate::elaborate) fn dimensionless(&mut self, v: &Value, span: Span, function: &str) -> Option<ExprId> {
         match &v.unit {
             Measure::Poison => None,
-            Measure::Zero | Measure::Bare => Some(v.expr),
+            Measure::Zero | Measure::Nothing | Measure::Bare => Some(v.expr),
             Measure::Truth => {
                 self.ledger.report(Diagnostic::error(codes::WRONG_KIND, format!("`{function}` of a condition"), span));
                 None
