@@ -20,6 +20,10 @@ const MAX_ITERATIONS: u32 = 400;
 /// A correction below this many tolerances is the last: the next one would be its square.
 const LAST_CORRECTION: f64 = 1e-3;
 
+/// A correction by factors of an earlier g_z, in tolerances, that is small; and the part of it that the next one may be: then they are as good as new.
+const SMALL_CORRECTION: f64 = 1.0;
+const CONTRACTION: f64 = 0.25;
+
 /// Smallest fraction of a Newton correction that is tried: exp(z) = x asks for one of exp(z) where z is very negative.
 const MIN_DAMPING: f64 = 1e-15;
 
@@ -64,6 +68,8 @@ pub(crate) struct Consistent {
     block_entries: Box<[usize]>,
     block_values: Box<[f64]>,
     block: Option<Factorisation>,
+    /// It holds factors.
+    factorised: bool,
     correction: Box<[f64]>,
     /// A trial state; then ∂F/∂t, then y''.
     work: Vector,
@@ -110,6 +116,7 @@ impl Consistent {
             block_values: vec![0.0; block_entries.len()].into(),
             block_entries: block_entries.into(),
             block,
+            factorised: false,
             work: zeros(),
             residual: zeros(),
             weights: zeros(),
@@ -124,6 +131,7 @@ impl Consistent {
     }
 
     pub fn forget(&mut self) {
+        self.factorised = false;
         if let Some(block) = &mut self.block {
             block.forget();
         }
@@ -139,6 +147,42 @@ impl Consistent {
         let rows = yp.entries_mut().iter_mut().zip(self.residual.entries()).zip(&self.differential);
         rows.for_each(|((rate, residual), &differential)| *rate = if differential { *residual } else { 0.0 });
         Ok(())
+    }
+
+    /// Brings the algebraic unknowns of `y`, which are nearly consistent, to their equations by the factors of the last g_z, and writes the residual there to
+    /// `rates`; `off` is that before, `yp` is zero. False where the corrections do not fall as they would by the present g_z: nothing of `y` counts then.
+    pub fn follow(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &Vector, (off, rates): (&[f64], &mut [f64])) -> bool {
+        if !self.factorised {
+            return false;
+        }
+        let mut size = self.correct_small(bridge, y, Some(off));
+        // A correction says how far off the unknowns are only where the next one is much smaller.
+        while size <= SMALL_CORRECTION {
+            let entries = y.entries_mut();
+            self.algebraic.iter().zip(&self.correction).for_each(|(&i, correction)| entries[i] += correction);
+            if self.evaluate(bridge, t, y, yp).is_err() {
+                return false;
+            }
+            let next = self.correct_small(bridge, y, None);
+            if next <= LAST_CORRECTION && next <= CONTRACTION * size {
+                rates.copy_from_slice(self.residual.entries());
+                return true;
+            }
+            size = if next <= CONTRACTION * size { next } else { f64::INFINITY };
+        }
+        false
+    }
+
+    /// Sets the correction from `off`, or from the residual, and returns its size in tolerances.
+    fn correct_small(&mut self, bridge: &Bridge, y: &Vector, off: Option<&[f64]>) -> f64 {
+        let off = off.unwrap_or(self.residual.entries());
+        self.correction.iter_mut().zip(&self.algebraic).for_each(|(correction, &i)| *correction = -off[i]);
+        if let Some(block) = &mut self.block {
+            block.solve(&mut self.correction);
+        }
+        let y = y.entries();
+        let parts = self.correction.iter().zip(&self.algebraic).map(|(correction, &i)| correction / bridge.tolerance(i, y[i]));
+        (parts.map(|part| part * part).sum::<f64>() / y.len() as f64).sqrt()
     }
 
     fn evaluate(&mut self, bridge: &mut Bridge, t: f64, y: &Vector, yp: &Vector) -> Result<(), Inconsistent> {
@@ -183,7 +227,9 @@ impl Consistent {
         let Some(block) = &mut self.block else {
             return Ok(());
         };
-        block.factorise(&self.block_values).map_err(|singular| Inconsistent::Singular(singular.column.map(|k| self.algebraic[k])))
+        let done = block.factorise(&self.block_values);
+        self.factorised = done.is_ok();
+        done.map_err(|singular| Inconsistent::Singular(singular.column.map(|k| self.algebraic[k])))
     }
 
     /// Sets the correction from the residual and returns its size in tolerances.

@@ -201,7 +201,8 @@ impl Run<'_> {
         let Some(algebra) = algebra else { return 0.0 };
         let (n, to) = (frame.n, frame.t + frame.h);
         before.copy_from_slice(&frame.end);
-        if let Err(failure) = algebra.solve(self.system, to, entries_mut(&mut frame.end, n), entries_mut(rates, n)) {
+        let off = entries(&frame.end_rates, n);
+        if let Err(failure) = algebra.follow(self.system, to, entries_mut(&mut frame.end, n), off, entries_mut(rates, n)) {
             if let Failure::Noted(trouble) = failure {
                 frame.functions.trouble = Some(trouble);
             }
