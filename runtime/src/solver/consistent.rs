@@ -24,6 +24,12 @@ const LAST_CORRECTION: f64 = 1e-3;
 const SMALL_CORRECTION: f64 = 1.0;
 const CONTRACTION: f64 = 0.25;
 
+/// What is left where an advance ends, in tolerances.
+const FINAL_CORRECTION: f64 = 1e-6;
+
+/// A correction that is nothing though the factors were wrong by a million times; also what rounding leaves.
+const NEGLIGIBLE: f64 = 1e-9;
+
 /// Smallest fraction of a Newton correction that is tried: exp(z) = x asks for one of exp(z) where z is very negative.
 const MIN_DAMPING: f64 = 1e-15;
 
@@ -56,6 +62,16 @@ pub(crate) struct Start<'a> {
     /// The algebraic entries are found with the first step.
     pub yp: &'a mut Vector,
     pub quadratures: Option<&'a mut Integrals>,
+}
+
+/// Where a step ends.
+pub(crate) struct End<'a> {
+    pub t: f64,
+    pub y: &'a mut Vector,
+    /// Zero.
+    pub yp: &'a Vector,
+    /// And an advance with it.
+    pub last: bool,
 }
 
 /// Space for the computations above, all of which go through most of it: a list of vectors rather than parts that hold together.
@@ -150,12 +166,19 @@ impl Consistent {
     }
 
     /// Brings the algebraic unknowns of `y`, which are nearly consistent, to their equations by the factors of the last g_z, and writes the residual there to
-    /// `rates`; `off` is that before, `yp` is zero. False where the corrections do not fall as they would by the present g_z: nothing of `y` counts then.
-    pub fn follow(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &Vector, (off, rates): (&[f64], &mut [f64])) -> bool {
+    /// `rates`; `off` is that before. False where the corrections do not fall as they would by the present g_z: nothing of `y` counts then.
+    /// Where an advance ends, hardly anything is left; within it, what is below the last correction of Newton's method.
+    pub fn follow(&mut self, bridge: &mut Bridge, end: End<'_>, (off, rates): (&[f64], &mut [f64])) -> bool {
+        let End { t, y, yp, last } = end;
+        let enough = if last { FINAL_CORRECTION } else { LAST_CORRECTION };
         if !self.factorised {
             return false;
         }
         let mut size = self.correct_small(bridge, y, Some(off));
+        if size <= NEGLIGIBLE {
+            rates.copy_from_slice(off);
+            return true;
+        }
         // A correction says how far off the unknowns are only where the next one is much smaller.
         while size <= SMALL_CORRECTION {
             let entries = y.entries_mut();
@@ -164,7 +187,7 @@ impl Consistent {
                 return false;
             }
             let next = self.correct_small(bridge, y, None);
-            if next <= LAST_CORRECTION && next <= CONTRACTION * size {
+            if next <= enough.min(CONTRACTION * size).max(NEGLIGIBLE) {
                 rates.copy_from_slice(self.residual.entries());
                 return true;
             }

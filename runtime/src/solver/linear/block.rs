@@ -172,7 +172,7 @@ fn reciprocal(pivot: f64, diagonal: f64) -> Option<f64> {
 #[inline(always)]
 fn serves(pivot: f64, inverse: f64, diagonal: f64) -> bool {
     let grown = (pivot / diagonal).abs();
-    inverse.is_finite() & ((diagonal == 0.0) | ((grown >= 1.0 / GROWTH) & (grown <= GROWTH)))
+    inverse.is_finite() & ((diagonal == 0.0) | (1.0 / GROWTH..=GROWTH).contains(&grown))
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
 use super::super::callbacks::{Bridge, Tolerances, Trouble};
-use super::super::consistent::{Consistent, Inconsistent};
+use super::super::consistent::{Consistent, End, Inconsistent};
 use super::super::linear::Factorisation;
 use super::super::newton::Newton;
 use super::super::sundials::Context;
@@ -62,10 +62,21 @@ impl Algebra {
     }
 
     /// The same where `y` is nearly consistent and `off` is F(t, y, 0) there: without another Jacobian, if that serves.
-    pub fn follow(&mut self, system: &mut dyn System, t: f64, y: &mut [f64], off: &[f64], rates: &mut [f64]) -> Result<(), Failure> {
+    /// `last` where an advance ends.
+    pub fn follow(
+        &mut self,
+        system: &mut dyn System,
+        (t, last): (f64, bool),
+        y: &mut [f64],
+        (off, rates): (&[f64], &mut [f64]),
+    ) -> Result<(), Failure> {
         self.y.entries_mut().copy_from_slice(y);
         self.yp.entries_mut().fill(0.0);
-        if self.with(system, |this| this.consistent.follow(&mut this.bridge, t, &mut this.y, &this.yp, (off, rates))) {
+        let follows = self.with(system, |this| {
+            let end = End { t, y: &mut this.y, yp: &this.yp, last };
+            this.consistent.follow(&mut this.bridge, end, (off, rates))
+        });
+        if follows {
             y.copy_from_slice(self.y.entries());
             return Ok(());
         }
