@@ -340,6 +340,12 @@ impl Bridge {
         weighed.unwrap_or_else(|_| self.panicked())
     }
 
+    /// The tolerance of an unknown.
+    pub(crate) fn tolerance(&self, unknown: usize, value: f64) -> f64 {
+        let width = self.tolerances.atol[0].0.len();
+        self.tolerances.rtol * value.abs() + self.tolerances.atol[unknown / width].0[unknown % width]
+    }
+
     /// Error weights at `y`: reciprocal tolerances.
     pub(crate) fn error_weights(&self, y: &Content, weights: &mut Content) {
         self.operations.error_weights(self.tolerances.rtol, y, &self.tolerances.atol, weights);

@@ -20,6 +20,16 @@ const MAX_ITERATIONS: u32 = 400;
 /// A correction below this many tolerances is the last: the next one would be its square.
 const LAST_CORRECTION: f64 = 1e-3;
 
+/// A correction by factors of an earlier g_z, in tolerances, that is small; and the part of it that the next one may be: then they are as good as new.
+const SMALL_CORRECTION: f64 = 1.0;
+const CONTRACTION: f64 = 0.25;
+
+/// What is left where an advance ends, in tolerances.
+const FINAL_CORRECTION: f64 = 1e-6;
+
+/// A correction that is nothing though the factors were wrong by a million times; also what rounding leaves.
+const NEGLIGIBLE: f64 = 1e-9;
+
 /// Smallest fraction of a Newton correction that is tried: exp(z) = x asks for one of exp(z) where z is very negative.
 const MIN_DAMPING: f64 = 1e-15;
 
@@ -54,6 +64,16 @@ pub(crate) struct Start<'a> {
     pub quadratures: Option<&'a mut Integrals>,
 }
 
+/// Where a step ends.
+pub(crate) struct End<'a> {
+    pub t: f64,
+    pub y: &'a mut Vector,
+    /// Zero.
+    pub yp: &'a Vector,
+    /// And an advance with it.
+    pub last: bool,
+}
+
 /// Space for the computations above, all of which go through most of it: a list of vectors rather than parts that hold together.
 pub(crate) struct Consistent {
     /// The algebraic unknowns.
@@ -64,6 +84,8 @@ pub(crate) struct Consistent {
     block_entries: Box<[usize]>,
     block_values: Box<[f64]>,
     block: Option<Factorisation>,
+    /// It holds factors.
+    factorised: bool,
     correction: Box<[f64]>,
     /// A trial state; then ∂F/∂t, then y''.
     work: Vector,
@@ -110,6 +132,7 @@ impl Consistent {
             block_values: vec![0.0; block_entries.len()].into(),
             block_entries: block_entries.into(),
             block,
+            factorised: false,
             work: zeros(),
             residual: zeros(),
             weights: zeros(),
@@ -124,6 +147,7 @@ impl Consistent {
     }
 
     pub fn forget(&mut self) {
+        self.factorised = false;
         if let Some(block) = &mut self.block {
             block.forget();
         }
@@ -139,6 +163,49 @@ impl Consistent {
         let rows = yp.entries_mut().iter_mut().zip(self.residual.entries()).zip(&self.differential);
         rows.for_each(|((rate, residual), &differential)| *rate = if differential { *residual } else { 0.0 });
         Ok(())
+    }
+
+    /// Brings the algebraic unknowns of `y`, which are nearly consistent, to their equations by the factors of the last g_z, and writes the residual there to
+    /// `rates`; `off` is that before. False where the corrections do not fall as they would by the present g_z: nothing of `y` counts then.
+    /// Where an advance ends, hardly anything is left; within it, what is below the last correction of Newton's method.
+    pub fn follow(&mut self, bridge: &mut Bridge, end: End<'_>, (off, rates): (&[f64], &mut [f64])) -> bool {
+        let End { t, y, yp, last } = end;
+        let enough = if last { FINAL_CORRECTION } else { LAST_CORRECTION };
+        if !self.factorised {
+            return false;
+        }
+        let mut size = self.correct_small(bridge, y, Some(off));
+        if size <= NEGLIGIBLE {
+            rates.copy_from_slice(off);
+            return true;
+        }
+        // A correction says how far off the unknowns are only where the next one is much smaller.
+        while size <= SMALL_CORRECTION {
+            let entries = y.entries_mut();
+            self.algebraic.iter().zip(&self.correction).for_each(|(&i, correction)| entries[i] += correction);
+            if self.evaluate(bridge, t, y, yp).is_err() {
+                return false;
+            }
+            let next = self.correct_small(bridge, y, None);
+            if next <= enough.min(CONTRACTION * size).max(NEGLIGIBLE) {
+                rates.copy_from_slice(self.residual.entries());
+                return true;
+            }
+            size = if next <= CONTRACTION * size { next } else { f64::INFINITY };
+        }
+        false
+    }
+
+    /// Sets the correction from `off`, or from the residual, and returns its size in tolerances.
+    fn correct_small(&mut self, bridge: &Bridge, y: &Vector, off: Option<&[f64]>) -> f64 {
+        let off = off.unwrap_or(self.residual.entries());
+        self.correction.iter_mut().zip(&self.algebraic).for_each(|(correction, &i)| *correction = -off[i]);
+        if let Some(block) = &mut self.block {
+            block.solve(&mut self.correction);
+        }
+        let y = y.entries();
+        let parts = self.correction.iter().zip(&self.algebraic).map(|(correction, &i)| correction / bridge.tolerance(i, y[i]));
+        (parts.map(|part| part * part).sum::<f64>() / y.len() as f64).sqrt()
     }
 
     fn evaluate(&mut self, bridge: &mut Bridge, t: f64, y: &Vector, yp: &Vector) -> Result<(), Inconsistent> {
@@ -183,7 +250,9 @@ impl Consistent {
         let Some(block) = &mut self.block else {
             return Ok(());
         };
-        block.factorise(&self.block_values).map_err(|singular| Inconsistent::Singular(singular.column.map(|k| self.algebraic[k])))
+        let done = block.factorise(&self.block_values);
+        self.factorised = done.is_ok();
+        done.map_err(|singular| Inconsistent::Singular(singular.column.map(|k| self.algebraic[k])))
     }
 
     /// Sets the correction from the residual and returns its size in tolerances.

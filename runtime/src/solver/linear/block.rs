@@ -17,13 +17,16 @@ mod structure;
 
 use super::super::{Pattern, SolveError};
 use super::{Klu, Singular};
-use structure::{Step, Structure};
+use structure::{Cursor, Step, Structure};
 
 /// A pivot may differ from its diagonal entry by this factor, up or down: beyond it, half of the digits are roundoff.
 const GROWTH: f64 = 1e8;
 
 /// Dimension up to which a block is inverted.
 const SMALL: usize = 6;
+
+/// Blocks inverted side by side.
+const LANES: usize = 4;
 
 /// A sparse matrix whose structure was analysed once, and its factors.
 pub(crate) struct Block {
@@ -125,14 +128,10 @@ impl Block {
             // SAFETY: entries and places come from a pattern with `values.len()` entries (just compared) and from
             // the substitution made with it.
             let serves = unsafe {
-                match step {
-                    Step::Small(1) => small.invert::<1>(values, factors),
-                    Step::Small(2) => small.invert::<2>(values, factors),
-                    Step::Small(3) => small.invert::<3>(values, factors),
-                    Step::Small(4) => small.invert::<4>(values, factors),
-                    Step::Small(5) => small.invert::<5>(values, factors),
-                    Step::Small(_) => small.invert::<SMALL>(values, factors),
-                    Step::Large(large) => large.eliminate(values, factors),
+                match *step {
+                    Step::Small { size, single: true } => invert::<1>(&mut small, size, values, factors),
+                    Step::Small { size, single: false } => invert::<LANES>(&mut small, size, values, factors),
+                    Step::Large(ref mut large) => large.eliminate(values, factors),
                 }
             };
             if !serves {
@@ -143,12 +142,37 @@ impl Block {
     }
 }
 
-/// The reciprocal of a pivot, if it serves. A diagonal entry that is zero says nothing about its pivot.
+/// Inverts the next blocks.
+///
+/// # Safety
+/// That of [`Cursor::invert`].
+#[inline(always)]
+unsafe fn invert<const L: usize>(small: &mut Cursor<'_>, size: u8, values: &[f64], factors: &mut [f64]) -> bool {
+    // SAFETY: by the contract.
+    unsafe {
+        match size {
+            1 => small.invert::<1, L>(values, factors),
+            2 => small.invert::<2, L>(values, factors),
+            3 => small.invert::<3, L>(values, factors),
+            4 => small.invert::<4, L>(values, factors),
+            5 => small.invert::<5, L>(values, factors),
+            _ => small.invert::<SMALL, L>(values, factors),
+        }
+    }
+}
+
+/// The reciprocal of a pivot, if it serves.
 #[inline(always)]
 fn reciprocal(pivot: f64, diagonal: f64) -> Option<f64> {
     let inverse = 1.0 / pivot;
+    serves(pivot, inverse, diagonal).then_some(inverse)
+}
+
+/// Whether a pivot serves. A diagonal entry that is zero says nothing about it.
+#[inline(always)]
+fn serves(pivot: f64, inverse: f64, diagonal: f64) -> bool {
     let grown = (pivot / diagonal).abs();
-    (inverse.is_finite() && (diagonal == 0.0 || (1.0 / GROWTH..=GROWTH).contains(&grown))).then_some(inverse)
+    inverse.is_finite() & ((diagonal == 0.0) | (1.0 / GROWTH..=GROWTH).contains(&grown))
 }
 
 #[cfg(test)]
@@ -234,9 +258,32 @@ mod tests {
     }
 
     #[test]
+    fn cells_are_inverted_side_by_side_and_every_pivot_is_looked_at() {
+        // The first cell has none before it.
+        let cells = 2 * LANES + 3;
+        for size in [1, 3, SMALL] {
+            let mut rows = chain(cells, size);
+            let x = counting(cells * size);
+            let (block, got) = solved(&rows, &x);
+            let several = block.structure.steps.iter().filter(|step| matches!(step, Step::Small { single: false, .. })).count();
+            assert_eq!((several, block.structure.steps.len()), (2, 2 + 3));
+            assert_close(&got, &x);
+            for cell in 0..cells {
+                let at = cell * size;
+                let kept = std::mem::replace(&mut rows[at][at], 1e-20);
+                let (pattern, values) = sparse(&rows);
+                let served = Block::new(&pattern).expect("analysed").eliminate(&values);
+                // Alone, a small number is as good a pivot as any.
+                assert_eq!(served, size == 1, "{size}, cell {cell}");
+                rows[at][at] = kept;
+            }
+        }
+    }
+
+    #[test]
     fn a_chain_without_feedback_is_inverted_cell_by_cell() {
         let (block, _) = solved(&chain(40, 1), &counting(40));
-        assert_eq!(block.structure.steps.len(), 40);
+        assert!(block.structure.steps.iter().all(|step| matches!(step, Step::Small { size: 1, .. })));
         // One term for the cell, one for the cell before.
         assert_eq!(block.structure.substitution.terms(), 2 * 40 - 1);
     }

@@ -143,7 +143,7 @@ impl Run<'_> {
             if !fits || rejections > MOST_REJECTIONS {
                 return Err(self.failure(step));
             }
-            if self.attempt(step) {
+            if self.attempt(step, left) {
                 break (step, step >= left);
             }
             rejections += 1;
@@ -168,14 +168,14 @@ impl Run<'_> {
         fits
     }
 
-    /// Tries a step; whether its error is within the tolerance.
-    fn attempt(&mut self, step: f64) -> bool {
+    /// Tries a step, of what is left; whether its error is within the tolerance.
+    fn attempt(&mut self, step: f64, left: f64) -> bool {
         self.one.frame.h = step;
         let growth = self.one.methods.growth();
         let mut error = self.compute();
         if error <= 1.0 {
             self.one.frame.evaluate_end(self.system);
-            let closed = if is_finite(&self.one.frame.end_rates) { self.close() } else { f64::NAN };
+            let closed = if is_finite(&self.one.frame.end_rates) { self.close(step >= left) } else { f64::NAN };
             if closed <= 1.0 {
                 self.one.frame.doubtful = false;
                 self.one.control.accept(step, error.max(closed), growth);
@@ -196,12 +196,13 @@ impl Run<'_> {
     /// Brings the algebraic unknowns at the end of a step to their equations, which a linearly implicit step meets by their slopes at its beginning alone,
     /// and the error test leaves out. Returns what that changes, in tolerances: the step times the change of the rates, or the unknowns themselves, of which
     /// the polynomial is then as far off; not a number where there is no solution.
-    fn close(&mut self) -> f64 {
+    fn close(&mut self, last: bool) -> f64 {
         let OneStep { frame, algebra, inside: [before, rates], longest_interval, .. } = &mut *self.one;
         let Some(algebra) = algebra else { return 0.0 };
         let (n, to) = (frame.n, frame.t + frame.h);
         before.copy_from_slice(&frame.end);
-        if let Err(failure) = algebra.solve(self.system, to, entries_mut(&mut frame.end, n), entries_mut(rates, n)) {
+        let off = entries(&frame.end_rates, n);
+        if let Err(failure) = algebra.follow(self.system, (to, last), entries_mut(&mut frame.end, n), (off, entries_mut(rates, n))) {
             if let Failure::Noted(trouble) = failure {
                 frame.functions.trouble = Some(trouble);
             }

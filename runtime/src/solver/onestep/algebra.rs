@@ -3,7 +3,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
 use super::super::callbacks::{Bridge, Tolerances, Trouble};
-use super::super::consistent::{Consistent, Inconsistent};
+use super::super::consistent::{Consistent, End, Inconsistent};
 use super::super::linear::Factorisation;
 use super::super::newton::Newton;
 use super::super::sundials::Context;
@@ -54,17 +54,43 @@ impl Algebra {
     /// Makes the algebraic unknowns of `y` consistent and sets the differential entries of `yp`, the others to zero.
     pub fn solve(&mut self, system: &mut dyn System, t: f64, y: &mut [f64], yp: &mut [f64]) -> Result<(), Failure> {
         self.y.entries_mut().copy_from_slice(y);
-        self.bridge.begin();
-        // SAFETY: taken back below, also after a panic.
-        unsafe { self.bridge.lend(system) };
-        let find = || self.consistent.initialise(&mut self.bridge, t, &mut self.y, &mut self.yp);
-        let found = catch_unwind(AssertUnwindSafe(find));
-        self.bridge.take_back();
-        let found = found.unwrap_or_else(|panic| resume_unwind(panic));
+        let found = self.with(system, |this| this.consistent.initialise(&mut this.bridge, t, &mut this.y, &mut this.yp));
         found.map_err(|cause| self.failure(t, cause))?;
         y.copy_from_slice(self.y.entries());
         yp.copy_from_slice(self.yp.entries());
         Ok(())
+    }
+
+    /// The same where `y` is nearly consistent and `off` is F(t, y, 0) there: without another Jacobian, if that serves.
+    /// `last` where an advance ends.
+    pub fn follow(
+        &mut self,
+        system: &mut dyn System,
+        (t, last): (f64, bool),
+        y: &mut [f64],
+        (off, rates): (&[f64], &mut [f64]),
+    ) -> Result<(), Failure> {
+        self.y.entries_mut().copy_from_slice(y);
+        self.yp.entries_mut().fill(0.0);
+        let follows = self.with(system, |this| {
+            let end = End { t, y: &mut this.y, yp: &this.yp, last };
+            this.consistent.follow(&mut this.bridge, end, (off, rates))
+        });
+        if follows {
+            y.copy_from_slice(self.y.entries());
+            return Ok(());
+        }
+        self.solve(system, t, y, rates)
+    }
+
+    /// Does `work` with the system; it is taken back also after a panic.
+    fn with<R>(&mut self, system: &mut dyn System, work: impl FnOnce(&mut Self) -> R) -> R {
+        self.bridge.begin();
+        // SAFETY: taken back below.
+        unsafe { self.bridge.lend(system) };
+        let done = catch_unwind(AssertUnwindSafe(|| work(self)));
+        self.bridge.take_back();
+        done.unwrap_or_else(|panic| resume_unwind(panic))
     }
 
     fn failure(&self, time: f64, cause: Inconsistent) -> Failure {

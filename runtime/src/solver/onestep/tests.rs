@@ -1,7 +1,7 @@
 //! The coefficients against the order conditions of their methods, tree by tree, and the methods on small problems with closed solutions.
 
 use super::super::problems::Problem;
-use super::super::{Advance, Carried, Integrator, Method, Pattern, Quadratures, Settings, System};
+use super::super::{Advance, Carried, Integrator, Method, Pattern, Quadratures, Settings, Statistics, System};
 use super::{OneStep, dop853, rodas5p, tsit5};
 
 /// A rooted tree: the branches at its root.
@@ -399,4 +399,38 @@ fn an_integral_along_the_polynomial_is_right_to_the_tolerance() {
         let exact = 5.0 - 20.0_f64.sin() / 4.0;
         assert!((one.quadratures()[0] - exact).abs() < 1e-6, "{method}: {} is not {exact}", one.quadratures()[0]);
     }
+}
+
+/// y' = -y from 1 and exp(s y) (z³ + z - y) = 0 to t = 3: what z is off by there, and the work.
+fn follower(steepness: f64) -> (f64, Statistics) {
+    let mut problem = Problem::ode(
+        vec![1.0, 0.0],
+        vec![steepness],
+        Pattern::full(2),
+        |_, y, yp, s, out| out.copy_from_slice(&[-y[0] - yp[0], (s[0] * y[0]).exp() * (y[1].powi(3) + y[1] - y[0])]),
+        |_, y, cj, s, j| {
+            let (factor, off) = ((s[0] * y[0]).exp(), y[1].powi(3) + y[1] - y[0]);
+            j.copy_from_slice(&[-1.0 - cj, factor * (s[0] * off - 1.0), 0.0, factor * (3.0 * y[1] * y[1] + 1.0)]);
+        },
+    )
+    .with_structure(vec![true, false], true);
+    let mut settings = Settings::new(1e-6, vec![1e-8; 2]);
+    settings.method = Method::Rosenbrock;
+    let mut one = OneStep::new(&problem, settings).expect("valid");
+    let start = problem.start.clone();
+    one.restart(&mut problem, 0.0, &start, None).expect("consistent");
+    assert_eq!(one.advance(&mut problem, 3.0), Ok(Advance::Reached));
+    let (y, z) = (one.state()[0], one.state()[1]);
+    (z.powi(3) + z - y, one.statistics())
+}
+
+#[test]
+fn algebraic_unknowns_follow_by_the_factors_of_before_where_those_serve() {
+    let (off, work) = follower(0.0);
+    assert!(off.abs() < 1e-8, "{off}");
+    assert!(work.steps > 10 && work.jacobians < work.steps + work.error_test_failures + 10, "{work:?}");
+    // Where the equation's weight falls by 16 powers of ten, a correction by the old one is far too small.
+    let (off, work) = follower(40.0);
+    assert!(off.abs() < 1e-8, "{off}");
+    assert!(work.jacobians > work.steps, "{work:?}");
 }

@@ -8,21 +8,22 @@ use super::super::substitution::{Places, Source, Substitution};
 use super::elimination::{Elimination, Move, Rows};
 use super::order::{Order, places};
 use super::rowwise::RowWise;
-use super::{SMALL, reciprocal};
+use super::{LANES, SMALL, serves};
 use crate::solver::{Pattern, SolveError};
 
-/// One diagonal block.
+/// Diagonal blocks.
 pub(super) enum Step {
-    /// To be inverted, of this dimension.
-    Small(u8),
+    /// To be inverted: blocks of one dimension, one or [`LANES`] of them side by side.
+    Small { size: u8, single: bool },
     /// To be factorised.
     Large(Box<Large>),
 }
 
-/// Small blocks, in the order of their steps. With D the block and B what stands before it, x = D⁻¹ b − D⁻¹ B x_before.
+/// Small blocks, in the order of their steps. With D the block and B what stands before it, x = D⁻¹ b − D⁻¹ B x_before. Of blocks side by side, items come
+/// in turns.
 #[derive(Default)]
 pub(super) struct Small {
-    /// Number of entries of D, and of columns of B that are not zero, of each block.
+    /// Number of entries of D, and of columns of B that are not zero, of each block or of blocks side by side.
     counts: Vec<(u32, u32)>,
     /// Entries of D, to places of the full block by rows.
     inside: Vec<Move>,
@@ -64,60 +65,97 @@ unsafe fn take<'a, T>(from: &mut &'a [T], count: usize) -> &'a [T] {
 }
 
 impl Cursor<'_> {
-    /// Inverts the next block, of dimension `N`, and sets its factors; false where a pivot does not serve.
+    /// Inverts the next blocks, of dimension `N`, and sets their factors; false where a pivot does not serve.
     ///
     /// # Safety
-    /// `values` and `factors` have the lengths for which the structure was made, and the next block has dimension `N`.
+    /// `values` and `factors` have the lengths for which the structure was made, and the next `L` blocks stand side by side and have dimension `N`.
     #[inline(always)]
-    pub(crate) unsafe fn invert<const N: usize>(&mut self, values: &[f64], factors: &mut [f64]) -> bool {
+    pub(crate) unsafe fn invert<const N: usize, const L: usize>(&mut self, values: &[f64], factors: &mut [f64]) -> bool {
         // SAFETY: places and entries are those of the structure, whose lengths `values` and `factors` have by the contract; blocks are taken
         // in the order in which the structure was written, so that a next one with as many items is there.
         unsafe {
             let &(entries, columns) = self.counts.next().unwrap_unchecked();
-            let mut block = [[0.0_f64; N]; N];
-            for item in take(&mut self.inside, entries as usize) {
-                *block.as_flattened_mut().get_unchecked_mut(item.to as usize) = *values.get_unchecked(item.entry as usize);
+            let mut block = [[[0.0_f64; L]; N]; N];
+            for items in take(&mut self.inside, entries as usize * L).as_chunks::<L>().0 {
+                *block.as_flattened_mut().get_unchecked_mut(items[0].to as usize) = read(items, values);
             }
             if !invert(&mut block) {
                 return false;
             }
-            for (&place, &value) in take(&mut self.places, N * N).iter().zip(block.as_flattened()) {
-                *factors.get_unchecked_mut(place as usize) = value;
+            for value in block.as_flattened() {
+                self.set(value, factors);
             }
             for &entries in take(&mut self.columns, columns as usize) {
-                let mut products = [0.0_f64; N];
-                for item in take(&mut self.outside, entries as usize) {
-                    let value = *values.get_unchecked(item.entry as usize);
-                    for row in 0..N {
-                        products[row] = (-block[row].get_unchecked(item.to as usize)).mul_add(value, products[row]);
+                let mut products = [[0.0_f64; L]; N];
+                for items in take(&mut self.outside, entries as usize * L).as_chunks::<L>().0 {
+                    let value = read(items, values);
+                    for (row, product) in block.iter().zip(&mut products) {
+                        subtract(product, row.get_unchecked(items[0].to as usize), &value);
                     }
                 }
-                for (&place, &product) in take(&mut self.places, N).iter().zip(&products) {
-                    *factors.get_unchecked_mut(place as usize) = product;
+                for product in &products {
+                    self.set(product, factors);
                 }
             }
         }
         true
     }
-}
 
-/// Gauss–Jordan elimination in place, pivots on the diagonal; false where one does not serve.
-#[inline(always)]
-fn invert<const N: usize>(a: &mut [[f64; N]; N]) -> bool {
-    let diagonal: [f64; N] = std::array::from_fn(|i| a[i][i]);
-    for k in 0..N {
-        let Some(inverse) = reciprocal(a[k][k], diagonal[k]) else { return false };
-        a[k][k] = 1.0;
-        a[k].iter_mut().for_each(|entry| *entry *= inverse);
-        let pivot_row = a[k];
-        for i in (0..N).filter(|&i| i != k) {
-            let factor = std::mem::take(&mut a[i][k]);
-            for (entry, pivot) in a[i].iter_mut().zip(&pivot_row) {
-                *entry = (-factor).mul_add(*pivot, *entry);
+    /// Sets a factor of each block.
+    ///
+    /// # Safety
+    /// The next places are those of these factors.
+    #[inline(always)]
+    unsafe fn set<const L: usize>(&mut self, value: &[f64; L], factors: &mut [f64]) {
+        // SAFETY: by the contract.
+        unsafe {
+            for (&place, &value) in take(&mut self.places, L).iter().zip(value) {
+                *factors.get_unchecked_mut(place as usize) = value;
             }
         }
     }
-    true
+}
+
+/// An entry of each block.
+///
+/// # Safety
+/// There are such entries.
+#[inline(always)]
+unsafe fn read<const L: usize>(items: &[Move; L], values: &[f64]) -> [f64; L] {
+    // SAFETY: by the contract.
+    items.map(|item| unsafe { *values.get_unchecked(item.entry as usize) })
+}
+
+/// `from -= a * b`, block by block.
+#[inline(always)]
+fn subtract<const L: usize>(from: &mut [f64; L], a: &[f64; L], b: &[f64; L]) {
+    for lane in 0..L {
+        from[lane] = (-a[lane]).mul_add(b[lane], from[lane]);
+    }
+}
+
+/// Gauss–Jordan elimination in place, pivots on the diagonal, of blocks side by side; false where one does not serve.
+#[inline(always)]
+fn invert<const N: usize, const L: usize>(a: &mut [[[f64; L]; N]; N]) -> bool {
+    let diagonal: [[f64; L]; N] = std::array::from_fn(|i| a[i][i]);
+    let mut serve = true;
+    for k in 0..N {
+        let mut inverse = [0.0; L];
+        for lane in 0..L {
+            inverse[lane] = 1.0 / a[k][k][lane];
+            serve &= serves(a[k][k][lane], inverse[lane], diagonal[k][lane]);
+        }
+        a[k][k] = [1.0; L];
+        a[k].iter_mut().for_each(|entry| entry.iter_mut().zip(&inverse).for_each(|(entry, inverse)| *entry *= inverse));
+        let pivot_row = a[k];
+        for i in (0..N).filter(|&i| i != k) {
+            let factor = std::mem::replace(&mut a[i][k], [0.0; L]);
+            for (entry, pivot) in a[i].iter_mut().zip(&pivot_row) {
+                subtract(entry, &factor, pivot);
+            }
+        }
+    }
+    serve
 }
 
 /// Products for each entry of the factors up to which they are listed.
@@ -237,7 +275,8 @@ pub(super) fn analyse(pattern: &Pattern) -> Result<Structure, SolveError> {
     entries.order.columns.iter().zip(&unknowns).for_each(|(&column, &sum)| by_column[column as usize] = sum);
     let (mut substitution, places) = Substitution::new(&sums, &by_column);
     let mut small = Small::default();
-    let steps: Box<[Step]> = drafts.iter().map(|draft| draft.place(&entries, &places, &mut small)).collect();
+    let large = drafts.iter().filter_map(|draft| draft.place(&entries, &places));
+    let steps: Box<[Step]> = large.chain(place_small(&drafts, &entries, &places, &mut small)).collect();
     for step in &steps {
         if let Step::Large(large) = step {
             large.ones.iter().for_each(|&place| substitution.factors_mut()[place as usize] = 1.0);
@@ -312,26 +351,74 @@ fn filled(row: u32, entries: impl Iterator<Item = u32>, upper: &[Vec<u32>], seen
 }
 
 impl Draft {
-    fn place(&self, entries: &Entries, places: &Places, small: &mut Small) -> Step {
-        match self {
-            Self::Small { block, columns, sums } => {
-                let size = block.len() as u32;
-                let before = small.inside.len();
-                for row in block.clone() {
-                    let inside = entries.split(row, block.start).1.iter();
-                    small.inside.extend(inside.map(|m| Move { entry: m.entry, to: (row - block.start) * size + m.to - block.start }));
-                }
-                small.counts.push(((small.inside.len() - before) as u32, columns.len() as u32));
-                small.places.extend(sums.clone().flat_map(|sum| &places.of(sum)[..size as usize]));
-                for (number, column) in columns.iter().enumerate() {
-                    small.columns.push(column.len() as u32);
-                    small.outside.extend(column);
-                    small.places.extend(sums.clone().map(|sum| places.of(sum)[size as usize + number]));
-                }
-                Step::Small(size as u8)
-            }
-            Self::Large { block, lower, upper, sums } => Step::Large(Box::new(place_large(entries, places, block, (lower, upper), sums))),
-        }
+    /// A large block with its places.
+    fn place(&self, entries: &Entries, places: &Places) -> Option<Step> {
+        let Self::Large { block, lower, upper, sums } = self else { return None };
+        Some(Step::Large(Box::new(place_large(entries, places, block, (lower, upper), sums))))
+    }
+
+    /// A small block with its places.
+    fn items(&self, entries: &Entries, places: &Places) -> Option<Items> {
+        let Self::Small { block, columns, sums } = self else { return None };
+        let size = block.len();
+        let inside = block.clone().flat_map(|row| {
+            let to = move |column: u32| (row - block.start) * size as u32 + column - block.start;
+            entries.split(row, block.start).1.iter().map(move |m| Move { entry: m.entry, to: to(m.to) })
+        });
+        let of_inverse = sums.clone().flat_map(|sum| &places.of(sum)[..size]).copied();
+        let of_columns = (size..size + columns.len()).flat_map(|number| sums.clone().map(move |sum| places.of(sum)[number]));
+        Some(Items {
+            size: size as u8,
+            inside: inside.collect(),
+            columns: columns.iter().map(|column| column.len() as u32).collect(),
+            outside: columns.iter().flatten().copied().collect(),
+            places: of_inverse.chain(of_columns).collect(),
+        })
+    }
+}
+
+/// What [`Small`] holds of a block.
+struct Items {
+    size: u8,
+    inside: Vec<Move>,
+    columns: Vec<u32>,
+    outside: Vec<Move>,
+    places: Vec<u32>,
+}
+
+impl Items {
+    /// Those that agree in it can stand side by side.
+    fn shape(&self) -> (u8, Vec<u32>, Vec<u32>, Vec<u32>) {
+        let to = |moves: &[Move]| moves.iter().map(|item| item.to).collect();
+        (self.size, to(&self.inside), self.columns.clone(), to(&self.outside))
+    }
+}
+
+/// Small blocks, those of one shape side by side: an inversion waits for a division at each pivot, and meanwhile does those of other blocks.
+fn place_small(drafts: &[Draft], entries: &Entries, places: &Places, small: &mut Small) -> Vec<Step> {
+    let mut shapes: BTreeMap<_, Vec<Items>> = BTreeMap::new();
+    for items in drafts.iter().filter_map(|draft| draft.items(entries, places)) {
+        shapes.entry(items.shape()).or_default().push(items);
+    }
+    let mut steps = Vec::new();
+    for blocks in shapes.values() {
+        let (several, rest) = blocks.as_chunks::<LANES>();
+        steps.extend(several.iter().map(|blocks| small.push(blocks)));
+        steps.extend(rest.iter().map(|block| small.push(std::slice::from_ref(block))));
+    }
+    steps
+}
+
+impl Small {
+    /// Appends blocks side by side.
+    fn push(&mut self, blocks: &[Items]) -> Step {
+        let first = &blocks[0];
+        self.counts.push((first.inside.len() as u32, first.columns.len() as u32));
+        self.columns.extend(&first.columns);
+        (0..first.inside.len()).for_each(|at| self.inside.extend(blocks.iter().map(|block| block.inside[at])));
+        (0..first.outside.len()).for_each(|at| self.outside.extend(blocks.iter().map(|block| block.outside[at])));
+        (0..first.places.len()).for_each(|at| self.places.extend(blocks.iter().map(|block| block.places[at])));
+        Step::Small { size: first.size, single: blocks.len() == 1 }
     }
 }
 
