@@ -20,10 +20,10 @@ use crate::model::Model;
 type Extents = [u32; MAX_DEPTH];
 
 /// An expression over loops, by counter and number of iterations, outermost first.
-pub type Looped = (Vec<(u8, u32)>, ExprId);
+pub(crate) type Looped = (Vec<(u8, u32)>, ExprId);
 
 /// What the integrator asks for.
-pub struct ExplicitTime {
+pub(crate) struct ExplicitTime {
     /// The next break from the present time on, infinite if none. `None` where there are no breaks at all.
     pub next_break: Option<ExprId>,
     /// All forcings.
@@ -35,14 +35,14 @@ pub struct ExplicitTime {
 impl ExplicitTime {
     /// Number of values of all forcings.
     #[must_use]
-    pub fn forcing_count(&self) -> u32 {
+    pub(crate) fn forcing_count(&self) -> u32 {
         let passes = |(loops, _): &Looped| loops.iter().fold(1_u32, |n, &(_, extent)| n.saturating_mul(extent));
         self.forcings.iter().map(passes).fold(0, u32::saturating_add)
     }
 }
 
 /// Collects the breaks and forcings of equations, integrands and root functions.
-pub fn collect(model: &mut Model, rows: &[Rows]) -> ExplicitTime {
+pub(crate) fn collect(model: &mut Model, rows: &[Rows]) -> ExplicitTime {
     let mut roots: Vec<(ExprId, Extents)> = Vec::with_capacity(rows.len());
     for row in rows {
         let mut extents = [0; MAX_DEPTH];

@@ -27,9 +27,9 @@ use cranelift_frontend::{FunctionBuilder, FunctionBuilderContext};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-pub use executable::Executable;
-pub use plan::{Piece, Plan};
-pub use workers::{Generated, Request, generate};
+pub(crate) use executable::Executable;
+pub(crate) use plan::{Piece, Plan};
+pub(crate) use workers::{Generated, Request, generate};
 
 use crate::ir::Exprs;
 use crate::kernels::KernelTable;
@@ -39,7 +39,7 @@ use crate::schedule::{Access, ScheduleError, Staged, schedules};
 /// What compiled code calls and reads beside its arguments.
 #[derive(Clone, Copy)]
 #[repr(C)]
-pub struct Surroundings {
+pub(crate) struct Surroundings {
     /// Elementary functions.
     pub kernels: KernelTable,
     /// Position tables.
@@ -49,7 +49,7 @@ pub struct Surroundings {
 }
 
 /// A compiled function: time, factor of derivatives, unknowns, their derivatives, workspace, output, surroundings.
-pub type CompiledFn = unsafe extern "C" fn(f64, f64, *mut f64, *const f64, *mut f64, *mut f64, *const Surroundings);
+pub(crate) type CompiledFn = unsafe extern "C" fn(f64, f64, *mut f64, *const f64, *mut f64, *mut f64, *const Surroundings);
 
 /// Failures of code generation.
 #[derive(Debug, Error)]
@@ -80,7 +80,7 @@ pub enum GenerateError {
 
 /// Effort of code generation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Effort {
+pub(crate) enum Effort {
     /// For functions of the inner loop of the solver: optimised.
     Hot,
     /// As hot, for long code whose values are spread over registers and memory before Cranelift sees them: there is nothing to move,
@@ -92,7 +92,7 @@ pub enum Effort {
 
 /// A piece of machine code.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Code {
+pub(crate) struct Code {
     /// Position-independent instructions and constants.
     pub bytes: Vec<u8>,
     /// Numbers of working memory that the function uses.
@@ -107,13 +107,13 @@ pub struct Code {
 ///
 /// # Errors
 /// If the staged program addresses what it cannot have.
-pub fn plan(staged: &Staged, exprs: &Exprs, layout: &Layout, access: Access) -> Result<Plan, GenerateError> {
+pub(crate) fn plan(staged: &Staged, exprs: &Exprs, layout: &Layout, access: Access) -> Result<Plan, GenerateError> {
     let schedules = if staged.is_empty() { vec![] } else { schedules(staged, exprs, layout, access)? };
     Ok(Plan::new(schedules, exprs, staged.in_place))
 }
 
 /// Generates functions; keeps Cranelift's buffers between them.
-pub struct Generator {
+pub(crate) struct Generator {
     context: Context,
     builder: FunctionBuilderContext,
     control: ControlPlane,
@@ -124,7 +124,7 @@ pub struct Generator {
 impl Generator {
     /// A generator; with `texts` it also writes intermediate text and assembly.
     #[must_use]
-    pub fn new(texts: bool) -> Generator {
+    pub(crate) fn new(texts: bool) -> Generator {
         let mut context = Context::new();
         context.set_disasm(texts);
         Generator { context, builder: FunctionBuilderContext::new(), control: ControlPlane::default(), texts }
@@ -134,7 +134,7 @@ impl Generator {
     ///
     /// # Errors
     /// If Cranelift refuses.
-    pub fn compile(
+    pub(crate) fn compile(
         &mut self,
         plan: &Plan,
         piece: &Piece,
@@ -179,7 +179,7 @@ fn signature(convention: CallConv) -> Signature {
 ///
 /// # Errors
 /// If Cranelift does not know this processor.
-pub fn target() -> Result<String, GenerateError> {
+pub(crate) fn target() -> Result<String, GenerateError> {
     let isa = isa(Effort::Hot)?;
     let features = isa.isa_flags();
     let names = features.iter().filter(|f| f.as_bool() == Some(true)).map(|f| f.name);

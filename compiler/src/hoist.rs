@@ -15,7 +15,7 @@ const LARGEST_CACHE: u32 = 1 << 20;
 
 /// When a value is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Stage {
+pub(crate) enum Stage {
     /// Always.
     Constant,
     /// Once parameters are set.
@@ -45,13 +45,13 @@ type Extents = [u32; MAX_DEPTH];
 impl<'a> Hoister<'a> {
     /// A pass over a model; caches become variables of it.
     #[must_use]
-    pub fn new(model: &'a mut Model) -> Self {
+    pub(crate) fn new(model: &'a mut Model) -> Self {
         Hoister { model, stages: vec![], caches: FastMap::default(), rewritten: FastMap::default(), parameter: vec![], step: vec![] }
     }
 
     /// The staged program with what is known at `limit` loaded from caches.
     #[must_use]
-    pub fn staged(&mut self, staged: &Staged, limit: Stage) -> Staged {
+    pub(crate) fn staged(&mut self, staged: &Staged, limit: Stage) -> Staged {
         let mut staged = staged.clone();
         for nest in staged.stages.iter_mut().flatten() {
             let mut extents = [0; MAX_DEPTH];
@@ -65,7 +65,7 @@ impl<'a> Hoister<'a> {
 
     /// The filling staged programs, parameters first.
     #[must_use]
-    pub fn finish(self) -> (Staged, Staged) {
+    pub(crate) fn finish(self) -> (Staged, Staged) {
         let staged = |nests: Vec<Nest>| Staged { stages: vec![nests], in_place: false };
         (staged(self.parameter), staged(self.step))
     }

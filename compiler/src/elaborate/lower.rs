@@ -70,7 +70,7 @@ pub(in crate::elaborate) struct Work {
 
 impl Work {
     /// Nothing done yet; declares the variables that nothing else does.
-    pub fn new(ledger: Ledger, vars: &mut PrimaryMap<VarId, Variable>) -> Work {
+    pub(super) fn new(ledger: Ledger, vars: &mut PrimaryMap<VarId, Variable>) -> Work {
         Work {
             ledger,
             exprs: Exprs::default(),
@@ -119,7 +119,12 @@ pub(in crate::elaborate) struct Lowering<'m, 'a> {
 
 impl<'m, 'a> Lowering<'m, 'a> {
     /// Lowering over what is declared so far.
-    pub fn new(input: &'m Input<'a>, symbols: &'m Symbols<'a>, instances: &'m Instances<'a>, work: &'m mut Work) -> Lowering<'m, 'a> {
+    pub(super) fn new(
+        input: &'m Input<'a>,
+        symbols: &'m Symbols<'a>,
+        instances: &'m Instances<'a>,
+        work: &'m mut Work,
+    ) -> Lowering<'m, 'a> {
         let Work { ledger, exprs, constants, expansions, hidden, loops, fluxes, grids, quantities, names } = work;
         Lowering { input, symbols, instances, ledger, exprs, constants, expansions, hidden, loops, fluxes, grids, quantities, names }
     }

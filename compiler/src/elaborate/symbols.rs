@@ -14,27 +14,27 @@ use crate::model::Variable;
 
 /// A scope: the file, an instance of a component, or a port of one.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct ScopeId(u32);
+pub(super) struct ScopeId(u32);
 entity_impl!(ScopeId, "scope");
 
 /// Something with a name.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct SymbolId(u32);
+pub(super) struct SymbolId(u32);
 entity_impl!(SymbolId, "symbol");
 
 /// An index set.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct SetId(u32);
+pub(super) struct SetId(u32);
 entity_impl!(SetId, "set");
 
 /// A spatial domain of one instance.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct DomainId(u32);
+pub(super) struct DomainId(u32);
 entity_impl!(DomainId, "domain");
 
 /// Names of one scope.
 #[derive(Debug, Default)]
-pub struct Scope {
+pub(super) struct Scope {
     /// Path with a trailing dot, empty for the file: `R1.inlet.`
     pub prefix: String,
     /// Where names are looked up next.
@@ -45,7 +45,7 @@ pub struct Scope {
 
 /// A symbol.
 #[derive(Clone, Debug)]
-pub struct Symbol<'a> {
+pub(super) struct Symbol<'a> {
     /// Name with its path.
     pub path: String,
     /// Where it is declared.
@@ -58,7 +58,7 @@ pub struct Symbol<'a> {
 
 /// What a symbol is.
 #[derive(Clone, Debug)]
-pub enum SymbolKind<'a> {
+pub(super) enum SymbolKind<'a> {
     /// State, algebraic variable, parameter, action, discrete variable or disturbance.
     Variable { var: VarId, axes: Rc<[Axis]>, unit: Unit, declaration: &'a Declaration },
     /// Named expression; a `random` number is one whose definition draws.
@@ -93,7 +93,7 @@ pub enum SymbolKind<'a> {
 
 /// Instances in a row, by the labels of their index.
 #[derive(Clone, Debug)]
-pub struct Row {
+pub(super) struct Row {
     /// Label and scope of each.
     pub list: Vec<(String, ScopeId)>,
     by_label: FastMap<String, ScopeId>,
@@ -101,20 +101,20 @@ pub struct Row {
 
 impl Row {
     /// A row of instances.
-    pub fn new(list: Vec<(String, ScopeId)>) -> Row {
+    pub(super) fn new(list: Vec<(String, ScopeId)>) -> Row {
         let by_label = list.iter().cloned().collect();
         Row { list, by_label }
     }
 
     /// The instance with a label.
-    pub fn find(&self, label: &str) -> Option<ScopeId> {
+    pub(super) fn find(&self, label: &str) -> Option<ScopeId> {
         self.by_label.get(label).copied()
     }
 }
 
 /// One index of a declared array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Axis {
+pub(super) enum Axis {
     /// Members of a set: unrolled.
     Set(SetId),
     /// Cells of a domain: loops.
@@ -122,7 +122,7 @@ pub enum Axis {
 }
 
 /// Names in a message; of many, the first few.
-pub fn listed<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> String {
+pub(super) fn listed<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> String {
     const MANY: usize = 8;
     let n = names.len();
     let shown: Vec<&str> = names.take(if n > MANY { MANY / 2 } else { MANY }).collect();
@@ -131,7 +131,7 @@ pub fn listed<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> String {
 
 /// An index set.
 #[derive(Clone, Debug)]
-pub struct Set {
+pub(super) struct Set {
     /// Its name.
     pub name: String,
     /// Labels of its members.
@@ -144,7 +144,7 @@ pub struct Set {
 
 impl Set {
     /// A set of names, or of the integers from `first` on.
-    pub fn new(name: String, labels: Vec<String>, first: Option<i64>) -> Set {
+    pub(super) fn new(name: String, labels: Vec<String>, first: Option<i64>) -> Set {
         const LONG: usize = 32;
         let mut by_label = FastMap::default();
         if labels.len() > LONG && first.is_none() {
@@ -156,7 +156,7 @@ impl Set {
     }
 
     /// Position of a member.
-    pub fn position(&self, label: &str) -> Option<usize> {
+    pub(super) fn position(&self, label: &str) -> Option<usize> {
         if let Some(first) = self.first {
             let at = label.parse::<i64>().ok()?.checked_sub(first)?;
             return usize::try_from(at).ok().filter(|&at| self.labels.get(at).is_some_and(|l| l == label));
@@ -167,7 +167,7 @@ impl Set {
 
 /// How field values reach the faces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Scheme {
+pub(super) enum Scheme {
     /// The cell on the low side.
     Upwind,
     /// The cell on the high side.
@@ -182,7 +182,7 @@ pub enum Scheme {
 
 /// Shape of space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Geometry {
+pub(super) enum Geometry {
     /// Faces of equal area.
     Planar,
     /// Areas grow with the radius.
@@ -193,7 +193,7 @@ pub enum Geometry {
 
 /// A domain.
 #[derive(Clone, Debug)]
-pub struct Domain<'a> {
+pub(super) struct Domain<'a> {
     /// Name of the domain and of its index.
     pub name: String,
     /// Scope in which its expressions stand.
@@ -234,7 +234,7 @@ pub(in crate::elaborate) struct Port {
 
 /// All scopes, symbols, sets and domains, and the variables that they stand for.
 #[derive(Debug)]
-pub struct Symbols<'a> {
+pub(super) struct Symbols<'a> {
     /// Scopes; the file is the first.
     pub scopes: PrimaryMap<ScopeId, Scope>,
     /// Symbols in the order of declaration.
@@ -314,7 +314,7 @@ impl<'a> Symbols<'a> {
     }
 
     /// Declares a symbol; gives back the earlier one of that name in that scope.
-    pub fn declare(&mut self, name: &str, symbol: Symbol<'a>) -> Result<SymbolId, SymbolId> {
+    pub(super) fn declare(&mut self, name: &str, symbol: Symbol<'a>) -> Result<SymbolId, SymbolId> {
         let scope = symbol.scope;
         if let Some(&before) = self.scopes[scope].names.get(name) {
             return Err(before);

@@ -6,7 +6,7 @@ use memmap2::{Mmap, MmapMut};
 
 /// Several pieces of code in one mapping.
 #[derive(Debug)]
-pub struct Executable {
+pub(crate) struct Executable {
     /// `None` where there is no code.
     code: Option<Mmap>,
     offsets: Vec<Option<usize>>,
@@ -20,7 +20,7 @@ impl Executable {
     ///
     /// # Errors
     /// If the system refuses the memory or its protection.
-    pub fn new(pieces: &[&[u8]]) -> io::Result<Executable> {
+    pub(crate) fn new(pieces: &[&[u8]]) -> io::Result<Executable> {
         let mut offsets = Vec::with_capacity(pieces.len());
         let mut len = 0usize;
         for piece in pieces {
@@ -51,7 +51,7 @@ impl Executable {
 
     /// Bytes mapped.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.code.as_ref().map_or(0, |code| code.len())
     }
 }

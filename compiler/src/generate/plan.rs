@@ -17,14 +17,14 @@ const SHORTEST_WIDE: u32 = 4;
 const LONG: usize = 64;
 
 /// A function ready to be written.
-pub struct Plan {
+pub(crate) struct Plan {
     pub(super) schedules: Vec<(Schedule, Segments)>,
     pub(super) in_place: bool,
     pieces: Vec<Piece>,
 }
 
 /// What is generated at once.
-pub struct Piece {
+pub(crate) struct Piece {
     pub(super) parts: Vec<Part>,
     /// All of it is long, and straight or in loops of lanes: there is nothing for Cranelift's mid-end to move.
     pub(super) lean: bool,
@@ -69,7 +69,7 @@ impl Plan {
 
     /// The pieces, to be called in this order.
     #[must_use]
-    pub fn pieces(&self) -> &[Piece] {
+    pub(crate) fn pieces(&self) -> &[Piece] {
         &self.pieces
     }
 }
@@ -77,7 +77,7 @@ impl Plan {
 impl Piece {
     /// Number of items, by which the time of code generation may be guessed.
     #[must_use]
-    pub fn size(&self) -> usize {
+    pub(crate) fn size(&self) -> usize {
         self.size
     }
 }

@@ -15,7 +15,7 @@ use crate::schedule::{Access, Staged};
 const WORTH_A_THREAD: usize = 1000;
 
 /// A function to be generated.
-pub struct Request<'a> {
+pub(crate) struct Request<'a> {
     /// What it does.
     pub staged: &'a Staged,
     /// What it may touch.
@@ -28,7 +28,7 @@ pub struct Request<'a> {
 
 /// The code of a function.
 #[derive(Debug)]
-pub struct Generated {
+pub(crate) struct Generated {
     /// Pieces, to be called one after another.
     pub codes: Vec<Code>,
     /// Time that planning and generating took, on whichever thread.
@@ -38,7 +38,7 @@ pub struct Generated {
 impl Generated {
     /// Bytes of machine code.
     #[must_use]
-    pub fn size(&self) -> usize {
+    pub(crate) fn size(&self) -> usize {
         self.codes.iter().map(|c| c.bytes.len()).sum()
     }
 }
@@ -48,7 +48,7 @@ impl Generated {
 ///
 /// # Errors
 /// If a staged program addresses what it cannot have, or Cranelift refuses.
-pub fn generate(requests: &[Request<'_>], exprs: &Exprs, layout: &Layout, texts: bool) -> Result<Vec<Generated>, GenerateError> {
+pub(crate) fn generate(requests: &[Request<'_>], exprs: &Exprs, layout: &Layout, texts: bool) -> Result<Vec<Generated>, GenerateError> {
     let helped = exprs.len() >= WORTH_A_THREAD;
     let plans = plans(requests, exprs, layout, helped)?;
     let numbered = plans.iter().enumerate().flat_map(|(i, (plan, _))| (0..plan.pieces().len()).map(move |k| (i, k)));

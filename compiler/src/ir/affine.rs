@@ -10,7 +10,7 @@ pub type Loops = [Option<u32>; MAX_DEPTH];
 
 /// The loops of a nest.
 #[must_use]
-pub fn loops_of(extents: &[u32]) -> Loops {
+pub(crate) fn loops_of(extents: &[u32]) -> Loops {
     let mut loops = [None; MAX_DEPTH];
     loops.iter_mut().zip(extents).for_each(|(l, &extent)| *l = Some(extent));
     loops

@@ -11,11 +11,11 @@ use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, Rewritte
 use crate::model::Model;
 
 /// An element of an algebraic variable; a part of a whole array under -1, -2 and so on.
-pub type Element = (VarId, i64);
+pub(super) type Element = (VarId, i64);
 
 /// What becomes of the algebraic variables.
 #[derive(Debug, Default)]
-pub struct Plan {
+pub(crate) struct Plan {
     /// Elements whose definition is substituted, by equation.
     pub substituted: FastMap<Element, usize>,
     /// Arrays defined by loops that cover them, substituted as wholes.
@@ -30,7 +30,7 @@ pub struct Plan {
 const MANY_USES: i64 = 64;
 
 /// Decides what is substituted.
-pub fn plan(model: &mut Model, equations: &mut [Equation]) -> Plan {
+pub(crate) fn plan(model: &mut Model, equations: &mut [Equation]) -> Plan {
     let mut candidates: FastMap<Element, usize> = FastMap::default();
     for (i, equation) in equations.iter().enumerate() {
         if let EquationForm::Definition { var, at, .. } = equation.form

@@ -10,7 +10,7 @@ use crate::model::Model;
 ///
 /// # Errors
 /// Initial values that need each other, through algebraic variables that are solved for too.
-pub fn order(model: &mut Model) -> Result<(), Vec<Diagnostic>> {
+pub(crate) fn order(model: &mut Model) -> Result<(), Vec<Diagnostic>> {
     let nests = std::mem::take(&mut model.programs.initial_states.nests);
     let (nests, mut faults) = ordered_initial(nests, &model.exprs, &model.vars);
     model.programs.initial_states.nests = nests;

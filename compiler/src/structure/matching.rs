@@ -20,7 +20,7 @@ const WRITTEN_OUT: i64 = 20_000;
 ///
 /// # Errors
 /// Unknowns without an equation, equations without an unknown.
-pub fn rows(model: &mut Model, equations: Vec<Equation>, plan: &Plan, rates: &Rates) -> Result<Vec<Row>, Faults> {
+pub(crate) fn rows(model: &mut Model, equations: Vec<Equation>, plan: &Plan, rates: &Rates) -> Result<Vec<Row>, Faults> {
     let mut rows = Vec::new();
     let mut definitions = Vec::new();
     let mut implicit = Vec::new();

@@ -10,7 +10,7 @@ use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, FastMap, Flavour, LoopVar
 use crate::model::{Model, Variable};
 
 /// Which states have an explicit rate.
-pub struct Rates {
+pub(crate) struct Rates {
     /// For each state variable, whether each element has an equation `d/dt x = ...`.
     pub covered: FastMap<VarId, Vec<bool>>,
 }

@@ -7,7 +7,7 @@ use crate::model::Model;
 
 /// An algebraic variable whose elements are defined by loops over equal parts of it: one loop nest a part.
 #[derive(Clone, Debug)]
-pub struct Whole {
+pub(crate) struct Whole {
     /// The equation of each part.
     pub equations: Vec<usize>,
     /// Extents of the loops of a part.
@@ -66,7 +66,7 @@ impl Whole {
 
     /// The part in which the element of the first pass lies, and its index along each of its loops; `None` if others lie elsewhere
     /// whatever the extents of loops are. Elements of further passes [may](Self::holds) lie in other parts.
-    pub fn locate(&self, at: Affine) -> Option<(usize, Vec<Affine>)> {
+    pub(crate) fn locate(&self, at: Affine) -> Option<(usize, Vec<Affine>)> {
         let count = self.equations.len() as i64;
         let mut indices;
         let part;
@@ -88,7 +88,7 @@ impl Whole {
     }
 
     /// Whether the elements of all passes lie in one part.
-    pub fn holds(&self, at: Affine, loops: &Loops) -> bool {
+    pub(crate) fn holds(&self, at: Affine, loops: &Loops) -> bool {
         let inside = |(index, &n): (&Affine, &u32)| {
             let (low, high) = index.reach(loops);
             low >= 0 && high < i64::from(n)
@@ -97,7 +97,7 @@ impl Whole {
     }
 
     /// Passes of the loop at `depth` before which it goes over to another part, where no other loop moves it between parts.
-    pub fn turns(&self, at: Affine, depth: usize, extent: u32) -> Vec<i64> {
+    pub(crate) fn turns(&self, at: Affine, depth: usize, extent: u32) -> Vec<i64> {
         if !self.is_in_parts() {
             return Vec::new();
         }
@@ -117,7 +117,7 @@ impl Whole {
     }
 
     /// Whether it has several parts, one after another.
-    pub fn is_in_parts(&self) -> bool {
+    pub(crate) fn is_in_parts(&self) -> bool {
         !self.interleaved && self.equations.len() > 1
     }
 
@@ -146,7 +146,7 @@ impl Whole {
     }
 
     /// The addresses of the elements of each part, with the extents of their loops.
-    pub fn parts(&self) -> impl Iterator<Item = (Vec<u32>, Affine)> + '_ {
+    pub(crate) fn parts(&self) -> impl Iterator<Item = (Vec<u32>, Affine)> + '_ {
         let (size, count) = (passes(&self.extents), self.equations.len() as i64);
         let inner = if self.interleaved { Affine::along(0, LoopVar(0), count) } else { row_major(&self.extents) };
         let step = if self.interleaved { 1 } else { size };
@@ -236,7 +236,7 @@ fn one_by_one(exprs: &mut Exprs, nest: &Nest) -> Vec<Nest> {
 
 /// A definition with the counters of its loops in the place of `indices`; its sums count with counters that these do not use.
 /// `None` where the loops would nest too deeply.
-pub fn placed(exprs: &mut Exprs, value: ExprId, indices: &[Affine]) -> Option<ExprId> {
+pub(super) fn placed(exprs: &mut Exprs, value: ExprId, indices: &[Affine]) -> Option<ExprId> {
     let mut map = [Affine::default(); MAX_DEPTH];
     map[..indices.len()].copy_from_slice(indices);
     let used = indices.iter().flat_map(|at| (0..MAX_DEPTH).filter(|&d| at.strides[d] != 0)).max();

@@ -41,7 +41,7 @@ pub(in crate::elaborate) struct Declaring<'m, 'a> {
 
 impl<'m, 'a> Declaring<'m, 'a> {
     /// Nothing declared yet.
-    pub fn new(input: &'m Input<'a>, ledger: Ledger) -> Declaring<'m, 'a> {
+    pub(crate) fn new(input: &'m Input<'a>, ledger: Ledger) -> Declaring<'m, 'a> {
         let mut symbols = Symbols::default();
         let work = Work::new(ledger, &mut symbols.vars);
         Declaring { input, symbols, instances: Instances::default(), about: About::default(), work }

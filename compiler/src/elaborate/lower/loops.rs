@@ -8,7 +8,7 @@ use crate::ir::{Affine, LoopVar};
 /// The cells (or faces) of a domain, or the numbers of a range, that one piece of an equation stands for: `first + step·l` for the
 /// passes `l < count` of a loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Cell {
+pub(crate) struct Cell {
     /// Number (from 0) in the first pass.
     pub first: i64,
     /// Number of passes.
@@ -21,27 +21,27 @@ pub struct Cell {
 
 impl Cell {
     /// One cell.
-    pub fn single(number: i64) -> Self {
+    pub(crate) fn single(number: i64) -> Self {
         Cell { first: number, count: 1, along: None, step: 1 }
     }
 
     /// Ascending numbers.
-    pub fn run(first: i64, count: i64, along: LoopVar) -> Self {
+    pub(crate) fn run(first: i64, count: i64, along: LoopVar) -> Self {
         Cell { first, count, along: Some(along), step: 1 }
     }
 
     /// The number in the last pass.
-    pub fn last(self) -> i64 {
+    pub(crate) fn last(self) -> i64 {
         self.first + (self.count - 1) * self.step
     }
 
     /// The lowest and the highest number.
-    pub fn ends(self) -> (i64, i64) {
+    pub(crate) fn ends(self) -> (i64, i64) {
         (self.first.min(self.last()), self.first.max(self.last()))
     }
 
     /// The cell `by` further on.
-    pub fn shifted(self, by: i64) -> Self {
+    pub(crate) fn shifted(self, by: i64) -> Self {
         Cell { first: self.first + by, ..self }
     }
 
@@ -51,7 +51,7 @@ impl Cell {
     }
 
     /// The first pass in which it is settled otherwise than in the first one whether the number is at least `turn`.
-    pub fn turn(self, turn: i64) -> i64 {
+    pub(crate) fn turn(self, turn: i64) -> i64 {
         if self.step > 0 { turn - self.first } else { self.first - turn + 1 }
     }
 
@@ -66,7 +66,7 @@ impl Cell {
 
 /// A face of a domain: face `k` lies below cell `k`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Face {
+pub(crate) struct Face {
     /// The domain.
     pub domain: DomainId,
     /// Its number.
@@ -75,7 +75,7 @@ pub struct Face {
 
 /// Something elaborated inside a nest of loops.
 #[derive(Clone, Debug)]
-pub struct Piece<T> {
+pub(crate) struct Piece<T> {
     /// Extents of the loops, the outermost first.
     pub extents: Vec<u32>,
     /// What was made.
@@ -84,7 +84,7 @@ pub struct Piece<T> {
 
 /// A loop that is being elaborated.
 #[derive(Debug)]
-pub struct Loop {
+pub(crate) struct Loop {
     /// Number of passes.
     pub passes: i64,
     /// Passes before which the body asked for a cut.
@@ -93,7 +93,7 @@ pub struct Loop {
 
 /// The loops around what is being elaborated.
 #[derive(Debug, Default)]
-pub struct Loops {
+pub(crate) struct Loops {
     /// By depth.
     pub frames: Vec<Loop>,
     /// Indices over ranges of numbers that only count cells, in the statement that is being elaborated.

@@ -109,7 +109,7 @@ pub(crate) enum IndexKey {
 
 impl IndexKey {
     /// The key of a bound index.
-    pub fn of(bound: &Bound) -> Self {
+    pub(crate) fn of(bound: &Bound) -> Self {
         match bound {
             Bound::Member(_, i) => IndexKey::Member(*i),
             Bound::Cell(_, c) | Bound::Face(_, c) | Bound::Run(c) => IndexKey::Cell(*c),
@@ -129,7 +129,7 @@ pub(crate) enum BinderValue {
 }
 
 /// What a path such as `R1.inlet` or `col[2].c` leads to.
-pub enum Target {
+pub(crate) enum Target {
     /// A symbol.
     Symbol(SymbolId),
     /// Already a value.

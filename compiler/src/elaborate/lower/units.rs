@@ -20,32 +20,32 @@ pub(crate) fn is_plain_number(unit: &Unit) -> bool {
 }
 
 /// Whether numbers in the unit are points on a temperature scale.
-pub fn is_point(unit: &Unit) -> bool {
+pub(crate) fn is_point(unit: &Unit) -> bool {
     unit.is_point()
 }
 
 /// The unit of differences.
-pub fn difference(unit: &Unit) -> Unit {
+pub(crate) fn difference(unit: &Unit) -> Unit {
     unit.difference()
 }
 
 /// Product of units; beyond all representable exponents the unit of numbers.
-pub fn times(a: &Unit, b: &Unit) -> Unit {
+pub(crate) fn times(a: &Unit, b: &Unit) -> Unit {
     a.multiply(b).unwrap_or_else(Unit::one)
 }
 
 /// Quotient of units.
-pub fn over(a: &Unit, b: &Unit) -> Unit {
+pub(crate) fn over(a: &Unit, b: &Unit) -> Unit {
     a.divide(b).unwrap_or_else(Unit::one)
 }
 
 /// Unit of the rate of change.
-pub fn rate(unit: &Unit, time: &Unit) -> Unit {
+pub(crate) fn rate(unit: &Unit, time: &Unit) -> Unit {
     over(&difference(unit), time)
 }
 
 /// A power with an exponent that is a simple fraction.
-pub fn power(unit: &Unit, exponent: f64) -> Option<Unit> {
+pub(crate) fn power(unit: &Unit, exponent: f64) -> Option<Unit> {
     let simple = (1..=12_i32).find_map(|d| {
         let n = exponent * f64::from(d);
         ((n - n.round()).abs() < 1e-12 && n.abs() < 1e4).then(|| Rational::new(n.round() as i128, i128::from(d)))?
@@ -54,7 +54,7 @@ pub fn power(unit: &Unit, exponent: f64) -> Option<Unit> {
 }
 
 /// Factor and offset from numbers of one unit to numbers of the other; `None` where they measure different things.
-pub fn conversion(from: &Unit, to: &Unit) -> Option<(f64, f64)> {
+pub(crate) fn conversion(from: &Unit, to: &Unit) -> Option<(f64, f64)> {
     if from.is_point() != to.is_point() {
         return None;
     }
@@ -62,12 +62,12 @@ pub fn conversion(from: &Unit, to: &Unit) -> Option<(f64, f64)> {
 }
 
 /// What a unit measures, for messages.
-pub fn describe(unit: &Unit) -> String {
+pub(crate) fn describe(unit: &Unit) -> String {
     unit.describe()
 }
 
 /// "needs a length [m], this is a time [s]"
-pub fn mismatch(found: &Unit, wanted: &Unit, span: Span, what: &str, declared: Span) -> Diagnostic {
+pub(crate) fn mismatch(found: &Unit, wanted: &Unit, span: Span, what: &str, declared: Span) -> Diagnostic {
     let mut d = Diagnostic::error(codes::UNIT_MISMATCH, format!("{what} is {}, but this is {}", describe(wanted), describe(found)), span)
         .label(describe(found));
     if declared != Span::default() && declared != span {
@@ -93,7 +93,7 @@ pub(crate) fn clash(a: &Unit, sa: Span, b: &Unit, sb: Span, span: Span, verb: &s
 }
 
 /// A pure number where a quantity is needed: the number with its unit.
-pub fn literal(x: f64, unit: &Unit) -> String {
+pub(crate) fn literal(x: f64, unit: &Unit) -> String {
     format!("give the number its unit: `{x} [{unit}]`")
 }
 
@@ -117,7 +117,7 @@ fn rounded(x: f64) -> f64 {
 }
 
 /// The sides of an equation measure different things.
-pub fn sides(left: &Unit, sl: Span, right: &Unit, sr: Span) -> Diagnostic {
+pub(crate) fn sides(left: &Unit, sl: Span, right: &Unit, sr: Span) -> Diagnostic {
     Diagnostic::error(codes::UNIT_MISMATCH, format!("the left side is {}, the right side is {}", describe(left), describe(right)), sr)
         .label(describe(right))
         .secondary(sl, describe(left))

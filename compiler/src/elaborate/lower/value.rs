@@ -6,7 +6,7 @@ use crate::ir::ExprId;
 
 /// A value under construction.
 #[derive(Clone, Debug)]
-pub struct Value {
+pub(crate) struct Value {
     /// The node.
     pub expr: ExprId,
     /// What is known of its unit.
@@ -15,7 +15,7 @@ pub struct Value {
 
 /// What is known of the unit of a value.
 #[derive(Clone, Debug)]
-pub enum Measure {
+pub(crate) enum Measure {
     /// Part of an error already reported: fits everywhere.
     Poison,
     /// A truth value.
@@ -32,17 +32,17 @@ pub enum Measure {
 
 impl Value {
     /// A value with a unit.
-    pub fn of(expr: ExprId, unit: Unit) -> Self {
+    pub(crate) fn of(expr: ExprId, unit: Unit) -> Self {
         Value { expr, unit: Measure::Of(unit) }
     }
 
     /// A truth value.
-    pub fn truth(expr: ExprId) -> Self {
+    pub(crate) fn truth(expr: ExprId) -> Self {
         Value { expr, unit: Measure::Truth }
     }
 
     /// A pure number.
-    pub fn bare(expr: ExprId) -> Self {
+    pub(crate) fn bare(expr: ExprId) -> Self {
         Value { expr, unit: Measure::Bare }
     }
 
@@ -54,7 +54,7 @@ impl Value {
 
 impl Measure {
     /// The unit of a number (poison, zero and bare numbers count as dimensionless).
-    pub fn unit(&self) -> Unit {
+    pub(crate) fn unit(&self) -> Unit {
         match self {
             Measure::Of(unit) => unit.clone(),
             _ => Unit::one(),
@@ -63,7 +63,7 @@ impl Measure {
 
     /// What a value of this measure and one of the other have in common: 0 fits everything; a pure number that meets a quantity is a
     /// dimensionless quantity and no longer a number for whatever unit is declared.
-    pub fn beside(&self, other: &Measure) -> Measure {
+    pub(crate) fn beside(&self, other: &Measure) -> Measure {
         match (self, other) {
             (Measure::Zero | Measure::Nothing, m) => m.clone(),
             (Measure::Bare, Measure::Of(_)) => Measure::Of(Unit::one()),
@@ -72,12 +72,12 @@ impl Measure {
     }
 
     /// Whether the value is a pure number or fits everywhere.
-    pub fn is_plain(&self) -> bool {
+    pub(crate) fn is_plain(&self) -> bool {
         matches!(self, Measure::Poison | Measure::Zero | Measure::Nothing | Measure::Bare)
     }
 
     /// Whether the value fits every unit.
-    pub fn is_zero(&self) -> bool {
+    pub(crate) fn is_zero(&self) -> bool {
         matches!(self, Measure::Zero | Measure::Nothing)
     }
 }

@@ -11,7 +11,7 @@ use smpl_dsl::syntax::{
 
 /// A statement, with declarations, observations and contents of `at` blocks taken one by one.
 #[derive(Clone, Copy, Debug)]
-pub enum Item<'a> {
+pub(crate) enum Item<'a> {
     /// One declaration.
     Declare(Role, &'a Declaration),
     /// One observation.
@@ -24,7 +24,7 @@ pub enum Item<'a> {
 
 /// Which variants are on and which options are chosen.
 #[derive(Clone, Debug, Default)]
-pub struct Selection {
+pub(crate) struct Selection {
     /// Option of each choice, `true` for a variant that is on.
     pub chosen: HashMap<String, String>,
 }
@@ -36,7 +36,7 @@ impl Selection {
 }
 
 /// The items of a block under a selection.
-pub fn items<'a>(statements: &'a [Statement], selection: &Selection) -> Vec<Item<'a>> {
+pub(crate) fn items<'a>(statements: &'a [Statement], selection: &Selection) -> Vec<Item<'a>> {
     let mut base = plain(statements);
     for body in selected(statements, selection) {
         overlay(&mut base, items(body, selection));
@@ -45,7 +45,7 @@ pub fn items<'a>(statements: &'a [Statement], selection: &Selection) -> Vec<Item
 }
 
 /// The items of a block without its variants and choices.
-pub fn plain(statements: &[Statement]) -> Vec<Item<'_>> {
+pub(crate) fn plain(statements: &[Statement]) -> Vec<Item<'_>> {
     let mut base = Vec::new();
     for statement in statements {
         push(statement, &mut base);
@@ -74,7 +74,7 @@ fn push<'a>(statement: &'a Statement, out: &mut Vec<Item<'a>>) {
 }
 
 /// Works overriding items into those of a block.
-pub fn overlay<'a>(base: &mut Vec<Item<'a>>, over: Vec<Item<'a>>) {
+pub(crate) fn overlay<'a>(base: &mut Vec<Item<'a>>, over: Vec<Item<'a>>) {
     if over.is_empty() {
         return;
     }
@@ -164,7 +164,7 @@ fn statement_key(kind: &StatementKind) -> Option<Key<'_>> {
 }
 
 /// The name of an observation, its own or that of the variable; what it observes where it has none.
-pub fn observed(o: &Observation) -> Result<&str, Form<'_>> {
+pub(crate) fn observed(o: &Observation) -> Result<&str, Form<'_>> {
     match (&o.name, &o.value.kind) {
         (Some(name), _) => Ok(&name.text),
         (None, ExprKind::Name(name)) if o.binders.is_empty() => Ok(&name.text),
@@ -173,7 +173,7 @@ pub fn observed(o: &Observation) -> Result<&str, Form<'_>> {
 }
 
 /// The text of a reference (`J[z.low]`), as a name to be shown; what is no reference has none.
-pub fn reference(e: &Expr) -> String {
+pub(crate) fn reference(e: &Expr) -> String {
     let list = |list: &[Expr]| list.iter().map(reference).collect::<Vec<_>>().join(",");
     match &e.kind {
         ExprKind::Name(name) => name.text.clone(),

@@ -16,12 +16,12 @@ pub(in crate::elaborate) struct Grids {
 
 impl Grids {
     /// The ends of a domain.
-    pub fn ends(&self, domain: DomainId) -> Option<&Ends> {
+    pub(crate) fn ends(&self, domain: DomainId) -> Option<&Ends> {
         self.ends.get(&domain)
     }
 
     /// Notes them.
-    pub fn set(&mut self, domain: DomainId, ends: Ends) {
+    pub(crate) fn set(&mut self, domain: DomainId, ends: Ends) {
         self.ends.insert(domain, ends);
     }
 }

@@ -4,7 +4,7 @@ use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, FastMap, Flavour, ReduceF
 
 /// Numbers between two bounds, which may be infinite.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Interval {
+pub(crate) struct Interval {
     /// Lower bound.
     pub low: f64,
     /// Upper bound.
@@ -12,17 +12,17 @@ pub struct Interval {
 }
 
 /// What a variable's elements may be.
-pub type Bounds<'a> = dyn Fn(VarId, Flavour, Affine) -> Interval + 'a;
+pub(crate) type Bounds<'a> = dyn Fn(VarId, Flavour, Affine) -> Interval + 'a;
 
 impl Interval {
     /// Any number.
-    pub const ALL: Interval = Interval { low: f64::NEG_INFINITY, high: f64::INFINITY };
+    pub(crate) const ALL: Interval = Interval { low: f64::NEG_INFINITY, high: f64::INFINITY };
     const POSITIVE: Interval = Interval { low: 0.0, high: f64::INFINITY };
     const UNIT: Interval = Interval { low: -1.0, high: 1.0 };
     const ZERO: Interval = Interval::of(0.0);
 
     /// One number.
-    pub const fn of(x: f64) -> Self {
+    pub(crate) const fn of(x: f64) -> Self {
         Interval { low: x, high: x }
     }
 
@@ -46,7 +46,7 @@ impl Interval {
     }
 
     /// All sums.
-    pub fn plus(self, other: Self) -> Self {
+    pub(crate) fn plus(self, other: Self) -> Self {
         Interval { low: self.low + other.low, high: self.high + other.high }
     }
 
@@ -55,7 +55,7 @@ impl Interval {
     }
 
     /// All products.
-    pub fn times(self, other: Self) -> Self {
+    pub(crate) fn times(self, other: Self) -> Self {
         let product = |a: f64, b: f64| if a == 0.0 || b == 0.0 { 0.0 } else { a * b };
         let (l, h) = (product(self.low, other.low), product(self.high, other.high));
         let (m, n) = (product(self.low, other.high), product(self.high, other.low));
@@ -63,7 +63,7 @@ impl Interval {
     }
 
     /// The reciprocals.
-    pub fn reciprocal(self) -> Self {
+    pub(crate) fn reciprocal(self) -> Self {
         if self.is_not_negative() {
             return Interval { low: 1.0 / self.high, high: if self.low == 0.0 { f64::INFINITY } else { 1.0 / self.low } };
         }
@@ -98,12 +98,12 @@ struct Known {
 }
 
 /// What an expression may be.
-pub fn values(exprs: &Exprs, e: ExprId, bounds: &Bounds<'_>) -> Interval {
+pub(crate) fn values(exprs: &Exprs, e: ExprId, bounds: &Bounds<'_>) -> Interval {
     known(exprs, e, None, bounds).value
 }
 
 /// What the derivative of an expression with respect to a node in it may be.
-pub fn slopes(exprs: &Exprs, e: ExprId, by: ExprId, bounds: &Bounds<'_>) -> Interval {
+pub(crate) fn slopes(exprs: &Exprs, e: ExprId, by: ExprId, bounds: &Bounds<'_>) -> Interval {
     known(exprs, e, Some(by), bounds).slope
 }
 
