@@ -12,6 +12,8 @@
 //!
 //! [`compile`] is the list of these passes.
 
+#![warn(unreachable_pub)]
+
 pub mod artefact;
 pub mod compile;
 pub mod compiled;

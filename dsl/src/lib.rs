@@ -1,5 +1,7 @@
 //! smpl-dsl: the text of a model. Grammar, syntax tree with spans, diagnostics, formatter, units of measure.
 
+#![warn(unreachable_pub)]
+
 pub mod diagnostic;
 pub mod format;
 pub mod latex;

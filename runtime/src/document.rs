@@ -22,14 +22,14 @@ use smpl_compiler::read::{Read, read};
 use smpl_dsl::diagnostic::SourceMap;
 use smpl_dsl::syntax::File;
 
-pub use equations::latex;
-pub use flowsheet::flowsheet;
+pub(crate) use equations::latex;
+pub(crate) use flowsheet::flowsheet;
 
 use crate::files::read_text;
 use markdown::prose;
 
 /// The text of a model and of what it imports.
-pub struct Source {
+pub(crate) struct Source {
     files: Vec<File>,
     imports: HashMap<String, usize>,
     texts: SourceMap,
@@ -38,7 +38,7 @@ pub struct Source {
 impl Source {
     /// Reads a model's file (of a compiled model the text beside it); `None` where there is no text.
     #[must_use]
-    pub fn read(path: &Path) -> Option<Self> {
+    pub(crate) fn read(path: &Path) -> Option<Self> {
         let path =
             if path.extension().is_some_and(|e| e == crate::load::ARTEFACT_EXTENSION) { path.with_extension("eq") } else { path.into() };
         let mut texts = SourceMap::new();
@@ -50,7 +50,7 @@ impl Source {
 }
 
 /// A picture on a page: what it shows, and where it is.
-pub struct Figure {
+pub(crate) struct Figure {
     /// What it shows.
     pub text: String,
     /// Its path from the page.
@@ -59,7 +59,7 @@ pub struct Figure {
 
 /// The page of a model in Markdown, mathematics between dollar signs. Without the text, only what is known from outside.
 #[must_use]
-pub fn markdown(model: &CompiledModel, source: Option<&Source>, figures: &[Figure]) -> String {
+pub(crate) fn markdown(model: &CompiledModel, source: Option<&Source>, figures: &[Figure]) -> String {
     let interface = model.interface();
     let mut page = format!("# {}\n\n{}\n", interface.name, prose(&interface.text));
     page.push_str(&facts(interface));

@@ -27,7 +27,7 @@ pub struct WriteError {
 ///
 /// # Errors
 /// Where there is none, or it cannot be opened.
-pub fn open(path: &Path) -> io::Result<File> {
+pub(crate) fn open(path: &Path) -> io::Result<File> {
     let metadata = fs::metadata(path)?;
     if metadata.is_dir() {
         return Err(io::ErrorKind::IsADirectory.into());
@@ -42,7 +42,7 @@ pub fn open(path: &Path) -> io::Result<File> {
 ///
 /// # Errors
 /// As [`open`], and where the file is beyond reason.
-pub fn read(path: &Path) -> io::Result<Vec<u8>> {
+pub(crate) fn read(path: &Path) -> io::Result<Vec<u8>> {
     let too_large = || io::Error::new(io::ErrorKind::FileTooLarge, "is larger than a gigabyte");
     let file = open(path)?;
     if file.metadata()?.len() > MAX_BYTES {
@@ -73,7 +73,7 @@ pub(crate) fn not_utf8(bytes: &[u8]) -> String {
 
 /// Whether two paths lead to one file.
 #[must_use]
-pub fn is_same(a: &Path, b: &Path) -> bool {
+pub(crate) fn is_same(a: &Path, b: &Path) -> bool {
     match (fs::metadata(a), fs::metadata(b)) {
         (Ok(x), Ok(y)) => same_metadata(&x, &y).unwrap_or_else(|| fs::canonicalize(a).ok() == fs::canonicalize(b).ok()),
         _ => false,

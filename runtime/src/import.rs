@@ -28,7 +28,7 @@ use crate::load::{LoadError, LoadOptions, Loaded, load_text};
 
 /// A model as text of the language.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Imported {
+pub(crate) struct Imported {
     /// The text of an `.eq` file.
     pub text: String,
     /// Why units are not declared; none where they are.
@@ -37,7 +37,7 @@ pub struct Imported {
 
 /// Why a file is not turned into a model.
 #[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
-pub enum ImportError {
+pub(crate) enum ImportError {
     /// No XML.
     #[error("line {line}: this is no XML: {message}")]
     Xml {
@@ -63,7 +63,7 @@ pub enum ImportError {
 ///
 /// # Errors
 /// See [`ImportError`].
-pub fn sbml(xml: &str, file: &str) -> Result<Imported, ImportError> {
+pub(crate) fn sbml(xml: &str, file: &str) -> Result<Imported, ImportError> {
     on_own_stack(|| convert_sbml(xml, file))
 }
 

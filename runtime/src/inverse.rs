@@ -13,7 +13,7 @@ pub(crate) struct Inverse(Factorisation);
 
 impl Inverse {
     /// Factorises a matrix with partial pivoting; `None` if it is singular.
-    pub fn new(a: &DMatrix<f64>) -> Option<Self> {
+    pub(crate) fn new(a: &DMatrix<f64>) -> Option<Self> {
         let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
         for column in a.column_iter() {
             for (row, &value) in column.iter().enumerate().filter(|(_, value)| **value != 0.0) {
@@ -29,7 +29,7 @@ impl Inverse {
     }
 
     /// Replaces a right-hand side by the solution.
-    pub fn solve(&mut self, b: &mut [f64]) {
+    pub(crate) fn solve(&mut self, b: &mut [f64]) {
         self.0.solve(b);
     }
 

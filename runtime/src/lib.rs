@@ -7,6 +7,8 @@
 //!
 //! What all instances share is a [`setup::Setup`]; what changes is an [`environment::Environment`].
 
+#![warn(unreachable_pub)]
+
 pub mod batch;
 pub mod catalogue;
 pub mod cli;

@@ -36,7 +36,7 @@ struct Channel {
 }
 
 impl Sensors {
-    pub fn new(observations: &[Observed], noise: &[f64]) -> Self {
+    pub(crate) fn new(observations: &[Observed], noise: &[f64]) -> Self {
         let mut start = 0;
         let channels: Vec<Channel> = observations
             .iter()
@@ -60,14 +60,14 @@ impl Sensors {
     }
 
     /// Readings of zero, of the right lengths.
-    pub fn blank(&self) -> Readings {
+    pub(crate) fn blank(&self) -> Readings {
         let delayed = self.channels.iter().map(|c| c.ring.1).sum();
         let channels = self.channels.len();
         Readings { present: vec![0.0; channels], missing: vec![false; channels], pipeline: vec![0.0; delayed] }
     }
 
     /// First readings of an episode; a delayed channel reports them until its first sample arrives.
-    pub fn reset(&self, readings: &mut Readings, key: Option<EpisodeKey>, values: &[f64]) {
+    pub(crate) fn reset(&self, readings: &mut Readings, key: Option<EpisodeKey>, values: &[f64]) {
         for (i, (channel, &value)) in self.channels.iter().zip(values).enumerate() {
             let reading = value + channel.error(key, AT_RESET);
             readings.present[i] = reading;
@@ -77,7 +77,7 @@ impl Sensors {
     }
 
     /// Readings after `steps` completed steps.
-    pub fn read(&self, readings: &mut Readings, key: Option<EpisodeKey>, steps: u32, values: &[f64]) {
+    pub(crate) fn read(&self, readings: &mut Readings, key: Option<EpisodeKey>, steps: u32, values: &[f64]) {
         for ((missing, present), &value) in readings.missing.iter_mut().zip(&mut readings.present).zip(values) {
             *missing = !value.is_finite();
             if self.plain && !*missing {
@@ -107,7 +107,7 @@ impl Sensors {
     }
 
     /// Writes the readings, clipped to their boxes.
-    pub fn write<T: Number>(&self, readings: &Readings, normalised: bool, out: &mut [T]) {
+    pub(crate) fn write<T: Number>(&self, readings: &Readings, normalised: bool, out: &mut [T]) {
         for ((channel, &reading), out) in self.channels.iter().zip(&readings.present).zip(out) {
             let value = channel.clip(reading);
             *out = T::from_f64(if normalised { normalise(value, channel.low, channel.high) } else { value }, channel.within(normalised));

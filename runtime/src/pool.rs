@@ -17,7 +17,7 @@ pub(crate) struct Pool {
 
 impl Pool {
     /// Threads that stop when the flag says so.
-    pub fn new(count: usize, stop: &Arc<AtomicBool>) -> Result<Self, rayon::ThreadPoolBuildError> {
+    pub(crate) fn new(count: usize, stop: &Arc<AtomicBool>) -> Result<Self, rayon::ThreadPoolBuildError> {
         let builder = rayon::ThreadPoolBuilder::new().num_threads(count).thread_name(|i| format!("smpl-{i}"));
         let stop = Arc::clone(stop);
         let threads = builder.start_handler(move |_| interrupt::follow(Arc::clone(&stop))).build()?;
@@ -25,7 +25,7 @@ impl Pool {
     }
 
     /// Number of threads.
-    pub fn threads(&self) -> usize {
+    pub(crate) fn threads(&self) -> usize {
         self.threads.current_num_threads()
     }
 
@@ -35,7 +35,7 @@ impl Pool {
     }
 
     /// Runs `work` on the threads; the caller waits, and asks meanwhile whether they are to stop.
-    pub fn run(&self, stop: &AtomicBool, work: impl FnOnce() + Send) {
+    pub(crate) fn run(&self, stop: &AtomicBool, work: impl FnOnce() + Send) {
         let (done, caller) = (AtomicBool::new(false), thread::current());
         self.threads.in_place_scope(|scope| {
             scope.spawn(|_| {

@@ -77,7 +77,7 @@ pub(crate) struct Drawn {
 
 impl Drawn {
     /// Mean of its distribution.
-    pub fn mean(&self) -> f64 {
+    pub(crate) fn mean(&self) -> f64 {
         match self.kind {
             Variate::Uniform => 0.5,
             Variate::Normal => 0.0,

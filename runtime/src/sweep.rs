@@ -19,7 +19,7 @@ impl Sweep {
     ///
     /// # Errors
     /// In words, what is expected.
-    pub fn parse(text: &str) -> Result<Self, String> {
+    pub(crate) fn parse(text: &str) -> Result<Self, String> {
         let wrong = || format!("expected NAME=LOW..HIGH:COUNT or NAME=VALUE,VALUE,..., found `{text}`");
         let (name, values) = text.split_once('=').ok_or_else(wrong)?;
         let (name, values) = (name.trim(), values.trim());

@@ -95,7 +95,7 @@ pub(super) struct Crew {
 }
 
 impl Member {
-    pub fn new(setup: Arc<Setup>) -> Self {
+    pub(super) fn new(setup: Arc<Setup>) -> Self {
         let environment = Environment::without_integrator(setup);
         let info = Info::sized(&environment);
         Self {
@@ -110,7 +110,7 @@ impl Member {
         }
     }
 
-    pub fn reset(&mut self, seed: Option<u64>, options: &ResetOptions, integrator: &mut Box<dyn Integrator>) {
+    pub(super) fn reset(&mut self, seed: Option<u64>, options: &ResetOptions, integrator: &mut Box<dyn Integrator>) {
         self.pending = false;
         self.ended = false;
         if let Err(error) = self.environment.with_integrator(integrator, |environment| environment.reset(seed, options)) {
@@ -132,7 +132,7 @@ impl Member {
     }
 
     /// Reward, terminated, truncated.
-    pub fn step(&mut self, action: &[f64], options: &BatchOptions, integrator: &mut Box<dyn Integrator>) -> (f64, bool, bool) {
+    pub(super) fn step(&mut self, action: &[f64], options: &BatchOptions, integrator: &mut Box<dyn Integrator>) -> (f64, bool, bool) {
         self.ended = false;
         if self.pending {
             self.reset(None, &options.reset, integrator);

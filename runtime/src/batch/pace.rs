@@ -22,7 +22,7 @@ pub(super) struct Pace {
 
 impl Pace {
     /// Whether the next step is for many threads.
-    pub fn chooses_threads(&mut self) -> bool {
+    pub(super) fn chooses_threads(&mut self) -> bool {
         let Some(alone) = self.alone else { return false };
         let Some(together) = self.together else { return alone > WORTH_THREADS };
         let faster = together < alone;
@@ -35,7 +35,7 @@ impl Pace {
     }
 
     /// Takes note of how long a step took.
-    pub fn note(&mut self, threads: bool, took: Duration) {
+    pub(super) fn note(&mut self, threads: bool, took: Duration) {
         let known = if threads { &mut self.together } else { &mut self.alone };
         // One try in a while counts for more than one of many.
         let slower = self.since == 0;

@@ -40,7 +40,7 @@ struct Line {
 
 impl Excerpt {
     /// The lines around marks, the first of which is shown in any case, and where the marks are in them; `None` for a mark that is not there.
-    pub fn new(name: &str, text: &str, marks: &[Span]) -> (Self, Vec<Option<SourceSpan>>) {
+    pub(super) fn new(name: &str, text: &str, marks: &[Span]) -> (Self, Vec<Option<SourceSpan>>) {
         let marks: Vec<(usize, usize)> = marks.iter().map(|mark| clipped(text, *mark)).collect();
         let main = marks.first().map_or(0, |mark| mark.0);
         let near = |at: usize| text[at.min(main)..at.max(main)].bytes().filter(|b| *b == b'\n').count() <= FAR;

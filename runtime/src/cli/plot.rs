@@ -38,19 +38,19 @@ pub(super) struct Sketch {
 
 impl Sketch {
     /// A sketch of what `show` names, for runs of a setup.
-    pub fn new(path: &Path, show: &[String], setup: &Arc<Setup>) -> Result<Self, Failed> {
+    pub(super) fn new(path: &Path, show: &[String], setup: &Arc<Setup>) -> Result<Self, Failed> {
         let plans = plan(&items::of_model(setup), &names(show))?;
         Ok(Self { path: path.to_owned(), plans, follower: None })
     }
 
     /// Goes along with a run of `steps` steps.
-    pub fn follow_run(&mut self, setup: &Arc<Setup>, steps: u32) -> Result<(), Failed> {
+    pub(super) fn follow_run(&mut self, setup: &Arc<Setup>, steps: u32) -> Result<(), Failed> {
         self.follower = Follower::new(setup, &self.plans, steps)?;
         Ok(())
     }
 
     /// To be called before each step.
-    pub fn follow(&mut self, environment: &Environment, action: &[f64]) -> Result<(), Failed> {
+    pub(super) fn follow(&mut self, environment: &Environment, action: &[f64]) -> Result<(), Failed> {
         match &mut self.follower {
             Some(follower) => Ok(follower.follow(environment, action)?),
             None => Ok(()),
@@ -58,7 +58,7 @@ impl Sketch {
     }
 
     /// Draws and writes the run of an environment, whose table this is.
-    pub fn write(self, table: &Table, environment: &Environment, note: String) -> Result<(), Failed> {
+    pub(super) fn write(self, table: &Table, environment: &Environment, note: String) -> Result<(), Failed> {
         let setup = environment.setup();
         let mut run = Run::of_table("", table).with_moved(!items::knows_space(setup, environment.parameters()));
         if let Some(follower) = self.follower {
@@ -68,7 +68,7 @@ impl Sketch {
     }
 
     /// Draws and writes several runs over one another.
-    pub fn write_runs(self, runs: &[Run], setup: &Setup, note: String) -> Result<(), Failed> {
+    pub(super) fn write_runs(self, runs: &[Run], setup: &Setup, note: String) -> Result<(), Failed> {
         let unit = &setup.model().interface().time.unit;
         Ok(Picture::new(&self.plans, runs, &heading(setup, note), unit).write(&self.path)?)
     }

@@ -30,7 +30,7 @@ pub(super) enum Failed {
 
 impl Failed {
     /// Prints what is to be said; the exit status.
-    pub fn print(self) -> i32 {
+    pub(super) fn print(self) -> i32 {
         let text = match self {
             Failed::Quiet(status) => return status,
             Failed::Message(text) => text,

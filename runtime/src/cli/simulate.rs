@@ -147,7 +147,7 @@ fn declared(environment: &Environment, name: &str) -> Option<usize> {
 
 impl Policy {
     /// Number of steps that it has actions for, where it ends.
-    pub fn length(&self) -> Option<u32> {
+    pub(super) fn length(&self) -> Option<u32> {
         match self {
             Policy::Recorded(rows) => Some(rows.len() as u32),
             _ => None,
@@ -155,7 +155,7 @@ impl Policy {
     }
 
     /// Writes the action of the coming step.
-    pub fn choose(&mut self, environment: &mut Environment, action: &mut [f64]) {
+    pub(super) fn choose(&mut self, environment: &mut Environment, action: &mut [f64]) {
         let step = environment.steps();
         match self {
             Policy::Declared(index) => environment.policy(*index, action),
@@ -263,13 +263,13 @@ fn data_files(arguments: &SimulateArguments) -> impl Iterator<Item = PathBuf> {
 
 impl SimulateArguments {
     /// Files that a run reads.
-    pub fn inputs(&self) -> impl Iterator<Item = PathBuf> {
+    pub(super) fn inputs(&self) -> impl Iterator<Item = PathBuf> {
         let texts = crate::load::files_of(&self.file);
         texts.into_iter().chain(data_files(self))
     }
 
     /// What the run depends on, in words.
-    pub fn circumstances(&self) -> String {
+    pub(super) fn circumstances(&self) -> String {
         let actions = match &self.actions {
             Some(path) => format!("actions of {}", path.file_name().unwrap_or_default().display()),
             None => format!("policy {}", self.policy),
@@ -284,7 +284,7 @@ impl SimulateArguments {
 
 impl SimulateArguments {
     /// The model under options, ready to run. Warnings are shown.
-    pub fn setup(&self, options: &LoadOptions) -> Result<Arc<Setup>, Failed> {
+    pub(super) fn setup(&self, options: &LoadOptions) -> Result<Arc<Setup>, Failed> {
         let loaded = crate::load::load(&self.file, options)?;
         report::print_diagnostics(&loaded.warnings, &loaded.sources);
         self.setup_of(loaded)

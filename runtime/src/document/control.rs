@@ -14,7 +14,7 @@ const SETTINGS: &[&str] = &["setting", "value"];
 
 impl<'s> Writer<'s> {
     /// Statements of the control problem, of the start, and of instants.
-    pub fn control(&mut self, statement: &'s Statement) {
+    pub(super) fn control(&mut self, statement: &'s Statement) {
         match &statement.kind {
             StatementKind::Initial { target, random, value, clip, binders } => {
                 let relation = if *random { "\\sim" } else { "=" };

@@ -27,7 +27,7 @@ const CHOICES: &[&str] = &["choice", "options, the first one is the default", "m
 
 impl<'s> Writer<'s> {
     /// Declared quantities, one a row.
-    pub fn declarations(&mut self, role: Role, declarations: &'s [Declaration]) {
+    pub(super) fn declarations(&mut self, role: Role, declarations: &'s [Declaration]) {
         for d in declarations {
             let columns = match role {
                 Role::Param => PARAMETERS,
@@ -66,7 +66,7 @@ impl<'s> Writer<'s> {
     }
 
     /// Where values are kept in.
-    pub fn clip(&self, clip: &Clip) -> String {
+    pub(super) fn clip(&self, clip: &Clip) -> String {
         match clip {
             Clip::Bounds(_) => ", kept within its bounds".to_owned(),
             Clip::Range(low, high) => format!(", kept within {}", self.range(low, high)),
@@ -74,12 +74,12 @@ impl<'s> Writer<'s> {
     }
 
     /// Two ends.
-    pub fn range(&self, low: &Expr, high: &Expr) -> String {
+    pub(super) fn range(&self, low: &Expr, high: &Expr) -> String {
         format!("{} to {}", self.inline(low), self.inline(high))
     }
 
     /// `let`s: name, meaning, unit, and what they are.
-    pub fn definitions(&mut self, statement: &'s Statement, declarations: &'s [Declaration]) {
+    pub(super) fn definitions(&mut self, statement: &'s Statement, declarations: &'s [Declaration]) {
         for d in declarations {
             let text = d.text.clone().unwrap_or_else(|| self.remark(statement.span));
             self.label("", &declared(&d.name, &d.indices), &self.unit(d.unit.as_ref()), &text);
@@ -90,7 +90,7 @@ impl<'s> Writer<'s> {
     }
 
     /// What gives a model its structure; false for other statements.
-    pub fn structure(&mut self, kind: &'s StatementKind) -> bool {
+    pub(super) fn structure(&mut self, kind: &'s StatementKind) -> bool {
         match kind {
             StatementKind::Time { name, unit } => {
                 let unit = self.unit(Some(unit));

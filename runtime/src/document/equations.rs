@@ -5,7 +5,7 @@ use smpl_dsl::syntax::{Binder, Declaration, Expr, ExprKind, File, Flux, Ident, R
 
 /// The equations of a file and of its components in LaTeX, one display a line.
 #[must_use]
-pub fn latex(file: &File) -> String {
+pub(crate) fn latex(file: &File) -> String {
     let mut lines = Vec::new();
     collect(&file.statements, &mut lines);
     lines.into_iter().map(|line| line + "\n").collect()

@@ -24,7 +24,7 @@ const NAMES: usize = 3;
 
 /// The flowsheet; `None` where the model has no units.
 #[must_use]
-pub fn flowsheet(source: &Source, interface: &Interface) -> Option<Drawing> {
+pub(crate) fn flowsheet(source: &Source, interface: &Interface) -> Option<Drawing> {
     let mut plant = Plant::default();
     let mut statements = Vec::new();
     in_force(source, interface, 0, &mut vec![false; source.files.len()], &mut statements);

@@ -76,7 +76,7 @@ impl<'s> Writer<'s> {
     }
 
     /// A paragraph, a display.
-    pub fn block(&mut self, text: &str) {
+    pub(super) fn block(&mut self, text: &str) {
         self.flush();
         self.headings();
         self.page.push('\n');
@@ -87,7 +87,7 @@ impl<'s> Writer<'s> {
     }
 
     /// A row of a table with these columns; the table goes on where it has them already.
-    pub fn row(&mut self, heading: &'static [&'static str], row: Vec<String>) {
+    pub(super) fn row(&mut self, heading: &'static [&'static str], row: Vec<String>) {
         if self.rows.as_ref().is_none_or(|rows| rows.heading != heading) {
             self.flush();
             self.headings();
@@ -106,12 +106,12 @@ impl<'s> Writer<'s> {
     }
 
     /// A unit as it is written.
-    pub fn unit(&self, unit: Option<&UnitExpr>) -> String {
+    pub(super) fn unit(&self, unit: Option<&UnitExpr>) -> String {
         unit.map(|unit| markdown::unit(self.source.texts.text(unit.span))).unwrap_or_default()
     }
 
     /// An expression within a line: a number as it is, else mathematics.
-    pub fn inline(&self, value: &Expr) -> String {
+    pub(super) fn inline(&self, value: &Expr) -> String {
         let sign = |e: &Expr| matches!(&e.kind, ExprKind::Number { .. });
         match &value.kind {
             ExprKind::Number { value, unit } => format!("{} {}", Short(*value), self.unit(unit.as_ref())).trim_end().to_owned(),
@@ -123,7 +123,7 @@ impl<'s> Writer<'s> {
     }
 
     /// Name, meaning and unit of what a display below defines; `what` tells what it is.
-    pub fn label(&mut self, what: &str, name: &str, unit: &str, text: &str) {
+    pub(super) fn label(&mut self, what: &str, name: &str, unit: &str, text: &str) {
         let what = if what.is_empty() { String::new() } else { format!("{what} ") };
         let unit = if unit.is_empty() { String::new() } else { format!(" ({unit})") };
         let text = if text.is_empty() { String::new() } else { format!(": {}", prose(text)) };
@@ -182,7 +182,7 @@ impl<'s> Writer<'s> {
     }
 
     /// The comment behind a statement on its line.
-    pub fn remark(&self, span: Span) -> String {
+    pub(super) fn remark(&self, span: Span) -> String {
         let text = self.source.texts.file(span.file).and_then(|file| file.text().get(span.end as usize..)).unwrap_or("");
         let rest = text.lines().next().unwrap_or("").trim_start();
         rest.strip_prefix('#').map(|words| words.trim().to_owned()).unwrap_or_default()

@@ -16,7 +16,7 @@ pub(super) struct Axis {
 
 impl Axis {
     /// An axis with about `most` ticks at most.
-    pub fn new(low: f64, high: f64, most: usize) -> Self {
+    pub(super) fn new(low: f64, high: f64, most: usize) -> Self {
         let step = round_step((high - low) / most.max(1) as f64);
         let first = (low / step - 1e-9).ceil();
         let count = ((high / step + 1e-9).floor() - first).clamp(0.0, 50.0) as usize;
@@ -28,12 +28,12 @@ impl Axis {
     }
 
     /// Where a value lies, from 0 to 1.
-    pub fn share(&self, value: f64) -> f64 {
+    pub(super) fn share(&self, value: f64) -> f64 {
         (value - self.low) / (self.high - self.low)
     }
 
     /// Label of a tick.
-    pub fn label(&self, tick: f64) -> String {
+    pub(super) fn label(&self, tick: f64) -> String {
         let text = format!("{:.*}", self.decimals, tick / 10_f64.powi(self.exponent));
         let zero = text.trim_start_matches('-').chars().all(|c| matches!(c, '0' | '.'));
         // The minus sign proper is as wide as a plus.

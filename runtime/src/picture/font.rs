@@ -43,7 +43,7 @@ pub(super) fn advance(face: &Face<'_>, glyph: GlyphId) -> f64 {
 
 /// Width of a text.
 #[must_use]
-pub fn width(letters: &str, size: f64, weight: Weight) -> f64 {
+pub(super) fn width(letters: &str, size: f64, weight: Weight) -> f64 {
     const USUAL: f64 = 0.55;
     let letter = |face: &Face<'_>, c: char| advance(face, glyph(face, c));
     size * letters.chars().map(|c| face(weight).map_or(USUAL, |face| letter(face, c))).sum::<f64>()
@@ -51,7 +51,7 @@ pub fn width(letters: &str, size: f64, weight: Weight) -> f64 {
 
 /// The size, at most `size`, at which a text is no wider than `room`.
 #[must_use]
-pub fn fitting(letters: &str, size: f64, weight: Weight, room: f64) -> f64 {
+pub(super) fn fitting(letters: &str, size: f64, weight: Weight, room: f64) -> f64 {
     let wide = width(letters, size, weight);
     if wide > room && wide > 0.0 { size * room.max(0.0) / wide } else { size }
 }

@@ -62,12 +62,12 @@ pub(super) struct Placed {
 
 impl Placed {
     /// Place of a value of the abscissa.
-    pub fn across(&self, x: f64) -> f64 {
+    pub(super) fn across(&self, x: f64) -> f64 {
         self.plot.x + self.x.share(x) * self.plot.width
     }
 
     /// Place of a value of the ordinate.
-    pub fn up(&self, y: f64) -> f64 {
+    pub(super) fn up(&self, y: f64) -> f64 {
         self.plot.bottom() - self.y.share(y) * self.plot.height
     }
 }

@@ -57,7 +57,7 @@ pub(super) fn event_colour(index: usize) -> Colour {
 
 impl Legend {
     /// The legend of panels and runs in lines no wider than `room`. `phases` are the names of those that occur, with their numbers.
-    pub fn new(panels: &Panels, runs: &[Run], phases: &[(usize, String)], room: f64) -> Self {
+    pub(super) fn new(panels: &Panels, runs: &[Run], phases: &[(usize, String)], room: f64) -> Self {
         let mut entries = run_entries(runs);
         entries.extend(guides(panels));
         let event = |(i, name): (usize, &str)| Entry { sign: Sign::Event(event_colour(i)), meaning: name.to_owned() };
@@ -81,12 +81,12 @@ impl Legend {
     }
 
     /// Its height.
-    pub fn height(&self) -> f64 {
+    pub(super) fn height(&self) -> f64 {
         LINE * self.lines.len() as f64
     }
 
     /// Draws it.
-    pub fn draw(&self, drawing: &mut Drawing, left: f64, top: f64, room: f64) {
+    pub(super) fn draw(&self, drawing: &mut Drawing, left: f64, top: f64, room: f64) {
         for (i, line) in self.lines.iter().enumerate() {
             let base = top + LINE * i as f64 + 11.0;
             let mut x = left;

@@ -412,14 +412,14 @@ fn rows(cells: &[Member], space: Option<&Space>) -> (Vec<usize>, (f64, f64)) {
 
 impl Map {
     /// The axis of space, for a map of some height.
-    pub fn upwards(&self, height: f64) -> Axis {
+    pub(super) fn upwards(&self, height: f64) -> Axis {
         Axis::new(self.ends.0, self.ends.1, ((height / 26.0) as usize).clamp(2, 8))
     }
 }
 
 impl Panel {
     /// Name and unit of the coordinate, `z [cm]`, where labels are in units of ten to `exponent`.
-    pub fn place_name(&self, exponent: i32) -> String {
+    pub(super) fn place_name(&self, exponent: i32) -> String {
         format!("{} {}", self.coordinate.0, bracketed(&self.coordinate.1, exponent)).trim_end().to_owned()
     }
 }

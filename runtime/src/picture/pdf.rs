@@ -61,7 +61,7 @@ struct Page {
 ///
 /// # Errors
 /// In words, where letters cannot be embedded.
-pub fn file(drawing: &Drawing) -> Result<Vec<u8>, String> {
+pub(super) fn file(drawing: &Drawing) -> Result<Vec<u8>, String> {
     let fonts = [Weight::Regular, Weight::Bold].into_iter().filter_map(Letters::new).collect();
     let mut page = Page { content: Content::new(), height: drawing.height, fonts, images: Vec::new() };
     let point = POINT as f32;

@@ -33,7 +33,7 @@ fn paint(drawing: &Drawing, scale: f64) -> Option<Pixmap> {
 ///
 /// # Errors
 /// In words, where the picture is too large to be held.
-pub fn png(drawing: &Drawing) -> Result<Vec<u8>, String> {
+pub(super) fn png(drawing: &Drawing) -> Result<Vec<u8>, String> {
     let map = paint(drawing, 2.0).ok_or("the picture is too large")?;
     map.encode_png().map_err(|error| error.to_string())
 }
@@ -42,7 +42,7 @@ pub fn png(drawing: &Drawing) -> Result<Vec<u8>, String> {
 ///
 /// # Errors
 /// As [`png`].
-pub fn rgb(drawing: &Drawing, scale: f64) -> Result<(Vec<u8>, usize, usize), String> {
+pub(super) fn rgb(drawing: &Drawing, scale: f64) -> Result<(Vec<u8>, usize, usize), String> {
     let map = paint(drawing, scale).ok_or("the picture is too large")?;
     let bytes = map.pixels().iter().flat_map(|p| [p.red(), p.green(), p.blue()]).collect();
     Ok((bytes, map.height() as usize, map.width() as usize))

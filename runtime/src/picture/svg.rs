@@ -11,7 +11,7 @@ const FAMILIES: &str = "'DejaVu Sans Condensed','DejaVu Sans',Arial,Helvetica,sa
 
 /// The drawing as the text of an SVG file.
 #[must_use]
-pub fn text(drawing: &Drawing) -> String {
+pub(super) fn text(drawing: &Drawing) -> String {
     let mut out = String::with_capacity(64 * 1024);
     let (w, h) = (number(drawing.width), number(drawing.height));
     // Writing into a string cannot fail; so in all of this file.

@@ -15,10 +15,10 @@ use crate::solver::{Following, Pattern, RootKind, System};
 use crate::system::CompiledSystem;
 
 /// An input, or a copy of it at another instant.
-pub type Input = (VarId, Flavour);
+pub(crate) type Input = (VarId, Flavour);
 
 /// A model and its derivatives: n unknowns, then n rows of as many derivatives as there are directions.
-pub struct Augmented {
+pub(crate) struct Augmented {
     /// The model with its present inputs.
     pub system: CompiledSystem,
     width: usize,
@@ -131,7 +131,7 @@ fn add_terms(terms: &mut Vec<(u32, u32, u32, f64)>, (row, value, cell): (u32, us
 
 impl Augmented {
     /// Of a model, along so many directions.
-    pub fn new(system: &CompiledSystem, width: usize) -> Self {
+    pub(crate) fn new(system: &CompiledSystem, width: usize) -> Self {
         let inner = system.pattern();
         let entries = inner.entries();
         let switches = system.model().switches().ok();
@@ -155,7 +155,7 @@ impl Augmented {
     }
 
     /// Number of root functions that are switches of the equations, after those of the model.
-    pub fn switches(&self) -> usize {
+    pub(crate) fn switches(&self) -> usize {
         self.kinds.len() - self.system.root_count()
     }
 
@@ -163,7 +163,13 @@ impl Augmented {
     ///
     /// # Errors
     /// In words, if the equations cannot be differentiated by them.
-    pub fn set_inputs(&mut self, system: &CompiledSystem, tangents: &Tangents, moving: &[Input], live: &[usize]) -> Result<(), String> {
+    pub(crate) fn set_inputs(
+        &mut self,
+        system: &CompiledSystem,
+        tangents: &Tangents,
+        moving: &[Input],
+        live: &[usize],
+    ) -> Result<(), String> {
         self.system.restore(system.memory().all());
         let model = Arc::clone(system.model());
         if let (Ok(switches), Some(memory)) = (model.switches(), &mut self.switches) {
@@ -188,7 +194,7 @@ impl Augmented {
     ///
     /// # Errors
     /// In words, if the equations cannot be differentiated.
-    pub fn find_moved(system: &CompiledSystem, tangents: &Tangents, inputs: &[Input], moved: &mut Vec<bool>) -> Result<(), String> {
+    pub(crate) fn find_moved(system: &CompiledSystem, tangents: &Tangents, inputs: &[Input], moved: &mut Vec<bool>) -> Result<(), String> {
         let model = system.model();
         moved.clear();
         moved.resize(tangents.width(), false);

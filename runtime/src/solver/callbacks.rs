@@ -110,7 +110,7 @@ pub(crate) struct Bridge {
 
 impl Bridge {
     /// A bridge for a system with so many entries in its Jacobian.
-    pub fn new(
+    pub(super) fn new(
         operations: Operations,
         tolerances: Tolerances,
         entries: usize,
@@ -155,7 +155,7 @@ impl Bridge {
     }
 
     /// Clears what belongs to the time before a call of IDA.
-    pub fn begin(&mut self) {
+    pub(super) fn begin(&mut self) {
         self.trouble = None;
         self.steps.tiny = 0;
     }
@@ -188,36 +188,36 @@ impl Bridge {
     }
 
     /// Evaluates the residual at `y`, `yp` into `out`; whether it is finite is left open.
-    pub fn evaluate(&mut self, time: f64, y: &Content, yp: &Content, out: &mut Content) -> Result<(), c_int> {
+    pub(super) fn evaluate(&mut self, time: f64, y: &Content, yp: &Content, out: &mut Content) -> Result<(), c_int> {
         self.counts.residuals += 1;
         self.guarded(|system| system.residual(time, y.entries(), yp.entries(), out.entries_mut()))
     }
 
     /// Evaluates the Jacobian at a state into `values`; whether it is finite is left open.
-    pub fn jacobian_at(&mut self, time: f64, cj: f64, (y, yp): (&Content, &Content), values: &mut [f64]) -> Result<(), c_int> {
+    pub(super) fn jacobian_at(&mut self, time: f64, cj: f64, (y, yp): (&Content, &Content), values: &mut [f64]) -> Result<(), c_int> {
         self.counts.jacobians += 1;
         self.guarded(|system| system.jacobian(time, y.entries(), yp.entries(), cj, values))
     }
 
     /// The residual of derivatives along directions, see [`System::following`].
-    pub fn following(&mut self, at: Following<'_>, s: (&[f64], &[f64]), out: &mut [f64]) -> Result<(), c_int> {
+    pub(super) fn following(&mut self, at: Following<'_>, s: (&[f64], &[f64]), out: &mut [f64]) -> Result<(), c_int> {
         self.guarded(|system| system.following(at, s, out))
     }
 
     /// What moves them, see [`System::moving`].
-    pub fn moving(&mut self, at: Following<'_>, rates: &mut [f64]) -> Result<(), c_int> {
+    pub(super) fn moving(&mut self, at: Following<'_>, rates: &mut [f64]) -> Result<(), c_int> {
         self.guarded(|system| system.moving(at, rates))
     }
 
     /// Whether an integrand reads derivatives of the unknowns.
-    pub fn integrands_read_rates(&mut self) -> Result<bool, c_int> {
+    pub(super) fn integrands_read_rates(&mut self) -> Result<bool, c_int> {
         let mut reads = false;
         self.guarded(|system| reads = system.integrands_read_rates())?;
         Ok(reads)
     }
 
     /// Derivatives of the integrands along directions.
-    pub fn following_integrands(
+    pub(super) fn following_integrands(
         &mut self,
         t: f64,
         (y, yp): (&Content, &Content),
@@ -228,7 +228,7 @@ impl Bridge {
     }
 
     /// Whether a residual is finite; notes the trouble if it is not.
-    pub fn is_finite(&mut self, time: f64, residual: &Content) -> bool {
+    pub(super) fn is_finite(&mut self, time: f64, residual: &Content) -> bool {
         if self.operations.all_finite(residual.blocks()) {
             return true;
         }
@@ -239,13 +239,13 @@ impl Bridge {
     }
 
     /// Evaluates the residual at `y`, `yp` into `out`; an error if it is not finite.
-    pub fn residual(&mut self, time: f64, y: &Content, yp: &Content, out: &mut Content) -> Result<(), c_int> {
+    pub(super) fn residual(&mut self, time: f64, y: &Content, yp: &Content, out: &mut Content) -> Result<(), c_int> {
         self.evaluate(time, y, yp, out)?;
         if self.is_finite(time, out) { Ok(()) } else { Err(RECOVERABLE) }
     }
 
     /// Evaluates the Jacobian into `values`.
-    pub fn jacobian(&mut self, time: f64, cj: f64, y: &Content, yp: &Content) -> Result<(), c_int> {
+    pub(super) fn jacobian(&mut self, time: f64, cj: f64, y: &Content, yp: &Content) -> Result<(), c_int> {
         self.counts.jacobians += 1;
         let mut values = std::mem::take(&mut self.values);
         let done = self.guarded(|system| system.jacobian(time, y.entries(), yp.entries(), cj, &mut values));
@@ -260,14 +260,14 @@ impl Bridge {
     }
 
     /// The first time from `t` on at which the equations change their form.
-    pub fn next_break(&mut self, t: f64) -> Result<f64, c_int> {
+    pub(super) fn next_break(&mut self, t: f64) -> Result<f64, c_int> {
         let mut next = f64::INFINITY;
         self.guarded(|system| next = system.next_break(t))?;
         Ok(next)
     }
 
     /// Evaluates what time itself moves into `out`.
-    pub fn forcings(&mut self, t: f64, y: &Content, yp: &Content, out: &mut [f64]) -> Result<(), c_int> {
+    pub(super) fn forcings(&mut self, t: f64, y: &Content, yp: &Content, out: &mut [f64]) -> Result<(), c_int> {
         self.guarded(|system| system.forcings(t, y.entries(), yp.entries(), out))
     }
 
@@ -358,7 +358,7 @@ impl Bridge {
     }
 
     /// Factorises the matrix.
-    pub fn factorise(&mut self) -> c_int {
+    pub(super) fn factorise(&mut self) -> c_int {
         self.counts.factorisations += 1;
         match catch_unwind(AssertUnwindSafe(|| self.factorisation.factorise(&self.values))) {
             Err(_) => self.panicked(),

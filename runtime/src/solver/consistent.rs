@@ -99,7 +99,7 @@ pub(crate) struct Consistent {
 }
 
 impl Consistent {
-    pub fn new(system: &dyn System, operations: Operations, context: &Context) -> Result<Self, SolveError> {
+    pub(super) fn new(system: &dyn System, operations: Operations, context: &Context) -> Result<Self, SolveError> {
         let pattern = system.pattern().clone();
         let n = system.dimension();
         let differential: Box<[bool]> = system.differential().into();
@@ -142,11 +142,11 @@ impl Consistent {
     }
 
     /// Whether there are unknowns to be solved for.
-    pub fn has_algebraic(&self) -> bool {
+    pub(super) fn has_algebraic(&self) -> bool {
         !self.algebraic.is_empty()
     }
 
-    pub fn forget(&mut self) {
+    pub(super) fn forget(&mut self) {
         self.factorised = false;
         if let Some(block) = &mut self.block {
             block.forget();
@@ -154,7 +154,7 @@ impl Consistent {
     }
 
     /// Makes the algebraic unknowns of `y` consistent and sets the differential entries of `yp`, the others to zero.
-    pub fn initialise(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &mut Vector) -> Result<(), Inconsistent> {
+    pub(super) fn initialise(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &mut Vector) -> Result<(), Inconsistent> {
         yp.entries_mut().fill(0.0);
         self.evaluate(bridge, t, y, yp)?;
         if !self.algebraic.is_empty() {
@@ -168,7 +168,7 @@ impl Consistent {
     /// Brings the algebraic unknowns of `y`, which are nearly consistent, to their equations by the factors of the last g_z, and writes the residual there to
     /// `rates`; `off` is that before. False where the corrections do not fall as they would by the present g_z: nothing of `y` counts then.
     /// Where an advance ends, hardly anything is left; within it, what is below the last correction of Newton's method.
-    pub fn follow(&mut self, bridge: &mut Bridge, end: End<'_>, (off, rates): (&[f64], &mut [f64])) -> bool {
+    pub(super) fn follow(&mut self, bridge: &mut Bridge, end: End<'_>, (off, rates): (&[f64], &mut [f64])) -> bool {
         let End { t, y, yp, last } = end;
         let enough = if last { FINAL_CORRECTION } else { LAST_CORRECTION };
         if !self.factorised {
@@ -302,7 +302,7 @@ impl Consistent {
 
     /// Sets the algebraic entries of y' and returns the first step whose estimated local error is `safety` tolerances
     /// (infinite if y'' is zero).
-    pub fn first_step(&mut self, start: &mut Start<'_>, safety: f64) -> Result<f64, Inconsistent> {
+    pub(super) fn first_step(&mut self, start: &mut Start<'_>, safety: f64) -> Result<f64, Inconsistent> {
         let Start { bridge, time, interval, y, yp, quadratures } = start;
         let (t, later) = (*time, *time + (1e-7 * *interval).max(1e-8 * time.abs()).min(*interval));
         self.factorise_block(bridge, t, y, yp)?;
@@ -347,7 +347,7 @@ impl Consistent {
 
     /// Shortens a first `step`, at most `bound`, over which the rates do not stay what they are at its beginning, although they may be the same
     /// again at its end, where the error test looks. What rests and is not `forced` stays at rest.
-    pub fn look_ahead(&mut self, start: &mut Start<'_>, step: f64, bound: f64, forced: bool) -> f64 {
+    pub(super) fn look_ahead(&mut self, start: &mut Start<'_>, step: f64, bound: f64, forced: bool) -> f64 {
         if step < LONG * bound || !(forced || Self::norm(&mut self.weights, start.bridge, start.y, start.yp) * step > AT_REST) {
             return step;
         }

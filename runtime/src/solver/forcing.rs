@@ -100,12 +100,12 @@ pub(crate) struct Forcing {
 
 impl Forcing {
     /// For so many forcings.
-    pub fn new(count: usize) -> Self {
+    pub(super) fn new(count: usize) -> Self {
         Self { basis: basis(), samples: vec![0.0; count * POINTS].into(), ways: vec![Way::default(); count].into() }
     }
 
     /// Whether there is anything to look at.
-    pub fn is_empty(&self) -> bool {
+    pub(super) fn is_empty(&self) -> bool {
         self.ways.is_empty()
     }
 

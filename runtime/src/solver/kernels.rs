@@ -22,7 +22,7 @@ pub(crate) struct Block(pub [f64; LANES]);
 
 impl Block {
     /// Eight zeros.
-    pub const ZERO: Self = Self([0.0; LANES]);
+    pub(super) const ZERO: Self = Self([0.0; LANES]);
 
     #[inline(always)]
     fn map(self, f: impl Fn(f64) -> f64) -> Self {

@@ -29,7 +29,7 @@ pub(crate) struct Newton {
 }
 
 impl Newton {
-    pub fn new(length: usize, operations: Operations, context: &Context) -> Self {
+    pub(super) fn new(length: usize, operations: Operations, context: &Context) -> Self {
         Self {
             correction: Vector::zeros(length, operations, context),
             setup: None,
@@ -43,17 +43,17 @@ impl Newton {
     }
 
     /// The last correction of the last solve.
-    pub fn corrections(&self) -> &[f64] {
+    pub(super) fn corrections(&self) -> &[f64] {
         self.correction.entries()
     }
 
     /// Forgets the matrix: the next solve is the first one after a restart.
-    pub fn restart(&mut self) {
+    pub(super) fn restart(&mut self) {
         self.setup_cj = f64::NAN;
     }
 
     /// Forgets earlier solves.
-    pub fn forget(&mut self) {
+    pub(super) fn forget(&mut self) {
         self.cj = f64::NAN;
         self.setup_cj = f64::NAN;
         self.rate_factor = AFTER_SETUP;

@@ -59,7 +59,7 @@ pub(crate) struct BySteps {
 
 impl Integrals {
     /// Those of a system; `None` if it has none.
-    pub fn new(system: &dyn System, settings: &Quadratures, operations: Operations, context: &Context) -> Option<Self> {
+    pub(super) fn new(system: &dyn System, settings: &Quadratures, operations: Operations, context: &Context) -> Option<Self> {
         let count = system.quadrature_count();
         let zeros = || Vector::zeros(count, operations, context);
         let checked = match *settings {
@@ -79,7 +79,7 @@ impl Integrals {
     }
 
     /// Zero at a restart.
-    pub fn restart(&mut self, t: f64) {
+    pub(super) fn restart(&mut self, t: f64) {
         self.values.entries_mut().fill(0.0);
         if let Some(steps) = &mut self.by_steps {
             steps.restart(t);
@@ -94,7 +94,7 @@ impl Integrals {
     }
 
     /// Takes the integrals from the beginning of IDA's last step to a time in it.
-    pub fn take(&mut self, bridge: &mut Bridge, to: f64) -> Result<(), i32> {
+    pub(super) fn take(&mut self, bridge: &mut Bridge, to: f64) -> Result<(), i32> {
         let Some(steps) = &mut self.by_steps else { return Ok(()) };
         let [y, yp] = &mut self.inside;
         steps.take(to, self.values.entries_mut(), |t, rates| {
@@ -105,13 +105,13 @@ impl Integrals {
     }
 
     /// Relative tolerance, if the integrals are part of the error test.
-    pub fn checked(&self) -> Option<f64> {
+    pub(super) fn checked(&self) -> Option<f64> {
         self.checked.map(|(rtol, _)| rtol)
     }
 
     /// Evaluates the integrands where an interval begins. What they would amount to in it gives the tolerances: an integral that begins
     /// at zero is not asked for more digits than at its end.
-    pub fn begin(&mut self, bridge: &mut Bridge, t: f64, interval: f64, y: &Vector, yp: &Vector) -> Result<(), i32> {
+    pub(super) fn begin(&mut self, bridge: &mut Bridge, t: f64, interval: f64, y: &Vector, yp: &Vector) -> Result<(), i32> {
         let Some((rtol, atol)) = self.checked else { return Ok(()) };
         bridge.integrands(t, y, yp, &mut self.rates)?;
         for (tolerance, rate) in self.tolerances.entries_mut().iter_mut().zip(&self.rates) {
@@ -123,7 +123,7 @@ impl Integrals {
 
     /// Root mean square of the change of the integrands from the beginning to another point, in tolerances a unit of time; 0 if they are not part of the
     /// error test.
-    pub fn change(&mut self, bridge: &mut Bridge, t: f64, y: &Vector, yp: &Vector) -> Result<f64, i32> {
+    pub(super) fn change(&mut self, bridge: &mut Bridge, t: f64, y: &Vector, yp: &Vector) -> Result<f64, i32> {
         let Some((rtol, _)) = self.checked else { return Ok(0.0) };
         bridge.integrands(t, y, yp, &mut self.there)?;
         let tolerances = self.tolerances.entries().iter().zip(self.values.entries()).map(|(atol, value)| rtol.mul_add(value.abs(), *atol));
@@ -134,7 +134,7 @@ impl Integrals {
 
 impl BySteps {
     /// For so many integrals, with a relative and an absolute tolerance.
-    pub fn new(count: usize, (rtol, atol): (f64, f64)) -> Self {
+    pub(super) fn new(count: usize, (rtol, atol): (f64, f64)) -> Self {
         let numbers = || vec![0.0; count].into_boxed_slice();
         Self {
             rtol,
@@ -148,7 +148,7 @@ impl BySteps {
     }
 
     /// Everything begins at zero.
-    pub fn restart(&mut self, t: f64) {
+    pub(super) fn restart(&mut self, t: f64) {
         self.before.fill(0.0);
         self.begin = t;
     }
@@ -160,7 +160,12 @@ impl BySteps {
     }
 
     /// Takes the integrals to a time within the step; `integrands` writes their rates at a time.
-    pub fn take<E>(&mut self, to: f64, values: &mut [f64], mut integrands: impl FnMut(f64, &mut [f64]) -> Result<(), E>) -> Result<(), E> {
+    pub(super) fn take<E>(
+        &mut self,
+        to: f64,
+        values: &mut [f64],
+        mut integrands: impl FnMut(f64, &mut [f64]) -> Result<(), E>,
+    ) -> Result<(), E> {
         values.copy_from_slice(&self.before);
         let (mut piece, mut pieces, mut fresh) = (Piece::default(), 0, &[0, 1, 2, 3, 4][..]);
         loop {

@@ -3,7 +3,7 @@
 use super::{Advance, Edge, Following, Ida, Integrator, Pattern, RootKind, Settings, SolveError, Statistics, System};
 
 /// An integrator for systems with directions.
-pub struct Staggered {
+pub(crate) struct Staggered {
     ida: Ida,
     /// Number of leading unknowns, of integrals of theirs.
     n: usize,
@@ -25,7 +25,7 @@ impl Staggered {
     ///
     /// # Errors
     /// As for [`Ida::new`].
-    pub fn new(system: &mut dyn System, settings: Settings) -> Result<Self, SolveError> {
+    pub(crate) fn new(system: &mut dyn System, settings: Settings) -> Result<Self, SolveError> {
         settings.validate(system.dimension())?;
         let (length, width, quadratures) = (system.dimension(), system.directions(), system.quadrature_count());
         let n = length / (1 + width);

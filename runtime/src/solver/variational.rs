@@ -37,7 +37,7 @@ const MOST_OF_FIRST: f64 = 10.0;
 const MOST_REJECTIONS: u32 = 40;
 
 /// Why there is no going on.
-pub enum Stuck {
+pub(super) enum Stuck {
     /// A callback gave up, and has noted why.
     Callback,
     /// There is no step that fits.
@@ -117,7 +117,7 @@ struct Path {
 }
 
 /// Derivatives along directions, row after row, with those of the integrals behind them.
-pub struct Variational {
+pub(super) struct Variational {
     size: Size,
     equations: Equations,
     max_order: usize,
@@ -140,7 +140,7 @@ impl Variational {
     ///
     /// # Errors
     /// What the linear solvers say of the pattern.
-    pub fn new(system: &dyn System, settings: &Settings, operations: Operations, context: &Context) -> Result<Self, SolveError> {
+    pub(super) fn new(system: &dyn System, settings: &Settings, operations: Operations, context: &Context) -> Result<Self, SolveError> {
         let (pattern, width) = (system.pattern(), system.directions());
         let n = pattern.dimension();
         let integrals = system.quadrature_count() / (1 + width);
@@ -177,27 +177,27 @@ impl Variational {
     }
 
     /// Forgets the pivots of earlier factorisations.
-    pub fn forget(&mut self) {
+    pub(super) fn forget(&mut self) {
         self.matrix.factorisation.forget();
     }
 
     /// The derivatives of the unknowns.
-    pub fn derivatives(&self) -> &[f64] {
+    pub(super) fn derivatives(&self) -> &[f64] {
         &self.history.points[0][..self.size.own]
     }
 
     /// Their rates.
-    pub fn rates(&self) -> &[f64] {
+    pub(super) fn rates(&self) -> &[f64] {
         &self.rates[..self.size.own]
     }
 
     /// The derivatives of the integrals.
-    pub fn integrals(&self) -> &[f64] {
+    pub(super) fn integrals(&self) -> &[f64] {
         &self.history.points[0][self.size.own..]
     }
 
     /// Begins with derivatives of the differential unknowns at a consistent state: those of the algebraic ones, and rates, follow.
-    pub fn begin(&mut self, bridge: &mut Bridge, time: f64, (y, yp): (&Vector, &Vector), s: &[f64]) -> Result<(), Stuck> {
+    pub(super) fn begin(&mut self, bridge: &mut Bridge, time: f64, (y, yp): (&Vector, &Vector), s: &[f64]) -> Result<(), Stuck> {
         (self.history.known, self.pace.order, self.pace.length, self.pace.steady, self.pace.steps) = (1, 1, 0.0, 0, 0);
         self.history.times[0] = time;
         let first = &mut self.history.points[0];
@@ -264,7 +264,7 @@ impl Variational {
     }
 
     /// Goes on as far as steps fit into what the unknowns have come to, `to`; exactly to it if that is the `end`.
-    pub fn catch_up(&mut self, bridge: &mut Bridge, to: f64, end: f64) -> Result<(), Stuck> {
+    pub(super) fn catch_up(&mut self, bridge: &mut Bridge, to: f64, end: f64) -> Result<(), Stuck> {
         let Path { passed, count, .. } = &mut self.path;
         if to > passed[*count - 1].time {
             let state = &mut passed[*count];

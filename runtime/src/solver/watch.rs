@@ -69,7 +69,7 @@ pub(crate) struct Watch {
 
 impl Watch {
     /// For root functions of these kinds; those left out are of the default one.
-    pub fn new(roots: usize, kinds: &[RootKind]) -> Self {
+    pub(super) fn new(roots: usize, kinds: &[RootKind]) -> Self {
         let zeros = || vec![0.0; roots].into_boxed_slice();
         Self {
             kinds: (0..roots).map(|i| kinds.get(i).copied().unwrap_or_default()).collect(),
@@ -84,7 +84,7 @@ impl Watch {
         }
     }
 
-    pub fn is_empty(&self) -> bool {
+    pub(super) fn is_empty(&self) -> bool {
         self.edges.is_empty()
     }
 
@@ -95,7 +95,7 @@ impl Watch {
     }
 
     /// Takes the values at an accepted state; whether a condition has become true since the one before.
-    pub fn accept(&mut self, time: f64) -> bool {
+    pub(super) fn accept(&mut self, time: f64) -> bool {
         self.passed = (0..self.edges.len()).any(|i| self.stops(i));
         if self.passed {
             self.until = time;
@@ -144,7 +144,7 @@ impl Watch {
     }
 
     /// Conditions after the state, the inputs or the equations may have changed; whether one became true.
-    pub fn settle(&mut self, fired: &mut [c_int]) -> bool {
+    pub(super) fn settle(&mut self, fired: &mut [c_int]) -> bool {
         self.note_undefined();
         for (i, fired) in fired.iter_mut().enumerate() {
             let (value, kind, edge) = (self.values[i], self.kinds[i], self.edges[i]);

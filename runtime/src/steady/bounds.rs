@@ -12,7 +12,7 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    pub fn new(catalogue: &Catalogue, n: usize) -> Self {
+    pub(super) fn new(catalogue: &Catalogue, n: usize) -> Self {
         let mut bounds = Self { low: vec![f64::NEG_INFINITY; n], high: vec![f64::INFINITY; n], slack: vec![0.0; n] };
         for element in all(catalogue).filter(|e| !(e.low.is_nan() || e.high.is_nan())) {
             let range = element.high - element.low;
@@ -25,14 +25,14 @@ impl Bounds {
     }
 
     /// The free unknown that is furthest outside, relative to its slack.
-    pub fn outside(&self, free: &[usize], y: &[f64]) -> Option<usize> {
+    pub(super) fn outside(&self, free: &[usize], y: &[f64]) -> Option<usize> {
         let excess = |at: usize| (self.low[at] - y[at]).max(y[at] - self.high[at]) - self.slack[at];
         let relative = |at: usize| excess(at) / self.slack[at].max(f64::MIN_POSITIVE);
         free.iter().copied().filter(|&at| excess(at) > 0.0).max_by(|&a, &b| relative(a).total_cmp(&relative(b)))
     }
 
     /// The largest damping, at most one, that leads no unknown further than `part` of its way to a bound.
-    pub fn reach(&self, free: &[usize], y: &[f64], step: &[f64], part: f64) -> f64 {
+    pub(super) fn reach(&self, free: &[usize], y: &[f64], step: &[f64], part: f64) -> f64 {
         let way = |(&d, &at): (&f64, &usize)| {
             let room = if d < 0.0 { y[at] - self.low[at] } else { self.high[at] - y[at] };
             if d == 0.0 || room < 0.0 { 1.0 } else { part * room / d.abs() }
@@ -55,7 +55,7 @@ impl Bounds {
     }
 
     /// The refusal of a root with an unknown outside.
-    pub fn refusal(&self, catalogue: &Catalogue, at: usize, value: f64) -> SteadyError {
+    pub(super) fn refusal(&self, catalogue: &Catalogue, at: usize, value: f64) -> SteadyError {
         let below = value < self.low[at];
         let element = all(catalogue).find(|e| e.at == at);
         SteadyError::Outside {

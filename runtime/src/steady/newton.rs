@@ -47,7 +47,7 @@ enum Way {
 
 impl Search {
     /// `conditions` are the numbers of those that hold.
-    pub fn new(
+    pub(super) fn new(
         system: &mut CompiledSystem,
         catalogue: &Catalogue,
         fixed: &[bool],
@@ -65,7 +65,7 @@ impl Search {
     }
 
     /// Improves `y` to a steady state; the number of iterations.
-    pub fn run(&mut self, system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut [f64]) -> Result<u32, SteadyError> {
+    pub(super) fn run(&mut self, system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut [f64]) -> Result<u32, SteadyError> {
         if self.problem.free.is_empty() {
             return Ok(0);
         }
@@ -141,7 +141,7 @@ impl Search {
     }
 
     /// Whether the free unknowns are inside of their bounds.
-    pub fn is_inside(&self, y: &[f64]) -> bool {
+    pub(super) fn is_inside(&self, y: &[f64]) -> bool {
         self.bounds.outside(&self.problem.free, y).is_none()
     }
 

@@ -39,7 +39,7 @@ impl Problem {
     ///
     /// # Errors
     /// A condition that determines no state.
-    pub fn new(
+    pub(super) fn new(
         system: &mut CompiledSystem,
         catalogue: &Catalogue,
         fixed: &[bool],
@@ -97,12 +97,12 @@ impl Problem {
     }
 
     /// Rows that conditions take the place of.
-    pub fn replaced(&self) -> impl Iterator<Item = usize> + '_ {
+    pub(super) fn replaced(&self) -> impl Iterator<Item = usize> + '_ {
         self.conditions.iter().map(|c| c.1)
     }
 
     /// Whether a right-hand side gives a solution so large that the matrix of the last factorisation may be singular.
-    pub fn looks_singular(&mut self, system: &mut CompiledSystem, y: &[f64]) -> bool {
+    pub(super) fn looks_singular(&mut self, system: &mut CompiledSystem, y: &[f64]) -> bool {
         if self.factorise(system, y, 0.0).is_err() {
             return true;
         }
@@ -126,7 +126,7 @@ impl Problem {
     }
 
     /// The Jacobian with scaled columns and the rates at a point, in full; `None` where they are not finite.
-    pub fn dense(&mut self, system: &mut CompiledSystem, y: &[f64]) -> Option<(DMatrix<f64>, DVector<f64>)> {
+    pub(super) fn dense(&mut self, system: &mut CompiledSystem, y: &[f64]) -> Option<(DMatrix<f64>, DVector<f64>)> {
         self.evaluate(system, y);
         self.take_jacobian(system, y, 0.0);
         let n = self.free.len();
@@ -139,7 +139,7 @@ impl Problem {
     }
 
     /// Rows at rest.
-    pub fn evaluate(&mut self, system: &mut CompiledSystem, y: &[f64]) {
+    pub(super) fn evaluate(&mut self, system: &mut CompiledSystem, y: &[f64]) {
         system.residual(0.0, y, &self.zero, &mut self.rows);
         if !self.conditions.is_empty() {
             let missed = missed_conditions(system, y);
@@ -165,7 +165,7 @@ impl Problem {
     }
 
     /// Factorises the Jacobian with the weight `cj` of the derivatives. The column without a pivot is the error.
-    pub fn factorise(&mut self, system: &mut CompiledSystem, y: &[f64], cj: f64) -> Result<(), Option<usize>> {
+    pub(super) fn factorise(&mut self, system: &mut CompiledSystem, y: &[f64], cj: f64) -> Result<(), Option<usize>> {
         self.take_jacobian(system, y, cj);
         if self.reduced.iter().any(|v| !v.is_finite()) {
             return Err(None);
@@ -175,7 +175,7 @@ impl Problem {
     }
 
     /// Writes the correction that the last factorisation gives for the present rows.
-    pub fn correction(&mut self, out: &mut [f64]) {
+    pub(super) fn correction(&mut self, out: &mut [f64]) {
         for (value, &at) in out.iter_mut().zip(&self.free) {
             *value = -self.rows[at];
         }
@@ -189,18 +189,18 @@ impl Problem {
     }
 
     /// Whether the reduced Jacobian has no pivots whatever its numbers are.
-    pub fn is_singular(&self) -> bool {
+    pub(super) fn is_singular(&self) -> bool {
         self.factorisation.is_none()
     }
 
     /// The place in `y` of an unknown that no free equation mentions.
-    pub fn empty_column(&self) -> Option<usize> {
+    pub(super) fn empty_column(&self) -> Option<usize> {
         let column = (0..self.pattern.dimension()).find(|&c| self.pattern.column(c).is_empty())?;
         Some(self.free[column])
     }
 
     /// Largest entry of a correction relative to the scales; NaN where an entry is.
-    pub fn norm(&self, correction: &[f64]) -> f64 {
+    pub(super) fn norm(&self, correction: &[f64]) -> f64 {
         let relative = correction.iter().zip(&self.free).map(|(d, &at)| (d / self.scales[at]).abs());
         relative.fold(0.0, |norm, x| if x.is_nan() || x > norm { x } else { norm })
     }

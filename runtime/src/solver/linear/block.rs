@@ -39,12 +39,12 @@ pub(crate) struct Block {
 }
 
 impl Block {
-    pub fn new(pattern: &Pattern) -> Result<Self, SolveError> {
+    pub(crate) fn new(pattern: &Pattern) -> Result<Self, SolveError> {
         Ok(Self { pattern: pattern.clone(), structure: structure::analyse(pattern)?, pivoting: None, pivoted: false })
     }
 
     /// Dimension of the largest diagonal block of the block triangular form.
-    pub fn largest(pattern: &Pattern) -> Result<usize, SolveError> {
+    pub(crate) fn largest(pattern: &Pattern) -> Result<usize, SolveError> {
         Ok(order::Order::new(pattern)?.blocks().map(|block| block.len()).max().unwrap_or(0))
     }
 
@@ -70,11 +70,11 @@ impl Block {
         pivoting.factorise(values)
     }
 
-    pub fn forget(&mut self) {
+    pub(crate) fn forget(&mut self) {
         self.pivoted = false;
     }
 
-    pub fn solve(&mut self, b: &mut [f64]) {
+    pub(crate) fn solve(&mut self, b: &mut [f64]) {
         match &mut self.pivoting {
             Some(klu) if self.pivoted => klu.solve(b),
             _ => {

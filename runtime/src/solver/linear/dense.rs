@@ -20,7 +20,7 @@ pub(crate) struct Dense {
 }
 
 impl Dense {
-    pub fn new(pattern: &Pattern) -> Self {
+    pub(crate) fn new(pattern: &Pattern) -> Self {
         let n = pattern.dimension();
         let places =
             (0..n).flat_map(|column| pattern.rows()[pattern.column(column)].iter().map(move |row| (column * n + row) as u32)).collect();
@@ -122,7 +122,7 @@ impl Dense {
         }
     }
 
-    pub fn solve(&self, b: &mut [f64]) {
+    pub(crate) fn solve(&self, b: &mut [f64]) {
         let n = self.n;
         let b = &mut b[..n];
         // Rows were exchanged only to the right of each column, so exchanges and elimination go step by step.

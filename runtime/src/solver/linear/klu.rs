@@ -34,7 +34,7 @@ pub(crate) struct Klu {
 unsafe impl Send for Klu {}
 
 impl Klu {
-    pub fn new(pattern: &Pattern) -> Result<Self, SolveError> {
+    pub(crate) fn new(pattern: &Pattern) -> Result<Self, SolveError> {
         let signed = |from: &[usize]| from.iter().map(|&i| i as c_long).collect::<Box<[_]>>();
         let mut klu = Self {
             n: pattern.dimension() as c_long,
@@ -64,7 +64,7 @@ impl Klu {
         Ok(klu)
     }
 
-    pub fn forget(&mut self) {
+    pub(crate) fn forget(&mut self) {
         self.pivot = true;
     }
 
@@ -137,7 +137,7 @@ impl Klu {
     ///
     /// # Panics
     /// Where there are fewer numbers than the matrix has rows.
-    pub fn solve(&mut self, b: &mut [f64]) {
+    pub(crate) fn solve(&mut self, b: &mut [f64]) {
         let b = &mut b[..self.n as usize];
         // SAFETY: as many numbers as the matrix has rows; without factors KLU returns at once.
         unsafe {

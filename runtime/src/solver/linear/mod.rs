@@ -63,7 +63,7 @@ pub(crate) enum Factorisation {
 
 impl Factorisation {
     /// Space, and the symbolic analysis, for matrices of this pattern.
-    pub fn new(pattern: &Pattern, choice: LinearSolver) -> Result<Self, SolveError> {
+    pub(crate) fn new(pattern: &Pattern, choice: LinearSolver) -> Result<Self, SolveError> {
         let n = pattern.dimension();
         let full = pattern.entries() * 2 >= n * n;
         let method = match choice {
@@ -82,7 +82,7 @@ impl Factorisation {
     }
 
     /// Which it is.
-    pub fn method(&self) -> Method {
+    pub(crate) fn method(&self) -> Method {
         match self {
             Self::Dense(_) => Method::Dense,
             Self::Block(_) => Method::Block,
@@ -91,7 +91,7 @@ impl Factorisation {
     }
 
     /// Whether a factorisation takes as little time as some substitutions.
-    pub fn is_cheap(&self) -> bool {
+    pub(crate) fn is_cheap(&self) -> bool {
         let Self::Block(block) = self else { return false };
         let (factorisation, substitution) = block.products();
         factorisation <= CHEAP * substitution
@@ -118,7 +118,7 @@ impl Factorisation {
     }
 
     /// Replaces the right-hand side by the solution.
-    pub fn solve(&mut self, b: &mut [f64]) {
+    pub(crate) fn solve(&mut self, b: &mut [f64]) {
         match self {
             Self::Dense(dense) => dense.solve(b),
             Self::Block(block) => block.solve(b),
@@ -149,7 +149,7 @@ impl Factorisation {
     }
 
     /// Forgets the pivots of earlier factorisations.
-    pub fn forget(&mut self) {
+    pub(crate) fn forget(&mut self) {
         match self {
             Self::Dense(_) => {}
             Self::Block(block) => block.forget(),

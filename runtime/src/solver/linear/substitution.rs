@@ -102,7 +102,7 @@ impl Columns for Sum<'_> {
 
 impl Substitution {
     /// From the terms of each sum, of which each uses earlier sums only, and the sum that each unknown is.
-    pub fn new(sums: &[Vec<Source>], unknowns: &[u32]) -> (Self, Places) {
+    pub(super) fn new(sums: &[Vec<Source>], unknowns: &[u32]) -> (Self, Places) {
         let Schedule { chunks, operands, factors, slots, end, places } = Schedule::new(sums, unknowns.len());
         let substitution = Self {
             chunks: chunks.into(),
@@ -122,12 +122,12 @@ impl Substitution {
     }
 
     /// Number of terms, those that fill chunks up included.
-    pub fn terms(&self) -> usize {
+    pub(super) fn terms(&self) -> usize {
         self.factors.len()
     }
 
     /// Takes `factor` times a right-hand side.
-    pub fn load(&mut self, factor: f64, b: &[f64]) {
+    pub(super) fn load(&mut self, factor: f64, b: &[f64]) {
         self.operand[..self.results.len()].iter_mut().zip(b).for_each(|(operand, b)| *operand = factor * b);
     }
 
@@ -171,7 +171,7 @@ impl Substitution {
     }
 
     /// Writes the unknowns for the right-hand side taken last.
-    pub fn run(&mut self, x: &mut [f64]) {
+    pub(super) fn run(&mut self, x: &mut [f64]) {
         #[cfg(target_arch = "x86_64")]
         {
             #[target_feature(enable = "avx2,fma")]

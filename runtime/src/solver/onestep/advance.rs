@@ -27,7 +27,7 @@ const STRAY: f64 = 10.0;
 const SHORT: f64 = 1e-8;
 
 /// An integrator with its system at hand.
-pub struct Run<'a> {
+pub(super) struct Run<'a> {
     pub one: &'a mut OneStep,
     pub system: &'a mut dyn System,
 }

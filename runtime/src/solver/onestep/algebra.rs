@@ -24,7 +24,7 @@ pub(crate) struct Algebra {
 unsafe impl Send for Algebra {}
 
 /// Why there are no consistent values: what was noted, or what Newton's method met.
-pub enum Failure {
+pub(super) enum Failure {
     Noted(Trouble),
     Method(SolveError),
 }
@@ -34,7 +34,7 @@ impl Algebra {
     ///
     /// # Errors
     /// SUNDIALS out of memory, or a pattern that the linear solvers refuse.
-    pub fn new(system: &dyn System, settings: &Settings) -> Result<Self, SolveError> {
+    pub(super) fn new(system: &dyn System, settings: &Settings) -> Result<Self, SolveError> {
         let context = &Context::new()?;
         let (n, operations) = (system.dimension(), Operations::detect());
         // IDA's matrix is not used.
@@ -52,7 +52,7 @@ impl Algebra {
     }
 
     /// Makes the algebraic unknowns of `y` consistent and sets the differential entries of `yp`, the others to zero.
-    pub fn solve(&mut self, system: &mut dyn System, t: f64, y: &mut [f64], yp: &mut [f64]) -> Result<(), Failure> {
+    pub(super) fn solve(&mut self, system: &mut dyn System, t: f64, y: &mut [f64], yp: &mut [f64]) -> Result<(), Failure> {
         self.y.entries_mut().copy_from_slice(y);
         let found = self.with(system, |this| this.consistent.initialise(&mut this.bridge, t, &mut this.y, &mut this.yp));
         found.map_err(|cause| self.failure(t, cause))?;
@@ -63,7 +63,7 @@ impl Algebra {
 
     /// The same where `y` is nearly consistent and `off` is F(t, y, 0) there: without another Jacobian, if that serves.
     /// `last` where an advance ends.
-    pub fn follow(
+    pub(super) fn follow(
         &mut self,
         system: &mut dyn System,
         (t, last): (f64, bool),
@@ -105,13 +105,13 @@ impl Algebra {
     }
 
     /// Forgets the order of pivots and the work done.
-    pub fn forget(&mut self) {
+    pub(super) fn forget(&mut self) {
         self.consistent.forget();
         self.bridge.counts = Statistics::default();
     }
 
     /// The work done.
-    pub fn counts(&self) -> Statistics {
+    pub(super) fn counts(&self) -> Statistics {
         self.bridge.counts
     }
 }

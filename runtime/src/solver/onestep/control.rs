@@ -18,7 +18,7 @@ const NEGLIGIBLE: f64 = 2e-8;
 
 /// How a method's error grows with its step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Growth {
+pub(super) enum Growth {
     /// With its fifth power.
     Fifth,
     /// With its eighth power.
@@ -27,7 +27,7 @@ pub enum Growth {
 
 /// What the next step is chosen from.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Control {
+pub(super) struct Control {
     /// The step that fits; zero where none is known.
     pub proposed: f64,
     /// A root of the error of the last accepted step.
@@ -43,7 +43,7 @@ fn root32(x: f64) -> f64 {
 
 /// The first step for rates that amount to `speed` tolerances a unit of time and change by `change` of them in one, found by a look `ahead`; infinite for
 /// what rests (Hairer, Nørsett and Wanner, *Solving Ordinary Differential Equations I*, section II.4).
-pub fn first_step(speed: f64, change: f64, ahead: f64, growth: Growth) -> f64 {
+pub(super) fn first_step(speed: f64, change: f64, ahead: f64, growth: Growth) -> f64 {
     let most = speed.max(change);
     if most == 0.0 {
         return f64::INFINITY;
@@ -59,7 +59,7 @@ pub fn first_step(speed: f64, change: f64, ahead: f64, growth: Growth) -> f64 {
 
 impl Control {
     /// Begins with a step, without history.
-    pub fn begin(step: f64) -> Self {
+    pub(super) fn begin(step: f64) -> Self {
         Self { proposed: step, last: 1.0, rejected: false }
     }
 
@@ -78,7 +78,7 @@ impl Control {
     }
 
     /// Notes the error of an accepted step, in tolerances.
-    pub fn accept(&mut self, step: f64, error: f64, growth: Growth) {
+    pub(super) fn accept(&mut self, step: f64, error: f64, growth: Growth) {
         if growth == Growth::Eighth && error < NEGLIGIBLE {
             // As below, without its roots; `last` is the other method's, and that begins anew.
             let next = step * if self.rejected { 1.0 } else { MOST };

@@ -27,7 +27,7 @@ pub(crate) const STAGES: [&[usize]; 16] = [
 ];
 
 /// Nodes.
-pub const C: [f64; 16] = [
+pub(super) const C: [f64; 16] = [
     0.0,
     0.052_600_151_958_767_73,
     0.078_900_227_938_151_6,
@@ -187,7 +187,7 @@ pub(crate) const E5: [f64; 8] = [
 ];
 
 /// The higher terms of the dense output, of stages 1 and 6 to 16.
-pub const D: [[f64; 12]; 4] = [
+pub(super) const D: [[f64; 12]; 4] = [
     [
         -8.428_938_276_109_013,
         0.566_714_953_519_377_7,

@@ -16,7 +16,7 @@ const CHANCE: f64 = 0.03;
 const SMALL: f64 = 0.5;
 
 /// Space for a step, and its polynomial.
-pub struct Explicit {
+pub(super) struct Explicit {
     /// Rates at stages 2 to 12, then at those of the dense output.
     k: [Quads; 11],
     extra: [Quads; 3],
@@ -35,7 +35,7 @@ pub struct Explicit {
 
 impl Explicit {
     /// Space for so many unknowns.
-    pub fn new(n: usize) -> Self {
+    pub(super) fn new(n: usize) -> Self {
         let space = || zeros(n);
         Self {
             k: std::array::from_fn(|_| space()),
@@ -51,7 +51,7 @@ impl Explicit {
     }
 
     /// Takes a step from the frame's beginning to its end; the error in tolerances, not a number where something is not finite.
-    pub fn attempt(&mut self, frame: &mut Frame, system: &mut dyn System) -> f64 {
+    pub(super) fn attempt(&mut self, frame: &mut Frame, system: &mut dyn System) -> f64 {
         take_stages(frame.n, self, frame, system)
     }
 
@@ -104,7 +104,7 @@ impl Explicit {
     }
 
     /// The error of the last step, unknown by unknown.
-    pub fn error(&mut self, frame: &Frame) -> &[Quad] {
+    pub(super) fn error(&mut self, frame: &Frame) -> &[Quad] {
         let [_, _, _, _, k6, k7, k8, k9, k10, k11, k12] = &self.k;
         let terms = [&frame.begin_rates[..], k6, k7, k8, k9, k10, k11, k12];
         for (i, out) in self.error.iter_mut().enumerate() {
@@ -134,7 +134,7 @@ impl Explicit {
     }
 
     /// Makes the polynomial of the last step: three more evaluations.
-    pub fn prepare(&mut self, frame: &mut Frame, system: &mut dyn System) {
+    pub(super) fn prepare(&mut self, frame: &mut Frame, system: &mut dyn System) {
         let (t, h) = (frame.t, frame.h);
         let Frame { begin, begin_rates: k1, end, end_rates: k13, functions, .. } = frame;
         let (k1, k13, place) = (&*k1, &*k13, &mut self.place);
@@ -161,7 +161,7 @@ impl Explicit {
     }
 
     /// Unknowns, and derivatives where they are asked for, at a time within the last step.
-    pub fn interpolate(&self, t: f64, y: &mut [Quad], yp: Option<&mut [Quad]>) {
+    pub(super) fn interpolate(&self, t: f64, y: &mut [Quad], yp: Option<&mut [Quad]>) {
         let x = ((t - self.begin) / self.length).clamp(0.0, 1.0);
         let (rest, per_length) = (1.0 - x, 1.0 / self.length);
         let Some(yp) = yp else {

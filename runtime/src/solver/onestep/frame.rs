@@ -6,7 +6,7 @@ use super::super::{Settings, Statistics, System};
 use super::numbers::{Quad, Quads, entries, entries_mut, filled, from, zeros};
 
 /// What a step begins and ends with.
-pub struct Frame {
+pub(super) struct Frame {
     /// Number of unknowns.
     pub n: usize,
     /// Whether time occurs in the equations.
@@ -34,7 +34,7 @@ pub struct Frame {
 }
 
 /// The functions of the system.
-pub struct Functions {
+pub(super) struct Functions {
     n: usize,
     pub counts: Statistics,
     /// What went wrong last.
@@ -45,7 +45,7 @@ pub struct Functions {
 }
 
 impl Frame {
-    pub fn new(system: &dyn System, settings: &Settings) -> Self {
+    pub(super) fn new(system: &dyn System, settings: &Settings) -> Self {
         let n = system.dimension();
         let differential = || system.differential().iter().map(|&d| f64::from(u8::from(d)));
         let leading = n / (1 + system.directions());
@@ -88,7 +88,7 @@ impl Frame {
 
     /// Sums of squares over the unknowns, in tolerances, of two vectors.
     #[inline(always)]
-    pub fn squares(&self, mut first: impl FnMut(usize) -> Quad, mut second: impl FnMut(usize) -> Quad) -> [f64; 2] {
+    pub(super) fn squares(&self, mut first: impl FnMut(usize) -> Quad, mut second: impl FnMut(usize) -> Quad) -> [f64; 2] {
         let (mut a, mut b) = ([0.0; 4], [0.0; 4]);
         for i in 0..self.begin.len() {
             let weights = self.weights(i);
@@ -128,7 +128,7 @@ impl Frame {
     }
 
     /// The unknown that is largest, in tolerances; one that is no number is larger than all.
-    pub fn largest(&self, x: &[Quad]) -> Option<usize> {
+    pub(super) fn largest(&self, x: &[Quad]) -> Option<usize> {
         let sizes = (0..self.n).map(|at| (at, (x[at / 4][at % 4] * self.weights(at / 4)[at % 4]).abs()));
         let order = |x: f64| if x.is_nan() { f64::INFINITY } else { x };
         sizes.map(|(at, size)| (at, order(size))).filter(|&(_, size)| size > 0.0).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(at, _)| at)
@@ -148,7 +148,7 @@ impl Frame {
         self.t = t;
     }
 
-    pub fn y(&self) -> &[f64] {
+    pub(super) fn y(&self) -> &[f64] {
         entries(&self.begin, self.n)
     }
 
@@ -169,7 +169,7 @@ fn add_squares(sums: &mut Quad, x: Quad, weights: Quad) {
 impl Functions {
     /// F(t, y, 0).
     #[inline]
-    pub fn rates(&mut self, system: &mut dyn System, t: f64, y: &[Quad], out: &mut [Quad]) {
+    pub(super) fn rates(&mut self, system: &mut dyn System, t: f64, y: &[Quad], out: &mut [Quad]) {
         self.counts.residuals += 1;
         system.residual(t, entries(y, self.n), entries(&self.zeros, self.n), entries_mut(out, self.n));
         if self.checks {
@@ -185,7 +185,7 @@ impl Functions {
 
     /// Notes what is not finite, the first time.
     #[cold]
-    pub fn check(&mut self, time: f64, rates: &[Quad]) {
+    pub(super) fn check(&mut self, time: f64, rates: &[Quad]) {
         let found = entries(rates, self.n).iter().position(|x| !x.is_finite());
         if let (None, Some(row)) = (self.trouble, found) {
             self.trouble = Some(Trouble::Residual { time, row });
@@ -194,7 +194,7 @@ impl Functions {
 
     /// ∂F/∂y + `cj` ∂F/∂y', with y' = 0; whether it is finite.
     #[inline]
-    pub fn jacobian(&mut self, system: &mut dyn System, t: f64, cj: f64, y: &[Quad], values: &mut [f64]) -> bool {
+    pub(super) fn jacobian(&mut self, system: &mut dyn System, t: f64, cj: f64, y: &[Quad], values: &mut [f64]) -> bool {
         self.counts.jacobians += 1;
         system.jacobian(t, entries(y, self.n), entries(&self.zeros, self.n), cj, values);
         let finite = all_finite(values);

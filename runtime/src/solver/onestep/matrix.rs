@@ -8,7 +8,7 @@ use super::super::{LinearSolver, Pattern, SolveError};
 use super::numbers::{Quad, entries, entries_mut};
 
 /// A matrix by compressed columns.
-pub enum Matrix {
+pub(super) enum Matrix {
     /// Up to eight unknowns.
     Small(Box<dyn Small>),
     /// As many as there are.
@@ -20,7 +20,7 @@ impl Matrix {
     ///
     /// # Errors
     /// What the linear solvers say of the pattern.
-    pub fn new(pattern: &Pattern, choice: LinearSolver) -> Result<Self, SolveError> {
+    pub(super) fn new(pattern: &Pattern, choice: LinearSolver) -> Result<Self, SolveError> {
         let n = pattern.dimension();
         let small: Option<Box<dyn Small>> = match n {
             _ if !matches!(choice, LinearSolver::Auto | LinearSolver::Dense) => None,
@@ -67,7 +67,7 @@ impl Matrix {
     }
 
     /// Forgets the pivots of earlier factorisations.
-    pub fn forget(&mut self) {
+    pub(super) fn forget(&mut self) {
         if let Self::General(factorisation, _) = self {
             factorisation.forget();
         }
@@ -75,7 +75,7 @@ impl Matrix {
 }
 
 /// A matrix whose dimension is known to the compiler.
-pub trait Small: Send {
+pub(super) trait Small: Send {
     /// Factorises the matrix with these entries, in the pattern's order.
     fn factorise(&mut self, values: &[f64]) -> Result<(), Singular>;
 

@@ -33,7 +33,7 @@ enum By {
 }
 
 /// The methods that the settings allow.
-pub struct Methods {
+pub(super) struct Methods {
     rosenbrock: Option<Rosenbrock>,
     explicit: Option<Explicit>,
     /// The explicit pair of lower order, which takes a step where it covers all that is left.

@@ -6,10 +6,10 @@
 const LANES: usize = 4;
 
 /// Four neighbouring entries.
-pub type Quad = [f64; LANES];
+pub(super) type Quad = [f64; LANES];
 
 /// A vector, its last four filled up with zeros.
-pub type Quads = Box<[Quad]>;
+pub(super) type Quads = Box<[Quad]>;
 
 /// Unknowns from which on wider instructions gain more than it costs to ask for them.
 pub(crate) const LONG: usize = 8;
@@ -37,17 +37,17 @@ macro_rules! widened {
 pub(crate) use widened;
 
 /// Zeros for so many entries.
-pub fn zeros(length: usize) -> Quads {
+pub(super) fn zeros(length: usize) -> Quads {
     filled(length, 0.0)
 }
 
 /// Entries of one value, filled up with the same.
-pub fn filled(length: usize, value: f64) -> Quads {
+pub(super) fn filled(length: usize, value: f64) -> Quads {
     vec![[value; LANES]; length.div_ceil(LANES)].into()
 }
 
 /// A vector with these entries, filled up with `rest`.
-pub fn from(entries: impl IntoIterator<Item = f64>, length: usize, rest: f64) -> Quads {
+pub(super) fn from(entries: impl IntoIterator<Item = f64>, length: usize, rest: f64) -> Quads {
     let mut quads = filled(length, rest);
     quads.as_flattened_mut().iter_mut().zip(entries).for_each(|(to, from)| *to = from);
     quads
@@ -55,7 +55,7 @@ pub fn from(entries: impl IntoIterator<Item = f64>, length: usize, rest: f64) ->
 
 /// The entries themselves.
 #[inline(always)]
-pub fn entries(quads: &[Quad], length: usize) -> &[f64] {
+pub(super) fn entries(quads: &[Quad], length: usize) -> &[f64] {
     &quads.as_flattened()[..length]
 }
 
@@ -67,7 +67,7 @@ pub(crate) fn entries_mut(quads: &mut [Quad], length: usize) -> &mut [f64] {
 
 /// `f(i, lane)` for all entries of all fours.
 #[inline(always)]
-pub fn set(out: &mut [Quad], mut f: impl FnMut(usize, usize) -> f64) {
+pub(super) fn set(out: &mut [Quad], mut f: impl FnMut(usize, usize) -> f64) {
     for (i, out) in out.iter_mut().enumerate() {
         for (lane, out) in out.iter_mut().enumerate() {
             *out = f(i, lane);
@@ -77,7 +77,7 @@ pub fn set(out: &mut [Quad], mut f: impl FnMut(usize, usize) -> f64) {
 
 /// `out = base + factor * sum over j of factors[j] terms[j]`.
 #[inline(always)]
-pub fn combine<const N: usize>(out: &mut [Quad], base: &[Quad], factor: f64, factors: &[f64; N], terms: [&Quads; N]) {
+pub(super) fn combine<const N: usize>(out: &mut [Quad], base: &[Quad], factor: f64, factors: &[f64; N], terms: [&Quads; N]) {
     let n = out.len();
     let (base, terms) = (&base[..n], terms.map(|term| &term[..n]));
     for (i, (out, base)) in out.iter_mut().zip(base).enumerate() {
@@ -90,7 +90,7 @@ pub fn combine<const N: usize>(out: &mut [Quad], base: &[Quad], factor: f64, fac
 
 /// `sum over j of factors[j] terms[j]` in the four `i`.
 #[inline(always)]
-pub fn weighted<const N: usize>(i: usize, factors: &[f64; N], terms: &[&[Quad]; N]) -> Quad {
+pub(super) fn weighted<const N: usize>(i: usize, factors: &[f64; N], terms: &[&[Quad]; N]) -> Quad {
     let mut sum = [0.0; LANES];
     for (factor, term) in factors.iter().zip(terms) {
         sum.iter_mut().zip(&term[i]).for_each(|(sum, term)| *sum += factor * term);
@@ -100,7 +100,7 @@ pub fn weighted<const N: usize>(i: usize, factors: &[f64; N], terms: &[&[Quad]; 
 
 /// Sum over all entries of `f(i, lane)`, in a fixed order.
 #[inline(always)]
-pub fn sum(n: usize, mut f: impl FnMut(usize, usize) -> f64) -> f64 {
+pub(super) fn sum(n: usize, mut f: impl FnMut(usize, usize) -> f64) -> f64 {
     let mut sums = [0.0; LANES];
     for i in 0..n {
         for (lane, sum) in sums.iter_mut().enumerate() {

@@ -11,7 +11,7 @@ use super::rodas5p::*;
 const TIME_DIFFERENCE: f64 = 1e-4;
 
 /// Space for a step, and its polynomial.
-pub struct Rosenbrock {
+pub(super) struct Rosenbrock {
     matrix: Matrix,
     values: Box<[f64]>,
     columns: Box<[u32]>,
@@ -37,7 +37,7 @@ impl Rosenbrock {
     ///
     /// # Errors
     /// What the linear solvers say of the pattern.
-    pub fn new(system: &dyn System, choice: LinearSolver) -> Result<Self, SolveError> {
+    pub(super) fn new(system: &dyn System, choice: LinearSolver) -> Result<Self, SolveError> {
         let (n, pattern) = (system.dimension(), system.pattern());
         let space = || zeros(n);
         let on_diagonal = |column: usize| pattern.column(column).find(move |&entry| pattern.rows()[entry] == column);
@@ -64,17 +64,17 @@ impl Rosenbrock {
     }
 
     /// Forgets the pivots of earlier factorisations.
-    pub fn forget(&mut self) {
+    pub(super) fn forget(&mut self) {
         self.matrix.forget();
     }
 
     /// Where entries of the pattern stand, for messages.
-    pub fn place_of(&self, entry: usize) -> (usize, usize) {
+    pub(super) fn place_of(&self, entry: usize) -> (usize, usize) {
         (self.rows[entry] as usize, self.columns[entry] as usize)
     }
 
     /// Takes a step from the frame's beginning to its end; the error in tolerances, not a number where something is not finite.
-    pub fn attempt(&mut self, frame: &mut Frame, system: &mut dyn System) -> f64 {
+    pub(super) fn attempt(&mut self, frame: &mut Frame, system: &mut dyn System) -> f64 {
         let (t, h) = (frame.t, frame.h);
         let functions = &mut frame.functions;
         if !functions.jacobian(system, t, 1.0 / (h * GAMMA), &frame.begin, &mut self.values) {
@@ -165,7 +165,7 @@ impl Rosenbrock {
     }
 
     /// Makes the polynomial of the last step.
-    pub fn prepare(&mut self, frame: &Frame) {
+    pub(super) fn prepare(&mut self, frame: &Frame) {
         make_terms(frame.n, self, frame);
         (self.begin, self.length) = (frame.t, frame.h);
     }
@@ -184,7 +184,7 @@ impl Rosenbrock {
     }
 
     /// Unknowns, and derivatives where they are asked for, at a time within the last step.
-    pub fn interpolate(&self, t: f64, y: &mut [Quad], yp: Option<&mut [Quad]>) {
+    pub(super) fn interpolate(&self, t: f64, y: &mut [Quad], yp: Option<&mut [Quad]>) {
         match yp {
             Some(yp) => evaluate(4 * y.len(), self, t, y, yp),
             None => evaluate_values(4 * y.len(), self, t, y),
@@ -223,7 +223,7 @@ impl Rosenbrock {
     }
 
     /// What the error of the last step was measured by.
-    pub fn error(&self) -> &[Quad] {
+    pub(super) fn error(&self) -> &[Quad] {
         &self.u[7]
     }
 }

@@ -6,7 +6,7 @@ use super::numbers::{Quad, Quads, combine, set, weighted, widened, zeros};
 use super::tsit5::*;
 
 /// Space for a step, and its polynomial.
-pub struct Short {
+pub(super) struct Short {
     /// Rates at stages 2 to 6.
     k: [Quads; 5],
     /// Unknowns at a stage.
@@ -20,7 +20,7 @@ pub struct Short {
 
 impl Short {
     /// Space for so many unknowns.
-    pub fn new(n: usize) -> Self {
+    pub(super) fn new(n: usize) -> Self {
         let space = || zeros(n);
         Self {
             k: std::array::from_fn(|_| space()),
@@ -33,7 +33,7 @@ impl Short {
     }
 
     /// Takes a step from the frame's beginning to its end, rates there included; the error in tolerances, not a number where something is not finite.
-    pub fn attempt(&mut self, frame: &mut Frame, system: &mut dyn System) -> f64 {
+    pub(super) fn attempt(&mut self, frame: &mut Frame, system: &mut dyn System) -> f64 {
         take_stages(frame.n, self, frame, system)
     }
 
@@ -61,7 +61,7 @@ impl Short {
     }
 
     /// Makes the polynomial of the last step.
-    pub fn prepare(&mut self, frame: &Frame) {
+    pub(super) fn prepare(&mut self, frame: &Frame) {
         let [k2, k3, k4, k5, k6] = &self.k;
         let stages = [&frame.begin_rates[..], k2, k3, k4, k5, k6, &frame.end_rates];
         self.first.copy_from_slice(&frame.begin);
@@ -74,7 +74,7 @@ impl Short {
     }
 
     /// Unknowns, and derivatives where they are asked for, at a time within the last step.
-    pub fn interpolate(&self, t: f64, y: &mut [Quad], yp: Option<&mut [Quad]>) {
+    pub(super) fn interpolate(&self, t: f64, y: &mut [Quad], yp: Option<&mut [Quad]>) {
         let x = ((t - self.begin) / self.length).clamp(0.0, 1.0);
         let per_length = 1.0 / self.length;
         let [a, b, c, d] = &self.terms;

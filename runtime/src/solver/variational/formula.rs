@@ -6,17 +6,17 @@
 use super::super::linear::columns::with_fma;
 
 /// Highest order.
-pub const MAX_ORDER: usize = 5;
+pub(super) const MAX_ORDER: usize = 5;
 
 /// Points that are kept: one more than a prediction of one order more takes.
-pub const POINTS: usize = MAX_ORDER + 2;
+pub(super) const POINTS: usize = MAX_ORDER + 2;
 
 /// Numbers that stay in registers.
 const PIECE: usize = 16;
 
 /// A formula of an order at a new point.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Formula {
+pub(super) struct Formula {
     pub order: usize,
     /// Weights of the new value and of the last `order` ones in its derivative.
     pub weight: f64,
@@ -29,7 +29,7 @@ pub struct Formula {
 
 impl Formula {
     /// Of an order at a time, behind points at `times`, latest first.
-    pub fn new(order: usize, time: f64, times: &[f64]) -> Self {
+    pub(super) fn new(order: usize, time: f64, times: &[f64]) -> Self {
         let mut formula = Self { order, ..Self::default() };
         let last = &times[..order];
         formula.weight = last.iter().map(|&other| 1.0 / (time - other)).sum();
@@ -43,7 +43,7 @@ impl Formula {
     }
 
     /// The local error of this order in parts of the difference of another order's solution to this one's prediction.
-    pub fn error_of_other(&self, time: f64, times: &[f64]) -> f64 {
+    pub(super) fn error_of_other(&self, time: f64, times: &[f64]) -> f64 {
         1.0 / (self.weight * (time - times[self.order]))
     }
 }
@@ -55,11 +55,11 @@ fn product(time: f64, times: &[f64], i: usize) -> f64 {
 }
 
 /// Last points, latest first.
-pub type Points<'a> = [&'a [f64]; POINTS];
+pub(super) type Points<'a> = [&'a [f64]; POINTS];
 
 with_fma! {
     /// Sums of the last points by two lists of weights.
-    pub fn combine(points: &Points<'_>, formula: &Formula, rates: &mut [f64], values: &mut [f64]) = combine_portable
+    pub(super) fn combine(points: &Points<'_>, formula: &Formula, rates: &mut [f64], values: &mut [f64]) = combine_portable
 }
 
 #[inline(always)]
@@ -94,7 +94,7 @@ fn sums<const B: usize>(points: &Points<'_>, formula: &Formula, first: usize) ->
 
 with_fma! {
     /// Sum of squares of the differences to a prediction, in tolerances: `atol` + `rtol` times the larger of new and old size.
-    pub fn distance(new: &[f64], old: &[f64], predicted: &[f64], rtol: f64, atol: &[f64]) -> f64 = distance_portable
+    pub(super) fn distance(new: &[f64], old: &[f64], predicted: &[f64], rtol: f64, atol: &[f64]) -> f64 = distance_portable
 }
 
 #[inline(always)]

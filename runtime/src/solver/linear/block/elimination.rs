@@ -34,12 +34,12 @@ pub(super) struct Rows<'a> {
 
 impl Rows<'_> {
     /// Products of a factorisation.
-    pub fn products(&self) -> usize {
+    pub(super) fn products(&self) -> usize {
         self.lower.iter().flatten().map(|&column| self.upper[column as usize].len()).sum()
     }
 
     /// Entries of both factors without their diagonals.
-    pub fn entries(&self) -> usize {
+    pub(super) fn entries(&self) -> usize {
         self.lower.iter().chain(self.upper).map(Vec::len).sum()
     }
 }

@@ -30,7 +30,7 @@ pub(super) struct Order {
 
 impl Order {
     /// By KLU's analysis: maximum matching, strongly connected components, approximate minimum degree.
-    pub fn new(pattern: &Pattern) -> Result<Self, SolveError> {
+    pub(super) fn new(pattern: &Pattern) -> Result<Self, SolveError> {
         let n = pattern.dimension();
         let mut starts: Vec<c_long> = pattern.column_starts().iter().map(|&i| i as c_long).collect();
         let mut rows: Vec<c_long> = pattern.rows().iter().map(|&i| i as c_long).collect();
@@ -72,7 +72,7 @@ impl Order {
     }
 
     /// Orders large blocks anew, so that fewer of their rows wait for each other.
-    pub fn spread(&mut self, pattern: &Pattern) {
+    pub(super) fn spread(&mut self, pattern: &Pattern) {
         let row_places = places(&self.rows);
         for (block, fill) in self.blocks().zip(self.fill.clone()).collect::<Vec<_>>() {
             if block.len() < LONG {
@@ -103,7 +103,7 @@ impl Order {
     }
 
     /// The blocks, as ranges of places.
-    pub fn blocks(&self) -> impl Iterator<Item = Range<u32>> + '_ {
+    pub(super) fn blocks(&self) -> impl Iterator<Item = Range<u32>> + '_ {
         let starts = std::iter::once(0).chain(self.ends.iter().copied());
         starts.zip(&self.ends).map(|(start, &end)| start..end)
     }

@@ -179,7 +179,7 @@ pub(super) struct Large {
 
 impl Large {
     /// Products of a factorisation.
-    pub fn products(&self) -> usize {
+    pub(super) fn products(&self) -> usize {
         self.products
     }
 

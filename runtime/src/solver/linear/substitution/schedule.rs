@@ -19,7 +19,7 @@ pub(in super::super) struct Places(Vec<Vec<u32>>);
 
 impl Places {
     /// Places of the terms of a sum, in their order.
-    pub fn of(&self, sum: u32) -> &[u32] {
+    pub(crate) fn of(&self, sum: u32) -> &[u32] {
         &self.0[sum as usize]
     }
 }
@@ -116,7 +116,7 @@ pub(super) struct Schedule {
 
 impl Schedule {
     /// For a right-hand side of this length.
-    pub fn new(sums: &[Vec<Source>], right: usize) -> Self {
+    pub(super) fn new(sums: &[Vec<Source>], right: usize) -> Self {
         let mut schedule = Self {
             chunks: Vec::new(),
             operands: Vec::new(),
