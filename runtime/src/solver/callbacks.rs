@@ -346,6 +346,11 @@ impl Bridge {
         self.tolerances.rtol * value.abs() + self.tolerances.atol[unknown / width].0[unknown % width]
     }
 
+    /// A part of an unknown in its relative tolerance.
+    pub(crate) fn in_tolerances(&self, part: f64) -> f64 {
+        if self.tolerances.rtol > 0.0 { part / self.tolerances.rtol } else { 0.0 }
+    }
+
     /// Error weights at `y`: reciprocal tolerances.
     pub(crate) fn error_weights(&self, y: &Content, weights: &mut Content) {
         self.operations.error_weights(self.tolerances.rtol, y, &self.tolerances.atol, weights);

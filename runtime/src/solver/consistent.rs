@@ -20,6 +20,10 @@ const MAX_ITERATIONS: u32 = 400;
 /// A correction below this many tolerances is the last: the next one would be its square.
 const LAST_CORRECTION: f64 = 1e-3;
 
+/// What rounding leaves of corrections, relative to the unknowns: where tolerances are so tight, they do not get smaller; in tolerances, at most.
+const ROUNDING: f64 = 100.0 * f64::EPSILON;
+const MOST_ROUNDING: f64 = 0.1;
+
 /// A correction by factors of an earlier g_z, in tolerances, that is small; and the part of it that the next one may be: then they are as good as new.
 const SMALL_CORRECTION: f64 = 1.0;
 const CONTRACTION: f64 = 0.25;
@@ -170,7 +174,7 @@ impl Consistent {
     /// Where an advance ends, hardly anything is left; within it, what is below the last correction of Newton's method.
     pub(super) fn follow(&mut self, bridge: &mut Bridge, end: End<'_>, (off, rates): (&[f64], &mut [f64])) -> bool {
         let End { t, y, yp, last } = end;
-        let enough = if last { FINAL_CORRECTION } else { LAST_CORRECTION };
+        let enough = if last { FINAL_CORRECTION } else { LAST_CORRECTION }.max(rounding(bridge));
         if !self.factorised {
             return false;
         }
@@ -216,18 +220,19 @@ impl Consistent {
     /// Newton's method on the algebraic rows; leaves the residual of the solution.
     fn solve_algebraic(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &Vector) -> Result<(), Inconsistent> {
         self.factorise_block(bridge, t, y, yp)?;
+        let enough = LAST_CORRECTION.max(rounding(bridge));
         let mut size = self.correct(bridge, y);
         for iterations in 1..=MAX_ITERATIONS {
             if size == 0.0 {
                 return Ok(());
             }
-            let last = size <= LAST_CORRECTION;
-            let next = self.damped_step(bridge, t, y, yp).ok_or_else(|| self.diverged(iterations, size))?;
+            let last = size <= enough;
+            let next = self.damped_step(bridge, t, (y, yp), enough).ok_or_else(|| self.diverged(iterations, size))?;
             if last {
                 return Ok(());
             }
             // The correction just computed used the old g_z; a fresh one makes the convergence quadratic.
-            size = if next <= LAST_CORRECTION {
+            size = if next <= enough {
                 next
             } else {
                 self.factorise_block(bridge, t, y, yp)?;
@@ -275,7 +280,7 @@ impl Consistent {
     }
 
     /// Moves `y` along the correction so far that the next correction, with the same g_z, gets smaller; returns its size in tolerances.
-    fn damped_step(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &Vector) -> Option<f64> {
+    fn damped_step(&mut self, bridge: &mut Bridge, t: f64, (y, yp): (&mut Vector, &Vector), enough: f64) -> Option<f64> {
         self.work.entries_mut().copy_from_slice(self.spread.entries());
         bridge.error_weights(y, &mut self.reference);
         let operations = bridge.operations;
@@ -291,7 +296,7 @@ impl Consistent {
             if self.evaluate(bridge, t, y, yp).is_ok() {
                 let next = self.correct(bridge, y);
                 // Below the last correction only roundoff is left.
-                if operations.norm(&self.spread, &self.reference) <= (1.0 - 0.5 * damping) * size || next <= LAST_CORRECTION {
+                if operations.norm(&self.spread, &self.reference) <= (1.0 - 0.5 * damping) * size || next <= enough {
                     return Some(next);
                 }
             }
@@ -424,6 +429,11 @@ impl Consistent {
             }
         }
     }
+}
+
+/// What rounding leaves of corrections, in tolerances.
+fn rounding(bridge: &Bridge) -> f64 {
+    bridge.in_tolerances(ROUNDING).min(MOST_ROUNDING)
 }
 
 /// Where an entry is largest in tolerances; one that is no number is larger than all.
