@@ -1,4 +1,7 @@
-"""What `previous(e)` and `initial(e)` are where `e` depends on time, and rates on the right side of other equations: x is the time itself, `t` seconds."""
+"""What `previous(e)` and `initial(e)` are where `e` depends on time, and rates on the right side of other equations.
+
+x is the time itself, `t` seconds.
+"""
 
 import numpy as np
 import pytest
@@ -82,7 +85,7 @@ episode { step = 2 [s], max_steps = 5 }
 
 
 def test_policies_look_back_to_the_sample_before():
-    """A policy acts at the end of a step; the instant before it is that step's beginning, for states and for the time."""
+    """A policy acts at the end of a step; the instant before it is that step's beginning, for states and time."""
     text = """
 time t : s
 action u = 0 in 0..1000
