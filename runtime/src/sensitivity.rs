@@ -5,7 +5,7 @@
 //! a result depends on nothing but its own point and group.
 
 pub(crate) mod augmented;
-pub mod tangents;
+pub(crate) mod tangents;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};

@@ -8,7 +8,7 @@ use smpl_compiler::layout::{Part as FramePart, Region};
 use crate::system::CompiledSystem;
 
 /// Derivatives of the unknowns and of the workspace, in chunks of [`LANES`] directions.
-pub struct Tangents {
+pub(crate) struct Tangents {
     width: usize,
     chunks: Vec<Chunk>,
     /// Copies that programs write to.
@@ -28,20 +28,20 @@ struct Chunk {
 
 /// Where a program runs: time with its derivatives along the directions, unknowns, their derivatives by time.
 #[derive(Clone, Copy)]
-pub struct Point<'a> {
+pub(crate) struct Point<'a> {
     /// Time.
-    pub time: f64,
+    pub(crate) time: f64,
     /// Derivatives of the time; empty for an instant that does not move.
-    pub moving: &'a [f64],
+    pub(crate) moving: &'a [f64],
     /// Unknowns.
-    pub y: &'a [f64],
+    pub(crate) y: &'a [f64],
     /// Their derivatives by time.
-    pub yp: &'a [f64],
+    pub(crate) yp: &'a [f64],
 }
 
 impl Tangents {
     /// For so many directions.
-    pub fn new(system: &CompiledSystem, width: usize) -> Self {
+    pub(crate) fn new(system: &CompiledSystem, width: usize) -> Self {
         let (n, cells) = (system.model().unknowns(), system.memory().all().len());
         let chunk = || Chunk { y: vec![STILL; n], yp: vec![STILL; n], work: vec![STILL; cells], out: Vec::new() };
         Self {
@@ -56,22 +56,22 @@ impl Tangents {
     }
 
     /// Of nothing.
-    pub fn none() -> Self {
+    pub(crate) fn none() -> Self {
         Self { width: 0, chunks: vec![], y: vec![], yp: vec![], memory: vec![], out: vec![], registers: vec![] }
     }
 
     /// Rates do not move.
-    pub fn still_rates(&mut self) {
+    pub(crate) fn still_rates(&mut self) {
         self.chunks.iter_mut().for_each(|chunk| chunk.yp.fill(STILL));
     }
 
     /// Sets the derivative of a rate along a direction.
-    pub fn set_yp(&mut self, at: usize, direction: usize, value: f64) {
+    pub(crate) fn set_yp(&mut self, at: usize, direction: usize, value: f64) {
         self.chunks[direction / LANES].yp[at][direction % LANES] = value;
     }
 
     /// Nothing moves.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         for chunk in &mut self.chunks {
             chunk.y.fill(STILL);
             chunk.yp.fill(STILL);
@@ -80,51 +80,51 @@ impl Tangents {
     }
 
     /// Derivative of an unknown along a direction.
-    pub fn y(&self, at: usize, direction: usize) -> f64 {
+    pub(crate) fn y(&self, at: usize, direction: usize) -> f64 {
         self.chunks[direction / LANES].y[at][direction % LANES]
     }
 
     /// Sets it.
-    pub fn set_y(&mut self, at: usize, direction: usize, value: f64) {
+    pub(crate) fn set_y(&mut self, at: usize, direction: usize, value: f64) {
         self.chunks[direction / LANES].y[at][direction % LANES] = value;
     }
 
     /// Takes the derivatives of all unknowns along these directions from a matrix, row after row.
-    pub fn take_y(&mut self, rows: &[f64], directions: &[usize]) {
+    pub(crate) fn take_y(&mut self, rows: &[f64], directions: &[usize]) {
         for (at, row) in rows.chunks_exact(directions.len().max(1)).enumerate() {
             directions.iter().zip(row).for_each(|(&direction, &value)| self.set_y(at, direction, value));
         }
     }
 
     /// Writes them to a matrix, row after row.
-    pub fn write_y(&self, rows: &mut [f64], directions: &[usize]) {
+    pub(crate) fn write_y(&self, rows: &mut [f64], directions: &[usize]) {
         for (at, row) in rows.chunks_exact_mut(directions.len().max(1)).enumerate() {
             directions.iter().zip(row).for_each(|(&direction, value)| *value = self.y(at, direction));
         }
     }
 
     /// Derivative of a number of the workspace along a direction.
-    pub fn work(&self, cell: usize, direction: usize) -> f64 {
+    pub(crate) fn work(&self, cell: usize, direction: usize) -> f64 {
         self.chunks[direction / LANES].work[cell][direction % LANES]
     }
 
     /// Sets it.
-    pub fn set_work(&mut self, cell: usize, direction: usize, value: f64) {
+    pub(crate) fn set_work(&mut self, cell: usize, direction: usize, value: f64) {
         self.chunks[direction / LANES].work[cell][direction % LANES] = value;
     }
 
     /// Whether something in a part of the workspace moves.
-    pub fn is_active(&self, cells: Range<usize>) -> bool {
+    pub(crate) fn is_active(&self, cells: Range<usize>) -> bool {
         self.chunks.iter().any(|chunk| chunk.work[cells.clone()].iter().any(|tangent| *tangent != STILL))
     }
 
     /// A part of the workspace does not move.
-    pub fn hold(&mut self, cells: Range<usize>) {
+    pub(crate) fn hold(&mut self, cells: Range<usize>) {
         self.chunks.iter_mut().for_each(|chunk| chunk.work[cells.clone()].fill(STILL));
     }
 
     /// Keeps the present derivatives as those of another instant, as [`CompiledSystem::keep`] keeps values.
-    pub fn keep(&mut self, system: &CompiledSystem, instant: fn(FramePart) -> Region) {
+    pub(crate) fn keep(&mut self, system: &CompiledSystem, instant: fn(FramePart) -> Region) {
         let layout = system.memory().layout();
         let parts =
             [(FramePart::Action, Region::Action), (FramePart::Discrete, Region::Discrete), (FramePart::Disturbance, Region::Disturbance)];
@@ -141,7 +141,7 @@ impl Tangents {
     ///
     /// # Errors
     /// In words, if the part cannot be made.
-    pub fn run(&mut self, system: &CompiledSystem, part: Part, point: Point<'_>, outputs: usize) -> Result<(), String> {
+    pub(crate) fn run(&mut self, system: &CompiledSystem, part: Part, point: Point<'_>, outputs: usize) -> Result<(), String> {
         let Self { chunks, y, yp, memory, out, registers, .. } = self;
         out.resize(outputs, 0.0);
         for (number, chunk) in chunks.iter_mut().enumerate() {
@@ -166,12 +166,12 @@ impl Tangents {
     }
 
     /// Derivative of an output of the last run.
-    pub fn output(&self, at: usize, direction: usize) -> f64 {
+    pub(crate) fn output(&self, at: usize, direction: usize) -> f64 {
         self.chunks[direction / LANES].out[at][direction % LANES]
     }
 
     /// Number of directions.
-    pub fn width(&self) -> usize {
+    pub(crate) fn width(&self) -> usize {
         self.width
     }
 }
