@@ -161,3 +161,17 @@ def test_draws_are_clipped_to_the_bounds_of_each_element(tmp_path):
     assert (starts <= high).all()
     assert ((starts == 0) | (starts == high)).mean() > 0.7
     assert (starts[:, -1] == 300).any()
+
+
+def test_a_condition_on_each_cell_of_a_large_domain_names_none_of_them():
+    conditions = [
+        "any(outside bounds(x[z]) for z)",
+        "not all(inside bounds(x[z]) for z)",
+        "any(x[z] > high(x[z]) for z)",
+    ]
+    lines = [f"constraint c{i} when {condition}" for i, condition in enumerate(conditions)]
+    text = "time t : s\ndomain z in 0 [m]..1 [m] cells 600000\nstate x[z] = 0 in 0..10\neq d/dt x[z] = 1 [1/s] for z\n"
+    model = smpl.compile(
+        source=text + "observe y = x[z.first] in 0..10\n" + "\n".join(lines) + "\nepisode { step = 1 [s] }\n"
+    )
+    assert len(model.state_names) == 600_000

@@ -111,12 +111,15 @@ fn observed_members(l: &mut Lowering<'_, '_>, span: Span, place: &Place, out: &m
     out.extend(l.names.observed.clone());
 }
 
-/// An element of a variable, which may depend on loops around.
+/// An element of a variable, which may depend on loops around; where all have the same bounds, those of one will do.
 fn bounded_element(l: &mut Lowering<'_, '_>, symbol: SymbolId, at: Affine, span: Span) -> Option<Bounded> {
-    let elements = if at.is_constant() { at.offset..at.offset + 1 } else { 0..i64::from(l.symbols.vars[variable(l, symbol)?].len) };
+    let q = l.quantities.get(&variable(l, symbol)?)?;
+    let bounds = q.low.len().max(q.high.len()) as i64;
+    let differs = !at.is_constant() && bounds > 1;
+    let elements = if differs { 0..bounds } else { at.offset..at.offset + 1 };
     let items = box_items(l, symbol, elements, span)?;
     let value = l.load(symbol, at).expr;
-    let at = if at.is_constant() { Affine::default() } else { at };
+    let at = if differs { at } else { Affine::default() };
     Some(Bounded { items, pieces: vec![Piece { extents: Vec::new(), value: (at, value) }] })
 }
 
