@@ -269,3 +269,29 @@ def test_scalers_are_fitted_to_the_data_and_saved_with_the_policy(tmp_path):
     for wrong, says in (({"actions": "min_max"}, "scalers.*'actions'"), ({"action": "standard"}, "there are: min_max")):
         with pytest.raises(ValueError, match=says):
             D3rlpyTrainer("BC", data, Formulation(), {}, wrong)
+
+
+def test_batches_are_those_of_d3rlpy(tmp_path):
+    for package in ("d3rlpy", "pyarrow"):
+        pytest.importorskip(package)
+    from dataclasses import fields
+
+    import d3rlpy
+
+    from smpl.datasets import collect, to_d3rlpy
+    from smpl.learning.offline import Batches
+
+    # Random actions end episodes by failure, others by the limit of steps.
+    data = to_d3rlpy(collect("reactor", "random", 20, tmp_path / "data", max_steps=12))
+    assert 0 < sum(episode.terminated for episode in data.episodes) < 20
+    batches = Batches(data)
+    d3rlpy.seed(5)
+    theirs = [data.sample_transition_batch(size) for size in (1, 256, 100)]
+    d3rlpy.seed(5)
+    for their, size in zip(theirs, (1, 256, 100), strict=True):
+        ours = batches(size)
+        for column in (field.name for field in fields(their) if field.name != "transitions"):
+            np.testing.assert_array_equal(getattr(ours, column), getattr(their, column))
+            assert getattr(ours, column).dtype == getattr(their, column).dtype
+        for one, other in zip(ours.transitions, their.transitions, strict=True):
+            np.testing.assert_array_equal(one.rewards_to_go, other.rewards_to_go)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import importlib
 import inspect
 import io
@@ -10,13 +11,18 @@ import json
 import logging
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from smpl.datasets import Dataset
 from smpl.datasets.exports import d3rlpy_arrays
 from smpl.evaluation import Episode
 from smpl.learning.formulation import Form, Formulation, formulated, rewarded
 from smpl.model import check_names
+
+if TYPE_CHECKING:
+    from d3rlpy.dataset import MDPDataset, TransitionMiniBatch
 
 # Classes of d3rlpy that scale what a network sees, by the statistics of a data set.
 _SCALERS = {
@@ -65,6 +71,7 @@ class D3rlpyTrainer:
         self._config, self._hyper, self._scalers = config, dict(hyperparameters), dict(scalers or {})
         self._made_scalers()  # told now, not after hours
         self._data = self._d3rlpy.dataset.MDPDataset(**formulated_arrays(data, formulation, form))
+        self._data.sample_transition_batch = Batches(self._data)
         self._form = form
         self._algo: Any = None
 
@@ -109,6 +116,27 @@ class D3rlpyTrainer:
         if self._form is not None:
             self._form.formulation.write(folder)
         return "policy.d3"
+
+
+class Batches:
+    """Random batches of a data set of d3rlpy: the same ones by the same seed, taken from arrays.
+
+    d3rlpy picks and stacks the transitions of a batch one by one, which takes 2.0 ms for 256 of five observations,
+    where a gradient step of BC takes 0.6 ms and one of TD3 10 ms; from arrays it takes 0.1 ms.
+    """
+
+    def __init__(self, data: MDPDataset) -> None:
+        from d3rlpy.dataset import TransitionMiniBatch
+
+        self._transitions = [data.transition_picker(*data.buffer[i]) for i in range(data.transition_count)]
+        self._all = TransitionMiniBatch.from_transitions(self._transitions)
+        self._columns = [field.name for field in dataclasses.fields(self._all) if field.name != "transitions"]
+
+    def __call__(self, size: int) -> TransitionMiniBatch:
+        """As many transitions, drawn with replacement."""
+        drawn = np.random.randint(len(self._transitions), size=size)  # noqa: NPY002 - d3rlpy's own generator
+        columns = {name: getattr(self._all, name)[drawn] for name in self._columns}
+        return dataclasses.replace(self._all, **columns, transitions=[self._transitions[i] for i in drawn])
 
 
 def formulated_arrays(data: Iterable[Episode], formulation: Formulation, form: Form | None = None) -> dict[str, Any]:
