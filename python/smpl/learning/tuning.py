@@ -157,7 +157,7 @@ def tune(
 
     Args:
         search: what is searched.
-        study: file of the study; made if it is not there.
+        study: file of the study; made if it is not there. Data sets to learn from are kept in `data` beside it.
         trials: in all, the one that changes nothing included.
         objective: in place of training: score of hyperparameters, and what to call with steps and scores on the way.
         workers: threads or processes of validations.
@@ -172,7 +172,7 @@ def tune(
     """
     optuna = _optuna()
     as_count("trials", trials)
-    run = objective if objective is not None else _training(search, workers)
+    run = objective if objective is not None else _training(search, study.parent / "data", workers)
     opened = _open(optuna, search, study)
     _bury(optuna, opened)
     while len(_finished(opened)) < trials:
@@ -232,8 +232,8 @@ def write(search: Search, trials: Sequence[Trial], command: str, path: Path) -> 
     temporary.replace(path)
 
 
-def _training(search: Search, workers: int | None) -> Objective:
-    """The score of hyperparameters by trainings."""
+def _training(search: Search, data: Path, workers: int | None) -> Objective:
+    """The score of hyperparameters by trainings; data sets are kept in the folder `data`."""
     arguments = SUBJECTS[search.env].arguments
     task = Task.of(f"smpl/{search.env}-v0", **arguments)
     validate = validator(as_observed(task, search.settings["train"]), search.episodes, workers, TUNING)
@@ -244,7 +244,7 @@ def _training(search: Search, workers: int | None) -> Objective:
         scores: list[float] = []
         for number in range(search.seeds):
             with tempfile.TemporaryDirectory() as place:
-                trainer = trainer_of(search.suite, task, search.algorithm, settings, Path(place) / "data", workers)
+                trainer = trainer_of(search.suite, task, search.algorithm, settings, data, workers)
                 seen: list[float] = []
 
                 def follow(policy: str, seen: list[float] = seen) -> tuple[float, float, int]:
