@@ -104,11 +104,16 @@ pub fn reset_error(error: &ResetError) -> PyErr {
 
 /// Runs `work`; a panic in it becomes an exception.
 pub fn guarded<T>(work: impl FnOnce() -> T) -> PyResult<T> {
-    catch_unwind(AssertUnwindSafe(work)).map_err(|cause| internal(cause.as_ref()))
+    catch_unwind(AssertUnwindSafe(work)).map_err(|cause| panicked(cause.as_ref()))
 }
 
-fn internal(cause: &(dyn Any + Send)) -> PyErr {
+/// A panic as an exception.
+pub fn panicked(cause: &(dyn Any + Send)) -> PyErr {
     let text = cause.downcast_ref::<String>().map(String::as_str);
-    let text = text.or_else(|| cause.downcast_ref::<&str>().copied()).unwrap_or("unknown cause");
+    fault(text.or_else(|| cause.downcast_ref::<&str>().copied()).unwrap_or("unknown cause"))
+}
+
+/// What is no fault of the caller.
+pub fn fault(text: &str) -> PyErr {
     SimulationError::new_err(format!("internal error of smpl, please report it: {text}"))
 }

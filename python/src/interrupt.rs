@@ -6,7 +6,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use pyo3::prelude::*;
 use smpl_runtime::interrupt;
 
-use crate::errors::guarded;
+use crate::errors::{fault, guarded, panicked};
 
 thread_local! {
     /// The exception of a signal's handler, to be raised when the computation on this thread has stopped.
@@ -62,8 +62,8 @@ pub fn aside<T: Send + 'static>(py: Python<'_>, work: impl FnOnce() -> T + Send 
     };
     match released(py, wait)? {
         Some(Ok(value)) => Ok(value),
-        Some(Err(cause)) => guarded(|| std::panic::resume_unwind(cause)),
-        None => guarded(|| panic!("the thread of the compiler ended")),
+        Some(Err(cause)) => Err(panicked(cause.as_ref())),
+        None => Err(fault("the thread of the compiler ended")),
     }
 }
 
