@@ -27,7 +27,8 @@ def test_runs_are_folders_with_configuration_and_scores_and_make_one_table(tmp_p
     assert scores[0]["steps"] == scores[1]["steps"]
     assert row["mean"] == pytest.approx((scores[0]["mean"] + scores[1]["mean"]) / 2, rel=1e-12)
     assert json.loads((tmp_path / "table.json").read_text())["rows"] == json.loads(json.dumps(table["rows"]))
-    assert (tmp_path / "table.md").read_text().count("| Beer |") == len(SUBJECTS["Beer"].controllers)
+    text = (tmp_path / "table.md").read_text(encoding="utf-8")
+    assert text.count("#### ") == 1 and text.count("| control |") == len(SUBJECTS["Beer"].controllers)
 
 
 def test_what_is_finished_is_not_run_again(tmp_path):
@@ -88,7 +89,7 @@ def test_a_record_of_other_settings_is_run_again_and_marked_until_then(tmp_path)
     assert main([*shown, "--out", str(tmp_path / "second")]) == 0
     text = page.read_text()
     assert "| profile* |" in text and "| nominal* |" in text and "a change of: episodes, model." in text
-    assert text.startswith("before\n<!-- table -->\n| env") and text.endswith("<!-- end of table -->\nafter\n")
+    assert text.startswith("before\n<!-- table -->\n\n#### Beer\n\n| suite |") and text.endswith("<!-- end of table -->\nafter\n")
     arguments = {"env": "Beer", "algorithms": ["profile", "nominal"], "results": tmp_path}
     third = benchmark(tmp_path / "third", resume=True, **arguments)
     # The settings decide what is run again; another text of the model may say the same.
@@ -184,5 +185,8 @@ def test_the_table_of_the_book_is_that_of_the_records(tmp_path):
     shown = page.partition("<!-- table -->\n")[2].partition("<!-- end of table -->")[0]
     found = benchmark(tmp_path, "all", "short", run_nothing=True, results=ROOT / "docs/results/benchmark")
     assert len(found["rows"]) >= 10
-    given = [line.replace("* |", " |") for line in shown.splitlines() if line.startswith("| ")]
-    assert given == [line.replace("* |", " |") for line in markdown(found).splitlines() if line.startswith("| ")]
+    given, made = (
+        [line.replace("* |", " |") for line in text.splitlines() if line.startswith(("| ", "#"))]
+        for text in (shown, markdown(found))
+    )
+    assert given == made

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -126,9 +127,14 @@ def lines(table: Mapping[str, Any]) -> list[list[str]]:
 
 
 def markdown(table: Mapping[str, Any]) -> str:
-    """The table for a page."""
-    head, *body = [f"| {' | '.join(row)} |" for row in lines(table)]
-    return "\n".join([head, "|" + " --- |" * len(_HEADINGS), *body]) + "\n" + remarks(table)
+    """The table for a page, one for each environment."""
+    head, *body = lines(table)
+    rule = "| --- | --- |" + " ---: |" * (len(head) - 3)
+    parts = []
+    for env, rows in groupby(body, key=lambda row: row[0]):
+        written = [f"| {' | '.join(row[1:])} |" for row in (head, *rows)]
+        parts.append("\n".join([f"\n#### {env}\n", written[0], rule, *written[1:]]) + "\n")
+    return "".join(parts) + remarks(table)
 
 
 def remarks(table: Mapping[str, Any]) -> str:
