@@ -106,6 +106,42 @@ episode { step = 2 [s], max_steps = 5 }
         env.step(action)
 
 
+#: Durations in seconds, of an action 10, 10, 10, 1.5, 1, 1 (which w keeps) and y, the seconds passed; and when they end.
+DURATIONS = {
+    "w": 3.0,
+    "u": 3.0,
+    "4 + w/10": 4.1,
+    "10 - 2*y": 10 / 3,
+    "10 - u*y": 10 / 11,
+    "w_first": 5.5,
+}
+
+
+@pytest.mark.parametrize("duration", DURATIONS)
+@pytest.mark.parametrize("method", ["ida", "rosenbrock", "explicit"])
+def test_a_duration_moves_with_what_it_reads(duration, method):
+    text = f"""
+time t : s
+action u = 10 in 0..10
+state x = 0 in 0..1000
+state y = 0 in 0..1000
+discrete w = 3 in 0..10
+discrete w_first = 5.5 in 0..10
+phase first for ({duration})*1 [s] then last
+phase last
+at start {{ next w = u }}
+eq d/dt x = (if phase == first then 1 else 0) / 1 [s]
+eq d/dt y = 1 / 1 [s]
+observe x
+reward one default = x
+episode {{ step = 1 [s], max_steps = 6 }}
+"""
+    env = smpl.Env(smpl.compile(source=text), normalize=False, method=method)
+    env.reset(seed=0)
+    lasted = [env.step([u])[1] for u in (10, 10, 10, 1.5, 1, 1)][-1]
+    assert lasted == pytest.approx(DURATIONS[duration], abs=1e-6)
+
+
 @pytest.mark.parametrize(
     ("expression", "message"),
     [
