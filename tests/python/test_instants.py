@@ -106,6 +106,25 @@ episode { step = 2 [s], max_steps = 5 }
         env.step(action)
 
 
+def test_the_phase_in_force_is_observed_within_its_numbers():
+    text = """
+time t : s
+state x = 0 in 0..1000
+phase first for 1.5 [s] then second
+phase second for 1 [s] then third
+phase third
+eq d/dt x = 1 / 1 [s]
+observe phase, same = phase
+episode { step = 1 [s], max_steps = 4 }
+"""
+    model = smpl.compile(source=text)
+    env = smpl.Env(model, normalize=False)
+    assert env.observation_space.low.tolist() == [1, 1]
+    assert env.observation_space.high.tolist() == [3, 3]
+    observed = [env.reset(seed=0)[0], *(env.step([])[0] for _ in range(4))]
+    assert np.transpose(observed).tolist() == [[1, 1, 2, 3, 3]] * 2
+
+
 #: Durations in seconds, of an action 10, 10, 10, 1.5, 1, 1 (which w keeps) and y, the seconds passed; and when they end.
 DURATIONS = {
     "w": 3.0,

@@ -2,8 +2,8 @@
 //!
 //! Each step is a function over [`Lowering`] that gives back what it made; [`elaborate_control`] is their order.
 
-mod assembly;
 mod amounts;
+mod assembly;
 mod boxes;
 mod common;
 mod entries;
