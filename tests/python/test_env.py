@@ -426,7 +426,7 @@ episode { step = 1 [s], max_steps = 3 }"""
     assert not [name for name in smpl.Env("mab_plant").observation_names if "[]" in name]
 
 
-#: What stands still, with a in 0..10 at 4, b in -10..10 at 1, y in 0..10 at 12, x[i] in 0..20 at i/2: what a constraint costs.
+#: What a constraint costs where a in 0..10 stays at 4, b in -10..10 at 1, y in 0..10 at 12, x[i] in 0..20 at i/2.
 COSTS = {
     "a > 2.5": 1.5 / 10,
     "a > 2.5 and b < 1.5": 0.5 / 20,
@@ -498,7 +498,7 @@ episode {{ step = 1 [s], max_steps = 2 }}
 
 def test_conditions_of_conditions_are_looked_into_once():
     chain = "\n".join(f"let c{i} = c{i - 1} and (c{i - 1} or a > {i})" for i in range(1, 60))
-    source = f"state a = 4 in 0..10\neq d/dt a = 0 [1/s]\nlet c0 = a > 2.5\n{chain}\nconstraint cost when c59\nepisode {{ step = 1 [s] }}"
-    env = smpl.Env(smpl.compile(source=source))
+    text = "state a = 4 in 0..10\neq d/dt a = 0 [1/s]\nlet c0 = a > 2.5\nconstraint cost when c59\n"
+    env = smpl.Env(smpl.compile(source=text + "episode { step = 1 [s] }\n" + chain))
     env.reset(seed=0)
     assert env.step([])[4]["constraints"]["cost"] == pytest.approx(1.5 / 10)

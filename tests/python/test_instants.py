@@ -125,7 +125,7 @@ episode { step = 1 [s], max_steps = 4 }
     assert np.transpose(observed).tolist() == [[1, 1, 2, 3, 3]] * 2
 
 
-#: Durations in seconds, of an action 10, 10, 10, 1.5, 1, 1 (which w keeps) and y, the seconds passed; and when they end.
+#: Durations in seconds, of an action 10, 10, 10, 1.5, 1, 1 (which w keeps) and y, the seconds passed; when they end.
 DURATIONS = {
     "w": 3.0,
     "u": 3.0,
