@@ -58,6 +58,8 @@ pub(crate) struct SolverFailure {
     pub cause: Cause,
     /// The unknown (place in `y`) whose equation is to blame, where one is known.
     pub unknown: Option<usize>,
+    /// The root function at whose threshold the integration came to a stand, where there is one.
+    pub event: Option<usize>,
 }
 
 /// Causes of a solver failure.
@@ -182,7 +184,13 @@ pub(crate) fn describe_solver(
     match failure.cause {
         Cause::NotFinite => subject("became NaN"),
         Cause::NoConvergence => subject("could not be integrated (no convergence at the smallest step)"),
-        Cause::TooManySteps => subject("took more internal steps than `solver { max_steps }` allows"),
+        Cause::TooManySteps => {
+            let text = subject("took more internal steps than `solver { max_steps }` allows");
+            match failure.event.and_then(|event| model.roots_info().get(event)) {
+                Some(event) => format!("{text}, at the threshold of `{}`: the equations may turn round there, from both sides", event.name),
+                None => text,
+            }
+        }
         Cause::Singular => subject("met a singular iteration matrix"),
         Cause::Inconsistent => subject("could not be solved (no consistent algebraic variables)"),
         Cause::Panicked => subject("was ended by a panic inside a model function"),

@@ -18,7 +18,7 @@ use smpl_compiler::layout::{Part, Region};
 
 use crate::catalogue::{Catalogue, Element};
 use crate::system::CompiledSystem;
-pub use error::{ConservedSum, Freedom, SteadyError};
+pub use error::{AtBound, ConservedSum, Freedom, SteadyError};
 pub use kinks::kink;
 use newton::Search;
 

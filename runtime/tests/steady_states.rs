@@ -63,6 +63,23 @@ fn where_no_root_is_inside_of_the_bounds_the_state_is_named() {
     assert!(error.to_string().contains("S = ") && error.to_string().contains("below 0.5 g/L"), "{error}");
 }
 
+#[test]
+fn where_there_is_no_rest_the_search_says_how_near_it_came() {
+    // x^2 + 2 is 2 at least.
+    let error = solved("state x = 1 in -100..100\neq d/dt x = (2 + sq(x)) / 1 [s]", None).expect_err("none");
+    let SteadyError::NotFound { residual, aside, .. } = &error else { panic!("{error}") };
+    assert!((2.0..2.1).contains(residual) && aside.is_none(), "{error}");
+    assert!(error.to_string().ends_with("there may be none, else give a better initial value"), "{error}");
+    // exp(-x) falls on until x meets its bound.
+    let error = solved("state x : m = 1 in 0..20\neq d/dt x = exp(-x / 1 [m]) * 1 [m/s]", None).expect_err("none");
+    let SteadyError::NotFound { residual, .. } = &error else { panic!("{error}") };
+    assert!(*residual >= (-20.01_f64).exp(), "{error}");
+    assert!(error.to_string().contains("has come to its bound 20 m"), "{error}");
+    // What rises whatever the state is says so.
+    let error = solved("state x = 1, y = 1\neq d/dt x = 2 / 1 [s]\neq d/dt y = (x - y) / 1 [s]", None).expect_err("none");
+    assert!(error.to_string().ends_with("; whatever the state, with these actions and parameters d/dt x is 2"), "{error}");
+}
+
 const EXCHANGE: &str = "state A = 1, B = 0\neq d/dt A = -1 [1/s]*A + 2 [1/s]*B\neq d/dt B = 1 [1/s]*A - 2 [1/s]*B\n";
 
 #[test]

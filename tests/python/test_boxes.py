@@ -175,3 +175,21 @@ def test_a_condition_on_each_cell_of_a_large_domain_names_none_of_them():
         source=text + "observe y = x[z.first] in 0..10\n" + "\n".join(lines) + "\nepisode { step = 1 [s] }\n"
     )
     assert len(model.state_names) == 600_000
+
+
+@pytest.mark.parametrize(("unit", "start", "factor"), [("K", 300, 1), ("degC", 20, 1), ("degF", 68, 1.8)])
+@pytest.mark.parametrize(("noise", "own"), [("0.5", 1), ("0.5 [K]", None), ("sd", None)])
+def test_noise_of_a_temperature_is_a_difference(unit, start, factor, noise, own):
+    text = f"""
+time t : s
+param sd : K = 0.5
+state T : {unit} = {start} in 0..1000
+eq d/dt T = 0
+observe T noise normal(0, {noise})
+episode {{ step = 1 [s], max_steps = 5000 }}
+"""
+    env = smpl.Env(smpl.compile(source=text), normalize=False)
+    env.reset(seed=0)
+    observed = np.array([env.step([])[0][0] for _ in range(4000)])
+    np.testing.assert_allclose(observed.std(), 0.5 * (own or factor), rtol=0.04)
+    np.testing.assert_allclose(observed.mean(), start, atol=0.05)

@@ -426,27 +426,79 @@ episode { step = 1 [s], max_steps = 3 }"""
     assert not [name for name in smpl.Env("mab_plant").observation_names if "[]" in name]
 
 
-def test_a_constraint_costs_by_how_much_its_comparison_holds():
-    source = """
+#: What a constraint costs where a in 0..10 stays at 4, b in -10..10 at 1, y in 0..10 at 12, x[i] in 0..20 at i/2.
+COSTS = {
+    "a > 2.5": 1.5 / 10,
+    "a > 2.5 and b < 1.5": 0.5 / 20,
+    "a > 2.5 or b < 1.5": 1.5 / 10,
+    "a > 2.5 and open == 1": 1.5 / 10,
+    "a > 2.5 and open == 0": 0,
+    "a > 2.5 or open == 0": 1.5 / 10,
+    "a > 2.5 or open == 1": 1,
+    "a > 2.5 and (b > 5 or open == 1)": 1.5 / 10,
+    "(a > 2.5 and open == 0) or b > 0.5": 0.5 / 20,
+    "not (a < 2.5)": 1.5 / 10,
+    "not (a < 2.5 or b < 0.5)": 0.5 / 20,
+    "not (open == 0 or b < 0.5)": 0.5 / 20,
+    "a + b > 4": 1 / 4,
+    "open == 1": 1,
+    "far": 1.5 / 10,
+    "far or near": 1.5 / 10,
+    "not near": 1.5 / 10,
+    "unit[2].hot": 1 / 10,
+    "any(unit[k].hot for k in 1..2)": 1 / 10,
+    "tall[20]": 2 / 20,
+    "any(tall[i] for i in 1..20)": 2 / 20,
+    "any(x[i] > 8 for i in 1..20)": 2 / 20,
+    "any(x[i] > 8 for i in 1..20 if i < 19)": 1 / 20,
+    "any(x[i] > 8 for i in 1..20 if x[i] < a + 5)": 0.5 / 20,
+    "any(x[i] > 8 for i in 1..20) and a > 3.9": 0.1 / 10,
+    "any(v > 3 for v in (a, b, y))": 9 / 10,
+    "any(open == i for i in 1..2)": 1,
+    "all(x[i] > 0.1 for i in 1..20)": 0.4 / 20,
+    "not all(x[i] < 8 for i in 1..20)": 2 / 20,
+    "outside bounds(y)": 2 / 10,
+    "outside bounds(y) and open == 1": 2 / 10,
+    "not inside bounds(y)": 2 / 10,
+    "a < 5 or ln(-a) > 3": 1 / 10,
+    "not (a > 5 and ln(-a) > 3)": 1 / 10,
+    "any(ln(x[i] - 1) > 1 for i in 1..20)": np.log(9) - 1,
+}
+
+
+@pytest.mark.parametrize("condition", COSTS)
+def test_a_constraint_costs_by_how_much_its_comparison_holds(condition):
+    source = f"""
+component Unit {{
+  state T = 2 in 0..10
+  let hot = T > 1
+  eq d/dt T = 0 [1/s]
+}}
+use Unit as unit[k in 1..2]
 state a = 4 in 0..10
 state b = 1 in -10..10
+state y = 12 in 0..10
+state x[i in 1..20] = 0 in 0..20
 discrete open = 1
 eq d/dt a = 0 [1/s]
 eq d/dt b = 0 [1/s]
+eq d/dt y = 0 [1/s]
+eq d/dt x[i] = 0 [1/s] for i in 1..20
+initial x[i] = i/2 for i in 1..20
 let far = a > 2.5
-constraint one when a > 2.5
-constraint both when a > 2.5 and b < 1.5
-constraint either when a > 2.5 or b < 1.5
-constraint flagged when a > 2.5 and open == 1
-constraint shut when a > 2.5 and open == 0
-constraint negated when not (a < 2.5)
-constraint number when a + b > 4
-constraint named when far
-episode { step = 1 [s], max_steps = 2 }
+let near = not (far or b > 2) or a > 10
+let tall[i in 1..20] = x[i] > 8
+constraint cost when {condition}
+episode {{ step = 1 [s], max_steps = 2 }}
 """
     env = smpl.Env(smpl.compile(source=source))
     env.reset(seed=0)
-    costs = env.step([])[4]["constraints"]
-    expected = {"one": 1.5 / 10, "both": 0.5 / 20, "either": 1.5 / 10, "flagged": 1.5 / 10, "shut": 0}
-    expected |= {"negated": 1.5 / 10, "number": 1 / 4, "named": 1, "action_box": 0}
-    assert costs == pytest.approx(expected)
+    assert env.step([])[4]["constraints"]["cost"] == pytest.approx(COSTS[condition])
+
+
+def test_conditions_of_conditions_are_looked_into_once():
+    chain = "\n".join(f"let c{i} = c{i - 1} and (c{i - 1} or a > {i})" for i in range(1, 60))
+    text = "state a = 4 in 0..10\neq d/dt a = 0 [1/s]\nlet c0 = a > 2.5\nconstraint cost when c59\n"
+    env = smpl.Env(smpl.compile(source=text + "episode { step = 1 [s] }\n" + chain))
+    env.reset(seed=0)
+    assert env.step([])[4]["constraints"]["cost"] == pytest.approx(1.5 / 10)

@@ -106,6 +106,61 @@ episode { step = 2 [s], max_steps = 5 }
         env.step(action)
 
 
+def test_the_phase_in_force_is_observed_within_its_numbers():
+    text = """
+time t : s
+state x = 0 in 0..1000
+phase first for 1.5 [s] then second
+phase second for 1 [s] then third
+phase third
+eq d/dt x = 1 / 1 [s]
+observe phase, same = phase
+episode { step = 1 [s], max_steps = 4 }
+"""
+    model = smpl.compile(source=text)
+    env = smpl.Env(model, normalize=False)
+    assert env.observation_space.low.tolist() == [1, 1]
+    assert env.observation_space.high.tolist() == [3, 3]
+    observed = [env.reset(seed=0)[0], *(env.step([])[0] for _ in range(4))]
+    assert np.transpose(observed).tolist() == [[1, 1, 2, 3, 3]] * 2
+
+
+#: Durations in seconds, of an action 10, 10, 10, 1.5, 1, 1 (which w keeps) and y, the seconds passed; when they end.
+DURATIONS = {
+    "w": 3.0,
+    "u": 3.0,
+    "4 + w/10": 4.1,
+    "10 - 2*y": 10 / 3,
+    "10 - u*y": 10 / 11,
+    "w_first": 5.5,
+}
+
+
+@pytest.mark.parametrize("duration", DURATIONS)
+@pytest.mark.parametrize("method", ["ida", "rosenbrock", "explicit"])
+def test_a_duration_moves_with_what_it_reads(duration, method):
+    text = f"""
+time t : s
+action u = 10 in 0..10
+state x = 0 in 0..1000
+state y = 0 in 0..1000
+discrete w = 3 in 0..10
+discrete w_first = 5.5 in 0..10
+phase first for ({duration})*1 [s] then last
+phase last
+at start {{ next w = u }}
+eq d/dt x = (if phase == first then 1 else 0) / 1 [s]
+eq d/dt y = 1 / 1 [s]
+observe x
+reward one default = x
+episode {{ step = 1 [s], max_steps = 6 }}
+"""
+    env = smpl.Env(smpl.compile(source=text), normalize=False, method=method)
+    env.reset(seed=0)
+    lasted = [env.step([u])[1] for u in (10, 10, 10, 1.5, 1, 1)][-1]
+    assert lasted == pytest.approx(DURATIONS[duration], abs=1e-6)
+
+
 @pytest.mark.parametrize(
     ("expression", "message"),
     [

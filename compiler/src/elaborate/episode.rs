@@ -2,6 +2,7 @@
 //!
 //! Each step is a function over [`Lowering`] that gives back what it made; [`elaborate_control`] is their order.
 
+mod amounts;
 mod assembly;
 mod boxes;
 mod common;

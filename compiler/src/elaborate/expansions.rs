@@ -5,8 +5,17 @@ use super::lower::value::Value;
 use super::symbols::{SymbolId, Symbols};
 use crate::ir::{FastMap, FastSet};
 
-/// A `let` at what its indices are bound to, in a kind of text.
-pub(in crate::elaborate) type Expansion = (SymbolId, Vec<IndexKey>, Site);
+/// A `let` at what its indices are bound to, in a kind of text, and whether it is read for what it is or by how much it holds.
+pub(in crate::elaborate) type Expansion = (SymbolId, Vec<IndexKey>, Site, Asked);
+
+/// What is asked of a definition.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::elaborate) enum Asked {
+    /// Its value.
+    Value,
+    /// By how much the condition holds that it is.
+    Amount,
+}
 
 /// What is being expanded, and what was.
 #[derive(Debug, Default)]

@@ -313,5 +313,6 @@ pub(super) fn blame(error: &SolveError, start: f64) -> SolverFailure {
         SolveError::Setup { flag, .. } => (start, Cause::Other(flag.value), None),
         _ => (start, Cause::Other(0), None),
     };
-    SolverFailure { time, cause, unknown }
+    let event = if let SolveError::TooManySteps { event, .. } = error { *event } else { None };
+    SolverFailure { time, cause, unknown, event }
 }

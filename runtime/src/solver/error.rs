@@ -37,6 +37,8 @@ pub enum SolveError {
         steps: u32,
         /// The unknown that was to blame most, where known.
         unknown: Option<usize>,
+        /// The root function at whose threshold the integration came to a stand, where there is one.
+        event: Option<usize>,
     },
     /// The step shrank to nothing: the solution is singular there, or the tolerances are too tight.
     #[error("the step shrank to {step} at t = {time}")]

@@ -368,7 +368,9 @@ impl Ida {
         }
         let (time, flag) = (self.time, self.flag(value));
         match value {
-            IDA_TOO_MUCH_WORK => SolveError::TooManySteps { time, steps: self.settings.max_steps, unknown: self.largest_error() },
+            IDA_TOO_MUCH_WORK => {
+                SolveError::TooManySteps { time, steps: self.settings.max_steps, unknown: self.largest_error(), event: None }
+            }
             IDA_ERR_FAIL => SolveError::ErrorTestFailures { time, flag, unknown: self.largest_error() },
             IDA_CONV_FAIL => SolveError::ConvergenceFailures { time, flag, unknown: self.largest_correction() },
             _ => SolveError::Other { time, flag },

@@ -74,10 +74,28 @@ pub(crate) trait Traverse {
 
     /// Steps to `t_end` or to the first event, which may be at `t_end` itself.
     fn go_to_event(&mut self, t_end: f64) -> Result<Advance, SolveError> {
-        match self.go(t_end)? {
+        let gone = match self.go(t_end) {
+            Err(SolveError::TooManySteps { time, steps, unknown, .. }) => {
+                let event = self.nearest_event();
+                return Err(SolveError::TooManySteps { time, steps, unknown, event });
+            }
+            gone => gone?,
+        };
+        match gone {
             Advance::Reached if self.ends_at_event()? => Ok(Advance::Event),
             advance => Ok(advance),
         }
+    }
+
+    /// The root function that is at its threshold, as far as it moves within a small part of the interval.
+    fn nearest_event(&mut self) -> Option<usize> {
+        if self.watched().0.is_empty() {
+            return None;
+        }
+        let (time, ahead) = (self.time(), self.span(AHEAD));
+        self.evaluate_roots(time).ok()?;
+        self.evaluate_along(ahead, false).ok()?;
+        self.watched().0.nearest()
     }
 
     /// Whether a condition becomes true at the end of the interval although rounding puts its instant just behind: the next interval begins with
@@ -119,7 +137,7 @@ pub(crate) trait Traverse {
             }
             stops += 1;
             if stops > self.max_steps() {
-                return Err(SolveError::TooManySteps { time: self.time(), steps: self.max_steps(), unknown: None });
+                return Err(SolveError::TooManySteps { time: self.time(), steps: self.max_steps(), unknown: None, event: None });
             }
             if at - width <= self.time() + near {
                 // A break that is not left behind by roundings is by a few more of them.

@@ -295,6 +295,7 @@ impl Variational {
                     time: now,
                     steps: self.max_steps,
                     unknown: self.largest(&self.history.points[0]),
+                    event: None,
                 }));
             }
         }

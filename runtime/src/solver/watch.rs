@@ -130,6 +130,12 @@ impl Watch {
         self.edges.iter().zip(&self.values).any(|(edge, &value)| value == 0.0 || edge.stays(value))
     }
 
+    /// The root function that is nearest to its threshold in terms of its motion to the values ahead, within a thousand times that.
+    pub(crate) fn nearest(&self) -> Option<usize> {
+        let distance = |i: usize| self.values[i].abs() / (self.ahead[i] - self.values[i]).abs();
+        (0..self.edges.len()).filter(|&i| distance(i) < 1e3).min_by(|&a, &b| distance(a).total_cmp(&distance(b)))
+    }
+
     /// Takes the motion from the values ahead, where it did not show yet; whether it shows for all that are at their threshold.
     pub(crate) fn look_ahead(&mut self) -> bool {
         let mut shows = true;

@@ -1,6 +1,6 @@
 //! Declared bounds of the unknowns.
 
-use super::error::SteadyError;
+use super::error::{AtBound, SteadyError};
 use crate::catalogue::{Catalogue, Element};
 use crate::failure::BOX_SLACK;
 
@@ -29,6 +29,16 @@ impl Bounds {
         let excess = |at: usize| (self.low[at] - y[at]).max(y[at] - self.high[at]) - self.slack[at];
         let relative = |at: usize| excess(at) / self.slack[at].max(f64::MIN_POSITIVE);
         free.iter().copied().filter(|&at| excess(at) > 0.0).max_by(|&a, &b| relative(a).total_cmp(&relative(b)))
+    }
+
+    /// The free unknown that is nearest to one of its bounds, or furthest beyond it, if that is less than a hundredth of its range away.
+    pub(super) fn reached(&self, catalogue: &Catalogue, free: &[usize], y: &[f64]) -> Option<AtBound> {
+        let room = |at: usize| (y[at] - self.low[at]).min(self.high[at] - y[at]) / (self.high[at] - self.low[at]);
+        let nearest = free.iter().copied().filter(|&at| room(at) < 0.01).min_by(|&a, &b| room(a).total_cmp(&room(b)))?;
+        let element = all(catalogue).find(|e| e.at == nearest)?;
+        let below = y[nearest] - self.low[nearest] < self.high[nearest] - y[nearest];
+        let bound = if below { self.low[nearest] } else { self.high[nearest] };
+        Some(AtBound { name: element.name.clone(), value: y[nearest], unit: element.unit.clone(), bound })
     }
 
     /// The largest damping, at most one, that leads no unknown further than `part` of its way to a bound.

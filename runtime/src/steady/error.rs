@@ -11,7 +11,9 @@ use crate::solver::SolveError;
 pub enum SteadyError {
     /// Neither Newton's method nor the process itself came to rest.
     #[error(
-        "no steady state was found: after {iterations} iterations the largest residual is {residual:e}, in the {equation}; give a better initial value"
+        "no steady state was found: after {iterations} iterations the largest residual is {}, in the {equation}{}; with these actions and parameters there may be \
+         none, else give a better initial value",
+        Short(*residual), aside.as_ref().map(|aside| format!(", where {aside}")).unwrap_or_default()
     )]
     NotFound {
         /// Iterations made.
@@ -20,6 +22,8 @@ pub enum SteadyError {
         residual: f64,
         /// Its equation.
         equation: String,
+        /// What has come to the end of its bounds there.
+        aside: Option<AtBound>,
     },
     /// What was found is outside of the declared bounds.
     #[error(
@@ -64,6 +68,26 @@ pub enum SteadyError {
     Solver(#[from] SolveError),
 }
 
+/// A state or variable at the end of its bounds, or beyond.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AtBound {
+    /// Its name.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+    /// Its unit.
+    pub unit: String,
+    /// The bound.
+    pub bound: f64,
+}
+
+impl fmt::Display for AtBound {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let unit = unit_suffix(&self.unit);
+        write!(f, "{} = {}{unit} has come to its bound {}{unit}", self.name, Short(self.value), Short(self.bound))
+    }
+}
+
 /// What the equations leave free.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Freedom {
@@ -73,6 +97,8 @@ pub struct Freedom {
     pub sums: Vec<ConservedSum>,
     /// Algebraic variables that their own equations leave free.
     pub algebraics: Vec<String>,
+    /// States that change whatever the state of the model is, with their rates in the model's units.
+    pub drifts: Vec<(String, f64)>,
 }
 
 /// A sum of states that nothing changes.
@@ -140,6 +166,15 @@ impl fmt::Display for Freedom {
         if !sums.is_empty() {
             write!(f, ", or `steady {{ {} }}`", sums.join(", "))?;
         }
-        write!(f, ", or `{}`", fixed(" ", "--fix "))
+        write!(f, ", or `{}`", fixed(" ", "--fix "))?;
+        for (i, (name, rate)) in self.drifts.iter().enumerate() {
+            write!(
+                f,
+                "{} d/dt {name} is {}",
+                if i == 0 { "; whatever the state, with these actions and parameters" } else { "," },
+                Short(*rate)
+            )?;
+        }
+        Ok(())
     }
 }

@@ -66,7 +66,15 @@ pub(super) fn freedom(problem: &mut Problem, system: &mut CompiledSystem, catalo
     let sums = if explicit { conserved(&null, &samples, at, &problem.free, states) } else { Vec::new() };
     // A state that nothing changes on its own is one that integrates.
     let sums = sums.iter().map(|sum| described(sum, y, &problem.free, catalogue)).filter(|sum| sum.terms.len() > 1).collect();
-    Some(Freedom { states: chosen.iter().filter_map(name).collect(), sums, algebraics: Vec::new() })
+    let drifts = chosen.iter().filter_map(|&i| Some((name(&i)?, drift(&samples, i)?))).collect();
+    Some(Freedom { states: chosen.iter().filter_map(name).collect(), sums, algebraics: Vec::new(), drifts })
+}
+
+/// The rate of a state that no unknown moves, where it is not zero.
+fn drift(samples: &[Sample], i: usize) -> Option<f64> {
+    let rate = samples.first()?.rates[i];
+    let constant = samples.iter().all(|s| s.jacobian.row(i).amax() == 0.0 && s.rates[i] == rate);
+    (constant && rate != 0.0).then_some(rate)
 }
 
 fn all(catalogue: &Catalogue) -> impl Iterator<Item = &Element> {

@@ -3,7 +3,7 @@
 mod iterations;
 
 use super::bounds::Bounds;
-use super::error::{Freedom, SteadyError};
+use super::error::{AtBound, Freedom, SteadyError};
 use super::freedom::{LARGE, freedom};
 use super::problem::Problem;
 use super::{equation_name, unknown_name};
@@ -22,6 +22,22 @@ pub(super) struct Search {
     first_step: f64,
     pace: Pace,
     interrupted: bool,
+}
+
+/// Where a search that failed came nearest to rest.
+struct Nearest {
+    outside: bool,
+    /// Largest residual, relative to the scale of its unknown.
+    size: f64,
+    row: usize,
+    residual: f64,
+    aside: Option<AtBound>,
+}
+
+impl Default for Nearest {
+    fn default() -> Self {
+        Self { outside: true, size: f64::INFINITY, row: 0, residual: f64::NAN, aside: None }
+    }
 }
 
 /// How one try ended.
@@ -77,7 +93,7 @@ impl Search {
         let guess = y.to_vec();
         self.check_finite(system, catalogue, y)?;
         let (mut total, mut outside, mut singular) = (0, None, None);
-        let mut best = (f64::INFINITY, 0, f64::NAN);
+        let mut best = Nearest::default();
         let tries = [Way::Newton, Way::Process, Way::Inside]
             .into_iter()
             .chain((0..OTHER_GUESSES).flat_map(|k| [Way::From(k), Way::ProcessFrom(k)]));
@@ -108,10 +124,7 @@ impl Search {
                 }
                 Ok(Try::Failed(iterations)) => {
                     total += iterations;
-                    let (size, row) = self.worst(system, y);
-                    if size < best.0 {
-                        best = (size, row, self.problem.rows[row]);
-                    }
+                    self.look(system, catalogue, y, &mut best);
                 }
                 Err(column) => singular = singular.or(Some(column)),
             }
@@ -120,12 +133,12 @@ impl Search {
             return Err(self.bounds.refusal(catalogue, at, value));
         }
         // That a matrix on the way was singular says something only where nothing else is known.
-        if let Some(column) = singular.filter(|_| best.0.is_infinite() || self.problem.free.len() > LARGE) {
+        if let Some(column) = singular.filter(|_| best.size.is_infinite() || self.problem.free.len() > LARGE) {
             let unknown = column.and_then(|c| self.problem.free.get(c)).and_then(|&at| unknown_name(catalogue, at));
             return Err(self.undetermined(system, catalogue, &guess, unknown));
         }
-        let equation = equation_name(system.model(), catalogue, best.1);
-        Err(SteadyError::NotFound { iterations: total, residual: best.2, equation })
+        let equation = equation_name(system.model(), catalogue, best.row);
+        Err(SteadyError::NotFound { iterations: total, residual: best.residual, equation, aside: best.aside })
     }
 
     /// Newton's method from `y`, and from where the process leads, whatever the bounds.
@@ -179,6 +192,16 @@ impl Search {
         let is_state = |name: &String| catalogue.states.find(name).is_some();
         let (states, algebraics) = unknown.into_iter().partition(is_state);
         SteadyError::Undetermined(found.unwrap_or(Freedom { states, algebraics, ..Freedom::default() }))
+    }
+
+    /// Keeps where a try ended, if that is nearer to rest than what is kept: inside of the bounds first.
+    fn look(&mut self, system: &mut CompiledSystem, catalogue: &Catalogue, y: &[f64], best: &mut Nearest) {
+        let (size, row) = self.worst(system, y);
+        let outside = !self.is_inside(y);
+        if size.is_finite() && (outside, size) < (best.outside, best.size) {
+            let aside = self.bounds.reached(catalogue, &self.problem.free, y);
+            *best = Nearest { outside, size, row, residual: self.problem.rows[row], aside };
+        }
     }
 
     /// The largest residual at `y`, relative to the scale of its unknown, and its row.

@@ -192,6 +192,20 @@ fn bounces_follow_the_closed_form() {
 }
 
 #[test]
+fn equations_that_lead_back_to_a_threshold_from_both_sides_fail_with_the_name_of_its_event() {
+    let mut running = Running::new(
+        "time t : s\nstate x = 0.5 in -10..10\nstate far = 3 in -10..10\ndiscrete n = 0\neq d/dt x = (if x < 1 then 1 else -2) / 1 [s]\n\
+         eq d/dt far = 1 / 1 [s]\nevent other when far > 9\nevent top when x > 1\nat top { next n = n + 1 }\nobserve x\n\
+         episode { step = 1 [s], max_steps = 2 }",
+    );
+    assert!(running.step().failure.is_some());
+    let message = running.0.failure_message();
+    let beginning = if method() == Method::Ida { "solver: " } else { "events: " };
+    assert!(message.starts_with(beginning) && message.contains("`top`") && !message.contains("`other`"), "{message}");
+    assert!(message.contains("t = 0.5"), "{message}");
+}
+
+#[test]
 fn the_limit_of_events_can_be_set() {
     // 10 events a second.
     let text = |limit: &str| {

@@ -150,6 +150,9 @@ fn push_observation(
 
 fn bounds_of_element(l: &Lowering<'_, '_>, e: ExprId) -> Option<(f64, f64)> {
     let crate::ir::Expr::Load { var, at, .. } = l.exprs.node(e) else { return None };
+    if let Some(schedule) = l.symbols.schedule.as_ref().filter(|schedule| schedule.current == var) {
+        return Some((1.0, schedule.phases.len() as f64));
+    }
     let q = l.quantities.get(&var)?;
     let i = at.offset.max(0) as usize;
     let (low, high) = (Quantity::pick(&q.low, i), Quantity::pick(&q.high, i));

@@ -7,7 +7,8 @@ use smpl_dsl::units::Unit;
 use crate::elaborate::episode::common::store;
 use crate::elaborate::lower::bounded::Bounded;
 use crate::elaborate::lower::place::Place;
-use crate::elaborate::lower::{Lowering, defaults, indices};
+use crate::elaborate::lower::value::Measure;
+use crate::elaborate::lower::{Lowering, defaults, indices, units};
 use crate::ir::{Affine, ExprId, Nest, Place as Memory};
 use crate::model::Observed;
 
@@ -90,13 +91,20 @@ pub(super) fn attributes(l: &mut Lowering<'_, '_>, o: &Observation, unit: &Unit,
     Attributes { bounds, every, delay, noise }
 }
 
-/// Standard deviation of `normal(0, sd)`.
+/// Standard deviation of `normal(0, sd)`: a difference, of a temperature in degC one in K.
 fn noise(l: &mut Lowering<'_, '_>, e: &Expr, unit: &Unit, place: &Place) -> f64 {
     if let ExprKind::Call { function, arguments } = &e.kind
         && function.text == "normal"
         && let [_, sd] = arguments.as_slice()
     {
-        let expr = l.number_in(sd, unit, "the noise", e.span, place);
+        if let Measure::Of(scale) = &l.value(sd, place).unit
+            && units::is_point(scale)
+        {
+            let text = format!("a temperature in {scale} is a point on a scale, and noise a difference");
+            l.ledger.report(Diagnostic::error(codes::AFFINE_UNIT, text, sd.span).help("write `normal(0, 0.5 [K])`"));
+            return 0.0;
+        }
+        let expr = l.number_in(sd, &units::difference(unit), "the noise", e.span, place);
         if let Some(x) = defaults::constant_value(l, expr).filter(|x| *x >= 0.0) {
             return x;
         }

@@ -41,6 +41,16 @@ impl Doubting<'_, '_> {
         doubts[&condition].unknown
     }
 
+    /// Where a value is a number; `None` where it is one everywhere.
+    pub(in crate::elaborate) fn number(&mut self, value: ExprId) -> Option<ExprId> {
+        let mut doubts = Doubts::default();
+        for e in self.exprs.below_in_order([value]) {
+            let doubt = self.doubt(e, &doubts);
+            doubts.insert(e, doubt);
+        }
+        doubts[&value].nan.then(|| self.exprs.compare(Compare::Eq, value, value))
+    }
+
     fn doubt(&mut self, e: ExprId, doubts: &Doubts) -> Doubt {
         let nan = self.may_be_nan(e, doubts);
         let of = |e: ExprId| doubts[&e].unknown;

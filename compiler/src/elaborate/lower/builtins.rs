@@ -128,7 +128,7 @@ const fn also(builtin: Builtin, over: Over) -> Builtin {
 
 const ELEMENTARY: &str = "of a dimensionless number";
 const ROUNDING: &str = "to a whole number, down, up, to the nearest (ties to even)";
-const FRAME: &str = "value of `e` at the start of the episode (time 0), at the end of the step before (at the start, in the first step), at the steady state; with `t`, tables over time, `n` and `clock` at that instant. `previous` is not of `previous`: keep it in a discrete variable";
+const FRAME: &str = "value of `e` at the start of the episode (time 0), at the end of the step before (at the start, in the first step), at the steady state; with `t`, tables over time, `n` and `clock` at that instant, actions at the start at their nominal values. `previous` is not of `previous`: keep it in a discrete variable";
 const TEMPERATURE: &str = "absolute temperature, point in degC, see Units";
 const DECLARED: &str = "declared bounds, scale, default of a variable";
 const BOX: &str = "whether a variable, or an element of an array, is outside of its declared bounds, all are inside; with the slack of 1e-6 of each range. `bounds(states)` are all states, `bounds(observations)` what the model observes at the chosen level, with the bounds given there";

@@ -5,6 +5,7 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Expr, ExprKind, Ident};
 use smpl_dsl::units::Unit;
 
+use crate::elaborate::expansions::Asked;
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::{Lowering, functions, indices, operators, outcome, paths, phases, units};
@@ -166,7 +167,7 @@ impl<'a> Lowering<'_, 'a> {
                 }
             }
             SymbolKind::Let { axes, binders, unit, definition, random, .. } => {
-                expand_let(self, symbol, &axes, &binders, unit.as_ref(), definition, random, index, span, place)
+                expand_let(self, symbol, &axes, &binders, unit.as_ref(), definition, random, index, span, place, None)
             }
             SymbolKind::Table { axes, unit, values } => match indices::address(self, symbol, &axes, index, span, place) {
                 Some((at, _)) if at.is_constant() => {
@@ -265,6 +266,24 @@ fn no_value(l: &mut Lowering<'_, '_>, symbol: SymbolId, kind: &SymbolKind<'_>, s
     l.fault(crate::elaborate::built_ins::note(d, &path))
 }
 
+/// How an expression is read, where not for its value.
+pub(in crate::elaborate) type Own = fn(&mut Lowering<'_, '_>, &Expr, &Place) -> Value;
+
+/// What a reading of its own makes of the definition of a name without a unit; `None` of other names.
+pub(in crate::elaborate) fn read_definition(
+    l: &mut Lowering<'_, '_>,
+    symbol: SymbolId,
+    index: &[Expr],
+    span: Span,
+    place: &Place,
+    amount: Own,
+) -> Option<Value> {
+    let SymbolKind::Let { axes, binders, unit: None, definition, random: false, .. } = l.symbols[symbol].kind.clone() else {
+        return None;
+    };
+    Some(expand_let(l, symbol, &axes, &binders, None, definition, false, index, span, place, Some(amount)))
+}
+
 #[allow(clippy::too_many_arguments, reason = "the parts of one symbol")]
 fn expand_let(
     l: &mut Lowering<'_, '_>,
@@ -277,12 +296,14 @@ fn expand_let(
     index: &[Expr],
     span: Span,
     place: &Place,
+    amount: Option<Own>,
 ) -> Value {
     let Some((_, bounds)) = indices::address(l, symbol, axes, index, span, place) else { return l.poison() };
     // At a face a field index keeps meaning "here", so the expansion is made anew.
     let key = place.face.is_none().then(|| {
         let site = if random { Site::Reset } else { place.site };
-        (symbol, bounds.iter().map(crate::elaborate::lower::place::IndexKey::of).collect::<Vec<_>>(), site)
+        let asked = if amount.is_some() { Asked::Amount } else { Asked::Value };
+        (symbol, bounds.iter().map(crate::elaborate::lower::place::IndexKey::of).collect::<Vec<_>>(), site, asked)
     });
     if let Some(v) = key.as_ref().and_then(|k| l.expansions.value(k)) {
         return v.clone();
@@ -305,9 +326,10 @@ fn expand_let(
     });
     // A fault of a definition is its own, whoever asks for it.
     let calls = std::mem::take(&mut l.ledger.reports.calls);
-    let v = match unit {
-        Some(unit) => value_of_let(l, symbol, definition, unit, random, &inner),
-        None => l.value(definition, &inner),
+    let v = match (amount, unit) {
+        (Some(amount), _) => amount(l, definition, &inner),
+        (None, Some(unit)) => value_of_let(l, symbol, definition, unit, random, &inner),
+        (None, None) => l.value(definition, &inner),
     };
     l.ledger.reports.calls = calls;
     if let Some(outer) = outer_stream {

@@ -6,6 +6,7 @@ use smpl_dsl::syntax::{BinaryOp, Binder, Expr, Ident};
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::lower::builtins::{self, Over};
+use crate::elaborate::lower::expression::Own;
 use crate::elaborate::lower::loops::Cell;
 use crate::elaborate::lower::place::{BinderValue, Bound, Place};
 use crate::elaborate::lower::value::{Measure, Value};
@@ -22,6 +23,8 @@ struct Reduced<'e> {
     binders: &'e [Binder],
     condition: Option<&'e Expr>,
     kind: Terms,
+    /// How the body is read.
+    read: Own,
 }
 
 impl<'e> Reduced<'e> {
@@ -59,7 +62,8 @@ impl Lowering<'_, '_> {
             Some(Over::Reduce(ReduceFn::Sum) | Over::Any | Over::All) => Terms::Plain,
             _ => Terms::Single,
         };
-        self.terms(Reduced { body, binders, condition, kind }, place, &mut terms);
+        let read: Own = |l, e, place| l.value(e, place);
+        self.terms(Reduced { body, binders, condition, kind, read }, place, &mut terms);
         if terms.iter().any(|t| t.value.is_poison()) {
             return self.poison();
         }
@@ -72,6 +76,28 @@ impl Lowering<'_, '_> {
             Some(Over::All) => self.values().quantified(terms, false, span),
             None => functions::unknown_function(self, function, place),
         }
+    }
+
+    /// The greatest or least of what a body is read as, over its binders: `number` makes a number of what was read, and of the condition under
+    /// which it counts. `None` where all that was read are truth values.
+    pub(in crate::elaborate) fn extreme(
+        &mut self,
+        op: ReduceFn,
+        (body, binders, condition): (&Expr, &[Binder], Option<&Expr>),
+        read: Own,
+        place: &Place,
+        number: &mut dyn FnMut(&mut Self, &Value, Option<ExprId>) -> ExprId,
+    ) -> Option<Value> {
+        let mut terms = Vec::new();
+        self.terms(Reduced { body, binders, condition, kind: Terms::Plain, read }, place, &mut terms);
+        if terms.iter().all(|t| matches!(t.value.unit, Measure::Truth | Measure::Poison)) {
+            return None;
+        }
+        for term in &mut terms {
+            let counts = term.keep.take();
+            term.value = Value::bare(number(self, &term.value, counts));
+        }
+        Some(self.fold(terms, op, body.span))
     }
 
     /// All terms of a reduction: one for each member, one a piece of a range of cells.
@@ -106,7 +132,7 @@ impl Lowering<'_, '_> {
     }
 
     /// The term inside of all binders, unless its condition never holds.
-    fn innermost_term(&mut self, Reduced { body, condition, .. }: Reduced<'_>, place: &Place, out: &mut Vec<Term>) {
+    fn innermost_term(&mut self, Reduced { body, condition, read, .. }: Reduced<'_>, place: &Place, out: &mut Vec<Term>) {
         if !self.ledger.may_write_out(body.span) {
             return;
         }
@@ -115,7 +141,7 @@ impl Lowering<'_, '_> {
             return;
         }
         let keep = keep.filter(|&c| !matches!(self.exprs.node(c), Node::Truth(true)));
-        let value = self.value(body, place);
+        let value = read(self, body, place);
         out.push(Term { value, span: body.span, keep, loops: Vec::new(), weight: None });
     }
 

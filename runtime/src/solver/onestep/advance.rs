@@ -366,7 +366,7 @@ impl Traverse for Run<'_> {
         let (time, steps) = (self.one.time, self.one.settings.max_steps);
         Err(match self.one.frame.functions.trouble {
             Some(_) => self.failure(0.0),
-            None => SolveError::TooManySteps { time, steps, unknown },
+            None => SolveError::TooManySteps { time, steps, unknown, event: None },
         })
     }
 
