@@ -89,7 +89,8 @@ def test_a_record_of_other_settings_is_run_again_and_marked_until_then(tmp_path)
     assert main([*shown, "--out", str(tmp_path / "second")]) == 0
     text = page.read_text()
     assert "| profile* |" in text and "| nominal* |" in text and "a change of: episodes, model." in text
-    assert text.startswith("before\n<!-- table -->\n\n#### Beer\n\n| suite |") and text.endswith("<!-- end of table -->\nafter\n")
+    assert text.startswith("before\n<!-- table -->\n\n#### Beer\n\n| suite |")
+    assert text.endswith("<!-- end of table -->\nafter\n")
     arguments = {"env": "Beer", "algorithms": ["profile", "nominal"], "results": tmp_path}
     third = benchmark(tmp_path / "third", resume=True, **arguments)
     # The settings decide what is run again; another text of the model may say the same.

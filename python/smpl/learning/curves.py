@@ -66,9 +66,17 @@ def _curves(figure_type: Any, env: str, learned: Iterable[Result]) -> Any:
             axis.fill_between(
                 steps, values.min(axis=0), values.max(axis=0), alpha=0.15, color=style["color"], linewidth=0
             )
+        _widen(axis, [row["mean"] for seeds in algorithms.values() for one in seeds for row in one])
         axis.set_title(f"{env}, {suite}")
         axis.set_xlabel("gradient steps" if suite == "offline" else "steps of the process")
         axis.set_ylabel("mean reward of a step, validation")
         axis.legend(loc="best", fontsize="x-small", ncols=2)
         axis.grid(alpha=0.3)
     return figure
+
+
+def _widen(axis: Any, values: Sequence[float]) -> None:
+    """Where a failed policy is far below the others, decades in place of a scale on which these are one line."""
+    small = float(np.quantile(np.abs(values), 0.1))
+    if small and np.ptp(values) > 100 * small:
+        axis.set_yscale("symlog", linthresh=small)
