@@ -57,6 +57,10 @@ fn factors_agree_with_published_values() {
         ("BTU", "J", 1.055_055_852_62e3),
         ("kWh", "J", 3.6e6),
         ("cSt", "m^2/s", 1e-6),
+        ("kohm", "V/A", 1e3),
+        ("mS/cm", "S/m", 0.1),
+        ("ohm m", "kg m^3/(s^3 A^2)", 1.0),
+        ("S ohm", "1", 1.0),
         ("year", "s", 3.1536e7),
         ("torr", "Pa", 101_325.0 / 760.0),
     ];

@@ -15,12 +15,13 @@ from smpl._native import CompileError, Diagnostic, ScenarioError, SimulationErro
 from smpl._registry import register_envs
 from smpl.envs import Env
 from smpl.identification import Fit, fit
-from smpl.model import Model, compile
+from smpl.model import CompileWarning, Model, compile
 from smpl.pictures import Picture, plot
 from smpl.vector import VectorEnv, make_vec
 
 __all__ = [
     "CompileError",
+    "CompileWarning",
     "Diagnostic",
     "Env",
     "Fit",

@@ -65,6 +65,7 @@ class Model:
     reward: str
     levels: list[str]
     policies: list[str]
+    warnings: list[Diagnostic]
     phases: list[str]
     ports: list[tuple[str, str, list[tuple[str, list[str], str | None]]]]
     step: float

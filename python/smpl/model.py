@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -60,6 +61,10 @@ class Port:
         return cls(name, connector, {member: tuple(numbers) for member, numbers, _ in members}, equals)
 
 
+class CompileWarning(UserWarning):
+    """What the compiler found in a model that it compiled all the same: hardly what was meant."""
+
+
 class Model(Named):
     """A compiled model; made by `smpl.compile`.
 
@@ -77,6 +82,7 @@ class Model(Named):
         phases: names of the phases of the model's schedule, empty without one.
         ports: the ports of its components by their paths, see `Port`.
         policies: names of the policies that the model declares, see `smpl.Env.policy`.
+        warnings: what the compiler warned of, each a `smpl.Diagnostic`.
     """
 
     def __init__(self, native: _native.Model, arguments: dict[str, Any]) -> None:
@@ -93,6 +99,7 @@ class Model(Named):
         self.phases = tuple(native.phases)
         self.ports = {name: Port.of(name, connector, members) for name, connector, members in native.ports}
         self.policies = tuple(native.policies)
+        self.warnings = tuple(native.warnings)
         self._times = _times(native.sources)
 
     def is_stale(self) -> bool:
@@ -461,6 +468,9 @@ def compile(
         extra: statements of the language that follow those of the file, such as `reward full = h / 1 [m]`: a
             reward, a constraint, a variant, an observation level. Findings in them name `extra` and its line.
 
+    Warns:
+        CompileWarning: the compiler has doubts, about a model that is not shipped; `Model.warnings` has all of them.
+
     Raises:
         CompileError: the model is at fault.
         ScenarioError: the scenario, a variant or a setting is at fault.
@@ -485,6 +495,11 @@ def compile(
     if model.is_stale():
         _compile.cache_clear()
         model = _compile(*arguments, stamp)
+    for found in model.warnings:
+        # What the shipped models repeat of publications, faults included, their texts say.
+        if Path(found.file).is_relative_to(models_directory()):
+            continue
+        warnings.warn(f"{found}" + (f" ({found.help})" if found.help else ""), CompileWarning, stacklevel=2)
     return model
 
 

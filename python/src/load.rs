@@ -93,6 +93,11 @@ fn describe<'d>(diagnostics: impl Iterator<Item = &'d diagnostic::Diagnostic>, s
     texts.join("\n")
 }
 
+/// What the compiler found in a model that it compiled.
+pub fn warnings(loaded: &Loaded) -> Vec<Diagnostic> {
+    loaded.warnings.iter().map(|d| resolve(d, &loaded.sources)).collect()
+}
+
 /// A finding with its place resolved.
 fn resolve(diagnostic: &diagnostic::Diagnostic, sources: &SourceMap) -> Diagnostic {
     let found = JsonDiagnostic::new(diagnostic, sources);

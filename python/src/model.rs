@@ -21,7 +21,7 @@ use smpl_runtime::solver::Method;
 
 use crate::arrays::Fresh;
 use crate::equations::{Equations, Given};
-use crate::errors::{guarded, setup_error};
+use crate::errors::{Diagnostic, guarded, setup_error};
 use crate::interrupt::released;
 use crate::load::{self, Loaded};
 use crate::role::Role;
@@ -135,6 +135,12 @@ impl Model {
     fn sources(&self) -> Vec<String> {
         let sources = &self.loaded.sources;
         (0..sources.len()).map(|i| sources.name(FileId(i as u16)).to_owned()).collect()
+    }
+
+    /// What the compiler warns of.
+    #[getter]
+    fn warnings(&self) -> Vec<Diagnostic> {
+        load::warnings(&self.loaded)
     }
 
     /// The chosen reward.

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from smpl.benchmark import SUBJECTS, Run, benchmark, main, runs
+from smpl.learning.configuration import over, read, settings
 from smpl.learning.records import Result, keep, recorded
 from smpl.learning.tables import markdown, table
 
@@ -155,6 +156,15 @@ def test_a_controller_whose_package_is_missing_is_skipped_by_name(tmp_path, monk
     assert main(["--env", "smpl/Reactor-v0", "--out", str(tmp_path), "--quiet"]) == 0
     printed = capsys.readouterr().out
     assert "mpc" in printed and "pip install 'smpl[mpc]'" in printed and "Reactor      control  pid" in printed
+
+
+def test_a_search_has_no_more_environments_than_episodes_that_count():
+    pytest.importorskip("yaml")
+    configuration = read()
+    given = {"algorithms": {"online": {"ARS": {"n_eval_episodes": 3}}}}
+    for expected, one in ((4, configuration), (3, over(configuration, given))):
+        assert settings(one, "online", "Beer", "ARS", "short")["num_envs"] == expected
+    assert settings(configuration, "online", "Beer", "PPO", "short")["num_envs"] == 32
 
 
 def test_every_environment_has_runs_with_seeds_apart():

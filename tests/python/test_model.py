@@ -1,6 +1,7 @@
 """Equations and derivatives of compiled models, against published values and finite differences."""
 
 import pickle
+import warnings
 
 import numpy as np
 import pytest
@@ -105,6 +106,19 @@ def test_parameters_take_the_place_of_defaults(reactor_model):
 def test_wrong_arguments_are_named(reactor_model, arguments, message):
     with pytest.raises(ValueError, match=message):
         reactor_model.rhs(*arguments)
+
+
+def test_doubts_of_the_compiler_are_warnings():
+    text = "param p : % = 20\nstate x = 1\neq d/dt x = -(p + 1) * x / 1 [s]\n"
+    expected = r"<source>:3:19: 1 without a unit is 100 \[%\] here .*write `1 \[%\]`"
+    with pytest.warns(smpl.CompileWarning, match=expected):
+        model = smpl.compile(source=text)
+    (found,) = model.warnings
+    assert (found.severity, found.line, found.column) == ("warning", 3, 19)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert smpl.compile(source=text.replace("+ 1", "+ 1 [%]")).warnings == ()
+        assert smpl.compile("reactor", scenario="legacy").warnings  # published, and said in the text
 
 
 def test_a_model_can_be_made_of_its_text():

@@ -95,6 +95,9 @@ def settings(configuration: Mapping[str, Any], suite: str, env: str, algorithm: 
         chosen["data"] = {**collected, **process.get("data", {})}
         if process.get("scalers"):
             chosen["scalers"] = process["scalers"]
+    if kind == "search":
+        # Each of these runs the same policy, and the ones beyond the episodes that are counted would run for nothing.
+        chosen["num_envs"] = min(chosen["num_envs"], as_count("n_eval_episodes", hyper.get("n_eval_episodes", 1)))
     Formulation.of(chosen["formulation"])
     return chosen
 
