@@ -13,7 +13,8 @@ import inspect
 import io
 import re
 import tempfile
-from collections.abc import Callable, Mapping
+import warnings
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -262,8 +263,17 @@ def _policy_file(spec: str) -> Any:
         return _stable_baselines(algorithm, file)
     if file.endswith(".d3"):
         return _needs("d3rlpy", "smpl[d3rlpy]").load_learnable(file)
-    module = _needs("torch", "torch").jit.load(file).eval()
-    return _TorchPolicy(module)
+    torch = _needs("torch", "torch")
+    with of_torchscript():
+        return _TorchPolicy(torch.jit.load(file).eval())
+
+
+@contextlib.contextmanager
+def of_torchscript() -> Iterator[None]:
+    """Without what torch says of the age of TorchScript: it is the form that each of the pinned versions reads."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", r"`torch\.jit\.", FutureWarning)
+        yield
 
 
 def _formulated(policy: Any, file: Path) -> Any:

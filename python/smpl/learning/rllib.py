@@ -10,6 +10,7 @@ from typing import Any
 
 import gymnasium
 
+from smpl.learning.agents import of_torchscript
 from smpl.learning.environments import Formulated, FormulatedVectorEnv
 from smpl.learning.formulation import Formulation
 from smpl.learning.offline import needs
@@ -126,7 +127,8 @@ class RLlibTrainer:
         torch = needs("torch", "rllib")
         module = _Mean(torch, self._algo.get_module()).module.eval()
         example = torch.zeros((2, self._width), dtype=torch.float32)
-        torch.jit.trace(module, example, check_trace=False).save(str(folder / "policy.pt"))
+        with of_torchscript():
+            torch.jit.trace(module, example, check_trace=False).save(str(folder / "policy.pt"))
         self._formulation.write(folder)
         return "policy.pt"
 
