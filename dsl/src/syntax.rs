@@ -72,8 +72,8 @@ pub enum StatementKind {
     Port { names: Vec<Ident>, connector: Ident },
     /// `use TubularReactor as R1(V = 2 [mL])`, `use Column as col[k in 1..2](...)`
     Instance { component: Ident, name: Ident, indices: Vec<Binder>, arguments: Vec<(Ident, Expr)> },
-    /// `connect M1.outlet -> R1.inlet` (a chain of two or more)
-    Connect { chain: Vec<Expr> },
+    /// `connect M1.outlet -> R1.inlet` (a chain of two or more), `connect s[k].out -> s[k+1].in for k in 1..9`
+    Connect { chain: Vec<Expr>, binders: Vec<Binder> },
     /// `initial c_A ~ uniform(0.7, 1.3) * value(steady(c_A)) clip bounds for x in (...)`
     Initial { target: Expr, random: bool, value: Expr, clip: Option<Clip>, binders: Vec<Binder> },
     /// `steady { T_c = 26.85 [degC], h = 0.659 [m], A + B = 1 }`

@@ -5,6 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
+import scipy.stats
 
 import smpl
 
@@ -185,3 +186,35 @@ def test_a_setting_changes_a_parameter():
     model = smpl.compile("reactor", settings={"q_in": 0.2})
     area = np.pi * 0.219**2
     assert model.rhs(0.0, [0.7, 44.0, 0.8], ACTION)[2] == pytest.approx(0.1 / area, rel=1e-12)
+
+
+def test_tanks_that_are_connected_over_an_index_answer_as_a_row_of_tanks():
+    model = smpl.compile(
+        source="""
+        time t : min
+        connector Stream { Q : L/min, c : mol/L }
+        component Tank(V = 1) {
+          port inlet, outlet : Stream
+          state c : mol/L = 0
+          eq d/dt c = inlet.Q / (V * 1 [L]) * (inlet.c - c)
+          eq outlet.Q = inlet.Q
+          eq outlet.c = c
+        }
+        action q : L/min = 3 in 0..5
+        use Tank as a[k in 1..4](V = 2), b[k in 1..4](V = 2)
+        connect a[k].outlet -> b[k].inlet for k in 1..4
+        connect b[k].outlet -> a[k+1].inlet for k in 1..3
+        eq a[1].inlet.Q = q
+        eq a[1].inlet.c = 1 [mol/L]
+        observe b[4].c in 0..1
+        solver { rtol = 1e-10 }
+        episode { step = 1 [min], max_steps = 8 }
+        """
+    )
+    found = model.rollout(np.zeros(8), np.full((1, 8, 1), 3.0)).states[0]
+    times = np.arange(9) * 3.0 / 2.0
+    for place, name in enumerate(model.state_names):
+        number = 2 * int(name[2]) - (name[0] == "a")
+        # A step through n equal tanks is the distribution of Erlang.
+        expected = scipy.stats.gamma.cdf(times, number)
+        np.testing.assert_allclose(found[:, place], expected, rtol=0, atol=1e-8, err_msg=name)

@@ -76,7 +76,7 @@ pub(in crate::elaborate) fn elaborate_equations(l: &mut Lowering<'_, '_>) -> Vec
             let Item::Other(statement) = item else { continue };
             match &statement.kind {
                 StatementKind::Equation { lhs, rhs, binders } => equation(l, *scope, (lhs, rhs, binders), statement.span, &mut out),
-                StatementKind::Connect { chain } => connect(l, *scope, chain, statement.span, &mut out),
+                StatementKind::Connect { chain, binders } => connections(l, *scope, (chain, binders), statement.span, &mut out),
                 _ => {}
             }
         }
@@ -162,11 +162,25 @@ fn shares_sums(l: &Lowering<'_, '_>, form: EquationForm, runs: u8, depth: u8) ->
     !l.exprs.has_reduction(form.value(), repeats)
 }
 
+/// `connect a[k] -> b[k] for k in 1..3`: one connection for each value of the indices.
+fn connections(l: &mut Lowering<'_, '_>, scope: ScopeId, (chain, binders): (&[Expr], &[Binder]), span: Span, out: &mut Vec<Equation>) {
+    let pieces = nests::nest(l, binders, &Place::new(scope, Site::Dynamics), &mut |s, inner| {
+        let mut found = Vec::new();
+        if inner.depth == 0 {
+            connect(s, inner, chain, span, &mut found);
+        } else {
+            let message = "connections go over sets and ranges of numbers, not over the cells of a domain";
+            s.ledger.report(Diagnostic::error(codes::WRONG_KIND, message, span));
+        }
+        found
+    });
+    out.extend(pieces.into_iter().flat_map(|piece| piece.value));
+}
+
 /// `connect a -> b`: every member of `b` equals that of `a`.
-fn connect(l: &mut Lowering<'_, '_>, scope: ScopeId, chain: &[Expr], span: Span, out: &mut Vec<Equation>) {
-    let place = Place::new(scope, Site::Dynamics);
+fn connect(l: &mut Lowering<'_, '_>, place: &Place, chain: &[Expr], span: Span, out: &mut Vec<Equation>) {
     for pair in chain.windows(2) {
-        let (Some(from), Some(to)) = (paths::scope_of(l, &pair[0], &place), paths::scope_of(l, &pair[1], &place)) else { continue };
+        let (Some(from), Some(to)) = (paths::scope_of(l, &pair[0], place), paths::scope_of(l, &pair[1], place)) else { continue };
         let members = |s: &Lowering<'_, '_>, scope: ScopeId| -> BTreeMap<String, SymbolId> {
             s.symbols.scopes[scope].names.iter().map(|(n, &id)| (n.clone(), id)).collect()
         };

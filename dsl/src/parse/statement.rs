@@ -213,8 +213,16 @@ fn port(context: &Context<'_>, children: Children<'_>) -> Fallible<StatementKind
 }
 
 fn connect(context: &Context<'_>, children: Children<'_>) -> Fallible<StatementKind> {
-    let places = children.pairs.filter(|part| part.as_rule() == Rule::place);
-    Ok(StatementKind::Connect { chain: places.map(|part| expression::place(context, part)).collect::<Fallible<_>>()? })
+    let mut chain = Vec::new();
+    let mut binders = Vec::new();
+    for part in children.pairs {
+        match part.as_rule() {
+            Rule::place => chain.push(expression::place(context, part)?),
+            Rule::for_clause => binders = expression::binders(context, part)?,
+            _ => {}
+        }
+    }
+    Ok(StatementKind::Connect { chain, binders })
 }
 
 fn choice(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {

@@ -118,9 +118,11 @@ impl<'s> Writer<'s> {
                 self.block(&format!("Ports {}: {}.", names.join(", "), code(&connector.text)));
             }
             StatementKind::Instance { component, name, indices, arguments } => self.instance(component, name, indices, arguments),
-            StatementKind::Connect { chain } => {
+            StatementKind::Connect { chain, binders } => {
                 let ends: Vec<String> = chain.iter().map(|end| code(self.source.texts.text(end.span))).collect();
-                self.row(CONNECTIONS, vec![ends.join(" → ")]);
+                let over = latex::binders(binders);
+                let over = if over.is_empty() { over } else { format!(", {}", math(&over)) };
+                self.row(CONNECTIONS, vec![format!("{}{over}", ends.join(" → "))]);
             }
             StatementKind::Choice { name, options, text } => {
                 let options: Vec<String> = options.iter().map(|o| code(&o.text)).collect();

@@ -100,7 +100,7 @@ impl<'s> Plant<'s> {
 
     fn flow(&mut self, statement: &'s Statement) {
         match &statement.kind {
-            StatementKind::Connect { chain } => {
+            StatementKind::Connect { chain, .. } => {
                 let units: Vec<usize> = chain.iter().filter_map(|end| self.unit_of(end)).collect();
                 for pair in units.windows(2) {
                     self.edges.insert((pair[0], pair[1]), true);

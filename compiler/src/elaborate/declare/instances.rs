@@ -202,6 +202,7 @@ fn runs_over(statement: &Statement, name: &str) -> bool {
         StatementKind::Table(table) => table.indices.iter().any(|set| set.text == name),
         StatementKind::Equation { lhs, rhs, binders } => any(binders) || inside(lhs) || inside(rhs),
         StatementKind::Instance { indices, .. } => any(indices),
+        StatementKind::Connect { binders, .. } => any(binders),
         StatementKind::When { body, .. } | StatementKind::Variant { body, .. } => body.iter().any(|s| runs_over(s, name)),
         _ => false,
     }

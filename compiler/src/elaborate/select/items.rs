@@ -141,7 +141,7 @@ fn statement_key(kind: &StatementKind) -> Option<Key<'_>> {
         StatementKind::Equation { lhs: target, binders, .. } | StatementKind::Initial { target, binders, .. } => {
             Key::Determined(discriminant(kind), Form::bound(binders, [target]))
         }
-        StatementKind::Connect { chain } => Key::Determined(discriminant(kind), Form::bound(&[], chain)),
+        StatementKind::Connect { chain, binders } => Key::Determined(discriminant(kind), Form::bound(binders, chain)),
         StatementKind::Fail { name, .. }
         | StatementKind::Success { name, .. }
         | StatementKind::Constraint { name, .. }
