@@ -121,13 +121,15 @@ def test_a_learned_run_is_shown_from_its_record_alone(tmp_path):
     (run,) = runs("online", "short", "Beer", 1, ["PPO"])
     scores = {"mean": 1.25, "std": 2.0, "steps": 160, "returns": [99.0, 101.0], "failures": 0, "successes": 2}
     rows = [{"steps": 10.0 * k, "mean": -1.0 / k, "failures": 0.0} for k in (1, 2, 3)]
-    keep(Result(run, {**scores, "seconds": 7.5, "lengths": [80, 80]}, rows, asdict(run)), tmp_path / "records")
+    whole = {**scores, "seconds": 7.5, "lengths": [80, 80], "diverged": 4}
+    keep(Result(run, whole, rows, asdict(run)), tmp_path / "records")
     found = recorded(run, tmp_path / "records")
     assert found.curve == [pytest.approx(row, rel=1e-7) for row in rows] and "lengths" not in found.scores
     content = benchmark(tmp_path / "out", "online", "short", run_nothing=True, results=tmp_path / "records")
     (row,) = content["rows"]
     assert (row["mean"], row["std"], row["return_mean"], row["seeds"]) == (1.25, 2.0, 100.0, 1)
     assert row["published"] == (1.0688, 20.70) and row["changed"] == ["model"]  # no checksum is recorded
+    assert "| PPO*† |" in markdown(content) and "† training diverged" in markdown(content)
     drawn = sorted(path.name for path in (tmp_path / "out/figures").iterdir())
     assert drawn == ["Beer-curves.png", "Beer-scores.png"]
 

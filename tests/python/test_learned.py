@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from smpl.benchmark import benchmark, main, runs
-from smpl.learning.training import COLUMNS, curve, learn
+from smpl.learning.training import COLUMNS, curve, diverged, learn
 
 NAMES = {
     "offline": (
@@ -71,6 +71,39 @@ def test_a_run_that_was_cut_off_ends_as_one_that_was_not(tmp_path):
     assert float(json.loads((whole / "policy.zip").read_text()) % 97) == max(scores)
     assert (parts / "checkpoint-5").is_dir() and not (parts / "checkpoint-4").exists()
     assert tuple(curve(whole)[0]) == COLUMNS
+
+
+@pytest.mark.parametrize("where", ["train", "validate"])
+def test_a_learner_that_diverges_ends_its_run_with_the_best_policy_until_then(where, tmp_path):
+    scored = []
+
+    def validate(policy):
+        if where == "validate" and len(scored) == 2:
+            raise ValueError("the action is not finite")
+        scored.append(Path(policy.removeprefix("PPO:")).read_text())
+        return 0.0, float(len(scored)), 0
+
+    class Diverging(Counting):
+        def train(self, steps, seed, progress):
+            super().train(steps, seed, progress)
+            if where == "train" and progress >= 0.4:
+                raise ValueError("found invalid values:\ntensor([[nan, nan]])")
+
+    with pytest.warns(UserWarning, match="diverged in segment 3 of 5: "):
+        assert learn(Diverging(), tmp_path, 103, 5, 3, validate) == "PPO:policy.zip"
+    assert diverged(tmp_path) == 3 and len(curve(tmp_path)) == 2
+    assert (tmp_path / "policy.zip").read_text() == scored[1]
+    # It is over: nothing is trained when the run is asked for again.
+    assert learn(Diverging(), tmp_path, 103, 5, 3, validate) == "PPO:policy.zip" and len(scored) == 2
+
+
+def test_a_learner_that_diverges_at_once_has_no_policy(tmp_path):
+    def validate(policy):
+        raise ValueError("the action is not finite")
+
+    with pytest.raises(ValueError, match="not finite"):
+        learn(Counting(), tmp_path, 103, 5, 3, validate)
+    assert diverged(tmp_path) is None
 
 
 def test_every_algorithm_of_the_paper_and_beyond_has_runs():

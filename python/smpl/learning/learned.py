@@ -17,7 +17,7 @@ from smpl.learning.formulation import Exploration, Form, Formulation
 from smpl.learning.historical import trainer as historical
 from smpl.learning.plan import Plan, Task
 from smpl.learning.scores import score
-from smpl.learning.training import Trainer, Validate, learn
+from smpl.learning.training import Trainer, Validate, diverged, learn
 
 # Means and deviations over steps that the paper prints, environment by environment; nothing where it has no row.
 PUBLISHED: dict[tuple[str, str, str], tuple[float, float]] = {
@@ -100,7 +100,9 @@ def train_and_score(
     policy = f"{prefix}:{folder / name}" if prefix else str(folder / name)
     plan = Plan.of(task, policy, plan_of["episodes"], seed=plan_of["seed"])
     report = score(plan, workers, kept=0).report()
-    return {**report, "policy": spec, "training_seconds": trained, "seconds": time.perf_counter() - begin}
+    ended = {"policy": spec, "training_seconds": trained, "seconds": time.perf_counter() - begin}
+    segment = diverged(folder)
+    return {**report, **ended, **({} if segment is None else {"diverged": segment})}
 
 
 def trainer_of(

@@ -18,7 +18,7 @@ from smpl.learning.training import curve
 # What scores are kept; the returns of the episodes carry all that the intervals need.
 _SCORES = (
     *("mean", "std", "steps", "returns", "failures", "failures_by_cause", "successes", "cost_mean", "settled"),
-    *("settling_time", "latency_ms", "policy", "training_seconds", "seconds"),
+    *("settling_time", "latency_ms", "policy", "training_seconds", "seconds", "diverged"),
 )
 _CURVE = ("steps", "mean", "failures")
 # What says which run it is; the rest of a configuration says by what it was made.

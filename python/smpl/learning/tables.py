@@ -75,6 +75,7 @@ def _row(mine: Sequence[Result]) -> dict[str, Any]:
         "failures": sum(one["failures"] for one in scores),
         "successes": sum(one["successes"] for one in scores),
         "seconds": sum(one["seconds"] for one in scores),
+        "diverged": sum("diverged" in one for one in scores),
     }
 
 
@@ -119,7 +120,7 @@ def lines(table: Mapping[str, Any]) -> list[list[str]]:
         gain = "" if row["gain"] is None else f"{row['gain']:+.4g}"
         regret = "" if row["regret"] is None else f"{row['regret']:.4g}"
         counts = [str(row[key]) for key in ("failures", "successes", "episodes", "seeds")]
-        name = row["controller"] + "*" * bool(row["changed"])
+        name = row["controller"] + "*" * bool(row["changed"]) + "†" * bool(row["diverged"])
         found.append(
             [row["env"], row["suite"], name, steps, published, returns, gain, regret, *counts, f"{row['seconds']:.0f}"]
         )
@@ -138,9 +139,12 @@ def markdown(table: Mapping[str, Any]) -> str:
 
 
 def remarks(table: Mapping[str, Any]) -> str:
-    """What is to be said of rows with an asterisk; empty without any."""
+    """What is to be said of rows with a mark; empty without any."""
     changed = sorted({what for row in table["rows"] for what in row.get("changed", ())})
-    return f"\n\\* made before a change of: {', '.join(changed)}.\n" if changed else ""
+    said = [f"\n\\* made before a change of: {', '.join(changed)}.\n"] if changed else []
+    if any(row.get("diverged") for row in table["rows"]):
+        said.append("\n† training diverged: the best policy until then.\n")
+    return "".join(said)
 
 
 def place_in(page: Path, table: Mapping[str, Any]) -> None:

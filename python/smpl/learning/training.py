@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import shutil
 import time
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
@@ -14,6 +16,8 @@ import numpy as np
 
 CURVE, STATE = "curve.csv", "progress.json"
 COLUMNS = ("segment", "steps", "mean", "return_mean", "failures", "best", "seconds")
+# How packages say that a network has diverged.
+_NOT_FINITE = re.compile(r"\bnan\b|\binf\b|not finite|not a number", re.IGNORECASE)
 # What `validate` gives of a policy: mean over steps, mean return, failures.
 Validate = Callable[[str], tuple[float, float, int]]
 
@@ -49,20 +53,29 @@ def learn(trainer: Trainer, folder: Path, steps: int, segments: int, seed: int, 
         validate: scores a policy.
 
     Returns:
-        The `--policy` of the best policy by its mean return in the validation, the earliest of equals.
+        The `--policy` of the best policy by its mean return in the validation, the earliest of equals. A learner that
+        diverges after the first segment ends the run, and its best policy is that of the segments before.
     """
     state = _state(folder)
-    for number in range(state["segments"], segments):
+    for number in range(state["segments"], segments if "diverged" not in state else 0):
         began = time.perf_counter()
         if number:
             trainer.load(folder / f"checkpoint-{number}")
         else:
             trainer.begin(seed)
         share = steps // segments + (number < steps % segments)
-        if share:
-            trainer.train(share, segment_seed(seed, number), number / segments)
-        _checkpoint(trainer, folder, number + 1)
-        _follow(trainer, folder, state, number, share, validate, began)
+        try:
+            if share:
+                trainer.train(share, segment_seed(seed, number), number / segments)
+            _checkpoint(trainer, folder, number + 1)
+            _follow(trainer, folder, state, number, share, validate, began)
+        except Exception as error:
+            if not (number and _NOT_FINITE.search(str(error))):
+                raise
+            _write(folder, state | {"diverged": number + 1})
+            words = str(error).strip().splitlines()[-1]
+            warnings.warn(f"{folder}: training diverged in segment {number + 1} of {segments}: {words}", stacklevel=2)
+            break
         shutil.rmtree(folder / f"checkpoint-{number}", ignore_errors=True)
     return str(state["policy"])
 
@@ -70,6 +83,12 @@ def learn(trainer: Trainer, folder: Path, steps: int, segments: int, seed: int, 
 def segment_seed(seed: int, number: int) -> int:
     """A 31-bit seed of one segment of a run."""
     return int(np.random.SeedSequence([seed, number, 7]).generate_state(1)[0] >> 1)
+
+
+def diverged(folder: Path) -> int | None:
+    """The segment in which the learner of a run diverged, counted from one; none if it did not."""
+    found = _state(folder).get("diverged")
+    return None if found is None else int(found)
 
 
 def curve(folder: Path) -> list[dict[str, float]]:
@@ -120,6 +139,10 @@ def _follow(
         writer = csv.DictWriter(table, COLUMNS)
         writer.writeheader()
         writer.writerows(state["rows"])
+    _write(folder, state)
+
+
+def _write(folder: Path, state: dict[str, Any]) -> None:
     temporary = folder / f".{STATE}.tmp"
     temporary.write_text(json.dumps(state, indent=1) + "\n", encoding="utf-8")
     temporary.replace(folder / STATE)
