@@ -111,3 +111,24 @@ def test_minari_takes_the_export(episodes, tmp_path, monkeypatch):
         steps = [env.step(action) for action in stored.actions]
         np.testing.assert_array_equal([*observations, *(step[0] for step in steps)], stored.observations)
         np.testing.assert_array_equal([step[1] for step in steps], stored.rewards)
+
+
+def test_costs_stand_in_the_row_of_the_instant_and_rewards_in_that_of_their_step(tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    text = """
+model Filling
+action q : m/s = 1 in 0..2
+state h : m = 0 in 0..10
+eq d/dt h = q
+observe h
+reward level default = h / 1 [m]
+constraint full when h > 2 [m]
+episode { step = 1 [s], max_steps = 4, error_reward = -1 }
+"""
+    smpl.datasets.collect(smpl.Env(smpl.compile(source=text)), "constant:1", 1, tmp_path / "data")
+    table = parquet.read_table(tmp_path / "data" / "part-000000.parquet").to_pydict()
+    np.testing.assert_allclose(table["reward"][:-1], [1, 2, 3, 4], rtol=1e-6)
+    assert table["reward"][-1] is None
+    # Levels 0, 1, 2, 3, 4 m; the excess over 2 m is over the range of 10 m.
+    np.testing.assert_allclose(table["cost"], [0, 0, 0, 0.1, 0.2], atol=1e-6)
+    assert table["violation.full"] == table["cost"]

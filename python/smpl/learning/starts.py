@@ -60,7 +60,7 @@ class Starts:
             seed: of the scrambling.
 
         Raises:
-            ValueError: none of these, a model without a steady state, an unknown state.
+            ValueError: none of these, an unknown state.
         """
         if isinstance(given, Starts):
             return given
