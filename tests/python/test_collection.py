@@ -273,6 +273,19 @@ def test_starts_are_those_that_were_asked_for(tmp_path):
     assert dataset[1].states[0, 0] == run_episode(env, Proportional(), 1).states[0, 0]
 
 
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("c_A,T\n0.8,50\n0.7,\n", "line 3: T is '', expected a number"),
+        ("c_A,T\n0.8,50,hot\n", "line 2: column 3 is 'hot', expected a number"),
+    ],
+)
+def test_a_cell_of_a_table_of_starts_that_is_no_number_is_named(text, says, tmp_path):
+    (tmp_path / "starts.csv").write_text(text)
+    with pytest.raises(ValueError, match=says):
+        collect("reactor", "pid", 1, tmp_path / "set", starts=tmp_path / "starts.csv")
+
+
 def test_spread_starts_fill_each_sixteenth_of_each_state_once():
     pytest.importorskip("scipy", reason="SciPy is not installed")
     env = smpl.Env("reactor")

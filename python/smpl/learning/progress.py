@@ -41,8 +41,8 @@ class Progress:
 
     def _line(self) -> None:
         rate = (self._done - self._before) / max(time.monotonic() - self._begun, 1e-9)
-        left = (self._total - self._done) / rate if rate else float("inf")
-        print(f"{self._text}: {self._done}/{self._total}, {rate:.3g} episodes/s, {left:.0f} s left", file=sys.stderr)
+        left = f", {(self._total - self._done) / rate:.0f} s left" if rate else ""
+        print(f"{self._text}: {self._done}/{self._total}, {rate:.3g} episodes/s{left}", file=sys.stderr)
 
     def __enter__(self) -> Progress:
         return self

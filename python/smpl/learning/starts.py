@@ -117,11 +117,22 @@ def _table(path: Path, env: Env) -> Starts:
     try:
         with path.open(newline="", encoding="utf-8") as file:
             header, *lines = list(csv.reader(file))
-        states = np.array([[float(cell) for cell in line] for line in lines if line])
+        names = tuple(name.strip() for name in header)
+        states = np.array([_numbers(names, line, i) for i, line in enumerate(lines, 2) if line])
     except (OSError, ValueError) as error:
         raise ValueError(f"table of starts {str(path)!r}: {error}") from error
-    names = tuple(name.strip() for name in header)
     return _checked(Starts(f"table {path.name}", names, states), env)
+
+
+def _numbers(names: tuple[str, ...], line: list[str], number: int) -> list[float]:
+    found = []
+    for place, cell in enumerate(line):
+        try:
+            found.append(float(cell))
+        except ValueError:
+            name = names[place] if place < len(names) else f"column {place + 1}"
+            raise ValueError(f"line {number}: {name} is {cell!r}, expected a number") from None
+    return found
 
 
 def _given(given: Any, env: Env) -> Starts:
