@@ -55,7 +55,8 @@ def _curves(figure_type: Any, env: str, learned: Iterable[Result]) -> Any:
             panels.setdefault(one.run.suite, {}).setdefault(one.run.controller, []).append(one.curve)
     if not panels:
         return None
-    figure = figure_type(figsize=(5.5 * len(panels) + 1, 4), layout="constrained")
+    deepest = max(-(-len(algorithms) // 4) for algorithms in panels.values())
+    figure = figure_type(figsize=(5.5 * len(panels) + 1, 4 + 0.17 * deepest), layout="constrained")
     for axis, (suite, algorithms) in zip(np.atleast_1d(figure.subplots(1, len(panels))), panels.items(), strict=True):
         for number, (name, seeds) in enumerate(algorithms.items()):
             length = min(map(len, seeds))
@@ -66,11 +67,13 @@ def _curves(figure_type: Any, env: str, learned: Iterable[Result]) -> Any:
             axis.fill_between(
                 steps, values.min(axis=0), values.max(axis=0), alpha=0.15, color=style["color"], linewidth=0
             )
+        if suite == "online":
+            axis.set_xscale("log")  # a policy gradient takes thirty times the steps of a learner that replays
         _widen(axis, [row["mean"] for seeds in algorithms.values() for one in seeds for row in one])
         axis.set_title(f"{env}, {suite}")
         axis.set_xlabel("gradient steps" if suite == "offline" else "steps of the process")
         axis.set_ylabel("mean reward of a step, validation")
-        axis.legend(loc="best", fontsize="x-small", ncols=2)
+        axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), fontsize="x-small", ncols=4, handlelength=3.5)
         axis.grid(alpha=0.3)
     return figure
 
