@@ -14,7 +14,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +54,7 @@ def benchmark(
     Args:
         out: folder of the runs.
         suite, budget: what and how much.
-        env: one environment in place of all.
+        env: one environment in place of all: a process of the package or of `config`, the path of a model, an id.
         seeds: runs of each controller; 1 for `smoke`, else 3.
         resume: go on in a folder that has runs; those that are finished are not run again.
         algorithms: names of controllers and algorithms; all if empty.
@@ -128,7 +127,7 @@ def _changed(results: Mapping[str, Result]) -> dict[str, list[str]]:
     for name, one in results.items():
         about = json.dumps([one.run.env, one.run.arguments], sort_keys=True)
         if about not in checksums:
-            checksums[about] = Task.of(f"smpl/{one.run.env}-v0", **one.run.arguments).checksum
+            checksums[about] = one.run.task().checksum
         model = ["model"] * (one.configuration.get("checksum") != checksums[about])
         found[name] = [*one.differing(), *model]
     return found
@@ -192,8 +191,8 @@ def _make(one: Run, out: Path, workers: int | None) -> str:
         ValueError: its folder has another run.
     """
     folder = one.folder(out)
-    configuration = {**asdict(one), "smpl": __version__}
-    task = Task.of(f"smpl/{one.env}-v0", **one.arguments)
+    configuration = {**one.described(), "smpl": __version__}
+    task = one.task()
     configuration["checksum"] = task.checksum
     if (folder / "scores.json").is_file():
         _same(folder, configuration)
@@ -263,7 +262,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--suite", default="control", help=f"one of {', '.join(SUITES)}, all")
     parser.add_argument("--budget", default="smoke", help=f"one of {', '.join(BUDGETS)}")
-    parser.add_argument("--env", metavar="NAME", help="one environment in place of all")
+    parser.add_argument("--env", metavar="ENV", help="in place of all: a process, or the path of a model")
     parser.add_argument("--seeds", type=int, metavar="N", help="runs of each controller")
     parser.add_argument("--algorithm", action="append", default=[], metavar="NAME", help="only this one; repeatable")
     parser.add_argument("--config", metavar="FILE", help="YAML over the configuration of the package")

@@ -1,7 +1,6 @@
 """The benchmark: runs as folders, resumed, and one table."""
 
 import json
-from dataclasses import asdict
 from itertools import pairwise
 from pathlib import Path
 
@@ -13,6 +12,17 @@ from smpl.learning.records import Result, keep, recorded
 from smpl.learning.tables import markdown, table
 
 ROOT = Path(__file__).resolve().parents[2]
+TANK = """
+model Tank
+action q : m^3/s = 0.2 in 0..0.5
+state h : m = 1 in 0..4
+eq d/dt h = (q - 0.2 [m^2.5/s]*sqrt(h)) / (1 [m^2])
+observe h
+reward level default = -sq((h - 1 [m]) / 1 [m])
+reward height = h / 1 [m]
+policy full { q = 0.4 }
+episode { step = 1 [s], max_steps = 6 }
+"""
 
 
 def test_runs_are_folders_with_configuration_and_scores_and_make_one_table(tmp_path):
@@ -122,7 +132,7 @@ def test_a_learned_run_is_shown_from_its_record_alone(tmp_path):
     scores = {"mean": 1.25, "std": 2.0, "steps": 160, "returns": [99.0, 101.0], "failures": 0, "successes": 2}
     rows = [{"steps": 10.0 * k, "mean": -1.0 / k, "failures": 0.0} for k in (1, 2, 3)]
     whole = {**scores, "seconds": 7.5, "lengths": [80, 80], "diverged": 4}
-    keep(Result(run, whole, rows, asdict(run)), tmp_path / "records")
+    keep(Result(run, whole, rows, run.described()), tmp_path / "records")
     found = recorded(run, tmp_path / "records")
     assert found.curve == [pytest.approx(row, rel=1e-7) for row in rows] and "lengths" not in found.scores
     content = benchmark(tmp_path / "out", "online", "short", run_nothing=True, results=tmp_path / "records")
@@ -176,9 +186,57 @@ def test_every_environment_has_runs_with_seeds_apart():
     assert all(end <= begin for (_, end), (begin, _) in pairwise(spans))
 
 
+def test_a_model_of_ones_own_is_run_by_its_path(tmp_path, monkeypatch, capsys):
+    path = tmp_path / "tank.eq"
+    path.write_text(TANK, encoding="utf-8")
+    found = benchmark(tmp_path / "runs", env=str(path), seeds=2, results=tmp_path / "records")
+    rows = {row["controller"]: row for row in found["rows"]}
+    assert set(rows) == {"nominal", "random", "full"} and {row["env"] for row in found["rows"]} == {"Tank"}
+    # A level of 1 m is the steady state of the nominal inflow.
+    assert rows["nominal"]["mean"] == pytest.approx(0, abs=1e-12) and rows["nominal"]["published"] is None
+    assert rows["full"]["gain"] == pytest.approx(rows["full"]["return_mean"]) and rows["full"]["regret"] is None
+    # The records say what was run, not where.
+    assert "tank.eq" not in (tmp_path / "records/smoke/Tank/control/full/seed-1.json").read_text()
+    monkeypatch.chdir(tmp_path)
+    assert main(["--env", "tank.eq", "--out", "runs", "--resume", "--seeds", "2", "--quiet"]) == 0
+    path.write_text(TANK.replace("policy full", "policy fuller"), encoding="utf-8")
+    assert main(["--env", "tank.eq", "--out", "runs", "--resume", "--seeds", "2", "--quiet"]) == 2
+    assert "is another run (checksum" in capsys.readouterr().err
+
+
+def test_a_configuration_brings_processes_of_its_own(tmp_path):
+    pytest.importorskip("yaml")
+    (tmp_path / "models").mkdir()
+    (tmp_path / "models/tank.eq").write_text(TANK, encoding="utf-8")
+    config = tmp_path / "own.yaml"
+    config.write_text(
+        "processes: {High: {model: models/tank.eq, arguments: {reward: height}, num_envs: 5, "
+        "steps: {short: {search: 7}}}}"
+    )
+    assert {one.env for one in runs("control", "smoke", None, 1, config=config)} == {*SUBJECTS, "High"}
+    (row,) = benchmark(tmp_path / "runs", env="High", config=config, algorithms=["nominal"])["rows"]
+    assert row["env"] == "High" and row["mean"] == pytest.approx(1, rel=1e-7)  # actions are single precision
+    (one,) = runs("online", "short", "High", 1, ["ARS"], config)
+    assert (one.settings["steps"], one.settings["num_envs"], one.arguments) == (7, 4, {"reward": "height"})
+    # What a configuration says of a model that is given by its path holds for it too.
+    config.write_text("processes: {Tank: {segments: {short: 3}}}")
+    (one,) = runs("online", "short", str(tmp_path / "models/tank.eq"), 1, ["PPO"], config)
+    assert one.env == "Tank" and one.settings["segments"] == 3
+    for text, says in (
+        ("processes: {Tnk: {segments: {short: 3}}}", "'Tnk'"),
+        ("processes: {Beer: {model: models/tank.eq}}", "'model'"),
+        ("processes: {a/b: {model: models/tank.eq}}", "'a/b', expected letters"),
+        ("processes: {Tank: {model: models/tank.eq}}", "is called Tank, as a process of the benchmark is"),
+    ):
+        config.write_text(text)
+        with pytest.raises(ValueError, match=says):
+            runs("online", "short", str(tmp_path / "models/tank.eq"), 1, ["PPO"], config)
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
+        (["--env", "nowhere.eq"], "nowhere.eq: no such file"),
         (["--suite", "ofline"], "suite is 'ofline'; there are: control, offline, online, all"),
         (["--algorithm", "pdi"], "algorithm is 'pdi'; there are: empc, isothermal, mpc, nominal, oracle, pid"),
         (["--budget", "huge"], "budget is 'huge'; there are: smoke, short, paper"),

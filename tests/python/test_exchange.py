@@ -16,6 +16,15 @@ from smpl.evaluation import evaluate
 
 SET_POINT = [0.8778252005501434, 51.34660619295078, 0.659]
 HOT = [0.99, 66.0, 0.6]
+TANK = """
+model Tank
+action q : m^3/s = 0.2 in 0..0.5
+state h : m = 1 ~ uniform(0.5, 1.5) in 0..4
+eq d/dt h = (q - 0.2 [m^2.5/s]*sqrt(h)) / (1 [m^2])
+observe h
+reward level default = -sq((h - 1 [m]) / 1 [m])
+episode { step = 1 [s], max_steps = 6 }
+"""
 
 
 @pytest.fixture(scope="module")
@@ -85,6 +94,33 @@ def test_a_collected_data_set_becomes_one_of_minari_with_costs_and_units(tmp_pat
         np.testing.assert_array_equal(one.infos["cost"], expected.costs)
         np.testing.assert_array_equal(one.infos["violations"]["state_box"], expected.details.violations["state_box"])
         np.testing.assert_array_equal(one.infos["rewards"]["setpoint"][1:], expected.rewards)
+
+
+def test_a_data_set_of_a_model_of_ones_own_becomes_one_of_minari(tmp_path, monkeypatch):
+    minari = pytest.importorskip("minari", reason="Minari is not installed")
+    pytest.importorskip("h5py", reason="h5py is not installed")
+    pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "minari"))
+    path = tmp_path / "tank.eq"
+    path.write_text(TANK, encoding="utf-8")
+    dataset = smpl.datasets.collect(path, "random", 2, tmp_path / "set")
+    to_minari("tank/random-v0", dataset, path)
+    env = minari.load_dataset("tank/random-v0").recover_environment()
+    first, _ = env.reset(seed=dataset[1].seed)
+    np.testing.assert_array_equal(first, dataset[1].observations[0])
+    observation, reward, *_ = env.step(dataset[1].actions[0].astype(np.float32))
+    np.testing.assert_array_equal(observation, dataset[1].observations[1])
+    assert reward == dataset[1].rewards[0]
+
+    for other, says in (
+        ("smpl/Reactor-v0", r"observations of shape \(1,\), the environment \(3,\)"),
+        ("nowhere.eq", "nowhere.eq"),
+        (smpl.Env(path, normalize=False), "recorded with normalize=True, the environment has False"),
+    ):
+        with pytest.raises((ValueError, OSError), match=says):
+            to_minari("tank/other-v0", dataset, other)
+    with pytest.raises(ValueError, match="episodes is empty"):
+        to_minari("tank/other-v0", [], path)
 
 
 def test_a_missing_package_names_its_pip_install(episodes, tmp_path, monkeypatch):

@@ -22,6 +22,15 @@ NAMES = {
         *("PG-2022", "A3C-2022", "ARS-2022", "DDPG-2022", "IMPALA-2022", "PPO-2022", "SAC-2022"),
     ),
 }
+TANK = """
+model Tank
+action q : m^3/s = 0.2 in 0..0.5
+state h : m = 1 ~ uniform(0.5, 1.5) in 0..4
+eq d/dt h = (q - 0.2 [m^2.5/s]*sqrt(h)) / (1 [m^2])
+observe h
+reward level default = -sq((h - 1 [m]) / 1 [m])
+episode { step = 1 [s], max_steps = 30 }
+"""
 
 
 class Counting:
@@ -129,6 +138,29 @@ def test_slow_processes_have_smaller_budgets_and_rollouts_that_fit_them():
     assert (reactor.settings["validation"], reactor.settings["data"]["episodes"]) == (50, 200)
     (smoke,) = runs("offline", "smoke", "MAbPlant", 1, ["BC"])
     assert (smoke.settings["validation"], smoke.settings["data"]["episodes"]) == (2, 4)
+
+
+@pytest.mark.parametrize(
+    ("suite", "algorithm", "packages"),
+    [
+        ("offline", "BC", ("d3rlpy", "pyarrow")),
+        ("online", "PPO", ("stable_baselines3",)),
+        ("online", "RLlib-PPO", ("ray",)),
+    ],
+)
+def test_a_model_of_ones_own_is_learned_and_tuned(suite, algorithm, packages, tmp_path):
+    for package in ("yaml", *packages):
+        pytest.importorskip(package)
+    path = tmp_path / "tank.eq"
+    path.write_text(TANK, encoding="utf-8")
+    (row,) = benchmark(tmp_path / "runs", suite, env=str(path), algorithms=[algorithm])["rows"]
+    assert row["env"] == "Tank" and "skipped" not in row and row["episodes"] == 4
+    if algorithm == "PPO":
+        pytest.importorskip("optuna")
+        words = ["--env", str(path), "--algorithm", "PPO", "--budget", "smoke", "--trials", "1", "--steps", "64"]
+        assert main(["tune", *words, "--study", str(tmp_path / "study"), "--out", str(tmp_path / "tuned.yaml")]) == 0
+        (one,) = runs(suite, "smoke", str(path), 1, ["PPO"], tmp_path / "tuned.yaml")
+        assert one.settings == runs(suite, "smoke", str(path), 1, ["PPO"])[0].settings  # trial 0 changes nothing
 
 
 @pytest.mark.parametrize("algorithm", NAMES["offline"])

@@ -8,13 +8,16 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import gymnasium
 import numpy as np
 import numpy.typing as npt
+from gymnasium.envs.registration import EnvSpec
 
 from smpl.datasets.layouts import Float32Array, joined
 from smpl.datasets.loading import Dataset
 from smpl.envs import native_seed
 from smpl.evaluation import Episode
+from smpl.learning.plan import Task
 
 if TYPE_CHECKING:
     from d3rlpy.dataset import MDPDataset
@@ -174,13 +177,13 @@ def to_minari(identifier: str, episodes: Iterable[Episode], env: Any, **texts: A
     Args:
         identifier: such as `smpl/reactor/nmpc-v0`.
         episodes: the episodes, each complete.
-        env: the environment or its id.
+        env: the environment, its id or specification, a model's name or the path of one.
         texts: passed on: `algorithm_name`, `author`, `author_email`, `code_permalink`, `description`,
             `ref_min_score`, `ref_max_score` (give both or none), `data_format`, `requirements`.
 
     Raises:
         ImportError: Minari is missing.
-        ValueError: the data set exists.
+        ValueError: the data set exists, there is no such environment, or it has other observations or actions.
     """
     try:
         import minari
@@ -202,10 +205,35 @@ def to_minari(identifier: str, episodes: Iterable[Episode], env: Any, **texts: A
         )
         for index, episode in enumerate(episodes)
     ]
+    if not buffers:
+        raise ValueError("episodes is empty, expected one at least")
+    env = _described(env)
+    _check_spaces(gymnasium.make(env) if isinstance(env, (str, EnvSpec)) else env, episodes, buffers[0])
     made = minari.create_dataset_from_buffers(identifier, buffer=buffers, env=env, **texts)
     if isinstance(episodes, Dataset):
         made.storage.update_metadata({"smpl": description(episodes)})
     return made
+
+
+def _described(env: Any) -> Any:
+    """For a model's name or path the specification from which Minari can make the environment; all else as it is."""
+    if not isinstance(env, (str, Path)) or str(env) in gymnasium.registry:
+        return env
+    task = Task.of(env)
+    model = str(Path(env).resolve()) if Path(env).exists() else str(env)
+    return EnvSpec(f"{task.model.name}-v0", entry_point="smpl.envs:Env", kwargs={"model": model})
+
+
+def _check_spaces(env: Any, episodes: Iterable[Episode], first: Any) -> None:
+    """Refuse an environment whose observations or actions are not those of the episodes."""
+    spaces = {"observations": (env.observation_space, first.observations), "actions": (env.action_space, first.actions)}
+    for what, (space, array) in spaces.items():
+        if space.shape != array.shape[1:]:
+            raise ValueError(f"the episodes have {what} of shape {array.shape[1:]}, the environment {space.shape}")
+    if isinstance(episodes, Dataset):
+        recorded, now = episodes.manifest.about["normalize"], getattr(env.unwrapped, "normalize", None)
+        if now is not None and now != recorded:
+            raise ValueError(f"the episodes were recorded with normalize={recorded}, the environment has {now}")
 
 
 def _infos(episode: Episode) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -29,16 +30,19 @@ _PROCESS = (
     "algorithms",
     "spaces",
 )
+# What says what a process of somebody's own is.
+_OF_ONES_OWN = ("model", "arguments")
 _SIZES = ("validation", "data")
 _BUDGET = ("segments", "validation", "data", "num_envs", "steps", "hyperparameters")
 
 
-def read(path: str | os.PathLike[str] | None = None, tuned: bool = True) -> dict[str, Any]:
+def read(path: str | os.PathLike[str] | None = None, tuned: bool = True, own: str | None = None) -> dict[str, Any]:
     """The configuration.
 
     Args:
         path: a file over the one of this package.
         tuned: with the hyperparameters that were tuned for the package.
+        own: a process that is none of the package, and that the file need not say the model of.
 
     Raises:
         ImportError: PyYAML is missing.
@@ -48,8 +52,8 @@ def read(path: str | os.PathLike[str] | None = None, tuned: bool = True) -> dict
         import yaml
     except ImportError as error:
         raise ImportError("this suite needs PyYAML: pip install 'smpl[benchmark]'") from error
-    own, found = (yaml.safe_load(file.read_text(encoding="utf-8")) for file in (OWN, TUNED))
-    base: dict[str, Any] = over(own, found if tuned else {"tuned": {}})
+    package, found = (yaml.safe_load(file.read_text(encoding="utf-8")) for file in (OWN, TUNED))
+    base: dict[str, Any] = over(package, found if tuned else {"tuned": {}})
     if path is None:
         return base
     try:
@@ -58,7 +62,7 @@ def read(path: str | os.PathLike[str] | None = None, tuned: bool = True) -> dict
         raise ValueError(f"configuration {str(path)!r}: {error}") from error
     if not isinstance(given, Mapping):
         raise ValueError(f"configuration {str(path)!r}: expected a mapping with {', '.join(base)}")
-    _check(given, base)
+    _check(given, base, own)
     return over(base, given)
 
 
@@ -112,14 +116,18 @@ def _kind(suite: str, algorithm: str) -> str:
     return "on_policy" if algorithm in _ON_POLICY else "off_policy"
 
 
-def _check(given: Mapping[str, Any], base: Mapping[str, Any]) -> None:
+def _check(given: Mapping[str, Any], base: Mapping[str, Any], own: str | None) -> None:
     check_names("configuration", given, tuple(base))
     check_names("budgets", given.get("budgets", {}), tuple(base["budgets"]))
     for name, one in given.get("budgets", {}).items():
         check_names(f"budgets.{name}", one, _BUDGET)
-    check_names("processes", given.get("processes", {}), tuple(base["processes"]))
-    for name, one in given.get("processes", {}).items():
-        check_names(f"processes.{name}", one, _PROCESS)
+    processes = given.get("processes", {})
+    of_ones_own = [name for name, one in processes.items() if "model" in one and name not in base["processes"]]
+    check_names("processes", processes, (*base["processes"], *of_ones_own, *([own] if own else [])))
+    for name, one in processes.items():
+        if not re.fullmatch(r"[A-Za-z0-9_-]+", str(name)):
+            raise ValueError(f"processes has {name!r}, expected letters, digits, - and _, since folders are named so")
+        check_names(f"processes.{name}", one, (*_PROCESS, *(_OF_ONES_OWN if name in of_ones_own else ())))
         for budget, sizes in one.get("sizes", {}).items():
             check_names(f"processes.{name}.sizes.{budget}", sizes, _SIZES)
     check_names("algorithms", given.get("algorithms", {}), SUITES)

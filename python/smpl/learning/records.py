@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +43,7 @@ class Result:
 
     def differing(self) -> list[str]:
         """What of the configuration is not as the run would have it today; versions and the model's text apart."""
-        here = json.loads(json.dumps(asdict(self.run)))
+        here = json.loads(json.dumps(self.run.described()))
         return [key for key, value in here.items() if self.configuration.get(key) != value]
 
 

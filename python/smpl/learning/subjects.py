@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+import gymnasium
+
 from smpl._registry import ENVIRONMENTS
 from smpl.learning import configuration
+from smpl.learning.agents import names
+from smpl.learning.plan import Task
 from smpl.model import as_count
 
 SUITES, BUDGETS = ("control", "offline", "online"), ("smoke", "short", "paper")
@@ -61,13 +65,19 @@ SUBJECTS = {
     ),
     "MAbPlant": Subject({}, {"oracle": None, "nominal": None}, _LONG, {"oracle": 1}),
 }
+# Episodes of a model of somebody's own.
+_OWN = {"smoke": 4, "short": 50, "paper": 500}
 # Steps of an episode of the budget `smoke`, which shows only that everything runs.
 _SMOKE_STEPS = 20
 
 
 @dataclass(frozen=True)
 class Run:
-    """One run: all that its scores are a function of."""
+    """One run: all that its scores are a function of.
+
+    Attributes:
+        model: path or id where `env` is no process of the package. It says where, not what: `described` leaves it out.
+    """
 
     suite: str
     budget: str
@@ -78,6 +88,15 @@ class Run:
     episodes: int
     arguments: dict[str, Any]
     settings: dict[str, Any] = field(default_factory=dict)
+    model: str = ""
+
+    def task(self) -> Task:
+        """The environment that its scores are of."""
+        return Task.of(self.model or f"smpl/{self.env}-v0", **self.arguments)
+
+    def described(self) -> dict[str, Any]:
+        """What says which run it is, the same wherever the files lie."""
+        return {key: value for key, value in asdict(self).items() if key != "model"}
 
     @property
     def name(self) -> str:
@@ -99,38 +118,87 @@ def runs(
 ) -> list[Run]:
     """All runs of a suite, with `algorithms` only those of these controllers and algorithms.
 
+    Args:
+        suite, budget, seeds: see `smpl.benchmark`.
+        env: a process of the package or of `config`, the path of a model, an id; all processes if none.
+        algorithms: names of controllers and algorithms; all if empty.
+        config: a YAML file over the configuration of the package.
+
     Raises:
         ValueError: no such suite, budget, environment or algorithm.
         ImportError: the suite needs PyYAML.
     """
     one_of("suite", suite, (*SUITES, "all"))
     one_of("budget", budget, BUDGETS)
-    if env is not None:
-        env = env.removeprefix("smpl/").removesuffix("-v0")
-        one_of("env", env, tuple(ENVIRONMENTS))
     count = as_count("seeds", seeds)
     chosen = SUITES if suite == "all" else (suite,)
-    given = configuration.read(config) if chosen != ("control",) else {}
+    given, places = _places(env, config, chosen != ("control",))
     known, found = set(), []
     for part in chosen:
-        for name in SUBJECTS if env is None else (env,):
-            listed = SUBJECTS[name].controllers if part == "control" else configuration.algorithms(given, part)
+        for name, (place, arguments) in places.items():
+            subject = SUBJECTS[name] if not place else _subject(place, arguments)
+            listed = subject.controllers if part == "control" else configuration.algorithms(given, part)
             known |= set(listed)
             for one in listed:
                 if not algorithms or one in algorithms:
                     settings = configuration.settings(given, part, name, one, budget) if part != "control" else {}
-                    found += [_run(part, budget, name, one, number, settings) for number in range(count)]
+                    about = (part, budget, name, one)
+                    found += [_run(about, subject, number, settings, place) for number in range(count)]
     for one in algorithms:
         one_of("algorithm", one, sorted(known))
     return found
 
 
-def _run(suite: str, budget: str, env: str, controller: str, number: int, settings: dict[str, Any]) -> Run:
-    subject = SUBJECTS[env]
+def _places(
+    env: str | None, config: str | os.PathLike[str] | None, learned: bool
+) -> tuple[dict[str, Any], dict[str, tuple[str, dict[str, Any]]]]:
+    """The configuration; and what is run by its name: where its model is, empty for the package's, and arguments."""
+    if env is not None:
+        env = env.removeprefix("smpl/").removesuffix("-v0")
+        env = {file: name for name, file in ENVIRONMENTS.items()}.get(env, env)
+    file = env is not None and env not in SUBJECTS and _is_place(env)
+    label = Task.of(env).model.name if file else None
+    given = configuration.read(config, own=label) if learned or config is not None else {"processes": {}}
+    places: dict[str, tuple[str, dict[str, Any]]] = dict.fromkeys(SUBJECTS, ("", {}))
+    folder = Path() if config is None else Path(config).parent
+    for name, process in given["processes"].items():
+        if "model" in process:
+            places[name] = _absolute(str(process["model"]), folder), dict(process.get("arguments", {}))
+    if label is not None:
+        if label in places:
+            raise ValueError(
+                f"{env!r} is called {label}, as a process of the benchmark is: "
+                "give it another name by `processes: {NAME: {model: PATH}}` in --config"
+            )
+        return given, {label: (_absolute(str(env), Path()), {})}
+    if env is None:
+        return given, places
+    if env not in places:
+        raise ValueError(f"env is {env!r}; there are: {', '.join(places)}, and the path of a model")
+    return given, {env: places[env]}
+
+
+def _is_place(env: str) -> bool:
+    """Whether it is a path or an id, and no name of a process."""
+    return Path(env).exists() or bool(Path(env).suffix) or "/" in env or ":" in env or env in gymnasium.registry
+
+
+def _absolute(model: str, folder: Path) -> str:
+    """The path of a model as workers find it; an id or a name as it is."""
+    return str((folder / model).resolve()) if (folder / model).exists() else model
+
+
+def _subject(model: str, arguments: Mapping[str, Any]) -> Subject:
+    """A model of somebody's own: what every model has, and the policies that it declares."""
+    known = names(Task.of(model, **arguments).model)
+    return Subject(dict(arguments), dict.fromkeys(known), _OWN)
+
+
+def _run(about: tuple[str, str, str, str], subject: Subject, number: int, settings: dict[str, Any], model: str) -> Run:
+    """A run of suite, budget, environment and controller."""
+    budget, controller = about[1], about[3]
     arguments = {**subject.arguments, **({"max_steps": _SMOKE_STEPS} if budget == "smoke" else {})}
-    return Run(
-        suite, budget, env, controller, number, number * _APART, subject.count(controller, budget), arguments, settings
-    )
+    return Run(*about, number, number * _APART, subject.count(controller, budget), arguments, settings, model)
 
 
 def one_of(what: str, value: str, known: Sequence[str]) -> None:

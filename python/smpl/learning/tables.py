@@ -43,7 +43,8 @@ def table(
             lead = _lead(mine, _of((env, "control", other), every, results))
             row[key] = None if lead is None else sign * lead + 0.0  # no negative zero
         rows.append({**row, "changed": changed})
-    rows.sort(key=lambda row: list(SUBJECTS).index(row["env"]))
+    order = list(dict.fromkeys([*SUBJECTS, *(one.env for one in every)]))
+    rows.sort(key=lambda row: order.index(row["env"]))
     suites = list(dict.fromkeys(one.suite for one in every))
     return {"suite": ", ".join(suites), "budget": every[0].budget, "smpl": __version__, "rows": rows}
 
@@ -92,7 +93,7 @@ def _lead(mine: Sequence[Result], others: Sequence[Result]) -> float | None:
 
 def _published(one: Run) -> tuple[float, float] | None:
     if one.suite == "control":
-        return SUBJECTS[one.env].controllers[one.controller]
+        return SUBJECTS[one.env].controllers[one.controller] if one.env in SUBJECTS else None
     # The row of the paper stands beside the algorithm, whichever package runs it.
     plain = one.controller.removesuffix("-2022").removeprefix("RLlib-")
     # Its figures belong to the original's behaviour.

@@ -24,8 +24,7 @@ import numpy as np
 from smpl._native import __version__
 from smpl.learning import configuration
 from smpl.learning.learned import as_observed, trainer_of, validator, versions
-from smpl.learning.plan import Task
-from smpl.learning.subjects import SUBJECTS, runs
+from smpl.learning.subjects import Run, runs
 from smpl.learning.training import learn
 from smpl.model import as_count
 
@@ -49,6 +48,7 @@ class Search:
         settings: of the trainings, see `smpl.learning.configuration`.
         space: name of a hyperparameter to its choices (a list) or its range (`low`, `high`, `log`).
         checksum: of the model.
+        run: of the benchmark, whose environment it is; `described` leaves it out.
     """
 
     suite: str
@@ -61,6 +61,11 @@ class Search:
     settings: dict[str, Any] = field(default_factory=dict)
     space: dict[str, Any] = field(default_factory=dict)
     checksum: str = ""
+    run: Run | None = None
+
+    def described(self) -> dict[str, Any]:
+        """What says which search it is."""
+        return {key: value for key, value in asdict(self).items() if key != "run"}
 
     @classmethod
     def of(
@@ -83,16 +88,15 @@ class Search:
         if suite == "control":
             raise ValueError("suite is 'control', which has no hyperparameters; there are: offline, online")
         (run,) = runs(suite, budget, env, 1, [algorithm], config)
-        given = configuration.read(config, tuned=False)
+        given = configuration.read(config, tuned=False, own=run.env if run.model else None)
         space = space_of(given, suite, run.env, algorithm)
         settings = configuration.settings(given, suite, run.env, algorithm, budget)
         if steps is not None:
             settings["steps"] = as_count("steps", steps)
         count = settings["validation"] if episodes is None else as_count("episodes", episodes)
-        task = Task.of(f"smpl/{run.env}-v0", **run.arguments)
         return cls(
             suite, run.env, algorithm, budget, int(seed), as_count("seeds", seeds), count, settings, space,
-            task.checksum,
+            run.task().checksum, run,
         )  # fmt: skip
 
 
@@ -234,8 +238,9 @@ def write(search: Search, trials: Sequence[Trial], command: str, path: Path) -> 
 
 def _training(search: Search, data: Path, workers: int | None) -> Objective:
     """The score of hyperparameters by trainings; data sets are kept in the folder `data`."""
-    arguments = SUBJECTS[search.env].arguments
-    task = Task.of(f"smpl/{search.env}-v0", **arguments)
+    if search.run is None:
+        raise ValueError("a search of no run of the benchmark needs an objective")
+    task = search.run.task()
     validate = validator(as_observed(task, search.settings["train"]), search.episodes, workers, TUNING)
 
     def objective(changed: Mapping[str, Any], report: Callable[[int, float], None]) -> float:
@@ -299,7 +304,7 @@ def _open(optuna: Any, search: Search, study: Path) -> Any:
         ValueError: it is of another search, or no study.
     """
     study.parent.mkdir(parents=True, exist_ok=True)
-    about = json.loads(json.dumps(asdict(search)))
+    about = json.loads(json.dumps(search.described()))
     with _told(study):
         opened = optuna.create_study(
             storage=f"sqlite:///{study.resolve()}", study_name="study", direction="maximize", load_if_exists=True,
