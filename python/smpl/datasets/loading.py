@@ -89,9 +89,7 @@ class Dataset(Sequence[Episode]):
                 read_part(self.folder, number, self.manifest)
         except DatasetError as error:
             if not skip:
-                raise DatasetError(
-                    f"{error}; leave it out by skip_damaged=True, or remove it and collect again"
-                ) from error
+                raise
             self.damaged[part_path(self.folder, number).name] = str(error)
             return
         if mark is not None:

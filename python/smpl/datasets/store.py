@@ -157,8 +157,12 @@ def part_mark(folder: Path, number: int) -> dict[str, Any] | None:
         schema = pyarrow().parquet.read_schema(path)
         mark: dict[str, Any] = json.loads(schema.metadata[b"smpl"])
     except (OSError, TypeError, KeyError, ValueError) as error:
-        raise DatasetError(f"{path} is damaged: {error}") from error
+        raise DatasetError(_damaged(path, error)) from error
     return mark
+
+
+def _damaged(path: Path, error: Exception) -> str:
+    return f"{path} is damaged ({error}): remove it and collect again, or leave it out by load(..., skip_damaged=True)"
 
 
 def read_part(folder: Path, number: int, manifest: Manifest) -> list[Episode]:
@@ -176,7 +180,7 @@ def read_part(folder: Path, number: int, manifest: Manifest) -> list[Episode]:
         columns = {name: table.column(name).to_numpy() for name in table.column_names}
         return _episodes(manifest, columns)
     except (OSError, KeyError, ValueError, arrow.ArrowException) as error:
-        raise DatasetError(f"{path} is damaged: {error}") from error
+        raise DatasetError(_damaged(path, error)) from error
 
 
 def check_finite(index: int, one: Episode) -> None:
