@@ -277,13 +277,22 @@ def test_starts_are_those_that_were_asked_for(tmp_path):
     ("text", "says"),
     [
         ("c_A,T\n0.8,50\n0.7,\n", "line 3: T is '', expected a number"),
-        ("c_A,T\n0.8,50,hot\n", "line 2: column 3 is 'hot', expected a number"),
+        ("c_A,T\n0.8,50,hot\n", "line 2 has 3 cells, expected 2: c_A, T"),
+        ("c_A,T\n0.8,50\n0.7\n", "line 3 has 1 cells, expected 2: c_A, T"),
     ],
 )
-def test_a_cell_of_a_table_of_starts_that_is_no_number_is_named(text, says, tmp_path):
+def test_a_line_of_a_table_of_starts_that_cannot_be_meant_is_named(text, says, tmp_path):
     (tmp_path / "starts.csv").write_text(text)
     with pytest.raises(ValueError, match=says):
         collect("reactor", "pid", 1, tmp_path / "set", starts=tmp_path / "starts.csv")
+
+
+def test_starts_outside_of_their_bounds_are_told(tmp_path):
+    table = tmp_path / "starts.csv"
+    table.write_text("h,T\n0.5,40\n0.6,250\n0.7,-10\n")
+    with pytest.warns(UserWarning, match=r"table starts.csv: T lies .* in 2 of 3 starts, first 250") as told:
+        Starts.of(table, smpl.Env("reactor"), 3)
+    assert len(told) == 1
 
 
 def test_spread_starts_fill_each_sixteenth_of_each_state_once():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -121,17 +122,32 @@ def _table(path: Path, env: Env) -> Starts:
         states = np.array([_numbers(names, line, i) for i, line in enumerate(lines, 2) if line])
     except (OSError, ValueError) as error:
         raise ValueError(f"table of starts {str(path)!r}: {error}") from error
-    return _checked(Starts(f"table {path.name}", names, states), env)
+    starts = _checked(Starts(f"table {path.name}", names, states), env)
+    _warn(starts, env)
+    return starts
+
+
+def _warn(starts: Starts, env: Env) -> None:
+    """Say where a table has states outside of their bounds: most models end such an episode in its first step."""
+    low, high = env.model.native.bounds("state")
+    columns = np.transpose(np.asarray(starts.states))
+    for name, values in zip(starts.names, columns, strict=True):
+        place = env.state_names.index(name)
+        outside = np.flatnonzero((values < low[place]) | (values > high[place]))
+        if len(outside):
+            text = f"{starts.kind}: {name} lies outside of its bounds, {low[place]:g} to {high[place]:g}, in"
+            warnings.warn(f"{text} {len(outside)} of {len(values)} starts, first {values[outside[0]]:g}", stacklevel=2)
 
 
 def _numbers(names: tuple[str, ...], line: list[str], number: int) -> list[float]:
+    if len(line) != len(names):
+        raise ValueError(f"line {number} has {len(line)} cells, expected {len(names)}: {', '.join(names)}")
     found = []
     for place, cell in enumerate(line):
         try:
             found.append(float(cell))
         except ValueError:
-            name = names[place] if place < len(names) else f"column {place + 1}"
-            raise ValueError(f"line {number}: {name} is {cell!r}, expected a number") from None
+            raise ValueError(f"line {number}: {names[place]} is {cell!r}, expected a number") from None
     return found
 
 
