@@ -201,7 +201,7 @@ def _make(one: Run, out: Path, workers: int | None) -> str:
     begin = time.perf_counter()
     try:
         if one.suite == "control":
-            plan = Plan.of(task, one.controller, one.episodes, seed=one.seed)
+            plan = Plan.of(task, one.settings.get("controller", one.controller), one.episodes, seed=one.seed)
             _describe(folder, configuration)
             report = score(plan, workers, kept=0).report()
             report["seconds"] = time.perf_counter() - begin

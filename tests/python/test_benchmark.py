@@ -219,13 +219,20 @@ def test_a_configuration_brings_processes_of_its_own(tmp_path):
     (one,) = runs("online", "short", "High", 1, ["ARS"], config)
     assert (one.settings["steps"], one.settings["num_envs"], one.arguments) == (7, 4, {"reward": "height"})
     # What a configuration says of a model that is given by its path holds for it too.
-    config.write_text("processes: {Tank: {segments: {short: 3}}}")
+    config.write_text("processes: {Tank: {segments: {short: 3}, controllers: {none: 'constant:0'}}}")
+    found = benchmark(tmp_path / "own", env=str(tmp_path / "models/tank.eq"), config=config, algorithms=["none"])
+    # Without inflow sqrt(h) falls by a tenth a second, from 1 m: after six seconds it is 0.4 m^(1/2).
+    levels = [(1 - 0.1 * k) ** 2 for k in range(1, 7)]
+    assert found["rows"][0]["return_mean"] == pytest.approx(-sum((h - 1) ** 2 for h in levels), rel=1e-5)
     (one,) = runs("online", "short", str(tmp_path / "models/tank.eq"), 1, ["PPO"], config)
     assert one.env == "Tank" and one.settings["segments"] == 3
     for text, says in (
         ("processes: {Tnk: {segments: {short: 3}}}", "'Tnk'"),
         ("processes: {Beer: {model: models/tank.eq}}", "'model'"),
-        ("processes: {a/b: {model: models/tank.eq}}", "'a/b', expected letters"),
+        ("processes: {a/b: {model: models/tank.eq}}", "'a/b' in processes: expected letters"),
+        ("processes: {Tank: {controllers: {'a:b': nominal}}}", "'a:b' in processes: expected letters"),
+        ("processes: {Tank: {controllers: nominal}}", "controllers is 'nominal', expected NAME: CONTROLLER"),
+        ("processes: {Beer: {controllers: {a: nominal}}}", "'controllers'"),
         ("processes: {Tank: {model: models/tank.eq}}", "is called Tank, as a process of the benchmark is"),
     ):
         config.write_text(text)

@@ -30,8 +30,8 @@ _PROCESS = (
     "algorithms",
     "spaces",
 )
-# What says what a process of somebody's own is.
-_OF_ONES_OWN = ("model", "arguments")
+# What says what a process of somebody's own is, and what runs beside the policies that it declares.
+_OF_ONES_OWN, _BESIDE = ("model", "arguments"), "controllers"
 _SIZES = ("validation", "data")
 _BUDGET = ("segments", "validation", "data", "num_envs", "steps", "hyperparameters")
 
@@ -125,9 +125,13 @@ def _check(given: Mapping[str, Any], base: Mapping[str, Any], own: str | None) -
     of_ones_own = [name for name, one in processes.items() if "model" in one and name not in base["processes"]]
     check_names("processes", processes, (*base["processes"], *of_ones_own, *([own] if own else [])))
     for name, one in processes.items():
-        if not re.fullmatch(r"[A-Za-z0-9_-]+", str(name)):
-            raise ValueError(f"processes has {name!r}, expected letters, digits, - and _, since folders are named so")
-        check_names(f"processes.{name}", one, (*_PROCESS, *(_OF_ONES_OWN if name in of_ones_own else ())))
+        beside = (_BESIDE,) if name not in base["processes"] else ()
+        check_names(f"processes.{name}", one, (*_PROCESS, *beside, *(_OF_ONES_OWN if name in of_ones_own else ())))
+        if not isinstance(one.get(_BESIDE, {}), Mapping):
+            raise ValueError(f"processes.{name}.{_BESIDE} is {one[_BESIDE]!r}, expected NAME: CONTROLLER")
+        for folder in (name, *one.get(_BESIDE, {})):
+            if not re.fullmatch(r"[A-Za-z0-9_-]+", str(folder)):
+                raise ValueError(f"{folder!r} in processes: expected letters, digits, - and _, as names of folders")
         for budget, sizes in one.get("sizes", {}).items():
             check_names(f"processes.{name}.sizes.{budget}", sizes, _SIZES)
     check_names("algorithms", given.get("algorithms", {}), SUITES)

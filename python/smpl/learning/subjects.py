@@ -19,6 +19,8 @@ from smpl.model import as_count
 SUITES, BUDGETS = ("control", "offline", "online"), ("smoke", "short", "paper")
 # Seeds of a run are apart from those of the next by more episodes than any budget has.
 _APART = 1_000_000
+# Steps of an episode of the budget `smoke`, which shows only that everything runs.
+_SMOKE_STEPS = 20
 
 
 @dataclass(frozen=True)
@@ -30,12 +32,14 @@ class Subject:
         controllers: names; the published mean and deviation over steps, where the paper has them.
         episodes: a run of each budget.
         few: episodes of the budget `short` of controllers whose decisions take long; they are the first of the others'.
+        steps: of a whole episode, where these are fewer than those of `smoke`.
     """
 
     arguments: dict[str, Any]
     controllers: dict[str, tuple[float, float] | None]
     episodes: dict[str, int]
     few: dict[str, int] = field(default_factory=dict)
+    steps: int = _SMOKE_STEPS
 
     def count(self, controller: str, budget: str) -> int:
         """Episodes of a run."""
@@ -67,8 +71,6 @@ SUBJECTS = {
 }
 # Episodes of a model of somebody's own.
 _OWN = {"smoke": 4, "short": 50, "paper": 500}
-# Steps of an episode of the budget `smoke`, which shows only that everything runs.
-_SMOKE_STEPS = 20
 
 
 @dataclass(frozen=True)
@@ -136,12 +138,16 @@ def runs(
     known, found = set(), []
     for part in chosen:
         for name, (place, arguments) in places.items():
-            subject = SUBJECTS[name] if not place else _subject(place, arguments)
+            beside = given["processes"].get(name, {}).get("controllers", {})
+            subject = SUBJECTS[name] if not place else _subject(place, arguments, beside)
             listed = subject.controllers if part == "control" else configuration.algorithms(given, part)
             known |= set(listed)
             for one in listed:
                 if not algorithms or one in algorithms:
-                    settings = configuration.settings(given, part, name, one, budget) if part != "control" else {}
+                    if part != "control":
+                        settings = configuration.settings(given, part, name, one, budget)
+                    else:
+                        settings = {"controller": str(beside[one])} if one in beside else {}
                     about = (part, budget, name, one)
                     found += [_run(about, subject, number, settings, place) for number in range(count)]
     for one in algorithms:
@@ -188,16 +194,18 @@ def _absolute(model: str, folder: Path) -> str:
     return str((folder / model).resolve()) if (folder / model).exists() else model
 
 
-def _subject(model: str, arguments: Mapping[str, Any]) -> Subject:
-    """A model of somebody's own: what every model has, and the policies that it declares."""
-    known = names(Task.of(model, **arguments).model)
-    return Subject(dict(arguments), dict.fromkeys(known), _OWN)
+def _subject(model: str, arguments: Mapping[str, Any], beside: Mapping[str, Any]) -> Subject:
+    """A model of somebody's own: what every model has, the policies that it declares, and controllers beside them."""
+    task = Task.of(model, **arguments)
+    known = dict.fromkeys([*names(task.model), *beside])
+    return Subject(dict(arguments), known, _OWN, steps=task.env().max_steps)
 
 
 def _run(about: tuple[str, str, str, str], subject: Subject, number: int, settings: dict[str, Any], model: str) -> Run:
     """A run of suite, budget, environment and controller."""
     budget, controller = about[1], about[3]
-    arguments = {**subject.arguments, **({"max_steps": _SMOKE_STEPS} if budget == "smoke" else {})}
+    few = {"max_steps": min(_SMOKE_STEPS, subject.steps)} if budget == "smoke" else {}
+    arguments = {**subject.arguments, **few}
     return Run(*about, number, number * _APART, subject.count(controller, budget), arguments, settings, model)
 
 
