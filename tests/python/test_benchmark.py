@@ -10,19 +10,9 @@ from smpl.benchmark import SUBJECTS, Run, benchmark, main, runs
 from smpl.learning.configuration import over, read, settings
 from smpl.learning.records import Result, keep, recorded
 from smpl.learning.tables import markdown, table
+from tank import TANK
 
 ROOT = Path(__file__).resolve().parents[2]
-TANK = """
-model Tank
-action q : m^3/s = 0.2 in 0..0.5
-state h : m = 1 in 0..4
-eq d/dt h = (q - 0.2 [m^2.5/s]*sqrt(h)) / (1 [m^2])
-observe h
-reward level default = -sq((h - 1 [m]) / 1 [m])
-reward height = h / 1 [m]
-policy full { q = 0.4 }
-episode { step = 1 [s], max_steps = 6 }
-"""
 
 
 def test_runs_are_folders_with_configuration_and_scores_and_make_one_table(tmp_path):

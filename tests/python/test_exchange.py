@@ -13,18 +13,10 @@ from smpl.controllers import Proportional
 from smpl.datasets import DatasetError, from_legacy, from_pensim_csv, legacy_rows, to_d4rl, to_hdf5, to_minari, to_torch
 from smpl.datasets.exports import memory_mapped
 from smpl.evaluation import evaluate
+from tank import DRAWN
 
 SET_POINT = [0.8778252005501434, 51.34660619295078, 0.659]
 HOT = [0.99, 66.0, 0.6]
-TANK = """
-model Tank
-action q : m^3/s = 0.2 in 0..0.5
-state h : m = 1 ~ uniform(0.5, 1.5) in 0..4
-eq d/dt h = (q - 0.2 [m^2.5/s]*sqrt(h)) / (1 [m^2])
-observe h
-reward level default = -sq((h - 1 [m]) / 1 [m])
-episode { step = 1 [s], max_steps = 6 }
-"""
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +94,7 @@ def test_a_data_set_of_a_model_of_ones_own_becomes_one_of_minari(tmp_path, monke
     pytest.importorskip("pyarrow", reason="pyarrow is not installed")
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "minari"))
     path = tmp_path / "tank.eq"
-    path.write_text(TANK, encoding="utf-8")
+    path.write_text(DRAWN, encoding="utf-8")
     dataset = smpl.datasets.collect(path, "random", 2, tmp_path / "set")
     to_minari("tank/random-v0", dataset, path)
     env = minari.load_dataset("tank/random-v0").recover_environment()

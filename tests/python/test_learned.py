@@ -10,6 +10,7 @@ import pytest
 
 from smpl.benchmark import benchmark, main, runs
 from smpl.learning.training import COLUMNS, curve, diverged, learn
+from tank import DRAWN
 
 NAMES = {
     "offline": (
@@ -22,15 +23,6 @@ NAMES = {
         *("PG-2022", "A3C-2022", "ARS-2022", "DDPG-2022", "IMPALA-2022", "PPO-2022", "SAC-2022"),
     ),
 }
-TANK = """
-model Tank
-action q : m^3/s = 0.2 in 0..0.5
-state h : m = 1 ~ uniform(0.5, 1.5) in 0..4
-eq d/dt h = (q - 0.2 [m^2.5/s]*sqrt(h)) / (1 [m^2])
-observe h
-reward level default = -sq((h - 1 [m]) / 1 [m])
-episode { step = 1 [s], max_steps = 30 }
-"""
 
 
 class Counting:
@@ -152,7 +144,7 @@ def test_a_model_of_ones_own_is_learned_and_tuned(suite, algorithm, packages, tm
     for package in ("yaml", *packages):
         pytest.importorskip(package)
     path = tmp_path / "tank.eq"
-    path.write_text(TANK, encoding="utf-8")
+    path.write_text(DRAWN, encoding="utf-8")
     (row,) = benchmark(tmp_path / "runs", suite, env=str(path), algorithms=[algorithm])["rows"]
     assert row["env"] == "Tank" and "skipped" not in row and row["episodes"] == 4
     if algorithm == "PPO":
