@@ -111,8 +111,9 @@ def test_regret_and_gain_are_leads_on_the_same_episodes():
     rows = table(every, {one.run.name: one for one in found}, {}, {})["rows"]
     assert [row["regret"] for row in rows] == [0.0, 3.5, 3.5]
     assert [row["gain"] for row in rows] == [3.5, -30.0, 0.0]
+    assert [row["better"] for row in rows] == [[2, 2], [1, 3], [0, 3]]
     rows = table(every[:2], {one.run.name: one for one in found[:2]}, {}, {})["rows"]
-    assert [row["gain"] for row in rows] == [None, None]
+    assert [(row["gain"], row["better"]) for row in rows] == [(None, None)] * 2
 
 
 def test_a_learned_run_is_shown_from_its_record_alone(tmp_path):

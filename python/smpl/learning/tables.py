@@ -39,9 +39,12 @@ def table(
             continue
         changed = sorted({what for one in mine for what in stale.get(one.run.name, ())})
         row |= _row(mine)
-        for key, other, sign in (("regret", "oracle", -1.0), ("gain", "nominal", 1.0)):
-            lead = _lead(mine, _of((env, "control", other), every, results))
-            row[key] = None if lead is None else sign * lead + 0.0  # no negative zero
+        leads = {other: _leads(mine, _of((env, "control", other), every, results)) for other in ("nominal", "oracle")}
+        for key, other, sign in (("gain", "nominal", 1.0), ("regret", "oracle", -1.0)):
+            lead = leads[other]
+            row[key] = sign * float(lead.mean()) + 0.0 if len(lead) else None  # no negative zero
+        compared = leads["nominal"]
+        row["better"] = [int((compared > 0).sum()), len(compared)] if len(compared) else None
         rows.append({**row, "changed": changed})
     order = list(dict.fromkeys([*SUBJECTS, *(one.env for one in every)]))
     rows.sort(key=lambda row: order.index(row["env"]))
@@ -80,15 +83,15 @@ def _row(mine: Sequence[Result]) -> dict[str, Any]:
     }
 
 
-def _lead(mine: Sequence[Result], others: Sequence[Result]) -> float | None:
-    """By how much the return is higher than another's, mean over the episodes that both have run; none without any."""
+def _leads(mine: Sequence[Result], others: Sequence[Result]) -> np.ndarray:
+    """By how much the return is higher than another's, for each episode that both have run."""
     other = {one.run.number: one for one in others}
     lead: list[float] = []
     for one in mine:
         if one.run.number in other:
             pairs = zip(one.scores["returns"], other[one.run.number].scores["returns"], strict=False)
             lead += [float(here) - float(there) for here, there in pairs]
-    return float(np.mean(lead)) if lead else None
+    return np.array(lead)
 
 
 def _published(one: Run) -> tuple[float, float] | None:
@@ -102,7 +105,7 @@ def _published(one: Run) -> tuple[float, float] | None:
 
 
 _HEADINGS = (
-    *("environment", "suite", "controller", "per step", "published", "return", "over nominal", "regret"),
+    *("environment", "suite", "controller", "per step", "published", "return", "over nominal", "better", "regret"),
     *("failures", "successes", "episodes", "seeds", "s"),
 )
 
@@ -112,18 +115,32 @@ def lines(table: Mapping[str, Any]) -> list[list[str]]:
     found = [list(_HEADINGS)]
     for row in table["rows"]:
         if "skipped" in row:
-            found.append([row["env"], row["suite"], row["controller"], f"skipped: {row['skipped']}", *[""] * 9])
+            said = [row["env"], row["suite"], row["controller"], f"skipped: {row['skipped']}"]
+            found.append([*said, *[""] * (len(_HEADINGS) - len(said))])
             continue
         low, high = row["return_interval"]
         published = "" if row["published"] is None else "{:.5g} ± {:.5g}".format(*row["published"])
         steps = f"{row['mean']:.5g} ± {row['std']:.5g}"
         returns = f"{row['return_mean']:.5g} ({low:.5g} to {high:.5g})"
         gain = "" if row["gain"] is None else f"{row['gain']:+.4g}"
+        better = "" if row["better"] is None else "{} of {}".format(*row["better"])
         regret = "" if row["regret"] is None else f"{row['regret']:.4g}"
         counts = [str(row[key]) for key in ("failures", "successes", "episodes", "seeds")]
         name = row["controller"] + "*" * bool(row["changed"]) + "†" * bool(row["diverged"])
         found.append(
-            [row["env"], row["suite"], name, steps, published, returns, gain, regret, *counts, f"{row['seconds']:.0f}"]
+            [
+                row["env"],
+                row["suite"],
+                name,
+                steps,
+                published,
+                returns,
+                gain,
+                better,
+                regret,
+                *counts,
+                f"{row['seconds']:.0f}",
+            ]
         )
     return found
 
