@@ -23,12 +23,13 @@ from smpl.learning import Plan, Task, tune
 from smpl.learning.cluster import spread_on_ray
 from smpl.learning.curves import draw
 from smpl.learning.learned import train_and_score, versions
+from smpl.learning.pages import markdown, place_in, places_of
 from smpl.learning.progress import Progress
 from smpl.learning.records import Result, in_folder, keep, recorded
 from smpl.learning.reports import text_table
 from smpl.learning.scores import score
 from smpl.learning.subjects import BUDGETS, SUBJECTS, SUITES, Run, runs
-from smpl.learning.tables import around, lines, markdown, place_in, remarks, table
+from smpl.learning.tables import lines, remarks, table
 
 __all__ = ["SUBJECTS", "Run", "benchmark", "main", "runs"]
 
@@ -270,7 +271,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--resume", action="store_true", help="go on in a folder that has runs")
     parser.add_argument("--table", action="store_true", help="run nothing: table and figures of what is finished")
     parser.add_argument("--results", metavar="DIR", help="records of finished runs, which a repository keeps")
-    parser.add_argument("--page", metavar="FILE", help="put the table between the marks <!-- table --> of a page")
+    parser.add_argument("--page", metavar="FILE", help="put the table into the places <!-- table --> of a page")
     parser.add_argument("--workers", type=int, metavar="W", help="threads or processes; default: all processors")
     add_ray(parser)
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
@@ -278,7 +279,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     def work() -> int:
         if given.page is not None:
-            around(Path(given.page))  # told now, not after hours
+            places_of(Path(given.page))  # told now, not after hours
         found = benchmark(
             given.out, given.suite, given.budget, env=given.env, seeds=given.seeds, resume=given.resume,
             algorithms=given.algorithm, config=given.config, workers=given.workers,

@@ -8,8 +8,9 @@ import pytest
 
 from smpl.benchmark import SUBJECTS, Run, benchmark, main, runs
 from smpl.learning.configuration import over, read, settings
+from smpl.learning.pages import markdown, place_in, summary
 from smpl.learning.records import Result, keep, recorded
-from smpl.learning.tables import markdown, table
+from smpl.learning.tables import table
 from tank import TANK
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -112,8 +113,24 @@ def test_regret_and_gain_are_leads_on_the_same_episodes():
     assert [row["regret"] for row in rows] == [0.0, 3.5, 3.5]
     assert [row["gain"] for row in rows] == [3.5, -30.0, 0.0]
     assert [row["better"] for row in rows] == [[2, 2], [1, 3], [0, 3]]
+    assert rows[0]["gain_interval"] == [3.0, 4.0] and rows[2]["gain_interval"] == [0.0, 0.0]
+    assert summary({"rows": rows}).splitlines()[2:] == ["| Beer | -1.6667 | none above |  |  | +3.5 (+3 to +4) |"]
     rows = table(every[:2], {one.run.name: one for one in found[:2]}, {}, {})["rows"]
     assert [(row["gain"], row["better"]) for row in rows] == [(None, None)] * 2
+
+
+def test_a_page_may_have_a_place_for_each_process(tmp_path):
+    content = benchmark(tmp_path / "runs", env="Beer", algorithms=["profile", "nominal"])
+    page = tmp_path / "page.md"
+    place = "<!-- table: {} -->\nold {}\n<!-- end of table -->\n".format
+    page.write_text("# A\n" + place("best", 1) + "# B\n" + place("Beer", 2) + "# C\n" + place("Reactor", 3))
+    place_in(page, content)
+    best, beer, reactor = page.read_text().split("# ")[1:]
+    assert best.startswith("A\n<!-- table: best -->\n\n| process | nominal |") and "\n| Beer | " in best
+    assert beer.startswith("B\n<!-- table: Beer -->\n\n| suite |") and beer.count("| control | profile |") == 1
+    # What was not run stays.
+    assert reactor == "C\n" + place("Reactor", 3)
+    assert markdown(content).count("| control |") == beer.count("| control |") == 2
 
 
 def test_a_learned_run_is_shown_from_its_record_alone(tmp_path):
@@ -250,12 +267,14 @@ def test_bad_input_of_the_benchmark_is_told_in_a_line(arguments, says, capsys, t
 def test_the_table_of_the_book_is_that_of_the_records(tmp_path):
     """Asterisks apart, which come when the text of a model changes; the page of the records has the command."""
     pytest.importorskip("yaml")
-    page = (ROOT / "docs/learning.md").read_text(encoding="utf-8")
-    shown = page.partition("<!-- table -->\n")[2].partition("<!-- end of table -->")[0]
+    page = tmp_path / "page.md"
+    page.write_text((ROOT / "docs/benchmark.md").read_text(encoding="utf-8"), encoding="utf-8")
+    shown = page.read_text(encoding="utf-8")
     found = benchmark(tmp_path, "all", "short", run_nothing=True, results=ROOT / "docs/results/benchmark")
     assert len(found["rows"]) >= 10
+    place_in(page, found)
     given, made = (
-        [line.replace("* |", " |") for line in text.splitlines() if line.startswith(("| ", "#"))]
-        for text in (shown, markdown(found))
+        [line.replace("* |", " |") for line in text.splitlines() if line.startswith("| ")]
+        for text in (shown, page.read_text(encoding="utf-8"))
     )
-    assert given == made
+    assert given == made and len(given) > len(found["rows"])

@@ -4,6 +4,7 @@ import csv
 import os
 import pickle
 import sys
+import warnings
 
 import numpy as np
 import pytest
@@ -113,6 +114,22 @@ def test_a_data_set_of_a_model_of_ones_own_becomes_one_of_minari(tmp_path, monke
             to_minari("tank/other-v0", dataset, other)
     with pytest.raises(ValueError, match="episodes is empty"):
         to_minari("tank/other-v0", [], path)
+
+
+def test_minari_is_not_given_an_environment_of_another_reward_or_scenario_without_a_word(tmp_path, monkeypatch):
+    pytest.importorskip("minari", reason="Minari is not installed")
+    pytest.importorskip("h5py", reason="h5py is not installed")
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "minari"))
+    recorded = smpl.Env("reactor", reward="setpoint_change")
+    episodes = evaluate(recorded, Proportional(), episodes=2)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        to_minari("reactor/same-v0", episodes, recorded)
+    assert not any("repeat" in str(one.message) for one in said)  # Minari has some of its own
+    other = {"reward": "setpoint"}, {"reward": "setpoint_change", "settings": {"k_0": 7e10}}
+    for number, arguments in enumerate(other):
+        with pytest.warns(UserWarning, match="does not repeat the episodes"):
+            to_minari(f"reactor/other-v{number}", episodes, smpl.Env("reactor", **arguments))
 
 
 def test_a_missing_package_names_its_pip_install(episodes, tmp_path, monkeypatch):

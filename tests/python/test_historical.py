@@ -1,12 +1,16 @@
 """The environments of the paper's time: made by name, refused where they cannot be."""
 
+import subprocess
 import sys
+import venv
+from pathlib import Path
 
 import pytest
 
+import smpl
 from smpl.learning import Task
 from smpl.learning.formulation import Formulation
-from smpl.learning.historical.__main__ import ENVIRONMENTS, main
+from smpl.learning.historical.__main__ import ENVIRONMENTS, link, main
 from smpl.learning.historical.trainer import ONLINE, online_trainer
 
 
@@ -22,6 +26,17 @@ def test_an_environment_needs_its_python(tmp_path, capsys):
         assert main([name, str(tmp_path / name), "--python", str(tmp_path / "python")]) == 2
         assert "is not there): give --python PATH" in capsys.readouterr().err
         assert not (tmp_path / name).exists()
+
+
+def test_an_environment_has_this_smpl_and_nothing_else_of_here(tmp_path):
+    venv.create(tmp_path / "env")
+    inside = tmp_path / "env" / "bin" / "python"
+    for _ in range(2):
+        link(inside)
+    code = "from importlib.util import find_spec; print(find_spec('smpl').origin, find_spec('gymnasium'))"
+    told = subprocess.run([inside, "-c", code], check=True, capture_output=True, text=True, cwd=tmp_path).stdout
+    file, other = told.split()
+    assert Path(file).samefile(smpl.__file__) and other == "None"
 
 
 @pytest.mark.parametrize("algorithm", ONLINE)

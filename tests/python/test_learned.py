@@ -223,10 +223,11 @@ def test_a_learned_run_that_was_cut_off_ends_in_the_same_bits(suite, algorithm, 
     monkeypatch.undo()
     benchmark(tmp_path / "parts", suite, resume=True, **arguments)
     place = f"{suite}/Reactor/{algorithm}/seed-0"
-    returns = [
-        json.loads((tmp_path / which / place / "scores.json").read_text())["returns"] for which in ("whole", "parts")
-    ]
-    assert returns[0] == returns[1]
+    whole, parts = (json.loads((tmp_path / one / place / "scores.json").read_text()) for one in ("whole", "parts"))
+    assert whole["returns"] == parts["returns"]
+    # The time of what was trained before is not lost.
+    seconds = sum(row["seconds"] for row in curve(tmp_path / "parts" / place))
+    assert parts["training_seconds"] == pytest.approx(seconds) and parts["seconds"] > seconds
     curves = [[row["mean"] for row in curve(tmp_path / which / place)] for which in ("whole", "parts")]
     assert curves[0] == curves[1]
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import os
+import warnings
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +17,7 @@ from gymnasium.envs.registration import EnvSpec
 
 from smpl.datasets.layouts import Float32Array, joined
 from smpl.datasets.loading import Dataset
-from smpl.envs import native_seed
+from smpl.envs import Env, native_seed
 from smpl.evaluation import Episode
 from smpl.learning.plan import Task
 
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
     from d3rlpy.dataset import MDPDataset
 
 Array = npt.NDArray[Any]
+# Steps that Minari's environment is tried on.
+_REPEATED = 10
 _D4RL = ("observations", "actions", "rewards", "next_observations", "terminals", "timeouts")
 
 
@@ -184,6 +188,9 @@ def to_minari(identifier: str, episodes: Iterable[Episode], env: Any, **texts: A
     Raises:
         ImportError: Minari is missing.
         ValueError: the data set exists, there is no such environment, or it has other observations or actions.
+
+    Warns:
+        UserWarning: the environment does not give the first recorded steps again, as one of another reward or scenario.
     """
     try:
         import minari
@@ -208,7 +215,9 @@ def to_minari(identifier: str, episodes: Iterable[Episode], env: Any, **texts: A
     if not buffers:
         raise ValueError("episodes is empty, expected one at least")
     env = _described(env)
-    _check_spaces(gymnasium.make(env) if isinstance(env, (str, EnvSpec)) else env, episodes, buffers[0])
+    here = gymnasium.make(env) if isinstance(env, (str, EnvSpec)) else env
+    _check_spaces(here, episodes, buffers[0])
+    _warn_unless_repeated(here, buffers[0])
     made = minari.create_dataset_from_buffers(identifier, buffer=buffers, env=env, **texts)
     if isinstance(episodes, Dataset):
         made.storage.update_metadata({"smpl": description(episodes)})
@@ -234,6 +243,28 @@ def _check_spaces(env: Any, episodes: Iterable[Episode], first: Any) -> None:
         recorded, now = episodes.manifest.about["normalize"], getattr(env.unwrapped, "normalize", None)
         if now is not None and now != recorded:
             raise ValueError(f"the episodes were recorded with normalize={recorded}, the environment has {now}")
+
+
+def _warn_unless_repeated(env: Any, first: Any) -> None:
+    """Say so where an environment of smpl does not give the first steps of the episodes again."""
+    if not isinstance(env.unwrapped, Env) or first.seed is None:
+        return
+    env = copy.deepcopy(env)  # the caller's is left where it stands
+    try:
+        observation, _ = env.reset(seed=first.seed, options=first.options)
+        for k, action in enumerate(first.actions[:_REPEATED]):
+            before = observation
+            observation, reward, *_ = env.step(action)
+            here, there = [*before, reward], [*first.observations[k], first.rewards[k]]
+            # Actions of the file are in single precision.
+            if not np.allclose(here, there, rtol=1e-3, atol=1e-3):
+                raise ValueError(f"step {k + 1} gives the reward {reward:.6g}, recorded is {first.rewards[k]:.6g}")
+    except ValueError as error:
+        warnings.warn(
+            f"the environment does not repeat the episodes ({error}): "
+            "give the one that they were recorded in, with its scenario, reward and other arguments",
+            stacklevel=3,
+        )
 
 
 def _infos(episode: Episode) -> dict[str, Any]:

@@ -10,6 +10,8 @@ import numpy as np
 
 from smpl.learning.records import Result
 
+_COLOURS = {"control": "0.35", "offline": "C0", "online": "C1"}
+
 
 def draw(results: Iterable[Result], table: Mapping[str, Any], out: Path) -> list[Path]:
     """Draw results, and what `table.json` holds of them, into `figures/`; nothing where Matplotlib is missing."""
@@ -31,20 +33,36 @@ def draw(results: Iterable[Result], table: Mapping[str, Any], out: Path) -> list
 
 
 def _scores(figure_type: Any, env: str, rows: Sequence[Mapping[str, Any]]) -> Any:
-    """Mean return with its interval, best on top."""
-    ordered = sorted(rows, key=lambda row: float(row["return_mean"]))
-    figure = figure_type(figsize=(8, 1.2 + 0.3 * len(ordered)), layout="constrained")
+    """Mean gain over the nominal policy with its interval, best on top; the return itself where none was run."""
+    key = "gain" if all(row["gain"] is not None for row in rows) else "return_mean"
+    interval = "gain_interval" if key == "gain" else "return_interval"
+    shown = [row for row in rows if key != "gain" or row["controller"] != "nominal"] or rows
+    ordered = sorted(shown, key=lambda row: float(row[key]))
+    figure = figure_type(figsize=(8, 1.4 + 0.2 * len(ordered)), layout="constrained")
     axis = figure.subplots()
-    for place, row in enumerate(ordered):
-        low, high = row["return_interval"]
-        colour = {"control": "0.35", "offline": "C0", "online": "C1"}[row["suite"]]
-        axis.plot([low, high], [place, place], color=colour, linewidth=2)
-        axis.plot([row["return_mean"]], [place], "o", color=colour, markersize=5)
-    axis.set_yticks(range(len(ordered)), [f"{row['controller']} ({row['suite']})" for row in ordered])
-    axis.set_xlabel("mean return of an episode, with its 95 % interval")
+    for suite, colour in _COLOURS.items():
+        mine = [(place, row) for place, row in enumerate(ordered) if row["suite"] == suite]
+        places = [place for place, _ in mine]
+        ends = np.array([row[interval] for _, row in mine]).reshape(-1, 2)
+        axis.hlines(places, ends[:, 0], ends[:, 1], color=colour, linewidth=2)
+        axis.plot([row[key] for _, row in mine], places, "o", color=colour, markersize=4, label=suite if mine else None)
+    axis.set_yticks(range(len(ordered)), [_label(row) for row in ordered], fontsize="x-small")
+    axis.set_ylim(-0.7, len(ordered) - 0.3)
+    _widen(axis.set_xscale, [float(value) for row in ordered for value in (row[key], *row[interval])])
+    if key == "gain":
+        axis.axvline(0, color="0.6", linewidth=1)
+    axis.tick_params(axis="x", labelsize="x-small")
+    what = "gain in the return of an episode over the nominal policy" if key == "gain" else "return of an episode"
+    axis.set_xlabel(f"mean {what}, with its 95 % interval", fontsize="small")
     axis.set_title(env)
+    axis.legend(loc="lower right", fontsize="small")
     axis.grid(axis="x", alpha=0.3)
     return figure
+
+
+def _label(row: Mapping[str, Any]) -> str:
+    seeds = row["seeds"]
+    return str(row["controller"]) + (f" ({seeds} seed{'s' * (seeds > 1)})" if seeds < 3 else "")
 
 
 def _curves(figure_type: Any, env: str, learned: Iterable[Result]) -> Any:
@@ -69,7 +87,7 @@ def _curves(figure_type: Any, env: str, learned: Iterable[Result]) -> Any:
             )
         if suite == "online":
             axis.set_xscale("log")  # a policy gradient takes thirty times the steps of a learner that replays
-        _widen(axis, [row["mean"] for seeds in algorithms.values() for one in seeds for row in one])
+        _widen(axis.set_yscale, [row["mean"] for seeds in algorithms.values() for one in seeds for row in one])
         axis.set_title(f"{env}, {suite}")
         axis.set_xlabel("gradient steps" if suite == "offline" else "steps of the process")
         axis.set_ylabel("mean reward of a step, validation")
@@ -78,8 +96,8 @@ def _curves(figure_type: Any, env: str, learned: Iterable[Result]) -> Any:
     return figure
 
 
-def _widen(axis: Any, values: Sequence[float]) -> None:
+def _widen(set_scale: Any, values: Sequence[float]) -> None:
     """Where a failed policy is far below the others, decades in place of a scale on which these are one line."""
     small = float(np.quantile(np.abs(values), 0.1))
     if small and np.ptp(values) > 100 * small:
-        axis.set_yscale("symlog", linthresh=small)
+        set_scale("symlog", linthresh=small)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import groupby
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,8 +12,6 @@ from smpl.learning.learned import PUBLISHED
 from smpl.learning.records import Result
 from smpl.learning.statistics import bootstrap, interquartile_mean
 from smpl.learning.subjects import SUBJECTS, Run
-
-BEGIN, END = "<!-- table -->\n", "<!-- end of table -->\n"
 
 
 def table(
@@ -44,6 +40,7 @@ def table(
             lead = leads[other]
             row[key] = sign * float(lead.mean()) + 0.0 if len(lead) else None  # no negative zero
         compared = leads["nominal"]
+        row["gain_interval"] = list(bootstrap(compared)) if len(compared) else None
         row["better"] = [int((compared > 0).sum()), len(compared)] if len(compared) else None
         rows.append({**row, "changed": changed})
     order = list(dict.fromkeys([*SUBJECTS, *(one.env for one in every)]))
@@ -145,17 +142,6 @@ def lines(table: Mapping[str, Any]) -> list[list[str]]:
     return found
 
 
-def markdown(table: Mapping[str, Any]) -> str:
-    """The table for a page, one for each environment."""
-    head, *body = lines(table)
-    rule = "| --- | --- |" + " ---: |" * (len(head) - 3)
-    parts = []
-    for env, rows in groupby(body, key=lambda row: row[0]):
-        written = [f"| {' | '.join(row[1:])} |" for row in (head, *rows)]
-        parts.append("\n".join([f"\n#### {env}\n", written[0], rule, *written[1:]]) + "\n")
-    return "".join(parts) + remarks(table)
-
-
 def remarks(table: Mapping[str, Any]) -> str:
     """What is to be said of rows with a mark; empty without any."""
     changed = sorted({what for row in table["rows"] for what in row.get("changed", ())})
@@ -163,26 +149,3 @@ def remarks(table: Mapping[str, Any]) -> str:
     if any(row.get("diverged") for row in table["rows"]):
         said.append("\n† training diverged: the best policy until then.\n")
     return "".join(said)
-
-
-def place_in(page: Path, table: Mapping[str, Any]) -> None:
-    """Put the table into a page, between `<!-- table -->` and `<!-- end of table -->`.
-
-    Raises:
-        ValueError: the page has no such place.
-    """
-    before, after = around(page)
-    page.write_text(before + markdown(table) + after, encoding="utf-8")
-
-
-def around(page: Path) -> tuple[str, str]:
-    """The text of a page before the place of its table, and after it.
-
-    Raises:
-        ValueError: the page has no such place.
-    """
-    before, begin, rest = page.read_text(encoding="utf-8").partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        raise ValueError(f"{page} has no lines {BEGIN.strip()} and {END.strip()}")
-    return before + begin, end + after

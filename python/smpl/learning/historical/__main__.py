@@ -1,4 +1,7 @@
-"""`python -m smpl.learning.historical present|offline|online DIR`: make an environment with pinned versions."""
+"""`python -m smpl.learning.historical present|offline|online DIR`: make an environment with pinned versions.
+
+`present` and `online` have this smpl too, by a link to its folder; `offline` needs none of it.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,8 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+
+import smpl
 
 # Version of Python, what is installed first, and what after it without dependencies.
 ENVIRONMENTS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
@@ -39,7 +44,19 @@ def make(which: str, folder: Path, python: str | None = None) -> Path:
     subprocess.run([*install, "-r", str(Path(__file__).with_name(f"{which}.txt"))], check=True)
     if after:
         subprocess.run([*install, "--no-deps", *after], check=True)
+    if which != "offline":
+        link(inside)
     return inside
+
+
+def link(inside: Path) -> None:
+    """Make this smpl a package of an environment: its module is of the stable ABI, so that it serves Python 3.10 on."""
+    code = "import sysconfig; print(sysconfig.get_path('purelib'))"
+    packages = subprocess.run([str(inside), "-c", code], check=True, capture_output=True, text=True).stdout.strip()
+    link = Path(packages) / "smpl"
+    if link.is_symlink():
+        link.unlink()
+    link.symlink_to(Path(smpl.__file__).resolve().parent)
 
 
 def _version(python: str) -> str:
