@@ -180,7 +180,7 @@ reward collected : mg/min = (m_collected - previous(m_collected)) / step     "an
 # ---- Ends ----
 
 fail box when max(excess(x) for x in (Xv1, Xt1, GLC1, GLN1, LAC1, AMM1, mAb1, V1, Xv2, Xt2, GLC2, GLN2, LAC2, AMM2, mAb2, V2,
-                                      T, h, c_buf)) > 1e-6    "a tank outside its box"
+                                      T, h, c_buf)) > 0    "a tank outside its box"
 fail tank_empty event h <= 0.1 [dm]    "the buffer tank has run empty"
 
 when box_test = legacy {
@@ -212,8 +212,24 @@ variant unclipped_rules "the nominal policy may leave the bounds, as in the orig
     switch = if col.outlet.c >= 0.4957757365045033 [mg/L] then 1 else 0
   }
 }
-variant death_linear "death rate by the published line; it has a steady state of its own" {
+variant death_linear "death rate by the published line, 0.0017 in place of 0.06 1/h: cells live longer and use up the glutamine; steady state and bounds of its own" {
   let mu_dmax : 1/h = -0.0045 [1/(h K)]*(T - 0 [degC]) + 0.1682 [1/h]
+  # 20 % about the steady state; glutamine, which limits, from nothing to its bound without the variant.
+  state Xv1   : cell/L = 123562263037.0982    in 98849810429.7..headroom*148274715645   scale 3e10    "viable cells, bioreactor"
+  state Xt1   : cell/L = 129279275498.5813    in 103423420399..headroom*155135130598    scale 5e10    "total cells, bioreactor"
+  state GLC1  : mM     = 2449.68176158575     in 1959.74540927..headroom*2939.6181139   scale 5000    "glucose, bioreactor"
+  state GLN1  : mM     = 0.07719256194008395  in 0..headroom*6.921501402311322          scale 50      "glutamine, bioreactor"
+  state LAC1  : mM     = 99.48048230937107    in 79.5843858475..headroom*119.376578771  scale 200     "lactate, bioreactor"
+  state AMM1  : mM     = 7.275125338557171    in 5.82010027085..headroom*8.73015040627  scale 50      "ammonia, bioreactor"
+  state mAb1  : mg/L   = 234.58901784326318   in 187.671214275..headroom*281.506821412  scale 150     "antibody, bioreactor"
+  state Xv2   : cell/L = 9887260471.613323    in 7909808377.29..headroom*11864712565.9  scale 2e10    "viable cells, separator"
+  state Xt2   : cell/L = 10344726933.75776    in 8275781547.01..headroom*12413672320.5  scale 3e10    "total cells, separator"
+  state GLC2  : mM     = 1960.1973170471085   in 1568.15785364..headroom*2352.23678046  scale 5000    "glucose, separator"
+  state GLN2  : mM     = 0.06176828973613137  in 0..headroom*5.538477981215916          scale 100     "glutamine, separator"
+  state LAC2  : mM     = 79.60273762055994    in 63.6821900964..headroom*95.5232851447  scale 250     "lactate, separator"
+  state AMM2  : mM     = 5.8214423577166405   in 4.65715388617..headroom*6.98573082926  scale 100     "ammonia, separator"
+  state mAb2  : mg/L   = 187.71449034564085   in 150.171592277..headroom*225.257388415  scale 200     "antibody, separator"
+  state c_buf : mg/L   = 187.71449034564085   in 150.171592277..headroom*225.257388415  scale 200     "antibody, buffer tank"
 }
 variant ph_factor "productivity with an optimum in pH; neither optimum nor width is published" {
   param pH_opt               = 7.048       "optimum; here that of the steady state"

@@ -125,9 +125,7 @@ impl Generator {
     /// A generator; with `texts` it also writes intermediate text and assembly.
     #[must_use]
     pub(crate) fn new(texts: bool) -> Generator {
-        let mut context = Context::new();
-        context.set_disasm(texts);
-        Generator { context, builder: FunctionBuilderContext::new(), control: ControlPlane::default(), texts }
+        Generator { context: Context::new(), builder: FunctionBuilderContext::new(), control: ControlPlane::default(), texts }
     }
 
     /// Compiles a piece of a staged program.
@@ -145,6 +143,7 @@ impl Generator {
     ) -> Result<Code, GenerateError> {
         let isa = isa(if piece.lean && effort == Effort::Hot { Effort::Lean } else { effort })?;
         self.context.clear();
+        self.context.set_disasm(self.texts);
         self.context.func = Function::with_name_signature(UserFuncName::default(), signature(isa.default_call_conv()));
         let builder = FunctionBuilder::new(&mut self.context.func, &mut self.builder);
         let columns = loops::emit(builder, plan, piece, exprs, layout, isa.as_ref());

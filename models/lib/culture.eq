@@ -102,8 +102,8 @@ eq d/dt T = F_in/V1 * (T_in - T) + q_heat*mu*Xv1/(rho*c_p) + U*(T_c - T)/(V1*rho
 eq d/dt h     = (F_2 - F_out) / A_buf
 eq d/dt c_buf = F_2*(mAb2 - c_buf) / (A_buf*h)
 
-# The tanks' box reaches 5 % above the bounds; a start is drawn inside it, 1 % of its width from either end.
-def excess(x) = max(value(low(x)) - value(x), value(x) - 1.05*value(high(x))) / (value(high(x)) - value(low(x)))
+# The tanks' box reaches 5 % above the bounds, with a tolerance of 1e-6 of their range; a start is drawn inside it, 1 % of its width from either end.
+def excess(x) = max(value(low(x)) - value(x), value(x) - 1.05*value(high(x))) / (value(high(x)) - value(low(x))) - 1e-6
 def inner_low(x) = 0.99*value(low(x)) + 0.01*1.05*value(high(x))
 def inner_high(x) = 0.01*value(low(x)) + 0.99*1.05*value(high(x))
 

@@ -167,7 +167,7 @@ reward recovered : mg/h default = (m_pool - previous(m_pool)) / step    "product
 reward yield = if m_fed_done > 0 then m_pool/m_fed_done else 0    "pool over feed of finished batches"
 
 fail box when max(excess(x) for x in (Xv1, Xt1, GLC1, GLN1, LAC1, AMM1, mAb1, V1, Xv2, Xt2, GLC2, GLN2, LAC2, AMM2, mAb2, V2,
-                                      T, h, c_buf)) > 1e-6    "a tank outside its box"
+                                      T, h, c_buf)) > 0    "a tank outside its box"
 fail tank_empty event h <= 0.1 [dm]    "the buffer tank has run empty"
 
 constraint vi_hold when t_hold + 3*CV/Q_capture[strip] < 60 [min]    "virus inactivation of at least an hour"

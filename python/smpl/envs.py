@@ -83,6 +83,8 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         render_mode: `rgb_array`, `ansi` or none.
         info_state: add the state to `info`.
         method: what takes the steps, `ida`, `rosenbrock`, `explicit` or `auto`, in place of the model's or scenario's.
+        max_step: longest internal step in the model's unit of time, as the setting of this name; not with a compiled
+            model.
         extra: statements that follow those of the file, as for `smpl.compile`; not with a compiled model.
 
     Attributes:
@@ -112,11 +114,12 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         render_mode: str | None = None,
         info_state: bool = False,
         method: str | None = None,
+        max_step: float | None = None,
         extra: str | None = None,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode is {render_mode!r}; there are: {', '.join(self.metadata['render_modes'])}")
-        compiled = choose_model(model, observation, reward, scenario, variants, settings, extra)
+        compiled = choose_model(model, observation, reward, scenario, variants, settings, extra, max_step)
         self.observation_space, self.action_space = self._describe(compiled, normalize)
         self.render_mode = render_mode
         flags = as_flag("dense_reward", dense_reward), as_flag("info_state", info_state)
@@ -364,12 +367,15 @@ def choose_model(
     variants: Iterable[str],
     settings: Mapping[str, Setting] | None,
     extra: str | None = None,
+    max_step: float | None = None,
 ) -> Model:
     """The compiled model that an environment's arguments ask for.
 
     Raises:
         ValueError: a compiled model is given together with a scenario, variants, settings or further statements.
     """
+    if max_step is not None:
+        settings = {**as_mapping("settings", settings), "max_step": max_step}
     if not isinstance(model, Model):
         return compile(
             model,

@@ -57,7 +57,7 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     Args:
         model, normalize, dense_reward, reward, observation, scenario, variants, settings, max_steps, info_state,
-        method, extra: as for `smpl.Env`.
+        method, max_step, extra: as for `smpl.Env`.
         num_envs: number of sub-environments.
         autoreset_mode: an AutoresetMode, or its name or value in any case, underscores ignored.
         num_threads: threads that step, fewer where one is faster; all processors if none.
@@ -84,12 +84,13 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         num_threads: int | None = None,
         render_mode: str | None = None,
         method: str | None = None,
+        max_step: float | None = None,
         extra: str | None = None,
     ) -> None:
         num_envs = as_count("num_envs", num_envs)
         if render_mode is not None:
             raise ValueError("a native vector environment cannot be rendered: render_mode must be None")
-        compiled = choose_model(model, observation, reward, scenario, variants, settings, extra)
+        compiled = choose_model(model, observation, reward, scenario, variants, settings, extra, max_step)
         self.num_envs = num_envs
         self.autoreset_mode = parse_autoreset_mode(autoreset_mode)
         self.metadata = {**Env.metadata, "autoreset_mode": self.autoreset_mode}

@@ -19,6 +19,10 @@ fn tables_that_say_a_thing_twice_or_never_end_it_are_refused() {
         let shown = text(&output.stderr);
         assert!(status(&output) == 1 && shown.contains(message) && shown.contains(place), "{shown}");
     }
+    // What is not read may stand there as often as it likes.
+    let actions = file("tables", "b.csv", "u,note,note\n1,a,b\n");
+    let output = smpl(&["simulate", model.to_str().expect("utf-8"), "--actions", actions.to_str().expect("utf-8")]);
+    assert_eq!(status(&output), 0, "{}", text(&output.stderr));
     let actions = file("tables", "z.csv", "z\n1\n");
     let output = smpl(&["simulate", model.to_str().expect("utf-8"), "--disturbances", actions.to_str().expect("utf-8")]);
     assert!(status(&output) == 1 && text(&output.stderr).contains("declares no disturbances"), "{}", text(&output.stderr));

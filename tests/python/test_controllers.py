@@ -3,6 +3,7 @@
 import csv
 from pathlib import Path
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -162,6 +163,27 @@ class Short:
 
     def action(self, env):
         return [26.85]
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda env: smpl.controllers.baseline("reactor", "pid"),
+        lambda env: Nominal(),
+        lambda env: smpl.controllers.LQR(env, integral=("T", "h")),
+        lambda env: smpl.controllers.LQG(smpl.controllers.LQR(env), smpl.controllers.ExtendedKalmanFilter(env)),
+        lambda env: smpl.controllers.SamplingMPC(env, horizon=3, samples=8, seed=0),
+    ],
+)
+def test_wrappers_are_no_matter_to_a_controller(make):
+    wrapped = gymnasium.wrappers.RecordEpisodeStatistics(gymnasium.make("smpl/Reactor-v0"))
+    chosen = []
+    for env in (wrapped, wrapped.unwrapped):
+        wrapped.reset(seed=3)
+        controller = make(env)
+        controller.reset(env)
+        chosen.append(controller.action(env))
+    np.testing.assert_array_equal(*chosen)
 
 
 @pytest.mark.parametrize("given", [object(), Proportional, None, "pid"])

@@ -291,7 +291,13 @@ def test_a_compiled_model_makes_the_same_environment(reactor_model):
 
 def test_the_full_observation_adds_the_states():
     env = smpl.Env("beer", observation="full")
-    assert set(env.state_names) <= set(env.observation_names)
+    names = env.observation_names
+    assert set(env.state_names) <= set(names) and len(set(names)) == len(names)
+    env.reset(seed=0)
+    env.step([0.5])
+    readings = dict(zip(names, env.reading, strict=True))
+    # What the default level shows already has another name when it is added.
+    assert [readings[f"state.{name}"] for name in env.state_names] == pytest.approx(list(env.state), rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -405,6 +411,26 @@ def test_solver_and_episode_are_set_by_name():
         env.step(np.zeros(2))
     assert coarse.time == 0.2 and fine.time == 0.1
     assert coarse.solver_statistics["steps"] < fine.solver_statistics["steps"]
+
+
+def test_the_longest_internal_step_is_an_argument():
+    single, batch = smpl.Env("reactor", max_step=0.002), smpl.VectorEnv("reactor", 1, max_step=0.002)
+    single.reset(seed=0)
+    batch.reset(seed=0)
+    observation = single.step(np.zeros(2))[0]
+    np.testing.assert_array_equal(batch.step(np.zeros((1, 2)))[0][0], observation)
+    # 0.1 min of an episode's step.
+    assert single.solver_statistics["steps"] >= 50 > smpl_steps("reactor")
+    with pytest.raises(ValueError, match=r"settings to smpl\.compile"):
+        smpl.Env(smpl.compile("reactor"), max_step=0.002)
+
+
+def smpl_steps(model):
+    """Internal steps of the first step without a limit."""
+    env = smpl.Env(model)
+    env.reset(seed=0)
+    env.step(np.zeros(2))
+    return env.solver_statistics["steps"]
 
 
 def test_an_observation_of_each_instance_has_the_name_of_what_it_observes():

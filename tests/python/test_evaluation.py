@@ -11,7 +11,7 @@ from smpl.controllers import Constant, Proportional
 from smpl.evaluate import compare_controllers, main
 from smpl.evaluation import evaluate, per_episode, pooled
 from smpl.learning import Plan, Task
-from smpl.learning.scores import Score, Summary, score, settling_time
+from smpl.learning.scores import Score, Summary, compare, score, settling_time
 from smpl.learning.statistics import bootstrap, interquartile_mean, probability_of_improvement
 
 
@@ -142,6 +142,14 @@ def test_the_command_prints_a_table_and_writes_three_reports(tmp_path, capsys):
     assert not re.search(r'(src|href)="(?!data:)', page)  # nothing outside of the file
     pytest.importorskip("matplotlib", reason="matplotlib is not installed")
     assert page.count("data:image/png;base64,") >= 3 and (tmp_path / "trajectories.png").is_file()
+
+
+def test_against_an_oracle_what_is_missing_is_the_regret():
+    scores = [score(Plan.of(Task.of("beer", max_steps=5), name, 4), 1) for name in ("oracle=isothermal", "constant:11")]
+    found = compare(scores[1], scores[0])
+    assert found["regret"] == pytest.approx(np.mean(scores[0].returns) - np.mean(scores[1].returns), rel=1e-12)
+    assert found["regret_interval"] == [-found["interval"][1], -found["interval"][0]]
+    assert "regret" not in compare(scores[0], scores[1])
 
 
 def test_without_matplotlib_pictures_are_left_out_with_a_note(tmp_path, monkeypatch, capsys):

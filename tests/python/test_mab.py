@@ -54,3 +54,30 @@ def test_a_phase_that_the_schedule_does_not_have_is_refused(phase):
         env.reset(seed=0, options={"discrete": {"phase": phase}})
     last = len(env.model.phases)
     assert env.reset(seed=0, options={"discrete": {"phase": last}})[1]["phase"] == env.model.phases[-1]
+
+
+@pytest.mark.parametrize("model", ["mab", "mab_plant"])
+def test_a_tank_beyond_its_box_is_a_violation_by_its_range(model):
+    env = smpl.Env(model, normalize=False)
+    env.reset(seed=2, options={"state": {"V1": 3300.0}})
+    _, _, terminated, _, info = env.step(env.steady_action)
+    volume = env.state[env.state_names.index("V1")]
+    assert terminated and info["failure"].startswith("box") and volume > 3290
+    # Bounds 2400 and 3000 L, the box 5 % above; section 6 of the specification.
+    assert info["constraints"]["box"] == pytest.approx((volume - 3150) / 600, abs=1e-5)
+
+
+def test_the_published_death_rate_has_a_steady_state_in_its_box():
+    env = smpl.Env("mab", variants=["death_linear"], normalize=False)
+    env.reset(seed=4)
+    steady = dict(zip(env.state_names, env.steady_state, strict=True))
+    # Balance of the viable cells, whose separator keeps the share 1 - Xv2/Xv1; the rate is -0.0045 T + 0.1682 1/h.
+    before = smpl.Env("mab").steady_state
+    assert steady["Xv1"] > 3 * before[0] and steady["GLN1"] < 0.1
+    for _ in range(20):
+        _, _, terminated, _, info = env.step(env.policy("nominal"))
+        assert not terminated, info["failure"]
+    rates = env.model.rhs(0.0, env.steady_state, env.steady_action) if env.model.explicit else None
+    if rates is not None:
+        scale = np.abs(env.steady_state[:16])
+        assert np.max(np.abs(rates[:16]) / scale) < 1e-9

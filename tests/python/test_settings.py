@@ -1,5 +1,8 @@
 """What is set of a model is what is simulated, or is refused: parameters, arrays, ranges, records."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -168,3 +171,23 @@ def test_an_edited_import_of_any_name_is_compiled_anew(tmp_path):
         env = smpl.Env(smpl.compile(model), normalize=False)
         env.reset(seed=0)
         assert env.state[0] == start
+
+
+def declared(model):
+    """Variants and options of choices that the text of a shipped model declares."""
+    text = "".join(Path(source).read_text(encoding="utf-8") for source in smpl.compile(model).native.sources)
+    switches = re.findall(r"^variant (\w+)", text, re.M)
+    choices = re.findall(r"^choice (\w+) *= *([\w| ]+)", text, re.M)
+    return [*switches, *(f"{name}={option.strip()}" for name, options in choices for option in options.split("|"))]
+
+
+@pytest.mark.parametrize("model", ["reactor", "beer", "pensim", "atropine", "mab", "mab_plant"])
+def test_every_alternative_that_a_model_declares_has_an_episode(model):
+    found = declared(model)
+    assert found
+    for variant in found:
+        env = smpl.Env(model, variants=[variant], normalize=False)
+        env.reset(seed=1)
+        action = env.policy("nominal") if "nominal" in env.model.policies else env.model.native.defaults("action")
+        _, reward, terminated, _, info = env.step(action)
+        assert not terminated and np.isfinite(reward), (variant, info["failure"])

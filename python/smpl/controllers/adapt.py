@@ -15,6 +15,7 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
+from smpl.controllers.base import TakesWrapped
 from smpl.envs import Env
 from smpl.model import FloatArray, as_vector, check_names
 from smpl.wrappers import outer_action
@@ -37,7 +38,7 @@ class Player(Protocol):
         """The action to give to `env.step`, and the physical one that must arrive, where it was chosen as such."""
 
 
-class Function:
+class Function(TakesWrapped):
     """A function of what it is shown, as a controller in physical units.
 
     Args:
@@ -69,7 +70,7 @@ class Function:
         return as_vector("the function's action", chosen, len(env.action_names))
 
 
-class Noisy:
+class Noisy(TakesWrapped):
     """Another controller with noise on its actions, for exploration; equal in equal episodes.
 
     Args:

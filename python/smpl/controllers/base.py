@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Protocol, runtime_checkable
+import functools
+from collections.abc import Callable, Iterable
+from typing import Any, Protocol, runtime_checkable
 
+import gymnasium
 import numpy as np
 import numpy.typing as npt
 
@@ -23,7 +25,32 @@ class Controller(Protocol):
         """The next action in physical units, shape (actions,)."""
 
 
-class Constant:
+class TakesWrapped:
+    """What is given an environment may be given the one that `gymnasium.make` returns, wrappers and all.
+
+    Methods `reset` and `action`, and the making of a subclass, see the environment of smpl beneath.
+    """
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        for name in {"__init__", "reset", "action"} & vars(cls).keys():
+            setattr(cls, name, _beneath(vars(cls)[name]))
+
+
+def _beneath(method: Callable[..., Any]) -> Callable[..., Any]:
+    @functools.wraps(method)
+    def unwrapped(self: Any, *given: Any, **named: Any) -> Any:
+        return method(self, *map(plain, given), **{name: plain(one) for name, one in named.items()})
+
+    return unwrapped
+
+
+def plain(given: Any) -> Any:
+    """An environment without its wrappers, anything else as it is."""
+    return given.unwrapped if isinstance(given, gymnasium.Wrapper) else given
+
+
+class Constant(TakesWrapped):
     """The same action at every step.
 
     Args:
@@ -50,7 +77,7 @@ class Constant:
         return self._action.copy()
 
 
-class Policy:
+class Policy(TakesWrapped):
     """A policy that the model declares, as `smpl simulate --policy NAME` runs it.
 
     Args:
@@ -73,7 +100,7 @@ class Policy:
         return env.policy(self._name)
 
 
-class Nominal:
+class Nominal(TakesWrapped):
     """What `smpl simulate --policy nominal` runs: the model's policy `nominal`, else the nominal action."""
 
     def reset(self, env: Env) -> None:
@@ -84,7 +111,7 @@ class Nominal:
         return env.policy("nominal") if "nominal" in env.model.policies else env.model.native.defaults("action")
 
 
-class Uniform:
+class Uniform(TakesWrapped):
     """Actions drawn uniformly from the action box, equal in equal episodes.
 
     Args:
@@ -104,7 +131,7 @@ class Uniform:
         return self._generator.uniform(env.action_low, env.action_high)
 
 
-class OpenLoop:
+class OpenLoop(TakesWrapped):
     """A recorded sequence of actions.
 
     Args:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from smpl.controllers.base import Constant, require
+from smpl.controllers.base import Constant, TakesWrapped, require
 from smpl.envs import Env
 from smpl.model import FloatArray
 
 
-class Profile:
+class Profile(TakesWrapped):
     """Industrial temperature profile: warm up, hold, warm up again, cool for settling. Tuned to 130 g/L of sugar."""
 
     def reset(self, env: Env) -> None:

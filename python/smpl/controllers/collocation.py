@@ -279,7 +279,8 @@ class Transcription:
         one = self._interval()
         parameters = ca.vertcat(one["s"], one["v"], one["u"], one["q"], one["t"])
         residual = ca.Function("residual", [one["w"], parameters], [one["equations"]])
-        found = ca.rootfinder("found", "newton", residual, {"error_on_fail": False, "abstol": 1e-11, "max_iter": 30})
+        quiet = {"error_on_fail": False, "show_eval_warnings": False}
+        found = ca.rootfinder("found", "newton", residual, {**quiet, "abstol": 1e-11, "max_iter": 30})
         x, u, q, t = (
             ca.MX.sym("x", self.n),
             ca.MX.sym("u", self.m),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from smpl.controllers.base import Policy
+from smpl.controllers.base import Policy, TakesWrapped
 from smpl.controllers.nmpc import NMPC
 from smpl.envs import Env
 from smpl.model import FloatArray, Model
@@ -18,7 +18,7 @@ ACTIONS = ("F_in", "F_1", "F_r", "F_2", "GLC_in", "GLN_in", "T_c")
 KINDS = ("mpc", "empc")
 
 
-class CultureMPC:
+class CultureMPC(TakesWrapped):
     """`mpc` and `empc` of the paper: predictive control of the 17 states of the culture by its seven actions.
 
     The tracking controller minimises the integral of the squared scaled deviations of states and actions from the

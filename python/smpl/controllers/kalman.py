@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from smpl.controllers.base import TakesWrapped
 from smpl.controllers.estimation import Prediction, discrete_of
 from smpl.envs import Env
 from smpl.model import FloatArray, Model
@@ -25,7 +26,7 @@ class _Instant:
     readings: dict[int, float] = field(default_factory=dict)
 
 
-class ExtendedKalmanFilter:
+class ExtendedKalmanFilter(TakesWrapped):
     """Extended Kalman filter from an observation level, its noise, rare samples and delays as the file declares them.
 
     The mean is predicted by the model's own step, the covariance by its exact derivative. A sample that arrives late is

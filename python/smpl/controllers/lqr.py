@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from smpl.controllers.base import TakesWrapped
 from smpl.controllers.names import listing, operating_point, weights
 from smpl.envs import Env
 from smpl.model import FloatArray, Model
@@ -44,7 +45,7 @@ def sampled_cost(
     return integral[:n, :n], integral[n:, n:], integral[:n, n:]
 
 
-class LQR:
+class LQR(TakesWrapped):
     """Linear-quadratic regulator with state feedback, u = u_s - K (x - x_s) - K_i z, within the action box.
 
     z are the sums over steps of the errors of the outputs named by `integral`: they hold these at their set-points
@@ -210,7 +211,7 @@ class LQR:
         return [*self.model.state_names, *(f"integral {i}" for i in range(len(self._integral)))]
 
 
-class LQG:
+class LQG(TakesWrapped):
     """State feedback of an estimate: linear-quadratic control, or any controller with `control(state)`.
 
     Args:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from smpl.controllers.base import TakesWrapped
 from smpl.controllers.estimation import Prediction, discrete_of
 from smpl.controllers.kalman import correct, predict
 from smpl.envs import Env
@@ -29,7 +30,7 @@ class _Instant:
     readings: dict[int, float] = field(default_factory=dict)
 
 
-class MovingHorizonEstimator:
+class MovingHorizonEstimator(TakesWrapped):
     """Least squares over a window of steps, within the bounds that the model declares.
 
     Minimises the squares of what was read less what the states of its steps would read, of what each step adds to the

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from smpl.controllers.base import TakesWrapped
 from smpl.controllers.collocation import NODES, Limit, Task, Transcription
 from smpl.controllers.names import listing, operating_action
 from smpl.controllers.nmpc_given import Given
@@ -31,7 +32,7 @@ _STARTS = 3
 _RIGHT = 0.05
 
 
-class NMPC:
+class NMPC(TakesWrapped):
     """Nonlinear model predictive control: the best actions over a horizon, of which the first one is applied.
 
     Args:

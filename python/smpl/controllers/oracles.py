@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from smpl.controllers.base import Nominal, Policy
+from smpl.controllers.base import Nominal, Policy, TakesWrapped
 from smpl.controllers.culture import ACTIONS, STATES
 from smpl.controllers.nmpc import NMPC
 from smpl.controllers.plant import plant_mpc
@@ -21,7 +21,7 @@ from smpl.envs import Env
 from smpl.model import FloatArray, Model
 
 
-class Deferred:
+class Deferred(TakesWrapped):
     """A controller that is built for the model of the environment at the first reset.
 
     Args:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from smpl.controllers.base import require
+from smpl.controllers.base import TakesWrapped, require
 from smpl.controllers.bayesian import BayesianOptimization
 from smpl.envs import Env
 from smpl.model import FloatArray, Model
@@ -103,7 +103,7 @@ class Recipe:
         return segments, values, names
 
 
-class RecipeSearch:
+class RecipeSearch(TakesWrapped):
     """`gpei` of the paper: the best recipe that a Gaussian process with expected improvement finds.
 
     The search runs at the first reset, or goes on from its file, and is then followed without feedback. Its last number

@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from smpl.controllers.base import TakesWrapped
 from smpl.controllers.names import Measured, action_index, measured, operating_action
 from smpl.envs import Env
 from smpl.model import FloatArray, as_number
@@ -26,7 +27,7 @@ FORMS = ("positional", "velocity")
 ANTI_WINDUP = ("back_calculation", "clamping", "none")
 
 
-class PID:
+class PID(TakesWrapped):
     """One control loop: an action by a measurement. Several are put together by `Loops`, two in series by `Cascade`.
 
     Args:
@@ -245,7 +246,7 @@ class PID:
         return self._reference
 
 
-class Loops:
+class Loops(TakesWrapped):
     """Several loops at once, each with an action of its own; the other actions stay at the operating ones.
 
     Args:
@@ -277,7 +278,7 @@ class Loops:
         return chosen
 
 
-class Cascade:
+class Cascade(TakesWrapped):
     """Two loops in series: the outer one chooses the set-point of the inner one.
 
     Args:

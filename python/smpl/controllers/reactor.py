@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from smpl.controllers.base import require
+from smpl.controllers.base import TakesWrapped, require
 from smpl.controllers.nmpc import NMPC
 from smpl.envs import Env
 from smpl.model import FloatArray
@@ -18,7 +18,7 @@ STEADY_ACTION = np.array([26.85, 0.1])
 STATES, ACTIONS = ("c_A", "T", "h"), ("T_c", "q_out")
 
 
-class Proportional:
+class Proportional(TakesWrapped):
     """`pid` of the paper, in truth proportional only: jacket temperature by concentration, outflow by level.
 
     T_c = 26.85 + 100.0 (c_A - c_A,s), q_out = 0.1 + 0.5 (h - h_s), both clipped to the action box. It does not look at
@@ -46,7 +46,7 @@ class Proportional:
         return np.clip(STEADY_ACTION + self._gains * error, env.action_low, env.action_high)
 
 
-class ReactorNMPC:
+class ReactorNMPC(TakesWrapped):
     """`mpc` of the paper: nonlinear predictive control of the reactor with full state feedback.
 
     The cost is the sum over interval starts of (x - s)' Q (x - s) + (u - u_s)' R (u - u_s) and a terminal term, in

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from smpl.controllers.base import TakesWrapped
 from smpl.controllers.names import listing, operating_action
 from smpl.envs import Env
 from smpl.model import FloatArray, Model, as_count, as_number, as_numbers, check_names
@@ -22,7 +23,7 @@ Cost = Callable[[Rollout, FloatArray], Any]
 Guess = Callable[[Env, int], Any]
 
 
-class SamplingMPC:
+class SamplingMPC(TakesWrapped):
     """Sampling-based model predictive control of any model.
 
     Args:

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
+from smpl.controllers.base import TakesWrapped
 from smpl.controllers.names import listing
 from smpl.model import FloatArray, Model, as_mapping, as_number, scenario_file
 
@@ -21,7 +22,7 @@ IntArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Sensors:
+class Sensors(TakesWrapped):
     """Sensors of an observation level, in the order of `observation_names`.
 
     A sample is taken at every step that is a multiple of `every` and read `delay` steps later; the reading is held in

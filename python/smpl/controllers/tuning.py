@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from smpl.controllers.base import plain
 from smpl.controllers.lqr import sampled
 from smpl.controllers.names import action_index, listing, measured, operating_action, operating_point
 from smpl.controllers.pid import PID
@@ -183,7 +184,7 @@ def relay(
     """Relay experiment: the action jumps by +-amplitude whenever the measurement crosses its set-point.
 
     Args:
-        env: an environment that is not wrapped; it is reset, by default to its steady state.
+        env: the environment; it is reset, by default to its steady state.
         measurement, action, sees: as for `PID`.
         amplitude: of the action, physical units.
         sign: -1 where a larger action lowers the measurement.
@@ -195,6 +196,7 @@ def relay(
     Raises:
         ValueError: the loop does not oscillate within the episode.
     """
+    env = plain(env)
     amplitude, cycles = abs(as_number("amplitude", amplitude)), as_count("cycles", cycles, 3, "at least 3")
     column, base = action_index(env.model, action), operating_action(env)
     env.reset(seed=seed, options=dict(options or {"start": "steady"}))

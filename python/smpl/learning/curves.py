@@ -48,7 +48,7 @@ def _scores(figure_type: Any, env: str, rows: Sequence[Mapping[str, Any]]) -> An
         axis.plot([row[key] for _, row in mine], places, "o", color=colour, markersize=4, label=suite if mine else None)
     axis.set_yticks(range(len(ordered)), [_label(row) for row in ordered], fontsize="x-small")
     axis.set_ylim(-0.7, len(ordered) - 0.3)
-    _widen(axis.set_xscale, [float(value) for row in ordered for value in (row[key], *row[interval])])
+    _widen(axis.set_xscale, [float(value) for row in ordered for value in (row[key], *row[interval])], 3)
     if key == "gain":
         axis.axvline(0, color="0.6", linewidth=1)
     axis.tick_params(axis="x", labelsize="x-small")
@@ -96,8 +96,9 @@ def _curves(figure_type: Any, env: str, learned: Iterable[Result]) -> Any:
     return figure
 
 
-def _widen(set_scale: Any, values: Sequence[float]) -> None:
+def _widen(set_scale: Any, values: Sequence[float], decades: int = 12) -> None:
     """Where a failed policy is far below the others, decades in place of a scale on which these are one line."""
-    small = float(np.quantile(np.abs(values), 0.1))
+    sizes = np.abs(values)
+    small = max(float(np.quantile(sizes, 0.1)), float(sizes.max()) / 10**decades)
     if small and np.ptp(values) > 100 * small:
-        set_scale("symlog", linthresh=small)
+        set_scale("symlog", linthresh=10.0 ** np.ceil(np.log10(small)))  # a decade, where the scale has its marks

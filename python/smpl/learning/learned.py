@@ -20,8 +20,9 @@ from smpl.learning.scores import score
 from smpl.learning.training import Trainer, Validate, curve, diverged, learn
 
 # Means and deviations over steps that the paper prints, environment by environment; nothing where it has no row.
-PUBLISHED: dict[tuple[str, str, str], tuple[float, float]] = {
+PUBLISHED: dict[tuple[str, str, str], tuple[float, float | None]] = {
     ("online", "Beer", "PPO"): (1.0688, 20.70),
+    ("online", "Beer", "A3C"): (0.8706, None),
     ("online", "Beer", "ARS"): (-200.0, 0.0),
     ("online", "Beer", "PG"): (-1.99, 14.0014),
     ("online", "MAb", "PPO"): (-92.7862, 137.6964),

@@ -20,7 +20,7 @@ from smpl.model import FloatArray, Model, as_count, as_number, check_names
 from smpl.vector import VectorEnv
 
 # Arguments of the environment that a model is compiled with; the others belong to the environment.
-_COMPILED = ("scenario", "variants", "settings", "observation", "reward")
+_COMPILED = ("scenario", "variants", "settings", "observation", "reward", "extra", "max_step")
 
 
 @dataclass(frozen=True)

@@ -149,10 +149,10 @@ def _findings(report: Mapping[str, Any]) -> list[str]:
                     f"- {name}: {limit} is exceeded by {_number(excess)} of its range an episode, summed over steps"
                 )
     for name, values in report["comparisons"].items():
-        low, high = map(_number, values["interval"])
-        mean = _number(values["difference"])
+        what, key = ("regret of", "regret") if "regret" in values else ("return differs by", "difference")
+        low, high = map(_number, values["regret_interval" if key == "regret" else "interval"])
         lines.append(
-            f"- {name} against {values['baseline']}, episode by episode: return differs by {mean} "
+            f"- {name} against {values['baseline']}, episode by episode: {what} {_number(values[key])} "
             f"({low} to {high}), better in {100 * values['better']:.0f} % of the episodes"
         )
     return lines

@@ -126,14 +126,16 @@ class Score:
 
 
 def compare(score: Score, baseline: Score) -> dict[str, Any]:
-    """How a controller does against another on the same episodes, pair by pair."""
+    """How a controller does against another on the same episodes, pair by pair; with its regret against an oracle."""
     difference = score.returns - baseline.returns
+    regret = {"regret": float(-difference.mean()), "regret_interval": list(bootstrap(-difference))}
     return {
         "baseline": baseline.name,
         "difference": float(difference.mean()),
         "interval": list(bootstrap(difference)),
         "better": float(np.mean(difference > 0)),
         "probability_of_improvement": probability_of_improvement(score.returns, baseline.returns),
+        **(regret if baseline.name == "oracle" else {}),
     }
 
 

@@ -91,7 +91,7 @@ def _leads(mine: Sequence[Result], others: Sequence[Result]) -> np.ndarray:
     return np.array(lead)
 
 
-def _published(one: Run) -> tuple[float, float] | None:
+def _published(one: Run) -> tuple[float, float | None] | None:
     if one.suite == "control":
         return SUBJECTS[one.env].controllers[one.controller] if one.env in SUBJECTS else None
     # The row of the paper stands beside the algorithm, whichever package runs it.
@@ -116,7 +116,7 @@ def lines(table: Mapping[str, Any]) -> list[list[str]]:
             found.append([*said, *[""] * (len(_HEADINGS) - len(said))])
             continue
         low, high = row["return_interval"]
-        published = "" if row["published"] is None else "{:.5g} ± {:.5g}".format(*row["published"])
+        published = " ± ".join(f"{value:.5g}" for value in row["published"] or () if value is not None)
         steps = f"{row['mean']:.5g} ± {row['std']:.5g}"
         returns = f"{row['return_mean']:.5g} ({low:.5g} to {high:.5g})"
         gain = "" if row["gain"] is None else f"{row['gain']:+.4g}"

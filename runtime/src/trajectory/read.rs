@@ -1,6 +1,6 @@
 //! Reading of actions, initial states and disturbances.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
 use crate::catalogue::{Catalogue, Family, UnknownName};
@@ -107,11 +107,6 @@ impl RawTable {
     fn read(path: &Path) -> Result<Self, DataError> {
         let file = crate::files::open(path).map_err(|source| DataError::Read { path: path.to_owned(), source })?;
         let table = if super::is_parquet(path) { Self::read_parquet(path, file) } else { Self::read_csv(path, file) }?;
-        let mut seen = HashSet::new();
-        if let Some(twice) = table.names.iter().find(|name| !seen.insert(name.as_str())) {
-            let message = format!("two columns are named `{twice}`");
-            return Err(DataError::Malformed { path: path.to_owned(), line: 1, message });
-        }
         if table.rows.is_empty() { Err(DataError::Empty { path: path.to_owned() }) } else { Ok(table) }
     }
 
@@ -149,6 +144,19 @@ impl RawTable {
 
     fn column(&self, name: &str) -> Option<usize> {
         self.names.iter().position(|n| n == name)
+    }
+
+    /// Refuses two columns of a name that is read; what is not read may stand there as often as it likes.
+    fn once<'n>(&self, names: impl Iterator<Item = &'n str>) -> Result<(), DataError> {
+        let mut seen = HashMap::new();
+        self.names.iter().for_each(|name| *seen.entry(name.as_str()).or_insert(0) += 1);
+        match names.into_iter().find(|name| seen.get(name).is_some_and(|&count| count > 1)) {
+            Some(twice) => {
+                let message = format!("two columns are named `{twice}`");
+                Err(DataError::Malformed { path: self.path.clone(), line: 1, message })
+            }
+            None => Ok(()),
+        }
     }
 
     fn number(&self, row: usize, column: usize) -> Result<f64, DataError> {
@@ -214,6 +222,7 @@ pub fn read_actions(path: &Path, catalogue: &Catalogue) -> Result<Vec<Vec<f64>>,
 }
 
 fn required(table: &RawTable, family: &Family) -> Result<Vec<usize>, DataError> {
+    table.once(family.names())?;
     let found: Vec<Option<usize>> = family.names().map(|name| table.column(name)).collect();
     let missing: Vec<String> = family.names().zip(&found).filter(|(_, f)| f.is_none()).map(|(name, _)| name.to_owned()).collect();
     if missing.is_empty() {
@@ -233,6 +242,7 @@ pub(crate) fn read_disturbances(path: &Path, catalogue: &Catalogue) -> Result<Se
     if catalogue.disturbances.is_empty() {
         return Err(DataError::NoDisturbances { path: table.path });
     }
+    table.once(catalogue.disturbances.names())?;
     let names: Vec<&str> = catalogue.disturbances.names().filter(|name| table.column(name).is_some()).collect();
     let columns: Vec<usize> = names.iter().filter_map(|name| table.column(name)).collect();
     if columns.is_empty() {
@@ -250,6 +260,7 @@ pub(crate) fn read_disturbances(path: &Path, catalogue: &Catalogue) -> Result<Se
 /// See [`DataError`]; a column that names neither is one.
 pub fn read_initial(path: &Path, catalogue: &Catalogue) -> Result<(Values, Values), DataError> {
     let table = RawTable::read(path)?;
+    table.once(table.names.iter().map(String::as_str))?;
     if table.rows.len() > 1 {
         let message = format!("one row of initial values expected, found {}", table.rows.len());
         return Err(DataError::Malformed { path: table.path, line: table.rows[1].0, message });
@@ -288,6 +299,7 @@ pub struct Columns {
 /// See [`DataError`].
 pub fn read_columns(path: &Path) -> Result<Columns, DataError> {
     let table = RawTable::read(path)?;
+    table.once(table.names.iter().map(String::as_str))?;
     let number = |text: &str| match text {
         "true" => 1.0,
         "false" => 0.0,

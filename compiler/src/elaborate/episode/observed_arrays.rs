@@ -1,5 +1,6 @@
 //! Observations of whole arrays, whose loops stay loops.
 
+use rustc_hash::FxHashSet;
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Expr, ExprKind, Observation};
 use smpl_dsl::units::Unit;
@@ -134,10 +135,13 @@ pub(super) fn observe_states(l: &mut Lowering<'_, '_>, said: Option<Span>, out: 
         return;
     }
     let mut names: Vec<Option<Observed>> = vec![None; total];
+    // A state that is observed already, perhaps with noise or a delay, is told from that observation.
+    let taken: FxHashSet<String> = out.names.iter().map(|o| o.name.clone()).collect();
+    let named = |name: String| if taken.contains(&name) { format!("state.{name}") } else { name };
     for (var, positions) in order {
         let Some(q) = l.quantities.get(&var).cloned() else { continue };
         let own = |i| (Quantity::pick(&q.low, i), Quantity::pick(&q.high, i));
-        let observed = |i| Attributes::NONE.observed(q.element_name(i), q.unit.clone(), own(i));
+        let observed = |i| Attributes::NONE.observed(named(q.element_name(i)), q.unit.clone(), own(i));
         let states: Vec<Observed> = (0..positions.len()).map(observed).collect();
         store_states(l, var, base, &positions, out);
         let elements = whole(l, var);
