@@ -137,19 +137,12 @@ impl<'m, 'a> Lowering<'m, 'a> {
         out
     }
 
-    /// Variables of a role in the order of the region (identifiers grow); states in the order of the text.
+    /// Variables of a role in the order of the text, as the interface lists them; identifiers are in that of the region.
     pub(in crate::elaborate) fn variables_of(&self, role: Role) -> Vec<VarId> {
-        if role == Role::State {
-            return self.state_variables();
-        }
-        self.symbols.vars.iter().filter(|(_, v)| v.role == role).map(|(id, _)| id).collect()
-    }
-
-    pub(in crate::elaborate) fn state_variables(&self) -> Vec<VarId> {
         self.in_text_order()
             .into_iter()
             .filter_map(|s| match self.symbols[s].kind {
-                SymbolKind::Variable { var, .. } if self.symbols.vars[var].role == Role::State => Some(var),
+                SymbolKind::Variable { var, .. } if self.symbols.vars[var].role == role => Some(var),
                 _ => None,
             })
             .collect()

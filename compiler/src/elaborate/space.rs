@@ -42,10 +42,10 @@ impl Values<'_> {
         }
     }
 
-    fn extrapolate(&mut self, ll: ExprId, l: ExprId) -> ExprId {
-        let half = self.exprs.constant(0.5);
+    /// A straight line through two values, so many of their distances beyond the second.
+    fn extrapolate(&mut self, ll: ExprId, l: ExprId, share: ExprId) -> ExprId {
         let difference = self.exprs.sub(l, ll);
-        let step = self.exprs.mul(half, difference);
+        let step = self.exprs.mul(share, difference);
         self.exprs.add(l, step)
     }
 

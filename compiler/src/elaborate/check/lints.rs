@@ -32,7 +32,7 @@ fn lint_starts(l: &mut Lowering<'_, '_>, nests: &[Nest]) {
             });
         }
     }
-    for var in l.state_variables() {
+    for var in l.variables_of(Role::State) {
         let Some(q) = l.quantities.get(&var) else { continue };
         let start = |i: usize| starts.get(&(var, i as i64)).copied().unwrap_or(f64::NAN);
         let bounds = |i: usize| (Quantity::pick(&q.low, i), Quantity::pick(&q.high, i));

@@ -148,7 +148,7 @@ fn steady_instance(
         return false;
     }
     let path = l.symbols[symbol].path.clone();
-    for var in l.state_variables() {
+    for var in l.variables_of(Role::State) {
         let rest = l.symbols.vars[var].name.strip_prefix(&path);
         if !rest.is_some_and(|r| r.starts_with(['.', '['])) {
             continue;

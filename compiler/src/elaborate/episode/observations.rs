@@ -2,7 +2,9 @@
 
 use std::rc::Rc;
 
+use rustc_hash::FxHashMap;
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
+use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Binder, BinderSet, Expr, ExprKind, Ident, Observation, Statement, StatementKind};
 use smpl_dsl::units::Unit;
 
@@ -17,15 +19,18 @@ use crate::elaborate::lower::{Lowering, indices, nests, paths, units};
 use crate::elaborate::select::items::{Item, items};
 use crate::elaborate::symbols::{ScopeId, SymbolId, SymbolKind};
 use crate::ir::{Affine, ExprId};
-use crate::model::Quantity;
+use crate::model::{Observed, Quantity};
 
 pub(in crate::elaborate) fn observations<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> Observations {
     let mut levels = vec!["default".to_owned()];
     let mut chosen: Vec<(ScopeId, &'a Observation)> = Vec::new();
     let wanted = l.input.options.observation.clone().unwrap_or_else(|| "default".to_owned());
+    let is_full = |item: &Item<'_>| matches!(item, Item::Other(Statement { kind: StatementKind::Level { name, .. }, .. }) if name.text == "full");
+    // A level `full` of the text is that and nothing else.
+    let is_own = wanted == "full" && each(blocks).any(|(_, item)| is_full(&item));
     for (scope, item) in each(blocks) {
         match item {
-            Item::Observe(o) if wanted == "default" || wanted == "full" => chosen.push((scope, o)),
+            Item::Observe(o) if wanted == "default" || wanted == "full" && !is_own => chosen.push((scope, o)),
             Item::Other(Statement { kind: StatementKind::Level { name, body, .. }, .. }) => {
                 levels.push(name.text.clone());
                 if name.text == wanted {
@@ -51,12 +56,15 @@ pub(in crate::elaborate) fn observations<'a>(l: &mut Lowering<'_, 'a>, blocks: &
         );
     }
     let mut out = Observations::default();
+    let mut known: FxHashMap<String, Span> = FxHashMap::default();
     for (scope, o) in chosen {
         let place = Place::new(scope, Site::Instant);
+        let before = out.names.len();
         observation(l, o, &place, &mut out);
+        refuse_twice(l, &out.names[before..], o.span, &mut known);
     }
     l.names.observed = std::mem::take(&mut out.bounded);
-    if wanted == "full" && levels.last().is_some_and(|l| l == "full") {
+    if wanted == "full" && !is_own {
         observe_states(l, None, &mut out);
     }
     if levels.contains(&wanted) {
@@ -65,13 +73,29 @@ pub(in crate::elaborate) fn observations<'a>(l: &mut Lowering<'_, 'a>, blocks: &
     out
 }
 
+/// Refuses observations of one name, whatever their texts are: tables and data sets tell them by it.
+fn refuse_twice(l: &mut Lowering<'_, '_>, made: &[Observed], span: Span, known: &mut FxHashMap<String, Span>) {
+    for observed in made {
+        if let Some(first) = known.insert(observed.name.clone(), span).filter(|_| !l.ledger.reports.has_errors()) {
+            l.ledger.report(
+                Diagnostic::error(codes::DUPLICATE_NAME, format!("two observations are called `{}`", observed.name), span)
+                    .secondary(first, "the first one")
+                    .help("give one a name of its own: `observe seen = x in low..high`"),
+            );
+        }
+    }
+}
+
 /// Works out the observations of a level that is not chosen.
 pub(in crate::elaborate) fn check_level<'a>(l: &mut Lowering<'_, 'a>, scope: ScopeId, level: Vec<Item<'a>>) {
     let place = Place::new(scope, Site::Instant);
     let mut out = Observations::default();
+    let mut known: FxHashMap<String, Span> = FxHashMap::default();
     for item in level {
         if let Item::Observe(o) = item {
+            let before = out.names.len();
             observation(l, o, &place, &mut out);
+            refuse_twice(l, &out.names[before..], o.span, &mut known);
         }
     }
 }

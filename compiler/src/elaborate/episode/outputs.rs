@@ -135,20 +135,8 @@ pub(in crate::elaborate) fn ports(l: &Lowering<'_, '_>) -> Vec<Port> {
 /// The quantities but for algebraic ones.
 pub(in crate::elaborate) fn quantities(l: &mut Lowering<'_, '_>) -> Quantities {
     let quantity = |s: &Lowering<'_, '_>, v: VarId| s.quantities.get(&v).cloned();
-    let in_order: Vec<VarId> = l
-        .in_text_order()
-        .into_iter()
-        .filter_map(|s| match l.symbols[s].kind {
-            SymbolKind::Variable { var, .. } => Some(var),
-            _ => None,
-        })
-        .collect();
     let of = |s: &Lowering<'_, '_>, role: Role| -> Vec<Quantity> {
-        let list: Vec<VarId> = match role {
-            Role::State => s.variables_of(Role::State),
-            _ => in_order.iter().copied().filter(|&v| s.symbols.vars[v].role == role).collect(),
-        };
-        list.into_iter().filter_map(|v| quantity(s, v)).collect()
+        s.variables_of(role).into_iter().filter_map(|v| quantity(s, v)).collect()
     };
     let lists = [Role::State, Role::Discrete, Role::Action, Role::Disturbance, Role::Param].map(|r| of(l, r));
     let [states, mut discretes, actions, disturbances, mut parameters] = lists;

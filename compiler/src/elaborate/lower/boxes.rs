@@ -85,7 +85,7 @@ fn box_members(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place, out: &mut Vec<
     }
     let symbols: Vec<SymbolId> = match &e.kind {
         ExprKind::Name(n) if n.text == "states" && l.symbols.lookup(place.scope, "states").is_none() => {
-            l.state_variables().iter().filter_map(|v| l.symbols.of_var.get(v).copied()).collect()
+            l.variables_of(Role::State).iter().filter_map(|v| l.symbols.of_var.get(v).copied()).collect()
         }
         _ => match target(l, e, place, &[Role::State, Role::Algebraic, Role::Discrete, Role::Action, Role::Disturbance]) {
             Some((symbol, Some(at))) => {

@@ -12,7 +12,7 @@ use crate::elaborate::space::{marks, placed, terms};
 use crate::ir::{Compare, Expr as Node, ExprId, UnaryFn};
 
 /// From below where a number is not negative.
-fn forward(l: &mut Lowering<'_, '_>, sign: ExprId) -> Direction {
+pub(in crate::elaborate::space) fn forward(l: &mut Lowering<'_, '_>, sign: ExprId) -> Direction {
     let range = marks::reading(l).interval(sign);
     if range.is_not_negative() {
         return Direction::Below;
@@ -29,10 +29,10 @@ fn forward(l: &mut Lowering<'_, '_>, sign: ExprId) -> Direction {
 
 /// The directions of all face values of a flux.
 pub(in crate::elaborate::space) fn flow(l: &mut Lowering<'_, '_>, e: ExprId, span: Span) -> Result<Flow, Box<Diagnostic>> {
-    let terms = terms::flux_terms(l, e);
+    let (terms, bare) = terms::flux_terms(l, e);
     let faces = l.fluxes.faces.clone().unwrap_or_default();
     check_brackets(l, &terms, &faces, span)?;
-    let mut directions: Vec<Option<Direction>> = faces.iter().map(|f| f.velocity.then_some(Direction::Mean)).collect();
+    let mut directions: Vec<Option<Direction>> = faces.iter().map(|f| f.told.map(Direction::When).or(f.velocity.then_some(Direction::Mean))).collect();
     for term in &terms {
         if term.marks == Marks::Many {
             for (mark, direction) in together(l, term, &faces, span)? {
@@ -49,7 +49,7 @@ pub(in crate::elaborate::space) fn flow(l: &mut Lowering<'_, '_>, e: ExprId, spa
         }
     }
     let directions = directions.into_iter().map(|d| d.unwrap_or(Direction::Below)).collect();
-    Ok(Flow { terms, directions })
+    Ok(Flow { terms, bare, directions })
 }
 
 /// Fields that stand behind one factor in brackets, or have equal factors, flow with each other or against each other: where both
@@ -79,7 +79,8 @@ fn check_brackets(l: &mut Lowering<'_, '_>, terms: &[Term], faces: &[FaceValue],
             let (Some(x), Some(y)) = (first(j).or(fields[j].first().copied()), first(i).or(fields[i].first().copied())) else {
                 continue;
             };
-            if !together && !faces[x].velocity && !faces[y].velocity {
+            let is_said = |f: &FaceValue| f.velocity || f.told.is_some();
+            if !together && !is_said(&faces[x]) && !is_said(&faces[y]) {
                 return Err(marks::reading(l).both_ways(&faces[x], &faces[y], span));
             }
         }
@@ -152,6 +153,7 @@ fn alone(l: &mut Lowering<'_, '_>, terms: &[Term], mark: usize) -> Vec<Direction
 /// Notes the direction of a face value; two that differ cannot both hold.
 fn settle(directions: &mut [Option<Direction>], faces: &[FaceValue], mark: usize, direction: Direction) -> Result<(), Box<Diagnostic>> {
     match directions[mark] {
+        Some(_) if faces[mark].told.is_some() => {}
         Some(Direction::Mean) => {}
         None => directions[mark] = Some(direction),
         Some(_) if direction == Direction::Mean => directions[mark] = Some(direction),

@@ -25,6 +25,8 @@ pub(in crate::elaborate) struct FaceValue {
     pub odd: bool,
     /// Stands as velocity in a call of `upwind`.
     pub velocity: bool,
+    /// It is what a call of `upwind` carries, and comes from below where this holds.
+    pub told: Option<ExprId>,
 }
 
 /// What a flux is elaborated with.

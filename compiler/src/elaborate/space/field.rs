@@ -11,7 +11,8 @@ use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::{Lowering, units};
 use crate::elaborate::space::faces::FaceValue;
 use crate::elaborate::space::marks::{MARK, is_odd};
-use crate::elaborate::space::{grid, marks};
+use crate::elaborate::space::flow::Direction;
+use crate::elaborate::space::{directions, grid, marks};
 use crate::elaborate::symbols::{Axis, DomainId, Scheme, SymbolId};
 use crate::ir::{Affine, Compare, Expr as Node, ExprId, Flavour};
 
@@ -80,11 +81,23 @@ pub(in crate::elaborate) fn value_from_side<'m, 'a>(
     }
     let (before, right) = (cell(l, behind), cell(l, across));
     let expr = if scheme == Scheme::Upwind2 {
-        l.values().extrapolate(before.expr, left.expr)
+        let share = beyond(l, face, near, behind);
+        l.values().extrapolate(before.expr, left.expr, share)
     } else {
         l.values().limited(before.expr, left.expr, right.expr)
     };
     Value { expr, unit: left.unit }
+}
+
+/// How far a face lies beyond the centre of the cell near it, over the distance of that centre from the one behind.
+fn beyond(l: &mut Lowering<'_, '_>, face: Face, near: i64, behind: i64) -> ExprId {
+    if l.symbols.is_uniform(face.domain) {
+        return l.exprs.constant(0.5);
+    }
+    let x = grid::face_position(l, face.domain, face.at);
+    let [near, behind] = [near, behind].map(|by| grid::centre(l, face.domain, face.at.shifted(by)));
+    let (part, whole) = (l.exprs.sub(x, near), l.exprs.sub(near, behind));
+    l.exprs.div(part, whole)
 }
 
 /// Position of the axis whose index is the face of `domain`.
@@ -197,7 +210,8 @@ pub(in crate::elaborate) fn upwind<'m, 'a>(l: &mut Lowering<'m, 'a>, span: Span,
         return v;
     }
     if low || high {
-        return beside(l, face, if low { 0 } else { -1 }, field, place);
+        let value = beside(l, face, if low { 0 } else { -1 }, field, place);
+        return told(l, value, v.expr, (span, face, place));
     }
     let sign = marks::reading(l).interval(v.expr);
     let side = |s: &mut Lowering<'m, 'a>, below: bool| value_from_side(s, face, below, &mut |s, by| beside(s, face, by, field, place));
@@ -212,6 +226,29 @@ pub(in crate::elaborate) fn upwind<'m, 'a>(l: &mut Lowering<'m, 'a>, span: Span,
     let forward = l.exprs.compare(Compare::Le, zero, v.expr);
     let expr = l.exprs.select(forward, left.expr, right.expr);
     Value { expr, unit: left.unit }
+}
+
+/// A mark for what a call of `upwind` carries at an end, where its velocity may turn and something asks which way it flows.
+fn told(l: &mut Lowering<'_, '_>, beside: Value, velocity: ExprId, (span, face, place): (Span, Face, &Place)) -> Value {
+    let Direction::When(holds) = directions::forward(l, velocity) else { return beside };
+    let Some(count) = l.fluxes.faces.as_ref().map(Vec::len).filter(|_| !beside.is_poison() && l.symbols.is_directed(face)) else {
+        return beside;
+    };
+    let loads = l.exprs.below([beside.expr]).filter_map(|e| match l.exprs.node(e) {
+        Node::Load { var, at, .. } => Some((*l.symbols.of_var.get(&var)?, at)),
+        _ => None,
+    });
+    let loads: Vec<(SymbolId, Affine)> = loads.collect();
+    let Some(&(symbol, first)) = loads.first() else { return beside };
+    // With the counters of the loops around: the mark is another one in each pass.
+    let along = loads.iter().map(|(_, at)| *at).find(|at| !at.is_constant()).unwrap_or(first);
+    let range = marks::reading(l).interval(beside.expr);
+    let odd = is_odd(&beside.unit.unit());
+    let mark = l.exprs.load(l.hidden.builtins, Flavour::Value, Affine { offset: MARK + count as i64, ..along });
+    let (index, place) = (Vec::new(), place.clone());
+    let known = FaceValue { symbol, index, span, face, place, beside: beside.expr, mark, range, odd, velocity: false, told: Some(holds) };
+    l.fluxes.faces.get_or_insert_default().push(known);
+    Value { expr: mark, unit: beside.unit }
 }
 
 /// A mark for a field's value at a face; `beside` is the field in the cell below, or beside the end.
@@ -234,6 +271,7 @@ fn marked(
     let mark = l.exprs.load(l.hidden.builtins, Flavour::Value, mark);
     let odd = is_odd(&beside.unit.unit());
     let index = index.to_vec();
-    faces.push(FaceValue { symbol, index, span, face, place: place.clone(), beside: beside.expr, mark, range, odd, velocity });
+    let place = place.clone();
+    faces.push(FaceValue { symbol, index, span, face, place, beside: beside.expr, mark, range, odd, velocity, told: None });
     Value { expr: mark, unit: beside.unit.clone() }
 }

@@ -19,5 +19,7 @@ pub(in crate::elaborate::space) enum Direction {
 /// Terms of a flux and the directions of its marks.
 pub(in crate::elaborate::space) struct Flow {
     pub terms: Vec<Term>,
+    /// Terms without a face value, as `-v*T_ref` of `v*(T[z] - T_ref)`.
+    pub bare: Vec<Term>,
     pub directions: Vec<Direction>,
 }

@@ -49,7 +49,7 @@ fn own_flux_at(l: &mut Lowering<'_, '_>, symbol: SymbolId, leading: &[Bound], fa
     if let Some(e) = end {
         let mut v = l.value(e, &inner);
         if l.symbols.is_directed(face) {
-            v = transport::entering(l, v, flux, low, &at_face);
+            v = transport::entering(l, (v, e, &inner), flux, low, &at_face);
         }
         return flux_in_unit(l, v, flux, e.span, &inner);
     }

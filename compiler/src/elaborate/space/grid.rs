@@ -8,15 +8,98 @@ use smpl_dsl::units::Unit;
 use crate::elaborate::lower::loops::Cell;
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::{Measure, Value};
-use crate::elaborate::lower::{Lowering, units};
+use crate::elaborate::lower::{Lowering, defaults, units};
 use crate::elaborate::symbols::{DomainId, Geometry};
-use crate::ir::{BinaryFn, ExprId};
+use crate::ir::{BinaryFn, Compare, ExprId, UnaryFn};
+
 /// Works out the ends of all domains: those that nothing needs may be at fault too.
 pub(in crate::elaborate) fn check_ends(l: &mut Lowering<'_, '_>) {
     let domains: Vec<DomainId> = l.symbols.domains.keys().collect();
     for domain in domains {
+        let reports = l.ledger.reports.diagnostics.len();
         ends(l, domain);
+        if l.ledger.reports.diagnostics.len() == reports {
+            check_order(l, domain);
+        }
     }
+}
+
+/// Refuses a grid that runs backwards with the parameters' defaults.
+fn check_order(l: &mut Lowering<'_, '_>, domain: DomainId) {
+    let (unit, low, high) = ends(l, domain);
+    let declaration = l.symbols.domains[domain].declaration;
+    let (name, cells) = (l.symbols.domains[domain].name.clone(), l.symbols.domains[domain].cells);
+    let refuse = |l: &mut Lowering<'_, '_>, span: Span, message: String| {
+        l.ledger.report(Diagnostic::error(codes::EMPTY_SET, message, span));
+    };
+    if let [Some(low), Some(high)] = [low, high].map(|e| defaults::constant_value(l, e))
+        && high <= low
+    {
+        return refuse(l, declaration.range.1.span, format!("`{name}` ends at {high}, not above its beginning {low}"));
+    }
+    if let Some(e) = &declaration.stretch {
+        let ratio = ratio(l, domain, e);
+        if let Some(ratio) = defaults::constant_value(l, ratio).filter(|&q| q <= 0.0) {
+            return refuse(l, e.span, format!("neighbouring cells have a positive ratio of widths, not {ratio}"));
+        }
+    }
+    let area = area_unit(l, domain);
+    let volume = units::times(&area, &unit);
+    let prescribed = [(&declaration.faces, unit, 0), (&declaration.areas, area, 0), (&declaration.volumes, volume, 1)];
+    for (what, (text, unit, first)) in ["faces", "areas", "volumes"].into_iter().zip(prescribed) {
+        let Some(text) = text else { continue };
+        let mut before = if what == "volumes" { 0.0 } else { f64::NEG_INFINITY };
+        for k in samples(first, cells) {
+            let number = l.exprs.constant(k as f64);
+            let e = self::prescribed(l, domain, text, number, &unit);
+            let Some(x) = defaults::constant_value(l, e) else { break };
+            let is_wrong = if what == "areas" { x < 0.0 } else { x <= before };
+            if is_wrong {
+                let must = match what {
+                    "faces" => "a face lies above the one before",
+                    "areas" => "an area is not negative",
+                    _ => "a volume is positive",
+                };
+                return refuse(l, text.span, format!("{must}: number {k} of the {what} of `{name}` is {x}"));
+            }
+            if what == "faces" {
+                before = x;
+            }
+        }
+    }
+}
+
+/// Numbers from `first` to `last`: all of few, else some evenly apart.
+fn samples(first: i64, last: i64) -> impl Iterator<Item = i64> {
+    const MOST: i64 = 64;
+    let stride = ((last - first) / MOST).max(1);
+    (first..=last).step_by(stride as usize)
+}
+
+/// Ratio of the widths of neighbouring cells.
+fn ratio(l: &mut Lowering<'_, '_>, domain: DomainId, text: &Expr) -> ExprId {
+    let place = Place::new(l.symbols.domains[domain].scope, Site::Dynamics);
+    let v = l.value(text, &place);
+    l.values().in_unit(v, &Unit::one(), text.span, "the ratio of neighbouring cells", text.span)
+}
+
+/// Share of a graded domain below its face `k`: (q^k - 1)/(q^n - 1), and its limit where q is 1, of which the quotient tells nothing.
+fn share_below(l: &mut Lowering<'_, '_>, q: ExprId, k: ExprId, n: ExprId) -> ExprId {
+    let one = l.exprs.constant(1.0);
+    let (a, b) = (l.exprs.binary(BinaryFn::Pow, q, k), l.exprs.binary(BinaryFn::Pow, q, n));
+    let (a, b) = (l.exprs.sub(a, one), l.exprs.sub(b, one));
+    let share = l.exprs.div(a, b);
+    // k/n (1 + (k - n)/2 (q - 1)), to second order in q - 1.
+    let excess = l.exprs.sub(q, one);
+    let (half, near) = (l.exprs.constant(0.5), l.exprs.constant(1e-7));
+    let (even, behind) = (l.exprs.div(k, n), l.exprs.sub(k, n));
+    let slope = l.exprs.mul(half, behind);
+    let change = l.exprs.mul(slope, excess);
+    let change = l.exprs.add(one, change);
+    let limit = l.exprs.mul(even, change);
+    let size = l.exprs.unary(UnaryFn::Abs, excess);
+    let is_even = l.exprs.compare(Compare::Lt, size, near);
+    l.exprs.select(is_even, limit, share)
 }
 
 /// Unit and ends of a domain.
@@ -78,14 +161,9 @@ pub(in crate::elaborate) fn face_position(l: &mut Lowering<'_, '_>, domain: Doma
     }
     if let Some(q) = &declaration.stretch {
         // Widths grow by the ratio q from cell to cell: x_k = low + length (q^k - 1)/(q^n - 1).
-        let place = Place::new(l.symbols.domains[domain].scope, Site::Dynamics);
-        let v = l.value(q, &place);
-        let q = l.values().in_unit(v, &Unit::one(), q.span, "the ratio of neighbouring cells", q.span);
+        let q = ratio(l, domain, q);
         let n = l.exprs.constant(l.symbols.domains[domain].cells as f64);
-        let one = l.exprs.constant(1.0);
-        let (a, b) = (l.exprs.binary(BinaryFn::Pow, q, k), l.exprs.binary(BinaryFn::Pow, q, n));
-        let (a, b) = (l.exprs.sub(a, one), l.exprs.sub(b, one));
-        let share = l.exprs.div(a, b);
+        let share = share_below(l, q, k, n);
         let length = l.exprs.sub(high, low);
         let x = l.exprs.mul(length, share);
         return l.exprs.add(low, x);

@@ -1,12 +1,17 @@
 //! A flux with the values of one side, or a choice, in place of its marks.
 
-use crate::elaborate::lower::Lowering;
+use smpl_dsl::syntax::{Expr, ExprKind};
+
+use crate::elaborate::lower::place::{Place, Site, Target};
 use crate::elaborate::lower::value::{Measure, Value};
+use crate::elaborate::lower::{Lowering, paths};
 use crate::elaborate::space::faces::FaceValue;
 use crate::elaborate::space::flow::{Direction, Flow};
 use crate::elaborate::space::marks::{Marks, Term};
 use crate::elaborate::space::{field, marks, terms};
-use crate::ir::{BinaryFn, Compare, Expr as Node, ExprId, FastMap, FastSet, Rewritten, UnaryFn};
+use crate::elaborate::symbols::{SymbolId, SymbolKind};
+use crate::ir::{BinaryFn, Compare, Expr as Node, ExprId, FastMap, FastSet, Rewritten, UnaryFn, VarId};
+
 /// The flux with the marks replaced.
 pub(in crate::elaborate::space) fn placed(l: &mut Lowering<'_, '_>, v: Value, flow: &Flow) -> Option<Value> {
     let faces = l.fluxes.faces.clone().unwrap_or_default();
@@ -81,7 +86,7 @@ pub(in crate::elaborate::space) fn mean_of<'m, 'a>(l: &mut Lowering<'m, 'a>, f: 
 /// A flux given at an end with what the flow carries out while it leaves there; `None` where nothing has to be changed.
 pub(in crate::elaborate::space) fn turning(
     l: &mut Lowering<'_, '_>,
-    given: &Value,
+    (given, text, outer): (&Value, &Expr, &Place),
     inner: Value,
     flow: &Flow,
     is_low: bool,
@@ -102,26 +107,28 @@ pub(in crate::elaborate::space) fn turning(
     let velocities: Vec<FastSet<ExprId>> = conditions.iter().map(|&holds| marks::reading(l).velocities(holds)).collect();
     let mut rest: Vec<ExprId> = summands(l, given_expr, &velocities);
     let mut total = None;
+    let all_velocities = &velocities;
     for (holds, velocities) in conditions.into_iter().zip(&velocities) {
+        let shared = all_velocities.iter().filter(|others| !others.is_disjoint(velocities)).count();
         let carried: Vec<&FaceValue> =
             faces.iter().zip(&flow.directions).filter(|(_, d)| **d == Direction::When(holds)).map(|(f, _)| f).collect();
+        // Streams that pass each other on one velocity: each takes what has its sign.
+        let is_shared = shared > 1;
         let (turns, stays): (Vec<ExprId>, Vec<ExprId>) = rest.iter().partition(|&&e| {
+            if is_shared && is_negative(l, e) != is_reverse(l, holds) {
+                return false;
+            }
             let value = marks::reading(l).beside_velocity(e, velocities);
             let reads = |e: ExprId| carried.iter().any(|f| marks::reading(l).reaches(e, &mut |_, node| node == f.beside));
             value.is_some_and(|factors| !factors.into_iter().any(reads))
         });
-        if turns.is_empty() {
+        // `v*c_in` with a `c_in` of 0 is no wall.
+        let is_nothing = || l.exprs.as_const(given_expr) == Some(0.0);
+        if turns.is_empty() && !(is_nothing() && is_multiple(l, text, outer, &variables(l, velocities, &faces))) {
             continue;
         }
         rest = stays;
-        let mut out = l.exprs.constant(0.0);
-        for term in &flow.terms {
-            if marks::reading(l).marks_in(term.rest).iter().any(|&m| flow.directions[m] == Direction::When(holds)) {
-                let e = terms::term(l, term);
-                let e = replaced(l, e, &faces, &mut |_, m| faces[m].beside);
-                out = l.exprs.add(out, e);
-            }
-        }
+        let out = carried_out(l, flow, &faces, holds, velocities);
         let into = sum_of(l, &turns);
         let e = if is_low { l.exprs.select(holds, into, out) } else { l.exprs.select(holds, out, into) };
         total = Some(total.map_or(e, |t| l.exprs.add(t, e)));
@@ -130,6 +137,94 @@ pub(in crate::elaborate::space) fn turning(
     let rest = sum_of(l, &rest);
     let expr = l.exprs.add(rest, total);
     Some(Value { expr, unit: if matches!(inner.unit, Measure::Of(_)) { inner.unit } else { given.unit.clone() } })
+}
+
+/// The variables that velocities are made of.
+fn variables(l: &Lowering<'_, '_>, velocities: &FastSet<ExprId>, faces: &[FaceValue]) -> FastSet<VarId> {
+    let reading = marks::reading(l);
+    let marks = velocities.iter().flat_map(|&e| reading.marks_in(e)).map(|m| faces[m].beside);
+    let nodes: Vec<ExprId> = velocities.iter().copied().chain(marks).collect();
+    let variable = |e: ExprId| match l.exprs.node(e) {
+        Node::Load { var, .. } => Some(var),
+        _ => None,
+    };
+    l.exprs.below(nodes).filter_map(variable).collect()
+}
+
+/// Whether one of some variables stands in a text, or in what its names are defined by.
+fn is_multiple(l: &mut Lowering<'_, '_>, text: &Expr, place: &Place, of: &FastSet<VarId>) -> bool {
+    let mut seen: FastSet<SymbolId> = FastSet::default();
+    let mut stack = vec![(text, place.clone())];
+    while let Some((text, place)) = stack.pop() {
+        let mut paths: Vec<&Expr> = Vec::new();
+        text.walk(&mut |e| {
+            if matches!(e.kind, ExprKind::Name(_) | ExprKind::Member(..)) {
+                paths.push(e);
+            }
+        });
+        for path in paths {
+            let Some(symbol) = symbol_of(l, path, &place).filter(|&symbol| seen.insert(symbol)) else { continue };
+            match &l.symbols[symbol].kind {
+                SymbolKind::Variable { var, .. } if of.contains(var) => return true,
+                SymbolKind::Let { definition, .. } => stack.push((definition, Place::new(l.symbols[symbol].scope, Site::Dynamics))),
+                _ => {}
+            }
+        }
+    }
+    false
+}
+
+/// The symbol of a path in a text that has been read before.
+fn symbol_of(l: &mut Lowering<'_, '_>, path: &Expr, place: &Place) -> Option<SymbolId> {
+    match &path.kind {
+        ExprKind::Name(name) if place.bound(&name.text).is_none() => l.symbols.lookup(place.scope, &name.text),
+        ExprKind::Member(..) => match paths::resolve(l, path, place) {
+            Target::Symbol(symbol) => Some(symbol),
+            _ => None,
+        },
+        _ => None,
+    }
+}
+
+/// What a flow carries out of an end while `holds` says so: the terms whose fields come from there, and what else its velocity
+/// carries, as the datum of an enthalpy.
+fn carried_out(l: &mut Lowering<'_, '_>, flow: &Flow, faces: &[FaceValue], holds: ExprId, velocities: &FastSet<ExprId>) -> ExprId {
+    let mut out = l.exprs.constant(0.0);
+    for term in &flow.terms {
+        if marks::reading(l).marks_in(term.rest).iter().any(|&m| flow.directions[m] == Direction::When(holds)) {
+            let e = terms::term(l, term);
+            let e = replaced(l, e, faces, &mut |_, m| faces[m].beside);
+            out = l.exprs.add(out, e);
+        }
+    }
+    for term in &flow.bare {
+        let e = terms::term(l, term);
+        if marks::reading(l).beside_velocity(e, velocities).is_some() {
+            out = l.exprs.add(out, e);
+        }
+    }
+    out
+}
+
+/// Whether a condition holds where its velocity is negative.
+fn is_reverse(l: &Lowering<'_, '_>, holds: ExprId) -> bool {
+    matches!(l.exprs.node(holds), Node::Compare(_, _, b) if l.exprs.as_const(b).is_some())
+}
+
+/// Whether a product has an odd number of negative signs and numbers in it.
+fn is_negative(l: &Lowering<'_, '_>, e: ExprId) -> bool {
+    let (mut stack, mut negative) = (vec![e], false);
+    while let Some(e) = stack.pop() {
+        match l.exprs.node(e) {
+            Node::Binary(BinaryFn::Mul | BinaryFn::Div, a, b) => stack.extend([a, b]),
+            Node::Unary(UnaryFn::Neg, a) => {
+                negative = !negative;
+                stack.push(a);
+            }
+            _ => negative ^= l.exprs.as_const(e).is_some_and(|x| x < 0.0),
+        }
+    }
+    negative
 }
 
 fn sum_of(l: &mut Lowering<'_, '_>, list: &[ExprId]) -> ExprId {

@@ -5,11 +5,11 @@ use crate::elaborate::space::interval::Interval;
 use crate::elaborate::space::marks;
 use crate::elaborate::space::marks::{Marks, Term};
 use crate::ir::{BinaryFn, Expr as Node, ExprId, FastMap, ReduceFn, UnaryFn};
-/// The terms of a flux that have marks.
-pub(in crate::elaborate::space) fn flux_terms(l: &mut Lowering<'_, '_>, root: ExprId) -> Vec<Term> {
+/// The terms of a flux that have marks, and those that have none.
+pub(in crate::elaborate::space) fn flux_terms(l: &mut Lowering<'_, '_>, root: ExprId) -> (Vec<Term>, Vec<Term>) {
     let mut done = FastMap::default();
     let marks = marks::reading(l).marks(root, &mut done);
-    let mut terms = Vec::new();
+    let (mut terms, mut bare) = (Vec::new(), Vec::new());
     let mut brackets = 0;
     let mut stack = vec![Term { factors: Vec::new(), rest: root, marks, bracket: None, sums: Vec::new() }];
     while let Some(term) = stack.pop() {
@@ -17,7 +17,7 @@ pub(in crate::elaborate::space) fn flux_terms(l: &mut Lowering<'_, '_>, root: Ex
         let has = |e: ExprId| of(e) != Marks::None;
         let inside = |e: ExprId| Term { rest: e, marks: of(e), ..term.clone() };
         match l.exprs.node(term.rest) {
-            _ if term.marks == Marks::None => {}
+            _ if term.marks == Marks::None => bare.push(term),
             Node::Binary(f @ (BinaryFn::Add | BinaryFn::Sub), a, b) => {
                 let opened = term.bracket.is_none() && has(a) && has(b) && term.factors.iter().any(|&(x, _)| l.exprs.as_const(x).is_none());
                 brackets += usize::from(opened);
@@ -55,7 +55,7 @@ pub(in crate::elaborate::space) fn flux_terms(l: &mut Lowering<'_, '_>, root: Ex
         }
     }
     terms.reverse();
-    terms
+    (terms, bare)
 }
 
 /// A product of several parts with marks, with the others among its factors.

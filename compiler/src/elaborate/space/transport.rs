@@ -6,7 +6,7 @@
 //! flux is elaborated with those cells at once; else the marks are replaced by the values of one side, or by a choice.
 
 use smpl_dsl::diagnostic::Diagnostic;
-use smpl_dsl::syntax::Flux;
+use smpl_dsl::syntax::{Expr, Flux};
 
 use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::loops::Face;
@@ -45,7 +45,15 @@ pub(in crate::elaborate) fn directed(l: &mut Lowering<'_, '_>, flux: &Flux, plac
 }
 
 /// The flux given at an end, where the flow may turn: what is carried in holds while the flow enters, else the cell's own value.
-pub(in crate::elaborate) fn entering(l: &mut Lowering<'_, '_>, given: Value, flux: &Flux, is_low: bool, place: &Place) -> Value {
+///
+/// `text` is what is given, `outer` where it stands: outside of the flux's own index.
+pub(in crate::elaborate) fn entering(
+    l: &mut Lowering<'_, '_>,
+    (given, text, outer): (Value, &Expr, &Place),
+    flux: &Flux,
+    is_low: bool,
+    place: &Place,
+) -> Value {
     if given.is_poison() {
         return given;
     }
@@ -55,7 +63,7 @@ pub(in crate::elaborate) fn entering(l: &mut Lowering<'_, '_>, given: Value, flu
         if v.is_poison() {
             return Outcome::Plain;
         }
-        placed::turning(s, &given, v, &flow, is_low).map_or(Outcome::Plain, Outcome::Built)
+        placed::turning(s, (&given, text, outer), v, &flow, is_low).map_or(Outcome::Plain, Outcome::Built)
     });
     match outcome {
         Outcome::Built(v) => v,
