@@ -79,6 +79,7 @@ pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
         held.fix(element.at, *value, &mut system, &y)?;
     }
     let report = steady::solve_held(&mut system, catalogue, &actions, &held, &[], &mut y)?;
+    steady::rest_at(&mut system, &y);
     let rows = values(&mut system, catalogue, &y);
     if let Some(path) = &arguments.out {
         write_whole(path, |out| {
