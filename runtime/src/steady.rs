@@ -10,6 +10,7 @@
 //! the search, and the Jacobian has their derivatives.
 
 mod bounds;
+mod discretes;
 mod error;
 mod frames;
 mod freedom;
@@ -22,6 +23,7 @@ use smpl_compiler::layout::{Part, Region};
 
 use crate::catalogue::{Catalogue, Element};
 use crate::system::CompiledSystem;
+pub use discretes::changed_by_a_step;
 pub use error::{AtBound, ConservedSum, Freedom, SteadyError};
 use frames::Saved;
 pub use frames::rest_at;

@@ -236,3 +236,24 @@ fn discrete_variables_that_do_not_settle_are_no_steady_state() {
     assert_close(&solved(&text(0.5), None).expect("found"), &[2.0]);
     assert!(matches!(made(&text(2.0)), Err(SetupError::Steady(SteadyError::NotFound { .. }))));
 }
+
+#[test]
+fn discrete_variables_that_a_step_would_change_are_named() {
+    let text = "discrete I = 0, v = 0.4, still = 2, total : s = 0
+        state x = 3
+        at start { next I = I + (1 - x); next v = 0.3*(1 - x) + 0.1*I; next still = 2*sq(x)/0.81*0.5 + 1 }
+        at end { next total = total + integral(x) }
+        eq d/dt x = (0.5 + v - x)/1 [s]";
+    let setup = setup(text);
+    let mut system = fresh(&setup);
+    let mut y = steady::guess(&system, &setup.catalogue);
+    steady::solve(&mut system, &setup.catalogue, &[], &[], &mut y).expect("found");
+    assert_close(&y, &[0.9]);
+    steady::rest_at(&mut system, &y);
+    let found = steady::changed_by_a_step(&system, &setup.catalogue, &y);
+    let names: Vec<&str> = found.iter().map(|f| f.0.name.as_str()).collect();
+    assert_eq!(names, ["I", "v", "total"]);
+    // The step is of 0.1 s.
+    assert_close(&found.iter().map(|f| f.2).collect::<Vec<_>>(), &[0.1, 0.03, 0.09]);
+    assert_close(&found.iter().map(|f| f.1).collect::<Vec<_>>(), &[0.0, 0.4, 0.0]);
+}
