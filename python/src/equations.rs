@@ -193,17 +193,23 @@ impl Equations {
                 self.yp[at] = yp[i];
             }
         }
-        let actions = self.catalogue.actions.elements();
-        for (element, &value) in actions.iter().zip(u) {
-            self.work.region_mut(Region::Action)[element.at] = value;
-        }
+        self.keep_start(u);
         self.set_given(given)?;
+        self.keep_start(u);
         for builtin in [Builtin::Clock, Builtin::Begin] {
             self.work.region_mut(Region::Builtin)[builtin as usize] = t;
         }
         let (model, memory) = self.work.parts();
         model.prepare_step(memory);
         Ok(())
+    }
+
+    /// An episode begins at the point, with nominal actions until `u` is applied: `initial(x)` and `previous(x)` are x, as in one step from there.
+    fn keep_start(&mut self, u: &[f64]) {
+        let actions = self.catalogue.actions.elements();
+        actions.iter().for_each(|e| self.work.region_mut(Region::Action)[e.at] = e.default);
+        [Region::Initial, Region::Previous].into_iter().for_each(|instant| self.work.keep(&self.y, instant));
+        actions.iter().zip(u).for_each(|(e, &value)| self.work.region_mut(Region::Action)[e.at] = value);
     }
 
     /// Sets parameters, discrete variables and disturbances; those that are not given have their initial values.

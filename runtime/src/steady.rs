@@ -5,9 +5,14 @@
 //! exact Jacobian. Where it does not converge, pseudo-transient continuation (Kelley and Keyes, SIAM J. Numer. Anal. 35 (1998) 508-523)
 //! follows the process itself to rest first, so that what is found is a stable state near the guess. What is outside of the declared bounds
 //! is not taken: the process is followed, the search kept inside, and other guesses are tried.
+//!
+//! At rest the start of the episode, the end of the step before and the steady state are the same point: `initial(x)`, `previous(x)` and `steady(x)` are x in
+//! the search, and the Jacobian has their derivatives.
 
 mod bounds;
+mod discretes;
 mod error;
+mod frames;
 mod freedom;
 mod kinks;
 mod newton;
@@ -18,7 +23,10 @@ use smpl_compiler::layout::{Part, Region};
 
 use crate::catalogue::{Catalogue, Element};
 use crate::system::CompiledSystem;
+pub use discretes::changed_by_a_step;
 pub use error::{AtBound, ConservedSum, Freedom, SteadyError};
+use frames::Saved;
+pub use frames::rest_at;
 pub use kinks::kink;
 use newton::Search;
 
@@ -173,20 +181,21 @@ pub fn solve_held(
         y[at] = value;
         is_held[at] = true;
     }
-    let frame = PARTS.map(|part| system.region(Region::Steady(part)).to_vec());
-    let found = settle(system, catalogue, (&is_held, &held.conditions), given, y);
-    for (part, values) in PARTS.into_iter().zip(&frame) {
-        system.region_mut(Region::Steady(part)).copy_from_slice(values);
-    }
-    let (iterations, replaced) = found?;
-    replaced.into_iter().for_each(|row| is_held[row] = true);
+    let saved = Saved::of(system);
+    let found = settle(system, catalogue, (&is_held, &held.conditions), given, y).map(|(iterations, replaced)| {
+        replaced.into_iter().for_each(|row| is_held[row] = true);
+        frames::rest_at(system, y);
+        report(system, &is_held, y, iterations)
+    });
+    saved.restore(system);
+    let report = found?;
     let (model, memory) = system.parts();
     model.prepare_step(memory);
-    Ok(report(system, &is_held, y, iterations))
+    Ok(report)
 }
 
 /// Unknowns and discrete variables that belong to each other: a discrete variable stands for its initial value, which may be an
-/// expression of the steady state. The steady frame is that of the state on the way. Returns iterations and the rows that conditions replace.
+/// expression of the steady state. The other instants are those of the state on the way. Returns iterations and the rows that conditions replace.
 fn settle(
     system: &mut CompiledSystem,
     catalogue: &Catalogue,
@@ -194,31 +203,31 @@ fn settle(
     given: &[GivenValue],
     y: &mut [f64],
 ) -> Result<(u32, Vec<usize>), SteadyError> {
-    let mut search: Option<Search> = None;
+    begin_round(system, given, y);
+    settle_algebraic(system, catalogue, y);
+    let mut search = Search::new(system, catalogue, fixed, conditions, y)?;
     let mut iterations = 0;
-    for round in 0..MAX_ROUNDS {
-        let before = system.region(Region::Discrete).to_vec();
-        system.keep(y, Region::Steady);
-        let (model, memory) = system.parts();
-        model.initial_discretes(memory, y);
-        for &(region, at, value) in given {
-            system.region_mut(region)[at] = value;
-        }
-        let (model, memory) = system.parts();
-        model.prepare_step(memory);
-        if round == 0 {
-            settle_algebraic(system, catalogue, y);
-        } else if unchanged(catalogue, &before, system.region(Region::Discrete)) {
-            break;
-        }
-        let search = match &mut search {
-            Some(search) => search,
-            none => none.insert(Search::new(system, catalogue, fixed, conditions, y)?),
-        };
+    for round in 1..=MAX_ROUNDS {
         iterations += search.run(system, catalogue, y)?;
+        let before = system.region(Region::Discrete).to_vec();
+        begin_round(system, given, y);
+        let settled = unchanged(catalogue, &before, system.region(Region::Discrete));
+        if (settled || round == MAX_ROUNDS) && search.problem.rests(system, y) {
+            return Ok((iterations, search.problem.replaced().collect()));
+        }
     }
-    let replaced = search.iter().flat_map(|search| search.problem.replaced()).collect();
-    Ok((iterations, replaced))
+    Err(search.not_at_rest(system, catalogue, y, iterations))
+}
+
+/// Takes the discrete variables that belong to a state at rest.
+fn begin_round(system: &mut CompiledSystem, given: &[GivenValue], y: &mut [f64]) {
+    frames::keep(system, y);
+    let (model, memory) = system.parts();
+    model.initial_discretes(memory, y);
+    for &(region, at, value) in given {
+        system.region_mut(region)[at] = value;
+    }
+    frames::rest_at(system, y);
 }
 
 /// Makes the solved variables fit the guessed states where that is possible: their own guesses are often none.

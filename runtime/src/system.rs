@@ -1,8 +1,10 @@
 //! A compiled model with the memory of one instance, as the solver sees it.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use smpl_compiler::compiled::CompiledModel;
+use smpl_compiler::ir::{Expr, ExprId, Flavour};
 use smpl_compiler::layout::{Memory, Part, Region};
 use smpl_compiler::model::{Root, RootAction};
 
@@ -17,6 +19,7 @@ struct Shape {
     roots_use_derivatives: bool,
     quadratures: usize,
     quadratures_use_derivatives: bool,
+    reads_other_instants: bool,
 }
 
 /// A compiled model and everything that one instance of it holds but its unknowns. A clone is a snapshot.
@@ -43,6 +46,7 @@ impl CompiledSystem {
             roots_use_derivatives: model.roots_use_derivatives(),
             quadratures: model.quadratures(),
             quadratures_use_derivatives: model.quadratures_use_derivatives(),
+            reads_other_instants: reads_other_instants(&model),
         };
         let memory = model.memory();
         Ok(Self { model, shape: Arc::new(shape), memory, invariants: Vec::new() })
@@ -62,6 +66,12 @@ impl CompiledSystem {
     /// Integrates the rates of the invariants from now on, after the quadratures of the model.
     pub fn watch_invariants(&mut self) {
         self.invariants = vec![0.0; 2 * self.model.interface().invariants.len()];
+    }
+
+    /// Whether an equation reads values of the start of the episode, of the end of the step before or of the steady state.
+    #[must_use]
+    pub fn reads_other_instants(&self) -> bool {
+        self.shape.reads_other_instants
     }
 
     /// A region, to be read.
@@ -113,6 +123,22 @@ impl CompiledSystem {
         debug_assert_eq!(from.len(), to.len());
         self.memory.all_mut().copy_within(from, to.start);
     }
+}
+
+fn reads_other_instants(model: &CompiledModel) -> bool {
+    let model = model.model();
+    let mut todo: Vec<ExprId> = model.rows.iter().map(|row| row.residual).collect();
+    let mut seen = HashSet::new();
+    while let Some(e) = todo.pop() {
+        if !seen.insert(e) {
+            continue;
+        }
+        if matches!(model.exprs.node(e), Expr::Load { flavour: Flavour::Initial | Flavour::Previous | Flavour::Steady, .. }) {
+            return true;
+        }
+        todo.extend(model.exprs.operands(e));
+    }
+    false
 }
 
 /// Where nothing runs at an event it marks a switch in the equations, which matters both ways.

@@ -7,6 +7,7 @@ use smpl_runtime::environment::{Environment, ResetOptions, Start};
 use smpl_runtime::load::{LoadOptions, load_text};
 use smpl_runtime::setup::{EnvironmentOptions, Setup, SetupError};
 use smpl_runtime::steady::{self, SteadyError};
+use smpl_runtime::system::CompiledSystem;
 
 fn made(text: &str) -> Result<Arc<Setup>, SetupError> {
     let text = format!("model M\ntime t : s\nepisode {{ step = 0.1 [s], max_steps = 10 }}\n{text}");
@@ -19,13 +20,19 @@ fn setup(text: &str) -> Arc<Setup> {
     made(text).expect("a setup")
 }
 
-/// The steady state that the block declares, from a first guess.
-fn solved(text: &str, guess: Option<&[f64]>) -> Result<Vec<f64>, SteadyError> {
-    let setup = setup(text);
-    let mut system = smpl_runtime::system::CompiledSystem::new(setup.model().clone()).expect("a system");
+/// An instance with its parameters, without a steady state.
+fn fresh(setup: &Setup) -> CompiledSystem {
+    let mut system = CompiledSystem::new(setup.model().clone()).expect("a system");
     let (model, memory) = system.parts();
     model.parameters(memory);
     model.prepare_parameters(memory);
+    system
+}
+
+/// The steady state that the block declares, from a first guess.
+fn solved(text: &str, guess: Option<&[f64]>) -> Result<Vec<f64>, SteadyError> {
+    let setup = setup(text);
+    let mut system = fresh(&setup);
     let mut y = steady::guess(&system, &setup.catalogue);
     y.iter_mut().zip(guess.unwrap_or_default()).for_each(|(y, guess)| *y = *guess);
     let (actions, held) = steady::declared(&mut system, &setup.catalogue, &mut y);
@@ -185,4 +192,68 @@ fn a_steady_block_without_a_solution_stops_only_what_needs_it() {
     let start = ResetOptions { start: Start::Steady, ..ResetOptions::default() };
     assert!(environment.reset(Some(1), &start).expect_err("there is none").to_string().starts_with("steady state: no steady state"));
     assert!(matches!(made(&format!("{endless}reward r = -sq(x - steady(x))")), Err(SetupError::Steady(_))));
+}
+
+/// At rest the start, the step before and the steady state are the point itself, wherever the search begins.
+#[test]
+fn what_equations_read_of_other_instants_is_the_state_itself_at_rest() {
+    for read in ["steady(x)", "previous(x)", "initial(x)", "previous(3*x)/3", "initial(sq(x))/max(x, 0.1)"] {
+        let text = format!(
+            "action u = 0.5 in 0..1
+             state x = 3 in 0..10
+             eq d/dt x = (u - x + 2*({read} - x))/1 [s]
+             steady {{ u = 0.5 }}"
+        );
+        for guess in [0.01, 0.5, 3.0, 9.0] {
+            assert_close(&solved(&text, Some(&[guess])).expect("found"), &[0.5]);
+        }
+        assert_close(setup(&text).steady_state(), &[0.5]);
+    }
+}
+
+#[test]
+fn an_equation_that_reads_other_instants_alone_is_solved_by_them() {
+    // b = 1 follows from the first equation, a = b from the second.
+    let pair = "state a = 3, b = 2\neq d/dt a = (1 - previous(b))/1 [s]\neq d/dt b = (a - b)/1 [s]";
+    assert_close(&solved(pair, None).expect("found"), &[1.0, 1.0]);
+    // Algebraic variables: 0.5 - z + z - 2 z = 0, x = z + z^3.
+    let solved_for = "state x = 3
+        var z = 1
+        eq z + z^3 = x
+        eq d/dt x = (0.5 - z + previous(z) - 2*initial(z))/1 [s]";
+    assert_close(&solved(solved_for, None).expect("found"), &[0.25 + 0.015625, 0.25]);
+    // Arrays.
+    let array = "state x[k in 1..3] = 5\neq d/dt x[k] = (k - x[k] + 3*(initial(x[4-k]) - x[4-k]))/1 [s] for k in 1..3";
+    assert_close(&solved(array, None).expect("found"), &[1.0, 2.0, 3.0]);
+    // What reads its own state there has no rate left: any x is at rest.
+    let free = "state x = 3\neq d/dt x = (previous(x) - x)/1 [s]";
+    assert!(matches!(solved(free, None), Err(SteadyError::Undetermined(_))));
+}
+
+#[test]
+fn discrete_variables_that_do_not_settle_are_no_steady_state() {
+    let text = |gain: f64| format!("discrete I = {gain}*steady(x) + 1\nstate x = 0\neq d/dt x = (I - x)/1 [s]\nsteady {{ }}");
+    assert_close(&solved(&text(0.5), None).expect("found"), &[2.0]);
+    assert!(matches!(made(&text(2.0)), Err(SetupError::Steady(SteadyError::NotFound { .. }))));
+}
+
+#[test]
+fn discrete_variables_that_a_step_would_change_are_named() {
+    let text = "discrete I = 0, v = 0.4, still = 2, total : s = 0
+        state x = 3
+        at start { next I = I + (1 - x); next v = 0.3*(1 - x) + 0.1*I; next still = 2*sq(x)/0.81*0.5 + 1 }
+        at end { next total = total + integral(x) }
+        eq d/dt x = (0.5 + v - x)/1 [s]";
+    let setup = setup(text);
+    let mut system = fresh(&setup);
+    let mut y = steady::guess(&system, &setup.catalogue);
+    steady::solve(&mut system, &setup.catalogue, &[], &[], &mut y).expect("found");
+    assert_close(&y, &[0.9]);
+    steady::rest_at(&mut system, &y);
+    let found = steady::changed_by_a_step(&system, &setup.catalogue, &y);
+    let names: Vec<&str> = found.iter().map(|f| f.0.name.as_str()).collect();
+    assert_eq!(names, ["I", "v", "total"]);
+    // The step is of 0.1 s.
+    assert_close(&found.iter().map(|f| f.2).collect::<Vec<_>>(), &[0.1, 0.03, 0.09]);
+    assert_close(&found.iter().map(|f| f.1).collect::<Vec<_>>(), &[0.0, 0.4, 0.0]);
 }

@@ -218,3 +218,43 @@ def test_tanks_that_are_connected_over_an_index_answer_as_a_row_of_tanks():
         # A step through n equal tanks is the distribution of Erlang.
         expected = scipy.stats.gamma.cdf(times, number)
         np.testing.assert_allclose(found[:, place], expected, rtol=0, atol=1e-8, err_msg=name)
+
+
+@pytest.mark.parametrize("read", ["previous(x)", "initial(x)", "previous(3*x)/3", "steady(x) + previous(x) - 0.5"])
+def test_the_start_and_the_step_before_are_the_point_itself(read):
+    """dx/dt = u - x + 2 (read - x) is u - x where what is read is x, and 0.5 at rest is steady(x) for u = 0.5."""
+    model = smpl.compile(
+        source=f"""model W
+        time t : s
+        action u = 0.5 in 0..1
+        state x = 3 in 0..10
+        eq d/dt x = (u - x + 2*({read} - x))/1 [s]
+        steady {{ u = 0.5 }}
+        observe x in 0..10
+        episode {{ step = 1 [s], max_steps = 30 }}
+        """
+    )
+    np.testing.assert_allclose(model.residual(0.0, [2.0], [0.0], [0.5]), [-1.5], rtol=1e-14)
+    np.testing.assert_allclose(model.rhs(0.0, [2.0], [0.5]), [-1.5], rtol=1e-14)
+    np.testing.assert_allclose(model.steady_state([0.5]), [0.5], rtol=1e-12)
+    np.testing.assert_allclose(smpl.Env(model).unwrapped.steady_state, [0.5], rtol=1e-12)
+    # In one step it is the value that the step begins with.
+    decay = np.exp(-3.0)
+    np.testing.assert_allclose(model.step([2.0], [0.5]), [2 * decay + (0.5 + 4) / 3 * (1 - decay)], rtol=1e-5)
+    # What the linearisation holds: the value that is read.
+    a, b, _, _ = model.linearize([2.0], [0.5])
+    np.testing.assert_allclose([a, b], [[[-3.0]], [[1.0]]], rtol=1e-14)
+
+
+def test_actions_at_the_step_before_are_nominal_as_in_a_first_step():
+    model = smpl.compile(
+        source="""model W
+        time t : s
+        action u = 0.5 in 0..1
+        state x = 3 in 0..10
+        eq d/dt x = (u - previous(u))/1 [s]
+        episode { step = 1 [s], max_steps = 30 }
+        """
+    )
+    np.testing.assert_allclose(model.rhs(0.0, [2.0], [0.75]), [0.25], rtol=1e-14)
+    np.testing.assert_allclose(model.step([2.0], [0.75]), [2.25], rtol=1e-6)

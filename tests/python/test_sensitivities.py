@@ -328,6 +328,31 @@ def test_updates_resets_discrete_variables_and_disturbances():
     assert clamped.states[0] == 3 and not clamped.dx_dx[0].any()
 
 
+def test_what_is_asked_for_beside_a_parameter_does_not_change_its_derivative():
+    """x(1) = x e^-1 + (e q + w) (1 - e^-1), where e is q + 2 and w is 3 q unless they are moved themselves."""
+    model = compiled(
+        """model M
+        time t : s
+        param q = 7 in 0..100
+        discrete e = q + 2
+        disturbance w = 3*q ~ w
+        state x = 2
+        eq d/dt x = (e*q + w - x)/1 [s]
+        episode { step = 1 [s], max_steps = 5 }
+        """
+    )
+    gone = 1 - np.exp(-1.0)
+    alone = model.linearize_step([2.0], [], parameters=("q",))
+    both = model.linearize_step([2.0], [], parameters=("q",), discrete=("e",), disturbances=("w",))
+    assert_near(alone.dx_dp, [[(2 * 7 + 2 + 3) * gone]], 1e-6)
+    assert_near(both.dx_dp, [[(2 * 7 + 2 + 3) * gone]], 1e-6)
+    assert_near(both.dx_dd, [[7 * gone]], 1e-6)
+    assert_near(both.dx_dw, [[gone]], 1e-6)
+    # A value that is given stays where it is.
+    held = model.linearize_step([2.0], [], p={"e": 9.0}, parameters=("q",), discrete=("e",))
+    assert_near(held.dx_dp, [[(9 + 3) * gone]], 1e-6)
+
+
 def test_algebraic_variables():
     check(compiled(ALGEBRAIC), [1.0, 0.2], [0.4], ("k",))
 

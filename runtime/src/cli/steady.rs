@@ -47,6 +47,8 @@ pub(super) struct SteadyArguments {
 
 /// Eigenvalues printed.
 const SHOWN: usize = 20;
+/// Discrete variables named.
+const SHOWN_DISCRETES: usize = 8;
 /// Dense eigenvalue problems beyond this many states take minutes.
 const LARGE: usize = 3000;
 
@@ -79,6 +81,7 @@ pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
         held.fix(element.at, *value, &mut system, &y)?;
     }
     let report = steady::solve_held(&mut system, catalogue, &actions, &held, &[], &mut y)?;
+    steady::rest_at(&mut system, &y);
     let rows = values(&mut system, catalogue, &y);
     if let Some(path) = &arguments.out {
         write_whole(path, |out| {
@@ -105,6 +108,7 @@ pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
             let _ = writeln!(text, "{name} = {}{}", Short(*value), unit_suffix(unit));
         }
     }
+    text += &changing(&system, catalogue, &y);
     text += &spectrum(&mut system, catalogue, &y, &setup.model().interface().time.unit);
     if let Some(at) = steady::kink(&mut system, catalogue, &y) {
         let equation = describe_equation(at, setup.model(), catalogue, setup.sources());
@@ -147,6 +151,19 @@ fn what_is_held(held: &Held) -> String {
         1 => format!("{} is held at a given value and not at rest", parts.concat()),
         _ => format!("{} are held at given values and not all at rest, the largest rate", parts.join(" and ")),
     }
+}
+
+/// Discrete variables that are held although a control step would change them, in words.
+fn changing(system: &crate::system::CompiledSystem, catalogue: &Catalogue, y: &[f64]) -> String {
+    let found = steady::changed_by_a_step(system, catalogue, y);
+    if found.is_empty() {
+        return String::new();
+    }
+    let shown =
+        |(e, value, next): &(&Element, f64, f64)| format!("{} = {}{}, next {}", e.name, Short(*value), unit_suffix(&e.unit), Short(*next));
+    let shown_ones: Vec<String> = found.iter().take(SHOWN_DISCRETES).map(shown).collect();
+    let more = if found.len() > SHOWN_DISCRETES { format!("; {} more", found.len() - SHOWN_DISCRETES) } else { String::new() };
+    format!("held at initial values, though the updates of a control step change them here: {}{more}\n", shown_ones.join("; "))
 }
 
 /// Other steady states than `first` in words: the states, and of what has the same the algebraic variables that differ.

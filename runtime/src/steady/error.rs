@@ -51,7 +51,7 @@ pub enum SteadyError {
         /// The equation.
         equation: String,
     },
-    /// A condition of the `steady` block cannot be used.
+    /// A condition of the `steady` block cannot be used, or an equation cannot be differentiated.
     #[error("{message}")]
     Condition {
         /// Why.

@@ -141,6 +141,13 @@ impl Search {
         Err(SteadyError::NotFound { iterations: total, residual: best.residual, equation, aside: best.aside })
     }
 
+    /// That the point found does not rest, in words.
+    pub(super) fn not_at_rest(&mut self, system: &mut CompiledSystem, catalogue: &Catalogue, y: &[f64], iterations: u32) -> SteadyError {
+        let (_, row) = self.worst(system, y);
+        let equation = equation_name(system.model(), catalogue, row);
+        SteadyError::NotFound { iterations, residual: self.problem.rows.get(row).copied().unwrap_or(f64::NAN), equation, aside: None }
+    }
+
     /// Newton's method from `y`, and from where the process leads, whatever the bounds.
     pub(crate) fn run_once(&mut self, system: &mut CompiledSystem, y: &mut [f64]) -> bool {
         let guess = y.to_vec();

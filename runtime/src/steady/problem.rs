@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use smpl_compiler::compiled::{Derived, WithRespectTo};
 
 use super::error::SteadyError;
+use super::frames::{self, Frames};
 use crate::catalogue::Catalogue;
 use crate::solver::linear::Factorisation;
 use crate::solver::{LinearSolver, Pattern, SolveError, System};
@@ -11,6 +12,8 @@ use crate::system::CompiledSystem;
 
 /// A solution that is larger than its right-hand side by this is that of a matrix that may be singular.
 const SUSPICIOUS: f64 = 1e10;
+/// Correction, relative to the scales, of a point at rest: what a search leaves is far below it.
+const AT_REST: f64 = 1e-7;
 
 /// The problem without its fixed states, and working memory.
 pub(super) struct Problem {
@@ -20,8 +23,12 @@ pub(super) struct Problem {
     conditions: Vec<(usize, usize)>,
     /// Place of each number of the conditions' derivatives among the numbers behind the Jacobian's.
     gradient: Vec<Option<usize>>,
-    /// Places of the reduced Jacobian's entries among all entries.
-    kept: Vec<usize>,
+    /// What the equations read of other instants, which are the point itself.
+    frames: Option<Frames>,
+    /// Entries of the reduced Jacobian to which values of the frames are added: entry, value.
+    added: Vec<(usize, usize)>,
+    /// Places of the reduced Jacobian's entries among all entries; `None` where only frames have one.
+    kept: Vec<Option<usize>>,
     pattern: Pattern,
     /// `None` where the reduced Jacobian has no pivots whatever its numbers are.
     factorisation: Option<Factorisation>,
@@ -57,13 +64,17 @@ impl Problem {
             number[at] = position;
         }
         let is_replaced = |row: usize| conditions.iter().any(|&(_, replaced)| replaced == row);
-        let (mut starts, mut rows, mut kept) = (vec![0], Vec::new(), Vec::new());
+        let frames = Frames::new(system)?;
+        let by_frames = frames.iter().flat_map(|frames| frames.places.iter().enumerate());
+        let by_frames: Vec<(usize, usize, usize)> =
+            by_frames.map(|(value, &(row, column))| (row, column, value)).filter(|&(row, ..)| !fixed[row] && !is_replaced(row)).collect();
+        let (mut starts, mut rows, mut kept, mut added) = (vec![0], Vec::new(), Vec::new(), Vec::new());
         let mut gradient = vec![None; triplets.len()];
         let mut behind = pattern.entries();
         for &column in &free {
             let own =
                 pattern.column(column).map(|entry| (pattern.rows()[entry], entry)).filter(|&(row, _)| !fixed[row] && !is_replaced(row));
-            let mut entries: Vec<(usize, usize)> = own.map(|(row, entry)| (number[row], entry)).collect();
+            let mut entries: Vec<(usize, Option<usize>)> = own.map(|(row, entry)| (number[row], Some(entry))).collect();
             for &(condition, replaced) in &conditions {
                 let parts = (0..triplets.len()).filter(|&k| triplets[k].0 == condition && triplets[k].1 == column);
                 let mut place = None;
@@ -71,11 +82,19 @@ impl Problem {
                     gradient[k] = Some(*place.get_or_insert(behind));
                 }
                 if let Some(place) = place {
-                    entries.push((number[replaced], place));
+                    entries.push((number[replaced], Some(place)));
                     behind += 1;
                 }
             }
+            let moved = || by_frames.iter().filter(|&&(_, at, _)| at == column).map(|&(row, _, value)| (number[row], value));
+            for (row, _) in moved() {
+                if entries.iter().all(|e| e.0 != row) {
+                    entries.push((row, None));
+                }
+            }
             entries.sort_unstable();
+            let place = |row: usize| entries.iter().position(|e| e.0 == row).map(|place| rows.len() + place);
+            added.extend(moved().filter_map(|(row, value)| Some((place(row)?, value))));
             rows.extend(entries.iter().map(|e| e.0));
             kept.extend(entries.iter().map(|e| e.1));
             starts.push(rows.len());
@@ -88,6 +107,8 @@ impl Problem {
             free,
             conditions,
             gradient,
+            frames,
+            added,
             kept,
             scales,
             zero: vec![0.0; n],
@@ -140,6 +161,9 @@ impl Problem {
 
     /// Rows at rest.
     pub(super) fn evaluate(&mut self, system: &mut CompiledSystem, y: &[f64]) {
+        if self.frames.is_some() {
+            frames::rest_at(system, y);
+        }
         system.residual(0.0, y, &self.zero, &mut self.rows);
         if !self.conditions.is_empty() {
             let missed = missed_conditions(system, y);
@@ -149,6 +173,10 @@ impl Problem {
 
     /// The reduced Jacobian with the weight `cj` of the derivatives.
     fn take_jacobian(&mut self, system: &mut CompiledSystem, y: &[f64], cj: f64) {
+        if let Some(frames) = &mut self.frames {
+            frames::rest_at(system, y);
+            frames.evaluate(system, y, &self.zero);
+        }
         let (jacobian, behind) = self.entries.split_at_mut(system.pattern().entries());
         system.jacobian(0.0, y, &self.zero, cj, jacobian);
         if !self.conditions.is_empty() {
@@ -160,7 +188,10 @@ impl Problem {
             }
         }
         for (value, &entry) in self.reduced.iter_mut().zip(&self.kept) {
-            *value = self.entries[entry];
+            *value = entry.map_or(0.0, |entry| self.entries[entry]);
+        }
+        if let Some(frames) = &self.frames {
+            self.added.iter().for_each(|&(entry, value)| self.reduced[entry] += frames.values[value]);
         }
     }
 
@@ -180,6 +211,16 @@ impl Problem {
             *value = -self.rows[at];
         }
         self.solve(out);
+    }
+
+    /// Whether the present rows ask for no correction that counts; the last factorisation is one near the point.
+    pub(super) fn rests(&mut self, system: &mut CompiledSystem, y: &[f64]) -> bool {
+        self.evaluate(system, y);
+        let mut correction = vec![0.0; self.free.len()];
+        if !correction.is_empty() {
+            self.correction(&mut correction);
+        }
+        self.norm(&correction) <= AT_REST
     }
 
     fn solve(&mut self, x: &mut [f64]) {

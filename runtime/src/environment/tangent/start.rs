@@ -38,12 +38,12 @@ impl Follower {
         Some((place(self.directions[number])?, self.scales[number]))
     }
 
-    /// What the directions of a kind are taken by moves by its magnitude; what else is in the region stays as it is.
+    /// Along a direction of a kind, what it is taken by moves by its magnitude. Along other directions it moves as it does: what is asked for beside them changes
+    /// none of them.
     fn seed(&mut self, region: &Range<usize>, place: impl Fn(Direction) -> Option<usize>) {
         for direction in 0..self.directions.len() {
-            let Some((at, scale)) = self.of(direction, &place) else { continue };
-            for j in 0..self.width() {
-                self.tangents.set_work(region.start + at, j, if j == direction { scale } else { 0.0 });
+            if let Some((at, scale)) = self.of(direction, &place) {
+                self.tangents.set_work(region.start + at, direction, scale);
             }
         }
     }
