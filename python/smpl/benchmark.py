@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from smpl._native import __version__
-from smpl.collect import add_ray, guarded
+from smpl.collect import add_ray, guarded, once
 from smpl.learning import Plan, Task, tune
 from smpl.learning.cluster import spread_on_ray
 from smpl.learning.curves import draw
@@ -39,7 +39,7 @@ def benchmark(
     suite: str = "control",
     budget: str = "smoke",
     *,
-    env: str | None = None,
+    env: str | Sequence[str] | None = None,
     seeds: int | None = None,
     resume: bool = False,
     algorithms: Sequence[str] = (),
@@ -55,7 +55,7 @@ def benchmark(
     Args:
         out: folder of the runs.
         suite, budget: what and how much.
-        env: one environment in place of all: a process of the package or of `config`, the path of a model, an id.
+        env: these in place of all: a process of the package or of `config`, the path of a model, an id, or several.
         seeds: runs of each controller; 1 for `smoke`, else 3.
         resume: go on in a folder that has runs; those that are finished are not run again.
         algorithms: names of controllers and algorithms; all if empty.
@@ -261,9 +261,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description="The benchmark.",
         epilog="python -m smpl.benchmark tune --help: search hyperparameters",
     )
+    once(parser)
     parser.add_argument("--suite", default="control", help=f"one of {', '.join(SUITES)}, all")
     parser.add_argument("--budget", default="smoke", help=f"one of {', '.join(BUDGETS)}")
-    parser.add_argument("--env", metavar="ENV", help="in place of all: a process, or the path of a model")
+    parser.add_argument(
+        "--env", action="append", metavar="ENV", help="in place of all: a process, or the path of a model; repeatable"
+    )
     parser.add_argument("--seeds", type=int, metavar="N", help="runs of each controller")
     parser.add_argument("--algorithm", action="append", default=[], metavar="NAME", help="only this one; repeatable")
     parser.add_argument("--config", metavar="FILE", help="YAML over the configuration of the package")

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from smpl.collect import add_environment, add_ray, environment, guarded
+from smpl.collect import add_environment, add_ray, environment, guarded, once
 from smpl.learning import Plan, Task
 from smpl.learning.agents import Agent, agent
 from smpl.learning.progress import Progress
@@ -19,6 +19,7 @@ from smpl.learning.scores import Score, distinct, score, single
 def main(arguments: Sequence[str] | None = None) -> int:
     """Evaluate as the command line says; the exit status is 2 where it cannot be done."""
     parser = argparse.ArgumentParser("python -m smpl.evaluate", description="Controllers and policies side by side.")
+    once(parser)
     add_environment(parser)
     parser.add_argument(
         "--policy", action="append", metavar="FILE", help="a learned policy: PPO:FILE.zip, FILE.d3, FILE.pt"

@@ -241,11 +241,32 @@ def test_a_configuration_brings_processes_of_its_own(tmp_path):
         ("processes: {Tank: {controllers: {'a:b': nominal}}}", "'a:b' in processes: expected letters"),
         ("processes: {Tank: {controllers: nominal}}", "controllers is 'nominal', expected NAME: CONTROLLER"),
         ("processes: {Beer: {controllers: {a: nominal}}}", "'controllers'"),
-        ("processes: {Tank: {model: models/tank.eq}}", "is called Tank, as a process of the benchmark is"),
+        ("processes: {Tank: {model: models/other.eq}}", "is called Tank, as a process of the benchmark is"),
     ):
         config.write_text(text)
         with pytest.raises(ValueError, match=says):
             runs("online", "short", str(tmp_path / "models/tank.eq"), 1, ["PPO"], config)
+
+
+def test_several_environments_are_run_and_other_options_stand_once(tmp_path, capsys):
+    for name in ("Tank", "Basin"):
+        (tmp_path / f"{name}.eq").write_text(TANK.replace("model Tank", f"model {name}"), encoding="utf-8")
+    (tmp_path / "Tank2.eq").write_text(TANK, encoding="utf-8")
+    paths = [str(tmp_path / f"{name}.eq") for name in ("Tank", "Basin", "Tank2")]
+    found = runs("control", "smoke", [paths[0], "Beer", paths[1], "smpl/Beer-v0"], 1, ["nominal"])
+    assert [one.env for one in found] == ["Tank", "Beer", "Basin"]
+    with pytest.raises(ValueError, match="both called Tank"):
+        runs("control", "smoke", [paths[0], paths[2]], 1)
+    given = ["--env", paths[0], "--env", paths[1], "--algorithm", "nominal", "--out", str(tmp_path / "runs"), "--quiet"]
+    assert main(given) == 0
+    assert {path.parts[-3] for path in tmp_path.glob("runs/control/*/*/seed-0")} == {"Tank", "Basin"}
+    for command in (
+        ["--config", "a", "--config", "b"],
+        ["tune", "--env", "Beer", "--env", "MAb", "--algorithm", "PPO"],
+    ):
+        with pytest.raises(SystemExit):
+            main(command)
+        assert f"argument {command[-4] if len(command) > 4 else '--config'}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -257,6 +278,7 @@ def test_a_configuration_brings_processes_of_its_own(tmp_path):
         (["--budget", "huge"], "budget is 'huge'; there are: smoke, short, paper"),
         (["--env", "Rector"], "env is 'Rector'; there are: Reactor, Beer"),
         (["--seeds", "0"], "seeds is 0"),
+        (["--env", "Beer", "--env", "Rector"], "env is 'Rector'; there are: Reactor, Beer"),
     ],
 )
 def test_bad_input_of_the_benchmark_is_told_in_a_line(arguments, says, capsys, tmp_path):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,13 +36,13 @@ _SIZES = ("validation", "data")
 _BUDGET = ("segments", "validation", "data", "num_envs", "steps", "hyperparameters")
 
 
-def read(path: str | os.PathLike[str] | None = None, tuned: bool = True, own: str | None = None) -> dict[str, Any]:
+def read(path: str | os.PathLike[str] | None = None, tuned: bool = True, own: Iterable[str] = ()) -> dict[str, Any]:
     """The configuration.
 
     Args:
         path: a file over the one of this package.
         tuned: with the hyperparameters that were tuned for the package.
-        own: a process that is none of the package, and that the file need not say the model of.
+        own: processes that are none of the package, and that the file need not say the model of.
 
     Raises:
         ImportError: PyYAML is missing.
@@ -62,7 +62,7 @@ def read(path: str | os.PathLike[str] | None = None, tuned: bool = True, own: st
         raise ValueError(f"configuration {str(path)!r}: {error}") from error
     if not isinstance(given, Mapping):
         raise ValueError(f"configuration {str(path)!r}: expected a mapping with {', '.join(base)}")
-    _check(given, base, own)
+    _check(given, base, tuple(own))
     return over(base, given)
 
 
@@ -116,14 +116,14 @@ def _kind(suite: str, algorithm: str) -> str:
     return "on_policy" if algorithm in _ON_POLICY else "off_policy"
 
 
-def _check(given: Mapping[str, Any], base: Mapping[str, Any], own: str | None) -> None:
+def _check(given: Mapping[str, Any], base: Mapping[str, Any], own: Sequence[str]) -> None:
     check_names("configuration", given, tuple(base))
     check_names("budgets", given.get("budgets", {}), tuple(base["budgets"]))
     for name, one in given.get("budgets", {}).items():
         check_names(f"budgets.{name}", one, _BUDGET)
     processes = given.get("processes", {})
     of_ones_own = [name for name, one in processes.items() if "model" in one and name not in base["processes"]]
-    check_names("processes", processes, (*base["processes"], *of_ones_own, *([own] if own else [])))
+    check_names("processes", processes, (*base["processes"], *of_ones_own, *own))
     for name, one in processes.items():
         beside = (_BESIDE,) if name not in base["processes"] else ()
         check_names(f"processes.{name}", one, (*_PROCESS, *beside, *(_OF_ONES_OWN if name in of_ones_own else ())))

@@ -88,7 +88,7 @@ class Search:
         if suite == "control":
             raise ValueError("suite is 'control', which has no hyperparameters; there are: offline, online")
         (run,) = runs(suite, budget, env, 1, [algorithm], config)
-        given = configuration.read(config, tuned=False, own=run.env if run.model else None)
+        given = configuration.read(config, tuned=False, own=[run.env] if run.model else ())
         space = space_of(given, suite, run.env, algorithm)
         settings = configuration.settings(given, suite, run.env, algorithm, budget)
         if steps is not None:
