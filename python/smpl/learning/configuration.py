@@ -33,6 +33,9 @@ _PROCESS = (
 # What says what a process of somebody's own is, and what runs beside the policies that it declares.
 _OF_ONES_OWN, _BESIDE = ("model", "arguments"), "controllers"
 _SIZES = ("validation", "data")
+# What a number of steps is of, see `_kind`; what a data set is made by.
+_KINDS = ("offline", "on_policy", "off_policy", "search", "rllib")
+_DATA = ("controller", "noise", "episodes")
 _BUDGET = ("segments", "validation", "data", "num_envs", "steps", "hyperparameters")
 
 
@@ -82,8 +85,8 @@ def settings(configuration: Mapping[str, Any], suite: str, env: str, algorithm: 
     kind = _kind(suite, algorithm)
     sized = sizes.get("hyperparameters", {}).get(suite, {}).get(algorithm, {})
     hyper = {**configuration["algorithms"][suite][algorithm], **own, **sized}
-    steps = sizes["steps"] if budget == "smoke" else {**sizes["steps"], **process.get("steps", {}).get(budget, {})}
-    whole = {**sizes, **({} if budget == "smoke" else process.get("sizes", {}).get(budget, {}))}
+    steps = {**sizes["steps"], **process.get("steps", {}).get(budget, {})}
+    whole = {**sizes, **process.get("sizes", {}).get(budget, {})}
     chosen = {
         "train": process.get("train", {}),
         "formulation": process.get("formulation", {}),
@@ -118,28 +121,57 @@ def _kind(suite: str, algorithm: str) -> str:
 
 def _check(given: Mapping[str, Any], base: Mapping[str, Any], own: Sequence[str]) -> None:
     check_names("configuration", given, tuple(base))
-    check_names("budgets", given.get("budgets", {}), tuple(base["budgets"]))
-    for name, one in given.get("budgets", {}).items():
-        check_names(f"budgets.{name}", one, _BUDGET)
-    processes = given.get("processes", {})
-    of_ones_own = [name for name, one in processes.items() if "model" in one and name not in base["processes"]]
-    check_names("processes", processes, (*base["processes"], *of_ones_own, *own))
-    for name, one in processes.items():
-        beside = (_BESIDE,) if name not in base["processes"] else ()
-        check_names(f"processes.{name}", one, (*_PROCESS, *beside, *(_OF_ONES_OWN if name in of_ones_own else ())))
-        if not isinstance(one.get(_BESIDE, {}), Mapping):
-            raise ValueError(f"processes.{name}.{_BESIDE} is {one[_BESIDE]!r}, expected NAME: CONTROLLER")
-        for folder in (name, *one.get(_BESIDE, {})):
-            if not re.fullmatch(r"[A-Za-z0-9_-]+", str(folder)):
-                raise ValueError(f"{folder!r} in processes: expected letters, digits, - and _, as names of folders")
-        for budget, sizes in one.get("sizes", {}).items():
-            check_names(f"processes.{name}.sizes.{budget}", sizes, _SIZES)
-    check_names("algorithms", given.get("algorithms", {}), SUITES)
-    for suite, one in given.get("algorithms", {}).items():
-        check_names(f"algorithms.{suite}", one, tuple(base["algorithms"][suite]))
-    check_names("spaces", given.get("spaces", {}), SUITES)
-    for suite, one in given.get("spaces", {}).items():
-        check_names(f"spaces.{suite}", one, tuple(base["algorithms"][suite]))
+    for name, one in _section("budgets", given.get("budgets", {}), tuple(base["budgets"])).items():
+        sizes = _section(f"budgets.{name}", one, _BUDGET)
+        _section(f"budgets.{name}.steps", sizes.get("steps", {}), _KINDS)
+        _check_algorithms(f"budgets.{name}.hyperparameters", sizes.get("hyperparameters", {}), base)
+    for name, one in _section("processes", given.get("processes", {})).items():
+        _check_process(name, _section(f"processes.{name}", one), base, own)
+    _check_algorithms("algorithms", given.get("algorithms", {}), base)
+    _check_algorithms("spaces", given.get("spaces", {}), base)
+
+
+def _check_process(name: str, one: Mapping[str, Any], base: Mapping[str, Any], own: Sequence[str]) -> None:
+    known, what = name in base["processes"], f"processes.{name}"
+    if not (known or name in own or "model" in one):
+        listed = ", ".join(base["processes"])
+        raise ValueError(f"processes: unknown {name!r}; there are: {listed}; one of your own has `model: PATH`")
+    check_names(what, one, (*_PROCESS, *(() if known else (_BESIDE, *_OF_ONES_OWN))))
+    if not isinstance(one.get(_BESIDE, {}), Mapping):
+        raise ValueError(f"{what}.{_BESIDE} is {one[_BESIDE]!r}, expected NAME: CONTROLLER")
+    for folder in (name, *one.get(_BESIDE, {})):
+        if not re.fullmatch(r"[A-Za-z0-9_-]+", str(folder)):
+            raise ValueError(f"{folder!r} in processes: expected letters, digits, - and _, as names of folders")
+    for key in ("train", "formulation", "curriculum", "scalers", "arguments"):
+        _section(f"{what}.{key}", one.get(key, {}))
+    _section(f"{what}.data", one.get("data", {}), _DATA)
+    budgets = tuple(base["budgets"])
+    for key, inner in (("steps", _KINDS), ("sizes", _SIZES)):
+        for budget, sizes in _section(f"{what}.{key}", one.get(key, {}), budgets).items():
+            _section(f"{what}.{key}.{budget}", sizes, inner)
+    _section(f"{what}.segments", one.get("segments", {}), budgets)
+    _check_algorithms(f"{what}.algorithms", one.get("algorithms", {}), base)
+    _check_algorithms(f"{what}.spaces", one.get("spaces", {}), base)
+
+
+def _check_algorithms(what: str, given: Any, base: Mapping[str, Any]) -> None:
+    """Refuse what is no mapping from suites to algorithms to names."""
+    for suite, one in _section(what, given, SUITES).items():
+        for algorithm, named in _section(f"{what}.{suite}", one, tuple(base["algorithms"][suite])).items():
+            _section(f"{what}.{suite}.{algorithm}", named)
+
+
+def _section(what: str, given: Any, known: Sequence[str] | None = None) -> Mapping[str, Any]:
+    """A part of the file, which is a mapping, of these names if there are any.
+
+    Raises:
+        ValueError: it is none, or has others; the message lists the right ones.
+    """
+    if not isinstance(given, Mapping):
+        raise ValueError(f"{what} is {given!r}, expected a mapping" + (f" of {', '.join(known)}" if known else ""))
+    if known is not None:
+        check_names(what, given, known)
+    return given
 
 
 def over(base: Any, given: Any) -> Any:
