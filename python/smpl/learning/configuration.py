@@ -36,6 +36,7 @@ _SIZES = ("validation", "data")
 # What a number of steps is of, see `_kind`; what a data set is made by.
 _KINDS = ("offline", "on_policy", "off_policy", "search", "rllib")
 _DATA = ("controller", "noise", "episodes")
+_PARTS = ("budgets", "algorithms", "spaces", "processes", "tuned")
 _BUDGET = ("segments", "validation", "data", "num_envs", "steps", "hyperparameters")
 
 
@@ -59,14 +60,26 @@ def read(path: str | os.PathLike[str] | None = None, tuned: bool = True, own: It
     base: dict[str, Any] = over(package, found if tuned else {"tuned": {}})
     if path is None:
         return base
+    given = of_file(path)
+    _check(given, base, tuple(own))
+    return over(base, given)
+
+
+def of_file(path: str | os.PathLike[str]) -> Mapping[str, Any]:
+    """What a user's file says, without the configuration of this package beneath.
+
+    Raises:
+        ValueError: the file is none.
+    """
+    import yaml
+
     try:
         given = yaml.safe_load(Path(path).read_text(encoding="utf-8")) or {}
     except (OSError, yaml.YAMLError) as error:
         raise ValueError(f"configuration {str(path)!r}: {error}") from error
     if not isinstance(given, Mapping):
-        raise ValueError(f"configuration {str(path)!r}: expected a mapping with {', '.join(base)}")
-    _check(given, base, tuple(own))
-    return over(base, given)
+        raise ValueError(f"configuration {str(path)!r}: expected a mapping with {', '.join(_PARTS)}")
+    return given
 
 
 def algorithms(configuration: Mapping[str, Any], suite: str) -> tuple[str, ...]:
@@ -84,7 +97,9 @@ def settings(configuration: Mapping[str, Any], suite: str, env: str, algorithm: 
     own = process.get("algorithms", {}).get(suite, {}).get(algorithm, {})
     kind = _kind(suite, algorithm)
     sized = sizes.get("hyperparameters", {}).get(suite, {}).get(algorithm, {})
-    hyper = {**configuration["algorithms"][suite][algorithm], **own, **sized}
+    # Of `smoke` nothing is taken but that it is short; elsewhere what is said of a process goes before.
+    ordered = (own, sized) if budget == "smoke" else (sized, own)
+    hyper = {**configuration["algorithms"][suite][algorithm], **ordered[0], **ordered[1]}
     steps = {**sizes["steps"], **process.get("steps", {}).get(budget, {})}
     whole = {**sizes, **process.get("sizes", {}).get(budget, {})}
     chosen = {
