@@ -13,6 +13,7 @@ from smpl.evaluation import evaluate, per_episode, pooled
 from smpl.learning import Plan, Task
 from smpl.learning.scores import Score, Summary, compare, score, settling_time
 from smpl.learning.statistics import bootstrap, interquartile_mean, probability_of_improvement
+from tank import TANK
 
 
 def summaries(rewards):
@@ -114,6 +115,16 @@ def test_settling_is_the_time_after_the_last_step_outside_of_the_band():
     last = max(k for k, inside in enumerate(near) if not inside)
     assert found == one.times[last + 1] > 0
     assert np.isnan(settling_time(one, steady + 1, width))
+
+
+def test_where_nothing_is_steady_nothing_settles(tmp_path):
+    path = tmp_path / "tank.eq"
+    # The level rises by 0.1 m/s whatever it is.
+    path.write_text(TANK.replace("0.2 [m^2.5/s]*sqrt(h)", "0.1 [m^3/s]") + "steady { q = 0.2 }\n", encoding="utf-8")
+    _, (found,) = compare_controllers(path, ["nominal"], 2)
+    report = found.report()
+    assert (report["settled"], report["settling_time"]) == (0, None)
+    assert report["returns"] == pytest.approx([-0.01 * sum(k * k for k in range(1, 7))] * 2, rel=1e-6)
 
 
 def test_processes_and_batches_do_not_change_a_score():

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from smpl._native import SimulationError
 from smpl.evaluation import Episode
 from smpl.learning.cluster import spread_on_ray
 from smpl.learning.plan import Job, Plan
@@ -262,10 +263,13 @@ def settling_time(one: Episode, steady: FloatArray, width: FloatArray) -> float:
 
 
 def _target(plan: Plan) -> tuple[FloatArray, FloatArray] | None:
-    """Steady state and the width around it, 2 % of each state's range; none for a model without one."""
+    """Steady state and the width around it, 2 % of each state's range; none where there is no steady state."""
     env = plan.task.env()
     env.reset(seed=0, options={"start": "nominal"})
-    steady = env.steady_state
+    try:
+        steady = env.steady_state
+    except SimulationError:  # a `steady` block without a solution, which no episode needs
+        return None
     if steady is None:
         return None
     low, high = env.model.native.bounds("state")
