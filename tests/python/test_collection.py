@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium
@@ -232,6 +233,13 @@ def test_a_damaged_part_is_named_and_can_be_left_out(tmp_path):
     part.unlink()
     collect("reactor", "pid", 6, tmp_path, max_steps=30)
     assert [one.seed for one in load(tmp_path)] == list(range(6))
+
+
+def test_two_columns_of_one_name_are_refused(tmp_path):
+    manifest = collect("reactor", "pid", 1, tmp_path, max_steps=3).manifest
+    for key in ("observations", "states"):
+        with pytest.raises(DatasetError, match=f"{key} has 'T' twice: a column {key[:-1]}.T"):
+            replace(manifest, names={**manifest.names, key: ["T", "h", "T"]})
 
 
 def test_nan_never_enters(tmp_path):
