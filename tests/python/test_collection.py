@@ -17,6 +17,7 @@ import pytest
 import smpl
 from smpl.controllers import Proportional
 from smpl.datasets import DatasetError, collect, initial_grid, load
+from smpl.datasets.store import Manifest
 from smpl.evaluation import evaluate, run_episode
 from smpl.learning import Plan, RunError, Settings, Starts, Task, run
 
@@ -171,6 +172,37 @@ def test_more_episodes_are_added_to_those_that_are_there(tmp_path):
     collect("reactor", "pid", 3, tmp_path, part=2, max_steps=5)
     assert len(collect("reactor", "pid", 5, tmp_path, max_steps=5)) == 5
     assert [one.seed for one in load(tmp_path)] == [0, 1, 2, 3, 4]
+
+
+def test_fewer_episodes_leave_those_that_are_there(tmp_path):
+    collect("reactor", "pid", 7, tmp_path, part=2, max_steps=5)
+    for asked in (3, 4):
+        with pytest.warns(UserWarning, match=rf"is a data set of 7 episodes, which stay: {asked} were asked for"):
+            assert len(collect("reactor", "pid", asked, tmp_path, max_steps=5)) == 7
+    assert load(tmp_path).complete
+    # What earlier versions wrote: `dataset.json` of fewer episodes than there are.
+    Manifest.write(replace(load(tmp_path).manifest, episodes=3), tmp_path)
+    with pytest.raises(DatasetError, match=r"part-000002.parquet has more than the 3 episodes of dataset.json"):
+        load(tmp_path)
+    kept = load(tmp_path, skip_damaged=True)
+    assert [one.seed for one in kept] == [0, 1] and len(kept.damaged) == 3
+    assert len(collect("reactor", "pid", 7, tmp_path, max_steps=5)) == 7
+
+
+def test_a_part_that_is_missing_before_others_is_named(tmp_path):
+    collect("reactor", "pid", 6, tmp_path, part=2, max_steps=5)
+    (tmp_path / "part-000001.parquet").unlink()
+    with pytest.raises(DatasetError, match=r"part-000001.parquet is missing, though part-000002.parquet is there"):
+        load(tmp_path)
+    kept = load(tmp_path, skip_damaged=True)
+    assert [one.seed for one in kept] == [0, 1, 4, 5] and list(kept.damaged) == ["part-000001.parquet"]
+    assert not kept.complete
+    (tmp_path / "part-000002.parquet").unlink()
+    cut = load(tmp_path)  # as one that was cut off, or still runs
+    assert [one.seed for one in cut] == [0, 1] and not cut.complete and not cut.damaged
+    with pytest.warns(UserWarning, match="6 episodes, which stay: 3 were"):
+        assert [one.seed for one in collect("reactor", "pid", 3, tmp_path, max_steps=5)] == [0, 1, 2, 3]
+    assert len(collect("reactor", "pid", 6, tmp_path, max_steps=5)) == 6
 
 
 def test_another_data_set_in_the_folder_is_refused(tmp_path):
