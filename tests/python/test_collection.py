@@ -319,12 +319,44 @@ def test_starts_are_those_that_were_asked_for(tmp_path):
         ("c_A,T\n0.8,50\n0.7,\n", "line 3: T is '', expected a number"),
         ("c_A,T\n0.8,50,hot\n", "line 2 has 3 cells, expected 2: c_A, T"),
         ("c_A,T\n0.8,50\n0.7\n", "line 3 has 1 cells, expected 2: c_A, T"),
+        ("", "it has no rows: expected names of states in the first line"),
+        ("c_A,T\n", "it has no rows"),
+        ("T,c_A,T\n50,0.8,60\n", "two columns are called 'T'"),
     ],
 )
 def test_a_line_of_a_table_of_starts_that_cannot_be_meant_is_named(text, says, tmp_path):
     (tmp_path / "starts.csv").write_text(text)
     with pytest.raises(ValueError, match=says):
         collect("reactor", "pid", 1, tmp_path / "set", starts=tmp_path / "starts.csv")
+
+
+def test_a_table_of_starts_may_begin_with_a_byte_order_mark(tmp_path):
+    (tmp_path / "starts.csv").write_text("\ufeffT,h\n50,0.6\n", encoding="utf-8")
+    starts = Starts.of(tmp_path / "starts.csv", smpl.Env("reactor"), 1)
+    assert starts.option(0) == {"T": 50.0, "h": 0.6}
+
+
+@pytest.mark.parametrize("name", ["PPO:p.zip", "p.d3", "p.pt"])
+def test_a_policy_file_that_cannot_be_read_is_named(name, tmp_path, monkeypatch):
+    from types import SimpleNamespace
+
+    def broken(*_, **__):
+        raise AttributeError("no attribute 'actor'\nmore")
+
+    module = SimpleNamespace(PPO=SimpleNamespace(load=broken), load_learnable=broken, jit=SimpleNamespace(load=broken))
+    for package in ("stable_baselines3", "d3rlpy", "torch"):
+        monkeypatch.setitem(sys.modules, package, module)
+    algorithm, _, file = name.rpartition(":")
+    (tmp_path / file).write_bytes(b"nothing")
+    spec = f"{algorithm}:{tmp_path / file}" if algorithm else str(tmp_path / file)
+    with pytest.raises(ValueError, match=rf"policy file '.*{file}' cannot be read as one of .*: no attribute 'actor'$"):
+        Plan.of(Task.of("reactor"), spec, 1)
+    if file == "p.pt":
+        monkeypatch.setattr("smpl.learning.agents._policy_file", lambda spec: Batched())
+        for text in ("{", '{"reach": 9}', "3"):
+            (tmp_path / "formulation.json").write_text(text)
+            with pytest.raises(ValueError, match=r"formulation.json is no formulation: "):
+                Plan.of(Task.of("reactor"), spec, 1)
 
 
 def test_starts_outside_of_their_bounds_are_told(tmp_path):

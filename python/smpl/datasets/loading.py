@@ -67,7 +67,7 @@ class Dataset(Sequence[Episode]):
 
     @property
     def complete(self) -> bool:
-        """Whether all episodes that were asked for are there; not so while they are collected, or where that was cut."""
+        """Whether all episodes that were asked for are there; not while they are collected, or where that was cut."""
         return len(self) == self.manifest.episodes
 
     def check(self, env: Any, **arguments: Any) -> None:

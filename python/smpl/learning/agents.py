@@ -262,10 +262,24 @@ def _policy_file(spec: str) -> Any:
     if file.endswith(".zip"):
         return _stable_baselines(algorithm, file)
     if file.endswith(".d3"):
-        return _needs("d3rlpy", "smpl[d3rlpy]").load_learnable(file)
+        d3rlpy = _needs("d3rlpy", "smpl[d3rlpy]")
+        with _of_file(file, "d3rlpy"):
+            return d3rlpy.load_learnable(file)
     torch = _needs("torch", "torch")
-    with of_torchscript():
+    with of_torchscript(), _of_file(file, "TorchScript"):
         return _TorchPolicy(torch.jit.load(file).eval())
+
+
+@contextlib.contextmanager
+def _of_file(file: str, what: str) -> Iterator[None]:
+    """Name the file where a package cannot read it, whatever it raises then."""
+    try:
+        yield
+    except ImportError:
+        raise
+    except Exception as error:
+        said = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise ValueError(f"policy file {file!r} cannot be read as one of {what}: {said}") from error
 
 
 @contextlib.contextmanager
@@ -294,7 +308,8 @@ def _stable_baselines(algorithm: str, file: str) -> Any:
         except ImportError:
             continue
         if found is not None:
-            return found.load(file, device="cpu")
+            with _of_file(file, algorithm):
+                return found.load(file, device="cpu")
     raise ValueError(f"algorithm {algorithm!r} is none of stable-baselines3 or sb3-contrib (is that installed?)")
 
 

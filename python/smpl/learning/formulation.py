@@ -105,9 +105,18 @@ class Formulation:
 
     @classmethod
     def beside(cls, file: Path) -> Formulation | None:
-        """The formulation that lies beside a policy file, none if there is none."""
+        """The formulation that lies beside a policy file, none if there is none.
+
+        Raises:
+            ValueError: the file is damaged.
+        """
         path = file.with_name(FILE)
-        return cls.of(json.loads(path.read_text(encoding="utf-8"))) if path.is_file() else None
+        if not path.is_file():
+            return None
+        try:
+            return cls.of(json.loads(path.read_text(encoding="utf-8")))
+        except (ValueError, TypeError, AttributeError) as error:
+            raise ValueError(f"{path} is no formulation: {error}") from error
 
 
 class Form:
