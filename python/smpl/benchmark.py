@@ -30,6 +30,7 @@ from smpl.learning.reports import text_table
 from smpl.learning.scores import score
 from smpl.learning.subjects import BUDGETS, SUBJECTS, SUITES, Run, runs
 from smpl.learning.tables import lines, remarks, table
+from smpl.model import as_count
 
 __all__ = ["SUBJECTS", "Run", "benchmark", "main", "runs"]
 
@@ -73,6 +74,8 @@ def benchmark(
         ValueError: an argument is none of what it may be, or the folder has other runs.
     """
     folder, records = Path(out), None if results is None else Path(results)
+    if workers is not None:
+        as_count("workers", workers)
     count = seeds if seeds is not None else (1 if budget == "smoke" else 3)
     every = runs(suite, budget, env, count, algorithms, config)
     if run_nothing:

@@ -14,6 +14,7 @@ from smpl.learning.agents import Agent, agent
 from smpl.learning.progress import Progress
 from smpl.learning.reports import content, table, text_table, write
 from smpl.learning.scores import Score, distinct, score, single
+from smpl.model import as_count
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -67,6 +68,8 @@ def compare_controllers(
     for one, name in zip(agents, distinct([one.name for one in agents]), strict=True):
         one.name = name
     plan = Plan.of(task, agents, episodes, seed=seed, starts=starts)
+    if workers is not None:
+        as_count("workers", workers)  # told before an episode is run
     scores = []
     for number, one in enumerate(plan.agents):
         with Progress(progress, one.name, plan.episodes) as bar:

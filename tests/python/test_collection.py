@@ -460,6 +460,34 @@ def test_a_model_whose_file_has_changed_since_it_was_compiled_is_refused(tmp_pat
         collect(model, "nominal", 1, tmp_path / "set")
 
 
+class Raising:
+    """A controller with a fault of its own."""
+
+    def __init__(self, where):
+        self.where = where
+
+    def reset(self, env):
+        if self.where == "reset":
+            raise KeyError("boom")
+
+    def action(self, env):
+        raise KeyError("boom")
+
+
+def raising(observation):
+    raise KeyError("boom")
+
+
+def test_a_controller_may_have_an_action_alone(tmp_path):
+    class Still:
+        def action(self, env):
+            return [26.85, 0.1]
+
+    env = smpl.Env("reactor", max_steps=5)
+    (kept,) = collect("reactor", Still(), 1, tmp_path, workers=1, max_steps=5)
+    np.testing.assert_array_equal(kept.observations, evaluate(env, Still(), 1)[0].observations)
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -478,6 +506,13 @@ def test_a_model_whose_file_has_changed_since_it_was_compiled_is_refused(tmp_pat
         ({"weights": [1, 2]}, "weights is"),
         ({"states": ["q"]}, "q"),
         ({"seed": -1}, "seed is -1"),
+        ({"workers": 0}, "workers is 0"),
+        (
+            {"controller": Raising(None), "workers": 1},
+            r"episode 0 \(seed 0, controller Raising\): KeyError: 'boom' \(test_coll.*, line ",
+        ),
+        ({"controller": Raising("reset")}, "controller Raising: its reset fails: KeyError: 'boom'"),
+        ({"controller": raising, "workers": 1}, r"episode 0 .*KeyError: 'boom'"),
     ],
 )
 def test_bad_input_of_a_collection_is_refused(arguments, says, tmp_path):

@@ -184,6 +184,7 @@ def test_without_matplotlib_pictures_are_left_out_with_a_note(tmp_path, monkeypa
         (["reactor", "--policy", "no.pt", "--episodes", "1"], "policy file 'no.pt' is not there"),
         (["beer", "--controller", "constant:1,2", "--episodes", "1"], "action"),
         (["reactor", "--controller", "pid", "--episodes", "1", "--set", "U"], "expected NAME=VALUE"),
+        (["reactor", "--controller", "pid", "--episodes", "1", "--workers", "0"], "workers is 0"),
     ],
 )
 def test_bad_input_of_an_evaluation_is_told_in_a_line(arguments, says, capsys):

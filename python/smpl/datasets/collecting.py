@@ -88,7 +88,7 @@ def collect(
         Task.of(env, **arguments), controller, episodes, seed=seed, weights=weights, starts=starts, noise=noise,
         epsilon=epsilon, randomize=randomize,
     )  # fmt: skip
-    count = as_count("workers", workers or os.cpu_count() or 1)
+    count = as_count("workers", workers if workers is not None else os.cpu_count() or 1)
     folder = Path(out)
     manifest = _manifest(plan, folder, _state_names(plan.task, states), part)
     if manifest.episodes > plan.episodes:

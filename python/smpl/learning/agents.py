@@ -1,8 +1,8 @@
 """Anything that chooses actions, behind one interface.
 
-A controller (`reset(env)`, `action(env)`, physical units), a policy (`predict(observations)` as of Stable-Baselines3
-and d3rlpy, `compute_single_action(observation)` as of RLlib; actions of the action space) or a function of the
-observation. Policies with `predict` and some of our own controllers act on a whole batch at once.
+A controller (`action(env)`, `reset(env)` if it has a memory; physical units), a policy (`predict(observations)` as of
+Stable-Baselines3 and d3rlpy, `compute_single_action(observation)` as of RLlib; actions of the action space) or a
+function of the observation. Policies with `predict` and some of our own controllers act on a whole batch at once.
 """
 
 from __future__ import annotations
@@ -86,7 +86,9 @@ class Agent:
     def reset(self, env: Env) -> dict[str, Any]:
         """Begin an episode; returns an empty memory."""
         if self.kind == "action":
-            self.chooser.reset(env)
+            forget = getattr(self.chooser, "reset", None)
+            if forget is not None:
+                forget(env)
         elif callable(getattr(self.chooser, "reset", None)) and self.kind == "call":
             self.chooser.reset()
         return {}
@@ -352,7 +354,7 @@ def _numbers(spec: str) -> list[float]:
 
 def _kind(chooser: Any) -> str:
     if not isinstance(chooser, type):
-        if callable(getattr(chooser, "action", None)) and callable(getattr(chooser, "reset", None)):
+        if callable(getattr(chooser, "action", None)):
             return "action"
         if callable(getattr(chooser, "predict", None)):
             return "predict"
@@ -363,7 +365,9 @@ def _kind(chooser: Any) -> str:
         if callable(chooser):
             return "call"
     what = f"the class {chooser.__name__}" if isinstance(chooser, type) else type(chooser).__name__
-    raise TypeError(f"controller is {what}, expected reset(env) and action(env), or predict(observations), or a call")
+    raise TypeError(
+        f"controller is {what}, expected an object with action(env) or predict(observations), or a function"
+    )
 
 
 def _parameters(function: Any) -> Mapping[str, Any]:

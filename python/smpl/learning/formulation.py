@@ -76,7 +76,9 @@ class Formulation:
             given = getattr(self, what)
             object.__setattr__(self, what, {name: _ends(f"{what}[{name!r}]", b) for name, b in given.items()})
         if self.failure_reward is not None:
-            as_number("failure_reward", self.failure_reward)
+            given = as_number("failure_reward", self.failure_reward)
+            if not np.isfinite(given):
+                raise ValueError(f"failure_reward is {self.failure_reward!r}, expected a finite number")
         if self.reward_range is not None:
             object.__setattr__(self, "reward_range", _ends("reward_range", self.reward_range))
 

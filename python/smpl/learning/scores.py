@@ -18,7 +18,7 @@ from smpl.learning.plan import Job, Plan
 from smpl.learning.running import Settings, batched, run
 from smpl.learning.statistics import bootstrap, interquartile_mean, probability_of_improvement
 from smpl.learning.workers import spread
-from smpl.model import FloatArray
+from smpl.model import FloatArray, as_count
 
 # Episodes that are kept whole for the pictures, decisions whose times are kept, episodes a worker takes at a time.
 KEPT, DECISIONS, CHUNK = 64, 20_000, 8
@@ -159,7 +159,7 @@ def score(
     Raises:
         RunError: an episode could not be run.
     """
-    count = workers or os.cpu_count() or 1
+    count = as_count("workers", workers if workers is not None else os.cpu_count() or 1)
     found = Score(plan.agents[0].name)
     target = _target(plan)
     if ray is not None:
