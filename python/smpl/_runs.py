@@ -92,7 +92,7 @@ def read_table(path: str | os.PathLike[str]) -> dict[str, FloatArray]:
             raise ImportError("reading Parquet needs pyarrow: pip install pyarrow") from error
         table = parquet.read_table(file)
         return {name: _numbers(table[name].to_pylist()) for name in table.column_names}
-    with file.open(newline="", encoding="utf-8") as text:
+    with file.open(newline="", encoding="utf-8-sig") as text:
         rows = [row for row in csv.reader(text) if row]
     if len(rows) < 2:
         raise ValueError(f"{file} has no rows")

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from smpl._native import __version__
-from smpl.collect import add_ray, guarded
+from smpl.collect import add_ray, guarded, once
 from smpl.learning import Plan, Task, tune
 from smpl.learning.cluster import spread_on_ray
 from smpl.learning.curves import draw
@@ -30,6 +30,7 @@ from smpl.learning.reports import text_table
 from smpl.learning.scores import score
 from smpl.learning.subjects import BUDGETS, SUBJECTS, SUITES, Run, runs
 from smpl.learning.tables import lines, remarks, table
+from smpl.model import as_count
 
 __all__ = ["SUBJECTS", "Run", "benchmark", "main", "runs"]
 
@@ -39,7 +40,7 @@ def benchmark(
     suite: str = "control",
     budget: str = "smoke",
     *,
-    env: str | None = None,
+    env: str | Sequence[str] | None = None,
     seeds: int | None = None,
     resume: bool = False,
     algorithms: Sequence[str] = (),
@@ -55,7 +56,7 @@ def benchmark(
     Args:
         out: folder of the runs.
         suite, budget: what and how much.
-        env: one environment in place of all: a process of the package or of `config`, the path of a model, an id.
+        env: these in place of all: a process of the package or of `config`, the path of a model, an id, or several.
         seeds: runs of each controller; 1 for `smoke`, else 3.
         resume: go on in a folder that has runs; those that are finished are not run again.
         algorithms: names of controllers and algorithms; all if empty.
@@ -73,6 +74,8 @@ def benchmark(
         ValueError: an argument is none of what it may be, or the folder has other runs.
     """
     folder, records = Path(out), None if results is None else Path(results)
+    if workers is not None:
+        as_count("workers", workers)
     count = seeds if seeds is not None else (1 if budget == "smoke" else 3)
     every = runs(suite, budget, env, count, algorithms, config)
     if run_nothing:
@@ -261,9 +264,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description="The benchmark.",
         epilog="python -m smpl.benchmark tune --help: search hyperparameters",
     )
+    once(parser)
     parser.add_argument("--suite", default="control", help=f"one of {', '.join(SUITES)}, all")
     parser.add_argument("--budget", default="smoke", help=f"one of {', '.join(BUDGETS)}")
-    parser.add_argument("--env", metavar="ENV", help="in place of all: a process, or the path of a model")
+    parser.add_argument(
+        "--env", action="append", metavar="ENV", help="in place of all: a process, or the path of a model; repeatable"
+    )
     parser.add_argument("--seeds", type=int, metavar="N", help="runs of each controller")
     parser.add_argument("--algorithm", action="append", default=[], metavar="NAME", help="only this one; repeatable")
     parser.add_argument("--config", metavar="FILE", help="YAML over the configuration of the package")

@@ -14,6 +14,7 @@ from smpl.datasets import collect
 def main(arguments: Sequence[str] | None = None) -> int:
     """Collect as the command line says; the exit status is 2 where it cannot be done."""
     parser = argparse.ArgumentParser("python -m smpl.collect", description="A data set from any controller.")
+    once(parser)
     add_environment(parser)
     parser.add_argument(
         "--out", required=True, metavar="DIR", help="folder of the data set; what it has is not run again"
@@ -53,6 +54,24 @@ def _collect(given: argparse.Namespace) -> int:
     )
     print(f"{len(dataset)} episodes in {dataset.folder}")
     return 0
+
+
+class _Once(argparse.Action):
+    """An option that takes one value, and says so where it is given two."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, given: argparse.Namespace, values: Any, option: str | None = None
+    ) -> None:
+        seen: set[str] = given.__dict__.setdefault("_seen", set())
+        if self.dest in seen:
+            raise argparse.ArgumentError(self, "is given twice, expected once")
+        seen.add(self.dest)
+        setattr(given, self.dest, values)
+
+
+def once(parser: argparse.ArgumentParser) -> None:
+    """Refuse options that are given twice, where argparse would keep the last without a word."""
+    parser.register("action", None, _Once)
 
 
 def add_environment(parser: argparse.ArgumentParser) -> None:

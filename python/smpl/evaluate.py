@@ -8,17 +8,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from smpl.collect import add_environment, add_ray, environment, guarded
+from smpl.collect import add_environment, add_ray, environment, guarded, once
 from smpl.learning import Plan, Task
 from smpl.learning.agents import Agent, agent
 from smpl.learning.progress import Progress
 from smpl.learning.reports import content, table, text_table, write
 from smpl.learning.scores import Score, distinct, score, single
+from smpl.model import as_count
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Evaluate as the command line says; the exit status is 2 where it cannot be done."""
     parser = argparse.ArgumentParser("python -m smpl.evaluate", description="Controllers and policies side by side.")
+    once(parser)
     add_environment(parser)
     parser.add_argument(
         "--policy", action="append", metavar="FILE", help="a learned policy: PPO:FILE.zip, FILE.d3, FILE.pt"
@@ -66,6 +68,8 @@ def compare_controllers(
     for one, name in zip(agents, distinct([one.name for one in agents]), strict=True):
         one.name = name
     plan = Plan.of(task, agents, episodes, seed=seed, starts=starts)
+    if workers is not None:
+        as_count("workers", workers)  # told before an episode is run
     scores = []
     for number, one in enumerate(plan.agents):
         with Progress(progress, one.name, plan.episodes) as bar:

@@ -241,11 +241,82 @@ def test_a_configuration_brings_processes_of_its_own(tmp_path):
         ("processes: {Tank: {controllers: {'a:b': nominal}}}", "'a:b' in processes: expected letters"),
         ("processes: {Tank: {controllers: nominal}}", "controllers is 'nominal', expected NAME: CONTROLLER"),
         ("processes: {Beer: {controllers: {a: nominal}}}", "'controllers'"),
-        ("processes: {Tank: {model: models/tank.eq}}", "is called Tank, as a process of the benchmark is"),
+        ("processes: {Tank: {model: models/other.eq}}", "is called Tank, as a process of the benchmark is"),
     ):
         config.write_text(text)
         with pytest.raises(ValueError, match=says):
             runs("online", "short", str(tmp_path / "models/tank.eq"), 1, ["PPO"], config)
+
+
+def test_a_configuration_holds_several_models_of_ones_own(tmp_path):
+    pytest.importorskip("yaml")
+    for name in ("Tank", "Basin"):
+        (tmp_path / f"{name}.eq").write_text(TANK.replace("model Tank", f"model {name}"), encoding="utf-8")
+    config, path = tmp_path / "own.yaml", str(tmp_path / "Tank.eq")
+    config.write_text(
+        "processes: {Tank: {model: Tank.eq, num_envs: 3, arguments: {reward: height}}, "
+        "Basin: {model: Basin.eq, num_envs: 2, steps: {smoke: {on_policy: 48}}, sizes: {smoke: {validation: 7}}}}"
+    )
+    for env in ("Tank", path):
+        (one,) = runs("online", "short", env, 1, ["PPO"], config)
+        assert one.settings["num_envs"] == 3 and one.arguments == {"reward": "height"} and one.model == path
+    (one,) = runs("online", "smoke", "Basin", 1, ["PPO"], config)
+    assert (one.settings["steps"], one.settings["validation"]) == (48, 7)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (
+            "processes: {Basin: {num_envs: 2}}",
+            "unknown 'Basin'; there are: .*Beer.*; one of your own has `model: PATH`",
+        ),
+        ("processes: [1]", r"processes is \[1\], expected a mapping"),
+        ("processes: {Beer: 3}", "processes.Beer is 3, expected a mapping"),
+        ("processes: {Beer: {steps: 100}}", "processes.Beer.steps is 100, expected a mapping of smoke, short, paper"),
+        (
+            "processes: {Beer: {steps: {short: {onpolicy: 1}}}}",
+            "steps.short: unknown 'onpolicy'; there are: offline, on_",
+        ),
+        ("processes: {Beer: {steps: {shrot: {}}}}", "Beer.steps: unknown 'shrot'; there are: smoke, short, paper"),
+        ("processes: {Beer: {segments: {shrot: 3}}}", "Beer.segments: unknown 'shrot'; there are: smoke"),
+        ("processes: {Beer: {sizes: {shrot: {}}}}", "Beer.sizes: unknown 'shrot'"),
+        (
+            "processes: {Beer: {algorithms: {onlin: {}}}}",
+            "Beer.algorithms: unknown 'onlin'; there are: offline, online",
+        ),
+        ("processes: {Beer: {algorithms: {online: {PP0: {}}}}}", "algorithms.online: unknown 'PP0'; there are: PPO"),
+        ("processes: {Beer: {data: {nosie: 3}}}", "data: unknown 'nosie'; there are: controller, noise, episodes"),
+        ("budgets: {short: {steps: {onpolicy: 1}}}", "budgets.short.steps: unknown 'onpolicy'"),
+        ("algorithms: {online: {PPO: 3}}", "algorithms.online.PPO is 3, expected a mapping"),
+    ],
+)
+def test_what_a_configuration_cannot_mean_is_told(text, says, tmp_path):
+    pytest.importorskip("yaml")
+    (tmp_path / "own.yaml").write_text(text)
+    with pytest.raises(ValueError, match=says):
+        read(tmp_path / "own.yaml")
+
+
+def test_several_environments_are_run_and_other_options_stand_once(tmp_path, capsys):
+    for name in ("Tank", "Basin"):
+        (tmp_path / f"{name}.eq").write_text(TANK.replace("model Tank", f"model {name}"), encoding="utf-8")
+    (tmp_path / "Tank2.eq").write_text(TANK, encoding="utf-8")
+    paths = [str(tmp_path / f"{name}.eq") for name in ("Tank", "Basin", "Tank2")]
+    found = runs("control", "smoke", [paths[0], "Beer", paths[1], "smpl/Beer-v0"], 1, ["nominal"])
+    assert [one.env for one in found] == ["Tank", "Beer", "Basin"]
+    with pytest.raises(ValueError, match="both called Tank"):
+        runs("control", "smoke", [paths[0], paths[2]], 1)
+    given = ["--env", paths[0], "--env", paths[1], "--algorithm", "nominal", "--out", str(tmp_path / "runs"), "--quiet"]
+    assert main(given) == 0
+    assert {path.parts[-3] for path in tmp_path.glob("runs/control/*/*/seed-0")} == {"Tank", "Basin"}
+    for command in (
+        ["--config", "a", "--config", "b"],
+        ["tune", "--env", "Beer", "--env", "MAb", "--algorithm", "PPO"],
+    ):
+        with pytest.raises(SystemExit):
+            main(command)
+        assert f"argument {command[-4] if len(command) > 4 else '--config'}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -257,6 +328,7 @@ def test_a_configuration_brings_processes_of_its_own(tmp_path):
         (["--budget", "huge"], "budget is 'huge'; there are: smoke, short, paper"),
         (["--env", "Rector"], "env is 'Rector'; there are: Reactor, Beer"),
         (["--seeds", "0"], "seeds is 0"),
+        (["--env", "Beer", "--env", "Rector"], "env is 'Rector'; there are: Reactor, Beer"),
     ],
 )
 def test_bad_input_of_the_benchmark_is_told_in_a_line(arguments, says, capsys, tmp_path):

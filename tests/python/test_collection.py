@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium
@@ -16,6 +17,7 @@ import pytest
 import smpl
 from smpl.controllers import Proportional
 from smpl.datasets import DatasetError, collect, initial_grid, load
+from smpl.datasets.store import Manifest
 from smpl.evaluation import evaluate, run_episode
 from smpl.learning import Plan, RunError, Settings, Starts, Task, run
 
@@ -172,6 +174,37 @@ def test_more_episodes_are_added_to_those_that_are_there(tmp_path):
     assert [one.seed for one in load(tmp_path)] == [0, 1, 2, 3, 4]
 
 
+def test_fewer_episodes_leave_those_that_are_there(tmp_path):
+    collect("reactor", "pid", 7, tmp_path, part=2, max_steps=5)
+    for asked in (3, 4):
+        with pytest.warns(UserWarning, match=rf"is a data set of 7 episodes, which stay: {asked} were asked for"):
+            assert len(collect("reactor", "pid", asked, tmp_path, max_steps=5)) == 7
+    assert load(tmp_path).complete
+    # What earlier versions wrote: `dataset.json` of fewer episodes than there are.
+    Manifest.write(replace(load(tmp_path).manifest, episodes=3), tmp_path)
+    with pytest.raises(DatasetError, match=r"part-000002.parquet has more than the 3 episodes of dataset.json"):
+        load(tmp_path)
+    kept = load(tmp_path, skip_damaged=True)
+    assert [one.seed for one in kept] == [0, 1] and len(kept.damaged) == 3
+    assert len(collect("reactor", "pid", 7, tmp_path, max_steps=5)) == 7
+
+
+def test_a_part_that_is_missing_before_others_is_named(tmp_path):
+    collect("reactor", "pid", 6, tmp_path, part=2, max_steps=5)
+    (tmp_path / "part-000001.parquet").unlink()
+    with pytest.raises(DatasetError, match=r"part-000001.parquet is missing, though part-000002.parquet is there"):
+        load(tmp_path)
+    kept = load(tmp_path, skip_damaged=True)
+    assert [one.seed for one in kept] == [0, 1, 4, 5] and list(kept.damaged) == ["part-000001.parquet"]
+    assert not kept.complete
+    (tmp_path / "part-000002.parquet").unlink()
+    cut = load(tmp_path)  # as one that was cut off, or still runs
+    assert [one.seed for one in cut] == [0, 1] and not cut.complete and not cut.damaged
+    with pytest.warns(UserWarning, match="6 episodes, which stay: 3 were"):
+        assert [one.seed for one in collect("reactor", "pid", 3, tmp_path, max_steps=5)] == [0, 1, 2, 3]
+    assert len(collect("reactor", "pid", 6, tmp_path, max_steps=5)) == 6
+
+
 def test_another_data_set_in_the_folder_is_refused(tmp_path):
     collect("reactor", "pid", 2, tmp_path, max_steps=5)
     for arguments in ({"seed": 1}, {"scenario": "legacy"}, {"noise": 0.1}, {"starts": "grid:0.1:2"}):
@@ -234,6 +267,13 @@ def test_a_damaged_part_is_named_and_can_be_left_out(tmp_path):
     assert [one.seed for one in load(tmp_path)] == list(range(6))
 
 
+def test_two_columns_of_one_name_are_refused(tmp_path):
+    manifest = collect("reactor", "pid", 1, tmp_path, max_steps=3).manifest
+    for key in ("observations", "states"):
+        with pytest.raises(DatasetError, match=f"{key} has 'T' twice: a column {key[:-1]}.T"):
+            replace(manifest, names={**manifest.names, key: ["T", "h", "T"]})
+
+
 def test_nan_never_enters(tmp_path):
     with pytest.raises(RunError, match=r"episode 0 \(seed 0, controller .*not finite"):
         collect("reactor", lambda observation: [np.nan, 0.0], 2, tmp_path, workers=1)
@@ -279,12 +319,44 @@ def test_starts_are_those_that_were_asked_for(tmp_path):
         ("c_A,T\n0.8,50\n0.7,\n", "line 3: T is '', expected a number"),
         ("c_A,T\n0.8,50,hot\n", "line 2 has 3 cells, expected 2: c_A, T"),
         ("c_A,T\n0.8,50\n0.7\n", "line 3 has 1 cells, expected 2: c_A, T"),
+        ("", "it has no rows: expected names of states in the first line"),
+        ("c_A,T\n", "it has no rows"),
+        ("T,c_A,T\n50,0.8,60\n", "two columns are called 'T'"),
     ],
 )
 def test_a_line_of_a_table_of_starts_that_cannot_be_meant_is_named(text, says, tmp_path):
     (tmp_path / "starts.csv").write_text(text)
     with pytest.raises(ValueError, match=says):
         collect("reactor", "pid", 1, tmp_path / "set", starts=tmp_path / "starts.csv")
+
+
+def test_a_table_of_starts_may_begin_with_a_byte_order_mark(tmp_path):
+    (tmp_path / "starts.csv").write_text("\ufeffT,h\n50,0.6\n", encoding="utf-8")
+    starts = Starts.of(tmp_path / "starts.csv", smpl.Env("reactor"), 1)
+    assert starts.option(0) == {"T": 50.0, "h": 0.6}
+
+
+@pytest.mark.parametrize("name", ["PPO:p.zip", "p.d3", "p.pt"])
+def test_a_policy_file_that_cannot_be_read_is_named(name, tmp_path, monkeypatch):
+    from types import SimpleNamespace
+
+    def broken(*_, **__):
+        raise AttributeError("no attribute 'actor'\nmore")
+
+    module = SimpleNamespace(PPO=SimpleNamespace(load=broken), load_learnable=broken, jit=SimpleNamespace(load=broken))
+    for package in ("stable_baselines3", "d3rlpy", "torch"):
+        monkeypatch.setitem(sys.modules, package, module)
+    algorithm, _, file = name.rpartition(":")
+    (tmp_path / file).write_bytes(b"nothing")
+    spec = f"{algorithm}:{tmp_path / file}" if algorithm else str(tmp_path / file)
+    with pytest.raises(ValueError, match=rf"policy file '.*{file}' cannot be read as one of .*: no attribute 'actor'$"):
+        Plan.of(Task.of("reactor"), spec, 1)
+    if file == "p.pt":
+        monkeypatch.setattr("smpl.learning.agents._policy_file", lambda spec: Batched())
+        for text in ("{", '{"reach": 9}', "3"):
+            (tmp_path / "formulation.json").write_text(text)
+            with pytest.raises(ValueError, match=r"formulation.json is no formulation: "):
+                Plan.of(Task.of("reactor"), spec, 1)
 
 
 def test_starts_outside_of_their_bounds_are_told(tmp_path):
@@ -388,6 +460,34 @@ def test_a_model_whose_file_has_changed_since_it_was_compiled_is_refused(tmp_pat
         collect(model, "nominal", 1, tmp_path / "set")
 
 
+class Raising:
+    """A controller with a fault of its own."""
+
+    def __init__(self, where):
+        self.where = where
+
+    def reset(self, env):
+        if self.where == "reset":
+            raise KeyError("boom")
+
+    def action(self, env):
+        raise KeyError("boom")
+
+
+def raising(observation):
+    raise KeyError("boom")
+
+
+def test_a_controller_may_have_an_action_alone(tmp_path):
+    class Still:
+        def action(self, env):
+            return [26.85, 0.1]
+
+    env = smpl.Env("reactor", max_steps=5)
+    (kept,) = collect("reactor", Still(), 1, tmp_path, workers=1, max_steps=5)
+    np.testing.assert_array_equal(kept.observations, evaluate(env, Still(), 1)[0].observations)
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -406,6 +506,13 @@ def test_a_model_whose_file_has_changed_since_it_was_compiled_is_refused(tmp_pat
         ({"weights": [1, 2]}, "weights is"),
         ({"states": ["q"]}, "q"),
         ({"seed": -1}, "seed is -1"),
+        ({"workers": 0}, "workers is 0"),
+        (
+            {"controller": Raising(None), "workers": 1},
+            r"episode 0 \(seed 0, controller Raising\): KeyError: 'boom' \(test_coll.*, line ",
+        ),
+        ({"controller": Raising("reset")}, "controller Raising: its reset fails: KeyError: 'boom'"),
+        ({"controller": raising, "workers": 1}, r"episode 0 .*KeyError: 'boom'"),
     ],
 )
 def test_bad_input_of_a_collection_is_refused(arguments, says, tmp_path):

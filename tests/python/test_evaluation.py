@@ -13,6 +13,7 @@ from smpl.evaluation import evaluate, per_episode, pooled
 from smpl.learning import Plan, Task
 from smpl.learning.scores import Score, Summary, compare, score, settling_time
 from smpl.learning.statistics import bootstrap, interquartile_mean, probability_of_improvement
+from tank import TANK
 
 
 def summaries(rewards):
@@ -116,6 +117,16 @@ def test_settling_is_the_time_after_the_last_step_outside_of_the_band():
     assert np.isnan(settling_time(one, steady + 1, width))
 
 
+def test_where_nothing_is_steady_nothing_settles(tmp_path):
+    path = tmp_path / "tank.eq"
+    # The level rises by 0.1 m/s whatever it is.
+    path.write_text(TANK.replace("0.2 [m^2.5/s]*sqrt(h)", "0.1 [m^3/s]") + "steady { q = 0.2 }\n", encoding="utf-8")
+    _, (found,) = compare_controllers(path, ["nominal"], 2)
+    report = found.report()
+    assert (report["settled"], report["settling_time"]) == (0, None)
+    assert report["returns"] == pytest.approx([-0.01 * sum(k * k for k in range(1, 7))] * 2, rel=1e-6)
+
+
 def test_processes_and_batches_do_not_change_a_score():
     plan = Plan.of(Task.of("beer", max_steps=20), "nominal", 20, seed=5)
     one, two = score(plan, 1), score(plan, 2)
@@ -173,6 +184,7 @@ def test_without_matplotlib_pictures_are_left_out_with_a_note(tmp_path, monkeypa
         (["reactor", "--policy", "no.pt", "--episodes", "1"], "policy file 'no.pt' is not there"),
         (["beer", "--controller", "constant:1,2", "--episodes", "1"], "action"),
         (["reactor", "--controller", "pid", "--episodes", "1", "--set", "U"], "expected NAME=VALUE"),
+        (["reactor", "--controller", "pid", "--episodes", "1", "--workers", "0"], "workers is 0"),
     ],
 )
 def test_bad_input_of_an_evaluation_is_told_in_a_line(arguments, says, capsys):

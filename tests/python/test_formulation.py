@@ -177,6 +177,7 @@ def test_a_curriculum_moves_the_parameters_of_episodes():
         ({"history": 0}, "history is 0"),
         ({"reward_scale": -1}, "reward_scale is -1"),
         ({"reward_range": (1, 0)}, "reward_range is"),
+        ({"failure_reward": float("nan")}, "failure_reward is nan, expected a finite number"),
         ({"left": ["T_c", "q_out"]}, "nothing is left to learn"),
         ({"left": ["T_d"]}, "left.*'T_d'"),
         ({"windows": {"T_x": (0, 1)}}, "windows.*'T_x'"),

@@ -9,6 +9,7 @@ import pytest
 from smpl.benchmark import main, runs
 from smpl.learning import configuration
 from smpl.learning.tuning import Search, Trial, best, tune, write
+from tank import TANK
 
 yaml = pytest.importorskip("yaml")
 SPACE = {"x": {"low": 0.0, "high": 1.0}, "n": {"low": 1, "high": 9}, "net": [[64, 64], [32], None]}
@@ -108,6 +109,42 @@ def test_what_was_found_is_a_configuration_that_the_benchmark_reads(tmp_path):
     assert "net" not in run.settings["hyperparameters"]
     (run,) = runs("offline", "short", "Reactor", 1, ["BC"], path)
     assert run.settings["hyperparameters"]["net"] == [3]
+
+
+def test_what_is_written_has_all_that_a_process_was_tuned_with(tmp_path, monkeypatch):
+    (tmp_path / "models").mkdir()
+    (tmp_path / "models/tank.eq").write_text(TANK, encoding="utf-8")
+    (tmp_path / "out").mkdir()
+    monkeypatch.chdir(tmp_path)
+    said = "formulation: {centre: nominal, reach: 0.5}, segments: {short: 3}, arguments: {reward: height}"
+    (tmp_path / "own.yaml").write_text(
+        f"processes: {{Own: {{model: models/tank.eq, {said}, algorithms: {{online: {{PPO: {{gamma: 0.9}}}}}}}}}}\n"
+        "algorithms: {online: {PPO: {n_steps: 64}}, offline: {AWAC: {gamma: 0.8}}}\n"
+        "budgets: {short: {validation: 7}}\n"
+    )
+    (tmp_path / "by_path.yaml").write_text(f"processes: {{Tank: {{{said.partition(', arg')[0]}}}}}\n")
+    found = [Trial(0, {}, -3.0, "complete"), Trial(1, {"gamma": 0.5, "batch_size": 64}, -1.0, "complete")]
+    absolute = str(tmp_path / "models/tank.eq")
+    for env, config, suite, algorithm in (
+        ("Own", "own.yaml", "online", "PPO"),
+        ("models/tank.eq", "by_path.yaml", "online", "PPO"),
+        (absolute, None, "offline", "AWAC"),
+    ):
+        search = Search.of(env, algorithm, suite=suite, config=config)
+        path = tmp_path / f"out/{algorithm}-{search.env}.yaml"
+        write(search, found, "python", path)
+        model = yaml.safe_load(path.read_text())["processes"][search.env]["model"]
+        assert model == (absolute if env == absolute else "../models/tank.eq")
+        (before,) = runs(suite, "short", env, 1, [algorithm], config)
+        for again in (env, search.env):
+            (run,) = runs(suite, "short", again, 1, [algorithm], path)
+            hyper = {**before.settings["hyperparameters"], **found[1].hyperparameters}
+            assert run == replace(before, settings={**before.settings, "hyperparameters": hyper})
+    # Where the best trial changes nothing, what the configuration said stays.
+    write(Search.of("Own", "PPO", config="own.yaml"), found[:1], "python", tmp_path / "out/PPO-Own.yaml")
+    (run,) = runs("online", "short", "Own", 1, ["PPO"], tmp_path / "out/PPO-Own.yaml")
+    (before,) = runs("online", "short", "Own", 1, ["PPO"], "own.yaml")
+    assert run == before and run.settings["hyperparameters"]["gamma"] == 0.9
 
 
 def test_a_study_without_a_score_writes_nothing(tmp_path):

@@ -8,6 +8,7 @@ import importlib.metadata
 import os
 import platform
 import tempfile
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -60,7 +61,7 @@ def collect(
     Args:
         env: id, model's name, path, compiled model, or an environment without wrappers.
         controller: see `smpl.learning.agent`; a list is a mixture, from which each episode draws one.
-        episodes: how many.
+        episodes: how many; where the folder has more, they stay, with a warning.
         out: folder of the data set; it is made if it is not there.
         seed: of the first episode.
         workers: threads or processes; all processors if none.
@@ -87,21 +88,25 @@ def collect(
         Task.of(env, **arguments), controller, episodes, seed=seed, weights=weights, starts=starts, noise=noise,
         epsilon=epsilon, randomize=randomize,
     )  # fmt: skip
-    count = as_count("workers", workers or os.cpu_count() or 1)
+    count = as_count("workers", workers if workers is not None else os.cpu_count() or 1)
     folder = Path(out)
     manifest = _manifest(plan, folder, _state_names(plan.task, states), part)
-    missing = _missing(folder, manifest)
-    with Progress(progress, "collect", plan.episodes, plan.episodes - _episodes_in(manifest, missing)) as bar:
+    if manifest.episodes > plan.episodes:
+        text = f"{folder} is a data set of {manifest.episodes} episodes, which stay: {plan.episodes} were asked for"
+        warnings.warn(text, stacklevel=2)
+    parts = -(-plan.episodes // manifest.part)
+    missing, whole = _missing(folder, manifest, parts), manifest.range(parts - 1)[1]
+    with Progress(progress, "collect", whole, whole - _episodes_in(manifest, missing)) as bar:
         try:
             for first, last in _run_parts(plan, folder, manifest, missing, count, ray):
                 bar.add(last - first)
         except OSError as error:
             if error.errno != errno.ENOSPC:
                 raise
-            done = manifest.parts - len(_missing(folder, manifest))
+            done = manifest.parts - len(_missing(folder, manifest, manifest.parts))
             raise DatasetError(
-                f"the disk is full: {folder} has {done} of {manifest.parts} parts and opens; free some room and run "
-                "the same command to go on"
+                f"the disk is full: {folder} has {done} of {manifest.parts} parts, which are whole; free some room and "
+                "run the same command to go on"
             ) from error
     return load(folder)
 
@@ -168,7 +173,8 @@ def _manifest(plan: Plan, folder: Path, states: tuple[str, ...], part: int | Non
         size = _part_size(plan, names) if part is None else as_count("part", part)
         manifest = Manifest(identity, names, _about(plan, env), size, plan.episodes)
     else:
-        manifest = replace(Manifest.read(folder), episodes=plan.episodes)
+        before = Manifest.read(folder)
+        manifest = replace(before, episodes=max(before.episodes, plan.episodes))
         there = {**manifest.identity, "states": list(manifest.names["states"])}
         here = {**identity, "states": list(states)}
         differing = [key for key in here if there.get(key) != here[key]]
@@ -269,14 +275,14 @@ def _part_size(plan: Plan, names: Mapping[str, Sequence[str]]) -> int:
     return max(1, min(-(-plan.episodes // 16), PART_BYTES // (row * steps), PART_EPISODES))
 
 
-def _missing(folder: Path, manifest: Manifest) -> list[int]:
-    """Parts that are not there, or have fewer episodes than they shall have now.
+def _missing(folder: Path, manifest: Manifest, parts: int) -> list[int]:
+    """Of the first parts those that are not there, or have fewer episodes than they shall have now.
 
     Raises:
         DatasetError: a part is damaged, or of another model.
     """
     missing = []
-    for number in range(manifest.parts):
+    for number in range(parts):
         mark = part_mark(folder, number)
         first, last = manifest.range(number)
         if mark is not None and mark["checksum"] != manifest.identity["checksum"]:

@@ -9,7 +9,7 @@ from typing import Any, overload
 
 import numpy as np
 
-from smpl.datasets.store import DatasetError, Manifest, part_mark, part_path, read_part
+from smpl.datasets.store import MANIFEST, DatasetError, Manifest, part_mark, part_path, read_part
 from smpl.evaluation import Episode
 from smpl.learning.plan import Task
 
@@ -20,7 +20,7 @@ class Dataset(Sequence[Episode]):
     Attributes:
         folder: where it is.
         manifest: names, units, bounds, versions, and what the episodes are a function of.
-        damaged: parts that were left out, with what is wrong with them.
+        damaged: parts that were left out, damaged or missing, with what is wrong with them.
     """
 
     def __init__(self, folder: Path, manifest: Manifest, skip_damaged: bool) -> None:
@@ -30,6 +30,14 @@ class Dataset(Sequence[Episode]):
         self._held: tuple[int, list[Episode]] = (-1, [])
         for number in range(manifest.parts):
             self._find(number, skip_damaged)
+        for number, fault in self._faults().items():
+            name = part_path(folder, number)
+            if not skip_damaged:
+                raise DatasetError(f"{name} {fault}, or leave it out by load(..., skip_damaged=True)")
+            self.damaged[name.name] = f"{name} {fault}"
+        self._parts = [
+            (number, count) for number, count in self._parts if part_path(folder, number).name not in self.damaged
+        ]
         self._starts = np.cumsum([0, *(count for _, count in self._parts)])
 
     def __len__(self) -> int:
@@ -59,7 +67,7 @@ class Dataset(Sequence[Episode]):
 
     @property
     def complete(self) -> bool:
-        """Whether all episodes that were asked for are there."""
+        """Whether all episodes that were asked for are there; not while they are collected, or where that was cut."""
         return len(self) == self.manifest.episodes
 
     def check(self, env: Any, **arguments: Any) -> None:
@@ -95,6 +103,23 @@ class Dataset(Sequence[Episode]):
         if mark is not None:
             self._parts.append((number, int(mark["episodes"])))
 
+    def _faults(self) -> dict[int, str]:
+        """Parts after which others would be counted wrong. What is not there yet at the end is no fault."""
+        manifest, counts, faults = self.manifest, dict(self._parts), {}
+        sizes = {number: last - first for number in range(manifest.parts) for first, last in [manifest.range(number)]}
+        again = f"though {part_path(self.folder, max(counts, default=0)).name} is there: collect again"
+        for number in range(max(counts, default=0)):
+            if part_path(self.folder, number).name in self.damaged:
+                continue
+            if number not in counts:
+                faults[number] = f"is missing, {again}"
+            elif counts[number] < sizes[number]:
+                faults[number] = f"has {counts[number]} of {sizes[number]} episodes, {again}"
+        beyond = f"has more than the {manifest.episodes} episodes of {MANIFEST}: collect as many again"
+        found = [int(path.stem[5:]) for path in self.folder.glob("part-*.parquet") if path.stem[5:].isdigit()]
+        faults |= {number: beyond for number in sorted(found) if number >= manifest.parts}
+        return {**faults, **{number: beyond for number, count in counts.items() if count > sizes[number]}}
+
     def _part(self, place: int) -> list[Episode]:
         if self._held[0] != place:
             self._held = place, read_part(self.folder, self._parts[place][0], self.manifest)
@@ -107,11 +132,11 @@ def load(folder: str | os.PathLike[str], env: Any = None, *, skip_damaged: bool 
     Args:
         folder: where `collect` wrote it.
         env: the environment that it shall be of; not looked at if none.
-        skip_damaged: leave damaged parts out (every part is read once for it).
+        skip_damaged: leave damaged and missing parts out (every part is read once for it).
         arguments: of the environment.
 
     Raises:
-        DatasetError: no data set, a damaged part, or one of another model.
+        DatasetError: no data set, a damaged part, one that is missing before others, or one of another model.
         ImportError: pyarrow is missing.
     """
     dataset = Dataset(Path(folder), Manifest.read(Path(folder)), skip_damaged)

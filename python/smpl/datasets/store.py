@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -63,6 +64,9 @@ class Manifest:
         about: versions, units, bounds: what a reader wants to know.
         part: episodes a part.
         episodes: how many were asked for.
+
+    Raises:
+        DatasetError: two columns have one name.
     """
 
     identity: Mapping[str, Any]
@@ -70,6 +74,15 @@ class Manifest:
     about: Mapping[str, Any]
     part: int
     episodes: int
+
+    def __post_init__(self) -> None:
+        for prefix, key, _ in GROUPS:
+            twice = [name for name, count in Counter(self.names.get(key, ())).items() if count > 1]
+            if twice:
+                raise DatasetError(
+                    f"{key} has {twice[0]!r} twice: a column {prefix}.{twice[0]} can hold one of them only; "
+                    "give them different names"
+                )
 
     def write(self, folder: Path) -> None:
         """Write `dataset.json`, whole or not at all."""

@@ -1,8 +1,8 @@
 """Anything that chooses actions, behind one interface.
 
-A controller (`reset(env)`, `action(env)`, physical units), a policy (`predict(observations)` as of Stable-Baselines3
-and d3rlpy, `compute_single_action(observation)` as of RLlib; actions of the action space) or a function of the
-observation. Policies with `predict` and some of our own controllers act on a whole batch at once.
+A controller (`action(env)`, `reset(env)` if it has a memory; physical units), a policy (`predict(observations)` as of
+Stable-Baselines3 and d3rlpy, `compute_single_action(observation)` as of RLlib; actions of the action space) or a
+function of the observation. Policies with `predict` and some of our own controllers act on a whole batch at once.
 """
 
 from __future__ import annotations
@@ -86,7 +86,9 @@ class Agent:
     def reset(self, env: Env) -> dict[str, Any]:
         """Begin an episode; returns an empty memory."""
         if self.kind == "action":
-            self.chooser.reset(env)
+            forget = getattr(self.chooser, "reset", None)
+            if forget is not None:
+                forget(env)
         elif callable(getattr(self.chooser, "reset", None)) and self.kind == "call":
             self.chooser.reset()
         return {}
@@ -262,10 +264,24 @@ def _policy_file(spec: str) -> Any:
     if file.endswith(".zip"):
         return _stable_baselines(algorithm, file)
     if file.endswith(".d3"):
-        return _needs("d3rlpy", "smpl[d3rlpy]").load_learnable(file)
+        d3rlpy = _needs("d3rlpy", "smpl[d3rlpy]")
+        with _of_file(file, "d3rlpy"):
+            return d3rlpy.load_learnable(file)
     torch = _needs("torch", "torch")
-    with of_torchscript():
+    with of_torchscript(), _of_file(file, "TorchScript"):
         return _TorchPolicy(torch.jit.load(file).eval())
+
+
+@contextlib.contextmanager
+def _of_file(file: str, what: str) -> Iterator[None]:
+    """Name the file where a package cannot read it, whatever it raises then."""
+    try:
+        yield
+    except ImportError:
+        raise
+    except Exception as error:
+        said = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise ValueError(f"policy file {file!r} cannot be read as one of {what}: {said}") from error
 
 
 @contextlib.contextmanager
@@ -294,7 +310,8 @@ def _stable_baselines(algorithm: str, file: str) -> Any:
         except ImportError:
             continue
         if found is not None:
-            return found.load(file, device="cpu")
+            with _of_file(file, algorithm):
+                return found.load(file, device="cpu")
     raise ValueError(f"algorithm {algorithm!r} is none of stable-baselines3 or sb3-contrib (is that installed?)")
 
 
@@ -337,7 +354,7 @@ def _numbers(spec: str) -> list[float]:
 
 def _kind(chooser: Any) -> str:
     if not isinstance(chooser, type):
-        if callable(getattr(chooser, "action", None)) and callable(getattr(chooser, "reset", None)):
+        if callable(getattr(chooser, "action", None)):
             return "action"
         if callable(getattr(chooser, "predict", None)):
             return "predict"
@@ -348,7 +365,9 @@ def _kind(chooser: Any) -> str:
         if callable(chooser):
             return "call"
     what = f"the class {chooser.__name__}" if isinstance(chooser, type) else type(chooser).__name__
-    raise TypeError(f"controller is {what}, expected reset(env) and action(env), or predict(observations), or a call")
+    raise TypeError(
+        f"controller is {what}, expected an object with action(env) or predict(observations), or a function"
+    )
 
 
 def _parameters(function: Any) -> Mapping[str, Any]:

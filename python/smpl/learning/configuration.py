@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,16 +33,20 @@ _PROCESS = (
 # What says what a process of somebody's own is, and what runs beside the policies that it declares.
 _OF_ONES_OWN, _BESIDE = ("model", "arguments"), "controllers"
 _SIZES = ("validation", "data")
+# What a number of steps is of, see `_kind`; what a data set is made by.
+_KINDS = ("offline", "on_policy", "off_policy", "search", "rllib")
+_DATA = ("controller", "noise", "episodes")
+_PARTS = ("budgets", "algorithms", "spaces", "processes", "tuned")
 _BUDGET = ("segments", "validation", "data", "num_envs", "steps", "hyperparameters")
 
 
-def read(path: str | os.PathLike[str] | None = None, tuned: bool = True, own: str | None = None) -> dict[str, Any]:
+def read(path: str | os.PathLike[str] | None = None, tuned: bool = True, own: Iterable[str] = ()) -> dict[str, Any]:
     """The configuration.
 
     Args:
         path: a file over the one of this package.
         tuned: with the hyperparameters that were tuned for the package.
-        own: a process that is none of the package, and that the file need not say the model of.
+        own: processes that are none of the package, and that the file need not say the model of.
 
     Raises:
         ImportError: PyYAML is missing.
@@ -56,14 +60,26 @@ def read(path: str | os.PathLike[str] | None = None, tuned: bool = True, own: st
     base: dict[str, Any] = over(package, found if tuned else {"tuned": {}})
     if path is None:
         return base
+    given = of_file(path)
+    _check(given, base, tuple(own))
+    return over(base, given)
+
+
+def of_file(path: str | os.PathLike[str]) -> Mapping[str, Any]:
+    """What a user's file says, without the configuration of this package beneath.
+
+    Raises:
+        ValueError: the file is none.
+    """
+    import yaml
+
     try:
         given = yaml.safe_load(Path(path).read_text(encoding="utf-8")) or {}
     except (OSError, yaml.YAMLError) as error:
         raise ValueError(f"configuration {str(path)!r}: {error}") from error
     if not isinstance(given, Mapping):
-        raise ValueError(f"configuration {str(path)!r}: expected a mapping with {', '.join(base)}")
-    _check(given, base, own)
-    return over(base, given)
+        raise ValueError(f"configuration {str(path)!r}: expected a mapping with {', '.join(_PARTS)}")
+    return given
 
 
 def algorithms(configuration: Mapping[str, Any], suite: str) -> tuple[str, ...]:
@@ -81,9 +97,11 @@ def settings(configuration: Mapping[str, Any], suite: str, env: str, algorithm: 
     own = process.get("algorithms", {}).get(suite, {}).get(algorithm, {})
     kind = _kind(suite, algorithm)
     sized = sizes.get("hyperparameters", {}).get(suite, {}).get(algorithm, {})
-    hyper = {**configuration["algorithms"][suite][algorithm], **own, **sized}
-    steps = sizes["steps"] if budget == "smoke" else {**sizes["steps"], **process.get("steps", {}).get(budget, {})}
-    whole = {**sizes, **({} if budget == "smoke" else process.get("sizes", {}).get(budget, {}))}
+    # Of `smoke` nothing is taken but that it is short; elsewhere what is said of a process goes before.
+    ordered = (own, sized) if budget == "smoke" else (sized, own)
+    hyper = {**configuration["algorithms"][suite][algorithm], **ordered[0], **ordered[1]}
+    steps = {**sizes["steps"], **process.get("steps", {}).get(budget, {})}
+    whole = {**sizes, **process.get("sizes", {}).get(budget, {})}
     chosen = {
         "train": process.get("train", {}),
         "formulation": process.get("formulation", {}),
@@ -116,30 +134,59 @@ def _kind(suite: str, algorithm: str) -> str:
     return "on_policy" if algorithm in _ON_POLICY else "off_policy"
 
 
-def _check(given: Mapping[str, Any], base: Mapping[str, Any], own: str | None) -> None:
+def _check(given: Mapping[str, Any], base: Mapping[str, Any], own: Sequence[str]) -> None:
     check_names("configuration", given, tuple(base))
-    check_names("budgets", given.get("budgets", {}), tuple(base["budgets"]))
-    for name, one in given.get("budgets", {}).items():
-        check_names(f"budgets.{name}", one, _BUDGET)
-    processes = given.get("processes", {})
-    of_ones_own = [name for name, one in processes.items() if "model" in one and name not in base["processes"]]
-    check_names("processes", processes, (*base["processes"], *of_ones_own, *([own] if own else [])))
-    for name, one in processes.items():
-        beside = (_BESIDE,) if name not in base["processes"] else ()
-        check_names(f"processes.{name}", one, (*_PROCESS, *beside, *(_OF_ONES_OWN if name in of_ones_own else ())))
-        if not isinstance(one.get(_BESIDE, {}), Mapping):
-            raise ValueError(f"processes.{name}.{_BESIDE} is {one[_BESIDE]!r}, expected NAME: CONTROLLER")
-        for folder in (name, *one.get(_BESIDE, {})):
-            if not re.fullmatch(r"[A-Za-z0-9_-]+", str(folder)):
-                raise ValueError(f"{folder!r} in processes: expected letters, digits, - and _, as names of folders")
-        for budget, sizes in one.get("sizes", {}).items():
-            check_names(f"processes.{name}.sizes.{budget}", sizes, _SIZES)
-    check_names("algorithms", given.get("algorithms", {}), SUITES)
-    for suite, one in given.get("algorithms", {}).items():
-        check_names(f"algorithms.{suite}", one, tuple(base["algorithms"][suite]))
-    check_names("spaces", given.get("spaces", {}), SUITES)
-    for suite, one in given.get("spaces", {}).items():
-        check_names(f"spaces.{suite}", one, tuple(base["algorithms"][suite]))
+    for name, one in _section("budgets", given.get("budgets", {}), tuple(base["budgets"])).items():
+        sizes = _section(f"budgets.{name}", one, _BUDGET)
+        _section(f"budgets.{name}.steps", sizes.get("steps", {}), _KINDS)
+        _check_algorithms(f"budgets.{name}.hyperparameters", sizes.get("hyperparameters", {}), base)
+    for name, one in _section("processes", given.get("processes", {})).items():
+        _check_process(name, _section(f"processes.{name}", one), base, own)
+    _check_algorithms("algorithms", given.get("algorithms", {}), base)
+    _check_algorithms("spaces", given.get("spaces", {}), base)
+
+
+def _check_process(name: str, one: Mapping[str, Any], base: Mapping[str, Any], own: Sequence[str]) -> None:
+    known, what = name in base["processes"], f"processes.{name}"
+    if not (known or name in own or "model" in one):
+        listed = ", ".join(base["processes"])
+        raise ValueError(f"processes: unknown {name!r}; there are: {listed}; one of your own has `model: PATH`")
+    check_names(what, one, (*_PROCESS, *(() if known else (_BESIDE, *_OF_ONES_OWN))))
+    if not isinstance(one.get(_BESIDE, {}), Mapping):
+        raise ValueError(f"{what}.{_BESIDE} is {one[_BESIDE]!r}, expected NAME: CONTROLLER")
+    for folder in (name, *one.get(_BESIDE, {})):
+        if not re.fullmatch(r"[A-Za-z0-9_-]+", str(folder)):
+            raise ValueError(f"{folder!r} in processes: expected letters, digits, - and _, as names of folders")
+    for key in ("train", "formulation", "curriculum", "scalers", "arguments"):
+        _section(f"{what}.{key}", one.get(key, {}))
+    _section(f"{what}.data", one.get("data", {}), _DATA)
+    budgets = tuple(base["budgets"])
+    for key, inner in (("steps", _KINDS), ("sizes", _SIZES)):
+        for budget, sizes in _section(f"{what}.{key}", one.get(key, {}), budgets).items():
+            _section(f"{what}.{key}.{budget}", sizes, inner)
+    _section(f"{what}.segments", one.get("segments", {}), budgets)
+    _check_algorithms(f"{what}.algorithms", one.get("algorithms", {}), base)
+    _check_algorithms(f"{what}.spaces", one.get("spaces", {}), base)
+
+
+def _check_algorithms(what: str, given: Any, base: Mapping[str, Any]) -> None:
+    """Refuse what is no mapping from suites to algorithms to names."""
+    for suite, one in _section(what, given, SUITES).items():
+        for algorithm, named in _section(f"{what}.{suite}", one, tuple(base["algorithms"][suite])).items():
+            _section(f"{what}.{suite}.{algorithm}", named)
+
+
+def _section(what: str, given: Any, known: Sequence[str] | None = None) -> Mapping[str, Any]:
+    """A part of the file, which is a mapping, of these names if there are any.
+
+    Raises:
+        ValueError: it is none, or has others; the message lists the right ones.
+    """
+    if not isinstance(given, Mapping):
+        raise ValueError(f"{what} is {given!r}, expected a mapping" + (f" of {', '.join(known)}" if known else ""))
+    if known is not None:
+        check_names(what, given, known)
+    return given
 
 
 def over(base: Any, given: Any) -> Any:

@@ -76,7 +76,9 @@ class Formulation:
             given = getattr(self, what)
             object.__setattr__(self, what, {name: _ends(f"{what}[{name!r}]", b) for name, b in given.items()})
         if self.failure_reward is not None:
-            as_number("failure_reward", self.failure_reward)
+            given = as_number("failure_reward", self.failure_reward)
+            if not np.isfinite(given):
+                raise ValueError(f"failure_reward is {self.failure_reward!r}, expected a finite number")
         if self.reward_range is not None:
             object.__setattr__(self, "reward_range", _ends("reward_range", self.reward_range))
 
@@ -105,9 +107,18 @@ class Formulation:
 
     @classmethod
     def beside(cls, file: Path) -> Formulation | None:
-        """The formulation that lies beside a policy file, none if there is none."""
+        """The formulation that lies beside a policy file, none if there is none.
+
+        Raises:
+            ValueError: the file is damaged.
+        """
         path = file.with_name(FILE)
-        return cls.of(json.loads(path.read_text(encoding="utf-8"))) if path.is_file() else None
+        if not path.is_file():
+            return None
+        try:
+            return cls.of(json.loads(path.read_text(encoding="utf-8")))
+        except (ValueError, TypeError, AttributeError) as error:
+            raise ValueError(f"{path} is no formulation: {error}") from error
 
 
 class Form:

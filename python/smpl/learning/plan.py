@@ -162,7 +162,10 @@ class Plan:
         env = task.env()
         for one in agents:
             env.reset(seed=first)
-            one.check(env)
+            try:
+                one.check(env)
+            except (ArithmeticError, AttributeError, LookupError, NameError) as error:
+                raise ValueError(f"controller {one.name}: its reset fails: {type(error).__name__}: {error}") from error
         ranges = {name: _range(name, bounds) for name, bounds in (randomize or {}).items()}
         check_names("randomize", ranges, task.model.parameter_names)
         return cls(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
+import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,8 @@ from smpl.learning.plan import Job, Plan
 from smpl.model import FloatArray
 from smpl.vector import VectorEnv
 
+# What is told as it is: a package that is missing, what a model has not, the disk.
+_OURS = (ImportError, NotImplementedError, OSError, MemoryError)
 # Environments of a batch. It does not depend on the machine: what a network gives for a row may depend on how many.
 SLOTS = 64
 Array = npt.NDArray[Any]
@@ -67,9 +71,12 @@ def run(plan: Plan, jobs: Sequence[Job], settings: Settings) -> Iterator[tuple[J
     env = plan.task.env()
     for job in jobs:
         try:
-            yield job, _run_one(plan, env, job, settings)
-        except (ValueError, SimulationError) as error:
+            found = _run_one(plan, env, job, settings)
+        except _OURS:
+            raise
+        except Exception as error:
             raise _about(plan, job, error) from error
+        yield job, found
 
 
 def _run_one(plan: Plan, env: Env, job: Job, settings: Settings) -> Episode:
@@ -218,7 +225,9 @@ class _Batch:
             if len(mine):
                 try:
                     actions[mine] = self._act(chooser, mine)
-                except ValueError as error:
+                except _OURS:
+                    raise
+                except Exception as error:
                     first = self.jobs[int(mine[0])]
                     assert first is not None
                     raise _about(self.plan, first, error) from error
@@ -274,5 +283,9 @@ def drawn_parameters(plan: Plan) -> tuple[str, ...]:
 
 
 def _about(plan: Plan, job: Job, error: Exception) -> RunError:
-    name = plan.agents[job.agent].name
-    return RunError(f"episode {job.index} (seed {job.seed}, controller {name}): {error}")
+    name, said = plan.agents[job.agent].name, str(error)
+    if not isinstance(error, (ValueError, SimulationError)):
+        # A fault of the controller's own: what it is, and where.
+        frame = traceback.extract_tb(error.__traceback__)[-1]
+        said = f"{type(error).__name__}: {error} ({Path(frame.filename).name}, line {frame.lineno})"
+    return RunError(f"episode {job.index} (seed {job.seed}, controller {name}): {said}")

@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from smpl._native import SimulationError
 from smpl.evaluation import Episode
 from smpl.learning.cluster import spread_on_ray
 from smpl.learning.plan import Job, Plan
 from smpl.learning.running import Settings, batched, run
 from smpl.learning.statistics import bootstrap, interquartile_mean, probability_of_improvement
 from smpl.learning.workers import spread
-from smpl.model import FloatArray
+from smpl.model import FloatArray, as_count
 
 # Episodes that are kept whole for the pictures, decisions whose times are kept, episodes a worker takes at a time.
 KEPT, DECISIONS, CHUNK = 64, 20_000, 8
@@ -158,7 +159,7 @@ def score(
     Raises:
         RunError: an episode could not be run.
     """
-    count = workers or os.cpu_count() or 1
+    count = as_count("workers", workers if workers is not None else os.cpu_count() or 1)
     found = Score(plan.agents[0].name)
     target = _target(plan)
     if ray is not None:
@@ -262,10 +263,13 @@ def settling_time(one: Episode, steady: FloatArray, width: FloatArray) -> float:
 
 
 def _target(plan: Plan) -> tuple[FloatArray, FloatArray] | None:
-    """Steady state and the width around it, 2 % of each state's range; none for a model without one."""
+    """Steady state and the width around it, 2 % of each state's range; none where there is no steady state."""
     env = plan.task.env()
     env.reset(seed=0, options={"start": "nominal"})
-    steady = env.steady_state
+    try:
+        steady = env.steady_state
+    except SimulationError:  # a `steady` block without a solution, which no episode needs
+        return None
     if steady is None:
         return None
     low, high = env.model.native.bounds("state")

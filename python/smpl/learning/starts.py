@@ -116,10 +116,15 @@ def _sobol(dimensions: int, count: int, seed: int) -> FloatArray:
 
 def _table(path: Path, env: Env) -> Starts:
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            header, *lines = list(csv.reader(file))
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            header, *lines = list(csv.reader(file)) or [[]]
         names = tuple(name.strip() for name in header)
         states = np.array([_numbers(names, line, i) for i, line in enumerate(lines, 2) if line])
+        if not len(states):
+            raise ValueError("it has no rows: expected names of states in the first line, and a start in each other")
+        twice = [name for name in names if names.count(name) > 1]
+        if twice:
+            raise ValueError(f"two columns are called {twice[0]!r}")
     except (OSError, ValueError) as error:
         raise ValueError(f"table of starts {str(path)!r}: {error}") from error
     starts = _checked(Starts(f"table {path.name}", names, states), env)

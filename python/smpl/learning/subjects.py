@@ -113,7 +113,7 @@ class Run:
 def runs(
     suite: str,
     budget: str,
-    env: str | None,
+    env: str | Sequence[str] | None,
     seeds: int,
     algorithms: Sequence[str] = (),
     config: str | os.PathLike[str] | None = None,
@@ -122,7 +122,7 @@ def runs(
 
     Args:
         suite, budget, seeds: see `smpl.benchmark`.
-        env: a process of the package or of `config`, the path of a model, an id; all processes if none.
+        env: a process of the package or of `config`, the path of a model, an id, or several; all processes if none.
         algorithms: names of controllers and algorithms; all if empty.
         config: a YAML file over the configuration of the package.
 
@@ -155,33 +155,55 @@ def runs(
     return found
 
 
+Place = tuple[str, dict[str, Any]]
+
+
 def _places(
-    env: str | None, config: str | os.PathLike[str] | None, learned: bool
-) -> tuple[dict[str, Any], dict[str, tuple[str, dict[str, Any]]]]:
+    env: str | Sequence[str] | None, config: str | os.PathLike[str] | None, learned: bool
+) -> tuple[dict[str, Any], dict[str, Place]]:
     """The configuration; and what is run by its name: where its model is, empty for the package's, and arguments."""
-    if env is not None:
-        env = env.removeprefix("smpl/").removesuffix("-v0")
-        env = {file: name for name, file in ENVIRONMENTS.items()}.get(env, env)
-    file = env is not None and env not in SUBJECTS and _is_place(env)
-    label = Task.of(env).model.name if file else None
-    given = configuration.read(config, own=label) if learned or config is not None else {"processes": {}}
-    places: dict[str, tuple[str, dict[str, Any]]] = dict.fromkeys(SUBJECTS, ("", {}))
+    wanted = [_plain(one) for one in ([env] if isinstance(env, str) else env or ())]
+    files = {one: Task.of(one).model.name for one in wanted if one not in SUBJECTS and _is_place(one)}
+    given = configuration.read(config, own=files.values()) if learned or config is not None else {"processes": {}}
+    known: dict[str, Place] = dict.fromkeys(SUBJECTS, ("", {}))
     folder = Path() if config is None else Path(config).parent
     for name, process in given["processes"].items():
         if "model" in process:
-            places[name] = _absolute(str(process["model"]), folder), dict(process.get("arguments", {}))
-    if label is not None:
-        if label in places:
-            raise ValueError(
-                f"{env!r} is called {label}, as a process of the benchmark is: "
-                "give it another name by `processes: {NAME: {model: PATH}}` in --config"
-            )
-        return given, {label: (_absolute(str(env), Path()), {})}
-    if env is None:
-        return given, places
-    if env not in places:
-        raise ValueError(f"env is {env!r}; there are: {', '.join(places)}, and the path of a model")
-    return given, {env: places[env]}
+            known[name] = _absolute(str(process["model"]), folder), dict(process.get("arguments", {}))
+    if not wanted:
+        return given, known
+    chosen: dict[str, Place] = {}
+    for one in wanted:
+        name = files.get(one, one)
+        place = _place_of(one, name, known) if one in files else known.get(name)
+        if place is None:
+            raise ValueError(f"env is {one!r}; there are: {', '.join(known)}, and the path of a model")
+        if chosen.setdefault(name, place) != place:
+            raise ValueError(f"{one!r} and {chosen[name][0]!r} are both called {name}: run one after the other")
+    return given, chosen
+
+
+def _plain(env: str) -> str:
+    """The name of a process of the package, of its id or file too; all else as it is."""
+    env = env.removeprefix("smpl/").removesuffix("-v0")
+    return {file: name for name, file in ENVIRONMENTS.items()}.get(env, env)
+
+
+def _place_of(env: str, label: str, known: Mapping[str, Place]) -> Place:
+    """The place of a model that is given by its path or id.
+
+    Raises:
+        ValueError: another model has its name.
+    """
+    place = _absolute(env, Path())
+    if label not in known:
+        return place, {}
+    if known[label][0] != place:
+        raise ValueError(
+            f"{env!r} is called {label}, as a process of the benchmark is: "
+            "give it another name by `processes: {NAME: {model: PATH}}` in --config"
+        )
+    return known[label]
 
 
 def _is_place(env: str) -> bool:

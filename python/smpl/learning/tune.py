@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
-from smpl.collect import guarded
+from smpl.collect import guarded, once
 from smpl.learning.reports import text_table
 from smpl.learning.subjects import BUDGETS
 from smpl.learning.tuning import Search, Trial, best, tune, write
@@ -16,6 +16,7 @@ from smpl.learning.tuning import Search, Trial, best, tune, write
 def main(arguments: Sequence[str]) -> int:
     """Tune as the command line says; the exit status is 2 where it cannot be done."""
     parser = argparse.ArgumentParser("python -m smpl.benchmark tune", description="Search hyperparameters.")
+    once(parser)
     parser.add_argument("--suite", default="online", help="offline or online (default)")
     parser.add_argument("--env", required=True, metavar="NAME")
     parser.add_argument("--algorithm", required=True, metavar="NAME")

@@ -11,6 +11,7 @@ nor its scores have.
 from __future__ import annotations
 
 import json
+import os
 import tempfile
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -49,6 +50,7 @@ class Search:
         space: name of a hyperparameter to its choices (a list) or its range (`low`, `high`, `log`).
         checksum: of the model.
         run: of the benchmark, whose environment it is; `described` leaves it out.
+        configured: what the user's configuration says of all this, with which it is written; left out as well.
     """
 
     suite: str
@@ -62,10 +64,11 @@ class Search:
     space: dict[str, Any] = field(default_factory=dict)
     checksum: str = ""
     run: Run | None = None
+    configured: dict[str, Any] = field(default_factory=dict)
 
     def described(self) -> dict[str, Any]:
         """What says which search it is."""
-        return {key: value for key, value in asdict(self).items() if key != "run"}
+        return {key: value for key, value in asdict(self).items() if key not in ("run", "configured")}
 
     @classmethod
     def of(
@@ -88,7 +91,7 @@ class Search:
         if suite == "control":
             raise ValueError("suite is 'control', which has no hyperparameters; there are: offline, online")
         (run,) = runs(suite, budget, env, 1, [algorithm], config)
-        given = configuration.read(config, tuned=False, own=run.env if run.model else None)
+        given = configuration.read(config, tuned=False, own=[run.env] if run.model else ())
         space = space_of(given, suite, run.env, algorithm)
         settings = configuration.settings(given, suite, run.env, algorithm, budget)
         if steps is not None:
@@ -96,7 +99,7 @@ class Search:
         count = settings["validation"] if episodes is None else as_count("episodes", episodes)
         return cls(
             suite, run.env, algorithm, budget, int(seed), as_count("seeds", seeds), count, settings, space,
-            run.task().checksum, run,
+            run.task().checksum, run, _configured(config, run, env),
         )  # fmt: skip
 
 
@@ -203,8 +206,32 @@ def best(trials: Sequence[Trial]) -> Trial:
     return max(scored, key=lambda one: (one.score, -one.number))
 
 
+def _configured(config: Any, run: Run, env: str) -> dict[str, Any]:
+    """What the user's configuration says of a run: its process, hyperparameters of its algorithm, its budget.
+
+    The process of a model of somebody's own has its `model`, absolute or relative as it was given.
+    """
+    given = {} if config is None else configuration.of_file(config)
+    process = dict(given.get("processes", {}).get(run.env, {}))
+    if run.model:
+        named = str(process.get("model", env))
+        # `Run` has the path as workers find it.
+        process["model"] = named if Path(named).is_absolute() else run.model
+        process["relative"] = not Path(named).is_absolute() and Path(run.model).is_file()
+    both = (given.get("algorithms", {}), process.get("algorithms", {}))
+    general, own = (one.get(run.suite, {}).get(run.controller, {}) for one in both)
+    if general or own:
+        inner = {run.controller: {**general, **own}}
+        process["algorithms"] = configuration.over(process.get("algorithms", {}), {run.suite: inner})
+    budget = given.get("budgets", {}).get(run.budget)
+    return {"processes": {run.env: process}, **({"budgets": {run.budget: budget}} if budget else {})}
+
+
 def write(search: Search, trials: Sequence[Trial], command: str, path: Path) -> None:
     """Write what was found as a configuration that the benchmark reads; what else the file has stays.
+
+    With it goes what the search had of a configuration of the user: the next command has the same settings by this file
+    alone, and finds a model of somebody's own by it.
 
     Raises:
         ValueError: the file that is there is no configuration, or no trial has a score.
@@ -220,9 +247,14 @@ def write(search: Search, trials: Sequence[Trial], command: str, path: Path) -> 
         "score": found.score, "score_before": trials[0].score, "steps": search.settings["steps"],
         "smpl": __version__, "model": search.checksum[:12], "versions": versions("optuna"),
     }  # fmt: skip
-    content = dict(json.loads(json.dumps(there)))
+    content: dict[str, Any] = dict(json.loads(json.dumps(configuration.over(there, search.configured))))
+    process = content.setdefault("processes", {}).setdefault(search.env, {})
+    if process.pop("relative", False):
+        process["model"] = os.path.relpath(process["model"], path.resolve().parent)
+    own = search.configured.get("processes", {}).get(search.env, {}).get("algorithms", {})
+    before = own.get(search.suite, {}).get(search.algorithm, {})
     for keys, value in (
-        (("processes", search.env, "algorithms", search.suite), found.hyperparameters),
+        (("processes", search.env, "algorithms", search.suite), {**before, **found.hyperparameters}),
         (("tuned", search.env, search.suite), about),
     ):
         inner = content
