@@ -158,7 +158,7 @@ fn lowered(input: &Input<'_>, declaring: Declaring<'_, '_>, shown: Alternatives)
 /// What follows the declarations, in this order.
 fn all_statements(l: &mut Lowering<'_, '_>) -> (Vec<Equation>, Control) {
     quantities::declare_defaults(l);
-    space::grid::check_ends(l);
+    space::backwards::check_grids(l);
     l.ledger.speculation.enabled = true;
     let equations = equations::elaborate_equations(l);
     let control = episode::elaborate_control(l);

@@ -108,5 +108,9 @@ fn texts_show_equations_as_loops_and_code() {
     let assembly = emit::assembly(&model);
     assert!(emit::clif(&model).contains("f64x2") && assembly.contains("; residual"));
     // Instructions, not bytes: each function ends by one.
-    assert_eq!(assembly.lines().filter(|line| line.trim() == "retq" || line.trim() == "ret").count(), assembly.matches(" bytes\n").count(), "{assembly}");
+    assert_eq!(
+        assembly.lines().filter(|line| line.trim() == "retq" || line.trim() == "ret").count(),
+        assembly.matches(" bytes\n").count(),
+        "{assembly}"
+    );
 }

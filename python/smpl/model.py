@@ -171,8 +171,8 @@ class Model(Named):
     ) -> FloatArray:
         """Residual: f - y' for differential rows, g for algebraic ones; shape of `y`.
 
-        `initial(x)` and `previous(x)` are x, as at the start of an episode from there (actions at their nominal values),
-        `steady(x)` is that of the model's own steady state. So it is for `jacobian`, `rhs` and `linearize`.
+        `initial(x)` and `previous(x)` are x, as at the start of an episode from there (actions at their nominal
+        values), `steady(x)` is that of the model's own steady state. So it is for `jacobian`, `rhs` and `linearize`.
 
         Raises:
             ValueError: a wrong shape, or a name in `p` that the model does not have.
@@ -223,8 +223,9 @@ class Model(Named):
     ) -> FloatArray:
         """Steady state at the action `u`: the unknowns `y` with vanishing residual.
 
-        `initial(x)`, `previous(x)` and `steady(x)` are x itself, for other actions than those of the `steady` block too.
-        Discrete variables are held at their initial values, or those in `p`: updates `at start` and `at end` do not run.
+        `initial(x)`, `previous(x)` and `steady(x)` are x itself, for other actions than those of the `steady` block
+        too. Discrete variables are held at their initial values, or those in `p`: updates `at start` and `at end` do
+        not run.
 
         Args:
             u: actions.
@@ -248,8 +249,8 @@ class Model(Named):
         """Linearisation at (y, u) as A, B, C, D; algebraic unknowns are eliminated.
 
         d(dx)/dt = A dx + B du, dz = C dx + D du with states x, actions u and observations z, physical units. Discrete
-        variables and what is read of other instants (`initial(x)`, `previous(x)`, `steady(x)`) are held at their values as
-        for `residual`: `linearize_step` has the derivatives of a whole step, where they move.
+        variables and what is read of other instants (`initial(x)`, `previous(x)`, `steady(x)`) are held at their values
+        as for `residual`: `linearize_step` has the derivatives of a whole step, where they move.
         """
         return self.native.linearize(self._y(y), self._u(u), self._given(p))
 

@@ -167,6 +167,11 @@ impl Equations {
         Ok(self.order.iter().map(|&at| y[at]).collect())
     }
 
+    /// Whether an equation reads values of the start of the episode, of the end of the step before or of the steady state.
+    pub fn reads_other_instants(&self) -> bool {
+        self.nominal.reads_other_instants()
+    }
+
     /// Linearisation at a point.
     pub fn linearize(&mut self, y: &[f64], u: &[f64], given: &Given) -> PyResult<Linearization> {
         self.prepare(0.0, y, None, u, given)?;

@@ -369,6 +369,11 @@ impl Model {
         smpl_runtime::environment::constraint_names(interface).map(str::to_owned).collect()
     }
 
+    /// Whether an equation reads `initial(...)`, `previous(...)` or `steady(...)`.
+    fn reads_other_instants(&self, py: Python<'_>) -> PyResult<bool> {
+        self.evaluate(py, |equations| Ok(equations.reads_other_instants()))
+    }
+
     /// A, B, C, D at a point.
     fn linearize<'py>(
         &self,

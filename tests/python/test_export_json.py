@@ -28,6 +28,12 @@ def compare(model, count=COUNT):
     evaluator.set("actions", points.u)
     evaluator.set("discretes", points.d)
     evaluator.set("disturbances", points.w)
+    # Other instants are those of an episode that begins at the point, with nominal actions before.
+    nominal = [np.full(count, element["nominal"], float) for element in tree["elements"]["actions"]]
+    families = ("states", "solved", "actions", "discretes", "disturbances")
+    for family, values in zip(families, (points.x, points.z, nominal, points.d, points.w), strict=True):
+        evaluator.set(family, values, "initial")
+        evaluator.set(family, values, "previous")
     clock = [i for i, v in enumerate(tree["variables"]) if v["role"] == "builtin"]
     for variable in clock:
         evaluator.values["value"][variable][1] = points.t

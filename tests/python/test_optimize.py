@@ -146,6 +146,20 @@ def test_states_that_the_equations_leave_free_are_named():
         optimize.steady("reactor", maximize="T", vary=["T_c"])
 
 
+def test_equations_that_read_other_instants_are_refused():
+    model = smpl.compile(
+        source="""model M
+        time t : s
+        action u = 0.5 in 0..1
+        state x = 3 in 0..10
+        eq d/dt x = (u - x + 2*(previous(x) - x))/1 [s]
+        episode { step = 1 [s], max_steps = 5 }
+        """
+    )
+    with pytest.raises(ValueError, match="write what they are at rest"):
+        optimize.steady(model, minimize="sq(x - 0.3)", vary=["u"])
+
+
 def parabola(points):
     return -((points - np.array([0.3, -0.7])) ** 2).sum(axis=1)
 

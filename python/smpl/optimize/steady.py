@@ -156,6 +156,11 @@ class _Problem:
         )
         if not ranges:
             raise ValueError("vary names nothing: give actions or parameters")
+        if model.native.reads_other_instants():
+            raise ValueError(
+                "equations of the model read initial(...), previous(...) or steady(...), which move with the steady "
+                "state, and derivatives by them are not known here: write what they are at rest, x for previous(x)"
+            )
         check_names("vary", ranges, (*model.action_names, *model.parameter_names))
         check_names("fixed", as_mapping("fixed", fixed), model.state_names)
         self.sign, self.fixed, self.p = sign, fixed, p

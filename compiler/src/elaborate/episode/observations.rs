@@ -25,7 +25,8 @@ pub(in crate::elaborate) fn observations<'a>(l: &mut Lowering<'_, 'a>, blocks: &
     let mut levels = vec!["default".to_owned()];
     let mut chosen: Vec<(ScopeId, &'a Observation)> = Vec::new();
     let wanted = l.input.options.observation.clone().unwrap_or_else(|| "default".to_owned());
-    let is_full = |item: &Item<'_>| matches!(item, Item::Other(Statement { kind: StatementKind::Level { name, .. }, .. }) if name.text == "full");
+    let is_full =
+        |item: &Item<'_>| matches!(item, Item::Other(Statement { kind: StatementKind::Level { name, .. }, .. }) if name.text == "full");
     // A level `full` of the text is that and nothing else.
     let is_own = wanted == "full" && each(blocks).any(|(_, item)| is_full(&item));
     for (scope, item) in each(blocks) {

@@ -135,9 +135,8 @@ pub(in crate::elaborate) fn ports(l: &Lowering<'_, '_>) -> Vec<Port> {
 /// The quantities but for algebraic ones.
 pub(in crate::elaborate) fn quantities(l: &mut Lowering<'_, '_>) -> Quantities {
     let quantity = |s: &Lowering<'_, '_>, v: VarId| s.quantities.get(&v).cloned();
-    let of = |s: &Lowering<'_, '_>, role: Role| -> Vec<Quantity> {
-        s.variables_of(role).into_iter().filter_map(|v| quantity(s, v)).collect()
-    };
+    let of =
+        |s: &Lowering<'_, '_>, role: Role| -> Vec<Quantity> { s.variables_of(role).into_iter().filter_map(|v| quantity(s, v)).collect() };
     let lists = [Role::State, Role::Discrete, Role::Action, Role::Disturbance, Role::Param].map(|r| of(l, r));
     let [states, mut discretes, actions, disturbances, mut parameters] = lists;
     for quantity in &mut parameters {

@@ -5,34 +5,19 @@ use smpl_dsl::span::Span;
 
 use crate::elaborate::lower::{Lowering, units};
 use crate::elaborate::space::faces::FaceValue;
-use crate::elaborate::space::flow::{Direction, Flow};
+use crate::elaborate::space::flow::{Direction, Flow, forward};
 use crate::elaborate::space::interval::Interval;
 use crate::elaborate::space::marks::{Marks, Term};
 use crate::elaborate::space::{marks, placed, terms};
-use crate::ir::{Compare, Expr as Node, ExprId, UnaryFn};
-
-/// From below where a number is not negative.
-pub(in crate::elaborate::space) fn forward(l: &mut Lowering<'_, '_>, sign: ExprId) -> Direction {
-    let range = marks::reading(l).interval(sign);
-    if range.is_not_negative() {
-        return Direction::Below;
-    }
-    if range.is_not_positive() {
-        return Direction::Above;
-    }
-    let zero = l.exprs.constant(0.0);
-    Direction::When(match l.exprs.node(sign) {
-        Node::Unary(UnaryFn::Neg, a) => l.exprs.compare(Compare::Le, a, zero),
-        _ => l.exprs.compare(Compare::Le, zero, sign),
-    })
-}
+use crate::ir::ExprId;
 
 /// The directions of all face values of a flux.
 pub(in crate::elaborate::space) fn flow(l: &mut Lowering<'_, '_>, e: ExprId, span: Span) -> Result<Flow, Box<Diagnostic>> {
     let (terms, bare) = terms::flux_terms(l, e);
     let faces = l.fluxes.faces.clone().unwrap_or_default();
     check_brackets(l, &terms, &faces, span)?;
-    let mut directions: Vec<Option<Direction>> = faces.iter().map(|f| f.told.map(Direction::When).or(f.velocity.then_some(Direction::Mean))).collect();
+    let mut directions: Vec<Option<Direction>> =
+        faces.iter().map(|f| f.told.map(Direction::When).or(f.velocity.then_some(Direction::Mean))).collect();
     for term in &terms {
         if term.marks == Marks::Many {
             for (mark, direction) in together(l, term, &faces, span)? {

@@ -10,9 +10,9 @@ use crate::elaborate::lower::place::{Bound, Place};
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::{Lowering, units};
 use crate::elaborate::space::faces::FaceValue;
+use crate::elaborate::space::flow::{Direction, forward};
 use crate::elaborate::space::marks::{MARK, is_odd};
-use crate::elaborate::space::flow::Direction;
-use crate::elaborate::space::{directions, grid, marks};
+use crate::elaborate::space::{grid, marks};
 use crate::elaborate::symbols::{Axis, DomainId, Scheme, SymbolId};
 use crate::ir::{Affine, Compare, Expr as Node, ExprId, Flavour};
 
@@ -230,7 +230,7 @@ pub(in crate::elaborate) fn upwind<'m, 'a>(l: &mut Lowering<'m, 'a>, span: Span,
 
 /// A mark for what a call of `upwind` carries at an end, where its velocity may turn and something asks which way it flows.
 fn told(l: &mut Lowering<'_, '_>, beside: Value, velocity: ExprId, (span, face, place): (Span, Face, &Place)) -> Value {
-    let Direction::When(holds) = directions::forward(l, velocity) else { return beside };
+    let Direction::When(holds) = forward(l, velocity) else { return beside };
     let Some(count) = l.fluxes.faces.as_ref().map(Vec::len).filter(|_| !beside.is_poison() && l.symbols.is_directed(face)) else {
         return beside;
     };

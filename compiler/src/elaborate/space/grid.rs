@@ -8,76 +8,12 @@ use smpl_dsl::units::Unit;
 use crate::elaborate::lower::loops::Cell;
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::{Measure, Value};
-use crate::elaborate::lower::{Lowering, defaults, units};
+use crate::elaborate::lower::{Lowering, units};
 use crate::elaborate::symbols::{DomainId, Geometry};
 use crate::ir::{BinaryFn, Compare, ExprId, UnaryFn};
 
-/// Works out the ends of all domains: those that nothing needs may be at fault too.
-pub(in crate::elaborate) fn check_ends(l: &mut Lowering<'_, '_>) {
-    let domains: Vec<DomainId> = l.symbols.domains.keys().collect();
-    for domain in domains {
-        let reports = l.ledger.reports.diagnostics.len();
-        ends(l, domain);
-        if l.ledger.reports.diagnostics.len() == reports {
-            check_order(l, domain);
-        }
-    }
-}
-
-/// Refuses a grid that runs backwards with the parameters' defaults.
-fn check_order(l: &mut Lowering<'_, '_>, domain: DomainId) {
-    let (unit, low, high) = ends(l, domain);
-    let declaration = l.symbols.domains[domain].declaration;
-    let (name, cells) = (l.symbols.domains[domain].name.clone(), l.symbols.domains[domain].cells);
-    let refuse = |l: &mut Lowering<'_, '_>, span: Span, message: String| {
-        l.ledger.report(Diagnostic::error(codes::EMPTY_SET, message, span));
-    };
-    if let [Some(low), Some(high)] = [low, high].map(|e| defaults::constant_value(l, e))
-        && high <= low
-    {
-        return refuse(l, declaration.range.1.span, format!("`{name}` ends at {high}, not above its beginning {low}"));
-    }
-    if let Some(e) = &declaration.stretch {
-        let ratio = ratio(l, domain, e);
-        if let Some(ratio) = defaults::constant_value(l, ratio).filter(|&q| q <= 0.0) {
-            return refuse(l, e.span, format!("neighbouring cells have a positive ratio of widths, not {ratio}"));
-        }
-    }
-    let area = area_unit(l, domain);
-    let volume = units::times(&area, &unit);
-    let prescribed = [(&declaration.faces, unit, 0), (&declaration.areas, area, 0), (&declaration.volumes, volume, 1)];
-    for (what, (text, unit, first)) in ["faces", "areas", "volumes"].into_iter().zip(prescribed) {
-        let Some(text) = text else { continue };
-        let mut before = if what == "volumes" { 0.0 } else { f64::NEG_INFINITY };
-        for k in samples(first, cells) {
-            let number = l.exprs.constant(k as f64);
-            let e = self::prescribed(l, domain, text, number, &unit);
-            let Some(x) = defaults::constant_value(l, e) else { break };
-            let is_wrong = if what == "areas" { x < 0.0 } else { x <= before };
-            if is_wrong {
-                let must = match what {
-                    "faces" => "a face lies above the one before",
-                    "areas" => "an area is not negative",
-                    _ => "a volume is positive",
-                };
-                return refuse(l, text.span, format!("{must}: number {k} of the {what} of `{name}` is {x}"));
-            }
-            if what == "faces" {
-                before = x;
-            }
-        }
-    }
-}
-
-/// Numbers from `first` to `last`: all of few, else some evenly apart.
-fn samples(first: i64, last: i64) -> impl Iterator<Item = i64> {
-    const MOST: i64 = 64;
-    let stride = ((last - first) / MOST).max(1);
-    (first..=last).step_by(stride as usize)
-}
-
 /// Ratio of the widths of neighbouring cells.
-fn ratio(l: &mut Lowering<'_, '_>, domain: DomainId, text: &Expr) -> ExprId {
+pub(in crate::elaborate::space) fn ratio(l: &mut Lowering<'_, '_>, domain: DomainId, text: &Expr) -> ExprId {
     let place = Place::new(l.symbols.domains[domain].scope, Site::Dynamics);
     let v = l.value(text, &place);
     l.values().in_unit(v, &Unit::one(), text.span, "the ratio of neighbouring cells", text.span)
@@ -143,7 +79,7 @@ pub(in crate::elaborate) fn spacing(l: &mut Lowering<'_, '_>, domain: DomainId) 
 }
 
 /// An expression of the grid in the number `k` of a face or cell.
-fn prescribed(l: &mut Lowering<'_, '_>, domain: DomainId, e: &Expr, k: ExprId, unit: &Unit) -> ExprId {
+pub(in crate::elaborate::space) fn prescribed(l: &mut Lowering<'_, '_>, domain: DomainId, e: &Expr, k: ExprId, unit: &Unit) -> ExprId {
     let place = Place::new(l.symbols.domains[domain].scope, Site::Dynamics).bind("k", Bound::Number(k));
     let v = l.value(e, &place);
     let expr = l.values().in_unit(v, unit, e.span, "the grid", e.span);
@@ -231,7 +167,7 @@ pub(in crate::elaborate) fn area(l: &mut Lowering<'_, '_>, domain: DomainId, fac
 }
 
 /// Unit of the areas of faces; where they are prescribed, that of the expression.
-fn area_unit(l: &mut Lowering<'_, '_>, domain: DomainId) -> Unit {
+pub(in crate::elaborate::space) fn area_unit(l: &mut Lowering<'_, '_>, domain: DomainId) -> Unit {
     if let Some(e) = &l.symbols.domains[domain].declaration.areas {
         let k = l.exprs.constant(1.0);
         let place = Place::new(l.symbols.domains[domain].scope, Site::Dynamics).bind("k", Bound::Number(k));
