@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import smpl
+from smpl._runs import read_table
 from smpl.controllers import Proportional
 from smpl.datasets import DatasetError, collect, initial_grid, load
 from smpl.datasets.store import Manifest
@@ -334,6 +335,7 @@ def test_a_table_of_starts_may_begin_with_a_byte_order_mark(tmp_path):
     (tmp_path / "starts.csv").write_text("\ufeffT,h\n50,0.6\n", encoding="utf-8")
     starts = Starts.of(tmp_path / "starts.csv", smpl.Env("reactor"), 1)
     assert starts.option(0) == {"T": 50.0, "h": 0.6}
+    assert set(read_table(tmp_path / "starts.csv")) == {"T", "h"}  # and so may a recorded run
 
 
 @pytest.mark.parametrize("name", ["PPO:p.zip", "p.d3", "p.pt"])

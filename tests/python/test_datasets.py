@@ -1,5 +1,8 @@
 """Grids, layouts and exports of data sets."""
 
+import warnings
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -111,6 +114,23 @@ def test_minari_takes_the_export(episodes, tmp_path, monkeypatch):
         steps = [env.step(action) for action in stored.actions]
         np.testing.assert_array_equal([*observations, *(step[0] for step in steps)], stored.observations)
         np.testing.assert_array_equal([step[1] for step in steps], stored.rewards)
+
+
+def test_an_environment_that_shows_other_observations_is_told_with_their_name(episodes):
+    from smpl.datasets.exports import _warn_unless_repeated
+
+    env, first = smpl.Env("reactor", max_steps=20), episodes[0]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        _warn_unless_repeated(env, first)
+    shown = first.observations.copy()
+    shown[2, 1] += 0.5
+    with pytest.warns(
+        UserWarning, match=rf"after 2 steps the observation {env.observation_names[1]} is .*, recorded is"
+    ):
+        _warn_unless_repeated(env, replace(first, observations=shown))
+    with pytest.warns(UserWarning, match=r"step 1 gives the reward"):
+        _warn_unless_repeated(env, replace(first, rewards=first.rewards + 1))
 
 
 def test_costs_stand_in_the_row_of_the_instant_and_rewards_in_that_of_their_step(tmp_path):

@@ -1,7 +1,9 @@
 """Statistics, scores and reports of evaluations."""
 
+import errno
 import json
 import re
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -153,6 +155,23 @@ def test_the_command_prints_a_table_and_writes_three_reports(tmp_path, capsys):
     assert not re.search(r'(src|href)="(?!data:)', page)  # nothing outside of the file
     pytest.importorskip("matplotlib", reason="matplotlib is not installed")
     assert page.count("data:image/png;base64,") >= 3 and (tmp_path / "trajectories.png").is_file()
+
+
+def test_a_full_disk_is_told_with_the_file_that_did_not_fit(tmp_path, monkeypatch, capsys):
+    real = Path.write_bytes
+
+    def full(path, data):
+        if path.name == ".report.md.tmp":
+            real(path, data[:10])
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return real(path, data)
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    given = ["reactor", "--controller", "pid", "--episodes", "1", "--max-steps", "3", "--quiet", "--out", str(tmp_path)]
+    assert main(given) == 2
+    assert re.search(r"No space left on device: '.*/report\.md'", capsys.readouterr().err)
+    assert (tmp_path / "report.json").is_file() and not list(tmp_path.glob("*report.md*"))
+    assert not list(tmp_path.glob(".*"))
 
 
 def test_against_an_oracle_what_is_missing_is_the_regret():

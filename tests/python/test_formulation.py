@@ -269,8 +269,14 @@ def test_episodes_that_are_none_of_a_formulation_are_refused(tmp_path):
 
     pytest.importorskip("pyarrow")
     form = Form(Formulation(centre="nominal", limits={"T_c": (25, 28)}), smpl.Env("reactor", max_steps=5))
-    with pytest.raises(ValueError, match="without states, which its formulation needs"):
-        formulated(collect("reactor", "nominal", 1, tmp_path / "bare", max_steps=5)[0], form)
+    for states, says in ((False, "without states"), (["T", "h"], "with 2 of 3 states")):
+        bare = collect("reactor", "nominal", 1, tmp_path / f"bare{states}", states=states, max_steps=5)[0]
+        with pytest.raises(ValueError, match=f"was collected {says}, and the centre 'pid' reads all: states=True"):
+            formulated(bare, Form(Formulation(centre="pid"), smpl.Env("reactor", max_steps=5)))
+        # A centre that looks at no state needs none.
+        for centre in ("nominal", "recipe", "constant:26.85,0.1"):
+            seen = formulated(bare, Form(Formulation(centre=centre), smpl.Env("reactor", max_steps=5)))
+            np.testing.assert_allclose(seen.actions, 0, atol=1e-5)
     wide = collect("reactor", "random", 1, tmp_path / "wide", states=True, max_steps=5)[0]
     with pytest.raises(ValueError, match=r"has T_c = .*, which is none of its formulation's actions"):
         formulated(wide, form)

@@ -253,11 +253,9 @@ def _warn_unless_repeated(env: Any, first: Any) -> None:
     try:
         observation, _ = env.reset(seed=first.seed, options=first.options)
         for k, action in enumerate(first.actions[:_REPEATED]):
-            before = observation
+            _check_observation(env.unwrapped.observation_names, observation, first.observations[k], k)
             observation, reward, *_ = env.step(action)
-            here, there = [*before, reward], [*first.observations[k], first.rewards[k]]
-            # Actions of the file are in single precision.
-            if not np.allclose(here, there, rtol=1e-3, atol=1e-3):
+            if not _near(reward, first.rewards[k]):
                 raise ValueError(f"step {k + 1} gives the reward {reward:.6g}, recorded is {first.rewards[k]:.6g}")
     except ValueError as error:
         warnings.warn(
@@ -265,6 +263,23 @@ def _warn_unless_repeated(env: Any, first: Any) -> None:
             "give the one that they were recorded in, with its scenario, reward and other arguments",
             stacklevel=3,
         )
+
+
+def _check_observation(names: Sequence[str], here: Array, there: Array, steps: int) -> None:
+    """Refuse an observation that is not the recorded one.
+
+    Raises:
+        ValueError: it is not; the message names what differs.
+    """
+    for i, near in enumerate(_near(here, there)):
+        if not near:
+            name = names[i] if len(names) == len(here) else f"number {i}"
+            raise ValueError(f"after {steps} steps the observation {name} is {here[i]:.6g}, recorded is {there[i]:.6g}")
+
+
+def _near(here: Any, there: Any) -> Any:
+    """Whether values are those of the file, whose actions are in single precision."""
+    return np.isclose(here, there, rtol=1e-3, atol=1e-3)
 
 
 def _infos(episode: Episode) -> dict[str, Any]:

@@ -83,6 +83,11 @@ class Agent:
         """Whether `act` is there."""
         return self.kind in ("predict", "rows") or type(self.chooser) in _BATCHED
 
+    @property
+    def reads_states(self) -> bool:
+        """Whether `act` looks at the states of a batch, as far as one can tell."""
+        return self.kind == "rows" or isinstance(self.chooser, controllers.Proportional)
+
     def reset(self, env: Env) -> dict[str, Any]:
         """Begin an episode; returns an empty memory."""
         if self.kind == "action":
@@ -394,7 +399,7 @@ def _proportional(controller: controllers.Proportional, rows: Rows) -> FloatArra
 
 
 def _constant(controller: controllers.Constant, rows: Rows) -> FloatArray:
-    return np.tile(controller._action, (len(rows.states), 1))
+    return np.tile(controller._action, (len(rows.steps), 1))
 
 
 def _profile(_: controllers.Profile, rows: Rows) -> FloatArray:

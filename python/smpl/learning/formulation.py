@@ -149,7 +149,7 @@ class Form:
                     f"limits[{name!r}] is ({low}, {high}), expected a part of {self.low[i]}..{self.high[i]}"
                 )
             self.low[i], self.high[i] = low, high
-        self._centre = _centre(formulation.centre, interface, self.low, self.high)
+        self._centre, self.reads_states = _centre(formulation.centre, interface, self.low, self.high)
         check_names("windows", formulation.windows, interface.observation_names)
         self._windowed = np.array([interface.observation_names.index(n) for n in formulation.windows], dtype=np.intp)
         self._window = np.array(list(formulation.windows.values())).reshape(-1, 2).T
@@ -253,18 +253,22 @@ def formulated(episode: Episode, form: Form) -> Episode:
     """An episode of the environment as a learner of the formulation would have had it.
 
     Args:
-        episode: with all of its states, which the centre may read.
+        episode: with all of its states, where the centre reads them.
         form: the formulation, of that environment.
 
     Returns:
         The episode with the observations, actions and rewards of the learner.
 
     Raises:
-        ValueError: the states were not kept, or an action is none that the formulation has.
+        ValueError: states that the centre reads were not kept, or an action is none that the formulation has.
     """
     interface = form.interface
-    if episode.states.shape[1] != len(interface.model.state_names):
-        raise ValueError("the data set was collected without states, which its formulation needs: states=True")
+    kept, every = episode.states.shape[1], len(interface.model.state_names)
+    if form.reads_states and kept != every:
+        having = f"with {kept} of {every} states" if kept else "without states"
+        raise ValueError(
+            f"the data set was collected {having}, and the centre {form.formulation.centre!r} reads all: states=True"
+        )
     steps = np.arange(episode.steps)
     rows = Rows(interface, episode.observations[:-1], episode.states[:-1], steps, [{} for _ in steps])
     given = interface.to_physical(episode.actions)
@@ -298,18 +302,20 @@ def _ends(what: str, bounds: Any) -> tuple[float, float]:
     return low, high
 
 
-def _centre(name: str, interface: Interface, low: FloatArray, high: FloatArray) -> Callable[[Rows], FloatArray]:
-    """Physical actions of the centre for the rows of a batch; the caller may write into them."""
+def _centre(
+    name: str, interface: Interface, low: FloatArray, high: FloatArray
+) -> tuple[Callable[[Rows], FloatArray], bool]:
+    """Physical actions of the centre for the rows of a batch, into which may be written; whether it reads states."""
     if name == "box":
-        return lambda rows: np.tile((low + high) / 2, (len(rows.states), 1))
+        return lambda rows: np.tile((low + high) / 2, (len(rows.steps), 1)), False
     if name == "nominal":
         nominal = interface.model.native.defaults("action")
-        return lambda rows: np.tile(nominal, (len(rows.states), 1))
+        return lambda rows: np.tile(nominal, (len(rows.steps), 1)), False
     if name == "rules":
-        return _rules(interface)
+        return _rules(interface), True
     if name == "recipe":
         table = _recipe(interface.model)
-        return lambda rows: table[np.minimum(rows.steps, len(table) - 1)]
+        return lambda rows: table[np.minimum(rows.steps, len(table) - 1)], False
     try:
         chosen = agent(name, interface.model)
     except ValueError as error:
@@ -318,7 +324,7 @@ def _centre(name: str, interface: Interface, low: FloatArray, high: FloatArray) 
         raise ValueError(
             f"centre is {name!r}, which does not act on batches; there are: {', '.join(_CENTRES)}, pid, ..."
         )
-    return lambda rows: interface.to_physical(chosen.act(rows))
+    return lambda rows: interface.to_physical(chosen.act(rows)), chosen.reads_states
 
 
 # Policy `nominal` of the antibody process: its level rule, and the outlet concentration, mg/L, at which it switches.

@@ -72,13 +72,28 @@ def write(folder: Path, plan: Plan, scores: Sequence[Score]) -> dict[str, Any]:
     """Write `report.json`, `report.md` and `report.html`, and the pictures; returns what the first holds."""
     folder.mkdir(parents=True, exist_ok=True)
     report = content(plan, scores)
-    (folder / "report.json").write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    _write(folder / "report.json", json.dumps(report, indent=1, allow_nan=False).encode() + b"\n")
     pictures, note = _pictures(plan, scores)
     for name, (_, data) in pictures.items():
-        (folder / f"{name}.png").write_bytes(data)
-    (folder / "report.md").write_text(markdown(report, pictures, note), encoding="utf-8")
-    (folder / "report.html").write_text(page(report, pictures, note), encoding="utf-8")
+        _write(folder / f"{name}.png", data)
+    _write(folder / "report.md", markdown(report, pictures, note).encode())
+    _write(folder / "report.html", page(report, pictures, note).encode())
     return report
+
+
+def _write(path: Path, data: bytes) -> None:
+    """Write a file, whole or not at all.
+
+    Raises:
+        OSError: the disk is full, or the like; the message names the file.
+    """
+    temporary = path.with_name(f".{path.name}.tmp")
+    try:
+        temporary.write_bytes(data)
+        temporary.replace(path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 def markdown(report: Mapping[str, Any], pictures: Mapping[str, tuple[str, bytes]], note: str) -> str:
