@@ -72,7 +72,7 @@ fn sweeps_are_crossed_and_give_what_the_equations_say() {
     let said = succeeds(&folder, &[&["simulate", "decay.eq", "--summary", "s.csv", "--out", "all.csv"], &sweeps[..]].concat());
     assert!(said.contains("12 runs"), "{said}");
     let path = folder.join("all.csv");
-    let (k, start, time, x) = (numbers(&path, "k"), numbers(&path, "x"), numbers(&path, "time"), column(&path, "double"));
+    let (k, start, time, x) = (numbers(&path, "k"), numbers(&path, "sweep.x"), numbers(&path, "time"), column(&path, "double"));
     assert_eq!(k.len(), 12 * 4 - said_steps_lost(&folder));
     let (names, rows) = table(&path);
     let state = names.iter().rposition(|name| name == "x").expect("the state");
@@ -189,4 +189,18 @@ fn a_new_model_checks_runs_and_is_laid_out() {
     assert!(run.starts_with("Tank: 120 steps") && run.contains("time limit"), "{run}");
     assert!(fails(&folder, &["new", "tank.eq"]).contains("exists already"));
     assert!(fails(&folder, &["new", "tank.txt"]).contains("tank.eq"));
+}
+
+/// A swept start has a column of its own beside that of its state, and the table can be read back.
+#[test]
+fn the_column_of_a_swept_start_is_not_that_of_the_state() {
+    let folder = folder("swept-start");
+    succeeds(&folder, &["simulate", "decay.eq", "--sweep", "x=1,2", "--sweep", "k=1,2", "--out", "all.csv", "--summary", "s.csv"]);
+    let all = folder.join("all.csv");
+    assert_eq!(table(&all).0[..6], ["run", "sweep.x", "k", "seed", "step", "time"]);
+    assert_eq!(table(&folder.join("s.csv")).0[..5], ["run", "x", "k", "seed", "steps"]);
+    let starts: Vec<f64> = numbers(&all, "sweep.x").into_iter().step_by(4).collect();
+    assert_eq!(starts, [1.0, 1.0, 2.0, 2.0]);
+    assert_eq!(numbers(&all, "x").into_iter().step_by(4).collect::<Vec<f64>>(), starts);
+    succeeds(&folder, &["plot", "all.csv", "--output", "all.svg"]);
 }
