@@ -56,6 +56,9 @@ impl Attributes {
     }
 }
 
+/// Most steps of a sample interval or a delay.
+const MOST_STEPS: i64 = 999_999;
+
 /// Bounds, sampling, delay and noise of an observation in a unit.
 pub(super) fn attributes(l: &mut Lowering<'_, '_>, o: &Observation, unit: &Unit, place: &Place) -> Attributes {
     let bounds = o.bounds.as_ref().map(|(a, b)| {
@@ -73,11 +76,11 @@ pub(super) fn attributes(l: &mut Lowering<'_, '_>, o: &Observation, unit: &Unit,
     });
     let count = |s: &mut Lowering<'_, '_>, e: &Option<Expr>, least: i64| match e {
         Some(e) => match indices::integer(s, e, place) {
-            Some(n) if n >= least && n < 1_000_000 => n as u32,
+            Some(n) if n >= least && n <= MOST_STEPS => n as u32,
             Some(n) => {
                 s.ledger.report(Diagnostic::error(
                     codes::BAD_SETTING,
-                    format!("a number of steps from {least} on is needed, not {n}"),
+                    format!("a number of steps from {least} to {MOST_STEPS} is needed, not {n}"),
                     e.span,
                 ));
                 least as u32
