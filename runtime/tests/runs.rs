@@ -263,6 +263,20 @@ fn numbers_after_start(path: &Path, name: &str) -> f64 {
     column(path, name)[1].parse().expect("a number")
 }
 
+/// A policy of a component is one for each instance, by its path.
+#[test]
+fn policies_of_components_have_paths() {
+    let folder = folder("policies");
+    let model = "component T {\n  state x = 0\n  action u = 1 in 0..5\n  eq d/dt x = u / 1 [s]\n  policy fill { u = 3 }\n}\n\
+        use T as P[k in 1..2]\nepisode { step = 1 [s], max_steps = 2 }\n";
+    for (policy, expected) in [("P[1].fill", [3.0, 1.0]), ("P[2].fill", [1.0, 3.0]), ("nominal", [1.0, 1.0])] {
+        first_row(&folder, model, &["--policy", policy], &[]);
+        let found = ["P[1].u", "P[2].u"].map(|name| numbers_after_start(&folder.join("m.csv"), name));
+        assert_eq!(found, expected, "{policy}");
+    }
+    assert!(fails(&folder, &["simulate", "m.eq", "--policy", "fill"]).contains("nominal, random, P[1].fill, P[2].fill"));
+}
+
 /// A swept start has a column of its own beside that of its state, and the table can be read back.
 #[test]
 fn the_column_of_a_swept_start_is_not_that_of_the_state() {

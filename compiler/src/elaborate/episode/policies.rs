@@ -10,7 +10,8 @@ use crate::elaborate::symbols::{ScopeId, SymbolKind};
 use crate::ir::{Affine, ExprId, Nest, Place as Memory, Program, Role, VarId};
 use crate::model::{Invariant, Quantity};
 
-/// Policies by name, the nominal one first.
+/// Policies by name, the nominal one first: those of components by the paths of their instances, but what a component says of `nominal` is
+/// part of the model's nominal policy.
 pub(in crate::elaborate) fn policies<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> Vec<(String, Program)> {
     let actions: Vec<(VarId, i64)> =
         l.variables_of(Role::Action).into_iter().flat_map(|v| (0..i64::from(l.symbols.vars[v].len)).map(move |i| (v, i))).collect();
@@ -29,17 +30,17 @@ pub(in crate::elaborate) fn policies<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(Sc
         in_place: false,
     };
     let mut list = vec![("nominal".to_owned(), program(&nominal))];
+    let mut said_nominal = nominal.clone();
     for (scope, item) in each(blocks) {
         let Item::Other(Statement { kind: StatementKind::Policy { name, entries, .. }, .. }) = item else { continue };
         let place = Place::new(scope, Site::Instant);
         if name.text == "nominal" {
-            let mut values = nominal.clone();
-            policy_values(l, entries, &place, &actions, &mut values);
-            list[0].1 = program(&values);
+            policy_values(l, entries, &place, &actions, &mut said_nominal);
+            list[0].1 = program(&said_nominal);
         } else {
             let mut values = nominal.clone();
             policy_values(l, entries, &place, &actions, &mut values);
-            list.push((name.text.clone(), program(&values)));
+            list.push((l.symbols.path_of(scope, name), program(&values)));
         }
     }
     list
