@@ -18,6 +18,7 @@ fn common_slips_come_with_the_right_spelling() {
         ("eq x == 3", "here `=` defines; `==` compares"),
         ("eq d x/dt = 3", "a rate is written `d/dt x`"),
         ("let x = .5", "a number begins with a digit: `0.5`"),
+        ("use Bed(n = 2) as B", "arguments follow the name of the instance: `use Bed as B(n = 2)`"),
         ("let x = 1.", "a number has digits on both sides of the point: `1.0`"),
         ("let x = a || b", "write `or`"),
         ("let x = a && b", "write `and`"),

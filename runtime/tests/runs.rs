@@ -72,7 +72,7 @@ fn sweeps_are_crossed_and_give_what_the_equations_say() {
     let said = succeeds(&folder, &[&["simulate", "decay.eq", "--summary", "s.csv", "--out", "all.csv"], &sweeps[..]].concat());
     assert!(said.contains("12 runs"), "{said}");
     let path = folder.join("all.csv");
-    let (k, start, time, x) = (numbers(&path, "k"), numbers(&path, "x"), numbers(&path, "time"), column(&path, "double"));
+    let (k, start, time, x) = (numbers(&path, "k"), numbers(&path, "sweep.x"), numbers(&path, "time"), column(&path, "double"));
     assert_eq!(k.len(), 12 * 4 - said_steps_lost(&folder));
     let (names, rows) = table(&path);
     let state = names.iter().rposition(|name| name == "x").expect("the state");
@@ -189,4 +189,104 @@ fn a_new_model_checks_runs_and_is_laid_out() {
     assert!(run.starts_with("Tank: 120 steps") && run.contains("time limit"), "{run}");
     assert!(fails(&folder, &["new", "tank.eq"]).contains("exists already"));
     assert!(fails(&folder, &["new", "tank.txt"]).contains("tank.eq"));
+}
+
+/// First rows of the columns of a run of a model.
+fn first_row(folder: &Path, text: &str, arguments: &[&str], names: &[&str]) -> Vec<f64> {
+    std::fs::write(folder.join("m.eq"), text).expect("a model");
+    succeeds(folder, &[&["simulate", "m.eq", "--out", "m.csv"], arguments].concat());
+    names.iter().map(|name| numbers(&folder.join("m.csv"), name)[0]).collect()
+}
+
+/// Of two entries for one element the one for fewer elements holds, in any order of the text; what a variant adds replaces both.
+#[test]
+fn the_start_of_an_element_holds_against_that_of_its_array() {
+    let folder = folder("starts");
+    let model = |starts: [&str; 3]| {
+        let head = "state c[i in 1..3] = 0 in 0..100\neq d/dt c[i] = 0 [1/s] for i in 1..3\n";
+        let tail =
+            "variant all { initial c = 9 }\nvariant again { initial c[i] = 8 for i in 1..3 }\nepisode { step = 1 [s], max_steps = 1 }\n";
+        format!("{head}{}\n{tail}", starts.join("\n"))
+    };
+    let [whole, each, one] = ["initial c = 3", "initial c[i] = 7 for i in 1..2", "initial c[1] = 5"];
+    let names = ["c[1]", "c[2]", "c[3]"];
+    for starts in [[whole, each, one], [one, each, whole], [each, one, whole], [one, whole, each]] {
+        let model = model(starts);
+        assert_eq!(first_row(&folder, &model, &[], &names), [5.0, 7.0, 3.0], "{starts:?}");
+        assert_eq!(first_row(&folder, &model, &["--variant", "all"], &names), [5.0, 7.0, 9.0], "{starts:?}");
+        assert_eq!(first_row(&folder, &model, &["--variant", "again"], &names), [8.0, 8.0, 8.0], "{starts:?}");
+    }
+}
+
+/// A scenario's start of an element holds against its start of the whole array, whichever of them is a number.
+#[test]
+fn the_start_of_an_element_in_a_scenario_holds_against_that_of_its_array() {
+    let folder = folder("scenario-starts");
+    let model = |start: &str| {
+        format!(
+            "set s = {{ a, b }}\nstate c[s] = 0 in 0..100\neq d/dt c[i] = 0 [1/s] for i in s\n{start}\nepisode {{ step = 1 [s], max_steps = 1 }}\n"
+        )
+    };
+    for start in ["", "initial c = 50", "initial c[b] = 50", "initial c[b] = 50\ninitial c[i] = 60 for i in s"] {
+        for (whole, element) in
+            [("2", "3"), ("2", "\"uniform(3, 3)\""), ("\"uniform(2, 2)\"", "3"), ("\"uniform(2, 2)\"", "\"uniform(3, 3)\"")]
+        {
+            if start.contains("c[b]") && whole.contains("uniform") {
+                continue;
+            }
+            for initial in [format!("{{c: {whole}, \"c[b]\": {element}}}"), format!("{{\"c[b]\": {element}, c: {whole}}}")] {
+                std::fs::write(folder.join("m.x.yaml"), format!("initial: {initial}\n")).expect("a scenario");
+                let found = first_row(&folder, &model(start), &["--scenario", "x"], &["c[a]", "c[b]"]);
+                assert_eq!(found, [2.0, 3.0], "{start}: {initial}");
+            }
+        }
+    }
+}
+
+/// What is said of one action holds against what is said of all, in policies and at the steady state.
+#[test]
+fn the_value_of_an_element_holds_in_policies_and_at_rest() {
+    let folder = folder("elements");
+    let model = "action u[i in 1..2] = 1 in 0..9\nstate x[i in 1..2] = 0\neq d/dt x[i] = (u[i] - x[i]) / 1 [s] for i in 1..2\n\
+        initial x[i] = value(steady(x[i])) for i in 1..2\nsteady { u[1] = 4, u = 3 }\nvariant other { steady { u = 6 } }\n\
+        policy p { u[1] = 5, u = 2 }\nepisode { step = 1 [s], max_steps = 2 }\n";
+    let near = |found: Vec<f64>, expected: [f64; 2]| {
+        assert!(found.iter().zip(expected).all(|(x, y)| (x - y).abs() < 1e-9), "{found:?}, {expected:?}");
+    };
+    near(first_row(&folder, model, &["--policy", "p"], &["x[1]", "x[2]"]), [4.0, 3.0]);
+    near(["u[1]", "u[2]"].map(|name| numbers_after_start(&folder.join("m.csv"), name)).to_vec(), [5.0, 2.0]);
+    near(first_row(&folder, model, &["--variant", "other"], &["x[1]", "x[2]"]), [6.0, 6.0]);
+}
+
+/// The number of the second row.
+fn numbers_after_start(path: &Path, name: &str) -> f64 {
+    column(path, name)[1].parse().expect("a number")
+}
+
+/// A policy of a component is one for each instance, by its path.
+#[test]
+fn policies_of_components_have_paths() {
+    let folder = folder("policies");
+    let model = "component T {\n  state x = 0\n  action u = 1 in 0..5\n  eq d/dt x = u / 1 [s]\n  policy fill { u = 3 }\n}\n\
+        use T as P[k in 1..2]\nepisode { step = 1 [s], max_steps = 2 }\n";
+    for (policy, expected) in [("P[1].fill", [3.0, 1.0]), ("P[2].fill", [1.0, 3.0]), ("nominal", [1.0, 1.0])] {
+        first_row(&folder, model, &["--policy", policy], &[]);
+        let found = ["P[1].u", "P[2].u"].map(|name| numbers_after_start(&folder.join("m.csv"), name));
+        assert_eq!(found, expected, "{policy}");
+    }
+    assert!(fails(&folder, &["simulate", "m.eq", "--policy", "fill"]).contains("nominal, random, P[1].fill, P[2].fill"));
+}
+
+/// A swept start has a column of its own beside that of its state, and the table can be read back.
+#[test]
+fn the_column_of_a_swept_start_is_not_that_of_the_state() {
+    let folder = folder("swept-start");
+    succeeds(&folder, &["simulate", "decay.eq", "--sweep", "x=1,2", "--sweep", "k=1,2", "--out", "all.csv", "--summary", "s.csv"]);
+    let all = folder.join("all.csv");
+    assert_eq!(table(&all).0[..6], ["run", "sweep.x", "k", "seed", "step", "time"]);
+    assert_eq!(table(&folder.join("s.csv")).0[..5], ["run", "x", "k", "seed", "steps"]);
+    let starts: Vec<f64> = numbers(&all, "sweep.x").into_iter().step_by(4).collect();
+    assert_eq!(starts, [1.0, 1.0, 2.0, 2.0]);
+    assert_eq!(numbers(&all, "x").into_iter().step_by(4).collect::<Vec<f64>>(), starts);
+    succeeds(&folder, &["plot", "all.csv", "--output", "all.svg"]);
 }

@@ -109,6 +109,7 @@ fn slip(before: &str, after: &str, keyword: &str) -> Option<String> {
         "|" => "write `or`",
         "!" => "write `not`",
         ";" => "entries are separated by commas or newlines",
+        "(" if keyword == "use" && !before.contains(" as ") => "arguments follow the name of the instance: `use Bed as B(n = 2)`",
         "." if last.is_ascii_digit() => "a number has digits on both sides of the point: `1.0`",
         "." => "a number begins with a digit: `0.5`",
         "/" if before.trim_end().ends_with("d") || after.starts_with("/dt") => "a rate is written `d/dt x`",

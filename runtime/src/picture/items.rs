@@ -253,7 +253,7 @@ fn plain(name: String, role: Role) -> Item {
 #[must_use]
 pub fn of_columns(names: &[String], is_action: impl Fn(&str) -> bool) -> Vec<Item> {
     const KEYS: [&str; 9] = ["step", "time", "terminated", "truncated", "run", "scenario", "seed", "episode", "variant"];
-    let shown = names.iter().filter(|name| !KEYS.contains(&name.as_str()) && !name.starts_with("param."));
+    let shown = names.iter().filter(|name| !KEYS.contains(&name.as_str()) && !name.starts_with("param.") && !name.starts_with("sweep."));
     let role = |name: &str| match name {
         name if name.starts_with("obs.") => Role::Observation,
         name if name == "reward" || name.starts_with("reward.") => Role::Reward,

@@ -1,5 +1,7 @@
 //! What the steps of the control problem share.
 
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::span::Span;
 use smpl_dsl::syntax::Ident;
 
 use crate::elaborate::lower::Lowering;
@@ -7,7 +9,7 @@ use crate::elaborate::lower::bounded::Bounded;
 use crate::elaborate::lower::values::Values;
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{ScopeId, Symbols};
-use crate::ir::{Affine, Builtin, Compare, ExprId, Flavour, Place as Memory, Store, Target};
+use crate::ir::{Affine, Builtin, Compare, ExprId, FastMap, Flavour, Place as Memory, Store, Target, VarId};
 
 /// A condition that ends or costs something.
 pub(in crate::elaborate) struct Condition {
@@ -60,5 +62,48 @@ impl Symbols<'_> {
     /// A name with the path of its instance.
     pub(in crate::elaborate) fn path_of(&self, scope: ScopeId, name: &Ident) -> String {
         format!("{}{}", self.scopes[scope].prefix, name.text)
+    }
+}
+
+/// The elements that entries have set so far, by block and breadth: two of one breadth in one block are a fault, as their order has no meaning.
+#[derive(Default)]
+pub(in crate::elaborate) struct Given(FastMap<(VarId, i64), (usize, usize, Span)>);
+
+impl Given {
+    /// Notes what an entry sets; `false` where an entry has set it before, which is reported.
+    pub(in crate::elaborate) fn note(
+        &mut self,
+        l: &mut Lowering<'_, '_>,
+        (var, elements): (VarId, std::ops::Range<i64>),
+        (block, breadth): (usize, usize),
+        span: Span,
+        what: &str,
+    ) -> bool {
+        let mut twice = None;
+        let single = elements.end - elements.start == 1;
+        for i in elements {
+            let before = self.0.insert((var, i), (block, breadth, span));
+            if let Some((.., first)) = before.filter(|(b, n, _)| (*b, *n) == (block, breadth)) {
+                twice.get_or_insert((i, first));
+            }
+        }
+        let Some((i, first)) = twice else { return true };
+        l.ledger.report(two_values(&shown(l, var, single.then_some(i)), what, span, first));
+        false
+    }
+}
+
+/// What is said of two entries for one element.
+pub(in crate::elaborate) fn two_values(name: &str, what: &str, span: Span, first: Span) -> Diagnostic {
+    Diagnostic::error(codes::DUPLICATE_NAME, format!("`{name}` has two {what}"), span)
+        .secondary(first, "the first one")
+        .help("keep one of them: their order has no meaning")
+}
+
+/// The name of a variable or of an element of it.
+pub(in crate::elaborate) fn shown(l: &Lowering<'_, '_>, var: VarId, element: Option<i64>) -> String {
+    match (element, l.quantities.get(&var)) {
+        (Some(i), Some(quantity)) => quantity.element_name(i.max(0) as usize),
+        _ => l.symbols.vars[var].name.clone(),
     }
 }

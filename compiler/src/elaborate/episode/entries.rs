@@ -45,7 +45,7 @@ pub(in crate::elaborate) enum Takes {
     Number(fn(&mut Said) -> &mut f64),
     /// An order of the method.
     Order(fn(&mut Said) -> &mut u32),
-    /// A whole number of at least 1.
+    /// A whole number of at least 1, see [`is_count`].
     Count(fn(&mut Said) -> &mut u32),
     /// A condition.
     Truth(fn(&mut Said) -> &mut bool),
@@ -103,6 +103,14 @@ pub(in crate::elaborate) static ENTRIES: &[Entry] = &[
     solver("algebraic_error_control", None, Takes::Truth(|s| &mut s.solver.algebraic_error_control)),
     solver("quadrature_error_control", None, Takes::Truth(|s| &mut s.solver.quadrature_error_control)),
 ];
+
+/// Counts that an entry takes.
+pub(in crate::elaborate) const COUNT_TEXT: &str = "a whole number from 1 to 4000000000";
+
+/// Whether a number is one of them.
+pub(in crate::elaborate) fn is_count(x: f64) -> bool {
+    (1.0..=4e9).contains(&x) && x.fract() == 0.0
+}
 
 /// Orders that the method has.
 pub(in crate::elaborate) const ORDER_TEXT: &str = "a whole number from 1 to 5";

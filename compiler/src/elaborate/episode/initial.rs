@@ -1,11 +1,13 @@
 //! The steady problem and the start of an episode.
 
+use std::ops::Range;
+
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Clip, Expr, ExprKind, Statement, StatementKind};
 
 use crate::elaborate::episode::assembly::Assembly;
-use crate::elaborate::episode::common::{each, store, stream_name};
+use crate::elaborate::episode::common::{Given, each, shown, store, stream_name, two_values};
 use crate::elaborate::episode::order::ordered_initial;
 use crate::elaborate::episode::parameters::clipped;
 use crate::elaborate::episode::phases::schedule_initial;
@@ -13,7 +15,7 @@ use crate::elaborate::lower::loops::Piece;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::{Lowering, boxes, defaults, nests};
 use crate::elaborate::outside::initial_elements;
-use crate::elaborate::select::items::Item;
+use crate::elaborate::select::items::{Item, WHOLE, block_around, breadth};
 use crate::elaborate::symbols::{ScopeId, SymbolKind, Symbols};
 use crate::ir::{Affine, Expr as Node, ExprId, Exprs, FastMap, Flavour, Nest, Place as Memory, Program, Role, VarId};
 use crate::model::{Instant, Quantity, Steady};
@@ -77,31 +79,70 @@ struct SteadyText {
     conditions: Vec<ExprId>,
 }
 
-fn steady_text<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> SteadyText {
-    let mut out = SteadyText::default();
+/// An entry of a `steady` block.
+struct SteadyEntry<'a> {
+    scope: ScopeId,
+    /// Number of the selection of statements that it stands in: the text outside of variants and choices, or one of their blocks.
+    block: usize,
+    /// Of how much it is.
+    breadth: usize,
+    target: &'a Expr,
+    value: &'a Expr,
+}
+
+/// The entries of all `steady` blocks, those of variants after those outside, and among them those of fewer elements last.
+fn steady_entries<'a>(l: &Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> Vec<SteadyEntry<'a>> {
+    let mut known: Vec<(ScopeId, Option<Span>)> = Vec::new();
+    let mut out = Vec::new();
     for (scope, item) in each(blocks) {
-        let Item::Other(Statement { kind: StatementKind::Steady { entries }, .. }) = item else { continue };
-        out.said = true;
+        let Item::Other(Statement { kind: StatementKind::Steady { entries }, span }) = item else { continue };
+        let here = (scope, block_around(l.input.files, *span));
+        let own = known.iter().rposition(|(s, _)| *s != scope).map_or(0, |before| before + 1);
+        let block = own + known[own..].iter().position(|one| *one == here).unwrap_or(known.len() - own);
+        if block == known.len() {
+            known.push(here);
+        }
+        out.extend(entries.iter().map(|(target, value)| {
+            let instance = if instances_named(l, target, scope).is_some() { WHOLE } else { 0 };
+            SteadyEntry { scope, block, breadth: instance + breadth(target, &[]), target, value }
+        }));
+    }
+    out.sort_by_key(|entry| (entry.block, std::cmp::Reverse(entry.breadth)));
+    out
+}
+
+fn steady_text<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> SteadyText {
+    let said = each(blocks).any(|(_, item)| matches!(item, Item::Other(Statement { kind: StatementKind::Steady { .. }, .. })));
+    let mut out = SteadyText { said, ..SteadyText::default() };
+    let mut set = Given::default();
+    for SteadyEntry { scope, block, breadth, target, value } in steady_entries(l, blocks) {
         let place = Place::new(scope, Site::Instant);
-        for (target, value) in entries {
-            if !is_place(target) {
-                out.conditions.push(steady_condition(l, target, value, &place));
+        if !is_place(target) {
+            out.conditions.push(steady_condition(l, target, value, &place));
+            continue;
+        }
+        let parts = match instances_named(l, target, scope) {
+            Some(path) => states_of_instances(l, &path).into_iter().map(|var| (var, 0..i64::from(l.symbols.vars[var].len))).collect(),
+            None => steady_variable(l, target, &place).into_iter().collect::<Vec<_>>(),
+        };
+        for (var, elements) in parts {
+            let Some(SymbolKind::Variable { unit, .. }) = l.symbols.of_var.get(&var).map(|&s| l.symbols[s].kind.clone()) else {
                 continue;
-            }
-            if steady_instance(l, target, value, &place, &mut out.given) {
-                continue;
-            }
-            let Some((symbol, at)) = boxes::target(l, target, &place, &[Role::Action, Role::State]) else { continue };
-            let SymbolKind::Variable { var, unit, .. } = l.symbols[symbol].kind.clone() else { continue };
-            let expr = l.number_in(value, &unit, "the steady value", target.span, &place);
-            let elements = match at {
-                Some(at) => at.offset..at.offset + 1,
-                None => 0..i64::from(l.symbols.vars[var].len),
             };
-            out.given.extend(elements.map(|i| ((var, i), expr)));
+            let expr = l.number_in(value, &unit, "the steady value", target.span, &place);
+            if set.note(l, (var, elements.clone()), (block, breadth), target.span, "steady values") {
+                out.given.extend(elements.map(|i| ((var, i), expr)));
+            }
         }
     }
     out
+}
+
+/// The variable, and those of its elements, that an entry gives a value.
+fn steady_variable(l: &mut Lowering<'_, '_>, target: &Expr, place: &Place) -> Option<(VarId, Range<i64>)> {
+    let (symbol, at) = boxes::target(l, target, place, &[Role::Action, Role::State])?;
+    let SymbolKind::Variable { var, .. } = l.symbols[symbol].kind else { return None };
+    Some((var, at.map_or(0..i64::from(l.symbols.vars[var].len), |at| at.offset..at.offset + 1)))
 }
 
 /// The actions of the steady problem: as given, else their defaults.
@@ -134,32 +175,17 @@ fn steady_condition(l: &mut Lowering<'_, '_>, left: &Expr, right: &Expr, place: 
     difference
 }
 
-/// `col = 0`: every state of an instance, or of the instances of an array.
-fn steady_instance(
-    l: &mut Lowering<'_, '_>,
-    target: &Expr,
-    value: &Expr,
-    place: &Place,
-    given: &mut FastMap<(VarId, i64), ExprId>,
-) -> bool {
-    let ExprKind::Name(name) = &target.kind else { return false };
-    let Some(symbol) = l.symbols.lookup(place.scope, &name.text) else { return false };
-    if !matches!(l.symbols[symbol].kind, SymbolKind::Instance(_) | SymbolKind::Instances(_)) {
-        return false;
-    }
-    let path = l.symbols[symbol].path.clone();
-    for var in l.variables_of(Role::State) {
-        let rest = l.symbols.vars[var].name.strip_prefix(&path);
-        if !rest.is_some_and(|r| r.starts_with(['.', '['])) {
-            continue;
-        }
-        let Some(SymbolKind::Variable { unit, .. }) = l.symbols.of_var.get(&var).map(|&s| l.symbols[s].kind.clone()) else {
-            continue;
-        };
-        let expr = l.number_in(value, &unit, "the steady value", target.span, place);
-        given.extend((0..i64::from(l.symbols.vars[var].len)).map(|i| ((var, i), expr)));
-    }
-    true
+/// Path of the instance, or of the array of instances, that an entry names: `col = 0` is of every state of it.
+fn instances_named(l: &Lowering<'_, '_>, target: &Expr, scope: ScopeId) -> Option<String> {
+    let ExprKind::Name(name) = &target.kind else { return None };
+    let symbol = l.symbols.lookup(scope, &name.text)?;
+    matches!(l.symbols[symbol].kind, SymbolKind::Instance(_) | SymbolKind::Instances(_)).then(|| l.symbols[symbol].path.clone())
+}
+
+/// The states of an instance, or of the instances of an array.
+fn states_of_instances(l: &Lowering<'_, '_>, path: &str) -> Vec<VarId> {
+    let within = |var: &VarId| l.symbols.vars[*var].name.strip_prefix(path).is_some_and(|rest| rest.starts_with(['.', '[']));
+    l.variables_of(Role::State).into_iter().filter(within).collect()
 }
 
 /// The start values of states, and those of discrete variables and disturbances.
@@ -206,27 +232,30 @@ fn declared_starts(l: &mut Lowering<'_, '_>, starts: &mut Starts) {
 
 /// Starts that `initial` states.
 fn stated_starts<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)], starts: &mut Starts) {
-    let mut given: FastMap<(ScopeId, VarId, Option<i64>), Span> = FastMap::default();
+    let mut set = Vec::new();
+    let overlay = &l.input.options.overlay;
     for (scope, item) in each(blocks) {
-        let Item::Other(Statement { kind: StatementKind::Initial { target, random, value, clip, binders }, .. }) = item else {
-            continue;
-        };
+        let Item::Other(statement) = item else { continue };
+        let StatementKind::Initial { target, random, value, clip, binders } = &statement.kind else { continue };
         let place = Place::new(scope, Site::Reset);
-        if binders.is_empty() {
-            check_single(l, &mut given, scope, target, &place);
-        }
-        let pieces = nests::nest(l, binders, &place, &mut |s, inner| initial(s, target, *random, value, clip.as_ref(), inner));
-        for piece in pieces {
+        let asked = overlay.iter().any(|one| std::ptr::eq(one, statement));
+        let start = StartText { target, random: *random, value, clip: clip.as_ref(), asked };
+        for piece in nests::nest(l, binders, &place, &mut |s, inner| initial(s, start, inner)) {
             let Some((var, list)) = piece.value else { continue };
             for p in list {
                 let (at, value) = p.value;
                 let mut extents = piece.extents.clone();
                 extents.extend(p.extents);
+                if !asked {
+                    let of = (scope, var, breadth(target, binders));
+                    set.push(SetElements { of, extents: extents.clone(), at, span: target.span });
+                }
                 let stores = vec![store(Memory::Var(var), at, value)];
                 starts.of(l.symbols.vars[var].role).nests.push(Nest::over(extents, stores));
             }
         }
     }
+    check_single(l, &set);
 }
 
 /// Single elements that were asked for; they come last.
@@ -261,42 +290,68 @@ fn check_start(l: &mut Lowering<'_, '_>, value: ExprId, var: VarId, at: Affine, 
     );
 }
 
-/// Reports a second `initial` of one variable or element in one block: the order of statements has no meaning.
-fn check_single(
-    l: &mut Lowering<'_, '_>,
-    given: &mut FastMap<(ScopeId, VarId, Option<i64>), Span>,
-    scope: ScopeId,
-    target: &Expr,
-    place: &Place,
-) {
-    let Some((symbol, at)) = boxes::target(l, target, place, &[Role::State, Role::Discrete, Role::Disturbance]) else { return };
-    let SymbolKind::Variable { var, .. } = l.symbols[symbol].kind else { return };
-    if let Some(first) = given.insert((scope, var, at.map(|at| at.offset)), target.span) {
-        let path = l.symbols[symbol].path.clone();
-        l.ledger.report(
-            Diagnostic::error(codes::DUPLICATE_NAME, format!("`{path}` has two initial values"), target.span)
-                .secondary(first, "the first one")
-                .help("keep one of them"),
-        );
+/// Elements that an `initial` sets, by scope, variable and breadth.
+struct SetElements {
+    of: (ScopeId, VarId, usize),
+    extents: Vec<u32>,
+    at: Affine,
+    span: Span,
+}
+
+impl SetElements {
+    /// Calls `f` with each element; a whole array is one, called -1.
+    fn each(&self, f: &mut dyn FnMut(i64)) {
+        if self.of.2 >= WHOLE && !self.extents.is_empty() { f(-1) } else { nests::for_each_element(&self.extents, self.at, f) }
     }
 }
 
-/// One `initial` statement at one place: a scalar, an element, or a whole array.
-#[allow(clippy::type_complexity, reason = "a variable and pieces of it")]
-fn initial(
-    l: &mut Lowering<'_, '_>,
-    target: &Expr,
+/// Reports a second `initial` of the same breadth of one variable or element in one block, one for a statement: the order of statements has no
+/// meaning.
+fn check_single(l: &mut Lowering<'_, '_>, set: &[SetElements]) {
+    let mut statements: FastMap<(ScopeId, VarId, usize), (Span, bool)> = FastMap::default();
+    for one in set {
+        let (first, several) = statements.entry(one.of).or_insert((one.span, false));
+        *several |= *first != one.span;
+    }
+    let mut given: FastMap<((ScopeId, VarId, usize), i64), Span> = FastMap::default();
+    let mut told = None;
+    for one in set.iter().filter(|one| statements.get(&one.of).is_some_and(|(_, several)| *several)) {
+        let mut twice = None;
+        one.each(&mut |i| {
+            if let Some(first) = given.insert((one.of, i), one.span).filter(|first| *first != one.span) {
+                twice.get_or_insert((i, first));
+            }
+        });
+        let Some((i, first)) = twice.filter(|_| told != Some(one.span)) else { continue };
+        if block_around(l.input.files, first) == block_around(l.input.files, one.span) {
+            told = Some(one.span);
+            let name = shown(l, one.of.1, Some(i).filter(|i| *i >= 0));
+            l.ledger.report(two_values(&name, "initial values", one.span, first));
+        }
+    }
+}
+
+/// What an `initial` statement says.
+#[derive(Clone, Copy)]
+struct StartText<'s> {
+    target: &'s Expr,
     random: bool,
-    value: &Expr,
-    clip: Option<&Clip>,
-    place: &Place,
-) -> Option<(VarId, Vec<Piece<(Affine, ExprId)>>)> {
+    value: &'s Expr,
+    clip: Option<&'s Clip>,
+    /// It is asked for beside the text.
+    asked: bool,
+}
+
+/// One `initial` statement at one place: a scalar, an element, or a whole array. `None` where a number that is asked for stands in its place,
+/// which is set with the declarations.
+#[allow(clippy::type_complexity, reason = "a variable and pieces of it")]
+fn initial(l: &mut Lowering<'_, '_>, start: StartText<'_>, place: &Place) -> Option<(VarId, Vec<Piece<(Affine, ExprId)>>)> {
+    let StartText { target, random, value, clip, asked } = start;
     let (symbol, at) = boxes::target(l, target, place, &[Role::State, Role::Discrete, Role::Disturbance])?;
     let SymbolKind::Variable { var, unit, .. } = l.symbols[symbol].kind.clone() else { return None };
     let path = l.symbols[symbol].path.clone();
-    if let Some(&x) = l.input.options.initial.get(&path) {
-        let value = l.exprs.constant(x);
-        return Some((var, vec![l.symbols.whole(var, value)]));
+    if !asked && l.input.options.initial.contains_key(&path) {
+        return None;
     }
     let len = l.symbols.vars[var].len;
     let mut place = place.clone();

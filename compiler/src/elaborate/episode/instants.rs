@@ -207,10 +207,16 @@ fn check_next(
     });
     if let Some((element, first)) = twice {
         let name = l.quantities.get(&var).map_or_else(String::new, |q| q.element_name(element.max(0) as usize));
+        let help = match instant {
+            "end" => {
+                "a discrete variable has one `next` in all `at end` blocks of a model or component: write one expression, or let another variable hold what is in between"
+            }
+            _ => "all `next` of an instant assign together, so there can be one only",
+        };
         l.ledger.report(
             Diagnostic::error(codes::DUPLICATE_NAME, format!("two `next {name}` at one instant"), span)
                 .secondary(first, "the first one")
-                .help("all `next` of an instant assign together, so there can be one only"),
+                .help(help),
         );
     }
 }

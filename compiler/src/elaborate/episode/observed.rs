@@ -56,6 +56,9 @@ impl Attributes {
     }
 }
 
+/// Most steps of a sample interval or a delay.
+const MOST_STEPS: i64 = 999_999;
+
 /// Bounds, sampling, delay and noise of an observation in a unit.
 pub(super) fn attributes(l: &mut Lowering<'_, '_>, o: &Observation, unit: &Unit, place: &Place) -> Attributes {
     let bounds = o.bounds.as_ref().map(|(a, b)| {
@@ -73,11 +76,11 @@ pub(super) fn attributes(l: &mut Lowering<'_, '_>, o: &Observation, unit: &Unit,
     });
     let count = |s: &mut Lowering<'_, '_>, e: &Option<Expr>, least: i64| match e {
         Some(e) => match indices::integer(s, e, place) {
-            Some(n) if n >= least && n < 1_000_000 => n as u32,
+            Some(n) if n >= least && n <= MOST_STEPS => n as u32,
             Some(n) => {
                 s.ledger.report(Diagnostic::error(
                     codes::BAD_SETTING,
-                    format!("a number of steps from {least} on is needed, not {n}"),
+                    format!("a number of steps from {least} to {MOST_STEPS} is needed, not {n}"),
                     e.span,
                 ));
                 least as u32
@@ -93,26 +96,61 @@ pub(super) fn attributes(l: &mut Lowering<'_, '_>, o: &Observation, unit: &Unit,
 
 /// Standard deviation of `normal(0, sd)`: a difference, of a temperature in degC one in K.
 fn noise(l: &mut Lowering<'_, '_>, e: &Expr, unit: &Unit, place: &Place) -> f64 {
-    if let ExprKind::Call { function, arguments } = &e.kind
-        && function.text == "normal"
-        && let [_, sd] = arguments.as_slice()
+    let ExprKind::Call { function, arguments } = &e.kind else { return refuse_noise(l, e) };
+    let ("normal", [mean, sd]) = (function.text.as_str(), arguments.as_slice()) else { return refuse_noise(l, e) };
+    let unit = units::difference(unit);
+    check_mean(l, mean, &unit, place);
+    if let Measure::Of(scale) = &l.value(sd, place).unit
+        && units::is_point(scale)
     {
-        if let Measure::Of(scale) = &l.value(sd, place).unit
-            && units::is_point(scale)
-        {
-            let text = format!("a temperature in {scale} is a point on a scale, and noise a difference");
-            l.ledger.report(Diagnostic::error(codes::AFFINE_UNIT, text, sd.span).help("write `normal(0, 0.5 [K])`"));
-            return 0.0;
+        let text = format!("a temperature in {scale} is a point on a scale, and noise a difference");
+        l.ledger.report(Diagnostic::error(codes::AFFINE_UNIT, text, sd.span).help("write `normal(0, 0.5 [K])`"));
+        return 0.0;
+    }
+    let Some((expr, value)) = noise_number(l, sd, &unit, place) else { return 0.0 };
+    match value {
+        Some(x) if x >= 0.0 => return x,
+        Some(x) => {
+            let text = format!("a standard deviation is not negative, this is {x}");
+            l.ledger.report(Diagnostic::error(codes::WRONG_ARGUMENTS, text, sd.span));
         }
-        let expr = l.number_in(sd, &units::difference(unit), "the noise", e.span, place);
-        if let Some(x) = defaults::constant_value(l, expr).filter(|x| *x >= 0.0) {
-            return x;
+        None => {
+            let text = "the standard deviation of noise must be a constant: numbers and parameters";
+            let found = l.symbols.varying(l.exprs, expr).map(|what| format!("it depends on {what}"));
+            let fault = Diagnostic::error(codes::WRONG_ARGUMENTS, text, sd.span);
+            l.ledger.report(found.into_iter().fold(fault, Diagnostic::label).help(DRAWN));
         }
     }
-    l.ledger.report(Diagnostic::error(codes::WRONG_ARGUMENTS, "noise is given as `normal(0, standard deviation)`", e.span).help(
-        "noise is added to what is observed, with mean zero; what is drawn otherwise can be a `disturbance` in the observed expression",
-    ));
     0.0
+}
+
+/// How what is not constant noise is written.
+const DRAWN: &str =
+    "noise is added to what is observed, with mean zero; what is drawn otherwise can be a `disturbance` in the observed expression";
+
+fn refuse_noise(l: &mut Lowering<'_, '_>, e: &Expr) -> f64 {
+    let fault = Diagnostic::error(codes::WRONG_ARGUMENTS, "noise is given as `normal(0, standard deviation)`", e.span);
+    l.ledger.report(fault.help(DRAWN));
+    0.0
+}
+
+/// A number of noise, and its value where that is known; `None` where a fault was told.
+fn noise_number(l: &mut Lowering<'_, '_>, e: &Expr, unit: &Unit, place: &Place) -> Option<(ExprId, Option<f64>)> {
+    let reports = l.ledger.reports.diagnostics.len();
+    let expr = l.number_in(e, unit, "the noise", e.span, place);
+    let value = defaults::constant_value(l, expr);
+    (l.ledger.reports.diagnostics.len() == reports).then_some((expr, value))
+}
+
+/// Noise has mean zero: what is always added is no noise.
+fn check_mean(l: &mut Lowering<'_, '_>, mean: &Expr, unit: &Unit, place: &Place) {
+    let Some((_, value)) = noise_number(l, mean, unit, place) else { return };
+    if value != Some(0.0) {
+        l.ledger.report(
+            Diagnostic::error(codes::WRONG_ARGUMENTS, "the mean of noise is 0", mean.span)
+                .help("write `normal(0, standard deviation)`; a bias is added to what is observed: `observe measured = x + bias`"),
+        );
+    }
 }
 
 /// Warns of an observation that any number may be.

@@ -1,16 +1,17 @@
 //! Open-loop policies and invariants.
 
-use smpl_dsl::syntax::{Statement, StatementKind};
+use smpl_dsl::syntax::{Expr, Statement, StatementKind};
 
-use crate::elaborate::episode::common::{each, store};
+use crate::elaborate::episode::common::{Given, each, store};
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::{Lowering, boxes, units};
-use crate::elaborate::select::items::Item;
+use crate::elaborate::select::items::{Item, breadth};
 use crate::elaborate::symbols::{ScopeId, SymbolKind};
 use crate::ir::{Affine, ExprId, Nest, Place as Memory, Program, Role, VarId};
 use crate::model::{Invariant, Quantity};
 
-/// Policies by name, the nominal one first.
+/// Policies by name, the nominal one first: those of components by the paths of their instances, but what a component says of `nominal` is
+/// part of the model's nominal policy.
 pub(in crate::elaborate) fn policies<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> Vec<(String, Program)> {
     let actions: Vec<(VarId, i64)> =
         l.variables_of(Role::Action).into_iter().flat_map(|v| (0..i64::from(l.symbols.vars[v].len)).map(move |i| (v, i))).collect();
@@ -29,28 +30,41 @@ pub(in crate::elaborate) fn policies<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(Sc
         in_place: false,
     };
     let mut list = vec![("nominal".to_owned(), program(&nominal))];
+    let mut said_nominal = nominal.clone();
     for (scope, item) in each(blocks) {
         let Item::Other(Statement { kind: StatementKind::Policy { name, entries, .. }, .. }) = item else { continue };
         let place = Place::new(scope, Site::Instant);
-        let mut values = nominal.clone();
-        for (target, e) in entries {
-            let Some((symbol, at)) = boxes::target(l, target, &place, &[Role::Action]) else { continue };
-            let SymbolKind::Variable { var, unit, .. } = l.symbols[symbol].kind.clone() else { continue };
-            let value = l.number_in(e, &unit, "the action", target.span, &place);
-            for (slot, (v, i)) in values.iter_mut().zip(&actions) {
-                if *v == var && at.is_none_or(|at| at.offset == *i) {
-                    *slot = value;
-                }
-            }
-        }
-        let made = program(&values);
         if name.text == "nominal" {
-            list[0].1 = made;
+            policy_values(l, entries, &place, &actions, &mut said_nominal);
+            list[0].1 = program(&said_nominal);
         } else {
-            list.push((name.text.clone(), made));
+            let mut values = nominal.clone();
+            policy_values(l, entries, &place, &actions, &mut values);
+            list.push((l.symbols.path_of(scope, name), program(&values)));
         }
     }
     list
+}
+
+/// Puts what a policy says of actions in the place of their values: what is said of an element holds against what is said of its array.
+fn policy_values(l: &mut Lowering<'_, '_>, entries: &[(Expr, Expr)], place: &Place, actions: &[(VarId, i64)], values: &mut [ExprId]) {
+    let mut wide_first: Vec<&(Expr, Expr)> = entries.iter().collect();
+    wide_first.sort_by_key(|(target, _)| std::cmp::Reverse(breadth(target, &[])));
+    let mut set = Given::default();
+    for (target, e) in wide_first {
+        let Some((symbol, at)) = boxes::target(l, target, place, &[Role::Action]) else { continue };
+        let SymbolKind::Variable { var, unit, .. } = l.symbols[symbol].kind.clone() else { continue };
+        let value = l.number_in(e, &unit, "the action", target.span, place);
+        let elements = at.map_or(0..i64::from(l.symbols.vars[var].len), |at| at.offset..at.offset + 1);
+        if !set.note(l, (var, elements.clone()), (0, breadth(target, &[])), target.span, "values in one policy") {
+            continue;
+        }
+        for (slot, (v, i)) in values.iter_mut().zip(actions) {
+            if *v == var && elements.contains(i) {
+                *slot = value;
+            }
+        }
+    }
 }
 
 /// Each invariant and its rate; what is seen of them.

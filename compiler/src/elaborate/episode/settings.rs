@@ -5,7 +5,7 @@ use smpl_dsl::syntax::{Expr, ExprKind, Ident, StatementKind};
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::episode::common::each;
-use crate::elaborate::episode::entries::{Block, ENTRIES, ORDER_TEXT, Said, Takes, is_order, setting_entry};
+use crate::elaborate::episode::entries::{Block, COUNT_TEXT, ENTRIES, ORDER_TEXT, Said, Takes, is_count, is_order, setting_entry};
 use crate::elaborate::ledger::Ledger;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::{Lowering, defaults};
@@ -79,7 +79,7 @@ fn entry_of_settings(l: &mut Lowering<'_, '_>, name: &str, value: &Setting, said
         Takes::Number(_) => (number.is_finite(), "a number"),
         Takes::Tolerance(_) => (Solver::RTOL.contains(&number), Solver::RTOL_TEXT),
         Takes::Order(_) => (is_order(number), ORDER_TEXT),
-        Takes::Count(_) => ((1.0..4e9).contains(&number) && number.fract() == 0.0, "a whole number of at least 1"),
+        Takes::Count(_) => (is_count(number), COUNT_TEXT),
         Takes::Name(names) => (matches!(value, Setting::Text(text) if (names.put)(said, text)), names.text),
         Takes::Truth(_) => (false, "a condition"),
     };
@@ -142,14 +142,11 @@ fn within(l: &mut Lowering<'_, '_>, name: &Ident, e: &Expr, place: &Place, holds
 
 fn whole_number(l: &mut Lowering<'_, '_>, name: &Ident, e: &Expr, place: &Place) -> Option<u32> {
     let x = setting_number(l, name, e, &Unit::one(), place)?;
-    if x >= 1.0 && x.fract() == 0.0 && x < 4e9 {
+    if is_count(x) {
         return Some(x as u32);
     }
-    l.ledger.report(Diagnostic::error(
-        codes::BAD_SETTING,
-        format!("`{}` must be a whole number of at least 1, it is {x}", name.text),
-        e.span,
-    ));
+    let message = format!("`{}` must be {COUNT_TEXT}, it is {x}", name.text);
+    l.ledger.report(Diagnostic::error(codes::BAD_SETTING, message, e.span));
     None
 }
 

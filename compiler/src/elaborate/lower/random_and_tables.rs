@@ -37,11 +37,23 @@ pub(in crate::elaborate) fn random(
     };
     let kind = if distribution == Distribution::Uniform { Variate::Uniform } else { Variate::Normal };
     let (a, b) = (l.value(first, place), l.value(second, place));
+    if distribution != Distribution::Uniform && is_negative(l, b.expr) {
+        return l.fault(
+            Diagnostic::error(codes::WRONG_ARGUMENTS, format!("the second argument of `{name}` is negative"), second.span)
+                .help("it is a standard deviation"),
+        );
+    }
     let draw = draw(l, &stream, kind, instant, place);
     let draw = (Value::bare(draw), span);
     let (a, b) = ((a, first.span), (b, second.span));
     if distribution == Distribution::Uniform {
         let width = operators::arithmetic(l, BinaryOp::Sub, b, a.clone(), span);
+        if is_negative(l, width.expr) {
+            return l.fault(
+                Diagnostic::error(codes::WRONG_ARGUMENTS, "the upper end of `uniform` lies below the lower one", span)
+                    .help("the form is `uniform(low, high)`"),
+            );
+        }
         let part = operators::arithmetic(l, BinaryOp::Mul, (width, span), draw, span);
         return operators::arithmetic(l, BinaryOp::Add, a, (part, span), span);
     }
@@ -57,6 +69,11 @@ pub(in crate::elaborate) fn random(
         }
         None => l.poison(),
     }
+}
+
+/// Whether a number without parameters is negative.
+fn is_negative(l: &Lowering<'_, '_>, e: ExprId) -> bool {
+    l.exprs.as_const(e).is_some_and(|x| x < 0.0)
 }
 
 /// New slots for a random number: one for every pass of the loops around.

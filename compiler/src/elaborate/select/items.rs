@@ -5,8 +5,9 @@
 use std::collections::HashMap;
 use std::mem::{Discriminant, discriminant};
 
+use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{
-    Declaration, Domain, Expr, ExprKind, Flux, Form, Ident, Observation, Phase, Role, Statement, StatementKind, TimeTable,
+    Binder, Declaration, Domain, Expr, ExprKind, File, Flux, Form, Ident, Observation, Phase, Role, Statement, StatementKind, TimeTable,
 };
 
 /// A statement, with declarations, observations and contents of `at` blocks taken one by one.
@@ -50,7 +51,48 @@ pub(crate) fn plain(statements: &[Statement]) -> Vec<Item<'_>> {
     for statement in statements {
         push(statement, &mut base);
     }
+    specific_last(&mut base);
     base
+}
+
+/// Puts start values of more elements before those of fewer: of two that set one element the later one holds, and the order of the text has
+/// no meaning.
+fn specific_last(items: &mut [Item<'_>]) {
+    let of = |item: &Item<'_>| match item {
+        Item::Other(Statement { kind: StatementKind::Initial { target, binders, .. }, .. }) => Some(breadth(target, binders)),
+        _ => None,
+    };
+    let at: Vec<usize> = (0..items.len()).filter(|&i| of(&items[i]).is_some()).collect();
+    let mut starts: Vec<Item<'_>> = at.iter().map(|&i| items[i]).collect();
+    starts.sort_by_key(|item| std::cmp::Reverse(of(item)));
+    at.into_iter().zip(starts).for_each(|(i, item)| items[i] = item);
+}
+
+/// The breadth of a whole variable.
+pub(crate) const WHOLE: usize = 1000;
+
+/// Of how much an entry is: 0 of one element, else the number of indices that it runs over; more than that of a whole variable. Of two entries
+/// for one element the one of less breadth holds.
+pub(crate) fn breadth(target: &Expr, binders: &[Binder]) -> usize {
+    let whole = if matches!(target.kind, ExprKind::Index(..)) { 0 } else { WHOLE };
+    whole + binders.len()
+}
+
+/// The innermost `variant` or `when` block around a place of the text; `None` outside of all.
+pub(crate) fn block_around(files: &[File], place: Span) -> Option<Span> {
+    let mut found = None;
+    let mut lists: Vec<&[Statement]> = files.iter().map(|file| file.statements.as_slice()).collect();
+    while let Some(around) = lists.iter().copied().flatten().find(|s| s.span.contains(place)) {
+        lists = match &around.kind {
+            StatementKind::Variant { body, .. } | StatementKind::When { body, .. } => {
+                found = Some(around.span);
+                vec![body.as_slice()]
+            }
+            StatementKind::Component { body, .. } => vec![body.as_slice()],
+            _ => return found,
+        };
+    }
+    found
 }
 
 /// The bodies of the active variants and choices of a block.

@@ -15,11 +15,14 @@ pub(super) struct Keys<'a> {
 }
 
 impl Keys<'_> {
-    /// Columns: the number of the run, the values of the sweeps, the seed.
-    fn columns(&self) -> Vec<(String, Kind)> {
+    /// Columns: the number of the run, the values of the sweeps, the seed. A sweep whose name is that of another column, as that of the start of a
+    /// state, is `sweep.NAME`.
+    fn columns(&self, others: &[(String, Kind)]) -> Vec<(String, Kind)> {
+        let taken = |name: &str| matches!(name, "run" | "seed") || others.iter().any(|(other, _)| other == name);
         let sweeps = self.arguments.sweep.iter().map(|sweep| {
             let numbers = sweep.values.iter().all(|value| value.number().is_some());
-            (sweep.name.clone(), if numbers { Kind::Number } else { Kind::Text })
+            let name = if taken(&sweep.name) { format!("sweep.{}", sweep.name) } else { sweep.name.clone() };
+            (name, if numbers { Kind::Number } else { Kind::Text })
         });
         let run = std::iter::once(("run".to_owned(), Kind::Integer));
         run.chain(sweeps).chain([("seed".to_owned(), Kind::Integer)]).collect()
@@ -32,7 +35,7 @@ impl Keys<'_> {
     /// Cells of a run.
     fn cells(&self, index: usize, table: &mut Table) -> Vec<Cell> {
         let mut cells = vec![Cell::Integer(index as i64)];
-        let kinds: Vec<Kind> = self.columns().iter().map(|(_, kind)| *kind).collect();
+        let kinds: Vec<Kind> = self.columns(&[]).iter().map(|(_, kind)| *kind).collect();
         for (value, kind) in self.point(index).values.iter().zip(&kinds[1..]) {
             cells.push(match (value, kind) {
                 (Value::Number(x), Kind::Number) => Cell::Number(*x),
@@ -68,7 +71,7 @@ pub(super) fn rows(keys: &Keys<'_>, outcomes: &[Outcome]) -> Table {
             columns.push((name.clone(), *kind));
         }
     }
-    let key_columns = keys.columns();
+    let key_columns = keys.columns(&columns);
     let all = key_columns.iter().cloned().chain(columns.iter().cloned()).collect();
     let mut out = Table::new(all);
     for (index, outcome) in outcomes.iter().enumerate() {
@@ -95,12 +98,11 @@ pub(super) fn summary(keys: &Keys<'_>, outcomes: &[Outcome]) -> Table {
             drawn.push(name.clone());
         }
     }
-    let mut columns = keys.columns();
-    columns.extend([("steps".to_owned(), Kind::Integer), ("time".to_owned(), Kind::Number), ("return".to_owned(), Kind::Number)]);
+    let mut columns = vec![("steps".to_owned(), Kind::Integer), ("time".to_owned(), Kind::Number), ("return".to_owned(), Kind::Number)];
     columns.extend(rewards.iter().map(|r| (format!("sum.{}", r.name), Kind::Number)));
     columns.extend(["end", "failure"].map(|name| (name.to_owned(), Kind::Text)));
     columns.extend(drawn.iter().map(|name| (format!("param.{name}"), Kind::Number)));
-    let mut out = Table::new(columns);
+    let mut out = Table::new(keys.columns(&columns).into_iter().chain(columns).collect());
     for (index, outcome) in outcomes.iter().enumerate() {
         let mut row = keys.cells(index, &mut out);
         row.extend([Cell::Integer(outcome.steps.into()), Cell::Number(outcome.time)]);
