@@ -365,3 +365,18 @@ fn a_minus_is_the_standard_output() {
     }
     assert!(text(&smpl(&["steady", name(&model), "--out", "-"]).stdout).starts_with("name,unit,value\n"));
 }
+
+/// x = 0.5 + 0.4 at rest, and a step there adds 1 - 0.9 to I.
+#[test]
+fn a_steady_state_says_which_discrete_variables_a_step_would_change() {
+    let loop_with = |rate: &str| {
+        format!(
+            "model M\ntime t : s\nstate x = 3\ndiscrete I = 0\ndiscrete v : m = 0.4\nat start {{ next I = I + {rate}; next v = v + 2*I*1 [m] }}
+             eq d/dt x = (0.5 + value(v) - x)/1 [s]\nepisode {{ step = 1 [s], max_steps = 5 }}\n"
+        )
+    };
+    let moving = text(&smpl(&["steady", name(&file("steady_moving", "m.eq", loop_with("1 - x")))]).stdout);
+    assert!(moving.contains("x = 0.9\n") && moving.contains("a control step change them here: I = 0, next 0.1\n"), "{moving}");
+    let resting = text(&smpl(&["steady", name(&file("steady_resting", "m.eq", loop_with("0")))]).stdout);
+    assert!(resting.contains("x = 0.9\n") && !resting.contains("held at"), "{resting}");
+}

@@ -21,11 +21,12 @@ pub fn changed_by_a_step<'a>(system: &CompiledSystem, catalogue: &'a Catalogue, 
     let (model, memory) = system.parts();
     model.end(memory, step, &mut y);
     let after = system.region(Region::Discrete);
-    let changes = |e: &&Element| {
+    let stays = |e: &Element| {
         let (a, b) = (before[e.at], after[e.at]);
-        a.to_bits() != b.to_bits() && !((a - b).abs() <= SAME * a.abs().max(b.abs()).max(if e.scale.is_finite() { e.scale } else { 1.0 }))
+        let scale = if e.scale.is_finite() { e.scale } else { 1.0 };
+        a.to_bits() == b.to_bits() || (a - b).abs() <= SAME * a.abs().max(b.abs()).max(scale)
     };
-    catalogue.discretes.elements().iter().filter(changes).map(|e| (e, before[e.at], after[e.at])).collect()
+    catalogue.discretes.elements().iter().filter(|e| !stays(e)).map(|e| (e, before[e.at], after[e.at])).collect()
 }
 
 /// Integrals over a step in which nothing moves.
