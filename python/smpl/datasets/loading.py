@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, overload
@@ -32,9 +33,10 @@ class Dataset(Sequence[Episode]):
             self._find(number, skip_damaged)
         for number, fault in self._faults().items():
             name = part_path(folder, number)
-            if not skip_damaged:
-                raise DatasetError(f"{name} {fault}, or leave it out by load(..., skip_damaged=True)")
             self.damaged[name.name] = f"{name} {fault}"
+            warnings.warn(
+                f"{name} {fault}; its episodes are left out, and those behind it count from there", stacklevel=3
+            )
         self._parts = [
             (number, count) for number, count in self._parts if part_path(folder, number).name not in self.damaged
         ]
@@ -132,12 +134,15 @@ def load(folder: str | os.PathLike[str], env: Any = None, *, skip_damaged: bool 
     Args:
         folder: where `collect` wrote it.
         env: the environment that it shall be of; not looked at if none.
-        skip_damaged: leave damaged and missing parts out (every part is read once for it).
+        skip_damaged: leave damaged parts out (every part is read once for it).
         arguments: of the environment.
 
     Raises:
-        DatasetError: no data set, a damaged part, one that is missing before others, or one of another model.
+        DatasetError: no data set, a damaged part, or one of another model.
         ImportError: pyarrow is missing.
+
+    Warns:
+        UserWarning: a part is missing before others, as where several workers were cut off; collecting again makes it.
     """
     dataset = Dataset(Path(folder), Manifest.read(Path(folder)), skip_damaged)
     if env is not None:
