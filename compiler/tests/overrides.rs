@@ -79,7 +79,7 @@ fn equations_with_other_left_sides_are_added() {
 fn other_statements_with_other_targets_are_added() {
     let pairs = [
         ("initial x[i] = 2 for i in 1..2", "initial x[i] = 3 for i in 3..4"),
-        ("initial u = 2 for u in (y, y_2)", "initial u = 3 for u in (y_2, y_3)"),
+        ("initial u = 2 for u in (y, y_2)", "initial u = 3 for u in (y_3, q)"),
         ("observe x[i] for i in 1..2", "observe x[i] for i in 3..4"),
         ("observe x[1]", "observe x[2]"),
         ("at start { next d[i] = 1 for i in 1..2 }", "at start { next d[i] = 2 for i in 3..4 }"),

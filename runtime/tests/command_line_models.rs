@@ -237,7 +237,7 @@ fn what_a_setting_cannot_be_is_said_with_what_can_be() {
         ("rtol=1e10", "`rtol` must be between 1e-15 and 1, not 10000000000"),
         ("rtol=1e-20", "`rtol` must be between"),
         ("max_order=99", "a whole number from 1 to 5"),
-        ("max_steps=0", "at least 1"),
+        ("max_steps=0", "from 1 to 4000000000"),
         ("step=0", "a positive number"),
         ("atol_factor=-1", "a positive number"),
         ("linear_solver=foo", "auto, dense, block or klu"),
