@@ -92,45 +92,38 @@ pub(in crate::elaborate::space) fn turning(
     is_low: bool,
 ) -> Option<Value> {
     let faces = l.fluxes.faces.clone().unwrap_or_default();
-    let mut conditions: Vec<ExprId> = Vec::new();
-    for direction in &flow.directions {
-        if let Direction::When(holds) = direction
-            && !conditions.contains(holds)
-        {
-            conditions.push(*holds);
-        }
-    }
+    let turns = turns(l, flow);
     let given_expr = match (&given.unit, &inner.unit) {
         (Measure::Of(a), Measure::Of(b)) => l.values().convert(given.expr, &a.clone(), &b.clone())?,
         _ => given.expr,
     };
-    let velocities: Vec<FastSet<ExprId>> = conditions.iter().map(|&holds| marks::reading(l).velocities(holds)).collect();
+    let velocities: Vec<FastSet<ExprId>> = turns.iter().map(|(_, velocities)| velocities.clone()).collect();
     let mut rest: Vec<ExprId> = summands(l, given_expr, &velocities);
+    // `v*c_in` with a `c_in` of 0 is no wall.
+    let is_nothing = l.exprs.as_const(given_expr) == Some(0.0);
     let mut total = None;
-    let all_velocities = &velocities;
-    for (holds, velocities) in conditions.into_iter().zip(&velocities) {
-        let shared = all_velocities.iter().filter(|others| !others.is_disjoint(velocities)).count();
-        let carried: Vec<&FaceValue> =
-            faces.iter().zip(&flow.directions).filter(|(_, d)| **d == Direction::When(holds)).map(|(f, _)| f).collect();
+    for (holds, velocities) in &turns {
         // Streams that pass each other on one velocity: each takes what has its sign.
-        let is_shared = shared > 1;
-        let (turns, stays): (Vec<ExprId>, Vec<ExprId>) = rest.iter().partition(|&&e| {
-            if is_shared && is_negative(l, e) != is_reverse(l, holds) {
-                return false;
-            }
+        let is_shared = turns.iter().any(|(other, theirs)| other != holds && !theirs.is_disjoint(velocities));
+        let carried: Vec<&FaceValue> =
+            faces.iter().zip(&flow.directions).filter(|(_, d)| **d == Direction::When(*holds)).map(|(f, _)| f).collect();
+        let (turned, stays): (Vec<ExprId>, Vec<ExprId>) = rest.iter().partition(|&&e| {
             let value = marks::reading(l).beside_velocity(e, velocities);
             let reads = |e: ExprId| carried.iter().any(|f| marks::reading(l).reaches(e, &mut |_, node| node == f.beside));
-            value.is_some_and(|factors| !factors.into_iter().any(reads))
+            (!is_shared || is_negative(l, e) == is_reverse(l, *holds)) && value.is_some_and(|factors| !factors.into_iter().any(reads))
         });
-        // `v*c_in` with a `c_in` of 0 is no wall.
-        let is_nothing = || l.exprs.as_const(given_expr) == Some(0.0);
-        if turns.is_empty() && !(is_nothing() && is_multiple(l, text, outer, &variables(l, velocities, &faces))) {
+        if turned.is_empty() && !(is_nothing && is_multiple(l, text, outer, &variables(l, velocities, &faces))) {
             continue;
         }
         rest = stays;
-        let out = carried_out(l, flow, &faces, holds, velocities);
-        let into = sum_of(l, &turns);
-        let e = if is_low { l.exprs.select(holds, into, out) } else { l.exprs.select(holds, out, into) };
+        let bare = carried_bare(l, flow, velocities);
+        if is_shared && !bare.is_empty() {
+            // Of which stream the datum is cannot be told.
+            return None;
+        }
+        let out = carried_out(l, flow, &faces, *holds, &bare);
+        let into = sum_of(l, &turned);
+        let e = if is_low { l.exprs.select(*holds, into, out) } else { l.exprs.select(*holds, out, into) };
         total = Some(total.map_or(e, |t| l.exprs.add(t, e)));
     }
     let total = total?;
@@ -186,20 +179,32 @@ fn symbol_of(l: &mut Lowering<'_, '_>, path: &Expr, place: &Place) -> Option<Sym
     }
 }
 
-/// What a flow carries out of an end while `holds` says so: the terms whose fields come from there, and what else its velocity
-/// carries, as the datum of an enthalpy.
-fn carried_out(l: &mut Lowering<'_, '_>, flow: &Flow, faces: &[FaceValue], holds: ExprId, velocities: &FastSet<ExprId>) -> ExprId {
-    let mut out = l.exprs.constant(0.0);
+/// The conditions that face values of a flux turn by, each with what they turn by.
+fn turns(l: &Lowering<'_, '_>, flow: &Flow) -> Vec<(ExprId, FastSet<ExprId>)> {
+    let mut found: Vec<(ExprId, FastSet<ExprId>)> = Vec::new();
+    for direction in &flow.directions {
+        if let Direction::When(holds) = direction
+            && found.iter().all(|(known, _)| known != holds)
+        {
+            found.push((*holds, marks::reading(l).velocities(*holds)));
+        }
+    }
+    found
+}
+
+/// Terms without a field that velocities carry, as the datum of an enthalpy.
+fn carried_bare(l: &mut Lowering<'_, '_>, flow: &Flow, velocities: &FastSet<ExprId>) -> Vec<ExprId> {
+    let all: Vec<ExprId> = flow.bare.iter().map(|term| terms::term(l, term)).collect();
+    all.into_iter().filter(|&e| marks::reading(l).beside_velocity(e, velocities).is_some()).collect()
+}
+
+/// What a flow carries out of an end while `holds` says so: the terms whose fields come from there, and `bare` ones.
+fn carried_out(l: &mut Lowering<'_, '_>, flow: &Flow, faces: &[FaceValue], holds: ExprId, bare: &[ExprId]) -> ExprId {
+    let mut out = sum_of(l, bare);
     for term in &flow.terms {
         if marks::reading(l).marks_in(term.rest).iter().any(|&m| flow.directions[m] == Direction::When(holds)) {
             let e = terms::term(l, term);
             let e = replaced(l, e, faces, &mut |_, m| faces[m].beside);
-            out = l.exprs.add(out, e);
-        }
-    }
-    for term in &flow.bare {
-        let e = terms::term(l, term);
-        if marks::reading(l).beside_velocity(e, velocities).is_some() {
             out = l.exprs.add(out, e);
         }
     }
