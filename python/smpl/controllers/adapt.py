@@ -15,7 +15,7 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
-from smpl.controllers.base import TakesWrapped
+from smpl.controllers.base import TakesWrapped, plain
 from smpl.envs import Env
 from smpl.model import FloatArray, as_vector, check_names
 from smpl.wrappers import outer_action
@@ -105,15 +105,15 @@ class _Physical:
         self._controller = controller
 
     def check(self, env: gymnasium.Env[Any, Any]) -> None:
-        check_view(_beneath(env), self._controller)
+        check_view(plain(env), self._controller)
 
     def reset(self, env: gymnasium.Env[Any, Any]) -> None:
         forget = getattr(self._controller, "reset", None)
         if forget is not None:
-            forget(_beneath(env))
+            forget(plain(env))
 
     def choose(self, env: gymnasium.Env[Any, Any], observation: Any) -> tuple[Action, FloatArray | None]:
-        base = _beneath(env)
+        base = plain(env)
         physical = as_vector("the controller's action", self._controller.action(base), len(base.action_names))
         # As data sets store it: the same actions give the same episode.
         return np.asarray(outer_action(env, base.from_physical(physical)), dtype=env.action_space.dtype), physical
@@ -126,13 +126,13 @@ class _Shown:
         self._policy = policy
 
     def check(self, env: gymnasium.Env[Any, Any]) -> None:
-        check_view(_beneath(env), self._policy)
+        check_view(plain(env), self._policy)
 
     def reset(self, env: gymnasium.Env[Any, Any]) -> None:
         # A policy that draws does so with the generators of its library.
         torch = sys.modules.get("torch")
         if torch is not None:
-            seed = int(np.random.SeedSequence(_beneath(env).episode).generate_state(1)[0])
+            seed = int(np.random.SeedSequence(plain(env).episode).generate_state(1)[0])
             torch.manual_seed(seed)
         forget = getattr(self._policy, "reset", None)
         if forget is not None and not inspect.signature(forget).parameters:
@@ -237,8 +237,3 @@ def _arguments(function: Any) -> tuple[str, ...]:
         return tuple(inspect.signature(function).parameters)
     except (TypeError, ValueError):  # compiled functions may have no signature
         return ()
-
-
-def _beneath(env: gymnasium.Env[Any, Any]) -> Env:
-    base: Any = env.unwrapped
-    return base
