@@ -255,7 +255,7 @@ def _write(path: Path, text: str) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the benchmark as the command line says; the exit status is 2 where it cannot be done."""
+    """Run the benchmark as the command line says; the exit status is 1 where it cannot be done."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     if words[:1] == ["tune"]:
         return tune.main(words[1:])

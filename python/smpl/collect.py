@@ -12,7 +12,7 @@ from smpl.datasets import collect
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Collect as the command line says; the exit status is 2 where it cannot be done."""
+    """Collect as the command line says; the exit status is 1 where it cannot be done."""
     parser = argparse.ArgumentParser("python -m smpl.collect", description="A data set from any controller.")
     once(parser)
     add_environment(parser)
@@ -110,12 +110,12 @@ def environment(given: argparse.Namespace) -> dict[str, Any]:
 
 
 def guarded(work: Any) -> int:
-    """Run; what the user can mend is told in a line, with exit status 2."""
+    """Run; what the user can mend is told in a line, with exit status 1."""
     try:
         return int(work())
     except (ValueError, TypeError, ImportError, RuntimeError, CompileError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
-        return 2
+        return 1
     except KeyboardInterrupt:
         print("stopped; the same command goes on", file=sys.stderr)
         return 130

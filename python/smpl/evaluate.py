@@ -18,7 +18,7 @@ from smpl.model import as_count
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Evaluate as the command line says; the exit status is 2 where it cannot be done."""
+    """Evaluate as the command line says; the exit status is 1 where it cannot be done."""
     parser = argparse.ArgumentParser("python -m smpl.evaluate", description="Controllers and policies side by side.")
     once(parser)
     add_environment(parser)

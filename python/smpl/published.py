@@ -467,7 +467,7 @@ def _write(path: Path, text: str) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; the exit status is 2 where it cannot be done."""
+    """Run the command; the exit status is 1 where it cannot be done."""
     parser = argparse.ArgumentParser("python -m smpl.published", description="The published figures beside ours.")
     parser.add_argument(
         "rows", nargs="*", metavar="ROW", help=f"rows in place of all: {', '.join(r.name for r in ROWS)}"

@@ -158,7 +158,7 @@ def test_a_damaged_record_is_named(text, tmp_path, capsys):
     path.parent.mkdir(parents=True)
     path.write_text(text)
     given = ["--env", "Beer", "--algorithm", "profile", "--results", str(tmp_path), "--resume", "--quiet"]
-    assert main([*given, "--out", str(tmp_path / "runs")]) == 2
+    assert main([*given, "--out", str(tmp_path / "runs")]) == 1
     assert f"error: {path}" in capsys.readouterr().err
 
 
@@ -166,7 +166,7 @@ def test_a_page_without_a_place_for_the_table_is_told(tmp_path, capsys):
     page = tmp_path / "page.md"
     page.write_text("nothing")
     given = ["--env", "Beer", "--algorithm", "profile", "--page", str(page), "--quiet"]
-    assert main([*given, "--out", str(tmp_path / "runs")]) == 2
+    assert main([*given, "--out", str(tmp_path / "runs")]) == 1
     assert "<!-- table -->" in capsys.readouterr().err
     assert not (tmp_path / "runs").exists()
 
@@ -208,7 +208,7 @@ def test_a_model_of_ones_own_is_run_by_its_path(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["--env", "tank.eq", "--out", "runs", "--resume", "--seeds", "2", "--quiet"]) == 0
     path.write_text(TANK.replace("policy full", "policy fuller"), encoding="utf-8")
-    assert main(["--env", "tank.eq", "--out", "runs", "--resume", "--seeds", "2", "--quiet"]) == 2
+    assert main(["--env", "tank.eq", "--out", "runs", "--resume", "--seeds", "2", "--quiet"]) == 1
     assert "is another run (checksum" in capsys.readouterr().err
 
 
@@ -332,7 +332,7 @@ def test_several_environments_are_run_and_other_options_stand_once(tmp_path, cap
     ],
 )
 def test_bad_input_of_the_benchmark_is_told_in_a_line(arguments, says, capsys, tmp_path):
-    assert main([*arguments, "--out", str(tmp_path), "--quiet"]) == 2
+    assert main([*arguments, "--out", str(tmp_path), "--quiet"]) == 1
     assert says in capsys.readouterr().err
 
 

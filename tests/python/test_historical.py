@@ -21,9 +21,9 @@ def test_an_environment_needs_its_python(tmp_path, capsys):
         if version != f"{sys.version_info[0]}.{sys.version_info[1]}"
     ]
     for name in wrong:
-        assert main([name, str(tmp_path / name), "--python", sys.executable]) == 2
+        assert main([name, str(tmp_path / name), "--python", sys.executable]) == 1
         assert f"needs Python {ENVIRONMENTS[name][0]}" in capsys.readouterr().err
-        assert main([name, str(tmp_path / name), "--python", str(tmp_path / "python")]) == 2
+        assert main([name, str(tmp_path / name), "--python", str(tmp_path / "python")]) == 1
         assert "is not there): give --python PATH" in capsys.readouterr().err
         assert not (tmp_path / name).exists()
 

@@ -102,5 +102,5 @@ def test_the_search_over_recipes_is_summarised_from_its_points(tmp_path):
 def test_the_command_and_its_errors(tmp_path, capsys):
     assert published.main(["beer-profile", "--out", str(tmp_path), "--quiet"]) == 0
     assert "55" in capsys.readouterr().out
-    assert published.main(["nothing", "--out", str(tmp_path), "--quiet"]) == 2
+    assert published.main(["nothing", "--out", str(tmp_path), "--quiet"]) == 1
     assert "reactor-pid" in capsys.readouterr().err

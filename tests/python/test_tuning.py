@@ -186,7 +186,7 @@ def test_a_search_that_cannot_be_made_is_told_in_a_line(arguments, says, capsys,
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.yaml").write_text("spaces: {online: {PPO: {gamma: {low: 1, high: 0}}}}")
     env = [] if "--env" in arguments else ["--env", "Beer"]
-    assert main(["tune", *env, *arguments]) == 2
+    assert main(["tune", *env, *arguments]) == 1
     error = capsys.readouterr().err
     assert says in error and error.count("\n") == 1
 
@@ -194,7 +194,7 @@ def test_a_search_that_cannot_be_made_is_told_in_a_line(arguments, says, capsys,
 def test_without_optuna_the_command_says_how_to_get_it(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sys.modules, "optuna", None)
-    assert main(["tune", "--env", "Beer", "--algorithm", "PPO"]) == 2
+    assert main(["tune", "--env", "Beer", "--algorithm", "PPO"]) == 1
     assert "pip install 'smpl[tune]'" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 

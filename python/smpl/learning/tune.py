@@ -14,7 +14,7 @@ from smpl.learning.tuning import Search, Trial, best, tune, write
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Tune as the command line says; the exit status is 2 where it cannot be done."""
+    """Tune as the command line says; the exit status is 1 where it cannot be done."""
     parser = argparse.ArgumentParser("python -m smpl.benchmark tune", description="Search hyperparameters.")
     once(parser)
     parser.add_argument("--suite", default="online", help="offline or online (default)")

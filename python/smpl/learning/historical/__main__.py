@@ -65,7 +65,7 @@ def _version(python: str) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Make what the command line says; the exit status is 2 where it cannot be done."""
+    """Make what the command line says; the exit status is 1 where it cannot be done."""
     parser = argparse.ArgumentParser("python -m smpl.learning.historical", description="Pinned environments.")
     parser.add_argument("which", choices=tuple(ENVIRONMENTS))
     parser.add_argument("folder", type=Path, metavar="DIR")
@@ -75,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(make(given.which, given.folder, given.python))
     except (ValueError, OSError, subprocess.CalledProcessError) as error:
         print(f"error: {error}", file=sys.stderr)
-        return 2
+        return 1
     return 0
 
 
