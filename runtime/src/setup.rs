@@ -14,7 +14,7 @@ mod options;
 mod reads;
 
 pub use self::options::{EnvironmentOptions, SolverOverrides};
-use self::reads::{any_expression, discrete_passes, finish_reads_derivatives, reads, start_passes, steady_outputs, step_reads_steady};
+use self::reads::{any_expression, discrete_passes, finish_reads_derivatives, reads, start_passes, step_reads_steady};
 use crate::catalogue::{Catalogue, Element, OutsideBounds, StructuralParameter, UnknownName, check_parameters};
 use crate::random;
 use crate::solver::{Integrator, Method, PatternError, Quadratures, Settings, SolveError, integrator};
@@ -116,10 +116,8 @@ impl Programs {
 pub(crate) struct Steady {
     /// Something in the model.
     pub needed: bool,
-    /// A step, apart from what it is judged by.
+    /// A step, or what it is judged by.
     pub by_step: bool,
-    /// Which outputs of the `finish` program.
-    pub by_outputs: Vec<bool>,
     /// Why there is no nominal one, where there should be one and nothing needs it.
     pub missing: Option<SteadyError>,
 }
@@ -211,7 +209,7 @@ impl Setup {
             noise,
             phase: catalogue.discretes.find("phase").filter(|_| has_phases).map(|e| e.at),
             checksum: OnceLock::new(),
-            steady: Steady { needed: needs_steady, by_step: step_reads_steady(&model), by_outputs: steady_outputs(&model), missing: None },
+            steady: Steady { needed: needs_steady, by_step: step_reads_steady(&model), missing: None },
             catalogue,
             options,
             system: CompiledSystem::new(model)?,

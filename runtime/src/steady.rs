@@ -15,6 +15,7 @@ mod error;
 mod frames;
 mod freedom;
 mod kinks;
+mod motion;
 mod newton;
 mod problem;
 
@@ -28,6 +29,7 @@ pub use error::{AtBound, ConservedSum, Freedom, SteadyError};
 use frames::Saved;
 pub use frames::rest_at;
 pub use kinks::kink;
+pub(crate) use motion::Motion;
 use newton::Search;
 
 /// Rounds between unknowns and discrete variables: each passes a held value one unit further down a flowsheet.

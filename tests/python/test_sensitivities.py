@@ -147,6 +147,36 @@ episode { step = 0.5 [s], max_steps = 10 }
 """
 
 
+REST = """model Rest "what tends to its own steady state: held states, a condition, an action, and a discrete variable that all depend on parameters"
+time t : s
+param k = 0.5 in 0.1..5
+param q = 2 in 0.1..9
+param total = 3 in 0.1..9
+param kept = 1.2 in 0.1..9
+param w = 2*k
+action u = 1 in 0..9
+state s = 1 in 0..50
+state L = 1 in 0..50
+state A = 1 in 0..50
+state B = 2 in 0..50
+state x = 0 in -50..50
+var z = 0.5 in 0..10
+discrete seen = steady(s)
+steady { u = q*k, L = kept, A + B = total }
+eq d/dt s = (0.3*seen + u*k - s)*1[1/s]
+eq d/dt L = (u - q*k)*1[1/s]
+eq d/dt A = (B - w*A)*1[1/s]
+eq d/dt B = (w*A - B)*1[1/s]
+eq 0 = z^3 + z - s
+eq d/dt x = (steady(z) + steady(A)*steady(L) + steady(u) + steady(seen) - x)*1[1/s]
+initial s = 1
+initial x = 0
+observe x, ends = steady(B) in 0..10
+reward gap = x - steady(z)
+episode { step = 0.7 [s], max_steps = 5 }
+"""
+
+
 def compiled(source, rtol=1e-11):
     return smpl.compile(source=source, settings={"rtol": rtol})
 
@@ -212,6 +242,48 @@ def test_derivatives_do_not_rest_where_the_state_does():
     rest = np.linalg.solve(a, [-0.3, 0.03])
     _, by_x, _, _ = model.sensitivity(rest, [0.3, -0.1])
     np.testing.assert_allclose(by_x, linalg.expm(a * 0.8), rtol=1e-6)
+
+
+def test_the_steady_state_moves_with_parameters():
+    """Against the closed solution: what a model at rest reads of itself, through an action, a held state, a condition and a discrete variable."""
+    model = compiled(REST)
+    names = ("k", "q", "total", "kept", "w")
+    action, s0, begun = 1.3, 1.0, np.array([1, 1, 1, 2, 0.2])
+
+    def closed(given):
+        k, q, total, kept, w = given
+        rest = q * k * k / 0.7
+        z = optimize.brentq(lambda z: z**3 + z - rest, 0, 10, xtol=1e-15)
+        target = z + total / (1 + w) * kept + q * k + rest
+        toward, decay = 0.3 * rest + action * k, np.exp(-0.7)
+        x = target + (0.2 - target) * decay
+        return np.array([toward + (s0 - toward) * decay, x, x - z, x, total - total / (1 + w)])
+
+    at = np.array([0.5, 2, 3, 1.2, 1])
+    by = differences(closed, at, 1e-3)
+    by[:, 0] += 2 * by[:, 4]  # w = 2*k moves along
+    found = model.linearize_step(begun, [action], parameters=names)
+    mine = np.concatenate([found.dx_dp[[0, 4]], found.dr_dp, found.dy_dp])
+    np.testing.assert_allclose(mine, by, rtol=1e-7, atol=1e-8)
+    np.testing.assert_allclose(found.dx_dp[1], [-2 * 0.7, -0.5 * 0.7, 0, 0, 0], rtol=1e-8, atol=1e-8)  # dL = -q dk t
+    # Another point, after one whose derivatives are kept; and the order of the directions.
+    other = model.linearize_step(begun, [action], {"q": 3}, parameters=names[::-1])
+    by = differences(closed, np.array([0.5, 3, 3, 1.2, 1]), 1e-3)
+    by[:, 0] += 2 * by[:, 4]
+    np.testing.assert_allclose(np.concatenate([other.dx_dp[[0, 4]], other.dr_dp, other.dy_dp])[:, ::-1], by, rtol=1e-7, atol=1e-8)
+
+
+def test_atropine_whose_start_and_rewards_read_the_steady_state_has_derivatives_by_its_flows():
+    model = smpl.compile("atropine", settings={"rtol": 1e-9})
+    env = smpl.Env(model)
+    env.reset(seed=0)
+    x, u = env.state, env.steady_action
+    names = ("q1_ss", "R1.V")
+    found = model.linearize_step(x, u, by=(), parameters=names)
+    for k, (name, value) in enumerate(zip(names, (0.4078, 2.0), strict=True)):
+        by = differences(lambda moved, name=name: model.step(x, u, {name: moved[0]}), [value], 1e-3)[:, 0]
+        np.testing.assert_allclose(found.dx_dp[:, k], by, atol=1e-5 * np.abs(by).max())
+    assert np.isfinite(found.dr_dp).all() and np.abs(found.dr_dp[:, 0]).max() > 0
 
 
 @pytest.mark.parametrize("method", ["ida", "rosenbrock", "explicit", "auto"])

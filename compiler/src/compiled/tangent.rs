@@ -25,6 +25,8 @@ pub enum Part {
     Parameters,
     /// Initial values of discrete variables and disturbances (in place).
     InitialDiscretes,
+    /// What the steady problem fixes, as [`CompiledModel::steady`] has it.
+    Steady,
     /// Next values of the disturbances (in place).
     Disturb,
     /// Updates at the start of a step (in place).
@@ -115,6 +117,7 @@ impl CompiledModel {
         let tape = match part {
             Part::Parameters => &self.tapes.parameters,
             Part::InitialDiscretes => &self.tapes.initial_discretes,
+            Part::Steady => &self.tapes.steady,
             Part::Event(index) => &self.tapes.events[index as usize],
             Part::Switches => &self.later.switches.get_or_init(|| self.make_switches()).as_ref()?.1,
             part => self.later.tapes[place(part)].get_or_init(|| self.make_tape(part)).as_ref()?,

@@ -21,6 +21,7 @@ use crate::sensitivity::tangents::{Point, Tangents};
 use crate::setup::{Setup, SetupError};
 use crate::solver::linear::Factorisation;
 use crate::solver::{Integrator, Method, OneStep, Settings, SolveError, Staggered, Statistics, System};
+use crate::steady::Motion;
 use crate::system::CompiledSystem;
 use space::Space;
 
@@ -78,6 +79,8 @@ pub struct Follower {
     tangents: Tangents,
     /// Derivatives by time.
     along: Tangents,
+    /// Derivatives of the steady state by parameters.
+    steady: Motion,
     /// Directions in force, and what each derivative is multiplied with: a magnitude of what it is taken by.
     directions: Vec<Direction>,
     scales: Vec<f64>,
@@ -153,6 +156,7 @@ impl Follower {
             settings,
             tangents: Tangents::new(system, width),
             along: Tangents::new(system, 1),
+            steady: Motion::default(),
             directions: Vec::new(),
             scales: Vec::new(),
             integrals: numbers(system.quadrature_count() * width),
@@ -346,19 +350,13 @@ impl Environment {
         if self.progress.verdict.last.is_none_or(|result| result.failure.is_some()) {
             return 0.0;
         }
-        self.finish_derivative(follower, self.finish.start(finish::Part::Rewards) + reward, direction)
+        follower.finished(self.finish.start(finish::Part::Rewards) + reward, direction)
     }
 
     /// Derivative of an observation along a direction: of what is measured at the end of the step, without noise, delay or clipping.
     #[must_use]
     pub(crate) fn observation_derivative(&self, follower: &Follower, observation: usize, direction: usize) -> f64 {
-        self.finish_derivative(follower, self.finish.start(finish::Part::Observations) + observation, direction)
-    }
-
-    /// Derivative of an output of the `finish` program; not a number by a parameter where the output reads the steady state, which has no known derivative.
-    fn finish_derivative(&self, follower: &Follower, at: usize, direction: usize) -> f64 {
-        let by_parameter = matches!(follower.directions.get(direction), Some(Direction::Parameter(_)));
-        if by_parameter && self.setup.steady.by_outputs[at] { f64::NAN } else { follower.finished(at, direction) }
+        follower.finished(self.finish.start(finish::Part::Observations) + observation, direction)
     }
 
     /// What is measured at the end of the last step, without noise, delay or clipping.

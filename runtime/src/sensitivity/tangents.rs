@@ -118,6 +118,12 @@ impl Tangents {
         self.chunks.iter().any(|chunk| chunk.work[cells.clone()].iter().any(|tangent| *tangent != STILL))
     }
 
+    /// Takes the derivatives of a part of the workspace, along the same directions.
+    pub(crate) fn copy(&mut self, from: &Self, cells: Range<usize>) {
+        let chunks = self.chunks.iter_mut().zip(&from.chunks);
+        chunks.for_each(|(to, from)| to.work[cells.clone()].copy_from_slice(&from.work[cells.clone()]));
+    }
+
     /// A part of the workspace does not move.
     pub(crate) fn hold(&mut self, cells: Range<usize>) {
         self.chunks.iter_mut().for_each(|chunk| chunk.work[cells.clone()].fill(STILL));

@@ -12,31 +12,17 @@ pub(super) fn finish_reads_derivatives(model: &CompiledModel) -> bool {
     reads_in(model.model(), values(&[&programs.finish, &programs.outputs]), Flavour::Derivative)
 }
 
-/// Whether a step reads the steady state, apart from what it is judged by.
+/// Whether a step, or what it is judged by, reads the steady state.
 pub(super) fn step_reads_steady(model: &CompiledModel) -> bool {
     let model = model.model();
     let p = &model.programs;
-    let mut programs = vec![&p.initial_discretes, &p.disturb, &p.start, &p.end];
+    let mut programs = vec![&p.initial_discretes, &p.disturb, &p.start, &p.end, &p.finish, &p.outputs];
     programs.extend(&p.events);
     let mut todo = values(&programs);
     todo.extend(model.rows.iter().map(|row| row.residual));
     todo.extend(model.roots.iter().map(|root| root.value));
     todo.extend(&model.quadratures);
     reads_in(model, todo, Flavour::Steady)
-}
-
-/// Which outputs of the `finish` program read the steady state; in a loop that does, all of them.
-pub(super) fn steady_outputs(model: &CompiledModel) -> Vec<bool> {
-    let mut outputs = vec![false; model.finish_len()];
-    for nest in &model.model().programs.finish.nests {
-        for store in nest.stores.iter().filter(|store| reads_in(model.model(), vec![store.value], Flavour::Steady)) {
-            match outputs.get_mut(store.target.at.offset as usize).filter(|_| nest.loops.is_empty()) {
-                Some(output) => *output = true,
-                None => outputs.fill(true),
-            }
-        }
-    }
-    outputs
 }
 
 /// Whether anything reads values of a kind.

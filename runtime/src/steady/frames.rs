@@ -9,7 +9,7 @@ use super::error::SteadyError;
 use crate::system::CompiledSystem;
 
 /// The other instants.
-const INSTANTS: [fn(Part) -> Region; 3] = [Region::Initial, Region::Previous, Region::Steady];
+pub(super) const INSTANTS: [fn(Part) -> Region; 3] = [Region::Initial, Region::Previous, Region::Steady];
 /// What a frame holds.
 const PARTS: [Part; 4] = [Part::Y, Part::Action, Part::Discrete, Part::Disturbance];
 

@@ -88,10 +88,6 @@ impl Environment {
             let text = format!("the parameter `{}` shapes the model when it is compiled", element.name);
             return Err(FollowError::Refused(text));
         }
-        if self.setup.steady.by_step {
-            let text = "the model reads its steady state, whose derivatives by parameters are not computed";
-            return Err(FollowError::Refused(text.into()));
-        }
         let range = self.system.memory().layout().range(Region::Param);
         follower.seed(&range, parameter);
         self.run_tangent(follower, Part::Parameters, (0.0, &[]), 0)?;
@@ -114,6 +110,9 @@ impl Environment {
         }
         let Follower { tangents, space, .. } = follower;
         space.columns.iter().for_each(|&(cell, direction, value)| tangents.set_work(cell, direction, value));
+        if self.setup.steady.by_step {
+            follower.steady.follow(&self.system, &self.setup.catalogue, &mut follower.tangents).map_err(FollowError::Refused)?;
+        }
         Ok(())
     }
 
