@@ -204,6 +204,29 @@ fn rounding_and_signs() {
     assert_close(value("1", "ln(e) + log10(100) + exp(0)"), 4.0);
 }
 
+/// A ratio is a number, whatever the units that it is a ratio of.
+#[test]
+fn ratios_are_rounded_as_numbers() {
+    // Q is 100 L/min, V 2 L, x 2.
+    assert_close(value("1", "floor(Q / 30 [L/h])"), 200.0);
+    assert_close(value("1", "floor(x * 50 [min] / 1 [h])"), 1.0);
+    assert_close(value("1", "ceil(x * 50 [min] / 1 [h])"), 2.0);
+    assert_close(value("1", "round(V / 0.75 [m^3] * 1000)"), 3.0);
+    assert_close(value("1", "floor(4 * share)"), 1.0);
+    assert_close(value("1", "round(share * 4e6 [ppm])"), 2.0);
+    assert_close(value("m", "1 [m] * round(x * 1 [ft] / 35 [cm])"), 2.0);
+    assert_close(value("1", "single(V / 0.6 [mL])"), f64::from(3333.333_3_f32));
+    assert_close(value("%", "round(share / 7 [%]) * 7 [%]"), 42.0);
+    assert_close(value("1", "value(x * 50 [min] / 1 [h])"), 100.0 / 60.0);
+    assert_close(value("1", "value(share)"), 40.0);
+    assert_close(value("1", "value(2 * V)"), 4.0);
+    assert_close(value("1", "value(Q / 1 [L/min])"), 100.0);
+    assert_close(value("1", "value(Q * 1 [h], L)"), 6000.0);
+    // What has a dimension is rounded in the unit that the text names.
+    assert_close(value("L", "floor(V + 0.7 [L])"), 2.0);
+    assert_close(value("m^3/h", "round(1.13 * Q)"), 7.0);
+}
+
 #[test]
 fn conditions_choose() {
     assert_close(value("1", "if x > 1 and x < 3 then 1 else if x > 5 then 2 else 3"), 1.0);

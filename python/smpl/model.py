@@ -765,6 +765,36 @@ def check_names(argument: str, given: Iterable[str], known: Iterable[str]) -> No
         raise ValueError(f"{argument}: unknown {', '.join(map(repr, wrong))}; {_listing(right)}")
 
 
+def check_within(what: str, ends: tuple[float, float], name: str, model: Model) -> None:
+    """Refuse a range of a parameter that is not within its declared bounds.
+
+    Raises:
+        ValueError: says the bounds.
+    """
+    place = model.parameter_names.index(name)
+    low, high = (float(bounds[place]) for bounds in model.native.bounds("parameter"))
+    if not low <= ends[0] <= ends[1] <= high:
+        raise ValueError(f"{what} is {ends[0]:g} to {ends[1]:g}, outside of the bounds of {name}, {low:g} to {high:g}")
+
+
+def elements(argument: str, given: Iterable[str], known: Iterable[str]) -> dict[str, str]:
+    """Names of single elements, the elements of whole arrays among them, each with the name that stands for it.
+
+    Raises:
+        ValueError: an unknown name, or one element twice.
+    """
+    right = list(known)
+    found: dict[str, str] = {}
+    for name in given:
+        members = [one for one in right if one == name or one.startswith(f"{name}[")]
+        twice = [one for one in members if one in found]
+        if twice:
+            raise ValueError(f"{argument} has {twice[0]!r} twice: as {found[twice[0]]!r} and as {name!r}")
+        check_names(argument, members or [name], right)
+        found.update(dict.fromkeys(members, name))
+    return found
+
+
 def _listing(names: list[str], most: int = 60) -> str:
     if not names:
         return "there are none"

@@ -378,6 +378,34 @@ def test_spread_starts_fill_each_sixteenth_of_each_state_once():
         assert sorted(np.floor(16 * column)) == list(range(16))
 
 
+def test_spread_starts_fill_what_of_the_box_lies_within_the_bounds():
+    """A temperature in degC or K has bounds that are nearer than 0.3 times its value."""
+    pytest.importorskip("scipy", reason="SciPy is not installed")
+    env = smpl.Env("reactor")
+    low, high = env.model.native.bounds("state")
+    states = Starts.of("spread:0.95", env, 64).states
+    ends = np.clip(np.array([[0.05], [1.95]]) * env.steady_state, low, high)
+    assert np.any(ends[1] == high)
+    for column, least, most in zip(states.T, *ends, strict=True):
+        assert sorted(np.floor(64 * (column - least) / (most - least))) == list(range(64))
+
+
+def test_a_parameter_array_is_drawn_element_by_element(tmp_path):
+    path = tmp_path / "two.eq"
+    path.write_text(
+        "model Two\ntime t : s\nset s = {a, b}\nparam k[s] : 1/s = 0.1 in 0..1\naction u = 0 in 0..1\n"
+        "state x[s] = 1 in 0..9\neq d/dt x[i] = -k[i]*x[i] + u*1[1/s] for i in s\nobserve x\nreward r default = u\n"
+        "episode { step = 1 [s], max_steps = 2 }\n",
+        encoding="utf-8",
+    )
+    plan = Plan.of(Task.of(path), "nominal", 20, randomize={"k": (0.2, 0.4)})
+    drawn = np.array([list(job.options["parameters"].values()) for job in plan.jobs(0, 20)])
+    assert list(plan.randomize) == ["k[a]", "k[b]"] and drawn.shape == (20, 2)
+    assert np.all((drawn >= 0.2) & (drawn <= 0.4)) and np.all(drawn[:, 0] != drawn[:, 1])
+    with pytest.raises(ValueError, match=r"randomize has 'k\[a\]' twice"):
+        Plan.of(Task.of(path), "nominal", 1, randomize={"k": (0.2, 0.4), "k[a]": (0.1, 0.2)})
+
+
 def test_noise_mixtures_and_random_steps_have_the_shares_that_were_asked_for():
     task = Task.of("reactor", max_steps=50, settings={"error_reward": 0})
     plan = Plan.of(task, ["constant:25,0.125", "nominal"], 400, weights=[1, 3], noise=0.05, epsilon=0.25)
@@ -502,6 +530,10 @@ def test_a_controller_may_have_an_action_alone(tmp_path):
         ({"starts": [{"x": 1.0}]}, "unknown name 'x'|starts.*x"),
         ({"randomize": {"UU": (1, 2)}}, "UU"),
         ({"randomize": {"U": (2, 1)}}, r"randomize\['U'\]"),
+        (
+            {"randomize": {"spread": (0, 2)}},
+            r"randomize\['spread'\] is 0 to 2, outside of the bounds of spread, 0 to 1",
+        ),
         ({"noise": -1.0}, "noise is -1"),
         ({"weights": [1, 2]}, "weights is"),
         ({"states": ["q"]}, "q"),

@@ -33,6 +33,31 @@ def test_actions_span_from_the_centre_to_the_limits():
         np.testing.assert_allclose(form.reverse(rows(env), np.array([expected])), [action], rtol=1e-12, atol=1e-12)
 
 
+def test_an_array_of_actions_is_named_by_one_name():
+    source = (
+        "model Two\ntime t : s\nset s = {a, b}\naction F[s] : 1/s = 0.5 in 0..1\naction u : 1/s = 0 in 0..1\n"
+        "state x[s] = 1 in 0..9\neq d/dt x[i] = F[i] - u*x[i] for i in s\nobserve x\nreward r default = u*1[s]\n"
+        "episode { step = 1 [s], max_steps = 2 }\n"
+    )
+    env = smpl.Env(smpl.compile(source=source))
+    env.reset(seed=0)
+    narrow = Form(Formulation(centre="nominal", limits={"F": (0.25, 0.75)}, windows={"x": (0, 2)}), env)
+    at = env.action_names.index
+    moved = narrow.physical(rows(env), np.array([[-1.0, -1.0, -1.0]]))[0]
+    assert (moved[at("F[a]")], moved[at("F[b]")], moved[at("u")]) == (0.25, 0.25, 0)
+    assert Form(Formulation(centre="nominal", left=("F",)), env).action_space().shape == (1,)
+    with pytest.raises(ValueError, match=r"left has 'F\[a\]' twice"):
+        Form(Formulation(left=("F", "F[a]")), env)
+    with pytest.warns(UserWarning, match=r"limits\['u'\] is \(0.5, 1\) without the nominal action 0"):
+        Form(Formulation(centre="nominal", limits={"u": (0.5, 1)}), env)
+
+
+def test_a_curriculum_outside_of_the_bounds_is_refused_before_it_begins():
+    stages = {"spread": [(0.0, 0.05, 0.05), (1.0, 0.3, 1.2)]}
+    with pytest.raises(ValueError, match=r"a stage of curriculum\['spread'\] is 0.3 to 1.2, outside of the bounds"):
+        FormulatedVectorEnv("reactor", 2, curriculum=stages, autoreset_mode="same_step")
+
+
 @pytest.mark.parametrize(("model", "learned", "steps"), [("mab", 7, 2), ("mab_plant", 12, 21)])
 def test_what_is_left_is_done_by_the_rules_that_the_model_declares(model, learned, steps):
     env = smpl.Env(model)

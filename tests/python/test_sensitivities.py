@@ -147,7 +147,8 @@ episode { step = 0.5 [s], max_steps = 10 }
 """
 
 
-REST = """model Rest "what tends to its own steady state: held states, a condition, an action, and a discrete variable that all depend on parameters"
+# A held state, a condition, an action and a discrete variable of the steady state depend on parameters.
+REST = """model Rest "what tends to its own steady state"
 time t : s
 param k = 0.5 in 0.1..5
 param q = 2 in 0.1..9
@@ -245,7 +246,7 @@ def test_derivatives_do_not_rest_where_the_state_does():
 
 
 def test_the_steady_state_moves_with_parameters():
-    """Against the closed solution: what a model at rest reads of itself, through an action, a held state, a condition and a discrete variable."""
+    """Against the closed solution: what a model at rest reads of itself."""
     model = compiled(REST)
     names = ("k", "q", "total", "kept", "w")
     action, s0, begun = 1.3, 1.0, np.array([1, 1, 1, 2, 0.2])
@@ -270,7 +271,9 @@ def test_the_steady_state_moves_with_parameters():
     other = model.linearize_step(begun, [action], {"q": 3}, parameters=names[::-1])
     by = differences(closed, np.array([0.5, 3, 3, 1.2, 1]), 1e-3)
     by[:, 0] += 2 * by[:, 4]
-    np.testing.assert_allclose(np.concatenate([other.dx_dp[[0, 4]], other.dr_dp, other.dy_dp])[:, ::-1], by, rtol=1e-7, atol=1e-8)
+    np.testing.assert_allclose(
+        np.concatenate([other.dx_dp[[0, 4]], other.dr_dp, other.dy_dp])[:, ::-1], by, rtol=1e-7, atol=1e-8
+    )
 
 
 def test_atropine_whose_start_and_rewards_read_the_steady_state_has_derivatives_by_its_flows():

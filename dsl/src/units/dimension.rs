@@ -69,6 +69,14 @@ impl Dimension {
         Some(power)
     }
 
+    /// Whether one is a power of the other, as a volume is of a length.
+    #[must_use]
+    pub fn is_power_of(&self, other: &Self) -> bool {
+        let pairs = || self.exponents.iter().zip(&other.exponents);
+        let ratio = pairs().find(|(a, _)| !a.is_zero()).and_then(|(a, b)| b.multiply(a.reciprocal()?));
+        ratio.filter(|ratio| !ratio.is_zero()).and_then(|ratio| self.power(ratio)).is_some_and(|power| power == *other)
+    }
+
     /// Dimension of a quotient; `None` beyond the range of exponents.
     #[must_use]
     pub fn divide(&self, other: &Self) -> Option<Self> {

@@ -9,7 +9,7 @@ use crate::diagnostic::{Diagnostic, codes, suggest};
 use crate::span::Span;
 use crate::syntax::{Expr, Ident, UnitBase, UnitExpr, UnitFactor};
 
-/// The unit that an expression of units stands for. `unit_of` gives the unit of differences of the expression in `unit(x)`.
+/// The unit that an expression of units stands for, as one that stands in the text. `unit_of` gives the unit of differences of the expression in `unit(x)`.
 ///
 /// # Errors
 /// A symbol that is not in the table (with the one probably meant), or exponents and factors beyond what can be represented.
@@ -24,7 +24,7 @@ pub fn resolve(written: &UnitExpr, unit_of: &mut dyn FnMut(&Expr) -> Result<Unit
         let power = exponent.and_then(|exponent| base.power(exponent));
         product = power.and_then(|power| product.multiply(&power)).ok_or_else(|| overflow(written.span))?;
     }
-    Ok(product)
+    Ok(product.as_written())
 }
 
 fn base(base: &UnitBase, unit_of: &mut dyn FnMut(&Expr) -> Result<Unit, Diagnostic>) -> Result<Unit, Diagnostic> {

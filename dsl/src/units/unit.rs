@@ -29,6 +29,8 @@ struct Meaning {
     kind: UnitKind,
     /// Factors as written, for messages.
     factors: Vec<(String, Rational)>,
+    /// Whether it stands in a text, and did not come about by arithmetic.
+    written: bool,
 }
 
 /// From a number in one unit to the number in another: `to = factor * from + offset`.
@@ -42,7 +44,33 @@ pub struct Conversion {
 
 impl Unit {
     fn new(dimension: Dimension, scale: Scale, kind: UnitKind, factors: Vec<(String, Rational)>) -> Self {
-        Self(Arc::new(Meaning { dimension, scale, kind, factors }))
+        Self(Arc::new(Meaning { dimension, scale, kind, factors, written: true }))
+    }
+
+    /// What arithmetic makes.
+    fn made(dimension: Dimension, scale: Scale, factors: Vec<(String, Rational)>) -> Option<Self> {
+        scale.is_valid().then(|| Self(Arc::new(Meaning { dimension, scale, kind: UnitKind::Linear, factors, written: false })))
+    }
+
+    /// The same as one that stands in a text.
+    #[must_use]
+    pub fn as_written(&self) -> Self {
+        if self.0.written { self.clone() } else { Self(Arc::new(Meaning { written: true, ..(*self.0).clone() })) }
+    }
+
+    /// Whether numbers in this unit count something that nobody named: arithmetic made it, of units of one dimension in several sizes (`min/h`, `L/m`, `% kg`).
+    #[must_use]
+    pub fn is_unnamed(&self) -> bool {
+        let factors = &self.0.factors;
+        // A factor that is no symbol is a number.
+        let parts: Vec<(Dimension, bool)> = factors
+            .iter()
+            .map(|(symbol, _)| Self::named(symbol).map_or((Dimension::NONE, true), |unit| (unit.0.dimension, unit.0.scale != Scale::ONE)))
+            .collect();
+        let ratio = |&(dimension, scaled): &(Dimension, bool)| dimension.is_none() && scaled;
+        let alone = matches!(factors.as_slice(), [(_, exponent)] if *exponent == Rational::ONE);
+        let mixed = |i: usize| parts[..i].iter().any(|(d, scaled)| (*scaled || parts[i].1) && parts[i].0.is_power_of(d));
+        !self.0.written && (parts.iter().any(ratio) && !alone || (0..parts.len()).any(mixed))
     }
 
     /// The unit of a number.
@@ -125,7 +153,7 @@ impl Unit {
     }
 
     fn linear(&self, factors: Vec<(String, Rational)>) -> Self {
-        Self::new(self.0.dimension, self.0.scale, UnitKind::Linear, factors)
+        Self(Arc::new(Meaning { kind: UnitKind::Linear, factors, ..(*self.0).clone() }))
     }
 
     /// Unit of a product of differences; `None` beyond the range of exponents or factors.
@@ -147,7 +175,7 @@ impl Unit {
         for (symbol, exponent) in &other.difference().0.factors {
             add_factor(&mut factors, symbol, *exponent)?;
         }
-        scale.is_valid().then(|| Self::new(dimension, scale, UnitKind::Linear, factors))
+        Self::made(dimension, scale, factors)
     }
 
     /// Unit of a quotient of differences.
@@ -175,7 +203,7 @@ impl Unit {
         }
         let dimension = self.0.dimension.power(exponent)?;
         let scale = self.0.scale.power(exponent);
-        scale.is_valid().then(|| Self::new(dimension, scale, UnitKind::Linear, factors))
+        Self::made(dimension, scale, factors)
     }
 
     /// By what a number (a difference, for points) in this unit is multiplied to give the number in `other`; exactly 1 for equal units, `None` for

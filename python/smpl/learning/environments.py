@@ -12,7 +12,7 @@ import numpy.typing as npt
 from smpl.envs import Env
 from smpl.learning.agents import Rows
 from smpl.learning.formulation import Form, Formulation
-from smpl.model import as_number, check_names
+from smpl.model import as_number, check_names, check_within
 from smpl.vector import AutoresetMode, StepResult, VectorEnv, parse_autoreset_mode
 
 Array = npt.NDArray[Any]
@@ -154,6 +154,9 @@ class FormulatedVectorEnv(VectorEnv):
         super().__init__(model, num_envs, autoreset_mode=native, **arguments)
         if self.curriculum is not None:
             check_names("curriculum", self.curriculum.stages, self.model.parameter_names)
+            for name, table in self.curriculum.stages.items():
+                for _, low, high in table.tolist():
+                    check_within(f"a stage of curriculum[{name!r}]", (low, high), name, self.model)
             self.autoreset_mode, self.metadata = mode, {**self.metadata, "autoreset_mode": mode}
         self.progress = 0.0
         self.form = Form(Formulation.of(formulation), self)

@@ -7,6 +7,7 @@ The process stays as it is; a policy of a formulation is brought back to the env
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import lru_cache
@@ -20,7 +21,7 @@ from gymnasium.spaces import Box
 from smpl.envs import Env, Interface, native_seed
 from smpl.evaluation import Episode
 from smpl.learning.agents import Agent, Rows, agent
-from smpl.model import FloatArray, Model, as_count, as_number, check_names
+from smpl.model import FloatArray, Model, as_count, as_number, check_names, elements
 
 Array = npt.NDArray[Any]
 FILE = "formulation.json"
@@ -41,8 +42,9 @@ class Formulation:
             model's policy `nominal`, which must be a function of the step alone), or the name of a controller that acts
             on batches (`pid`, `profile`, `constant:...`): the learner corrects it.
         reach: share of the way from the centre to a limit that the learner may go.
-        left: names of actions that are left to the centre; the learner does not have them.
-        limits: name of an action to (low, high) in physical units: a box inside the declared one.
+        left: names of actions, single ones or arrays, that are left to the centre; the learner does not have them.
+        limits: name of an action to (low, high) in physical units: a box inside the declared one. A centre outside of
+            it is moved to its nearest end.
         windows: name of an observation to (low, high) in physical units: what the learner sees as -1 and 1, clipped
             there, in place of the observation. A process that is held near a point moves little within its bounds.
         history: observations that a policy sees, the newest last; 1 for the present one only.
@@ -136,23 +138,34 @@ class Form:
     def __init__(self, formulation: Formulation, interface: Interface) -> None:
         self.formulation, self.interface = formulation, interface
         names = interface.action_names
-        check_names("left", formulation.left, names)
-        check_names("limits", formulation.limits, names)
-        self.learned = np.array([i for i, name in enumerate(names) if name not in formulation.left], dtype=np.intp)
+        left = elements("left", formulation.left, names)
+        limits = elements("limits", formulation.limits, names)
+        self.learned = np.array([i for i, name in enumerate(names) if name not in left], dtype=np.intp)
         if not len(self.learned):
             raise ValueError(f"left has all actions ({', '.join(names)}): nothing is left to learn")
         self.low, self.high = interface.action_low.copy(), interface.action_high.copy()
-        for name, (low, high) in formulation.limits.items():
-            i = names.index(name)
+        for name, whole in limits.items():
+            i, (low, high) = names.index(name), formulation.limits[whole]
             if not self.low[i] <= low < high <= self.high[i]:
                 raise ValueError(
                     f"limits[{name!r}] is ({low}, {high}), expected a part of {self.low[i]}..{self.high[i]}"
                 )
             self.low[i], self.high[i] = low, high
         self._centre, self.reads_states = _centre(formulation.centre, interface, self.low, self.high)
-        check_names("windows", formulation.windows, interface.observation_names)
-        self._windowed = np.array([interface.observation_names.index(n) for n in formulation.windows], dtype=np.intp)
-        self._window = np.array(list(formulation.windows.values())).reshape(-1, 2).T
+        if formulation.centre == "nominal":
+            self._warn_of_nominal(interface.model.native.defaults("action"), names)
+        windows = elements("windows", formulation.windows, interface.observation_names)
+        self._windowed = np.array([interface.observation_names.index(name) for name in windows], dtype=np.intp)
+        self._window = np.array([formulation.windows[whole] for whole in windows.values()]).reshape(-1, 2).T
+
+    def _warn_of_nominal(self, nominal: FloatArray, names: Sequence[str]) -> None:
+        for i, name in enumerate(names):
+            if not self.low[i] <= nominal[i] <= self.high[i]:
+                warnings.warn(
+                    f"limits[{name!r}] is ({self.low[i]:g}, {self.high[i]:g}) without the nominal action "
+                    f"{nominal[i]:g}: what is learned goes from the limit that is nearest to it",
+                    stacklevel=4,
+                )
 
     def action_space(self) -> Box:
         """The learned actions in [-1, 1]."""

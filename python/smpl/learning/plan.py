@@ -16,7 +16,7 @@ import numpy as np
 from smpl.envs import Env, SeedError, check_seed
 from smpl.learning.agents import Agent, agent
 from smpl.learning.starts import Starts
-from smpl.model import FloatArray, Model, as_count, as_number, check_names
+from smpl.model import FloatArray, Model, as_count, as_number, check_within, elements
 from smpl.vector import VectorEnv
 
 # Arguments of the environment that a model is compiled with; the others belong to the environment.
@@ -166,8 +166,11 @@ class Plan:
                 one.check(env)
             except (ArithmeticError, AttributeError, LookupError, NameError) as error:
                 raise ValueError(f"controller {one.name}: its reset fails: {type(error).__name__}: {error}") from error
-        ranges = {name: _range(name, bounds) for name, bounds in (randomize or {}).items()}
-        check_names("randomize", ranges, task.model.parameter_names)
+        given_ranges = {name: _range(name, bounds) for name, bounds in (randomize or {}).items()}
+        whole = elements("randomize", given_ranges, task.model.parameter_names)
+        ranges = {name: given_ranges[named] for name, named in whole.items()}
+        for name, ends in ranges.items():
+            check_within(f"randomize[{name!r}]", ends, name, task.model)
         return cls(
             task, agents, count, first, _shares(weights, len(agents)), Starts.of(starts, env, count, first),
             _between("noise", noise, np.inf), _between("epsilon", epsilon, 1.0), ranges,

@@ -34,6 +34,10 @@ _LEGEND = (
 )
 
 
+# What a limit counts that is broken without a measure, as an event is: the line on failures says it.
+_MARK = 1e-6
+
+
 def content(plan: Plan, scores: Sequence[Score]) -> dict[str, Any]:
     """What `report.json` holds."""
     task = plan.task
@@ -159,7 +163,7 @@ def _findings(report: Mapping[str, Any]) -> list[str]:
         for cause, count in values["failures_by_cause"].items():
             lines.append(f"- {name}: {count} of {len(values['returns'])} episodes fail by {cause}")
         for limit, excess in values["violations"].items():
-            if excess:
+            if excess > _MARK:
                 lines.append(
                     f"- {name}: {limit} is exceeded by {_number(excess)} of its range an episode, summed over steps"
                 )

@@ -38,7 +38,8 @@ class Summary:
         success: whether a success ended it.
         cost: sum of all violations over its steps; violations: the same by constraint.
         violated: steps with a violation.
-        settling: time from which on the state stays near the steady one; NaN where it never does or there is none.
+        settling: time from which on the state stays near the steady one, NaN where it never does; none where the model
+            has no steady state.
         start: observation of the reset, physical units.
     """
 
@@ -55,7 +56,7 @@ class Summary:
     cost: float
     violations: dict[str, float]
     violated: int
-    settling: float
+    settling: float | None
     start: FloatArray
 
 
@@ -95,7 +96,8 @@ class Score:
         middle, deviation, steps = self.pooled()
         means = np.array([one.mean for one in every])
         penalized = np.array([one.last if one.failure else one.mean for one in every])
-        settled = np.array([one.settling for one in every if np.isfinite(one.settling)])
+        aimed = [one.settling for one in every if one.settling is not None]
+        settled = [time for time in aimed if np.isfinite(time)]
         times = np.array(self.latencies) * 1e3
         return {
             "mean": middle,
@@ -119,8 +121,8 @@ class Score:
                 name: float(np.mean([one.violations[name] for one in every])) for name in every[0].violations
             },
             "violated_steps": float(sum(one.violated for one in every) / steps),
-            "settled": len(settled),
-            "settling_time": float(np.median(settled)) if len(settled) else None,
+            "settled": len(settled) if aimed else None,
+            "settling_time": float(np.median(settled)) if settled else None,
             "latency_ms": float(np.median(times)) if len(times) else None,
             "latency_p99_ms": float(np.quantile(times, 0.99)) if len(times) else None,
         }
@@ -242,7 +244,7 @@ def summary(plan: Plan, job: Job, one: Episode, target: tuple[FloatArray, FloatA
         float(one.costs[1:].sum()),
         {name: float(values[1:].sum()) for name, values in violations.items()},
         int(np.count_nonzero(one.costs[1:])),
-        settling_time(one, *target) if target is not None else float("nan"),
+        None if target is None else settling_time(one, *target),
         physical(plan, one.observations[0]),
     )
 

@@ -54,8 +54,8 @@ class Starts:
         Args:
             given: none or `sampled`; `grid:D:N` (from 1 - D to 1 + D times the steady state, N values a state,
                 clipped to the box; 0.3 and 10 if they are left out) or `unclipped_grid:D:N`; `spread:D` (scrambled
-                Sobol points in the same box); a path of a CSV file whose columns are states; an array (starts,
-                states); mappings, one a start.
+                Sobol points in the box, its ends clipped to the bounds); a path of a CSV file whose columns are states;
+                an array (starts, states); mappings, one a start.
             env: the environment.
             episodes: how many spread starts.
             seed: of the scrambling.
@@ -94,8 +94,8 @@ def _named(text: str, env: Env, episodes: int, seed: int) -> Starts:
         box = (low, high) if kind == "grid" else (None, None)
         return Starts(text, env.state_names, initial_grid(centre, spread, points, *box))
     unit = _sobol(len(centre), episodes, seed)
-    ends = np.sort(np.stack([(1 - spread) * centre, (1 + spread) * centre]), axis=0)
-    return Starts(text, env.state_names, np.clip(ends[0] + unit * (ends[1] - ends[0]), low, high))
+    ends = np.clip(np.sort(np.stack([(1 - spread) * centre, (1 + spread) * centre]), axis=0), low, high)
+    return Starts(text, env.state_names, ends[0] + unit * (ends[1] - ends[0]))
 
 
 def _centre(env: Env) -> FloatArray:

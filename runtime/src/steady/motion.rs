@@ -7,7 +7,6 @@ use super::problem::Problem;
 use super::{MAX_ROUNDS, PARTS, declared, frames};
 use crate::catalogue::{Catalogue, Element};
 use crate::sensitivity::tangents::{Point, Tangents};
-use crate::solver::System;
 use crate::system::CompiledSystem;
 
 /// Change of a derivative of a discrete variable, relative to its size and the variable's scale, that counts as none.
@@ -53,9 +52,7 @@ fn places(system: &CompiledSystem, width: usize) -> impl Iterator<Item = (usize,
 /// An instance at its steady state.
 fn at_rest(system: &CompiledSystem) -> (CompiledSystem, Vec<f64>) {
     let mut there = system.clone();
-    for (part, present) in
-        [(Part::Action, Region::Action), (Part::Discrete, Region::Discrete), (Part::Disturbance, Region::Disturbance)]
-    {
+    for (part, present) in [(Part::Action, Region::Action), (Part::Discrete, Region::Discrete), (Part::Disturbance, Region::Disturbance)] {
         there.region_mut(present).copy_from_slice(system.region(Region::Steady(part)));
     }
     let y = system.region(Region::Steady(Part::Y)).to_vec();

@@ -27,9 +27,9 @@ pub struct Builtin {
 pub(in crate::elaborate) enum Call {
     /// A function of a dimensionless number.
     Elementary(UnaryFn),
-    /// A function whose result has the unit of its argument.
-    Keeping(UnaryFn),
-    /// The same, of an amount: not of a point on a temperature scale.
+    /// A number or a quantity rounded.
+    Rounding(UnaryFn),
+    /// A function of an amount, not of a point on a temperature scale.
     OfAmount(UnaryFn),
     /// A power.
     Power(f64),
@@ -127,7 +127,7 @@ const fn also(builtin: Builtin, over: Over) -> Builtin {
 }
 
 const ELEMENTARY: &str = "of a dimensionless number";
-const ROUNDING: &str = "to a whole number, down, up, to the nearest (ties to even)";
+const ROUNDING: &str = "to a whole number, down, up, to the nearest (ties to even): of a ratio the number (`floor(t/(1 [h]))`, whatever the unit of `t` is), of a quantity its number in its declared unit";
 const FRAME: &str = "value of `e` at the start of the episode (time 0), at the end of the step before (at the start, in the first step), at the steady state; with `t`, tables over time, `n` and `clock` at that instant, actions at the start at their nominal values. `previous` is not of `previous`: keep it in a discrete variable";
 const TEMPERATURE: &str = "absolute temperature, point in degC, see Units";
 const DECLARED: &str = "declared bounds, scale, default of a variable";
@@ -156,10 +156,10 @@ pub const BUILTINS: &[Builtin] = &[
     call("sq", "sq(x)", 1, Call::Power(2.0), "square root and square, of units too"),
     call("abs", "abs(x)", 1, Call::OfAmount(UnaryFn::Abs), "absolute value; -1, 0 or 1"),
     call("sign", "sign(x)", 1, Call::OfAmount(UnaryFn::Sign), "absolute value; -1, 0 or 1"),
-    call("floor", "floor(x)", 1, Call::Keeping(UnaryFn::Floor), ROUNDING),
-    call("ceil", "ceil(x)", 1, Call::Keeping(UnaryFn::Ceil), ROUNDING),
-    call("round", "round(x)", 1, Call::Keeping(UnaryFn::Round), ROUNDING),
-    call("single", "single(x)", 1, Call::Keeping(UnaryFn::Single), "to the nearest number of single precision"),
+    call("floor", "floor(x)", 1, Call::Rounding(UnaryFn::Floor), ROUNDING),
+    call("ceil", "ceil(x)", 1, Call::Rounding(UnaryFn::Ceil), ROUNDING),
+    call("round", "round(x)", 1, Call::Rounding(UnaryFn::Round), ROUNDING),
+    call("single", "single(x)", 1, Call::Rounding(UnaryFn::Single), "to the nearest number of single precision"),
     call("mod", "mod(a, b)", 2, Call::Modulo, "what is left of `a` after whole multiples of `b`, with the sign of `b`"),
     call("clip", "clip(x, low, high)", 3, Call::Clip, "the number, or the bound that it passes"),
     also(any_call("min", "min(a, b)", Call::Extremum(BinaryFn::Min), EXTREMUM), Over::Reduce(ReduceFn::Min)),

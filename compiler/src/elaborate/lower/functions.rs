@@ -37,8 +37,8 @@ pub(in crate::elaborate) fn call(l: &mut Lowering<'_, '_>, span: Span, function:
 fn built_in(l: &mut Lowering<'_, '_>, span: Span, (name, call): (&str, Call), arguments: &[Expr], place: &Place) -> Value {
     match (call, arguments) {
         (Call::Elementary(f), [a]) => elementary(l, name, f, a, place),
-        (Call::Keeping(f), [a]) => keeping_unit(l, name, f, false, a, place),
-        (Call::OfAmount(f), [a]) => keeping_unit(l, name, f, true, a, place),
+        (Call::Rounding(f), [a]) => rounding(l, name, f, a, place),
+        (Call::OfAmount(f), [a]) => of_amount(l, name, f, a, place),
         (Call::Power(exponent), [a]) => {
             let v = l.value(a, place);
             let exponent = l.exprs.constant(exponent);
@@ -152,12 +152,12 @@ fn elementary(l: &mut Lowering<'_, '_>, name: &str, f: UnaryFn, a: &Expr, place:
     }
 }
 
-fn keeping_unit(l: &mut Lowering<'_, '_>, name: &str, f: UnaryFn, of_amount: bool, a: &Expr, place: &Place) -> Value {
+fn of_amount(l: &mut Lowering<'_, '_>, name: &str, f: UnaryFn, a: &Expr, place: &Place) -> Value {
     let v = l.value(a, place);
     match &v.unit {
         Measure::Poison => v,
         Measure::Truth => l.fault(Diagnostic::error(codes::WRONG_KIND, format!("`{name}` of a condition"), a.span)),
-        Measure::Of(u) if of_amount && units::is_point(u) => l.fault(
+        Measure::Of(u) if units::is_point(u) => l.fault(
             Diagnostic::error(codes::AFFINE_UNIT, format!("`{name}` of a point on a temperature scale"), a.span)
                 .help("use `kelvin(T)`, or a difference of two temperatures"),
         ),
@@ -166,6 +166,25 @@ fn keeping_unit(l: &mut Lowering<'_, '_>, name: &str, f: UnaryFn, of_amount: boo
             let expr = l.exprs.unary(f, v.expr);
             Value { expr, unit }
         }
+    }
+}
+
+/// `floor(x)` and the like: of what has no dimension the number itself is rounded, of a quantity its number in a unit that the text names.
+fn rounding(l: &mut Lowering<'_, '_>, name: &str, f: UnaryFn, a: &Expr, place: &Place) -> Value {
+    let v = l.value(a, place);
+    let to_whole = f != UnaryFn::Single;
+    match &v.unit {
+        Measure::Poison => v,
+        Measure::Truth => l.fault(Diagnostic::error(codes::WRONG_KIND, format!("`{name}` of a condition"), a.span)),
+        Measure::Of(unit) if units::is_dimensionless(unit) => {
+            if to_whole && !unit.is_unnamed() && !units::is_plain_number(unit) {
+                l.ledger.report(units::rounded_as_number(name, unit, a.span));
+            }
+            let number = l.values().convert(v.expr, unit, &Unit::one()).unwrap_or(v.expr);
+            Value::of(l.exprs.unary(f, number), Unit::one())
+        }
+        Measure::Of(unit) if to_whole && unit.is_unnamed() => l.fault(units::unnamed(name, unit, a.span)),
+        unit => Value { expr: l.exprs.unary(f, v.expr), unit: unit.clone() },
     }
 }
 
@@ -305,7 +324,15 @@ fn plain_value(l: &mut Lowering<'_, '_>, first: &Expr, unit: Option<&Expr>, plac
     if v.is_poison() {
         return v;
     }
-    let Some(second) = unit else { return Value::bare(v.expr) };
+    let Some(second) = unit else {
+        return match &v.unit {
+            Measure::Of(unit) if unit.is_unnamed() => match l.values().convert(v.expr, unit, &Unit::one()) {
+                Some(number) => Value::bare(number),
+                None => l.fault(units::unnamed("value", unit, first.span)),
+            },
+            _ => Value::bare(v.expr),
+        };
+    };
     let Some(unit) = units::unit_argument(l, second, place) else { return l.poison() };
     let from = v.unit.unit();
     // An absolute temperature may be asked for on another scale.

@@ -97,6 +97,14 @@ pub(crate) fn literal(x: f64, unit: &Unit) -> String {
     format!("give the number its unit: `{x} [{unit}]`")
 }
 
+/// A pure number that is taken from a point on a temperature scale.
+pub(crate) fn literal_beside_point(x: f64, unit: &Unit) -> String {
+    format!(
+        "give the number its unit: `{x} [{unit}]` for the difference of two points, `{x} [{}]` for a point lower by it",
+        unit.difference()
+    )
+}
+
 /// A number without a unit beside a dimensionless quantity with a scale: what it counts as.
 pub(crate) fn bare_beside(number: Option<f64>, unit: &Unit, span: Span) -> Diagnostic {
     let factor = conversion(&Unit::one(), unit).map_or(1.0, |c| c.0);
@@ -109,6 +117,22 @@ pub(crate) fn bare_beside(number: Option<f64>, unit: &Unit, span: Span) -> Diagn
     Diagnostic::warning(codes::BARE_NUMBER, format!("{counts} here"), span)
         .label("beside a quantity in another scale")
         .help(format!("write {written} if that is meant, {other} for the pure number"))
+}
+
+/// The number in a unit that arithmetic made.
+pub(crate) fn unnamed(function: &str, unit: &Unit, span: Span) -> Diagnostic {
+    let say = if function == "value" { "say in which unit: `value(x, unit)`" } else { "divide by what is counted: `x / 1 [unit]`" };
+    let message = format!("`{function}` takes a number, and this is {}, a unit that is written nowhere", describe(unit));
+    Diagnostic::error(codes::NOT_DIMENSIONLESS, message, span).label(describe(unit)).help(say)
+}
+
+/// Rounding of a percentage or the like.
+pub(crate) fn rounded_as_number(function: &str, unit: &Unit, span: Span) -> Diagnostic {
+    let factor = conversion(unit, &Unit::one()).map_or(1.0, |c| c.0);
+    let message = format!("`{function}` rounds the number, and 1 [{unit}] is {} here", rounded(factor));
+    Diagnostic::warning(codes::BARE_NUMBER, message, span)
+        .label(format!("in {unit}"))
+        .help(format!("write `{function}(x / 1 [{unit}]) * 1 [{unit}]` to round in {unit}, `x as [1]` for the number"))
 }
 
 /// A number with no more digits than a reader wants.

@@ -186,7 +186,14 @@ impl Values<'_> {
         let (Some(left), Some(right)) = (left, right) else {
             let verb = if op == BinaryOp::Add { "added" } else { "subtracted" };
             let d = units::clash(&ua, sa, &ub, sb, span, verb);
-            let d = self.with_literal(d, (&a, &units::difference(&ua)), (&b, &units::difference(&ub)));
+            let d = match self
+                .exprs
+                .as_const(b.expr)
+                .filter(|_| op == BinaryOp::Sub && units::is_point(&ua) && matches!(b.unit, Measure::Bare))
+            {
+                Some(x) => d.help(units::literal_beside_point(x, &ua)),
+                None => self.with_literal(d, (&a, &units::difference(&ua)), (&b, &units::difference(&ub))),
+            };
             return self.fault(d);
         };
         let expr = self.exprs.binary(f, left, right);
