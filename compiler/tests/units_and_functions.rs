@@ -215,7 +215,7 @@ fn ratios_are_rounded_as_numbers() {
     assert_close(value("1", "floor(4 * share)"), 1.0);
     assert_close(value("1", "round(share * 4e6 [ppm])"), 2.0);
     assert_close(value("m", "1 [m] * round(x * 1 [ft] / 35 [cm])"), 2.0);
-    assert_close(value("1", "single(V / 0.6 [mL])"), f64::from(3333.333_3_f32));
+    assert_close(value("1", "single(V / 0.6 [mL])"), f64::from(3_333.333_3_f32));
     assert_close(value("%", "round(share / 7 [%]) * 7 [%]"), 42.0);
     assert_close(value("1", "value(x * 50 [min] / 1 [h])"), 100.0 / 60.0);
     assert_close(value("1", "value(share)"), 40.0);

@@ -50,3 +50,22 @@ def test_initial_values_follow_the_solution(options):
     assert state["y"] == pytest.approx(10 * z, rel=1e-8)
     assert state["q"] == pytest.approx(3 * z + root(z + 8), rel=1e-8)
     np.testing.assert_allclose(observation, [z, z], rtol=1e-6)
+
+
+@pytest.mark.parametrize("whole", ["initial x = 2", "initial x ~ uniform(1, 2)", "initial x[i] = 2 for i in s", ""])
+@pytest.mark.parametrize("single", ["initial x[a] = 5", "initial x[a] ~ uniform(4, 5)", ""])
+def test_what_a_scenario_draws_holds_against_all_of_the_text(whole, single, tmp_path):
+    text = f"""model Starts
+time t : s
+set s = {{a, b, c}}
+state x[s] = 1 in 0..9
+eq d/dt x[i] = 0 for i in s
+{single}
+{whole}
+episode {{ step = 1 [s], max_steps = 1 }}
+"""
+    scenario = tmp_path / "scenario.yaml"
+    scenario.write_text("initial: {x: 'uniform(7, 7.5)', 'x[c]': 'uniform(8, 8.5)'}\n")
+    env = smpl.Env(smpl.compile(source=text, scenario=scenario))
+    env.reset(seed=3)
+    assert np.all((env.state[:2] >= 7) & (env.state[:2] <= 7.5)) and 8 <= env.state[2] <= 8.5

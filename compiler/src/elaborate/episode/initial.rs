@@ -230,15 +230,17 @@ fn declared_starts(l: &mut Lowering<'_, '_>, starts: &mut Starts) {
     }
 }
 
-/// Starts that `initial` states.
+/// Starts that `initial` states. Those that a scenario asks for come last: they hold against all of the text.
 fn stated_starts<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)], starts: &mut Starts) {
     let mut set = Vec::new();
     let overlay = &l.input.options.overlay;
-    for (scope, item) in each(blocks) {
+    let is_asked = |item: &Item<'_>| matches!(item, Item::Other(statement) if overlay.iter().any(|one| std::ptr::eq(one, *statement)));
+    let (asked, own): (Vec<_>, Vec<_>) = each(blocks).partition(|(_, item)| is_asked(item));
+    for (scope, item) in own.into_iter().chain(asked) {
         let Item::Other(statement) = item else { continue };
         let StatementKind::Initial { target, random, value, clip, binders } = &statement.kind else { continue };
         let place = Place::new(scope, Site::Reset);
-        let asked = overlay.iter().any(|one| std::ptr::eq(one, statement));
+        let asked = is_asked(&item);
         let start = StartText { target, random: *random, value, clip: clip.as_ref(), asked };
         for piece in nests::nest(l, binders, &place, &mut |s, inner| initial(s, start, inner)) {
             let Some((var, list)) = piece.value else { continue };

@@ -217,6 +217,10 @@ fn atan2(l: &mut Lowering<'_, '_>, span: Span, y: &Expr, x: &Expr, place: &Place
 fn modulo(l: &mut Lowering<'_, '_>, span: Span, first: &Expr, second: &Expr, place: &Place) -> Value {
     let (a, b) = (l.value(first, place), l.value(second, place));
     let Some((left, right)) = l.values().common(&a, first.span, &b, second.span, span) else { return l.poison() };
+    if l.exprs.as_const(right) == Some(0.0) {
+        return l
+            .fault(Diagnostic::error(codes::WRONG_ARGUMENTS, "nothing is left of whole multiples of 0", second.span).label("this is 0"));
+    }
     let ratio = l.exprs.div(left, right);
     let whole = l.exprs.unary(UnaryFn::Floor, ratio);
     let multiple = l.exprs.mul(right, whole);
