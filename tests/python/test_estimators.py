@@ -1,5 +1,6 @@
 """State estimators against closed forms of linear models, and on plants with rare and late samples."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -256,6 +257,44 @@ def test_feedback_of_an_estimate_brings_a_reactor_with_hidden_concentrations_to_
     )
     assert not episode.failure
     np.testing.assert_allclose(episode.states[-1], [2.14, 1.09, 114.2, 112.9], rtol=0.01)
+
+
+@pytest.mark.parametrize("kind", [ExtendedKalmanFilter, MovingHorizonEstimator])
+@pytest.mark.parametrize(
+    "more", ["x + 2*u", "integral(x)/(0.5 [min])", "x - previous(x)", "der(x)*(1 [min])", "x + w", "z"]
+)
+def test_what_a_state_does_not_tell_is_not_read_and_told(kind, more):
+    """With the other reading alone the estimate is the one of a level that has that reading alone."""
+    source = f"""model More
+time t : min
+action u = 0 in -10..10
+state x = 1 in -50..50
+var z = 0
+disturbance w = 1 ~ 0.5*w
+eq d/dt x = (-0.5*x + u)/(1 [min])
+eq z + 0.1*z^3 = x + u
+level both {{ observe x in -50..50 noise normal(0, 0.5), y = {more} in -100..100 noise normal(0, 0.05) }}
+level one {{ observe x in -50..50 noise normal(0, 0.5) }}
+level none {{ observe y = {more} in -100..100 noise normal(0, 0.05) }}
+reward r default = -sq(x)
+episode {{ step = 0.5 [min], max_steps = 30 }}
+"""
+    options = {"deviation": {"x": 2}, "process_noise": {"x": 0.1}}
+    estimates = []
+    for level in ("both", "one"):
+        env = smpl.Env(smpl.compile(source=source, observation=level), normalize=False)
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            estimator = kind(env, **options)
+        assert [("does not read y:" in str(one.message)) for one in told] == ([True] if level == "both" else [])
+        env.reset(seed=3, options={"state": {"x": 3}})
+        estimator.reset(env)
+        for _ in range(4):
+            estimates.append(estimator.update(env)[0])
+            env.step(np.array([5.0]))
+    np.testing.assert_allclose(estimates[:4], estimates[4:], rtol=1e-6)
+    with pytest.raises(ValueError, match=r"does not read y.*no reading is left"):
+        kind(smpl.Env(smpl.compile(source=source, observation="none"), normalize=False), **options)
 
 
 def test_an_estimator_of_another_level_is_refused():

@@ -146,6 +146,16 @@ def test_a_compartment_that_grows_dilutes(tmp_path, trajectory):
     close(found["Q"], 3.0 * np.exp(-0.1 * t))
 
 
+def test_the_amount_of_a_boundary_species_stays_where_its_compartment_fills(tmp_path, trajectory):
+    t, found = trajectory(SBML / "fed.xml", tmp_path, 10.0)
+    v = 2.0 + 0.1 * t
+    # dn/dt = -n 0.8/V from n = 2
+    amount = 2.0 * (v / 2.0) ** -8
+    close(found["A_amount"], amount)
+    close(found["E"], 0.8 / v)
+    close(found["B"], 2.0 + 2.0 - amount)
+
+
 def test_an_event_reads_the_values_from_before_it(tmp_path, trajectory):
     t, found = trajectory(SBML / "swap.xml", tmp_path, 6.0, 31)
     before, after = t < 3.0, t >= 3.0

@@ -45,7 +45,7 @@ def test_sampling_is_exact(integrator):
     np.testing.assert_allclose(F, [[1, h], [0, 1]])
     np.testing.assert_allclose(G, [[h**2 / 2], [h]])
     # The integral of (x + v s + u s^2/2)^2 + 3 u^2 over the interval.
-    Q, R, N = sampled_cost(A, B, np.diag([1.0, 0.0]), np.array([[3.0]]), h)
+    Q, R, N = sampled_cost(A, B, np.diag([1.0, 0.0]), np.array([[3.0]]), np.zeros((2, 1)), h)
     np.testing.assert_allclose(Q, [[h, h**2 / 2], [h**2 / 2, h**3 / 3]], atol=1e-14)
     np.testing.assert_allclose(R, [[3 * h + h**5 / 20]])
     np.testing.assert_allclose(N, [[h**3 / 6], [h**4 / 8]], atol=1e-14)
@@ -84,6 +84,45 @@ def test_the_cost_of_an_episode_is_that_of_the_riccati_equation(integrator):
     cost = (episode.states[:, 0] ** 2).sum() + 2 * (episode.actions**2).sum()
     start = np.array([3.0, -1.0])
     assert cost == pytest.approx(start @ regulator.riccati @ start, rel=1e-5)
+
+
+THROUGH = """model Through
+time t : s
+action u = 0 in -10..10
+state x = 0 in -10..10
+state v = 0 in -10..10
+eq d/dt x = (-0.5*x + u)/(1 [s])
+eq d/dt v = (x - v)/(1 [s])
+observe x in -10..10, y = x + 2*u in -50..50
+reward r default = -sq(x)
+episode { step = 0.5 [s], max_steps = 10 }
+"""
+
+
+@pytest.mark.parametrize("kind", ["sum", "integral", "continuous"])
+def test_an_output_that_an_action_moves_at_once_is_weighed_as_it_is(kind):
+    linalg = pytest.importorskip("scipy.linalg")
+    options = {"discrete": False} if kind == "continuous" else {"cost": kind}
+    found = LQR(smpl.compile(source=THROUGH), {"v": 0.5}, {"u": 0.1}, output_weight={"y": 3.0}, **options).gain
+    A, B = np.array([[-0.5, 0], [1, -1]]), np.array([[1.0], [0]])
+    # 3 (x + 2 u)^2 + 0.5 v^2 + 0.1 u^2
+    weight = np.array([[3.0, 0, 6], [0, 0.5, 0], [6, 0, 12.1]])
+    if kind == "continuous":
+        Q, R, N = weight[:2, :2], weight[2:, 2:], weight[:2, 2:]
+        P = linalg.solve_continuous_are(A, B, Q, R, s=N)
+        np.testing.assert_allclose(found, np.linalg.solve(R, B.T @ P + N.T), rtol=1e-8)
+        return
+    whole = np.zeros((3, 3))
+    whole[:2] = np.hstack([A, B])
+    F = linalg.expm(whole * 0.5)
+    if kind == "integral":
+        # By Gauss's quadrature of exp(Ws)' weight exp(Ws).
+        nodes, parts = np.polynomial.legendre.leggauss(12)
+        moments = [linalg.expm(whole * (1 + node) / 4) for node in nodes]
+        weight = sum(part / 4 * moment.T @ weight @ moment for part, moment in zip(parts, moments, strict=True))
+    Q, R, N, G = weight[:2, :2], weight[2:, 2:], weight[:2, 2:], F[:2, 2:]
+    P = linalg.solve_discrete_are(F[:2, :2], G, Q, R, s=N)
+    np.testing.assert_allclose(found, np.linalg.solve(R + G.T @ P @ G, G.T @ P @ F[:2, :2] + N.T), rtol=1e-8)
 
 
 def test_integral_action_removes_the_offset_of_a_constant_disturbance(integrator):

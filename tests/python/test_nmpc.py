@@ -145,6 +145,26 @@ def test_a_function_is_a_cost_and_algebraic_unknowns_are_predicted(source):
     assert controller.plan[0] != controller.plan[1]
 
 
+def test_a_plant_of_one_state_gets_a_plan():
+    """The level that one step reaches: a plan whose every stage is at the set-point from the first instant on."""
+    source = """model Tank
+time t : min
+action q = 0.1 in 0..10
+state h = 1 in 0..20
+eq d/dt h = (q - 0.5*h)/(1 [min])
+observe h
+reward r default = h
+episode { step = 1 [min], max_steps = 5 }
+"""
+    env = smpl.Env(smpl.compile(source=source), normalize=False)
+    env.reset(seed=0, options={"state": {"h": 1.0}})
+    controller = NMPC(env, 5, {"h": 1}, set_point={"h": 2.0})
+    controller.reset(env)
+    decay = np.exp(-0.5)
+    # h(1) = h decay + 2 q (1 - decay)
+    np.testing.assert_allclose(controller.action(env), (2.0 - decay) / (2 * (1 - decay)), rtol=1e-5)
+
+
 def test_rates_of_actions_are_limited():
     env = smpl.Env("reactor", normalize=False, max_steps=30)
     controller = NMPC(env, 10, {"c_A": 100, "h": 10}, set_point={"c_A": 0.86, "h": 0.62}, rate_limit={"T_c": 0.5})

@@ -183,19 +183,19 @@ class Transcription:
         inside = q[task.given.index(_WITHIN)] if _WITHIN in task.given else 1.0
         for k in range(task.elements):
             cells = [w[(k * size + j) * per : (k * size + j + 1) * per] for j in range(size)]
-            values = [begin, *(cell[: self.n] for cell in cells)]
+            values = [begin, *(cell[: self.n, :] for cell in cells)]
             for j in range(size):
-                x, z = cells[j][: self.n] * sx, cells[j][self.n :] * sz
+                x, z = cells[j][: self.n, :] * sx, cells[j][self.n :, :] * sz
                 slope = sum(matrix[j, i] * values[i] for i in range(size + 1))
                 moment = t + (k + float(self.points[j])) * length
                 rates = slope * sx / length - offset
                 found = self._equations(x, z, action, s * sx, last, zero, rates, moment, q)
                 if e.explicit:
-                    equations += [slope - inside * length * (found[: self.n] + offset) / sx, found[self.n :]]
+                    equations += [slope - inside * length * (found[: self.n, :] + offset) / sx, found[self.n :, :]]
                 else:
                     equations.append(found)
                 places.append((x, z, moment))
-            begin = cells[-1][: self.n]
+            begin = cells[-1][: self.n, :]
         return {"s": s, "v": v, "u": u, "w": w, "q": q, "t": t, "end": begin, "places": places,
                 "equations": ca.vertcat(*equations), "action": action, "last": last}  # fmt: skip
 

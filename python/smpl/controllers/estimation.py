@@ -7,7 +7,9 @@ derivatives of readings, which no integration blurs, are central differences.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -83,6 +85,53 @@ class Prediction:
     def derivatives(self) -> str:
         """`exact`, or in how many steps of the episode derivatives were differences, and why at last."""
         return f"differences in {self._by_differences} steps: {self._why}" if self._by_differences else "exact"
+
+    def check_readings(self) -> None:
+        """Leave out readings that a state alone does not tell, as these are predicted from states; warns by name.
+
+        Looked at numerically: readings at the end of a step against those at the state where it ended.
+
+        Raises:
+            ValueError: no reading is left.
+        """
+        model = self.model
+        env = Env(model, normalize=False)
+        known = {name: value for name, value in self.fixed.items() if name in model.parameter_names}
+        try:
+            env.reset(seed=0, options={"start": "nominal", "parameters": known})
+            low, high = (np.where(np.isfinite(bound), bound, np.nan) for bound in model.native.bounds("action"))
+            nominal = model.native.defaults("action")
+            actions = [
+                np.where(np.isnan(low + high), nominal + 0.1, low + share * (high - low)) for share in (0.4, 0.7)
+            ]
+            env.step(actions[0])
+            given = {**self.fixed, **discrete_of(env)}
+            found = linearize_step(model, env.state, actions[1], given, by=(), first_step=1)
+            _, _, terminated, truncated, _ = env.step(actions[1])
+            there = self._rollout(self._whole(found.states)[None], nominal, 2, discrete_of(env)).observations[0, 0]
+        except (RuntimeError, SimulationError, ValueError):  # an episode that does not come to two steps shows nothing
+            return
+        if terminated or truncated:
+            return
+        low, high = model.native.bounds("observation")
+        width = np.where(np.isfinite(high - low), high - low, 1.0)
+        far = np.abs(found.observations - there) > 1e-4 * np.abs(there) + 1e-6 * width
+        if not np.any(far):
+            return
+        names = ", ".join(name for name, one in zip(model.observation_names, far, strict=True) if one)
+        text = (
+            f"of the level {model.level!r} of {model.name} the estimator does not read {names}: this depends on more "
+            "than the state (the action, rates, the step before, an integral over the step, a disturbance)"
+        )
+        if np.all(far):
+            raise ValueError(f"{text}; no reading is left")
+        warnings.warn(text, stacklevel=4)
+        self.sensors = replace(self.sensors, unused=frozenset(np.flatnonzero(far).tolist()))
+
+    def _whole(self, states: FloatArray) -> FloatArray:
+        """States with the parameters that are estimated at their defaults."""
+        defaults, names = self.model.native.defaults("parameter"), self.model.parameter_names
+        return np.concatenate([states, [defaults[names.index(name)] for name in self.parameters]])
 
     def begin(self, env: Env) -> None:
         """Check the environment of an episode.

@@ -62,6 +62,7 @@ class ExtendedKalmanFilter(TakesWrapped):
         self.model = model if isinstance(model, Model) else model.model
         self.prediction = Prediction(self.model, parameters, process_noise, noise)
         self.prediction.fixed = dict(p or {})
+        self.prediction.check_readings()
         self.sees = self.model.level
         self._initial, self._deviation = initial, deviation
         self._past: list[_Instant] = []

@@ -31,13 +31,13 @@ def sampled(A: FloatArray, B: FloatArray, interval: float) -> tuple[FloatArray, 
 
 
 def sampled_cost(
-    A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray, interval: float
+    A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray, N: FloatArray, interval: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Weights Q, R and N of the sampled system with which the sum over instants is the integral of x'Qx + u'Ru."""
+    """Weights Q, R and N of the sampled system: the sum over instants is the integral of x'Qx + u'Ru + 2 x'Nu."""
     linalg = _linalg()
     n, m = B.shape
     whole = np.block([[A, B], [np.zeros((m, n + m))]])
-    weight = linalg.block_diag(Q, R)
+    weight = np.block([[Q, N], [N.T, R]])
     zero = np.zeros((n + m, n + m))
     found = linalg.expm(np.block([[-whole.T, weight], [zero, whole]]) * interval)
     integral = found[n + m :, n + m :].T @ found[: n + m, n + m :]
@@ -56,7 +56,7 @@ class LQR(TakesWrapped):
         model: a model, or an environment of which the model is taken.
         state_weight: by names of states, x'Qx; without any weight 1/x_s^2 (1/range^2 where x_s is 0).
         action_weight: by names of actions, u'Ru; without any 1/range^2.
-        output_weight: by names of observations, added to Q as C'WC.
+        output_weight: by names of observations, y'Wy with y = Cx + Du: what an action does to them at once counts too.
         integral: names of observations, or a mapping from them to the weight of their summed errors, by default that of
             the output in Q, a hundredth of it a step.
         discrete: the regulator of the system as it is sampled (`scipy.linalg.solve_discrete_are`); otherwise that of
@@ -100,14 +100,10 @@ class LQR(TakesWrapped):
         A, B = self.system[:2]
         self.state, self.action_at_rest = y[:n].copy(), u.copy()
         self._integral = self._integrators(integral)
-        Q, R = self._weights(state_weight, action_weight, output_weight)
-        if discrete:
-            F, G = sampled(A, B, self.model.step)
-            N = np.zeros((n, B.shape[1]))
-            if cost == "integral":
-                Q, R, N = sampled_cost(A, B, Q, R, self.model.step)
-        else:
-            F, G, N = A, B, np.zeros((n, B.shape[1]))
+        Q, R, N = self._weights(state_weight, action_weight, output_weight)
+        F, G = sampled(A, B, self.model.step) if discrete else (A, B)
+        if discrete and cost == "integral":
+            Q, R, N = sampled_cost(A, B, Q, R, N, self.model.step)
         F, G, Q, N = self._augmented(F, G, Q, N, discrete)
         self.gain, self.riccati = _regulator(F, G, Q, R, N, discrete, self._stateful_names())
         self.eigenvalues = np.linalg.eigvals(F - G @ self.gain)
@@ -161,17 +157,13 @@ class LQR(TakesWrapped):
             )
         return [(C[names.index(name)], D[names.index(name)], weight) for name, weight in wanted.items()]
 
-    def _weights(self, state: Any, action: Any, output: Any) -> tuple[FloatArray, FloatArray]:
+    def _weights(self, state: Any, action: Any, output: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
         model = self.model
         low, high = model.native.bounds("state")
         q = weights("state_weight", state, model.state_names, model.state_units)
         w = weights("output_weight", output, model.observation_names, model.observation_units)
         if q is None:
             q = np.zeros(len(self.state)) if w is not None else 1 / _scale(self.state, low, high) ** 2
-        Q = np.diag(q)
-        if w is not None:
-            C = self.system[2]
-            Q = Q + C.T @ np.diag(w) @ C
         r = weights("action_weight", action, model.action_names, model.action_units)
         low, high = model.native.bounds("action")
         if r is None:
@@ -179,7 +171,11 @@ class LQR(TakesWrapped):
         if not (r > 0).all():
             missing = [name for name, one in zip(model.action_names, r, strict=True) if not one > 0]
             raise ValueError(f"action_weight: {', '.join(missing)} weigh nothing, expected a positive weight for each")
-        return Q, np.diag(r)
+        Q, R, N = np.diag(q), np.diag(r), np.zeros((len(q), len(r)))
+        if w is not None:
+            C, D = self.system[2:]
+            Q, R, N = Q + C.T @ np.diag(w) @ C, R + D.T @ np.diag(w) @ D, C.T @ np.diag(w) @ D
+        return Q, R, N
 
     def _augmented(
         self, F: FloatArray, G: FloatArray, Q: FloatArray, N: FloatArray, discrete: bool

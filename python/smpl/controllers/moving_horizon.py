@@ -64,6 +64,7 @@ class MovingHorizonEstimator(TakesWrapped):
         self.model = model if isinstance(model, Model) else model.model
         self.prediction = Prediction(self.model, parameters, process_noise, noise)
         self.prediction.fixed = dict(p or {})
+        self.prediction.check_readings()
         longest = self.prediction.sensors.longest
         self.horizon = as_count("horizon", horizon, longest + 1, f"an integer above the longest delay, {longest}")
         self.sees = self.model.level

@@ -31,20 +31,22 @@ class Sensors(TakesWrapped):
     Attributes:
         noise: standard deviations, physical units; 0 for an exact reading.
         every, delay: in steps.
+        unused: numbers of sensors that an estimator leaves out.
     """
 
     noise: FloatArray
     every: IntArray
     delay: IntArray
+    unused: frozenset[int] = frozenset()
 
     def arriving(self, step: int) -> dict[int, list[int]]:
         """Samples that are read for the first time at a step: step at which they were taken -> sensors."""
         if step == 0:
-            return {0: list(range(len(self.noise)))}
+            return {0: [sensor for sensor in range(len(self.noise)) if sensor not in self.unused]}
         found: dict[int, list[int]] = {}
         for sensor, (every, delay) in enumerate(zip(self.every.tolist(), self.delay.tolist(), strict=True)):
             taken = step - delay
-            if taken > 0 and taken % every == 0:
+            if taken > 0 and taken % every == 0 and sensor not in self.unused:
                 found.setdefault(taken, []).append(sensor)
         return found
 

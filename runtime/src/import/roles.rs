@@ -92,6 +92,14 @@ pub(super) fn find(sbml: &Sbml) -> Result<Roles, Fault> {
         roles.entry(symbol.id.clone()).or_insert(Role::Parameter);
     }
     starts(sbml, &mut roles);
+    // The amount of a concentration that is given where the compartment changes is known at the start only.
+    for id in amounts(sbml, &roles, &ruled) {
+        let by_concentration = known.get(id.as_str()).is_some_and(|s| matches!(s.kind, Kind::Species { starts_as_amount: false, .. }));
+        if roles.get(&id) == Some(&Role::Parameter) && (by_concentration || sbml.initial.contains_key(&id)) {
+            roles.insert(id, Role::Discrete);
+        }
+    }
+    starts(sbml, &mut roles);
     let amounts = amounts(sbml, &roles, &ruled);
     Ok(Roles { roles, amounts })
 }
