@@ -10,6 +10,7 @@ import io
 import json
 import logging
 from collections.abc import Iterable, Mapping
+from copy import deepcopy
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -68,7 +69,7 @@ class D3rlpyTrainer:
         unknown = [name for name in hyperparameters if name not in known]
         if unknown:
             raise ValueError(f"{algorithm} has no hyperparameter {', '.join(unknown)}; there are: {', '.join(known)}")
-        self._config, self._hyper, self._scalers = config, dict(hyperparameters), dict(scalers or {})
+        self._config, self._hyper, self._scalers = config, deepcopy(dict(hyperparameters)), dict(scalers or {})
         self._made_scalers()  # told now, not after hours
         self._data = self._d3rlpy.dataset.MDPDataset(**formulated_arrays(data, formulation, form))
         self._data.sample_transition_batch = Batches(self._data)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +64,9 @@ class StableBaselinesTrainer:
 
     def begin(self, seed: int) -> None:
         """Make a new learner."""
-        self._model = self._class(env=self._environment(), seed=seed % 2**31, device="cpu", **self._hyper)
+        # A package may write into what it is given, as CrossQ does into `policy_kwargs`.
+        given = deepcopy(self._hyper)
+        self._model = self._class(env=self._environment(), seed=seed % 2**31, device="cpu", **given)
 
     def load(self, folder: Path) -> None:
         """Make the learner of a checkpoint."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import inspect
 from collections.abc import Mapping
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -76,7 +77,7 @@ class RLlibTrainer:
         unknown = [one for one in hyperparameters if one not in known and not hasattr(self._config(), one)]
         if unknown:
             raise ValueError(f"{algorithm} has no hyperparameter {', '.join(unknown)}")
-        self._hyper, self._num_envs, self._formulation = dict(hyperparameters), num_envs, formulation
+        self._hyper, self._num_envs, self._formulation = deepcopy(dict(hyperparameters)), num_envs, formulation
         given = {key: value for key, value in task.model._arguments.items() if key != "source" and value}
         given["model"] = given.pop("path")
         self._arguments = {**given, **task.arguments, "formulation": formulation}
