@@ -297,6 +297,25 @@ episode {{ step = 0.5 [min], max_steps = 30 }}
         kind(smpl.Env(smpl.compile(source=source, observation="none"), normalize=False), **options)
 
 
+def test_a_reading_of_a_drawn_parameter_is_read():
+    """The nominal start has the mean of the parameter, 4, not the number that stands in the text."""
+    source = """model Gain
+time t : min
+param g = 5 ~ uniform(3, 5)
+action u = 0 in -10..10
+state x = 1 in -50..50
+eq d/dt x = (-0.5*x + u)/(1 [min])
+observe y = g*x in -500..500 noise normal(0, 0.1)
+reward r default = -sq(x)
+episode { step = 0.5 [min], max_steps = 30 }
+"""
+    env = smpl.Env(smpl.compile(source=source), normalize=False)
+    for options in ({"parameters": {"g": 0.01}}, {"p": {"g": 4.5}}, {}):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            ExtendedKalmanFilter(env, **options)
+
+
 def test_an_estimator_of_another_level_is_refused():
     kalman = ExtendedKalmanFilter(smpl.compile("reactor", observation="online"))
     regulator = LQR(smpl.compile("reactor"))

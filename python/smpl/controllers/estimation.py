@@ -108,7 +108,8 @@ class Prediction:
             given = {**self.fixed, **discrete_of(env)}
             found = linearize_step(model, env.state, actions[1], given, by=(), first_step=1)
             _, _, terminated, truncated, _ = env.step(actions[1])
-            there = self._rollout(self._whole(found.states)[None], nominal, 2, discrete_of(env)).observations[0, 0]
+            point = np.append(found.states, [env.parameters[name] for name in self.parameters])
+            there = self._rollout(point[None], nominal, 2, discrete_of(env)).observations[0, 0]
         except (RuntimeError, SimulationError, ValueError):  # an episode that does not come to two steps shows nothing
             return
         if terminated or truncated:
@@ -127,11 +128,6 @@ class Prediction:
             raise ValueError(f"{text}; no reading is left")
         warnings.warn(text, stacklevel=4)
         self.sensors = replace(self.sensors, unused=frozenset(np.flatnonzero(far).tolist()))
-
-    def _whole(self, states: FloatArray) -> FloatArray:
-        """States with the parameters that are estimated at their defaults."""
-        defaults, names = self.model.native.defaults("parameter"), self.model.parameter_names
-        return np.concatenate([states, [defaults[names.index(name)] for name in self.parameters]])
 
     def begin(self, env: Env) -> None:
         """Check the environment of an episode.
