@@ -117,6 +117,14 @@ def test_every_algorithm_of_the_paper_and_beyond_has_runs():
     assert {one.settings["steps"] for one in every if (one.suite, one.controller) == ("online", "PPO")} == {1_200_000}
 
 
+def test_algorithms_of_2022_have_the_steps_of_their_kind():
+    pytest.importorskip("yaml")
+    for env in ("Reactor", "MAb"):
+        steps = {one.controller: one.settings["steps"] for one in runs("online", "short", env, 1)}
+        assert steps["DDPG-2022"] == steps["SAC-2022"] == steps["DDPG"] == steps["SAC"]
+        assert steps["A3C-2022"] == steps["IMPALA-2022"] == steps["RLlib-PPO"]
+
+
 def test_slow_processes_have_smaller_budgets_and_rollouts_that_fit_them():
     pytest.importorskip("yaml")
     for env in ("Reactor", "Beer", "PenSim", "Atropine", "MAb", "MAbPlant"):

@@ -17,6 +17,8 @@ TUNED = Path(__file__).with_name("tuned.yaml")
 SUITES = ("offline", "online")
 # Algorithms that learn from what the present policy has done, and those that search without gradients.
 _ON_POLICY, _SEARCH = ("PPO", "A2C", "RecurrentPPO"), ("ARS",)
+# These update after each step, as those of Stable-Baselines3 do.
+_OFF_POLICY_2022 = ("DDPG-2022", "SAC-2022")
 _PROCESS = (
     "train",
     "formulation",
@@ -127,6 +129,8 @@ def settings(configuration: Mapping[str, Any], suite: str, env: str, algorithm: 
 def _kind(suite: str, algorithm: str) -> str:
     if suite == "offline":
         return "offline"
+    if algorithm in _OFF_POLICY_2022:
+        return "off_policy"
     if algorithm.startswith("RLlib-") or algorithm.endswith("-2022"):
         return "rllib"
     if algorithm in _SEARCH:

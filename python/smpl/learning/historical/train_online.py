@@ -1,6 +1,7 @@
 """Trains an algorithm of Ray 2.6.3 for a while. Runs in the environment `online` (Python 3.10), which has smpl."""
 
 import argparse
+import functools
 import importlib
 import json
 import random
@@ -43,7 +44,13 @@ def main() -> None:
     config = config.training(**given["hyperparameters"])
     if hasattr(config, "rl_module") and module in ("ppo", "impala"):
         config = config.rl_module(_enable_rl_module_api=False).training(_enable_learner_api=False)
+    if module == "a3c":
+        # Its thread of sampling and the gradients of the same worker disturb each other: rows get lost.
+        config = config.training(sample_async=False)
     algo = config.build()
+    if module == "a3c":
+        # It asks without waiting, and sends the worker the weights each time that there is no answer.
+        algo.workers.fetch_ready_async_reqs = functools.partial(algo.workers.fetch_ready_async_reqs, timeout_seconds=60)
     if given["before"]:
         algo.load_checkpoint(given["before"])
     first = _steps(algo)
