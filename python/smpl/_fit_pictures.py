@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from smpl.model import FloatArray
+from smpl._arguments import FloatArray
 
 
 def fit_figure(

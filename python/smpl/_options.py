@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
-from smpl.model import FloatArray, Model, as_number, as_numbers, as_vector, check_names, expand_parameters
+from smpl._arguments import FloatArray, as_number, as_numbers, as_vector, check_names, expand_parameters
+from smpl.model import Model
 
 OPTIONS = ("state", "discrete", "parameters", "disturbances", "hold_disturbances", "start", "disturbance_seed")
 _STARTS = ("sampled", "nominal", "steady")

@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from smpl._arguments import FloatArray
 from smpl._native import SimulationError
 from smpl._runs import Run
-from smpl.model import FloatArray, Model
+from smpl.model import Model
 from smpl.rollout import rollout
 
 # Relative distance of differences.

@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from smpl._arguments import FloatArray
 from smpl._native import SimulationError
 from smpl.envs import Env
-from smpl.model import FloatArray, Model
+from smpl.model import Model
 
 
 @dataclass(frozen=True)

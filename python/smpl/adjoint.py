@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
-from smpl.model import FloatArray, Model, check_names
+from smpl._arguments import FloatArray, check_names
+from smpl.model import Model
 from smpl.rollout import _common, _rows
 from smpl.rollout import rollout as simulate
 from smpl.sensitivity import StepDerivatives, _split, linearize_step

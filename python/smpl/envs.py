@@ -12,9 +12,10 @@ import numpy.typing as npt
 from gymnasium.spaces import Box
 
 from smpl import _native
+from smpl._arguments import FloatArray, as_count, as_flag, as_mapping, as_vector
 from smpl._names import Named
 from smpl._options import start_from_options
-from smpl.model import FloatArray, Model, Setting, as_count, as_flag, as_mapping, as_variants, as_vector, compile
+from smpl.model import Model, Setting, as_variants, compile
 
 if TYPE_CHECKING:
     from smpl.rollout import Rollout

@@ -10,9 +10,9 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
+from smpl._arguments import FloatArray, as_count
 from smpl.controllers.adapt import as_player
 from smpl.envs import Env, SeedError, check_seed
-from smpl.model import FloatArray, as_count
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from smpl._arguments import FloatArray, as_count, as_mapping, as_number, check_names
 from smpl._native import SimulationError
 from smpl._recorded import DISTANCE, Recorded, beside
 from smpl._runs import Run, read_runs, without_computed
 from smpl.envs import check_method
-from smpl.model import FloatArray, Model, as_count, as_mapping, as_number, check_names
+from smpl.model import Model
 
 # Most rounds of estimating deviations.
 _ROUNDS = 20

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from smpl._arguments import FloatArray, as_numbers, check_names
 from smpl.identification import fit
-from smpl.model import FloatArray, Model, as_numbers, check_names
+from smpl.model import Model
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
+from smpl._arguments import FloatArray, as_count, as_numbers, check_names
 from smpl.envs import check_method, check_seed, native_seed
-from smpl.model import FloatArray, Model, as_count, as_numbers, check_names
+from smpl.model import Model
 
 Named = list[tuple[str, FloatArray]]
 

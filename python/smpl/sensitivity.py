@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
+from smpl._arguments import FloatArray, as_count, as_mapping, check_names
 from smpl.envs import check_method
-from smpl.model import FloatArray, Model, as_count, as_mapping, check_names
+from smpl.model import Model
 from smpl.rollout import _common, _each, _flattened, _rows, _threads, rollout
 
 # What derivatives are taken by, in the order of their columns.

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from gymnasium.vector.utils import batch_space
 
 from smpl import _native
+from smpl._arguments import FloatArray, as_count, as_flag, as_numbers, check_names
 from smpl._options import start_from_options
 from smpl.envs import (
     Env,
@@ -25,7 +26,7 @@ from smpl.envs import (
     choose_model,
     native_seed,
 )
-from smpl.model import FloatArray, Model, Setting, as_count, as_flag, as_numbers, check_names
+from smpl.model import Model, Setting
 
 if TYPE_CHECKING:
     from gymnasium.vector import AutoresetMode as AutoresetMode

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 import smpl
+from smpl._arguments import FloatArray
 from smpl.bench import c
 from smpl.bench.common import (
     at_least,
@@ -23,7 +24,6 @@ from smpl.bench.common import (
     title,
     where_time_goes,
 )
-from smpl.model import FloatArray
 
 MODEL = Path(__file__).parent / "advection_reaction.eq"
 CELLS = 425

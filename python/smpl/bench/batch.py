@@ -14,8 +14,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 import smpl
+from smpl._arguments import FloatArray
 from smpl.bench.common import at_least, environment, installed, title
-from smpl.model import FloatArray
 
 COUNT, TURN = 256, 20
 MANY, MANY_STEPS = 4096, 10

@@ -15,9 +15,9 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
+from smpl._arguments import FloatArray, as_vector, check_names
 from smpl.controllers.base import TakesWrapped, plain
 from smpl.envs import Env
-from smpl.model import FloatArray, as_vector, check_names
 from smpl.wrappers import outer_action
 
 Action = npt.NDArray[Any]

@@ -10,8 +10,8 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
+from smpl._arguments import FloatArray, as_count, as_vector, check_names
 from smpl.envs import Env
-from smpl.model import FloatArray, as_count, as_vector, check_names
 
 
 @runtime_checkable

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from smpl._arguments import FloatArray, as_count, as_numbers
 from smpl._searches import read_search
-from smpl.model import FloatArray, Model, as_count, as_numbers
+from smpl.model import Model
 from smpl.rollout import Rollout
 
 Objective = Callable[[FloatArray], Any]

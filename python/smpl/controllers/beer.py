@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from smpl._arguments import FloatArray
 from smpl.controllers.base import Constant, TakesWrapped, require
 from smpl.envs import Env
-from smpl.model import FloatArray
 
 
 class Profile(TakesWrapped):

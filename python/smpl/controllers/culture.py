@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from smpl._arguments import FloatArray
 from smpl.controllers.base import Policy, TakesWrapped
 from smpl.controllers.nmpc import NMPC
 from smpl.envs import Env
-from smpl.model import FloatArray, Model
+from smpl.model import Model
 
 # What the culture model holds; buffer tank and column follow the rules of the nominal policy.
 STATES = (

@@ -14,11 +14,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from smpl._arguments import FloatArray, as_number
 from smpl._native import SimulationError
 from smpl.controllers.names import listing, weights
 from smpl.controllers.sensors import Sensors, sensors
 from smpl.envs import Env
-from smpl.model import FloatArray, Model, as_number
+from smpl.model import Model
 from smpl.rollout import rollout
 from smpl.sensitivity import linearize_step
 

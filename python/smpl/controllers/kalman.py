@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from smpl._arguments import FloatArray
 from smpl.controllers.base import TakesWrapped
 from smpl.controllers.estimation import Prediction, discrete_of
 from smpl.envs import Env
-from smpl.model import FloatArray, Model
+from smpl.model import Model
 
 
 @dataclass

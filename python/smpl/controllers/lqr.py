@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from smpl._arguments import FloatArray
 from smpl.controllers.base import TakesWrapped
 from smpl.controllers.names import listing, operating_point, weights
 from smpl.envs import Env
-from smpl.model import FloatArray, Model
+from smpl.model import Model
 
 if TYPE_CHECKING:
     from smpl.controllers.estimation import Estimator

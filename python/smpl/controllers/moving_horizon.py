@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from smpl._arguments import FloatArray, as_count
 from smpl.controllers.base import TakesWrapped
 from smpl.controllers.estimation import Prediction, discrete_of
 from smpl.controllers.kalman import correct, predict
 from smpl.envs import Env
-from smpl.model import FloatArray, Model, as_count
+from smpl.model import Model
 
 
 @dataclass

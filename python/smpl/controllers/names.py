@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from smpl import SimulationError
+from smpl._arguments import FloatArray, as_mapping, as_number
 from smpl.envs import Env
-from smpl.model import FloatArray, Model, as_mapping, as_number
+from smpl.model import Model
 
 
 @dataclass(frozen=True)

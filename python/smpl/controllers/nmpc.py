@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from smpl._arguments import FloatArray, as_count, as_mapping, as_number
 from smpl.controllers.base import TakesWrapped
 from smpl.controllers.collocation import NODES, Limit, Task, Transcription
 from smpl.controllers.names import listing, operating_action
@@ -22,7 +23,7 @@ from smpl.controllers.nmpc_model import Expressions
 from smpl.controllers.nmpc_solver import SOLVERS, Solution, Solver
 from smpl.controllers.nmpc_starts import Finer
 from smpl.envs import Env
-from smpl.model import FloatArray, Model, as_count, as_mapping, as_number
+from smpl.model import Model
 
 Cost = str | Mapping[str, float] | Callable[[Mapping[str, Any]], Any] | None
 Bounds = Mapping[str, tuple[float | None, float | None]]

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from smpl import SimulationError
+from smpl._arguments import FloatArray, as_mapping, as_number, check_names
 from smpl.controllers.names import operating_point
 from smpl.controllers.nmpc_model import Expressions
 from smpl.envs import Env
-from smpl.model import FloatArray, as_mapping, as_number, check_names
 
 # What each interval of a horizon has its own value of, whatever is forecast.
 _COUNTERS = ("p:clock", "c:steps", "c:last_step", "within:episode")

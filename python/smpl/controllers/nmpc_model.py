@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from smpl._arguments import FloatArray
 from smpl.controllers.names import listing
 from smpl.export.modules import CasadiModel, casadi
 from smpl.export.parts import chosen
-from smpl.model import FloatArray, Model
+from smpl.model import Model
 
 _INSTANT = re.compile(r"(previous|initial|steady|integral)\((.*)\)")
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from smpl._arguments import FloatArray, as_count, as_number
 from smpl.controllers.collocation import Programme, Transcription
 from smpl.controllers.nmpc_starts import Simulation
-from smpl.model import FloatArray, as_count, as_number
 
 SOLVERS = ("auto", "fatrop", "ipopt", "sqp")
 # Above so many variables the sparse quadratic programmes of `sqp` take longer than fatrop.

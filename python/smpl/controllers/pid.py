@@ -17,10 +17,10 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from smpl._arguments import FloatArray, as_number
 from smpl.controllers.base import TakesWrapped
 from smpl.controllers.names import Measured, action_index, measured, operating_action
 from smpl.envs import Env
-from smpl.model import FloatArray, as_number
 
 SetPoint = float | Callable[[float], float]
 FORMS = ("positional", "velocity")

@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from smpl._arguments import FloatArray, as_count, as_number, as_numbers, check_names
 from smpl.controllers.base import TakesWrapped
 from smpl.controllers.names import listing, operating_action
 from smpl.envs import Env
-from smpl.model import FloatArray, Model, as_count, as_number, as_numbers, check_names
+from smpl.model import Model
 from smpl.rollout import Rollout, rollout
 
 METHODS = ("mppi", "cem")

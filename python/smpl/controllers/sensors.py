@@ -14,9 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
+from smpl._arguments import FloatArray, as_mapping, as_number
 from smpl.controllers.base import TakesWrapped
 from smpl.controllers.names import listing
-from smpl.model import FloatArray, Model, as_mapping, as_number, scenario_file
+from smpl.model import Model, scenario_file
 
 IntArray = npt.NDArray[np.int64]
 

@@ -14,12 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from smpl._arguments import FloatArray, as_count, as_number
 from smpl.controllers.base import plain
 from smpl.controllers.lqr import sampled
 from smpl.controllers.names import action_index, listing, measured, operating_action, operating_point
 from smpl.controllers.pid import PID
 from smpl.envs import Env
-from smpl.model import FloatArray, Model, as_count, as_number
+from smpl.model import Model
 
 # Names of rules: K over the ultimate gain, T_i and T_d over the ultimate period.
 RULES = {

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from smpl._arguments import as_count, check_names
 from smpl._native import __version__
 from smpl.datasets.loading import Dataset, load
 from smpl.datasets.store import MANIFEST, DatasetError, Manifest, part_mark, part_path, place_part, pyarrow, write_part
@@ -27,7 +28,6 @@ from smpl.learning.plan import Plan, Task
 from smpl.learning.progress import Progress
 from smpl.learning.running import Settings, batched, drawn_parameters, run
 from smpl.learning.workers import spread
-from smpl.model import as_count, check_names
 
 # Bytes of a part before compression, and the most episodes that it may have.
 PART_BYTES = 64 * 2**20

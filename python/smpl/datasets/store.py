@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from smpl._arguments import FloatArray
 from smpl.evaluation import Details, Episode
-from smpl.model import FloatArray
 
 FORMAT = 1
 MANIFEST = "dataset.json"

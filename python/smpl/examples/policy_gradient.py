@@ -16,7 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 import smpl
-from smpl.model import FloatArray, Model
+from smpl._arguments import FloatArray
+from smpl.model import Model
 
 
 @dataclass

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 import smpl
-from smpl.model import FloatArray
+from smpl._arguments import FloatArray
 
 # Model, roles of the directions, points.
 CASES = (

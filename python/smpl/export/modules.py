@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from smpl._arguments import FloatArray, check_names
 from smpl.export.calls import completing
 from smpl.export.files import text
 from smpl.export.parts import CasadiPart, cut
-from smpl.model import FloatArray, Model, check_names
+from smpl.model import Model
 
 # Name, unit, lower and upper bound, magnitude, nominal value.
 Row = tuple[str, str, float, float, float, float]

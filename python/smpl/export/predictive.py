@@ -6,8 +6,9 @@ import re
 from collections.abc import Iterable
 from typing import Any
 
+from smpl._arguments import check_names
 from smpl.export.modules import CasadiModel, casadi
-from smpl.model import Model, check_names
+from smpl.model import Model
 
 # Larger models have one vector of states in place of a variable for each.
 _MOST_VARIABLES = 200

@@ -24,10 +24,11 @@ import numpy as np
 import numpy.typing as npt
 
 import smpl.controllers as controllers
+from smpl._arguments import FloatArray, as_vector
 from smpl.controllers.beer import profile_temperature
 from smpl.controllers.reactor import SET_POINT, STEADY_ACTION
 from smpl.envs import Env, Interface, native_seed
-from smpl.model import FloatArray, Model, as_vector
+from smpl.model import Model
 
 Array = npt.NDArray[Any]
 # Endings of the files of policies.

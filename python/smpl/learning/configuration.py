@@ -8,8 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from smpl._arguments import as_count, check_names
 from smpl.learning.formulation import Formulation
-from smpl.model import as_count, check_names
 
 OWN = Path(__file__).with_name("benchmark.yaml")
 # Hyperparameters that `python -m smpl.benchmark tune` has found, with its commands; they lie over the others.

@@ -9,10 +9,10 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
+from smpl._arguments import as_number, check_names, check_within
 from smpl.envs import Env
 from smpl.learning.agents import Rows
 from smpl.learning.formulation import Form, Formulation
-from smpl.model import as_number, check_names, check_within
 from smpl.vector import AutoresetMode, StepResult, VectorEnv, parse_autoreset_mode
 
 Array = npt.NDArray[Any]

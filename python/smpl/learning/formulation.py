@@ -18,10 +18,11 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box
 
+from smpl._arguments import FloatArray, as_count, as_number, check_names, elements
 from smpl.envs import Env, Interface, native_seed
 from smpl.evaluation import Episode
 from smpl.learning.agents import Agent, Rows, agent
-from smpl.model import FloatArray, Model, as_count, as_number, check_names, elements
+from smpl.model import Model
 
 Array = npt.NDArray[Any]
 FILE = "formulation.json"

@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
+from smpl._arguments import FloatArray
 from smpl.envs import Env
 from smpl.evaluation import Details, Episode
 from smpl.learning.plan import Job, Plan
-from smpl.model import FloatArray
 from smpl.vector import VectorEnv
 
 Array = npt.NDArray[Any]

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from smpl._arguments import check_names
 from smpl.datasets import Dataset
 from smpl.datasets.exports import d3rlpy_arrays
 from smpl.evaluation import Episode
 from smpl.learning.formulation import Form, Formulation, formulated, rewarded
-from smpl.model import check_names
 
 if TYPE_CHECKING:
     from d3rlpy.dataset import MDPDataset, TransitionMiniBatch

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from smpl._arguments import FloatArray
 from smpl.evaluation import Episode
 from smpl.learning.plan import Plan
 from smpl.learning.scores import Score, physical
-from smpl.model import FloatArray
 
 # The most rows of trajectories that are drawn.
 _PANELS = 8

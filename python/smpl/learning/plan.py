@@ -13,10 +13,11 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+from smpl._arguments import FloatArray, as_count, as_number, check_within, elements
 from smpl.envs import Env, SeedError, check_seed
 from smpl.learning.agents import Agent, agent
 from smpl.learning.starts import Starts
-from smpl.model import FloatArray, Model, as_count, as_number, check_within, elements
+from smpl.model import Model
 from smpl.vector import VectorEnv
 
 # Arguments of the environment that a model is compiled with; the others belong to the environment.

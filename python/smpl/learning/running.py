@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from smpl._arguments import FloatArray
 from smpl._native import SimulationError
 from smpl._options import start_from_options
 from smpl.envs import Env, Interface, native_seed
@@ -19,7 +20,6 @@ from smpl.evaluation import Episode
 from smpl.learning.agents import Agent, Rows
 from smpl.learning.frames import Frame, episode, of_batch, of_env
 from smpl.learning.plan import Job, Plan
-from smpl.model import FloatArray
 from smpl.vector import VectorEnv
 
 # What is told as it is: a package that is missing, what a model has not, the disk.

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from smpl._arguments import FloatArray, as_count
 from smpl._native import SimulationError
 from smpl.evaluation import Episode
 from smpl.learning.cluster import spread_on_ray
@@ -18,7 +19,6 @@ from smpl.learning.plan import Job, Plan
 from smpl.learning.running import Settings, batched, run
 from smpl.learning.statistics import bootstrap, interquartile_mean, probability_of_improvement
 from smpl.learning.workers import spread
-from smpl.model import FloatArray, as_count
 
 # Episodes that are kept whole for the pictures, decisions whose times are kept, episodes a worker takes at a time.
 KEPT, DECISIONS, CHUNK = 64, 20_000, 8

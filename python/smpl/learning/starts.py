@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from smpl._arguments import FloatArray, check_names
 from smpl.envs import Env
-from smpl.model import FloatArray, check_names
 
 # Kinds that are asked for by name, and how many numbers each takes.
 _KINDS = {"grid": 2, "unclipped_grid": 2, "spread": 1}

@@ -12,10 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
+from smpl._arguments import FloatArray, as_count, as_mapping, as_number, as_numbers, check_names
 from smpl.controllers.base import OpenLoop
 from smpl.controllers.names import operating_action
 from smpl.envs import Env, check_seed
-from smpl.model import FloatArray, Model, as_count, as_mapping, as_number, as_numbers, check_names
+from smpl.model import Model
 from smpl.optimize.search import Search
 from smpl.rollout import Rollout, rollout
 

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from smpl._arguments import FloatArray, as_count, as_numbers
 from smpl._searches import read_search
 from smpl.learning.progress import Progress
-from smpl.model import FloatArray, as_count, as_numbers
 
 METHODS = ("cma", "differential_evolution", "bayes")
 Objective = Callable[[FloatArray], Any]

@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
-from smpl.model import FloatArray, Model, as_count, as_mapping, as_number, check_names, compile
+from smpl._arguments import FloatArray, as_count, as_mapping, as_number, check_names
+from smpl.model import Model, compile
 
 Range = tuple[float | None, float | None]
 Limits = Mapping[str, Range | float]

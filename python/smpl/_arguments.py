@@ -1,0 +1,185 @@
+"""What arguments are: checks that name the argument, what it is, and what is expected."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from smpl.model import Model
+
+FloatArray = npt.NDArray[np.float64]
+
+# Kinds of arrays of NumPy that hold real numbers; texts, though some read as numbers, are none.
+_NUMBERS = "fiub"
+
+
+def as_vector(name: str, values: npt.ArrayLike, length: int) -> FloatArray:
+    """`values` as a contiguous vector of doubles.
+
+    Raises:
+        ValueError: the shape is not `(length,)`; the message names the argument, its shape and the expected one.
+    """
+    array = as_numbers(name, values, f"({length},)")
+    if array.shape != (length,):
+        raise ValueError(f"{name} has shape {np.shape(values)}, expected ({length},)")
+    return array
+
+
+def as_numbers(name: str, values: npt.ArrayLike, expected: str) -> FloatArray:
+    """`values` as a contiguous array of doubles.
+
+    Raises:
+        ValueError: they are no numbers, or masked; the message names the argument and the shape that it should have.
+    """
+    if type(values) is np.ndarray and values.dtype.kind in _NUMBERS:
+        return np.ascontiguousarray(values, dtype=np.float64)
+    try:
+        array = np.asarray(values)
+        if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
+            raise TypeError("masked values")
+        kind = array.dtype.kind
+        if kind not in _NUMBERS and (kind != "O" or any(isinstance(one, (str, bytes)) for one in array.flat)):
+            raise TypeError("no numbers")
+        return np.ascontiguousarray(array, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} is {shorten(values)}, expected numbers of shape {expected}") from error
+
+
+def as_number(name: str, value: Any) -> float:
+    """`value` as a double.
+
+    Raises:
+        ValueError: it is none; a text is none, and what is masked.
+    """
+    try:
+        if isinstance(value, (str, bytes)) or np.ma.is_masked(value):
+            raise TypeError("no number")
+        return float(value)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} is {shorten(value)}, expected a number") from error
+
+
+def as_flag(name: str, value: Any) -> bool:
+    """`value` as a truth value; numbers are none.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if not isinstance(value, (bool, np.bool_)):
+        raise ValueError(f"{name} is {shorten(value)}, expected True or False")
+    return bool(value)
+
+
+def as_mapping(name: str, value: Any) -> Mapping[str, Any]:
+    """`value` as a mapping from names; none is an empty one.
+
+    Raises:
+        ValueError: it is none, or has keys that are no texts.
+    """
+    if value is None:
+        return {}
+    if not isinstance(value, Mapping):
+        raise ValueError(f"{name} is {shorten(value)}, expected a mapping from names to values")
+    for key in value:
+        if not isinstance(key, str):
+            raise ValueError(f"{name} has the key {shorten(key)}, expected names")
+    return value
+
+
+def as_count(name: str, value: Any, least: int = 1, expected: str = "a positive integer") -> int:
+    """`value` as an integer of at least `least`; a truth value is none.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)) or value < least:
+        raise ValueError(f"{name} is {shorten(value)}, expected {expected}")
+    return int(value)
+
+
+def shorten(value: Any, most: int = 60) -> str:
+    text = repr(value)
+    return text if len(text) <= most else f"{text[:most]}..."
+
+
+def expand_parameters(argument: str, model: Model, given: Mapping[str, Any]) -> dict[str, float]:
+    """Values of parameters by flattened names: an array that is named as a whole gives one or each of its elements.
+
+    Raises:
+        ValueError: an unknown name, or a wrong number of values.
+    """
+    values: dict[str, float] = {}
+    # What is said of a single element holds, wherever it stands.
+    for name in sorted(given, key=lambda name: (name in model.parameter_names, name)):
+        elements = model.native.elements_of(name) if isinstance(name, str) else []
+        if not elements:
+            check_names(argument, [name], model.parameter_names)
+        what = f"{argument}[{name!r}]"
+        if np.ndim(given[name]) == 0:
+            values.update(dict.fromkeys(elements, as_number(what, given[name])))
+            continue
+        numbers = as_numbers(what, given[name], f"({len(elements)},)")
+        if numbers.shape != (len(elements),):
+            raise ValueError(f"{argument}: {name!r} has shape {numbers.shape}, expected ({len(elements)},)")
+        values.update(zip(elements, map(float, numbers), strict=True))
+    return values
+
+
+def check_names(argument: str, given: Iterable[str], known: Iterable[str]) -> None:
+    """Refuse names that are not known.
+
+    Raises:
+        ValueError: lists the unknown names and the right ones.
+    """
+    right = list(known)
+    wrong = [name for name in given if name not in right]
+    if wrong:
+        raise ValueError(f"{argument}: unknown {', '.join(map(repr, wrong))}; {_listing(right)}")
+
+
+def check_within(what: str, ends: tuple[float, float], name: str, model: Model) -> None:
+    """Refuse a range of a parameter that is not within its declared bounds.
+
+    Raises:
+        ValueError: says the bounds.
+    """
+    place = model.parameter_names.index(name)
+    low, high = (float(bounds[place]) for bounds in model.native.bounds("parameter"))
+    if not low <= ends[0] <= ends[1] <= high:
+        raise ValueError(f"{what} is {ends[0]:g} to {ends[1]:g}, outside of the bounds of {name}, {low:g} to {high:g}")
+
+
+def elements(argument: str, given: Iterable[str], known: Iterable[str]) -> dict[str, str]:
+    """Names of single elements, the elements of whole arrays among them, each with the name that stands for it.
+
+    Raises:
+        ValueError: an unknown name, or one element twice.
+    """
+    right = list(known)
+    found: dict[str, str] = {}
+    for name in given:
+        members = [one for one in right if one == name or one.startswith(f"{name}[")]
+        twice = [one for one in members if one in found]
+        if twice:
+            raise ValueError(f"{argument} has {twice[0]!r} twice: as {found[twice[0]]!r} and as {name!r}")
+        check_names(argument, members or [name], right)
+        found.update(dict.fromkeys(members, name))
+    return found
+
+
+def _listing(names: list[str], most: int = 60) -> str:
+    if not names:
+        return "there are none"
+    shown = ", ".join(names[:most])
+    return f"there are: {shown}" + (f", ... ({len(names)} in all)" if len(names) > most else "")
+
+
+def pairs_of(argument: str, given: Mapping[str, float] | None, names: tuple[str, ...]) -> list[tuple[int, float]]:
+    """Named values as (position, value)."""
+    given = as_mapping(argument, given)
+    check_names(argument, given, names)
+    return [(names.index(name), as_number(f"{argument}[{name!r}]", value)) for name, value in given.items()]
