@@ -30,6 +30,17 @@ observe x_1, square in -100..100
 episode { step = 0.8 [h], max_steps = 10 }
 """
 
+CLOCKED = """model Clocked "rewards and observations that read the time"
+time t : s
+action u = 0 in -1..1
+state x = 2 in 0..10
+eq d/dt x = (u*sin(t/(1 [s])) - 0.1*x)/(1 [s])
+observe y = x*value(t), rate : 1/s = der(x) in -100..100
+reward last default = x*value(t)
+reward wave = x^2*cos(t/(1 [s]))
+episode { step = 0.5, max_steps = 10 }
+"""
+
 BALL = """model Ball "a ball on a plate"
 time t : s
 param e = 0.8 in 0..1
@@ -637,3 +648,18 @@ def test_a_stiff_algebraic_problem_against_differences():
     for k, (name, value) in enumerate((("k_1", 0.04), ("k_2", 3e7), ("k_3", 1e4))):
         by_p = differences(lambda p, name=name: model.step(x, [], {name: p[0]}), [value], 1e-3)[:, 0]
         np.testing.assert_allclose(found.dx_dp[:, k] * value, by_p * value, rtol=1e-5, atol=2e-9)
+
+
+@pytest.mark.parametrize("first_step", [0, 3])
+def test_the_time_that_a_reward_and_an_observation_read_is_that_of_the_end_of_the_step(first_step):
+    model = smpl.compile(source=CLOCKED)
+    found = model.linearize_step([2.0], [0.3], first_step=first_step)
+    start, end = 0.5 * first_step, 0.5 * (first_step + 1)
+    decay = np.exp(-0.1 * (end - start))
+    # dx/dx0, and dx/du = the integral of exp(-0.1 (end - s)) sin(s), by parts.
+    grown = [np.exp(0.1 * (s - end)) * (0.1 * np.sin(s) - np.cos(s)) / 1.01 for s in (start, end)]
+    by = np.array([decay, grown[1] - grown[0]])
+    x = 2.0 * decay + 0.3 * by[1]
+    rate = -0.1 * by + [0.0, np.sin(end)]
+    np.testing.assert_allclose(np.hstack([found.dy_dx, found.dy_du]), [end * by, rate], rtol=1e-5)
+    np.testing.assert_allclose(np.hstack([found.dr_dx, found.dr_du]), [end * by, 2 * x * np.cos(end) * by], rtol=1e-5)

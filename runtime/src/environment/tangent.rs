@@ -249,8 +249,10 @@ impl Environment {
             self.abandon();
         }
         done?;
+        // When it is judged the step counts, and the next one's end would be meant.
+        let end = self.end_time();
         let result = self.judge(interval::Outcome::Completed, excess);
-        self.follow_finish(follower)?;
+        self.follow_finish(follower, end)?;
         Ok(result)
     }
 
@@ -326,9 +328,8 @@ impl Environment {
         Ok(())
     }
 
-    /// Derivatives of rewards and observations.
-    fn follow_finish(&mut self, follower: &mut Follower) -> Result<(), FollowError> {
-        let time = self.end_time();
+    /// Derivatives of rewards and observations at the end of the step.
+    fn follow_finish(&mut self, follower: &mut Follower, time: f64) -> Result<(), FollowError> {
         if self.setup.programs.derivatives_at_end {
             self.follow_rates(follower, time, &[])?;
             let (n, states, width) = (self.system.model().unknowns(), self.system.model().states(), follower.live.len());
