@@ -1,7 +1,7 @@
 //! Linearisation about a point: dx/dt = A x + B u, observations = C x + D u, in deviations.
 //!
 //! Algebraic unknowns z are eliminated: with E dx/dt = F_x x + F_z z + F_u u and 0 = G_x x + G_z z + G_u u the matrices follow from
-//! z = -G_z^-1 (G_x x + G_u u). The matrices are stored in full: meant for models of up to some thousand unknowns.
+//! z = -G_z^-1 (G_x x + G_u u). Where E depends on x, F_x has -E_x dx/dt, with the rates at the point. The matrices are stored in full: meant for models of up to some thousand unknowns.
 
 use nalgebra::DMatrix;
 use smpl_compiler::compiled::{Derived, WithRespectTo};
@@ -10,6 +10,10 @@ use crate::catalogue::Catalogue;
 use crate::inverse::Inverse;
 use crate::solver::System;
 use crate::system::CompiledSystem;
+
+/// Most corrections of rates, and the relative change of their weights that ends them.
+const MOST_CORRECTIONS: usize = 50;
+const SETTLED: f64 = 1e-12;
 
 /// The matrices of a linearisation; states and actions in declaration order, units as declared.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,10 +51,9 @@ pub enum LinearizeError {
 /// When the algebraic equations are singular there.
 pub fn linearize(system: &mut CompiledSystem, catalogue: &Catalogue, t: f64, y: &[f64]) -> Result<Linearization, LinearizeError> {
     let (n, nx) = (system.model().unknowns(), system.model().states());
-    let yp = vec![0.0; n];
-    let by_y = jacobian(system, t, y, 0.0);
-    // The Jacobian is affine in the weight of the derivatives.
-    let mass = &by_y - jacobian(system, t, y, 1.0);
+    let yp = rates(system, t, y)?;
+    let by_y = jacobian(system, t, y, &yp, 0.0);
+    let mass = mass(system, t, y, &yp);
     let (model, memory) = system.parts();
     let actions = catalogue.actions.len();
     let observations = model.interface().finish.observations.len();
@@ -65,6 +68,7 @@ pub fn linearize(system: &mut CompiledSystem, catalogue: &Catalogue, t: f64, y: 
     };
     let by_u: DMatrix<f64> = derivative(Derived::Rows, WithRespectTo::Actions, n, actions)?;
     let seen_y: DMatrix<f64> = derivative(Derived::Observations, WithRespectTo::Unknowns, observations, n)?;
+    let seen_yp: DMatrix<f64> = derivative(Derived::Observations, WithRespectTo::Derivatives, observations, n)?;
     let seen_u: DMatrix<f64> = derivative(Derived::Observations, WithRespectTo::Actions, observations, actions)?;
 
     // z = zx x + zu u
@@ -78,7 +82,6 @@ pub fn linearize(system: &mut CompiledSystem, catalogue: &Catalogue, t: f64, y: 
     };
     let rates_x = by_y.view((0, 0), (nx, nx)) + by_y.view((0, nx), (nx, nz)) * &zx;
     let rates_u = by_u.rows(0, nx) + by_y.view((0, nx), (nx, nz)) * &zu;
-    let mass = mass.view((0, 0), (nx, nx)).clone_owned();
     // Of an explicit model it is the identity.
     let (a, b) = if mass == DMatrix::identity(nx, nx) {
         (rates_x, rates_u)
@@ -86,16 +89,42 @@ pub fn linearize(system: &mut CompiledSystem, catalogue: &Catalogue, t: f64, y: 
         let mut inverse = Inverse::new(&mass).ok_or(LinearizeError::Singular { part: "a rate" })?;
         (inverse.solve_all(rates_x), inverse.solve_all(rates_u))
     };
-    let c = seen_y.columns(0, nx) + seen_y.columns(nx, nz) * zx;
-    let d = seen_u + seen_y.columns(nx, nz) * zu;
+    let c = seen_y.columns(0, nx) + seen_y.columns(nx, nz) * zx + seen_yp.columns(0, nx) * &a;
+    let d = seen_u + seen_y.columns(nx, nz) * zu + seen_yp.columns(0, nx) * &b;
     Ok(outside(catalogue, &a, &b, &c, &d))
 }
 
+/// Rates at the point, where the equations need not rest: by Newton's method, as they may stand in products and powers. A correction by weights that are those
+/// of its result is exact.
+fn rates(system: &mut CompiledSystem, t: f64, y: &[f64]) -> Result<Vec<f64>, LinearizeError> {
+    let (n, nx) = (system.model().unknowns(), system.model().states());
+    let (mut yp, mut residual) = (vec![0.0; n], vec![0.0; n]);
+    let mut weights = mass(system, t, y, &yp);
+    for _ in 0..MOST_CORRECTIONS {
+        system.residual(t, y, &yp, &mut residual);
+        let mut inverse = Inverse::new(&weights).ok_or(LinearizeError::Singular { part: "a rate" })?;
+        let change = inverse.solve_all(DMatrix::from_column_slice(nx, 1, &residual[..nx]));
+        yp.iter_mut().zip(change.iter()).for_each(|(rate, change)| *rate += change);
+        let before = std::mem::replace(&mut weights, mass(system, t, y, &yp));
+        // What is not a number does not get better.
+        let differs = (&weights - &before).amax() > SETTLED * before.amax();
+        if !differs {
+            return Ok(yp);
+        }
+    }
+    Err(LinearizeError::Singular { part: "a rate" })
+}
+
+/// How the equations weigh the rates of states; the Jacobian is affine in the weight of the derivatives.
+fn mass(system: &mut CompiledSystem, t: f64, y: &[f64], yp: &[f64]) -> DMatrix<f64> {
+    let nx = system.model().states();
+    (jacobian(system, t, y, yp, 0.0) - jacobian(system, t, y, yp, 1.0)).view((0, 0), (nx, nx)).clone_owned()
+}
+
 /// The Jacobian as a full matrix.
-fn jacobian(system: &mut CompiledSystem, t: f64, y: &[f64], cj: f64) -> DMatrix<f64> {
-    let yp = vec![0.0; y.len()];
+fn jacobian(system: &mut CompiledSystem, t: f64, y: &[f64], yp: &[f64], cj: f64) -> DMatrix<f64> {
     let mut values = vec![0.0; system.pattern().entries()];
-    system.jacobian(t, y, &yp, cj, &mut values);
+    system.jacobian(t, y, yp, cj, &mut values);
     let pattern = system.pattern();
     let mut matrix = DMatrix::zeros(y.len(), y.len());
     for column in 0..y.len() {

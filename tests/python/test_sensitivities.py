@@ -663,3 +663,28 @@ def test_the_time_that_a_reward_and_an_observation_read_is_that_of_the_end_of_th
     rate = -0.1 * by + [0.0, np.sin(end)]
     np.testing.assert_allclose(np.hstack([found.dy_dx, found.dy_du]), [end * by, rate], rtol=1e-5)
     np.testing.assert_allclose(np.hstack([found.dr_dx, found.dr_du]), [end * by, 2 * x * np.cos(end) * by], rtol=1e-5)
+
+
+COUPLED = """model Coupled "rates that are solved for together, by weights that the state moves"
+time t : s
+state x = 1 in -10..10
+state y = 2 in -10..10
+action u = 0 in -1..1
+eq (1 + x*x)*d/dt x + 0.5*d/dt y = (u - x)/(1 [s])
+eq d/dt y - 0.5*y*d/dt x = (x*x - y)/(1 [s])
+observe rx : 1/s = der(x), ry : 1/s = der(y), x in -10..10
+episode { step = 0.1, max_steps = 10 }
+"""
+
+
+@pytest.mark.parametrize("at", [(1.5, 2.0), (-0.4, 0.7)])
+def test_rates_that_are_solved_for_together_are_linearised_where_nothing_rests(at):
+    def rates(x, y, u):
+        return np.linalg.solve([[1 + x * x, 0.5], [-0.5 * y, 1.0]], [u - x, x * x - y])
+
+    point, h = np.array([*at, 0.3]), 1e-6
+    by = np.array([(rates(*(point + h * e)) - rates(*(point - h * e))) / (2 * h) for e in np.eye(3)]).T
+    a, b, c, d = smpl.compile(source=COUPLED).linearize(list(at), [0.3])
+    np.testing.assert_allclose(np.hstack([a, b]), by, rtol=1e-7, atol=1e-8)
+    np.testing.assert_allclose(np.hstack([c, d])[:2], by, rtol=1e-7, atol=1e-8)
+    np.testing.assert_array_equal(np.hstack([c, d])[2], [1.0, 0.0, 0.0])
