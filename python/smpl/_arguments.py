@@ -102,6 +102,7 @@ def as_count(name: str, value: Any, least: int = 1, expected: str = "a positive 
 
 
 def shorten(value: Any, most: int = 60) -> str:
+    """How a value is written in a message: cut off where it is long."""
     text = repr(value)
     return text if len(text) <= most else f"{text[:most]}..."
 

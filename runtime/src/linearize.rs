@@ -1,7 +1,8 @@
 //! Linearisation about a point: dx/dt = A x + B u, observations = C x + D u, in deviations.
 //!
 //! Algebraic unknowns z are eliminated: with E dx/dt = F_x x + F_z z + F_u u and 0 = G_x x + G_z z + G_u u the matrices follow from
-//! z = -G_z^-1 (G_x x + G_u u). Where E depends on x, F_x has -E_x dx/dt, with the rates at the point. The matrices are stored in full: meant for models of up to some thousand unknowns.
+//! z = -G_z^-1 (G_x x + G_u u). Where E depends on x, F_x has -E_x dx/dt, with the rates at the point.
+//! The matrices are stored in full: meant for models of up to some thousand unknowns.
 
 use nalgebra::DMatrix;
 use smpl_compiler::compiled::{Derived, WithRespectTo};
@@ -51,9 +52,8 @@ pub enum LinearizeError {
 /// When the algebraic equations are singular there.
 pub fn linearize(system: &mut CompiledSystem, catalogue: &Catalogue, t: f64, y: &[f64]) -> Result<Linearization, LinearizeError> {
     let (n, nx) = (system.model().unknowns(), system.model().states());
-    let yp = rates(system, t, y)?;
+    let (yp, mass) = rates(system, t, y)?;
     let by_y = jacobian(system, t, y, &yp, 0.0);
-    let mass = mass(system, t, y, &yp);
     let (model, memory) = system.parts();
     let actions = catalogue.actions.len();
     let observations = model.interface().finish.observations.len();
@@ -82,37 +82,44 @@ pub fn linearize(system: &mut CompiledSystem, catalogue: &Catalogue, t: f64, y: 
     };
     let rates_x = by_y.view((0, 0), (nx, nx)) + by_y.view((0, nx), (nx, nz)) * &zx;
     let rates_u = by_u.rows(0, nx) + by_y.view((0, nx), (nx, nz)) * &zu;
-    // Of an explicit model it is the identity.
-    let (a, b) = if mass == DMatrix::identity(nx, nx) {
-        (rates_x, rates_u)
-    } else {
-        let mut inverse = Inverse::new(&mass).ok_or(LinearizeError::Singular { part: "a rate" })?;
-        (inverse.solve_all(rates_x), inverse.solve_all(rates_u))
+    let (a, b) = match weighing(&mass)? {
+        None => (rates_x, rates_u),
+        Some(mut inverse) => (inverse.solve_all(rates_x), inverse.solve_all(rates_u)),
     };
     let c = seen_y.columns(0, nx) + seen_y.columns(nx, nz) * zx + seen_yp.columns(0, nx) * &a;
     let d = seen_u + seen_y.columns(nx, nz) * zu + seen_yp.columns(0, nx) * &b;
     Ok(outside(catalogue, &a, &b, &c, &d))
 }
 
-/// Rates at the point, where the equations need not rest: by Newton's method, as they may stand in products and powers. A correction by weights that are those
-/// of its result is exact.
-fn rates(system: &mut CompiledSystem, t: f64, y: &[f64]) -> Result<Vec<f64>, LinearizeError> {
+/// Rates at the point, where the equations need not rest, and their weights there: by Newton's method, as rates may stand in products and powers. A correction by
+/// weights that are those of its result is exact.
+fn rates(system: &mut CompiledSystem, t: f64, y: &[f64]) -> Result<(Vec<f64>, DMatrix<f64>), LinearizeError> {
     let (n, nx) = (system.model().unknowns(), system.model().states());
     let (mut yp, mut residual) = (vec![0.0; n], vec![0.0; n]);
     let mut weights = mass(system, t, y, &yp);
     for _ in 0..MOST_CORRECTIONS {
         system.residual(t, y, &yp, &mut residual);
-        let mut inverse = Inverse::new(&weights).ok_or(LinearizeError::Singular { part: "a rate" })?;
-        let change = inverse.solve_all(DMatrix::from_column_slice(nx, 1, &residual[..nx]));
+        let mut change = DMatrix::from_column_slice(nx, 1, &residual[..nx]);
+        if let Some(mut inverse) = weighing(&weights)? {
+            change = inverse.solve_all(change);
+        }
         yp.iter_mut().zip(change.iter()).for_each(|(rate, change)| *rate += change);
         let before = std::mem::replace(&mut weights, mass(system, t, y, &yp));
         // What is not a number does not get better.
         let differs = (&weights - &before).amax() > SETTLED * before.amax();
         if !differs {
-            return Ok(yp);
+            return Ok((yp, weights));
         }
     }
     Err(LinearizeError::Singular { part: "a rate" })
+}
+
+/// What solves for rates by their weights; nothing where these are the identity, as in an explicit model.
+fn weighing(mass: &DMatrix<f64>) -> Result<Option<Inverse>, LinearizeError> {
+    if mass.is_identity(0.0) {
+        return Ok(None);
+    }
+    Inverse::new(mass).map(Some).ok_or(LinearizeError::Singular { part: "a rate" })
 }
 
 /// How the equations weigh the rates of states; the Jacobian is affine in the weight of the derivatives.
