@@ -130,6 +130,18 @@ def expand_parameters(argument: str, model: Model, given: Mapping[str, Any]) -> 
     return values
 
 
+def check_numbers(who: str, given: Mapping[str, Any], defaults: Mapping[str, Any]) -> None:
+    """Refuse a text where the default is a number.
+
+    Raises:
+        ValueError: one is; the message names it with its default.
+    """
+    for name, value in given.items():
+        default = defaults.get(name)
+        if isinstance(value, str) and isinstance(default, (int, float)) and not isinstance(default, bool):
+            raise ValueError(f"{who}: {name} is {value!r}, expected a number as its default, {default!r}")
+
+
 def check_names(argument: str, given: Iterable[str], known: Iterable[str]) -> None:
     """Refuse names that are not known.
 

@@ -132,8 +132,10 @@ def _changed(results: Mapping[str, Result]) -> dict[str, list[str]]:
         about = json.dumps([one.run.env, one.run.arguments], sort_keys=True)
         if about not in checksums:
             checksums[about] = one.run.task().checksum
-        model = ["model"] * (one.configuration.get("checksum") != checksums[about])
-        found[name] = [*one.differing(), *model]
+        differing = one.differing()
+        # The checksum is of the arguments too.
+        other = "arguments" not in differing and one.configuration.get("checksum") != checksums[about]
+        found[name] = [*differing, *["model"] * other]
     return found
 
 

@@ -152,6 +152,40 @@ def test_a_learned_run_is_shown_from_its_record_alone(tmp_path):
     assert drawn == ["Beer-curves.png", "Beer-scores.png"]
 
 
+@pytest.mark.parametrize("name", ["nominal", "random", "pid"])
+def test_a_controller_of_ones_own_does_not_take_the_name_of_one_of_the_model(name, tmp_path):
+    config = tmp_path / "own.yaml"
+    config.write_text(f"processes: {{Own: {{model: {ROOT / 'models/reactor.eq'}, controllers: {{{name}: 'constant:26,0.1'}}}}}}")
+    with pytest.raises(ValueError, match=f"controllers: '{name}' is of Reactor already .*: give yours another name"):
+        runs("control", "smoke", "Own", 1, config=config)
+
+
+@pytest.mark.parametrize(
+    ("process", "marked"),
+    [
+        ("{formulation: {centre: nominal, reach: 0.5}, data: {controller: random}}", True),
+        ("{formulation: {centre: nominal, reach: 0.5}, data: {controller: centre}}", False),
+        ("{formulation: {reward_scale: 0.5}, data: {controller: random}}", False),
+    ],
+)
+def test_a_formulation_of_which_only_rewards_are_learned_is_marked(process, marked, tmp_path):
+    pytest.importorskip("yaml")
+    pytest.importorskip("matplotlib")
+    config = tmp_path / "own.yaml"
+    config.write_text(
+        f"processes: {{Own: {{model: {ROOT / 'models/reactor.eq'}, **: 0}}}}".replace("**: 0", process[1:-1])
+    )
+    (run,) = runs("offline", "short", "Own", 1, ["BC"], config)
+    scores = {"mean": 1.0, "std": 2.0, "steps": 2, "returns": [1.0, 1.0], "failures": 0, "successes": 2, "seconds": 1.0}
+    keep(Result(run, scores, [], run.described()), tmp_path / "records")
+    found = benchmark(
+        tmp_path / "out", "offline", "short", env="Own", algorithms=["BC"], config=config, run_nothing=True,
+        results=tmp_path / "records",
+    )  # fmt: skip
+    text = markdown(found)
+    assert ("| BC*‡ |" in text and "of the formulation the rewards count" in text) == marked
+
+
 @pytest.mark.parametrize("text", ["{", "[]", "{}", '{"configuration": {}, "scores": {}, "curve": [1]}'])
 def test_a_damaged_record_is_named(text, tmp_path, capsys):
     path = tmp_path / "smoke/Beer/control/profile/seed-0.json"
@@ -288,6 +322,8 @@ def test_a_configuration_holds_several_models_of_ones_own(tmp_path):
         ("processes: {Beer: {algorithms: {online: {PP0: {}}}}}", "algorithms.online: unknown 'PP0'; there are: PPO"),
         ("processes: {Beer: {data: {nosie: 3}}}", "data: unknown 'nosie'; there are: controller, noise, episodes"),
         ("budgets: {short: {steps: {onpolicy: 1}}}", "budgets.short.steps: unknown 'onpolicy'"),
+        ("processes: {Beer: {formulation: {center: box}}}", "processes.Beer.formulation: .*unknown 'center'"),
+        ("processes: {Beer: {formulation: {reach: 3}}}", "processes.Beer.formulation: reach is 3"),
         ("algorithms: {online: {PPO: 3}}", "algorithms.online.PPO is 3, expected a mapping"),
     ],
 )

@@ -16,7 +16,7 @@ import pytest
 
 import smpl
 from smpl._runs import read_table
-from smpl.controllers import Proportional
+from smpl.controllers import PID, Loops, Proportional
 from smpl.datasets import DatasetError, collect, initial_grid, load
 from smpl.datasets.store import Manifest
 from smpl.evaluation import evaluate, run_episode
@@ -137,6 +137,58 @@ class Slow:
         return self.action_given
 
 
+def test_a_parameter_is_drawn_or_set_not_both(tmp_path):
+    with pytest.raises(ValueError, match=r"randomize\['V_0'\]: the settings of the environment fix it at 0.0015"):
+        collect("reactor", "pid", 2, tmp_path, randomize={"V_0": (0.001, 0.002)}, settings={"V_0": 0.0015})
+
+
+def test_an_action_that_has_one_value_keeps_it_under_noise(tmp_path):
+    source = (
+        "model Fixed\ntime t : s\naction a : 1/s = 3 in 3..3\naction b : 1/s = 0 in -1..1\nstate x = 1\n"
+        "eq d/dt x = a - b*x\nobserve x\nreward r default = x\nepisode { step = 1 [s], max_steps = 4 }\n"
+    )
+    (tmp_path / "fixed.eq").write_text(source)
+    (one,) = collect(tmp_path / "fixed.eq", "nominal", 1, tmp_path / "set", noise=0.3, normalize=False)
+    np.testing.assert_array_equal(one.details.physical[:, 0], 3.0)
+    assert np.ptp(one.details.physical[:, 1]) > 0.1
+
+
+def test_parts_that_were_changed_by_hand_are_refused(tmp_path):
+    collect("reactor", "pid", 4, tmp_path / "set", part=2, max_steps=5)
+    first, second = (tmp_path / f"set/part-00000{i}.parquet" for i in range(2))
+    kept = first.read_bytes()
+    first.write_bytes(second.read_bytes())
+    with pytest.raises(DatasetError, match=r"part-000000\.parquet is damaged .its episodes are not those from 0 on"):
+        load(tmp_path / "set")[0]
+    first.write_bytes(kept)
+    table = arrow.read_table(first)
+    rewards = table.column("reward").to_numpy().copy()
+    rewards[2] = np.inf
+    place = table.column_names.index("reward")
+    pyarrow = pytest.importorskip("pyarrow")
+    for changed, says in (
+        (
+            table.set_column(place, "reward", pyarrow.array(rewards, mask=np.isnan(rewards))),
+            "rewards, row 2, is not fi",
+        ),
+        (table.take([0, 2, 1, *range(3, table.num_rows)]), "steps of an episode do not follow one another"),
+    ):
+        arrow.write_table(changed.replace_schema_metadata(table.schema.metadata), first)
+        with pytest.raises(DatasetError, match=f"part-000000.parquet is damaged .*{says}"):
+            load(tmp_path / "set")[0]
+
+
+def test_a_data_set_of_other_arguments_says_which(tmp_path):
+    collect("reactor", "pid", 2, tmp_path, max_steps=5, reward="setpoint")
+    load(tmp_path, "reactor", max_steps=5, reward="setpoint")
+    with pytest.raises(DatasetError, match=r"with other arguments \(reward: setpoint there, None here\)"):
+        load(tmp_path, "reactor", max_steps=5)
+    with pytest.raises(
+        DatasetError, match=r"other arguments \(scenario: None there, legacy here; max_steps: 5 there, 6 here\)"
+    ):
+        load(tmp_path, "reactor", max_steps=6, reward="setpoint", scenario="legacy")
+
+
 def test_what_was_killed_goes_on_where_it_was(tmp_path):
     folder, whole = tmp_path / "killed", tmp_path / "whole"
     command = [
@@ -216,6 +268,33 @@ def test_another_data_set_in_the_folder_is_refused(tmp_path):
     collect("reactor", "pid", 2, tmp_path / "thinned", max_steps=5, states=["T", "h"])
     with pytest.raises(DatasetError, match=r"states: \['T', 'h'\] there, \['c_A', 'T'\] here"):
         collect("reactor", "pid", 4, tmp_path / "thinned", max_steps=5, states=["c_A", "T"])
+
+
+class Held:
+    """An action that is held in a mapping."""
+
+    def __init__(self, coolant):
+        self.actions = {"T_c": coolant, "q_out": 0.1}
+
+    def action(self, env):
+        return [self.actions[name] for name in env.action_names]
+
+
+def test_a_controller_that_holds_others_goes_on_and_a_changed_one_is_refused(tmp_path):
+    def loops(gain):
+        return Loops(PID("T", "T_c", gain=-gain), others={"q_out": 0.1})
+
+    collect("reactor", loops(1.0), 2, tmp_path / "loops", max_steps=5)
+    assert len(collect("reactor", loops(1.0), 3, tmp_path / "loops", max_steps=5)) == 3
+    with pytest.raises(DatasetError, match=r"settings: \._loops\[0\]\.gain: -1\.0 there, -2\.0 here"):
+        collect("reactor", loops(2.0), 4, tmp_path / "loops", max_steps=5)
+    used = Held(26.0)
+    collect("reactor", used, 2, tmp_path / "held", max_steps=5, workers=1)
+    assert len(collect("reactor", used, 3, tmp_path / "held", max_steps=5, workers=1)) == 3
+    used.actions["T_c"] = 27.0
+    with pytest.raises(DatasetError, match=r"settings: \.actions\['T_c'\]: 26\.0 there, 27\.0 here"):
+        collect("reactor", used, 4, tmp_path / "held", max_steps=5, workers=1)
+    assert len(load(tmp_path / "held")) == 3
 
 
 def test_another_policy_under_the_same_file_name_is_refused(tmp_path, monkeypatch):
@@ -578,6 +657,38 @@ def test_a_worker_that_dies_is_replaced_and_nothing_is_lost_or_counted_twice(tmp
 def test_a_controller_that_cannot_travel_says_what_to_do(tmp_path):
     with pytest.raises(ValueError, match=r"cannot be sent to other processes .*workers=1, or MODULE:NAME"):
         collect("reactor", lambda observation: [0.0, 0.0], 4, tmp_path, workers=2, part=2)
+
+
+def test_a_class_that_other_processes_have_not_says_what_to_do(tmp_path):
+    text = (
+        "import sys\nfrom smpl.datasets import collect\n"
+        "class Still:\n    def action(self, env): return [26.85, 0.1]\n"
+        "collect('reactor', Still(), 4, sys.argv[1], workers=2, part=1, max_steps=4)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", text, tmp_path / "set"], capture_output=True, text=True, timeout=300, check=False
+    )
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith("ValueError: the controller cannot be made in other processes (AttributeError: Can't get")
+    assert "define it in a module" in last and "workers=1" in last and "out of memory" not in done.stderr
+
+
+def test_two_collections_at_once_into_one_folder_are_refused(tmp_path):
+    refused = []
+
+    class Second:
+        def action(self, env):
+            if not refused:
+                try:
+                    collect("reactor", "pid", 2, tmp_path, max_steps=5)
+                except DatasetError as error:
+                    refused.append(str(error))
+            return [26.85, 0.1]
+
+    assert len(collect("reactor", Second(), 2, tmp_path, max_steps=5, workers=1)) == 2
+    assert refused == [f"another process is collecting into {tmp_path}: wait for it, or stop it first"]
+    assert not list(tmp_path.glob(".*"))
+    assert len(collect("reactor", "pid", 2, tmp_path / "free", max_steps=5)) == 2
 
 
 def test_a_script_that_other_processes_would_run_again_works_in_one(tmp_path):

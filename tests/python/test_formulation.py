@@ -207,12 +207,52 @@ def test_a_curriculum_moves_the_parameters_of_episodes():
         ({"left": ["T_d"]}, "left.*'T_d'"),
         ({"windows": {"T_x": (0, 1)}}, "windows.*'T_x'"),
         ({"windows": {"T": (1, 0)}}, r"windows\['T'\] is \(1, 0\)"),
+        (
+            {"centre": "constant:1"},
+            r"centre is 'constant:1', which is none for Reactor: action has shape \(1,\), expected",
+        ),
+        ({"centre": "constant:1,2,3"}, r"which is none for Reactor: action has shape \(3,\), expected \(2,\)"),
+        ({"centre": "constant:nan,0.1"}, "centre is 'constant:nan,0.1', expected finite actions"),
         ({"limits": {"T_c": (10, 20)}}, r"limits\['T_c'\] is \(10.0, 20.0\), expected a part of 15.0..35.0"),
     ],
 )
 def test_a_formulation_that_cannot_be_meant_is_told(formulation, says):
     with pytest.raises(ValueError, match=says):
         Formulated(smpl.Env("reactor"), formulation)
+
+
+def test_actions_of_a_wrong_shape_are_refused_as_by_the_environment():
+    plain, env = smpl.Env("reactor"), Formulated(smpl.Env("reactor"), {"centre": "nominal"})
+    for one in (plain, env):
+        with pytest.raises(smpl.SimulationError, match="call reset first"):
+            one.step(np.zeros(2))
+        one.reset(seed=0)
+        for action in (0.0, [0.1], np.zeros(3), np.zeros((2, 1)), np.zeros((2, 2)), [np.nan, 0.0]):
+            with pytest.raises(ValueError, match="action"):
+                one.step(action)
+        assert one.unwrapped.steps == 0
+    with pytest.raises(ValueError, match=r"action has shape \(1,\), expected \(2,\)"):
+        env.reverse_action([0.0])
+    np.testing.assert_array_equal(env.step(np.zeros(2))[0], plain.step(env.action(np.zeros(2)))[0])
+
+
+def test_an_agent_whose_actions_have_another_shape_is_told():
+    class Wide:
+        def act(self, rows):
+            return np.zeros((len(rows.steps), 1))
+
+    plan = Plan.of(Task.of("reactor", max_steps=5), Agent("wide", Wide()), 3)
+    with pytest.raises(smpl.learning.RunError, match=r"wide gave actions of shape \(3, 1\), expected \(3, 2\)"):
+        list(run(plan, plan.jobs(0, 3), Settings()))
+
+
+def test_progress_is_a_share():
+    env = FormulatedVectorEnv("reactor", 2)
+    for value in (float("nan"), -0.1, 1.5):
+        with pytest.raises(ValueError, match=r"progress is .*, expected a number from 0 to 1"):
+            env.progress = value
+    env.progress = 1
+    assert env.progress == 1.0
 
 
 def test_a_policy_that_looks_at_the_state_is_no_recipe():
@@ -302,6 +342,8 @@ def test_episodes_that_are_none_of_a_formulation_are_refused(tmp_path):
         for centre in ("nominal", "recipe", "constant:26.85,0.1"):
             seen = formulated(bare, Form(Formulation(centre=centre), smpl.Env("reactor", max_steps=5)))
             np.testing.assert_allclose(seen.actions, 0, atol=1e-5)
+    with pytest.raises(ValueError, match="the episode has 3 observations, Beer has 8"):
+        formulated(bare, Form(Formulation(), smpl.Env("beer")))
     wide = collect("reactor", "random", 1, tmp_path / "wide", states=True, max_steps=5)[0]
     with pytest.raises(ValueError, match=r"has T_c = .*, which is none of its formulation's actions"):
         formulated(wide, form)

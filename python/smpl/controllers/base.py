@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import inspect
+import types
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol, runtime_checkable
 
@@ -11,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl._arguments import FloatArray, as_count, as_vector, check_names
+from smpl._identity import MADE_FROM, describe
 from smpl.envs import Env
 
 
@@ -29,12 +33,36 @@ class TakesWrapped:
     """What is given an environment may be given the one that `gymnasium.make` returns, wrappers and all.
 
     Methods `reset` and `action`, and the making of a subclass, see the environment of smpl beneath.
+
+    Of a subclass with `of_arguments=True` all that it chooses follows from the arguments that it was made with, and
+    data sets tell it by them; what it has built since, as a solver, does not matter.
     """
 
-    def __init_subclass__(cls, **kwargs: Any) -> None:
+    _of_arguments = False
+
+    def __init_subclass__(cls, of_arguments: bool = False, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
+        cls._of_arguments = cls._of_arguments or of_arguments
+        if cls._of_arguments and "__init__" in vars(cls):
+            setattr(cls, "__init__", _recorded(vars(cls)["__init__"]))  # noqa: B010 - mypy forbids the assignment
         for name in {"__init__", "reset", "action"} & vars(cls).keys():
             setattr(cls, name, _beneath(vars(cls)[name]))
+
+
+def _recorded(method: Callable[..., Any]) -> Callable[..., Any]:
+    """An `__init__` that keeps the description of its arguments."""
+    signature = inspect.signature(method)
+
+    @functools.wraps(method)
+    def recording(self: Any, *given: Any, **named: Any) -> Any:
+        if not hasattr(self, MADE_FROM):  # a subclass has its own arguments
+            with contextlib.suppress(TypeError):  # the call tells what is wrong with them
+                arguments = signature.bind(self, *given, **named).arguments
+                kept = dict(list(arguments.items())[1:])
+                setattr(self, MADE_FROM, describe(types.SimpleNamespace(**kept)))
+        return method(self, *given, **named)
+
+    return recording
 
 
 def _beneath(method: Callable[..., Any]) -> Callable[..., Any]:
@@ -111,7 +139,7 @@ class Nominal(TakesWrapped):
         return env.policy("nominal") if "nominal" in env.model.policies else env.model.native.defaults("action")
 
 
-class Uniform(TakesWrapped):
+class Uniform(TakesWrapped, of_arguments=True):
     """Actions drawn uniformly from the action box, equal in equal episodes.
 
     Args:

@@ -27,7 +27,7 @@ class _Instant:
     readings: dict[int, float] = field(default_factory=dict)
 
 
-class ExtendedKalmanFilter(TakesWrapped):
+class ExtendedKalmanFilter(TakesWrapped, of_arguments=True):
     """Extended Kalman filter from an observation level, its noise, rare samples and delays as the file declares them.
 
     The mean is predicted by the model's own step, the covariance by its exact derivative. A sample that arrives late is

@@ -31,7 +31,7 @@ class _Instant:
     readings: dict[int, float] = field(default_factory=dict)
 
 
-class MovingHorizonEstimator(TakesWrapped):
+class MovingHorizonEstimator(TakesWrapped, of_arguments=True):
     """Least squares over a window of steps, within the bounds that the model declares.
 
     Minimises the squares of what was read less what the states of its steps would read, of what each step adds to the

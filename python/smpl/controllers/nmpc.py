@@ -33,7 +33,7 @@ _STARTS = 3
 _RIGHT = 0.05
 
 
-class NMPC(TakesWrapped):
+class NMPC(TakesWrapped, of_arguments=True):
     """Nonlinear model predictive control: the best actions over a horizon, of which the first one is applied.
 
     Args:

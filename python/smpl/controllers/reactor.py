@@ -46,7 +46,7 @@ class Proportional(TakesWrapped):
         return np.clip(STEADY_ACTION + self._gains * error, env.action_low, env.action_high)
 
 
-class ReactorNMPC(TakesWrapped):
+class ReactorNMPC(TakesWrapped, of_arguments=True):
     """`mpc` of the paper: nonlinear predictive control of the reactor with full state feedback.
 
     The cost is the sum over interval starts of (x - s)' Q (x - s) + (u - u_s)' R (u - u_s) and a terminal term, in

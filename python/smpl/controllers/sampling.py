@@ -24,7 +24,7 @@ Cost = Callable[[Rollout, FloatArray], Any]
 Guess = Callable[[Env, int], Any]
 
 
-class SamplingMPC(TakesWrapped):
+class SamplingMPC(TakesWrapped, of_arguments=True):
     """Sampling-based model predictive control of any model.
 
     Args:

@@ -17,11 +17,22 @@ from typing import Any
 import numpy as np
 
 from smpl._arguments import as_count, check_names
+from smpl._identity import Description, describe, differences
 from smpl._native import __version__
 from smpl.datasets.loading import Dataset, load
-from smpl.datasets.store import MANIFEST, DatasetError, Manifest, part_mark, part_path, place_part, pyarrow, write_part
+from smpl.datasets.store import (
+    MANIFEST,
+    DatasetError,
+    Manifest,
+    alone,
+    part_mark,
+    part_path,
+    place_part,
+    pyarrow,
+    write_part,
+)
 from smpl.envs import Env
-from smpl.learning.agents import Agent
+from smpl.learning.agents import FILES, Agent
 from smpl.learning.cluster import spread_on_ray
 from smpl.learning.formulation import FILE
 from smpl.learning.plan import Plan, Task
@@ -79,7 +90,8 @@ def collect(
 
     Raises:
         ValueError: an argument is none of what it may be.
-        DatasetError: the folder has another data set, or an episode has a value that is not finite.
+        DatasetError: the folder has another data set, another process is collecting into it, or an episode has a value
+            that is not finite.
         RunError: an episode does not start, or its controller fails.
         ImportError: a package is missing.
     """
@@ -89,16 +101,23 @@ def collect(
         epsilon=epsilon, randomize=randomize,
     )  # fmt: skip
     count = as_count("workers", workers if workers is not None else os.cpu_count() or 1)
-    folder = Path(out)
-    manifest = _manifest(plan, folder, _state_names(plan.task, states), part)
+    folder, kept = Path(out), _state_names(plan.task, states)
+    folder.mkdir(parents=True, exist_ok=True)
+    with alone(folder):
+        _collected(plan, folder, _manifest(plan, folder, kept, part), count, ray, progress)
+    return load(folder)
+
+
+def _collected(plan: Plan, folder: Path, manifest: Manifest, workers: int, ray: str | None, progress: bool) -> None:
+    """Run what the folder has not yet."""
     if manifest.episodes > plan.episodes:
         text = f"{folder} is a data set of {manifest.episodes} episodes, which stay: {plan.episodes} were asked for"
-        warnings.warn(text, stacklevel=2)
+        warnings.warn(text, stacklevel=3)
     parts = -(-plan.episodes // manifest.part)
     missing, whole = _missing(folder, manifest, parts), manifest.range(parts - 1)[1]
     with Progress(progress, "collect", whole, whole - _episodes_in(manifest, missing)) as bar:
         try:
-            for first, last in _run_parts(plan, folder, manifest, missing, count, ray):
+            for first, last in _run_parts(plan, folder, manifest, missing, workers, ray):
                 bar.add(last - first)
         except OSError as error:
             if error.errno != errno.ENOSPC:
@@ -108,7 +127,6 @@ def collect(
                 f"the disk is full: {folder} has {done} of {manifest.parts} parts, which are whole; free some room and "
                 "run the same command to go on"
             ) from error
-    return load(folder)
 
 
 def _run_parts(
@@ -166,7 +184,6 @@ def _manifest(plan: Plan, folder: Path, states: tuple[str, ...], part: int | Non
     """
     env = plan.task.env()
     identity, names = _identity(plan, states), _names(plan, env, states)
-    folder.mkdir(parents=True, exist_ok=True)
     if not (folder / MANIFEST).exists():
         if any(folder.glob("part-*.parquet")):
             raise DatasetError(f"{folder} has parts but no {MANIFEST}: give another folder")
@@ -179,12 +196,21 @@ def _manifest(plan: Plan, folder: Path, states: tuple[str, ...], part: int | Non
         here = {**identity, "states": list(states)}
         differing = [key for key in here if there.get(key) != here[key]]
         if differing:
-            told = "; ".join(f"{key}: {_brief(there.get(key))} there, {_brief(here[key])} here" for key in differing)
+            told = "; ".join(_told(key, there.get(key), here[key]) for key in differing)
             raise DatasetError(f"{folder} has another data set ({told}): give another folder, or remove it")
     for left in folder.glob(".*.tmp"):
         left.unlink(missing_ok=True)
     manifest.write(folder)
     return manifest
+
+
+def _told(key: str, there: Any, here: Any) -> str:
+    """How an entry of the identity differs; of controllers only what differs in them."""
+    if key == "settings" and isinstance(there, list) and len(there) == len(here):
+        found = [one for pair in zip(there, here, strict=True) for one in differences(*pair)]
+        more = [f"and {len(found) - 3} more"] if len(found) > 3 else []
+        return f"settings: {'; '.join([*found[:3], *more])}"
+    return f"{key}: {_brief(there)} there, {_brief(here)} here"
 
 
 def _brief(value: Any) -> str:
@@ -211,22 +237,15 @@ def _identity(plan: Plan, states: tuple[str, ...]) -> dict[str, Any]:
     }
 
 
-def _described(one: Agent) -> str:
-    """What a controller is and its plain settings: a data set is not continued with other gains or another policy."""
-    name = str(getattr(one.chooser, "__qualname__", type(one.chooser).__qualname__))
-    file = Path(one.origin[0].rpartition(":")[2]) if one.origin is not None else None
-    if file is not None and file.is_file():
-        beside = file.with_name(FILE)
-        text = file.read_bytes() + (beside.read_bytes() if beside.is_file() else b"")
-        return f"{name} {hashlib.sha256(text).hexdigest()}"
-    plain = (int, float, str, bool, tuple, list, np.ndarray)
-    inner = sorted(getattr(one.chooser, "__dict__", {}).items())
-    settings = {key: _plain(value) for key, value in inner if isinstance(value, plain)}
-    return f"{name} {settings}" if one.kind == "action" else name
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist() if isinstance(value, np.ndarray) else value
+def _described(one: Agent) -> Description:
+    """What a controller is: a data set is not continued with other gains or another policy."""
+    if one.origin is not None:
+        file = Path(one.origin[0].rpartition(":")[2])
+        if file.suffix in FILES and file.is_file():
+            beside = file.with_name(FILE)
+            text = file.read_bytes() + (beside.read_bytes() if beside.is_file() else b"")
+            return {"": f"{type(one.chooser).__qualname__} {hashlib.sha256(text).hexdigest()}"}
+    return {**describe(one.chooser), **({"physical": "True"} if one.physical else {})}
 
 
 def _names(plan: Plan, env: Env, states: tuple[str, ...]) -> dict[str, list[str]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, overload
 
@@ -89,8 +89,16 @@ class Dataset(Sequence[Episode]):
         for what, (there, here) in pairs.items():
             if list(there) != list(here):
                 raise DatasetError(f"{self.folder} has other {what}: {', '.join(there)}; now {', '.join(here)}")
+        there = _told({**about["compiled"], **self.manifest.identity["arguments"]})
+        here = _told(
+            {key: value for key, value in model._arguments.items() if key in about["compiled"]} | task.arguments
+        )
+        other = [key for key in dict.fromkeys([*there, *here]) if there.get(key) != here.get(key)]
+        if other:
+            told = "; ".join(f"{key}: {there.get(key)} there, {here.get(key)} here" for key in other)
+            raise DatasetError(f"{self.folder} was collected with other arguments ({told})")
         if self.manifest.identity["checksum"] != task.checksum:
-            raise DatasetError(f"{self.folder} is of another version of {model.name}, or of other arguments than these")
+            raise DatasetError(f"{self.folder} is of another version of {model.name}")
 
     def _find(self, number: int, skip: bool) -> None:
         try:
@@ -126,6 +134,12 @@ class Dataset(Sequence[Episode]):
         if self._held[0] != place:
             self._held = place, read_part(self.folder, self._parts[place][0], self.manifest)
         return self._held[1]
+
+
+def _told(arguments: Mapping[str, Any]) -> dict[str, str]:
+    """Arguments of an environment as texts; a scenario by its name, wherever its file lies."""
+    found = {key: str(value) for key, value in arguments.items()}
+    return {**found, "scenario": Path(found.get("scenario", "None")).name}
 
 
 def load(folder: str | os.PathLike[str], env: Any = None, *, skip_damaged: bool = False, **arguments: Any) -> Dataset:

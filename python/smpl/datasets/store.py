@@ -7,10 +7,12 @@ there was not. Parts are written under a temporary name, flushed to the disk and
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import json
 import os
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -52,6 +54,24 @@ def pyarrow() -> Any:
     except ImportError as error:
         raise ImportError("data sets are kept in Parquet: pip install 'smpl[data]'") from error
     return pyarrow
+
+
+@contextlib.contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Hold a folder: nobody else writes parts into it meanwhile. What dies holds it no longer.
+
+    Raises:
+        DatasetError: another process, or thread, holds it.
+    """
+    place = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise DatasetError(f"another process is collecting into {folder}: wait for it, or stop it first") from None
+        yield
+    finally:
+        os.close(place)
 
 
 @dataclass(frozen=True)
@@ -137,7 +157,10 @@ def write_part(folder: Path, number: int, manifest: Manifest, episodes: Sequence
     """
     arrow = pyarrow()
     for index, one in episodes:
-        check_finite(index, one)
+        try:
+            check_finite(index, one)
+        except DatasetError as error:
+            raise DatasetError(f"{error}; nothing was kept") from None
     columns = _columns(manifest, episodes)
     table = arrow.table({name: arrow.array(values, mask=mask) for name, (values, mask) in columns.items()})
     mark = {b"smpl": json.dumps({"checksum": manifest.identity["checksum"], "episodes": len(episodes)}).encode()}
@@ -191,9 +214,28 @@ def read_part(folder: Path, number: int, manifest: Manifest) -> list[Episode]:
     try:
         table = arrow.parquet.read_table(path, page_checksum_verification=True)
         columns = {name: table.column(name).to_numpy() for name in table.column_names}
-        return _episodes(manifest, columns)
+        _check_order(columns, manifest.range(number)[0])
+        found = _episodes(manifest, columns)
+        for index, one in enumerate(found, manifest.range(number)[0]):
+            check_finite(index, one)
+        return found
     except (OSError, KeyError, ValueError, arrow.ArrowException) as error:
         raise DatasetError(_damaged(path, error)) from error
+
+
+def _check_order(columns: Mapping[str, npt.NDArray[Any]], first: int) -> None:
+    """Refuse rows that are not those of the episodes from `first` on, step by step.
+
+    Raises:
+        ValueError: they are not.
+    """
+    episodes, steps = columns["episode"], columns["step"]
+    begins = np.flatnonzero(np.diff(episodes, prepend=episodes[:1] - 1))
+    if not np.array_equal(episodes[begins], first + np.arange(len(begins))):
+        raise ValueError(f"its episodes are not those from {first} on")
+    lengths = np.diff([*begins, len(steps)])
+    if not np.array_equal(steps, np.concatenate([np.arange(length) for length in lengths])):
+        raise ValueError("the steps of an episode do not follow one another")
 
 
 def check_finite(index: int, one: Episode) -> None:
@@ -211,7 +253,7 @@ def check_finite(index: int, one: Episode) -> None:
     for kind, values in kinds.items():
         if not np.all(np.isfinite(values)):
             row = int(np.argwhere(~np.isfinite(values))[0][0])
-            raise DatasetError(f"episode {index} (seed {one.seed}): {kind}, row {row}, is not finite; nothing was kept")
+            raise DatasetError(f"episode {index} (seed {one.seed}): {kind}, row {row}, is not finite")
 
 
 Column = tuple[npt.NDArray[Any], npt.NDArray[np.bool_] | None]

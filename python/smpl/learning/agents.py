@@ -32,7 +32,7 @@ from smpl.model import Model
 
 Array = npt.NDArray[Any]
 # Endings of the files of policies.
-_FILES = (".zip", ".d3", ".pt")
+FILES = (".zip", ".d3", ".pt")
 
 
 @dataclass
@@ -114,14 +114,19 @@ class Agent:
         return self._scaled(env, self.predict(observation[None], [memory], len(env.action_names))[0])
 
     def act(self, rows: Rows) -> FloatArray:
-        """Actions for a batch, in the action space, shape (environments, actions)."""
+        """Actions for a batch, in the action space, shape (environments, actions).
+
+        Raises:
+            ValueError: they have another shape.
+        """
+        expected = len(rows.steps), len(rows.interface.action_names)
         if self.kind == "predict":
-            return self._scaled(
-                rows.interface, self.predict(rows.observations, rows.memory, len(rows.interface.action_names))
-            )
-        if self.kind == "rows":
-            return np.asarray(self.chooser.act(rows))
-        return rows.interface.from_physical(_BATCHED[type(self.chooser)](self.chooser, rows))
+            return self._scaled(rows.interface, self.predict(rows.observations, rows.memory, expected[1]))
+        given = self.chooser.act(rows) if self.kind == "rows" else _BATCHED[type(self.chooser)](self.chooser, rows)
+        actions = np.asarray(given, dtype=np.float64)
+        if actions.shape != expected:
+            raise ValueError(f"{self.name} gave actions of shape {actions.shape}, expected {expected}")
+        return actions if self.kind == "rows" else rows.interface.from_physical(actions)
 
     def check(self, env: Env) -> None:
         """Refuse an environment that the agent is not for: reset once as an episode would."""
@@ -184,7 +189,7 @@ def agent(spec: Any, model: Model, name: str | None = None) -> Agent:
 def _files(spec: str) -> dict[str, bytes]:
     """The file of a policy and its formulation, for a machine that has them not; nothing for anything else."""
     file = Path(spec.rpartition(":")[2])
-    if file.suffix not in _FILES or not file.is_file():
+    if file.suffix not in FILES or not file.is_file():
         return {}
     both = (file, file.with_name("formulation.json"))
     return {one.name: one.read_bytes() for one in both if one.is_file()}
@@ -202,7 +207,7 @@ def _unpacked(spec: str, model: Model, name: str, files: Mapping[str, bytes]) ->
 def _title(spec: str) -> str:
     """Name of a policy file without its folder and ending; of anything else the text itself."""
     file = Path(spec.rpartition(":")[2])
-    return file.stem if file.suffix in _FILES else spec
+    return file.stem if file.suffix in FILES else spec
 
 
 def _made(spec: str, model: Model) -> Any:
@@ -211,7 +216,7 @@ def _made(spec: str, model: Model) -> Any:
         return known[spec]()
     if spec.startswith("constant:"):
         return controllers.Constant(_numbers(spec))
-    if Path(spec.rpartition(":")[2]).suffix in _FILES:
+    if Path(spec.rpartition(":")[2]).suffix in FILES:
         return _formulated(_policy_file(spec), Path(spec.rpartition(":")[2]))
     if ":" in spec:
         return _imported(spec)

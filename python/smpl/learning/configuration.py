@@ -163,6 +163,10 @@ def _check_process(name: str, one: Mapping[str, Any], base: Mapping[str, Any], o
             raise ValueError(f"{folder!r} in processes: expected letters, digits, - and _, as names of folders")
     for key in ("train", "formulation", "curriculum", "scalers", "arguments"):
         _section(f"{what}.{key}", one.get(key, {}))
+    try:
+        Formulation.of(one.get("formulation"))
+    except ValueError as error:
+        raise ValueError(f"{what}.formulation: {error}") from error
     _section(f"{what}.data", one.get("data", {}), _DATA)
     budgets = tuple(base["budgets"])
     for key, inner in (("steps", _KINDS), ("sizes", _SIZES)):

@@ -9,7 +9,8 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
-from smpl._arguments import as_number, check_names, check_within
+from smpl._arguments import as_number, as_vector, check_names, check_within
+from smpl._native import SimulationError
 from smpl.envs import Env
 from smpl.learning.agents import Rows
 from smpl.learning.formulation import Form, Formulation
@@ -89,7 +90,7 @@ class Formulated(gymnasium.Wrapper[Any, Any, Any, Any]):
         self.observation_space = self._form.observation_space(base.observation_space)
         self.action_space = self._form.action_space()
         self._memory: dict[str, Any] = {}
-        self._rows: Rows | None = None
+        self._observation: Array | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode; as of the environment."""
@@ -98,19 +99,31 @@ class Formulated(gymnasium.Wrapper[Any, Any, Any, Any]):
         return self._seen(observation), info
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Apply an action of the formulation."""
+        """Apply an action of the formulation.
+
+        Raises:
+            ValueError: the action has a wrong shape or is NaN; nothing is stepped then.
+            SimulationError: the episode is over, or has not begun.
+        """
         observation, reward, terminated, truncated, info = self.env.step(self.action(action))
         given = self._form.formulation.reward(np.asarray(reward), np.asarray(bool(info["failure"])))
         return self._seen(observation), float(given), terminated, truncated, info
 
     def action(self, action: Any) -> Array:
-        """The action of the environment beneath."""
-        physical = self._form.physical(self._current(), np.asarray(action)[None])
+        """The action of the environment beneath.
+
+        Raises:
+            ValueError: a wrong shape.
+            SimulationError: no episode has begun.
+        """
+        given = as_vector("action", action, len(self._form.learned))
+        physical = self._form.physical(self._current(), given[None])
         return self._base.from_physical(physical[0]).astype(np.float32)
 
     def reverse_action(self, action: Any) -> Array:
-        """The action of the formulation that comes nearest to one of the environment beneath."""
-        return self._form.reverse(self._current(), self._base.to_physical(action)[None])[0]
+        """The action of the formulation that comes nearest to one of the environment beneath; raises as `action`."""
+        given = as_vector("action", action, len(self._base.action_names))
+        return self._form.reverse(self._current(), self._base.to_physical(given)[None])[0]
 
     def _seen(self, observation: Array) -> Array:
         self._observation = observation
@@ -118,6 +131,8 @@ class Formulated(gymnasium.Wrapper[Any, Any, Any, Any]):
 
     def _current(self) -> Rows:
         base = self._base
+        if self._observation is None:
+            raise SimulationError("no episode has begun: call reset first")
         return Rows(base, self._observation[None], base.state[None], np.array([base.steps]), [self._memory])
 
 
@@ -130,7 +145,7 @@ class FormulatedVectorEnv(VectorEnv):
         curriculum: parameters that move with `progress`; needs same-step autoreset.
 
     Attributes:
-        progress: from 0 to 1, set by who trains.
+        progress: from 0 to 1, set by who trains; anything else is a ValueError.
 
     Raises:
         ValueError: an argument that cannot be meant.
@@ -169,6 +184,18 @@ class FormulatedVectorEnv(VectorEnv):
         self._steps = np.zeros(num_envs, dtype=np.int64)
         self._ended = np.zeros(num_envs, dtype=np.bool_)
         self._draws = np.random.default_rng(0)
+
+    @property
+    def progress(self) -> float:
+        """How much of the training is behind, from 0 to 1."""
+        return self._progress
+
+    @progress.setter
+    def progress(self, value: float) -> None:
+        number = as_number("progress", value)
+        if not 0.0 <= number <= 1.0:
+            raise ValueError(f"progress is {value!r}, expected a number from 0 to 1")
+        self._progress = number
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None

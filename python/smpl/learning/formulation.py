@@ -104,6 +104,11 @@ class Formulation:
             scaled = np.clip(scaled, *self.reward_range)
         return scaled if self.failure_reward is None else np.where(failed, self.failure_reward, scaled)
 
+    @property
+    def shapes_rewards_only(self) -> bool:
+        """Whether actions and observations are the environment's own."""
+        return replace(self, reward_scale=1.0, reward_range=None, failure_reward=None) == Formulation()
+
     def write(self, folder: Path) -> None:
         """Keep it beside a policy, where `--policy` finds it."""
         (folder / FILE).write_text(json.dumps(asdict(self), indent=1) + "\n", encoding="utf-8")
@@ -217,7 +222,23 @@ class Form:
         return seen
 
 
-class FormulatedPolicy:
+class _Acting:
+    """Acts on batches in a formulation, which is laid over each environment once."""
+
+    def __init__(self, formulation: Formulation) -> None:
+        self._formulation = formulation
+        self._form: Form | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_form": None}
+
+    def _laid_over(self, interface: Interface) -> Form:
+        if self._form is None or self._form.interface is not interface:
+            self._form = Form(self._formulation, interface)
+        return self._form
+
+
+class FormulatedPolicy(_Acting):
     """A policy of a formulation as one of the environment beneath.
 
     Args:
@@ -226,20 +247,18 @@ class FormulatedPolicy:
     """
 
     def __init__(self, policy: Any, formulation: Formulation) -> None:
-        self._inner, self._formulation = Agent("inner", policy), formulation
-        self._form: Form | None = None
+        super().__init__(formulation)
+        self._inner = Agent("inner", policy)
 
     def act(self, rows: Rows) -> FloatArray:
         """Actions for a batch, in the action space of the environment."""
-        if self._form is None or self._form.interface is not rows.interface:
-            self._form = Form(self._formulation, rows.interface)
-        form = self._form
+        form = self._laid_over(rows.interface)
         observations = form.observe(rows.memory, rows.observations)
         actions = self._inner.predict(observations, rows.memory, len(form.learned))
         return rows.interface.from_physical(form.physical(rows, actions))
 
 
-class Exploration:
+class Exploration(_Acting):
     """The centre of a formulation, with noise on the actions that a learner has: what its data sets are made by.
 
     Args:
@@ -248,11 +267,12 @@ class Exploration:
     """
 
     def __init__(self, formulation: Formulation, noise: float) -> None:
-        self._formulation, self._noise = formulation, noise
+        super().__init__(formulation)
+        self._noise = noise
 
     def act(self, rows: Rows) -> FloatArray:
         """Actions for a batch, in the action space of the environment; those of an episode follow from its seed."""
-        form = Form(self._formulation, rows.interface)
+        form = self._laid_over(rows.interface)
         actions = np.stack([self._drawn(one, len(form.learned)) for one in rows.memory])
         return rows.interface.from_physical(form.physical(rows, actions))
 
@@ -277,6 +297,12 @@ def formulated(episode: Episode, form: Form) -> Episode:
         ValueError: states that the centre reads were not kept, or an action is none that the formulation has.
     """
     interface = form.interface
+    for what, array, names in (
+        ("observations", episode.observations, interface.observation_names),
+        ("actions", episode.actions, interface.action_names),
+    ):
+        if array.shape[1] != len(names):
+            raise ValueError(f"the episode has {array.shape[1]} {what}, {interface.model.name} has {len(names)}")
     kept, every = episode.states.shape[1], len(interface.model.state_names)
     if form.reads_states and kept != every:
         having = f"with {kept} of {every} states" if kept else "without states"
@@ -338,6 +364,15 @@ def _centre(
         raise ValueError(
             f"centre is {name!r}, which does not act on batches; there are: {', '.join(_CENTRES)}, pid, ..."
         )
+    env = Env(interface.model, normalize=interface.normalize)
+    observation, _ = env.reset(seed=0)
+    try:
+        chosen.reset(env)
+        given = chosen.choose(env, observation, {"seed": 0})
+    except ValueError as error:
+        raise ValueError(f"centre is {name!r}, which is none for {interface.model.name}: {error}") from error
+    if not np.isfinite(given).all():
+        raise ValueError(f"centre is {name!r}, expected finite actions")
     return lambda rows: interface.to_physical(chosen.act(rows)), chosen.reads_states
 
 

@@ -158,8 +158,12 @@ def as_observed(task: Task, train: Mapping[str, Any]) -> Task:
 
 def _form(task: Task, settings: Mapping[str, Any]) -> Form | None:
     """What the data set and its policy are formulated in, none where they have the environment's own actions."""
-    inside = settings["data"]["controller"] == "centre"
-    return Form(Formulation.of(settings["formulation"]), task.env()) if inside else None
+    return Form(Formulation.of(settings["formulation"]), task.env()) if inside_formulation(settings) else None
+
+
+def inside_formulation(settings: Mapping[str, Any]) -> bool:
+    """Whether a data set is of the centre of its formulation, so that policies have its actions and observations."""
+    return bool(settings["data"]["controller"] == "centre")
 
 
 def _data_set(
@@ -170,7 +174,7 @@ def _data_set(
 
     chosen = {key: settings["data"][key] for key in ("controller", "noise", "episodes")}
     controller, noise, known = chosen["controller"], chosen["noise"], [chosen, task.checksum]
-    inside = controller == "centre"
+    inside = inside_formulation(settings)
     if inside:
         formulation = Formulation.of(settings["formulation"])
         controller, noise = Agent("centre", Exploration(formulation, noise)), 0.0

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from smpl._arguments import check_names
+from smpl._arguments import check_names, check_numbers
 from smpl.datasets import Dataset
 from smpl.datasets.exports import d3rlpy_arrays
 from smpl.evaluation import Episode
@@ -69,6 +69,7 @@ class D3rlpyTrainer:
         unknown = [name for name in hyperparameters if name not in known]
         if unknown:
             raise ValueError(f"{algorithm} has no hyperparameter {', '.join(unknown)}; there are: {', '.join(known)}")
+        check_numbers(algorithm, hyperparameters, {name: one.default for name, one in known.items()})
         self._config, self._hyper, self._scalers = config, deepcopy(dict(hyperparameters)), dict(scalers or {})
         self._made_scalers()  # told now, not after hours
         self._data = self._d3rlpy.dataset.MDPDataset(**formulated_arrays(data, formulation, form))

@@ -8,6 +8,7 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
+from smpl._arguments import check_numbers
 from smpl.learning.environments import Curriculum, FormulatedVectorEnv
 from smpl.learning.formulation import Formulation
 from smpl.learning.offline import needs
@@ -54,6 +55,7 @@ class StableBaselinesTrainer:
         unknown = [name for name in hyperparameters if name not in known]
         if unknown:
             raise ValueError(f"{algorithm} has no hyperparameter {', '.join(unknown)}; there are: {', '.join(known)}")
+        check_numbers(algorithm, hyperparameters, {name: one.default for name, one in known.items()})
         self.algorithm, self._formulation = algorithm, formulation
         self._hyper = {"policy": _POLICIES.get(algorithm, "MlpPolicy"), **hyperparameters}
         self.venv = FormulatedVectorEnv(

@@ -170,8 +170,11 @@ class Plan:
         given_ranges = {name: _range(name, bounds) for name, bounds in (randomize or {}).items()}
         whole = elements("randomize", given_ranges, task.model.parameter_names)
         ranges = {name: given_ranges[named] for name, named in whole.items()}
+        fixed = dict(task.model._arguments["settings"])
         for name, ends in ranges.items():
             check_within(f"randomize[{name!r}]", ends, name, task.model)
+            if name in fixed:
+                raise ValueError(f"randomize[{name!r}]: the settings of the environment fix it at {fixed[name]}")
         return cls(
             task, agents, count, first, _shares(weights, len(agents)), Starts.of(starts, env, count, first),
             _between("noise", noise, np.inf), _between("epsilon", epsilon, 1.0), ranges,

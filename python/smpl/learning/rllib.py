@@ -11,6 +11,7 @@ from typing import Any
 
 import gymnasium
 
+from smpl._arguments import check_numbers
 from smpl.learning.agents import of_torchscript
 from smpl.learning.environments import Formulated, FormulatedVectorEnv
 from smpl.learning.formulation import Formulation
@@ -77,6 +78,7 @@ class RLlibTrainer:
         unknown = [one for one in hyperparameters if one not in known and not hasattr(self._config(), one)]
         if unknown:
             raise ValueError(f"{algorithm} has no hyperparameter {', '.join(unknown)}")
+        check_numbers(algorithm, hyperparameters, vars(self._config()))
         self._hyper, self._num_envs, self._formulation = deepcopy(dict(hyperparameters)), num_envs, formulation
         given = {key: value for key, value in task.model._arguments.items() if key != "source" and value}
         given["model"] = given.pop("path")

@@ -261,12 +261,14 @@ def disturbed(interface: Interface, job: Job, step: int, action: FloatArray) -> 
         raise ValueError(f"the action {action} of step {step} is not finite")
     if job.shift is not None or job.replaced is not None:
         low, high = interface.action_low, interface.action_high
-        scaled = (2 * interface.to_physical(action) - (high + low)) / (high - low)
+        width = high - low
+        shifted = 2 * interface.to_physical(action) - (high + low)
+        scaled = np.divide(shifted, width, out=np.zeros_like(shifted), where=width > 0)
         if job.shift is not None:
             scaled = np.clip(scaled + job.shift[step], -1.0, 1.0)
         if job.replaced is not None:
             scaled = np.where(np.isnan(job.replaced[step]), scaled, job.replaced[step])
-        action = interface.from_physical((scaled * (high - low) + high + low) / 2)
+        action = interface.from_physical((scaled * width + high + low) / 2)
     return np.asarray(action, dtype=np.float32)
 
 

@@ -219,7 +219,13 @@ def _absolute(model: str, folder: Path) -> str:
 def _subject(model: str, arguments: Mapping[str, Any], beside: Mapping[str, Any]) -> Subject:
     """A model of somebody's own: what every model has, the policies that it declares, and controllers beside them."""
     task = Task.of(model, **arguments)
-    known = dict.fromkeys([*names(task.model), *beside])
+    own = names(task.model)
+    for one in beside:
+        if one in own:
+            raise ValueError(
+                f"controllers: {one!r} is of {task.model.name} already ({', '.join(own)}): give yours another name"
+            )
+    known = dict.fromkeys([*own, *beside])
     return Subject(dict(arguments), known, _OWN, steps=task.env().max_steps)
 
 

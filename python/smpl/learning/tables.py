@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from smpl._native import __version__
-from smpl.learning.learned import PUBLISHED
+from smpl.learning.formulation import Formulation
+from smpl.learning.learned import PUBLISHED, inside_formulation
 from smpl.learning.records import Result
 from smpl.learning.statistics import bootstrap, interquartile_mean
 from smpl.learning.subjects import SUBJECTS, Run
@@ -77,7 +78,15 @@ def _row(mine: Sequence[Result]) -> dict[str, Any]:
         "successes": sum(one["successes"] for one in scores),
         "seconds": sum(one["seconds"] for one in scores),
         "diverged": sum("diverged" in one for one in scores),
+        "rewards_only": _rewards_only(first),
     }
+
+
+def _rewards_only(one: Run) -> bool:
+    """Whether of a formulation of actions or observations only the rewards were learned from."""
+    if one.suite != "offline" or inside_formulation(one.settings):
+        return False
+    return not Formulation.of(one.settings["formulation"]).shapes_rewards_only
 
 
 def _leads(mine: Sequence[Result], others: Sequence[Result]) -> np.ndarray:
@@ -124,6 +133,7 @@ def lines(table: Mapping[str, Any]) -> list[list[str]]:
         regret = "" if row["regret"] is None else f"{row['regret']:.4g}"
         counts = [str(row[key]) for key in ("failures", "successes", "episodes", "seeds")]
         name = row["controller"] + "*" * bool(row["changed"]) + "†" * bool(row["diverged"])
+        name += "‡" * bool(row["rewards_only"])
         found.append(
             [
                 row["env"],
@@ -148,4 +158,9 @@ def remarks(table: Mapping[str, Any]) -> str:
     said = [f"\n\\* made before a change of: {', '.join(changed)}.\n"] if changed else []
     if any(row.get("diverged") for row in table["rows"]):
         said.append("\n† training diverged: the best policy until then.\n")
+    if any(row.get("rewards_only") for row in table["rows"]):
+        said.append(
+            "\n‡ learned from a data set of another controller than `centre`: of the formulation the rewards count, "
+            "actions and observations are the environment's own.\n"
+        )
     return "".join(said)

@@ -41,6 +41,7 @@ def _tune(given: argparse.Namespace, command: str) -> int:
         given.env, given.algorithm, suite=given.suite, budget=given.budget, seed=given.seed, seeds=given.seeds,
         steps=given.steps, episodes=given.episodes, config=given.config,
     )  # fmt: skip
+    given.out.parent.mkdir(parents=True, exist_ok=True)  # told now, not after hours
     study = given.study or Path("tuning") / f"{search.suite}-{search.env}-{search.algorithm}.sqlite3"
     told = None if given.quiet else _tell
     trials = tune(search, study, given.trials, workers=given.workers, told=told)

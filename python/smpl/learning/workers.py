@@ -30,7 +30,7 @@ def spread(
         workers: processes.
 
     Raises:
-        ValueError: `shared` cannot be sent to other processes.
+        ValueError: `shared` cannot be sent to other processes, or not made there.
         RuntimeError: processes die again and again.
     """
     if (script := _unguarded()) is not None:
@@ -87,8 +87,23 @@ def _pool(
 
 
 def _begin(sent: bytes) -> None:
-    _SHARED[:] = [pickle.loads(sent)]
+    # A fault is told with the first piece: one that is raised here would look as if the process had died.
+    try:
+        _SHARED[:] = [pickle.loads(sent)]
+    except Exception as error:
+        _SHARED[:] = [_Unknown(f"{type(error).__name__}: {error}")]
+
+
+class _Unknown(str):
+    """Why what was sent cannot be made here."""
+
+    __slots__ = ()
 
 
 def _do(work: Callable[[Any, Any], Result], piece: Any) -> Result:
+    if isinstance(_SHARED[0], _Unknown):
+        raise ValueError(
+            f"the controller cannot be made in other processes ({_SHARED[0]}): define it in a module and import it "
+            "from there, or give workers=1, or MODULE:NAME"
+        )
     return work(_SHARED[0], piece)
