@@ -155,7 +155,9 @@ def test_a_learned_run_is_shown_from_its_record_alone(tmp_path):
 @pytest.mark.parametrize("name", ["nominal", "random", "pid"])
 def test_a_controller_of_ones_own_does_not_take_the_name_of_one_of_the_model(name, tmp_path):
     config = tmp_path / "own.yaml"
-    config.write_text(f"processes: {{Own: {{model: {ROOT / 'models/reactor.eq'}, controllers: {{{name}: 'constant:26,0.1'}}}}}}")
+    config.write_text(
+        f"processes: {{Own: {{model: {ROOT / 'models/reactor.eq'}, controllers: {{{name}: 'constant:26,0.1'}}}}}}"
+    )
     with pytest.raises(ValueError, match=f"controllers: '{name}' is of Reactor already .*: give yours another name"):
         runs("control", "smoke", "Own", 1, config=config)
 

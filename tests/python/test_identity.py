@@ -2,6 +2,7 @@
 
 import functools
 import json
+import os
 import subprocess
 import sys
 import types
@@ -161,7 +162,7 @@ def test_a_description_is_the_same_in_another_process_with_other_addresses_and_h
     folder = str(__file__).rpartition("/")[0]
     found = [
         subprocess.run(
-            [sys.executable, "-c", text, folder], env={"PYTHONHASHSEED": seed, "PATH": ""}, check=True,
+            [sys.executable, "-c", text, folder], env={**os.environ, "PYTHONHASHSEED": seed}, check=True,
             capture_output=True, text=True,
         ).stdout
         for seed in ("1", "2")
