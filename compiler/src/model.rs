@@ -7,7 +7,7 @@
 use serde::{Deserialize, Serialize};
 use smpl_dsl::span::Span;
 
-use crate::ir::{Affine, ExprId, Exprs, Program, Role, VarId};
+use crate::ir::{Affine, Expr, ExprId, Exprs, Program, Role, VarId};
 use cranelift_entity::PrimaryMap;
 
 mod interface;
@@ -46,6 +46,21 @@ pub struct Model {
 }
 
 impl Model {
+    /// Whether what a program stores is a function of the step, the time and the parameters alone: whatever state the process is in, and
+    /// whatever was done to it, the values are the same.
+    #[must_use]
+    pub fn is_of_the_step_alone(&self, program: &Program) -> bool {
+        let values = program.nests.iter().flat_map(|nest| nest.stores.iter().map(|store| store.value));
+        self.exprs.below(values).all(|e| match self.exprs.node(e) {
+            Expr::Load { var, .. } => match self.vars[var].role {
+                Role::Param | Role::ParamGiven | Role::Builtin => true,
+                Role::State | Role::Algebraic | Role::Action | Role::Discrete | Role::Disturbance => false,
+                Role::Draw | Role::Quadrature | Role::Cache | Role::Scratch => false,
+            },
+            _ => true,
+        })
+    }
+
     /// The variable of the numbers that every model has, where there is one.
     pub(crate) fn builtins(&self) -> Option<VarId> {
         self.vars.iter().find(|(_, variable)| variable.role == Role::Builtin).map(|(id, _)| id)

@@ -185,6 +185,17 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     # Episodes and seeds.
 
+    def policy(self, name: str) -> FloatArray:
+        """Actions in physical units that a policy of the model chooses for the coming step, shape (num_envs, actions).
+
+        Args:
+            name: one of `model.policies`.
+
+        Raises:
+            ValueError: the model declares no such policy.
+        """
+        return self._native.policy(name)
+
     def _start(self, options: Mapping[str, Any]) -> _native.Start | None:
         try:
             return start_from_options(self.model, options)

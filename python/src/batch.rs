@@ -13,7 +13,7 @@ use crate::arrays::Fresh;
 use crate::environment::gather;
 use crate::errors::{SimulationError, guarded, reset_error, setup_error, step_error};
 use crate::interrupt::released;
-use crate::model::Model;
+use crate::model::{Model, policy_index};
 use crate::role::{Role, role_error};
 use crate::snapshot::Snapshot;
 use crate::start::Start;
@@ -163,6 +163,16 @@ impl Batch {
         let batch = self.batch.get_mut().unwrap_or_else(PoisonError::into_inner);
         let snapshots = snapshots.iter().map(|(snapshot, pending)| (snapshot.inner(), *pending));
         guarded(|| batch.restore(snapshots))?.map_err(|e| batch_error(&e))
+    }
+
+    /// Actions of the model's policy of that name for the coming step, physical units, a row an environment.
+    fn policy<'py>(&mut self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let batch = self.batch.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let setup = batch.environment(0).map(|first| first.setup().clone());
+        let index = setup.map_or(Ok(0), |setup| policy_index(setup.model().model(), name))?;
+        let mut actions = Fresh::matrix(py, batch.len(), self.sizes.actions);
+        batch.policy(index, actions.elements()).map_err(|e| batch_error(&e))?;
+        Ok(actions.done())
     }
 
     /// Values by role, a row an environment: `state`, `discrete`, `disturbance`, `action`, `parameter`.

@@ -14,7 +14,7 @@ use crate::arrays::Fresh;
 use crate::errors::{SimulationError, guarded, reset_error, step_error};
 use crate::info::Keys;
 use crate::interrupt::released;
-use crate::model::Model;
+use crate::model::{Model, policy_index};
 use crate::role::Role;
 use crate::snapshot::Snapshot;
 use crate::start::Start;
@@ -102,11 +102,7 @@ impl Env {
     fn policy<'py>(&mut self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let environment = self.environment.get_mut().unwrap_or_else(PoisonError::into_inner);
         let setup = environment.setup().clone();
-        let policies = &setup.model().model().programs.policies;
-        let Some(index) = policies.iter().position(|(known, _)| known == name) else {
-            let known: Vec<&str> = policies.iter().map(|(known, _)| known.as_str()).collect();
-            return Err(PyValueError::new_err(format!("unknown policy `{name}`; there are: {}", known.join(", "))));
-        };
+        let index = policy_index(setup.model().model(), name)?;
         Ok(Fresh::vector(py, setup.catalogue.actions.len()).filled(|out| environment.policy(index, out)))
     }
 

@@ -182,6 +182,13 @@ impl Model {
         self.loaded.model.model().programs.policies.iter().map(|(name, _)| name.clone()).collect()
     }
 
+    /// Whether a policy is a function of the step, the time and the parameters alone.
+    fn is_recipe(&self, policy: &str) -> PyResult<bool> {
+        let model = self.loaded.model.model();
+        let (_, program) = &model.programs.policies[policy_index(model, policy)?];
+        Ok(model.is_of_the_step_alone(program))
+    }
+
     #[getter]
     fn step(&self) -> f64 {
         self.loaded.model.interface().episode.step
@@ -456,4 +463,16 @@ fn export_error(fault: ExportFault) -> PyErr {
         ExportFault::Setup(error) => setup_error(&error),
         ExportFault::Export(error) => PyValueError::new_err(error.to_string()),
     }
+}
+
+/// Position of a policy of the model.
+///
+/// # Errors
+/// `ValueError` where there is none of that name.
+pub(crate) fn policy_index(model: &smpl_compiler::model::Model, name: &str) -> PyResult<usize> {
+    let policies = &model.programs.policies;
+    policies.iter().position(|(known, _)| known == name).ok_or_else(|| {
+        let known: Vec<&str> = policies.iter().map(|(known, _)| known.as_str()).collect();
+        PyValueError::new_err(format!("unknown policy `{name}`; there are: {}", known.join(", ")))
+    })
 }

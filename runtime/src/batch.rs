@@ -243,6 +243,19 @@ impl Batch {
         self.finish()
     }
 
+    /// What a declared policy chooses for the coming step of each instance; `actions` has n × actions entries.
+    ///
+    /// # Errors
+    /// A wrong length.
+    pub fn policy(&mut self, index: usize, actions: &mut [f64]) -> Result<(), BatchError> {
+        let inputs = self.action_len();
+        length("actions", actions.len(), self.count * inputs)?;
+        for (member, out) in self.members_mut().zip(actions.chunks_exact_mut(inputs.max(1))) {
+            member.environment.policy(index, out);
+        }
+        Ok(())
+    }
+
     /// Seeds `seed`, `seed + 1`, ... for all instances.
     #[must_use]
     pub fn seeds(&self, seed: u64) -> Vec<u64> {

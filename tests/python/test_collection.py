@@ -39,6 +39,9 @@ def assert_equal(one, other):
         ("reactor", ["pid", "random"], {"noise": 0.1, "epsilon": 0.2, "weights": [3, 1]}),
         ("beer", "profile", {"max_steps": 30}),
         ("reactor", "constant:26,0.1", {"randomize": {"V_0": (0.001, 0.002)}}),
+        ("reactor", ["nominal", "pid"], {"noise": 0.1}),
+        ("atropine", ["mpc", "nominal"], {"max_steps": 6}),
+        ("mab", "nominal", {"max_steps": 2}),
     ],
 )
 def test_a_native_batch_gives_the_same_bits_as_one_episode_after_the_other(env, controllers, options):

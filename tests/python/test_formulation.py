@@ -221,6 +221,59 @@ def test_a_formulation_that_cannot_be_meant_is_told(formulation, says):
         Formulated(smpl.Env("reactor"), formulation)
 
 
+FEEDBACK = """
+model Feedback "A level that is held"
+time t : s
+action u = 0 in -5..5
+state x = 1 in -100..100
+discrete sp = 0.5
+eq d/dt x = (u - x)*1 [1/s]
+at end { next sp = sp + 0.25 }
+observe x
+policy nominal { u = 2*x }
+policy held { u = 3*(sp - x) }
+policy ramp { u = 0.5*n }
+reward r default = x
+episode { step = 0.5 [s], max_steps = 6 }
+"""
+
+
+def test_a_policy_that_reads_the_state_is_no_recipe_though_all_episodes_are_equal():
+    with pytest.raises(ValueError, match="the policy 'nominal' of Feedback depends on more than the step"):
+        Formulated(smpl.Env(smpl.compile(source=FEEDBACK)), {"centre": "recipe"})
+
+
+def test_the_centre_may_be_any_policy_of_the_model():
+    model = smpl.compile(source=FEEDBACK)
+    actions = np.random.default_rng(1).uniform(-1, 1, (6, 4, 1))
+    for centre, chosen in (("held", lambda x, k: 3 * (0.5 + 0.25 * k - x)), ("ramp", lambda x, k: 0.5 * k)):
+        form = {"centre": centre, "reach": 0.5}
+        batch = FormulatedVectorEnv(model, 4, formulation=form, autoreset_mode="disabled")
+        single = Formulated(smpl.Env(model), form)
+        batch.reset(seed=0)
+        single.reset(seed=0)
+        for k, given in enumerate(actions):
+            # dx/dt = u - x over half a second, u held: by hand.
+            x, a = batch.state[:, 0], 0.5 * given[:, 0]
+            middle = np.clip(chosen(x, k), -5, 5)
+            u = middle + a * np.where(a < 0, middle + 5, 5 - middle)
+            batch.step(given)
+            single.step(given[0])
+            np.testing.assert_allclose(batch.state[:, 0], u + (x - u) * np.exp(-0.5), rtol=1e-4)
+            assert single.unwrapped.state[0] == batch.state[0, 0]
+        assert len(set(batch.state[:, 0])) == 4
+
+
+def test_what_a_policy_would_have_chosen_is_not_known_of_recorded_episodes(tmp_path):
+    from smpl.datasets import collect
+
+    pytest.importorskip("pyarrow")
+    (tmp_path / "feedback.eq").write_text(FEEDBACK)
+    (one,) = collect(tmp_path / "feedback.eq", "held", 1, tmp_path / "set", states=True)
+    with pytest.raises(ValueError, match="'held' is a policy of Feedback: what it would have chosen is not known"):
+        formulated(one, Form(Formulation(centre="held"), smpl.Env(tmp_path / "feedback.eq")))
+
+
 def test_actions_of_a_wrong_shape_are_refused_as_by_the_environment():
     plain, env = smpl.Env("reactor"), Formulated(smpl.Env("reactor"), {"centre": "nominal"})
     for one in (plain, env):

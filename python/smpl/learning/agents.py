@@ -45,6 +45,7 @@ class Rows:
         states: physical units.
         steps: completed steps of each episode.
         memory: per environment, what the agent keeps from step to step; emptied at each reset.
+        places: of the rows in the batch `interface`; all of it if none.
     """
 
     interface: Interface
@@ -52,6 +53,7 @@ class Rows:
     states: FloatArray
     steps: npt.NDArray[np.int64]
     memory: list[dict[str, Any]]
+    places: npt.NDArray[np.intp] | None = None
 
 
 class Agent:
@@ -88,6 +90,11 @@ class Agent:
     def reads_states(self) -> bool:
         """Whether `act` looks at the states of a batch, as far as one can tell."""
         return self.kind == "rows" or isinstance(self.chooser, controllers.Proportional)
+
+    @property
+    def asks_model(self) -> bool:
+        """Whether `act` asks the environments of a batch, so that it knows nothing of recorded episodes."""
+        return isinstance(self.chooser, (controllers.Policy, controllers.Nominal))
 
     def reset(self, env: Env) -> dict[str, Any]:
         """Begin an episode; returns an empty memory."""
@@ -421,9 +428,26 @@ def _uniform(controller: controllers.Uniform, rows: Rows) -> FloatArray:
     return np.stack([memory["generator"].uniform(low, high) for memory in rows.memory])
 
 
+def _policy(controller: controllers.Policy, rows: Rows) -> FloatArray:
+    return _of_model(controller._name, rows)
+
+
+def _nominal(_: controllers.Nominal, rows: Rows) -> FloatArray:
+    return _of_model("nominal", rows)
+
+
+def _of_model(policy: str, rows: Rows) -> FloatArray:
+    """What a policy of the model chooses in the environments of the rows, as they stand."""
+    batch: Any = rows.interface
+    chosen: FloatArray = np.atleast_2d(batch.policy(policy))
+    return chosen if rows.places is None else chosen[rows.places]
+
+
 _BATCHED: dict[type, Callable[[Any, Rows], FloatArray]] = {
     controllers.Proportional: _proportional,
     controllers.Constant: _constant,
     controllers.Profile: _profile,
     controllers.Uniform: _uniform,
+    controllers.Policy: _policy,
+    controllers.Nominal: _nominal,
 }

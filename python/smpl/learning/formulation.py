@@ -41,7 +41,7 @@ class Formulation:
         centre: `box` (middle of the limits), `nominal` (declared defaults), `rules` (the two rules of the antibody
             process, or of its plant, for the level of a tank and the switch, nominal for the rest), `recipe` (the
             model's policy `nominal`, which must be a function of the step alone), or the name of a controller that acts
-            on batches (`pid`, `profile`, `constant:...`): the learner corrects it.
+            on batches (`pid`, `profile`, `constant:...`) or of another policy of the model: the learner corrects it.
         reach: share of the way from the centre to a limit that the learner may go.
         left: names of actions, single ones or arrays, that are left to the centre; the learner does not have them.
         limits: name of an action to (low, high) in physical units: a box inside the declared one. A centre outside of
@@ -157,7 +157,7 @@ class Form:
                     f"limits[{name!r}] is ({low}, {high}), expected a part of {self.low[i]}..{self.high[i]}"
                 )
             self.low[i], self.high[i] = low, high
-        self._centre, self.reads_states = _centre(formulation.centre, interface, self.low, self.high)
+        self._centre, self.needs = _centre(formulation.centre, interface, self.low, self.high)
         if formulation.centre == "nominal":
             self._warn_of_nominal(interface.model.native.defaults("action"), names)
         windows = elements("windows", formulation.windows, interface.observation_names)
@@ -304,7 +304,12 @@ def formulated(episode: Episode, form: Form) -> Episode:
         if array.shape[1] != len(names):
             raise ValueError(f"the episode has {array.shape[1]} {what}, {interface.model.name} has {len(names)}")
     kept, every = episode.states.shape[1], len(interface.model.state_names)
-    if form.reads_states and kept != every:
+    if form.needs == "model":
+        raise ValueError(
+            f"the centre {form.formulation.centre!r} is a policy of {interface.model.name}: what it would have chosen "
+            "is not known of recorded episodes"
+        )
+    if form.needs == "states" and kept != every:
         having = f"with {kept} of {every} states" if kept else "without states"
         raise ValueError(
             f"the data set was collected {having}, and the centre {form.formulation.centre!r} reads all: states=True"
@@ -344,25 +349,29 @@ def _ends(what: str, bounds: Any) -> tuple[float, float]:
 
 def _centre(
     name: str, interface: Interface, low: FloatArray, high: FloatArray
-) -> tuple[Callable[[Rows], FloatArray], bool]:
-    """Physical actions of the centre for the rows of a batch, into which may be written; whether it reads states."""
+) -> tuple[Callable[[Rows], FloatArray], str]:
+    """Physical actions of the centre for the rows of a batch, into which may be written, and what it needs for it.
+
+    That is nothing, the `states` of the rows, or the `model`, which a running environment only can be asked.
+    """
     if name == "box":
-        return lambda rows: np.tile((low + high) / 2, (len(rows.steps), 1)), False
+        return lambda rows: np.tile((low + high) / 2, (len(rows.steps), 1)), ""
     if name == "nominal":
         nominal = interface.model.native.defaults("action")
-        return lambda rows: np.tile(nominal, (len(rows.steps), 1)), False
+        return lambda rows: np.tile(nominal, (len(rows.steps), 1)), ""
     if name == "rules":
-        return _rules(interface), True
+        return _rules(interface), "states"
     if name == "recipe":
         table = _recipe(interface.model)
-        return lambda rows: table[np.minimum(rows.steps, len(table) - 1)], False
+        return lambda rows: table[np.minimum(rows.steps, len(table) - 1)], ""
     try:
         chosen = agent(name, interface.model)
     except ValueError as error:
         raise ValueError(f"centre is {name!r}; there are: {', '.join(_CENTRES)}, and controllers ({error})") from error
     if not chosen.batched:
         raise ValueError(
-            f"centre is {name!r}, which does not act on batches; there are: {', '.join(_CENTRES)}, pid, ..."
+            f"centre is {name!r}, which does not act on batches; there are: {', '.join(_CENTRES)}, pid, policies of "
+            "the model, ..."
         )
     env = Env(interface.model, normalize=interface.normalize)
     observation, _ = env.reset(seed=0)
@@ -373,7 +382,8 @@ def _centre(
         raise ValueError(f"centre is {name!r}, which is none for {interface.model.name}: {error}") from error
     if not np.isfinite(given).all():
         raise ValueError(f"centre is {name!r}, expected finite actions")
-    return lambda rows: interface.to_physical(chosen.act(rows)), chosen.reads_states
+    needs = "model" if chosen.asks_model else "states" if chosen.reads_states else ""
+    return lambda rows: interface.to_physical(chosen.act(rows)), needs
 
 
 # Policy `nominal` of the antibody process: its level rule, and the outlet concentration, mg/L, at which it switches.
@@ -386,7 +396,8 @@ def _recipe(model: Model) -> FloatArray:
     """Actions of the policy `nominal` by step, read off two episodes; shape (steps, actions)."""
     first, second = (_followed(Env(model), seed) for seed in (0, 1))
     common = min(len(first), len(second))
-    if not np.array_equal(first[:common], second[:common]):
+    # Of two equal episodes a policy that reads the state is equal too.
+    if not (model.native.is_recipe("nominal") and np.array_equal(first[:common], second[:common])):
         raise ValueError(f"centre is 'recipe', but the policy 'nominal' of {model.name} depends on more than the step")
     return max(first, second, key=len)
 

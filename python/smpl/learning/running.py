@@ -235,7 +235,8 @@ class _Batch:
 
     def _act(self, chooser: Agent, mine: npt.NDArray[np.intp]) -> FloatArray:
         memory = [self.memory[place] for place in mine]
-        return chooser.act(Rows(self.venv, self.observations[mine], self.states[mine], self.steps[mine], memory))
+        seen = self.observations[mine], self.states[mine], self.steps[mine]
+        return chooser.act(Rows(self.venv, *seen, memory, mine))
 
     def _disturbed(self, chosen: FloatArray) -> Array:
         given = chosen.astype(np.float32)
