@@ -1,8 +1,9 @@
 """What a controller is, as text: two that may choose different actions have different descriptions.
 
 A description maps places in the object (`.gains['f']`) to what stands there. Numbers, texts and containers stand as
-they are, arrays and long texts by their digests, code of one's own by its instructions, constants and the globals that
-it reads, installed code by its name. Nothing depends on addresses, on the order of sets or on the process.
+they are, arrays and long texts by their digests, code of one's own by its instructions, constants, globals and modules
+that it reads, installed code by its name and version. Nothing depends on addresses, on the order of sets or on the
+process.
 """
 
 from __future__ import annotations
@@ -10,23 +11,22 @@ from __future__ import annotations
 import hashlib
 import inspect
 import re
-import sys
-import sysconfig
 import types
 from collections.abc import Callable, Iterator, Mapping
-from functools import lru_cache, partial
+from copyreg import dispatch_table
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 
-from smpl.envs import Interface
+from smpl._code import installed, members_stored, reads, signed, version
+from smpl.envs import Env, Interface
 from smpl.model import Model
 
 # Places that a description lists one by one; of more there is one digest.
 _MOST = 200
-# How deep objects may hold objects; what lies deeper is described by its type.
-_DEEPEST = 60
 # Texts that are longer stand as their digest.
 _LONG = 80
 # What a class has that its body does not say.
@@ -34,17 +34,22 @@ _UNSAID = (
     "__dict__", "__weakref__", "__module__", "__doc__", "__qualname__", "__firstlineno__", "__slotnames__", "_abc_impl",
     "__static_attributes__",
 )  # fmt: skip
-# Attribute with the description of its arguments, of a controller that follows from them whatever it has built since.
+# Attribute with the arguments of a controller that follows from them, whatever it has built since.
 MADE_FROM = "_made_from"
 Description = dict[str, str]
+Parts = list[tuple[str, Any]]
 
 
 def describe(thing: Any) -> Description:
     """Where what stands in an object; see the module."""
-    places = dict(_Walk().at(thing, "", 0))
+    places: Description = {}
+    for place, text in _Walk().through(thing):
+        while place in places:
+            place += "'"
+        places[place] = text
     if len(places) <= _MOST:
         return places
-    return {"": places.get("", ""), f"all {len(places)} places": _digest(repr(sorted(places.items())).encode())}
+    return {"": places[""], f"all {len(places)} places": _digest(repr(list(places.items())).encode())}
 
 
 def differences(there: Mapping[str, str], here: Mapping[str, str]) -> list[str]:
@@ -57,180 +62,20 @@ def differences(there: Mapping[str, str], here: Mapping[str, str]) -> list[str]:
     ]
 
 
-class _Walk:
-    """One walk through an object; what it meets again is described by the place where it was first."""
+class MadeFrom:
+    """Arguments of a controller, which are described when that is asked for; of a pickled one the description."""
 
-    def __init__(self) -> None:
-        self._seen: dict[int, tuple[str, Any]] = {}
+    def __init__(self, given: Mapping[str, Any], said: Description | None = None) -> None:
+        # What an environment does meanwhile does not matter: a controller meets it when it acts.
+        self._given = {name: one.model if isinstance(one, Interface) else one for name, one in given.items()}
+        self._said = said
 
-    def at(self, thing: Any, place: str, depth: int) -> Iterator[tuple[str, str]]:
-        """Places below `place` with what stands there."""
-        plain = _plain(thing)
-        if plain is not None:
-            yield place, plain
-            return
-        if id(thing) in self._seen:
-            yield place, f"as {self._seen[id(thing)][0] or 'the whole'}"
-            return
-        # The object is kept too, so that no other one has its address meanwhile.
-        self._seen[id(thing)] = place, thing
-        if depth > _DEEPEST:
-            yield place, f"{type(thing).__qualname__}, deeper than {_DEEPEST} objects"
-            return
-        title, parts = _opened(thing)
-        yield place, title
-        for name, part in parts:
-            yield from self.at(part, place + name, depth + 1)
+    def description(self) -> Description:
+        """Where what stands in the arguments."""
+        return self._said if self._said is not None else describe(types.SimpleNamespace(**self._given))
 
-
-Parts = list[tuple[str, Any]]
-
-
-def _plain(thing: Any) -> str | None:
-    """Text of what has no parts; none of what has some."""
-    if isinstance(thing, _Said):
-        return str(thing)
-    if isinstance(thing, np.generic) and not isinstance(thing, np.void):
-        thing = thing.item()
-    if isinstance(thing, bool) or thing is None or thing is Ellipsis:
-        return repr(thing)
-    if isinstance(thing, (int, float, complex)) and type(thing) in (int, float, complex):
-        # A whole number says the same as a float.
-        return repr(float(thing)) if isinstance(thing, int) and abs(thing) < 2**53 else repr(thing)
-    if isinstance(thing, (str, bytes, bytearray)):
-        text = repr(thing)
-        return text if len(text) <= _LONG else f"{text[:20]}... {_digest(text.encode())}"
-    if isinstance(thing, np.dtype):
-        return repr(thing)
-    if isinstance(thing, types.ModuleType):
-        return f"module {thing.__name__}"
-    return None
-
-
-def _opened(thing: Any) -> tuple[str, Parts]:
-    """What an object with parts is called, and its parts by their names."""
-    if type(thing) in (dict, types.MappingProxyType):
-        items = sorted(((_plain(key) or _all(key), value) for key, value in thing.items()), key=lambda item: item[0])
-        return type(thing).__qualname__, [(f"[{key}]", value) for key, value in items]
-    if isinstance(thing, (list, tuple)) and type(thing) in (list, tuple):
-        return f"{type(thing).__qualname__} of {len(thing)}", [(f"[{i}]", one) for i, one in enumerate(thing)]
-    if isinstance(thing, (set, frozenset)):
-        return type(thing).__qualname__, [(f"[{i}]", one) for i, one in enumerate(sorted(map(_all, thing)))]
-    if isinstance(thing, np.ndarray) and thing.dtype != object:
-        return _array(thing), []
-    if isinstance(thing, type):
-        return _class(thing)
-    if isinstance(thing, (types.FunctionType, types.MethodType, types.BuiltinFunctionType, np.ufunc, property)):
-        return _function(thing)
-    if isinstance(thing, np.random.Generator):
-        return f"random numbers {_digest(repr(thing.bit_generator.state).encode())}", []
-    if isinstance(thing, types.CodeType):
-        return f"code {_code(thing)}", []
-    if isinstance(thing, Model):
-        kept = {key: value for key, value in thing._arguments.items() if key not in ("path", "scenario")}
-        texts = [Path(file).read_bytes() for file in thing.native.sources if Path(file).is_file()]
-        return f"model {thing.name}", [*_named(kept), (" text", _digest(b"".join(texts)))]
-    if isinstance(thing, Interface):
-        return type(thing).__qualname__, [(".model", thing.model), (".options", getattr(thing, "_options", None))]
-    return _object(thing)
-
-
-def _all(thing: Any) -> str:
-    """One text of all that stands in an object."""
-    return "; ".join(f"{place}: {text}" for place, text in _Walk().at(thing, "", 0))
-
-
-def _array(thing: np.ndarray[Any, Any]) -> str:
-    if thing.size <= 4:
-        return f"{thing.dtype} {thing.tolist()}"
-    content = np.ascontiguousarray(thing)
-    return f"{thing.dtype} {thing.shape} {_digest(content.tobytes())}"
-
-
-def _class(thing: type) -> tuple[str, Parts]:
-    """A class: an installed one is its name, one's own is what its body says."""
-    if _installed(thing):
-        return f"class {thing.__module__}.{thing.__qualname__}", []
-    said = {
-        name: getattr(one, "__func__", one)
-        for name, one in vars(thing).items()
-        if name not in _UNSAID and not isinstance(one, (types.GetSetDescriptorType, types.MemberDescriptorType))
-    }
-    bases = [(f"({base.__name__})", base) for base in thing.__bases__ if base is not object]
-    return f"class {thing.__qualname__}", [*bases, *((f".{name}", said[name]) for name in sorted(said))]
-
-
-def _function(thing: Any) -> tuple[str, Parts]:
-    """A function: an installed one is its name, one's own its code and what that reads."""
-    if isinstance(thing, property):
-        return "property", [(".fget", thing.fget), (".fset", thing.fset)]
-    if isinstance(thing, np.ufunc):
-        return f"numpy.{thing.__name__}", []
-    if isinstance(thing, (types.MethodType, types.BuiltinFunctionType)):
-        owner = getattr(thing, "__self__", None)
-        inner = [] if owner is None or isinstance(owner, types.ModuleType) else [(".__self__", owner)]
-        if isinstance(thing, types.MethodType):
-            return f"method {thing.__name__}", [*inner, (".__func__", thing.__func__)]
-        return f"function {thing.__module__}.{thing.__qualname__}", inner
-    if _installed(thing):
-        return f"function {thing.__module__}.{thing.__qualname__}", [*_enclosed(thing)]
-    parts: Parts = [*_enclosed(thing)]
-    own = ("__defaults__", "__kwdefaults__", "__dict__")
-    parts += [(f".{name}", getattr(thing, name)) for name in own if getattr(thing, name)]
-    parts += _globals(thing)
-    return f"function {_code(thing.__code__, thing.__doc__)}", parts
-
-
-def _enclosed(thing: types.FunctionType) -> Iterator[tuple[str, Any]]:
-    """Variables of a function that it has from the one around it."""
-    for name, cell in zip(thing.__code__.co_freevars, thing.__closure__ or (), strict=True):
-        try:
-            yield f" {name}", cell.cell_contents
-        except ValueError:  # not assigned yet
-            yield f" {name}", None
-
-
-def _globals(thing: types.FunctionType) -> Iterator[tuple[str, Any]]:
-    """What a function may read of its module, and of modules of one's own that are imported there."""
-    names = sorted(_names(thing.__code__))
-    for name in names:
-        if name not in thing.__globals__:
-            continue
-        found = thing.__globals__[name]
-        yield f" {name}", found
-        if isinstance(found, types.ModuleType) and not _installed_module(found.__name__):
-            yield from ((f" {name}.{one}", vars(found)[one]) for one in names if one in vars(found))
-
-
-def _names(code: types.CodeType) -> set[str]:
-    """Names that code and the functions in it may take from the module."""
-    inner = [_names(one) for one in code.co_consts if isinstance(one, types.CodeType)]
-    return set(code.co_names).union(*inner)
-
-
-def _code(code: types.CodeType, said: str | None = None) -> str:
-    """Digest of instructions, constants and names; not of places in a file, nor of what it says of itself."""
-    parts = [code.co_code.hex(), repr((code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars))]
-    for one in code.co_consts:
-        if isinstance(one, str) and one == said:
-            one = None  # as without
-        parts.append(_code(one) if isinstance(one, types.CodeType) else _all(one))
-    return _digest("\n".join(parts).encode())
-
-
-def _object(thing: Any) -> tuple[str, Parts]:
-    """Any other object: its class and what it holds."""
-    kind = type(thing)
-    head: Parts = [] if _installed(kind) else [(".__class__", kind)]
-    title = kind.__qualname__
-    if _installed(kind) and not kind.__module__.startswith("smpl."):
-        learned = _learned(thing)
-        if learned is not None:
-            return f"{kind.__module__}.{title}", [(" learned", learned)]
-    made = getattr(thing, MADE_FROM, None)
-    if made is not None:
-        return title, [*head, *((place, _Said(text)) for place, text in made.items() if place)]
-    return title, [*head, *_held(thing)]
+    def __reduce__(self) -> tuple[Any, ...]:
+        return MadeFrom, ({}, self.description())
 
 
 class _Said(str):
@@ -239,26 +84,243 @@ class _Said(str):
     __slots__ = ()
 
 
+class _Walk:
+    """One walk through an object; what it meets again is described by the place where it was first."""
+
+    def __init__(self, around: Mapping[int, tuple[str, Any]] | None = None) -> None:
+        self._seen: dict[int, tuple[str, Any]] = {key: ("around", one) for key, (_, one) in (around or {}).items()}
+
+    def through(self, whole: Any) -> Iterator[tuple[str, str]]:
+        """Places with what stands there."""
+        waiting: Parts = [("", whole)]
+        while waiting:
+            place, thing = waiting.pop()
+            plain = _plain(thing)
+            if plain is not None:
+                yield place, plain
+            elif id(thing) in self._seen:
+                yield place, f"as {self._seen[id(thing)][0] or 'the whole'}"
+            else:
+                if not _flat(thing):
+                    # The object is kept too, so that no other one has its address meanwhile.
+                    self._seen[id(thing)] = place, thing
+                title, parts = self._opened(thing)
+                yield place, title
+                waiting.extend((place + name, part) for name, part in reversed(parts))
+
+    def _text(self, thing: Any) -> str:
+        """One text of all that stands in a key, or an element of a set."""
+        plain = _plain(thing)
+        if plain is not None:
+            return plain
+        return "; ".join(f"{place}: {text}" for place, text in _Walk(self._seen).through(thing))
+
+    def _opened(self, thing: Any) -> tuple[str, Parts]:
+        """What an object with parts is called, and its parts by their names."""
+        kind = type(thing)
+        if kind in (dict, types.MappingProxyType):
+            items = [(self._text(key), value) for key, value in thing.items()]
+            ordered = sorted(items, key=lambda item: item[0])
+            order = "" if items == ordered or _same_order(items, ordered) else f" in the order {_order(items)}"
+            return f"{kind.__qualname__}{order}", [(f"[{key}]", value) for key, value in ordered]
+        if kind in (list, tuple):
+            return f"{kind.__qualname__} of {len(thing)}", [(f"[{i}]", one) for i, one in enumerate(thing)]
+        if isinstance(thing, (set, frozenset)):
+            elements = [(f"[{i}]", _Said(one)) for i, one in enumerate(sorted(map(self._text, thing)))]
+            return kind.__qualname__, [*_own(kind), *elements]
+        if kind is np.ndarray and thing.dtype != object:
+            return _array(thing), []
+        if isinstance(thing, type):
+            return _class(thing)
+        for what, opened in _KINDS.items():
+            if isinstance(thing, what):
+                return opened(thing)
+        return _object(thing)
+
+
+def _plain(thing: Any) -> str | None:
+    """Text of what has no parts; none of what has some."""
+    if type(thing) is _Said:
+        return str(thing)
+    if isinstance(thing, np.inexact) and type(thing) not in (np.float64, np.complex128):
+        return f"{thing.dtype} {thing.item()!r}"
+    if isinstance(thing, np.generic) and not isinstance(thing, np.void):
+        thing = thing.item()
+    kind = type(thing)
+    if thing is None or thing is Ellipsis or kind in (bool, int, float, complex):
+        return repr(thing)
+    if kind in (str, bytes, bytearray):
+        text = repr(thing)
+        return text if len(text) <= _LONG else f"{text[:20]}... {_digest(text.encode())}"
+    if isinstance(thing, np.dtype):
+        return repr(thing)
+    if isinstance(thing, types.ModuleType):
+        return f"module {thing.__name__}{version(thing.__name__)}"
+    return None
+
+
+def _flat(thing: Any) -> bool:
+    """Whether it is an array or a small container of plain things, of which two equal ones say the same as one."""
+    if type(thing) in (list, tuple):
+        return len(thing) <= 16 and all(_plain(one) is not None for one in thing)
+    return type(thing) is np.ndarray and thing.dtype != object
+
+
+def _same_order(items: Parts, ordered: Parts) -> bool:
+    return [key for key, _ in items] == [key for key, _ in ordered]
+
+
+def _order(items: Parts) -> str:
+    return _digest(repr([key for key, _ in items]).encode())
+
+
+def _array(thing: np.ndarray[Any, Any]) -> str:
+    if thing.size <= 4:
+        return f"{thing.dtype} {thing.tolist()}"
+    return f"{thing.dtype} {thing.shape} {_digest(np.ascontiguousarray(thing).tobytes())}"
+
+
+def _own(kind: type) -> Parts:
+    """The class of an object, where it is one's own."""
+    return [] if installed(kind) else [(".__class__", kind)]
+
+
+def _class(thing: type) -> tuple[str, Parts]:
+    """A class: an installed one is its name, one's own is what its body says."""
+    if installed(thing):
+        return f"class {thing.__module__}.{thing.__qualname__}{version(thing.__module__)}", []
+    said = {
+        name: one
+        for name, one in vars(thing).items()
+        if name not in _UNSAID and not isinstance(one, (types.GetSetDescriptorType, types.MemberDescriptorType))
+    }
+    bases = [(f"({base.__name__})", base) for base in thing.__bases__ if base is not object]
+    meta = [] if installed(type(thing)) else [(" metaclass", type(thing))]
+    return f"class {thing.__qualname__}", [*meta, *bases, *_named(said)]
+
+
+def _function(thing: types.FunctionType) -> tuple[str, Parts]:
+    """A function: an installed one is its name, one's own its code and what that reads."""
+    parts: Parts = [(f" {name}", one) for name, one in _enclosed(thing)]
+    if installed(thing):
+        module = str(thing.__globals__.get("__name__"))
+        wrapped = [(" wrapped", thing.__wrapped__)] if hasattr(thing, "__wrapped__") else []
+        return f"function {module}.{thing.__qualname__}{version(module)}", [*parts, *wrapped]
+    own = ("__defaults__", "__kwdefaults__", "__dict__")
+    parts += [(f".{name}", getattr(thing, name)) for name in own if getattr(thing, name)]
+    parts += [(f" {name}", one) for name, one in reads(thing)]
+    return f"function {signed(thing.__code__)}", parts
+
+
+def _enclosed(thing: types.FunctionType) -> Iterator[tuple[str, Any]]:
+    """Variables of a function that it has from the one around it."""
+    for name, cell in zip(thing.__code__.co_freevars, thing.__closure__ or (), strict=True):
+        try:
+            yield name, cell.cell_contents
+        except ValueError:  # not assigned yet
+            yield name, None
+
+
+def _method(thing: Any) -> tuple[str, Parts]:
+    owner = thing.__self__
+    if isinstance(thing, types.MethodType):
+        return f"method {thing.__name__}", [(".__self__", owner), (".__func__", thing.__func__)]
+    inner: Parts = [] if owner is None or isinstance(owner, types.ModuleType) else [(".__self__", owner)]
+    return f"function {thing.__module__}.{thing.__qualname__}", inner
+
+
+def _property(thing: property) -> tuple[str, Parts]:
+    return "property", [(".fget", thing.fget), (".fset", thing.fset), (".fdel", thing.fdel)]
+
+
+def _wrapped(thing: Any) -> tuple[str, Parts]:
+    return type(thing).__name__, [(".__func__", thing.__func__)]
+
+
+def _generator(thing: types.GeneratorType[Any, Any, Any]) -> tuple[str, Parts]:
+    inside = {} if thing.gi_frame is None else dict(thing.gi_frame.f_locals)
+    return f"generator {signed(thing.gi_code)}", _named(inside)
+
+
+def _model(thing: Model) -> tuple[str, Parts]:
+    kept = {key: value for key, value in thing._arguments.items() if key not in ("path", "scenario")}
+    texts = [Path(file).read_bytes() for file in thing.native.sources if Path(file).is_file()]
+    return f"model {thing.name}", [*_named(kept), (" text", _digest(b"".join(texts)))]
+
+
+def _interface(thing: Interface) -> tuple[str, Parts]:
+    """An environment: its model, its arguments and the parameters of its episode."""
+    parameters = [(".parameters", thing._native.values("parameter"))] if isinstance(thing, Env) else []
+    return type(thing).__qualname__, [
+        (".model", thing.model), (".options", getattr(thing, "_options", None)), *parameters,
+    ]  # fmt: skip
+
+
+def _space(thing: gymnasium.Space[Any]) -> tuple[str, Parts]:
+    """A space without its random numbers, which nobody seeds."""
+    return type(thing).__qualname__, _named({name: one for name, one in vars(thing).items() if name != "_np_random"})
+
+
+_KINDS: dict[Any, Callable[[Any], tuple[str, Parts]]] = {
+    types.FunctionType: _function,
+    (types.MethodType, types.BuiltinFunctionType): _method,
+    property: _property,
+    (staticmethod, classmethod): _wrapped,
+    types.GeneratorType: _generator,
+    types.CodeType: lambda thing: (f"code {signed(thing)}", []),
+    np.random.Generator: lambda thing: (f"random numbers {_digest(repr(thing.bit_generator.state).encode())}", []),
+    np.ufunc: lambda thing: (f"ufunc {thing.__name__}", []),
+    memoryview: lambda thing: (f"memoryview {_digest(thing.tobytes())}", []),
+    Model: _model,
+    Interface: _interface,
+    gymnasium.Space: _space,
+}
+
+
+def _object(thing: Any) -> tuple[str, Parts]:
+    """Any other object: its class and what it holds."""
+    kind = type(thing)
+    head, title = _own(kind), kind.__qualname__
+    if not head and not kind.__module__.startswith("smpl."):
+        title = f"{kind.__module__}.{title}{version(kind.__module__)}"
+        learned = _learned(thing)
+        if learned is not None:
+            return title, [(" learned", learned)]
+    made = getattr(thing, "__dict__", {}).get(MADE_FROM)
+    if made is not None:
+        arguments = [(place, _Said(text)) for place, text in made.description().items() if place]
+        return title, [*head, *arguments, *_named(_set_since(thing))]
+    return title, [*head, *_held(thing)]
+
+
+def _set_since(thing: Any) -> dict[str, Any]:
+    """Attributes of a controller of ours that tell more than its arguments: those that its own code does not set.
+
+    And plain ones that only its making sets, so that somebody may have set them since.
+    """
+    at_making, later = members_stored(type(thing))
+    return {
+        name: one
+        for name, one in vars(thing).items()
+        if name != MADE_FROM and name not in later and (name not in at_making or _plain(one) is not None)
+    }
+
+
 def _learned(thing: Any) -> Any:
-    """What a policy or network of an installed package has learned; none of anything else."""
+    """What a tensor, or a policy of an installed package, has learned; none of anything else."""
     if callable(getattr(thing, "detach", None)) and callable(getattr(thing, "numpy", None)):
         return _tried(lambda: thing.detach().cpu().numpy())
-    if callable(getattr(thing, "state_dict", None)):
-        return _tried(lambda: (_built(getattr(thing, "code", thing)), dict(thing.state_dict())))
-    for give in (getattr(thing, name, None) for name in ("get_parameters", "get_weights")):
-        if callable(give):
-            return _tried(partial(_policy, thing, give))
+    if callable(getattr(thing, "save_to_buffer", None)):  # TorchScript
+        return _tried(thing.save_to_buffer)
+    for name in ("get_parameters", "get_weights"):
+        if callable(getattr(thing, name, None)):
+            return _tried(partial(_of_policy, thing, name))
     modules = getattr(getattr(thing, "impl", None), "modules", None)
     return None if modules is None else _tried(lambda: (vars(modules), getattr(thing, "config", None)))
 
 
-def _policy(thing: Any, give: Callable[[], Any]) -> Any:
-    return _built(getattr(thing, "policy", "")), give()
-
-
-def _built(network: Any) -> str:
-    """What a network says of its layers, without addresses."""
-    return re.sub(r" at 0x[0-9a-f]+", "", str(network))
+def _of_policy(thing: Any, name: str) -> Any:
+    return getattr(thing, "policy", None), getattr(thing, name)()
 
 
 def _tried(give: Callable[[], Any]) -> Any:
@@ -269,55 +331,40 @@ def _tried(give: Callable[[], Any]) -> Any:
 
 
 def _held(thing: Any) -> Parts:
-    """What an object would be pickled from; of one that cannot be its attributes."""
-    try:
-        reduced = thing.__reduce_ex__(4)
-    except Exception:
-        reduced = None
+    """What an object would be pickled from; of one that cannot be its attributes, or what it prints."""
+    kind = type(thing)
+    reduced = _tried(lambda: dispatch_table[kind](thing) if kind in dispatch_table else thing.__reduce_ex__(4))
     if isinstance(reduced, tuple):
         made, given, state, items, pairs = (*reduced, None, None, None)[:5]
-        parts: Parts = [(f"({i})", one) for i, one in enumerate(given) if one is not type(thing)]
+        parts: Parts = [(f"({i})", one) for i, one in enumerate(given) if one is not kind]
         if getattr(made, "__name__", "") not in ("__newobj__", "__newobj_ex__", "_reconstructor"):
             parts.append(("()", made))
-        parts += _state(state)
+        parts += _state(kind, state)
         parts += [("[...]", list(items))] if items is not None else []
-        parts += [("[...]", dict(pairs))] if pairs is not None else []
-        return parts
-    return _state(getattr(thing, "__dict__", None))
+        parts += [("{...}", dict(pairs))] if pairs is not None else []
+        return parts if parts or kind.__module__ != "casadi.casadi" else [(" text", _printed(thing))]
+    inside = _state(kind, getattr(thing, "__dict__", None))
+    name = [(" name", reduced)] if isinstance(reduced, str) else []
+    return [*name, *inside] if name or inside else [(" text", _printed(thing))]
 
 
-def _state(state: Any) -> Parts:
-    """Attributes one by one, those of slots too."""
+def _printed(thing: Any) -> str:
+    """What an object prints, without addresses."""
+    return re.sub(r" at 0x[0-9a-fA-F]+", "", str(_tried(lambda: repr(thing))))
+
+
+def _state(kind: type, state: Any) -> Parts:
+    """Attributes one by one, those of slots too; what is computed from them once and kept is none."""
     if isinstance(state, tuple) and len(state) == 2 and all(one is None or isinstance(one, dict) for one in state):
-        return [*_state(state[0]), *_state(state[1])]
+        return [*_state(kind, state[0]), *_state(kind, state[1])]
     if isinstance(state, dict) and all(isinstance(name, str) for name in state):
-        return _named(state)
+        kept = {name for name in state if isinstance(inspect.getattr_static(kind, name, None), cached_property)}
+        return _named({name: one for name, one in state.items() if name not in kept})
     return [] if state is None else [(".", state)]
 
 
 def _named(parts: Mapping[str, Any]) -> Parts:
     return [(f".{name}", parts[name]) for name in sorted(parts)]
-
-
-def _installed(thing: Any) -> bool:
-    """Whether a class or function is of an installed module; what was made by `exec` may say it is of `builtins`."""
-    if thing.__module__ == "builtins":
-        return not isinstance(thing, types.FunctionType) and "__module__" not in vars(thing)
-    return _installed_module(thing.__module__)
-
-
-@lru_cache(maxsize=512)
-def _installed_module(module: str | None) -> bool:
-    """Whether a module belongs to Python, to smpl or to an installed package: its version tells what it does."""
-    top = (module or "").partition(".")[0]
-    if top == "smpl" or top in sys.stdlib_module_names - {"__main__"}:
-        return True
-    try:
-        file = inspect.getfile(sys.modules[top])
-    except (KeyError, TypeError):
-        return top in sys.builtin_module_names
-    places = {sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")}
-    return any(Path(file).is_relative_to(place) for place in places) or "site-packages" in file
 
 
 def _digest(content: bytes) -> str:

@@ -3,6 +3,8 @@
 import functools
 import json
 import os
+import pickle
+import re
 import subprocess
 import sys
 import types
@@ -87,6 +89,22 @@ def class_of_code(gain):
     return space["Own"]()
 
 
+def class_of(text):
+    space = {}
+    exec(text, space)
+    return space["Own"]
+
+
+def counting(gain):
+    yield gain
+
+
+def begun(gain):
+    env = smpl.Env("reactor")
+    env.reset(options={"parameters": {"spread": gain}})
+    return env
+
+
 MADE = {
     "mapping": Gains,
     "slots": Slots,
@@ -102,6 +120,33 @@ MADE = {
     "module": by_a_module,
     "code": text_of_code,
     "class": class_of_code,
+    "whole number": lambda gain: Gains(1 if gain == 0.1 else 1.0),
+    "order": lambda gain: Around({"a": 1, "b": 2} if gain == 0.1 else {"b": 2, "a": 1}),
+    "pattern": lambda gain: Around(re.compile(str(gain))),
+    "values": lambda gain: Around({"a": gain}.values()),
+    "bytes": lambda gain: Around(memoryview(str(gain).encode())),
+    "generator": lambda gain: Around(counting(gain)),
+    "text of a class": lambda gain: Around(
+        class_of(f"class Own(str):\n    def law(self):\n        return {gain}")("a")
+    ),
+    "set of a class": lambda gain: Around(class_of(f"class Own(set):\n    def law(self):\n        return {gain}")([1])),
+    "metaclass": lambda gain: class_of(
+        f"class Meta(type):\n    law = {gain}\nclass Own(metaclass=Meta):\n    def action(self, env): return [0, 0]"
+    )(),
+    "wrapped": lambda gain: functools.wraps(np.clip)(lambda observation: [gain, 0.1]),
+    "deepest": lambda gain: functools.reduce(lambda inner, _: [inner], range(5000), gain),
+    "except": lambda gain: class_of(
+        "class Own:\n    def action(self, env):\n        try:\n            y = g()\n"
+        + (
+            "        except ValueError:\n            y = 1\n        else:\n            h()\n"
+            if gain == 0.1
+            else "            h()\n        except ValueError:\n            y = 1\n"
+        )
+        + "        return [y, 0.1]"
+    )(),
+    "matrix": lambda gain: Around(np.asmatrix(np.eye(3)) if gain == 0.1 else np.eye(3)),
+    "masked": lambda gain: Around(np.ma.array(np.ones(9), mask=np.arange(9) < 10 * gain)),
+    "environment": lambda gain: Around(begun(gain)),
     "set": lambda gain: Around({gain, "one", "two", "three"}),
     "loops": lambda gain: Loops(PID("T", "T_c", gain=-gain)),
     "others": lambda gain: Loops(PID("T", "T_c", gain=-1.0), others={"q_out": gain}),
@@ -143,14 +188,133 @@ def test_a_global_that_code_reads_is_part_of_it(monkeypatch):
     assert differences(before, describe(reading_a_global)) == ["SCALE: 1.0 there, 2.0 here"]
 
 
-def test_whole_numbers_comments_and_the_order_of_keys_do_not_matter():
-    assert describe(Gains(1)) == describe(Gains(1.0)) == describe(Gains(np.float64(1.0)))
-    assert describe(Around({"a": 1, "b": 2})) == describe(Around({"b": 2, "a": 1}))
-    texts = ("def act(observation):\n    return 1", '\n\ndef act(observation):\n    "one"  # says more\n    return 1')
+def test_comments_docstrings_and_the_order_of_attributes_do_not_matter():
+    assert describe(Gains(1.0)) == describe(Gains(np.float64(1.0)))
+    texts = (
+        "def act(observation):\n    def inner():\n        return 1\n    return inner()",
+        '\n\ndef act(observation):\n    "one"  # says more\n    def inner():\n        "two"\n        return 1\n'
+        "    return inner()",
+    )
     spaces = [{}, {}]
     for text, space in zip(texts, spaces, strict=True):
         exec(text, space)
     assert describe(spaces[0]["act"]) == describe(spaces[1]["act"])
+    shared = [0.1, 0.2]
+    assert describe(Around((shared, shared))) == describe(Around(([0.1, 0.2], [0.1, 0.2])))
+
+
+def test_names_of_attributes_are_no_globals(monkeypatch):
+    class Own:
+        def __init__(self):
+            self.SCALE = 1.0
+
+        def action(self, env):
+            return [self.SCALE, 0.1]
+
+    before = describe(Own())
+    monkeypatch.setitem(globals(), "SCALE", 2.0)
+    assert describe(Own()) == before
+
+
+def test_objects_that_refer_to_one_another_are_described():
+    def ring(gain):
+        one, other = Gains(gain), Gains(gain)
+        one.others, other.others = {other}, {one: 1, "more": other}
+        return one
+
+    assert describe(ring(0.1)) == describe(ring(0.1)) != describe(ring(0.2))
+
+
+@pytest.mark.parametrize("imported", ["import own_package.gains", "from own_package import gains", "inside"])
+def test_values_and_code_of_ones_own_modules_count(imported, tmp_path, monkeypatch):
+    package = tmp_path / "own_package"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    inside = "        from own_package.gains import K, law\n        return [law(K), 0.1]"
+    read = "own_package.gains" if imported.startswith("import") else "gains"
+    outside = f"        return [{read}.law({read}.K), 0.1]"
+    body = inside if imported == "inside" else outside
+    text = f"{'' if imported == 'inside' else imported}\nclass Own:\n    def action(self, env):\n{body}\n"
+    found = []
+    for k, law in ((0.1, "x + 1"), (0.2, "x + 1"), (0.1, "x - 1"), (0.1, "x + 1")):
+        for name in [name for name in sys.modules if name.startswith("own_package")]:
+            del sys.modules[name]
+        sys.dont_write_bytecode = True
+        (package / "gains.py").write_text(f"K = {k}\ndef law(x):\n    return {law}\n")
+        space = {}
+        exec(text, space)
+        found.append(describe(space["Own"]()))
+    assert found[0] == found[3] and found[0] != found[1] and found[0] != found[2]
+
+
+def test_what_is_set_on_a_controller_after_it_was_made_counts():
+    class Own(SamplingMPC):
+        bias = 0.0
+
+        def shift(self, by):
+            self.moved = by
+
+    def made(change):
+        controller = Own(reactor(), 10)
+        change(controller)
+        return describe(controller)
+
+    plain = made(lambda one: None)
+    assert plain == made(lambda one: None)
+    for change in (
+        lambda one: setattr(one, "bias", 0.5),
+        lambda one: one.shift(0.5),
+        lambda one: setattr(one, "action", lambda env: [1.0, 0.1]),
+        lambda one: setattr(one, "horizon", 5),
+    ):
+        assert made(change) != plain
+    assert describe(SamplingMPC(reactor(), 10)) == describe(SamplingMPC(model=reactor().model, horizon=10))
+
+
+def test_arguments_are_described_as_they_are_now():
+    weights = {"T": 1.0}
+    controller = SamplingMPC(reactor(), 10, deviation=weights)
+    before = describe(controller)
+    weights["T"] = 2.0
+    assert describe(controller) != before
+    assert describe(pickle.loads(pickle.dumps(controller))) == describe(controller)
+
+
+@pytest.mark.parametrize("package", ["torch", "stable_baselines3"])
+def test_networks_are_told_apart_by_what_they_learned_and_by_their_code(package):
+    pytest.importorskip(package)
+    torch = pytest.importorskip("torch")
+
+    class Scaled(torch.nn.Module):
+        def __init__(self, factor):
+            super().__init__()
+            self.factor = factor
+
+        def forward(self, x):
+            return self.factor * x
+
+    def network(seed=0, factor=1.0):
+        torch.manual_seed(seed)
+        made = torch.nn.Sequential(torch.nn.Linear(3, 2), torch.nn.Dropout(), Scaled(factor))
+        return made.eval()
+
+    def learned(seed=0):
+        from stable_baselines3 import PPO
+
+        from smpl.sb3 import SB3VecEnv
+
+        return PPO("MlpPolicy", SB3VecEnv(smpl.VectorEnv("reactor", 2, autoreset_mode="same_step")), seed=seed)
+
+    if package == "torch":
+        assert describe(network()) == describe(network())
+        different = network(1), network(factor=2.0), network().train()
+        scripted = torch.jit.script(torch.nn.Linear(3, 2))
+        assert describe(scripted) == describe(scripted) != describe(torch.jit.script(torch.nn.Linear(3, 2)))
+        assert all(describe(network()) != describe(one) for one in different)
+        assert describe(torch.float32) != describe(torch.float64)
+    else:
+        assert describe(learned()) == describe(learned()) != describe(learned(1))
 
 
 def test_a_description_is_the_same_in_another_process_with_other_addresses_and_hashes():

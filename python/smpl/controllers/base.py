@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import functools
 import inspect
-import types
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol, runtime_checkable
 
@@ -14,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl._arguments import FloatArray, as_count, as_vector, check_names
-from smpl._identity import MADE_FROM, describe
+from smpl._identity import MADE_FROM, MadeFrom
 from smpl.envs import Env
 
 
@@ -50,16 +49,17 @@ class TakesWrapped:
 
 
 def _recorded(method: Callable[..., Any]) -> Callable[..., Any]:
-    """An `__init__` that keeps the description of its arguments."""
+    """An `__init__` that keeps its arguments for their description."""
     signature = inspect.signature(method)
 
     @functools.wraps(method)
     def recording(self: Any, *given: Any, **named: Any) -> Any:
         if not hasattr(self, MADE_FROM):  # a subclass has its own arguments
             with contextlib.suppress(TypeError):  # the call tells what is wrong with them
-                arguments = signature.bind(self, *given, **named).arguments
-                kept = dict(list(arguments.items())[1:])
-                setattr(self, MADE_FROM, describe(types.SimpleNamespace(**kept)))
+                bound = signature.bind(self, *given, **named)
+                bound.apply_defaults()
+                kept = dict(list(bound.arguments.items())[1:])
+                setattr(self, MADE_FROM, MadeFrom(kept))
         return method(self, *given, **named)
 
     return recording
