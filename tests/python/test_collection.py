@@ -181,6 +181,71 @@ def test_parts_that_were_changed_by_hand_are_refused(tmp_path):
             load(tmp_path / "set")[0]
 
 
+def test_parts_of_another_collection_and_parts_that_lost_rows_are_refused(tmp_path):
+    for name, seed in (("set", 0), ("other", 50)):
+        collect("reactor", "pid", 4, tmp_path / name, part=2, max_steps=5, seed=seed)
+    part = tmp_path / "set/part-000001.parquet"
+    kept = part.read_bytes()
+    part.write_bytes((tmp_path / "other/part-000001.parquet").read_bytes())
+    with pytest.raises(DatasetError, match=r"part-000001\.parquet is of another collection .*: remove it"):
+        list(load(tmp_path / "set"))
+    with pytest.raises(DatasetError, match=r"part-000001\.parquet is of another collection: remove it"):
+        collect("reactor", "pid", 4, tmp_path / "set", max_steps=5)
+    part.write_bytes(kept)
+    table = arrow.read_table(part)
+    rows = table.num_rows
+    for count, says in ((rows - 2, "an episode has no end"), (rows // 2, "its episodes are not those")):
+        arrow.write_table(table.slice(0, count).replace_schema_metadata(table.schema.metadata), part)
+        with pytest.raises(DatasetError, match=f"is damaged .{says}"):
+            list(load(tmp_path / "set"))
+
+
+def test_arguments_that_say_what_holds_anyway_make_no_other_data_set(tmp_path):
+    env = smpl.Env("reactor")
+    collect("reactor", "pid", 2, tmp_path)
+    anyway = {"normalize": True, "max_steps": env.max_steps, "dense_reward": True}
+    for given, arguments in ((env, {}), ("reactor", anyway)):
+        assert len(load(tmp_path, given, **arguments)) == len(collect(given, "pid", 2, tmp_path, **arguments)) == 2
+    with pytest.raises(ValueError, match="settings: arguments of an environment, and none is given"):
+        load(tmp_path, settings={"spread": 0.1})
+    (tmp_path / "file").write_text("")
+    with pytest.raises(DatasetError, match="file is no folder"):
+        collect("reactor", "pid", 2, tmp_path / "file")
+
+
+@pytest.mark.parametrize(("key", "value"), [("part", 0), ("part", "a"), ("episodes", None), ("names", {})])
+def test_a_manifest_that_cannot_be_meant_is_damaged(key, value, tmp_path):
+    collect("reactor", "pid", 2, tmp_path, max_steps=5)
+    content = json.loads((tmp_path / "dataset.json").read_text())
+    (tmp_path / "dataset.json").write_text(json.dumps({**content, key: value}))
+    for call in (load, lambda folder: collect("reactor", "pid", 2, folder, max_steps=5)):
+        with pytest.raises(DatasetError, match=r"dataset\.json is damaged"):
+            call(tmp_path)
+
+
+def test_workers_end_with_the_process_that_was_killed(tmp_path):
+    command = [sys.executable, "-m", "smpl.collect", "reactor", "--controller", "test_collection:Slow"]
+    command += ["--episodes", "40", "--part", "2", "--workers", "2", "--quiet", "--out", str(tmp_path)]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
+    process = subprocess.Popen([*command], env=environment)
+    deadline = time.monotonic() + 120
+
+    def working():
+        """Processes whose command names the folder's parent process."""
+        found = subprocess.run(["pgrep", "-P", str(process.pid)], capture_output=True, text=True, check=False).stdout
+        return [int(one) for one in found.split()]
+
+    while not list(tmp_path.glob("part-*.parquet")) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    workers = working()
+    assert len(workers) >= 2
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    while any(Path(f"/proc/{one}").exists() for one in workers) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not [one for one in workers if Path(f"/proc/{one}").exists()]
+
+
 def test_a_data_set_of_other_arguments_says_which(tmp_path):
     collect("reactor", "pid", 2, tmp_path, max_steps=5, reward="setpoint")
     load(tmp_path, "reactor", max_steps=5, reward="setpoint")
@@ -707,6 +772,7 @@ def test_a_script_that_other_processes_would_run_again_works_in_one(tmp_path):
     ]
     for name, text in (
         ("plain.py", lines),
+        ("mentions.py", [*lines[:6], "print(type(data).__name__ and len(data), data[2].steps)"]),
         ("guarded.py", [*lines[:5], "if __name__ == '__main__':", *("    " + line for line in lines[5:])]),
     ):
         script = tmp_path / name
@@ -715,7 +781,7 @@ def test_a_script_that_other_processes_would_run_again_works_in_one(tmp_path):
             [sys.executable, script, tmp_path / script.stem], capture_output=True, text=True, timeout=300
         )
         assert done.stdout.split() == ["3", "4"], done.stderr
-        assert ("one process does all the work: plain.py has no" in done.stderr) == (name == "plain.py")
+        assert (f"one process does all the work: {name} has no" in done.stderr) == (name != "guarded.py")
     for number in range(3):
         one, other = (load(tmp_path / name)[number] for name in ("plain", "guarded"))
         np.testing.assert_array_equal(one.observations, other.observations)

@@ -213,6 +213,12 @@ def test_a_curriculum_moves_the_parameters_of_episodes():
         ),
         ({"centre": "constant:1,2,3"}, r"which is none for Reactor: action has shape \(3,\), expected \(2,\)"),
         ({"centre": "constant:nan,0.1"}, "centre is 'constant:nan,0.1', expected finite actions"),
+        ({"centre": "random"}, "centre is 'random', another action each time; there are: box, nominal"),
+        ({"left": "T_c"}, "left is 'T_c', expected names of actions"),
+        ({"left": None}, "left is None, expected names of actions"),
+        ({"limits": {"T_c": (20, 25, 30)}}, r"limits\['T_c'\] is \(20, 25, 30\), expected \(low, high\)"),
+        ({"windows": {"T": (0, float("inf"))}}, r"windows\['T'\] is \(0, inf\), expected \(low, high\), both finite"),
+        ({"reward_range": (1,)}, r"reward_range is \(1,\), expected \(low, high\)"),
         ({"limits": {"T_c": (10, 20)}}, r"limits\['T_c'\] is \(10.0, 20.0\), expected a part of 15.0..35.0"),
     ],
 )
@@ -272,6 +278,35 @@ def test_what_a_policy_would_have_chosen_is_not_known_of_recorded_episodes(tmp_p
     (one,) = collect(tmp_path / "feedback.eq", "held", 1, tmp_path / "set", states=True)
     with pytest.raises(ValueError, match="'held' is a policy of Feedback: what it would have chosen is not known"):
         formulated(one, Form(Formulation(centre="held"), smpl.Env(tmp_path / "feedback.eq")))
+
+
+def test_a_window_on_an_observation_without_bounds_is_in_physical_units():
+    text = FEEDBACK.replace("state x = 1 in -100..100", "state x = 1 in -4..4\nstate y = 1")
+    text = text.replace("observe x", "observe x, y")
+    text = text.replace("eq d/dt x = (u - x)*1 [1/s]", "eq d/dt x = (u - x)*1 [1/s]\neq d/dt y = x*1 [1/s]")
+    for normalize in (True, False):
+        env = smpl.Env(smpl.compile(source=text), normalize=normalize)
+        env = Formulated(env, {"windows": {"x": (0, 2), "y": (0, 2)}})
+        env.reset(seed=0)
+        for _ in range(3):
+            seen = env.step([0.1])[0]
+            # A window from 0 to 2: the middle is 1, the half width 1.
+            np.testing.assert_allclose(seen, np.clip(env.unwrapped.reading - 1, -1, 1), rtol=1e-6, atol=1e-6)
+            assert np.isfinite(seen).all()
+
+
+def test_a_function_is_a_policy_of_a_formulation():
+    form = Formulation(centre="nominal", reach=0.5)
+    mine = Agent("mine", FormulatedPolicy(lambda seen: 0.1 * seen[:2], form))
+    plan = Plan.of(Task.of("reactor", max_steps=6), mine, 2)
+    env = Formulated(smpl.Env("reactor", max_steps=6), form)
+    for job, episode in run(plan, plan.jobs(0, 2), Settings()):
+        seen, _ = env.reset(seed=job.seed)
+        for k in range(episode.steps):
+            seen, *_ = env.step(0.1 * seen[:2])
+            np.testing.assert_array_equal(seen, episode.observations[k + 1])
+    with pytest.raises(TypeError, match="policy is Uniform, expected an object with predict, or a function"):
+        FormulatedPolicy(smpl.controllers.Uniform(), form)
 
 
 def test_actions_of_a_wrong_shape_are_refused_as_by_the_environment():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import hashlib
 import importlib.metadata
 import os
 import platform
@@ -17,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from smpl._arguments import as_count, check_names
-from smpl._identity import Description, describe, differences
+from smpl._identity import differences
 from smpl._native import __version__
 from smpl.datasets.loading import Dataset, load
 from smpl.datasets.store import (
@@ -32,9 +31,8 @@ from smpl.datasets.store import (
     write_part,
 )
 from smpl.envs import Env
-from smpl.learning.agents import FILES, Agent
+from smpl.learning.agents import described
 from smpl.learning.cluster import spread_on_ray
-from smpl.learning.formulation import FILE
 from smpl.learning.plan import Plan, Task
 from smpl.learning.progress import Progress
 from smpl.learning.running import Settings, batched, drawn_parameters, run
@@ -102,6 +100,8 @@ def collect(
     )  # fmt: skip
     count = as_count("workers", workers if workers is not None else os.cpu_count() or 1)
     folder, kept = Path(out), _state_names(plan.task, states)
+    if folder.exists() and not folder.is_dir():
+        raise DatasetError(f"{folder} is no folder: give another place for the data set")
     folder.mkdir(parents=True, exist_ok=True)
     with alone(folder):
         _collected(plan, folder, _manifest(plan, folder, kept, part), count, ray, progress)
@@ -227,7 +227,7 @@ def _identity(plan: Plan, states: tuple[str, ...]) -> dict[str, Any]:
         "arguments": {key: str(value) for key, value in sorted(plan.task.arguments.items())},
         "seed": plan.seed,
         "controllers": [one.name for one in plan.agents],
-        "settings": [_described(one) for one in plan.agents],
+        "settings": [described(one) for one in plan.agents],
         "weights": list(plan.weights),
         "starts": plan.starts.identity,
         "noise": plan.noise,
@@ -235,17 +235,6 @@ def _identity(plan: Plan, states: tuple[str, ...]) -> dict[str, Any]:
         "randomize": {name: list(ends) for name, ends in sorted(plan.randomize.items())},
         "states": len(states),
     }
-
-
-def _described(one: Agent) -> Description:
-    """What a controller is: a data set is not continued with other gains or another policy."""
-    if one.origin is not None:
-        file = Path(one.origin[0].rpartition(":")[2])
-        if file.suffix in FILES and file.is_file():
-            beside = file.with_name(FILE)
-            text = file.read_bytes() + (beside.read_bytes() if beside.is_file() else b"")
-            return {"": f"{type(one.chooser).__qualname__} {hashlib.sha256(text).hexdigest()}"}
-    return {**describe(one.chooser), **({"physical": "True"} if one.physical else {})}
 
 
 def _names(plan: Plan, env: Env, states: tuple[str, ...]) -> dict[str, list[str]]:
@@ -306,6 +295,8 @@ def _missing(folder: Path, manifest: Manifest, parts: int) -> list[int]:
         first, last = manifest.range(number)
         if mark is not None and mark["checksum"] != manifest.identity["checksum"]:
             raise DatasetError(f"{part_path(folder, number)} is of another version of the model: remove it")
+        if mark is not None and mark.get("of", manifest.mark) != manifest.mark:
+            raise DatasetError(f"{part_path(folder, number)} is of another collection: remove it")
         if mark is None or mark["episodes"] < last - first:
             missing.append(number)
     return missing

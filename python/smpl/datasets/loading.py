@@ -42,6 +42,9 @@ class Dataset(Sequence[Episode]):
         ]
         self._starts = np.cumsum([0, *(count for _, count in self._parts)])
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_held": (-1, [])}  # a copy reads for itself
+
     def __len__(self) -> int:
         return int(self._starts[-1])
 
@@ -153,11 +156,14 @@ def load(folder: str | os.PathLike[str], env: Any = None, *, skip_damaged: bool 
 
     Raises:
         DatasetError: no data set, a damaged part, or one of another model.
+        ValueError: arguments without an environment.
         ImportError: pyarrow is missing.
 
     Warns:
         UserWarning: a part is missing before others, as where several workers were cut off; collecting again makes it.
     """
+    if env is None and arguments:
+        raise ValueError(f"{', '.join(arguments)}: arguments of an environment, and none is given")
     dataset = Dataset(Path(folder), Manifest.read(Path(folder)), skip_damaged)
     if env is not None:
         dataset.check(env, **arguments)

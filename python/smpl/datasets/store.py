@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import hashlib
 import json
 import os
 from collections import Counter
@@ -122,11 +123,22 @@ class Manifest:
             found = content.pop("format")
             if found != FORMAT:
                 raise DatasetError(f"{folder} has format {found}, this version of smpl reads format {FORMAT}")
-            return cls(**content)
+            made = cls(**content)
+            if not all(isinstance(one, int) and one > 0 for one in (made.part, made.episodes)):
+                raise TypeError(f"part is {made.part!r}, episodes is {made.episodes!r}, expected positive integers")
+            for key in dict.fromkeys(key for _, key, _ in GROUPS):
+                made.names[key]
+            return made
         except FileNotFoundError as error:
             raise DatasetError(f"{folder} is no data set: it has no {MANIFEST}") from error
         except (OSError, TypeError, KeyError, AttributeError, json.JSONDecodeError) as error:
             raise DatasetError(f"{folder / MANIFEST} is damaged: {error}") from error
+
+    @property
+    def mark(self) -> str:
+        """Digest of what the episodes are a function of: parts of another collection have another one."""
+        text = json.dumps(json.loads(json.dumps(self.identity, default=str)), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     @property
     def parts(self) -> int:
@@ -163,8 +175,8 @@ def write_part(folder: Path, number: int, manifest: Manifest, episodes: Sequence
             raise DatasetError(f"{error}; nothing was kept") from None
     columns = _columns(manifest, episodes)
     table = arrow.table({name: arrow.array(values, mask=mask) for name, (values, mask) in columns.items()})
-    mark = {b"smpl": json.dumps({"checksum": manifest.identity["checksum"], "episodes": len(episodes)}).encode()}
-    table = table.replace_schema_metadata(mark)
+    mark = {"checksum": manifest.identity["checksum"], "of": manifest.mark, "episodes": len(episodes)}
+    table = table.replace_schema_metadata({b"smpl": json.dumps(mark).encode()})
     _replace(
         part_path(folder, number),
         lambda path: arrow.parquet.write_table(table, path, compression="zstd", write_page_checksum=True),
@@ -211,10 +223,12 @@ def read_part(folder: Path, number: int, manifest: Manifest) -> list[Episode]:
     mark = part_mark(folder, number)
     if mark is not None and mark["checksum"] != manifest.identity["checksum"]:
         raise DatasetError(f"{path} is of another version of the model than {folder / MANIFEST}")
+    if mark is not None and mark.get("of", manifest.mark) != manifest.mark:
+        raise DatasetError(f"{path} is of another collection than {folder / MANIFEST}: remove it and collect again")
     try:
         table = arrow.parquet.read_table(path, page_checksum_verification=True)
         columns = {name: table.column(name).to_numpy() for name in table.column_names}
-        _check_order(columns, manifest.range(number)[0])
+        _check_order(columns, manifest.range(number)[0], mark["episodes"] if mark is not None else None)
         found = _episodes(manifest, columns)
         for index, one in enumerate(found, manifest.range(number)[0]):
             check_finite(index, one)
@@ -223,17 +237,20 @@ def read_part(folder: Path, number: int, manifest: Manifest) -> list[Episode]:
         raise DatasetError(_damaged(path, error)) from error
 
 
-def _check_order(columns: Mapping[str, npt.NDArray[Any]], first: int) -> None:
-    """Refuse rows that are not those of the episodes from `first` on, step by step.
+def _check_order(columns: Mapping[str, npt.NDArray[Any]], first: int, count: int | None) -> None:
+    """Refuse rows that are not those of so many episodes from `first` on, step by step to their ends.
 
     Raises:
         ValueError: they are not.
     """
     episodes, steps = columns["episode"], columns["step"]
     begins = np.flatnonzero(np.diff(episodes, prepend=episodes[:1] - 1))
-    if not np.array_equal(episodes[begins], first + np.arange(len(begins))):
+    if not np.array_equal(episodes[begins], first + np.arange(len(begins) if count is None else count)):
         raise ValueError(f"its episodes are not those from {first} on")
     lengths = np.diff([*begins, len(steps)])
+    # The last row of an episode, and no other one, has no step.
+    if not np.array_equal(np.flatnonzero(np.isnan(columns["reward"])), np.cumsum(lengths) - 1):
+        raise ValueError("an episode has no end")
     if not np.array_equal(steps, np.concatenate([np.arange(length) for length in lengths])):
         raise ValueError("the steps of an episode do not follow one another")
 

@@ -8,6 +8,7 @@ function of the observation. Policies with `predict` and some of our own control
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import importlib
 import inspect
 import io
@@ -25,6 +26,7 @@ import numpy.typing as npt
 
 import smpl.controllers as controllers
 from smpl._arguments import FloatArray, as_vector
+from smpl._identity import Description, describe
 from smpl.controllers.beer import profile_temperature
 from smpl.controllers.reactor import SET_POINT, STEADY_ACTION
 from smpl.envs import Env, Interface, native_seed
@@ -32,7 +34,7 @@ from smpl.model import Model
 
 Array = npt.NDArray[Any]
 # Endings of the files of policies.
-FILES = (".zip", ".d3", ".pt")
+_FILES = (".zip", ".d3", ".pt")
 
 
 @dataclass
@@ -196,7 +198,7 @@ def agent(spec: Any, model: Model, name: str | None = None) -> Agent:
 def _files(spec: str) -> dict[str, bytes]:
     """The file of a policy and its formulation, for a machine that has them not; nothing for anything else."""
     file = Path(spec.rpartition(":")[2])
-    if file.suffix not in FILES or not file.is_file():
+    if file.suffix not in _FILES or not file.is_file():
         return {}
     both = (file, file.with_name("formulation.json"))
     return {one.name: one.read_bytes() for one in both if one.is_file()}
@@ -211,10 +213,20 @@ def _unpacked(spec: str, model: Model, name: str, files: Mapping[str, bytes]) ->
         return agent(f"{prefix}{colon}{Path(place) / Path(file).name}", model, name)
 
 
+def described(one: Agent) -> Description:
+    """What a controller is, its settings and code included: results are not continued with other ones."""
+    if one.origin is not None:
+        file = Path(one.origin[0].rpartition(":")[2])
+        if file.suffix in _FILES and file.is_file():
+            text = b"".join(_files(one.origin[0]).values())
+            return {"": f"{type(one.chooser).__qualname__} {hashlib.sha256(text).hexdigest()}"}
+    return {**describe(one.chooser), **({"physical": "True"} if one.physical else {})}
+
+
 def _title(spec: str) -> str:
     """Name of a policy file without its folder and ending; of anything else the text itself."""
     file = Path(spec.rpartition(":")[2])
-    return file.stem if file.suffix in FILES else spec
+    return file.stem if file.suffix in _FILES else spec
 
 
 def _made(spec: str, model: Model) -> Any:
@@ -223,7 +235,7 @@ def _made(spec: str, model: Model) -> Any:
         return known[spec]()
     if spec.startswith("constant:"):
         return controllers.Constant(_numbers(spec))
-    if Path(spec.rpartition(":")[2]).suffix in FILES:
+    if Path(spec.rpartition(":")[2]).suffix in _FILES:
         return _formulated(_policy_file(spec), Path(spec.rpartition(":")[2]))
     if ":" in spec:
         return _imported(spec)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import lru_cache
 from pathlib import Path
@@ -18,7 +18,8 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box
 
-from smpl._arguments import FloatArray, as_count, as_number, check_names, elements
+from smpl._arguments import FloatArray, as_count, as_mapping, as_number, as_vector, check_names, elements
+from smpl.controllers import Uniform
 from smpl.envs import Env, Interface, native_seed
 from smpl.evaluation import Episode
 from smpl.learning.agents import Agent, Rows, agent
@@ -74,10 +75,13 @@ class Formulation:
             raise ValueError(f"reach is {self.reach!r}, expected a share above 0, at most 1")
         if not (np.isfinite(scale) and scale > 0):
             raise ValueError(f"reward_scale is {self.reward_scale!r}, expected a positive number")
-        object.__setattr__(self, "left", tuple(self.left))
+        left: Any = self.left
+        if isinstance(left, str) or not isinstance(left, Iterable):
+            raise ValueError(f"left is {left!r}, expected names of actions")
+        object.__setattr__(self, "left", tuple(left))
         for what in ("limits", "windows"):
-            given = getattr(self, what)
-            object.__setattr__(self, what, {name: _ends(f"{what}[{name!r}]", b) for name, b in given.items()})
+            ends = as_mapping(what, getattr(self, what)).items()
+            object.__setattr__(self, what, {name: _ends(f"{what}[{name!r}]", bounds) for name, bounds in ends})
         if self.failure_reward is not None:
             given = as_number("failure_reward", self.failure_reward)
             if not np.isfinite(given):
@@ -216,6 +220,9 @@ class Form:
         seen, values = observations.copy(), observations[:, self._windowed].astype(np.float64)
         if self.interface.normalize:
             least, most = (b[self._windowed] for b in (self.interface.observation_low, self.interface.observation_high))
+            # An observation whose bounds are open is in physical units already.
+            closed = np.isfinite(least) & np.isfinite(most)
+            least, most = np.where(closed, least, -1.0), np.where(closed, most, 1.0)
             values = least + (values + 1) / 2 * (most - least)
         low, high = self._window
         seen[:, self._windowed] = np.clip((2 * values - (high + low)) / (high - low), -1.0, 1.0)
@@ -249,13 +256,21 @@ class FormulatedPolicy(_Acting):
     def __init__(self, policy: Any, formulation: Formulation) -> None:
         super().__init__(formulation)
         self._inner = Agent("inner", policy)
+        if self._inner.kind not in ("predict", "call"):
+            raise TypeError(f"policy is {type(policy).__name__}, expected an object with predict, or a function")
 
     def act(self, rows: Rows) -> FloatArray:
         """Actions for a batch, in the action space of the environment."""
         form = self._laid_over(rows.interface)
         observations = form.observe(rows.memory, rows.observations)
-        actions = self._inner.predict(observations, rows.memory, len(form.learned))
+        actions = self._chosen(observations, rows.memory, len(form.learned))
         return rows.interface.from_physical(form.physical(rows, actions))
+
+    def _chosen(self, observations: Array, memory: list[dict[str, Any]], width: int) -> Array:
+        """Actions of the formulation for a batch; a function is called row by row."""
+        if self._inner.kind == "predict":
+            return self._inner.predict(observations, memory, width)
+        return np.stack([as_vector("the policy's action", self._inner.chooser(one), width) for one in observations])
 
 
 class Exploration(_Acting):
@@ -338,12 +353,12 @@ def rewarded(episode: Episode, formulation: Formulation) -> Episode:
 
 
 def _ends(what: str, bounds: Any) -> tuple[float, float]:
-    try:
-        low, high = (as_number(what, bound) for bound in bounds)
-    except TypeError as error:
-        raise ValueError(f"{what} is {bounds!r}, expected (low, high)") from error
-    if not low < high:
+    ends = list(bounds) if isinstance(bounds, Iterable) and not isinstance(bounds, str) else []
+    if len(ends) != 2:
         raise ValueError(f"{what} is {bounds!r}, expected (low, high)")
+    low, high = (as_number(what, bound) for bound in ends)
+    if not (low < high and np.isfinite(low) and np.isfinite(high)):
+        raise ValueError(f"{what} is {bounds!r}, expected (low, high), both finite")
     return low, high
 
 
@@ -368,6 +383,8 @@ def _centre(
         chosen = agent(name, interface.model)
     except ValueError as error:
         raise ValueError(f"centre is {name!r}; there are: {', '.join(_CENTRES)}, and controllers ({error})") from error
+    if isinstance(chosen.chooser, Uniform):
+        raise ValueError(f"centre is {name!r}, another action each time; there are: {', '.join(_CENTRES)}, ...")
     if not chosen.batched:
         raise ValueError(
             f"centre is {name!r}, which does not act on batches; there are: {', '.join(_CENTRES)}, pid, policies of "

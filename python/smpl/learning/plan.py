@@ -60,7 +60,8 @@ class Task:
             path = env
         compiled = {key: given.pop(key) for key in _COMPILED if key in given}
         made = Env(path, **compiled, **given)
-        return cls(str(env) if isinstance(env, (str, Path)) else made.model.name, made.model, given)
+        named = str(env) if isinstance(env, (str, Path)) else made.model.name
+        return cls(named, made.model, _telling(given, made.model))
 
     def env(self) -> Env:
         """A new environment."""
@@ -251,7 +252,13 @@ def _of_env(env: Any, given: dict[str, Any]) -> Task:
     normalize, dense, _, limit, method = env.unwrapped._options
     arguments = {"normalize": normalize, "dense_reward": dense, "max_steps": limit, "method": method}
     kept = {key: value for key, value in arguments.items() if value is not None}
-    return Task(env.unwrapped.model.name, env.unwrapped.model, kept)
+    return Task(env.unwrapped.model.name, env.unwrapped.model, _telling(kept, env.unwrapped.model))
+
+
+def _telling(arguments: dict[str, Any], model: Model) -> dict[str, Any]:
+    """Arguments without those that say what holds anyway: two environments that are the same have the same."""
+    anyway = {"normalize": True, "dense_reward": True, "info_state": False, "max_steps": model.max_steps}
+    return {key: value for key, value in arguments.items() if key not in anyway or anyway[key] != value}
 
 
 def _shares(weights: Sequence[float], count: int) -> tuple[float, ...]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -13,7 +15,7 @@ import gymnasium
 from smpl._arguments import as_count
 from smpl._registry import ENVIRONMENTS
 from smpl.learning import configuration
-from smpl.learning.agents import names
+from smpl.learning.agents import agent, described, names
 from smpl.learning.plan import Task
 
 SUITES, BUDGETS = ("control", "offline", "online"), ("smoke", "short", "paper")
@@ -147,7 +149,7 @@ def runs(
                     if part != "control":
                         settings = configuration.settings(given, part, name, one, budget)
                     else:
-                        settings = {"controller": str(beside[one])} if one in beside else {}
+                        settings = _of_ones_own(str(beside[one]), place, arguments) if one in beside else {}
                     about = (part, budget, name, one)
                     found += [_run(about, subject, number, settings, place) for number in range(count)]
     for one in algorithms:
@@ -227,6 +229,13 @@ def _subject(model: str, arguments: Mapping[str, Any], beside: Mapping[str, Any]
             )
     known = dict.fromkeys([*own, *beside])
     return Subject(dict(arguments), known, _OWN, steps=task.env().max_steps)
+
+
+def _of_ones_own(controller: str, model: str, arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """A controller of a configuration: how it is called there, and what it is today, its code included."""
+    chosen = agent(controller, Task.of(model, **arguments).model)
+    text = json.dumps(described(chosen), sort_keys=True)
+    return {"controller": controller, "identity": hashlib.sha256(text.encode()).hexdigest()[:16]}
 
 
 def _run(about: tuple[str, str, str, str], subject: Subject, number: int, settings: dict[str, Any], model: str) -> Run:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import multiprocessing
+import os
 import pickle
 import sys
+import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -69,7 +72,14 @@ def _unguarded() -> str | None:
     path = Path(str(getattr(main, "__file__", None) or ""))
     if getattr(main, "__spec__", None) is not None or path.suffix != ".py" or not path.is_file():
         return None
-    return None if "__name__" in path.read_text(encoding="utf-8", errors="replace") else path.name
+    try:
+        body = ast.parse(path.read_text(encoding="utf-8", errors="replace")).body
+    except (SyntaxError, ValueError):  # written since it was started
+        return path.name
+    tests = (
+        name for one in body if isinstance(one, ast.If) for name in ast.walk(one.test) if isinstance(name, ast.Name)
+    )
+    return None if any(name.id == "__name__" for name in tests) else path.name
 
 
 def _pool(
@@ -87,11 +97,20 @@ def _pool(
 
 
 def _begin(sent: bytes) -> None:
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     # A fault is told with the first piece: one that is raised here would look as if the process had died.
     try:
         _SHARED[:] = [pickle.loads(sent)]
     except Exception as error:
         _SHARED[:] = [_Unknown(f"{type(error).__name__}: {error}")]
+
+
+def _end_with_parent() -> None:
+    """A process whose parent was killed would wait for work for ever."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 class _Unknown(str):
