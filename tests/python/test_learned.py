@@ -265,6 +265,7 @@ def test_a_suite_without_its_package_is_skipped_by_name(tmp_path, monkeypatch, c
             "processes: {Reactor: {algorithms: {online: {PPO: {gamma: high}}}}}",
             "PPO: gamma is 'high', expected a number as its default, 0.99",
         ),
+        ("processes: {Reactor: {curriculum: {spread: [[0.0, 0.3, 0.1]]}}}", "curriculum.*expected low <= high"),
         ("budgets: {smoke: {segments: 0}}", "segments is 0"),
         ("processes: {Reactor: {sizes: {short: {steps: 3}}}}", "processes.Reactor.sizes.short.*'steps'"),
         ("processes: {Reactor: {scaler: {action: min_max}}}", "processes.Reactor.*'scaler'"),
@@ -280,6 +281,24 @@ def test_a_configuration_that_cannot_be_meant_is_told(text, says, tmp_path):
     path.write_text(text)
     with pytest.raises(ValueError, match=says):
         benchmark(tmp_path / "out", "online", env="Reactor", algorithms=["PPO"], config=path)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("data: {noise: -1}", "data.noise is -1.0, expected a number that is not negative"),
+        ("data: {noise: much}", "data.noise is 'much'"),
+        ("data: {episodes: 0}", "data.episodes is 0"),
+        ("scalers: {actions: min_max}", "scalers.*'actions'"),
+        ("scalers: {action: standard}", r"scalers\['action'\] is 'standard'; there are: min_max"),
+        ("data: {controller: pdi}", "controller is 'pdi'; Reactor has: "),
+    ],
+)
+def test_what_a_data_set_cannot_be_is_told_before_anything_runs(text, says, tmp_path):
+    pytest.importorskip("yaml")
+    (tmp_path / "mine.yaml").write_text(f"processes: {{Reactor: {{{text}}}}}")
+    with pytest.raises(ValueError, match=says):
+        runs("offline", "smoke", "Reactor", 1, config=tmp_path / "mine.yaml")
 
 
 def test_a_users_configuration_changes_what_is_run(tmp_path):

@@ -8,7 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from smpl._arguments import as_count, check_names
+from smpl._arguments import as_count, as_number, check_names
+from smpl.learning.environments import Curriculum
 from smpl.learning.formulation import Formulation
 
 OWN = Path(__file__).with_name("benchmark.yaml")
@@ -38,6 +39,12 @@ _SIZES = ("validation", "data")
 # What a number of steps is of, see `_kind`; what a data set is made by.
 _KINDS = ("offline", "on_policy", "off_policy", "search", "rllib")
 _DATA = ("controller", "noise", "episodes")
+# Classes of d3rlpy that scale what a network sees, by the statistics of a data set.
+SCALERS = {
+    "observation": {"standard": "StandardObservationScaler", "min_max": "MinMaxObservationScaler"},
+    "action": {"min_max": "MinMaxActionScaler"},
+    "reward": {"standard": "StandardRewardScaler", "min_max": "MinMaxRewardScaler"},
+}
 _PARTS = ("budgets", "algorithms", "spaces", "processes", "tuned")
 _BUDGET = ("segments", "validation", "data", "num_envs", "steps", "hyperparameters")
 
@@ -117,13 +124,31 @@ def settings(configuration: Mapping[str, Any], suite: str, env: str, algorithm: 
     if suite == "offline":
         collected = {"controller": "nominal", "noise": 0.1, "episodes": whole["data"]}
         chosen["data"] = {**collected, **process.get("data", {})}
+        as_count("data.episodes", chosen["data"]["episodes"])
+        noise = as_number("data.noise", chosen["data"]["noise"])
+        if not 0 <= noise < float("inf"):
+            raise ValueError(f"data.noise is {noise}, expected a number that is not negative")
         if process.get("scalers"):
             chosen["scalers"] = process["scalers"]
+            check_scalers(chosen["scalers"])
     if kind == "search":
         # Each of these runs the same policy, and the ones beyond the episodes that are counted would run for nothing.
         chosen["num_envs"] = min(chosen["num_envs"], as_count("n_eval_episodes", hyper.get("n_eval_episodes", 1)))
     Formulation.of(chosen["formulation"])
+    Curriculum(chosen["curriculum"])
     return chosen
+
+
+def check_scalers(given: Mapping[str, str]) -> None:
+    """Refuse scalers that there are not.
+
+    Raises:
+        ValueError: one is not; the message lists those that are.
+    """
+    check_names("scalers", given, SCALERS)
+    for what, kind in given.items():
+        if kind not in SCALERS[what]:
+            raise ValueError(f"scalers[{what!r}] is {kind!r}; there are: {', '.join(SCALERS[what])}")
 
 
 def _kind(suite: str, algorithm: str) -> str:

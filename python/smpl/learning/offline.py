@@ -16,21 +16,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from smpl._arguments import check_names, check_numbers
+from smpl._arguments import check_numbers
 from smpl.datasets import Dataset
 from smpl.datasets.exports import d3rlpy_arrays
 from smpl.evaluation import Episode
+from smpl.learning.configuration import SCALERS, check_scalers
 from smpl.learning.formulation import Form, Formulation, formulated, rewarded
 
 if TYPE_CHECKING:
     from d3rlpy.dataset import MDPDataset, TransitionMiniBatch
-
-# Classes of d3rlpy that scale what a network sees, by the statistics of a data set.
-_SCALERS = {
-    "observation": {"standard": "StandardObservationScaler", "min_max": "MinMaxObservationScaler"},
-    "action": {"min_max": "MinMaxActionScaler"},
-    "reward": {"standard": "StandardRewardScaler", "min_max": "MinMaxRewardScaler"},
-}
 
 
 class D3rlpyTrainer:
@@ -85,12 +79,9 @@ class D3rlpyTrainer:
 
     def _made_scalers(self) -> dict[str, Any]:
         """Scalers of d3rlpy by their names in its configurations; it fits them to the data set."""
-        check_names("scalers", self._scalers, _SCALERS)
-        for what, kind in self._scalers.items():
-            if kind not in _SCALERS[what]:
-                raise ValueError(f"scalers[{what!r}] is {kind!r}; there are: {', '.join(_SCALERS[what])}")
+        check_scalers(self._scalers)
         package = self._d3rlpy.preprocessing
-        return {f"{w}_scaler": getattr(package, _SCALERS[w][kind])() for w, kind in self._scalers.items()}
+        return {f"{w}_scaler": getattr(package, SCALERS[w][kind])() for w, kind in self._scalers.items()}
 
     def load(self, folder: Path) -> None:
         """Make the learner of a checkpoint."""

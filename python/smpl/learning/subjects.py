@@ -138,6 +138,9 @@ def runs(
     chosen = SUITES if suite == "all" else (suite,)
     given, places = _places(env, config, chosen != ("control",))
     known, found = set(), []
+    if config is not None and "offline" in chosen:
+        for name, (place, arguments) in places.items():
+            _check_collecting(given["processes"].get(name, {}), place or f"smpl/{name}-v0", arguments)
     for part in chosen:
         for name, (place, arguments) in places.items():
             beside = given["processes"].get(name, {}).get("controllers", {})
@@ -229,6 +232,13 @@ def _subject(model: str, arguments: Mapping[str, Any], beside: Mapping[str, Any]
             )
     known = dict.fromkeys([*own, *beside])
     return Subject(dict(arguments), known, _OWN, steps=task.env().max_steps)
+
+
+def _check_collecting(process: Mapping[str, Any], model: str, arguments: Mapping[str, Any]) -> None:
+    """Refuse a controller of a data set that there is not; the one of a formulation is made with it."""
+    controller = process.get("data", {}).get("controller", "centre")
+    if controller != "centre":
+        agent(controller, Task.of(model, **arguments).model)
 
 
 def _of_ones_own(controller: str, model: str, arguments: Mapping[str, Any]) -> dict[str, Any]:
