@@ -17,6 +17,8 @@ from pathlib import Path
 from typing import Any
 
 _HERE = Path(__file__).parent
+# Of classes that are made while Python runs (`Py_TPFLAGS_HEAPTYPE`).
+_HEAP_TYPE = 1 << 9
 
 
 @dataclass(frozen=True)
@@ -151,8 +153,9 @@ def installed(thing: type | types.FunctionType) -> bool:
     """Whether a class or function belongs to Python, to smpl or to an installed package."""
     if isinstance(thing, types.FunctionType):
         return _is_place(thing.__code__.co_filename)
-    if thing.__module__ == "builtins":  # or made by `exec` in a namespace without a name
-        return "__module__" not in vars(thing)
+    if thing.__module__ == "builtins":
+        # Or made by `exec` in a namespace without a name.
+        return not (thing.__flags__ & _HEAP_TYPE and isinstance(vars(thing).get("__module__"), str))
     return _is_installed(thing.__module__)
 
 

@@ -8,6 +8,7 @@ process.
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import inspect
 import re
@@ -256,6 +257,12 @@ def _interface(thing: Interface) -> tuple[str, Parts]:
     ]  # fmt: skip
 
 
+def _ufunc(thing: np.ufunc) -> tuple[str, Parts]:
+    """A function of NumPy, or one of one's own by `np.frompyfunc`, which is found among what it refers to."""
+    own = [one for one in gc.get_referents(thing) if isinstance(one, types.FunctionType)]
+    return f"ufunc {thing.__name__}", [(f"[{i}]", one) for i, one in enumerate(own)]
+
+
 def _space(thing: gymnasium.Space[Any]) -> tuple[str, Parts]:
     """A space without its random numbers, which nobody seeds."""
     return type(thing).__qualname__, _named({name: one for name, one in vars(thing).items() if name != "_np_random"})
@@ -269,7 +276,7 @@ _KINDS: dict[Any, Callable[[Any], tuple[str, Parts]]] = {
     types.GeneratorType: _generator,
     types.CodeType: lambda thing: (f"code {signed(thing)}", []),
     np.random.Generator: lambda thing: (f"random numbers {_digest(repr(thing.bit_generator.state).encode())}", []),
-    np.ufunc: lambda thing: (f"ufunc {thing.__name__}", []),
+    np.ufunc: _ufunc,
     memoryview: lambda thing: (f"memoryview {_digest(thing.tobytes())}", []),
     Model: _model,
     Interface: _interface,
@@ -316,11 +323,26 @@ def _learned(thing: Any) -> Any:
         if callable(getattr(thing, name, None)):
             return _tried(partial(_of_policy, thing, name))
     modules = getattr(getattr(thing, "impl", None), "modules", None)
-    return None if modules is None else _tried(lambda: (vars(modules), getattr(thing, "config", None)))
+    if modules is None:
+        return None
+    return _tried(lambda: ([_network(one) for one in vars(modules).values()], getattr(thing, "config", None)))
 
 
 def _of_policy(thing: Any, name: str) -> Any:
-    return getattr(thing, "policy", None), getattr(thing, name)()
+    """What a policy of an installed package acts by; of how it learns nothing."""
+    given = getattr(thing, name)()
+    kept = {key: one for key, one in given.items() if "optimizer" not in key} if isinstance(given, dict) else given
+    return _network(getattr(thing, "policy", None)), kept
+
+
+def _network(thing: Any) -> Any:
+    """What a network of an installed package computes by: its layers, classes of one's own among them, and weights."""
+    if not callable(getattr(thing, "modules", None)):
+        return None
+    classes = sorted(
+        {type(one) for one in thing.modules() if not installed(type(one))}, key=lambda one: one.__qualname__
+    )
+    return _printed(thing), classes, thing.state_dict()
 
 
 def _tried(give: Callable[[], Any]) -> Any:
@@ -342,8 +364,9 @@ def _held(thing: Any) -> Parts:
         parts += _state(kind, state)
         parts += [("[...]", list(items))] if items is not None else []
         parts += [("{...}", dict(pairs))] if pairs is not None else []
-        return parts if parts or kind.__module__ != "casadi.casadi" else [(" text", _printed(thing))]
-    inside = _state(kind, getattr(thing, "__dict__", None))
+        return parts
+    # An expression of CasADi has its text only.
+    inside = [] if kind.__module__.startswith("casadi") else _state(kind, getattr(thing, "__dict__", None))
     name = [(" name", reduced)] if isinstance(reduced, str) else []
     return [*name, *inside] if name or inside else [(" text", _printed(thing))]
 
