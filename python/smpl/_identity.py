@@ -122,7 +122,7 @@ class _Walk:
         if kind in (dict, types.MappingProxyType):
             items = [(self._text(key), value) for key, value in thing.items()]
             ordered = sorted(items, key=lambda item: item[0])
-            order = "" if items == ordered or _same_order(items, ordered) else f" in the order {_order(items)}"
+            order = "" if _same_order(items, ordered) else f" in the order {_order(items)}"
             return f"{kind.__qualname__}{order}", [(f"[{key}]", value) for key, value in ordered]
         if kind in (list, tuple):
             return f"{kind.__qualname__} of {len(thing)}", [(f"[{i}]", one) for i, one in enumerate(thing)]
