@@ -479,3 +479,75 @@ fn fitting_without_the_python_package_says_what_is_missing() {
         assert!(said.contains(python) && said.contains("pip install") && said.contains("SMPL_PYTHON"), "{said}");
     }
 }
+
+/// Another seed would draw others: what is the same was replayed, each value in its step.
+#[test]
+fn a_run_is_replayed_from_its_own_table_step_by_step() {
+    let walk = "model Walk\ntime t : min\nstate T = 10 in 0..100\naction F = 1 in 0..2\ndisturbance w = 3 ~ 0.5*w + normal(0, 1)\n\
+                eq d/dt T = (F + w - T)/1 [min]\nreward r default = -T\nobserve T\nepisode { step = 1 [min], max_steps = 8 }\n";
+    let model = file("replayed", "m.eq", walk);
+    let m = name(&model);
+    for ending in ["csv", "parquet"] {
+        let table = beside(&model, &format!("t.{ending}"));
+        let t = name(&table);
+        let columns = |output: &Output, names: &[&str]| -> Vec<Vec<String>> {
+            assert!(status(output) == 0 && text(&output.stderr).lines().count() == 1, "{}", text(&output.stderr));
+            let lines = text(&output.stdout);
+            let rows: Vec<Vec<&str>> = lines.lines().map(|line| line.split(',').collect()).collect();
+            let at = |name: &&str| rows[0].iter().position(|n| n == name).expect("a column");
+            rows[1..].iter().map(|row| names.iter().map(|name| row[at(name)].to_owned()).collect()).collect()
+        };
+        let first = ["simulate", m, "--policy", "random", "--seed", "1", "--out"];
+        assert_eq!(status(&smpl(&[&first[..], &[t]].concat())), 0);
+        let original = columns(&smpl(&[&first[..], &["-"]].concat()), &["step", "T", "w", "F"]);
+        assert_eq!(original.len(), 9);
+        let both = smpl(&["simulate", m, "--seed", "2", "--actions", t, "--disturbances", t, "--out", "-"]);
+        assert_eq!(columns(&both, &["step", "T", "w", "F"]), original);
+        let alone = columns(&smpl(&["simulate", m, "--seed", "2", "--disturbances", t, "--out", "-"]), &["w"]);
+        assert_eq!(alone, original.iter().map(|row| vec![row[2].clone()]).collect::<Vec<_>>());
+    }
+    // T after one step from 10 with F = 1: w is that of step 1, T = 1 + w + (9 - w) / e.
+    for (data, w) in [("step,w\n0,7\n1,2\n", 2.0), ("step,w\n1,2\n", 2.0), ("w\n7\n2\n", 7.0), ("time,w\n0,7\n1,2\n", 7.0)] {
+        let table = file("replayed", "d.csv", data);
+        let output = smpl(&["simulate", m, "--steps", "1", "--rtol", "1e-10", "--disturbances", name(&table), "--out", "-"]);
+        let row = text(&output.stdout).lines().nth(2).expect("a step").split(',').nth(2).expect("T").parse::<f64>().expect("a number");
+        assert!((row - (1.0 + w + (9.0 - w) * (-1.0_f64).exp())).abs() < 1e-7, "{data}: {row}");
+    }
+}
+
+#[test]
+fn tables_that_do_not_count_the_steps_of_one_run_are_refused() {
+    let model = file("counted", "m.eq", COOLER);
+    let all = beside(&model, "all.csv");
+    assert_eq!(status(&smpl(&["simulate", name(&model), "--episodes", "2", "--steps", "2", "--out", name(&all)])), 0);
+    for option in ["--actions", "--disturbances"] {
+        let output = smpl(&["simulate", name(&model), option, name(&all)]);
+        let shown = text(&output.stderr);
+        assert!(status(&output) == 1 && shown.contains("all.csv:5") && shown.contains("`step` says 0 where 3 is expected"), "{shown}");
+        let cases = [
+            ("step,F,w\n2,1,1\n", "says 2 where 0, the start, or 1 is expected"),
+            ("step,F,w\n1,1,1\n3,1,1\n", "says 3 where 2 is expected"),
+            ("step,F,w\n0,,1\n", "the only row is that of the start"),
+            ("step,F,w\nfirst,1,1\n", "column `step`: `first` is no finite number"),
+        ];
+        for (data, expected) in cases {
+            let output = smpl(&["simulate", name(&model), option, name(&file("counted", "d.csv", data))]);
+            assert!(status(&output) == 1 && text(&output.stderr).contains(expected), "{}", text(&output.stderr));
+        }
+    }
+    let early = file("counted", "a.csv", "step,F\n0,1\n1,1\n");
+    let output = smpl(&["simulate", name(&model), "--actions", name(&early)]);
+    assert!(status(&output) == 1 && text(&output.stderr).contains("count the steps from 1"), "{}", text(&output.stderr));
+}
+
+/// The start is no step of a model without actions either.
+#[test]
+fn a_model_without_actions_takes_as_many_steps_as_its_table_has() {
+    let decay = "model Decay\ntime t : min\nstate x = 1 in 0..2\neq d/dt x = -x/1 [min]\nreward r default = -x\nobserve x\n\
+                 episode { step = 1 [min], max_steps = 3 }\n";
+    let model = file("no-actions", "m.eq", decay);
+    let table = beside(&model, "t.csv");
+    assert_eq!(status(&smpl(&["simulate", name(&model), "--out", name(&table)])), 0);
+    let output = smpl(&["simulate", name(&model), "--steps", "9", "--actions", name(&table)]);
+    assert!(text(&output.stderr).contains("the actions end after step 3 of 9"), "{}", text(&output.stderr));
+}
