@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
-from smpl._arguments import FloatArray, as_mapping, check_names
+from smpl._arguments import FloatArray, as_mapping, as_numbers, check_names
 from smpl.envs import check_method
 from smpl.model import Model
 from smpl.rollout import _common, _each, _flattened, _rows, _threads, check_first_step, rollout
@@ -218,6 +218,8 @@ def _split(model: Model, p: Mapping[str, npt.ArrayLike] | None) -> tuple[dict[st
         places = [at for at, names in enumerate(known) if name in names]
         if not places and not (isinstance(name, str) and model.native.elements_of(name)):
             check_names("p", [name], [other for names in known for other in names])
+        if not np.isfinite(as_numbers(f"p[{name!r}]", value, "() or (N,)")).all():
+            raise ValueError(f"p[{name!r}] has a value that is not finite")
         parts[places[0] if places else 0][name] = value
     return parts
 
