@@ -551,3 +551,89 @@ fn a_model_without_actions_takes_as_many_steps_as_its_table_has() {
     let output = smpl(&["simulate", name(&model), "--steps", "9", "--actions", name(&table)]);
     assert!(text(&output.stderr).contains("the actions end after step 3 of 9"), "{}", text(&output.stderr));
 }
+
+const BOUNDED: &str = "model Bounded\ntime t : min\nset s = 1..2\nparam k = 1 in 0..2\nparam c[s] = 1 in 0..2\nchoice mode = plain | other\nvariant fast { param k = 2 in 0..2 }\n\
+                       state x : m = 1 in 0..5\ndiscrete q = 1 in 0..2\naction u = 1 in 0..2\ndisturbance w : m = 0 in -1..1\n\
+                       eq d/dt x = (k*u*q*c[1]*1 [m] + w - x)/1 [min]\nwhen mode = other { reward other = x/1 [m] }\nreward r default = -x/1 [m]\nobserve x in 0..5\n\
+                       episode { step = 1 [min], max_steps = 2 }\n";
+
+/// As under `initial` of a scenario, and as a parameter.
+#[test]
+fn a_sweep_beyond_bounds_is_no_run_whatever_it_sweeps() {
+    let model = file("sweep-bounds", "m.eq", BOUNDED);
+    let cases = [
+        ("x=9,1", "initial value x = 9 m lies outside of its bounds 0..5 m", vec![true, false]),
+        ("q=1,2.5,-1", "initial value q = 2.5 lies outside of its bounds 0..2", vec![false, true, true]),
+        ("k=1,3", "parameter `k` = 3 lies outside of its bounds 0..2", vec![false, true]),
+        ("c[1]=1,3", "parameter `c[1]` = 3 lies outside of its bounds 0..2", vec![false, true]),
+        ("x=0,5", "", vec![false, false]),
+        ("q=0,2", "", vec![false, false]),
+    ];
+    for (sweep, message, broken) in cases {
+        let table = beside(&model, "s.csv");
+        let output = smpl(&["simulate", name(&model), "--sweep", sweep, "--summary", name(&table)]);
+        assert!(status(&output) == 0 && text(&output.stderr).contains(message), "{}", text(&output.stderr));
+        let summary = std::fs::read_to_string(table).expect("a summary");
+        assert_eq!(summary.lines().skip(1).map(|row| row.contains("no run")).collect::<Vec<_>>(), broken, "{summary}");
+        assert!(summary.contains(message), "{summary}");
+    }
+    let scenario = file("sweep-bounds", "i.yaml", "initial: {x: 9}\n");
+    let output = smpl(&["simulate", name(&model), "--scenario", name(&scenario)]);
+    assert!(status(&output) == 1 && text(&output.stderr).contains("`x` = 9 lies outside of its bounds 0..5 m"), "{}", text(&output.stderr));
+}
+
+#[test]
+fn a_name_that_is_swept_twice_is_refused() {
+    let model = file("swept-twice", "m.eq", BOUNDED);
+    for (first, second) in [("k=1,2", "k=0..1:3"), ("x=1", " x =1"), ("scenario=default", "scenario=default")] {
+        let output = smpl(&["simulate", name(&model), "--sweep", first, "--sweep", "u=1", "--sweep", second]);
+        let twice = first.split_once('=').expect("a name").0;
+        let expected = format!("--sweep {twice} is given twice: give all of its values in one");
+        assert!(status(&output) == 1 && text(&output.stderr).contains(&expected), "{}", text(&output.stderr));
+    }
+}
+
+#[test]
+fn a_disturbance_beyond_its_bounds_is_refused_in_a_scenario_and_warned_of_in_a_table() {
+    let model = file("outside", "m.eq", BOUNDED);
+    for given in ["1.5", "[0, 1.5]", "{values: [1, 1.5, -7], hold: true}"] {
+        let scenario = file("outside", "s.yaml", format!("max_steps: 2\ndisturbances:\n  w: {given}\n"));
+        let output = smpl(&["simulate", name(&model), "--scenario", name(&scenario)]);
+        let shown = text(&output.stderr);
+        assert!(
+            status(&output) == 1 && shown.contains("w = 1.5 m lies outside of its bounds -1..1 m") && shown.contains("s.yaml:3:3"),
+            "{shown}"
+        );
+    }
+    let scenario = file("outside", "s.yaml", "disturbances: {w: [-1, 1]}\n");
+    let output = smpl(&["simulate", name(&model), "--scenario", name(&scenario)]);
+    assert!(status(&output) == 0 && output.stderr.is_empty(), "{}", text(&output.stderr));
+    let table = file("outside", "w.csv", "w\n0\n-1.5\n");
+    let output = smpl(&["simulate", name(&model), "--disturbances", name(&table)]);
+    let shown = text(&output.stderr);
+    assert!(status(&output) == 0 && shown.contains("w.csv: w = -1.5 m lies outside of its bounds -1..1 m"), "{shown}");
+}
+
+#[test]
+fn what_a_scenario_says_twice_under_two_keys_is_refused() {
+    let model = file("said-twice", "m.eq", BOUNDED);
+    let cases = [
+        ("parameters: {k: 1}\nsettings: {k: 2}\n", "k", "2:12"),
+        ("variants: [mode=other, mode=plain]\n", "mode", "1:12"),
+        ("variants: [fast, {fast: true}]\n", "fast", "1:12"),
+        ("variants: [mode=other]\nsettings: {mode: plain}\n", "mode", "2:12"),
+        ("max_steps: 1\nsettings: {max_steps: 2}\n", "max_steps", "2:12"),
+        ("solver: {rtol: 1e-5}\nsettings: {rtol: 1e-6}\n", "rtol", "2:12"),
+        ("solver: {max_steps: 50}\nsettings: {max_internal_steps: 60}\n", "max_internal_steps", "2:12"),
+    ];
+    for (scenario, twice, place) in cases {
+        let scenario = file("said-twice", "s.yaml", scenario);
+        let output = smpl(&["simulate", name(&model), "--scenario", name(&scenario)]);
+        let shown = text(&output.stderr);
+        assert!(status(&output) == 1 && shown.contains(&format!("`{twice}` is given twice")) && shown.contains(place), "{shown}");
+    }
+    let apart = "variants: [fast, mode=other]\nparameters: {\"c[1]\": 2, c: 1}\nsolver: {max_steps: 50}\nsettings: {max_steps: 2}\n";
+    let scenario = file("said-twice", "s.yaml", apart);
+    let output = smpl(&["simulate", name(&model), "--scenario", name(&scenario)]);
+    assert!(status(&output) == 0, "{}", text(&output.stderr));
+}

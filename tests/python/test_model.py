@@ -262,7 +262,7 @@ def test_actions_at_the_step_before_are_nominal_as_in_a_first_step():
 
 @pytest.mark.parametrize(("u", "z", "gain"), [(0.5, 0.0, 2.0), (0.5 + 1.0 - np.log(1.5), np.log(1.5), 1.5)])
 def test_algebraic_equations_that_read_rates_are_linearised_with_them(u, z, gain):
-    """exp(z) = 1 + x'/2 and x' = u - x + z: dz = dx' / (2 exp(z)), and with it dx' = gain (du - dx), at rest (x' = 0) and at x' = 1."""
+    """exp(z) = 1 + x'/2, x' = u - x + z: dz = dx' / (2 exp(z)), dx' = gain (du - dx), at rest and at x' = 1."""
     model = smpl.compile(
         source="""model W
         time t : s

@@ -5,14 +5,13 @@ use std::io::{IsTerminal, Write};
 use std::path::Path;
 
 use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan};
-use smpl_compiler::model::Quantity;
 use smpl_dsl::diagnostic::{Diagnostic, Label, Severity, SourceMap, codes, printable};
 use smpl_dsl::span::Span;
 
 use super::excerpt::Excerpt;
 use crate::catalogue::Element;
 use crate::environment::{ResetError, StepError};
-use crate::failure::{Short, unit_suffix};
+
 use crate::load::LoadError;
 use crate::setup::SetupError;
 use crate::trajectory::{DataError, WriteError};
@@ -91,21 +90,13 @@ pub(super) fn note(text: &str) {
 /// Warns of given values outside of the bounds of their quantities; `source` is where they are given.
 pub(super) fn warn_of_bounds<'e>(source: &str, given: impl Iterator<Item = (&'e Element, f64)>) {
     const SHOWN: usize = 8;
-    let outside: Vec<String> = given.filter_map(|(element, value)| beyond(element, value)).collect();
+    let outside: Vec<String> = given.filter_map(|(element, value)| element.beyond(value)).collect();
     for text in outside.iter().take(SHOWN) {
         note(&format!("warning: {source}: {text}\n"));
     }
     if outside.len() > SHOWN {
         note(&format!("warning: {source}: {} more values lie outside of their bounds\n", outside.len() - SHOWN));
     }
-}
-
-/// `h = 5 m lies outside of its bounds 0..1 m`, if it does.
-fn beyond(element: &Element, value: f64) -> Option<String> {
-    let unit = unit_suffix(&element.unit);
-    let (low, high) = (element.low, element.high);
-    let outside = !Quantity::admits(low, high, value);
-    outside.then(|| format!("{} = {}{unit} lies outside of its bounds {}..{}{unit}", element.name, Short(value), Short(low), Short(high)))
 }
 
 /// A fault in a data file is shown at its place in the file.
