@@ -139,15 +139,6 @@ impl Element {
         Ok(())
     }
 
-    /// That a value lies outside of the bounds, in words, if it does: `h = 5 m lies outside of its bounds 0..1 m`.
-    #[must_use]
-    pub(crate) fn beyond(&self, value: f64) -> Option<String> {
-        let unit = crate::failure::unit_suffix(&self.unit);
-        let outside = !Quantity::admits(self.low, self.high, value);
-        let [value, low, high] = [value, self.low, self.high].map(crate::failure::Short);
-        outside.then(|| format!("{} = {value}{unit} lies outside of its bounds {low}..{high}{unit}", self.name))
-    }
-
     /// Checks that a value of a parameter lies within the bounds.
     ///
     /// # Errors

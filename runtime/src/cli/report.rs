@@ -11,7 +11,7 @@ use smpl_dsl::span::Span;
 use super::excerpt::Excerpt;
 use crate::catalogue::Element;
 use crate::environment::{ResetError, StepError};
-
+use crate::failure::beyond;
 use crate::load::LoadError;
 use crate::setup::SetupError;
 use crate::trajectory::{DataError, WriteError};
@@ -90,7 +90,7 @@ pub(super) fn note(text: &str) {
 /// Warns of given values outside of the bounds of their quantities; `source` is where they are given.
 pub(super) fn warn_of_bounds<'e>(source: &str, given: impl Iterator<Item = (&'e Element, f64)>) {
     const SHOWN: usize = 8;
-    let outside: Vec<String> = given.filter_map(|(element, value)| element.beyond(value)).collect();
+    let outside: Vec<String> = given.filter_map(|(element, value)| beyond(element, value)).collect();
     for text in outside.iter().take(SHOWN) {
         note(&format!("warning: {source}: {text}\n"));
     }

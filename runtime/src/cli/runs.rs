@@ -14,7 +14,7 @@ use super::plot::Sketch;
 use super::report::{self, Failed};
 use super::simulate::{Policy, SimulateArguments};
 use crate::environment::{Environment, ResetOptions, StateInput, StepResult};
-use crate::failure::Short;
+use crate::failure::{Short, beyond};
 use crate::load::LoadOptions;
 use crate::scenario::{Value, Variant};
 use crate::setup::Setup;
@@ -215,7 +215,7 @@ fn point(arguments: &SimulateArguments, setup: Arc<Setup>, targets: &[Target], v
                 };
                 let value = number()?;
                 given.insert(sweep.name.clone(), value);
-                let outside = family.find(&sweep.name).and_then(|element| element.beyond(value));
+                let outside = family.find(&sweep.name).and_then(|element| beyond(element, value));
                 broken = broken.or(outside.map(|outside| format!("initial value {outside}")));
             }
             Target::Scenario | Target::Variant | Target::Setting => {}

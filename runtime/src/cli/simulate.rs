@@ -12,7 +12,7 @@ use super::report::{self, Failed};
 use super::{ModelArguments, outputs};
 use crate::catalogue::UnknownName;
 use crate::environment::{Environment, ResetOptions, Start, StateInput};
-use crate::failure::Short;
+use crate::failure::{Short, beyond};
 use crate::load::{LoadOptions, Loaded};
 use crate::random::Stream;
 use crate::setup::{Setup, method};
@@ -352,7 +352,7 @@ impl SimulateArguments {
         if let Some(path) = &self.disturbances {
             let first = reset.disturbances.iter().filter_map(|(name, values)| {
                 let element = catalogue.disturbances.find(name)?;
-                values.iter().find(|value| element.beyond(**value).is_some()).map(|&value| (element, value))
+                values.iter().find(|value| beyond(element, **value).is_some()).map(|&value| (element, value))
             });
             report::warn_of_bounds(&path.display().to_string(), first);
         }

@@ -9,6 +9,7 @@ use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes};
 
 use super::{LoadError, LoadOptions, Loaded};
 use crate::catalogue;
+use crate::failure::beyond;
 use crate::scenario::{Disturbances, Noise, Recorded, Scenario, Value};
 use crate::setup::EnvironmentOptions;
 
@@ -87,7 +88,7 @@ fn names_of_scenario(scenario: &Scenario, model: &CompiledModel, sources: &Sourc
         compare("disturbances", "disturbance", values.keys().collect(), elements.names().collect());
         for (name, recorded) in values {
             let Some(element) = elements.find(name) else { continue };
-            if let Some(message) = recorded.values().iter().find_map(|value| element.beyond(*value)) {
+            if let Some(message) = recorded.values().iter().find_map(|value| beyond(element, *value)) {
                 faults.push(Diagnostic::error(codes::BAD_SCENARIO, message, scenario.place_under(sources, "disturbances", name)));
             }
         }
