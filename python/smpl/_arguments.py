@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 
 FloatArray = npt.NDArray[np.float64]
 
+# The compiled module counts steps, threads and environments in 32 bits.
+COUNTS = 2**32
+
 # Kinds of arrays of NumPy that hold real numbers; texts, though some read as numbers, are none.
 _NUMBERS = "fiub"
 
@@ -47,6 +50,31 @@ def as_numbers(name: str, values: npt.ArrayLike, expected: str) -> FloatArray:
         return np.ascontiguousarray(array, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name} is {shorten(values)}, expected numbers of shape {expected}") from error
+
+
+def as_finite(name: str, values: npt.ArrayLike, length: int) -> FloatArray:
+    """`values` as a contiguous vector of finite doubles.
+
+    Raises:
+        ValueError: as for `as_vector`; the message names the first element that is not finite.
+    """
+    array = as_vector(name, values, length)
+    bad = np.flatnonzero(~np.isfinite(array))
+    if len(bad):
+        raise ValueError(f"{name}[{bad[0]}] is {array[bad[0]]}, expected a finite number")
+    return array
+
+
+def as_finite_number(name: str, value: Any) -> float:
+    """`value` as a finite double.
+
+    Raises:
+        ValueError: it is none.
+    """
+    number = as_number(name, value)
+    if not np.isfinite(number):
+        raise ValueError(f"{name} is {number}, expected a finite number")
+    return number
 
 
 def as_number(name: str, value: Any) -> float:
@@ -90,14 +118,18 @@ def as_mapping(name: str, value: Any) -> Mapping[str, Any]:
     return value
 
 
-def as_count(name: str, value: Any, least: int = 1, expected: str = "a positive integer") -> int:
-    """`value` as an integer of at least `least`; a truth value is none.
+def as_count(
+    name: str, value: Any, least: int = 1, expected: str = "a positive integer", below: int | None = None
+) -> int:
+    """`value` as an integer of at least `least`, and below another one if that is given; a truth value is none.
 
     Raises:
         ValueError: it is none.
     """
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)) or value < least:
         raise ValueError(f"{name} is {shorten(value)}, expected {expected}")
+    if below is not None and value >= below:
+        raise ValueError(f"{name} is {shorten(value)}, expected {expected}, below {below}")
     return int(value)
 
 
@@ -192,7 +224,7 @@ def _listing(names: list[str], most: int = 60) -> str:
 
 
 def pairs_of(argument: str, given: Mapping[str, float] | None, names: tuple[str, ...]) -> list[tuple[int, float]]:
-    """Named values as (position, value)."""
+    """Named values, all finite, as (position, value)."""
     given = as_mapping(argument, given)
     check_names(argument, given, names)
-    return [(names.index(name), as_number(f"{argument}[{name!r}]", value)) for name, value in given.items()]
+    return [(names.index(name), as_finite_number(f"{argument}[{name!r}]", value)) for name, value in given.items()]

@@ -13,7 +13,7 @@ import numpy as np
 
 from smpl._arguments import FloatArray
 from smpl._native import SimulationError
-from smpl.envs import Env
+from smpl.envs import Env, from_unit
 from smpl.model import Model
 
 
@@ -60,31 +60,35 @@ def read_runs(model: Model, runs: Any) -> list[Run]:
 
             found += read_runs(model, load(run))
         else:
-            found.append(read_run(model, run, place))
+            found += _read(model, run, place)
     return found
 
 
-def read_run(model: Model, run: Any, place: int) -> Run:
-    """A run of any kind.
+def _read(model: Model, run: Any, place: int) -> list[Run]:
+    """A run of any kind, or the runs of a table.
 
     Raises:
         ValueError: it is none, or lacks the actions.
         FileNotFoundError: there is no such file.
     """
     if isinstance(run, (str, os.PathLike)):
-        return _from_columns(model, read_table(run), str(run))
+        return [_from_columns(model, one, name) for name, one in _separated(read_table(run), str(run))]
     if isinstance(run, Mapping):
         columns = {str(name): np.asarray(values, dtype=np.float64) for name, values in run.items()}
-        return _from_columns(model, columns, f"run {place}")
+        return [_from_columns(model, one, name) for name, one in _separated(columns, f"run {place}")]
     if hasattr(run, "states") and hasattr(run, "actions") and hasattr(run, "observations"):
-        return _from_episode(model, run, f"run {place}")
+        return [_from_episode(model, run, f"run {place}")]
     raise ValueError(
         f"run {place} is {type(run).__name__}, expected a path, an episode or a mapping from columns to arrays"
     )
 
 
 def read_table(path: str | os.PathLike[str]) -> dict[str, FloatArray]:
-    """Columns of a CSV or Parquet file; what is no number is NaN, truth values are 0 and 1."""
+    """Columns of a CSV or Parquet file; what is no number is NaN, truth values are 0 and 1.
+
+    Raises:
+        ValueError: no rows, a row of another length, or two columns of one name.
+    """
     file = Path(path)
     if file.suffix == ".parquet":
         try:
@@ -92,15 +96,24 @@ def read_table(path: str | os.PathLike[str]) -> dict[str, FloatArray]:
         except ImportError as error:
             raise ImportError("reading Parquet needs pyarrow: pip install pyarrow") from error
         table = parquet.read_table(file)
+        _check_once(file, table.column_names)
         return {name: _numbers(table[name].to_pylist()) for name in table.column_names}
     with file.open(newline="", encoding="utf-8-sig") as text:
         rows = [row for row in csv.reader(text) if row]
     if len(rows) < 2:
         raise ValueError(f"{file} has no rows")
+    _check_once(file, rows[0])
     ragged = [i for i, row in enumerate(rows) if len(row) != len(rows[0])]
     if ragged:
         raise ValueError(f"{file}, line {ragged[0] + 1}: {len(rows[ragged[0]])} values for {len(rows[0])} columns")
     return {name: _numbers(values) for name, values in zip(rows[0], zip(*rows[1:], strict=True), strict=True)}
+
+
+def _check_once(file: Path, names: Sequence[str]) -> None:
+    """Refuse two columns of one name."""
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ValueError(f"{file} has two columns named {', '.join(map(repr, twice))}")
 
 
 def _numbers(values: Any) -> FloatArray:
@@ -116,15 +129,42 @@ def _number(value: Any) -> float:
         return float("nan")
 
 
+def _separated(columns: Mapping[str, FloatArray], name: str) -> list[tuple[str, Mapping[str, FloatArray]]]:
+    """The runs of a table with their names: where a column `step` counts from 0 again, another one begins.
+
+    Raises:
+        ValueError: the columns are not of one length, a run has no steps, or `step` does not count its rows.
+    """
+    lengths = {len(values) for values in columns.values()}
+    if len(lengths) != 1 or min(lengths) < 2:
+        raise ValueError(f"{name}: expected columns of one length, at least two rows")
+    count = columns.get("step")
+    if count is None:
+        return [(name, columns)]
+    starts = np.flatnonzero(count == 0)
+    ends = [*starts[1:], len(count)]
+    if not len(starts) or starts[0] != 0:
+        raise ValueError(f"{name}: the column step begins with {count[0]:g}, expected 0: row 0 is the start of a run")
+    found: list[tuple[str, Mapping[str, FloatArray]]] = []
+    for i, (first, end) in enumerate(zip(starts, ends, strict=True)):
+        one = name if len(starts) == 1 else f"{name}, run {i}"
+        wrong = np.flatnonzero(count[first:end] != np.arange(end - first))
+        if len(wrong):
+            row = first + wrong[0]
+            raise ValueError(f"{one}: the column step says {count[row]:g} in row {row}, expected {wrong[0]}")
+        if end - first < 2:
+            raise ValueError(f"{one} has no steps behind its start")
+        found.append((one, {column: values[first:end] for column, values in columns.items()}))
+    return found
+
+
 def _from_columns(model: Model, columns: Mapping[str, FloatArray], name: str) -> Run:
     missing = [action for action in model.action_names if action not in columns]
     if missing:
         raise ValueError(f"{name} has no column for the actions {', '.join(missing)}")
-    lengths = {len(values) for values in columns.values()}
-    if len(lengths) != 1 or lengths.pop() < 2:
-        raise ValueError(f"{name}: expected columns of one length, at least two rows")
     # Row 0 is the start; the action of a row is that of the step that led to it.
-    actions = np.stack([columns[action][1:] for action in model.action_names], axis=1)
+    rows = len(next(iter(columns.values())))
+    actions = np.array([columns[action][1:] for action in model.action_names]).reshape(-1, rows - 1).T
     if not np.isfinite(actions).all():
         raise ValueError(f"{name}: an action is missing in row {int(np.argwhere(~np.isfinite(actions))[0, 0]) + 1}")
     outputs = {state: columns[state] for state in model.state_names if state in columns}
@@ -140,7 +180,7 @@ def _from_columns(model: Model, columns: Mapping[str, FloatArray], name: str) ->
             for one in model.discrete_names
             if one in columns and np.isfinite(columns[one][0])
         },
-        {one: _sequence(columns[one]) for one in model.disturbance_names if one in columns},
+        {one: _sequence(columns[one][1:], one, name) for one in model.disturbance_names if one in columns},
         {
             one: float(columns[f"param.{one}"][0])
             for one in model.parameter_names
@@ -150,9 +190,11 @@ def _from_columns(model: Model, columns: Mapping[str, FloatArray], name: str) ->
     )
 
 
-def _sequence(values: FloatArray) -> FloatArray:
-    later = values[1:]
-    return np.where(np.isfinite(later), later, 0.0)
+def _sequence(values: FloatArray, disturbance: str, name: str) -> FloatArray:
+    missing = np.flatnonzero(~np.isfinite(values))
+    if len(missing):
+        raise ValueError(f"{name}: the disturbance {disturbance} is missing in row {missing[0] + 1}")
+    return values
 
 
 def _from_episode(model: Model, episode: Any, name: str) -> Run:
@@ -241,7 +283,7 @@ def _from_data_set(model: Model, manifest: Any, episode: Any, name: str) -> Run:
     readings = episode.observations.astype(np.float64)
     if manifest.about["normalize"]:
         low, high = (np.array(manifest.about[f"observation_{end}"]) for end in ("low", "high"))
-        readings = low + (readings + 1) / 2 * (high - low)
+        readings = from_unit(readings, low, high)
     outputs = dict(zip(manifest.names["states"], episode.states.T, strict=False))
     start = {state: float(outputs[state][0]) for state in model.state_names if state in outputs}
     outputs |= dict(zip(model.observation_names, readings.T, strict=True))

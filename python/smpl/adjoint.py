@@ -16,7 +16,7 @@ import numpy.typing as npt
 from smpl import _native
 from smpl._arguments import FloatArray, check_names
 from smpl.model import Model
-from smpl.rollout import _common, _rows
+from smpl.rollout import _common, _rows, check_first_step
 from smpl.rollout import rollout as simulate
 from smpl.sensitivity import StepDerivatives, _split, linearize_step
 
@@ -70,6 +70,7 @@ def gradient(
     count, horizon = _common(len(plan), len(starts)), plan.shape[1]
     starts = np.broadcast_to(starts, (count, starts.shape[1]))
     plan = np.broadcast_to(plan, (count, *plan.shape[1:]))
+    first_step = check_first_step(first_step, horizon)
     at = _reward(model, reward)
     end = _final(model, final)
     if not np.isfinite(discount) or not 0 <= discount <= 1:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from gymnasium.spaces import Box
 
 from smpl import _native
-from smpl._arguments import FloatArray, as_count, as_flag, as_mapping, as_vector
+from smpl._arguments import COUNTS, FloatArray, as_count, as_flag, as_mapping, as_vector
 from smpl._names import Named
 from smpl._options import start_from_options
 from smpl.model import Model, Setting, as_variants, compile
@@ -52,18 +52,18 @@ class Interface(Named):
         )
 
     def to_physical(self, action: npt.ArrayLike) -> FloatArray:
-        """An action of the action space in physical units."""
+        """An action of the action space in physical units; where the bounds are one number, that number."""
         values = np.asarray(action, dtype=np.float64)
         if not self.normalize:
             return values
-        return (values * (self.action_high - self.action_low) + self.action_high + self.action_low) / 2
+        return from_unit(values, self.action_low, self.action_high)
 
     def from_physical(self, action: npt.ArrayLike) -> FloatArray:
-        """An action in physical units as one of the action space."""
+        """An action in physical units as one of the action space; 0 where the bounds are one number."""
         values = np.asarray(action, dtype=np.float64)
         if not self.normalize:
             return values
-        return (2 * values - (self.action_high + self.action_low)) / (self.action_high - self.action_low)
+        return to_unit(values, self.action_low, self.action_high)
 
 
 class Env(Interface, gymnasium.Env[Any, Any]):
@@ -236,9 +236,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         values = self._returned.astype(np.float64)
         if not self.normalize:
             return values
-        low, high = self.observation_low, self.observation_high
-        scaled = np.isfinite(low) & np.isfinite(high)
-        return np.where(scaled, np.where(scaled, low, 0) + (values + 1) / 2 * np.where(scaled, high - low, 1), values)
+        return from_unit(values, self.observation_low, self.observation_high)
 
     @property
     def algebraic(self) -> FloatArray:
@@ -427,6 +425,20 @@ def _box(low: FloatArray, high: FloatArray, normalize: bool) -> Box:
     return Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
 
 
+def to_unit(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """Values as numbers in [-1, 1]: unchanged where the bounds are open, 0 where they are one number."""
+    bounded = np.isfinite(low) & np.isfinite(high)
+    a, b = np.where(bounded, low, -1.0), np.where(bounded, high, 1.0)
+    return np.where(b > a, (2 * values - (b + a)) / np.where(b > a, b - a, 1.0), 0.0 * values)
+
+
+def from_unit(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """The inverse of `to_unit`: where the bounds are one number, that number."""
+    bounded = np.isfinite(low) & np.isfinite(high)
+    a, b = np.where(bounded, low, -1.0), np.where(bounded, high, 1.0)
+    return (values * (b - a) + b + a) / 2
+
+
 def check_method(method: str | None) -> str | None:
     """The name of a method of integration if it is one.
 
@@ -446,7 +458,4 @@ def check_limit(max_steps: int | None) -> int | None:
     """
     if max_steps is None:
         return None
-    limit = as_count("max_steps", max_steps, expected="a positive integer below 2**32")
-    if limit >= 2**32:
-        raise ValueError(f"max_steps is {limit}, expected a positive integer below 2**32")
-    return limit
+    return as_count("max_steps", max_steps, below=COUNTS)

@@ -113,9 +113,9 @@ def fit(
 
     Args:
         model: any model, compiled with the observation level of the runs.
-        runs: one or several: tables as `smpl simulate --out` writes them (.csv or .parquet), episodes of
-            `smpl.evaluation`, or mappings from columns to arrays. Columns `param.NAME` are known values. A data set, or
-            its folder, is one run an episode.
+        runs: one or several: tables as `smpl simulate --out` writes them (.csv or .parquet), of one run or several,
+            episodes of `smpl.evaluation`, or mappings from columns to arrays. Columns `param.NAME` are known values. A
+            data set, or its folder, is one run an episode.
         parameters: names, or a mapping from names to first guesses; otherwise the declared values.
         outputs: names of observations, else of states, that are compared; all observations that the runs have if none.
         noise: standard deviations of outputs by name.

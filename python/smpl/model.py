@@ -17,8 +17,9 @@ import numpy.typing as npt
 from smpl import _native
 from smpl._arguments import (
     FloatArray,
+    as_finite,
+    as_finite_number,
     as_mapping,
-    as_number,
     as_numbers,
     as_vector,
     check_names,
@@ -182,9 +183,10 @@ class Model(Named):
         values), `steady(x)` is that of the model's own steady state. So it is for `jacobian`, `rhs` and `linearize`.
 
         Raises:
-            ValueError: a wrong shape, or a name in `p` that the model does not have.
+            ValueError: a wrong shape, a name in `p` that the model does not have, or a value in `u` or `p` that is not
+                finite. Elements of `y` and `yp` may be: solvers try such points, and see it in the result.
         """
-        return self.native.residual(as_number("t", t), self._y(y), self._y(yp, "yp"), self._u(u), self._given(p))
+        return self.native.residual(as_finite_number("t", t), self._y(y), self._y(yp, "yp"), self._u(u), self._given(p))
 
     def jacobian(
         self,
@@ -206,7 +208,12 @@ class Model(Named):
         except ImportError as error:
             raise ImportError("Model.jacobian returns a SciPy matrix: pip install 'smpl[scipy]'") from error
         data, rows, columns = self.native.jacobian(
-            as_number("t", t), self._y(y), self._y(yp, "yp"), self._u(u), as_number("cj", cj), self._given(p)
+            as_finite_number("t", t),
+            self._y(y),
+            self._y(yp, "yp"),
+            self._u(u),
+            as_finite_number("cj", cj),
+            self._given(p),
         )
         size = len(self.unknown_names)
         return csc_matrix((data, rows, columns), shape=(size, size))
@@ -219,7 +226,7 @@ class Model(Named):
         Raises:
             ValueError: as for `residual`; also where the model is not explicit.
         """
-        return self.native.rhs(as_number("t", t), self._y(y), self._u(u), self._given(p))
+        return self.native.rhs(as_finite_number("t", t), self._y(y), self._u(u), self._given(p))
 
     def steady_state(
         self,
@@ -258,8 +265,11 @@ class Model(Named):
         d(dx)/dt = A dx + B du, dz = C dx + D du with states x, actions u and observations z, physical units. Discrete
         variables and what is read of other instants (`initial(x)`, `previous(x)`, `steady(x)`) are held at their values
         as for `residual`: `linearize_step` has the derivatives of a whole step, where they move.
+
+        Raises:
+            ValueError: as for `residual`; also where `y` has an element that is not finite.
         """
-        return self.native.linearize(self._y(y), self._u(u), self._given(p))
+        return self.native.linearize(as_finite("y", y, len(self.unknown_names)), self._u(u), self._given(p))
 
     def rollout(
         self,
@@ -435,7 +445,7 @@ class Model(Named):
         return as_vector(name, values, len(self.unknown_names))
 
     def _u(self, values: npt.ArrayLike) -> FloatArray:
-        return as_vector("u", values, len(self.action_names))
+        return as_finite("u", values, len(self.action_names))
 
     @cached_property
     def _replaceable(self) -> dict[str, tuple[str, int]]:
@@ -454,7 +464,8 @@ class Model(Named):
         check_names("p", values, self._replaceable)
         expanded = expand_parameters("p", self, {name: p[name] for name in arrays})
         return [
-            (*self._replaceable[name], as_number(f"p[{name!r}]", value)) for name, value in (expanded | values).items()
+            (*self._replaceable[name], as_finite_number(f"p[{name!r}]", value))
+            for name, value in (expanded | values).items()
         ]
 
 

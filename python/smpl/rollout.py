@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
-from smpl._arguments import FloatArray, as_count, as_numbers, check_names
-from smpl.envs import check_method, check_seed, native_seed
+from smpl._arguments import COUNTS, FloatArray, as_count, as_numbers, check_names
+from smpl.envs import check_limit, check_method, check_seed, native_seed
 from smpl.model import Model
 
 Named = list[tuple[str, FloatArray]]
@@ -93,8 +93,8 @@ def rollout(
         _each("discrete", _known("discrete", discrete or {}, model.discrete_names), count),
         _each("disturbances", _known("disturbances", disturbances or {}, model.disturbance_names), count, horizon),
         (count, horizon),
-        (_seed(seed), as_count("first_step", first_step, 0, "a step"), bool(outputs)),
-        (min(_threads(threads), count), max_steps, check_method(method)),
+        (_seed(seed), check_first_step(first_step, horizon), bool(outputs)),
+        (min(_threads(threads), count), check_limit(max_steps), check_method(method)),
     )
     reached, observed, algebraic, rewards, cost, violations, steps, terminated, truncated, failure = result
     return Rollout(
@@ -126,7 +126,17 @@ def _seed(seed: int | None) -> int | None:
 def _threads(threads: int | None) -> int:
     if threads is None:
         return os.cpu_count() or 1
-    return as_count("threads", threads, 0, "a positive integer, or 0 or None for all processors") or os.cpu_count() or 1
+    expected = "a positive integer, or 0 or None for all processors"
+    return as_count("threads", threads, 0, expected, COUNTS) or os.cpu_count() or 1
+
+
+def check_first_step(first_step: int, steps: int) -> int:
+    """The number of completed steps, with so many behind it.
+
+    Raises:
+        ValueError: it is no number of steps, or too large to go on counting.
+    """
+    return as_count("first_step", first_step, 0, "a number of completed steps, 0 or more", COUNTS - steps)
 
 
 def _rows(name: str, values: Any, width: int, single: int) -> FloatArray:

@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
-from smpl._arguments import FloatArray, as_count, as_mapping, check_names
+from smpl._arguments import FloatArray, as_mapping, as_numbers, check_names
 from smpl.envs import check_method
 from smpl.model import Model
-from smpl.rollout import _common, _each, _flattened, _rows, _threads, rollout
+from smpl.rollout import _common, _each, _flattened, _rows, _threads, check_first_step, rollout
 
 # What derivatives are taken by, in the order of their columns.
 ROLES = ("state", "action", "parameter", "discrete", "disturbance")
@@ -192,7 +192,7 @@ def linearize_step(
         _each("p", _flattened(model, given[0], count), count),
         _each("p", given[1], count),
         _each("p", given[2], count),
-        (count, as_count("first_step", first_step, 0, "a step")),
+        (count, check_first_step(first_step, 1)),
         (chosen, min(_threads(threads), tasks), None, check_method(method)),
     )
     values = [array[0] if single else array for array in found]
@@ -218,6 +218,8 @@ def _split(model: Model, p: Mapping[str, npt.ArrayLike] | None) -> tuple[dict[st
         places = [at for at, names in enumerate(known) if name in names]
         if not places and not (isinstance(name, str) and model.native.elements_of(name)):
             check_names("p", [name], [other for names in known for other in names])
+        if not np.isfinite(as_numbers(f"p[{name!r}]", value, "() or (N,)")).all():
+            raise ValueError(f"p[{name!r}] has a value that is not finite")
         parts[places[0] if places else 0][name] = value
     return parts
 

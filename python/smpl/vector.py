@@ -13,7 +13,7 @@ import numpy.typing as npt
 from gymnasium.vector.utils import batch_space
 
 from smpl import _native
-from smpl._arguments import FloatArray, as_count, as_flag, as_numbers, check_names
+from smpl._arguments import COUNTS, FloatArray, as_count, as_flag, as_numbers, check_names
 from smpl._options import start_from_options
 from smpl.envs import (
     Env,
@@ -88,7 +88,7 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         max_step: float | None = None,
         extra: str | None = None,
     ) -> None:
-        num_envs = as_count("num_envs", num_envs)
+        num_envs = as_count("num_envs", num_envs, below=COUNTS)
         if render_mode is not None:
             raise ValueError("a native vector environment cannot be rendered: render_mode must be None")
         compiled = choose_model(model, observation, reward, scenario, variants, settings, extra, max_step)
@@ -100,7 +100,8 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         if num_threads is not None:
-            num_threads = as_count("num_threads", num_threads, 0, "a positive integer, or 0 or None for all processors")
+            expected = "a positive integer, or 0 or None for all processors"
+            num_threads = as_count("num_threads", num_threads, 0, expected, COUNTS)
         self.num_threads = num_threads or os.cpu_count() or 1
         limit = check_limit(max_episode_steps if max_steps is None else max_steps)
         mode = str(self.autoreset_mode.value)

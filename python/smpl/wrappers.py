@@ -102,7 +102,9 @@ def _undo(wrapper: gymnasium.Wrapper[Any, Any, Any, Any], action: Action) -> Act
     if isinstance(wrapper, RescaleAction):
         outside: Any = wrapper.action_space
         low, high = (np.asarray(bound, dtype=np.float64) for bound in (inside.low, inside.high))
-        return outside.low + (action - low) / (high - low) * (np.float64(outside.high) - outside.low)
+        # Where the bounds inside are one number, every action outside becomes it.
+        share = np.divide(action - low, high - low, out=np.zeros_like(low), where=high > low)
+        return outside.low + share * (np.float64(outside.high) - outside.low)
     if isinstance(wrapper, gymnasium.ActionWrapper):
         raise TypeError(
             f"{type(wrapper).__name__} changes actions, and a controller's would arrive as others: "

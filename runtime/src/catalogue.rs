@@ -139,7 +139,7 @@ impl Element {
         Ok(())
     }
 
-    /// Checks that a value lies within the bounds.
+    /// Checks that a value of a parameter lies within the bounds.
     ///
     /// # Errors
     /// [`OutsideBounds`] if it does not.

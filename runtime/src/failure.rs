@@ -3,10 +3,10 @@
 use serde::{Deserialize, Serialize};
 use smpl_compiler::compiled::CompiledModel;
 use smpl_compiler::ir::{Affine, MAX_DEPTH};
-use smpl_compiler::model::{BoxItem, Interface, Row};
+use smpl_compiler::model::{BoxItem, Interface, Quantity, Row};
 use smpl_dsl::diagnostic::SourceMap;
 
-use crate::catalogue::Catalogue;
+use crate::catalogue::{Catalogue, Element};
 
 /// Identifier of the failure of an action outside its box.
 pub(crate) const ACTION_BOX: &str = "action_box";
@@ -259,6 +259,14 @@ pub(crate) fn describe_item(item: &BoxItem, value: f64) -> Option<String> {
 #[must_use]
 pub(crate) fn unit_suffix(unit: &str) -> String {
     if unit == "1" || unit.is_empty() { String::new() } else { format!(" {unit}") }
+}
+
+/// That a value lies outside of the bounds of its quantity, if it does: `h = 5 m lies outside of its bounds 0..1 m`.
+pub(crate) fn beyond(element: &Element, value: f64) -> Option<String> {
+    let unit = unit_suffix(&element.unit);
+    let (low, high) = (element.low, element.high);
+    let outside = !Quantity::admits(low, high, value);
+    outside.then(|| format!("{} = {}{unit} lies outside of its bounds {}..{}{unit}", element.name, Short(value), Short(low), Short(high)))
 }
 
 /// What counts as inside a box: a value beyond a bound by at most this part of the range.

@@ -1,7 +1,8 @@
 //! Linearisation about a point: dx/dt = A x + B u, observations = C x + D u, in deviations.
 //!
 //! Algebraic unknowns z are eliminated: with E dx/dt = F_x x + F_z z + F_u u and 0 = G_x x + G_z z + G_u u the matrices follow from
-//! z = -G_z^-1 (G_x x + G_u u). Where E depends on x, F_x has -E_x dx/dt, with the rates at the point.
+//! z = -G_z^-1 (G_x x + G_u u). Where E depends on x, F_x has -E_x dx/dt, with the rates at the point. Where equations of algebraic unknowns
+//! read rates as well, these and z follow from all equations together.
 //! The matrices are stored in full: meant for models of up to some thousand unknowns.
 
 use nalgebra::DMatrix;
@@ -52,7 +53,7 @@ pub enum LinearizeError {
 /// When the algebraic equations are singular there.
 pub fn linearize(system: &mut CompiledSystem, catalogue: &Catalogue, t: f64, y: &[f64]) -> Result<Linearization, LinearizeError> {
     let (n, nx) = (system.model().unknowns(), system.model().states());
-    let (yp, mass) = rates(system, t, y)?;
+    let (yp, weights) = rates(system, t, y)?;
     let by_y = jacobian(system, t, y, &yp, 0.0);
     let (model, memory) = system.parts();
     let actions = catalogue.actions.len();
@@ -71,10 +72,28 @@ pub fn linearize(system: &mut CompiledSystem, catalogue: &Catalogue, t: f64, y: 
     let seen_yp: DMatrix<f64> = derivative(Derived::Observations, WithRespectTo::Derivatives, observations, n)?;
     let seen_u: DMatrix<f64> = derivative(Derived::Observations, WithRespectTo::Actions, observations, actions)?;
 
-    // z = zx x + zu u
-    let nz = n - nx;
+    let Eliminated { a, b, zx, zu } = match weights.rows(nx, n - nx).iter().all(|weight| *weight == 0.0) {
+        true => one_by_one(&weights.rows(0, nx).clone_owned(), &by_y, &by_u)?,
+        false => together(&weights, &by_y, &by_u)?,
+    };
+    let c = seen_y.columns(0, nx) + seen_y.columns(nx, n - nx) * zx + seen_yp.columns(0, nx) * &a;
+    let d = seen_u + seen_y.columns(nx, n - nx) * zu + seen_yp.columns(0, nx) * &b;
+    Ok(outside(catalogue, &a, &b, &c, &d))
+}
+
+/// Rates and algebraic unknowns in deviations: dx/dt = a x + b u, z = zx x + zu u.
+struct Eliminated {
+    a: DMatrix<f64>,
+    b: DMatrix<f64>,
+    zx: DMatrix<f64>,
+    zu: DMatrix<f64>,
+}
+
+/// Algebraic unknowns from their equations, then rates from theirs.
+fn one_by_one(weights: &DMatrix<f64>, by_y: &DMatrix<f64>, by_u: &DMatrix<f64>) -> Result<Eliminated, LinearizeError> {
+    let (nx, nz) = (weights.nrows(), by_y.nrows() - weights.nrows());
     let (zx, zu) = if nz == 0 {
-        (DMatrix::zeros(0, nx), DMatrix::zeros(0, actions))
+        (DMatrix::zeros(0, nx), DMatrix::zeros(0, by_u.ncols()))
     } else {
         let inverse = Inverse::new(&by_y.view((nx, nx), (nz, nz)).clone_owned());
         let mut inverse = inverse.ok_or(LinearizeError::Singular { part: "an algebraic variable" })?;
@@ -82,17 +101,30 @@ pub fn linearize(system: &mut CompiledSystem, catalogue: &Catalogue, t: f64, y: 
     };
     let rates_x = by_y.view((0, 0), (nx, nx)) + by_y.view((0, nx), (nx, nz)) * &zx;
     let rates_u = by_u.rows(0, nx) + by_y.view((0, nx), (nx, nz)) * &zu;
-    let (a, b) = match weighing(&mass)? {
+    let (a, b) = match weighing(weights)? {
         None => (rates_x, rates_u),
         Some(mut inverse) => (inverse.solve_all(rates_x), inverse.solve_all(rates_u)),
     };
-    let c = seen_y.columns(0, nx) + seen_y.columns(nx, nz) * zx + seen_yp.columns(0, nx) * &a;
-    let d = seen_u + seen_y.columns(nx, nz) * zu + seen_yp.columns(0, nx) * &b;
-    Ok(outside(catalogue, &a, &b, &c, &d))
+    Ok(Eliminated { a, b, zx, zu })
 }
 
-/// Rates at the point, where the equations need not rest, and their weights there: by Newton's method, as rates may stand in products and powers. A correction by
-/// weights that are those of its result is exact.
+/// Rates and algebraic unknowns from all equations, of which those of the latter read rates.
+fn together(weights: &DMatrix<f64>, by_y: &DMatrix<f64>, by_u: &DMatrix<f64>) -> Result<Eliminated, LinearizeError> {
+    let (n, nx) = weights.shape();
+    let mut solved = by_y.clone();
+    solved.columns_mut(0, nx).copy_from(&-weights);
+    let mut inverse = Inverse::new(&solved).ok_or(LinearizeError::Singular { part: "a rate or an algebraic variable" })?;
+    let (by_x, by_u) = (-inverse.solve_all(by_y.columns(0, nx).clone_owned()), -inverse.solve_all(by_u.clone()));
+    Ok(Eliminated {
+        a: by_x.rows(0, nx).clone_owned(),
+        b: by_u.rows(0, nx).clone_owned(),
+        zx: by_x.rows(nx, n - nx).clone_owned(),
+        zu: by_u.rows(nx, n - nx).clone_owned(),
+    })
+}
+
+/// Rates at the point, where the equations need not rest, and their weights in all equations there: by Newton's method on the equations of
+/// states, as rates may stand in products and powers. A correction by weights that are those of its result is exact.
 fn rates(system: &mut CompiledSystem, t: f64, y: &[f64]) -> Result<(Vec<f64>, DMatrix<f64>), LinearizeError> {
     let (n, nx) = (system.model().unknowns(), system.model().states());
     let (mut yp, mut residual) = (vec![0.0; n], vec![0.0; n]);
@@ -100,7 +132,7 @@ fn rates(system: &mut CompiledSystem, t: f64, y: &[f64]) -> Result<(Vec<f64>, DM
     for _ in 0..MOST_CORRECTIONS {
         system.residual(t, y, &yp, &mut residual);
         let mut change = DMatrix::from_column_slice(nx, 1, &residual[..nx]);
-        if let Some(mut inverse) = weighing(&weights)? {
+        if let Some(mut inverse) = weighing(&weights.rows(0, nx).clone_owned())? {
             change = inverse.solve_all(change);
         }
         yp.iter_mut().zip(change.iter()).for_each(|(rate, change)| *rate += change);
@@ -125,7 +157,7 @@ fn weighing(mass: &DMatrix<f64>) -> Result<Option<Inverse>, LinearizeError> {
 /// How the equations weigh the rates of states; the Jacobian is affine in the weight of the derivatives.
 fn mass(system: &mut CompiledSystem, t: f64, y: &[f64], yp: &[f64]) -> DMatrix<f64> {
     let nx = system.model().states();
-    (jacobian(system, t, y, yp, 0.0) - jacobian(system, t, y, yp, 1.0)).view((0, 0), (nx, nx)).clone_owned()
+    (jacobian(system, t, y, yp, 0.0) - jacobian(system, t, y, yp, 1.0)).columns(0, nx).clone_owned()
 }
 
 /// The Jacobian as a full matrix.

@@ -140,18 +140,24 @@ impl Channel {
     }
 }
 
-/// A value in [-1, 1]; unchanged where the bounds are open.
+/// A value in [-1, 1]; unchanged where the bounds are open, 0 where they are one number.
 #[must_use]
 pub fn normalise(value: f64, low: f64, high: f64) -> f64 {
     let range = high - low;
-    if range.is_finite() && range > 0.0 { (2.0 * value - (high + low)) / range } else { value }
+    if !range.is_finite() {
+        value
+    } else if range > 0.0 {
+        (2.0 * value - (high + low)) / range
+    } else {
+        0.0
+    }
 }
 
-/// The inverse of [`normalise`].
+/// The inverse of [`normalise`]: where the bounds are one number, that number. What is no number stays none.
 #[must_use]
 pub fn denormalise(value: f64, low: f64, high: f64) -> f64 {
     let range = high - low;
-    if range.is_finite() && range > 0.0 { (value * range + high + low) / 2.0 } else { value }
+    if range.is_finite() { (value * range + high + low) / 2.0 } else { value }
 }
 
 /// Numbers that observations are written as.
@@ -227,6 +233,16 @@ mod tests {
     #[test]
     fn a_sample_arrives_late_and_is_held() {
         assert_eq!(readings(3, 2, 9), [0.0, 0.0, 0.0, 0.0, 3.0, 3.0, 3.0, 6.0, 6.0]);
+    }
+
+    #[test]
+    fn bounds_of_one_number_are_that_number() {
+        for value in [-1.0, 0.0, 0.25, 1.0, 7.0] {
+            assert_eq!((denormalise(value, 3.0, 3.0), normalise(value, 3.0, 3.0)), (3.0, 0.0));
+            assert_eq!((denormalise(value, 1.0, f64::INFINITY), normalise(value, 1.0, f64::INFINITY)), (value, value));
+        }
+        assert!(denormalise(f64::NAN, 3.0, 3.0).is_nan());
+        assert_eq!((denormalise(-0.5, 2.0, 6.0), normalise(3.0, 2.0, 6.0)), (3.0, -0.5));
     }
 
     #[test]

@@ -244,11 +244,30 @@ impl Scenario {
         }
     }
 
+    /// The first name that is given under two keys, or with two options, which say what it is: the second key, and the name.
+    fn twice(&self) -> Option<(&'static str, String)> {
+        let first = |name: &str| self.variants.iter().position(|variant| variant.name == name);
+        let mut variants = self.variants.iter().enumerate();
+        if let Some((_, variant)) = variants.find(|(i, variant)| first(&variant.name) != Some(*i)) {
+            return Some(("variants", variant.name.clone()));
+        }
+        let elsewhere = |name: &String| {
+            self.parameters.contains_key(name)
+                || self.variants.iter().any(|variant| variant.name == *name)
+                || (name == "max_steps" && self.max_steps.is_some())
+                || self.solver.names().any(|solver| solver == name)
+        };
+        self.settings.keys().find(|name| elsewhere(name)).map(|name| ("settings", name.clone()))
+    }
+
     /// The first number that nothing can mean: the key that it stands under, its name, and what is wrong.
     fn bad_value(&self) -> Option<(&'static str, String, String)> {
         let fault = |key, name: &str, message: String| Some((key, name.to_owned(), message));
         if self.max_steps == Some(0) {
             return fault("max_steps", "max_steps", "`max_steps` must be at least 1, not 0".into());
+        }
+        if let Some((key, name)) = self.twice() {
+            return fault(key, &name, format!("`{}` {TWICE}", shortened(&name)));
         }
         if let Some((name, expected, given)) = self.solver.bad_value() {
             return fault("solver", name, format!("`{name}` must be {expected}, not {given}"));
@@ -271,6 +290,14 @@ impl Scenario {
 }
 
 impl Recorded {
+    /// One value a step; a constant is one.
+    pub(crate) fn values(&self) -> &[f64] {
+        match self {
+            Recorded::Constant(x) => std::slice::from_ref(x),
+            Recorded::Sequence { values, .. } => values,
+        }
+    }
+
     /// What is wrong with it.
     fn fault(&self) -> Option<&'static str> {
         match self {

@@ -25,7 +25,7 @@ use smpl_compiler::layout::{Part, Region};
 use crate::catalogue::{Catalogue, Element};
 use crate::system::CompiledSystem;
 pub use discretes::changed_by_a_step;
-pub use error::{AtBound, ConservedSum, Freedom, SteadyError};
+pub use error::{AtBound, ConservedSum, Drift, Freedom, SteadyError};
 use frames::Saved;
 pub use frames::rest_at;
 pub use kinks::kink;

@@ -84,7 +84,11 @@ fn where_there_is_no_rest_the_search_says_how_near_it_came() {
     assert!(error.to_string().contains("has come to its bound 20 m"), "{error}");
     // What rises whatever the state is says so.
     let error = solved("state x = 1, y = 1\neq d/dt x = 2 / 1 [s]\neq d/dt y = (x - y) / 1 [s]", None).expect_err("none");
-    assert!(error.to_string().ends_with("; whatever the state, with these actions and parameters d/dt x is 2"), "{error}");
+    assert!(
+        error.to_string().starts_with("there is no steady state with these actions and parameters: d/dt x = 2 1/s, whatever the state"),
+        "{error}"
+    );
+    assert!(error.to_string().contains("no action acts on it"), "{error}");
 }
 
 const EXCHANGE: &str = "state A = 1, B = 0\neq d/dt A = -1 [1/s]*A + 2 [1/s]*B\neq d/dt B = 1 [1/s]*A - 2 [1/s]*B\n";
@@ -145,6 +149,48 @@ fn all_states_that_integrate_are_named_at_once_and_no_others() {
     let error = solved(tanks, None).expect_err("not determined").to_string();
     assert!(error.contains("fix 2 states") && error.contains("`--fix h1=... --fix h2=...`"), "{error}");
     assert_close(&solved(&format!("{tanks}steady {{ h1 = 0.5, h2 = 2 }}"), None).expect("found"), &[0.5, 1.0, 2.0]);
+}
+
+/// Filled tanks conserve nothing, though 5 a - 3 b would stay: each rises, and the actions that fill them are named.
+#[test]
+fn what_is_filled_is_not_conserved_and_the_actions_that_fill_it_are_named() {
+    let tanks = "action F = 3 in 0..9, G = 5 in 0..9, Q = 1 in 0..2\nstate a : kg = 1, b : g = 1, T = 1
+        eq d/dt a = F*1 [kg/s]
+        eq d/dt b = (F + G - 3)*1 [g/s]
+        eq d/dt T = (Q - T)/1 [s]\n";
+    let error = solved(tanks, None).expect_err("none").to_string();
+    let said = "there is no steady state with these actions and parameters: d/dt a = 3 kg/s and d/dt b = 5 g/s, whatever the state; \
+                the actions F and G act on them: give them other values; or hold states, `steady { a = ..., b = ... }` in the model, or \
+                `--fix a=... --fix b=...`";
+    assert_eq!(error, said);
+    // At the actions at which nothing flows, each may stand anywhere: it integrates.
+    let resting = tanks.replace("F = 3", "F = 0").replace("G = 5", "G = 3");
+    let error = solved(&resting, None).expect_err("not determined").to_string();
+    assert!(
+        error.starts_with("the steady state is not determined: fix 2 states that integrate, all of them") && !error.contains("conserved"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_state_whose_rate_is_zero_is_conserved() {
+    let error = solved("state x : kg = 4, y : kg = 1\neq d/dt x = 0 [kg/s]\neq d/dt y = (x - y)/1 [s]\n", None)
+        .expect_err("not determined")
+        .to_string();
+    assert!(error.starts_with("the steady state is not determined: x (4 kg at the first guess) is conserved: give its value"), "{error}");
+}
+
+/// A + B gains what is fed, and C + D nothing: A -> B, C <-> D.
+#[test]
+fn a_sum_that_is_fed_rises_and_another_is_conserved_beside_it() {
+    let reactor = "action F = 2 in 0..9\nstate A = 1, B = 0, C = 1, D = 2
+        eq d/dt A = (F - 3*A + B)/1 [s]
+        eq d/dt B = (3*A - B)/1 [s]
+        eq d/dt C = (D - 1e6*C*A)/1 [s]
+        eq d/dt D = (1e6*C*A - D)/1 [s]\n";
+    let error = solved(reactor, None).expect_err("none").to_string();
+    assert!(error.contains("d/dt (A + B) = 2 1/s, whatever the state; the action F acts on it"), "{error}");
+    assert!(error.contains("; C + D (3 at the first guess) is conserved; or hold a state"), "{error}");
 }
 
 #[test]

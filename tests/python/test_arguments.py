@@ -61,6 +61,62 @@ def test_a_wrong_argument_of_a_model_is_named(reactor_model, call, says):
         call(reactor_model)
 
 
+@pytest.mark.parametrize("bad", [float("nan"), float("inf"), -float("inf")])
+@pytest.mark.parametrize(
+    ("call", "names"),
+    [
+        (lambda m, x: m.steady_state([26.85, x]), r"u\[1\] is"),
+        (lambda m, x: m.steady_state(U, {"U": x}), r"p\['U'\] is"),
+        (lambda m, x: m.steady_state(U, fixed={"h": x}), r"fixed\['h'\] is"),
+        (lambda m, x: m.steady_state(U, guess={"T": x}), r"guess\['T'\] is"),
+        (lambda m, x: m.linearize([0.878, x, 0.659], U), r"y\[1\] is"),
+        (lambda m, x: m.linearize(Y, [x, 0.1]), r"u\[0\] is"),
+        (lambda m, x: m.linearize(Y, U, {"U": x}), r"p\['U'\] is"),
+        (lambda m, x: m.linearize_step([0.878, x, 0.659], U), r"x\[1\] is"),
+        (lambda m, x: m.linearize_step(Y, [x, 0.1]), r"u\[0\] is"),
+        (lambda m, x: m.linearize_step(Y, U, {"U": x}), r"p\['U'\] has a value that is not finite"),
+        (lambda m, x: m.step(Y, U, {"U": [50.0, x]}), r"p\['U'\] has a value that is not finite"),
+        (lambda m, x: m.rhs(0.0, Y, [x, 0.1]), r"u\[0\] is"),
+        (lambda m, x: m.rhs(x, Y, U), "t is"),
+        (lambda m, x: m.residual(0.0, Y, Y, U, {"U": x}), r"p\['U'\] is"),
+        (lambda m, x: m.jacobian(0.0, Y, Y, U, x), "cj is"),
+    ],
+)
+def test_what_is_not_finite_is_named(reactor_model, call, names, bad):
+    with pytest.raises(ValueError, match=f"^{names}"):
+        call(reactor_model, bad)
+
+
+def test_a_point_that_a_solver_tries_may_be_none(reactor_model):
+    assert np.isnan(reactor_model.rhs(0.0, [np.nan, 324.5, 0.659], U)).any()
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda m, n: m.rollout(Y, [U, U], first_step=n), "first_step"),
+        (lambda m, n: m.rollout(Y, [U, U], threads=n), "threads"),
+        (lambda m, n: m.step(Y, U, first_step=n), "first_step"),
+        (lambda m, n: m.linearize_step(Y, U, first_step=n), "first_step"),
+        (lambda m, n: m.linearize_step(Y, U, threads=n), "threads"),
+        (lambda m, n: m.gradient(Y, [U, U], first_step=n), "first_step"),
+        (lambda m, n: smpl.Env(m, max_steps=n), "max_steps"),
+        (lambda m, n: smpl.VectorEnv(m, 2, max_steps=n), "max_steps"),
+        (lambda m, n: smpl.VectorEnv(m, n), "num_envs"),
+        (lambda m, n: smpl.VectorEnv(m, 2, num_threads=n), "num_threads"),
+    ],
+)
+def test_integers_beyond_what_is_counted_are_named(reactor_model, call, says):
+    for number in (2**32, 10**20, -1, 1.5, "7", True):
+        with pytest.raises(ValueError, match=rf"^{says} is {number!r}, expected "):
+            call(reactor_model, number)
+
+
+def test_no_step_is_counted_beyond_32_bits(reactor_model):
+    with pytest.raises(ValueError, match=r"^first_step is 4294967295, expected .* below 4294967294"):
+        reactor_model.rollout(Y, [U, U], first_step=2**32 - 1)
+
+
 @pytest.mark.parametrize(
     "action",
     [

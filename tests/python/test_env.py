@@ -187,6 +187,43 @@ def test_normalised_and_physical_actions_agree(reactor):
     np.testing.assert_allclose(normalised.to_physical(normalised.from_physical(action)), action, rtol=1e-14)
 
 
+# `u` and `fixed` are bounded by one number, `free` by none: x = 3 * 0.5 after a step, whatever the agent says.
+FIXED = """model Fixed
+time t : s
+state x = 0 in 0..100
+action u = 3 in 3..3, v = 1 in 0..4
+eq d/dt x = u * v / 1 [s]
+observe x, fixed = 3 in 3..3, free = x in -inf..inf
+reward r default = u
+episode { step = 0.5 [s], max_steps = 3 }
+"""
+
+
+@pytest.mark.parametrize("kind", ["single", "vector"])
+def test_bounds_of_one_number_are_that_number(tmp_path, kind):
+    (tmp_path / "fixed.eq").write_text(FIXED)
+    for said in (-1.0, 0.0, 0.3, 1.0):
+        action = np.array([said, -0.5], np.float32)
+        if kind == "single":
+            env = smpl.Env(tmp_path / "fixed.eq")
+            env.reset(seed=0)
+            observation, reward, *_ = env.step(action)
+            np.testing.assert_array_equal(env.action, [3.0, 1.0])
+            np.testing.assert_allclose(env.reading, [1.5, 3.0, 1.5], rtol=1e-6)
+        else:
+            env = smpl.VectorEnv(tmp_path / "fixed.eq", 2)
+            env.reset(seed=0)
+            observations, rewards, *_ = env.step(np.stack([action, action]))
+            observation, reward = observations[1], rewards[1]
+        # (2 * 1.5 - 100) / 100; the middle of what has no width; as it is.
+        np.testing.assert_allclose(observation, [-0.97, 0.0, 1.5], rtol=1e-6)
+        assert reward == 3.0 and (env.single_observation_space if kind == "vector" else env.observation_space).contains(
+            observation
+        )
+        np.testing.assert_array_equal(env.to_physical(action), [3.0, 1.0])
+        np.testing.assert_array_equal(env.from_physical([3.0, 1.0]), [0.0, -0.5])
+
+
 def test_the_time_limit_truncates_after_exactly_max_steps(reactor):
     env = smpl.Env("reactor", normalize=False, max_steps=5)
     env.reset(options={"state": env.model.steady_state(NOMINAL, fixed={"h": 0.659})})

@@ -506,3 +506,71 @@ def test_an_episode_that_does_not_say_what_was_drawn_is_refused():
         smpl.fit(model, [replace(episode, given=None)], ["k"])
     with pytest.raises(ValueError, match="run 0 has the parameters c, which Decay has not"):
         smpl.fit(model, [replace(episode, given=replace(episode.given, parameters={"c": 1.0}))], ["k"])
+
+
+PLAIN = """model Plain
+time t : h
+param k : 1/h = 0.2 in 0.01..10
+param g = 1 in 0..10
+disturbance w = 0 ~ normal(0, 1)
+state x = 2 in -10..10
+eq d/dt x = -k*x + w/1 [h]
+observe y = g*x in -100..100 noise normal(0, 0.01)
+episode { step = 0.5, max_steps = 10, error_reward = -1 }
+"""
+
+
+def test_a_model_without_actions_is_fitted():
+    """SciPy's fit of the closed form."""
+    from scipy.optimize import curve_fit
+
+    times = 0.5 * np.arange(11)
+    read = 3 * np.exp(-0.7 * times) + np.random.default_rng(0).normal(0, 0.01, 11)
+    expected, covariance = curve_fit(
+        lambda t, k, g: 2 * g * np.exp(-k * t), times, read, [0.2, 1], np.full(11, 0.01), absolute_sigma=True
+    )
+    model = smpl.compile(source=PLAIN, settings={"rtol": 1e-10})
+    for kind in ("exact", "differences"):
+        found = smpl.fit(
+            model, {"time": times, "x": [2.0, *[np.nan] * 10], "obs.y": read}, ["k", "g"], derivatives=kind
+        )
+        np.testing.assert_allclose([found.parameters["k"], found.parameters["g"]], expected, rtol=1e-6)
+        np.testing.assert_allclose(found.covariance, covariance, rtol=1e-4)
+
+
+def test_every_run_of_a_table_of_many_is_one(tmp_path):
+    """x follows `x e^(-k h) + w (1 - e^(-k h))/k` with the disturbance of the step that a row ends."""
+    (tmp_path / "plain.eq").write_text(PLAIN)
+    k, g, count = 0.7, 1.5, 6
+    rows = ["run,step,time,x,w,obs.y"]
+    for run in range(2):
+        # What stands at the start is no disturbance of a step.
+        x, w = 2.0 + run, [9.0, *np.random.default_rng(run).normal(0, 1, count)]
+        for step in range(count + 1):
+            if step:
+                x = x * np.exp(-k / 2) + w[step] * (1 - np.exp(-k / 2)) / k
+            rows.append(",".join(map(repr, (run, step, step / 2, float(x), float(w[step]), float(g * x)))))
+    table = tmp_path / "all.csv"
+    table.write_text("\n".join(rows) + "\n")
+    model = smpl.compile(tmp_path / "plain.eq", settings={"rtol": 1e-10})
+    found = smpl.fit(model, table, ["k", "g"])
+    assert (found.parameters["k"], found.parameters["g"]) == pytest.approx((k, g), rel=1e-6)
+    assert len(found.residuals) == 2
+
+
+@pytest.mark.parametrize(
+    ("table", "says"),
+    [
+        ("step,x,w,obs.y\n1,2,0,2\n2,2,0,2\n", "the column step begins with 1, expected 0"),
+        ("step,x,w,obs.y\n0,2,0,2\n2,2,0,2\n", "the column step says 2 in row 1, expected 1"),
+        ("step,x,w,obs.y\n0,2,0,2\n1,2,0,2\n0,2,0,2\n", "run 1 has no steps behind its start"),
+        ("step,x,w,obs.y\n0,2,0,2\n1,2,,2\n", "the disturbance w is missing in row 1"),
+        ("step,x,w,w,obs.y\n0,2,0,0,2\n1,2,0,0,2\n", "two columns named 'w'"),
+    ],
+)
+def test_tables_that_are_no_runs_are_refused(tmp_path, table, says):
+    file = tmp_path / "t.csv"
+    file.write_text(table)
+    with pytest.raises(ValueError, match=says) as error:
+        smpl.fit(smpl.compile(source=PLAIN), file, ["k"])
+    assert "t.csv" in str(error.value)

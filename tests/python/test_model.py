@@ -258,3 +258,24 @@ def test_actions_at_the_step_before_are_nominal_as_in_a_first_step():
     )
     np.testing.assert_allclose(model.rhs(0.0, [2.0], [0.75]), [0.25], rtol=1e-14)
     np.testing.assert_allclose(model.step([2.0], [0.75]), [2.25], rtol=1e-6)
+
+
+@pytest.mark.parametrize(("u", "z", "gain"), [(0.5, 0.0, 2.0), (0.5 + 1.0 - np.log(1.5), np.log(1.5), 1.5)])
+def test_algebraic_equations_that_read_rates_are_linearised_with_them(u, z, gain):
+    """exp(z) = 1 + x'/2, x' = u - x + z: dz = dx' / (2 exp(z)), dx' = gain (du - dx), at rest and at x' = 1."""
+    model = smpl.compile(
+        source="""model W
+        time t : s
+        action u = 0.5 in -2..2
+        state x = 0.5 in -10..10
+        var z = 0
+        eq d/dt x = (u - x + z)/1 [s]
+        eq exp(z) = 1 + 0.5*value(d/dt x)
+        observe zz = z in -10..10, dx = value(der(x)) in -10..10
+        episode { step = 1 [s], max_steps = 3 }
+        """
+    )
+    a, b, c, d = model.linearize([0.5, z], [u])
+    part = gain / 2 / np.exp(z)
+    np.testing.assert_allclose([a, b], [[[-gain]], [[gain]]], rtol=1e-12)
+    np.testing.assert_allclose(np.hstack([c, d]), [[-part, part], [-gain, gain]], rtol=1e-12)

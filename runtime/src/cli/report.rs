@@ -5,14 +5,13 @@ use std::io::{IsTerminal, Write};
 use std::path::Path;
 
 use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan};
-use smpl_compiler::model::Quantity;
 use smpl_dsl::diagnostic::{Diagnostic, Label, Severity, SourceMap, codes, printable};
 use smpl_dsl::span::Span;
 
 use super::excerpt::Excerpt;
 use crate::catalogue::Element;
 use crate::environment::{ResetError, StepError};
-use crate::failure::{Short, unit_suffix};
+use crate::failure::beyond;
 use crate::load::LoadError;
 use crate::setup::SetupError;
 use crate::trajectory::{DataError, WriteError};
@@ -100,14 +99,6 @@ pub(super) fn warn_of_bounds<'e>(source: &str, given: impl Iterator<Item = (&'e 
     }
 }
 
-/// `h = 5 m lies outside of its bounds 0..1 m`, if it does.
-fn beyond(element: &Element, value: f64) -> Option<String> {
-    let unit = unit_suffix(&element.unit);
-    let (low, high) = (element.low, element.high);
-    let outside = !Quantity::admits(low, high, value);
-    outside.then(|| format!("{} = {}{unit} lies outside of its bounds {}..{}{unit}", element.name, Short(value), Short(low), Short(high)))
-}
-
 /// A fault in a data file is shown at its place in the file.
 impl From<DataError> for Failed {
     fn from(error: DataError) -> Self {
@@ -116,7 +107,7 @@ impl From<DataError> for Failed {
             DataError::NotANumber { path, line, text, .. } => Some((path, *line, text.as_str())),
             DataError::MissingColumns { path, .. } => Some((path, 1, "")),
             DataError::UnknownColumn { path, error } => Some((path, 1, error.name.as_str())),
-            DataError::Read { .. } | DataError::Empty { .. } | DataError::NoDisturbances { .. } => None,
+            DataError::Read { .. } | DataError::Empty { .. } | DataError::NoSteps { .. } | DataError::NoDisturbances { .. } => None,
         };
         let shown = place.and_then(|(path, line, word)| data_diagnostic(path, line, word, &error));
         shown.unwrap_or_else(|| Failed::Message(error.to_string()))

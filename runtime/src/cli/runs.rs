@@ -14,7 +14,7 @@ use super::plot::Sketch;
 use super::report::{self, Failed};
 use super::simulate::{Policy, SimulateArguments};
 use crate::environment::{Environment, ResetOptions, StateInput, StepResult};
-use crate::failure::Short;
+use crate::failure::{Short, beyond};
 use crate::load::LoadOptions;
 use crate::scenario::{Value, Variant};
 use crate::setup::Setup;
@@ -50,6 +50,8 @@ struct Point {
     policy: String,
     /// The values, one a sweep.
     values: Vec<Value>,
+    /// Why no run begins there.
+    broken: Option<String>,
 }
 
 /// How a run went.
@@ -107,7 +109,7 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
     let count = combinations(&arguments.sweep).and_then(|n| n.checked_mul(episodes)).filter(|n| *n <= MOST_RUNS);
     let Some(count) = count else { return Err(Failed::Message(format!("these are more than {MOST_RUNS} runs"))) };
     let points = points(arguments)?;
-    arguments.warn_of_initial(&points[0].setup, &arguments.reset_options(&points[0].setup)?);
+    arguments.warn_of_bounds(&points[0].setup, &arguments.reset_options(&points[0].setup)?);
     let mut sketch = None;
     if let Some(path) = &arguments.plot {
         sketch = Some(Sketch::new(path, &arguments.show, &points[0].setup)?);
@@ -134,6 +136,10 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
 /// Compiles what has to be compiled, each only once.
 fn points(arguments: &SimulateArguments) -> Result<Vec<Point>, Failed> {
     let sweeps = &arguments.sweep;
+    let first = |name: &str| sweeps.iter().position(|sweep| sweep.name == name);
+    if let Some((_, twice)) = sweeps.iter().enumerate().find(|(i, sweep)| first(&sweep.name) != Some(*i)) {
+        return Err(Failed::Message(format!("--sweep {} is given twice: give all of its values in one", twice.name)));
+    }
     let first = |options: &mut LoadOptions| {
         if let Some(sweep) = sweeps.iter().find(|s| s.name == "scenario") {
             options.scenario = Some(sweep.values[0].to_string());
@@ -191,7 +197,7 @@ fn changed(mut options: LoadOptions, sweeps: &[Sweep], targets: &[Target], value
 fn point(arguments: &SimulateArguments, setup: Arc<Setup>, targets: &[Target], values: Vec<Value>) -> Result<Point, Failed> {
     let mut reset = arguments.reset_options(&setup)?;
     let mut policy = arguments.policy.clone();
-    let mut states = BTreeMap::new();
+    let (mut states, mut broken) = (BTreeMap::new(), None);
     for ((sweep, target), value) in arguments.sweep.iter().zip(targets).zip(&values) {
         let number = || match value.number() {
             Some(x) if x.is_finite() => Ok(x),
@@ -202,11 +208,15 @@ fn point(arguments: &SimulateArguments, setup: Arc<Setup>, targets: &[Target], v
             Target::Parameter => {
                 reset.parameters.insert(sweep.name.clone(), number()?);
             }
-            Target::State => {
-                states.insert(sweep.name.clone(), number()?);
-            }
-            Target::Discrete => {
-                reset.discrete.insert(sweep.name.clone(), number()?);
+            Target::State | Target::Discrete => {
+                let (family, given) = match target {
+                    Target::State => (&setup.catalogue.states, &mut states),
+                    _ => (&setup.catalogue.discretes, &mut reset.discrete),
+                };
+                let value = number()?;
+                given.insert(sweep.name.clone(), value);
+                let outside = family.find(&sweep.name).and_then(|element| beyond(element, value));
+                broken = broken.or(outside.map(|outside| format!("initial value {outside}")));
             }
             Target::Scenario | Target::Variant | Target::Setting => {}
         }
@@ -217,7 +227,7 @@ fn point(arguments: &SimulateArguments, setup: Arc<Setup>, targets: &[Target], v
         }
         reset.state = StateInput::Named(states);
     }
-    Ok(Point { setup, reset, policy, values })
+    Ok(Point { setup, reset, policy, values, broken })
 }
 
 fn run_all(arguments: &SimulateArguments, points: &[Point], episodes: usize, count: usize, keeps: bool) -> Result<Vec<Outcome>, Failed> {
@@ -266,6 +276,10 @@ fn episode_of(
     let mut outcome =
         Outcome { steps: 0, time: 0.0, sums: vec![0.0; 1 + rewards], end: End::NotEnded, drawn: Vec::new(), table: None, moved: false };
     environment.set_keep_going(arguments.keep_going);
+    if let Some(reason) = &point.broken {
+        outcome.end = End::Broken(reason.clone());
+        return outcome;
+    }
     if let Err(error) = environment.reset(Some(seed), &point.reset) {
         outcome.end = End::Broken(error.to_string());
         return outcome;

@@ -12,7 +12,7 @@ use super::report::{self, Failed};
 use super::{ModelArguments, outputs};
 use crate::catalogue::UnknownName;
 use crate::environment::{Environment, ResetOptions, Start, StateInput};
-use crate::failure::Short;
+use crate::failure::{Short, beyond};
 use crate::load::{LoadOptions, Loaded};
 use crate::random::Stream;
 use crate::setup::{Setup, method};
@@ -199,7 +199,7 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
     let mut environment = Environment::new(arguments.setup_of(loaded)?)?;
     let mut policy = arguments.policy_named(&arguments.policy, arguments.seed, &environment)?;
     let reset = arguments.reset_options(environment.setup())?;
-    arguments.warn_of_initial(environment.setup(), &reset);
+    arguments.warn_of_bounds(environment.setup(), &reset);
     environment.set_keep_going(arguments.keep_going);
     environment.reset(Some(arguments.seed), &reset)?;
 
@@ -341,13 +341,21 @@ impl SimulateArguments {
         Ok(options)
     }
 
-    /// Says which of the initial values that are given lie outside of their bounds.
-    pub(crate) fn warn_of_initial(&self, setup: &Setup, reset: &ResetOptions) {
-        let (Some(path), StateInput::Named(states)) = (&self.init, &reset.state) else { return };
+    /// Says which of the initial values and of the recorded disturbances that are given lie outside of their bounds.
+    pub(crate) fn warn_of_bounds(&self, setup: &Setup, reset: &ResetOptions) {
         let catalogue = &setup.catalogue;
-        let states = states.iter().filter_map(|(name, &value)| Some((catalogue.states.find(name)?, value)));
-        let discretes = reset.discrete.iter().filter_map(|(name, &value)| Some((catalogue.discretes.find(name)?, value)));
-        report::warn_of_bounds(&path.display().to_string(), states.chain(discretes));
+        if let (Some(path), StateInput::Named(states)) = (&self.init, &reset.state) {
+            let states = states.iter().filter_map(|(name, &value)| Some((catalogue.states.find(name)?, value)));
+            let discretes = reset.discrete.iter().filter_map(|(name, &value)| Some((catalogue.discretes.find(name)?, value)));
+            report::warn_of_bounds(&path.display().to_string(), states.chain(discretes));
+        }
+        if let Some(path) = &self.disturbances {
+            let first = reset.disturbances.iter().filter_map(|(name, values)| {
+                let element = catalogue.disturbances.find(name)?;
+                values.iter().find(|value| beyond(element, **value).is_some()).map(|&value| (element, value))
+            });
+            report::warn_of_bounds(&path.display().to_string(), first);
+        }
     }
 }
 

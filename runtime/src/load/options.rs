@@ -9,6 +9,7 @@ use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes};
 
 use super::{LoadError, LoadOptions, Loaded};
 use crate::catalogue;
+use crate::failure::beyond;
 use crate::scenario::{Disturbances, Noise, Recorded, Scenario, Value};
 use crate::setup::EnvironmentOptions;
 
@@ -85,6 +86,12 @@ fn names_of_scenario(scenario: &Scenario, model: &CompiledModel, sources: &Sourc
     if let Some(Disturbances::Values(values)) = &scenario.disturbances {
         let elements = catalogue::disturbances(model);
         compare("disturbances", "disturbance", values.keys().collect(), elements.names().collect());
+        for (name, recorded) in values {
+            let Some(element) = elements.find(name) else { continue };
+            if let Some(message) = recorded.values().iter().find_map(|value| beyond(element, *value)) {
+                faults.push(Diagnostic::error(codes::BAD_SCENARIO, message, scenario.place_under(sources, "disturbances", name)));
+            }
+        }
     }
     faults
 }
@@ -114,12 +121,6 @@ fn recorded(scenario: &Scenario, model: &CompiledModel) -> BTreeMap<String, Vec<
             let elements = catalogue::disturbances(model);
             elements.elements().iter().map(|e| (e.name.clone(), vec![if e.default.is_finite() { e.default } else { 0.0 }])).collect()
         }
-        Some(Disturbances::Values(values)) => values
-            .iter()
-            .map(|(name, recorded)| match recorded {
-                Recorded::Constant(x) => (name.clone(), vec![*x]),
-                Recorded::Sequence { values, .. } => (name.clone(), values.clone()),
-            })
-            .collect(),
+        Some(Disturbances::Values(values)) => values.iter().map(|(name, recorded)| (name.clone(), recorded.values().to_vec())).collect(),
     }
 }

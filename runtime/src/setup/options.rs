@@ -73,6 +73,23 @@ impl SolverOverrides {
         }
     }
 
+    /// What is given, by the names of settings.
+    pub(crate) fn names(&self) -> impl Iterator<Item = &'static str> {
+        let given = [
+            ("rtol", self.rtol.is_some()),
+            ("atol_factor", self.atol_factor.is_some()),
+            ("max_order", self.max_order.is_some()),
+            ("max_internal_steps", self.max_steps.is_some()),
+            ("max_events", self.max_events.is_some()),
+            ("max_step", self.max_step.is_some()),
+            ("algebraic_error_control", self.algebraic_error_control.is_some()),
+            ("quadrature_error_control", self.quadrature_error_control.is_some()),
+            ("linear_solver", self.linear_solver.is_some()),
+            ("method", self.method.is_some()),
+        ];
+        given.into_iter().filter(|(_, given)| *given).map(|(name, _)| name)
+    }
+
     /// The first entry that the solver cannot take: its name, what it must be, and what it is.
     pub(crate) fn bad_value(&self) -> Option<(&'static str, &'static str, String)> {
         let positive = |x: &f64| x.is_finite() && *x > 0.0;

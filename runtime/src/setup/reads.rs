@@ -3,13 +3,21 @@
 use std::collections::HashSet;
 
 use smpl_compiler::compiled::CompiledModel;
-use smpl_compiler::ir::{Expr, ExprId, Exprs, Flavour, Nest, Program, Role};
+use smpl_compiler::ir::{Expr, ExprId, Exprs, Flavour, Nest, Program, Role, VarId};
 use smpl_compiler::model::Model;
 
 /// Whether `finish` or the algebraic outputs read a time derivative.
 pub(super) fn finish_reads_derivatives(model: &CompiledModel) -> bool {
     let programs = &model.model().programs;
     reads_in(model.model(), values(&[&programs.finish, &programs.outputs]), Flavour::Derivative)
+}
+
+/// Whether an equation that determines an algebraic unknown reads a rate: the unknown is as right as the rate then, not as the states are.
+pub(super) fn algebraics_read_rates(model: &CompiledModel) -> bool {
+    let model = model.model();
+    let solved: HashSet<VarId> = model.interface.quantities.solved.iter().filter_map(|quantity| quantity.var).collect();
+    let rows = model.rows.iter().filter(|row| solved.contains(&row.var));
+    reads_in(model, rows.map(|row| row.residual).collect(), Flavour::Derivative)
 }
 
 /// Whether a step, or what it is judged by, reads the steady state.

@@ -43,7 +43,7 @@ pub enum SteadyError {
         below: bool,
     },
     /// The equations do not determine all unknowns.
-    #[error("the steady state is not determined{0}")]
+    #[error("{0}")]
     Undetermined(Freedom),
     /// An equation is NaN or infinite at the first guess.
     #[error("the {equation} is not finite at the first guess")]
@@ -97,8 +97,32 @@ pub struct Freedom {
     pub sums: Vec<ConservedSum>,
     /// Algebraic variables that their own equations leave free.
     pub algebraics: Vec<String>,
-    /// States that change whatever the state of the model is, with their rates in the model's units.
-    pub drifts: Vec<(String, f64)>,
+    /// Sums of states that change whatever the state of the model is: with these actions and parameters nothing rests.
+    pub drifts: Vec<Drift>,
+    /// The actions that act on them.
+    pub moved_by: Vec<String>,
+}
+
+/// A sum of states, or a single one, with a rate that no state changes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drift {
+    /// States and their factors.
+    pub terms: Vec<(f64, String)>,
+    /// The rate.
+    pub rate: f64,
+    /// Its unit, if the states have one in common.
+    pub unit: Option<String>,
+}
+
+impl fmt::Display for Drift {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("d/dt ")?;
+        match self.terms.as_slice() {
+            [(1.0, name)] => f.write_str(name)?,
+            terms => write!(f, "({})", Sum(terms))?,
+        }
+        write!(f, " = {}{}", Short(self.rate), unit_suffix(self.unit.as_deref().unwrap_or("")))
+    }
 }
 
 /// A sum of states that nothing changes.
@@ -114,7 +138,16 @@ pub struct ConservedSum {
 
 impl fmt::Display for ConservedSum {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (i, (factor, name)) in self.terms.iter().enumerate() {
+        Sum(&self.terms).fmt(f)
+    }
+}
+
+/// Terms as a sum.
+struct Sum<'a>(&'a [(f64, String)]);
+
+impl fmt::Display for Sum<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, (factor, name)) in self.0.iter().enumerate() {
             let sign = match (i, *factor < 0.0) {
                 (0, false) => "",
                 (0, true) => "-",
@@ -133,6 +166,10 @@ impl fmt::Display for ConservedSum {
 
 impl fmt::Display for Freedom {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if !self.drifts.is_empty() {
+            return self.without_rest(f);
+        }
+        f.write_str("the steady state is not determined")?;
         if self.states.is_empty() {
             return match self.algebraics.as_slice() {
                 [] => f.write_str(": the equations at rest are singular"),
@@ -140,41 +177,64 @@ impl fmt::Display for Freedom {
                 names => write!(f, ": the algebraic equations leave {} free, at any state", names.join(", ")),
             };
         }
-        for (i, sum) in self.sums.iter().enumerate() {
-            let unit = unit_suffix(sum.unit.as_deref().unwrap_or(""));
-            write!(f, "{} {sum} ({}{unit} at the first guess)", if i == 0 { ":" } else { " and" }, Short(sum.value))?;
+        if !self.sums.is_empty() {
+            f.write_str(": ")?;
+            self.conserved(f)?;
         }
-        match self.sums.len() {
-            0 => {}
-            1 => f.write_str(" is conserved")?,
-            _ => f.write_str(" are conserved")?,
+        let what = match (self.states.len(), self.sums.is_empty()) {
+            (1, true) => "fix a state that integrates".to_owned(),
+            (n, true) => format!("fix {n} states that integrate, all of them"),
+            (1, false) => "give its value, or fix a state".to_owned(),
+            (n, false) => format!("give their values, or fix {n} states, all of them"),
+        };
+        write!(f, ": {what}, ")?;
+        self.ways(f)
+    }
+}
+
+impl Freedom {
+    /// Why nothing rests, and what would.
+    fn without_rest(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (one, drifts) = (self.drifts.len() == 1, and(self.drifts.iter()));
+        let (acted, word) = if one { ("it", "a state") } else { ("them", "states") };
+        write!(f, "there is no steady state with these actions and parameters: {drifts}, whatever the state; ")?;
+        match self.moved_by.as_slice() {
+            [] => write!(f, "no action acts on {acted}: only other parameters may bring {acted} to zero")?,
+            [name] => write!(f, "the action {name} acts on {acted}: give it another value")?,
+            names => write!(f, "the actions {} act on {acted}: give them other values", and(names.iter()))?,
         }
-        let one = self.states.len() == 1;
-        let fixed = |join: &str, before: &str| {
-            let entries: Vec<String> = self.states.iter().map(|name| format!("{before}{name}=...")).collect();
+        if !self.sums.is_empty() {
+            f.write_str("; ")?;
+            self.conserved(f)?;
+        }
+        write!(f, "; or hold {word}, ")?;
+        self.ways(f)
+    }
+
+    /// `A + B (1 mol at the first guess) is conserved`.
+    fn conserved(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let unit = |sum: &ConservedSum| unit_suffix(sum.unit.as_deref().unwrap_or(""));
+        let sums = self.sums.iter().map(|sum| format!("{sum} ({}{} at the first guess)", Short(sum.value), unit(sum)));
+        write!(f, "{} {} conserved", and(sums), if self.sums.len() == 1 { "is" } else { "are" })
+    }
+
+    /// How the states, or the sums, are given.
+    fn ways(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let fixed = |join: &str, before: &str, after: &str| {
+            let entries: Vec<String> = self.states.iter().map(|name| format!("{before}{name}{after}")).collect();
             entries.join(join)
         };
-        let what = match (one, self.sums.is_empty()) {
-            (true, true) => "fix a state that integrates".to_owned(),
-            (false, true) => format!("fix {} states that integrate, all of them", self.states.len()),
-            (true, false) => "give its value, or fix a state".to_owned(),
-            (false, false) => format!("give their values, or fix {} states, all of them", self.states.len()),
-        };
-        write!(f, ": {what}, `steady {{ {} }}` in the model", fixed(", ", "").replace('=', " = "))?;
+        write!(f, "`steady {{ {} }}` in the model", fixed(", ", "", " = ..."))?;
         let shown = |sum: &&ConservedSum| sum.unit.is_some();
         let sums: Vec<String> = self.sums.iter().filter(shown).map(|sum| format!("{sum} = {}", Short(sum.value))).collect();
-        if !sums.is_empty() {
+        if !sums.is_empty() && self.drifts.is_empty() {
             write!(f, ", or `steady {{ {} }}`", sums.join(", "))?;
         }
-        write!(f, ", or `{}`", fixed(" ", "--fix "))?;
-        for (i, (name, rate)) in self.drifts.iter().enumerate() {
-            write!(
-                f,
-                "{} d/dt {name} is {}",
-                if i == 0 { "; whatever the state, with these actions and parameters" } else { "," },
-                Short(*rate)
-            )?;
-        }
-        Ok(())
+        write!(f, ", or `{}`", fixed(" ", "--fix ", "=..."))
     }
+}
+
+/// `a`, `a and b`, `a and b and c`.
+fn and(parts: impl Iterator<Item = impl fmt::Display>) -> String {
+    parts.map(|part| part.to_string()).collect::<Vec<_>>().join(" and ")
 }

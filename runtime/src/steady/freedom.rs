@@ -1,12 +1,14 @@
 //! What the equations at rest leave free: null spaces of the Jacobian.
 //!
 //! A vector of the right null space is a direction along which the states may be moved at rest; one of the left null space that is the same
-//! at every point, and under which the rates add up to zero, is a sum that nothing changes. A state determines the rest if the
+//! at every point is a sum whose rate no state changes: it is conserved where that rate is zero, and otherwise nothing rests. A state determines the rest if the
 //! Jacobian without its row and column is regular, which holds where neither null space is zero in it.
 
 use nalgebra::{DMatrix, DVector};
 
-use super::error::{ConservedSum, Freedom};
+use smpl_compiler::compiled::{Derived, WithRespectTo};
+
+use super::error::{ConservedSum, Drift, Freedom};
 use super::problem::Problem;
 use crate::catalogue::{Catalogue, Element};
 use crate::system::CompiledSystem;
@@ -17,6 +19,11 @@ pub(super) const LARGE: usize = 500;
 const NONE: f64 = 1e-12;
 /// Entry of a null vector, relative to the largest, that counts as none.
 const SMALL: f64 = 1e-7;
+/// A sum of terms, relative to their sizes, that counts as none; a part of the largest of several numbers that does; a change within a step, relative to the
+/// values that it is one of.
+const NO_SUM: f64 = 1e-9;
+const NO_PART: f64 = 1e-12;
+const NO_CHANGE: f64 = 1e-13;
 /// Distances from the guess, relative to the scales, of the points at which the equations are looked at.
 const DISTANCES: [f64; 3] = [0.0, 0.013, 0.021];
 
@@ -63,18 +70,27 @@ pub(super) fn freedom(problem: &mut Problem, system: &mut CompiledSystem, catalo
     let mut chosen = chosen;
     chosen.sort_unstable();
     let explicit = system.model().explicit();
-    let sums = if explicit { conserved(&null, &samples, at, &problem.free, states) } else { Vec::new() };
-    // A state that nothing changes on its own is one that integrates.
-    let sums = sums.iter().map(|sum| described(sum, y, &problem.free, catalogue)).filter(|sum| sum.terms.len() > 1).collect();
-    let drifts = chosen.iter().filter_map(|&i| Some((name(&i)?, drift(&samples, i)?))).collect();
-    Some(Freedom { states: chosen.iter().filter_map(name).collect(), sums, algebraics: Vec::new(), drifts })
+    let unmoved = if explicit { unmoved(&null, &samples, at, (problem, system), y) } else { Vec::new() };
+    let (mut sums, mut drifts, mut moved_by) = (Vec::new(), Vec::new(), Vec::<String>::new());
+    for one in &unmoved {
+        let sum = described(&one.factors, y, &problem.free, catalogue);
+        let acting = catalogue.actions.elements().iter().filter(|e| one.by_actions[e.at] != 0.0).map(|e| &e.name);
+        if one.rate != 0.0 {
+            let new: Vec<String> = acting.filter(|name| !moved_by.contains(name)).cloned().collect();
+            moved_by.extend(new);
+            let unit = sum.unit.as_ref().map(|unit| per_time(unit, &system.model().interface().time.unit));
+            drifts.push(Drift { terms: sum.terms, rate: one.rate, unit });
+        } else if sum.terms.len() > 1 || acting.count() == 0 {
+            // What an action moves, though not this one, is a state that integrates.
+            sums.push(sum);
+        }
+    }
+    Some(Freedom { states: chosen.iter().filter_map(name).collect(), sums, algebraics: Vec::new(), drifts, moved_by })
 }
 
-/// The rate of a state that no unknown moves, where it is not zero.
-fn drift(samples: &[Sample], i: usize) -> Option<f64> {
-    let rate = samples.first()?.rates[i];
-    let constant = samples.iter().all(|s| s.jacobian.row(i).amax() == 0.0 && s.rates[i] == rate);
-    (constant && rate != 0.0).then_some(rate)
+/// The unit of a rate.
+fn per_time(unit: &str, time: &str) -> String {
+    if time == "1" || time.is_empty() { unit.to_owned() } else { format!("{unit}/{time}") }
 }
 
 fn all(catalogue: &Catalogue) -> impl Iterator<Item = &Element> {
@@ -139,8 +155,17 @@ fn take_out(columns: &mut DMatrix<f64>, row: usize) {
     }
 }
 
-/// Sums of states that nothing changes, as factors of the free unknowns in reduced echelon form.
-fn conserved(null: &Null, samples: &[Sample], at: usize, free: &[usize], states: usize) -> Vec<DVector<f64>> {
+/// A sum of states whose rate no state changes.
+struct Unmoved {
+    /// By free unknown, zero for algebraic ones.
+    factors: DVector<f64>,
+    rate: f64,
+    /// Derivatives of the rate by actions, at their places.
+    by_actions: Vec<f64>,
+}
+
+/// Sums of states whose rates no state changes, in reduced echelon form.
+fn unmoved(null: &Null, samples: &[Sample], at: usize, (problem, system): (&Problem, &mut CompiledSystem), y: &[f64]) -> Vec<Unmoved> {
     // Factors of the rows themselves.
     let mut rows = null.left.clone();
     for (i, mut row) in rows.row_iter_mut().enumerate() {
@@ -150,33 +175,75 @@ fn conserved(null: &Null, samples: &[Sample], at: usize, free: &[usize], states:
         let largest = column.amax();
         column.apply(|x| *x = if x.abs() < SMALL * largest { 0.0 } else { *x / largest });
     }
-    // What is the same at all points: combinations of the vectors under which all Jacobians and rates vanish.
-    let mut changes = DMatrix::zeros(rows.ncols(), 0);
-    for sample in samples {
-        let n = sample.rates.len();
-        let raw = DMatrix::from_fn(n, n + 1, |i, j| sample.sizes[i] * if j < n { sample.jacobian[(i, j)] } else { sample.rates[i] });
-        let sums = rows.transpose() * &raw;
-        let sizes = rows.abs().transpose() * raw.abs();
-        let relative = sums.zip_map(&sizes, |sum, size| if size > 0.0 { sum / size } else { 0.0 });
-        let before = changes.ncols();
-        changes = changes.resize_horizontally(before + n + 1, 0.0);
-        changes.columns_mut(before, n + 1).copy_from(&relative);
+    let rows = same_everywhere(rows, samples);
+    let (n, states) = (rows.nrows(), system.model().states());
+    let rates = DMatrix::from_fn(n, 1, |i, _| samples[at].sizes[i] * samples[at].rates[i]);
+    let by_actions = by_actions(problem, system, y);
+    let mut whole = DMatrix::zeros(n + 1 + by_actions.ncols(), rows.ncols());
+    whole.rows_mut(0, n).copy_from(&rows);
+    for i in (0..n).filter(|&i| problem.free[i] >= states) {
+        whole.row_mut(i).fill(0.0);
     }
-    let eigen = (&changes * changes.transpose()).symmetric_eigen();
-    let kept: Vec<usize> = (0..rows.ncols()).filter(|&i| eigen.eigenvalues[i].abs() < 1e-18).collect();
-    let mut sums = &rows * eigen.eigenvectors.select_columns(&kept);
-    for (i, mut row) in sums.row_iter_mut().enumerate() {
-        if free[i] >= states {
-            row.fill(0.0);
-        }
-    }
-    echelon(sums)
+    whole.rows_mut(n, 1).copy_from(&sum(&rates, &rows));
+    whole.rows_mut(n + 1, by_actions.ncols()).copy_from(&sum(&by_actions, &rows));
+    let largest: Vec<f64> = (n..whole.nrows()).map(|i| if whole.ncols() == 0 { 0.0 } else { whole.row(i).amax() }).collect();
+    let step = system.model().interface().episode.step;
+    let size = |factors: &DVector<f64>| -> f64 {
+        factors.iter().zip(&problem.free).map(|(x, &at)| x.abs() * (problem.scales[at] + y[at].abs())).sum()
+    };
+    let one = |column: DVector<f64>| {
+        let factors = column.rows(0, n).clone_owned();
+        let part = |i: usize| if column[n + i].abs() <= NO_PART * largest[i] { 0.0 } else { column[n + i] };
+        let rate = if part(0).abs() * step <= NO_CHANGE * size(&factors) { 0.0 } else { part(0) };
+        Unmoved { factors, rate, by_actions: (1..largest.len()).map(part).collect() }
+    };
+    echelon(whole, n).into_iter().map(one).collect()
 }
 
-/// Columns in reduced echelon form, without those that are zero.
-fn echelon(mut columns: DMatrix<f64>) -> Vec<DVector<f64>> {
+/// Combinations of the columns of `rows` under which the Jacobians of all samples vanish.
+fn same_everywhere(mut rows: DMatrix<f64>, samples: &[Sample]) -> DMatrix<f64> {
+    let raw: Vec<DMatrix<f64>> = samples
+        .iter()
+        .map(|sample| DMatrix::from_fn(rows.nrows(), rows.nrows(), |i, j| sample.sizes[i] * sample.jacobian[(i, j)]))
+        .collect();
+    while rows.ncols() > 0 {
+        let sums = raw.iter().map(|raw| sum(raw, &rows)).max_by(|a, b| a.amax().total_cmp(&b.amax()));
+        let Some(sums) = sums.filter(|sums| sums.amax() > 0.0) else { break };
+        // What moves one of them is taken out of the others, with it.
+        let (row, pivot) = sums.iamax_full();
+        let column = rows.column(pivot) / sums[(row, pivot)];
+        for j in (0..rows.ncols()).filter(|&j| j != pivot) {
+            rows.column_mut(j).axpy(-sums[(row, j)], &column, 1.0);
+        }
+        rows = rows.remove_column(pivot);
+    }
+    rows
+}
+
+/// Sums of the rows of `terms` by each column of factors, a row for each column of `terms`; what rounding leaves is zero.
+fn sum(terms: &DMatrix<f64>, factors: &DMatrix<f64>) -> DMatrix<f64> {
+    let sizes = terms.abs().transpose() * factors.abs();
+    (terms.transpose() * factors).zip_map(&sizes, |sum, size| if sum.abs() <= NO_SUM * size { 0.0 } else { sum })
+}
+
+/// Derivatives of the free rows by actions; none where they are not known.
+fn by_actions(problem: &Problem, system: &mut CompiledSystem, y: &[f64]) -> DMatrix<f64> {
+    let zero = vec![0.0; y.len()];
+    let (model, memory) = system.parts();
+    let mut out = DMatrix::zeros(problem.free.len(), memory.region(smpl_compiler::layout::Region::Action).len());
+    let triplets = model.derivative(Derived::Rows, WithRespectTo::Actions, memory, 0.0, (y, &zero)).unwrap_or_default();
+    for (row, column, value) in triplets {
+        if let (Some(place), false) = (problem.free.iter().position(|&at| at == row), problem.replaced().any(|at| at == row)) {
+            out[(place, column)] += value;
+        }
+    }
+    out
+}
+
+/// Columns in reduced echelon form of their first `pivots` rows, without those that are zero there.
+fn echelon(mut columns: DMatrix<f64>, pivots: usize) -> Vec<DVector<f64>> {
     let mut done = 0;
-    for row in 0..columns.nrows() {
+    for row in 0..pivots {
         if done == columns.ncols() {
             break;
         }
@@ -194,7 +261,12 @@ fn echelon(mut columns: DMatrix<f64>) -> Vec<DVector<f64>> {
         columns.set_column(done, &column);
         done += 1;
     }
-    (0..done).map(|j| columns.column(j).map(|x| if x.abs() < SMALL { 0.0 } else { rounded(x) })).collect()
+    let neat = |i: usize, x: f64| match x {
+        x if i >= pivots => x,
+        x if x.abs() < SMALL => 0.0,
+        x => rounded(x),
+    };
+    (0..done).map(|j| columns.column(j).map_with_location(|i, _, x| neat(i, x))).collect()
 }
 
 /// A factor without the roundoff of the null space, where it is a ratio of small numbers.

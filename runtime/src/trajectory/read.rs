@@ -1,6 +1,7 @@
 //! Reading of actions, initial states and disturbances.
 
 use std::collections::{BTreeMap, HashMap};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::catalogue::{Catalogue, Family, UnknownName};
@@ -71,6 +72,12 @@ pub enum DataError {
     /// A table without rows.
     #[error("{}: no rows", path.display())]
     Empty {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A table of a start alone.
+    #[error("{}: the only row is that of the start; rows of steps are expected behind it", path.display())]
+    NoSteps {
         /// The file.
         path: PathBuf,
     },
@@ -173,6 +180,37 @@ impl RawTable {
         }
     }
 
+    /// The rows of the steps. A column `step` counts them: where it begins with 0, as in the tables that are written, the first row is the
+    /// start, before any step. A first row without any of the values that are read is the start too.
+    fn rows_of_steps(&self, columns: &[usize]) -> Result<Range<usize>, DataError> {
+        self.once(["step"].into_iter())?;
+        let rows = self.rows.len();
+        let first = match self.column("step").filter(|count| !columns.contains(count)) {
+            Some(count) => self.counted_from(count)?,
+            None => usize::from(!columns.is_empty() && self.is_blank(0, columns)),
+        };
+        if first == rows { Err(DataError::NoSteps { path: self.path.clone() }) } else { Ok(first..rows) }
+    }
+
+    /// The first row of a step, where a column counts the steps: 0 at the start, else 1 in the first row, and one more in every further one.
+    fn counted_from(&self, count: usize) -> Result<usize, DataError> {
+        let first = self.number(0, count)?;
+        let mut expected = if first == 0.0 { 0.0 } else { 1.0 };
+        for (row, (line, _)) in self.rows.iter().enumerate() {
+            let found = self.number(row, count)?;
+            if found != expected {
+                let expected = if row == 0 { "0, the start, or 1".into() } else { expected.to_string() };
+                let message = format!(
+                    "the column `step` says {found} where {expected} is expected: rows are the steps of one run, one after another; leave \
+                     the column out where it counts something else"
+                );
+                return Err(DataError::Malformed { path: self.path.clone(), line: *line, message });
+            }
+            expected += 1.0;
+        }
+        Ok(usize::from(first == 0.0))
+    }
+
     fn is_blank(&self, row: usize, columns: &[usize]) -> bool {
         columns.iter().all(|&c| self.rows[row].1.get(c).is_none_or(str::is_empty))
     }
@@ -209,16 +247,21 @@ fn fault(path: &Path, error: csv::Error) -> DataError {
     DataError::Malformed { path: path.to_owned(), line, message }
 }
 
-/// Actions of the steps 1, 2, ...: one row a step with one number an action in their order. A first row without actions is row 0
-/// and skipped; other columns are ignored.
+/// Actions of the steps 1, 2, ...: one row a step with one number an action in their order. The start, step 0, is skipped, and a first row
+/// without actions; columns other than `step` are ignored.
 ///
 /// # Errors
 /// See [`DataError`].
 pub fn read_actions(path: &Path, catalogue: &Catalogue) -> Result<Vec<Vec<f64>>, DataError> {
     let table = RawTable::read(path)?;
     let columns = required(&table, &catalogue.actions)?;
-    let first = usize::from(!columns.is_empty() && table.is_blank(0, &columns));
-    (first..table.rows.len()).map(|row| columns.iter().map(|&c| table.number(row, c)).collect()).collect()
+    let steps = table.rows_of_steps(&columns)?;
+    if steps.start == 1 && !table.is_blank(0, &columns) {
+        let message =
+            "an action stands in the row of step 0, the start, before any step: count the steps from 1, or leave the column `step` out";
+        return Err(DataError::Malformed { path: table.path.clone(), line: table.rows[0].0, message: message.into() });
+    }
+    steps.map(|row| columns.iter().map(|&c| table.number(row, c)).collect()).collect()
 }
 
 fn required(table: &RawTable, family: &Family) -> Result<Vec<usize>, DataError> {
@@ -232,8 +275,8 @@ fn required(table: &RawTable, family: &Family) -> Result<Vec<usize>, DataError> 
     }
 }
 
-/// Recorded disturbances, row 1 is step 1: the columns named as disturbances. Other columns are ignored, but there must be one. A first row
-/// without them is row 0 and skipped.
+/// Recorded disturbances of the steps 1, 2, ...: the columns named as disturbances, of which there must be one. The start, step 0, is skipped
+/// whatever stands there, and a first row without disturbances; columns other than `step` are ignored.
 ///
 /// # Errors
 /// See [`DataError`].
@@ -249,8 +292,8 @@ pub(crate) fn read_disturbances(path: &Path, catalogue: &Catalogue) -> Result<Se
         let names = catalogue.disturbances.names().map(str::to_owned).collect();
         return Err(DataError::MissingColumns { path: table.path.clone(), names, present: table.names.clone() });
     }
-    let first = usize::from(table.is_blank(0, &columns));
-    let sequence = |&c: &usize| (first..table.rows.len()).map(|row| table.number(row, c)).collect::<Result<_, _>>();
+    let steps = table.rows_of_steps(&columns)?;
+    let sequence = |&c: &usize| steps.clone().map(|row| table.number(row, c)).collect::<Result<_, _>>();
     names.iter().zip(&columns).map(|(name, c)| Ok(((*name).to_owned(), sequence(c)?))).collect()
 }
 
