@@ -203,6 +203,13 @@ fn extremum(l: &mut Lowering<'_, '_>, span: Span, name: &str, f: BinaryFn, argum
 fn clip(l: &mut Lowering<'_, '_>, span: Span, arguments: &[Expr], place: &Place) -> Value {
     let v: Vec<(Value, Span)> = arguments.iter().map(|a| (l.value(a, place), a.span)).collect();
     let [x, low, high] = &v[..] else { return l.poison() };
+    if let (Some(a), Some(b)) = (l.exprs.as_const(low.0.expr), l.exprs.as_const(high.0.expr))
+        && let Some((factor, offset)) = units::conversion(&high.0.unit.unit(), &low.0.unit.unit())
+        && a > factor * b + offset
+    {
+        let message = "the upper limit of `clip` lies below the lower one";
+        return l.fault(Diagnostic::error(codes::WRONG_ARGUMENTS, message, low.1.to(high.1)).help("the form is `clip(x, low, high)`"));
+    }
     let above = l.values().fold_extremum(BinaryFn::Max, vec![x.clone(), low.clone()], span);
     l.values().fold_extremum(BinaryFn::Min, vec![(above, x.1), high.clone()], span)
 }
