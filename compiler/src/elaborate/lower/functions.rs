@@ -295,7 +295,7 @@ fn quadrature(l: &mut Lowering<'_, '_>, span: Span, a: &Expr, place: &Place) -> 
         Measure::Of(u) => units::times(u, &l.symbols.time_unit),
         _ => l.symbols.time_unit.clone(),
     };
-    let at = l.hidden.quadratures.element(v.expr);
+    let at = l.hidden.quadratures.element(v.expr, &unit);
     let expr = l.exprs.load(l.hidden.quadratures.var, Flavour::Value, Affine::constant(at as i64));
     Value::of(expr, unit)
 }
