@@ -96,11 +96,21 @@ fn front_end(sources: &mut SourceMap, main: FileId, loader: &mut Loader, options
         Ok(elaborated) => elaborated,
         Err(faults) => return Err(independent(sources, texts.faults, faults)),
     };
-    let (model, mut warnings) = determine(elaborated)?;
+    let (mut model, mut warnings) = determine(elaborated)?;
+    if model.interface.name.is_empty() {
+        model.interface.name = named_after(sources.name(main));
+    }
     if options.lints {
         elaborate::unused_parameters(&model, sources, main, &texts.ids).into_iter().for_each(|w| warnings.push(w));
     }
     Ok((model, warnings))
+}
+
+/// What a model without a name is called: as its file.
+fn named_after(file: &str) -> String {
+    let stem = std::path::Path::new(file).file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
+    let name: String = stem.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+    if name.starts_with(|c: char| c.is_ascii_alphabetic()) { name } else { "model".to_owned() }
 }
 
 /// Which equation determines which unknown: completes the model, equations to rows.

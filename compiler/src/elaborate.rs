@@ -150,6 +150,7 @@ fn lowered(input: &Input<'_>, declaring: Declaring<'_, '_>, shown: Alternatives)
     model.interface.time = Time { name: symbols.time_name, unit: symbols.time_unit.to_string() };
     model.interface.draws = work.hidden.draws.list;
     model.quadratures = work.hidden.quadratures.list;
+    model.quadrature_units = work.hidden.quadratures.units;
     model.exprs = work.exprs;
     model.vars = symbols.vars;
     (Ok(Elaborated { model, equations, runs, warnings }), spent)

@@ -39,6 +39,8 @@ pub struct Model {
     pub roots: Vec<Root>,
     /// Integrands of the quadratures over a step, in the order of the variable of role `Quadrature`.
     pub quadratures: Vec<ExprId>,
+    /// Their units, for tables; none in a model that was read from JSON.
+    pub quadrature_units: Vec<String>,
     /// What runs at the instants of an episode.
     pub programs: Programs,
     /// Names, units, bounds, settings: all that is seen from outside.

@@ -80,6 +80,83 @@ fn numbers_beside_percentages_and_angles_mean_one_thing() {
     assert_close(value("%", "mod(1, share)"), 20.0);
 }
 
+/// What takes and gives pure numbers is a dimensionless quantity, of constants as of variables (x is 2): no number of the unit that a place
+/// declares.
+#[test]
+fn functions_of_constants_are_dimensionless_quantities() {
+    assert_close(value("deg", "asin(0.5)"), 30.0);
+    assert_close(value("deg", "asin(0.25 * x)"), 30.0);
+    assert_close(value("deg", "atan2(1, 1)"), 45.0);
+    assert_close(value("%", "exp(-0.5)"), 60.653_065_971_263_34);
+    assert_close(value("%", "exp(-0.25 * x)"), 60.653_065_971_263_34);
+    assert_close(value("%", "1 - exp(-0.5)"), 39.346_934_028_736_66);
+    assert_close(value("%", "sqrt(2 * cosh(0) + 2)"), 200.0);
+    // Branch by branch.
+    assert_close(value("deg", "if x > 5 then 5 else asin(0.5)"), 30.0);
+    assert_close(value("deg", "if x < 5 then 5 else asin(0.5)"), 5.0);
+    // The number of degrees stays the number of degrees.
+    assert_close(value("deg", "sqrt(900) + abs(-5) * 2^2 - clip(7, 0, 5)"), 45.0);
+    assert_close(value("deg", "pi"), std::f64::consts::PI);
+    assert_close(value("%", "value(share) + 1"), 41.0);
+    // A sign, and a power with a quantity as exponent, are of that quantity.
+    assert_close(value("%", "sign(-x)"), -100.0);
+    assert_close(value("%", "2^x"), 400.0);
+}
+
+/// The same where other statements declare a unit.
+#[test]
+fn functions_of_constants_are_dimensionless_wherever_a_unit_is_declared() {
+    let mut r = Running::new(
+        "table tilt[s] : deg = { a: asin(0.5), b: 5 }
+         set s = { a, b }
+         param p : deg = asin(0.5)
+         action u : deg = asin(0.5) in 0..90
+         state x : deg = 7 in 0..90
+         state y = 1
+         discrete d : % = 3
+         initial x = asin(0.5)
+         initial d = exp(-0.5)
+         eq d/dt x = 0
+         eq d/dt y = (tilt[a] + p - y) / 1 [s]
+         let shown : deg = tilt[a]
+         observe seen : deg = if y > 5 then 5 else asin(0.5) in 0..90
+         observe kept : deg = if y < 5 then 5 else asin(0.5) in 0..90
+         reward r : % default = if y > 5 then 5 else exp(-0.5)
+         policy level { u = asin(0.5) }",
+    );
+    assert_close(r.parameter("p"), 30.0);
+    assert_close(r.get("x"), 30.0);
+    assert_close(r.output("shown"), 30.0);
+    assert_close(r.model.interface().quantities.actions[0].default[0], 30.0);
+    assert_close(r.reward(0), 60.653_065_971_263_34);
+    assert_close(r.observation("seen"), 30.0);
+    assert_close(r.observation("kept"), 5.0);
+}
+
+/// A ratio without a declared unit is shown as the number: 1 bar are 100 kPa.
+#[test]
+fn ratios_are_observed_as_numbers() {
+    let mut r = Running::new(
+        "set s = { a, b }
+         state x : bar = 1 in 0..5
+         state v[s] : bar = 2 in 0..5
+         eq d/dt x = 0
+         eq d/dt v[i] = 0 for i in s
+         let ratio[i in s] = v[i] / 1 [kPa]
+         param share : % = 40
+         observe e = x / (1 [kPa]) in 0..500
+         observe ratio in 0..500
+         observe kept = 2 * share in 0..500
+         observe asked : % = x / 4 [bar] in 0..500",
+    );
+    assert_close(r.observation("e"), 100.0);
+    assert_close(r.observation("ratio[b]"), 200.0);
+    assert_close(r.observation("kept"), 80.0);
+    assert_close(r.observation("asked"), 25.0);
+    let units: Vec<&str> = r.model.interface().finish.observations.iter().map(|o| o.unit.as_str()).collect();
+    assert_eq!(units, ["1", "1", "1", "%", "%"]);
+}
+
 #[test]
 fn temperatures_are_points_and_differences() {
     assert_close(value("K", "kelvin(T)"), 298.15);

@@ -486,6 +486,47 @@ fn every_test_problem_in_c_computes_what_the_machine_code_does() {
     }
 }
 
+/// What only functions of a whole step need has the units of the text.
+#[test]
+fn context_has_its_units() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("units.eq");
+    let text = "model Units
+        time t : min
+        action u : L/min = 1 in 0..2
+        state x : L = 1 in 0..3
+        state T : degC = 20 in 0..30
+        eq d/dt x = u - x / 2 [min]
+        eq d/dt T = 1 [K/min]
+        observe x
+        reward r default = integral(x) / 1 [L min] + integral(value(u)) / 1 [min] + integral(T - 20 [degC]) / 1 [K min]
+          + (T - previous(T)) / 1 [K] + (u - previous(u)) / 1 [L/min] + (x - initial(x)) / 1 [L] + clock / 1 [min] + n
+        episode { step = 1 [min], max_steps = 3, error_reward = -1 }";
+    std::fs::write(&path, text).expect("written");
+    let loaded = load(&path, &LoadOptions::default()).expect("a model");
+    let module = export(&loaded, Target::Casadi, None).expect("an export").remove(0).text;
+    let table = module.split("CONTEXT = [").nth(1).and_then(|rest| rest.split("\n]").next()).expect("a table");
+    let units: Vec<(&str, &str)> = table
+        .lines()
+        .filter_map(|line| {
+            let mut quoted = line.split('"').skip(1).step_by(2);
+            Some((quoted.next()?, quoted.next()?))
+        })
+        .collect();
+    for wanted in [
+        ("steps", "1"),
+        ("clock", "min"),
+        ("integral(1)", "L min"),
+        ("integral(2)", "min"),
+        ("integral(3)", "K min"),
+        ("previous(T)", "degC"),
+        ("previous(u)", "L/min"),
+        ("initial(x)", "L"),
+    ] {
+        assert!(units.contains(&wanted), "{wanted:?} is not among {units:?}");
+    }
+}
+
 #[test]
 fn the_same_model_gives_the_same_text() {
     let loaded = load(&models().join("pensim.eq"), &LoadOptions::default()).expect("a model");

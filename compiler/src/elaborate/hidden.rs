@@ -2,6 +2,7 @@
 
 use cranelift_entity::PrimaryMap;
 use smpl_dsl::span::Span;
+use smpl_dsl::units::Unit;
 
 use crate::ir::{BUILTIN_COUNT, ExprId, Role, VarId};
 use crate::model::{Draw, Instant, Variable};
@@ -39,6 +40,8 @@ pub(in crate::elaborate) struct Quadratures {
     pub var: VarId,
     /// Integrands of its elements.
     pub list: Vec<ExprId>,
+    /// Units of the integrals; empty where two of one integrand have different ones.
+    pub units: Vec<String>,
 }
 
 impl Hidden {
@@ -47,7 +50,7 @@ impl Hidden {
         let mut hidden = |name: &str, role| vars.push(Variable { name: name.to_owned(), role, len: 0, span: Span::default() });
         let builtins = hidden("builtin", Role::Builtin);
         let draws = Draws { var: hidden("draw", Role::Draw), list: Vec::new(), site: None };
-        let quadratures = Quadratures { var: hidden("quadrature", Role::Quadrature), list: Vec::new() };
+        let quadratures = Quadratures { var: hidden("quadrature", Role::Quadrature), list: Vec::new(), units: Vec::new() };
         let param_given = hidden("given", Role::ParamGiven);
         vars[builtins].len = BUILTIN_COUNT;
         Hidden { builtins, param_given, draws, quadratures, steady: false }
@@ -62,6 +65,7 @@ impl Hidden {
     pub(in crate::elaborate) fn truncate(&mut self, (draws, quadratures): (usize, usize)) {
         self.draws.list.truncate(draws);
         self.quadratures.list.truncate(quadratures);
+        self.quadratures.units.truncate(quadratures);
     }
 
     /// Gives the variables their lengths.
@@ -73,11 +77,17 @@ impl Hidden {
 }
 
 impl Quadratures {
-    /// The element that integrates an expression.
-    pub(in crate::elaborate) fn element(&mut self, integrand: ExprId) -> usize {
-        self.list.iter().position(|&q| q == integrand).unwrap_or_else(|| {
+    /// The element that integrates an expression, with the unit of the integral.
+    pub(in crate::elaborate) fn element(&mut self, integrand: ExprId, unit: &Unit) -> usize {
+        let unit = unit.to_string();
+        let Some(at) = self.list.iter().position(|&q| q == integrand) else {
             self.list.push(integrand);
-            self.list.len() - 1
-        })
+            self.units.push(unit);
+            return self.list.len() - 1;
+        };
+        if self.units[at] != unit {
+            self.units[at].clear();
+        }
+        at
     }
 }

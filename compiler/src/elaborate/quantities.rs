@@ -86,8 +86,23 @@ fn default(l: &mut Lowering<'_, '_>, declared: &Declared<'_>, role: Role) -> Vec
     if role == Role::Discrete {
         return vec![f64::NAN];
     }
+    let reports = l.ledger.reports.diagnostics.len();
     let pieces = defaults::default_pieces(l, declared.symbol, Site::Reset);
-    numbers(l, declared.var, pieces)
+    let no_number = pieces.iter().any(|piece| defaults::constant_value(l, piece.value.1).is_some_and(f64::is_nan));
+    if no_number && !l.ledger.reports.has_errors() {
+        let (name, span) =
+            (&declared.declaration.name.text, declared.declaration.value.as_ref().map_or(declared.declaration.span, |e| e.span));
+        l.ledger.report(Diagnostic::error(codes::BAD_SETTING, format!("the value of `{name}` is not a number"), span));
+    }
+    let numbers = numbers(l, declared.var, pieces);
+    if let Some(e) = &declared.declaration.value
+        && role == Role::Action
+        && numbers.iter().any(|x| x.is_nan())
+        && l.ledger.reports.diagnostics.len() == reports
+    {
+        l.ledger.missing_value("a nominal value", e.span);
+    }
+    numbers
 }
 
 /// The lower and the upper bounds, infinite where there are none.

@@ -244,7 +244,8 @@ impl Sheet {
         for (array, keys) in [(Array::P, dynamic), (Array::C, rest)] {
             for (var, flavour, element) in keys {
                 let name = self.extra_name((var, flavour, element), nominal);
-                let made = extra_element(name, nominal.value(var, flavour, element), (var, element));
+                let unit = self.extra_unit((var, flavour, element));
+                let made = Element { unit, ..extra_element(name, nominal.value(var, flavour, element), (var, element)) };
                 let elements = if array == Array::P { &mut self.parameters } else { &mut self.context };
                 self.extra.insert((var, flavour, element), (array, elements.len() as u32));
                 elements.push(made);
@@ -299,6 +300,22 @@ impl Sheet {
         copy.map_or(name.clone(), |copy| format!("{copy}({name})"))
     }
 
+    /// The unit of a copy of a variable, or of what only functions of a whole step need; empty where it is not known.
+    fn extra_unit(&self, (var, flavour, element): (VarId, Flavour, u32)) -> String {
+        let f = &self.families;
+        let public = || {
+            let named = [&f.states, &f.solved, &f.actions, &self.parameters].into_iter().flatten();
+            named.into_iter().find(|e| e.place == Some((var, element))).map(|e| e.unit.clone())
+        };
+        match self.model.vars[var].role {
+            Role::Builtin if TIMES.contains(&element) => self.model.interface.time.unit.clone(),
+            Role::Quadrature => self.model.quadrature_units.get(element as usize).cloned().unwrap_or_default(),
+            Role::Builtin | Role::Draw | Role::ParamGiven => "1".into(),
+            _ if flavour == Flavour::Derivative => String::new(),
+            _ => public().unwrap_or_default(),
+        }
+    }
+
     /// The name of the parameter at a place of their region.
     fn parameter_at(&self, at: u32, nominal: &Nominal<'_>) -> String {
         let here = |e: &&Element| {
@@ -350,6 +367,9 @@ impl Sheet {
 
 /// Names of the elements of the builtin variable.
 const BUILTINS: [&str; 8] = ["steps", "clock", "step_length", "last_step", "failed", "action_excess", "begin", "derivative_factor"];
+
+/// Those of them that are times.
+const TIMES: [u32; 3] = [Builtin::Clock as u32, Builtin::StepLength as u32, Builtin::Begin as u32];
 
 fn numbered(name: &str, element: u32, len: u32) -> String {
     if len == 1 { name.to_owned() } else { format!("{name}[{}]", element + 1) }

@@ -108,7 +108,7 @@ registry! {
     BAD_DATA "E0702-bad-data" "a data file with missing columns or cells that are no numbers"
     HIDDEN_BUILT_IN "W0201-hidden-built-in" "a declaration takes the place of a built-in name such as `n` or `e`"
     UNUSED_PARAMETER "W0202-unused-parameter" "a parameter whose name stands nowhere but in its declaration"
-    BARE_NUMBER "W0301-bare-number" "a number without a unit beside a percentage, an angle in degrees or the like"
+    BARE_NUMBER "W0301-bare-number" "a number without a unit beside a percentage, an angle in degrees or the like, or one of these rounded as a number"
     ONE_SIDED_LIMIT "W0601-one-sided-limit" "a reward that limits a change over a step on one side only"
     START_OUTSIDE_BOUNDS "W0602-start-outside-bounds" "a state whose initial value lies outside of its declared bounds"
     INCOMPLETE_STEADY "W0603-incomplete-steady" "a `steady` block that leaves actions at their nominal values without saying so"

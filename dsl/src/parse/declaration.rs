@@ -83,8 +83,16 @@ pub(super) fn clip(context: &Context<'_>, children: &mut Children<'_>) -> Fallib
 
 /// `name = expr`, several.
 pub(super) fn arguments(context: &Context<'_>, children: Children<'_>) -> Fallible<Vec<(Ident, Expr)>> {
-    let parts = children.pairs.filter(|part| part.as_rule() == Rule::argument);
-    parts.map(|part| Ok((Children::new(part.clone()).name(context)?, only_expr(context, part)?))).collect()
+    let mut list: Vec<(Ident, Expr)> = Vec::new();
+    for part in children.pairs.filter(|part| part.as_rule() == Rule::argument) {
+        let name = Children::new(part.clone()).name(context)?;
+        if let Some((first, _)) = list.iter().find(|(known, _)| known.text == name.text) {
+            let fault = Diagnostic::error(codes::DUPLICATE_CLAUSE, format!("`{}` is given twice", name.text), name.span);
+            return Err(Box::new(fault.label("a second time").secondary(first.span, "first here").help("keep one of the two")));
+        }
+        list.push((name, only_expr(context, part)?));
+    }
+    Ok(list)
 }
 
 /// Sets a clause that may be given once.

@@ -31,6 +31,8 @@ struct Meaning {
     factors: Vec<(String, Rational)>,
     /// Whether it stands in a text, and did not come about by arithmetic.
     written: bool,
+    /// Whether its temperature is known to be a difference of two points on a scale, which no other scale can show as a point.
+    between_points: bool,
 }
 
 /// From a number in one unit to the number in another: `to = factor * from + offset`.
@@ -44,12 +46,14 @@ pub struct Conversion {
 
 impl Unit {
     fn new(dimension: Dimension, scale: Scale, kind: UnitKind, factors: Vec<(String, Rational)>) -> Self {
-        Self(Arc::new(Meaning { dimension, scale, kind, factors, written: true }))
+        Self(Arc::new(Meaning { dimension, scale, kind, factors, written: true, between_points: false }))
     }
 
     /// What arithmetic makes.
     fn made(dimension: Dimension, scale: Scale, factors: Vec<(String, Rational)>) -> Option<Self> {
-        scale.is_valid().then(|| Self(Arc::new(Meaning { dimension, scale, kind: UnitKind::Linear, factors, written: false })))
+        scale
+            .is_valid()
+            .then(|| Self(Arc::new(Meaning { dimension, scale, kind: UnitKind::Linear, factors, written: false, between_points: false })))
     }
 
     /// The same as one that stands in a text.
@@ -145,15 +149,27 @@ impl Unit {
     pub fn difference(&self) -> Self {
         match self.0.kind {
             UnitKind::Linear => self.clone(),
-            UnitKind::Point { .. } if self.0.scale == Scale::ONE => {
-                Self::named("K").unwrap_or_else(|| self.linear(vec![("K".to_owned(), Rational::ONE)]))
+            UnitKind::Point { .. } => {
+                memo::binary(memo::Operation::Difference, self, self, || Some(self.between())).unwrap_or_else(|| self.between())
             }
-            UnitKind::Point { .. } => self.linear(self.0.factors.clone()),
         }
     }
 
-    fn linear(&self, factors: Vec<(String, Rational)>) -> Self {
-        Self(Arc::new(Meaning { kind: UnitKind::Linear, factors, ..(*self.0).clone() }))
+    fn between(&self) -> Self {
+        let factors = if self.0.scale == Scale::ONE { vec![("K".to_owned(), Rational::ONE)] } else { self.0.factors.clone() };
+        Self(Arc::new(Meaning { kind: UnitKind::Linear, factors, between_points: true, ..(*self.0).clone() }))
+    }
+
+    /// Whether its temperature is known to be a difference of two points on a scale.
+    #[must_use]
+    pub fn is_between_points(&self) -> bool {
+        self.0.between_points
+    }
+
+    /// The same unit, of what is known to be a difference of two points, or of what is not.
+    #[must_use]
+    pub fn between_points(&self, known: bool) -> Self {
+        if self.0.between_points == known { self.clone() } else { Self(Arc::new(Meaning { between_points: known, ..(*self.0).clone() })) }
     }
 
     /// Unit of a product of differences; `None` beyond the range of exponents or factors.
@@ -175,7 +191,8 @@ impl Unit {
         for (symbol, exponent) in &other.difference().0.factors {
             add_factor(&mut factors, symbol, *exponent)?;
         }
-        Self::made(dimension, scale, factors)
+        let known = !dimension.is_none() && (self.difference().0.between_points || other.difference().0.between_points);
+        Some(Self::made(dimension, scale, factors)?.between_points(known))
     }
 
     /// Unit of a quotient of differences.
@@ -203,7 +220,8 @@ impl Unit {
         }
         let dimension = self.0.dimension.power(exponent)?;
         let scale = self.0.scale.power(exponent);
-        Self::made(dimension, scale, factors)
+        let known = !dimension.is_none() && self.difference().0.between_points;
+        Some(Self::made(dimension, scale, factors)?.between_points(known))
     }
 
     /// By what a number (a difference, for points) in this unit is multiplied to give the number in `other`; exactly 1 for equal units, `None` for
@@ -281,6 +299,7 @@ mod memo {
         Multiply,
         Divide,
         Power(Rational),
+        Difference,
     }
 
     /// The operands are held, so that no other unit can come to lie at their addresses.

@@ -2,7 +2,7 @@
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Form, Ident, Statement, StatementKind, Table};
+use smpl_dsl::syntax::{Form, Ident, Statement, StatementKind, Table, TableCells};
 
 use crate::elaborate::ledger::Ledger;
 use crate::elaborate::naming::Naming;
@@ -110,17 +110,27 @@ impl Ledger {
         }
     }
 
-    /// Members of a set are distinct.
-    pub(in crate::elaborate) fn check_members(&mut self, names: &[Ident]) {
+    /// Members of a set, options of a choice and rows of a table are distinct.
+    pub(in crate::elaborate) fn check_members<'n>(&mut self, what: &str, names: impl IntoIterator<Item = &'n Ident>) {
         let mut seen: FastMap<&str, Span> = FastMap::default();
         for name in names {
             if let Some(&first) = seen.get(name.text.as_str()) {
                 self.report(
-                    Diagnostic::error(codes::DUPLICATE_NAME, format!("`{}` is twice in the set", name.text), name.span)
+                    Diagnostic::error(codes::DUPLICATE_NAME, format!("`{}` is twice in the {what}", name.text), name.span)
                         .secondary(first, "first here"),
                 );
             }
             seen.entry(&name.text).or_insert(name.span);
+        }
+    }
+
+    /// A table has one row for a member, and a row one value for each.
+    pub(in crate::elaborate) fn check_rows(&mut self, table: &Table) {
+        self.check_members("table", table.rows.iter().map(|row| &row.label));
+        for row in &table.rows {
+            if let TableCells::Sparse(cells) = &row.cells {
+                self.check_members("row", cells.iter().map(|(name, _)| name));
+            }
         }
     }
 

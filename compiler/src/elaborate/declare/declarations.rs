@@ -59,6 +59,7 @@ impl<'a> Declaring<'_, 'a> {
     fn declare_set(&mut self, scope: ScopeId, statement: &'a Statement) {
         match &statement.kind {
             StatementKind::Choice { name, options, .. } => {
+                self.work.ledger.check_members("choice", options);
                 let chosen = self.input.selection.chosen.get(&name.text).and_then(|c| options.iter().position(|o| o.text == *c));
                 self.declare(scope, name, SymbolKind::Choice { options, chosen: chosen.unwrap_or(0) });
             }
@@ -90,7 +91,7 @@ impl<'a> Declaring<'_, 'a> {
             self.work.ledger.report(Diagnostic::error(codes::EMPTY_SET, message, name.span));
         }
         if let SetMembers::Names(names) = members {
-            self.work.ledger.check_members(names);
+            self.work.ledger.check_members("set", names);
         }
         self.new_set(scope, name, labels, first);
     }

@@ -38,6 +38,7 @@ impl<'a> Declaring<'_, 'a> {
             numbers.values.iter_mut().for_each(|v| v.fill(x));
         }
         let before = self.work.ledger.reports.diagnostics.len();
+        self.work.ledger.check_rows(table);
         for row in &table.rows {
             let Some(i) = sets.first().and_then(|&s| self.naming().row_member(s, &row.label)) else { continue };
             match &row.cells {
@@ -126,6 +127,10 @@ impl<'a> Declaring<'_, 'a> {
             let t = self.table_number(time, Some(&time_unit), &place);
             let v = self.table_number(value, Some(&unit), &place);
             if let (Some(t), Some(v)) = (t, v) {
+                for (x, e) in [(t, time), (v, value)].into_iter().filter(|(x, _)| !x.is_finite()) {
+                    let message = format!("times and values of a table over time are finite, this is {x}");
+                    self.work.ledger.report(Diagnostic::error(codes::BAD_SETTING, message, e.span));
+                }
                 if points.last().is_some_and(|&(before, _): &(f64, f64)| before >= t) {
                     self.work.ledger.report(Diagnostic::error(codes::BAD_SETTING, "times of a table must increase", time.span));
                 }

@@ -130,12 +130,30 @@ fn steady_text<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]
                 continue;
             };
             let expr = l.number_in(value, &unit, "the steady value", target.span, &place);
+            check_steady_value(l, var, elements.clone(), expr, value.span);
             if set.note(l, (var, elements.clone()), (block, breadth), target.span, "steady values") {
                 out.given.extend(elements.map(|i| ((var, i), expr)));
             }
         }
     }
     out
+}
+
+/// Refuses a steady value that is no number, or an action's outside of its bounds, as far as it is known.
+fn check_steady_value(l: &mut Lowering<'_, '_>, var: VarId, elements: Range<i64>, value: ExprId, span: Span) {
+    let Some(x) = defaults::constant_value(l, value) else { return };
+    let is_action = l.symbols.vars[var].role == Role::Action;
+    let Some(q) = l.quantities.get(&var) else { return };
+    let outside = |i: i64| x < Quantity::pick(&q.low, i as usize) || x > Quantity::pick(&q.high, i as usize);
+    let message = if !x.is_finite() {
+        format!("a steady value is finite, this is {x}")
+    } else if let Some(i) = elements.into_iter().find(|&i| is_action && outside(i)) {
+        let (low, high) = (Quantity::pick(&q.low, i as usize), Quantity::pick(&q.high, i as usize));
+        format!("`{}` cannot rest at {x}, outside of its bounds {low}..{high}", q.element_name(i as usize))
+    } else {
+        return;
+    };
+    l.ledger.report(Diagnostic::error(codes::BAD_SETTING, message, span));
 }
 
 /// The variable, and those of its elements, that an entry gives a value.

@@ -14,7 +14,6 @@ use crate::elaborate::episode::observed_arrays::{observe_array, observe_states, 
 use crate::elaborate::lower::bounded::Bounded;
 use crate::elaborate::lower::loops::Piece;
 use crate::elaborate::lower::place::{Bound, Place, Site};
-use crate::elaborate::lower::value::Measure;
 use crate::elaborate::lower::{Lowering, indices, nests, paths, units};
 use crate::elaborate::select::items::{Item, items};
 use crate::elaborate::symbols::{ScopeId, SymbolId, SymbolKind};
@@ -133,20 +132,24 @@ fn are_all_states(o: &Observation) -> bool {
 
 /// Name, unit, value and attributes of one observed number; `None` where it has no value.
 fn observed_element(l: &mut Lowering<'_, '_>, o: &Observation, place: &Place) -> Option<(String, Unit, ExprId, Attributes)> {
-    let v = l.value(&o.value, place);
+    let (what, declared) = ("the observation", o.span);
+    let (v, unit) = match &o.unit {
+        Some(written) => {
+            let unit = units::unit(l, written, place).unwrap_or_else(Unit::one);
+            let taken = &mut |s: &mut Lowering<'_, '_>, v, span| s.values().strictly_or_bare(v, &unit, span, what, declared);
+            (l.declared_value(&o.value, place, taken, &unit), unit)
+        }
+        None => {
+            let v = l.value(&o.value, place);
+            let unit = units::shown(&v.unit);
+            (v, unit)
+        }
+    };
     // What else is said of it makes no sense yet.
     if v.is_poison() {
         return None;
     }
-    let unit = match &o.unit {
-        Some(u) => units::unit(l, u, place),
-        None => Some(v.unit.unit()),
-    };
-    let unit = unit.unwrap_or_else(Unit::one);
-    let expr = match v.unit {
-        Measure::Bare => v.expr,
-        _ => l.values().strictly_in(v, &unit, o.value.span, "the observation", o.span),
-    };
+    let expr = l.values().strictly_or_bare(v, &unit, o.value.span, what, declared);
     let name = observation_name(l, o, place);
     let mut attributes = attributes(l, o, &unit, place);
     if attributes.bounds.is_none() {

@@ -74,6 +74,15 @@ pub(super) fn attributes(l: &mut Lowering<'_, '_>, o: &Observation, unit: &Unit,
         };
         (number(a), number(b))
     });
+    if let (Some((low, high)), Some((a, b))) = (bounds, &o.bounds)
+        && low >= high
+    {
+        let message = match low == high {
+            true => format!("the bounds of the observation leave it no range: {low}..{high}"),
+            false => format!("the bounds of the observation are the wrong way round: {low}..{high}"),
+        };
+        l.ledger.report(Diagnostic::error(codes::BAD_SETTING, message, a.span.to(b.span)));
+    }
     let count = |s: &mut Lowering<'_, '_>, e: &Option<Expr>, least: i64| match e {
         Some(e) => match indices::integer(s, e, place) {
             Some(n) if n >= least && n <= MOST_STEPS => n as u32,
@@ -109,7 +118,10 @@ fn noise(l: &mut Lowering<'_, '_>, e: &Expr, unit: &Unit, place: &Place) -> f64 
     }
     let Some((expr, value)) = noise_number(l, sd, &unit, place) else { return 0.0 };
     match value {
-        Some(x) if x >= 0.0 => return x,
+        Some(x) if x >= 0.0 && x.is_finite() => return x,
+        Some(x) if x > 0.0 => {
+            l.ledger.report(Diagnostic::error(codes::WRONG_ARGUMENTS, "a standard deviation is finite", sd.span));
+        }
         Some(x) => {
             let text = format!("a standard deviation is not negative, this is {x}");
             l.ledger.report(Diagnostic::error(codes::WRONG_ARGUMENTS, text, sd.span));

@@ -100,7 +100,7 @@ fn array(l: &mut Lowering<'_, '_>, o: &Observation, symbol: SymbolId, place: &Pl
 fn unit_of(l: &mut Lowering<'_, '_>, o: &Observation, pieces: &[Piece<(Affine, Value)>], place: &Place) -> Option<Unit> {
     match &o.unit {
         Some(unit) => units::unit(l, unit, place),
-        None => pieces.first().map(|piece| piece.value.1.unit.unit()),
+        None => pieces.first().map(|piece| units::shown(&piece.value.1.unit)),
     }
 }
 

@@ -64,6 +64,22 @@ pub(in crate::elaborate) fn parameter_program(l: &mut Lowering<'_, '_>) -> Progr
     program
 }
 
+/// What a draw of a parameter may read.
+const DRAWN: &str = "a parameter is drawn once, at reset: its distribution and limits read numbers and other parameters";
+
+/// What the rule of a disturbance may read.
+const RULE: &str = "a rule runs ahead of the step: it reads disturbances, discrete variables, actions, parameters and the time, and states at the end of the step before, `previous(x)`";
+
+/// Reports a distribution, or its limits, that reads what is not known there.
+fn refuse_reading(l: &mut Lowering<'_, '_>, whose: &str, what: &str, (rule, clip): (&Expr, Option<&Clip>), help: &str) {
+    let span = match clip {
+        Some(Clip::Range(_, high)) => rule.span.to(high.span),
+        _ => rule.span,
+    };
+    let fault = Diagnostic::error(codes::WRONG_KIND, format!("{whose} cannot depend on {what}"), span);
+    l.ledger.report(fault.label("not known when it is drawn").help(help));
+}
+
 /// The elements of a parameter that is drawn.
 fn drawn(l: &mut Lowering<'_, '_>, symbol: SymbolId, sample: &Expr) -> Vec<Piece<(Affine, ExprId)>> {
     let SymbolKind::Variable { var, unit, declaration, axes } = l.symbols[symbol].kind.clone() else { return Vec::new() };
@@ -75,6 +91,9 @@ fn drawn(l: &mut Lowering<'_, '_>, symbol: SymbolId, sample: &Expr) -> Vec<Piece
         let v = s.number_in(sample, &unit, &path, declaration.span, inner);
         s.hidden.draws.site = outer;
         let v = clipped(s, v, var, at, declaration.clip.as_ref(), &unit, inner);
+        if let Some(what) = s.symbols.varying(s.exprs, v) {
+            refuse_reading(s, &format!("the parameter `{path}`"), &what, (sample, declaration.clip.as_ref()), DRAWN);
+        }
         (at, v)
     })
 }
@@ -115,7 +134,16 @@ pub(in crate::elaborate) fn clipped(
 ) -> ExprId {
     let (low, high) = match clip {
         None => return v,
-        Some(Clip::Range(a, b)) => (l.number_in(a, unit, "the limit", a.span, place), l.number_in(b, unit, "the limit", b.span, place)),
+        Some(Clip::Range(a, b)) => {
+            let (low, high) = (l.number_in(a, unit, "the limit", a.span, place), l.number_in(b, unit, "the limit", b.span, place));
+            if let [Some(x), Some(y)] = [low, high].map(|e| defaults::constant_value(l, e))
+                && x > y
+            {
+                let message = format!("the limits are the wrong way round: {x}..{y}");
+                l.ledger.report(Diagnostic::error(codes::WRONG_ARGUMENTS, message, a.span.to(b.span)).help("the form is `clip low..high`"));
+            }
+            (low, high)
+        }
         Some(Clip::Bounds(span)) => {
             let Some(q) = l.quantities.get(&var) else { return v };
             let first = at.offset.max(0) as usize;
@@ -154,7 +182,11 @@ pub(in crate::elaborate) fn disturbance_program(l: &mut Lowering<'_, '_>) -> Pro
             let outer = s.hidden.draws.site.replace((stream_name(&path, at, s.symbols.vars[var].len), Instant::Step));
             let v = s.number_in(rule, &unit, &path, declaration.span, inner);
             s.hidden.draws.site = outer;
-            (at, clipped(s, v, var, at, declaration.clip.as_ref(), &unit, inner))
+            let v = clipped(s, v, var, at, declaration.clip.as_ref(), &unit, inner);
+            if let Some(what) = s.symbols.unknown_now(s.exprs, v) {
+                refuse_reading(s, &format!("the disturbance `{path}`"), &what, (rule, declaration.clip.as_ref()), RULE);
+            }
+            (at, v)
         });
         for piece in pieces {
             let s = store(Memory::Var(var), piece.value.0, piece.value.1);

@@ -32,15 +32,18 @@ pub(in crate::elaborate) fn rewards<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(Sco
     for (scope, item) in each(blocks) {
         let Item::Other(Statement { kind: StatementKind::Reward { name, unit, default, value, text }, .. }) = item else { continue };
         let place = Place::new(scope, Site::Instant);
-        let unit = match unit {
-            Some(u) => units::unit(l, u, &place).unwrap_or_else(Unit::one),
-            None => Unit::one(),
-        };
         if *default {
             chosen = Some(values.len());
         }
-        let v = l.value(value, &place);
         let what = format!("the reward `{}`", name.text);
+        let (v, unit) = match unit {
+            Some(written) => {
+                let unit = units::unit(l, written, &place).unwrap_or_else(Unit::one);
+                let taken = &mut |s: &mut Lowering<'_, 'a>, v, span| s.values().strictly_or_bare(v, &unit, span, &what, name.span);
+                (l.declared_value(value, &place, taken, &unit), unit)
+            }
+            None => (l.value(value, &place), Unit::one()),
+        };
         let reward = l.values().strictly_or_bare(v, &unit, value.span, &what, name.span);
         check_limits(l, &name.text, reward, value.span);
         values.push(reward);

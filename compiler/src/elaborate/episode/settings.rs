@@ -10,13 +10,14 @@ use crate::elaborate::ledger::Ledger;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::{Lowering, defaults};
 use crate::elaborate::options::Setting;
-use crate::elaborate::select::items::Item;
+use crate::elaborate::select::items::{Item, block_around};
 use crate::elaborate::symbols::ScopeId;
 use crate::model::{Episode, Solver};
 
 /// Entries of the blocks `episode` and `solver`.
 pub(in crate::elaborate) fn settings(l: &mut Lowering<'_, '_>, blocks: &[(ScopeId, Vec<Item<'_>>)]) -> (Episode, Solver) {
     let mut said = Said::default();
+    let mut given = Vec::new();
     for (scope, item) in each(blocks) {
         let Item::Other(statement) = item else { continue };
         let place = Place::new(scope, Site::Dynamics);
@@ -26,6 +27,15 @@ pub(in crate::elaborate) fn settings(l: &mut Lowering<'_, '_>, blocks: &[(ScopeI
             _ => continue,
         };
         for (name, e) in entries {
+            // What a variant says replaces what stands outside; so does what is added to the file.
+            let here = (block_around(l.input.files, statement.span), statement.span.file);
+            match given.iter().find(|(b, n, place, _)| *b == block && *n == name.text && *place == here) {
+                Some((.., first)) => {
+                    let fault = Diagnostic::error(codes::DUPLICATE_CLAUSE, format!("`{}` is given twice", name.text), name.span);
+                    l.ledger.report(fault.label("a second time").secondary(*first, "first here").help("keep one of the two"));
+                }
+                None => given.push((block, name.text.clone(), here, name.span)),
+            }
             entry_of_text(l, block, (name, e), &place, &mut said);
         }
     }
@@ -55,7 +65,17 @@ fn entry_of_text(l: &mut Lowering<'_, '_>, block: Block, (name, e): (&Ident, &Ex
         // Rewards carry their own units; the number is taken in each.
         Takes::Number(to) => {
             let v = l.value(e, place);
-            put(to(said), defaults::constant_value(l, v.expr));
+            if v.is_poison() {
+                return;
+            }
+            match defaults::constant_value(l, v.expr) {
+                Some(x) if x.is_finite() => *to(said) = x,
+                Some(x) => {
+                    let message = format!("`{}` must be finite, it is {x}", name.text);
+                    l.ledger.report(Diagnostic::error(codes::BAD_SETTING, message, e.span));
+                }
+                None => l.ledger.missing_value(&format!("`{}`", name.text), e.span),
+            }
         }
         Takes::Truth(to) => *to(said) = holds(l, e, place),
         Takes::Name(names) => {

@@ -145,8 +145,8 @@ fn elementary(l: &mut Lowering<'_, '_>, name: &str, f: UnaryFn, a: &Expr, place:
     let v = l.value(a, place);
     match l.values().dimensionless(&v, a.span, name) {
         Some(x) => {
-            let expr = l.exprs.unary(f, x);
-            if v.unit.is_plain() { Value::bare(expr) } else { Value::of(expr, Unit::one()) }
+            // A pure number in any unit, of a number too: no number of the unit that a place declares.
+            Value::of(l.exprs.unary(f, x), Unit::one())
         }
         None => l.poison(),
     }
@@ -157,12 +157,13 @@ fn of_amount(l: &mut Lowering<'_, '_>, name: &str, f: UnaryFn, a: &Expr, place: 
     match &v.unit {
         Measure::Poison => v,
         Measure::Truth => l.fault(Diagnostic::error(codes::WRONG_KIND, format!("`{name}` of a condition"), a.span)),
-        Measure::Of(u) if units::is_point(u) => l.fault(
-            Diagnostic::error(codes::AFFINE_UNIT, format!("`{name}` of a point on a temperature scale"), a.span)
-                .help("use `kelvin(T)`, or a difference of two temperatures"),
-        ),
+        Measure::Of(u) if units::is_point(u) => l.fault(units::of_a_point(name, a.span)),
         unit => {
-            let unit = if f == UnaryFn::Sign { Measure::Bare } else { unit.clone() };
+            let unit = match unit {
+                Measure::Of(_) if f == UnaryFn::Sign => Measure::Of(Unit::one()),
+                _ if f == UnaryFn::Sign => Measure::Bare,
+                unit => unit.clone(),
+            };
             let expr = l.exprs.unary(f, v.expr);
             Value { expr, unit }
         }
@@ -202,12 +203,31 @@ fn extremum(l: &mut Lowering<'_, '_>, span: Span, name: &str, f: BinaryFn, argum
 fn clip(l: &mut Lowering<'_, '_>, span: Span, arguments: &[Expr], place: &Place) -> Value {
     let v: Vec<(Value, Span)> = arguments.iter().map(|a| (l.value(a, place), a.span)).collect();
     let [x, low, high] = &v[..] else { return l.poison() };
+    if let (Some(a), Some(b)) = (l.exprs.as_const(low.0.expr), l.exprs.as_const(high.0.expr))
+        && let Some((factor, offset)) = units::conversion(&high.0.unit.unit(), &low.0.unit.unit())
+        && a > factor * b + offset
+    {
+        let message = "the upper limit of `clip` lies below the lower one";
+        return l.fault(Diagnostic::error(codes::WRONG_ARGUMENTS, message, low.1.to(high.1)).help("the form is `clip(x, low, high)`"));
+    }
     let above = l.values().fold_extremum(BinaryFn::Max, vec![x.clone(), low.clone()], span);
     l.values().fold_extremum(BinaryFn::Min, vec![(above, x.1), high.clone()], span)
 }
 
+/// Reports points on a temperature scale where amounts are needed; whether there was one.
+fn refuse_points(l: &mut Lowering<'_, '_>, name: &str, arguments: [(&Value, Span); 2]) -> bool {
+    let points = arguments.into_iter().filter(|(v, _)| matches!(&v.unit, Measure::Of(unit) if units::is_point(unit)));
+    let faults: Vec<Diagnostic> = points.map(|(_, span)| units::of_a_point(name, span)).collect();
+    let any = !faults.is_empty();
+    faults.into_iter().for_each(|fault| l.ledger.report(fault));
+    any
+}
+
 fn atan2(l: &mut Lowering<'_, '_>, span: Span, y: &Expr, x: &Expr, place: &Place) -> Value {
     let (a, b) = (l.value(y, place), l.value(x, place));
+    if refuse_points(l, "atan2", [(&a, y.span), (&b, x.span)]) {
+        return l.poison();
+    }
     let Some((left, right)) = l.values().common(&a, y.span, &b, x.span, span) else { return l.poison() };
     let expr = l.exprs.binary(BinaryFn::Atan2, left, right);
     Value::of(expr, Unit::one())
@@ -216,6 +236,9 @@ fn atan2(l: &mut Lowering<'_, '_>, span: Span, y: &Expr, x: &Expr, place: &Place
 /// `mod(a, b)`: what is left of `a` after whole multiples of `b`, with the sign of `b`.
 fn modulo(l: &mut Lowering<'_, '_>, span: Span, first: &Expr, second: &Expr, place: &Place) -> Value {
     let (a, b) = (l.value(first, place), l.value(second, place));
+    if refuse_points(l, "mod", [(&a, first.span), (&b, second.span)]) {
+        return l.poison();
+    }
     let Some((left, right)) = l.values().common(&a, first.span, &b, second.span, span) else { return l.poison() };
     if l.exprs.as_const(right) == Some(0.0) {
         return l
@@ -268,10 +291,11 @@ fn quadrature(l: &mut Lowering<'_, '_>, span: Span, a: &Expr, place: &Place) -> 
     }
     let unit = match &v.unit {
         Measure::Poison => return v,
+        Measure::Of(u) if units::is_point(u) => return l.fault(units::of_a_point("integral", a.span)),
         Measure::Of(u) => units::times(u, &l.symbols.time_unit),
         _ => l.symbols.time_unit.clone(),
     };
-    let at = l.hidden.quadratures.element(v.expr);
+    let at = l.hidden.quadratures.element(v.expr, &unit);
     let expr = l.exprs.load(l.hidden.quadratures.var, Flavour::Value, Affine::constant(at as i64));
     Value::of(expr, unit)
 }
@@ -281,6 +305,7 @@ fn kelvin(l: &mut Lowering<'_, '_>, a: &Expr, place: &Place) -> Value {
     let Some(kelvin) = Unit::named("K") else { return l.poison() };
     match &v.unit {
         Measure::Poison => v,
+        Measure::Of(u) if u.is_between_points() && u.commensurable(&kelvin) => l.fault(units::of_a_difference("kelvin", a.span)),
         Measure::Of(u) => match u.conversion_to(&kelvin) {
             Some(c) => {
                 let (f, o) = (l.exprs.constant(c.factor), l.exprs.constant(c.offset));
@@ -306,6 +331,9 @@ fn celsius(l: &mut Lowering<'_, '_>, a: &Expr, place: &Place) -> Value {
     let Some(celsius) = Unit::named("degC") else { return l.poison() };
     let found = match &v.unit {
         Measure::Poison => return v,
+        Measure::Of(u) if u.is_between_points() && u.commensurable(&celsius) => {
+            return l.fault(units::of_a_difference("celsius", a.span));
+        }
         Measure::Of(u) => u.clone(),
         _ => {
             let fault = Diagnostic::error(codes::UNIT_MISMATCH, "`celsius` takes a temperature, this is a pure number", a.span);
@@ -339,6 +367,9 @@ fn plain_value(l: &mut Lowering<'_, '_>, first: &Expr, unit: Option<&Expr>, plac
     };
     let Some(unit) = units::unit_argument(l, second, place) else { return l.poison() };
     let from = v.unit.unit();
+    if unit.is_point() && from.is_between_points() && from.commensurable(&unit) {
+        return l.fault(units::of_a_difference(&format!("value(x, {unit})"), first.span));
+    }
     // An absolute temperature may be asked for on another scale.
     match from.conversion_to(&unit).filter(|_| from.commensurable(&unit)) {
         Some(c) => {

@@ -128,7 +128,12 @@ fn power(l: &mut Lowering<'_, '_>, (a, sa): (Value, Span), (b, sb): (Value, Span
         }
         m => m.clone(),
     };
-    let unit = if matches!(unit, Measure::Zero) { Measure::Bare } else { unit };
+    let unit = match unit {
+        // A power with a quantity in its exponent is a dimensionless quantity.
+        Measure::Zero | Measure::Bare if matches!(b.unit, Measure::Of(_)) => Measure::Of(Unit::one()),
+        Measure::Zero => Measure::Bare,
+        unit => unit,
+    };
     let expr = l.exprs.binary(BinaryFn::Pow, a.expr, exponent);
     Value { expr, unit }
 }

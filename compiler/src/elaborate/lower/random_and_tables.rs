@@ -103,7 +103,11 @@ pub(in crate::elaborate) fn time_table(l: &mut Lowering<'_, '_>, span: Span, sym
         return l.poison();
     };
     let declared = l.symbols[symbol].span;
-    let t = l.number_in(argument, &time_unit, &format!("the time of `{path}`"), declared, place);
+    // A number is taken in the table's unit; a dimensionless quantity is no time.
+    let what = format!("the time of `{path}`");
+    let taken = &mut |s: &mut Lowering<'_, '_>, v: Value, span: Span| s.values().strictly_or_bare(v, &time_unit, span, &what, declared);
+    let t = l.declared_value(argument, place, taken, &time_unit);
+    let t = l.values().strictly_or_bare(t, &time_unit, argument.span, &what, declared);
     let expr = match kind {
         TimeTableKind::Linear => l.values().linear_table(t, &points),
         _ => l.values().step_table(t, &points, kind == TimeTableKind::Until),

@@ -215,6 +215,15 @@ impl Lowering<'_, '_> {
                 _ => self.fault(Diagnostic::error(codes::EMPTY_SET, "the least or greatest of nothing", span)),
             };
         }
+        // One term that stands for many, or that may be left out.
+        let repeated = |t: &&Term| !t.loops.is_empty() || t.keep.is_some();
+        if op == ReduceFn::Sum
+            && let Some((Measure::Of(unit), at)) = terms.iter().find(repeated).map(|t| (&t.value.unit, t.span))
+            && units::is_point(unit)
+        {
+            let unit = unit.clone();
+            return self.values().point_fault(&unit, at);
+        }
         let mut values = Vec::with_capacity(terms.len());
         for term in terms {
             let expr = self.values().close(&term, op, term.value.expr);

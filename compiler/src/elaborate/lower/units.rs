@@ -29,6 +29,11 @@ pub(crate) fn difference(unit: &Unit) -> Unit {
     unit.difference()
 }
 
+/// Unit of a sum of amounts, in that of the first: known to be a difference of temperatures where both are.
+pub(crate) fn sum(a: &Unit, b: &Unit) -> Unit {
+    a.between_points(a.is_between_points() && b.is_between_points())
+}
+
 /// Product of units; beyond all representable exponents the unit of numbers.
 pub(crate) fn times(a: &Unit, b: &Unit) -> Unit {
     a.multiply(b).unwrap_or_else(Unit::one)
@@ -37,6 +42,12 @@ pub(crate) fn times(a: &Unit, b: &Unit) -> Unit {
 /// Quotient of units.
 pub(crate) fn over(a: &Unit, b: &Unit) -> Unit {
     a.divide(b).unwrap_or_else(Unit::one)
+}
+
+/// The unit in which a value is shown where none is declared: a ratio in a unit that nobody named (`bar/kPa`) is the number.
+pub(crate) fn shown(measure: &Measure) -> Unit {
+    let unit = measure.unit();
+    if is_dimensionless(&unit) && unit.is_unnamed() { Unit::one() } else { unit }
 }
 
 /// Unit of the rate of change.
@@ -119,6 +130,19 @@ pub(crate) fn bare_beside(number: Option<f64>, unit: &Unit, span: Span) -> Diagn
         .help(format!("write {written} if that is meant, {other} for the pure number"))
 }
 
+/// A function of amounts, of a temperature that counts from the zero of a scale.
+pub(crate) fn of_a_point(function: &str, span: Span) -> Diagnostic {
+    Diagnostic::error(codes::AFFINE_UNIT, format!("`{function}` of a point on a temperature scale"), span)
+        .help("use `kelvin(T)`, or a difference of two temperatures")
+}
+
+/// A temperature that is known to be a difference, where one that counts from a zero is needed.
+pub(crate) fn of_a_difference(function: &str, span: Span) -> Diagnostic {
+    Diagnostic::error(codes::AFFINE_UNIT, format!("`{function}` takes a temperature, this is a difference of temperatures"), span)
+        .label("counts from no zero")
+        .help("a difference is in K as it stands, its number `value(x, K)`; add it to a temperature for another one")
+}
+
 /// The number in a unit that arithmetic made.
 pub(crate) fn unnamed(function: &str, unit: &Unit, span: Span) -> Diagnostic {
     let say = if function == "value" { "say in which unit: `value(x, unit)`" } else { "divide by what is counted: `x / 1 [unit]`" };
@@ -152,7 +176,9 @@ pub(crate) fn sides(left: &Unit, sl: Span, right: &Unit, sr: Span) -> Diagnostic
 fn repair(found: &Unit, wanted: &Unit) -> Option<String> {
     if found.commensurable(wanted) {
         // Same dimension: one of them is a point on a scale.
-        return Some(if wanted.is_point() {
+        return Some(if found.is_between_points() {
+            format!("a difference of temperatures is no point on a scale: give it in K, or add it to a temperature in {wanted}")
+        } else if wanted.is_point() {
             format!("a point on a scale is meant: give it in {wanted}, or take `celsius(T)` of an absolute temperature")
         } else {
             "take a difference of two temperatures, or `kelvin(T)`".to_owned()

@@ -122,7 +122,8 @@ impl Values<'_> {
                     return Value::of(expr, target);
                 }
                 match self.convert(v.expr, &unit, &target) {
-                    Some(expr) => Value::of(expr, target),
+                    // A difference of temperatures stays one.
+                    Some(expr) => Value::of(expr, target.between_points(unit.is_between_points())),
                     None => self.fault(units::mismatch(&unit, &target, span, "the unit after `as`", Span::default())),
                 }
             }
@@ -158,6 +159,11 @@ impl Values<'_> {
                 let expr = self.exprs.binary(f, a.expr, b.expr);
                 return Value::bare(expr);
             }
+            // The negative of a point means nothing, however it is written.
+            (m, Measure::Of(unit)) if m.is_zero() && op == BinaryOp::Sub && units::is_point(unit) => {
+                let unit = unit.clone();
+                return self.point_fault(&unit, sb);
+            }
             (Measure::Nothing, m) | (m, Measure::Nothing) | (Measure::Zero, m) | (m, Measure::Zero) => {
                 let unit = m.clone();
                 let expr = self.exprs.binary(f, a.expr, b.expr);
@@ -169,7 +175,7 @@ impl Values<'_> {
         self.warn_of_scale((&a, sa), (&b, sb));
         // Points on a scale: point - point is a difference, point ± difference is a point.
         let result = match (units::is_point(&ua), units::is_point(&ub)) {
-            (false, false) => ua.clone(),
+            (false, false) => units::sum(&ua, &ub),
             (true, true) if op == BinaryOp::Sub => units::difference(&ua),
             (true, false) => ua.clone(),
             (false, true) if op == BinaryOp::Add => ub.clone(),

@@ -5,7 +5,7 @@ use smpl_dsl::span::Span;
 
 use crate::elaborate::lower::{Lowering, defaults, units};
 use crate::elaborate::space::grid;
-use crate::elaborate::symbols::DomainId;
+use crate::elaborate::symbols::{DomainId, Geometry};
 
 /// Works out the ends of all domains: those that nothing needs may be at fault too.
 pub(in crate::elaborate) fn check_grids(l: &mut Lowering<'_, '_>) {
@@ -27,10 +27,17 @@ fn check_order(l: &mut Lowering<'_, '_>, domain: DomainId) {
     let refuse = |l: &mut Lowering<'_, '_>, span: Span, message: String| {
         l.ledger.report(Diagnostic::error(codes::EMPTY_SET, message, span));
     };
-    if let [Some(low), Some(high)] = [low, high].map(|e| defaults::constant_value(l, e))
-        && high <= low
-    {
-        return refuse(l, declaration.range.1.span, format!("`{name}` ends at {high}, not above its beginning {low}"));
+    if let [Some(low), Some(high)] = [low, high].map(|e| defaults::constant_value(l, e)) {
+        if high <= low {
+            return refuse(l, declaration.range.1.span, format!("`{name}` ends at {high}, not above its beginning {low}"));
+        }
+        if !(high - low).is_finite() {
+            let span = declaration.range.0.span.to(declaration.range.1.span);
+            return refuse(l, span, format!("`{name}` has finite ends, not {low}..{high}"));
+        }
+        if low < 0.0 && l.symbols.domains[domain].geometry != Geometry::Planar {
+            return refuse(l, declaration.range.0.span, format!("`{name}` is a radius, which does not begin at {low}"));
+        }
     }
     if let Some(e) = &declaration.stretch {
         let ratio = grid::ratio(l, domain, e);

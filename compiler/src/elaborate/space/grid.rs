@@ -16,7 +16,9 @@ use crate::ir::{BinaryFn, Compare, ExprId, UnaryFn};
 pub(in crate::elaborate::space) fn ratio(l: &mut Lowering<'_, '_>, domain: DomainId, text: &Expr) -> ExprId {
     let place = Place::new(l.symbols.domains[domain].scope, Site::Dynamics);
     let v = l.value(text, &place);
-    l.values().in_unit(v, &Unit::one(), text.span, "the ratio of neighbouring cells", text.span)
+    let expr = l.values().in_unit(v, &Unit::one(), text.span, "the ratio of neighbouring cells", text.span);
+    check_fixed(l, expr, text.span);
+    expr
 }
 
 /// Share of a graded domain below its face `k`: (q^k - 1)/(q^n - 1), and its limit where q is 1, of which the quotient tells nothing.

@@ -4,7 +4,7 @@ use smpl_dsl::syntax::StatementKind;
 
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{Axis, ScopeId, SymbolId, SymbolKind, Symbols};
-use crate::ir::{Affine, Expr as Node, ExprId, Exprs, FastMap, Role, VarId};
+use crate::ir::{Affine, Expr as Node, ExprId, Exprs, FastMap, Flavour, Role, VarId};
 use crate::model;
 
 impl<'a> Symbols<'a> {
@@ -25,6 +25,21 @@ impl<'a> Symbols<'a> {
                     _ => return None,
                 };
                 Some(format!("{what} `{name}`"))
+            }
+            _ => None,
+        })
+    }
+
+    /// A state or algebraic variable whose present value or rate an expression reads, for messages.
+    pub(in crate::elaborate) fn unknown_now(&self, exprs: &Exprs, e: ExprId) -> Option<String> {
+        exprs.below([e]).find_map(|e| match exprs.node(e) {
+            Node::Load { var, flavour: Flavour::Value | Flavour::Derivative, .. } => {
+                let v = &self.vars[var];
+                match v.role {
+                    Role::State => Some(format!("the state `{}`", v.name)),
+                    Role::Algebraic => Some(format!("the algebraic variable `{}`", v.name)),
+                    _ => None,
+                }
             }
             _ => None,
         })
