@@ -20,7 +20,7 @@ from gymnasium.spaces import Box
 
 from smpl._arguments import FloatArray, as_count, as_mapping, as_number, as_vector, check_names, elements
 from smpl.controllers import Uniform
-from smpl.envs import Env, Interface, native_seed
+from smpl.envs import Env, Interface, from_unit, native_seed
 from smpl.evaluation import Episode
 from smpl.learning.agents import Agent, Rows, agent
 from smpl.model import Model
@@ -166,6 +166,7 @@ class Form:
             self._warn_of_nominal(interface.model.native.defaults("action"), names)
         windows = elements("windows", formulation.windows, interface.observation_names)
         self._windowed = np.array([interface.observation_names.index(name) for name in windows], dtype=np.intp)
+        self._bounds = interface.observation_low[self._windowed], interface.observation_high[self._windowed]
         self._window = np.array([formulation.windows[whole] for whole in windows.values()]).reshape(-1, 2).T
 
     def _warn_of_nominal(self, nominal: FloatArray, names: Sequence[str]) -> None:
@@ -219,11 +220,7 @@ class Form:
             return observations
         seen, values = observations.copy(), observations[:, self._windowed].astype(np.float64)
         if self.interface.normalize:
-            least, most = (b[self._windowed] for b in (self.interface.observation_low, self.interface.observation_high))
-            # An observation whose bounds are open is in physical units already.
-            closed = np.isfinite(least) & np.isfinite(most)
-            least, most = np.where(closed, least, -1.0), np.where(closed, most, 1.0)
-            values = least + (values + 1) / 2 * (most - least)
+            values = from_unit(values, *self._bounds)
         low, high = self._window
         seen[:, self._windowed] = np.clip((2 * values - (high + low)) / (high - low), -1.0, 1.0)
         return seen

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from smpl._arguments import FloatArray
 from smpl._native import SimulationError
 from smpl._options import start_from_options
-from smpl.envs import Env, Interface, native_seed
+from smpl.envs import Env, Interface, from_unit, native_seed, to_unit
 from smpl.evaluation import Episode
 from smpl.learning.agents import Agent, Rows
 from smpl.learning.frames import Frame, episode, of_batch, of_env
@@ -262,14 +262,12 @@ def disturbed(interface: Interface, job: Job, step: int, action: FloatArray) -> 
         raise ValueError(f"the action {action} of step {step} is not finite")
     if job.shift is not None or job.replaced is not None:
         low, high = interface.action_low, interface.action_high
-        width = high - low
-        shifted = 2 * interface.to_physical(action) - (high + low)
-        scaled = np.divide(shifted, width, out=np.zeros_like(shifted), where=width > 0)
+        scaled = to_unit(interface.to_physical(action), low, high)
         if job.shift is not None:
             scaled = np.clip(scaled + job.shift[step], -1.0, 1.0)
         if job.replaced is not None:
             scaled = np.where(np.isnan(job.replaced[step]), scaled, job.replaced[step])
-        action = interface.from_physical((scaled * width + high + low) / 2)
+        action = interface.from_physical(from_unit(scaled, low, high))
     return np.asarray(action, dtype=np.float32)
 
 
