@@ -193,7 +193,7 @@ time t : s
 state x = 0 in 0..100
 action u = 3 in 3..3, v = 1 in 0..4
 eq d/dt x = u * v / 1 [s]
-observe x, fixed = 3 in 3..3, free = x in -inf..inf
+observe x, u, free = x in -inf..inf
 reward r default = u
 episode { step = 0.5 [s], max_steps = 3 }
 """
