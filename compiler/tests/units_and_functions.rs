@@ -96,7 +96,9 @@ fn functions_of_constants_are_dimensionless_quantities() {
     assert_close(value("deg", "if x < 5 then 5 else asin(0.5)"), 5.0);
     // The number of degrees stays the number of degrees.
     assert_close(value("deg", "sqrt(900) + abs(-5) * 2^2 - clip(7, 0, 5)"), 45.0);
-    assert_close(value("deg", "pi"), std::f64::consts::PI);
+    // Half a turn, as `acos(-1)`.
+    assert_close(value("deg", "pi / 2"), 90.0);
+    assert_close(value("%", "e"), 271.828_182_845_904_5);
     assert_close(value("%", "value(share) + 1"), 41.0);
     // A sign, and a power with a quantity as exponent, are of that quantity.
     assert_close(value("%", "sign(-x)"), -100.0);

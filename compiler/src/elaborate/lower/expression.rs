@@ -371,8 +371,9 @@ fn value_of_let<'m, 'a>(l: &mut Lowering<'m, 'a>, symbol: SymbolId, definition: 
 fn builtin_name<'m, 'a>(l: &mut Lowering<'m, 'a>, name: &Ident) -> Option<Value> {
     let builtin = |s: &mut Lowering<'m, 'a>, b: Builtin| s.exprs.load(s.hidden.builtins, Flavour::Value, Affine::constant(b as i64));
     Some(match name.text.as_str() {
-        "pi" => Value::bare(l.exprs.constant(std::f64::consts::PI)),
-        "e" => Value::bare(l.exprs.constant(std::f64::consts::E)),
+        // Pure numbers in any unit, as the functions of numbers that they stand for: `pi` is half a turn.
+        "pi" => Value::of(l.exprs.constant(std::f64::consts::PI), Unit::one()),
+        "e" => Value::of(l.exprs.constant(std::f64::consts::E), Unit::one()),
         "inf" => Value { expr: l.exprs.constant(f64::INFINITY), unit: Measure::Zero },
         "n" | "steps" => Value::bare(builtin(l, Builtin::Steps)),
         "step" => {
