@@ -381,6 +381,12 @@ fn initial(l: &mut Lowering<'_, '_>, start: StartText<'_>, place: &Place) -> Opt
     let make = |s: &mut Lowering<'_, '_>, at: Affine, inner: &Place| {
         let outer = random.then(|| s.hidden.draws.site.replace((stream_name(&path, at, len), Instant::Reset)));
         let v = s.number_in(value, &unit, &format!("`{path}`"), target.span, inner);
+        // A discrete variable may begin at infinity, as a time that has not come.
+        let no_start = |x: &f64| x.is_nan() || x.is_infinite() && s.symbols.vars[var].role == Role::State;
+        if let Some(x) = s.exprs.as_const(v).filter(no_start).filter(|_| !s.ledger.reports.has_errors()) {
+            let message = format!("`{path}` cannot start at {x}");
+            s.ledger.report(Diagnostic::error(codes::BAD_SETTING, message, value.span));
+        }
         if let Some(outer) = outer {
             s.hidden.draws.site = outer;
         }
