@@ -122,7 +122,8 @@ class _Walk:
         if kind in (dict, types.MappingProxyType):
             items = [(self._text(key), value) for key, value in thing.items()]
             ordered = sorted(items, key=lambda item: item[0])
-            order = "" if _same_order(items, ordered) else f" in the order {_order(items)}"
+            keys = [key for key, _ in items]
+            order = "" if keys == sorted(keys) else f" in the order {_digest(repr(keys).encode())}"
             return f"{kind.__qualname__}{order}", [(f"[{key}]", value) for key, value in ordered]
         if kind in (list, tuple):
             return f"{kind.__qualname__} of {len(thing)}", [(f"[{i}]", one) for i, one in enumerate(thing)]
@@ -165,14 +166,6 @@ def _flat(thing: Any) -> bool:
     if type(thing) in (list, tuple):
         return len(thing) <= 16 and all(_plain(one) is not None for one in thing)
     return type(thing) is np.ndarray and thing.dtype != object
-
-
-def _same_order(items: Parts, ordered: Parts) -> bool:
-    return [key for key, _ in items] == [key for key, _ in ordered]
-
-
-def _order(items: Parts) -> str:
-    return _digest(repr([key for key, _ in items]).encode())
 
 
 def _array(thing: np.ndarray[Any, Any]) -> str:
@@ -227,7 +220,7 @@ def _method(thing: Any) -> tuple[str, Parts]:
     if isinstance(thing, types.MethodType):
         return f"method {thing.__name__}", [(".__self__", owner), (".__func__", thing.__func__)]
     inner: Parts = [] if owner is None or isinstance(owner, types.ModuleType) else [(".__self__", owner)]
-    return f"function {thing.__module__}.{thing.__qualname__}", inner
+    return f"function {thing.__module__}.{thing.__qualname__}{version(thing.__module__ or '')}", inner
 
 
 def _property(thing: property) -> tuple[str, Parts]:

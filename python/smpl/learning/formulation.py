@@ -18,7 +18,16 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box
 
-from smpl._arguments import FloatArray, as_count, as_mapping, as_number, as_vector, check_names, elements
+from smpl._arguments import (
+    FloatArray,
+    as_count,
+    as_finite_number,
+    as_mapping,
+    as_number,
+    as_vector,
+    check_names,
+    elements,
+)
 from smpl.controllers import Uniform
 from smpl.envs import Env, Interface, from_unit, native_seed
 from smpl.evaluation import Episode
@@ -83,9 +92,7 @@ class Formulation:
             ends = as_mapping(what, getattr(self, what)).items()
             object.__setattr__(self, what, {name: _ends(f"{what}[{name!r}]", bounds) for name, bounds in ends})
         if self.failure_reward is not None:
-            given = as_number("failure_reward", self.failure_reward)
-            if not np.isfinite(given):
-                raise ValueError(f"failure_reward is {self.failure_reward!r}, expected a finite number")
+            as_finite_number("failure_reward", self.failure_reward)
         if self.reward_range is not None:
             object.__setattr__(self, "reward_range", _ends("reward_range", self.reward_range))
 
