@@ -17,7 +17,7 @@ use crate::compiled::{BackEndError, BackEndSettings, CompileStatistics, Compiled
 use crate::differentiate::pattern::Pattern;
 use crate::elaborate::{self, Elaborated, Options};
 use crate::explicit_time::ExplicitTime;
-use crate::functions::{self, Function};
+use crate::functions::{self, Function, Lengths};
 use crate::generate::{Effort, Generated, Request, generate};
 use crate::hoist::Hoister;
 use crate::ir::{Exprs, Role};
@@ -25,6 +25,7 @@ use crate::layout::Layout;
 use crate::model::Model;
 use crate::read::{Loader, independent, read};
 use crate::schedule::{Staged, reroll};
+use crate::switches::Watched;
 use crate::{differentiate, explicit_time, schedule, structure};
 
 #[cfg(test)]
@@ -145,6 +146,8 @@ struct Planned {
     tables: Vec<u32>,
     /// Where time occurs explicitly.
     time: ExplicitTime,
+    /// What the integrator watches.
+    watched: Watched,
     /// There are derivatives of the equations by time.
     has_slopes: bool,
     /// When the derivatives were there.
@@ -162,23 +165,25 @@ fn planned(model: &mut Model) -> Result<Planned, BackEndError> {
     let differentiated = Instant::now();
 
     let time = explicit_time::collect(model, &rows);
+    let watched = Watched::new(model, &time);
     let slopes = if time.in_equations { differentiate::by_time(&mut model.exprs, &rows) } else { None };
     let by_time = slopes.as_deref().map_or_else(Staged::default, Staged::of_rows);
-    let functions = functions::staged(model, &rows, (jacobian, by_time), &time);
+    let functions = functions::staged(model, &rows, (jacobian, by_time), &time, &watched);
     let functions = rerolled(functions, &mut model.exprs);
     let (functions, prepare_parameters) = hoisted(functions, model);
-    Ok(Planned { functions, prepare_parameters, pattern, tables, time, has_slopes: slopes.is_some(), differentiated })
+    Ok(Planned { functions, prepare_parameters, pattern, tables, time, watched, has_slopes: slopes.is_some(), differentiated })
 }
 
 /// A flat model to machine code.
 fn back_end(mut model: Model, settings: &BackEndSettings) -> Result<Parts, BackEndError> {
     let started = Instant::now();
-    let Planned { functions, prepare_parameters, pattern, tables, time, has_slopes, differentiated } = planned(&mut model)?;
+    let Planned { functions, prepare_parameters, pattern, tables, time, watched, has_slopes, differentiated } = planned(&mut model)?;
     let layout = Layout::new(&model, 0);
     let hoisted = Instant::now();
 
     let (nonzeros, forcings) = (pattern.nonzeros(), time.forcing_count());
-    let request = |(function, staged)| request(function, staged, &model, (nonzeros, forcings as usize), settings.quick);
+    let lengths = Lengths { nonzeros, forcings: forcings as usize, watched: watched.kinds.len() };
+    let request = |(function, staged)| request(function, staged, &model, lengths, settings.quick);
     let requests: Vec<Request<'_>> = functions.iter().map(|(function, staged)| request((*function, staged))).collect();
     let generated = generate(&requests, &model.exprs, &layout, settings.texts)?;
     let named = functions.iter().map(|(function, _)| function.name().to_owned());
@@ -194,7 +199,7 @@ fn back_end(mut model: Model, settings: &BackEndSettings) -> Result<Parts, BackE
     };
     let codes = generated.into_iter().map(|g| g.codes).collect();
     let (has_breaks, timed) = (time.next_break.is_some(), time.in_equations);
-    Ok(Parts { model, pattern, tables, codes, prepare_parameters, has_breaks, forcings, timed, has_slopes, statistics })
+    Ok(Parts { model, pattern, tables, codes, prepare_parameters, has_breaks, forcings, timed, has_slopes, watched, statistics })
 }
 
 fn check_square(model: &Model) -> Result<usize, BackEndError> {
@@ -219,7 +224,7 @@ fn hoisted(functions: Vec<(Function, Staged)>, model: &mut Model) -> (Vec<(Funct
     (functions, prepare_parameters)
 }
 
-fn request<'j>(function: Function, staged: &'j Staged, model: &Model, (nonzeros, forcings): (usize, usize), quick: bool) -> Request<'j> {
+fn request<'j>(function: Function, staged: &'j Staged, model: &Model, lengths: Lengths, quick: bool) -> Request<'j> {
     let effort = if function.is_hot() && !quick { Effort::Hot } else { Effort::Lukewarm };
-    Request { staged, access: function.access(model, nonzeros, forcings), effort, rank: function.rank() }
+    Request { staged, access: function.access(model, lengths), effort, rank: function.rank() }
 }

@@ -18,6 +18,7 @@ mod parts;
 pub mod tangent;
 mod tapes;
 
+pub use crate::switches::{WatchKind, WatchRole};
 use derivative::Derivative;
 pub use derivative::{Derived, Triplet, WithRespectTo};
 pub(crate) use parts::Parts;
@@ -130,11 +131,23 @@ impl CompiledModel {
         &self.parts.model.roots
     }
 
+    /// What the integrator watches: the conditions of events, then the switches of the equations.
+    #[must_use]
+    pub fn watched(&self) -> &[WatchKind] {
+        &self.parts.watched.kinds
+    }
+
+    /// The unknowns that root functions read, by their place in `y`.
+    #[must_use]
+    pub fn watched_unknowns(&self) -> &[u32] {
+        &self.parts.watched.unknowns
+    }
+
     /// Whether a root function looks at derivatives of the unknowns.
     #[must_use]
     pub fn roots_use_derivatives(&self) -> bool {
         let model = &self.parts.model;
-        model.roots.iter().any(|root| model.exprs.has_derivative(root.value))
+        self.parts.watched.roots(model).iter().any(|(_, root)| model.exprs.has_derivative(*root))
     }
 
     /// Whether a quadrature looks at derivatives of the unknowns.

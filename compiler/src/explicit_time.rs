@@ -30,9 +30,16 @@ pub(crate) struct ExplicitTime {
     pub forcings: Vec<Looped>,
     /// Time occurs in the equations themselves.
     pub in_equations: bool,
+    /// Expressions of time alone that are linear between breaks.
+    linear: FastSet<ExprId>,
 }
 
 impl ExplicitTime {
+    /// Whether the changes of form of a node of time alone are breaks.
+    pub(crate) fn is_break(&self, exprs: &Exprs, e: ExprId) -> bool {
+        exprs.operands(e).all(|o| self.linear.contains(&o) || !exprs.below([o]).any(|e| exprs.node(e) == Expr::Time))
+    }
+
     /// Number of values of all forcings.
     #[must_use]
     pub(crate) fn forcing_count(&self) -> u32 {
@@ -334,7 +341,8 @@ impl<'a> Collector<'a> {
         let next_break = self.next_break();
         let loops = |around: Extents| (0..).zip(around).filter(|&(_, extent)| extent > 0).collect();
         let forcings = self.forcings.into_iter().map(|(value, around)| (loops(around), value)).collect();
-        ExplicitTime { next_break, forcings, in_equations: false }
+        let linear = self.slopes.iter().filter(|(_, slope)| slope.is_some()).map(|(&e, _)| e).collect();
+        ExplicitTime { next_break, forcings, in_equations: false, linear }
     }
 
     /// The least of all next breaks.

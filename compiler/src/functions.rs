@@ -5,6 +5,7 @@ use crate::explicit_time::ExplicitTime;
 use crate::hoist::Stage;
 use crate::model::{Model, Quantity};
 use crate::schedule::{Access, Staged};
+use crate::switches::Watched;
 
 /// Functions that are compiled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,6 +14,7 @@ pub(crate) enum Function {
     Residual,
     Jacobian,
     Roots,
+    Bounds,
     Quadratures,
     Start,
     End,
@@ -25,11 +27,12 @@ pub(crate) enum Function {
 }
 
 impl Function {
-    pub(crate) const ALL: [Function; 13] = [
+    pub(crate) const ALL: [Function; 14] = [
         Function::PrepareStep,
         Function::Residual,
         Function::Jacobian,
         Function::Roots,
+        Function::Bounds,
         Function::Quadratures,
         Function::Start,
         Function::End,
@@ -47,6 +50,7 @@ impl Function {
             Function::Residual => "residual",
             Function::Jacobian => "jacobian",
             Function::Roots => "roots",
+            Function::Bounds => "bounds",
             Function::Quadratures => "quadratures",
             Function::Start => "start",
             Function::End => "end",
@@ -62,7 +66,7 @@ impl Function {
     /// Caches that it may use: discrete variables may have changed since the step was prepared.
     pub(crate) fn limit(self) -> Stage {
         match self {
-            Function::Residual | Function::Jacobian | Function::Roots | Function::Quadratures => Stage::Step,
+            Function::Residual | Function::Jacobian | Function::Roots | Function::Bounds | Function::Quadratures => Stage::Step,
             Function::NextBreak | Function::Forcings | Function::ByTime => Stage::Step,
             _ => Stage::Parameter,
         }
@@ -75,7 +79,7 @@ impl Function {
 
     /// Whether the solver calls it in its inner loop.
     pub(crate) fn is_hot(self) -> bool {
-        matches!(self, Function::Residual | Function::Jacobian | Function::Roots | Function::Quadratures)
+        matches!(self, Function::Residual | Function::Jacobian | Function::Roots | Function::Bounds | Function::Quadratures)
     }
 
     /// Its place among the plans of code generation: the longest first.
@@ -87,15 +91,16 @@ impl Function {
         }
     }
 
-    /// What it may touch; `nonzeros` of the Jacobian and values of `forcings` are the lengths of two outputs.
-    pub(crate) fn access(self, model: &Model, nonzeros: usize, forcings: usize) -> Access {
+    /// What it may touch, where the lengths of some outputs are given.
+    pub(crate) fn access(self, model: &Model, Lengths { nonzeros, forcings, watched }: Lengths) -> Access {
         let (y, yp, out) = match self {
             Function::PrepareStep | Function::Disturb => (false, false, 0),
             Function::NextBreak => (false, false, 1),
             Function::Forcings => (true, true, forcings),
             Function::Residual | Function::ByTime => (true, true, model.unknowns.iter().map(|v| model.vars[*v].len as usize).sum()),
             Function::Jacobian => (true, true, nonzeros),
-            Function::Roots => (true, true, model.roots.len()),
+            Function::Roots => (true, true, watched),
+            Function::Bounds => (true, true, 2 * watched),
             Function::Quadratures => (true, true, model.quadratures.len()),
             Function::Start | Function::End => (true, false, 0),
             Function::Finish => (true, true, finish_len(model)),
@@ -105,14 +110,32 @@ impl Function {
     }
 }
 
+/// Lengths of outputs that follow from the equations.
+#[derive(Clone, Copy)]
+pub(crate) struct Lengths {
+    /// Entries of the Jacobian.
+    pub nonzeros: usize,
+    /// Values of the forcings.
+    pub forcings: usize,
+    /// Root functions: those of events, and switches of the equations.
+    pub watched: usize,
+}
+
 /// What the functions compute, but for the one that fills caches, in the order of [`Function::ALL`].
-pub(crate) fn staged(model: &Model, rows: &[Rows], (jacobian, by_time): (Staged, Staged), time: &ExplicitTime) -> Vec<(Function, Staged)> {
+pub(crate) fn staged(
+    model: &Model,
+    rows: &[Rows],
+    (jacobian, by_time): (Staged, Staged),
+    time: &ExplicitTime,
+    watched: &Watched,
+) -> Vec<(Function, Staged)> {
     let programs = &model.programs;
     let program = Staged::of_program;
     vec![
         (Function::Residual, Staged::of_rows(rows)),
         (Function::Jacobian, jacobian),
-        (Function::Roots, Staged::of_numbers(model.roots.iter().map(|r| r.value))),
+        (Function::Roots, Staged::of_lists(watched.roots(model))),
+        (Function::Bounds, Staged::of_lists(watched.bounds.iter().cloned())),
         (Function::Quadratures, Staged::of_numbers(model.quadratures.iter().copied())),
         (Function::Start, program(&programs.start)),
         (Function::End, program(&programs.end)),

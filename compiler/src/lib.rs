@@ -5,7 +5,8 @@
 //! 1. [`read`] parses the file and what it imports;
 //! 2. [`elaborate`]: names, units, shapes, spatial schemes; out come equations over indexed expressions ([`ir`]);
 //! 3. [`structure`]: which equation determines which unknown; substitution; the flat [`model`];
-//! 4. [`differentiate`]: rows and the entries of the Jacobian; [`explicit_time`]: where time occurs explicitly;
+//! 4. [`differentiate`]: rows and the entries of the Jacobian; [`explicit_time`]: where time occurs explicitly; [`switches`]: where equations change their
+//!    form as unknowns move; [`enclose`]: bounds of root functions;
 //! 5. [`schedule`]: what each function computes ([`functions`]) and in which loop; [`hoist`]: what can be known before it runs;
 //! 6. [`layout`], [`generate`]: memory, machine code;
 //! 7. [`compiled`]: the result, with [`interpret`] for what runs rarely; [`export`] writes it for other tools, [`json`] reads one of the forms back.
@@ -20,6 +21,7 @@ pub mod compiled;
 pub mod differentiate;
 pub mod elaborate;
 pub mod emit;
+mod enclose;
 mod explicit_time;
 pub mod export;
 mod functions;
@@ -35,3 +37,4 @@ pub mod model;
 pub mod read;
 pub mod schedule;
 pub(crate) mod structure;
+mod switches;

@@ -36,7 +36,7 @@ use crate::failure::{BOX_SLACK, Cause, Failure};
 use crate::observe::{Number, Sensors};
 use crate::random::EpisodeKey;
 use crate::setup::{Setup, SetupError};
-use crate::solver::{Absent, Carried, Edge, Integrator, Statistics, System};
+use crate::solver::{Absent, Carried, Edge, Integrator, Statistics};
 use crate::system::CompiledSystem;
 
 /// What a step ended in. Times are in the model's unit.
@@ -147,7 +147,7 @@ impl Environment {
             yp: vec![0.0; unknowns],
             readings: sensors.blank(),
             verdict: Verdict::blank(ends.failures.len(), ends.constraints.len(), ends.rewards.len()),
-            edges: vec![Edge::default(); system.root_count()],
+            edges: vec![Edge::default(); system.model().roots_info().len()],
             carried: Carried::default(),
             event_time: None,
             chatter: None,
@@ -163,7 +163,7 @@ impl Environment {
             trace: None,
             keep_going: false,
             begin: 0.0,
-            firings: Firings { each: vec![Firing::default(); system.root_count()], last: None },
+            firings: Firings { each: vec![Firing::default(); system.model().roots_info().len()], last: None },
             replay: Vec::new(),
             progress,
             sensors,

@@ -3,12 +3,12 @@
 use std::collections::HashSet;
 use std::sync::Arc;
 
-use smpl_compiler::compiled::CompiledModel;
+use smpl_compiler::compiled::{CompiledModel, WatchKind, WatchRole};
 use smpl_compiler::ir::{Expr, ExprId, Flavour};
 use smpl_compiler::layout::{Memory, Part, Region};
 use smpl_compiler::model::{Root, RootAction};
 
-use crate::solver::{Pattern, PatternError, RootKind, System};
+use crate::solver::{Pattern, PatternError, RootKind, RootRole, System};
 
 /// What the solver asks for again and again; shared by all instances of a model.
 #[derive(Debug)]
@@ -42,7 +42,7 @@ impl CompiledSystem {
         let shape = Shape {
             pattern: Pattern::new(pattern.column_pointers.clone(), pattern.row_indices.clone())?,
             differential: (0..model.unknowns()).map(|i| i < model.states()).collect(),
-            roots: model.roots_info().iter().map(root_kind).collect(),
+            roots: model.watched().iter().map(|kind| root_kind(kind, model.roots_info())).collect(),
             roots_use_derivatives: model.roots_use_derivatives(),
             quadratures: model.quadratures(),
             quadratures_use_derivatives: model.quadratures_use_derivatives(),
@@ -142,8 +142,13 @@ fn reads_other_instants(model: &CompiledModel) -> bool {
 }
 
 /// Where nothing runs at an event it marks a switch in the equations, which matters both ways.
-fn root_kind(root: &Root) -> RootKind {
-    RootKind { strict: root.strict, both: root.action == RootAction::Restart }
+fn root_kind(kind: &WatchKind, roots: &[Root]) -> RootKind {
+    let (both, role) = match kind.role {
+        WatchRole::Event(index) => (roots[index as usize].action == RootAction::Restart, RootRole::Event),
+        WatchRole::Jump => (true, RootRole::Jump),
+        WatchRole::Kink { group } => (true, RootRole::Kink { group }),
+    };
+    RootKind { strict: kind.strict, both, role, bounded: kind.bounded }
 }
 
 /// The present values that a frame keeps beside `y`.
@@ -205,6 +210,15 @@ impl System for CompiledSystem {
 
     fn roots(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
         self.model.roots(&mut self.memory, t, y, yp, out);
+    }
+
+    fn watched_unknowns(&self) -> &[u32] {
+        self.model.watched_unknowns()
+    }
+
+    fn root_bounds(&mut self, span: (f64, f64), least: &[f64], most: &[f64], out: &mut [f64]) -> bool {
+        self.model.bounds(&mut self.memory, span, (least, most), out);
+        true
     }
 
     fn quadrature_count(&self) -> usize {

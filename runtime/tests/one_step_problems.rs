@@ -2,7 +2,7 @@
 
 use smpl_runtime::solver::problems::{self, Problem};
 use smpl_runtime::solver::{
-    Advance, Carried, Integrator, Method, OneStep, Pattern, RootKind, Settings, SolveError, Statistics, System, integrator,
+    Advance, Carried, Integrator, Method, OneStep, Pattern, RootKind, RootRole, Settings, SolveError, Statistics, System, integrator,
 };
 
 fn made(problem: &dyn System, method: Method, settings: Settings) -> OneStep {
@@ -202,7 +202,7 @@ impl System for Pendulum {
         out.copy_from_slice(&[y[0], y[0] - 0.5]);
     }
     fn root_kinds(&self) -> &[RootKind] {
-        const { &[RootKind { strict: false, both: true }; 2] }
+        const { &[RootKind { strict: false, both: true, role: RootRole::Event, bounded: false }; 2] }
     }
     fn quadrature_count(&self) -> usize {
         1

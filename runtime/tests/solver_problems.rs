@@ -2,7 +2,8 @@
 
 use smpl_runtime::solver::problems::{self, Problem};
 use smpl_runtime::solver::{
-    Advance, Ida, Integrator, LinearMethod, LinearSolver, Pattern, Quadratures, RootKind, Settings, SolveError, Statistics, System,
+    Advance, Ida, Integrator, LinearMethod, LinearSolver, Pattern, Quadratures, RootKind, RootRole, Settings, SolveError, Statistics,
+    System,
 };
 
 /// Integrates from the problem's start at time 0 to `t_end`.
@@ -281,7 +282,7 @@ impl System for Ramp {
         out.copy_from_slice(&[y[0] - 1.0, -2.0 - y[0]]);
     }
     fn root_kinds(&self) -> &[RootKind] {
-        const { &[RootKind { strict: false, both: true }] }
+        const { &[RootKind { strict: false, both: true, role: RootRole::Event, bounded: false }] }
     }
     fn quadrature_count(&self) -> usize {
         1
@@ -352,7 +353,7 @@ impl System for Pendulum {
         out.copy_from_slice(&[y[0], y[0] - 0.5]);
     }
     fn root_kinds(&self) -> &[RootKind] {
-        const { &[RootKind { strict: false, both: true }; 2] }
+        const { &[RootKind { strict: false, both: true, role: RootRole::Event, bounded: false }; 2] }
     }
     fn quadrature_count(&self) -> usize {
         1

@@ -101,10 +101,17 @@ impl CompiledModel {
         self.evaluate(Function::Jacobian, m, (t, cj), (y, yp), values);
     }
 
-    /// Values of the root functions.
+    /// Values of the root functions, in the order of [`CompiledModel::watched`].
     pub fn roots(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
-        assert_eq!(out.len(), self.roots_info().len(), "number of roots");
+        assert_eq!(out.len(), self.watched().len(), "number of roots");
         self.evaluate(Function::Roots, m, (t, 0.0), (y, yp), out);
+    }
+
+    /// Lower bounds of the root functions, then upper ones, from `begin` to `end` and over a box of unknowns from `least` to `most`. Bounds of root functions
+    /// that read rates are infinite; one that is not a number says nothing.
+    pub fn bounds(&self, m: &mut Memory, (begin, end): (f64, f64), (least, most): (&[f64], &[f64]), out: &mut [f64]) {
+        assert_eq!(out.len(), 2 * self.watched().len(), "number of bounds");
+        self.evaluate(Function::Bounds, m, (begin, end), (least, most), out);
     }
 
     /// Integrands of the quadratures.

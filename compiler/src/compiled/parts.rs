@@ -11,6 +11,7 @@ use crate::differentiate::pattern::Pattern;
 use crate::generate::{Code, GenerateError};
 use crate::model::Model;
 use crate::schedule::{ScheduleError, Staged};
+use crate::switches::Watched;
 
 /// Choices of the back end.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -86,5 +87,7 @@ pub(crate) struct Parts {
     pub(crate) timed: bool,
     /// There are derivatives of the equations by time.
     pub(crate) has_slopes: bool,
+    /// What the integrator watches: events and switches.
+    pub(crate) watched: Watched,
     pub(crate) statistics: CompileStatistics,
 }

@@ -1,8 +1,7 @@
 //! Derivatives along directions, for sensitivities of a control step.
 //!
 //! Programs (updates, rewards, root functions, ...) run on values with their derivatives, interpreted. What the solver asks for at every step is
-//! compiled when it is first asked for: the derivatives of the equations by inputs ([`CompiledModel::by_inputs`]) and the comparisons that make
-//! them jump ([`CompiledModel::switches`]).
+//! compiled when it is first asked for: the derivatives of the equations by inputs ([`CompiledModel::by_inputs`]).
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -13,7 +12,7 @@ use crate::differentiate::{self, Column, ColumnOf, Rows};
 use crate::explicit_time;
 use crate::interpret::Tape;
 pub use crate::interpret::tangent::{Dual, LANES, STILL, Tangent, TangentView};
-use crate::ir::{Affine, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, MAX_DEPTH, Role, UnaryFn, VarId};
+use crate::ir::{Affine, ExprId, FastMap, FastSet, Flavour, Role, VarId};
 use crate::layout::{Base, Memory};
 use crate::model::Model;
 use crate::schedule::{Access, Staged};
@@ -39,7 +38,7 @@ pub enum Part {
     Finish,
     /// Algebraic outputs.
     Outputs,
-    /// Root functions.
+    /// Root functions, those of switches too.
     Roots,
     /// Integrands.
     Quadratures,
@@ -47,8 +46,6 @@ pub enum Part {
     Rows,
     /// The next time at which an equation changes its form: one number.
     NextBreak,
-    /// The switches of [`CompiledModel::switches`].
-    Switches,
 }
 
 /// Number of parts that have a place among the tapes.
@@ -78,15 +75,6 @@ pub enum Source {
 /// Derivatives of the integrands by unknowns, their rates, and inputs.
 pub type Integrands = Entries<Source>;
 
-/// Comparisons of unknowns at which equations or integrands jump, as root functions that are positive where they hold.
-pub struct Switches {
-    native: Option<Native>,
-    /// Whether each does not hold at equality.
-    pub strict: Vec<bool>,
-    /// Something is rounded to whole numbers that depends on unknowns: its jumps are not found.
-    pub rounds: bool,
-}
-
 /// Variables, or copies of them at other instants.
 type Inputs = Vec<(VarId, Flavour)>;
 
@@ -97,7 +85,6 @@ type Known<By> = Mutex<FastMap<Inputs, Arc<Entries<By>>>>;
 #[derive(Default)]
 pub(super) struct Later {
     tapes: [OnceLock<Result<Tape, BackEndError>>; PARTS],
-    switches: OnceLock<Result<(Switches, Tape), BackEndError>>,
     by_inputs: Known<u32>,
     integrands: Known<Source>,
     read: OnceLock<Result<Vec<bool>, BackEndError>>,
@@ -119,7 +106,6 @@ impl CompiledModel {
             Part::InitialDiscretes => &self.tapes.initial_discretes,
             Part::Steady => &self.tapes.steady,
             Part::Event(index) => &self.tapes.events[index as usize],
-            Part::Switches => &self.later.switches.get_or_init(|| self.make_switches()).as_ref()?.1,
             part => self.later.tapes[place(part)].get_or_init(|| self.make_tape(part)).as_ref()?,
         };
         let mut view = TangentView {
@@ -154,7 +140,11 @@ impl CompiledModel {
             Part::Outputs => {
                 program("outputs", &programs.outputs, true, crate::functions::elements(&model.interface.quantities.algebraics))
             }
-            Part::Roots => numbers("roots", model.roots.iter().map(|r| r.value).collect()),
+            Part::Roots => {
+                let watched = &self.parts.watched;
+                let access = Access { name: "roots", y: true, yp: true, out: watched.kinds.len() };
+                Ok(Tape::new(&Staged::of_lists(watched.roots(model)), &model.exprs, &self.layout, access)?)
+            }
             Part::Quadratures => numbers("quadratures", model.quadratures.clone()),
             _ => self.make_equations(part),
         }
@@ -288,32 +278,6 @@ impl CompiledModel {
         }
         Ok(read)
     }
-
-    /// Comparisons of unknowns at which equations or integrands jump without an event.
-    ///
-    /// # Errors
-    /// If they cannot be compiled.
-    pub fn switches(&self) -> Result<&Switches, &BackEndError> {
-        self.later.switches.get_or_init(|| self.make_switches()).as_ref().map(|(switches, _)| switches)
-    }
-
-    fn make_switches(&self) -> Result<(Switches, Tape), BackEndError> {
-        let mut model = self.parts.model.clone();
-        let rows = differentiate::rows(&mut model)?;
-        let mut found = Found::new(&model);
-        for row in &rows {
-            let mut extents = [0; MAX_DEPTH];
-            extents.iter_mut().zip(&row.extents).for_each(|(to, &extent)| *to = extent);
-            found.walk(&model.exprs, row.value, extents);
-        }
-        model.quadratures.iter().for_each(|&value| found.walk(&model.exprs, value, [0; MAX_DEPTH]));
-        let (lists, strict, rounds) = found.lists(&mut model.exprs);
-        let staged = Staged::of_lists(lists);
-        let access = Access { name: "switches", y: true, yp: true, out: strict.len() };
-        let tape = Tape::new(&staged, &model.exprs, &self.layout, access)?;
-        let native = if strict.is_empty() { None } else { Some(Native::new(self, &staged, &model.exprs, strict.len(), "switches")?) };
-        Ok((Switches { native, strict, rounds }, tape))
-    }
 }
 
 impl<By> Entries<By> {
@@ -346,24 +310,6 @@ impl<By> Entries<By> {
     }
 }
 
-impl Switches {
-    /// A workspace for evaluations; `None` where there are no switches.
-    #[must_use]
-    pub fn memory(&self) -> Option<Memory> {
-        self.native.as_ref().map(Native::memory)
-    }
-
-    /// Takes the present inputs.
-    pub fn take(&self, memory: &mut Memory, from: &Memory) {
-        self.native.iter().for_each(|native| native.take(memory, from));
-    }
-
-    /// Values at a point; `memory` is one of [`Switches::memory`].
-    pub fn evaluate(&self, model: &CompiledModel, memory: &mut Memory, t: f64, y: (&[f64], &[f64]), out: &mut [f64]) {
-        self.native.iter().for_each(|native| native.run(model, memory, t, y, out));
-    }
-}
-
 /// Entries that were made before, or are now.
 fn known<By>(
     all: &Known<By>,
@@ -384,71 +330,4 @@ fn place(part: Part) -> usize {
     let all =
         [Part::Disturb, Part::Start, Part::End, Part::Finish, Part::Outputs, Part::Roots, Part::Quadratures, Part::Rows, Part::NextBreak];
     all.iter().position(|&p| p == part).unwrap_or(0)
-}
-
-/// A comparison under the loops whose counters it uses.
-type Looped = (Vec<(u8, u32)>, ExprId);
-
-/// Looks for comparisons that choose between values.
-struct Found {
-    /// Whether a node depends on unknowns.
-    moves: Vec<bool>,
-    seen: FastSet<(ExprId, [u32; MAX_DEPTH])>,
-    compared: Vec<Looped>,
-    rounds: bool,
-}
-
-impl Found {
-    fn new(model: &Model) -> Found {
-        let exprs = &model.exprs;
-        let mut moves = vec![false; exprs.len()];
-        for id in exprs.ids() {
-            moves[id.as_u32() as usize] = match exprs.node(id) {
-                Expr::Load { var, flavour: Flavour::Value | Flavour::Derivative, .. } => {
-                    matches!(model.vars[var].role, Role::State | Role::Algebraic)
-                }
-                _ => exprs.operands(id).any(|o| moves[o.as_u32() as usize]),
-            };
-        }
-        Found { moves, seen: FastSet::default(), compared: vec![], rounds: false }
-    }
-
-    fn walk(&mut self, exprs: &Exprs, root: ExprId, extents: [u32; MAX_DEPTH]) {
-        let mut stack = vec![(root, extents)];
-        while let Some((e, extents)) = stack.pop() {
-            if !self.moves[e.as_u32() as usize] || !self.seen.insert((e, extents)) {
-                continue;
-            }
-            let mut inner = extents;
-            match exprs.node(e) {
-                Expr::Reduce { depth, extent, .. } => inner[depth.0 as usize] = extent,
-                Expr::Compare(Compare::Lt | Compare::Le, ..) | Expr::Unary(UnaryFn::Sign, _) => {
-                    let free = exprs.free(e);
-                    let loops = (0..MAX_DEPTH).filter(|d| free & (1 << d) != 0).map(|d| (d as u8, extents[d])).collect();
-                    if !self.compared.contains(&(Vec::clone(&loops), e)) {
-                        self.compared.push((loops, e));
-                    }
-                }
-                Expr::Unary(UnaryFn::Floor | UnaryFn::Ceil | UnaryFn::Round, _) | Expr::Passed(..) => self.rounds = true,
-                _ => {}
-            }
-            stack.extend(exprs.operands(e).map(|o| (o, inner)));
-        }
-    }
-
-    /// Differences whose signs decide, whether each is strict, and whether something is rounded.
-    fn lists(self, exprs: &mut Exprs) -> (Vec<Looped>, Vec<bool>, bool) {
-        let (mut lists, mut strict) = (vec![], vec![]);
-        for (loops, e) in self.compared {
-            let (value, is_strict) = match exprs.node(e) {
-                Expr::Compare(op, a, b) => (exprs.sub(b, a), op == Compare::Lt),
-                Expr::Unary(_, a) => (a, true),
-                _ => continue,
-            };
-            let passes = loops.iter().map(|&(_, extent)| extent as usize).product();
-            strict.extend(std::iter::repeat_n(is_strict, passes));
-            lists.push((loops, value));
-        }
-        (lists, strict, self.rounds)
-    }
 }

@@ -1,7 +1,7 @@
 //! Rows before they are differentiated: each reduction with a counter of its own, short ones unrolled.
 
 use super::{ColumnOf, DifferentiateError};
-use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, LoopVar, MAX_DEPTH, ReduceFn};
+use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, LoopVar, MAX_DEPTH, ReduceFn, UnaryFn};
 
 /// Reductions that are no sums are unrolled up to this many iterations to be differentiated; longer ones stay loops.
 const LONGEST_UNROLLED: u32 = 64;
@@ -46,6 +46,14 @@ fn renumber(
             Err(error) => {
                 failure = Some(error);
                 Some(body)
+            }
+        },
+        // Nothing that follows looks at it.
+        Expr::Unary(UnaryFn::Smooth, a) => match renumber(exprs, a, map, next, column_of) {
+            Ok(inner) => Some(inner),
+            Err(error) => {
+                failure = Some(error);
+                Some(a)
             }
         },
         _ => None,

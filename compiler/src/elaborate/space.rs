@@ -28,7 +28,7 @@ use crate::elaborate::lower::loops::Cell;
 use crate::elaborate::lower::values::Values;
 use crate::elaborate::naming::Naming;
 use crate::elaborate::symbols::{Axis, DomainId, SymbolId, SymbolKind, Symbols};
-use crate::ir::{Compare, ExprId};
+use crate::ir::{Compare, ExprId, UnaryFn};
 
 impl Values<'_> {
     /// The number of a cell or face as a node.
@@ -59,6 +59,7 @@ impl Values<'_> {
         let same_sign = self.exprs.compare(Compare::Lt, zero, product);
         let step = self.exprs.div(product, sum);
         let step = self.exprs.select(same_sign, step, zero);
+        let step = self.exprs.unary(UnaryFn::Smooth, step);
         self.exprs.add(l, step)
     }
 

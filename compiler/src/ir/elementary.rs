@@ -103,6 +103,8 @@ elementary! {
     Round: Some(Kernel::Round), Spelling { c: "rint", ..Spelling::own("round", "_round", ROUND) };
     /// To the nearest number of single precision.
     Single: Some(Kernel::Single), Spelling::own("single", "_single", SINGLE);
+    /// The same number, whose switches the integrator leaves to its error test. Other languages write nothing.
+    Smooth: None, Spelling { word: "smooth", c: "", casadi: "", jax: "", defined: NOTHING };
 }
 
 const SIGN: Defined = Defined {
@@ -150,6 +152,7 @@ impl UnaryFn {
             (UnaryFn::Neg, _) => -x,
             (UnaryFn::Abs, _) => x.abs(),
             (UnaryFn::Sqrt, _) => x.sqrt(),
+            (UnaryFn::Smooth, _) => x,
             (_, kernel) => kernel.map_or(f64::NAN, |kernel| kernels::unary(kernel, x)),
         }
     }
@@ -199,7 +202,7 @@ pub(crate) fn slope<A: Arithmetic>(x: &mut A, f: UnaryFn, a: A::Number, value: A
             x.where_equal((value, zero), zero, slope)
         }
         // Rounding moves a value by less than its last digit: the slope is that of the value itself.
-        UnaryFn::Single => one,
+        UnaryFn::Single | UnaryFn::Smooth => one,
         UnaryFn::Exp => value,
         UnaryFn::Ln => x.binary(Div, one, a),
         UnaryFn::Log10 => {

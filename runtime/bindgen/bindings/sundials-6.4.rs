@@ -854,6 +854,9 @@ unsafe extern "C" {
     pub fn IDAGetConsistentIC(ida_mem: *mut ::std::os::raw::c_void, yy0_mod: N_Vector, yp0_mod: N_Vector) -> ::std::os::raw::c_int;
 }
 unsafe extern "C" {
+    pub fn IDAGetLastOrder(ida_mem: *mut ::std::os::raw::c_void, klast: *mut ::std::os::raw::c_int) -> ::std::os::raw::c_int;
+}
+unsafe extern "C" {
     pub fn IDAGetLastStep(ida_mem: *mut ::std::os::raw::c_void, hlast: *mut realtype) -> ::std::os::raw::c_int;
 }
 unsafe extern "C" {

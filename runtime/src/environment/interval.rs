@@ -133,7 +133,9 @@ impl Environment {
         self.integrator.forget();
         self.integrator.carry(self.progress.carried);
         self.integrals.fill(0.0);
-        self.integrator.edges_mut().copy_from_slice(&self.progress.edges);
+        // Switches of the equations are taken as they are.
+        let count = self.progress.edges.len();
+        self.integrator.edges_mut()[..count].copy_from_slice(&self.progress.edges);
         let end = self.end_time();
         let (mut t, mut events) = (self.begin, 0);
         let outcome = loop {
@@ -164,7 +166,7 @@ impl Environment {
                 break outcome;
             }
         };
-        self.progress.edges.copy_from_slice(self.integrator.edges());
+        self.progress.edges.copy_from_slice(&self.integrator.edges()[..count]);
         self.progress.carried = self.integrator.carried();
         outcome
     }

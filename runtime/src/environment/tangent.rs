@@ -237,10 +237,6 @@ impl Environment {
             let name = &self.setup.catalogue.actions.elements()[at].name;
             return Err(FollowError::Failed(format!("action `{name}` is not finite")));
         }
-        let switches = self.system.model().switches().map_err(|e| FollowError::Refused(e.to_string()))?;
-        if switches.rounds {
-            return Err(FollowError::Refused("an equation rounds what depends on unknowns, and jumps where it does".into()));
-        }
         follower.choose(&self.setup, self.system.region(Region::Param), directions);
         let excess = self.action_excess(action);
         self.progress.chatter = None;

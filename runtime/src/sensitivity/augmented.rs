@@ -31,8 +31,6 @@ pub(crate) struct Augmented {
     /// F_y S, there, or rates.
     part: Vec<f64>,
     inputs: Option<Inputs>,
-    kinds: Vec<RootKind>,
-    switches: Option<Memory>,
     integrals: Option<Integrals>,
 }
 
@@ -134,9 +132,6 @@ impl Augmented {
     pub(crate) fn new(system: &CompiledSystem, width: usize) -> Self {
         let inner = system.pattern();
         let entries = inner.entries();
-        let switches = system.model().switches().ok();
-        let strict = switches.map_or(&[][..], |switches| &switches.strict);
-        let kinds = system.root_kinds().iter().copied().chain(strict.iter().map(|&strict| RootKind { strict, both: true }));
         let rows_of_directions = system.differential().iter().flat_map(|&d| std::iter::repeat_n(d, width));
         Self {
             width,
@@ -147,16 +142,9 @@ impl Augmented {
             mass: if system.is_explicit() { Vec::new() } else { vec![0.0; entries] },
             part: if system.is_explicit() { Vec::new() } else { vec![0.0; system.dimension() * width] },
             inputs: None,
-            kinds: kinds.collect(),
-            switches: switches.and_then(|switches| switches.memory()),
             integrals: None,
             system: system.clone(),
         }
-    }
-
-    /// Number of root functions that are switches of the equations, after those of the model.
-    pub(crate) fn switches(&self) -> usize {
-        self.kinds.len() - self.system.root_count()
     }
 
     /// Takes the inputs of an instance, of which some move, and their derivatives along those directions that are integrated.
@@ -172,9 +160,6 @@ impl Augmented {
     ) -> Result<(), String> {
         self.system.restore(system.memory().all());
         let model = Arc::clone(system.model());
-        if let (Ok(switches), Some(memory)) = (model.switches(), &mut self.switches) {
-            switches.take(memory, system.memory());
-        }
         if system.quadrature_count() > 0 {
             let compiled = model.integrands(moving).map_err(|e| e.to_string())?;
             let known = self.integrals.take().filter(|integrals| Arc::ptr_eq(&integrals.compiled, &compiled));
@@ -421,11 +406,11 @@ impl System for Augmented {
     }
 
     fn root_count(&self) -> usize {
-        self.kinds.len()
+        self.system.root_count()
     }
 
     fn root_kinds(&self) -> &[RootKind] {
-        &self.kinds
+        self.system.root_kinds()
     }
 
     fn roots_use_derivatives(&self) -> bool {
@@ -434,14 +419,21 @@ impl System for Augmented {
 
     fn roots(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
         let n = self.system.dimension();
-        let (own, switches) = out.split_at_mut(self.system.root_count());
-        let (y, yp) = (&y[..n], &yp[..yp.len().min(n)]);
-        if !own.is_empty() {
-            self.system.roots(t, y, yp, own);
-        }
-        if let (Ok(compiled), Some(memory)) = (self.system.model().switches(), &mut self.switches) {
-            compiled.evaluate(self.system.model(), memory, t, (y, yp), switches);
-        }
+        self.system.roots(t, &y[..n], &yp[..yp.len().min(n)], out);
+    }
+
+    fn watched_unknowns(&self) -> &[u32] {
+        self.system.watched_unknowns()
+    }
+
+    fn root_bounds(&mut self, span: (f64, f64), least: &[f64], most: &[f64], out: &mut [f64]) -> bool {
+        let n = self.system.dimension();
+        self.system.root_bounds(span, &least[..n], &most[..n], out)
+    }
+
+    /// Derivatives jump there.
+    fn reports_jumps(&self) -> bool {
+        true
     }
 
     fn quadrature_count(&self) -> usize {

@@ -4,6 +4,7 @@
 //! would end the process); it is caught, noted and returned as a failure.
 
 mod entry;
+mod history;
 mod message;
 
 use std::os::raw::c_int;
@@ -11,16 +12,18 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::ptr::NonNull;
 use std::rc::Rc;
 
+use super::inside::{Inside, looks_into, stays};
 use super::kernels::Block;
 use super::linear::Factorisation;
 use super::linear::columns::all_finite;
 use super::newton::Newton;
 use super::sundials::Inquiry;
 use super::vector::{self, Content, Handle, Operations, Shared, Vector};
-use super::watch::Watch;
+use super::watch::{Open, Watch};
 use super::{Following, Statistics, System};
 use crate::interrupt::Pace;
 pub(crate) use entry::{error_weights, jacobian, linear_solver, matrix, quadratures, residual};
+pub(crate) use history::History;
 pub(crate) use message::{Message, message};
 
 /// Returned to IDA: try again with a smaller step.
@@ -103,6 +106,10 @@ pub(crate) struct Bridge {
     pub watch: Watch,
     /// Derivatives at the accepted state, where root functions look at them.
     pub derivative: Option<Vector>,
+    /// The last accepted steps, where bounds of root functions are known.
+    pub history: Option<History>,
+    /// Steps up to this length are short.
+    pub short_step: f64,
     pub counts: Statistics,
     pub trouble: Option<Trouble>,
     steps: Steps,
@@ -129,6 +136,8 @@ impl Bridge {
             newton,
             watch,
             derivative: None,
+            history: None,
+            short_step: 0.0,
             counts: Statistics::default(),
             trouble: None,
             steps: Steps::default(),
@@ -292,24 +301,85 @@ impl Bridge {
         done
     }
 
-    /// Looks at the root functions at an accepted state; whether a condition has become true.
-    pub(crate) fn has_passed(&mut self, t: f64, y: &[f64], yp: &[f64]) -> Result<bool, c_int> {
+    /// Looks at the root functions at the end of the step that was just accepted, and inside of it; whether a condition has become true. IDA keeps y' in
+    /// its history.
+    pub(super) fn has_passed_in_step(&mut self, t: f64, y: &[f64]) -> Result<bool, c_int> {
         if self.watch.is_empty() {
             return Ok(false);
         }
-        self.evaluate_roots(t, y, yp)?;
-        Ok(self.watch.accept(t))
+        let Some(mut history) = self.history.take() else {
+            self.evaluate_roots_in_step(t, y)?;
+            return Ok(self.watch.accept(t));
+        };
+        let passed = self.look_into_step(&mut history, t, y);
+        self.history = Some(history);
+        passed
     }
 
-    /// The same within IDA's calls, which keep y' in their history.
-    fn has_passed_in_step(&mut self, t: f64, y: &[f64]) -> Result<bool, c_int> {
-        let Some(mut derivative) = self.derivative.take() else { return self.has_passed(t, y, y) };
-        let passed = match self.interpolate(t, 1, &mut derivative) {
-            Ok(()) => self.has_passed(t, y, derivative.entries()),
+    /// Evaluates the root functions at a time within the last step, where unknowns are these.
+    fn evaluate_roots_in_step(&mut self, t: f64, y: &[f64]) -> Result<(), c_int> {
+        let Some(mut derivative) = self.derivative.take() else { return self.evaluate_roots(t, y, y) };
+        let evaluated = match self.interpolate(t, 1, &mut derivative) {
+            Ok(()) => self.evaluate_roots(t, y, derivative.entries()),
             Err(_) => Err(FATAL),
         };
         self.derivative = Some(derivative);
-        passed
+        evaluated
+    }
+
+    fn look_into_step(&mut self, history: &mut History, t: f64, y: &[f64]) -> Result<bool, c_int> {
+        if !history.push(t, y) {
+            self.evaluate_roots_in_step(t, y)?;
+            return Ok(self.watch.accept(t));
+        }
+        let from = history.step_began();
+        history.surround();
+        if history.safe.holds(t, &history.unknowns, (&history.least, &history.most)) || self.is_safe_beyond(history, (from, t))? {
+            if !self.watch.has_loose() {
+                self.watch.pass(t);
+                return Ok(false);
+            }
+            if stays(&mut Within { bridge: self, history }, (from, t))? {
+                return Ok(self.watch.accept(t));
+            }
+        }
+        history.enclose_step(self.memory.as_ref().map_or(0, Inquiry::last_order));
+        self.watch.begin_step();
+        self.evaluate_roots_in_step(t, y)?;
+        self.bound_roots(history, (from, t))?;
+        let short = t - from <= self.short_step && from >= self.watch.loose_until;
+        let open = self.watch.what_is_open(short);
+        if open == Open::Nothing && !self.watch.has_unbounded() {
+            return Ok(self.watch.accept(t));
+        }
+        history.enclose_tolerances(|unknown, value| self.tolerance(unknown, value));
+        self.bound_roots(history, (t, t))?;
+        looks_into(&mut Within { bridge: self, history }, (from, t), (open, short))
+    }
+
+    /// Whether nothing can happen in a box that reaches beyond the last step.
+    fn is_safe_beyond(&mut self, history: &mut History, step: (f64, f64)) -> Result<bool, c_int> {
+        let History { safe, unknowns, least, most, .. } = history;
+        let Some((span, least, most)) = safe.beyond(step, unknowns, (least, most)) else { return Ok(false) };
+        let mut bounds = std::mem::take(&mut self.watch.bounds);
+        let done = self.guarded(|system| {
+            system.root_bounds(span, least, most, &mut bounds);
+        });
+        self.watch.bounds = bounds;
+        done?;
+        let is_safe = self.watch.is_safe();
+        safe.tried(is_safe.then_some(span.1));
+        Ok(is_safe)
+    }
+
+    /// Bounds of the root functions over the box of the history.
+    fn bound_roots(&mut self, history: &History, span: (f64, f64)) -> Result<(), c_int> {
+        let mut bounds = std::mem::take(&mut self.watch.bounds);
+        let done = self.guarded(|system| {
+            system.root_bounds(span, &history.least, &history.most, &mut bounds);
+        });
+        self.watch.bounds = bounds;
+        done
     }
 
     /// The unknowns' derivatives of this order at a time within IDA's last step.
@@ -398,6 +468,30 @@ impl Bridge {
         // Where equations stopped being finite, that is the cause.
         self.trouble.get_or_insert(Trouble::TinySteps { step });
         Err(FATAL)
+    }
+}
+
+/// The step that IDA accepted last.
+struct Within<'a> {
+    bridge: &'a mut Bridge,
+    history: &'a mut History,
+}
+
+impl Inside for Within<'_> {
+    type Error = c_int;
+
+    fn watch(&mut self) -> &mut Watch {
+        &mut self.bridge.watch
+    }
+
+    fn bound(&mut self, from: f64, to: f64) -> Result<(), c_int> {
+        self.history.enclose((from, to));
+        self.bridge.bound_roots(self.history, (from, to))
+    }
+
+    fn look(&mut self, t: f64) -> Result<(), c_int> {
+        self.bridge.interpolate(t, 0, &mut self.history.inside).map_err(|_| FATAL)?;
+        self.bridge.evaluate_roots_in_step(t, self.history.inside.entries())
     }
 }
 

@@ -15,7 +15,7 @@ use super::forcing::{Course, Forcing};
 use super::linear::Method;
 use super::quadrature::Integrals;
 use super::sundials::{IdaCounts, Memory, Task, check};
-use super::traverse::Traverse;
+use super::traverse::{SHORT, Traverse};
 use super::variational::{Stuck, Variational};
 use super::vector::{Operations, Vector};
 use super::{Advance, Edge, FirstStep, IdaFlag, Integrator, Settings, SolveError, Statistics, System};
@@ -49,6 +49,8 @@ pub struct Ida {
     settings: Settings,
     shape: Shape,
     events: Box<[c_int]>,
+    /// The integration stops at jumps, too.
+    reports_jumps: bool,
     /// A state a little later and its derivatives, where there are events.
     later: Option<(Vector, Vector)>,
     time: f64,
@@ -186,6 +188,9 @@ impl Ida {
         self.bridge().newton.restart();
         self.memory.set_first_step(step)?;
         check("IDAReInit", self.memory.restart(self.time, &self.y, &self.yp))?;
+        if let Some(history) = &mut self.memory.bridge_mut().history {
+            history.begin(self.time, self.y.entries());
+        }
         if let Some(quadratures) = self.quadratures.as_ref().filter(|q| q.by_steps.is_none()) {
             self.memory.restart_integrals(&quadratures.values)?;
             if let Some(rtol) = quadratures.checked() {
@@ -224,6 +229,7 @@ impl Ida {
         self.memory.begin();
         let (interval, fresh) = (t_end - self.time, self.phase == Phase::Restarted);
         self.past.longest_interval = self.past.longest_interval.max(interval);
+        self.memory.bridge_mut().short_step = SHORT * self.past.longest_interval;
         if fresh && self.settle()? {
             return Ok(Advance::Event);
         }
@@ -292,7 +298,7 @@ impl Ida {
             }
             self.take(self.time)?;
             // Derivatives do not go beyond an event, which IDA's next step would notice.
-            if self.following.is_some() && self.has_passed(self.time)? {
+            if self.following.is_some() && self.looks_passed()? {
                 return Ok(value);
             }
             self.follow(self.time, t_end)?;
@@ -465,6 +471,7 @@ impl Integrator for Ida {
         bridge.newton.forget();
         bridge.watch.edges.fill(Edge::default());
         bridge.watch.undefined = None;
+        bridge.watch.loose_until = f64::NEG_INFINITY;
         bridge.counts = Statistics::default();
     }
 

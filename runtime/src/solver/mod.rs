@@ -8,7 +8,8 @@
 //! * Newton's method in few passes over memory (`newton`);
 //! * derivatives along directions that follow the unknowns in steps of their own (`staggered`, `variational`);
 //! * consistent initial conditions and a first step computed from the model's exact Jacobian (`consistent`);
-//! * stops at the times where the equations change their form, and a look at what time moves inside of an interval (`forcing`).
+//! * stops at the times where the equations change their form, and a look at what time moves inside of an interval (`forcing`);
+//! * bounds of what an accepted step may hide from events and switches of the equations (`enclosure`, `inside`).
 //!
 //! A control step is a [`restart`](Integrator::restart) at the state and inputs of its beginning and an
 //! [`advance`](Integrator::advance) to its end, which is hit exactly:
@@ -32,9 +33,11 @@
 mod callbacks;
 mod choose;
 mod consistent;
+mod enclosure;
 mod error;
 mod forcing;
 mod ida;
+mod inside;
 mod integrator;
 mod kernels;
 pub(crate) mod linear;
@@ -60,5 +63,5 @@ pub use linear::Method as LinearMethod;
 pub use onestep::OneStep;
 pub use settings::{FirstStep, LinearSolver, Method, Quadratures, Settings};
 pub(crate) use staggered::Staggered;
-pub use system::{Following, Pattern, PatternError, RootKind, System};
+pub use system::{Following, Pattern, PatternError, RootKind, RootRole, System};
 pub use watch::Edge;

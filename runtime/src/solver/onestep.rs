@@ -33,6 +33,7 @@ use self::control::Control;
 use self::frame::Frame;
 use self::methods::Methods;
 use self::numbers::{Quads, entries, zeros};
+use super::enclosure::{Enclosure, Safe};
 use super::forcing::Forcing;
 use super::quadrature::BySteps;
 use super::traverse::Traverse;
@@ -80,10 +81,41 @@ pub struct OneStep {
     longest_interval: f64,
 }
 
-/// The conditions of events, and which of them have become true.
+/// The conditions of events and switches, and which of them have become true.
 struct Events {
     watch: Watch,
     fired: Box<[c_int]>,
+    /// Bounds of root functions over parts of a step are known.
+    bounded: bool,
+    /// The integration stops at jumps, too.
+    reports_jumps: bool,
+    /// The unknowns that root functions read, and the fours that they are in.
+    unknowns: Box<[u32]>,
+    fours: Box<[u32]>,
+    /// Bounds of unknowns, in whole fours; only of those that are read are they up to date.
+    enclosure: Enclosure,
+    safe: Safe,
+}
+
+impl Events {
+    fn new(system: &dyn System) -> Self {
+        let roots = system.root_count();
+        let bounded = system.root_kinds().iter().any(|kind| kind.bounded);
+        let unknowns = system.watched_unknowns();
+        let mut fours: Vec<u32> = unknowns.iter().map(|at| at / 4).collect();
+        fours.dedup();
+        let space = if bounded { 4 * system.dimension().div_ceil(4) } else { 0 };
+        Self {
+            watch: Watch::new(roots, system.root_kinds()),
+            fired: vec![0; roots].into(),
+            bounded,
+            reports_jumps: system.reports_jumps(),
+            unknowns: unknowns.into(),
+            fours: fours.into(),
+            enclosure: Enclosure::new(space),
+            safe: Safe::new(space),
+        }
+    }
 }
 
 /// Integrals over the steps, and what they have come to.
@@ -104,7 +136,7 @@ impl OneStep {
         let algebraic = system.differential().iter().position(|differential| !differential);
         check(system, settings.method, algebraic)?;
         let frame = Frame::new(system, &settings);
-        let (roots, quadratures) = (system.root_count(), system.quadrature_count());
+        let quadratures = system.quadrature_count();
         let tolerances = match settings.quadratures {
             Quadratures::Unchecked => (0.0, f64::INFINITY),
             Quadratures::Checked { rtol, atol } => (rtol, atol),
@@ -116,7 +148,7 @@ impl OneStep {
             control: Control::default(),
             algebra: if algebraic.is_some() { Some(Algebra::new(system, &settings)?) } else { None },
             forcing: Forcing::new(system.forcing_count()),
-            events: Events { watch: Watch::new(roots, system.root_kinds()), fired: vec![0; roots].into() },
+            events: Events::new(system),
             integrals: (quadratures > 0)
                 .then(|| Integrals { rule: BySteps::new(quadratures, tolerances), values: vec![0.0; quadratures].into() }),
             derivative: zeros(n),
@@ -220,6 +252,7 @@ impl Integrator for OneStep {
         self.algebra.iter_mut().for_each(Algebra::forget);
         self.events.watch.edges.fill(Edge::default());
         self.events.watch.undefined = None;
+        self.events.watch.loose_until = f64::NEG_INFINITY;
         self.frame.functions.counts = Statistics::default();
     }
 

@@ -183,6 +183,18 @@ impl System for Leading<'_> {
         self.whole.roots(t, y, yp, out);
     }
 
+    fn watched_unknowns(&self) -> &[u32] {
+        self.whole.watched_unknowns()
+    }
+
+    fn root_bounds(&mut self, span: (f64, f64), least: &[f64], most: &[f64], out: &mut [f64]) -> bool {
+        self.whole.root_bounds(span, least, most, out)
+    }
+
+    fn reports_jumps(&self) -> bool {
+        self.whole.reports_jumps()
+    }
+
     fn quadrature_count(&self) -> usize {
         self.whole.quadrature_count() / (1 + self.whole.directions())
     }

@@ -116,6 +116,23 @@ pub trait System {
         let _ = (t, y, yp, out);
     }
 
+    /// The unknowns that root functions read, rising. [`root_bounds`](Self::root_bounds) looks at no others.
+    fn watched_unknowns(&self) -> &[u32] {
+        &[]
+    }
+
+    /// Writes bounds of the root functions to `out`, lower ones and then upper ones: from the first to the second time of `span`, and for unknowns from `least`
+    /// to `most`. Returns whether they are known; if not, root functions are looked at only where steps end.
+    fn root_bounds(&mut self, span: (f64, f64), least: &[f64], most: &[f64], out: &mut [f64]) -> bool {
+        let _ = (span, least, most, out);
+        false
+    }
+
+    /// Whether [`advance`](super::Integrator::advance) stops at jumps of the equations, too; otherwise it goes on behind them.
+    fn reports_jumps(&self) -> bool {
+        false
+    }
+
     /// Number of quadratures.
     fn quadrature_count(&self) -> usize {
         0
@@ -142,13 +159,33 @@ pub struct Following<'a> {
     pub jacobian: &'a [f64],
 }
 
-/// The condition that a root function stands for.
+/// What a root function is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RootKind {
-    /// It does not hold at zero.
+    /// The condition does not hold at zero.
     pub strict: bool,
     /// The integration stops where it ceases to hold as well.
     pub both: bool,
+    /// What the integration stops for.
+    pub role: RootRole,
+    /// [`System::root_bounds`] knows bounds of it.
+    pub bounded: bool,
+}
+
+/// What the integration stops for at a zero of a root function.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum RootRole {
+    /// An event.
+    #[default]
+    Event,
+    /// A jump of the equations.
+    Jump,
+    /// A kink of the equations, which the error test of a step sees as long as the step meets both forms. The integration stops only where a step would have
+    /// passed a form unseen. Kinks of one group look at one quantity.
+    Kink {
+        /// The group.
+        group: u32,
+    },
 }
 
 /// Structure of a square sparse matrix by compressed columns.

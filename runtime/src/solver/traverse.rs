@@ -19,6 +19,10 @@ const AHEAD: [f64; 2] = [1e-7, 1e4 * f64::EPSILON];
 /// What happens within this time happens at once, likewise.
 const AT_ONCE: [f64; 2] = [1e-10, 100.0 * f64::EPSILON];
 
+/// Where motion is looked for that does not show that near, in multiples of it; and the parts of the way at which it has to show.
+const FAR: [f64; 2] = [1e3, 1e6];
+const PARTS: [f64; 3] = [1.0, 0.25, 0.0625];
+
 /// By this many times as much a condition has to move anew, where it became true at the end of an interval.
 const AGAIN: f64 = 2.0;
 
@@ -27,6 +31,18 @@ const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
 /// What is rounding grows with it, here by as much; a jump does not.
 const WIDER: f64 = 16.0;
+
+/// Steps of this part of an interval are so short that a kink in them may hold the solution.
+pub(crate) const SHORT: f64 = 1e-3;
+
+/// A root function that moves by no more than this part of its tolerance, along the rates and as far as motion is looked for, is held.
+const STILL: f64 = 1e-8;
+
+/// For this part of the interval no tie is looked for where there was none.
+const PATIENCE: f64 = 1e-2;
+
+/// Corrections of an unknown until a root function is zero.
+const CORRECTIONS: u32 = 8;
 
 /// An integrator between two control instants, with its system at hand.
 pub(crate) trait Traverse {
@@ -72,6 +88,21 @@ pub(crate) trait Traverse {
     /// Stays at this time, where a restart is needed.
     fn stop_at(&mut self, t: f64);
 
+    /// Whether the integration stops at jumps of the equations, too.
+    fn reports_jumps(&self) -> bool;
+
+    /// An unknown at the present state.
+    fn unknown_mut(&mut self, at: usize) -> &mut f64;
+
+    /// The tolerance of an unknown.
+    fn tolerance(&self, at: usize) -> f64;
+
+    /// An unknown that root functions read, by its number among these.
+    fn watched_unknown(&self, number: usize) -> Option<usize>;
+
+    /// Whether the equations give the rates of all states.
+    fn is_explicit(&self) -> bool;
+
     /// Steps to `t_end` or to the first event, which may be at `t_end` itself.
     fn go_to_event(&mut self, t_end: f64) -> Result<Advance, SolveError> {
         let gone = match self.go(t_end) {
@@ -104,6 +135,9 @@ pub(crate) trait Traverse {
         if self.watched().0.is_empty() {
             return Ok(false);
         }
+        if self.watched().0.stale {
+            self.evaluate_roots(self.time())?;
+        }
         let ahead = self.span(AHEAD);
         self.evaluate_along(ahead, false)?;
         let (watch, _) = self.watched();
@@ -133,7 +167,7 @@ pub(crate) trait Traverse {
             let near = NEAR * self.time().abs().max(t_end.abs());
             let at = self.next_break(self.time())?;
             if at.is_nan() || at > t_end + near {
-                return self.solve(t_end);
+                return self.solve_past_switches(t_end, &mut stops);
             }
             stops += 1;
             if stops > self.max_steps() {
@@ -144,7 +178,7 @@ pub(crate) trait Traverse {
                 width *= 2.0;
             } else {
                 width = ROUNDINGS * f64::EPSILON * at.abs().max(t_end.abs());
-                let advance = self.solve((at - width).min(t_end))?;
+                let advance = self.solve_past_switches((at - width).min(t_end), &mut stops)?;
                 if advance == Advance::Event || at - width >= t_end {
                     return Ok(advance);
                 }
@@ -152,9 +186,91 @@ pub(crate) trait Traverse {
             let behind = (at.max(self.time()) + width).min(t_end);
             self.cross(behind)?;
             if behind == t_end {
-                return self.solve(t_end);
+                return self.solve_past_switches(t_end, &mut stops);
             }
         }
+    }
+
+    /// Steps to a time before the next break, or to an event, beginning anew behind each switch at which a step ends.
+    fn solve_past_switches(&mut self, t_end: f64, stops: &mut u32) -> Result<Advance, SolveError> {
+        loop {
+            let advance = self.solve(t_end)?;
+            let reports = self.reports_jumps();
+            let (watch, fired) = self.watched();
+            if advance == Advance::Reached || !watch.at_switch || (reports && watch.has_jumped(fired)) {
+                return Ok(advance);
+            }
+            *stops += 1;
+            let time = self.time();
+            if *stops > self.max_steps() {
+                return Err(SolveError::TooManySteps { time, steps: self.max_steps(), unknown: None, event: None });
+            }
+            let left = t_end - time;
+            self.hold_tie()?;
+            self.cross(if left <= ROUNDINGS * f64::EPSILON * (time.abs() + t_end.abs()) { t_end } else { time })?;
+        }
+    }
+
+    /// Where the integration has stopped at a switch: moves the state to its threshold, within the tolerance of one unknown, if the equations hold it there,
+    /// as the levels of two vessels that have become equal. Otherwise the solution would be led across and back without end.
+    fn hold_tie(&mut self) -> Result<(), SolveError> {
+        let time = self.time();
+        let (watch, _) = self.watched();
+        let Some(switch) = watch.switched.filter(|_| time >= watch.loose_until) else { return Ok(()) };
+        if !self.is_explicit() {
+            return Ok(());
+        }
+        let Some((at, slope)) = self.steepest(switch)? else { return Ok(()) };
+        let (before, tolerance, ahead) = (*self.unknown_mut(at), self.tolerance(at), self.span(AHEAD));
+        if self.moves_to_threshold(switch, (at, slope))? && (*self.unknown_mut(at) - before).abs() <= tolerance {
+            self.derive()?;
+            self.evaluate_along(ahead, true)?;
+            let band = tolerance * slope.abs();
+            let watch = self.watched().0;
+            if watch.ahead[switch].abs() <= STILL * band {
+                watch.hold(switch, band);
+                return Ok(());
+            }
+        }
+        *self.unknown_mut(at) = before;
+        let loose = time + PATIENCE * self.longest_interval();
+        self.watched().0.loose_until = loose;
+        Ok(())
+    }
+
+    /// The unknown that moves a root function most within its tolerance, and the derivative by it.
+    fn steepest(&mut self, switch: usize) -> Result<Option<(usize, f64)>, SolveError> {
+        let time = self.time();
+        self.evaluate_roots(time)?;
+        let value = self.watched().0.values[switch];
+        let mut found: Option<(usize, f64)> = None;
+        let mut number = 0;
+        while let Some(at) = self.watched_unknown(number) {
+            number += 1;
+            let (own, tolerance) = (*self.unknown_mut(at), self.tolerance(at));
+            *self.unknown_mut(at) = own + tolerance;
+            self.evaluate_roots(time)?;
+            *self.unknown_mut(at) = own;
+            let change = self.watched().0.values[switch] - value;
+            if change.is_finite() && change.abs() > found.map_or(0.0, |(at, slope)| (slope * self.tolerance(at)).abs()) {
+                found = Some((at, change / tolerance));
+            }
+        }
+        Ok(found)
+    }
+
+    /// Moves an unknown until a root function is zero; whether it is.
+    fn moves_to_threshold(&mut self, switch: usize, (at, slope): (usize, f64)) -> Result<bool, SolveError> {
+        let time = self.time();
+        for _ in 0..CORRECTIONS {
+            self.evaluate_roots(time)?;
+            let value = self.watched().0.values[switch];
+            if value == 0.0 {
+                return Ok(true);
+            }
+            *self.unknown_mut(at) -= value / slope;
+        }
+        Ok(false)
     }
 
     /// A time over the interval or over the time itself, whichever is longer.
@@ -170,16 +286,14 @@ pub(crate) trait Traverse {
             return Ok(false);
         }
         watch.passed = false;
+        watch.at_switch = false;
         watch.since = time;
         self.evaluate_roots(time)?;
         if self.watched().0.is_at_threshold() {
             let ahead = self.span(AHEAD);
-            // What is slow beside its own size shows further ahead.
-            for ahead in [ahead, 1e3 * ahead, 1e6 * ahead] {
-                self.evaluate_along(ahead, true)?;
-                if self.watched().0.look_ahead() {
-                    break;
-                }
+            self.evaluate_along(ahead, true)?;
+            if !self.watched().0.look_ahead() {
+                self.look_far_ahead(ahead)?;
             }
         }
         let (watch, events) = self.watched();
@@ -188,6 +302,21 @@ pub(crate) trait Traverse {
             self.stop_at(time);
         }
         Ok(fired)
+    }
+
+    /// Looks for motion that does not show nearby because it is slow compared with the size of what moves. It has to show on the way, too: what rests at its
+    /// threshold and would move only further on, `max(x - 1, 0)`, does not move.
+    fn look_far_ahead(&mut self, ahead: f64) -> Result<(), SolveError> {
+        for far in FAR {
+            for (k, part) in PARTS.into_iter().enumerate() {
+                self.evaluate_along(ahead * far * part, true)?;
+                self.watched().0.note_far(k == 0, part);
+            }
+            if self.watched().0.take_far() {
+                break;
+            }
+        }
+        Ok(())
     }
 
     /// Looks at the root functions at a state of the last step; whether a condition has become true before.

@@ -1,14 +1,15 @@
-//! The conditions of events: whether they hold, and when they become true.
+//! The conditions of events and switches of the equations: whether they hold, and when they become true.
 //!
-//! A root function is positive where its condition holds. It is evaluated at every accepted state; where a condition has become
-//! true in between, the instant is found on the interpolating polynomial. At the threshold itself, to rounding, a sign says nothing: there
-//! the motion decides, so that a condition that has just become true and is being left may become true again.
+//! A root function is positive where its condition holds. It is evaluated at every accepted state, and bounded in between (see
+//! [`inside`](super::inside)); where a condition has become true, the instant is found on the interpolating polynomial. At the threshold itself, to rounding, a
+//! sign says nothing: there the motion decides, so that a condition that has just become true and is being left may become true again.
 
 use std::os::raw::c_int;
 
 use serde::{Deserialize, Serialize};
 
-use super::RootKind;
+use super::enclosure::hull;
+use super::{RootKind, RootRole};
 
 /// What is known of the condition of one event.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -21,6 +22,29 @@ pub struct Edge {
 
 /// A root function that has left its threshold.
 const AWAY: f64 = -1.0;
+
+/// Part of the tolerance of a root function below which the search inside of a step does not look for events and jumps.
+const SHALLOW: f64 = 1e-3;
+
+/// Motion is steady that at a part of the way is no less than this part of what it would be there along a straight line.
+const STEADY: f64 = 0.5;
+
+/// The polynomial of a kink over a step is taken for wider by this part.
+const DOUBT: f64 = 0.5;
+
+/// A kink is far from its threshold that is further than this many times what its values bow over a step.
+const BOW: f64 = 4.0;
+
+/// What bounds over a step leave open.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Open {
+    /// Nothing has happened in it but what its ends show.
+    Nothing,
+    /// Kinks may have been passed to and fro.
+    Kinks,
+    /// Something may have happened.
+    Everything,
+}
 
 impl Default for Edge {
     /// Does not hold: what is true at the start becomes true there.
@@ -48,8 +72,26 @@ pub(crate) struct Watch {
     pub edges: Box<[Edge]>,
     /// Root functions at the state looked at.
     pub values: Box<[f64]>,
+    /// The same where the last step began.
+    pub begin: Box<[f64]>,
     /// The same a little later.
     pub ahead: Box<[f64]>,
+    /// Lower bounds of the root functions over a part of a step, then upper ones.
+    pub bounds: Box<[f64]>,
+    /// By how much they differ within the tolerances of the unknowns.
+    tolerances: Box<[f64]>,
+    /// Kinks at which the integration stops: a step may have passed a form unseen, or steps have become short where it changes to and fro.
+    unseen: Box<[bool]>,
+    /// Kinks that are looked at in every step.
+    loose: Vec<usize>,
+    /// Root functions at three quarters of the last step, one after another.
+    pub samples: [Box<[f64]>; 3],
+    /// The values are those of an earlier state.
+    pub stale: bool,
+    /// The switch at which the integration stopped.
+    pub switched: Option<usize>,
+    /// No tie is looked for before this time.
+    pub loose_until: f64,
     /// How they move there.
     motion: Box<[f64]>,
     /// What of them is rounding.
@@ -63,6 +105,8 @@ pub(crate) struct Watch {
     pub until: f64,
     /// Something has happened between the two.
     pub passed: bool,
+    /// The integration stopped for switches alone.
+    pub at_switch: bool,
     /// A root function that was not a number.
     pub undefined: Option<usize>,
 }
@@ -75,7 +119,13 @@ impl Watch {
             kinds: (0..roots).map(|i| kinds.get(i).copied().unwrap_or_default()).collect(),
             edges: vec![Edge::default(); roots].into(),
             values: zeros(),
+            begin: zeros(),
             ahead: zeros(),
+            bounds: vec![0.0; 2 * roots].into(),
+            tolerances: zeros(),
+            unseen: vec![false; roots].into(),
+            loose: Vec::with_capacity(roots),
+            samples: std::array::from_fn(|_| zeros()),
             motion: zeros(),
             noise: zeros(),
             moved: zeros(),
@@ -88,9 +138,13 @@ impl Watch {
         self.edges.is_empty()
     }
 
-    /// Notes values that are no numbers.
+    fn is_event(&self, i: usize) -> bool {
+        self.kinds[i].role == RootRole::Event
+    }
+
+    /// Notes values of events that are no numbers.
     fn note_undefined(&mut self) {
-        let found = self.values.iter().position(|value| value.is_nan());
+        let found = self.values.iter().enumerate().position(|(i, value)| value.is_nan() && self.is_event(i));
         self.undefined = self.undefined.or(found);
     }
 
@@ -103,9 +157,13 @@ impl Watch {
         }
         self.note_undefined();
         self.since = time;
-        for (edge, &value) in self.edges.iter_mut().zip(&self.values) {
+        for ((edge, &value), kind) in self.edges.iter_mut().zip(&self.values).zip(&self.kinds) {
             let band = edge.band.max(0.0);
-            if value < -band {
+            if matches!(kind.role, RootRole::Kink { .. }) {
+                if value.abs() > band {
+                    *edge = Edge::known(value > 0.0);
+                }
+            } else if value < -band {
                 *edge = Edge::default();
             } else if edge.holds && value > band {
                 edge.band = AWAY;
@@ -118,10 +176,152 @@ impl Watch {
     fn stops(&self, i: usize) -> bool {
         let (edge, value, kind) = (self.edges[i], self.values[i], self.kinds[i]);
         let band = edge.band.max(0.0);
+        if let RootRole::Kink { .. } = kind.role {
+            return self.unseen[i] && edge.holds != (value > 0.0) && value.abs() > band.max(self.tolerances[i]);
+        }
         match edge.holds {
             true => kind.both && value < -band,
             false => value > band || (value == 0.0 && !kind.strict && edge.band < 0.0),
         }
+    }
+
+    /// Forgets what was found out of the step before.
+    pub(super) fn begin_step(&mut self) {
+        self.unseen.fill(false);
+        self.stale = false;
+    }
+
+    /// Whether bounds say that no event happens and no equation jumps. Kinks of which they say nothing are kept: they are looked at in every step.
+    pub(super) fn is_safe(&mut self) -> bool {
+        let n = self.edges.len();
+        self.loose.clear();
+        for i in 0..n {
+            let certain = self.kinds[i].bounded && if self.edges[i].holds { self.bounds[i] > 0.0 } else { self.bounds[n + i] < 0.0 };
+            match self.kinds[i].role {
+                _ if certain => {}
+                RootRole::Kink { .. } => self.loose.push(i),
+                _ => return false,
+            }
+        }
+        for (i, edge) in self.edges.iter_mut().enumerate() {
+            if !self.loose.contains(&i) {
+                edge.band = AWAY;
+            }
+        }
+        true
+    }
+
+    /// Whether there are kinks to be looked at in every step.
+    #[inline]
+    pub(super) fn has_loose(&self) -> bool {
+        !self.loose.is_empty()
+    }
+
+    /// Whether such kinks have not been passed to and fro in a step that ends at the present values, by the values in its middle, which are those ahead.
+    pub(super) fn is_loose_still(&self) -> bool {
+        self.loose.iter().all(|&i| {
+            let (begin, middle, end) = (self.begin[i], self.ahead[i], self.values[i]);
+            let sizes = [begin.abs(), middle.abs(), end.abs()];
+            let bow = (middle - 0.5 * (begin + end)).abs();
+            let one_side = (begin > 0.0) == (end > 0.0) && (middle > 0.0) == (end > 0.0) && self.edges[i].holds == (end > 0.0);
+            let far = one_side && sizes.iter().all(|&size| size > BOW * bow);
+            far || sizes.iter().all(|&size| size <= self.tolerances[i])
+        })
+    }
+
+    /// Goes to a time up to which nothing can have happened.
+    #[inline]
+    pub(super) fn pass(&mut self, time: f64) {
+        (self.since, self.passed, self.stale) = (time, false, true);
+    }
+
+    /// What the bounds over the whole step that ends at the present values leave open of it. In a `short` step a kink is looked at in any case: the solution may
+    /// be held there.
+    pub(super) fn what_is_open(&self, short: bool) -> Open {
+        let mut open = Open::Nothing;
+        for i in 0..self.edges.len() {
+            if self.is_kink_that_changed(i) {
+                if short || self.interferes(i) {
+                    return Open::Everything;
+                }
+                continue;
+            }
+            let (edge, kind) = (self.edges[i], self.kinds[i]);
+            let (low, high, band) = (self.bounds[i], self.bounds[self.edges.len() + i], edge.band.max(0.0));
+            // What is not a number leaves it open.
+            let same = if edge.holds { low >= -band } else { high < 0.0 || high <= band };
+            match kind.role {
+                _ if same || !kind.bounded => {}
+                RootRole::Kink { .. } => open = Open::Kinks,
+                _ => return Open::Everything,
+            }
+        }
+        open
+    }
+
+    fn is_kink_that_changed(&self, i: usize) -> bool {
+        let (edge, value) = (self.edges[i], self.values[i]);
+        matches!(self.kinds[i].role, RootRole::Kink { .. }) && edge.holds != (value > 0.0) && value.abs() > edge.band.max(0.0)
+    }
+
+    /// Whether another kink of the same quantity changed its sign, too: the step may have passed a form in between.
+    fn interferes(&self, i: usize) -> bool {
+        (0..self.edges.len()).any(|j| j != i && self.kinds[j].role == self.kinds[i].role && self.is_kink_that_changed(j))
+    }
+
+    /// Begins a search inside of the step that ends at the present values, where the bounds are those within the tolerances of its unknowns.
+    pub(super) fn begin_search(&mut self, short: bool) {
+        let n = self.edges.len();
+        for i in 0..n {
+            let width = 0.5 * (self.bounds[n + i] - self.bounds[i]);
+            self.tolerances[i] = if width.is_finite() { width } else { 0.0 };
+        }
+        for i in (0..n).filter(|&i| matches!(self.kinds[i].role, RootRole::Kink { .. })) {
+            self.unseen[i] = if self.is_kink_that_changed(i) { self.interferes(i) } else { self.may_hide(i) };
+            if short && self.is_kink_that_changed(i) && self.values[i].abs() <= self.tolerances[i] {
+                self.unseen[i] = true;
+                self.tolerances[i] = 0.0;
+            }
+        }
+    }
+
+    /// A switch is held at its threshold while it is no further from it than this.
+    pub(super) fn hold(&mut self, i: usize, band: f64) {
+        self.edges[i].band = band;
+    }
+
+    /// Whether a search inside of the step has something to look for.
+    pub(super) fn is_search_due(&self, open: Open) -> bool {
+        open == Open::Everything || self.unseen.contains(&true)
+    }
+
+    /// Whether a kink may have changed its sign to and fro, by its values at the quarters of the step: bounds of a long expression say little. The polynomial
+    /// through them is taken for wider by half than it is.
+    fn may_hide(&self, i: usize) -> bool {
+        // The sign at the beginning is that of the end.
+        let [a, b, c] = [0, 1, 2].map(|k| self.samples[k][i]);
+        let begin = if self.edges[i].holds { self.begin[i].max(0.0) } else { self.begin[i].min(0.0) };
+        let (low, high) = hull([begin, a, b, c, self.values[i]]);
+        let margin = DOUBT * (high - low);
+        let tolerance = self.tolerances[i];
+        !(low - margin >= -tolerance || high + margin <= tolerance)
+    }
+
+    /// Whether the bounds over a part of a step leave a sign open.
+    pub(super) fn may_change(&self) -> bool {
+        let n = self.edges.len();
+        (0..n).any(|i| {
+            let (kind, tolerance) = (self.kinds[i], self.tolerances[i]);
+            let matters = kind.bounded && (self.unseen[i] || !matches!(kind.role, RootRole::Kink { .. }));
+            let shallow = if self.unseen[i] { tolerance } else { SHALLOW * tolerance };
+            let (low, high) = (self.bounds[i], self.bounds[n + i]);
+            matters && !(low > 0.0 || high < 0.0 || (low >= -shallow && high <= shallow))
+        })
+    }
+
+    /// Whether there are root functions of which no bounds are known.
+    pub(super) fn has_unbounded(&self) -> bool {
+        self.kinds.iter().any(|kind| !kind.bounded)
     }
 
     /// Whether a root function is at its threshold, or just there.
@@ -130,26 +330,53 @@ impl Watch {
         self.edges.iter().zip(&self.values).any(|(edge, &value)| value == 0.0 || edge.stays(value))
     }
 
-    /// The root function that is nearest to its threshold in terms of its motion to the values ahead, within a thousand times that.
+    /// The root function of an event that is nearest to its threshold in terms of its motion to the values ahead, within a thousand times that.
     pub(crate) fn nearest(&self) -> Option<usize> {
         let distance = |i: usize| self.values[i].abs() / (self.ahead[i] - self.values[i]).abs();
-        (0..self.edges.len()).filter(|&i| distance(i) < 1e3).min_by(|&a, &b| distance(a).total_cmp(&distance(b)))
+        let near = (0..self.edges.len()).filter(|&i| self.is_event(i) && distance(i) < 1e3);
+        near.min_by(|&a, &b| distance(a).total_cmp(&distance(b)))
     }
 
     /// Takes the motion from the values ahead, where it did not show yet; whether it shows for all that are at their threshold.
     pub(crate) fn look_ahead(&mut self) -> bool {
-        let mut shows = true;
-        for (i, motion) in self.motion.iter_mut().enumerate() {
-            if *motion == 0.0 {
-                *motion = self.ahead[i] - self.values[i];
-                let value = self.values[i];
-                shows &= *motion != 0.0 || !(value == 0.0 || self.edges[i].stays(value));
+        for i in 0..self.motion.len() {
+            if self.motion[i] == 0.0 {
+                self.motion[i] = self.ahead[i] - self.values[i];
             }
         }
-        shows
+        self.motion_shows()
     }
 
-    /// Conditions after the state, the inputs or the equations may have changed; whether one became true.
+    fn motion_shows(&self) -> bool {
+        (0..self.motion.len()).all(|i| {
+            let value = self.values[i];
+            self.motion[i] != 0.0 || !(value == 0.0 || self.edges[i].stays(value))
+        })
+    }
+
+    /// Notes motion to values that are further ahead, and at a part of the way there: it counts where it goes along with the way.
+    pub(crate) fn note_far(&mut self, first: bool, part: f64) {
+        for i in 0..self.moved.len() {
+            let motion = self.ahead[i] - self.values[i];
+            if first {
+                self.moved[i] = motion;
+            } else if !(motion * self.moved[i] > 0.0 && motion.abs() >= STEADY * part * self.moved[i].abs()) {
+                self.moved[i] = 0.0;
+            }
+        }
+    }
+
+    /// Takes what was noted, where motion did not show yet; whether it shows for all that are at their threshold.
+    pub(crate) fn take_far(&mut self) -> bool {
+        for (motion, &far) in self.motion.iter_mut().zip(&self.moved) {
+            if *motion == 0.0 {
+                *motion = far;
+            }
+        }
+        self.motion_shows()
+    }
+
+    /// Conditions after the state, the inputs or the equations may have changed; whether one became true. Switches are taken as they are.
     pub(super) fn settle(&mut self, fired: &mut [c_int]) -> bool {
         self.note_undefined();
         for (i, fired) in fired.iter_mut().enumerate() {
@@ -162,14 +389,14 @@ impl Watch {
                 0.0 => Edge { holds: if kind.strict { motion > 0.0 } else { true }, band: 0.0 },
                 _ => Edge { holds: value > 0.0, band: AWAY },
             };
-            *fired = change(edge, self.edges[i], kind);
+            *fired = if kind.role == RootRole::Event { change(edge, self.edges[i], kind) } else { 0 };
         }
         fired.iter().any(|&f| f != 0)
     }
 
     /// Whether a condition that is away from its threshold moves over it within rounding or `reach` times the motion to the values ahead.
     pub(crate) fn is_about_to_stop(&self, reach: f64) -> bool {
-        (0..self.edges.len()).filter(|&i| self.edges[i].band < 0.0).any(|i| {
+        (0..self.edges.len()).filter(|&i| self.edges[i].band < 0.0 && self.is_event(i)).any(|i| {
             let (edge, value, motion) = (self.edges[i], self.values[i], self.ahead[i] - self.values[i]);
             let (value, motion) = if edge.holds { (-value, -motion) } else { (value, motion) };
             let matters = !edge.holds || self.kinds[i].both;
@@ -225,11 +452,16 @@ impl Watch {
     /// moved it by more than rounding. A strict condition waits for the motion after what happens here, but for that.
     pub(crate) fn arrive(&mut self, reach: f64, fired: &mut [c_int]) {
         self.note_undefined();
+        self.at_switch = true;
+        self.switched = None;
         for (i, fired) in fired.iter_mut().enumerate() {
             let (value, kind, edge) = (self.values[i], self.kinds[i], self.edges[i]);
             let motion = self.ahead[i] - value;
             let near = (motion.abs() * reach).max(self.noise[i]);
             let stops = self.stops(i);
+            if stops && kind.role != RootRole::Event {
+                self.switched = self.switched.or(Some(i));
+            }
             let brought = !edge.holds && stops && motion < 0.0 && self.before[i] * reach > self.noise[i];
             self.edges[i] = if value.is_nan() {
                 edge
@@ -245,9 +477,19 @@ impl Watch {
             } else {
                 Edge { holds: if edge.holds { value >= 0.0 } else { stops }, band: AWAY }
             };
-            *fired = change(edge, self.edges[i], kind);
+            *fired = match kind.role {
+                RootRole::Kink { .. } => 0,
+                _ => change(edge, self.edges[i], kind),
+            };
+            // Also one that waits for the motion.
+            self.at_switch &= !(kind.role == RootRole::Event && (stops || *fired != 0));
         }
         self.before.fill(0.0);
+    }
+
+    /// Whether the integration stopped for a jump, among what fired.
+    pub(super) fn has_jumped(&self, fired: &[c_int]) -> bool {
+        fired.iter().zip(&self.kinds).any(|(&fired, kind)| fired != 0 && kind.role == RootRole::Jump)
     }
 }
 

@@ -63,6 +63,8 @@ pub(in crate::elaborate) enum Call {
     Divergence,
     /// `grad(c[z])`
     Gradient,
+    /// `smooth(x)`
+    Smooth,
     /// `upwind(v, c[z])`
     Upwind,
     /// The length of a cell.
@@ -156,6 +158,7 @@ pub const BUILTINS: &[Builtin] = &[
     call("sq", "sq(x)", 1, Call::Power(2.0), "square root and square, of units too"),
     call("abs", "abs(x)", 1, Call::OfAmount(UnaryFn::Abs), "absolute value; -1, 0 or 1"),
     call("sign", "sign(x)", 1, Call::OfAmount(UnaryFn::Sign), "absolute value; -1, 0 or 1"),
+    call("smooth", "smooth(x)", 1, Call::Smooth, "the same, but its switches are not located: the error test alone sees them"),
     call("floor", "floor(x)", 1, Call::Rounding(UnaryFn::Floor), ROUNDING),
     call("ceil", "ceil(x)", 1, Call::Rounding(UnaryFn::Ceil), ROUNDING),
     call("round", "round(x)", 1, Call::Rounding(UnaryFn::Round), ROUNDING),

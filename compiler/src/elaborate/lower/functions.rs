@@ -60,6 +60,7 @@ fn built_in(l: &mut Lowering<'_, '_>, span: Span, (name, call): (&str, Call), ar
         (Call::Random(distribution), [a, b]) => random_and_tables::random(l, span, name, distribution, (a, b), place),
         (Call::Divergence, [a]) => flux::divergence(l, span, a, place),
         (Call::Gradient, [a]) => field::gradient(l, span, a, place),
+        (Call::Smooth, [a]) => smooth(l, a, place),
         (Call::Upwind, [v, e]) => field::upwind(l, span, v, e, place),
         (Call::Width | Call::Volume, [a]) => cell_size(l, span, name, call, a, place),
         _ => {
@@ -167,6 +168,18 @@ fn of_amount(l: &mut Lowering<'_, '_>, name: &str, f: UnaryFn, a: &Expr, place: 
             let expr = l.exprs.unary(f, v.expr);
             Value { expr, unit }
         }
+    }
+}
+
+/// `smooth(x)`: the same quantity, of any unit.
+fn smooth(l: &mut Lowering<'_, '_>, a: &Expr, place: &Place) -> Value {
+    let v = l.value(a, place);
+    match &v.unit {
+        Measure::Poison => v,
+        Measure::Truth => l.fault(
+            Diagnostic::error(codes::WRONG_KIND, "`smooth` of a condition", a.span).help("give it the whole `if ... then ... else ...`"),
+        ),
+        _ => Value { expr: l.exprs.unary(UnaryFn::Smooth, v.expr), unit: v.unit },
     }
 }
 

@@ -14,7 +14,7 @@ use crate::elaborate::space::flow::{Direction, forward};
 use crate::elaborate::space::marks::{MARK, is_odd};
 use crate::elaborate::space::{grid, marks};
 use crate::elaborate::symbols::{Axis, DomainId, Scheme, SymbolId};
-use crate::ir::{Affine, Compare, Expr as Node, ExprId, Flavour};
+use crate::ir::{Affine, Compare, Expr as Node, ExprId, Flavour, UnaryFn};
 
 /// Value of a field at the face of a flux; `None` where the indices do not mean the face.
 pub(in crate::elaborate) fn face_value<'m, 'a>(
@@ -225,7 +225,7 @@ pub(in crate::elaborate) fn upwind<'m, 'a>(l: &mut Lowering<'m, 'a>, span: Span,
     let zero = l.exprs.constant(0.0);
     let forward = l.exprs.compare(Compare::Le, zero, v.expr);
     let expr = l.exprs.select(forward, left.expr, right.expr);
-    Value { expr, unit: left.unit }
+    Value { expr: l.exprs.unary(UnaryFn::Smooth, expr), unit: left.unit }
 }
 
 /// A mark for what a call of `upwind` carries at an end, where its velocity may turn and something asks which way it flows.

@@ -187,7 +187,7 @@ fn unary(f: UnaryFn, a: Known) -> Known {
         UnaryFn::Tanh => Known { value: Interval::UNIT, slope: rising(Interval { low: 0.0, high: 1.0 }) },
         UnaryFn::Atan => Known { value: Interval::ALL, slope: rising(Interval { low: 0.0, high: 1.0 }) },
         UnaryFn::Sin | UnaryFn::Cos => Known { value: Interval::UNIT, slope: rising(Interval::UNIT) },
-        UnaryFn::Single => a,
+        UnaryFn::Single | UnaryFn::Smooth => a,
         UnaryFn::Floor | UnaryFn::Ceil | UnaryFn::Round => {
             let value = if a.value.is_not_negative() { Interval::POSITIVE } else { Interval::ALL };
             Known { value, slope: Interval::ZERO }

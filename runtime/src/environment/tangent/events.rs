@@ -8,7 +8,7 @@ use smpl_compiler::model::RootAction;
 use super::space::{BEFORE, BEHIND, Space};
 use super::{Engine, Environment, FollowError, Follower};
 use crate::sensitivity::augmented::Augmented;
-use crate::solver::{Advance, Edge, System};
+use crate::solver::{Advance, System};
 
 /// Two times this near each other, in parts of the larger one, are one; both sides of a break are so many roundings from it: as in `solver::traverse`.
 const NEAR: f64 = 2e-12;
@@ -44,7 +44,9 @@ impl Environment {
             let Follower { engine: Engine { augmented, .. }, tangents, live, moving_inputs, .. } = &mut *follower;
             augmented.set_inputs(&self.system, tangents, moving_inputs, live).map_err(FollowError::Refused)?;
             if pieces == 0 {
-                self.know_edges(follower, t);
+                // Switches are taken as they are.
+                let edges = follower.engine.integrator.edges_mut();
+                edges[..self.progress.edges.len()].copy_from_slice(&self.progress.edges);
             }
             pieces += 1;
             if pieces > self.setup.max_events.saturating_add(self.setup.settings.max_steps) {
@@ -90,23 +92,6 @@ impl Environment {
         }
         let made = follower.integrate_moved();
         made.map_err(|e| self.solver_fault(&e, self.begin, follower.width()))
-    }
-
-    /// Which conditions hold at the start.
-    fn know_edges(&mut self, follower: &mut Follower, t: f64) {
-        let (n, own) = (self.progress.y.len(), self.progress.edges.len());
-        if follower.engine.augmented.switches() == 0 {
-            follower.engine.integrator.edges_mut().copy_from_slice(&self.progress.edges);
-            return;
-        }
-        let Follower { engine: Engine { augmented, integrator, y, yp }, space: Space { conditions: values, .. }, .. } = follower;
-        y[..n].copy_from_slice(&self.progress.y);
-        yp[..n].copy_from_slice(&self.progress.yp);
-        values.resize(augmented.root_count(), 0.0);
-        augmented.roots(t, y, yp, values);
-        let edges = integrator.edges_mut();
-        edges[..own].copy_from_slice(&self.progress.edges);
-        edges[own..].iter_mut().zip(&values[own..]).for_each(|(edge, &value)| *edge = Edge::known(value > 0.0));
     }
 
     /// The end, or the next break before it.
@@ -331,15 +316,11 @@ impl Environment {
 
     /// How the time of one condition moves along each direction.
     fn find_motion(&mut self, follower: &mut Follower, k: usize, t: f64) -> Result<(), FollowError> {
-        let roots = self.progress.edges.len();
-        let (part, at, outputs) = match k.checked_sub(roots) {
-            None => (Part::Roots, k, roots),
-            Some(at) => (Part::Switches, at, follower.engine.augmented.switches()),
-        };
-        self.run_tangent(follower, part, (t, &[]), outputs)?;
+        let (roots, outputs) = (self.progress.edges.len(), self.system.model().watched().len());
+        self.run_tangent(follower, Part::Roots, (t, &[]), outputs)?;
         let Follower { tangents, space: Space { motion, .. }, .. } = &mut *follower;
         motion.clear();
-        motion.extend((0..tangents.width()).map(|j| tangents.output(at, j)));
+        motion.extend((0..tangents.width()).map(|j| tangents.output(k, j)));
         if motion.iter().all(|&along| along == 0.0) {
             return Ok(());
         }
@@ -347,7 +328,7 @@ impl Environment {
         if k < roots && model.exprs.has_derivative(model.roots[k].value) {
             return Err(FollowError::Refused(format!("the condition of {} reads rates", self.describe_event(k))));
         }
-        let rate = self.rate_of(follower, part, (at, outputs), t)?;
+        let rate = self.rate_of(follower, (k, outputs), t)?;
         let motion = &mut follower.space.motion;
         motion.iter_mut().for_each(|along| *along = -*along / rate);
         if rate == 0.0 || motion.iter().any(|tau| !tau.is_finite()) {
@@ -356,15 +337,15 @@ impl Environment {
         Ok(())
     }
 
-    /// Derivative by time of an output along the solution before the present time.
-    fn rate_of(&mut self, follower: &mut Follower, part: Part, (at, outputs): (usize, usize), t: f64) -> Result<f64, FollowError> {
+    /// Derivative by time of a root function along the solution before the present time.
+    fn rate_of(&mut self, follower: &mut Follower, (at, outputs): (usize, usize), t: f64) -> Result<f64, FollowError> {
         let mut along = std::mem::replace(&mut follower.along, super::Tangents::none());
         along.clear();
         for (unknown, &rate) in follower.space.rates[BEFORE].iter().enumerate().take(self.system.model().states()) {
             along.set_y(unknown, 0, rate);
         }
         std::mem::swap(&mut along, &mut follower.tangents);
-        let done = self.follow_algebraic(follower, t, &[1.0]).and_then(|()| self.run_tangent(follower, part, (t, &[1.0]), outputs));
+        let done = self.follow_algebraic(follower, t, &[1.0]).and_then(|()| self.run_tangent(follower, Part::Roots, (t, &[1.0]), outputs));
         std::mem::swap(&mut along, &mut follower.tangents);
         let found = done.map(|()| along.output(at, 0));
         follower.along = along;

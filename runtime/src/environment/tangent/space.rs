@@ -12,8 +12,6 @@ pub(super) struct Space {
     /// The unknowns before updates, or a little aside of the present time, with no rates.
     pub before: Vec<f64>,
     pub still: Vec<f64>,
-    /// Values of the conditions.
-    pub conditions: Vec<f64>,
     /// Conditions that became true.
     pub fired: Vec<usize>,
     /// Rates of the unknowns and integrands, before and behind.

@@ -15,7 +15,29 @@ impl Ida {
         if passed || !matches!(value, IDA_SUCCESS | IDA_TSTOP_RETURN) {
             return Ok(passed);
         }
-        self.has_passed(self.time)
+        self.looks_passed()
+    }
+
+    /// Looks at the step that ends at the present state; whether a condition has become true in it.
+    pub(super) fn looks_passed(&mut self) -> Result<bool, SolveError> {
+        let bridge = self.memory.bridge_mut();
+        bridge.has_passed_in_step(self.time, self.y.entries()).map_err(|_| self.fault())
+    }
+}
+
+impl Ida {
+    /// Brings algebraic unknowns to their equations, which the polynomial meets to the tolerance only. Where there is no solution, it has to do.
+    fn correct_algebraic(&mut self, t: f64) {
+        let bridge = self.memory.bridge_mut();
+        let (Some((later, rate)), Some(consistent)) = (&mut self.later, &mut self.consistent) else { return };
+        if !consistent.has_algebraic() {
+            return;
+        }
+        later.entries_mut().copy_from_slice(self.y.entries());
+        match consistent.initialise(bridge, t, later, rate) {
+            Ok(()) => self.y.entries_mut().copy_from_slice(later.entries()),
+            Err(_) => bridge.trouble = None,
+        }
     }
 }
 
@@ -86,6 +108,7 @@ impl Traverse for Ida {
         if let Some(quadratures) = self.quadratures.as_mut().filter(|q| q.by_steps.is_none()) {
             self.memory.interpolate_integrals(t, &mut quadratures.values)?;
         }
+        self.correct_algebraic(t);
         Ok(())
     }
 
@@ -109,5 +132,25 @@ impl Traverse for Ida {
     fn stop_at(&mut self, t: f64) {
         self.time = t;
         self.phase = Phase::Idle;
+    }
+
+    fn reports_jumps(&self) -> bool {
+        self.reports_jumps
+    }
+
+    fn unknown_mut(&mut self, at: usize) -> &mut f64 {
+        &mut self.y.entries_mut()[at]
+    }
+
+    fn tolerance(&self, at: usize) -> f64 {
+        self.memory.bridge().tolerance(at, self.y.entries()[at])
+    }
+
+    fn watched_unknown(&self, number: usize) -> Option<usize> {
+        self.memory.bridge().history.as_ref().and_then(|history| history.unknown(number))
+    }
+
+    fn is_explicit(&self) -> bool {
+        self.consistent.is_some()
     }
 }

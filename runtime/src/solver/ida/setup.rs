@@ -1,6 +1,6 @@
 //! Making an integrator: everything that is allocated, and everything IDA is told once.
 
-use super::super::callbacks::{Bridge, Tolerances};
+use super::super::callbacks::{Bridge, History, Tolerances};
 use super::super::consistent::Consistent;
 use super::super::forcing::Forcing;
 use super::super::linear::Factorisation;
@@ -24,6 +24,8 @@ impl Ida {
         let later = (system.root_count() > 0).then(|| (sharing(), sharing()));
         let derivative = (system.root_count() > 0 && system.roots_use_derivatives()).then(sharing);
         bridge.derivative = derivative;
+        let bounded = system.root_kinds().iter().any(|kind| kind.bounded);
+        bridge.history = bounded.then(|| History::new(system.watched_unknowns(), sharing()));
         let consistent = match system.is_explicit() {
             true => Some(Consistent::new(system, operations, context)?),
             false => None,
@@ -40,6 +42,7 @@ impl Ida {
             settings,
             shape: Shape::new(system),
             events: vec![0; system.root_count()].into(),
+            reports_jumps: system.reports_jumps(),
             later,
             time: 0.0,
             phase: Phase::Idle,

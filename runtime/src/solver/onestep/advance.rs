@@ -4,8 +4,9 @@ use std::os::raw::c_int;
 
 use super::super::callbacks::Trouble;
 use super::super::forcing::Course;
-use super::super::traverse::Traverse;
-use super::super::watch::Watch;
+use super::super::inside::{Inside, looks_into, stays};
+use super::super::traverse::{SHORT as SHORT_STEP, Traverse};
+use super::super::watch::{Open, Watch};
 use super::super::{Advance, FirstStep, Method, SolveError, System};
 use super::algebra::Failure;
 use super::control::{Control, first_step};
@@ -36,6 +37,7 @@ impl Run<'_> {
     /// Consistent values and derivatives at a time.
     pub(crate) fn initialise(&mut self, t: f64) -> Result<(), SolveError> {
         self.one.frame.t = t;
+        self.one.events.safe.forget();
         self.make_consistent(t)?;
         let frame = &mut self.one.frame;
         frame.functions.rates(self.system, t, &frame.begin, &mut frame.begin_rates);
@@ -296,14 +298,123 @@ impl Run<'_> {
         self.take_integrals(to)
     }
 
-    /// Whether a condition became true in the step that ends here.
+    /// Whether a condition became true in the step that ends here, or inside of it.
+    #[inline]
     fn looks_passed(&mut self, to: f64) -> Result<bool, SolveError> {
-        let OneStep { frame, events: Events { watch, .. }, derivative, .. } = &mut *self.one;
-        if watch.is_empty() {
+        let OneStep { frame, events, methods, .. } = &mut *self.one;
+        if events.watch.is_empty() {
             return Ok(false);
         }
-        self.system.roots(to, entries(&frame.end, frame.n), entries(derivative, frame.n), &mut watch.values);
-        Ok(watch.accept(to))
+        let Events { bounded, unknowns, fours, enclosure, safe, .. } = events;
+        if *bounded {
+            let (least, most) = (enclosure.least.as_chunks_mut().0, enclosure.most.as_chunks_mut().0);
+            methods.surround(frame, fours, least, most);
+            if safe.holds(to, unknowns, (&enclosure.least, &enclosure.most)) {
+                return self.passes_safely(to);
+            }
+        }
+        self.looks_at_step(to)
+    }
+
+    /// Goes to the end of a step in which no event happens and no equation jumps.
+    #[inline]
+    fn passes_safely(&mut self, to: f64) -> Result<bool, SolveError> {
+        if !self.one.events.watch.has_loose() {
+            self.one.events.watch.pass(to);
+            return Ok(false);
+        }
+        let from = self.one.frame.t;
+        self.one.methods.prepare(&mut self.one.frame, self.system);
+        if stays(self, (from, to))? {
+            return Ok(self.one.events.watch.accept(to));
+        }
+        self.looks_closely(to)
+    }
+
+    /// The same where the step leaves what is known to be safe.
+    fn looks_at_step(&mut self, to: f64) -> Result<bool, SolveError> {
+        let OneStep { frame, events, .. } = &mut *self.one;
+        let Events { watch, bounded, unknowns, enclosure, safe, .. } = events;
+        let (n, from) = (frame.n, frame.t);
+        if *bounded && let Some((span, least, most)) = safe.beyond((from, to), unknowns, (&enclosure.least, &enclosure.most)) {
+            self.system.root_bounds(span, &least[..n], &most[..n], &mut watch.bounds);
+            let is_safe = watch.is_safe();
+            safe.tried(is_safe.then_some(span.1));
+            if is_safe {
+                return self.passes_safely(to);
+            }
+        }
+        self.looks_closely(to)
+    }
+
+    /// The same by the bounds over the step itself.
+    fn looks_closely(&mut self, to: f64) -> Result<bool, SolveError> {
+        let OneStep { frame, events, derivative, longest_interval, methods, .. } = &mut *self.one;
+        let Events { watch, bounded, fours, enclosure, .. } = events;
+        let (n, from) = (frame.n, frame.t);
+        watch.begin_step();
+        self.system.roots(to, entries(&frame.end, n), entries(derivative, n), &mut watch.values);
+        if !*bounded {
+            return Ok(watch.accept(to));
+        }
+        methods.enclose(frame, fours, enclosure.least.as_chunks_mut().0, enclosure.most.as_chunks_mut().0);
+        self.system.root_bounds((from, to), &enclosure.least[..n], &enclosure.most[..n], &mut watch.bounds);
+        let short = to - from <= SHORT_STEP * *longest_interval && from >= watch.loose_until;
+        let open = watch.what_is_open(short);
+        if open == Open::Nothing && !watch.has_unbounded() {
+            return Ok(watch.accept(to));
+        }
+        self.search(to, (open, short))
+    }
+
+    /// Looks for what happens inside of the step that ends here.
+    #[cold]
+    fn search(&mut self, to: f64, open: (Open, bool)) -> Result<bool, SolveError> {
+        let OneStep { frame, events: Events { watch, unknowns, enclosure, .. }, methods, .. } = &mut *self.one;
+        let (n, from) = (frame.n, frame.t);
+        let end = entries(&frame.end, n);
+        for at in unknowns.iter().map(|&at| at as usize) {
+            let tolerance = 1.0 / frame.reciprocal_tolerance(at);
+            (enclosure.least[at], enclosure.most[at]) = (end[at] - tolerance, end[at] + tolerance);
+        }
+        self.system.root_bounds((to, to), &enclosure.least[..n], &enclosure.most[..n], &mut watch.bounds);
+        methods.prepare(frame, self.system);
+        looks_into(self, (from, to), open)
+    }
+}
+
+impl Inside for Run<'_> {
+    type Error = SolveError;
+
+    fn watch(&mut self) -> &mut Watch {
+        &mut self.one.events.watch
+    }
+
+    fn bound(&mut self, from: f64, to: f64) -> Result<(), SolveError> {
+        let OneStep { frame, events: Events { watch, enclosure, .. }, methods, pace, .. } = &mut *self.one;
+        if pace.stops() {
+            self.one.frame.functions.trouble = Some(Trouble::Interrupted);
+            return Err(self.failure(0.0));
+        }
+        let n = frame.n;
+        enclosure.bound(methods.degree(), (from, to), |t, values| {
+            methods.interpolate(t, values.as_chunks_mut().0, None);
+            Ok::<_, SolveError>(())
+        })?;
+        self.system.root_bounds((from, to), &enclosure.least[..n], &enclosure.most[..n], &mut watch.bounds);
+        Ok(())
+    }
+
+    fn look(&mut self, t: f64) -> Result<(), SolveError> {
+        let OneStep { frame, events: Events { watch, .. }, derivative, methods, inside: [y, yp], .. } = &mut *self.one;
+        let n = frame.n;
+        if t >= frame.t + frame.h {
+            self.system.roots(t, entries(&frame.end, n), entries(derivative, n), &mut watch.values);
+        } else {
+            methods.interpolate(t, y, Some(&mut *yp));
+            self.system.roots(t, entries(y, n), entries(yp, n), &mut watch.values);
+        }
+        Ok(())
     }
 }
 
@@ -401,7 +512,13 @@ impl Traverse for Run<'_> {
     }
 
     fn interpolate(&mut self, t: f64) -> Result<(), SolveError> {
-        self.one.methods.interpolate(t, &mut self.one.frame.begin, Some(&mut self.one.derivative));
+        let OneStep { frame, derivative, methods, algebra, inside: [_, rates], .. } = &mut *self.one;
+        methods.interpolate(t, &mut frame.begin, Some(&mut *derivative));
+        if let Some(algebra) = algebra {
+            // The polynomial meets their equations to the tolerance only. Where there is no solution, it has to do.
+            let n = frame.n;
+            let _ = algebra.solve(self.system, t, frame.y_mut(), entries_mut(rates, n));
+        }
         Ok(())
     }
 
@@ -434,6 +551,26 @@ impl Traverse for Run<'_> {
     fn stop_at(&mut self, t: f64) {
         self.one.time = t;
         self.one.phase = Phase::Idle;
+    }
+
+    fn reports_jumps(&self) -> bool {
+        self.one.events.reports_jumps
+    }
+
+    fn unknown_mut(&mut self, at: usize) -> &mut f64 {
+        &mut self.one.frame.y_mut()[at]
+    }
+
+    fn tolerance(&self, at: usize) -> f64 {
+        1.0 / self.one.frame.reciprocal_tolerance(at)
+    }
+
+    fn watched_unknown(&self, number: usize) -> Option<usize> {
+        self.system.watched_unknowns().get(number).map(|&at| at as usize)
+    }
+
+    fn is_explicit(&self) -> bool {
+        true
     }
 }
 

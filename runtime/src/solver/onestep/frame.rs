@@ -157,6 +157,28 @@ impl Frame {
     }
 }
 
+/// How much faster unknowns may be between stages than at them.
+const FASTER: f64 = 2.0;
+
+/// A box around the unknowns in some fours, which move by no more over a step than so much faster than the fastest of these rates.
+#[inline(always)]
+pub(super) fn surround<const N: usize>(frame: &Frame, fours: &[u32], rates: [&Quads; N], (least, most): (&mut [Quad], &mut [Quad])) {
+    let reach = FASTER * frame.h;
+    for &i in fours {
+        let i = i as usize;
+        let mut fastest = [0.0_f64; 4];
+        for rate in rates {
+            for (fastest, rate) in fastest.iter_mut().zip(&rate[i]) {
+                *fastest = if rate.abs() > *fastest { rate.abs() } else { *fastest };
+            }
+        }
+        for lane in 0..fastest.len() {
+            least[i][lane] = frame.begin[i][lane] - reach * fastest[lane];
+            most[i][lane] = frame.begin[i][lane] + reach * fastest[lane];
+        }
+    }
+}
+
 /// Adds the squares of four weighted numbers to sums.
 #[inline(always)]
 fn add_squares(sums: &mut Quad, x: Quad, weights: Quad) {

@@ -190,6 +190,35 @@ impl Methods {
         }
     }
 
+    /// Degree of the polynomial.
+    pub(crate) fn degree(&self) -> usize {
+        match self.by {
+            By::Rosenbrock | By::Short => 4,
+            By::Explicit => 7,
+        }
+    }
+
+    /// A box around the unknowns in some fours over the last step, found at once.
+    #[inline]
+    pub(crate) fn surround(&self, frame: &Frame, fours: &[u32], least: &mut [Quad], most: &mut [Quad]) {
+        match (self.by, &self.explicit, &self.short) {
+            (By::Explicit, Some(method), _) => method.surround(frame, fours, least, most),
+            (By::Short, _, Some(method)) => method.surround(frame, fours, least, most),
+            _ => self.enclose(frame, fours, least, most),
+        }
+    }
+
+    /// Bounds of the unknowns in some fours over the last step, without evaluations of the equations.
+    #[inline]
+    pub(crate) fn enclose(&self, frame: &Frame, fours: &[u32], least: &mut [Quad], most: &mut [Quad]) {
+        match (self.by, &self.rosenbrock, &self.explicit, &self.short) {
+            (By::Rosenbrock, Some(method), ..) => method.enclose(frame, fours, least, most),
+            (By::Explicit, _, Some(method), _) => method.enclose(frame, fours, least, most),
+            (By::Short, .., Some(method)) => method.enclose(frame, fours, least, most),
+            _ => {}
+        }
+    }
+
     /// Unknowns, and derivatives where they are asked for, on the polynomial.
     pub(crate) fn interpolate(&self, t: f64, y: &mut [Quad], yp: Option<&mut [Quad]>) {
         match (self.by, &self.rosenbrock, &self.explicit, &self.short) {

@@ -75,6 +75,16 @@ pub(super) fn set(out: &mut [Quad], mut f: impl FnMut(usize, usize) -> f64) {
     }
 }
 
+/// Bounds of `(1 - x) first + x last + x (1 - x) inner` for x from 0 to 1, where `inner` gives bounds of what is multiplied there.
+#[inline(always)]
+pub(super) fn bound_bow((first, last): (&Quad, &Quad), (least, most): (&mut Quad, &mut Quad), mut inner: impl FnMut(usize) -> (f64, f64)) {
+    for lane in 0..LANES {
+        let (low, high) = inner(lane);
+        least[lane] = first[lane].min(last[lane]) + 0.25 * low.min(0.0);
+        most[lane] = first[lane].max(last[lane]) + 0.25 * high.max(0.0);
+    }
+}
+
 /// `out = base + factor * sum over j of factors[j] terms[j]`.
 #[inline(always)]
 pub(super) fn combine<const N: usize>(out: &mut [Quad], base: &[Quad], factor: f64, factors: &[f64; N], terms: [&Quads; N]) {

@@ -4,7 +4,7 @@ use super::super::callbacks::Trouble;
 use super::super::{LinearSolver, SolveError, System};
 use super::frame::Frame;
 use super::matrix::Matrix;
-use super::numbers::{Quad, Quads, entries_mut, set, weighted, widened, zeros};
+use super::numbers::{Quad, Quads, bound_bow, entries_mut, set, weighted, widened, zeros};
 use super::rodas5p::*;
 
 /// Distance of the points at which ∂f/∂t is taken, in parts of the step.
@@ -219,6 +219,20 @@ impl Rosenbrock {
                 let slope = last[i][lane] - first[i][lane] + (rest - x) * inner + x * rest * (k2 + 2.0 * x * k3);
                 *yp = slope * per_length;
             }
+        }
+    }
+
+    /// Bounds of the unknowns in some fours over the last step.
+    pub(super) fn enclose(&self, frame: &Frame, fours: &[u32], least: &mut [Quad], most: &mut [Quad]) {
+        let [u1, u2, u3, u4, u5, u6, u7, u8] = &self.u;
+        let stages = [&u1[..], u2, u3, u4, u5, u6, u7, u8];
+        for &i in fours {
+            let i = i as usize;
+            let [k1, k2, k3] = [0, 1, 2].map(|term| weighted(i, &H[term], &stages));
+            bound_bow((&frame.begin[i], &frame.end[i]), (&mut least[i], &mut most[i]), |lane| {
+                let (k1, k2, k3) = (k1[lane], k2[lane], k2[lane] + k3[lane]);
+                (k1 + k2.min(k3).min(0.0), k1 + k2.max(k3).max(0.0))
+            });
         }
     }
 

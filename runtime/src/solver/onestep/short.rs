@@ -1,8 +1,8 @@
 //! Steps by the explicit Runge–Kutta pair Tsit5, of order 5: half the evaluations of DOP853 where one step reaches the end.
 
 use super::super::System;
-use super::frame::Frame;
-use super::numbers::{Quad, Quads, combine, set, weighted, widened, zeros};
+use super::frame::{Frame, surround};
+use super::numbers::{Quad, Quads, bound_bow, combine, set, weighted, widened, zeros};
 use super::tsit5::*;
 
 /// Space for a step, and its polynomial.
@@ -58,6 +58,27 @@ impl Short {
         functions.rates(system, t + h, end, k7);
         let terms = [&frame.begin_rates[..], k2, k3, k4, k5, k6, &frame.end_rates];
         frame.h * frame.norm_of(|i| weighted(i, &E, &terms))
+    }
+
+    /// A box around the unknowns in some fours over the last step, as for DOP853.
+    #[inline]
+    pub(super) fn surround(&self, frame: &Frame, fours: &[u32], least: &mut [Quad], most: &mut [Quad]) {
+        let [k2, k3, k4, k5, k6] = &self.k;
+        surround(frame, fours, [&frame.begin_rates, k2, k3, k4, k5, k6, &frame.end_rates], (least, most));
+    }
+
+    /// Bounds of the unknowns in some fours over the last step.
+    pub(super) fn enclose(&self, frame: &Frame, fours: &[u32], least: &mut [Quad], most: &mut [Quad]) {
+        let [k2, k3, k4, k5, k6] = &self.k;
+        let stages = [&frame.begin_rates[..], k2, k3, k4, k5, k6, &frame.end_rates];
+        for &i in fours {
+            let i = i as usize;
+            let [b, c, d] = [1, 2, 3].map(|term| weighted(i, &D[term], &stages).map(|x| -frame.h * x));
+            bound_bow((&frame.begin[i], &frame.end[i]), (&mut least[i], &mut most[i]), |lane| {
+                let (b, c, d) = (b[lane], c[lane], d[lane]);
+                (b + c.min(2.0 * c) + d.min(3.0 * d), b + c.max(2.0 * c) + d.max(3.0 * d))
+            });
+        }
     }
 
     /// Makes the polynomial of the last step.

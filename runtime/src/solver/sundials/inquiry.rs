@@ -3,7 +3,7 @@
 use std::os::raw::{c_int, c_void};
 use std::ptr::NonNull;
 
-use sundials_sys::{IDAGetCurrentTime, IDAGetDky, IDAGetLastStep};
+use sundials_sys::{IDAGetCurrentTime, IDAGetDky, IDAGetLastOrder, IDAGetLastStep};
 
 use super::super::vector::Handle;
 
@@ -42,6 +42,14 @@ impl Inquiry {
         // SAFETY: as above.
         unsafe { IDAGetLastStep(self.ida.as_ptr(), &mut step) };
         step
+    }
+
+    /// The order of the last step that was accepted.
+    pub(crate) fn last_order(&self) -> usize {
+        let mut order = 0;
+        // SAFETY: as above.
+        unsafe { IDAGetLastOrder(self.ida.as_ptr(), &mut order) };
+        usize::try_from(order).unwrap_or(0)
     }
 
     /// The unknowns' derivatives of this order at a time within the last step.
