@@ -135,6 +135,87 @@ def test_two_phases_with_opposite_conditions_of_an_algebraic_variable_follow_onc
     assert discrete(env, "hits") == 6
 
 
+@methods
+@counts
+@pytest.mark.parametrize(
+    ("condition", "hits"),
+    [
+        ("mod(th, 1) < 0.05", 20),
+        ("mod(th, 1) > 0.95", 19),
+        ("floor(th/3) >= 4", 1),
+        ("window(th) > 0.5", 1),
+        ("peak(th) > 0.5", 1),
+        ("sin(t) > 0.99", 3),
+        ("exp(-sq((t - 7.3)/0.05)) > 0.5", 1),
+    ],
+)
+def test_an_event_of_a_function_that_jumps_or_is_narrow_happens_each_time(condition, hits, count, method):
+    text = (
+        "table window over q : 1 from { 0: 0, 7.3: 1, 7.31: 0 }\n"
+        "table peak over q : 1 linear { 7.3: 0, 7.35: 1, 7.4: 0 }\n"
+        "state th = 0\neq d/dt th = 1\n"
+    )
+    env, _ = run(text + COUNTER.format(condition=condition), 19.5, count, method)
+    assert discrete(env, "hits") == hits
+
+
+@methods
+@counts
+def test_a_phase_that_is_short_next_to_a_step_ends_at_its_time(count, method):
+    """A turn takes asin(0.99)/40 and 0.5."""
+    text = (
+        "state th = 0\neq d/dt th = 1\ndiscrete hits = 0\n"
+        "phase a until sin(40*phase_time) > 0.99 then b { next hits = hits + 1 }\nphase b for 0.5 then a"
+    )
+    env, _ = run(text, 20.0, count, method)
+    turn = np.arcsin(0.99) / 40
+    assert discrete(env, "hits") == 1 + (20 - turn) // (turn + 0.5)
+
+
+FLAT = [
+    "max(x - 1.5, 0) > 0",
+    "clip(x - 1.5, 0, 1) > 0",
+    "floor(x/1.5) > 0",
+    "sign(x - 1.5) > -1",
+    "(if x > 1.5 then 1 else 0) > 0",
+    "x*max(x - 1.5, 0) > 0",
+]
+
+
+@methods
+@pytest.mark.parametrize(("step", "count"), [(100, 1), (20, 5), (16, 6), (1, 100)])
+@pytest.mark.parametrize("condition", FLAT)
+def test_a_function_that_rests_at_its_threshold_is_not_an_event(condition, step, count, method):
+    """x rises towards 1, along a line that would be above 1.5 at a tenth of the long steps."""
+    env, _ = run("state x = 0\neq d/dt x = 1 - x" + COUNTER.format(condition=condition), step * count, count, method)
+    assert discrete(env, "hits") == 0
+    _, info = run(f"state x = 0\neq d/dt x = 1 - x\nfail low event {condition}", step * count, count, method)
+    assert not info["failure"]
+
+
+@methods
+@pytest.mark.parametrize("size", [3, 20])
+@pytest.mark.parametrize(("step", "count"), [(100, 1), (16, 6), (1, 100)])
+def test_a_phase_until_any_of_a_range_goes_on_while_none_holds(step, count, size, method):
+    text = f"set r = 1..{size}\nstate y[i in r] = 0\neq d/dt y[i] = 1 - y[i]   for i in r\ndiscrete since = -1\n"
+    text += "phase a until any(y[i] > 1.5 for i in r) then b { next since = t }\nphase b"
+    env, _ = run(text, step * count, count, method)
+    assert discrete(env, "since") == -1
+
+
+@methods
+@counts
+def test_a_phase_until_any_of_a_range_ends_when_the_first_holds(count, method):
+    """y[i] = sin(t + 0.01 i) - sin(0.01 i) passes 0.985 for i = 1 first."""
+    text = (
+        "set r = 1..20\nstate th = 0\neq d/dt th = 1\nstate y[i in r] = 0\n"
+        "eq d/dt y[i] = cos(th + 0.01*i)   for i in r\ndiscrete since = -1\n"
+        "phase a until any(y[i] > 0.985 for i in r) then b { next since = t }\nphase b"
+    )
+    env, _ = run(text, 20.0, count, method)
+    assert discrete(env, "since") == pytest.approx(np.arcsin(0.985 + np.sin(0.01)) - 0.01, abs=1e-5)
+
+
 # Comparisons and tables in rates.
 
 HEATED = """
