@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .events import ERROR, HEADER, SETTINGS, threshold, turning_points
+from .events import ERROR, HEADER, threshold, turning_points
 from .running import GRIDS, Case, Expected
-from .signals import Function, Plant, Signal, Values, changes, literal, signal
+from .signals import Function, Plant, Signal, Values, changes, literal, settings, signal
 
 PIECES = 400  # of the horizon, besides those between control steps and levels
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
@@ -243,7 +243,7 @@ def random_equation(seed: int) -> Case:
             states = {name: integral(shape, plant) for name, shape in found}
         except Unclear:
             continue
-        text = "\n".join([HEADER, *plant.lines, SETTINGS])
+        text = "\n".join([HEADER, *plant.lines, settings(plant)])
         kind += ", time" if plant.of_time else ""
         expected = Expected({}, states, "", (plant.horizon, 1e-9 * plant.horizon))
         return Case(kind, text, plant.horizon, plant.implicit, expected)

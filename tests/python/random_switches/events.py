@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from .running import Case, Expected
-from .signals import Function, Plant, Signal, Values, changes, signal
+from .signals import Function, Plant, Signal, Values, changes, settings, signal
 
 HEADER = "time t : 1"
 ERROR = 3e-6  # of a state, relative to its range, allowed in the tolerances
-SETTINGS = "solver { rtol = 1e-9 }"
 
 
 @dataclass
@@ -135,7 +134,7 @@ def random_event(seed: int) -> Case:
 def case(plant: Plant, kind: str, lines: list[str], expected: Expected, times: Values) -> Case:
     if plant.of_time:
         lines = ["state still = 0", "eq d/dt still = 0", *lines]
-    text = "\n".join([HEADER, *plant.lines, *lines, SETTINGS])
+    text = "\n".join([HEADER, *plant.lines, *lines, settings(plant)])
     inner = np.diff(np.concatenate([[0], times, [plant.horizon]])) / plant.horizon
     about = f"{len(times)} changes, the narrowest interval is {inner.min():.1e} of the horizon"
     kind += ", time" if plant.of_time else ""

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from .events import HEADER, SETTINGS
+from .events import HEADER
 from .running import Case, Expected
-from .signals import Plant, Values
+from .signals import Plant, Values, settings
 
 TOLERANCE = 1e-5
 
@@ -218,4 +218,4 @@ def random_feedback(seed: int) -> Case:
         for k, name in enumerate(loop.names)
     }
     expected = Expected({}, states, "", (plant.horizon, 1e-9 * plant.horizon))
-    return Case(f"feedback, {kind}", "\n".join([HEADER, *loop.lines, SETTINGS]), plant.horizon, False, expected)
+    return Case(f"feedback, {kind}", "\n".join([HEADER, *loop.lines, settings(plant)]), plant.horizon, False, expected)

@@ -183,6 +183,11 @@ def root(plant: Plant) -> Signal:
     return Signal(z, lambda t: 2 / np.sqrt(3) * np.sinh(np.arcsinh(1.5 * np.sqrt(3) * a.value(t)) / 3), a.gain)
 
 
+def settings(plant: Plant) -> str:
+    control = ", algebraic_error_control = true, max_steps = 200000" if plant.implicit else ""
+    return f"solver {{ rtol = 1e-9{control} }}"
+
+
 def signal(plant: Plant) -> Signal:
     """A random signal; half of them are elementary."""
     return plant.choose([elementary, elementary, elementary, total, product, ratio, root])(plant)
