@@ -339,6 +339,34 @@ def test_a_rate_that_jumps_at_a_nonlinear_function_of_time_is_integrated(rate, e
     assert state(env, "x") == pytest.approx(expected, abs=2e-6)
 
 
+@methods
+@pytest.mark.parametrize("count", [1, 4, 20])
+@pytest.mark.parametrize("slope", [1, -1])
+@pytest.mark.parametrize(
+    ("rate", "up", "down"),
+    [
+        ("if x > 0 then 1 else 0", 20, 0),
+        ("if x >= 0 then 1 else 0", 20, 0),
+        ("if x < 0 then 1 else 0", 0, 20),
+        ("sign(x)", 20, -20),
+        ("abs(x)", 200, 200),
+        ("steps(x)", 15, 0),
+        ("if x > 5 and x <= 6 or x < -5 and x > -7 then 1 else 0", 1, 2),
+        ("floor(x/5)", 5 * (1 + 2 + 3), -5 * (1 + 2 + 3 + 4)),
+        ("max(x - 10, 0) + min(x + 10, 0)", 50, -50),
+    ],
+)
+def test_levels_at_the_start_and_at_ends_of_control_steps_are_passed_once(rate, up, down, slope, count, method):
+    """x = t or -t starts at a level, and passes others where control steps end."""
+    text = (
+        "table steps over q : 1 from { 0: 0, 5: 1 }\n"
+        f"state x = 0\nstate y = 0\neq d/dt x = {slope}\neq d/dt y = {rate}"
+    )
+    env, info = run(text, 20.0, count, method)
+    assert not info["failure"]
+    assert state(env, "y") == pytest.approx(up if slope > 0 else down, abs=1e-4)
+
+
 # Ties, and systems that come to rest.
 
 

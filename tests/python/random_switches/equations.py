@@ -187,7 +187,7 @@ def integral(shape: Shape, plant: Plant) -> tuple[Function, float]:
 
 
 def tolerance(shape: Shape, crossings: list[Values], values: Values, horizon: float) -> float:
-    """What errors of states make of the integral: by the times of jumps, and between them."""
+    """Bound of the error of the integral: by the times of jumps, and between them."""
     late, h = 0.0, 1e-6 * horizon
     for g, times in zip(shape.levels, crossings, strict=True):
         slopes = np.abs(g(times + h) - g(times - h)) / (2 * h)
