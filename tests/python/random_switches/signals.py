@@ -184,8 +184,8 @@ def root(plant: Plant) -> Signal:
 
 
 def settings(plant: Plant) -> str:
-    control = ", algebraic_error_control = true, max_steps = 200000" if plant.implicit else ""
-    return f"solver {{ rtol = 1e-9{control} }}"
+    control = ", algebraic_error_control = true" if plant.implicit else ""
+    return f"solver {{ rtol = 1e-9, max_steps = 200000{control} }}"
 
 
 def signal(plant: Plant) -> Signal:
