@@ -312,11 +312,8 @@ impl<'a> Collector<'a> {
                     self.add_forcing(inverse, around);
                     todo.push((a, around));
                 }
-                Expr::Select(c, a, b) if !self.is_pure(e) => {
-                    if time(c) && self.slopes.get(&c).copied().flatten().is_none() {
-                        let holds = self.exprs().number(c);
-                        self.add_forcing(holds, around);
-                    }
+                Expr::Select(_, a, b) if !self.is_pure(e) => {
+                    // The switch is located where it happens.
                     todo.extend([(a, around), (b, around)]);
                 }
                 Expr::Reduce { op: ReduceFn::Sum, depth, extent, body } => {

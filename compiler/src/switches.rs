@@ -39,6 +39,8 @@ pub(crate) struct Switch {
     pub root: Looped,
     /// The form at zero is that of negative values.
     pub strict: bool,
+    /// Another function with the same signs whose bounds are tighter.
+    pub guide: Option<ExprId>,
     /// Both forms agree where they meet.
     pub kink: bool,
     /// What is compared: switches of one group look at one quantity. Each pass of the loops has a group of its own, but for the last `shared` loops.
@@ -171,7 +173,7 @@ impl Maker<'_> {
     fn switch(&mut self, e: ExprId, extents: Extents) -> Option<Switch> {
         let mut loops: Vec<(u8, u32)> = (0..).zip(extents).filter(|&(_, extent)| extent > 0).collect();
         let passes = loops.iter().fold(1_u32, |n, &(_, extent)| n.saturating_mul(extent));
-        let (mut strict, mut kink, mut shared) = (false, false, 0);
+        let (mut strict, mut kink, mut shared, mut guide) = (false, false, 0, None);
         let (looked_at, value) = match self.exprs.node(e) {
             Expr::Compare(op, a, b) => {
                 strict = op == Compare::Lt;
@@ -196,7 +198,11 @@ impl Maker<'_> {
                 kink = true;
                 (a, a)
             }
-            Expr::Unary(f, a) => (a, self.whole(f, a)),
+            Expr::Unary(f, a) => {
+                let (value, wave) = self.whole(f, a);
+                guide = Some(wave);
+                (a, value)
+            }
             Expr::Passed(limits, side, a) => {
                 kink = self.table_meets(e, limits, side, a);
                 shared = 1;
@@ -209,14 +215,24 @@ impl Maker<'_> {
         if group == next {
             self.next_group = next.saturating_add(passes);
         }
-        Some(Switch { root: (loops, value), strict, kink, group, shared })
+        Some(Switch { root: (loops, value), guide, strict, kink, group, shared })
     }
 
-    /// A wave that is zero where `floor(a)` and the like jump.
-    fn whole(&mut self, f: UnaryFn, a: ExprId) -> ExprId {
-        let pi = self.exprs.constant(PI);
-        let turn = self.exprs.mul(pi, a);
-        self.exprs.unary(if f == UnaryFn::Round { UnaryFn::Cos } else { UnaryFn::Sin }, turn)
+    /// What changes its sign where `floor(a)` and the like jump: the distance to the nearest whole number, with the sign of its parity; and a wave.
+    fn whole(&mut self, f: UnaryFn, a: ExprId) -> (ExprId, ExprId) {
+        let x = &mut *self.exprs;
+        let [half, one, two, pi] = [0.5, 1.0, 2.0, PI].map(|number| x.constant(number));
+        let a = if f == UnaryFn::Round { x.add(a, half) } else { a };
+        let nearest = x.unary(UnaryFn::Round, a);
+        let distance = x.sub(a, nearest);
+        let halved = x.mul(half, nearest);
+        let whole = x.unary(UnaryFn::Floor, halved);
+        let even = x.mul(two, whole);
+        let odd = x.sub(nearest, even);
+        let twice = x.mul(two, odd);
+        let sign = x.sub(one, twice);
+        let turn = x.mul(pi, a);
+        (x.mul(sign, distance), x.unary(UnaryFn::Sin, turn))
     }
 
     /// The distance from each limit of a list, over a loop of its own; `None` where there is no counter for it.
@@ -360,9 +376,11 @@ impl Watched {
         let switches = collect(model, time);
         let mut watched = Watched { switches, ..Watched::default() };
         let roots = watched.roots(model);
+        let model_roots = model.roots.len();
         if let Some(builtins) = model.builtins() {
             let mut encloser = Encloser::new(model, builtins);
-            let pairs: Vec<_> = roots.iter().map(|(_, root)| encloser.bounds(*root)).collect();
+            let guides = (0..model_roots).map(|_| None).chain(watched.switches.iter().map(|switch| switch.guide));
+            let pairs: Vec<_> = roots.iter().zip(guides).map(|((_, root), guide)| encloser.bounds(guide.unwrap_or(*root))).collect();
             let (least, most) = (model.exprs.constant(f64::NEG_INFINITY), model.exprs.constant(f64::INFINITY));
             let bounds = |of: fn((ExprId, ExprId)) -> ExprId| {
                 let each = roots.iter().zip(&pairs);

@@ -333,6 +333,7 @@ impl Bridge {
             return Ok(self.watch.accept(t));
         }
         let from = history.step_began();
+        let short = t - from <= self.short_step && from >= self.watch.loose_until;
         history.surround();
         if history.safe.holds(t, &history.unknowns, (&history.least, &history.most)) || self.is_safe_beyond(history, (from, t))? {
             if !self.watch.has_loose() {
@@ -347,7 +348,6 @@ impl Bridge {
         self.watch.begin_step();
         self.evaluate_roots_in_step(t, y)?;
         self.bound_roots(history, (from, t))?;
-        let short = t - from <= self.short_step && from >= self.watch.loose_until;
         let open = self.watch.what_is_open(short);
         if open == Open::Nothing && !self.watch.has_unbounded() {
             return Ok(self.watch.accept(t));

@@ -76,6 +76,8 @@ pub struct OneStep {
     first: f64,
     /// Steps since something went wrong.
     since_trouble: u32,
+    /// The time at which the last step began.
+    step_began: f64,
     time: f64,
     phase: Phase,
     longest_interval: f64,
@@ -145,6 +147,7 @@ impl OneStep {
             methods: Methods::new(system, &settings, algebraic.is_some())?,
             first: 0.0,
             since_trouble: 0,
+            step_began: 0.0,
             control: Control::default(),
             algebra: if algebraic.is_some() { Some(Algebra::new(system, &settings)?) } else { None },
             forcing: Forcing::new(system.forcing_count()),

@@ -35,11 +35,22 @@ const WIDER: f64 = 16.0;
 /// Steps of this part of an interval are so short that a kink in them may hold the solution.
 pub(crate) const SHORT: f64 = 1e-3;
 
+/// A tie is looked for within so many tolerances.
+pub(crate) const TIE: f64 = 10.0;
+
 /// A root function that moves by no more than this part of its tolerance, along the rates and as far as motion is looked for, is held.
 const STILL: f64 = 1e-8;
 
+/// How long a step may be of which the polynomial is spoilt by a switch, over the interval and over the time itself.
+const FINE: [f64; 2] = [1e-12, 64.0 * f64::EPSILON];
+
+/// How often a step is taken again at most; by how much the short one beyond grows; and how long it may become, in parts of the step.
+const REPEATS: u32 = 4;
+const FURTHER: f64 = 16.0;
+const COARSE: f64 = 0.1;
+
 /// For this part of the interval no tie is looked for where there was none.
-const PATIENCE: f64 = 1e-2;
+const PATIENCE: f64 = 1e-4;
 
 /// Corrections of an unknown until a root function is zero.
 const CORRECTIONS: u32 = 8;
@@ -102,6 +113,9 @@ pub(crate) trait Traverse {
 
     /// Whether the equations give the rates of all states.
     fn is_explicit(&self) -> bool;
+
+    /// The time at which the last step began, if the integration can go back there.
+    fn step_began(&self) -> Option<f64>;
 
     /// Steps to `t_end` or to the first event, which may be at `t_end` itself.
     fn go_to_event(&mut self, t_end: f64) -> Result<Advance, SolveError> {
@@ -194,7 +208,15 @@ pub(crate) trait Traverse {
     /// Steps to a time before the next break, or to an event, beginning anew behind each switch at which a step ends.
     fn solve_past_switches(&mut self, t_end: f64, stops: &mut u32) -> Result<Advance, SolveError> {
         loop {
-            let advance = self.solve(t_end)?;
+            let advance = match self.solve_precisely(t_end) {
+                Err(error) if is_stuck(&error) && *stops < self.max_steps() && self.hold_any_tie()? => {
+                    *stops += 1;
+                    let time = self.time();
+                    self.cross(time)?;
+                    continue;
+                }
+                advance => advance?,
+            };
             let reports = self.reports_jumps();
             let (watch, fired) = self.watched();
             if advance == Advance::Reached || !watch.at_switch || (reports && watch.has_jumped(fired)) {
@@ -206,36 +228,77 @@ pub(crate) trait Traverse {
                 return Err(SolveError::TooManySteps { time, steps: self.max_steps(), unknown: None, event: None });
             }
             let left = t_end - time;
-            self.hold_tie()?;
+            if let Some(switch) = self.watched().0.switched {
+                self.hold_tie(switch)?;
+            }
             self.cross(if left <= ROUNDINGS * f64::EPSILON * (time.abs() + t_end.abs()) { t_end } else { time })?;
         }
     }
 
-    /// Where the integration has stopped at a switch: moves the state to its threshold, within the tolerance of one unknown, if the equations hold it there,
-    /// as the levels of two vessels that have become equal. Otherwise the solution would be led across and back without end.
-    fn hold_tie(&mut self) -> Result<(), SolveError> {
-        let time = self.time();
-        let (watch, _) = self.watched();
-        let Some(switch) = watch.switched.filter(|_| time >= watch.loose_until) else { return Ok(()) };
-        if !self.is_explicit() {
-            return Ok(());
+    /// Steps to a time before the next break, or to an event or switch. Equations that change their form inside of a step spoil its polynomial: the step is taken
+    /// again up to where the first thing happened, and a short one beyond it.
+    fn solve_precisely(&mut self, t_end: f64) -> Result<Advance, SolveError> {
+        let mut advance = self.solve(t_end)?;
+        let fine = self.span(FINE);
+        for _ in 0..REPEATS {
+            let at = self.time();
+            let began = self.step_began().filter(|began| at - began > fine);
+            let watch = self.watched().0;
+            let Some(began) = began.filter(|_| advance == Advance::Event && watch.has_switches() && !watch.at_tie) else { break };
+            self.interpolate(began)?;
+            self.take_integrals(began)?;
+            self.stop_at(began);
+            self.watched().0.go_back();
+            self.cross(began)?;
+            // Where it happened the equations are those beyond already.
+            advance = self.solve(at - 0.5 * fine)?;
+            let mut ahead = fine;
+            while advance == Advance::Reached && self.time() < t_end {
+                let to = if ahead > COARSE * (at - began) { t_end } else { (at + ahead).min(t_end) };
+                advance = self.solve(to)?;
+                ahead *= FURTHER;
+            }
         }
-        let Some((at, slope)) = self.steepest(switch)? else { return Ok(()) };
+        Ok(advance)
+    }
+
+    /// Where steps have become too short to go on: whether the equations hold the solution at a kink nearby.
+    fn hold_any_tie(&mut self) -> Result<bool, SolveError> {
+        let mut next = 0;
+        self.watched().0.loose_until = f64::NEG_INFINITY;
+        while let Some(kink) = self.watched().0.kink_from(next) {
+            if self.hold_tie(kink)? {
+                return Ok(true);
+            }
+            self.watched().0.loose_until = f64::NEG_INFINITY;
+            next = kink + 1;
+        }
+        Ok(false)
+    }
+
+    /// Moves the state to the threshold of a switch, within tolerances of one unknown, if the equations hold it there, as the levels of two vessels that have
+    /// become equal; whether they do. Otherwise the solution would be led across and back without end.
+    fn hold_tie(&mut self, switch: usize) -> Result<bool, SolveError> {
+        let time = self.time();
+        if time < self.watched().0.loose_until || !self.is_explicit() {
+            return Ok(false);
+        }
+        let Some((at, slope)) = self.steepest(switch)? else { return Ok(false) };
         let (before, tolerance, ahead) = (*self.unknown_mut(at), self.tolerance(at), self.span(AHEAD));
-        if self.moves_to_threshold(switch, (at, slope))? && (*self.unknown_mut(at) - before).abs() <= tolerance {
+        if self.moves_to_threshold(switch, (at, slope))? && (*self.unknown_mut(at) - before).abs() <= TIE * tolerance {
             self.derive()?;
             self.evaluate_along(ahead, true)?;
             let band = tolerance * slope.abs();
             let watch = self.watched().0;
             if watch.ahead[switch].abs() <= STILL * band {
                 watch.hold(switch, band);
-                return Ok(());
+                return Ok(true);
             }
         }
         *self.unknown_mut(at) = before;
         let loose = time + PATIENCE * self.longest_interval();
         self.watched().0.loose_until = loose;
-        Ok(())
+        Ok(false)
     }
 
     /// The unknown that moves a root function most within its tolerance, and the derivative by it.
@@ -392,4 +455,15 @@ pub(crate) trait Traverse {
         self.derive()?;
         self.evaluate_along(ahead, true)
     }
+}
+
+/// Whether steps have become too short to go on.
+fn is_stuck(error: &SolveError) -> bool {
+    matches!(
+        error,
+        SolveError::TooManySteps { .. }
+            | SolveError::StepTooSmall { .. }
+            | SolveError::ErrorTestFailures { .. }
+            | SolveError::ConvergenceFailures { .. }
+    )
 }

@@ -9,6 +9,7 @@ use std::os::raw::c_int;
 use serde::{Deserialize, Serialize};
 
 use super::enclosure::hull;
+use super::traverse::TIE;
 use super::{RootKind, RootRole};
 
 /// What is known of the condition of one event.
@@ -80,8 +81,12 @@ pub(crate) struct Watch {
     pub bounds: Box<[f64]>,
     /// By how much they differ within the tolerances of the unknowns.
     tolerances: Box<[f64]>,
-    /// Kinks at which the integration stops: a step may have passed a form unseen, or steps have become short where it changes to and fro.
+    /// Conditions where the last step began that was looked at closely.
+    origin: Box<[Edge]>,
+    /// Kinks of which a step may have passed a form unseen.
     unseen: Box<[bool]>,
+    /// Kinks that may hold the solution: steps have become short there.
+    tied: Box<[bool]>,
     /// Kinks that are looked at in every step.
     loose: Vec<usize>,
     /// Root functions at three quarters of the last step, one after another.
@@ -107,6 +112,8 @@ pub(crate) struct Watch {
     pub passed: bool,
     /// The integration stopped for switches alone.
     pub at_switch: bool,
+    /// It stopped at a kink that may hold the solution.
+    pub at_tie: bool,
     /// A root function that was not a number.
     pub undefined: Option<usize>,
 }
@@ -123,7 +130,9 @@ impl Watch {
             ahead: zeros(),
             bounds: vec![0.0; 2 * roots].into(),
             tolerances: zeros(),
+            origin: vec![Edge::default(); roots].into(),
             unseen: vec![false; roots].into(),
+            tied: vec![false; roots].into(),
             loose: Vec::with_capacity(roots),
             samples: std::array::from_fn(|_| zeros()),
             motion: zeros(),
@@ -157,10 +166,12 @@ impl Watch {
         }
         self.note_undefined();
         self.since = time;
-        for ((edge, &value), kind) in self.edges.iter_mut().zip(&self.values).zip(&self.kinds) {
+        let each = self.edges.iter_mut().zip(&self.values).zip(self.kinds.iter().zip(&self.unseen));
+        for ((edge, &value), (kind, &unseen)) in each {
             let band = edge.band.max(0.0);
             if matches!(kind.role, RootRole::Kink { .. }) {
-                if value.abs() > band {
+                // Inside of a step that one is as it was where the step began, until the integration stops.
+                if value.abs() > band && !unseen {
                     *edge = Edge::known(value > 0.0);
                 }
             } else if value < -band {
@@ -177,7 +188,8 @@ impl Watch {
         let (edge, value, kind) = (self.edges[i], self.values[i], self.kinds[i]);
         let band = edge.band.max(0.0);
         if let RootRole::Kink { .. } = kind.role {
-            return self.unseen[i] && edge.holds != (value > 0.0) && value.abs() > band.max(self.tolerances[i]);
+            let least = if self.tied[i] { band } else { band.max(self.tolerances[i]) };
+            return (self.tied[i] || self.unseen[i]) && edge.holds != (value > 0.0) && value.abs() > least;
         }
         match edge.holds {
             true => kind.both && value < -band,
@@ -188,7 +200,24 @@ impl Watch {
     /// Forgets what was found out of the step before.
     pub(super) fn begin_step(&mut self) {
         self.unseen.fill(false);
+        self.tied.fill(false);
         self.stale = false;
+        self.origin.copy_from_slice(&self.edges);
+    }
+
+    /// Takes conditions as they were where the last step began.
+    pub(super) fn go_back(&mut self) {
+        self.edges.copy_from_slice(&self.origin);
+    }
+
+    /// The next kink from a number on.
+    pub(super) fn kink_from(&self, from: usize) -> Option<usize> {
+        (from..self.kinds.len()).find(|&i| matches!(self.kinds[i].role, RootRole::Kink { .. }))
+    }
+
+    /// Whether equations have switches.
+    pub(super) fn has_switches(&self) -> bool {
+        self.kinds.iter().any(|kind| kind.role != RootRole::Event)
     }
 
     /// Whether bounds say that no event happens and no equation jumps. Kinks of which they say nothing are kept: they are looked at in every step.
@@ -278,10 +307,7 @@ impl Watch {
         }
         for i in (0..n).filter(|&i| matches!(self.kinds[i].role, RootRole::Kink { .. })) {
             self.unseen[i] = if self.is_kink_that_changed(i) { self.interferes(i) } else { self.may_hide(i) };
-            if short && self.is_kink_that_changed(i) && self.values[i].abs() <= self.tolerances[i] {
-                self.unseen[i] = true;
-                self.tolerances[i] = 0.0;
-            }
+            self.tied[i] = short && self.is_kink_that_changed(i) && self.values[i].abs() <= TIE * self.tolerances[i];
         }
     }
 
@@ -292,7 +318,7 @@ impl Watch {
 
     /// Whether a search inside of the step has something to look for.
     pub(super) fn is_search_due(&self, open: Open) -> bool {
-        open == Open::Everything || self.unseen.contains(&true)
+        open == Open::Everything || self.unseen.contains(&true) || self.tied.contains(&true)
     }
 
     /// Whether a kink may have changed its sign to and fro, by its values at the quarters of the step: bounds of a long expression say little. The polynomial
@@ -312,7 +338,8 @@ impl Watch {
         let n = self.edges.len();
         (0..n).any(|i| {
             let (kind, tolerance) = (self.kinds[i], self.tolerances[i]);
-            let matters = kind.bounded && (self.unseen[i] || !matches!(kind.role, RootRole::Kink { .. }));
+            let kink = matches!(kind.role, RootRole::Kink { .. });
+            let matters = kind.bounded && (self.unseen[i] || self.tied[i] || !kink);
             let shallow = if self.unseen[i] { tolerance } else { SHALLOW * tolerance };
             let (low, high) = (self.bounds[i], self.bounds[n + i]);
             matters && !(low > 0.0 || high < 0.0 || (low >= -shallow && high <= shallow))
@@ -452,8 +479,7 @@ impl Watch {
     /// moved it by more than rounding. A strict condition waits for the motion after what happens here, but for that.
     pub(crate) fn arrive(&mut self, reach: f64, fired: &mut [c_int]) {
         self.note_undefined();
-        self.at_switch = true;
-        self.switched = None;
+        (self.at_switch, self.at_tie, self.switched) = (true, false, None);
         for (i, fired) in fired.iter_mut().enumerate() {
             let (value, kind, edge) = (self.values[i], self.kinds[i], self.edges[i]);
             let motion = self.ahead[i] - value;
@@ -461,6 +487,7 @@ impl Watch {
             let stops = self.stops(i);
             if stops && kind.role != RootRole::Event {
                 self.switched = self.switched.or(Some(i));
+                self.at_tie |= self.tied[i];
             }
             let brought = !edge.holds && stops && motion < 0.0 && self.before[i] * reach > self.noise[i];
             self.edges[i] = if value.is_nan() {

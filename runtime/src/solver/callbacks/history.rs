@@ -95,7 +95,7 @@ impl History {
     }
 
     /// The time at which the last step began.
-    pub(super) fn step_began(&self) -> f64 {
+    pub(crate) fn step_began(&self) -> f64 {
         self.times[1]
     }
 

@@ -153,4 +153,10 @@ impl Traverse for Ida {
     fn is_explicit(&self) -> bool {
         self.consistent.is_some()
     }
+
+    fn step_began(&self) -> Option<f64> {
+        // Derivatives that follow do not go back.
+        let history = self.memory.bridge().history.as_ref().filter(|_| self.following.is_none());
+        history.map(|history| history.step_began())
+    }
 }

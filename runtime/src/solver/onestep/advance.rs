@@ -22,6 +22,9 @@ const MOST_REJECTIONS: u32 = 60;
 /// An error, in tolerances, that where forcings turn often comes of a kink. (Orbits have such errors too where bodies meet, and nothing to mend.)
 const DOUBTFUL: f64 = 10.0;
 
+/// The least bound of steps where a forcing turns, in roundings of time.
+const SHORTEST: f64 = 64.0;
+
 /// Tolerances by which algebraic unknowns may be off before they are brought to their equations; and the part of a control step below which steps are not
 /// repeated for that alone: what is still off then jumps.
 const STRAY: f64 = 10.0;
@@ -262,6 +265,7 @@ impl Run<'_> {
         if passed {
             self.prepare();
         }
+        self.one.step_began = self.one.frame.t;
         self.one.frame.go_on(to);
         self.one.time = to;
         if passed {
@@ -331,6 +335,12 @@ impl Run<'_> {
         self.looks_closely(to)
     }
 
+    /// Whether the step that ends here is so short that a kink may hold the solution.
+    fn is_short(&self, to: f64) -> bool {
+        let from = self.one.frame.t;
+        to - from <= SHORT_STEP * self.one.longest_interval && from >= self.one.events.watch.loose_until
+    }
+
     /// The same where the step leaves what is known to be safe.
     fn looks_at_step(&mut self, to: f64) -> Result<bool, SolveError> {
         let OneStep { frame, events, .. } = &mut *self.one;
@@ -349,7 +359,8 @@ impl Run<'_> {
 
     /// The same by the bounds over the step itself.
     fn looks_closely(&mut self, to: f64) -> Result<bool, SolveError> {
-        let OneStep { frame, events, derivative, longest_interval, methods, .. } = &mut *self.one;
+        let short = self.is_short(to);
+        let OneStep { frame, events, derivative, methods, .. } = &mut *self.one;
         let Events { watch, bounded, fours, enclosure, .. } = events;
         let (n, from) = (frame.n, frame.t);
         watch.begin_step();
@@ -359,7 +370,6 @@ impl Run<'_> {
         }
         methods.enclose(frame, fours, enclosure.least.as_chunks_mut().0, enclosure.most.as_chunks_mut().0);
         self.system.root_bounds((from, to), &enclosure.least[..n], &enclosure.most[..n], &mut watch.bounds);
-        let short = to - from <= SHORT_STEP * *longest_interval && from >= watch.loose_until;
         let open = watch.what_is_open(short);
         if open == Open::Nothing && !watch.has_unbounded() {
             return Ok(watch.accept(to));
@@ -463,7 +473,9 @@ impl Traverse for Run<'_> {
         }
         let course = self.look_inside(interval)?;
         self.one.frame.careful = matches!(course, Course::Structured(_));
-        let longest = course.longest_step(interval).min(self.one.settings.max_step);
+        // Steps have to be longer than time is rounded.
+        let shortest = SHORTEST * f64::EPSILON * (self.one.time.abs() + t_end.abs());
+        let longest = course.longest_step(interval).max(shortest).min(self.one.settings.max_step);
         if fresh {
             self.begin(interval, course.longest_first_step(interval).min(longest));
         }
@@ -571,6 +583,10 @@ impl Traverse for Run<'_> {
 
     fn is_explicit(&self) -> bool {
         true
+    }
+
+    fn step_began(&self) -> Option<f64> {
+        Some(self.one.step_began)
     }
 }
 
