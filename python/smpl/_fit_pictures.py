@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from smpl._arguments import FloatArray
+from smpl._optional import load
 
 
 def fit_figure(
@@ -31,12 +32,9 @@ def fit_figure(
     Raises:
         ImportError: Matplotlib is missing.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ImportError("pictures of a fit need Matplotlib: pip install 'smpl[report]'") from error
+    figure_class = load("matplotlib.figure", "a picture of a fit").Figure
     names = list(noise)
-    figure = Figure(figsize=(10, 0.6 + 2.1 * len(names)), layout="constrained")
+    figure = figure_class(figsize=(10, 0.6 + 2.1 * len(names)), layout="constrained")
     axes = figure.subplots(len(names), 2, sharex=True, squeeze=False, width_ratios=[3, 2])
     for (left, right), name in zip(axes, names, strict=True):
         for number, (line, rest) in enumerate(zip(simulated, residuals, strict=True)):

@@ -13,6 +13,7 @@ import numpy as np
 
 from smpl._arguments import FloatArray
 from smpl._native import SimulationError
+from smpl._optional import load
 from smpl.envs import Env, from_unit
 from smpl.model import Model
 
@@ -91,10 +92,7 @@ def read_table(path: str | os.PathLike[str]) -> dict[str, FloatArray]:
     """
     file = Path(path)
     if file.suffix == ".parquet":
-        try:
-            import pyarrow.parquet as parquet
-        except ImportError as error:
-            raise ImportError("reading Parquet needs pyarrow: pip install pyarrow") from error
+        parquet = load("pyarrow.parquet", "reading Parquet")
         table = parquet.read_table(file)
         _check_once(file, table.column_names)
         return {name: _numbers(table[name].to_pylist()) for name in table.column_names}

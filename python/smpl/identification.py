@@ -15,6 +15,7 @@ import numpy as np
 
 from smpl._arguments import FloatArray, as_count, as_mapping, as_number, check_names
 from smpl._native import SimulationError
+from smpl._optional import load
 from smpl._recorded import DISTANCE, Recorded, beside
 from smpl._runs import Run, read_runs, without_computed
 from smpl.envs import check_method
@@ -494,8 +495,4 @@ def _quantile(freedom: int, known: bool) -> float:
 
 
 def _optimize() -> Any:
-    try:
-        import scipy.optimize
-    except ImportError as error:
-        raise ImportError("smpl.fit needs SciPy: pip install 'smpl[scipy]'") from error
-    return scipy.optimize
+    return load("scipy.optimize", "smpl.fit")

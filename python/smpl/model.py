@@ -29,6 +29,7 @@ from smpl._arguments import (
 )
 from smpl._files import is_shipped, model_path, models_directory
 from smpl._names import Named
+from smpl._optional import load
 from smpl._step import Step
 
 if TYPE_CHECKING:
@@ -203,10 +204,7 @@ class Model(Named):
             ValueError: as for `residual`.
             ImportError: SciPy is missing.
         """
-        try:
-            from scipy.sparse import csc_matrix
-        except ImportError as error:
-            raise ImportError("Model.jacobian returns a SciPy matrix: pip install 'smpl[scipy]'") from error
+        csc_matrix = load("scipy.sparse", "Model.jacobian").csc_matrix
         data, rows, columns = self.native.jacobian(
             as_finite_number("t", t),
             self._y(y),

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::environment::{Environment, ResetError, ResetOptions, Snapshot, SnapshotError, Start, StateInput, StepError};
 use crate::failure::START;
-use crate::pool::Pool;
+use crate::pool::{self, Pool};
 use crate::setup::{Setup, SetupError};
 use crate::steady::SteadyError;
 
@@ -156,8 +156,9 @@ impl Rollouts {
     /// When the solver refuses the system, or no threads can be made.
     pub fn new(setup: &Arc<Setup>, threads: usize) -> Result<Self, RolloutError> {
         let stop = Arc::default();
+        let threads = pool::useful(threads, usize::MAX);
         let pool = if threads > 1 { Some(Pool::new(threads, &stop)?) } else { None };
-        let environments: Result<Vec<_>, SetupError> = (0..threads.max(1)).map(|_| Environment::new(Arc::clone(setup))).collect();
+        let environments: Result<Vec<_>, SetupError> = (0..threads).map(|_| Environment::new(Arc::clone(setup))).collect();
         let environments = environments?;
         let widths = environments.first().map_or(Widths::NONE, Widths::of);
         Ok(Self { environments: environments.into_iter().map(Mutex::new).collect(), pool, stop, widths })

@@ -195,7 +195,7 @@ def test_without_optuna_the_command_says_how_to_get_it(capsys, tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sys.modules, "optuna", None)
     assert main(["tune", "--env", "Beer", "--algorithm", "PPO"]) == 1
-    assert "pip install 'smpl[tune]'" in capsys.readouterr().err
+    assert "pip install optuna" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl._arguments import FloatArray, as_count, as_numbers
+from smpl._optional import load
 from smpl._searches import read_search
 from smpl.model import Model
 from smpl.rollout import Rollout
@@ -285,11 +286,8 @@ def recipe_return(
 
 
 def _library() -> tuple[Any, Any]:
-    try:
-        from sklearn.gaussian_process import GaussianProcessRegressor, kernels
-    except ImportError as error:
-        raise ImportError("Bayesian optimisation needs scikit-learn: pip install 'smpl[bayes]'") from error
-    return GaussianProcessRegressor, kernels
+    library = load("sklearn.gaussian_process", "Bayesian optimisation")
+    return library.GaussianProcessRegressor, library.kernels
 
 
 def _one_thread() -> Any:

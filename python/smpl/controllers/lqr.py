@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from smpl._arguments import FloatArray
+from smpl._optional import load
 from smpl.controllers.base import TakesWrapped
 from smpl.controllers.names import listing, operating_point, weights
 from smpl.envs import Env
@@ -279,8 +280,4 @@ def _scale(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
 
 
 def _linalg() -> Any:
-    try:
-        import scipy.linalg
-    except ImportError as error:
-        raise ImportError("linear control needs SciPy: pip install 'smpl[scipy]'") from error
-    return scipy.linalg
+    return load("scipy.linalg", "linear control")

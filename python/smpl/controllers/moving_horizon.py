@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from smpl._arguments import FloatArray, as_count
+from smpl._optional import load
 from smpl.controllers.base import TakesWrapped
 from smpl.controllers.estimation import Prediction, discrete_of
 from smpl.controllers.kalman import correct, predict
@@ -189,8 +190,4 @@ def _placed(block: FloatArray, place: int, count: int) -> FloatArray:
 
 
 def _optimize() -> Any:
-    try:
-        import scipy.optimize
-    except ImportError as error:
-        raise ImportError("moving-horizon estimation needs SciPy: pip install 'smpl[scipy]'") from error
-    return scipy.optimize
+    return load("scipy.optimize", "moving-horizon estimation")

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from smpl._arguments import FloatArray
+from smpl._optional import load
 from smpl.controllers.names import listing
 from smpl.export.modules import CasadiModel, casadi
 from smpl.export.parts import chosen
@@ -43,10 +44,7 @@ class Expressions(Mapping[str, Any]):
 
     def __init__(self, model: Model, part: Iterable[str] | None = None, smooth: float = 0.0) -> None:
         self.model = model
-        try:
-            import casadi as ca
-        except ImportError as error:
-            raise ImportError("predictive control needs CasADi: pip install 'smpl[mpc]'") from error
+        ca = load("casadi", "predictive control")
         self.export: CasadiModel = casadi(model, "SX", smooth)
 
         self._ca = ca

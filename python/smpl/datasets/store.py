@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl._arguments import FloatArray
+from smpl._optional import load
 from smpl.evaluation import Details, Episode
 
 FORMAT = 1
@@ -50,11 +51,8 @@ def pyarrow() -> Any:
     Raises:
         ImportError: it is missing.
     """
-    try:
-        import pyarrow.parquet
-    except ImportError as error:
-        raise ImportError("data sets are kept in Parquet: pip install 'smpl[data]'") from error
-    return pyarrow
+    load("pyarrow.parquet", "a data set in Parquet")
+    return load("pyarrow", "a data set in Parquet")
 
 
 @contextlib.contextmanager

@@ -27,6 +27,7 @@ import numpy.typing as npt
 import smpl.controllers as controllers
 from smpl._arguments import FloatArray, as_vector
 from smpl._identity import Description, describe
+from smpl._optional import load
 from smpl.controllers.beer import profile_temperature
 from smpl.controllers.reactor import SET_POINT, STEADY_ACTION
 from smpl.envs import Env, Interface, native_seed
@@ -294,10 +295,10 @@ def _policy_file(spec: str) -> Any:
     if file.endswith(".zip"):
         return _stable_baselines(algorithm, file)
     if file.endswith(".d3"):
-        d3rlpy = _needs("d3rlpy", "smpl[d3rlpy]")
+        d3rlpy = _needs("d3rlpy")
         with _of_file(file, "d3rlpy"):
             return d3rlpy.load_learnable(file)
-    torch = _needs("torch", "torch")
+    torch = _needs("torch")
     with of_torchscript(), _of_file(file, "TorchScript"):
         return _TorchPolicy(torch.jit.load(file).eval())
 
@@ -333,7 +334,7 @@ def _formulated(policy: Any, file: Path) -> Any:
 def _stable_baselines(algorithm: str, file: str) -> Any:
     if not algorithm:
         raise ValueError(f"which algorithm made {file!r}? Write it before the file, as in PPO:{file}")
-    _needs("stable_baselines3", "smpl[sb3]")
+    _needs("stable_baselines3")
     for package in ("stable_baselines3", "sb3_contrib"):
         try:
             found = getattr(importlib.import_module(package), algorithm, None)
@@ -357,13 +358,10 @@ class _TorchPolicy:
             return np.asarray(self._module(torch.as_tensor(observations)).numpy())
 
 
-def _needs(module: str, package: str) -> Any:
-    try:
-        # The gym that d3rlpy imports, and Stable-Baselines3 where it is there, greets with a banner.
-        with contextlib.redirect_stderr(io.StringIO()):
-            return importlib.import_module(module)
-    except ImportError as error:
-        raise ImportError(f"this policy needs {module}: pip install '{package}'") from error
+def _needs(module: str) -> Any:
+    # The gym that d3rlpy imports, and Stable-Baselines3 where it is there, greets with a banner.
+    with contextlib.redirect_stderr(io.StringIO()):
+        return load(module, "this policy")
 
 
 def _imported(spec: str) -> Any:

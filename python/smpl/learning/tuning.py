@@ -24,6 +24,7 @@ import numpy as np
 
 from smpl._arguments import as_count
 from smpl._native import __version__
+from smpl._optional import load
 from smpl.learning import configuration
 from smpl.learning.learned import as_observed, trainer_of, validator, versions
 from smpl.learning.subjects import Run, runs
@@ -321,10 +322,7 @@ def _try(optuna: Any, opened: Any, trial: Any, changed: Mapping[str, Any], run: 
 
 
 def _optuna() -> Any:
-    try:
-        import optuna
-    except ImportError as error:
-        raise ImportError("tuning needs Optuna: pip install 'smpl[tune]'") from error
+    optuna = load("optuna", "tuning")
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     return optuna
 

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl._arguments import FloatArray, as_count, as_numbers
+from smpl._optional import load
 from smpl._searches import read_search
 from smpl.learning.progress import Progress
 
@@ -242,8 +243,4 @@ class Search:
 
 
 def _cma_package() -> Any:
-    try:
-        import cma
-    except ImportError as error:
-        raise ImportError("covariance matrix adaptation needs the package cma: pip install 'smpl[optimize]'") from error
-    return cma
+    return load("cma", "covariance matrix adaptation")

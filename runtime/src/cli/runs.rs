@@ -16,6 +16,7 @@ use super::simulate::{Policy, SimulateArguments};
 use crate::environment::{Environment, ResetOptions, StateInput, StepResult};
 use crate::failure::{Short, beyond};
 use crate::load::LoadOptions;
+use crate::pool;
 use crate::scenario::{Value, Variant};
 use crate::setup::Setup;
 use crate::sweep::{Sweep, combination, combinations};
@@ -231,9 +232,10 @@ fn point(arguments: &SimulateArguments, setup: Arc<Setup>, targets: &[Target], v
 }
 
 fn run_all(arguments: &SimulateArguments, points: &[Point], episodes: usize, count: usize, keeps: bool) -> Result<Vec<Outcome>, Failed> {
-    let threads = arguments.threads.map_or(0, |n| n as usize);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(|error| Failed::Message(format!("threads: {error}")))?;
+    let given = arguments.threads.map_or_else(pool::processors, |n| n as usize);
+    let threads = pool::useful(given, count);
+    let workers = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let workers = workers.map_err(|error| Failed::Message(format!("threads: {error}")))?;
     let bar = progress(count);
     // One environment a thread serves all runs of a setup.
     let outcome = |held: &mut Option<(usize, Environment)>, index: usize| -> Result<Outcome, Failed> {
@@ -250,7 +252,7 @@ fn run_all(arguments: &SimulateArguments, points: &[Point], episodes: usize, cou
         bar.inc(1);
         Ok(outcome)
     };
-    let all = pool.install(|| (0..count).into_par_iter().map_init(|| None, outcome).collect());
+    let all = workers.install(|| (0..count).into_par_iter().map_init(|| None, outcome).collect());
     bar.finish_and_clear();
     all
 }

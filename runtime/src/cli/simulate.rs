@@ -88,7 +88,7 @@ pub(super) struct SimulateArguments {
     /// Table of one row a run: return, end, drawn parameters
     #[arg(long, value_name = "S.csv|S.parquet", value_parser = outputs::table, help_heading = "Many runs")]
     pub(super) summary: Option<PathBuf>,
-    /// Threads; all processors where it is not said
+    /// Threads, at most one a run; all processors by default
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Many runs")]
     pub(super) threads: Option<u32>,
 }

@@ -1,8 +1,9 @@
 """Controllers with full information: they know the state, the parameters of the episode and the model of the plant.
 
-They say what may be reached, not what a plant could do. Where the model is smooth and small the horizon is optimised
-by collocation, else by sampling around what the nominal policy would do, which is among the samples: within its horizon
-an oracle is not worse than that. That of the antibody plant samples what a batch is run with and when the columns swap.
+They are references, not upper bounds: their horizon is finite and their search is local, so that a learned policy can
+have a higher return. Smooth and small models are optimised by collocation, the others by sampling around the actions of
+the nominal policy, which are among the samples: within its horizon such a controller is not worse than the nominal
+policy. That of the antibody plant samples the settings of a batch and the time at which the columns swap.
 """
 
 from __future__ import annotations
@@ -91,8 +92,13 @@ def _tanks(env: Env) -> dict[str, tuple[float, float]]:
     return {name: (1.001 * float(low[i]) + 0.5 * (name == "h"), 1.049 * float(high[i])) for name, i in at.items()}
 
 
-def oracle(name: str, **options: Any) -> Any:
-    """The oracle of a shipped environment, by the name of its model; `options` are those of `NMPC` or `SamplingMPC`."""
+def full_information(name: str, **options: Any) -> Any:
+    """The full-information controller of a shipped environment.
+
+    Args:
+        name: name of the model.
+        options: those of `NMPC` or `SamplingMPC`.
+    """
     if name == "reactor":
         return Deferred(lambda env: NMPC(env, **{"p": "episode", **options}))
     if name == "mab":

@@ -1,10 +1,10 @@
-"""What may be reached: the oracle of every environment beside its nominal policy, from the same starts.
+"""The full-information controller of every environment compared with its nominal policy, from the same starts.
 
-    python -m smpl.examples.oracles --out oracles --seeds 3
-    python -m smpl.examples.oracles --out oracles --table      # nothing is run: the table of what is there
+    python -m smpl.examples.full_information --out full_information --seeds 3
+    python -m smpl.examples.full_information --out full_information --table      # prints the table; runs nothing
 
-An oracle knows the state, the parameters of the episode and the model of the plant (`baseline(env, "oracle")`). Every
-episode is a row of `oracles.csv`, so that what was stopped goes on.
+The controller knows the state, the parameters of the episode and the model of the plant
+(`baseline(env, "full_information")`). Every episode is a row of `full_information.csv`, so that a stopped run resumes.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from smpl.controllers import Nominal, baseline
 from smpl.evaluation import run_episode
 
 ENVIRONMENTS = ("reactor", "beer", "pensim", "atropine", "mab", "mab_plant")
-CONTROLLERS = ("nominal", "oracle")
+CONTROLLERS = ("nominal", "full_information")
 COLUMNS = ("environment", "controller", "seed", "return", "steps", "violations", "failure", "seconds")
 # Seeds that no controller was tuned with.
 FIRST_SEED = 2000
@@ -33,7 +33,7 @@ def played(environment: str, controller: str, seed: int, steps: int | None) -> R
     """An episode as a row; seconds are those of the processor."""
     env = smpl.Env(environment, normalize=False, max_steps=steps)
     begin = time.process_time()
-    made = Nominal() if controller == "nominal" else baseline(environment, "oracle")
+    made = Nominal() if controller == "nominal" else baseline(environment, "full_information")
     episode = run_episode(env, made, seed)
     values = (
         environment, controller, seed, f"{episode.total:.12g}", episode.steps, f"{episode.costs.sum():.6g}",
@@ -64,14 +64,17 @@ def write(file: Path, rows: Sequence[Row]) -> None:
 def table(rows: Sequence[Row]) -> str:
     """The table of what is there, in Markdown: means over the seeds that both have played."""
     heads = ["environment", "seeds"]
-    heads += [f"{one}: {what}" for one in CONTROLLERS for what in ("return", "failures, violations")]
-    lines = [f"| {' | '.join([*heads, 'oracle better in', 'an episode'])} |", "|" + " --- |" * (len(heads) + 2)]
+    heads += [f"{one.replace('_', ' ')}: {what}" for one in CONTROLLERS for what in ("return", "failures, violations")]
+    lines = [
+        f"| {' | '.join([*heads, 'full information better in', 'an episode'])} |",
+        "|" + " --- |" * (len(heads) + 2),
+    ]
     for name in ENVIRONMENTS:
         found: dict[str, dict[int, Row]] = {one: {} for one in CONTROLLERS}
         for row in rows:
             if row["environment"] == name:
                 found[row["controller"]][int(row["seed"])] = row
-        seeds = sorted(found["nominal"].keys() & found["oracle"].keys())
+        seeds = sorted(found["nominal"].keys() & found["full_information"].keys())
         if not seeds:
             continue
         returns = {one: [float(found[one][seed]["return"]) for seed in seeds] for one in CONTROLLERS}
@@ -80,8 +83,8 @@ def table(rows: Sequence[Row]) -> str:
             failures = sum(bool(found[one][seed]["failure"]) for seed in seeds)
             broken = sum(float(found[one][seed]["violations"]) for seed in seeds)
             cells += [f"{np.mean(returns[one]):.5g}", f"{failures}, {broken:.3g}"]
-        better = sum(a > b for a, b in zip(returns["oracle"], returns["nominal"], strict=True))
-        seconds = np.mean([float(found["oracle"][seed]["seconds"]) for seed in seeds])
+        better = sum(a > b for a, b in zip(returns["full_information"], returns["nominal"], strict=True))
+        seconds = np.mean([float(found["full_information"][seed]["seconds"]) for seed in seeds])
         lines.append(f"| {' | '.join([*cells, f'{better} of {len(seeds)}', f'{seconds:.0f} s'])} |")
     return "\n".join(lines)
 
@@ -90,7 +93,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run what is not there yet, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("environments", nargs="*", default=ENVIRONMENTS, metavar="ENVIRONMENT", help="in place of all")
-    parser.add_argument("--out", type=Path, default=Path("oracles"), metavar="DIR", help="folder of oracles.csv")
+    parser.add_argument(
+        "--out", type=Path, default=Path("full_information"), metavar="DIR", help="folder of full_information.csv"
+    )
     parser.add_argument("--seeds", type=int, default=3, metavar="N", help=f"{FIRST_SEED}, {FIRST_SEED + 1} and so on")
     parser.add_argument("--steps", type=int, metavar="N", help="of an episode; those of the environment if none")
     parser.add_argument("--table", action="store_true", help="run nothing")
@@ -98,7 +103,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     unknown = [name for name in given.environments if name not in ENVIRONMENTS]
     if unknown:
         parser.error(f"no environments {', '.join(unknown)}; there are: {', '.join(ENVIRONMENTS)}")
-    file = given.out / "oracles.csv"
+    file = given.out / "full_information.csv"
     rows = read(file)
     for seed in range(FIRST_SEED, FIRST_SEED + (0 if given.table else given.seeds)):
         for name in given.environments:
