@@ -233,7 +233,21 @@ pub(super) fn read(document: &Document<'_>) -> Result<Sbml, Fault> {
     sbml.name = owned(model, "name").unwrap_or_default();
     sbml.notes = notes(model);
     read_model(&mut sbml, model)?;
+    points(&mut sbml);
     Ok(sbml)
+}
+
+/// Makes points of compartments without dimensions: in Level 2, and in Level 3 where nothing gives their size. There they are compartments as any other.
+fn points(sbml: &mut Sbml) {
+    for symbol in &mut sbml.symbols {
+        let Kind::Compartment { dimensions, point } = &mut symbol.kind else { continue };
+        let ruled = sbml.rules.iter().any(|r| matches!(&r.target, Target::Assignment(id) if *id == symbol.id));
+        let given = symbol.value.is_some() || ruled || sbml.initial.contains_key(&symbol.id);
+        if *dimensions == 0.0 && (sbml.level == 2 || !given) {
+            *point = true;
+            symbol.value = Some(1.0);
+        }
+    }
 }
 
 fn read_model(sbml: &mut Sbml, model: Node<'_, '_>) -> Result<(), Fault> {
@@ -258,7 +272,7 @@ fn read_model(sbml: &mut Sbml, model: Node<'_, '_>) -> Result<(), Fault> {
                 }
                 // Types of compartments and species group them and say nothing of equations.
                 ("listOfCompartmentTypes", "compartmentType") | ("listOfSpeciesTypes", "speciesType") => {}
-                ("listOfCompartments", "compartment") => sbml.symbols.push(compartment(item, sbml.level)?),
+                ("listOfCompartments", "compartment") => sbml.symbols.push(compartment(item)?),
                 ("listOfSpecies", "species") => sbml.symbols.push(species(item)?),
                 ("listOfParameters", "parameter") => sbml.symbols.push(parameter(item)?),
                 ("listOfInitialAssignments", "initialAssignment") => {
@@ -304,16 +318,14 @@ fn unit_parts(definition: Node<'_, '_>) -> Result<Vec<UnitPart>, Fault> {
         .collect()
 }
 
-fn compartment(node: Node<'_, '_>, level: u32) -> Result<Symbol, Fault> {
+fn compartment(node: Node<'_, '_>) -> Result<Symbol, Fault> {
     let dimensions = numeric(node, "spatialDimensions")?.unwrap_or(3.0);
-    // A point has no size in Level 2; in Level 3 it is a compartment as any other.
-    let point = dimensions == 0.0 && level == 2;
     Ok(Symbol {
         at: node.range().start,
         id: needed(node, "id")?,
         name: owned(node, "name").unwrap_or_default(),
-        kind: Kind::Compartment { dimensions, point },
-        value: numeric(node, "size")?.or(point.then_some(1.0)),
+        kind: Kind::Compartment { dimensions, point: false },
+        value: numeric(node, "size")?,
         constant: flag(node, "constant", true)?,
         unit: owned(node, "units"),
     })

@@ -35,24 +35,22 @@ impl Conversion<'_> {
         if made.plain {
             return self.truth(event.at, &math);
         }
-        Ok(format!("{} {} 0", self.text(event.at, &made.value)?, if made.at_zero { ">=" } else { ">" }))
+        let value = match &made.value {
+            Math::Piecewise(..) => self.factor(event.at, &made.value)?,
+            value => self.text(event.at, value)?,
+        };
+        Ok(format!("{value} {} 0", if made.at_zero { ">=" } else { ">" }))
     }
 
     /// Whether an expression changes at events only.
     fn steps(&self, math: &Math) -> bool {
-        let mut timed = math.has_rates();
-        math.each(&mut |part| timed |= *part == Math::Time);
         let still = |id: &String| !matches!(self.roles.of(id), Some(Role::State | Role::Variable));
         let behind = |id: &String| {
             let rule = self.sbml.rules.iter().find(|r| r.target.id() == Some(id));
             let rate = self.sbml.reactions.iter().find(|r| r.id == *id);
-            rule.map(|r| &r.math).into_iter().chain(rate.map(|r| &r.rate)).all(|math| {
-                let mut timed = math.has_rates();
-                math.each(&mut |part| timed |= *part == Math::Time);
-                !timed
-            })
+            rule.map(|r| &r.math).into_iter().chain(rate.map(|r| &r.rate)).all(|math| !math.is_timed())
         };
-        !timed && self.read_by(math).iter().all(|id| still(id) && behind(id))
+        !math.is_timed() && self.read_by(math).iter().all(|id| still(id) && behind(id))
     }
 
     /// Declares whether an event has been without its condition, where that is a question: what holds from the start on has not become true. The name of
@@ -70,7 +68,7 @@ impl Conversion<'_> {
         };
         let both = if now == before || before.names().is_empty() { now } else { Math::Apply("and", vec![before, now]) };
         let armed = self.names.fresh(&format!("{name}_armed"));
-        let value = match both.value(&mut |_| None) {
+        let value = match both.constant() {
             Some(holds) => if holds == 0.0 { "1" } else { "0" }.to_owned(),
             None => format!("if {} then 0 else 1", self.truth(event.at, &both)?),
         };

@@ -323,6 +323,18 @@ impl Math {
         }
     }
 
+    /// Whether it reads the time or a rate.
+    pub(super) fn is_timed(&self) -> bool {
+        let mut found = self.has_rates();
+        self.each(&mut |part| found |= *part == Math::Time);
+        found
+    }
+
+    /// The value of an expression of numbers alone.
+    pub(super) fn constant(&self) -> Option<f64> {
+        if self.is_timed() { None } else { self.value(&mut |_| None) }
+    }
+
     /// Whether it reads a rate.
     pub(super) fn has_rates(&self) -> bool {
         let mut found = false;

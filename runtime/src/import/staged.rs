@@ -237,7 +237,8 @@ impl Conversion<'_> {
         }
         Ok(match &first[..] {
             [] => format!("{due} > 0.5"),
-            [one] => format!("{due} - ({one}) > 0.5"),
+            [one] if one.starts_with("if ") => format!("{due} - ({one}) > 0.5"),
+            [one] => format!("{due} - {one} > 0.5"),
             many => format!("{due} - max({}) > 0.5", many.join(", ")),
         })
     }
@@ -252,7 +253,14 @@ impl Conversion<'_> {
             (None, Some(_)) => return Ok(Before::Never),
             (Some(a), Some(b)) => (a, b),
         };
-        if let (Some(a), Some(b)) = (a.value(&mut |_| None), b.value(&mut |_| None)) {
+        if let (Some(a), Some(b)) = (a.constant(), b.constant()) {
+            if a == b && !earlier {
+                let message = format!(
+                    "the events `{}` and `{}` have one priority and may act on one another at one instant: SBML chooses at random",
+                    first.id, second.id
+                );
+                return Err(at(first.at, message));
+            }
             return Ok(if a > b || a == b && earlier { Before::Always } else { Before::Never });
         }
         let text = |event: &Event, math: &Math| self.factor(event.at, &self.checked(event.at, math)?);

@@ -102,6 +102,16 @@ impl Conversion<'_> {
         let changed = math.map(&mut |part| {
             let id = match &part {
                 Math::Time => return Ok(Math::Number(0.0, None)),
+                Math::RateOf(id) => {
+                    let rule = self.sbml.rules.iter().find(|r| matches!(&r.target, Target::Rate(own) if own == id));
+                    return match rule.filter(|rule| self.first.before && !rule.math.has_rates()) {
+                        Some(rule) => {
+                            let math = self.at_the_start_after(place, &rule.math, now, depth + 1);
+                            math.map_err(|fault| fault.message)
+                        }
+                        None => Ok(part),
+                    };
+                }
                 Math::Name(id) => id,
                 _ => return Ok(part),
             };

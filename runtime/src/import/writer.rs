@@ -146,7 +146,7 @@ impl Writer<'_> {
                 self.apply(if f == "arcsech" { "arccosh" } else { "arcsinh" }, &[inverse])
             }
             ("factorial", [a]) => {
-                let number = a.value(&mut |_| None).filter(|x| x.fract() == 0.0 && (0.0..=170.0).contains(x));
+                let number = a.constant().filter(|x| x.fract() == 0.0 && (0.0..=170.0).contains(x));
                 let number = number.ok_or("`factorial` of anything but a whole number from 0 to 170 has no counterpart")?;
                 Ok((shown((1..=number as u32).map(f64::from).product()), Level::Atom))
             }
